@@ -1,0 +1,193 @@
+"""The Bus that the services speak to, and the inbox that carries samples from its threads into asyncio.
+
+A service owns one `asyncio.Event`, passes it to every subscription as `wake`, and takes what arrived:
+
+    wake = asyncio.Event()
+    scans = bus.subscribe(topics.SCAN, wake=wake)
+    while True:
+        await wake.wait()
+        wake.clear()
+        for arrival in scans.take(): ...
+
+Arrivals are stamped on the network's thread with the loop's own monotonic clock, so that a sample
+which waited for a busy loop does not look fresh.
+"""
+
+import asyncio
+import logging
+import threading
+from collections import deque
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
+
+from wire.messages import M, Message, TriggerResponse, UndecodableError, decode
+from wire.stamp import Stamp, parse_stamp
+from wire.topics import Service, Topic
+
+_log = logging.getLogger(__name__)
+
+REPORT_PERIOD_S = 1.0
+"""At most one log line in this time for undecodable payloads of one key."""
+
+ServiceHandler = Callable[[], Awaitable[TriggerResponse]]
+
+
+class BusError(Exception):
+    """The Bus cannot be opened or used; the message says what to do next."""
+
+
+class NoReplyError(BusError):
+    """Nobody answered a query in time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival(Generic[M]):
+    """One sample, with when it came by the loop's clock [s] and what its sender says of it."""
+
+    message: M | None
+    """None: the payload was not a message of the topic's type."""
+    arrival_s: float
+    stamp: Stamp | None
+
+
+@dataclass(frozen=True, slots=True)
+class LivelinessChange:
+    """A node's token appeared or went. Every change is told, also those that cancel out at once."""
+
+    node: str
+    alive: bool
+    arrival_s: float
+
+
+T = TypeVar("T")
+
+
+class Inbox(Generic[T]):
+    """A bounded queue from any thread into one event loop; the oldest gives way when it is full."""
+
+    def __init__(self, depth: int, wake: asyncio.Event | None) -> None:
+        self._items: deque[T] = deque(maxlen=depth)
+        self._wake = wake
+        self._loop = asyncio.get_running_loop()
+        self._woken = False
+        self._lock = threading.Lock()
+        self.overflowed = 0
+        """How many items had to give way since the start."""
+
+    def push(self, item: T) -> None:
+        """Hand an item over and wake the loop; never blocks, never raises, safe on any thread."""
+        with self._lock:
+            if len(self._items) == self._items.maxlen:
+                self.overflowed += 1
+            self._items.append(item)
+            if self._wake is None or self._woken:
+                return
+            self._woken = True
+        with suppress(RuntimeError):  # the loop has closed: nobody is left to wake
+            self._loop.call_soon_threadsafe(self._wake.set)
+
+    def take(self) -> list[T]:
+        """Everything since the last take, oldest first."""
+        if not self._items:
+            return []
+        with self._lock:
+            items = list(self._items)
+            self._items.clear()
+            self._woken = False
+        return items
+
+
+class Subscription(Generic[M]):
+    """What arrived on one topic. Payloads are decoded here, in the loop, not on the network's thread."""
+
+    def __init__(self, key: str, message_type: type[M], *, depth: int, wake: asyncio.Event | None) -> None:
+        self.key = key
+        self._type = message_type
+        self._inbox: Inbox[tuple[bytes, bytes | None, float]] = Inbox(depth, wake)
+        self._next_report_s = 0.0
+        self.undecodable = 0
+
+    @property
+    def overflowed(self) -> int:
+        """How many samples gave way to newer ones before they were taken."""
+        return self._inbox.overflowed
+
+    def push(self, payload: bytes, attachment: bytes | None, arrival_s: float) -> None:
+        """For the Bus: a sample arrived."""
+        self._inbox.push((payload, attachment, arrival_s))
+
+    def take(self) -> list[Arrival[M]]:
+        """Every sample since the last take, oldest first, at most `depth` of them."""
+        return [self._decode(*item) for item in self._inbox.take()]
+
+    def latest(self) -> Arrival[M] | None:
+        """The newest decodable sample since the last take; None where there is none."""
+        return next((a for a in reversed(self.take()) if a.message is not None), None)
+
+    def _decode(self, payload: bytes, attachment: bytes | None, arrival_s: float) -> Arrival[M]:
+        try:
+            message = decode(payload, self._type)
+        except UndecodableError as error:
+            self.undecodable += 1
+            if arrival_s >= self._next_report_s:
+                self._next_report_s = arrival_s + REPORT_PERIOD_S
+                _log.warning(
+                    "%s: not a %s, ignored (%d so far): %s",
+                    self.key,
+                    self._type.__msgtype__,
+                    self.undecodable,
+                    error,
+                )
+            message = None
+        return Arrival(message, arrival_s, parse_stamp(attachment))
+
+
+M_contra = TypeVar("M_contra", bound=Message, contravariant=True)
+
+
+class Publisher(Protocol[M_contra]):
+    """Sends one topic's messages, each with the next stamp of this run. Never blocks, never raises on a dead link."""
+
+    def put(self, message: M_contra) -> None: ...
+
+
+class Token(Protocol):
+    """A liveliness token: it stands until it is withdrawn or its process ends."""
+
+    def withdraw(self) -> None: ...
+
+
+class Bus(Protocol):
+    """One process's access to the wire."""
+
+    def publisher(self, topic: Topic[M]) -> Publisher[M]: ...
+
+    def subscribe(
+        self, topic: Topic[M], *, depth: int = 1, wake: asyncio.Event | None = None
+    ) -> Subscription[M]:
+        """Take part in a topic. With the default depth only the latest sample is kept."""
+        ...
+
+    def declare_alive(self, node: str) -> Token: ...
+
+    def watch_alive(self, wake: asyncio.Event | None = None) -> Inbox[LivelinessChange]:
+        """Every change of any node's token, from those that stand now."""
+        ...
+
+    def serve(self, service: Service, handler: ServiceHandler) -> None:
+        """Answer a service's queries with what the handler, run in this loop, returns."""
+        ...
+
+    async def call(self, service: Service, *, timeout_s: float = 1.0) -> TriggerResponse:
+        """Ask a service.
+
+        Raises:
+            NoReplyError: nobody answered within `timeout_s`.
+        """
+        ...
+
+    async def close(self) -> None:
+        """Withdraw everything and leave; ends within about a second whatever the peers do."""
+        ...

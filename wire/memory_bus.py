@@ -1,0 +1,122 @@
+"""The Bus inside one event loop: real bytes, real stamps, no network. For component tests on a fake clock.
+
+Several `MemoryBus` nodes on one `MemoryNetwork` are the processes; `MemoryBus.die()` is a SIGKILL as the
+others see it.
+"""
+
+import asyncio
+from dataclasses import dataclass, field
+from typing import Any
+
+from wire.bus import Inbox, LivelinessChange, NoReplyError, ServiceHandler, Subscription
+from wire.messages import M, TriggerResponse, encode
+from wire.stamp import Stamp
+from wire.topics import Service, Topic
+
+
+@dataclass
+class MemoryNetwork:
+    """What joins the nodes: samples are delivered at once, in order."""
+
+    subscriptions: list[tuple["MemoryBus", Subscription[Any]]] = field(
+        default_factory=list[tuple["MemoryBus", Subscription[Any]]]
+    )
+    watchers: list[tuple["MemoryBus", Inbox[LivelinessChange]]] = field(
+        default_factory=list[tuple["MemoryBus", Inbox[LivelinessChange]]]
+    )
+    services: dict[str, ServiceHandler] = field(default_factory=dict[str, ServiceHandler])
+    tokens: list["MemoryToken"] = field(default_factory=list["MemoryToken"])
+
+    def deliver(self, key: str, payload: bytes, attachment: bytes | None) -> None:
+        """Put raw bytes on a key, as any client of a real network could."""
+        now_s = asyncio.get_running_loop().time()
+        for _, subscription in self.subscriptions:
+            if subscription.key == key:
+                subscription.push(payload, attachment, now_s)
+
+    def announce(self, node: str, *, alive: bool) -> None:
+        now_s = asyncio.get_running_loop().time()
+        for _, watcher in self.watchers:
+            watcher.push(LivelinessChange(node, alive, now_s))
+
+
+class MemoryToken:
+    """A token on the memory network."""
+
+    def __init__(self, bus: "MemoryBus", node: str) -> None:
+        self.bus, self.node = bus, node
+        bus.network.tokens.append(self)
+        bus.network.announce(node, alive=True)
+
+    def withdraw(self) -> None:
+        if self in self.bus.network.tokens:
+            self.bus.network.tokens.remove(self)
+            self.bus.network.announce(self.node, alive=False)
+
+
+class MemoryPublisher:
+    """Encodes, stamps with the loop's (virtual) clock, delivers."""
+
+    def __init__(self, bus: "MemoryBus", key: str) -> None:
+        self._bus, self._key, self._sequence = bus, key, 0
+
+    def put(self, message: Any) -> None:  # noqa: ANN401 - as Publisher[M] for its topic's M
+        if self._bus.dead:
+            return
+        self._sequence += 1
+        source_time_ns = int(asyncio.get_running_loop().time() * 1e9)
+        stamp = Stamp(self._sequence, source_time_ns, self._bus.gid)
+        self._bus.network.deliver(self._key, encode(message), stamp.pack())
+
+
+class MemoryBus:
+    """One node on a `MemoryNetwork`."""
+
+    _nodes = 0
+
+    def __init__(self, network: MemoryNetwork) -> None:
+        MemoryBus._nodes += 1
+        self.network = network
+        self.gid = MemoryBus._nodes.to_bytes(16, "little")
+        self.dead = False
+
+    def publisher(self, topic: Topic[M]) -> MemoryPublisher:
+        return MemoryPublisher(self, topic.key)
+
+    def subscribe(
+        self, topic: Topic[M], *, depth: int = 1, wake: asyncio.Event | None = None
+    ) -> Subscription[M]:
+        subscription = Subscription(topic.key, topic.type, depth=depth, wake=wake)
+        self.network.subscriptions.append((self, subscription))
+        return subscription
+
+    def declare_alive(self, node: str) -> MemoryToken:
+        return MemoryToken(self, node)
+
+    def watch_alive(self, wake: asyncio.Event | None = None) -> Inbox[LivelinessChange]:
+        watcher: Inbox[LivelinessChange] = Inbox(64, wake)
+        self.network.watchers.append((self, watcher))
+        now_s = asyncio.get_running_loop().time()
+        for token in self.network.tokens:
+            watcher.push(LivelinessChange(token.node, alive=True, arrival_s=now_s))
+        return watcher
+
+    def serve(self, service: Service, handler: ServiceHandler) -> None:
+        self.network.services[service.key] = handler
+
+    async def call(self, service: Service, *, timeout_s: float = 1.0) -> TriggerResponse:
+        handler = self.network.services.get(service.key)
+        if handler is None:
+            raise NoReplyError(f"nobody answered {service.key} within {timeout_s:g} s")
+        return await handler()
+
+    async def close(self) -> None:
+        self.die()
+
+    def die(self) -> None:
+        """Go as a killed process goes: the tokens fall, nothing more is heard or said."""
+        self.dead = True
+        for token in [t for t in self.network.tokens if t.bus is self]:
+            token.withdraw()
+        self.network.subscriptions[:] = [s for s in self.network.subscriptions if s[0] is not self]
+        self.network.watchers[:] = [w for w in self.network.watchers if w[0] is not self]

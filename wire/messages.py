@@ -1,0 +1,192 @@
+"""The messages: ROS 2 types, and their CDR bytes by rosbags.
+
+A payload from the network is never trusted: `decode` raises `UndecodableError` and nothing else,
+whatever the bytes are, and refuses sizes that no message of ours has.
+"""
+
+import math
+import time
+from dataclasses import dataclass, field
+from importlib.resources import files
+from typing import Any, ClassVar, Protocol, TypeVar, cast
+
+import numpy as np
+from rosbags.interfaces.typing import Typesdict
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.stores.ros2_jazzy import builtin_interfaces__msg__Time as Time
+from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Point as Point
+from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Pose as Pose
+from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__PoseWithCovariance as PoseWithCovariance
+from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Quaternion as Quaternion
+from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Twist as Twist
+from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance
+from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Vector3 as Vector3
+from rosbags.typesys.stores.ros2_jazzy import nav_msgs__msg__Odometry as Odometry
+from rosbags.typesys.stores.ros2_jazzy import sensor_msgs__msg__LaserScan as LaserScan
+from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Bool as Bool
+from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Header as Header
+
+__all__ = [
+    "Bool",
+    "Header",
+    "LaserScan",
+    "Message",
+    "Odometry",
+    "Point",
+    "Pose",
+    "Quaternion",
+    "SafetyStatus",
+    "SourceStatus",
+    "TriggerResponse",
+    "Twist",
+    "UndecodableError",
+    "Vector3",
+    "decode",
+    "encode",
+    "header",
+    "odometry",
+    "planar_twist",
+    "zero_twist",
+]
+
+MAX_PAYLOAD_BYTES = 1 << 20
+MAX_SEQUENCE_LENGTH = 1 << 16
+
+
+class UndecodableError(ValueError):
+    """The bytes are not a message of the expected type."""
+
+
+class Message(Protocol):
+    """Any message type of the store: a dataclass that knows its ROS name."""
+
+    __msgtype__: ClassVar[str]
+
+
+M = TypeVar("M", bound=Message)
+
+
+def zero_twist() -> Twist:
+    return planar_twist(0.0, 0.0)
+
+
+def planar_twist(linear_m_s: float, angular_rad_s: float) -> Twist:
+    """A ground robot's Twist: forward velocity [m/s] and turn rate [rad/s, counter-clockwise], all else zero."""
+    return Twist(Vector3(linear_m_s, 0.0, 0.0), Vector3(0.0, 0.0, angular_rad_s))
+
+
+@dataclass
+class SourceStatus:
+    """`lifeline_msgs/msg/SourceStatus`; msg/SourceStatus.msg says what each field means."""
+
+    UNKNOWN: ClassVar[int] = 0
+    ALIVE: ClassVar[int] = 1
+    LOST: ClassVar[int] = 2
+
+    name: str
+    priority: int
+    liveliness: int
+    armed: bool
+    neutral: bool
+    stamped: bool
+    age_s: float
+    reasons: list[str]
+    accepted: int
+    refused_late: int
+    refused_sequence: int
+    refused_epoch: int
+    refused_invalid: int
+    __msgtype__: ClassVar[str] = "lifeline_msgs/msg/SourceStatus"
+
+
+@dataclass
+class SafetyStatus:
+    """`lifeline_msgs/msg/SafetyStatus`; msg/SafetyStatus.msg says what each field means."""
+
+    STOPPED: ClassVar[int] = 0
+    READY: ClassVar[int] = 1
+    DRIVING: ClassVar[int] = 2
+    LIMITED: ClassVar[int] = 3
+
+    header: Header
+    mode: int = STOPPED
+    reasons: list[str] = field(default_factory=list[str])
+    warning: bool = False
+    alarm: bool = False
+    owner: str = ""
+    commanded: Twist = field(default_factory=zero_twist)
+    permitted: Twist = field(default_factory=zero_twist)
+    scale: float = 0.0
+    nearest_m: float = math.nan
+    nearest_bearing_rad: float = math.nan
+    scan_age_s: float = math.nan
+    unknown_sources: int = 0
+    sources: list[SourceStatus] = field(default_factory=list[SourceStatus])
+    __msgtype__: ClassVar[str] = "lifeline_msgs/msg/SafetyStatus"
+
+
+@dataclass
+class TriggerResponse:
+    """`std_srvs/srv/Trigger` response: whether it was done, and a sentence for the person who asked."""
+
+    success: bool
+    message: str
+    __msgtype__: ClassVar[str] = "std_srvs/srv/Trigger_Response"
+
+
+def _definitions() -> Typesdict:
+    """The types that rosbags does not carry: ours from their .msg files, and the Trigger service's answer."""
+    definitions: Typesdict = {}
+    for name in ("SourceStatus", "SafetyStatus"):
+        text = files("wire").joinpath(f"msg/{name}.msg").read_text()
+        definitions.update(get_types_from_msg(text, f"lifeline_msgs/msg/{name}"))
+    # The parser knows messages only; a service's response is one under another name.
+    (trigger,) = get_types_from_msg("bool success\nstring message", "std_srvs/msg/Trigger").values()
+    definitions[TriggerResponse.__msgtype__] = trigger
+    return definitions
+
+
+_store = get_typestore(Stores.ROS2_JAZZY)
+_store.max_sequence_length = MAX_SEQUENCE_LENGTH
+_store.register(_definitions())
+# Decode into the classes above, which a type checker knows, not into rosbags' generated twins.
+_store.types.update({t.__msgtype__: cast("Any", t) for t in (SourceStatus, SafetyStatus, TriggerResponse)})
+
+
+def encode(message: Message) -> bytes:
+    """The message as little-endian CDR with its 4-byte encapsulation header."""
+    return bytes(_store.serialize_cdr(message, message.__msgtype__))
+
+
+def decode(payload: bytes, message_type: type[M]) -> M:
+    """The message in `payload`.
+
+    Raises:
+        UndecodableError: the bytes are not a `message_type`, or more than 1 MiB.
+    """
+    if len(payload) > MAX_PAYLOAD_BYTES:
+        raise UndecodableError(f"{len(payload)} bytes are more than any {message_type.__msgtype__} has")
+    try:
+        return cast("M", _store.deserialize_cdr(payload, message_type.__msgtype__))
+    except Exception as error:  # generated code raises whatever the bytes provoke
+        raise UndecodableError(str(error)) from error
+
+
+def header(frame_id: str, time_ns: int | None = None) -> Header:
+    """A header stamped with the wall clock, for people and recordings; no safety rule reads it."""
+    seconds, nanoseconds = divmod(time.time_ns() if time_ns is None else time_ns, 1_000_000_000)
+    return Header(Time(seconds, nanoseconds), frame_id)
+
+
+def odometry(
+    pose: tuple[float, float, float], velocity: tuple[float, float], *, time_ns: int | None = None
+) -> Odometry:
+    """Planar odometry: pose (x [m], y [m], yaw [rad]) in `odom`, velocity (v [m/s], ω [rad/s]) in `base_link`."""
+    x_m, y_m, yaw_rad = pose
+    quaternion = Quaternion(0.0, 0.0, math.sin(yaw_rad / 2), math.cos(yaw_rad / 2))
+    return Odometry(
+        header("odom", time_ns),
+        "base_link",
+        PoseWithCovariance(Pose(Point(x_m, y_m, 0.0), quaternion), np.zeros(36)),
+        TwistWithCovariance(planar_twist(*velocity), np.zeros(36)),
+    )

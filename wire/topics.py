@@ -1,0 +1,73 @@
+"""Every key of the wire, with its type, writer and rate. No other file spells a key.
+
+Keys here are relative to the robot's namespace (`robot` by default), which the Bus puts before them.
+They follow the zenoh-bridge-ros2dds mapping: ROS 2 topic `/robot/cmd_vel` is key `robot/cmd_vel`.
+"""
+
+from dataclasses import dataclass
+from typing import Generic
+
+from wire.messages import Bool, LaserScan, M, Odometry, Point, SafetyStatus, Twist
+
+
+@dataclass(frozen=True, slots=True)
+class Topic(Generic[M]):
+    """A stream of messages under one key."""
+
+    key: str
+    type: type[M]
+    writer: str
+    rate_hz: float | None
+    """None: on request."""
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """A query that is answered with a `std_srvs/srv/Trigger` response."""
+
+    key: str
+    server: str
+
+
+CMD_VEL = Topic("cmd_vel", Twist, "supervisor", 50.0)
+SCAN = Topic("scan", LaserScan, "sim", 20.0)
+ODOM = Topic("odom", Odometry, "sim", 50.0)
+STATUS = Topic("supervisor/status", SafetyStatus, "supervisor", 10.0)
+ESTOP = Topic("estop", Bool, "anyone", None)
+OBSTACLE = Topic("sim/obstacle", Point, "tests, tools", None)
+
+SUPERVISOR_RESET = Service("supervisor/reset", "supervisor")
+SIM_RESET = Service("sim/reset", "sim")
+
+ALIVE_PREFIX = "alive"
+"""`alive/<node>` is each process's liveliness token."""
+
+SUPERVISOR, TELEOP, SIM = "supervisor", "teleop", "sim"
+"""The node names of the three processes."""
+
+ONLY_SUPERVISOR_WRITES = (CMD_VEL.key, STATUS.key)
+"""What the hub refuses from any other client."""
+
+
+def source_cmd_vel(source: str) -> Topic[Twist]:
+    """What one command source (`teleop`, `joy`, `path`, …) asks for."""
+    return Topic(f"{source}/cmd_vel", Twist, source, 20.0)
+
+
+def alive(node: str) -> str:
+    """The key of a node's liveliness token."""
+    return f"{ALIVE_PREFIX}/{node}"
+
+
+TOPICS: tuple[
+    Topic[Twist] | Topic[LaserScan] | Topic[Odometry] | Topic[SafetyStatus] | Topic[Bool] | Topic[Point], ...
+] = (
+    source_cmd_vel("<source>"),
+    CMD_VEL,
+    SCAN,
+    ODOM,
+    STATUS,
+    ESTOP,
+    OBSTACLE,
+)
+SERVICES = (SUPERVISOR_RESET, SIM_RESET)
