@@ -1,0 +1,13 @@
+"""The safety supervisor: the only writer of `cmd_vel`.
+
+    safety.py      the law: step(state, now, inputs) -> (state, decision). Start here
+    model.py       its words: stop reasons, inputs, state, decision
+    clearance.py   the speed barrier: how fast toward what, for any hull
+    scan.py        what a laser scan proves
+    freshness.py   how old a command is, whatever the network did to it
+    config.py      [supervisor] of robot.toml
+    messages.py    wire messages -> inputs, decision -> wire messages
+    service.py     the asyncio shell: bytes in, one step, bytes out
+
+All but the last two are pure: no clock, no I/O, no asyncio, no logging.
+"""

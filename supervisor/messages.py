@@ -1,0 +1,95 @@
+"""Between the wire and the law: messages -> inputs, decision -> messages. No decision is taken here."""
+
+import math
+
+from supervisor.freshness import Sent
+from supervisor.model import Command, Decision, LaserScan, Odometry, Source, Velocity
+from wire import messages as ros
+from wire.bus import Arrival
+from wire.stamp import Stamp
+
+
+def to_command(source: str, arrival: Arrival[ros.Twist]) -> Command:
+    twist = arrival.message
+    velocity = None if twist is None else _planar(twist)
+    return Command(
+        source, velocity, arrival.arrival_s, None if arrival.stamp is None else _sent(arrival.stamp)
+    )
+
+
+def _planar(twist: ros.Twist) -> Velocity | None:
+    """A ground robot's velocity; None where the Twist asks for what it cannot do. NaN is not zero."""
+    others = (twist.linear.y, twist.linear.z, twist.angular.x, twist.angular.y)
+    if any(value != 0.0 for value in others):
+        return None
+    return Velocity(twist.linear.x, twist.angular.z)
+
+
+def _sent(stamp: Stamp) -> Sent:
+    return Sent(stamp.gid, stamp.sequence, stamp.source_time_ns * 1e-9)
+
+
+def to_scan(arrival: Arrival[ros.LaserScan]) -> LaserScan | None:
+    scan = arrival.message
+    if scan is None:
+        return None
+    return LaserScan(
+        scan.ranges, scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max, arrival.arrival_s
+    )
+
+
+def to_odometry(arrival: Arrival[ros.Odometry]) -> Odometry | None:
+    """The base's own velocity; None where it is not a number."""
+    if arrival.message is None:
+        return None
+    twist = arrival.message.twist.twist
+    velocity = Velocity(twist.linear.x, twist.angular.z)
+    if not (math.isfinite(velocity.linear_m_s) and math.isfinite(velocity.angular_rad_s)):
+        return None
+    return Odometry(velocity, arrival.arrival_s)
+
+
+def to_twist(velocity: Velocity) -> ros.Twist:
+    return ros.planar_twist(velocity.linear_m_s, velocity.angular_rad_s)
+
+
+def to_status(decision: Decision, now_s: float) -> ros.SafetyStatus:
+    return ros.SafetyStatus(
+        header=ros.header("base_link"),
+        mode=int(decision.mode),
+        reasons=[reason.value for reason in decision.reasons],
+        warning=decision.warning,
+        alarm=decision.alarm,
+        owner=decision.owner,
+        commanded=to_twist(decision.commanded),
+        permitted=to_twist(decision.output),
+        scale=decision.scale,
+        nearest_m=decision.nearest_m,
+        nearest_bearing_rad=decision.nearest_bearing_rad,
+        scan_age_s=decision.scan_age_s,
+        unknown_sources=decision.unknown_sources,
+        sources=[_source_status(source, now_s) for source in decision.sources],
+    )
+
+
+def _source_status(source: Source, now_s: float) -> ros.SourceStatus:
+    liveliness = {
+        None: ros.SourceStatus.UNKNOWN,
+        True: ros.SourceStatus.ALIVE,
+        False: ros.SourceStatus.LOST,
+    }[source.alive]
+    return ros.SourceStatus(
+        name=source.config.name,
+        priority=source.config.priority,
+        liveliness=liveliness,
+        armed=source.armed,
+        neutral=source.neutral,
+        stamped=source.stamped,
+        age_s=math.nan if source.velocity is None else now_s - source.sent_s,
+        reasons=sorted(reason.value for reason in source.latched),
+        accepted=source.counts.accepted,
+        refused_late=source.counts.late,
+        refused_sequence=source.counts.sequence,
+        refused_epoch=source.counts.epoch,
+        refused_invalid=source.counts.invalid,
+    )

@@ -1,0 +1,349 @@
+"""The safety law: step(state, now, inputs) -> (state, decision).
+
+Pure: no clock, no I/O, no asyncio, no logging. Time is an argument. The same function runs in the service,
+in the tests and in a replay. It is called at every tick and at once on each event; it never waits.
+
+Unproven means stop. The law in four sentences:
+
+1. A *cause* is what keeps a source from driving now: its own (silent, late, lost, invalid) or everybody's
+   (no valid scan, e-stop, overrun, a base that runs away).
+2. Every cause is *latched* on the source, and when the owner stops, on every source; all latches fall at a
+   neutral command that arrives after the causes went. A source without latches is *armed*.
+3. The armed source of the highest priority that asks for motion *owns* the wheels; if it dies, the robot
+   stops: nobody inherits.
+4. What the owner asks for passes through the speed barrier (clearance.py).
+"""
+
+import math
+from dataclasses import replace
+
+from supervisor.clearance import Block, permitted_scale
+from supervisor.freshness import Verdict, judge
+from supervisor.model import (
+    SEVERITY,
+    STANDSTILL,
+    Command,
+    Decision,
+    Inputs,
+    LaserScan,
+    LawConfig,
+    Mode,
+    Reasons,
+    Reply,
+    Source,
+    State,
+    StopReason,
+    Velocity,
+)
+from supervisor.scan import ScanReading, read_scan
+
+IMPLAUSIBLE_FACTOR = 10.0
+"""A command this many times beyond the limits is not eager but broken."""
+
+RUNAWAY_GRACE_S = 0.3
+"""Beyond the braking time: odometry's own way here, and a wheel's last rocking."""
+
+NONE: Reasons = frozenset()
+
+
+def initial_state(config: LawConfig) -> State:
+    """Stopped: nobody has spoken, nothing has been seen."""
+    sources = tuple(Source(source) for source in sorted(config.sources, key=lambda s: (-s.priority, s.name)))
+    return State(config, sources)
+
+
+def step(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
+    """Take in what came, and decide what goes to the wheels.
+
+    Args:
+        state: what was remembered after the last step.
+        now_s: the supervisor's monotonic clock, never before the last step's.
+        inputs: what came since; arrivals are not after `now_s`.
+    """
+    state = _observe(state, now_s, inputs)
+    shared = _shared_causes(state, now_s)
+    state, reply = _reset(state, inputs)
+    state = _take_commands(state, now_s, inputs, shared)
+    state = replace(state, owner=_owner(state, now_s))
+    return _decide(state, now_s, shared, reply)
+
+
+# --- what everybody shares
+
+
+def _observe(state: State, now_s: float, inputs: Inputs) -> State:
+    """Take in scan, odometry and e-stop."""
+    if inputs.scan is not None:
+        state = replace(state, scan=_read(state, inputs.scan))
+    elif inputs.undecodable_scan and state.scan is not None:
+        state = replace(state, scan=replace(state.scan, problem="undecodable"))
+    if inputs.odometry is not None:
+        state = replace(state, odometry=inputs.odometry)
+    state = replace(state, estop=state.estop or inputs.estop)
+    return replace(state, runaway=_runs_away(state, now_s))
+
+
+def _read(state: State, scan: LaserScan) -> ScanReading:
+    config = state.config
+    surroundings, problem = read_scan(
+        scan.ranges,
+        angle_min=scan.angle_min,
+        angle_increment=scan.angle_increment,
+        range_min=scan.range_min,
+        range_max=scan.range_max,
+        lidar_pose=(config.lidar_x_m, config.lidar_y_m, config.lidar_yaw_rad),
+        hull=config.hull,
+        min_beams=config.min_beams,
+        min_valid_share=config.min_valid_share,
+    )
+    period_s = config.scan_timeout_s
+    if state.scan is not None:
+        period_s = min(period_s, scan.arrival_s - state.scan.arrival_s)
+    return ScanReading(scan.arrival_s, period_s, surroundings, problem)
+
+
+def _runs_away(state: State, now_s: float) -> bool:
+    """Zero has been commanded for longer than braking takes, and the base still moves."""
+    config, odometry = state.config, state.odometry
+    if odometry is None or state.stopped_s is None:
+        return False
+    moving = (
+        abs(odometry.velocity.linear_m_s) > config.runaway_linear_m_s
+        or abs(odometry.velocity.angular_rad_s) > config.runaway_angular_rad_s
+    )
+    braking_s = config.max_linear_m_s / config.deceleration_m_s2 + RUNAWAY_GRACE_S
+    return moving and min(now_s, odometry.arrival_s) - state.stopped_s > braking_s
+
+
+def _shared_causes(state: State, now_s: float) -> Reasons:
+    """What keeps every source from driving now. Taken before a reset: what it releases is a cause once more."""
+    causes: set[StopReason] = set()
+    if state.scan is None or now_s - state.scan.arrival_s > state.config.scan_timeout_s:
+        causes.add(StopReason.SCAN_STALE)
+    elif state.scan.problem is not None:
+        causes.add(StopReason.SCAN_INVALID)
+    if state.now_s is not None and now_s - state.now_s > state.config.overrun_s:
+        causes.add(StopReason.OVERRUN)
+    if state.runaway:
+        causes.add(StopReason.BASE_RUNAWAY)
+    if state.estop:
+        causes.add(StopReason.ESTOP)
+    return frozenset(causes)
+
+
+def _reset(state: State, inputs: Inputs) -> tuple[State, Reply | None]:
+    """Release the e-stop, if nobody would drive off: a reset moves nothing."""
+    if not inputs.reset:
+        return state, None
+    if not state.estop:
+        return state, Reply(success=True, message="there was no emergency stop to reset")
+    if inputs.estop:
+        return state, Reply(success=False, message="refused: the emergency stop is being pressed")
+    driving = [s.config.name for s in state.sources if not s.neutral and s.alive is not False]
+    if driving:
+        names = ", ".join(driving)
+        return state, Reply(success=False, message=f"refused: {names} still asks for motion; stop it first")
+    return replace(state, estop=False), Reply(success=True, message="the emergency stop is reset")
+
+
+# --- the sources
+
+
+def _take_commands(state: State, now_s: float, inputs: Inputs, shared: Reasons) -> State:
+    """Every source's commands, causes and latches; when the owner stops, everybody's latches."""
+    sources = {s.config.name: s for s in state.sources}
+    unknown = 0
+    lost = {change.source for change in inputs.liveliness if not change.alive}
+    for change in inputs.liveliness:
+        if change.source in sources:
+            sources[change.source] = replace(sources[change.source], alive=change.alive)
+    for command in inputs.commands:
+        if command.source in sources:
+            sources[command.source] = _accept(sources[command.source], command, state.config)
+        else:
+            unknown += 1
+
+    settled: dict[str, Source] = {}
+    for name, source in sources.items():
+        causes = shared | _own_causes(source, now_s, state.config)
+        if name in lost:  # also when it is back within the same step
+            causes |= {StopReason.SOURCE_LOST}
+        settled[name] = _latch(source, now_s, causes)
+
+    before = next((s for s in state.sources if s.config.name == state.owner), None)
+    if before is not None and before.armed and not settled[state.owner].armed:
+        stopped = settled[state.owner]
+        settled = {name: _share_stop(source, stopped) for name, source in settled.items()}
+    return replace(state, sources=tuple(settled.values()), unknown_sources=state.unknown_sources + unknown)
+
+
+def _accept(source: Source, command: Command, config: LawConfig) -> Source:
+    """Take note of a command: a refused one never refreshes the age of the last good one."""
+    source = replace(source, stamped=command.sent is not None)
+    velocity = _plausible(command.velocity, config)
+    if velocity is None:
+        counts = replace(source.counts, invalid=source.counts.invalid + 1)
+        return replace(source, invalid=True, counts=counts)
+    verdict, on_way_s = Verdict.FRESH, 0.0
+    if command.sent is not None:
+        track, verdict, on_way_s = judge(
+            source.track, command.sent, command.arrival_s, config.command_timeout_s
+        )
+        source = replace(source, track=track)
+    source = replace(source, counts=source.counts.add(verdict))
+    if verdict is Verdict.UNPROVEN:
+        return source
+    if verdict is not Verdict.FRESH:
+        return replace(source, refused_s=command.arrival_s)
+    return replace(
+        source,
+        velocity=velocity,
+        sent_s=command.arrival_s - on_way_s,
+        neutral_s=command.arrival_s if velocity == STANDSTILL else source.neutral_s,
+        invalid=False,
+    )
+
+
+def _plausible(velocity: Velocity | None, config: LawConfig) -> Velocity | None:
+    """The command clamped to the limits; None where it is no command at all."""
+    if velocity is None or not (math.isfinite(velocity.linear_m_s) and math.isfinite(velocity.angular_rad_s)):
+        return None
+    limits = (config.max_linear_m_s, config.max_angular_rad_s)
+    if any(abs(value) > IMPLAUSIBLE_FACTOR * limit for value, limit in zip(velocity, limits, strict=True)):
+        return None
+    return Velocity(*(max(-limit, min(limit, value)) for value, limit in zip(velocity, limits, strict=True)))
+
+
+def _own_causes(source: Source, now_s: float, config: LawConfig) -> Reasons:
+    """What keeps this source alone from driving now."""
+    causes: set[StopReason] = set()
+    if source.alive is False:
+        causes.add(StopReason.SOURCE_LOST)
+    if source.invalid:
+        causes.add(StopReason.COMMAND_INVALID)
+    if source.velocity is None:
+        causes.add(StopReason.NO_COMMAND)
+    elif now_s - source.sent_s > config.command_timeout_s:
+        refused_lately = now_s - source.refused_s <= config.command_timeout_s
+        causes.add(StopReason.COMMAND_STALE if refused_lately else StopReason.COMMAND_TIMEOUT)
+    return frozenset(causes)
+
+
+def _latch(source: Source, now_s: float, causes: Reasons) -> Source:
+    """Latch the causes; without any, a neutral that came after the last of them lets all latches fall."""
+    if causes:
+        return replace(source, latched=source.latched | causes, caused_s=now_s)
+    if source.neutral_s > source.caused_s:
+        return replace(source, latched=NONE, block=None)
+    if (
+        StopReason.OBSTACLE in source.latched
+        and source.block is not None
+        and source.velocity is not None
+        and not source.block.is_approached_by(*source.velocity)
+    ):
+        return replace(source, latched=source.latched - {StopReason.OBSTACLE}, block=None)
+    return source
+
+
+def _share_stop(source: Source, stopped: Source) -> Source:
+    """When the owner stops, nobody else may drive on without being neutral first."""
+    return replace(
+        source, latched=source.latched | stopped.latched, caused_s=stopped.caused_s, block=stopped.block
+    )
+
+
+def _owner(state: State, now_s: float) -> str:
+    """Who has the say: the armed source of the highest priority that asks for motion.
+
+    A neutral or dead owner stays until another live source asks, so that the status explains its stop.
+    """
+    live = [s for s in state.sources if not _own_causes(s, now_s, state.config)]
+    asking = [s for s in live if not s.neutral]
+    if asking:
+        return max(asking, key=lambda s: (s.armed, s.config.priority, s.config.name)).config.name
+    if live and all(s.config.name != state.owner for s in live):
+        return live[0].config.name
+    return state.owner
+
+
+# --- the decision
+
+
+def _decide(state: State, now_s: float, shared: Reasons, reply: Reply | None) -> tuple[State, Decision]:
+    """What the owner may do now."""
+    config = state.config
+    owner = next((s for s in state.sources if s.config.name == state.owner), None)
+    reasons = shared | ({StopReason.NO_COMMAND} if owner is None else owner.latched)
+    commanded = STANDSTILL if owner is None or owner.velocity is None else owner.velocity
+    scale, block = 1.0, None
+    if not reasons and owner is not None and commanded != STANDSTILL:
+        scale, block = _barrier(state, now_s, commanded)
+        if block is not None and _hull_speed(commanded, config) * scale < config.creep_m_s:
+            state = _stop_at(state, now_s, block)
+            reasons = frozenset({StopReason.OBSTACLE})
+    output = STANDSTILL
+    if not reasons:
+        output = Velocity(scale * commanded.linear_m_s, scale * commanded.angular_rad_s)
+    since_s = now_s if state.stopped_s is None else state.stopped_s
+    stopped_s = since_s if output == STANDSTILL else None
+    state = replace(state, now_s=now_s, output=output, stopped_s=stopped_s)
+    return state, _explain(state, now_s, reasons, commanded, scale, reply)
+
+
+def _barrier(state: State, now_s: float, commanded: Velocity) -> tuple[float, Block | None]:
+    """The share of the commanded twist that the surroundings permit."""
+    config, scan = state.config, state.scan
+    if scan is None:  # no scan is a stop already
+        return 0.0, None
+    return permitted_scale(
+        scan.surroundings,
+        *commanded,
+        stop_distance_m=config.stop_distance_m,
+        deceleration_m_s2=config.deceleration_m_s2,
+        reaction_s=now_s - scan.arrival_s + scan.period_s + config.transport_s,
+    )
+
+
+def _hull_speed(velocity: Velocity, config: LawConfig) -> float:
+    """How fast the fastest point of the hull may move, at most [m/s]."""
+    return abs(velocity.linear_m_s) + abs(velocity.angular_rad_s) * config.hull.radius_m
+
+
+def _stop_at(state: State, now_s: float, block: Block) -> State:
+    """Latch OBSTACLE on every source: what was driven at stays known until the robot is driven elsewhere."""
+    return replace(
+        state,
+        sources=tuple(
+            replace(s, latched=s.latched | {StopReason.OBSTACLE}, caused_s=now_s, block=block)
+            for s in state.sources
+        ),
+    )
+
+
+def _explain(
+    state: State, now_s: float, reasons: Reasons, commanded: Velocity, scale: float, reply: Reply | None
+) -> Decision:
+    config, scan = state.config, state.scan
+    if reasons:
+        mode = Mode.STOPPED
+    elif state.output == STANDSTILL:
+        mode = Mode.READY
+    else:
+        mode = Mode.DRIVING if scale == 1.0 else Mode.LIMITED
+    nearest_m = math.nan if scan is None or scan.problem is not None else scan.surroundings.nearest_m
+    return Decision(
+        mode=mode,
+        output=state.output,
+        reasons=tuple(sorted(reasons, key=SEVERITY.__getitem__)),
+        owner=state.owner,
+        commanded=commanded,
+        scale=0.0 if reasons else scale,
+        nearest_m=nearest_m,
+        nearest_bearing_rad=math.nan if scan is None else scan.surroundings.nearest_bearing_rad,
+        warning=nearest_m < config.warning_distance_m,
+        alarm=state.runaway,
+        scan_age_s=math.nan if scan is None else now_s - scan.arrival_s,
+        sources=state.sources,
+        unknown_sources=state.unknown_sources,
+        reset_reply=reply,
+    )

@@ -1,0 +1,147 @@
+"""The asyncio shell of the law: gather what came, one step, publish what was decided.
+
+It has a timer of its own and never waits for a message in order to notice that none came. Nothing in the
+loop blocks: publishing drops rather than waits, and a slow asker of a reset waits on its own thread.
+"""
+
+import asyncio
+import logging
+
+from supervisor.config import SupervisorSection
+from supervisor.messages import to_command, to_odometry, to_scan, to_status, to_twist
+from supervisor.model import Decision, Inputs, Liveliness, Mode, Reply
+from supervisor.safety import initial_state, step
+from wire import topics
+from wire.bus import Bus
+from wire.messages import TriggerResponse, zero_twist
+
+_log = logging.getLogger(__name__)
+
+COMMAND_DEPTH = 32
+"""Commands of one source kept between two steps; the newest of a flood, the whole of a hasty operator."""
+ESTOP_DEPTH = 32
+
+
+class SupervisorService:
+    """One supervisor on one Bus."""
+
+    def __init__(self, bus: Bus, config: SupervisorSection) -> None:
+        self._bus = bus
+        self._tick_s = 1.0 / config.tick_hz
+        self._status_s = 1.0 / config.status_hz
+        self._loop = asyncio.get_running_loop()
+        self._state = initial_state(config.law())
+        self._wake = asyncio.Event()
+        self._resets: list[asyncio.Future[Reply]] = []
+        self._estop_overflowed = 0
+        self._last: Decision | None = None
+        self._next_status_s = 0.0
+
+        names = [source.name for source in config.sources]
+        self._commands = {
+            name: bus.subscribe(topics.source_cmd_vel(name), depth=COMMAND_DEPTH, wake=self._wake)
+            for name in names
+        }
+        self._scans = bus.subscribe(topics.SCAN, wake=self._wake)
+        self._odometry = bus.subscribe(topics.ODOM)  # read at the next tick: nothing urgent is in it
+        self._estops = bus.subscribe(topics.ESTOP, depth=ESTOP_DEPTH, wake=self._wake)
+        self._alive = bus.watch_alive(self._wake)
+        self._cmd_vel = bus.publisher(topics.CMD_VEL)
+        self._status = bus.publisher(topics.STATUS)
+        bus.serve(topics.SUPERVISOR_RESET, self._on_reset)
+
+    async def run(self, stop: asyncio.Event) -> None:
+        """Supervise until `stop` is set; then command zero and leave."""
+        token = self._bus.declare_alive(topics.SUPERVISOR)
+        stopping = asyncio.ensure_future(stop.wait())
+        stopping.add_done_callback(lambda _: self._wake.set())
+        next_tick_s = self._loop.time()
+        try:
+            while not stop.is_set():
+                await self._wait_until(next_tick_s)
+                inputs = self._gather()
+                now_s = self._loop.time()
+                on_tick = now_s >= next_tick_s
+                if on_tick:
+                    next_tick_s = max(next_tick_s + self._tick_s, now_s)
+                self._state, decision = step(self._state, now_s, inputs)
+                self._publish(decision, now_s, on_tick=on_tick)
+        finally:
+            stopping.cancel()
+            self._cmd_vel.put(zero_twist())
+            token.withdraw()
+
+    async def _wait_until(self, time_s: float) -> None:
+        """Until something came, or the time has come."""
+        try:
+            async with asyncio.timeout_at(time_s):
+                await self._wake.wait()
+        except TimeoutError:
+            return
+
+    def _gather(self) -> Inputs:
+        """Everything that came since the last step."""
+        self._wake.clear()
+        estops = self._estops.take()
+        # A flood on this key may hide a press, and a garbled message may be one: unproven means stop.
+        estop = any(e.message is None or e.message.data for e in estops)
+        if self._estops.overflowed > self._estop_overflowed:
+            self._estop_overflowed = self._estops.overflowed
+            estop = True
+        commands = [
+            to_command(name, arrival)
+            for name, subscription in self._commands.items()
+            for arrival in subscription.take()
+        ]
+        liveliness = [
+            Liveliness(change.node, change.alive)
+            for change in self._alive.take()
+            if change.node in self._commands
+        ]
+        scans = self._scans.take()
+        scan = to_scan(scans[-1]) if scans else None
+        odometry = self._odometry.take()
+        return Inputs(
+            commands=tuple(commands),
+            liveliness=tuple(liveliness),
+            scan=scan,
+            undecodable_scan=bool(scans) and scan is None,
+            odometry=to_odometry(odometry[-1]) if odometry else None,
+            estop=estop,
+            reset=bool(self._resets),
+        )
+
+    def _publish(self, decision: Decision, now_s: float, *, on_tick: bool) -> None:
+        last = self._last
+        if on_tick or last is None or decision.output != last.output:
+            self._cmd_vel.put(to_twist(decision.output))
+        changed = last is None or _outline(decision) != _outline(last)
+        if changed:
+            _log.info(
+                "%s%s%s",
+                decision.mode.name,
+                f" by {decision.owner}" if decision.owner else "",
+                f": {', '.join(decision.reasons)}" if decision.mode is Mode.STOPPED else "",
+            )
+        if changed or now_s >= self._next_status_s:
+            self._next_status_s = now_s + self._status_s
+            self._status.put(to_status(decision, now_s))
+        self._last = decision
+        if decision.reset_reply is not None:
+            for waiting in self._resets:
+                if not waiting.done():
+                    waiting.set_result(decision.reset_reply)
+            self._resets.clear()
+
+    async def _on_reset(self) -> TriggerResponse:
+        waiting: asyncio.Future[Reply] = self._loop.create_future()
+        self._resets.append(waiting)
+        self._wake.set()
+        reply = await waiting
+        _log.info("reset: %s", reply.message)
+        return TriggerResponse(reply.success, reply.message)
+
+
+def _outline(decision: Decision) -> tuple[object, ...]:
+    """What a person would want to know at once."""
+    return (decision.mode, decision.reasons, decision.owner, decision.warning, decision.alarm)
