@@ -21,7 +21,7 @@ class SimSection(Section):
     angular_braking_rad_s2: Positive = 8.0
     scan_hz: Positive = 20.0
     odom_hz: Positive = 50.0
-    lidar_noise_m: Annotated[float, Field(ge=0, le=0.1, strict=False)] = 0.002
+    lidar_noise_m: Annotated[float, Field(ge=0, le=0.1)] = 0.002
     seed: Annotated[int, Field(ge=0)] = 0
 
     def limits(self) -> DriveLimits:

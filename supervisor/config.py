@@ -8,7 +8,8 @@ from supervisor.clearance import Circle, ConvexPolygon, Hull
 from supervisor.model import LawConfig, SourceConfig
 from wire.config import Finite, Name, Positive, Section
 
-Share = Annotated[float, Field(gt=0, le=1, strict=False)]
+Share = Annotated[float, Field(gt=0, le=1)]
+Corner = Annotated[tuple[Finite, Finite], Field(strict=False)]  # TOML knows lists only
 
 
 class SourceSection(Section):
@@ -22,7 +23,7 @@ class FootprintSection(Section):
     """The robot's hull: a circle by its radius, or a convex polygon by its corners."""
 
     radius_m: Positive | None = None
-    corners_m: Annotated[list[tuple[Finite, Finite]], Field(strict=False)] | None = None
+    corners_m: list[Corner] | None = None
 
     @model_validator(mode="after")
     def _is_one_shape(self) -> Self:

@@ -16,8 +16,8 @@ from wire.zenoh_bus import DEFAULT_ENDPOINT, BusConfig
 
 SECTIONS = ("bus", "supervisor", "teleop", "sim")
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False, strict=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=32)]
 """One chunk of a key: a namespace, a node, a command source."""
 

@@ -12,6 +12,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Coroutine
+from contextlib import suppress
 from typing import Any, NoReturn
 
 from wire.bus import BusError
@@ -40,9 +41,10 @@ def run_process(name: str, main: Main) -> NoReturn:
     except Exception:  # noqa: BLE001 - the last stop before the process ends
         _log.exception("%s ended by an error of its own", name)
     finally:
-        logging.shutdown()
-        sys.stdout.flush()
-        sys.stderr.flush()
+        with suppress(OSError):  # a terminal that is gone takes no last words
+            logging.shutdown()
+            sys.stdout.flush()
+            sys.stderr.flush()
         os._exit(code)
 
 

@@ -144,6 +144,7 @@ def _first_line(error: Exception) -> str:
 async def _in_thread(work: Callable[[], Any]) -> Any:  # noqa: ANN401 - whatever the work returns
     """Run blocking work on a daemon thread: unlike an executor's, it never holds up the end of the process."""
     future: Future[Any] = Future()
+    future.set_running_or_notify_cancel()  # whoever waits may be cancelled; the work goes on to its end
 
     def run() -> None:
         try:

@@ -1,0 +1,128 @@
+"""A robot in one event loop: the real services on a memory network, and a person at a keyboard's place."""
+
+import asyncio
+from collections.abc import AsyncGenerator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sim.config import SimSection
+from sim.plant import Plant
+from sim.service import SimService
+from supervisor.config import SupervisorSection
+from supervisor.service import SupervisorService
+from wire import topics
+from wire.bus import Subscription
+from wire.memory_bus import MemoryBus, MemoryNetwork, MemoryPublisher
+from wire.messages import LaserScan, Odometry, SafetyStatus, Twist, header, planar_twist
+
+
+def laser_scan(ranges: np.ndarray) -> LaserScan:
+    """360 beams, counter-clockwise from straight behind."""
+    step = 2 * np.pi / 360
+    return LaserScan(
+        header("lidar"),
+        angle_min=-np.pi,
+        angle_max=np.pi - step,
+        angle_increment=step,
+        time_increment=0.0,
+        scan_time=0.05,
+        range_min=0.1,
+        range_max=12.0,
+        ranges=ranges.astype(np.float32),
+        intensities=np.empty(0, dtype=np.float32),
+    )
+
+
+@dataclass
+class Rig:
+    """The network, what an outsider sees of it, and what a scripted source asks for."""
+
+    network: MemoryNetwork = field(default_factory=MemoryNetwork)
+
+    def __post_init__(self) -> None:
+        self.outsider = MemoryBus(self.network)
+        self.cmd_vel: Subscription[Twist] = self.outsider.subscribe(topics.CMD_VEL, depth=10_000)
+        self.status: Subscription[SafetyStatus] = self.outsider.subscribe(topics.STATUS, depth=10_000)
+        self.odom: Subscription[Odometry] = self.outsider.subscribe(topics.ODOM)
+        self.loop = asyncio.get_running_loop()
+        self.velocity = (0.0, 0.0)
+        self.newest_output = (0.0, 0.0)
+        self.newest_status = SafetyStatus(header(""))
+
+    @asynccontextmanager
+    async def supervisor(self, config: SupervisorSection | None = None) -> AsyncGenerator[MemoryBus]:
+        bus = MemoryBus(self.network)
+        stop = asyncio.Event()
+        running = asyncio.create_task(SupervisorService(bus, config or SupervisorSection()).run(stop))
+        try:
+            yield bus
+        finally:
+            stop.set()
+            await running
+
+    @asynccontextmanager
+    async def sim(self, plant: Plant) -> AsyncGenerator[MemoryBus]:
+        bus = MemoryBus(self.network)
+        stop = asyncio.Event()
+        running = asyncio.create_task(SimService(bus, SimSection(), plant).run(stop))
+        try:
+            yield bus
+        finally:
+            stop.set()
+            await running
+
+    @asynccontextmanager
+    async def lidar(self, distance_m: float = 3.0) -> AsyncGenerator[np.ndarray]:
+        """A lidar at 20 Hz in a round room; the readings may be changed while it runs."""
+        ranges = np.full(360, distance_m)
+        publisher = MemoryBus(self.network).publisher(topics.SCAN)
+        async with self._every(0.05, lambda: publisher.put(laser_scan(ranges))):
+            yield ranges
+
+    @asynccontextmanager
+    async def source(self, name: str = topics.TELEOP) -> AsyncGenerator[MemoryBus]:
+        """A heartbeat of `velocity` at 20 Hz, with a token."""
+        bus = MemoryBus(self.network)
+        bus.declare_alive(name)
+        publisher: MemoryPublisher = bus.publisher(topics.source_cmd_vel(name))
+        async with self._every(0.05, lambda: publisher.put(planar_twist(*self.velocity))):
+            yield bus
+
+    @asynccontextmanager
+    async def _every(self, period_s: float, act: object) -> AsyncGenerator[None]:
+        assert callable(act)
+
+        async def repeat() -> None:
+            while True:
+                act()
+                await asyncio.sleep(period_s)
+
+        task = asyncio.create_task(repeat())
+        try:
+            yield
+        finally:
+            task.cancel()
+
+    async def pass_time(self, seconds: float) -> None:
+        await asyncio.sleep(seconds)  # the clock is virtual: this takes no time
+        for arrival in self.status.take():
+            if arrival.message is not None:
+                self.newest_status = arrival.message
+
+    def output(self) -> tuple[float, float]:
+        """The newest command on `cmd_vel`."""
+        arrival = self.cmd_vel.latest()
+        if arrival is not None and arrival.message is not None:
+            self.newest_output = (arrival.message.linear.x, arrival.message.angular.z)
+        return self.newest_output
+
+    async def drive(self, linear_m_s: float, angular_rad_s: float = 0.0) -> None:
+        """Neutral until armed, then this motion, until it is on `cmd_vel`."""
+        self.velocity = (0.0, 0.0)
+        await self.pass_time(0.5)
+        assert self.newest_status.reasons == []
+        self.velocity = (linear_m_s, angular_rad_s)
+        await self.pass_time(0.1)
+        assert self.output() != (0.0, 0.0)

@@ -1,0 +1,187 @@
+"""The supervisor's service on the memory bus and a virtual clock: when it says what, on which key."""
+
+import asyncio
+import math
+
+import pytest
+
+from tests.component.rig import Rig
+from wire import topics
+from wire.memory_bus import MemoryBus
+from wire.messages import Bool, SafetyStatus, Twist, Vector3, planar_twist
+
+ZERO = (0.0, 0.0)
+PRESSED, RELEASED = Bool(data=True), Bool(data=False)
+
+
+async def test_it_publishes_zero_at_50_hz_from_the_start_and_says_why() -> None:
+    rig = Rig()
+    async with rig.supervisor():
+        await rig.pass_time(2.0)
+        outputs = rig.cmd_vel.take()
+    assert 99 <= len(outputs) <= 102
+    assert all(o.message == planar_twist(0.0, 0.0) for o in outputs)
+    assert rig.newest_status.mode == SafetyStatus.STOPPED
+    assert rig.newest_status.reasons == ["SCAN_STALE", "NO_COMMAND"]
+
+
+async def test_the_status_comes_10_times_a_second_while_nothing_changes() -> None:
+    rig = Rig()
+    async with rig.supervisor():
+        await rig.pass_time(1.0)
+        rig.status.take()
+        await asyncio.sleep(2.0)
+        assert 18 <= len(rig.status.take()) <= 21
+
+
+async def test_neutral_arms_and_a_motion_passes_at_once() -> None:
+    rig = Rig()
+    async with rig.supervisor(), rig.lidar(), rig.source():
+        await rig.drive(0.5, 0.2)
+        await rig.pass_time(0.1)
+        assert rig.output() == (0.5, 0.2)
+        assert rig.newest_status.mode == SafetyStatus.DRIVING
+        assert rig.newest_status.owner == topics.TELEOP
+
+
+async def test_a_dead_source_stops_it_within_the_same_instant() -> None:
+    rig = Rig()
+    async with rig.supervisor(), rig.lidar():
+        async with rig.source() as teleop:
+            await rig.drive(0.5)
+            await rig.pass_time(1.013)
+            rig.cmd_vel.take()
+            teleop.die()
+            died_s = rig.loop.time()
+            await rig.pass_time(0.01)
+            first = rig.cmd_vel.take()[0]
+            assert first.message == planar_twist(0.0, 0.0)
+            assert first.arrival_s - died_s < 0.001
+        assert rig.newest_status.reasons == ["SOURCE_LOST"]
+
+
+async def test_a_silent_source_stops_it_after_its_timeout_and_one_tick() -> None:
+    rig = Rig()
+    async with rig.supervisor(), rig.lidar():
+        async with rig.source():
+            await rig.drive(0.5)
+        last_heard_s = rig.loop.time()
+        while rig.output() != ZERO:
+            await rig.pass_time(0.02)
+        assert 0.15 <= rig.loop.time() - last_heard_s <= 0.2 + 0.04
+        assert rig.newest_status.reasons == ["COMMAND_TIMEOUT"]
+
+
+async def test_a_silent_lidar_stops_it_after_its_timeout_and_one_tick() -> None:
+    rig = Rig()
+    async with rig.supervisor(), rig.source():
+        async with rig.lidar():
+            await rig.drive(0.5)
+        last_seen_s = rig.loop.time()
+        while rig.output() != ZERO:
+            await rig.pass_time(0.02)
+        assert 0.2 <= rig.loop.time() - last_seen_s <= 0.25 + 0.04
+        assert rig.newest_status.reasons == ["SCAN_STALE"]
+
+
+async def test_something_inside_30_cm_stops_it_with_the_very_scan() -> None:
+    rig = Rig()
+    async with rig.supervisor(), rig.source(), rig.lidar() as ranges:
+        await rig.drive(0.5)
+        ranges[170:191] = 0.5
+        await rig.pass_time(0.06)
+        assert rig.output() == ZERO
+        assert rig.newest_status.reasons == ["OBSTACLE"]
+        assert rig.newest_status.warning
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [b"", b"\x00\x01\x00\x00", b"\xff" * 52, b"\x00\x01\x00\x00" + b"\x7f" * 2_000_000],
+)
+async def test_bytes_that_are_no_twist_stop_it(payload: bytes) -> None:
+    rig = Rig()
+    async with rig.supervisor(), rig.lidar(), rig.source():
+        await rig.drive(0.5)
+        rig.network.deliver(topics.source_cmd_vel(topics.TELEOP).key, payload, None)
+        await rig.pass_time(0.01)
+        assert rig.output() == ZERO
+        assert "COMMAND_INVALID" in rig.newest_status.reasons
+
+
+@pytest.mark.parametrize(
+    "twist",
+    [
+        planar_twist(math.nan, 0.0),
+        planar_twist(0.0, math.inf),
+        Twist(Vector3(0.5, 0.1, 0.0), Vector3(0.0, 0.0, 0.0)),
+        Twist(Vector3(0.5, 0.0, 0.0), Vector3(math.nan, 0.0, 0.0)),
+    ],
+)
+async def test_a_twist_that_a_ground_robot_cannot_drive_stops_it(twist: Twist) -> None:
+    rig = Rig()
+    async with rig.supervisor(), rig.lidar(), rig.source() as teleop:
+        await rig.drive(0.5)
+        teleop.publisher(topics.source_cmd_vel(topics.TELEOP)).put(twist)
+        await rig.pass_time(0.01)
+        assert rig.output() == ZERO
+
+
+async def test_a_flood_of_estop_messages_cannot_hide_a_press() -> None:
+    rig = Rig()
+    async with rig.supervisor(), rig.lidar(), rig.source():
+        await rig.drive(0.5)
+        button = MemoryBus(rig.network).publisher(topics.ESTOP)
+        button.put(PRESSED)
+        for _ in range(1000):
+            button.put(RELEASED)
+        await rig.pass_time(0.1)
+        assert rig.newest_status.reasons == ["ESTOP"]
+
+
+async def test_estop_false_does_nothing() -> None:
+    rig = Rig()
+    async with rig.supervisor(), rig.lidar(), rig.source():
+        await rig.drive(0.5)
+        MemoryBus(rig.network).publisher(topics.ESTOP).put(RELEASED)
+        await rig.pass_time(0.1)
+        assert rig.output() == (0.5, 0.0)
+
+
+async def test_a_reset_answers_and_moves_nothing() -> None:
+    rig = Rig()
+    async with rig.supervisor(), rig.lidar(), rig.source():
+        await rig.drive(0.5)
+        rig.outsider.publisher(topics.ESTOP).put(PRESSED)
+        await rig.pass_time(0.1)
+        refused = await rig.outsider.call(topics.SUPERVISOR_RESET)
+        assert not refused.success
+        rig.velocity = ZERO
+        await rig.pass_time(0.1)
+        granted = await rig.outsider.call(topics.SUPERVISOR_RESET)
+        assert granted.success
+        rig.cmd_vel.take()
+        await rig.pass_time(1.0)
+        assert all(o.message == planar_twist(0.0, 0.0) for o in rig.cmd_vel.take())
+        assert rig.newest_status.mode == SafetyStatus.READY
+
+
+async def test_when_it_is_stopped_it_commands_zero_and_withdraws_its_token() -> None:
+    rig = Rig()
+    async with rig.lidar(), rig.source():
+        async with rig.supervisor():
+            await rig.drive(0.5)
+        assert rig.output() == ZERO
+        assert all(token.node != topics.SUPERVISOR for token in rig.network.tokens)
+
+
+async def test_a_restarted_supervisor_moves_nothing_until_neutral() -> None:
+    rig = Rig()
+    async with rig.lidar(), rig.source():
+        async with rig.supervisor():
+            await rig.drive(0.5)
+        async with rig.supervisor():
+            rig.cmd_vel.take()
+            await rig.pass_time(2.0)
+            assert all(o.message == planar_twist(0.0, 0.0) for o in rig.cmd_vel.take())
+            await rig.drive(0.5)

@@ -1,0 +1,108 @@
+"""A person at the law: ticks it at 50 Hz, feeds it scans and commands, and reads the decision."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from supervisor.config import SupervisorSection
+from supervisor.freshness import Sent
+from supervisor.model import (
+    Command,
+    Decision,
+    Inputs,
+    LaserScan,
+    LawConfig,
+    Liveliness,
+    Odometry,
+    State,
+    Velocity,
+)
+from supervisor.safety import initial_state, step
+
+TICK_S = 0.02
+BEAMS = 360
+
+CONFIG = SupervisorSection().law()
+
+FORWARD = Velocity(0.5, 0.0)
+BACK = Velocity(-0.5, 0.0)
+SPIN = Velocity(0.0, 1.0)
+NEUTRAL = Velocity(0.0, 0.0)
+
+
+def ring(distance_m: float = 3.0, *, ahead_m: float | None = None) -> np.ndarray:
+    """360 readings at one distance from the lidar; with `ahead_m`, the 21 middle beams at that one."""
+    ranges = np.full(BEAMS, distance_m, dtype=np.float32)
+    if ahead_m is not None:
+        ranges[BEAMS // 2 - 10 : BEAMS // 2 + 11] = ahead_m
+    return ranges
+
+
+def laser_scan(ranges: np.ndarray, arrival_s: float) -> LaserScan:
+    return LaserScan(
+        ranges=ranges,
+        angle_min=-math.pi,
+        angle_increment=2 * math.pi / BEAMS,
+        range_min=0.05,
+        range_max=12.0,
+        arrival_s=arrival_s,
+    )
+
+
+@dataclass
+class Law:
+    """The law in time. Scans arrive at every tick unless `scanning` is off; sources speak when told to."""
+
+    config: LawConfig = CONFIG
+    now_s: float = 1000.0
+    scanning: bool = True
+
+    def __post_init__(self) -> None:
+        self.state: State = initial_state(self.config)
+        self.ranges = ring()
+        self.sequence = 0
+        self.decision: Decision = self.step()
+
+    def step(self, inputs: Inputs | None = None) -> Decision:
+        """One step at the present time."""
+        inputs = inputs or Inputs()
+        if self.scanning and inputs.scan is None:
+            inputs = replace(inputs, scan=laser_scan(self.ranges, self.now_s))
+        self.state, self.decision = step(self.state, self.now_s, inputs)
+        return self.decision
+
+    def tick(self, *commands: tuple[str, Velocity | None], **inputs: object) -> Decision:
+        """20 ms later: commands that arrive just now, unstamped, and whatever else comes."""
+        self.now_s += TICK_S
+        arrived = tuple(Command(source, velocity, self.now_s) for source, velocity in commands)
+        return self.step(Inputs(commands=arrived, **inputs))  # type: ignore[arg-type]
+
+    def hold(self, seconds: float, *commands: tuple[str, Velocity | None]) -> Decision:
+        """The same commands at every tick for a while."""
+        for _ in range(round(seconds / TICK_S)):
+            self.tick(*commands)
+        return self.decision
+
+    def drive(self, velocity: Velocity = FORWARD, source: str = "teleop") -> Decision:
+        """Neutral, then this motion: the way in which an operator sets off."""
+        self.tick((source, NEUTRAL))
+        return self.tick((source, velocity))
+
+    def stamped(
+        self, velocity: Velocity, *, sent_s: float, epoch: bytes = b"A", sequence: int = 0
+    ) -> Command:
+        self.sequence = sequence or self.sequence + 1
+        return Command("teleop", velocity, self.now_s, Sent(epoch, self.sequence, sent_s))
+
+
+def lost(source: str = "teleop") -> tuple[Liveliness, ...]:
+    return (Liveliness(source, alive=False),)
+
+
+def back(source: str = "teleop") -> tuple[Liveliness, ...]:
+    return (Liveliness(source, alive=True),)
+
+
+def odometry(linear_m_s: float, arrival_s: float) -> Odometry:
+    return Odometry(Velocity(linear_m_s, 0.0), arrival_s)

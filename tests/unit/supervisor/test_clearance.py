@@ -1,0 +1,137 @@
+"""The speed barrier's geometry and its one formula."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from supervisor.clearance import (
+    Circle,
+    ConvexPolygon,
+    permitted_closing_speed,
+    permitted_scale,
+    survey,
+)
+
+RECTANGLE = ConvexPolygon(((0.3, -0.2), (0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2)))
+BRAKING = {"stop_distance_m": 0.3, "deceleration_m_s2": 1.5, "reaction_s": 0.1}
+
+coordinates = st.floats(-3.0, 3.0)
+velocities = st.tuples(st.floats(-1.0, 1.0), st.floats(-2.0, 2.0))
+
+
+def one(x_m: float, y_m: float) -> np.ndarray:
+    return np.array([[x_m, y_m]])
+
+
+def test_clearance_of_a_circle_is_counted_from_its_rim() -> None:
+    clearance, normal = Circle(0.25).nearest(one(0.0, 1.0))
+    assert clearance[0] == pytest.approx(0.75)
+    assert normal[0] == pytest.approx([0.0, 1.0])
+
+
+def test_a_point_at_the_very_centre_is_inside_and_has_a_normal() -> None:
+    clearance, normal = Circle(0.25).nearest(one(0.0, 0.0))
+    assert clearance[0] == -0.25
+    assert np.hypot(*normal[0]) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("point", "clearance_m", "normal"),
+    [
+        ((1.0, 0.0), 0.7, (1.0, 0.0)),
+        ((0.0, 1.0), 0.8, (0.0, 1.0)),
+        ((-0.5, 0.1), 0.2, (-1.0, 0.0)),
+        ((0.6, 0.6), 0.5, (0.6, 0.8)),
+        ((0.25, 0.0), -0.05, (1.0, 0.0)),
+        ((0.3, 0.0), 0.0, (1.0, 0.0)),
+    ],
+)
+def test_clearance_of_a_rectangle(
+    point: tuple[float, float], clearance_m: float, normal: tuple[float, float]
+) -> None:
+    clearances, normals = RECTANGLE.nearest(one(*point))
+    assert clearances[0] == pytest.approx(clearance_m)
+    assert normals[0] == pytest.approx(normal)
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [
+        ((0.0, 0.0), (1.0, 0.0)),
+        ((0.0, 0.0), (0.0, 1.0), (1.0, 0.0)),  # clockwise
+        ((0.0, 0.0), (1.0, 0.0), (0.2, 0.2), (0.0, 1.0)),  # a dent
+        ((0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (1.0, 1.0)),  # a corner on a side
+        ((0.0, 0.0), (1.0, 0.0), (math.nan, 1.0)),
+        ((0.0, 1.0), (-0.59, -0.81), (0.95, 0.31), (-0.95, 0.31), (0.59, -0.81)),  # a star winds twice
+    ],
+)
+def test_a_hull_that_is_not_convex_is_refused(corners: tuple[tuple[float, float], ...]) -> None:
+    with pytest.raises(ValueError, match=r"convex|finite"):
+        ConvexPolygon(corners)
+
+
+@given(coordinates, coordinates, velocities)
+def test_closing_speed_is_the_rate_at_which_the_clearance_falls(
+    x_m: float, y_m: float, velocity: tuple[float, float]
+) -> None:
+    """Checked by moving the robot a little and measuring again."""
+    linear, angular = velocity
+    dt_s = 1e-6
+    for hull in (Circle(0.25), RECTANGLE):
+        before = survey(hull, one(x_m, y_m))
+        if before.nearest_m < 1e-3:
+            continue
+        closing = before.per_linear[0] * linear + before.per_angular[0] * angular
+        moved_x, moved_y = x_m - linear * dt_s, y_m
+        turn = -angular * dt_s
+        seen = one(
+            moved_x * math.cos(turn) - moved_y * math.sin(turn),
+            moved_x * math.sin(turn) + moved_y * math.cos(turn),
+        )
+        after = survey(hull, seen)
+        assert (before.nearest_m - after.nearest_m) / dt_s == pytest.approx(closing, abs=1e-3)
+
+
+def test_the_permitted_speed_is_zero_up_to_the_stop_distance_and_above_it_beyond() -> None:
+    edge = np.array([-1.0, 0.0, 0.3, math.nextafter(0.3, 0.0), 0.3001])
+    speeds = permitted_closing_speed(edge, **BRAKING)
+    assert list(speeds[:4]) == [0.0, 0.0, 0.0, 0.0]
+    assert speeds[4] > 0.0
+
+
+@given(st.floats(0.3, 20.0))
+def test_reacting_and_braking_from_the_permitted_speed_ends_at_the_stop_distance(clearance_m: float) -> None:
+    (speed,) = permitted_closing_speed(np.array([clearance_m]), **BRAKING)
+    travelled = speed * BRAKING["reaction_s"] + speed**2 / (2 * BRAKING["deceleration_m_s2"])
+    assert clearance_m - travelled == pytest.approx(0.3, abs=1e-9)
+
+
+@given(st.lists(st.tuples(coordinates, coordinates), max_size=40), velocities)
+def test_after_scaling_nothing_is_approached_faster_than_permitted(
+    points: list[tuple[float, float]], velocity: tuple[float, float]
+) -> None:
+    for hull in (Circle(0.25), RECTANGLE):
+        around = survey(hull, np.array(points, dtype=np.float64).reshape(-1, 2))
+        scale, _ = permitted_scale(around, *velocity, **BRAKING)
+        assert 0.0 <= scale <= 1.0
+        closing = scale * (around.per_linear * velocity[0] + around.per_angular * velocity[1])
+        permitted = permitted_closing_speed(around.clearance_m, **BRAKING)
+        assert (closing <= np.maximum(permitted, 0.01) + 1e-9).all()
+
+
+def test_turning_on_the_spot_stays_free_for_a_round_robot_and_not_for_a_corner() -> None:
+    close = one(0.35, 0.25)
+    assert permitted_scale(survey(Circle(0.4), close), 0.0, 1.0, **BRAKING) == (1.0, None)
+    scale, block = permitted_scale(survey(RECTANGLE, close), 0.0, 1.0, **BRAKING)
+    assert scale == 1.0 or block is not None
+    swept = one(0.2, 0.3)  # beside the front left corner's way
+    assert permitted_scale(survey(RECTANGLE, swept), 0.0, 1.0, **BRAKING)[0] == 0.0
+
+
+def test_no_points_permit_everything() -> None:
+    around = survey(Circle(0.25), np.empty((0, 2)))
+    assert permitted_scale(around, 1.0, 0.0, **BRAKING) == (1.0, None)
+    assert math.isinf(around.nearest_m)

@@ -1,0 +1,343 @@
+"""The interlock: why it stops, and that only a neutral command after the cause lets it drive again."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from supervisor.model import STANDSTILL, Command, Inputs, Mode, StopReason, Velocity
+from tests.unit.supervisor.law_harness import (
+    BACK,
+    FORWARD,
+    NEUTRAL,
+    TICK_S,
+    Law,
+    back,
+    laser_scan,
+    lost,
+    odometry,
+    ring,
+)
+
+
+def test_it_starts_stopped_because_nobody_has_spoken() -> None:
+    law = Law()
+    assert law.decision.mode is Mode.STOPPED
+    assert law.decision.reasons == (StopReason.NO_COMMAND,)
+    assert law.decision.output == STANDSTILL
+
+
+def test_it_starts_stopped_because_nothing_has_been_seen() -> None:
+    law = Law(scanning=False)
+    assert StopReason.SCAN_STALE in law.decision.reasons
+
+
+def test_a_first_command_that_is_not_neutral_moves_nothing() -> None:
+    law = Law()
+    assert law.hold(1.0, ("teleop", FORWARD)).output == STANDSTILL
+
+
+def test_neutral_arms_and_then_a_motion_drives() -> None:
+    law = Law()
+    assert law.tick(("teleop", NEUTRAL)).mode is Mode.READY
+    decision = law.tick(("teleop", FORWARD))
+    assert decision.mode is Mode.DRIVING
+    assert decision.output == FORWARD
+
+
+def test_a_neutral_and_a_motion_within_one_tick_both_count() -> None:
+    law = Law()
+    law.tick()
+    assert law.tick(("teleop", NEUTRAL), ("teleop", FORWARD)).output == FORWARD
+
+
+def test_a_command_goes_stale_just_after_its_timeout() -> None:
+    law = Law(now_s=0.0)
+    law.tick(("teleop", NEUTRAL))
+    law.now_s = -TICK_S  # so that the command comes at 0, where its timeout adds up exactly
+    law.state = replace(law.state, now_s=None)
+    law.tick(("teleop", FORWARD))
+    assert law.now_s == 0.0
+    for now_s in (0.1, law.config.command_timeout_s):
+        law.now_s = now_s
+        assert law.step().output == FORWARD
+    law.now_s = math.nextafter(law.now_s, math.inf)
+    assert law.step().output == STANDSTILL
+    assert law.decision.reasons == (StopReason.COMMAND_TIMEOUT,)
+
+
+def test_a_source_that_wakes_up_still_driving_moves_nothing_until_neutral() -> None:
+    law = Law()
+    law.drive()
+    assert law.hold(0.3).reasons == (StopReason.COMMAND_TIMEOUT,)
+    assert law.hold(1.0, ("teleop", FORWARD)).output == STANDSTILL
+    assert law.tick(("teleop", NEUTRAL)).mode is Mode.READY
+    assert law.tick(("teleop", FORWARD)).output == FORWARD
+
+
+def test_a_lost_token_stops_at_once_and_a_new_one_alone_moves_nothing() -> None:
+    law = Law()
+    law.tick(("teleop", NEUTRAL), liveliness=back())
+    law.tick(("teleop", FORWARD))
+    decision = law.tick(("teleop", FORWARD), liveliness=lost())
+    assert decision.output == STANDSTILL
+    assert decision.reasons == (StopReason.SOURCE_LOST,)
+    assert law.tick(("teleop", NEUTRAL)).reasons == (StopReason.SOURCE_LOST,)
+    assert law.tick(("teleop", FORWARD), liveliness=back()).output == STANDSTILL
+    law.tick(("teleop", NEUTRAL))
+    assert law.tick(("teleop", FORWARD)).output == FORWARD
+
+
+def test_a_token_that_flaps_within_one_step_stops_too() -> None:
+    law = Law()
+    law.tick(("teleop", NEUTRAL), liveliness=back())
+    law.tick(("teleop", FORWARD))
+    decision = law.tick(("teleop", FORWARD), liveliness=(*lost(), *back()))
+    assert decision.reasons == (StopReason.SOURCE_LOST,)
+
+
+@pytest.mark.parametrize(
+    "velocity",
+    [
+        None,
+        Velocity(math.nan, 0.0),
+        Velocity(0.0, math.nan),
+        Velocity(math.inf, 0.0),
+        Velocity(0.0, -math.inf),
+        Velocity(10.1, 0.0),
+        Velocity(0.0, 20.1),
+    ],
+)
+def test_a_senseless_command_stops_and_never_refreshes_the_age(velocity: Velocity | None) -> None:
+    law = Law()
+    law.drive()
+    sent_s = law.state.sources[0].sent_s
+    decision = law.tick(("teleop", velocity))
+    assert decision.reasons == (StopReason.COMMAND_INVALID,)
+    assert decision.output == STANDSTILL
+    assert law.state.sources[0].sent_s == sent_s
+    assert law.state.sources[0].counts.invalid == 1
+    assert law.tick(("teleop", FORWARD)).output == STANDSTILL
+    law.tick(("teleop", NEUTRAL))
+    assert law.tick(("teleop", FORWARD)).output == FORWARD
+
+
+def test_a_command_beyond_the_limits_is_clamped() -> None:
+    law = Law()
+    assert law.drive(Velocity(5.0, -9.0)).output == Velocity(1.0, -2.0)
+
+
+def test_a_stale_scan_stops_and_fresh_scans_alone_move_nothing() -> None:
+    law = Law()
+    law.drive()
+    law.scanning = False
+    driven_s = 0.0
+    while law.tick(("teleop", FORWARD)).output != STANDSTILL:
+        driven_s += TICK_S
+    assert law.config.scan_timeout_s - TICK_S < driven_s <= law.config.scan_timeout_s
+    assert law.decision.reasons == (StopReason.SCAN_STALE,)
+    assert law.tick(("teleop", NEUTRAL)).mode is Mode.STOPPED
+    law.scanning = True
+    assert law.hold(1.0, ("teleop", FORWARD)).output == STANDSTILL
+    law.tick(("teleop", NEUTRAL))
+    assert law.tick(("teleop", FORWARD)).output == FORWARD
+
+
+def test_a_scan_that_cannot_be_decoded_stops_until_a_good_one_comes() -> None:
+    law = Law()
+    law.drive()
+    law.scanning = False
+    assert law.tick(("teleop", FORWARD), undecodable_scan=True).reasons == (StopReason.SCAN_INVALID,)
+    law.scanning = True
+    law.tick(("teleop", FORWARD))
+    law.tick(("teleop", NEUTRAL))
+    assert law.tick(("teleop", FORWARD)).output == FORWARD
+
+
+def test_a_late_tick_of_its_own_stops() -> None:
+    law = Law()
+    law.drive()
+    law.now_s += law.config.overrun_s
+    assert law.tick(("teleop", FORWARD)).reasons == (StopReason.OVERRUN,)
+    assert law.tick(("teleop", FORWARD)).output == STANDSTILL
+    law.tick(("teleop", NEUTRAL))
+    assert law.tick(("teleop", FORWARD)).output == FORWARD
+
+
+def test_a_base_that_moves_on_after_its_braking_time_raises_the_alarm() -> None:
+    law = Law()
+    law.drive()
+    law.tick(("teleop", NEUTRAL))
+    stopped_s = law.now_s
+    while law.now_s - stopped_s < 2.0:
+        law.tick(("teleop", NEUTRAL), odometry=odometry(0.4, law.now_s))
+        if law.decision.alarm:
+            break
+    assert 0.9 < law.now_s - stopped_s < 1.1
+    assert law.decision.reasons == (StopReason.BASE_RUNAWAY,)
+    assert law.hold(0.5, ("teleop", NEUTRAL)).alarm
+    law.tick(("teleop", FORWARD), odometry=odometry(0.0, law.now_s))
+    assert law.decision.output == STANDSTILL
+    assert not law.decision.alarm
+    law.tick(("teleop", NEUTRAL))
+    assert law.tick(("teleop", FORWARD)).output == FORWARD
+
+
+def test_estop_latches_and_neither_neutral_nor_time_releases_it() -> None:
+    law = Law()
+    law.drive()
+    assert law.tick(("teleop", FORWARD), estop=True).reasons == (StopReason.ESTOP,)
+    assert law.hold(5.0, ("teleop", NEUTRAL)).reasons == (StopReason.ESTOP,)
+
+
+def test_a_reset_is_refused_while_a_source_asks_for_motion() -> None:
+    law = Law()
+    law.drive()
+    law.tick(("teleop", FORWARD), estop=True)
+    reply = law.tick(("teleop", FORWARD), reset=True).reset_reply
+    assert reply is not None
+    assert not reply.success
+    assert "teleop" in reply.message
+    assert law.decision.reasons == (StopReason.ESTOP,)
+
+
+def test_a_reset_moves_nothing_and_neutral_must_follow_it() -> None:
+    law = Law()
+    law.drive()
+    law.tick(("teleop", NEUTRAL), estop=True)
+    reply = law.tick(("teleop", NEUTRAL), reset=True).reset_reply
+    assert reply is not None
+    assert reply.success
+    assert law.tick(("teleop", FORWARD)).output == STANDSTILL
+    law.tick(("teleop", NEUTRAL))
+    assert law.tick(("teleop", FORWARD)).output == FORWARD
+
+
+def test_a_reset_and_a_press_at_once_stay_stopped() -> None:
+    law = Law()
+    law.tick(("teleop", NEUTRAL), estop=True)
+    reply = law.tick(("teleop", NEUTRAL), estop=True, reset=True).reset_reply
+    assert reply is not None
+    assert not reply.success
+
+
+def test_a_reset_of_nothing_succeeds_and_says_so() -> None:
+    reply = Law().tick(reset=True).reset_reply
+    assert reply is not None
+    assert reply.success
+    assert "no emergency stop" in reply.message
+
+
+def test_the_higher_priority_takes_over_at_once_when_armed() -> None:
+    law = Law()
+    law.drive(FORWARD, "joy")
+    law.tick(("joy", FORWARD), ("teleop", NEUTRAL))
+    decision = law.tick(("joy", FORWARD), ("teleop", BACK))
+    assert decision.owner == "teleop"
+    assert decision.output == BACK
+
+
+def test_a_higher_priority_that_is_not_armed_does_not_take_over() -> None:
+    law = Law()
+    law.drive(FORWARD, "joy")
+    decision = law.tick(("joy", FORWARD), ("teleop", BACK))
+    assert decision.owner == "joy"
+    assert decision.output == FORWARD
+
+
+def test_a_neutral_heartbeat_does_not_fight_a_driver_of_lower_priority() -> None:
+    law = Law()
+    law.tick(("teleop", NEUTRAL), ("path", NEUTRAL))
+    decision = law.hold(1.0, ("teleop", NEUTRAL), ("path", FORWARD))
+    assert decision.owner == "path"
+    assert decision.output == FORWARD
+
+
+def test_when_the_owner_dies_nobody_inherits() -> None:
+    law = Law()
+    law.tick(("teleop", NEUTRAL), ("path", NEUTRAL), liveliness=back())
+    law.hold(0.5, ("teleop", BACK), ("path", FORWARD))
+    assert law.decision.owner == "teleop"
+    decision = law.tick(("path", FORWARD), liveliness=lost())
+    assert decision.output == STANDSTILL
+    assert law.hold(2.0, ("path", FORWARD)).output == STANDSTILL
+    law.tick(("path", NEUTRAL))
+    assert law.tick(("path", FORWARD)).output == FORWARD
+
+
+def test_a_source_outside_the_configuration_is_counted_and_moves_nothing() -> None:
+    law = Law()
+    law.tick(("stranger", NEUTRAL))
+    decision = law.tick(("stranger", FORWARD))
+    assert decision.output == STANDSTILL
+    assert decision.unknown_sources == 2
+
+
+def test_all_reasons_are_named_the_most_restrictive_first() -> None:
+    law = Law()
+    law.drive()
+    law.scanning = False
+    law.tick(("teleop", None), estop=True, liveliness=lost())
+    law.now_s += 1.0
+    assert law.step().reasons == (
+        StopReason.ESTOP,
+        StopReason.OVERRUN,
+        StopReason.SCAN_STALE,
+        StopReason.SOURCE_LOST,
+        StopReason.COMMAND_INVALID,
+        StopReason.COMMAND_TIMEOUT,
+    )
+
+
+def test_a_backlog_after_a_stall_moves_nothing_and_is_counted() -> None:
+    law = Law()
+    clock = 500.0  # the sender's own
+    offset = law.now_s - clock
+    for _ in range(20):
+        law.now_s += TICK_S
+        law.step(Inputs(commands=(law.stamped(NEUTRAL, sent_s=law.now_s - offset),)))
+    for _ in range(20):
+        law.now_s += TICK_S
+        law.step(Inputs(commands=(law.stamped(FORWARD, sent_s=law.now_s - offset),)))
+    assert law.decision.output == FORWARD
+    law.hold(3.0)
+    stalled_s = law.now_s - 3.0
+    backlog = tuple(
+        law.stamped(FORWARD if n < 40 else NEUTRAL, sent_s=stalled_s + n * 0.05 - offset)
+        for n in range(1, 51)
+    )
+    decision = law.step(Inputs(commands=backlog))
+    assert decision.output == STANDSTILL
+    assert StopReason.COMMAND_STALE in decision.reasons
+    assert law.state.sources[0].counts.late == 50
+    law.now_s += TICK_S
+    live = law.stamped(FORWARD, sent_s=law.now_s - offset)
+    assert law.step(Inputs(commands=(live,))).output == STANDSTILL
+
+
+def test_a_backlog_of_a_run_never_heard_before_moves_nothing() -> None:
+    law = Law()
+    burst = tuple(law.stamped(NEUTRAL if n < 30 else FORWARD, sent_s=n * 0.05) for n in range(60))
+    law.now_s += TICK_S
+    assert law.step(Inputs(commands=burst)).output == STANDSTILL
+    assert law.hold(0.1).output == STANDSTILL
+
+
+def test_a_replayed_run_is_refused() -> None:
+    law = Law()
+    for epoch in (b"A", b"B"):
+        for n in range(30):
+            law.now_s += TICK_S
+            law.step(Inputs(commands=(law.stamped(NEUTRAL, sent_s=law.now_s, epoch=epoch, sequence=n + 1),)))
+    law.now_s += TICK_S
+    law.step(Inputs(commands=(law.stamped(FORWARD, sent_s=law.now_s, epoch=b"A", sequence=99),)))
+    assert law.decision.output == STANDSTILL
+    assert law.state.sources[0].counts.epoch == 1
+
+
+def test_scan_arrivals_between_ticks_do_not_disturb_the_order_of_things() -> None:
+    law = Law(scanning=False)
+    law.now_s += TICK_S
+    neutral = Command("teleop", NEUTRAL, law.now_s - 0.001)
+    decision = law.step(Inputs(commands=(neutral,), scan=laser_scan(ring(), law.now_s)))
+    assert decision.mode is Mode.READY

@@ -1,0 +1,136 @@
+"""The speed barrier as the law applies it: slow down, stop at 30 cm, let the robot out again."""
+
+import math
+
+import numpy as np
+import pytest
+
+from supervisor.model import STANDSTILL, Mode, StopReason, Velocity
+from tests.unit.supervisor.law_harness import BACK, FORWARD, NEUTRAL, SPIN, TICK_S, Law, ring
+
+HULL_M = 0.25
+STOP_M = 0.30
+
+
+def test_something_inside_30_cm_ahead_stops_a_closing_command_at_once() -> None:
+    law = Law()
+    law.drive()
+    law.ranges = ring(ahead_m=HULL_M + STOP_M - 0.01)
+    decision = law.tick(("teleop", FORWARD))
+    assert decision.output == STANDSTILL
+    assert decision.reasons == (StopReason.OBSTACLE,)
+
+
+def test_it_stays_stopped_when_the_obstacle_walks_away_until_neutral() -> None:
+    law = Law()
+    law.drive()
+    law.ranges = ring(ahead_m=0.5)
+    law.tick(("teleop", FORWARD))
+    law.ranges = ring()
+    assert law.hold(3.0, ("teleop", FORWARD)).reasons == (StopReason.OBSTACLE,)
+    law.tick(("teleop", NEUTRAL))
+    assert law.tick(("teleop", FORWARD)).output == FORWARD
+
+
+@pytest.mark.parametrize("escape", [BACK, SPIN, Velocity(-0.2, 0.7)])
+def test_a_motion_that_does_not_close_on_it_needs_no_neutral(escape: Velocity) -> None:
+    law = Law()
+    law.drive()
+    law.ranges = ring(ahead_m=0.5)
+    law.tick(("teleop", FORWARD))
+    decision = law.tick(("teleop", escape))
+    assert decision.output == escape
+    assert decision.mode is Mode.DRIVING
+
+
+def test_the_escape_is_itself_guarded() -> None:
+    law = Law()
+    law.drive()
+    law.ranges = ring(0.5)  # boxed in on all sides
+    law.tick(("teleop", FORWARD))
+    assert law.tick(("teleop", BACK)).output == STANDSTILL
+    assert law.tick(("teleop", SPIN)).output == SPIN
+
+
+def test_near_something_it_slows_down_and_keeps_the_arc() -> None:
+    law = Law()
+    law.ranges = ring(ahead_m=0.75)
+    decision = law.drive(Velocity(1.0, 0.4))
+    assert decision.mode is Mode.LIMITED
+    assert 0.0 < decision.scale < 1.0
+    assert math.isclose(decision.output.angular_rad_s / decision.output.linear_m_s, 0.4)
+
+
+def test_it_warns_inside_50_cm_without_stopping() -> None:
+    law = Law()
+    law.ranges = ring(ahead_m=HULL_M + 0.49)
+    assert law.tick(("teleop", NEUTRAL)).warning
+    assert law.decision.mode is Mode.READY
+    law.ranges = ring(ahead_m=HULL_M + 0.51)
+    assert not law.tick(("teleop", NEUTRAL)).warning
+
+
+def test_it_says_where_the_nearest_point_is() -> None:
+    law = Law()
+    law.ranges[270] = 0.85
+    law.tick()
+    assert law.decision.nearest_m == pytest.approx(0.6, abs=1e-6)
+    assert law.decision.nearest_bearing_rad == pytest.approx(math.pi / 2)
+
+
+def test_a_reading_too_close_to_measure_is_an_obstacle() -> None:
+    for reading in (-math.inf, 0.0, 0.01):
+        law = Law()
+        law.drive()
+        law.ranges = ring(ahead_m=reading)
+        assert law.tick(("teleop", FORWARD)).reasons == (StopReason.OBSTACLE,)
+
+
+def test_a_scan_that_sees_nothing_within_range_is_free() -> None:
+    law = Law()
+    law.ranges = ring(math.inf)
+    assert law.drive().output == FORWARD
+    assert math.isinf(law.decision.nearest_m)
+
+
+def test_a_scan_that_is_all_nan_proves_nothing() -> None:
+    law = Law()
+    law.drive()
+    law.ranges = ring(math.nan)
+    assert law.tick(("teleop", FORWARD)).reasons == (StopReason.SCAN_INVALID,)
+
+
+def test_a_blocked_sector_proves_nothing() -> None:
+    law = Law()
+    law.drive()
+    law.ranges[:30] = math.nan
+    assert law.tick(("teleop", FORWARD)).reasons == (StopReason.SCAN_INVALID,)
+
+
+def test_an_empty_scan_proves_nothing() -> None:
+    law = Law()
+    law.drive()
+    law.ranges = np.empty(0, dtype=np.float32)
+    assert law.tick(("teleop", FORWARD)).reasons == (StopReason.SCAN_INVALID,)
+
+
+@pytest.mark.parametrize("speed_m_s", [0.1, 0.3, 0.57, 1.0])
+def test_driven_straight_at_a_wall_it_comes_to_rest_at_30_cm(speed_m_s: float) -> None:
+    """In plain kinematics with the base's own ramp: 1.0 m/s² up, 2.0 m/s² down, one tick late."""
+    law = Law()
+    law.tick(("teleop", NEUTRAL))
+    distance_m, actual_m_s, nearest_m = 2.0, 0.0, math.inf
+    for tick in range(1500):
+        law.scanning = tick % 3 == 0  # 16.7 Hz: slower than the real one
+        law.ranges = ring(ahead_m=HULL_M + distance_m)
+        asked_m_s = law.tick(("teleop", Velocity(speed_m_s, 0.0))).output.linear_m_s
+        actual_m_s = (
+            max(asked_m_s, actual_m_s - 2.0 * TICK_S)
+            if asked_m_s < actual_m_s
+            else min(asked_m_s, actual_m_s + 1.0 * TICK_S)
+        )
+        distance_m -= actual_m_s * TICK_S
+        nearest_m = min(nearest_m, distance_m)
+    assert law.decision.reasons == (StopReason.OBSTACLE,)
+    assert actual_m_s == 0.0
+    assert STOP_M - 0.01 <= nearest_m <= STOP_M + 0.02

@@ -1,0 +1,200 @@
+"""The one line."""
+
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from teleop.display import SILENT_AFTER_S, Line, Tone, View, hint, render
+from teleop.keymap import Action
+from teleop.setpoint import Setpoint
+from wire.messages import SafetyStatus, header, planar_twist
+
+NEUTRAL = Setpoint()
+FORWARD = Setpoint().apply(Action.FASTER).apply(Action.LEFT)
+REASONS = [
+    "NO_COMMAND",
+    "COMMAND_TIMEOUT",
+    "COMMAND_STALE",
+    "SOURCE_LOST",
+    "COMMAND_INVALID",
+    "OBSTACLE",
+    "SCAN_STALE",
+    "SCAN_INVALID",
+    "SCAN_BLIND",
+    "ESTOP",
+    "OVERRUN",
+    "BASE_RUNAWAY",
+]
+
+
+def status(mode: int = SafetyStatus.READY, **fields: Any) -> SafetyStatus:  # noqa: ANN401 - any field of the status
+    return SafetyStatus(header("base_link", 0), mode=mode, **fields)
+
+
+def view(newest: SafetyStatus | None, *, setpoint: Setpoint = FORWARD, age_s: float = 0.0) -> View:
+    return View(setpoint, "teleop", "tcp/127.0.0.1:7447", newest, age_s)
+
+
+def text(line: Line) -> str:
+    return "".join(segment.text for segment in line)
+
+
+def shown(
+    newest: SafetyStatus | None, *, setpoint: Setpoint = FORWARD, age_s: float = 0.0, width: int = 79
+) -> str:
+    return text(render(view(newest, setpoint=setpoint, age_s=age_s), width))
+
+
+def tones(newest: SafetyStatus | None, *, age_s: float = 0.0) -> set[Tone]:
+    return {segment.tone for segment in render(view(newest, age_s=age_s), 79)} - {Tone.PLAIN}
+
+
+def test_without_a_status_it_says_for_whom_it_waits() -> None:
+    assert "waiting for the supervisor at tcp/127.0.0.1:7447" in shown(None)
+
+
+def test_what_is_asked_for_stands_first() -> None:
+    assert shown(None).startswith("v +0.10 m/s ω +0.20 rad/s | ")
+
+
+def test_zero_has_no_sign() -> None:
+    assert shown(None, setpoint=NEUTRAL).startswith("v  0.00 m/s ω  0.00 rad/s | ")
+
+
+def test_a_status_holds_until_the_supervisor_is_silent_for_too_long() -> None:
+    assert "READY" in shown(status(), age_s=SILENT_AFTER_S)
+
+
+def test_a_silent_supervisor_is_shown_instead_of_its_last_words() -> None:
+    line = shown(status(nearest_m=0.4), age_s=math.nextafter(SILENT_AFTER_S, 1.0))
+    assert "supervisor: silent for 0.5 s" in line
+    assert "READY" not in line
+    assert "0.40 m" not in line
+
+
+def test_driving_shows_what_is_permitted() -> None:
+    assert "DRIVING v +0.10 ω +0.20" in shown(status(SafetyStatus.DRIVING, permitted=planar_twist(0.1, 0.2)))
+
+
+def test_limited_shows_to_what() -> None:
+    assert "LIMITED to v +0.05 ω -0.10" in shown(
+        status(SafetyStatus.LIMITED, permitted=planar_twist(0.05, -0.1))
+    )
+
+
+@pytest.mark.parametrize("reason", [*REASONS, "SOMETHING_NEW"])
+def test_every_stop_reason_fits_80_columns_together_with_its_hint(reason: str) -> None:
+    line = shown(status(SafetyStatus.STOPPED, reasons=[reason], nearest_m=0.25, warning=True))
+    assert f"STOPPED: {reason} - {hint(reason, FORWARD)}" in line
+
+
+def test_a_stop_names_all_its_reasons_and_a_hint_for_the_first() -> None:
+    line = shown(status(SafetyStatus.STOPPED, reasons=["OBSTACLE", "ESTOP"]), width=120)
+    assert "STOPPED: OBSTACLE, ESTOP - press s, or drive away from it" in line
+
+
+def test_where_not_all_reasons_fit_the_others_are_counted() -> None:
+    line = shown(status(SafetyStatus.STOPPED, reasons=["ESTOP", "SCAN_STALE", "COMMAND_TIMEOUT"]))
+    assert "STOPPED: ESTOP +2 - press s, then r to reset" in line
+
+
+def test_a_stop_without_a_reason_is_still_a_stop() -> None:
+    assert "STOPPED - press s" in shown(status(SafetyStatus.STOPPED))
+
+
+def test_the_hint_for_an_emergency_stop_asks_for_neutral_only_where_it_is_missing() -> None:
+    assert [hint("ESTOP", NEUTRAL), hint("ESTOP", FORWARD)] == [
+        "press r to reset",
+        "press s, then r to reset",
+    ]
+
+
+def test_an_alarm_is_said() -> None:
+    assert "ALARM" in shown(status(SafetyStatus.STOPPED, reasons=["BASE_RUNAWAY"], alarm=True))
+
+
+def test_another_source_that_drives_is_named() -> None:
+    assert "(joy drives)" in shown(status(SafetyStatus.DRIVING, owner="joy"))
+    assert "drives" not in shown(status(SafetyStatus.DRIVING, owner="teleop"))
+
+
+@pytest.mark.parametrize(
+    ("bearing_rad", "where"),
+    [
+        (0.0, "ahead"),
+        (1.5, "left"),
+        (-1.5, "right"),
+        (3.1, "behind"),
+        (-3.1, "behind"),
+        (2 * math.pi, "ahead"),
+    ],
+)
+def test_the_nearest_obstacle_is_shown_with_its_direction(bearing_rad: float, where: str) -> None:
+    assert f"0.45 m {where}" in shown(status(nearest_m=0.45, nearest_bearing_rad=bearing_rad))
+
+
+@pytest.mark.parametrize("nearest_m", [math.nan, math.inf])
+def test_an_obstacle_that_is_not_known_is_not_shown(nearest_m: float) -> None:
+    assert shown(status(nearest_m=nearest_m)).endswith("READY")
+
+
+def test_a_warning_is_marked() -> None:
+    assert "! 0.45 m" in shown(status(nearest_m=0.45, warning=True))
+    assert "!" not in shown(status(nearest_m=0.45, warning=False))
+
+
+@pytest.mark.parametrize(
+    ("mode", "tone"),
+    [
+        (SafetyStatus.READY, Tone.GOOD),
+        (SafetyStatus.DRIVING, Tone.GOOD),
+        (SafetyStatus.LIMITED, Tone.CAUTION),
+        (SafetyStatus.STOPPED, Tone.STOP),
+        (77, Tone.STOP),
+    ],
+)
+def test_each_mode_has_its_tone(mode: int, tone: Tone) -> None:
+    assert tones(status(mode)) == {tone}
+
+
+def test_a_silent_supervisor_has_the_tone_of_a_stop() -> None:
+    assert tones(status(), age_s=1.0) == {Tone.STOP}
+
+
+def test_a_narrow_terminal_keeps_the_stop_and_its_reason() -> None:
+    assert shown(status(SafetyStatus.STOPPED, reasons=["OBSTACLE"]), width=20) == "STOPPED: OBSTACLE -…"
+
+
+def test_control_sequences_from_the_network_do_not_reach_the_terminal() -> None:
+    line = shown(status(SafetyStatus.STOPPED, reasons=["\x1b[2J\r\n漢"], owner="\x07"), width=200)
+    assert "STOPPED: ?[2J???" in line
+    assert line.replace("ω", "w").isascii()
+    assert line.isprintable()
+
+
+@given(
+    st.integers(0, 255),
+    st.lists(st.text(max_size=40), max_size=5),
+    st.text(max_size=20),
+    st.floats(),
+    st.floats(),
+    st.floats(0.0, 1.0),
+    st.integers(1, 200),
+)
+def test_whatever_the_status_says_the_line_fits(
+    mode: int, reasons: list[str], owner: str, number: float, bearing_rad: float, age_s: float, width: int
+) -> None:
+    newest = status(
+        mode,
+        reasons=reasons,
+        owner=owner,
+        permitted=planar_twist(number, number),
+        nearest_m=number,
+        nearest_bearing_rad=bearing_rad,
+        warning=True,
+        alarm=True,
+    )
+    assert len(shown(newest, age_s=age_s, width=width)) <= width

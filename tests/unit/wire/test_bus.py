@@ -1,0 +1,68 @@
+"""The inbox between the network's threads and the loop, and what happens to bytes that are no message."""
+
+import asyncio
+import logging
+import threading
+
+import pytest
+
+from wire.bus import Inbox, Subscription
+from wire.messages import Twist, encode, planar_twist
+
+GOOD = encode(planar_twist(0.1, 0.0))
+
+
+async def test_the_default_depth_keeps_the_latest_and_counts_what_gave_way() -> None:
+    subscription = Subscription("k", Twist, depth=1, wake=None)
+    for n in range(5):
+        subscription.push(encode(planar_twist(n / 10, 0.0)), None, float(n))
+    (arrival,) = subscription.take()
+    assert arrival.message == planar_twist(0.4, 0.0)
+    assert arrival.arrival_s == 4.0
+    assert subscription.overflowed == 4
+    assert subscription.take() == []
+
+
+async def test_bytes_that_are_no_message_are_counted_and_reported_with_the_key_once_a_second(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    subscription = Subscription("robot/teleop/cmd_vel", Twist, depth=8, wake=None)
+    with caplog.at_level(logging.WARNING):
+        for n in range(20):
+            subscription.push(b"junk", None, n * 0.1)
+            assert [a.message for a in subscription.take()] == [None]
+    assert subscription.undecodable == 20
+    assert len(caplog.records) == 2
+    assert "robot/teleop/cmd_vel" in caplog.text
+
+
+async def test_the_latest_decodable_one_is_found_behind_junk() -> None:
+    subscription = Subscription("k", Twist, depth=8, wake=None)
+    subscription.push(GOOD, None, 1.0)
+    subscription.push(b"junk", None, 2.0)
+    arrival = subscription.latest()
+    assert arrival is not None
+    assert arrival.arrival_s == 1.0
+
+
+async def test_a_push_from_another_thread_wakes_the_loop_and_nothing_is_lost() -> None:
+    wake = asyncio.Event()
+    inbox: Inbox[int] = Inbox(10_000, wake)
+    pushing = threading.Thread(target=lambda: [inbox.push(n) for n in range(5000)])
+    pushing.start()
+    taken: list[int] = []
+    async with asyncio.timeout(10):
+        while len(taken) < 5000:
+            await wake.wait()
+            wake.clear()
+            taken += inbox.take()
+    pushing.join()
+    assert taken == list(range(5000))
+
+
+def test_a_push_after_the_loop_has_closed_raises_nothing() -> None:
+    async def make() -> Inbox[int]:
+        return Inbox(1, asyncio.Event())
+
+    inbox = asyncio.run(make())
+    inbox.push(1)

@@ -1,0 +1,82 @@
+"""robot.toml: every fault is named with its path, its value and what is allowed."""
+
+from pathlib import Path
+
+import pytest
+
+from supervisor.config import SupervisorSection
+from wire.config import BusSection, ConfigError, is_loopback, read_toml, section
+
+
+def refusal(document: dict[str, object], name: str = "supervisor") -> str:
+    with pytest.raises(ConfigError) as caught:
+        section(document, name, SupervisorSection if name == "supervisor" else BusSection)
+    return str(caught.value)
+
+
+def test_every_key_has_a_default() -> None:
+    assert section({}, "supervisor", SupervisorSection).command_timeout_s == 0.2
+    assert section({}, "bus", BusSection).endpoint == "tcp/127.0.0.1:7447"
+
+
+@pytest.mark.parametrize("value", [0, 0.0, -0.1, float("nan"), float("inf"), "0.2", True])
+def test_nothing_is_switched_off_by_a_magic_value(value: object) -> None:
+    message = refusal({"supervisor": {"command_timeout_s": value}})
+    assert "supervisor.command_timeout_s" in message
+    assert repr(value) in message
+
+
+def test_all_faults_are_named_at_once() -> None:
+    message = refusal({"supervisor": {"stop_distance_m": -1.0, "tick_hz": 0, "stop_distanse_m": 0.3}})
+    assert all(f"supervisor.{key}" in message for key in ("stop_distance_m", "tick_hz", "stop_distanse_m"))
+
+
+@pytest.mark.parametrize(
+    ("values", "key"),
+    [
+        ({"command_timeout_s": 0.02}, "command_timeout_s"),
+        ({"scan_timeout_s": 0.01}, "scan_timeout_s"),
+        ({"warning_distance_m": 0.2}, "warning_distance_m"),
+        ({"footprint": {"radius_m": 0.2, "corners_m": [[0, 0], [1, 0], [0, 1]]}}, "footprint"),
+        ({"footprint": {"corners_m": [[0, 0], [0, 1], [1, 0]]}}, "convex"),
+        ({"sources": []}, "sources"),
+        ({"sources": [{"name": "a", "priority": 1}, {"name": "a", "priority": 2}]}, "name of its own"),
+        ({"sources": [{"name": "no/slash", "priority": 1}]}, "sources.0.name"),
+    ],
+)
+def test_what_does_not_fit_together_is_refused(values: dict[str, object], key: str) -> None:
+    assert key in refusal({"supervisor": values})
+
+
+@pytest.mark.parametrize(
+    "endpoint", ["", "127.0.0.1:7447", "tcp/127.0.0.1", "tcp/127.0.0.1:0", "udp/1.2.3.4:7"]
+)
+def test_what_is_no_endpoint_is_refused(endpoint: str) -> None:
+    assert "tcp/127.0.0.1:7447" in refusal({"bus": {"endpoint": endpoint}}, "bus")
+
+
+def test_loopback_is_told_from_the_network() -> None:
+    assert is_loopback("tcp/127.0.0.1:7447")
+    assert is_loopback("tcp/[::1]:7447")
+    assert is_loopback("tcp/localhost:7447")
+    assert not is_loopback("tcp/0.0.0.0:7447")
+    assert not is_loopback("tcp/robot.local:7447")
+
+
+def test_a_missing_file_is_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"cannot read .* deploy/robot\.toml is a complete example"):
+        read_toml(tmp_path / "absent.toml")
+
+
+def test_a_file_that_is_no_toml_is_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text("[supervisor\n")
+    with pytest.raises(ConfigError, match="is not TOML"):
+        read_toml(path)
+
+
+def test_a_section_that_nobody_reads_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text("[supervisr]\ntick_hz = 50\n")
+    with pytest.raises(ConfigError, match=r"unknown section \[supervisr\]"):
+        read_toml(path)

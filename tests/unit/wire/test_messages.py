@@ -1,0 +1,95 @@
+"""The bytes on the wire: ROS 2's own, and nothing that a stranger sends raises anything else."""
+
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wire import topics
+from wire.messages import (
+    MAX_PAYLOAD_BYTES,
+    LaserScan,
+    Message,
+    SafetyStatus,
+    SourceStatus,
+    TriggerResponse,
+    Twist,
+    UndecodableError,
+    decode,
+    encode,
+    header,
+    planar_twist,
+)
+
+
+def test_a_twist_is_52_bytes_of_little_endian_cdr() -> None:
+    payload = encode(planar_twist(0.5, -1.0))
+    assert payload == b"\x00\x01\x00\x00" + struct.pack("<6d", 0.5, 0.0, 0.0, 0.0, 0.0, -1.0)
+    assert len(payload) == 52
+
+
+def test_a_twist_comes_back_as_it_went() -> None:
+    assert decode(encode(planar_twist(0.3, 0.2)), Twist) == planar_twist(0.3, 0.2)
+
+
+def test_a_scan_comes_back_with_its_special_readings() -> None:
+    ranges = np.array([1.0, np.inf, -np.inf, np.nan], dtype=np.float32)
+    scan = LaserScan(header("lidar"), -1.0, 1.0, 0.5, 0.0, 0.05, 0.1, 12.0, ranges, np.empty(0, np.float32))
+    back = decode(encode(scan), LaserScan)
+    assert np.array_equal(back.ranges, ranges, equal_nan=True)
+    assert back.header.frame_id == "lidar"
+
+
+def test_the_status_comes_back_with_all_its_sources() -> None:
+    source = SourceStatus("teleop", 100, 1, True, False, True, 0.01, ["OBSTACLE"], 1, 2, 3, 4, 5)  # noqa: FBT003
+    status = SafetyStatus(header("base_link"), mode=3, reasons=["OBSTACLE"], sources=[source], scale=0.4)
+    back = decode(encode(status), SafetyStatus)
+    assert isinstance(back, SafetyStatus)
+    assert back.sources == [source]
+    assert (back.mode, back.reasons, back.scale) == (3, ["OBSTACLE"], 0.4)
+
+
+def test_a_trigger_response_is_ros_2s() -> None:
+    payload = encode(TriggerResponse(success=True, message="ok"))
+    assert payload == b"\x00\x01\x00\x00\x01\x00\x00\x00\x03\x00\x00\x00ok\x00"
+
+
+@pytest.mark.parametrize("topic", topics.TOPICS, ids=lambda topic: topic.key)
+@given(payload=st.binary(max_size=200))
+def test_any_bytes_decode_or_are_refused(topic: topics.Topic[Message], payload: bytes) -> None:
+    for candidate in (payload, b"\x00\x01\x00\x00" + payload):
+        try:
+            message = decode(candidate, topic.type)
+        except UndecodableError:
+            continue
+        assert message.__msgtype__ == topic.type.__msgtype__
+
+
+@given(cut=st.integers(0, 51))
+def test_a_truncated_twist_is_refused(cut: int) -> None:
+    with pytest.raises(UndecodableError):
+        decode(encode(planar_twist(1.0, 1.0))[:cut], Twist)
+
+
+def test_an_oversized_payload_is_refused_unread() -> None:
+    with pytest.raises(UndecodableError, match="bytes are more than"):
+        decode(bytes(MAX_PAYLOAD_BYTES + 1), Twist)
+
+
+def test_a_scan_that_claims_more_beams_than_it_has_is_refused() -> None:
+    scan = LaserScan(
+        header(""), 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, np.zeros(4, np.float32), np.empty(0, np.float32)
+    )
+    count, too_many = struct.pack("<I", 4), struct.pack("<I", 0x7FFFFFFF)
+    payload = encode(scan)
+    assert payload.count(count) == 1
+    with pytest.raises(UndecodableError):
+        decode(payload.replace(count, too_many), LaserScan)
+
+
+def test_the_table_of_topics_has_each_key_once_and_no_leading_slash() -> None:
+    keys = [topic.key for topic in topics.TOPICS] + [service.key for service in topics.SERVICES]
+    assert len(set(keys)) == len(keys)
+    assert not any(key.startswith("/") for key in keys)
