@@ -26,7 +26,7 @@ class VirtualLoop(async_solipsism.EventLoop):
         context: Context | None = None,
     ) -> asyncio.TimerHandle:
         whole = (math.floor(when / MICROSECOND_S) + 1) * MICROSECOND_S
-        return super().call_at(whole, callback, *args, context=context)
+        return super().call_at(whole, callback, *args, context=context)  # pyright: ignore[reportUnknownVariableType]
 
 
 def pytest_asyncio_loop_factories(

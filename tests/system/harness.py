@@ -1,0 +1,208 @@
+"""The robot as real processes on a free loopback port, and an observer that is none of them."""
+
+import asyncio
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import AsyncGenerator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pexpect
+
+from wire import topics
+from wire.bus import Subscription
+from wire.messages import Odometry, SafetyStatus, Twist, header, planar_twist
+from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
+
+PATIENCE_S = 20.0
+"""How long a test waits for what must come, on a loaded machine."""
+POLL_S = 0.01
+
+
+def free_endpoint() -> str:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+@dataclass
+class Robot:
+    """Starts, kills and watches the three processes."""
+
+    endpoint: str
+    logs: Path
+    processes: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict[str, subprocess.Popen[bytes]])
+    terminal: "pexpect.spawn[bytes] | None" = None
+    bus: ZenohBus | None = None
+
+    def start(self, node: str) -> None:
+        """Start `supervisor` or `sim`."""
+        with (self.logs / f"{node}.log").open("ab") as log:
+            self.processes[node] = subprocess.Popen(
+                [sys.executable, "-m", node, "--endpoint", self.endpoint], stdout=log, stderr=log
+            )
+
+    def start_teleop(self) -> None:
+        """Start the real keyboard teleop in a terminal of its own."""
+        self.terminal = pexpect.spawn(
+            sys.executable, ["-m", "teleop", "--endpoint", self.endpoint], dimensions=(24, 100)
+        )
+        self.terminal.delaybeforesend = None
+
+    def type(self, keys: str) -> None:
+        assert self.terminal is not None
+        self.terminal.send(keys)
+
+    def drain(self) -> None:
+        """Read what teleop draws: a terminal that nobody reads stops its writer."""
+        if self.terminal is not None and not self.terminal.closed:
+            try:
+                while self.terminal.read_nonblocking(65536, timeout=0):
+                    pass
+            except (pexpect.TIMEOUT, pexpect.EOF, ValueError):
+                return
+
+    def pid(self, node: str) -> int:
+        if node == topics.TELEOP:
+            assert self.terminal is not None
+            assert self.terminal.pid is not None
+            return self.terminal.pid
+        return self.processes[node].pid
+
+    def signal(self, node: str, number: signal.Signals) -> float:
+        """Send a signal, and return when, by the monotonic clock."""
+        pid = self.pid(node)
+        sent_s = time.monotonic()
+        os.kill(pid, number)
+        return sent_s
+
+    def kill(self, node: str) -> float:
+        """SIGKILL, and reap it."""
+        killed_s = self.signal(node, signal.SIGKILL)
+        if node in self.processes:
+            self.processes.pop(node).wait(PATIENCE_S)
+        elif self.terminal is not None:
+            self.terminal.close(force=True)
+            self.terminal = None
+        return killed_s
+
+    async def observe(self) -> None:
+        """Open the observer's own session; the hub must be on its way."""
+        async with asyncio.timeout(PATIENCE_S):
+            self.bus = await open_bus(BusConfig(self.endpoint), "client")
+        self.cmd_vel: Subscription[Twist] = self.bus.subscribe(topics.CMD_VEL, depth=5000)
+        self.odom: Subscription[Odometry] = self.bus.subscribe(topics.ODOM, depth=5000)
+        self.statuses: Subscription[SafetyStatus] = self.bus.subscribe(topics.STATUS, depth=500)
+        self.status = SafetyStatus(header(""))
+        self.speed_m_s = 0.0
+        self.turn_rad_s = 0.0
+        self.x_m = 0.0
+        self.outputs: list[tuple[float, Twist]] = []
+        self.travel: list[tuple[float, float, float]] = []
+        """(arrival [s], x [m], speed [m/s])"""
+
+    def look(self) -> None:
+        """Take in everything that came since the last look."""
+        self.drain()
+        for command in self.cmd_vel.take():
+            if command.message is not None:
+                self.outputs.append((command.arrival_s, command.message))
+        for odom in self.odom.take():
+            if odom.message is not None:
+                self.speed_m_s = odom.message.twist.twist.linear.x
+                self.turn_rad_s = odom.message.twist.twist.angular.z
+                self.x_m = odom.message.pose.pose.position.x
+                self.travel.append((odom.arrival_s, self.x_m, self.speed_m_s))
+        for status in self.statuses.take():
+            if status.message is not None:
+                self.status = status.message
+
+    async def until(self, condition: Callable[[], bool], what: str, within_s: float = PATIENCE_S) -> float:
+        """Wait until something is seen; returns how long it took [s]."""
+        started_s = time.monotonic()
+        while True:
+            self.look()
+            if condition():
+                return time.monotonic() - started_s
+            if time.monotonic() - started_s > within_s:
+                raise AssertionError(f"not seen within {within_s:g} s: {what}; {self.picture()}")
+            await asyncio.sleep(POLL_S)
+
+    async def never(self, condition: Callable[[], bool], what: str, for_s: float) -> None:
+        """Watch that something does not happen."""
+        started_s = time.monotonic()
+        while time.monotonic() - started_s < for_s:
+            self.look()
+            assert not condition(), f"{what}; {self.picture()}"
+            await asyncio.sleep(POLL_S)
+
+    def picture(self) -> str:
+        logs = {path.name: path.read_text()[-600:] for path in self.logs.glob("*.log")}
+        return f"mode {self.status.mode} {self.status.reasons}, {self.speed_m_s:.3f} m/s, logs: {logs}"
+
+    async def ready(self) -> None:
+        await self.until(lambda: self.status.mode == SafetyStatus.READY, "READY")
+
+    async def drive(self, keys: str = "wwwww", speed_m_s: float = 0.5) -> None:
+        """Re-arm with `s`, type the keys, and see the robot move."""
+        self.type("s")
+        await self.ready()
+        self.type(keys)
+        await self.until(lambda: self.speed_m_s > 0.95 * speed_m_s, f"{speed_m_s} m/s")
+
+    def first_zero_after(self, time_s: float) -> float:
+        """When the first zero came on cmd_vel after that time."""
+        return next(at for at, twist in self.outputs if at >= time_s and is_zero(twist))
+
+    async def zero_after(self, time_s: float) -> float:
+        """How long after that time the first zero came on cmd_vel [s]."""
+        await self.until(
+            lambda: any(at >= time_s and is_zero(t) for at, t in self.outputs), "a zero on cmd_vel"
+        )
+        return self.first_zero_after(time_s) - time_s
+
+    async def standstill_after(self, time_s: float) -> tuple[float, float]:
+        """How long and how far after that time the robot came to rest [s, m]."""
+        await self.until(lambda: abs(self.speed_m_s) < 0.005, "standstill")
+        rest_s, rest_x_m, _ = next(t for t in self.travel if t[0] >= time_s and abs(t[2]) < 0.005)
+        at_x_m = next(x_m for at_s, x_m, _ in reversed(self.travel) if at_s <= time_s)
+        return rest_s - time_s, rest_x_m - at_x_m
+
+    async def close(self) -> None:
+        for node in list(self.processes):
+            process = self.processes.pop(node)
+            process.send_signal(signal.SIGCONT)
+            process.terminate()
+            try:
+                process.wait(5)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait(5)
+        if self.terminal is not None:
+            self.terminal.close(force=True)
+        if self.bus is not None:
+            await self.bus.close()
+
+
+def is_zero(twist: Twist) -> bool:
+    return twist == planar_twist(0.0, 0.0)
+
+
+@asynccontextmanager
+async def robot(tmp_path: Path, *nodes: str, teleop: bool = True) -> AsyncGenerator[Robot]:
+    """A robot whose nodes start in the given order (default: supervisor, sim), and everything ended after."""
+    subject = Robot(free_endpoint(), tmp_path)
+    try:
+        for node in nodes or (topics.SUPERVISOR, topics.SIM):
+            subject.start(node)
+        await subject.observe()
+        if teleop:
+            subject.start_teleop()
+        yield subject
+    finally:
+        await subject.close()

@@ -1,0 +1,195 @@
+"""The Bus over real Zenoh: what the hub refuses, what a death looks like, and that closing always ends."""
+
+import asyncio
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import AsyncGenerator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from tests.system.harness import free_endpoint
+from tests.system.rogue import open_rogue
+from wire import topics
+from wire.bus import BusError, NoReplyError
+from wire.messages import TriggerResponse, encode, planar_twist
+from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
+
+WITHIN_S = 5.0
+STUBBORN = Path(__file__).with_name("stubborn_source.py")
+
+
+@asynccontextmanager
+async def hub_and_client() -> AsyncGenerator[tuple[ZenohBus, ZenohBus, BusConfig]]:
+    config = BusConfig(free_endpoint())
+    hub = await open_bus(config, "hub")
+    client = await open_bus(config, "client")
+    try:
+        yield hub, client, config
+    finally:
+        await client.close()
+        await hub.close()
+
+
+async def until(condition: Callable[[], object], what: str) -> None:
+    deadline_s = time.monotonic() + WITHIN_S
+    while not condition():
+        assert time.monotonic() < deadline_s, f"not within {WITHIN_S:g} s: {what}"
+        await asyncio.sleep(0.01)
+
+
+async def test_a_message_crosses_with_its_stamp_and_is_stamped_on_arrival() -> None:
+    async with hub_and_client() as (hub, client, _):
+        commands = hub.subscribe(topics.source_cmd_vel("teleop"), depth=100)
+        publisher = client.publisher(topics.source_cmd_vel("teleop"))
+        arrivals, sent_s = commands.take(), 0.0
+        deadline_s = time.monotonic() + WITHIN_S
+        while not arrivals and time.monotonic() < deadline_s:
+            sent_s = time.monotonic()
+            publisher.put(planar_twist(0.5, 0.1))
+            await asyncio.sleep(0.02)
+            arrivals = commands.take()
+        (arrival,) = arrivals
+        assert arrival.message == planar_twist(0.5, 0.1)
+        assert arrival.stamp is not None
+        assert sent_s <= arrival.stamp.source_time_ns * 1e-9 <= arrival.arrival_s <= time.monotonic()
+
+
+@pytest.mark.parametrize("key", ["cmd_vel", "*", "**", "supervisor/status", "supervisor/*"])
+async def test_the_hub_and_the_bus_refuse_a_stranger_on_the_supervisors_keys(key: str) -> None:
+    async with hub_and_client() as (hub, robot, config):
+        rogue = open_rogue(config.endpoint)
+        cmd_vel = robot.subscribe(topics.CMD_VEL, depth=100)
+        status = robot.subscribe(topics.STATUS, depth=100)
+        scans = robot.subscribe(topics.ODOM, depth=100)  # a key that anyone may write: the yardstick
+        try:
+            arrived = False
+            while not arrived:
+                rogue.put(f"robot/{key}", encode(planar_twist(1.0, 0.0)))
+                rogue.put("robot/odom", b"junk")
+                await asyncio.sleep(0.02)
+                arrived = bool(scans.take())
+            assert cmd_vel.take() == []
+            assert status.take() == []
+            deadline_s = time.monotonic() + WITHIN_S
+            genuine = hub.publisher(topics.CMD_VEL)
+            while not (arrivals := cmd_vel.take()) and time.monotonic() < deadline_s:
+                genuine.put(planar_twist(0.1, 0.0))
+                await asyncio.sleep(0.02)
+            assert arrivals[-1].message == planar_twist(0.1, 0.0)
+        finally:
+            rogue.close()
+
+
+async def test_a_stranger_cannot_pose_as_the_supervisor() -> None:
+    async with hub_and_client() as (_, client, config):
+        watcher = await open_bus(config, "client")
+        changes = watcher.watch_alive()
+        client.declare_alive(topics.SUPERVISOR)
+        client.declare_alive("stranger")
+        seen: list[str] = []
+        try:
+            await until(lambda: seen.extend(c.node for c in changes.take()) or "stranger" in seen, "a token")
+            assert topics.SUPERVISOR not in seen
+        finally:
+            await watcher.close()
+
+
+async def test_a_killed_process_loses_its_token_within_milliseconds() -> None:
+    async with hub_and_client() as (hub, _, config):
+        changes = hub.watch_alive()
+        source = subprocess.Popen([sys.executable, STUBBORN, config.endpoint], stdin=subprocess.PIPE)
+        try:
+            await until(lambda: any(c.alive for c in changes.take()), "its token")
+            killed_s = time.monotonic()
+            os.kill(source.pid, signal.SIGKILL)
+            gone: list[float] = []
+            await until(
+                lambda: gone.extend(c.arrival_s for c in changes.take() if not c.alive) or gone, "its end"
+            )
+            print(f"\n    measured: SIGKILL to token gone: {(gone[0] - killed_s) * 1e3:.1f} ms")
+            assert gone[0] - killed_s < 0.1
+        finally:
+            source.kill()
+            source.communicate()
+
+
+async def test_a_stopped_process_loses_its_token_with_its_lease() -> None:
+    async with hub_and_client() as (hub, _, config):
+        changes = hub.watch_alive()
+        source = subprocess.Popen([sys.executable, STUBBORN, config.endpoint], stdin=subprocess.PIPE)
+        try:
+            await until(lambda: any(c.alive for c in changes.take()), "its token")
+            os.kill(source.pid, signal.SIGSTOP)
+            await until(lambda: any(not c.alive for c in changes.take()), "the lapse of its lease")
+        finally:
+            source.kill()
+            source.communicate()
+
+
+async def test_clients_see_the_hub_die_and_come_back() -> None:
+    config = BusConfig(free_endpoint())
+    hub = await open_bus(config, "hub")
+    client = await open_bus(config, "client")
+    changes = client.watch_alive()
+    try:
+        hub.declare_alive(topics.SUPERVISOR)
+        await until(lambda: any(c.alive for c in changes.take()), "the hub's token")
+        await hub.close()
+        await until(lambda: any(not c.alive for c in changes.take()), "its end")
+        hub = await open_bus(config, "hub")
+        hub.declare_alive(topics.SUPERVISOR)
+        await until(lambda: any(c.alive for c in changes.take()), "its return")
+    finally:
+        await client.close()
+        await hub.close()
+
+
+async def test_a_query_is_answered_and_nobody_s_silence_is_an_error() -> None:
+    async with hub_and_client() as (hub, client, _):
+
+        async def answer() -> TriggerResponse:
+            return TriggerResponse(success=True, message="done")
+
+        hub.serve(topics.SUPERVISOR_RESET, answer)
+        assert (await client.call(topics.SUPERVISOR_RESET, timeout_s=WITHIN_S)).message == "done"
+        with pytest.raises(NoReplyError, match="robot/sim/reset"):
+            await client.call(topics.SIM_RESET, timeout_s=0.2)
+
+
+async def test_a_port_in_use_is_one_sentence_that_says_what_to_do() -> None:
+    async with hub_and_client() as (_, _, config):
+        with pytest.raises(BusError, match=r"already in use.*lifeline down.*--endpoint"):
+            await open_bus(config, "hub")
+
+
+async def test_a_client_waits_for_its_hub_and_says_so_once() -> None:
+    config = BusConfig(free_endpoint())
+    said: list[str] = []
+    opening = asyncio.create_task(open_bus(config, "client", on_wait=lambda: said.append("waiting")))
+    await until(lambda: said, "that it waits")
+    hub = await open_bus(config, "hub")
+    client = await opening
+    assert said == ["waiting"]
+    await client.close()
+    await hub.close()
+
+
+async def test_closing_ends_although_the_peer_is_stopped() -> None:
+    config = BusConfig(free_endpoint(), lease_s=60.0)
+    hub = await open_bus(config, "hub")
+    source = subprocess.Popen([sys.executable, STUBBORN, config.endpoint], stdin=subprocess.PIPE)
+    try:
+        changes = hub.watch_alive()
+        await until(lambda: any(c.alive for c in changes.take()), "its token")
+        os.kill(source.pid, signal.SIGSTOP)
+        started_s = time.monotonic()
+        await hub.close()
+        assert time.monotonic() - started_s < 3.0
+    finally:
+        source.kill()
+        source.communicate()
