@@ -3,33 +3,25 @@
 import argparse
 import asyncio
 import logging
-import sys
-from pathlib import Path
 
 from sim.config import SimSection
 from sim.plant import Plant
 from sim.service import SimService
 from sim.viewer import NoDisplayError, has_display, open_viewer
-from wire.config import BusSection, ConfigError, read_toml, section
+from wire.command_line import log_to_stderr, read_document, refuse, service_parser
+from wire.config import BusSection, ConfigError, section
 from wire.process import run_process
 from wire.zenoh_bus import open_bus
 
 _log = logging.getLogger("sim")
 
-EXIT_USAGE = 2
-
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        prog="python -m sim",
+    parser = service_parser(
+        "sim",
         description="A differential-drive robot in a MuJoCo warehouse: it follows cmd_vel, publishes scan and "
         "odom, and brakes by itself when the supervisor falls silent.",
-    )
-    parser.add_argument("--config", type=Path, metavar="FILE", help="robot.toml; without it, its defaults")
-    parser.add_argument(
-        "--endpoint",
-        metavar="tcp/HOST:PORT",
-        help="where the supervisor listens (default: tcp/127.0.0.1:7447)",
+        epilog="exit code: 0 after SIGTERM or Ctrl-C, 1 after an error, 2 for a wrong configuration",
     )
     parser.add_argument(
         "--viewer",
@@ -38,18 +30,15 @@ def main() -> None:
         help="MuJoCo's window (default: where there is a display)",
     )
     arguments = parser.parse_args()
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     try:
-        document = read_toml(arguments.config)
-        if arguments.endpoint is not None:
-            document["bus"] = {**document.get("bus", {}), "endpoint": arguments.endpoint}
+        document = read_document(arguments)
         bus_section = section(document, "bus", BusSection)
         config = section(document, "sim", SimSection)
         plant = Plant(limits=config.limits(), lidar=config.lidar(), seed=config.seed)
         on_frame = open_viewer(plant) if arguments.viewer else None
     except (ConfigError, NoDisplayError) as error:
-        print(f"sim: {error}", file=sys.stderr)
-        sys.exit(EXIT_USAGE)
+        refuse("sim", error)
+    log_to_stderr()
 
     async def run(stop: asyncio.Event) -> int:
         def on_wait() -> None:

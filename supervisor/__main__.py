@@ -1,43 +1,33 @@
 """`python -m supervisor`: the safety supervisor, and the Zenoh hub of the robot."""
 
-import argparse
 import asyncio
 import logging
-import sys
-from pathlib import Path
 
 from supervisor.config import SupervisorSection
 from supervisor.service import SupervisorService
-from wire.config import BusSection, ConfigError, is_loopback, read_toml, section
+from wire.command_line import log_to_stderr, read_document, refuse, service_parser
+from wire.config import BusSection, ConfigError, is_loopback, section
 from wire.process import run_process
 from wire.zenoh_bus import open_bus
 
 _log = logging.getLogger("supervisor")
 
-EXIT_USAGE = 2
-
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        prog="python -m supervisor",
+    parser = service_parser(
+        "supervisor",
         description="The only writer of cmd_vel: passes the operator's commands to the robot while that is "
         "safe, and stops it otherwise. It is also the Zenoh hub that teleop and sim connect to.",
-    )
-    parser.add_argument("--config", type=Path, metavar="FILE", help="robot.toml; without it, its defaults")
-    parser.add_argument(
-        "--endpoint", metavar="tcp/HOST:PORT", help="where to listen (default: tcp/127.0.0.1:7447)"
+        epilog="exit code: 0 after SIGTERM or Ctrl-C, 1 after an error, 2 for a wrong configuration",
     )
     arguments = parser.parse_args()
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     try:
-        document = read_toml(arguments.config)
-        if arguments.endpoint is not None:
-            document["bus"] = {**document.get("bus", {}), "endpoint": arguments.endpoint}
+        document = read_document(arguments)
         bus_section = section(document, "bus", BusSection)
         config = section(document, "supervisor", SupervisorSection)
     except ConfigError as error:
-        print(f"supervisor: {error}", file=sys.stderr)
-        sys.exit(EXIT_USAGE)
+        refuse("supervisor", error)
+    log_to_stderr()
 
     async def run(stop: asyncio.Event) -> int:
         bus = await open_bus(bus_section.to_bus_config(), "hub")

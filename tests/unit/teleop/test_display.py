@@ -164,6 +164,13 @@ def test_a_silent_supervisor_has_the_tone_of_a_stop() -> None:
     assert tones(status(), age_s=1.0) == {Tone.STOP}
 
 
+def test_the_nearest_obstacle_gives_way_where_the_line_is_one_column_too_long() -> None:
+    newest = status(nearest_m=0.45)
+    whole = shown(newest)
+    assert shown(newest, width=len(whole)) == whole
+    assert shown(newest, width=len(whole) - 1).endswith("READY")
+
+
 def test_a_narrow_terminal_keeps_the_stop_and_its_reason() -> None:
     assert shown(status(SafetyStatus.STOPPED, reasons=["OBSTACLE"]), width=20) == "STOPPED: OBSTACLE -…"
 

@@ -20,7 +20,17 @@ pieces = st.lists(
 
 @pytest.mark.parametrize(
     "sequence",
-    [b"\x1b[A", b"\x1b[D", b"\x1b[1;5D", b"\x1b[3~", b"\x1bOA", b"\x1bOS", b"\x1b[200~", b"\x1b[97;5u"],
+    [
+        b"\x1b[A",
+        b"\x1b[D",
+        b"\x1b[1;5D",
+        b"\x1b[3~",
+        b"\x1bOA",
+        b"\x1bOS",
+        b"\x1b[200~",
+        b"\x1b[@",
+        b"\x1b[97;5u",
+    ],
 )
 def test_a_cursor_or_function_key_is_no_letter(sequence: bytes) -> None:
     assert KeyDecoder().feed(b"w" + sequence + b"x") == ["w", "x"]

@@ -18,6 +18,12 @@ def test_it_ticks_at_its_time_and_not_before() -> None:
     assert [rate.tick(0.05 - 2 * TOLERANCE_S), rate.tick(0.05)] == [False, True]
 
 
+def test_a_timer_that_fires_a_hair_too_early_is_the_tick_and_does_not_bring_another() -> None:
+    rate = Rate(0.05, 0.0)
+    rate.tick(0.0)
+    assert [rate.tick(0.05 - TOLERANCE_S / 2), rate.tick(0.05), rate.tick(0.1)] == [True, False, True]
+
+
 def test_a_late_tick_does_not_move_the_next_one() -> None:
     rate = Rate(0.05, 0.0)
     rate.tick(0.0)

@@ -46,6 +46,11 @@ def test_presses_beyond_the_limit_need_not_be_counted_back() -> None:
     assert after([UP] * 50 + [DOWN]).linear_m_s == 0.9
 
 
+def test_a_limit_whose_division_is_inexact_needs_no_counting_back_either() -> None:
+    steps = Steps(linear_step_m_s=0.1, max_linear_m_s=1.1)  # 1.1 / 0.1 is a little more than 11
+    assert after([UP] * 12 + [DOWN], steps).linear_m_s == 1.0
+
+
 def test_a_step_that_does_not_divide_the_limit_still_reaches_it_and_comes_back_to_zero() -> None:
     steps = Steps(linear_step_m_s=0.3, max_linear_m_s=1.0)
     assert [after([UP] * presses, steps).linear_m_s for presses in range(6)] == [0.0, 0.3, 0.6, 0.9, 1.0, 1.0]

@@ -1,0 +1,26 @@
+"""The operator's command is quick to say what it can do, and `supervisor` is ours wherever it is asked for."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from deploy.statedir import project_root
+
+
+def _python(code: str, cwd: Path) -> str:
+    return subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True, cwd=cwd
+    ).stdout.strip()
+
+
+def test_the_commands_help_loads_neither_zenoh_nor_pydantic_nor_numpy(tmp_path: Path) -> None:
+    code = "import sys, deploy.cli; print({'zenoh', 'pydantic', 'numpy', 'asyncio'} & set(sys.modules))"
+    assert _python(code, tmp_path) == "set()"
+
+
+@pytest.mark.parametrize("name", ["supervisor", "teleop", "sim", "wire", "deploy"])
+def test_our_names_are_ours_from_any_directory(name: str, tmp_path: Path) -> None:
+    found = _python(f"import {name}; print({name}.__file__)", tmp_path)
+    assert Path(found) == project_root() / name / "__init__.py"

@@ -1,0 +1,73 @@
+"""The state directory: where it is, and that two commands keep off each other."""
+
+from pathlib import Path
+
+import pytest
+
+from deploy.errors import DeployError
+from deploy.statedir import ENVIRONMENT, SOCKET_PATH_LIMIT, LockedError, StateDir, locked, project_root
+
+
+def test_the_default_is_in_the_project(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(ENVIRONMENT, raising=False)
+    assert StateDir.choose(None).path == project_root() / ".lifeline"
+
+
+def test_an_option_goes_before_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(ENVIRONMENT, str(tmp_path / "named"))
+    assert StateDir.choose(None).path == tmp_path / "named"
+    assert StateDir.choose(tmp_path / "given").path == tmp_path / "given"
+
+
+def test_it_is_for_this_user_only(tmp_path: Path) -> None:
+    state = StateDir(tmp_path / "new")
+    state.create()
+    assert state.path.stat().st_mode & 0o777 == 0o700
+
+
+def _of_socket_length(length: int) -> StateDir:
+    """A state directory whose socket's path has so many bytes; nothing is made."""
+    rest = length - len("//supervisord.sock")
+    return StateDir(Path("/" + "d" * rest))
+
+
+def test_a_socket_path_just_too_long_is_refused_with_a_way_out() -> None:
+    state = _of_socket_length(SOCKET_PATH_LIMIT + 1)
+    with pytest.raises(DeployError, match=r"too deep for a socket .* choose a shorter one with --state-dir"):
+        state.create()
+
+
+def test_a_socket_path_just_short_enough_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[Path] = []
+
+    def mkdir(path: Path, **_: object) -> None:
+        made.append(path)
+
+    monkeypatch.setattr(Path, "mkdir", mkdir)
+    state = _of_socket_length(SOCKET_PATH_LIMIT)
+    state.create()
+    assert made == [state.path]
+
+
+def test_a_second_command_is_refused_and_told_who_is_at_work(tmp_path: Path) -> None:
+    state = StateDir(tmp_path)
+    sentence = r"`lifeline up` \(pid \d+\) is at work in .*`lifeline down`"
+    with locked(state, "up"), pytest.raises(LockedError, match=sentence), locked(state, "up"):
+        pass
+    with locked(state, "down"):
+        pass
+
+
+def test_a_lock_without_a_readable_holder_is_a_lock_all_the_same(tmp_path: Path) -> None:
+    state = StateDir(tmp_path)
+    with locked(state, "up"):
+        state.lock.write_text("[]")
+        with pytest.raises(LockedError, match="another `lifeline` is at work"), locked(state, "up"):
+            pass
+
+
+def test_the_last_lines_of_a_log_are_told_and_a_missing_log_is_empty(tmp_path: Path) -> None:
+    state = StateDir(tmp_path)
+    state.log("sim").write_text("".join(f"line {i}\n" for i in range(20)))
+    assert state.last_lines("sim", 2) == "    line 18\n    line 19"
+    assert state.last_lines("supervisor") == ""

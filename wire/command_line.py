@@ -1,0 +1,52 @@
+"""What the commands of the three processes share: their options, their logs, and how they refuse."""
+
+import argparse
+import logging
+import sys
+from pathlib import Path
+from typing import Any, NoReturn
+
+from wire.config import read_toml
+from wire.zenoh_bus import DEFAULT_ENDPOINT
+
+EXIT_USAGE = 2
+
+
+def service_parser(node: str, **options: Any) -> argparse.ArgumentParser:  # noqa: ANN401 - ArgumentParser's own
+    """The parser of `python -m <node>`, with `--config` and `--endpoint`."""
+    parser = argparse.ArgumentParser(prog=f"python -m {node}", **options)
+    parser.add_argument("--config", type=Path, metavar="FILE", help="robot.toml; without it, the defaults")
+    parser.add_argument(
+        "--endpoint",
+        metavar="tcp/HOST:PORT",
+        help=f"where the supervisor listens (default: {DEFAULT_ENDPOINT})",
+    )
+    return parser
+
+
+def read_document(arguments: argparse.Namespace) -> dict[str, Any]:
+    """The configuration file of a command line, with the endpoint that it may name instead.
+
+    Raises:
+        ConfigError: the file cannot be read.
+    """
+    document = read_toml(arguments.config)
+    override(document, "bus", "endpoint", arguments.endpoint)
+    return document
+
+
+def override(document: dict[str, Any], section: str, key: str, value: str | None) -> None:
+    """Let a command line's value stand before the file's; a section that is no table is refused later."""
+    values = document.setdefault(section, {})
+    if value is not None and isinstance(values, dict):
+        values[key] = value
+
+
+def log_to_stderr() -> None:
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+
+
+def refuse(node: str, sentence: object) -> NoReturn:
+    """End before anything has started, with one sentence."""
+    print(f"{node}: {sentence}", file=sys.stderr)
+    sys.exit(EXIT_USAGE)
