@@ -1,0 +1,39 @@
+"""What must hold for the repository itself."""
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("package", ["wire", "supervisor", "teleop", "sim", "deploy"])
+def test_each_package_is_this_repository_s_from_any_directory(package: str, tmp_path: Path) -> None:
+    """PyPI has a `supervisor` (supervisord's) and a `teleop`: neither may shadow ours."""
+    found = subprocess.run(
+        [sys.executable, "-c", f"import {package}; print({package}.__file__)"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=30,
+    ).stdout.strip()
+    assert Path(found) == ROOT / package / "__init__.py"
+
+
+def test_the_lock_fails_when_a_namesake_comes_in() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    assert set(project["tool"]["uv"]["constraint-dependencies"]) == {"supervisor<0", "teleop<0"}
+    lock = tomllib.loads((ROOT / "uv.lock").read_text())
+    assert {"supervisor", "teleop"}.isdisjoint(package["name"] for package in lock["package"])
+
+
+def test_the_readme_names_every_key_of_the_wire() -> None:
+    from wire import topics  # noqa: PLC0415 - the test above must import it first in a process of its own
+
+    readme = (ROOT / "README.md").read_text()
+    for entry in (*topics.TOPICS, *topics.SERVICES):
+        assert f"`robot/{entry.key}`" in readme
