@@ -1,0 +1,19 @@
+"""The operator's side: what starts the processes, looks at them, and takes them down again.
+
+cli.py             the command `lifeline`: its options, and nothing else
+up.py              `lifeline up`: the stack, with teleop in this terminal
+status.py          `lifeline status`: one look
+demo.py            `lifeline demo`: the promises of the design, measured on the running stack
+verdict.py         one promise with its bound and what was measured
+stack.py           sim and supervisor as one thing: start, wait until alive, stop
+supervisord.py     supervisord itself: fetched by uv, asked over its socket
+processes.py       which processes belong to a state directory, and signals to them
+statedir.py        the state directory: its files, its lock
+launch.py          what the children are started with, checked before anything starts
+keyboard.py        the real teleop on a pseudo-terminal, and a hand that types
+observe.py         what a client of the wire sees, with the time of each arrival
+interrupts.py      SIGINT, SIGTERM and SIGHUP as one exception, once
+errors.py          what is told in one sentence and ends with exit code 2
+supervisord.conf   the programs under supervisord
+robot.toml         every key of the configuration, with its default
+"""

@@ -1,0 +1,49 @@
+# Everything from a fresh Debian or Ubuntu machine with Python 3.11 or newer and make; `make help` lists it.
+
+PYTHON ?= python3
+# uv of this machine where there is one that works, else one of our own in .uv
+UV := $(shell uv --version >/dev/null 2>&1 && command -v uv || echo .uv/bin/uv)
+OWN_UV := $(filter .uv/bin/uv,$(UV))
+STAMP := .venv/.made-from-lock
+
+# This machine's Python: uv fetches none.
+export UV_PYTHON_DOWNLOADS := never
+export UV := $(UV)
+
+.DEFAULT_GOAL := help
+.PHONY: help setup run test check picture
+
+help: ## this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+setup: $(STAMP) ## the environment alone: .venv from uv.lock
+
+run: $(STAMP) ## drive the robot by keyboard; without a terminal, play the demo
+	@if [ -t 0 ] && [ -t 1 ]; then exec .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
+
+test: check ## the checks, then every test
+	.venv/bin/pytest
+
+check: $(STAMP) ## ruff, pyright and import-linter
+	.venv/bin/ruff check
+	.venv/bin/ruff format --check
+	.venv/bin/pyright
+	.venv/bin/lint-imports
+
+picture: $(STAMP) ## render docs/images/warehouse.png anew
+	.venv/bin/python -m sim.render --out docs/images/warehouse.png
+
+$(STAMP): uv.lock pyproject.toml | $(OWN_UV)
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "Lifeline needs Python 3.11 or newer; this is $$($(PYTHON) --version 2>&1)." \
+	    "Name a newer one: make PYTHON=python3.12" >&2; exit 1; }
+	$(UV) sync --locked --python $(PYTHON)
+	@.venv/bin/python -c 'from deploy.supervisord import fetch, find_uv; fetch(find_uv(), print)'
+	@touch $@
+
+.uv/bin/uv:
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { \
+	  echo "uv is missing, and this Python cannot make an environment to fetch it:" \
+	    "apt install python3-venv" >&2; exit 1; }
+	$(PYTHON) -m venv .uv
+	.uv/bin/pip install --quiet uv

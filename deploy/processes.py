@@ -1,0 +1,68 @@
+"""Which processes belong to a state directory, found by what they are and not by what somebody wrote down.
+
+Everything that a stack starts carries its state directory in the environment, and hands it on to its own
+children. So a child whose supervisord was killed is found as well, after any number of restarts, and a
+pid that the kernel has given to somebody else is not: the mark is read again behind a pidfd before a signal.
+"""
+
+import itertools
+import os
+import signal
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+MARK = "LIFELINE_STACK"
+POLL_S = 0.02
+OURS = ("supervisor", "sim", "teleop")
+
+
+@dataclass(frozen=True, slots=True)
+class Process:
+    """A running process of ours."""
+
+    pid: int
+    name: str
+    """`supervisord`, or the name of one of our own processes."""
+
+
+def of(state_dir: Path) -> list[Process]:
+    """The running processes of a state directory, but this one."""
+    pids = (int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdecimal())
+    found = ((pid, _name(pid, state_dir)) for pid in pids if pid != os.getpid())
+    return [Process(pid, name) for pid, name in found if name is not None]
+
+
+def send(process: Process, state_dir: Path, number: signal.Signals) -> None:
+    """Signal a process, if it is still the one that was found."""
+    with suppress(ProcessLookupError, PermissionError):
+        handle = os.pidfd_open(process.pid)
+        try:
+            if _name(process.pid, state_dir) == process.name:
+                signal.pidfd_send_signal(handle, number)
+        finally:
+            os.close(handle)
+
+
+def wait_for_none(state_dir: Path, limit_s: float) -> list[Process]:
+    """Wait until nothing of a state directory runs; what still does after `limit_s` is returned."""
+    deadline_s = time.monotonic() + limit_s
+    while (left := of(state_dir)) and time.monotonic() < deadline_s:
+        time.sleep(POLL_S)
+    return left
+
+
+def _name(pid: int, state_dir: Path) -> str | None:
+    """What a process is; None for one that is gone, a zombie, or not of this state directory."""
+    try:
+        environment = Path(f"/proc/{pid}/environ").read_bytes().split(b"\0")
+        arguments = [os.fsdecode(a) for a in Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")]
+    except OSError:
+        return None
+    if os.fsencode(f"{MARK}={state_dir}") not in environment:
+        return None
+    for option, value in itertools.pairwise(arguments):
+        if option == "-m" and value in OURS:
+            return value
+    return "supervisord" if any(Path(a).name == "supervisord" for a in arguments) else None

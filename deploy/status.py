@@ -1,0 +1,158 @@
+"""`lifeline status`: one look at a running robot."""
+
+import asyncio
+import json
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from deploy import supervisord
+from deploy.errors import EXIT_NOT_RUNNING
+from deploy.launch import Launch
+from deploy.observe import Motion, State, observing
+from deploy.statedir import StateDir
+from wire import topics
+
+CONNECT_LIMIT_S = 1.0
+LISTEN_LIMIT_S = 1.0
+"""Status and odometry come at least ten times in it."""
+
+EXIT_PARTLY = 1
+
+NODES = (topics.SUPERVISOR, topics.SIM, topics.TELEOP)
+NEEDED = (topics.SUPERVISOR, topics.SIM)
+MODES = ("STOPPED", "READY", "DRIVING", "LIMITED")
+COLOURS = {"STOPPED": "bold red", "READY": "green", "DRIVING": "bold green", "LIMITED": "yellow"}
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What was seen."""
+
+    endpoint: str
+    connected: bool
+    alive: frozenset[str]
+    programs: dict[str, str]
+    """supervisord's word on each of its programs."""
+    state: State | None
+    motion: Motion | None
+
+    @property
+    def exit_code(self) -> int:
+        if all(node in self.alive for node in NEEDED) and self.state is not None:
+            return 0
+        return EXIT_PARTLY if self.connected or self.programs else EXIT_NOT_RUNNING
+
+    @property
+    def mode(self) -> str | None:
+        return None if self.state is None else MODES[min(self.state.status.mode, len(MODES) - 1)]
+
+    def to_json(self) -> str:
+        status = None if self.state is None else self.state.status
+        document: dict[str, Any] = {
+            "endpoint": self.endpoint,
+            "running": self.exit_code == 0,
+            "nodes": {
+                node: {"alive": node in self.alive, "process": self.programs.get(node)} for node in NODES
+            },
+            "mode": self.mode,
+            "reasons": status.reasons if status else None,
+            "owner": status.owner if status else None,
+            "warning": status.warning if status else None,
+            "alarm": status.alarm if status else None,
+            "linear_m_s": _number(self.motion.linear_m_s if self.motion else None),
+            "angular_rad_s": _number(self.motion.angular_rad_s if self.motion else None),
+            "nearest_m": _number(status.nearest_m if status else None),
+            "nearest_bearing_rad": _number(status.nearest_bearing_rad if status else None),
+        }
+        return json.dumps(document, indent=2)
+
+
+def _number(value: float | None) -> float | None:
+    """JSON has no NaN and no infinity."""
+    return None if value is None or not math.isfinite(value) else round(value, 4)
+
+
+def show_status(state: StateDir, launch: Launch, *, as_json: bool) -> int:
+    """Look, print, and return the exit code: 0 running, 1 partly, 3 not at all."""
+    look = asyncio.run(_look(state, launch))
+    if as_json:
+        print(look.to_json())
+    else:
+        Console().print(_table(look))
+    return look.exit_code
+
+
+async def _look(state: StateDir, launch: Launch) -> Look:
+    programs = {p.name: p.state for p in supervisord.programs(state) or ()}
+    try:
+        async with observing(launch.bus, CONNECT_LIMIT_S) as observer:
+            await observer.until(
+                lambda seen: bool(seen.states and seen.motions) and seen.alive.issuperset(NEEDED),
+                LISTEN_LIMIT_S,
+            )
+            seen = observer.seen
+            return Look(
+                endpoint=launch.bus.endpoint,
+                connected=True,
+                alive=frozenset(seen.alive),
+                programs=programs,
+                state=seen.states[-1] if seen.states else None,
+                motion=seen.motions[-1] if seen.motions else None,
+            )
+    except TimeoutError:
+        return Look(
+            launch.bus.endpoint,
+            connected=False,
+            alive=frozenset(),
+            programs=programs,
+            state=None,
+            motion=None,
+        )
+
+
+def _table(look: Look) -> Table | Text:
+    if look.exit_code == EXIT_NOT_RUNNING:
+        return Text(f"nothing is running at {look.endpoint}; start with `lifeline up`")
+    table = Table(show_header=False, title=look.endpoint, title_justify="left")
+    table.add_column(style="bold")
+    table.add_column()
+    for node in (*NODES, *sorted(look.alive.difference(NODES))):
+        alive = node in look.alive
+        note = f" (process {look.programs[node]})" if node in look.programs else ""
+        style = "green" if alive else "red" if node in NEEDED else "dim"
+        table.add_row(node, Text(f"{'alive' if alive else 'not there'}{note}", style=style))
+    if look.state is None:
+        table.add_row("mode", Text(f"unknown: no status within {LISTEN_LIMIT_S:g} s", style="bold red"))
+    else:
+        status = look.state.status
+        table.add_row("mode", Text(look.mode or "", style=COLOURS[look.mode or "STOPPED"]))
+        if status.reasons:
+            table.add_row("reasons", ", ".join(status.reasons))
+        table.add_row("speed", _speed(look.motion))
+        table.add_row("nearest", _nearest(status.nearest_m, status.nearest_bearing_rad))
+    return table
+
+
+def _speed(motion: Motion | None) -> str:
+    if motion is None:
+        return "unknown: no odometry"
+    # Adding zero turns a −0.00 into 0.00.
+    return f"{round(motion.linear_m_s, 2) + 0.0:.2f} m/s, {round(motion.angular_rad_s, 2) + 0.0:.2f} rad/s"
+
+
+def _nearest(distance_m: float, bearing_rad: float) -> str:
+    if not math.isfinite(distance_m):
+        return "unknown"
+    degrees = round(math.degrees(bearing_rad))
+    if abs(degrees) < 10:
+        where = "ahead"
+    elif abs(degrees) > 170:
+        where = "behind"
+    else:
+        where = f"{abs(degrees)}° to the {'left' if degrees > 0 else 'right'}"
+    return f"{distance_m:.2f} m from the hull, {where}"

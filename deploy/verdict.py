@@ -1,0 +1,83 @@
+"""One promise of the design, with its bound and what was measured."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+MIN_WIDTH = 110
+"""Columns of the table where there is no terminal to ask."""
+
+MEASURING_S = 0.010
+"""What a busy machine adds to a time that is measured from outside the process that keeps the promise."""
+
+
+class Outcome(StrEnum):
+    """What became of a promise."""
+
+    KEPT = "kept"
+    LATE = "late"
+    """Beyond the bound by no more than a busy machine adds: told, and not held against the robot."""
+    BROKEN = "BROKEN"
+
+
+COLOURS = {Outcome.KEPT: "green", Outcome.LATE: "yellow", Outcome.BROKEN: "bold red"}
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """A line of the demo's table."""
+
+    number: int
+    """Of the promise, in section 4 of the design."""
+    promise: str
+    bound: str
+    measured: str
+    outcome: Outcome
+
+
+def judged(*, kept: bool) -> Outcome:
+    """A promise that no busy machine excuses."""
+    return Outcome.KEPT if kept else Outcome.BROKEN
+
+
+def timed(measured_s: float, bound_s: float) -> Outcome:
+    """A promise of a time."""
+    if measured_s <= bound_s:
+        return Outcome.KEPT
+    return Outcome.LATE if measured_s <= bound_s + MEASURING_S else Outcome.BROKEN
+
+
+def worst(*outcomes: Outcome) -> Outcome:
+    return max(outcomes, key=list(Outcome).index)
+
+
+def summary(verdicts: Sequence[Verdict]) -> str:
+    """One sentence on all of them."""
+    counts = {outcome: sum(v.outcome is outcome for v in verdicts) for outcome in Outcome}
+    sentence = f"{counts[Outcome.KEPT]} of {len(verdicts)} promises kept"
+    if counts[Outcome.LATE]:
+        sentence += f", {counts[Outcome.LATE]} late by at most {MEASURING_S * 1000:.0f} ms (a busy machine?)"
+    if counts[Outcome.BROKEN]:
+        sentence += f", {counts[Outcome.BROKEN]} BROKEN"
+    return sentence
+
+
+def print_verdicts(verdicts: Sequence[Verdict]) -> None:
+    """The table, by number of the promise."""
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=MIN_WIDTH)
+    table = Table(title="what was promised, and what was measured", title_justify="left")
+    table.add_column("№", justify="right")
+    table.add_column("promise")
+    table.add_column("bound")
+    table.add_column("measured")
+    table.add_column("")
+    for verdict in sorted(verdicts, key=lambda v: v.number):
+        word = Text(verdict.outcome, style=COLOURS[verdict.outcome])
+        table.add_row(str(verdict.number), verdict.promise, verdict.bound, verdict.measured, word)
+    console.print(table)

@@ -1,0 +1,21 @@
+"""The demo: every promise that it checks is kept, and it leaves nothing behind."""
+
+import subprocess
+import sys
+
+LIMIT_S = 100
+
+
+def test_the_demo_keeps_every_promise_it_checks() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "deploy.cli", "demo", "--quick"],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=LIMIT_S,
+    )
+    print(done.stdout)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "13 of 13 promises kept" in done.stdout or "late by" in done.stdout
+    assert "BROKEN" not in done.stdout

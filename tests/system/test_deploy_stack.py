@@ -1,0 +1,247 @@
+"""`lifeline up`, `status` and `down` with the real supervisord, and what can be in their way."""
+
+import json
+import os
+import pty
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from deploy import processes, stack, supervisord
+from deploy.launch import free_loopback_endpoint
+from deploy.statedir import StateDir
+
+COMMAND_LIMIT_S = 60
+WAIT_LIMIT_S = 20
+POLL_S = 0.05
+
+
+@dataclass
+class Robot:
+    """One state directory and endpoint, and the commands on them."""
+
+    state: StateDir
+    endpoint: str
+
+    def command(self, name: str, *options: str) -> list[str]:
+        here = ["--endpoint", self.endpoint, "--no-viewer"] if name == "up" else []
+        return [
+            sys.executable,
+            "-m",
+            "deploy.cli",
+            name,
+            "--state-dir",
+            str(self.state.path),
+            *here,
+            *options,
+        ]
+
+    def run(self, name: str, *options: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            self.command(name, *options),
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=COMMAND_LIMIT_S,
+        )
+
+    def status(self) -> dict[str, Any]:
+        return json.loads(self.run("status", "--json").stdout)
+
+    def pids(self) -> dict[str, int]:
+        return {process.name: process.pid for process in processes.of(self.state.path)}
+
+
+@pytest.fixture
+def robot() -> Generator[Robot]:
+    """Not in pytest's own directory, which is too deep for a socket on some machines."""
+    directory = Path(tempfile.mkdtemp(prefix="lifeline-test-")).resolve()
+    robot = Robot(StateDir(directory), free_loopback_endpoint())
+    yield robot
+    stack.stop(robot.state)
+    shutil.rmtree(directory)
+
+
+def _wait_for(condition: Callable[[], bool], what: str) -> None:
+    deadline_s = time.monotonic() + WAIT_LIMIT_S
+    while not condition():
+        assert time.monotonic() < deadline_s, what
+        time.sleep(POLL_S)
+
+
+def _refused(done: subprocess.CompletedProcess[str], sentence: str) -> None:
+    """Exit code 2, and one message on stderr that is no traceback."""
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert done.stderr.startswith("lifeline: ")
+    assert "Traceback" not in done.stderr
+    assert re.search(sentence, done.stderr), done.stderr
+
+
+def test_a_robot_comes_up_is_seen_and_goes_down(robot: Robot) -> None:
+    up = robot.run("up", "--detach")
+    assert up.returncode == 0, up.stderr
+    assert "waiting for sim and supervisor" in up.stdout
+    assert robot.pids().keys() == {"supervisord", "supervisor", "sim"}
+
+    look = robot.run("status", "--json")
+    assert look.returncode == 0, look.stdout
+    seen = json.loads(look.stdout)
+    assert [name for name, node in seen["nodes"].items() if node["alive"]] == ["supervisor", "sim"]
+    assert (seen["mode"], seen["reasons"]) == ("STOPPED", ["NO_COMMAND"])
+    assert seen["linear_m_s"] == pytest.approx(0, abs=0.01)
+    assert seen["nearest_m"] > 0.3
+    assert "NO_COMMAND" in robot.run("status").stdout
+
+    _refused(robot.run("up", "--detach"), r"already runs in .*`lifeline down`")
+    assert robot.status()["running"], "a refused second `up` must not touch the first"
+
+    down = robot.run("down")
+    assert (down.returncode, down.stdout) == (0, "lifeline: everything is down\n")
+    assert robot.pids() == {}
+    assert not robot.state.socket.exists()
+
+    again = robot.run("down")
+    assert (again.returncode, again.stdout) == (0, "lifeline: nothing is running\n")
+    assert robot.run("status").returncode == 3
+
+
+def test_a_killed_supervisor_is_restarted_and_a_killed_supervisord_is_cleaned_up_after(robot: Robot) -> None:
+    assert robot.run("up", "--detach").returncode == 0
+    first = robot.pids()
+
+    os.kill(first["supervisor"], signal.SIGKILL)
+    killed_s = time.monotonic()
+    _wait_for(
+        lambda: robot.pids().get("supervisor", first["supervisor"]) != first["supervisor"], "no restart"
+    )
+    _wait_for(lambda: robot.status()["running"], "not alive after the restart")
+    print(f"supervisor killed: running again after {time.monotonic() - killed_s:.1f} s")
+    assert robot.pids()["sim"] == first["sim"]
+
+    os.kill(first["supervisord"], signal.SIGKILL)
+    _wait_for(lambda: robot.pids().keys() == {"supervisor", "sim"}, "supervisord lives on")
+    _refused(
+        robot.run("up", "--detach"),
+        r"supervisord was killed and left .*supervisor \(pid \d+\).*`lifeline down`",
+    )
+
+    down = robot.run("down")
+    assert down.returncode == 0
+    assert down.stdout == "lifeline: supervisord had been killed; stopped what it left: sim, supervisor\n"
+    assert robot.pids() == {}
+
+
+def test_a_pid_file_of_a_dead_supervisord_is_in_nobodys_way(robot: Robot) -> None:
+    robot.state.pid_file.write_text("1\n")
+    robot.state.socket.touch()
+    assert robot.run("up", "--detach").returncode == 0
+    assert robot.run("down").returncode == 0
+
+
+def test_a_port_in_use_is_one_sentence_and_starts_nothing(robot: Robot) -> None:
+    with socket.create_server(("127.0.0.1", int(robot.endpoint.rsplit(":", 1)[1]))):
+        _refused(
+            robot.run("up", "--detach"), r"port \d+ on 127\.0\.0\.1 is in use by another program.*--endpoint"
+        )
+    assert robot.pids() == {}
+
+
+def test_a_missing_configuration_is_one_sentence(robot: Robot) -> None:
+    _refused(
+        robot.run("up", "--detach", "--config", "/nowhere/robot.toml"), r"cannot read .*/nowhere/robot\.toml"
+    )
+
+
+def test_a_missing_uv_is_one_sentence(robot: Robot, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("UV", str(tmp_path / "uv"))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    if (Path(supervisord.project_root()) / ".uv" / "bin" / "uv").exists():
+        pytest.skip("`make setup` fetched one, which is found")
+    _refused(robot.run("up", "--detach"), r"uv is missing.*`make setup`")
+
+
+def test_without_a_terminal_up_says_what_to_do_instead(robot: Robot) -> None:
+    _refused(robot.run("up"), r"teleop needs a terminal.*--detach.*lifeline demo")
+
+
+def test_a_process_that_ends_at_once_is_told_with_the_end_of_its_log(robot: Robot) -> None:
+    config = robot.state.path / "robot.toml"
+    config.write_text("[sim]\nscan_hz = -1\n")
+    _refused(
+        robot.run("up", "--detach", "--config", str(config)),
+        r"sim ends as soon as it is started; the end of .*sim\.log:\n(.*\n)*.*sim\.scan_hz = -1",
+    )
+    assert robot.pids() == {}
+
+
+@dataclass
+class Terminal:
+    """`lifeline up` in a terminal of its own."""
+
+    process: subprocess.Popen[bytes]
+    master: int
+
+    def press(self, keys: str) -> None:
+        os.write(self.master, keys.encode())
+
+
+@pytest.fixture
+def terminal(robot: Robot) -> Generator[Terminal]:
+    master, slave = pty.openpty()
+    environment = os.environ | {"TERM": "xterm-256color"}
+    process = subprocess.Popen(
+        robot.command("up"), stdin=slave, stdout=slave, stderr=slave, start_new_session=True, env=environment
+    )
+    os.close(slave)
+    # Somebody has to look at the screen, or it fills up.
+    reader = subprocess.Popen(["cat"], stdin=master, stdout=subprocess.DEVNULL)
+    yield Terminal(process, master)
+    process.kill()
+    process.wait()
+    os.close(master)
+    reader.kill()
+    reader.wait()
+
+
+def _drive(robot: Robot, terminal: Terminal) -> None:
+    _wait_for(lambda: robot.state.record.exists() and robot.status()["mode"] == "READY", "not ready to drive")
+    terminal.press("www")
+    _wait_for(lambda: (robot.status()["linear_m_s"] or 0) > 0.2, "the robot does not move")
+
+
+def test_up_drives_from_this_terminal_and_takes_everything_down_on_q(
+    robot: Robot, terminal: Terminal
+) -> None:
+    _drive(robot, terminal)
+    assert "teleop" in robot.pids()
+    terminal.press("q")
+    assert terminal.process.wait(WAIT_LIMIT_S) == 0
+    assert robot.pids() == {}
+
+
+def test_down_from_another_terminal_ends_a_driving_up(robot: Robot, terminal: Terminal) -> None:
+    """By SIGTERM, as a service manager would."""
+    _drive(robot, terminal)
+    down = robot.run("down")
+    assert (down.returncode, down.stdout) == (0, "lifeline: everything is down\n")
+    assert terminal.process.wait(WAIT_LIMIT_S) == 128 + signal.SIGTERM
+    assert robot.pids() == {}
+
+
+def test_a_signal_while_it_still_waits_leaves_nothing_behind(robot: Robot, terminal: Terminal) -> None:
+    _wait_for(lambda: "supervisord" in robot.pids(), "supervisord does not start")
+    terminal.process.send_signal(signal.SIGINT)
+    assert terminal.process.wait(WAIT_LIMIT_S) == 128 + signal.SIGINT
+    assert robot.pids() == {}
