@@ -13,16 +13,22 @@ the speed from which reacting for T and then braking with a ends exactly at d (v
 twist is scaled as a whole, so that an arc keeps its shape; what closes on nothing near is not slowed.
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
 
 CLOSING_TOLERANCE_M_S = 0.01
 """Closing more slowly than this is not closing: readings are noisy."""
+
+OUTLINE_SPACING_M = 0.02
+"""Between two points of a hull's outline, at most."""
 
 
 class Hull(Protocol):
@@ -30,6 +36,10 @@ class Hull(Protocol):
 
     def nearest(self, points: Floats) -> tuple[Floats, Floats]:
         """Distances (n,) [m], negative inside, and outward unit normals (n, 2), for points (n, 2) [m]."""
+        ...
+
+    def outline(self) -> tuple[Floats, Floats]:
+        """Points (m, 2) [m] along the hull and their outward unit normals (m, 2)."""
         ...
 
     @property
@@ -49,6 +59,12 @@ class Circle:
         safe = np.where(distances > 0.0, distances, 1.0)
         normals = np.where(distances[:, None] > 0.0, points / safe[:, None], (1.0, 0.0))
         return distances - self.radius_m, normals
+
+    def outline(self) -> tuple[Floats, Floats]:
+        count = max(72, math.ceil(2 * math.pi * self.radius_m / OUTLINE_SPACING_M))
+        angle = np.linspace(0.0, 2 * math.pi, count, endpoint=False)
+        normals: Floats = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        return self.radius_m * normals, normals
 
 
 @dataclass(frozen=True)
@@ -73,10 +89,8 @@ class ConvexPolygon:
         return max(float(np.hypot(x, y)) for x, y in self.corners)
 
     def nearest(self, points: Floats) -> tuple[Floats, Floats]:
-        start = np.array(self.corners, dtype=np.float64)
-        side = np.roll(start, -1, axis=0) - start
+        start, side, outward = self._sides()
         length = np.hypot(side[:, 0], side[:, 1])
-        outward = np.stack([side[:, 1], -side[:, 0]], axis=1) / length[:, None]
         offset = points[:, None, :] - start[None, :, :]
         height: Floats = (offset * outward).sum(axis=2)  # (n, m): signed distance from each side's line
         rows = np.arange(len(points))
@@ -94,37 +108,93 @@ class ConvexPolygon:
         )
         return distances, normals
 
+    def outline(self) -> tuple[Floats, Floats]:
+        points: list[Floats] = []
+        normals: list[Floats] = []
+        for start, side, outward in zip(*self._sides(), strict=True):
+            count = math.ceil(float(np.hypot(*side)) / OUTLINE_SPACING_M) + 1
+            along = np.linspace(0.0, 1.0, count)[:, None]
+            points.append(start + along * side)
+            normals.append(np.repeat(outward[None, :], count, axis=0))
+        return np.concatenate(points), np.concatenate(normals)
+
+    def _sides(self) -> tuple[Floats, Floats, Floats]:
+        """Each side's start (m, 2), way to its end (m, 2), and outward unit normal (m, 2)."""
+        start = np.array(self.corners, dtype=np.float64)
+        side: Floats = np.roll(start, -1, axis=0) - start
+        outward = np.stack([side[:, 1], -side[:, 0]], axis=1) / np.hypot(side[:, 0], side[:, 1])[:, None]
+        return start, side, outward
+
 
 @dataclass(frozen=True)
 class Surroundings:
     """Points around the hull, with what the closing speed needs, computed once for each scan."""
 
+    points: Floats
+    """(n, 2) [m], base frame."""
     clearance_m: Floats
     """(n,): hull to point."""
     per_linear: Floats
     """(n,): closing speed [m/s] for each m/s of forward velocity."""
     per_angular: Floats
     """(n,): closing speed [m/s] for each rad/s of turn rate."""
+    blind_per_linear: Floats
+    """(b,): the same for the points of the hull's outline that face where nobody looks."""
+    blind_per_angular: Floats
+    """(b,)"""
     nearest_m: float
     """Infinity where there is no point."""
     nearest_bearing_rad: float
     """Direction of the nearest point from the base frame's origin; NaN where there is none."""
 
 
-def survey(hull: Hull, points: Floats) -> Surroundings:
-    """What points (n, 2) [m] in the base frame mean for motions of the hull."""
+def survey(hull: Hull, points: Floats, *, blind: Mask | None = None) -> Surroundings:
+    """What points (n, 2) [m] in the base frame mean for motions of the hull.
+
+    Args:
+        hull: the robot's outline.
+        points: where something is.
+        blind: (m,), the points of `hull.outline()` that face where nobody looks; None: all of them.
+    """
+    blind_linear, blind_angular = _outline_rates(hull)
+    if blind is not None:
+        blind_linear, blind_angular = blind_linear[blind], blind_angular[blind]
     if len(points) == 0:
         none = np.empty(0)
-        return Surroundings(none, none, none, float("inf"), float("nan"))
-    clearance, normal = hull.nearest(points)
+        return Surroundings(points, none, none, none, blind_linear, blind_angular, float("inf"), float("nan"))
+    clearance, normals = hull.nearest(points)
     first = int(clearance.argmin())
     return Surroundings(
+        points,
         clearance,
-        normal[:, 0],
-        normal[:, 1] * points[:, 0] - normal[:, 0] * points[:, 1],
+        *_rates(points, normals),
+        blind_linear,
+        blind_angular,
         float(clearance[first]),
         float(np.arctan2(points[first, 1], points[first, 0])),
     )
+
+
+def _rates(points: Floats, normals: Floats) -> tuple[Floats, Floats]:
+    """Closing speeds for each unit of forward velocity and of turn rate."""
+    return normals[:, 0], normals[:, 1] * points[:, 0] - normals[:, 0] * points[:, 1]
+
+
+@lru_cache(maxsize=8)
+def _outline_rates(hull: Hull) -> tuple[Floats, Floats]:
+    return _rates(*hull.outline())
+
+
+def moved(around: Surroundings, hull: Hull, displacement: tuple[float, float, float]) -> Surroundings:
+    """The same points as seen after the robot has moved by (x [m], y [m], yaw [rad]) in the old base frame."""
+    x_m, y_m, yaw_rad = displacement
+    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+    offset = around.points - (x_m, y_m)
+    points: Floats = np.stack(
+        [cos * offset[:, 0] + sin * offset[:, 1], cos * offset[:, 1] - sin * offset[:, 0]], axis=1
+    )
+    now = survey(hull, points)
+    return replace(now, blind_per_linear=around.blind_per_linear, blind_per_angular=around.blind_per_angular)
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,45 +203,55 @@ class Block:
 
     per_linear: float
     per_angular: float
+    blind: bool
+    """Nothing is known to be there: it is where nobody looks."""
 
     def is_approached_by(self, linear_m_s: float, angular_rad_s: float) -> bool:
         closing = self.per_linear * linear_m_s + self.per_angular * angular_rad_s
         return closing > CLOSING_TOLERANCE_M_S
 
 
-def permitted_closing_speed(
-    clearance_m: Floats, *, stop_distance_m: float, deceleration_m_s2: float, reaction_s: float
-) -> Floats:
+@dataclass(frozen=True, slots=True)
+class Barrier:
+    """The numbers of the barrier at one moment."""
+
+    stop_distance_m: float
+    deceleration_m_s2: float
+    reaction_s: float
+    blind_creep_m_s: float
+    """How fast the hull may move to where nobody looks."""
+
+
+def permitted_closing_speed(clearance_m: Floats, barrier: Barrier) -> Floats:
     """κ(c) for each clearance (n,): the closing speed [m/s] that still comes to rest at the stop distance."""
-    margin = np.maximum(clearance_m - stop_distance_m, 0.0)
-    lost = deceleration_m_s2 * reaction_s
-    return np.sqrt(lost * lost + 2.0 * deceleration_m_s2 * margin) - lost
+    margin = np.maximum(clearance_m - barrier.stop_distance_m, 0.0)
+    lost = barrier.deceleration_m_s2 * barrier.reaction_s
+    return np.sqrt(lost * lost + 2.0 * barrier.deceleration_m_s2 * margin) - lost
 
 
 def permitted_scale(
-    surroundings: Surroundings,
-    linear_m_s: float,
-    angular_rad_s: float,
-    *,
-    stop_distance_m: float,
-    deceleration_m_s2: float,
-    reaction_s: float,
+    around: Surroundings, linear_m_s: float, angular_rad_s: float, barrier: Barrier
 ) -> tuple[float, Block | None]:
     """The share of a twist that is permitted, 0 to 1, and the point that limits it; (1, None) where none does."""
-    closing = surroundings.per_linear * linear_m_s + surroundings.per_angular * angular_rad_s
+    scale, block = 1.0, None
+    closing = around.per_linear * linear_m_s + around.per_angular * angular_rad_s
     (closed_on,) = np.nonzero(closing > CLOSING_TOLERANCE_M_S)
-    if len(closed_on) == 0:
-        return 1.0, None
-    permitted = permitted_closing_speed(
-        surroundings.clearance_m[closed_on],
-        stop_distance_m=stop_distance_m,
-        deceleration_m_s2=deceleration_m_s2,
-        reaction_s=reaction_s,
-    )
-    scales = permitted / closing[closed_on]
-    tightest = int(scales.argmin())
-    if scales[tightest] >= 1.0:
-        return 1.0, None
-    point = int(closed_on[tightest])
-    block = Block(float(surroundings.per_linear[point]), float(surroundings.per_angular[point]))
-    return float(scales[tightest]), block
+    if len(closed_on):
+        permitted = permitted_closing_speed(around.clearance_m[closed_on], barrier)
+        scales = permitted / closing[closed_on]
+        tightest = int(scales.argmin())
+        if scales[tightest] < scale:
+            point = int(closed_on[tightest])
+            scale = float(scales[tightest])
+            block = Block(float(around.per_linear[point]), float(around.per_angular[point]), blind=False)
+    if len(around.blind_per_linear):
+        closing = around.blind_per_linear * linear_m_s + around.blind_per_angular * angular_rad_s
+        fastest = int(closing.argmax())
+        if closing[fastest] > CLOSING_TOLERANCE_M_S and barrier.blind_creep_m_s / closing[fastest] < scale:
+            scale = float(barrier.blind_creep_m_s / closing[fastest])
+            block = Block(
+                float(around.blind_per_linear[fastest]),
+                float(around.blind_per_angular[fastest]),
+                blind=True,
+            )
+    return scale, block

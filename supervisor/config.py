@@ -1,15 +1,18 @@
 """`[supervisor]` of robot.toml, checked whole before anything starts."""
 
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
 from supervisor.clearance import Circle, ConvexPolygon, Hull
+from supervisor.lidar import PROFILES, LidarProfile
 from supervisor.model import LawConfig, SourceConfig
+from supervisor.scan import Mount
 from wire.config import Finite, Name, Positive, Section
 
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Share = Annotated[float, Field(gt=0, le=1)]
-Corner = Annotated[tuple[Finite, Finite], Field(strict=False)]  # TOML knows lists only
+Pair = Annotated[tuple[Finite, Finite], Field(strict=False)]  # TOML knows lists only
 
 
 class SourceSection(Section):
@@ -23,7 +26,7 @@ class FootprintSection(Section):
     """The robot's hull: a circle by its radius, or a convex polygon by its corners."""
 
     radius_m: Positive | None = None
-    corners_m: list[Corner] | None = None
+    corners_m: list[Pair] | None = None
 
     @model_validator(mode="after")
     def _is_one_shape(self) -> Self:
@@ -39,14 +42,42 @@ class FootprintSection(Section):
         return Circle(self.radius_m)
 
 
+class ReadingsSection(Section):
+    """What the readings of a sensor of one's own mean; +Inf and beyond range_max are always free."""
+
+    nan_is_free: bool = False
+    zero_is_free: bool = False
+    codes_below_m: NotNegative = 0.0
+    free_codes_m: Annotated[tuple[Positive, ...], Field(strict=False)] = ()
+
+
 class LidarSection(Section):
-    """Where the lidar is mounted, and what is asked of its scans."""
+    """Where the lidar is mounted, what its readings mean, and what is asked of its scans."""
+
+    profile: Literal["rep117", "rplidar", "neato_xv", "hokuyo_urg", "sick_lms", "own"] = "rep117"
+    own: ReadingsSection | None = None
 
     x_m: Finite = 0.0
     y_m: Finite = 0.0
     yaw_rad: Finite = 0.0
+    masked_rad: Annotated[tuple[Pair, ...], Field(strict=False)] = ()
     min_beams: Annotated[int, Field(ge=12)] = 90
     min_valid_share: Share = 0.5
+
+    @model_validator(mode="after")
+    def _knows_its_readings(self) -> Self:
+        if (self.profile == "own") != (self.own is not None):
+            raise ValueError('profile = "own" and the table `own` go together')
+        return self
+
+    def mount(self) -> Mount:
+        return Mount(self.x_m, self.y_m, self.yaw_rad, self.masked_rad)
+
+    def readings(self) -> LidarProfile:
+        if self.own is None:
+            return PROFILES[self.profile]
+        own = self.own
+        return LidarProfile(own.nan_is_free, own.zero_is_free, own.codes_below_m, own.free_codes_m)
 
 
 class SupervisorSection(Section):
@@ -64,6 +95,7 @@ class SupervisorSection(Section):
     creep_m_s: Positive = 0.02
     max_linear_m_s: Positive = 1.0
     max_angular_rad_s: Positive = 2.0
+    blind_creep_m_s: NotNegative = 0.0
     runaway_linear_m_s: Positive = 0.05
     runaway_angular_rad_s: Positive = 0.1
     footprint: FootprintSection = FootprintSection(radius_m=0.25)
@@ -92,9 +124,8 @@ class SupervisorSection(Section):
         return LawConfig(
             sources=tuple(SourceConfig(s.name, s.priority) for s in self.sources),
             hull=self.footprint.hull(),
-            lidar_x_m=self.lidar.x_m,
-            lidar_y_m=self.lidar.y_m,
-            lidar_yaw_rad=self.lidar.yaw_rad,
+            mount=self.lidar.mount(),
+            profile=self.lidar.readings(),
             min_beams=self.lidar.min_beams,
             min_valid_share=self.lidar.min_valid_share,
             command_timeout_s=self.command_timeout_s,
@@ -107,6 +138,7 @@ class SupervisorSection(Section):
             creep_m_s=self.creep_m_s,
             max_linear_m_s=self.max_linear_m_s,
             max_angular_rad_s=self.max_angular_rad_s,
+            blind_creep_m_s=self.blind_creep_m_s,
             runaway_linear_m_s=self.runaway_linear_m_s,
             runaway_angular_rad_s=self.runaway_angular_rad_s,
         )

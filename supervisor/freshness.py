@@ -57,14 +57,21 @@ class Track:
     ended: tuple[bytes, ...] = ()
 
 
-def judge(track: Track, sent: Sent, arrival_s: float, timeout_s: float) -> tuple[Track, Verdict, float]:
-    """Take note of a stamped command.
+def judge(
+    track: Track,
+    sent: Sent,
+    arrival_s: float,
+    timeout_s: float,
+    fall_tolerance_s: float = FALL_TOLERANCE_S,
+) -> tuple[Track, Verdict, float]:
+    """Take note of a stamped command, or scan.
 
     Args:
         track: what is known of its source.
         sent: its attachment.
         arrival_s: when it came, by our monotonic clock.
         timeout_s: the age from which a command is stale, and the time that a baseline must stand.
+        fall_tolerance_s: how far a baseline may fall within that time and still have been one.
 
     Returns:
         The new track, the verdict, and the time that the command spent on the way [s].
@@ -81,7 +88,7 @@ def judge(track: Track, sent: Sent, arrival_s: float, timeout_s: float) -> tuple
         return _anchor(sent, arrival_s, track.ended), Verdict.SEQUENCE, 0.0
 
     baseline = min(offset, track.baseline_s + DRIFT * (arrival_s - track.arrival_s))
-    if track.anchor_s - baseline > FALL_TOLERANCE_S:
+    if track.anchor_s - baseline > fall_tolerance_s:
         return _anchor(sent, arrival_s, track.ended), Verdict.LATE, 0.0
     track = replace(track, last=sent, arrival_s=arrival_s, baseline_s=baseline)
     if arrival_s - track.anchored_at_s >= timeout_s:

@@ -8,6 +8,9 @@ from wire import messages as ros
 from wire.bus import Arrival
 from wire.stamp import Stamp
 
+HEADER_EPOCH = b"header"
+"""Scans whose only stamp is their header's belong to this one."""
+
 
 def to_command(source: str, arrival: Arrival[ros.Twist]) -> Command:
     twist = arrival.message
@@ -29,12 +32,29 @@ def _sent(stamp: Stamp) -> Sent:
     return Sent(stamp.gid, stamp.sequence, stamp.source_time_ns * 1e-9)
 
 
-def to_scan(arrival: Arrival[ros.LaserScan]) -> LaserScan | None:
+def to_scan(arrival: Arrival[ros.LaserScan], header_tolerance_s: float) -> LaserScan | None:
+    """The scan, with when it was taken by its attachment, or else by its header's unsteadier clock."""
     scan = arrival.message
     if scan is None:
         return None
+    stamp = scan.header.stamp
+    sent, tolerance_s = None, None
+    if arrival.stamp is not None:
+        sent = _sent(arrival.stamp)
+    elif stamp.sec or stamp.nanosec:
+        # A header has no sequence; the arrival, which only goes on, stands for it.
+        sequence = round(arrival.arrival_s * 1e9)
+        sent = Sent(HEADER_EPOCH, sequence, stamp.sec + stamp.nanosec * 1e-9)
+        tolerance_s = header_tolerance_s
     return LaserScan(
-        scan.ranges, scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max, arrival.arrival_s
+        scan.ranges,
+        scan.angle_min,
+        scan.angle_increment,
+        scan.range_min,
+        scan.range_max,
+        arrival.arrival_s,
+        sent,
+        tolerance_s,
     )
 
 
@@ -67,7 +87,10 @@ def to_status(decision: Decision, now_s: float) -> ros.SafetyStatus:
         nearest_m=decision.nearest_m,
         nearest_bearing_rad=decision.nearest_bearing_rad,
         scan_age_s=decision.scan_age_s,
-        unknown_sources=decision.unknown_sources,
+        scan_problem=decision.scan_problem,
+        scans_accepted=decision.scan_counts.accepted,
+        scans_refused=decision.scan_counts.late + decision.scan_counts.sequence + decision.scan_counts.epoch,
+        unknown_sources=list(decision.strangers),
         sources=[_source_status(source, now_s) for source in decision.sources],
     )
 

@@ -13,7 +13,8 @@ import numpy.typing as npt
 
 from supervisor.clearance import Block, Hull
 from supervisor.freshness import Sent, Track, Verdict
-from supervisor.scan import ScanReading
+from supervisor.lidar import LidarProfile
+from supervisor.scan import Mount, ScanReading
 
 
 class StopReason(StrEnum):
@@ -57,6 +58,14 @@ class Velocity(NamedTuple):
 STANDSTILL = Velocity(0.0, 0.0)
 
 
+class Pose(NamedTuple):
+    """A planar pose."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+
 @dataclass(frozen=True, slots=True)
 class SourceConfig:
     """A command source; the live one of the highest priority that asks for motion owns the wheels."""
@@ -71,9 +80,8 @@ class LawConfig:
 
     sources: tuple[SourceConfig, ...]
     hull: Hull
-    lidar_x_m: float
-    lidar_y_m: float
-    lidar_yaw_rad: float
+    mount: Mount
+    profile: LidarProfile
     command_timeout_s: float
     scan_timeout_s: float
     overrun_s: float
@@ -86,6 +94,8 @@ class LawConfig:
     """A motion that the barrier leaves slower than this is not worth moving for."""
     max_linear_m_s: float
     max_angular_rad_s: float
+    blind_creep_m_s: float
+    """How fast the hull may move to where nobody looks."""
     runaway_linear_m_s: float
     runaway_angular_rad_s: float
     min_beams: int
@@ -125,6 +135,10 @@ class LaserScan:
     range_min: float
     range_max: float
     arrival_s: float
+    sent: Sent | None = None
+    """From its attachment, else from its header; None where neither says when it was taken."""
+    sent_tolerance_s: float | None = None
+    """How unsteady the sender's clock may be; None: as steady as a command's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +158,8 @@ class Inputs:
     scan: LaserScan | None = None
     undecodable_scan: bool = False
     odometry: Odometry | None = None
+    strangers: tuple[str, ...] = ()
+    """Sources outside the configuration that were heard."""
     estop: bool = False
     reset: bool = False
 
@@ -216,13 +232,21 @@ class State:
     now_s: float | None = None
     """The last step's time; None before the first."""
     scan: ScanReading | None = None
+    scan_track: Track = Track()
+    scan_counts: Counts = Counts()
     odometry: Odometry | None = None
+    pose: Pose = Pose(0.0, 0.0, 0.0)
+    """Dead reckoning by odometry's velocity since the start; only differences count."""
+    scan_pose: Pose = Pose(0.0, 0.0, 0.0)
+    """The pose when the scan was taken in."""
+    travelled_m: float = 0.0
+    """How far the hull has moved since the start, turns counted at its rim."""
     estop: bool = False
     output: Velocity = STANDSTILL
     stopped_s: float | None = None
     """Since when zero is commanded; None while driving."""
     runaway: bool = False
-    unknown_sources: int = 0
+    strangers: tuple[str, ...] = ()
 
 
 # --- what it decides
@@ -251,6 +275,8 @@ class Decision:
     warning: bool
     alarm: bool
     scan_age_s: float
+    scan_problem: str
+    scan_counts: Counts
     sources: tuple[Source, ...]
-    unknown_sources: int
+    strangers: tuple[str, ...]
     reset_reply: Reply | None = None

@@ -17,8 +17,8 @@ Unproven means stop. The law in four sentences:
 import math
 from dataclasses import replace
 
-from supervisor.clearance import Block, permitted_scale
-from supervisor.freshness import Verdict, judge
+from supervisor.clearance import Barrier, Block, moved, permitted_scale
+from supervisor.freshness import FALL_TOLERANCE_S, Verdict, judge
 from supervisor.model import (
     SEVERITY,
     STANDSTILL,
@@ -28,6 +28,8 @@ from supervisor.model import (
     LaserScan,
     LawConfig,
     Mode,
+    Odometry,
+    Pose,
     Reasons,
     Reply,
     Source,
@@ -35,7 +37,7 @@ from supervisor.model import (
     StopReason,
     Velocity,
 )
-from supervisor.scan import ScanReading, read_scan
+from supervisor.scan import ScanReading, continue_reading, read_scan
 
 IMPLAUSIBLE_FACTOR = 10.0
 """A command this many times beyond the limits is not eager but broken."""
@@ -43,7 +45,19 @@ IMPLAUSIBLE_FACTOR = 10.0
 RUNAWAY_GRACE_S = 0.3
 """Beyond the braking time: odometry's own way here, and a wheel's last rocking."""
 
+BELIEVABLE_FACTOR = 2.0
+"""Odometry beyond this many times the limits is a spike: nothing is reckoned with it."""
+
+LONGEST_RECKONING_S = 0.25
+"""How long a velocity is taken to hold when odometry falls silent."""
+
+NEGLIGIBLE_MOVE = 1e-3
+"""[m, rad] A move below this is not worth looking again."""
+
+REMEMBERED_STRANGERS = 8
+
 NONE: Reasons = frozenset()
+BARRIER_REASONS: Reasons = frozenset({StopReason.OBSTACLE, StopReason.SCAN_BLIND})
 
 
 def initial_state(config: LawConfig) -> State:
@@ -72,34 +86,91 @@ def step(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
 
 
 def _observe(state: State, now_s: float, inputs: Inputs) -> State:
-    """Take in scan, odometry and e-stop."""
+    """Take in odometry, scan, e-stop, and who else speaks."""
+    if inputs.odometry is not None:
+        state = _move(state, inputs.odometry)
     if inputs.scan is not None:
-        state = replace(state, scan=_read(state, inputs.scan))
+        state = _see(state, inputs.scan)
     elif inputs.undecodable_scan and state.scan is not None:
         state = replace(state, scan=replace(state.scan, problem="undecodable"))
-    if inputs.odometry is not None:
-        state = replace(state, odometry=inputs.odometry)
-    state = replace(state, estop=state.estop or inputs.estop)
-    return replace(state, runaway=_runs_away(state, now_s))
+    strangers = tuple(name for name in dict.fromkeys(inputs.strangers) if name not in state.strangers)
+    return replace(
+        state,
+        estop=state.estop or inputs.estop,
+        runaway=_runs_away(state, now_s),
+        strangers=(*state.strangers, *strangers)[:REMEMBERED_STRANGERS],
+    )
 
 
-def _read(state: State, scan: LaserScan) -> ScanReading:
+def _move(state: State, odometry: Odometry) -> State:
+    """Reckon with the velocity that held until now. A spike is no motion, but it stays to be seen as one."""
+    config, before = state.config, state.odometry
+    state = replace(state, odometry=odometry)
+    if before is None or not _believable(before.velocity, config):
+        return state
+    dt_s = min(max(0.0, odometry.arrival_s - before.arrival_s), LONGEST_RECKONING_S)
+    linear_m_s, angular_rad_s = before.velocity
+    rim_m_s = abs(linear_m_s) + abs(angular_rad_s) * config.hull.radius_m
+    return replace(
+        state,
+        pose=_advance(state.pose, before.velocity, dt_s),
+        travelled_m=state.travelled_m + rim_m_s * dt_s,
+    )
+
+
+def _believable(velocity: Velocity, config: LawConfig) -> bool:
+    """Whether the base can move like this: odometry has spikes of many times the speed limit."""
+    return (
+        abs(velocity.linear_m_s) <= BELIEVABLE_FACTOR * config.max_linear_m_s
+        and abs(velocity.angular_rad_s) <= BELIEVABLE_FACTOR * config.max_angular_rad_s
+    )
+
+
+def _advance(pose: Pose, velocity: Velocity, dt_s: float) -> Pose:
+    """The pose after an arc, taken at its middle heading."""
+    heading_rad = pose.yaw_rad + velocity.angular_rad_s * dt_s / 2
+    return Pose(
+        pose.x_m + velocity.linear_m_s * dt_s * math.cos(heading_rad),
+        pose.y_m + velocity.linear_m_s * dt_s * math.sin(heading_rad),
+        pose.yaw_rad + velocity.angular_rad_s * dt_s,
+    )
+
+
+def _see(state: State, scan: LaserScan) -> State:
+    """Take in a scan; one that is late, replayed or older than the one before counts as none."""
     config = state.config
-    surroundings, problem = read_scan(
+    verdict, on_way_s = Verdict.FRESH, 0.0
+    if scan.sent is not None:
+        tolerance_s = FALL_TOLERANCE_S if scan.sent_tolerance_s is None else scan.sent_tolerance_s
+        track, verdict, on_way_s = judge(
+            state.scan_track, scan.sent, scan.arrival_s, config.scan_timeout_s, tolerance_s
+        )
+        state = replace(state, scan_track=track)
+    state = replace(state, scan_counts=state.scan_counts.add(verdict))
+    if verdict is not Verdict.FRESH:
+        return state
+    surroundings, problem, return_share = read_scan(
         scan.ranges,
         angle_min=scan.angle_min,
         angle_increment=scan.angle_increment,
         range_min=scan.range_min,
         range_max=scan.range_max,
-        lidar_pose=(config.lidar_x_m, config.lidar_y_m, config.lidar_yaw_rad),
+        mount=config.mount,
+        profile=config.profile,
         hull=config.hull,
+        stop_distance_m=config.stop_distance_m,
         min_beams=config.min_beams,
         min_valid_share=config.min_valid_share,
     )
+    taken_s = scan.arrival_s - on_way_s
     period_s = config.scan_timeout_s
     if state.scan is not None:
-        period_s = min(period_s, scan.arrival_s - state.scan.arrival_s)
-    return ScanReading(scan.arrival_s, period_s, surroundings, problem)
+        period_s = min(period_s, max(0.0, taken_s - state.scan.taken_s))
+    reading = ScanReading(
+        taken_s, period_s, surroundings, problem, scan.ranges, 0, state.travelled_m, return_share
+    )
+    reading = continue_reading(state.scan, reading, state.travelled_m)
+    return replace(state, scan=reading, scan_pose=state.pose)
 
 
 def _runs_away(state: State, now_s: float) -> bool:
@@ -118,7 +189,7 @@ def _runs_away(state: State, now_s: float) -> bool:
 def _shared_causes(state: State, now_s: float) -> Reasons:
     """What keeps every source from driving now. Taken before a reset: what it releases is a cause once more."""
     causes: set[StopReason] = set()
-    if state.scan is None or now_s - state.scan.arrival_s > state.config.scan_timeout_s:
+    if state.scan is None or now_s - state.scan.taken_s > state.config.scan_timeout_s:
         causes.add(StopReason.SCAN_STALE)
     elif state.scan.problem is not None:
         causes.add(StopReason.SCAN_INVALID)
@@ -152,7 +223,6 @@ def _reset(state: State, inputs: Inputs) -> tuple[State, Reply | None]:
 def _take_commands(state: State, now_s: float, inputs: Inputs, shared: Reasons) -> State:
     """Every source's commands, causes and latches; when the owner stops, everybody's latches."""
     sources = {s.config.name: s for s in state.sources}
-    unknown = 0
     lost = {change.source for change in inputs.liveliness if not change.alive}
     for change in inputs.liveliness:
         if change.source in sources:
@@ -160,8 +230,6 @@ def _take_commands(state: State, now_s: float, inputs: Inputs, shared: Reasons) 
     for command in inputs.commands:
         if command.source in sources:
             sources[command.source] = _accept(sources[command.source], command, state.config)
-        else:
-            unknown += 1
 
     settled: dict[str, Source] = {}
     for name, source in sources.items():
@@ -174,7 +242,7 @@ def _take_commands(state: State, now_s: float, inputs: Inputs, shared: Reasons) 
     if before is not None and before.armed and not settled[state.owner].armed:
         stopped = settled[state.owner]
         settled = {name: _share_stop(source, stopped) for name, source in settled.items()}
-    return replace(state, sources=tuple(settled.values()), unknown_sources=state.unknown_sources + unknown)
+    return replace(state, sources=tuple(settled.values()))
 
 
 def _accept(source: Source, command: Command, config: LawConfig) -> Source:
@@ -236,12 +304,11 @@ def _latch(source: Source, now_s: float, causes: Reasons) -> Source:
     if source.neutral_s > source.caused_s:
         return replace(source, latched=NONE, block=None)
     if (
-        StopReason.OBSTACLE in source.latched
-        and source.block is not None
+        source.block is not None
         and source.velocity is not None
         and not source.block.is_approached_by(*source.velocity)
     ):
-        return replace(source, latched=source.latched - {StopReason.OBSTACLE}, block=None)
+        return replace(source, latched=source.latched - BARRIER_REASONS, block=None)
     return source
 
 
@@ -279,8 +346,9 @@ def _decide(state: State, now_s: float, shared: Reasons, reply: Reply | None) ->
     if not reasons and owner is not None and commanded != STANDSTILL:
         scale, block = _barrier(state, now_s, commanded)
         if block is not None and _hull_speed(commanded, config) * scale < config.creep_m_s:
-            state = _stop_at(state, now_s, block)
-            reasons = frozenset({StopReason.OBSTACLE})
+            reason = StopReason.SCAN_BLIND if block.blind else StopReason.OBSTACLE
+            state = _stop_at(state, now_s, block, reason)
+            reasons = frozenset({reason})
     output = STANDSTILL
     if not reasons:
         output = Velocity(scale * commanded.linear_m_s, scale * commanded.angular_rad_s)
@@ -291,17 +359,40 @@ def _decide(state: State, now_s: float, shared: Reasons, reply: Reply | None) ->
 
 
 def _barrier(state: State, now_s: float, commanded: Velocity) -> tuple[float, Block | None]:
-    """The share of the commanded twist that the surroundings permit."""
+    """The share of the commanded twist that the surroundings permit.
+
+    The scan shows where things were when it was taken. They are also looked at from where odometry says
+    that the robot is by now, and the more cautious of the two counts: odometry may be wrong.
+    """
     config, scan = state.config, state.scan
     if scan is None:  # no scan is a stop already
         return 0.0, None
-    return permitted_scale(
-        scan.surroundings,
-        *commanded,
+    barrier = Barrier(
         stop_distance_m=config.stop_distance_m,
         deceleration_m_s2=config.deceleration_m_s2,
-        reaction_s=now_s - scan.arrival_s + scan.period_s + config.transport_s,
+        reaction_s=now_s - scan.taken_s + scan.period_s + config.transport_s,
+        blind_creep_m_s=config.blind_creep_m_s,
     )
+    scale, block = permitted_scale(scan.surroundings, *commanded, barrier)
+    displacement = _displacement(state, now_s)
+    if displacement is None:
+        return scale, block
+    here = moved(scan.surroundings, config.hull, displacement)
+    return min((scale, block), permitted_scale(here, *commanded, barrier), key=lambda limit: limit[0])
+
+
+def _displacement(state: State, now_s: float) -> Pose | None:
+    """How the robot has moved since the scan, in its frame of then; None where that is next to nothing."""
+    pose, odometry = state.pose, state.odometry
+    if odometry is not None and _believable(odometry.velocity, state.config):
+        dt_s = min(max(0.0, now_s - odometry.arrival_s), LONGEST_RECKONING_S)
+        pose = _advance(pose, odometry.velocity, dt_s)
+    then = state.scan_pose
+    x_m, y_m, yaw_rad = pose.x_m - then.x_m, pose.y_m - then.y_m, pose.yaw_rad - then.yaw_rad
+    if abs(x_m) + abs(y_m) + abs(yaw_rad) < NEGLIGIBLE_MOVE:
+        return None
+    cos, sin = math.cos(then.yaw_rad), math.sin(then.yaw_rad)
+    return Pose(cos * x_m + sin * y_m, cos * y_m - sin * x_m, yaw_rad)
 
 
 def _hull_speed(velocity: Velocity, config: LawConfig) -> float:
@@ -309,13 +400,12 @@ def _hull_speed(velocity: Velocity, config: LawConfig) -> float:
     return abs(velocity.linear_m_s) + abs(velocity.angular_rad_s) * config.hull.radius_m
 
 
-def _stop_at(state: State, now_s: float, block: Block) -> State:
-    """Latch OBSTACLE on every source: what was driven at stays known until the robot is driven elsewhere."""
+def _stop_at(state: State, now_s: float, block: Block, reason: StopReason) -> State:
+    """Latch the barrier's stop on every source: what was driven at stays known until it drives elsewhere."""
     return replace(
         state,
         sources=tuple(
-            replace(s, latched=s.latched | {StopReason.OBSTACLE}, caused_s=now_s, block=block)
-            for s in state.sources
+            replace(s, latched=s.latched | {reason}, caused_s=now_s, block=block) for s in state.sources
         ),
     )
 
@@ -342,8 +432,10 @@ def _explain(
         nearest_bearing_rad=math.nan if scan is None else scan.surroundings.nearest_bearing_rad,
         warning=nearest_m < config.warning_distance_m,
         alarm=state.runaway,
-        scan_age_s=math.nan if scan is None else now_s - scan.arrival_s,
+        scan_age_s=math.nan if scan is None else now_s - scan.taken_s,
+        scan_problem="" if scan is None or scan.problem is None else scan.problem,
+        scan_counts=state.scan_counts,
         sources=state.sources,
-        unknown_sources=state.unknown_sources,
+        strangers=state.strangers,
         reset_reply=reply,
     )

@@ -1,47 +1,92 @@
-"""What a laser scan proves: points around the robot, or nothing at all.
+"""What a laser scan proves: where something is, where nothing is, and where nobody looks.
 
-Readings follow REP 117: −Inf, or anything below `range_min`, is too close to measure (an obstacle);
-+Inf, or anything beyond `range_max`, is free; NaN is invalid. A scan with too few valid readings in any
-direction proves nothing: a sensor half covered must not read as half free.
+The view is judged in equal sectors around the lidar: a sector with too few explained readings is *blind*,
+be it outside the fan, behind the robot's own mount, or covered by a hand. A scan that proves no sector,
+whose numbers contradict each other, that repeats itself while the robot moves, or that goes blank from one
+to the next, proves nothing at all.
 """
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
-from supervisor.clearance import Floats, Hull, Surroundings, survey
+from supervisor.clearance import Floats, Hull, Mask, Surroundings, survey
+from supervisor.lidar import LidarProfile, explain
 
-SECTORS = 12
-"""The view is judged in this many equal runs of beams."""
+SECTORS = 24
+SECTOR_RAD = 2 * math.pi / SECTORS
+
+FROZEN_REPEATS = 3
+FROZEN_TRAVEL_M = 0.02
+"""So many identical scans in a row while the hull has moved so far: the sensor repeats itself."""
+
+BLANK_AFTER_SHARE = 0.1
+"""A scan without a single return, right after one with returns on this share of its beams, is no scan."""
+
+Ranges = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """Where a lidar sits on the robot, and what it sees of the robot itself."""
+
+    x_m: float = 0.0
+    y_m: float = 0.0
+    yaw_rad: float = 0.0
+    masked_rad: tuple[tuple[float, float], ...] = ()
+    """Sectors (from, to) in the lidar's frame, counter-clockwise, that show the robot: they are blind."""
 
 
 @dataclass(frozen=True)
 class ScanReading:
     """The newest scan, as the law uses it."""
 
-    arrival_s: float
+    taken_s: float
+    """When, by our clock: its arrival less its time on the way."""
     period_s: float
-    """Between it and the one before; the configured timeout for the first one."""
+    """Between it and the one before; the scan timeout for the first one."""
     surroundings: Surroundings
     problem: str | None
     """Why it proves nothing; None for a valid scan."""
+    ranges: Ranges
+    repeats: int
+    """How many scans right before it were the same to the bit."""
+    travelled_m: float
+    """The odometer at the first of those."""
+    return_share: float
+    """Of the beams; of the last scan that was not blank, if this one is."""
+
+
+@dataclass(frozen=True)
+class _Beams:
+    """What depends on a scan's geometry alone."""
+
+    cos: Floats
+    sin: Floats
+    sector: npt.NDArray[np.int64]
+    looking: Mask
+    needed: float
+    """Explained readings that prove a sector."""
 
 
 def read_scan(
-    ranges: npt.NDArray[np.float32],
+    ranges: Ranges,
     *,
     angle_min: float,
     angle_increment: float,
     range_min: float,
     range_max: float,
-    lidar_pose: tuple[float, float, float],
+    mount: Mount,
+    profile: LidarProfile,
     hull: Hull,
+    stop_distance_m: float,
     min_beams: int,
     min_valid_share: float,
-) -> tuple[Surroundings, str | None]:
-    """The surroundings that a scan shows, and what is wrong with it (None: nothing).
+) -> tuple[Surroundings, str | None, float]:
+    """The surroundings that one scan shows, what is wrong with it (None: nothing), and its share of returns.
 
     Args:
         ranges: (n,) readings [m].
@@ -49,32 +94,67 @@ def read_scan(
         angle_increment: from beam to beam [rad]; negative for a clockwise scan.
         range_min: the shortest measurable distance [m].
         range_max: the longest [m].
-        lidar_pose: x [m], y [m], yaw [rad] of the lidar in the base frame.
+        mount: the lidar's pose in the base frame.
+        profile: what its readings mean.
         hull: the robot's outline.
+        stop_distance_m: how far beyond the hull it must be seen.
         min_beams: fewer than these are no scan.
-        min_valid_share: of the readings in each sector, 0 to 1.
+        min_valid_share: of the readings in a sector that must be explained, above 0, at most 1.
     """
-    nothing = survey(hull, np.empty((0, 2)))
-    problem = _geometry_problem(len(ranges), angle_min, angle_increment, range_min, range_max, min_beams)
+    problem = _contradiction(len(ranges), angle_min, angle_increment, range_min, range_max, min_beams)
     if problem is not None:
-        return nothing, problem
-    readings = np.asarray(ranges, dtype=np.float64)
-    valid = ~np.isnan(readings)
-    shares = [float(part.mean()) for part in np.array_split(valid, SECTORS)]
-    if min(shares) < min_valid_share:
-        sector = shares.index(min(shares))
-        return nothing, f"{shares[sector]:.0%} valid readings in sector {sector + 1} of {SECTORS}"
-    hits = valid & (readings <= range_max)
-    distance = np.maximum(readings[hits], range_min)
-    x_m, y_m, yaw_rad = lidar_pose
-    direction = yaw_rad + angle_min + angle_increment * np.nonzero(hits)[0]
+        return survey(hull, np.empty((0, 2))), problem, 0.0
+    beams = _beams(len(ranges), angle_min, angle_increment, mount, min_valid_share)
+    readings = explain(ranges, range_min, range_max, profile)
+    explained = np.bincount(beams.sector[readings.explained & beams.looking], minlength=SECTORS)
+    proven = explained >= beams.needed
+    if not proven.any():
+        return survey(hull, np.empty((0, 2))), "no sector with enough valid readings", 0.0
+    hit = readings.hit & beams.looking
+    distance = readings.distance_m[hit]
     points: Floats = np.stack(
-        [x_m + distance * np.cos(direction), y_m + distance * np.sin(direction)], axis=1
+        [mount.x_m + distance * beams.cos[hit], mount.y_m + distance * beams.sin[hit]], axis=1
     )
-    return survey(hull, points), None
+    outline_sector = _outline_sectors(hull, mount, stop_distance_m)
+    return survey(hull, points, blind=~proven[outline_sector]), None, float(hit.mean())
 
 
-def _geometry_problem(
+def continue_reading(previous: ScanReading | None, reading: ScanReading, travelled_m: float) -> ScanReading:
+    """The reading in the light of the one before: frozen, blank, or as it is.
+
+    Args:
+        previous: the last accepted scan.
+        reading: the new one, by itself.
+        travelled_m: how far the hull has moved since the start, by odometry; only differences count.
+    """
+    if previous is None:
+        return reading
+    repeats, since_m = 0, travelled_m
+    if np.array_equal(previous.ranges, reading.ranges, equal_nan=True):
+        repeats, since_m = previous.repeats + 1, previous.travelled_m
+    problem, share = reading.problem, reading.return_share
+    if (
+        problem is None
+        and share > 0.0
+        and repeats >= FROZEN_REPEATS
+        and travelled_m - since_m > FROZEN_TRAVEL_M
+    ):
+        problem = f"the same {repeats + 1} times while the robot moves"
+    if problem is None and share == 0.0 and previous.return_share >= BLANK_AFTER_SHARE:
+        problem, share = "blank from one scan to the next", previous.return_share
+    return ScanReading(
+        reading.taken_s,
+        reading.period_s,
+        reading.surroundings,
+        problem,
+        reading.ranges,
+        repeats,
+        since_m,
+        share if reading.problem is None else previous.return_share,
+    )
+
+
+def _contradiction(
     beams: int, angle_min: float, angle_increment: float, range_min: float, range_max: float, min_beams: int
 ) -> str | None:
     """Why numbers that do not fit together describe no scan."""
@@ -87,3 +167,35 @@ def _geometry_problem(
     if not 0.0 <= range_min < range_max:
         return f"range_min {range_min:g} m and range_max {range_max:g} m contradict each other"
     return None
+
+
+@lru_cache(maxsize=8)
+def _beams(
+    count: int, angle_min: float, angle_increment: float, mount: Mount, min_valid_share: float
+) -> _Beams:
+    angle: Floats = angle_min + angle_increment * np.arange(count, dtype=np.float64)
+    looking = np.ones(count, dtype=np.bool_)
+    for start, end in mount.masked_rad:
+        looking &= (angle - start) % (2 * math.pi) > (end - start) % (2 * math.pi)
+    return _Beams(
+        cos=np.cos(mount.yaw_rad + angle),
+        sin=np.sin(mount.yaw_rad + angle),
+        sector=_sector(angle),
+        looking=looking,
+        needed=max(1.0, min_valid_share * SECTOR_RAD / abs(angle_increment)),
+    )
+
+
+@lru_cache(maxsize=8)
+def _outline_sectors(hull: Hull, mount: Mount, stop_distance_m: float) -> npt.NDArray[np.int64]:
+    """For each point of the hull's outline, the lidar's sector that sees what it would run into."""
+    points, normals = hull.outline()
+    ahead = points + stop_distance_m * normals
+    direction: Floats = np.arctan2(ahead[:, 1] - mount.y_m, ahead[:, 0] - mount.x_m)
+    return _sector(direction - mount.yaw_rad)
+
+
+def _sector(angle_rad: Floats) -> npt.NDArray[np.int64]:
+    """Which sector a direction in the lidar's frame is in; a beam on the edge belongs to the next one."""
+    turn = (angle_rad % (2 * math.pi)) / SECTOR_RAD
+    return np.floor(turn + 1e-6).astype(np.int64) % SECTORS

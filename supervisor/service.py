@@ -29,6 +29,7 @@ class SupervisorService:
         self._bus = bus
         self._tick_s = 1.0 / config.tick_hz
         self._status_s = 1.0 / config.status_hz
+        self._header_tolerance_s = config.scan_timeout_s
         self._loop = asyncio.get_running_loop()
         self._state = initial_state(config.law())
         self._wake = asyncio.Event()
@@ -46,6 +47,7 @@ class SupervisorService:
         self._odometry = bus.subscribe(topics.ODOM)  # read at the next tick: nothing urgent is in it
         self._estops = bus.subscribe(topics.ESTOP, depth=ESTOP_DEPTH, wake=self._wake)
         self._alive = bus.watch_alive(self._wake)
+        self._sources = bus.hear_sources()  # read at the next step: a stranger moves nothing
         self._cmd_vel = bus.publisher(topics.CMD_VEL)
         self._status = bus.publisher(topics.STATUS)
         bus.serve(topics.SUPERVISOR_RESET, self._on_reset)
@@ -99,7 +101,7 @@ class SupervisorService:
             if change.node in self._commands
         ]
         scans = self._scans.take()
-        scan = to_scan(scans[-1]) if scans else None
+        scan = to_scan(scans[-1], self._header_tolerance_s) if scans else None
         odometry = self._odometry.take()
         return Inputs(
             commands=tuple(commands),
@@ -107,6 +109,7 @@ class SupervisorService:
             scan=scan,
             undecodable_scan=bool(scans) and scan is None,
             odometry=to_odometry(odometry[-1]) if odometry else None,
+            strangers=tuple(name for name in self._sources.take() if name not in self._commands),
             estop=estop,
             reset=bool(self._resets),
         )

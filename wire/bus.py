@@ -31,6 +31,9 @@ _log = logging.getLogger(__name__)
 REPORT_PERIOD_S = 1.0
 """At most one log line in this time for undecodable payloads of one key."""
 
+SOURCES_DEPTH = 64
+"""Names of command sources kept between two looks."""
+
 ServiceHandler = Callable[[], Awaitable[TriggerResponse]]
 
 
@@ -168,6 +171,10 @@ class Bus(Protocol):
         self, topic: Topic[M], *, depth: int = 1, wake: asyncio.Event | None = None
     ) -> Subscription[M]:
         """Take part in a topic. With the default depth only the latest sample is kept."""
+        ...
+
+    def hear_sources(self) -> Inbox[str]:
+        """The name of every command source that speaks, each time that it does."""
         ...
 
     def declare_alive(self, node: str) -> Token: ...

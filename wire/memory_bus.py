@@ -8,10 +8,10 @@ import asyncio
 from dataclasses import dataclass, field
 from typing import Any
 
-from wire.bus import Inbox, LivelinessChange, NoReplyError, ServiceHandler, Subscription
+from wire.bus import SOURCES_DEPTH, Inbox, LivelinessChange, NoReplyError, ServiceHandler, Subscription
 from wire.messages import M, TriggerResponse, encode
 from wire.stamp import Stamp
-from wire.topics import Service, Topic
+from wire.topics import Service, Topic, source_of
 
 
 @dataclass
@@ -24,6 +24,7 @@ class MemoryNetwork:
     watchers: list[tuple["MemoryBus", Inbox[LivelinessChange]]] = field(
         default_factory=list[tuple["MemoryBus", Inbox[LivelinessChange]]]
     )
+    ears: list[Inbox[str]] = field(default_factory=list[Inbox[str]])
     services: dict[str, ServiceHandler] = field(default_factory=dict[str, ServiceHandler])
     tokens: list["MemoryToken"] = field(default_factory=list["MemoryToken"])
 
@@ -33,6 +34,10 @@ class MemoryNetwork:
         for _, subscription in self.subscriptions:
             if subscription.key == key:
                 subscription.push(payload, attachment, now_s)
+        source = source_of(key)
+        if source is not None:
+            for ear in self.ears:
+                ear.push(source)
 
     def announce(self, node: str, *, alive: bool) -> None:
         now_s = asyncio.get_running_loop().time()
@@ -89,6 +94,11 @@ class MemoryBus:
         subscription = Subscription(topic.key, topic.type, depth=depth, wake=wake)
         self.network.subscriptions.append((self, subscription))
         return subscription
+
+    def hear_sources(self) -> Inbox[str]:
+        ear: Inbox[str] = Inbox(SOURCES_DEPTH, None)
+        self.network.ears.append(ear)
+        return ear
 
     def declare_alive(self, node: str) -> MemoryToken:
         return MemoryToken(self, node)

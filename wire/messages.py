@@ -120,7 +120,10 @@ class SafetyStatus:
     nearest_m: float = math.nan
     nearest_bearing_rad: float = math.nan
     scan_age_s: float = math.nan
-    unknown_sources: int = 0
+    scan_problem: str = ""
+    scans_accepted: int = 0
+    scans_refused: int = 0
+    unknown_sources: list[str] = field(default_factory=list[str])
     sources: list[SourceStatus] = field(default_factory=list[SourceStatus])
     __msgtype__: ClassVar[str] = "lifeline_msgs/msg/SafetyStatus"
 

@@ -54,6 +54,12 @@ def source_cmd_vel(source: str) -> Topic[Twist]:
     return Topic(f"{source}/cmd_vel", Twist, source, 20.0)
 
 
+def source_of(key: str) -> str | None:
+    """The source that a command's key names; None for any other key."""
+    source, _, rest = key.partition("/")
+    return source if rest == CMD_VEL.key else None
+
+
 def alive(node: str) -> str:
     """The key of a node's liveliness token."""
     return f"{ALIVE_PREFIX}/{node}"

@@ -21,7 +21,15 @@ from typing import Any, Literal
 import zenoh
 
 from wire import topics
-from wire.bus import BusError, Inbox, LivelinessChange, NoReplyError, ServiceHandler, Subscription
+from wire.bus import (
+    SOURCES_DEPTH,
+    BusError,
+    Inbox,
+    LivelinessChange,
+    NoReplyError,
+    ServiceHandler,
+    Subscription,
+)
 from wire.messages import M, TriggerResponse, UndecodableError, decode, encode
 from wire.stamp import Stamper
 from wire.topics import Service, Topic
@@ -221,6 +229,21 @@ class ZenohBus:
             self._session.declare_subscriber(key, _direct(on_sample), allowed_origin=zenoh.Locality.REMOTE)
         )
         return subscription
+
+    def hear_sources(self) -> Inbox[str]:
+        inbox: Inbox[str] = Inbox(SOURCES_DEPTH, None)
+        prefix = self._key("")
+
+        def on_sample(sample: zenoh.Sample) -> None:
+            source = topics.source_of(str(sample.key_expr).removeprefix(prefix))
+            if source is not None:
+                inbox.push(source)
+
+        key = self._key(topics.source_cmd_vel("*").key)
+        self._declared.append(
+            self._session.declare_subscriber(key, _direct(on_sample), allowed_origin=zenoh.Locality.REMOTE)
+        )
+        return inbox
 
     def declare_alive(self, node: str) -> ZenohToken:
         token = self._session.liveliness().declare_token(self._key(topics.alive(node)))

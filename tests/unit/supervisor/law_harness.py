@@ -57,18 +57,22 @@ class Law:
     config: LawConfig = CONFIG
     now_s: float = 1000.0
     scanning: bool = True
+    room_m: float = 3.0
 
     def __post_init__(self) -> None:
         self.state: State = initial_state(self.config)
-        self.ranges = ring()
+        self.ranges = ring(self.room_m)
         self.sequence = 0
+        self.noise_m = 0.0
         self.decision: Decision = self.step()
 
     def step(self, inputs: Inputs | None = None) -> Decision:
         """One step at the present time."""
         inputs = inputs or Inputs()
         if self.scanning and inputs.scan is None:
-            inputs = replace(inputs, scan=laser_scan(self.ranges, self.now_s))
+            self.noise_m = 1e-4 - self.noise_m  # no real scan repeats itself
+            noisy = self.ranges + np.float32(self.noise_m)
+            inputs = replace(inputs, scan=laser_scan(noisy, self.now_s))
         self.state, self.decision = step(self.state, self.now_s, inputs)
         return self.decision
 

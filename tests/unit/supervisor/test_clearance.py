@@ -1,6 +1,7 @@
 """The speed barrier's geometry and its one formula."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,15 +9,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from supervisor.clearance import (
+    Barrier,
+    Block,
     Circle,
     ConvexPolygon,
+    Hull,
+    Surroundings,
+    moved,
     permitted_closing_speed,
     permitted_scale,
     survey,
 )
 
 RECTANGLE = ConvexPolygon(((0.3, -0.2), (0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2)))
-BRAKING = {"stop_distance_m": 0.3, "deceleration_m_s2": 1.5, "reaction_s": 0.1}
+BARRIER = Barrier(stop_distance_m=0.3, deceleration_m_s2=1.5, reaction_s=0.1, blind_creep_m_s=0.0)
+HULLS = (Circle(0.25), RECTANGLE)
 
 coordinates = st.floats(-3.0, 3.0)
 velocities = st.tuples(st.floats(-1.0, 1.0), st.floats(-2.0, 2.0))
@@ -24,6 +31,11 @@ velocities = st.tuples(st.floats(-1.0, 1.0), st.floats(-2.0, 2.0))
 
 def one(x_m: float, y_m: float) -> np.ndarray:
     return np.array([[x_m, y_m]])
+
+
+def seen(hull: Hull, points: np.ndarray) -> Surroundings:
+    """Points around a hull that sees everywhere."""
+    return survey(hull, points, blind=np.zeros(len(hull.outline()[0]), dtype=np.bool_))
 
 
 def test_clearance_of_a_circle_is_counted_from_its_rim() -> None:
@@ -80,32 +92,32 @@ def test_closing_speed_is_the_rate_at_which_the_clearance_falls(
     """Checked by moving the robot a little and measuring again."""
     linear, angular = velocity
     dt_s = 1e-6
-    for hull in (Circle(0.25), RECTANGLE):
-        before = survey(hull, one(x_m, y_m))
+    for hull in HULLS:
+        before = seen(hull, one(x_m, y_m))
         if before.nearest_m < 1e-3:
             continue
         closing = before.per_linear[0] * linear + before.per_angular[0] * angular
         moved_x, moved_y = x_m - linear * dt_s, y_m
         turn = -angular * dt_s
-        seen = one(
+        shifted = one(
             moved_x * math.cos(turn) - moved_y * math.sin(turn),
             moved_x * math.sin(turn) + moved_y * math.cos(turn),
         )
-        after = survey(hull, seen)
+        after = seen(hull, shifted)
         assert (before.nearest_m - after.nearest_m) / dt_s == pytest.approx(closing, abs=1e-3)
 
 
 def test_the_permitted_speed_is_zero_up_to_the_stop_distance_and_above_it_beyond() -> None:
     edge = np.array([-1.0, 0.0, 0.3, math.nextafter(0.3, 0.0), 0.3001])
-    speeds = permitted_closing_speed(edge, **BRAKING)
+    speeds = permitted_closing_speed(edge, BARRIER)
     assert list(speeds[:4]) == [0.0, 0.0, 0.0, 0.0]
     assert speeds[4] > 0.0
 
 
 @given(st.floats(0.3, 20.0))
 def test_reacting_and_braking_from_the_permitted_speed_ends_at_the_stop_distance(clearance_m: float) -> None:
-    (speed,) = permitted_closing_speed(np.array([clearance_m]), **BRAKING)
-    travelled = speed * BRAKING["reaction_s"] + speed**2 / (2 * BRAKING["deceleration_m_s2"])
+    (speed,) = permitted_closing_speed(np.array([clearance_m]), BARRIER)
+    travelled = speed * BARRIER.reaction_s + speed**2 / (2 * BARRIER.deceleration_m_s2)
     assert clearance_m - travelled == pytest.approx(0.3, abs=1e-9)
 
 
@@ -113,25 +125,78 @@ def test_reacting_and_braking_from_the_permitted_speed_ends_at_the_stop_distance
 def test_after_scaling_nothing_is_approached_faster_than_permitted(
     points: list[tuple[float, float]], velocity: tuple[float, float]
 ) -> None:
-    for hull in (Circle(0.25), RECTANGLE):
-        around = survey(hull, np.array(points, dtype=np.float64).reshape(-1, 2))
-        scale, _ = permitted_scale(around, *velocity, **BRAKING)
+    for hull in HULLS:
+        around = seen(hull, np.array(points, dtype=np.float64).reshape(-1, 2))
+        scale, _ = permitted_scale(around, *velocity, BARRIER)
         assert 0.0 <= scale <= 1.0
         closing = scale * (around.per_linear * velocity[0] + around.per_angular * velocity[1])
-        permitted = permitted_closing_speed(around.clearance_m, **BRAKING)
+        permitted = permitted_closing_speed(around.clearance_m, BARRIER)
         assert (closing <= np.maximum(permitted, 0.01) + 1e-9).all()
 
 
 def test_turning_on_the_spot_stays_free_for_a_round_robot_and_not_for_a_corner() -> None:
     close = one(0.35, 0.25)
-    assert permitted_scale(survey(Circle(0.4), close), 0.0, 1.0, **BRAKING) == (1.0, None)
-    scale, block = permitted_scale(survey(RECTANGLE, close), 0.0, 1.0, **BRAKING)
+    assert permitted_scale(seen(Circle(0.4), close), 0.0, 1.0, BARRIER) == (1.0, None)
+    scale, block = permitted_scale(seen(RECTANGLE, close), 0.0, 1.0, BARRIER)
     assert scale == 1.0 or block is not None
     swept = one(0.2, 0.3)  # beside the front left corner's way
-    assert permitted_scale(survey(RECTANGLE, swept), 0.0, 1.0, **BRAKING)[0] == 0.0
+    assert permitted_scale(seen(RECTANGLE, swept), 0.0, 1.0, BARRIER)[0] == 0.0
 
 
 def test_no_points_permit_everything() -> None:
-    around = survey(Circle(0.25), np.empty((0, 2)))
-    assert permitted_scale(around, 1.0, 0.0, **BRAKING) == (1.0, None)
+    around = seen(Circle(0.25), np.empty((0, 2)))
+    assert permitted_scale(around, 1.0, 0.0, BARRIER) == (1.0, None)
     assert math.isinf(around.nearest_m)
+
+
+@pytest.mark.parametrize("hull", HULLS, ids=["circle", "rectangle"])
+def test_the_outline_lies_on_the_hull_with_its_normals_outward(hull: Hull) -> None:
+    points, normals = hull.outline()
+    assert hull.nearest(points)[0] == pytest.approx(0.0, abs=1e-12)
+    distances, outward = hull.nearest(points + 0.1 * normals)
+    assert distances == pytest.approx(0.1)
+    assert outward == pytest.approx(normals)
+
+
+@pytest.mark.parametrize("hull", HULLS, ids=["circle", "rectangle"])
+def test_where_nobody_looks_nothing_moves_outward(hull: Hull) -> None:
+    blind = survey(hull, np.empty((0, 2)))
+    scale, block = permitted_scale(blind, 0.5, 0.0, BARRIER)
+    assert scale == 0.0
+    assert block is not None
+    assert block.blind
+    creeping = replace(BARRIER, blind_creep_m_s=0.1)
+    assert permitted_scale(blind, 0.5, 0.0, creeping)[0] == pytest.approx(0.2)
+
+
+def test_a_round_robot_may_turn_on_the_spot_where_nobody_looks_and_a_corner_may_not() -> None:
+    assert permitted_scale(survey(Circle(0.25), np.empty((0, 2))), 0.0, 1.0, BARRIER) == (1.0, None)
+    assert permitted_scale(survey(RECTANGLE, np.empty((0, 2))), 0.0, 1.0, BARRIER)[0] == 0.0
+
+
+@given(
+    st.lists(st.tuples(coordinates, coordinates), min_size=1, max_size=5),
+    st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(-1.0, 1.0)),
+)
+def test_points_seen_from_the_moved_robot_are_where_they_were(
+    points: list[tuple[float, float]], displacement: tuple[float, float, float]
+) -> None:
+    x_m, y_m, yaw_rad = displacement
+    before = seen(Circle(0.25), np.array(points))
+    after = moved(before, Circle(0.25), displacement)
+    turn = np.array([[math.cos(yaw_rad), -math.sin(yaw_rad)], [math.sin(yaw_rad), math.cos(yaw_rad)]])
+    assert after.points @ turn.T + (x_m, y_m) == pytest.approx(before.points, abs=1e-9)
+
+
+def test_moving_keeps_what_is_blind() -> None:
+    blind = survey(Circle(0.25), one(1.0, 0.0))
+    after = moved(blind, Circle(0.25), (0.5, 0.0, 0.0))
+    assert after.nearest_m == pytest.approx(0.25)
+    assert len(after.blind_per_linear) == len(blind.blind_per_linear) > 0
+
+
+def test_a_block_knows_what_approaches_it() -> None:
+    ahead = Block(1.0, 0.0, blind=False)
+    assert ahead.is_approached_by(0.02, 0.0)
+    assert not ahead.is_approached_by(0.01, 5.0)
+    assert not ahead.is_approached_by(-1.0, 0.0)

@@ -265,12 +265,18 @@ def test_when_the_owner_dies_nobody_inherits() -> None:
     assert law.tick(("path", FORWARD)).output == FORWARD
 
 
-def test_a_source_outside_the_configuration_is_counted_and_moves_nothing() -> None:
+def test_a_source_outside_the_configuration_is_shown_and_moves_nothing() -> None:
     law = Law()
-    law.tick(("stranger", NEUTRAL))
-    decision = law.tick(("stranger", FORWARD))
+    law.tick(("stranger", NEUTRAL), strangers=("stranger",))
+    decision = law.tick(("stranger", FORWARD), strangers=("stranger", "stranger", "other"))
     assert decision.output == STANDSTILL
-    assert decision.unknown_sources == 2
+    assert decision.strangers == ("stranger", "other")
+
+
+def test_only_so_many_strangers_are_remembered() -> None:
+    law = Law()
+    decision = law.tick(strangers=tuple(f"stranger{n}" for n in range(100)))
+    assert len(decision.strangers) == 8
 
 
 def test_all_reasons_are_named_the_most_restrictive_first() -> None:

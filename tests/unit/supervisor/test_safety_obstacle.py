@@ -1,12 +1,13 @@
 """The speed barrier as the law applies it: slow down, stop at 30 cm, let the robot out again."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from supervisor.model import STANDSTILL, Mode, StopReason, Velocity
-from tests.unit.supervisor.law_harness import BACK, FORWARD, NEUTRAL, SPIN, TICK_S, Law, ring
+from tests.unit.supervisor.law_harness import BACK, CONFIG, FORWARD, NEUTRAL, SPIN, TICK_S, Law, ring
 
 HULL_M = 0.25
 STOP_M = 0.30
@@ -74,7 +75,7 @@ def test_it_says_where_the_nearest_point_is() -> None:
     law = Law()
     law.ranges[270] = 0.85
     law.tick()
-    assert law.decision.nearest_m == pytest.approx(0.6, abs=1e-6)
+    assert law.decision.nearest_m == pytest.approx(0.6, abs=2e-4)
     assert law.decision.nearest_bearing_rad == pytest.approx(math.pi / 2)
 
 
@@ -87,8 +88,7 @@ def test_a_reading_too_close_to_measure_is_an_obstacle() -> None:
 
 
 def test_a_scan_that_sees_nothing_within_range_is_free() -> None:
-    law = Law()
-    law.ranges = ring(math.inf)
+    law = Law(room_m=math.inf)
     assert law.drive().output == FORWARD
     assert math.isinf(law.decision.nearest_m)
 
@@ -100,11 +100,33 @@ def test_a_scan_that_is_all_nan_proves_nothing() -> None:
     assert law.tick(("teleop", FORWARD)).reasons == (StopReason.SCAN_INVALID,)
 
 
-def test_a_blocked_sector_proves_nothing() -> None:
+@pytest.mark.parametrize("reading", [math.nan])
+def test_no_motion_into_a_blocked_sector_and_any_other_stays_free(reading: float) -> None:
     law = Law()
     law.drive()
-    law.ranges[:30] = math.nan
-    assert law.tick(("teleop", FORWARD)).reasons == (StopReason.SCAN_INVALID,)
+    law.ranges = ring(ahead_m=reading)
+    assert law.tick(("teleop", FORWARD)).reasons == (StopReason.SCAN_BLIND,)
+    assert law.tick(("teleop", BACK)).output == BACK
+    assert law.tick(("teleop", SPIN)).output == SPIN
+
+
+def test_a_sector_that_is_seen_again_does_not_set_the_robot_going() -> None:
+    law = Law()
+    law.drive()
+    law.ranges = ring(ahead_m=math.nan)
+    law.tick(("teleop", FORWARD))
+    law.ranges = ring()
+    assert law.hold(1.0, ("teleop", FORWARD)).output == STANDSTILL
+    law.tick(("teleop", NEUTRAL))
+    assert law.tick(("teleop", FORWARD)).output == FORWARD
+
+
+def test_a_configured_creep_is_permitted_into_the_blind() -> None:
+    law = Law(config=replace(CONFIG, blind_creep_m_s=0.1))
+    law.ranges = ring(ahead_m=math.nan)
+    decision = law.drive()
+    assert decision.mode is Mode.LIMITED
+    assert decision.output.linear_m_s == pytest.approx(0.1)
 
 
 def test_an_empty_scan_proves_nothing() -> None:

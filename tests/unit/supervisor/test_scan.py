@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 
 from supervisor.clearance import Circle, Surroundings
-from supervisor.scan import read_scan
+from supervisor.lidar import PROFILES
+from supervisor.scan import Mount, ScanReading, continue_reading, read_scan
 
 BEAMS = 360
+
+
+HULL = Circle(0.25)
+OUTLINE = len(HULL.outline()[0])
 
 
 def read(ranges: np.ndarray, **changes: object) -> tuple[Surroundings, str | None]:
@@ -17,12 +22,19 @@ def read(ranges: np.ndarray, **changes: object) -> tuple[Surroundings, str | Non
         "angle_increment": 2 * math.pi / BEAMS,
         "range_min": 0.05,
         "range_max": 12.0,
-        "lidar_pose": (0.0, 0.0, 0.0),
-        "hull": Circle(0.25),
+        "mount": Mount(),
+        "profile": PROFILES["rep117"],
+        "hull": HULL,
+        "stop_distance_m": 0.3,
         "min_beams": 90,
         "min_valid_share": 0.5,
     }
-    return read_scan(ranges, **(values | changes))  # type: ignore[arg-type]
+    around, problem, _ = read_scan(ranges, **(values | changes))  # type: ignore[arg-type]
+    return around, problem
+
+
+def blind_share(around: Surroundings) -> float:
+    return len(around.blind_per_linear) / OUTLINE
 
 
 def full(distance_m: float = 2.0) -> np.ndarray:
@@ -39,7 +51,7 @@ def test_a_ring_of_readings_is_a_ring_of_points() -> None:
 def test_a_lidar_mounted_ahead_and_turned_sees_the_same_room() -> None:
     ranges = np.full(BEAMS, math.inf, dtype=np.float32)
     ranges[BEAMS // 2] = 1.0  # along the lidar's own x axis
-    around, _ = read(ranges, lidar_pose=(0.1, 0.0, math.pi / 2))
+    around, _ = read(ranges, mount=Mount(0.1, 0.0, math.pi / 2))
     assert around.nearest_bearing_rad == pytest.approx(math.atan2(1.0, 0.1))
     assert around.nearest_m == pytest.approx(math.hypot(0.1, 1.0) - 0.25)
 
@@ -70,12 +82,37 @@ def test_readings_below_range_min_are_too_close(reading: float) -> None:
 
 def test_half_of_a_sector_may_be_nan_and_not_one_beam_more() -> None:
     ranges = full()
-    ranges[:15] = math.nan
-    assert read(ranges)[1] is None
-    ranges[15] = math.nan
-    problem = read(ranges)[1]
+    ranges[180:187] = math.nan
+    assert blind_share(read(ranges)[0]) == 0.0
+    ranges[187] = math.nan
+    around, problem = read(ranges)
+    assert problem is None
+    assert blind_share(around) == pytest.approx(1 / 24, abs=0.01)
+
+
+def test_a_fan_is_blind_where_it_does_not_look() -> None:
+    fan = np.full(180, 2.0, dtype=np.float32)
+    around, problem = read(fan, angle_min=-math.pi / 2)
+    assert problem is None
+    assert blind_share(around) == pytest.approx(0.5, abs=0.05)
+    assert around.blind_per_linear.max() < 0.1, "it looks ahead"
+
+
+def test_a_masked_sector_is_blind_and_its_readings_are_the_robot_s_own() -> None:
+    ranges = full()
+    ranges[:31] = 0.1
+    ranges[330:] = 0.1
+    masked = Mount(masked_rad=((math.radians(149.5), math.radians(-149.5)),))
+    around, problem = read(ranges, mount=masked)
+    assert problem is None
+    assert around.nearest_m == pytest.approx(1.75)
+    assert blind_share(around) == pytest.approx(60 / 360, abs=0.02)
+
+
+def test_a_scan_that_is_all_nan_proves_nothing_at_all() -> None:
+    around, problem = read(full(math.nan))
     assert problem is not None
-    assert "sector 1 of 12" in problem
+    assert blind_share(around) == 1.0
 
 
 @pytest.mark.parametrize(
@@ -100,3 +137,70 @@ def test_geometry_that_contradicts_itself_is_no_scan(changes: dict[str, object])
 
 def test_361_beams_over_a_whole_turn_are_a_scan() -> None:
     assert read(np.full(361, 2.0, dtype=np.float32))[1] is None
+
+
+def reading(ranges: np.ndarray, previous: ScanReading | None = None, travelled_m: float = 0.0) -> ScanReading:
+    around, problem, share = read_scan(
+        ranges,
+        angle_min=-math.pi,
+        angle_increment=2 * math.pi / BEAMS,
+        range_min=0.05,
+        range_max=12.0,
+        mount=Mount(),
+        profile=PROFILES["rep117"],
+        hull=HULL,
+        stop_distance_m=0.3,
+        min_beams=90,
+        min_valid_share=0.5,
+    )
+    new = ScanReading(0.0, 0.05, around, problem, ranges, 0, travelled_m, share)
+    return continue_reading(previous, new, travelled_m)
+
+
+def test_a_frozen_scan_is_noticed_once_the_robot_has_moved() -> None:
+    scan = reading(full())
+    problems: list[str | None] = []
+    for n in range(1, 6):
+        scan = reading(full(), scan, travelled_m=n * 0.0101)
+        problems.append(scan.problem)
+    assert problems[:2] == [None, None]
+    assert problems[2] == "the same 4 times while the robot moves"
+    assert reading(full(2.001), scan, 1.0).problem is None
+
+
+def test_a_robot_at_rest_may_see_the_same_for_ever() -> None:
+    scan = reading(full())
+    for _ in range(1000):
+        scan = reading(full(), scan)
+    assert scan.problem is None
+
+
+def test_an_open_field_may_look_the_same_while_the_robot_moves() -> None:
+    scan = reading(full(math.inf))
+    for n in range(100):
+        scan = reading(full(math.inf), scan, travelled_m=n * 0.1)
+    assert scan.problem is None
+
+
+def test_a_scan_that_goes_blank_at_once_proves_nothing_until_something_returns() -> None:
+    scan = reading(full())
+    for _ in range(50):
+        scan = reading(full(math.inf), scan)
+        assert scan.problem == "blank from one scan to the next"
+    few = full(math.inf)
+    few[0] = 3.0
+    assert reading(few, scan).problem is None
+
+
+def test_a_room_left_by_and_by_may_end_in_an_open_field() -> None:
+    ranges, scan = full(), None
+    for n in range(0, BEAMS, 20):
+        ranges = ranges.copy()
+        ranges[n : n + 20] = math.inf
+        scan = reading(ranges, scan)
+        assert scan.problem is None
+
+
+def test_a_scan_that_proves_nothing_does_not_excuse_the_blank_one_after_it() -> None:
+    scan = reading(full(math.inf), reading(full(math.nan), reading(full())))
+    assert scan.problem == "blank from one scan to the next"

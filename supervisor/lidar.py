@@ -1,0 +1,72 @@
+"""What a reading means: REP 117, and the dialects that real sensors speak instead.
+
+REP 117: −Inf is too close to measure, +Inf is nothing within range, NaN is no measurement. Real drivers say
+"nothing came back" as 0.0, NaN, a maximum code or a constant below `range_min`: a profile names what its
+sensor says. A reading that the profile does not explain is invalid, and what is below `range_min` without
+being a code is too close: an obstacle.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from supervisor.clearance import Floats, Mask
+
+CODE_TOLERANCE_M = 1e-4
+"""A code constant survives the way through float32 this well."""
+
+
+@dataclass(frozen=True, slots=True)
+class LidarProfile:
+    """How one kind of sensor says that nothing came back; +Inf and beyond `range_max` always say so."""
+
+    nan_is_free: bool = False
+    zero_is_free: bool = False
+    codes_below_m: float = 0.0
+    """Readings above zero and below this are error codes: nothing came back."""
+    free_codes_m: tuple[float, ...] = ()
+    """Constants that say so."""
+
+
+PROFILES = {
+    "rep117": LidarProfile(),
+    "rplidar": LidarProfile(zero_is_free=True),
+    # The XV-11 repeats 0.053 where nothing came back, below its range_min of 0.06.
+    "neato_xv": LidarProfile(zero_is_free=True, nan_is_free=True, free_codes_m=(0.053,)),
+    # The URG's codes 0 to 19, in mm, are reasons why there is no distance.
+    "hokuyo_urg": LidarProfile(zero_is_free=True, nan_is_free=True, codes_below_m=0.0195),
+    # Logs of the LMS carry its largest code where nothing came back.
+    "sick_lms": LidarProfile(zero_is_free=True, free_codes_m=(81.83, 81.9, 81.91, 50.0)),
+}
+
+
+class Readings(NamedTuple):
+    """One scan's readings, sorted by what they mean; masks over its beams."""
+
+    hit: Mask
+    """Something is there, at its distance, or nearer than that can be measured."""
+    explained: Mask
+    """A hit, or known to be free."""
+    distance_m: Floats
+    """Where it hits: the reading, or `range_min` for what is too close. Elsewhere without meaning."""
+
+
+def explain(
+    ranges: npt.NDArray[np.float32], range_min: float, range_max: float, profile: LidarProfile
+) -> Readings:
+    """Sort readings (n,) [m] by what they mean under a profile."""
+    readings = np.asarray(ranges, dtype=np.float64)
+    nan = np.isnan(readings)
+    free = readings > range_max
+    if profile.nan_is_free:
+        free |= nan
+    if profile.zero_is_free:
+        free |= readings == 0.0
+    if profile.codes_below_m > 0.0:
+        free |= (readings > 0.0) & (readings < profile.codes_below_m)
+    for code in profile.free_codes_m:
+        free |= np.abs(readings - code) < CODE_TOLERANCE_M
+    hit = ~(free | nan)
+    return Readings(hit, hit | free, np.maximum(readings, range_min))
