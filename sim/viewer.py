@@ -5,7 +5,13 @@ import os
 from collections.abc import Callable
 from typing import Any
 
+from sim import mj
 from sim.plant import Plant
+
+# Above and behind the robot, within the hall also at its start, looking down the aisle and following it.
+VIEW_DISTANCE_M = 3.2
+VIEW_AZIMUTH_DEG = 0.0
+VIEW_ELEVATION_DEG = -65.0
 
 
 class NoDisplayError(Exception):
@@ -29,6 +35,11 @@ def open_viewer(plant: Plant) -> Callable[[], None]:
         handle = viewer.launch_passive(plant.model, plant.data, show_left_ui=False, show_right_ui=False)
     except Exception as error:
         raise NoDisplayError(f"MuJoCo cannot open a window here ({error}); use --no-viewer") from error
+
+    camera = handle.cam
+    camera.type = int(mj.mujoco.mjtCamera.mjCAMERA_TRACKING)
+    camera.trackbodyid = mj.body_id(plant.model, "robot")
+    camera.distance, camera.azimuth, camera.elevation = VIEW_DISTANCE_M, VIEW_AZIMUTH_DEG, VIEW_ELEVATION_DEG
 
     def draw() -> None:
         if handle.is_running():
