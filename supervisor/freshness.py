@@ -11,8 +11,9 @@ A clock that steps back shows as a source time that goes back while the sequence
 proof anew. Slow drift is followed at `DRIFT`.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 FALL_TOLERANCE_S = 0.04
 """A baseline that falls by more within one command timeout was no baseline. Below one 20 Hz period, so that
@@ -43,8 +44,7 @@ class Sent:
     source_time_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class Track:
+class Track(NamedTuple):
     """What is known of one source's stream of stamped commands."""
 
     last: Sent | None = None
@@ -90,9 +90,9 @@ def judge(
     baseline = min(offset, track.baseline_s + DRIFT * (arrival_s - track.arrival_s))
     if track.anchor_s - baseline > fall_tolerance_s:
         return _anchor(sent, arrival_s, track.ended), Verdict.LATE, 0.0
-    track = replace(track, last=sent, arrival_s=arrival_s, baseline_s=baseline)
+    track = track._replace(last=sent, arrival_s=arrival_s, baseline_s=baseline)
     if arrival_s - track.anchored_at_s >= timeout_s:
-        track = replace(track, anchor_s=baseline, anchored_at_s=arrival_s, proven=True)
+        track = track._replace(anchor_s=baseline, anchored_at_s=arrival_s, proven=True)
     on_way_s = offset - baseline
     if on_way_s > timeout_s:
         return track, Verdict.LATE, on_way_s

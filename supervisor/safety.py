@@ -78,7 +78,7 @@ def step(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
     shared = _shared_causes(state, now_s)
     state, reply = _reset(state, inputs)
     state = _take_commands(state, now_s, inputs, shared)
-    state = replace(state, owner=_owner(state, now_s))
+    state = state._replace(owner=_owner(state, now_s))
     return _decide(state, now_s, shared, reply)
 
 
@@ -92,10 +92,9 @@ def _observe(state: State, now_s: float, inputs: Inputs) -> State:
     if inputs.scan is not None:
         state = _see(state, inputs.scan)
     elif inputs.undecodable_scan and state.scan is not None:
-        state = replace(state, scan=replace(state.scan, problem="undecodable"))
+        state = state._replace(scan=replace(state.scan, problem="undecodable"))
     strangers = tuple(name for name in dict.fromkeys(inputs.strangers) if name not in state.strangers)
-    return replace(
-        state,
+    return state._replace(
         estop=state.estop or inputs.estop,
         runaway=_runs_away(state, now_s),
         strangers=(*state.strangers, *strangers)[:REMEMBERED_STRANGERS],
@@ -105,14 +104,13 @@ def _observe(state: State, now_s: float, inputs: Inputs) -> State:
 def _move(state: State, odometry: Odometry) -> State:
     """Reckon with the velocity that held until now. A spike is no motion, but it stays to be seen as one."""
     config, before = state.config, state.odometry
-    state = replace(state, odometry=odometry)
+    state = state._replace(odometry=odometry)
     if before is None or not _believable(before.velocity, config):
         return state
     dt_s = min(max(0.0, odometry.arrival_s - before.arrival_s), LONGEST_RECKONING_S)
     linear_m_s, angular_rad_s = before.velocity
     rim_m_s = abs(linear_m_s) + abs(angular_rad_s) * config.hull.radius_m
-    return replace(
-        state,
+    return state._replace(
         pose=_advance(state.pose, before.velocity, dt_s),
         travelled_m=state.travelled_m + rim_m_s * dt_s,
     )
@@ -145,8 +143,8 @@ def _see(state: State, scan: LaserScan) -> State:
         track, verdict, on_way_s = judge(
             state.scan_track, scan.sent, scan.arrival_s, config.scan_timeout_s, tolerance_s
         )
-        state = replace(state, scan_track=track)
-    state = replace(state, scan_counts=state.scan_counts.add(verdict))
+        state = state._replace(scan_track=track)
+    state = state._replace(scan_counts=state.scan_counts.add(verdict))
     if verdict is not Verdict.FRESH:
         return state
     surroundings, problem, return_share = read_scan(
@@ -170,7 +168,7 @@ def _see(state: State, scan: LaserScan) -> State:
         taken_s, period_s, surroundings, problem, scan.ranges, 0, state.travelled_m, return_share
     )
     reading = continue_reading(state.scan, reading, state.travelled_m)
-    return replace(state, scan=reading, scan_pose=state.pose)
+    return state._replace(scan=reading, scan_pose=state.pose)
 
 
 def _runs_away(state: State, now_s: float) -> bool:
@@ -214,7 +212,7 @@ def _reset(state: State, inputs: Inputs) -> tuple[State, Reply | None]:
     if driving:
         names = ", ".join(driving)
         return state, Reply(success=False, message=f"refused: {names} still asks for motion; stop it first")
-    return replace(state, estop=False), Reply(success=True, message="the emergency stop is reset")
+    return state._replace(estop=False), Reply(success=True, message="the emergency stop is reset")
 
 
 # --- the sources
@@ -226,7 +224,7 @@ def _take_commands(state: State, now_s: float, inputs: Inputs, shared: Reasons) 
     lost = {change.source for change in inputs.liveliness if not change.alive}
     for change in inputs.liveliness:
         if change.source in sources:
-            sources[change.source] = replace(sources[change.source], alive=change.alive)
+            sources[change.source] = sources[change.source]._replace(alive=change.alive)
     for command in inputs.commands:
         if command.source in sources:
             sources[command.source] = _accept(sources[command.source], command, state.config)
@@ -242,29 +240,28 @@ def _take_commands(state: State, now_s: float, inputs: Inputs, shared: Reasons) 
     if before is not None and before.armed and not settled[state.owner].armed:
         stopped = settled[state.owner]
         settled = {name: _share_stop(source, stopped) for name, source in settled.items()}
-    return replace(state, sources=tuple(settled.values()))
+    return state._replace(sources=tuple(settled.values()))
 
 
 def _accept(source: Source, command: Command, config: LawConfig) -> Source:
     """Take note of a command: a refused one never refreshes the age of the last good one."""
-    source = replace(source, stamped=command.sent is not None)
+    source = source._replace(stamped=command.sent is not None)
     velocity = _plausible(command.velocity, config)
     if velocity is None:
-        counts = replace(source.counts, invalid=source.counts.invalid + 1)
-        return replace(source, invalid=True, counts=counts)
+        counts = source.counts._replace(invalid=source.counts.invalid + 1)
+        return source._replace(invalid=True, counts=counts)
     verdict, on_way_s = Verdict.FRESH, 0.0
     if command.sent is not None:
         track, verdict, on_way_s = judge(
             source.track, command.sent, command.arrival_s, config.command_timeout_s
         )
-        source = replace(source, track=track)
-    source = replace(source, counts=source.counts.add(verdict))
+        source = source._replace(track=track)
+    source = source._replace(counts=source.counts.add(verdict))
     if verdict is Verdict.UNPROVEN:
         return source
     if verdict is not Verdict.FRESH:
-        return replace(source, refused_s=command.arrival_s)
-    return replace(
-        source,
+        return source._replace(refused_s=command.arrival_s)
+    return source._replace(
         velocity=velocity,
         sent_s=command.arrival_s - on_way_s,
         neutral_s=command.arrival_s if velocity == STANDSTILL else source.neutral_s,
@@ -300,22 +297,22 @@ def _own_causes(source: Source, now_s: float, config: LawConfig) -> Reasons:
 def _latch(source: Source, now_s: float, causes: Reasons) -> Source:
     """Latch the causes; without any, a neutral that came after the last of them lets all latches fall."""
     if causes:
-        return replace(source, latched=source.latched | causes, caused_s=now_s)
+        return source._replace(latched=source.latched | causes, caused_s=now_s)
     if source.neutral_s > source.caused_s:
-        return replace(source, latched=NONE, block=None)
+        return source._replace(latched=NONE, block=None)
     if (
         source.block is not None
         and source.velocity is not None
         and not source.block.is_approached_by(*source.velocity)
     ):
-        return replace(source, latched=source.latched - BARRIER_REASONS, block=None)
+        return source._replace(latched=source.latched - BARRIER_REASONS, block=None)
     return source
 
 
 def _share_stop(source: Source, stopped: Source) -> Source:
     """When the owner stops, nobody else may drive on without being neutral first."""
-    return replace(
-        source, latched=source.latched | stopped.latched, caused_s=stopped.caused_s, block=stopped.block
+    return source._replace(
+        latched=source.latched | stopped.latched, caused_s=stopped.caused_s, block=stopped.block
     )
 
 
@@ -354,7 +351,7 @@ def _decide(state: State, now_s: float, shared: Reasons, reply: Reply | None) ->
         output = Velocity(scale * commanded.linear_m_s, scale * commanded.angular_rad_s)
     since_s = now_s if state.stopped_s is None else state.stopped_s
     stopped_s = since_s if output == STANDSTILL else None
-    state = replace(state, now_s=now_s, output=output, stopped_s=stopped_s)
+    state = state._replace(now_s=now_s, output=output, stopped_s=stopped_s)
     return state, _explain(state, now_s, reasons, commanded, scale, reply)
 
 
@@ -402,10 +399,9 @@ def _hull_speed(velocity: Velocity, config: LawConfig) -> float:
 
 def _stop_at(state: State, now_s: float, block: Block, reason: StopReason) -> State:
     """Latch the barrier's stop on every source: what was driven at stays known until it drives elsewhere."""
-    return replace(
-        state,
+    return state._replace(
         sources=tuple(
-            replace(s, latched=s.latched | {reason}, caused_s=now_s, block=block) for s in state.sources
+            s._replace(latched=s.latched | {reason}, caused_s=now_s, block=block) for s in state.sources
         ),
     )
 
