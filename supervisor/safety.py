@@ -239,7 +239,10 @@ def _take_commands(state: State, now_s: float, inputs: Inputs, shared: Reasons) 
     before = next((s for s in state.sources if s.config.name == state.owner), None)
     if before is not None and before.armed and not settled[state.owner].armed:
         stopped = settled[state.owner]
-        settled = {name: _share_stop(source, stopped) for name, source in settled.items()}
+        settled = {
+            name: source if name == state.owner else _share_stop(source, stopped)
+            for name, source in settled.items()
+        }
     return state._replace(sources=tuple(settled.values()))
 
 
@@ -310,10 +313,8 @@ def _latch(source: Source, now_s: float, causes: Reasons) -> Source:
 
 
 def _share_stop(source: Source, stopped: Source) -> Source:
-    """When the owner stops, nobody else may drive on without being neutral first."""
-    return source._replace(
-        latched=source.latched | stopped.latched, caused_s=stopped.caused_s, block=stopped.block
-    )
+    """When the owner stops, nobody else may drive on, not even elsewhere, without being neutral first."""
+    return source._replace(latched=source.latched | stopped.latched, caused_s=stopped.caused_s, block=None)
 
 
 def _owner(state: State, now_s: float) -> str:
@@ -398,10 +399,15 @@ def _hull_speed(velocity: Velocity, config: LawConfig) -> float:
 
 
 def _stop_at(state: State, now_s: float, block: Block, reason: StopReason) -> State:
-    """Latch the barrier's stop on every source: what was driven at stays known until it drives elsewhere."""
+    """Latch the barrier's stop on every source; what the owner drove at stays known until it drives elsewhere."""
     return state._replace(
         sources=tuple(
-            s._replace(latched=s.latched | {reason}, caused_s=now_s, block=block) for s in state.sources
+            s._replace(
+                latched=s.latched | {reason},
+                caused_s=now_s,
+                block=block if s.config.name == state.owner else None,
+            )
+            for s in state.sources
         ),
     )
 

@@ -44,6 +44,17 @@ def test_a_motion_that_does_not_close_on_it_needs_no_neutral(escape: Velocity) -
     assert decision.mode is Mode.DRIVING
 
 
+def test_when_the_owner_is_stopped_nobody_else_drives_elsewhere_without_neutral() -> None:
+    """Found by the model check: a bystander's standing command was taken for an escape."""
+    law = Law()
+    law.tick(("teleop", NEUTRAL), ("path", NEUTRAL))
+    law.hold(0.2, ("teleop", FORWARD), ("path", BACK))
+    law.ranges = ring(ahead_m=0.5)
+    assert law.hold(1.0, ("teleop", FORWARD), ("path", BACK)).output == STANDSTILL
+    law.tick(("teleop", NEUTRAL), ("path", NEUTRAL))
+    assert law.tick(("teleop", NEUTRAL), ("path", BACK)).output == BACK
+
+
 def test_the_escape_is_itself_guarded() -> None:
     law = Law()
     law.drive()
