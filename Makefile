@@ -21,8 +21,11 @@ setup: $(STAMP) ## the environment alone: .venv from uv.lock
 run: $(STAMP) ## drive the robot by keyboard; without a terminal, play the demo
 	@if [ -t 0 ] && [ -t 1 ]; then exec .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
 
-test: check ## the checks, then every test
-	.venv/bin/pytest
+test: check ## the checks, then every test; the pure modules must be covered to the last branch
+	.venv/bin/coverage run -m pytest tests/unit -m "not proof"
+	.venv/bin/coverage report
+	.venv/bin/pytest -s tests/unit -m proof
+	.venv/bin/pytest tests/component tests/system
 
 check: $(STAMP) ## ruff, pyright and import-linter
 	.venv/bin/ruff check

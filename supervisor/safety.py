@@ -363,8 +363,7 @@ def _barrier(state: State, now_s: float, commanded: Velocity) -> tuple[float, Bl
     that the robot is by now, and the more cautious of the two counts: odometry may be wrong.
     """
     config, scan = state.config, state.scan
-    if scan is None:  # no scan is a stop already
-        return 0.0, None
+    assert scan is not None, "without a scan nothing gets here: it is a stop"
     barrier = Barrier(
         stop_distance_m=config.stop_distance_m,
         deceleration_m_s2=config.deceleration_m_s2,

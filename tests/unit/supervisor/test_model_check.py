@@ -314,6 +314,7 @@ def _names(way: tuple[Any, ...]) -> list[str]:
     ("name", "events"),
     [("one operator", ONE_OPERATOR), ("two sources", TWO_SOURCES), ("a runaway base", RUNAWAY_BASE)],
 )
+@pytest.mark.proof
 @pytest.mark.timeout(600)
 def test_every_reachable_state_keeps_the_promises_and_recovers(name: str, events: list[Event]) -> None:
     reasons: set[StopReason] = set()

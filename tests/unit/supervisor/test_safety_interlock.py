@@ -272,6 +272,12 @@ def test_a_source_outside_the_configuration_is_shown_and_moves_nothing() -> None
     assert decision.strangers == ("stranger", "other")
 
 
+def test_a_stranger_s_token_means_nothing() -> None:
+    law = Law()
+    law.drive()
+    assert law.tick(("teleop", FORWARD), liveliness=(*back("stranger"), *lost("stranger"))).output == FORWARD
+
+
 def test_only_so_many_strangers_are_remembered() -> None:
     law = Law()
     decision = law.tick(strangers=tuple(f"stranger{n}" for n in range(100)))
