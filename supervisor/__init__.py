@@ -4,6 +4,8 @@
     model.py       its words: stop reasons, inputs, state, decision
     clearance.py   the speed barrier: how fast toward what, for any hull
     scan.py        what a laser scan proves
+    reckoning.py   where the robot has gone since a scan
+    lidar.py       what a reading means: REP 117 and its dialects
     freshness.py   how old a command is, whatever the network did to it
     config.py      [supervisor] of robot.toml
     messages.py    wire messages -> inputs, decision -> wire messages

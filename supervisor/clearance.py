@@ -56,13 +56,15 @@ class Circle:
 
     def nearest(self, points: Floats) -> tuple[Floats, Floats]:
         distances: Floats = np.hypot(points[:, 0], points[:, 1])
-        safe = np.where(distances > 0.0, distances, 1.0)
-        normals = np.where(distances[:, None] > 0.0, points / safe[:, None], (1.0, 0.0))
+        # At the very centre any direction will do, but it must be one.
+        central = distances == 0.0
+        length = distances + central
+        normals = np.stack([(points[:, 0] + central) / length, points[:, 1] / length], axis=1)
         return distances - self.radius_m, normals
 
     def outline(self) -> tuple[Floats, Floats]:
         count = max(72, math.ceil(2 * math.pi * self.radius_m / OUTLINE_SPACING_M))
-        angle = np.linspace(0.0, 2 * math.pi, count, endpoint=False)
+        angle = np.arange(count) * (2 * math.pi / count)
         normals: Floats = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         return self.radius_m * normals, normals
 
@@ -74,7 +76,7 @@ class ConvexPolygon:
     corners: tuple[tuple[float, float], ...]
 
     def __post_init__(self) -> None:
-        corners = np.array(self.corners, dtype=np.float64)
+        corners = np.array(self.corners)
         if corners.ndim != 2 or corners.shape[0] < 3 or not np.isfinite(corners).all():
             raise ValueError("a polygon needs at least three finite corners (x, y)")
         sides = np.roll(corners, -1, axis=0) - corners
@@ -100,27 +102,27 @@ class ConvexPolygon:
         gaps: Floats = np.hypot(away[:, :, 0], away[:, :, 1])
         outside_side = gaps.argmin(axis=1)
         gap: Floats = gaps[rows, outside_side]
-        inside = height[rows, inside_side] <= 0.0
-        distances: Floats = np.where(inside, height[rows, inside_side], gap)
-        safe = np.where(gap > 0.0, gap, 1.0)
-        normals = np.where(
-            (inside | (gap == 0.0))[:, None], outward[inside_side], away[rows, outside_side] / safe[:, None]
-        )
-        return distances, normals
+        depth: Floats = height.max(axis=1)  # below zero inside
+        inside = (depth <= 0.0) | (gap == 0.0)
+        normals = outward[inside_side]
+        beyond = ~inside
+        normals[beyond] = away[rows, outside_side][beyond] / gap[beyond, None]
+        return np.where(inside, depth, gap), normals
 
     def outline(self) -> tuple[Floats, Floats]:
         points: list[Floats] = []
         normals: list[Floats] = []
-        for start, side, outward in zip(*self._sides(), strict=True):
-            count = math.ceil(float(np.hypot(*side)) / OUTLINE_SPACING_M) + 1
+        starts, sides, outwards = self._sides()
+        for side in range(len(starts)):
+            count = math.ceil(float(np.hypot(*sides[side])) / OUTLINE_SPACING_M) + 1
             along = np.linspace(0.0, 1.0, count)[:, None]
-            points.append(start + along * side)
-            normals.append(np.repeat(outward[None, :], count, axis=0))
+            points.append(starts[side] + along * sides[side])
+            normals.append(np.repeat(outwards[side : side + 1], count, axis=0))
         return np.concatenate(points), np.concatenate(normals)
 
     def _sides(self) -> tuple[Floats, Floats, Floats]:
         """Each side's start (m, 2), way to its end (m, 2), and outward unit normal (m, 2)."""
-        start = np.array(self.corners, dtype=np.float64)
+        start = np.array(self.corners)
         side: Floats = np.roll(start, -1, axis=0) - start
         outward = np.stack([side[:, 1], -side[:, 0]], axis=1) / np.hypot(side[:, 0], side[:, 1])[:, None]
         return start, side, outward
@@ -161,7 +163,7 @@ def survey(hull: Hull, points: Floats, *, blind: Mask | None = None) -> Surround
         blind_linear, blind_angular = blind_linear[blind], blind_angular[blind]
     if len(points) == 0:
         none = np.empty(0)
-        return Surroundings(points, none, none, none, blind_linear, blind_angular, float("inf"), float("nan"))
+        return Surroundings(points, none, none, none, blind_linear, blind_angular, math.inf, math.nan)
     clearance, normals = hull.nearest(points)
     first = int(clearance.argmin())
     return Surroundings(

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from supervisor.clearance import Block, Hull
 from supervisor.freshness import Sent, Track, Verdict
 from supervisor.lidar import LidarProfile
+from supervisor.reckoning import STANDSTILL, Odometer, Pose, Velocity
 from supervisor.scan import Mount, ScanReading
 
 
@@ -48,24 +49,6 @@ class Mode(IntEnum):
     READY = 1
     DRIVING = 2
     LIMITED = 3
-
-
-class Velocity(NamedTuple):
-    """A planar twist."""
-
-    linear_m_s: float
-    angular_rad_s: float
-
-
-STANDSTILL = Velocity(0.0, 0.0)
-
-
-class Pose(NamedTuple):
-    """A planar pose."""
-
-    x_m: float
-    y_m: float
-    yaw_rad: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,12 +215,9 @@ class State(NamedTuple):
     scan_track: Track = Track()
     scan_counts: Counts = Counts()
     odometry: Odometry | None = None
-    pose: Pose = Pose(0.0, 0.0, 0.0)
-    """Dead reckoning by odometry's velocity since the start; only differences count."""
-    scan_pose: Pose = Pose(0.0, 0.0, 0.0)
-    """The pose when the scan was taken in."""
-    travelled_m: float = 0.0
-    """How far the hull has moved since the start, turns counted at its rim."""
+    odometer: Odometer = Odometer()
+    scan_pose: Pose = Odometer().pose
+    """Where the odometer was when the scan was taken in."""
     estop: bool = False
     output: Velocity = STANDSTILL
     stopped_s: float | None = None

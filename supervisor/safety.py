@@ -21,7 +21,6 @@ from supervisor.clearance import Barrier, Block, moved, permitted_scale
 from supervisor.freshness import FALL_TOLERANCE_S, Verdict, judge
 from supervisor.model import (
     SEVERITY,
-    STANDSTILL,
     Command,
     Decision,
     Inputs,
@@ -29,14 +28,13 @@ from supervisor.model import (
     LawConfig,
     Mode,
     Odometry,
-    Pose,
     Reasons,
     Reply,
     Source,
     State,
     StopReason,
-    Velocity,
 )
+from supervisor.reckoning import STANDSTILL, Velocity, displacement, reckon
 from supervisor.scan import ScanReading, continue_reading, read_scan
 
 IMPLAUSIBLE_FACTOR = 10.0
@@ -46,13 +44,7 @@ RUNAWAY_GRACE_S = 0.3
 """Beyond the braking time: odometry's own way here, and a wheel's last rocking."""
 
 BELIEVABLE_FACTOR = 2.0
-"""Odometry beyond this many times the limits is a spike: nothing is reckoned with it."""
-
-LONGEST_RECKONING_S = 0.25
-"""How long a velocity is taken to hold when odometry falls silent."""
-
-NEGLIGIBLE_MOVE = 1e-3
-"""[m, rad] A move below this is not worth looking again."""
+"""Odometry beyond this many times the limits is a spike."""
 
 REMEMBERED_STRANGERS = 8
 
@@ -76,8 +68,8 @@ def step(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
     """
     state = _observe(state, now_s, inputs)
     shared = _shared_causes(state, now_s)
-    state, reply = _reset(state, inputs)
     state = _take_commands(state, now_s, inputs, shared)
+    state, reply = _reset(state, inputs)
     state = state._replace(owner=_owner(state, now_s))
     return _decide(state, now_s, shared, reply)
 
@@ -102,36 +94,13 @@ def _observe(state: State, now_s: float, inputs: Inputs) -> State:
 
 
 def _move(state: State, odometry: Odometry) -> State:
-    """Reckon with the velocity that held until now. A spike is no motion, but it stays to be seen as one."""
-    config, before = state.config, state.odometry
-    state = state._replace(odometry=odometry)
-    if before is None or not _believable(before.velocity, config):
-        return state
-    dt_s = min(max(0.0, odometry.arrival_s - before.arrival_s), LONGEST_RECKONING_S)
-    linear_m_s, angular_rad_s = before.velocity
-    rim_m_s = abs(linear_m_s) + abs(angular_rad_s) * config.hull.radius_m
-    return state._replace(
-        pose=_advance(state.pose, before.velocity, dt_s),
-        travelled_m=state.travelled_m + rim_m_s * dt_s,
+    """Reckon with odometry. A spike is no motion there, but it stays to be seen as one."""
+    config = state.config
+    fastest = Velocity(
+        BELIEVABLE_FACTOR * config.max_linear_m_s, BELIEVABLE_FACTOR * config.max_angular_rad_s
     )
-
-
-def _believable(velocity: Velocity, config: LawConfig) -> bool:
-    """Whether the base can move like this: odometry has spikes of many times the speed limit."""
-    return (
-        abs(velocity.linear_m_s) <= BELIEVABLE_FACTOR * config.max_linear_m_s
-        and abs(velocity.angular_rad_s) <= BELIEVABLE_FACTOR * config.max_angular_rad_s
-    )
-
-
-def _advance(pose: Pose, velocity: Velocity, dt_s: float) -> Pose:
-    """The pose after an arc, taken at its middle heading."""
-    heading_rad = pose.yaw_rad + velocity.angular_rad_s * dt_s / 2
-    return Pose(
-        pose.x_m + velocity.linear_m_s * dt_s * math.cos(heading_rad),
-        pose.y_m + velocity.linear_m_s * dt_s * math.sin(heading_rad),
-        pose.yaw_rad + velocity.angular_rad_s * dt_s,
-    )
+    odometer = reckon(state.odometer, odometry.velocity, odometry.arrival_s, fastest)
+    return state._replace(odometry=odometry, odometer=odometer)
 
 
 def _see(state: State, scan: LaserScan) -> State:
@@ -164,11 +133,9 @@ def _see(state: State, scan: LaserScan) -> State:
     period_s = config.scan_timeout_s
     if state.scan is not None:
         period_s = min(period_s, max(0.0, taken_s - state.scan.taken_s))
-    reading = ScanReading(
-        taken_s, period_s, surroundings, problem, scan.ranges, 0, state.travelled_m, return_share
-    )
-    reading = continue_reading(state.scan, reading, state.travelled_m)
-    return state._replace(scan=reading, scan_pose=state.pose)
+    travelled_m = state.odometer.travelled_m + config.hull.radius_m * state.odometer.turned_rad
+    reading = ScanReading(taken_s, period_s, surroundings, problem, scan.ranges, 0, travelled_m, return_share)
+    return state._replace(scan=continue_reading(state.scan, reading), scan_pose=state.odometer.pose)
 
 
 def _runs_away(state: State, now_s: float) -> bool:
@@ -239,10 +206,7 @@ def _take_commands(state: State, now_s: float, inputs: Inputs, shared: Reasons) 
     before = next((s for s in state.sources if s.config.name == state.owner), None)
     if before is not None and before.armed and not settled[state.owner].armed:
         stopped = settled[state.owner]
-        settled = {
-            name: source if name == state.owner else _share_stop(source, stopped)
-            for name, source in settled.items()
-        }
+        settled = {name: _share_stop(source, stopped) for name, source in settled.items()}
     return state._replace(sources=tuple(settled.values()))
 
 
@@ -276,10 +240,19 @@ def _plausible(velocity: Velocity | None, config: LawConfig) -> Velocity | None:
     """The command clamped to the limits; None where it is no command at all."""
     if velocity is None or not (math.isfinite(velocity.linear_m_s) and math.isfinite(velocity.angular_rad_s)):
         return None
-    limits = (config.max_linear_m_s, config.max_angular_rad_s)
-    if any(abs(value) > IMPLAUSIBLE_FACTOR * limit for value, limit in zip(velocity, limits, strict=True)):
+    if (
+        abs(velocity.linear_m_s) > IMPLAUSIBLE_FACTOR * config.max_linear_m_s
+        or abs(velocity.angular_rad_s) > IMPLAUSIBLE_FACTOR * config.max_angular_rad_s
+    ):
         return None
-    return Velocity(*(max(-limit, min(limit, value)) for value, limit in zip(velocity, limits, strict=True)))
+    return Velocity(
+        _clamp(velocity.linear_m_s, config.max_linear_m_s),
+        _clamp(velocity.angular_rad_s, config.max_angular_rad_s),
+    )
+
+
+def _clamp(value: float, limit: float) -> float:
+    return max(-limit, min(limit, value))
 
 
 def _own_causes(source: Source, now_s: float, config: LawConfig) -> Reasons:
@@ -363,7 +336,7 @@ def _barrier(state: State, now_s: float, commanded: Velocity) -> tuple[float, Bl
     that the robot is by now, and the more cautious of the two counts: odometry may be wrong.
     """
     config, scan = state.config, state.scan
-    assert scan is not None, "without a scan nothing gets here: it is a stop"
+    assert scan is not None  # without one nothing gets here: it is a stop
     barrier = Barrier(
         stop_distance_m=config.stop_distance_m,
         deceleration_m_s2=config.deceleration_m_s2,
@@ -371,25 +344,11 @@ def _barrier(state: State, now_s: float, commanded: Velocity) -> tuple[float, Bl
         blind_creep_m_s=config.blind_creep_m_s,
     )
     scale, block = permitted_scale(scan.surroundings, *commanded, barrier)
-    displacement = _displacement(state, now_s)
-    if displacement is None:
+    way = displacement(state.odometer, state.scan_pose, now_s)
+    if way is None:
         return scale, block
-    here = moved(scan.surroundings, config.hull, displacement)
+    here = moved(scan.surroundings, config.hull, way)
     return min((scale, block), permitted_scale(here, *commanded, barrier), key=lambda limit: limit[0])
-
-
-def _displacement(state: State, now_s: float) -> Pose | None:
-    """How the robot has moved since the scan, in its frame of then; None where that is next to nothing."""
-    pose, odometry = state.pose, state.odometry
-    if odometry is not None and _believable(odometry.velocity, state.config):
-        dt_s = min(max(0.0, now_s - odometry.arrival_s), LONGEST_RECKONING_S)
-        pose = _advance(pose, odometry.velocity, dt_s)
-    then = state.scan_pose
-    x_m, y_m, yaw_rad = pose.x_m - then.x_m, pose.y_m - then.y_m, pose.yaw_rad - then.yaw_rad
-    if abs(x_m) + abs(y_m) + abs(yaw_rad) < NEGLIGIBLE_MOVE:
-        return None
-    cos, sin = math.cos(then.yaw_rad), math.sin(then.yaw_rad)
-    return Pose(cos * x_m + sin * y_m, cos * y_m - sin * x_m, yaw_rad)
 
 
 def _hull_speed(velocity: Velocity, config: LawConfig) -> float:

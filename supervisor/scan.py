@@ -119,17 +119,16 @@ def read_scan(
     return survey(hull, points, blind=~proven[outline_sector]), None, float(hit.mean())
 
 
-def continue_reading(previous: ScanReading | None, reading: ScanReading, travelled_m: float) -> ScanReading:
+def continue_reading(previous: ScanReading | None, reading: ScanReading) -> ScanReading:
     """The reading in the light of the one before: frozen, blank, or as it is.
 
     Args:
         previous: the last accepted scan.
-        reading: the new one, by itself.
-        travelled_m: how far the hull has moved since the start, by odometry; only differences count.
+        reading: the new one, by itself, with the odometer as it is now.
     """
     if previous is None:
         return reading
-    repeats, since_m = 0, travelled_m
+    repeats, since_m = 0, reading.travelled_m
     if np.array_equal(previous.ranges, reading.ranges, equal_nan=True):
         repeats, since_m = previous.repeats + 1, previous.travelled_m
     problem, share = reading.problem, reading.return_share
@@ -137,7 +136,7 @@ def continue_reading(previous: ScanReading | None, reading: ScanReading, travell
         problem is None
         and share > 0.0
         and repeats >= FROZEN_REPEATS
-        and travelled_m - since_m > FROZEN_TRAVEL_M
+        and reading.travelled_m - since_m > FROZEN_TRAVEL_M
     ):
         problem = f"the same {repeats + 1} times while the robot moves"
     if problem is None and share == 0.0 and previous.return_share >= BLANK_AFTER_SHARE:

@@ -64,6 +64,7 @@ class Law:
         self.ranges = ring(self.room_m)
         self.sequence = 0
         self.noise_m = 0.0
+        self.asked = NEUTRAL
         self.decision: Decision = self.step()
 
     def step(self, inputs: Inputs | None = None) -> Decision:

@@ -154,7 +154,7 @@ def reading(ranges: np.ndarray, previous: ScanReading | None = None, travelled_m
         min_valid_share=0.5,
     )
     new = ScanReading(0.0, 0.05, around, problem, ranges, 0, travelled_m, share)
-    return continue_reading(previous, new, travelled_m)
+    return continue_reading(previous, new)
 
 
 def test_a_frozen_scan_is_noticed_once_the_robot_has_moved() -> None:
