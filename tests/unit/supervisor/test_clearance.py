@@ -1,6 +1,7 @@
 """The speed barrier's geometry and its one formula."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from supervisor.clearance import (
+    OUTLINE_SPACING_M,
     Barrier,
     Block,
     Circle,
@@ -21,7 +23,8 @@ from supervisor.clearance import (
     survey,
 )
 
-RECTANGLE = ConvexPolygon(((0.3, -0.2), (0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2)))
+CORNERS = ((0.3, -0.2), (0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2))
+RECTANGLE = ConvexPolygon(CORNERS)
 BARRIER = Barrier(stop_distance_m=0.3, deceleration_m_s2=1.5, reaction_s=0.1, blind_creep_m_s=0.0)
 HULLS = (Circle(0.25), RECTANGLE)
 
@@ -64,7 +67,7 @@ def test_a_point_at_the_very_centre_is_inside_and_has_a_normal() -> None:
 def test_clearance_of_a_rectangle(
     point: tuple[float, float], clearance_m: float, normal: tuple[float, float]
 ) -> None:
-    clearances, normals = RECTANGLE.nearest(one(*point))
+    clearances, normals = ConvexPolygon(CORNERS).nearest(one(*point))
     assert clearances[0] == pytest.approx(clearance_m)
     assert normals[0] == pytest.approx(normal)
 
@@ -200,3 +203,134 @@ def test_a_block_knows_what_approaches_it() -> None:
     assert ahead.is_approached_by(0.02, 0.0)
     assert not ahead.is_approached_by(0.01, 5.0)
     assert not ahead.is_approached_by(-1.0, 0.0)
+
+
+@pytest.mark.parametrize("count", [3, 4, 5, 12])
+def test_regular_polygons_of_any_size_are_hulls_with_outward_normals(count: int) -> None:
+    """Also with corners in whole metres, as a configuration may give them."""
+    angles = np.arange(count) * 2 * np.pi / count
+    hull = ConvexPolygon(tuple((3.0 * math.cos(a) + 1.0, 2.0 * math.sin(a) - 0.5) for a in angles))
+    points, normals = hull.outline()
+    assert hull.nearest(points)[0] == pytest.approx(0.0, abs=1e-12)
+    assert hull.nearest(points + 0.01 * normals)[0] == pytest.approx(0.01)
+    centre = np.array([1.0, -0.5])
+    assert hull.nearest(centre + 0.99 * (points - centre))[0].max() < 0.0
+    assert hull.radius_m == pytest.approx(max(math.hypot(x, y) for x, y in hull.corners))
+
+
+def test_a_triangle_in_whole_metres_is_a_hull() -> None:
+    clearance, normal = ConvexPolygon(((0, 0), (1, 0), (0, 1))).nearest(one(0.25, -0.5))
+    assert clearance[0] == 0.5
+    assert tuple(normal[0]) == (0.0, -1.0)
+
+
+@pytest.mark.parametrize(
+    ("corners", "sentence"),
+    [
+        (((0.0, 0.0), (1.0, 0.0)), "a polygon needs at least three finite corners (x, y)"),
+        ((1.0, 2.0, 3.0), "a polygon needs at least three finite corners (x, y)"),
+        (((0.0, 0.0), (1.0, math.inf), (0.0, 1.0)), "a polygon needs at least three finite corners (x, y)"),
+        (((0.0, 0.0), (0.0, 1.0), (1.0, 0.0)), "the polygon must be convex, its corners counter-clockwise"),
+        (
+            ((0.0, 1.0), (-0.59, -0.81), (0.95, 0.31), (-0.95, 0.31), (0.59, -0.81)),
+            "the polygon must be convex, its corners counter-clockwise",
+        ),
+    ],
+)
+def test_each_refusal_of_a_hull_is_a_sentence(
+    corners: tuple[tuple[float, float], ...], sentence: str
+) -> None:
+    with pytest.raises(ValueError, match=f"^{re.escape(sentence)}$"):
+        ConvexPolygon(corners)
+
+
+def test_a_small_convex_hull_is_not_taken_for_flat() -> None:
+    tiny = ConvexPolygon(tuple((x / 10, y / 10) for x, y in CORNERS))
+    assert tiny.nearest(one(1.0, 0.0))[0][0] == pytest.approx(0.97)
+
+
+def test_the_outline_of_a_circle_goes_round_once_in_even_steps() -> None:
+    for radius_m, count in ((0.05, 72), (0.5, math.ceil(2 * math.pi * 0.5 / 0.02))):
+        points, normals = Circle(radius_m).outline()
+        angles = np.unwrap(np.arctan2(normals[:, 1], normals[:, 0]))
+        assert len(points) == count
+        assert tuple(normals[0]) == (1.0, 0.0)
+        assert np.diff(angles) == pytest.approx(2 * math.pi / count)
+        assert points == pytest.approx(radius_m * normals)
+
+
+def test_the_outline_of_a_polygon_has_both_ends_of_each_side_and_no_wide_gap() -> None:
+    points, normals = ConvexPolygon(CORNERS).outline()
+    for x, y in CORNERS:
+        assert sum(np.hypot(points[:, 0] - x, points[:, 1] - y) < 1e-9) == 2
+    gaps = np.hypot(*np.diff(points, axis=0).T)
+    assert gaps.max() <= OUTLINE_SPACING_M + 1e-12
+    assert len(np.unique(normals.round(6), axis=0)) == 4
+    assert len(points) == len(normals) == 2 * (20 + 1) + 2 * (30 + 1)
+
+
+def test_closing_no_faster_than_the_tolerance_is_not_closing() -> None:
+    near = seen(Circle(0.25), one(0.4, 0.0))
+    assert permitted_scale(near, 0.01, 0.0, BARRIER) == (1.0, None)
+    scale, block = permitted_scale(near, math.nextafter(0.01, 1.0), 0.0, BARRIER)
+    assert scale == 0.0
+    assert block == Block(1.0, 0.0, blind=False)
+    assert block is not None
+    assert block.blind is False
+
+
+def test_blind_closing_no_faster_than_the_tolerance_is_not_closing() -> None:
+    blind = survey(Circle(0.25), np.empty((0, 2)))
+    assert permitted_scale(blind, 0.01, 0.0, BARRIER) == (1.0, None)
+    scale, block = permitted_scale(blind, math.nextafter(0.01, 1.0), 0.0, BARRIER)
+    assert scale == 0.0
+    assert block == Block(1.0, 0.0, blind=True)
+
+
+def test_exactly_what_is_permitted_is_no_limit() -> None:
+    far = seen(Circle(0.25), one(1.0, 0.0))
+    (permitted,) = permitted_closing_speed(far.clearance_m, BARRIER)
+    assert permitted_scale(far, float(permitted), 0.0, BARRIER) == (1.0, None)
+    assert permitted_scale(far, 1.01 * float(permitted), 0.0, BARRIER)[0] == pytest.approx(1 / 1.01)
+    creeping = replace(BARRIER, blind_creep_m_s=0.25)
+    blind = survey(Circle(0.25), np.empty((0, 2)))
+    assert permitted_scale(blind, 0.25, 0.0, creeping) == (1.0, None)
+    assert permitted_scale(blind, 0.5, 0.0, creeping)[0] == 0.5
+
+
+def test_of_a_seen_and_a_blind_limit_the_tighter_counts() -> None:
+    around = survey(Circle(0.25), one(0.6, 0.0))
+    seen_scale, _ = permitted_scale(seen(Circle(0.25), one(0.6, 0.0)), 0.5, 0.0, BARRIER)
+    assert 0.0 < seen_scale < 1.0
+    for creep_m_s, blind in ((0.4 * seen_scale, True), (0.6 * seen_scale, False)):
+        scale, block = permitted_scale(around, 0.5, 0.0, replace(BARRIER, blind_creep_m_s=creep_m_s))
+        assert block is not None
+        assert block.blind is blind
+        assert scale == pytest.approx(min(seen_scale, creep_m_s / 0.5))
+
+
+def test_a_turn_into_the_blind_closes_on_the_side_that_it_turns_to() -> None:
+    points, normals = RECTANGLE.outline()
+    left_front = (normals[:, 1] > 0.9) & (points[:, 0] > 0.0)
+    blind = survey(RECTANGLE, np.empty((0, 2)), blind=left_front)
+    scale, block = permitted_scale(blind, 0.0, 1.0, BARRIER)
+    assert scale == 0.0
+    assert block is not None
+    assert block.is_approached_by(0.0, 1.0)
+    assert not block.is_approached_by(0.0, -1.0)
+    assert permitted_scale(blind, 0.0, -1.0, BARRIER) == (1.0, None)
+
+
+def test_no_points_are_told_as_such() -> None:
+    around = survey(Circle(0.25), np.empty((0, 2)))
+    assert around.points.shape == (0, 2)
+    assert around.nearest_m == math.inf
+    assert math.isnan(around.nearest_bearing_rad)
+
+
+def test_moving_keeps_both_rates_of_what_is_blind() -> None:
+    points, _ = RECTANGLE.outline()
+    before = survey(RECTANGLE, one(2.0, 0.0), blind=points[:, 0] > 0.29)
+    after = moved(before, RECTANGLE, (0.1, 0.0, 0.1))
+    assert after.blind_per_linear is before.blind_per_linear
+    assert after.blind_per_angular is before.blind_per_angular
