@@ -1,15 +1,18 @@
 """The safety supervisor: the only writer of `cmd_vel`.
 
-    safety.py      the law: step(state, now, inputs) -> (state, decision). Start here
-    model.py       its words: stop reasons, inputs, state, decision
-    clearance.py   the speed barrier: how fast toward what, for any hull
-    scan.py        what a laser scan proves
-    reckoning.py   where the robot has gone since a scan
-    lidar.py       what a reading means: REP 117 and its dialects
-    freshness.py   how old a command is, whatever the network did to it
-    config.py      [supervisor] of robot.toml
-    messages.py    wire messages -> inputs, decision -> wire messages
-    service.py     the asyncio shell: bytes in, one step, bytes out
+    safety.py         the law: step(state, now, inputs) -> (state, decision). Start here
+    model.py          its words: stop reasons, inputs, state, decision
+    clearance.py      the speed barrier: how fast toward what, for any hull
+    scan.py           what a laser scan proves
+    reckoning.py      where the robot has gone since a scan
+    lidar.py          what a reading means: REP 117 and its dialects
+    freshness.py      how old a command is, whatever the network did to it
+    plain.py          the law's types as JSON and back, exactly
+    config.py         [supervisor] of robot.toml
+    messages.py       wire messages -> inputs, decision -> wire messages
+    blackbox.py       the last minute of inputs and decisions, for a file at every stop
+    blackbox_file.py  that file
+    service.py        the asyncio shell: bytes in, one step, bytes out
 
-All but the last two are pure: no clock, no I/O, no asyncio, no logging.
+All but the last five are pure: no clock, no I/O, no asyncio, no logging.
 """

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 
+from supervisor.blackbox import black_box
 from supervisor.config import SupervisorSection
 from supervisor.service import SupervisorService
 from wire.command_line import log_to_stderr, read_document, refuse, service_parser
@@ -37,7 +38,7 @@ def main() -> None:
                     "%s is open to the network: anyone who reaches it may drive", bus_section.endpoint
                 )
             _log.info("listening on %s", bus_section.endpoint)
-            await SupervisorService(bus, config).run(stop)
+            await SupervisorService(bus, config, black_box(config)).run(stop)
         finally:
             await bus.close()
         return 0

@@ -59,13 +59,13 @@ class Circle:
         # At the very centre any direction will do, but it must be one.
         central = distances == 0.0
         length = distances + central
-        normals = np.stack([(points[:, 0] + central) / length, points[:, 1] / length], axis=1)
+        normals: Floats = np.array([(points[:, 0] + central) / length, points[:, 1] / length]).T
         return distances - self.radius_m, normals
 
     def outline(self) -> tuple[Floats, Floats]:
         count = max(72, math.ceil(2 * math.pi * self.radius_m / OUTLINE_SPACING_M))
         angle = np.arange(count) * (2 * math.pi / count)
-        normals: Floats = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        normals: Floats = np.array([np.cos(angle), np.sin(angle)]).T
         return self.radius_m * normals, normals
 
 
@@ -79,11 +79,11 @@ class ConvexPolygon:
         corners = np.array(self.corners)
         if corners.ndim != 2 or corners.shape[0] < 3 or not np.isfinite(corners).all():
             raise ValueError("a polygon needs at least three finite corners (x, y)")
-        sides = np.roll(corners, -1, axis=0) - corners
-        after = np.roll(sides, -1, axis=0)
-        turns = sides[:, 0] * after[:, 1] - sides[:, 1] * after[:, 0]
-        winding = np.arctan2(turns, (sides * after).sum(axis=1)).sum()
-        if (turns <= 0.0).any() or winding > 3.0 * np.pi:
+        start, side = self._sides()
+        offset = start[:, None, :] - start[None, :, :]
+        outside = offset[:, :, 0] * side[:, 1] - offset[:, :, 1] * side[:, 0]  # (corners, sides)
+        # Of a side's line only its own two ends may lie on or beyond it.
+        if ((outside.round(9) >= 0.0).sum(axis=0) != 2).any():
             raise ValueError("the polygon must be convex, its corners counter-clockwise")
 
     @property
@@ -91,8 +91,9 @@ class ConvexPolygon:
         return max(float(np.hypot(x, y)) for x, y in self.corners)
 
     def nearest(self, points: Floats) -> tuple[Floats, Floats]:
-        start, side, outward = self._sides()
+        start, side = self._sides()
         length = np.hypot(side[:, 0], side[:, 1])
+        outward = np.array([side[:, 1], -side[:, 0]]).T / length[:, None]
         offset = points[:, None, :] - start[None, :, :]
         height: Floats = (offset * outward).sum(axis=2)  # (n, m): signed distance from each side's line
         rows = np.arange(len(points))
@@ -103,7 +104,7 @@ class ConvexPolygon:
         outside_side = gaps.argmin(axis=1)
         gap: Floats = gaps[rows, outside_side]
         depth: Floats = height.max(axis=1)  # below zero inside
-        inside = (depth <= 0.0) | (gap == 0.0)
+        inside = (depth < 0.0) | (gap == 0.0)
         normals = outward[inside_side]
         beyond = ~inside
         normals[beyond] = away[rows, outside_side][beyond] / gap[beyond, None]
@@ -112,20 +113,18 @@ class ConvexPolygon:
     def outline(self) -> tuple[Floats, Floats]:
         points: list[Floats] = []
         normals: list[Floats] = []
-        starts, sides, outwards = self._sides()
-        for side in range(len(starts)):
-            count = math.ceil(float(np.hypot(*sides[side])) / OUTLINE_SPACING_M) + 1
+        for start, side in np.stack(self._sides(), axis=1):
+            length_m = float(np.hypot(side[0], side[1]))
+            count = math.ceil(length_m / OUTLINE_SPACING_M) + 1
             along = np.linspace(0.0, 1.0, count)[:, None]
-            points.append(starts[side] + along * sides[side])
-            normals.append(np.repeat(outwards[side : side + 1], count, axis=0))
+            points.append(start + along * side)
+            normals.append(np.tile((side[1] / length_m, -side[0] / length_m), (count, 1)))
         return np.concatenate(points), np.concatenate(normals)
 
-    def _sides(self) -> tuple[Floats, Floats, Floats]:
-        """Each side's start (m, 2), way to its end (m, 2), and outward unit normal (m, 2)."""
-        start = np.array(self.corners)
-        side: Floats = np.roll(start, -1, axis=0) - start
-        outward = np.stack([side[:, 1], -side[:, 0]], axis=1) / np.hypot(side[:, 0], side[:, 1])[:, None]
-        return start, side, outward
+    def _sides(self) -> tuple[Floats, Floats]:
+        """Each side's start (m, 2) and its way to its end (m, 2)."""
+        start: Floats = np.array(self.corners)
+        return start, np.roll(start, -1, axis=0) - start
 
 
 @dataclass(frozen=True)
@@ -192,9 +191,9 @@ def moved(around: Surroundings, hull: Hull, displacement: tuple[float, float, fl
     x_m, y_m, yaw_rad = displacement
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
     offset = around.points - (x_m, y_m)
-    points: Floats = np.stack(
-        [cos * offset[:, 0] + sin * offset[:, 1], cos * offset[:, 1] - sin * offset[:, 0]], axis=1
-    )
+    points: Floats = np.array(
+        [cos * offset[:, 0] + sin * offset[:, 1], cos * offset[:, 1] - sin * offset[:, 0]]
+    ).T
     now = survey(hull, points)
     return replace(now, blind_per_linear=around.blind_per_linear, blind_per_angular=around.blind_per_angular)
 

@@ -98,6 +98,9 @@ class SupervisorSection(Section):
     blind_creep_m_s: NotNegative = 0.0
     runaway_linear_m_s: Positive = 0.05
     runaway_angular_rad_s: Positive = 0.1
+    black_box_s: Positive = 60.0
+    black_box_files: Annotated[int, Field(ge=1, le=1000)] = 20
+    black_box_dir: Annotated[str, Field(min_length=1)] | None = None
     footprint: FootprintSection = FootprintSection(radius_m=0.25)
     lidar: LidarSection = LidarSection()
     sources: Annotated[tuple[SourceSection, ...], Field(min_length=1, strict=False)] = (

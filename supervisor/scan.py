@@ -112,9 +112,9 @@ def read_scan(
         return survey(hull, np.empty((0, 2))), "no sector with enough valid readings", 0.0
     hit = readings.hit & beams.looking
     distance = readings.distance_m[hit]
-    points: Floats = np.stack(
-        [mount.x_m + distance * beams.cos[hit], mount.y_m + distance * beams.sin[hit]], axis=1
-    )
+    points: Floats = np.array(
+        [mount.x_m + distance * beams.cos[hit], mount.y_m + distance * beams.sin[hit]]
+    ).T
     outline_sector = _outline_sectors(hull, mount, stop_distance_m)
     return survey(hull, points, blind=~proven[outline_sector]), None, float(hit.mean())
 

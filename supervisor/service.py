@@ -7,6 +7,7 @@ loop blocks: publishing drops rather than waits, and a slow asker of a reset wai
 import asyncio
 import logging
 
+from supervisor.blackbox import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.messages import to_command, to_odometry, to_scan, to_status, to_twist
 from supervisor.model import Decision, Inputs, Liveliness, Mode, Reply
@@ -25,8 +26,9 @@ ESTOP_DEPTH = 32
 class SupervisorService:
     """One supervisor on one Bus."""
 
-    def __init__(self, bus: Bus, config: SupervisorSection) -> None:
+    def __init__(self, bus: Bus, config: SupervisorSection, black_box: BlackBox | None = None) -> None:
         self._bus = bus
+        self._black_box = black_box
         self._tick_s = 1.0 / config.tick_hz
         self._status_s = 1.0 / config.status_hz
         self._header_tolerance_s = config.scan_timeout_s
@@ -66,12 +68,17 @@ class SupervisorService:
                 on_tick = now_s >= next_tick_s
                 if on_tick:
                     next_tick_s = max(next_tick_s + self._tick_s, now_s)
-                self._state, decision = step(self._state, now_s, inputs)
+                before = self._state
+                self._state, decision = step(before, now_s, inputs)
                 self._publish(decision, now_s, on_tick=on_tick)
+                if self._black_box is not None:
+                    self._black_box.record(now_s, inputs, before, decision)
         finally:
             stopping.cancel()
             self._cmd_vel.put(zero_twist())
             token.withdraw()
+            if self._black_box is not None:
+                self._black_box.close()
 
     async def _wait_until(self, time_s: float) -> None:
         """Until something came, or the time has come."""

@@ -50,7 +50,7 @@ def test_clearance_of_a_circle_is_counted_from_its_rim() -> None:
 def test_a_point_at_the_very_centre_is_inside_and_has_a_normal() -> None:
     clearance, normal = Circle(0.25).nearest(one(0.0, 0.0))
     assert clearance[0] == -0.25
-    assert np.hypot(*normal[0]) == 1.0
+    assert tuple(normal[0]) == (1.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -80,6 +80,8 @@ def test_clearance_of_a_rectangle(
         ((0.0, 0.0), (1.0, 0.0), (0.2, 0.2), (0.0, 1.0)),  # a dent
         ((0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (1.0, 1.0)),  # a corner on a side
         ((0.0, 0.0), (1.0, 0.0), (math.nan, 1.0)),
+        ((0.0, 0.0), (1.0, 0.0), (1.0, 0.0), (0.0, 1.0)),  # a corner twice
+        ((0.0, 0.0), (0.5, -3e-10), (1.0, 0.0), (0.0, 1.0)),  # as good as flat
         ((0.0, 1.0), (-0.59, -0.81), (0.95, 0.31), (-0.95, 0.31), (0.59, -0.81)),  # a star winds twice
     ],
 )
@@ -334,3 +336,10 @@ def test_moving_keeps_both_rates_of_what_is_blind() -> None:
     after = moved(before, RECTANGLE, (0.1, 0.0, 0.1))
     assert after.blind_per_linear is before.blind_per_linear
     assert after.blind_per_angular is before.blind_per_angular
+
+
+def test_points_inside_and_outside_of_a_polygon_are_told_apart_in_one_go() -> None:
+    points = np.array([[0.0, 0.0], [1.0, 0.0], [0.29, 0.0], [0.6, 0.6]])
+    clearances, normals = ConvexPolygon(CORNERS).nearest(points)
+    assert clearances == pytest.approx([-0.2, 0.7, -0.01, 0.5])
+    assert normals[1:] == pytest.approx(np.array([[1.0, 0.0], [1.0, 0.0], [0.6, 0.8]]))

@@ -60,17 +60,20 @@ def test_a_tick_is_late_just_after_its_limit() -> None:
     assert law.step().reasons == (StopReason.OVERRUN,)
 
 
+SLOW = replace(CONFIG, max_linear_m_s=0.5, max_angular_rad_s=1.5)
+
+
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_command_is_implausible_just_beyond_many_times_its_limit(axis: int, sign: float) -> None:
-    limit = (CONFIG.max_linear_m_s, CONFIG.max_angular_rad_s)[axis]
+    limit = (SLOW.max_linear_m_s, SLOW.max_angular_rad_s)[axis]
     asked = [0.0, 0.0]
     asked[axis] = sign * IMPLAUSIBLE_FACTOR * limit
     clamped = [0.0, 0.0]
     clamped[axis] = sign * limit
-    assert Law().drive(Velocity(*asked)).output == tuple(clamped)
+    assert Law(config=SLOW).drive(Velocity(*asked)).output == tuple(clamped)
     asked[axis] = math.nextafter(asked[axis], sign * math.inf)
-    assert StopReason.COMMAND_INVALID in Law().drive(Velocity(*asked)).reasons
+    assert StopReason.COMMAND_INVALID in Law(config=SLOW).drive(Velocity(*asked)).reasons
 
 
 def test_a_refusal_explains_a_silence_for_one_timeout_and_no_longer() -> None:
@@ -138,7 +141,7 @@ def test_a_motion_is_worth_moving_for_from_just_the_creep_speed() -> None:
 def test_a_slow_arc_is_worth_moving_for_by_the_speed_of_its_rim() -> None:
     """0.01 m/s ahead alone is not; with 0.06 rad/s at a rim of 0.25 m it is."""
     config = replace(CONFIG, blind_creep_m_s=0.010001)
-    for angular_rad_s, moves in ((0.0, False), (0.6, True)):
+    for angular_rad_s, moves in ((0.0, False), (0.05, False), (0.6, True)):
         law = Law(config=config)
         law.ranges = ring(ahead_m=math.nan)
         assert (law.drive(Velocity(0.1, angular_rad_s)).output != STANDSTILL) is moves
@@ -295,6 +298,46 @@ def test_the_first_scan_s_period_is_taken_for_the_longest() -> None:
     law.step(Inputs(scan=laser_scan(ring(), law.now_s)))
     assert law.state.scan is not None
     assert law.state.scan.period_s == CONFIG.scan_timeout_s
+    assert law.state.scan.repeats == 0
+
+
+def test_odometry_is_believed_up_to_twice_the_limits() -> None:
+    law = Law(config=SLOW)
+    for velocity, believed in (
+        (Velocity(1.0, 3.0), True),
+        (Velocity(1.01, 0.0), False),
+        (Velocity(0.0, 3.01), False),
+    ):
+        law.tick(odometry=replace(odometry(0.0, law.now_s + TICK_S), velocity=velocity))
+        assert law.state.odometer.velocity == (velocity if believed else STANDSTILL)
+
+
+def test_what_is_nearer_by_odometry_counts_from_where_the_scan_was_taken() -> None:
+    law = Law()
+    law.drive()
+    for _ in range(100):  # a metre and more, with scans all along
+        law.tick(("teleop", FORWARD), odometry=odometry(0.5, law.now_s + TICK_S))
+        assert law.decision.output == FORWARD
+    assert law.state.odometer.pose.x_m > 0.9
+
+
+def test_a_moving_robot_stops_at_what_is_inside_the_stop_zone() -> None:
+    law = Law()
+    law.drive()
+    law.tick(("teleop", FORWARD), odometry=odometry(0.5, law.now_s + TICK_S))
+    law.ranges = ring(ahead_m=0.5)
+    law.tick(("teleop", FORWARD), odometry=odometry(0.5, law.now_s + TICK_S))
+    law.__post_init__()
+    law.drive()
+    law.scanning = False
+    law.tick(
+        ("teleop", FORWARD),
+        odometry=odometry(0.5, law.now_s + TICK_S),
+        scan=laser_scan(ring(ahead_m=0.56), law.now_s + TICK_S),
+    )
+    for _ in range(4):
+        law.tick(("teleop", FORWARD), odometry=odometry(0.5, law.now_s + TICK_S))
+    assert law.decision.reasons == (StopReason.OBSTACLE,)
 
 
 def test_a_frozen_lidar_is_noticed_in_motion() -> None:

@@ -1,0 +1,272 @@
+"""The black box: the last minute of the law's inputs and decisions, in a file at every stop.
+
+Every step is packed into bytes at once (some microseconds), and each second begins with the state that the
+law had: a replay starts at any of them and is bit-exact. The memory is bounded by time and by bytes, so also
+by count: no step is smaller than `STEP_OVERHEAD_BYTES`.
+
+A stop is a change from any other mode to STOPPED, once the robot has moved. The file is written `TAIL_S` later,
+so that one sees the braking. Whatever goes wrong here is told once in the log, and supervision goes on.
+"""
+
+import logging
+import os
+import platform
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from supervisor.blackbox_file import LAW, Order, pack_state, pack_step, write
+from supervisor.config import SupervisorSection
+from supervisor.model import Decision, Inputs, LawConfig, Mode, State
+
+_log = logging.getLogger(__name__)
+
+ENVIRONMENT = "LIFELINE_STATE_DIR"
+
+TAIL_S = 2.0
+"""What follows a stop in its file; a new stop within it belongs to the same file."""
+TAIL_LIMIT_S = 10.0
+"""After the first of several such stops the file is written all the same."""
+SEGMENT_S = 1.0
+SEGMENT_BYTES = 1 << 20
+MEMORY_BYTES = 12 << 20
+"""60 s of 360 beams take 5 MB; of a flood, or of a far larger lidar, less than 60 s are kept."""
+FILE_BYTES = 20_000_000
+STEP_OVERHEAD_BYTES = 48
+"""A bytes object's own, and its place in a list."""
+
+QUEUE_DEPTH = 2
+PAUSE_S = 0.0002
+"""After each line: a file of 60 s takes some 3 s."""
+CLOSE_LIMIT_S = 1.0
+
+
+class Writer(Protocol):
+    """Writes black boxes; neither call blocks for long."""
+
+    def submit(self, order: Order) -> None: ...
+
+    def close(self) -> None:
+        """Let nothing that was submitted be lost."""
+        ...
+
+
+@dataclass(slots=True)
+class _Segment:
+    first_s: float
+    state: bytes
+    steps: list[bytes] = field(default_factory=list[bytes])
+    last_s: float = 0.0
+    size: int = 0
+
+
+@dataclass(slots=True)
+class _Stop:
+    """A stop whose tail is still being recorded."""
+
+    name: str
+    first_s: float
+    due_s: float
+    stops: list[dict[str, Any]]
+    room: int
+    """Bytes until its own past would have to give way to its tail."""
+
+
+class BlackBox:
+    """Records one supervisor. Every call is of its event loop."""
+
+    def __init__(
+        self, law: LawConfig, writer: Writer, *, window_s: float, utc: Callable[[], float] = time.time
+    ) -> None:
+        self._law = LAW.spell(LAW.pack(law))
+        self._writer = writer
+        self._window_s = window_s
+        self._utc = utc
+        self._segments: deque[_Segment] = deque()
+        self._size = 0
+        self._cut: deque[tuple[float, int]] = deque()
+        """The last time and the count of steps of segments that memory had no room for."""
+        self._free = False
+        """The last decision was another than STOPPED."""
+        self._moved = False
+        self._stop: _Stop | None = None
+        self._broken = False
+
+    @property
+    def size(self) -> int:
+        """Bytes in memory."""
+        return self._size
+
+    def record(self, now_s: float, inputs: Inputs, state: State, decision: Decision) -> None:
+        """Take in one step; never raises.
+
+        Args:
+            now_s: the step's time.
+            inputs: what it was told.
+            state: what the law remembered before it.
+            decision: what it decided.
+        """
+        if self._broken:
+            return
+        try:
+            self._record(now_s, inputs, state, decision)
+        except Exception:  # noqa: BLE001 - a recorder must not stop what it records
+            self._broken = True
+            self._segments.clear()
+            _log.exception("the black box records no more; supervision goes on")
+
+    def close(self) -> None:
+        """Write what waits for its tail; ends within about a second."""
+        if self._stop is not None and not self._broken:
+            self._submit(self._stop)
+        self._writer.close()
+
+    def _record(self, now_s: float, inputs: Inputs, state: State, decision: Decision) -> None:
+        segment = self._segments[-1] if self._segments else None
+        if segment is None or now_s - segment.first_s >= SEGMENT_S or segment.size >= SEGMENT_BYTES:
+            segment = self._begin(now_s, state)
+        step = pack_step(now_s, inputs, decision)
+        segment.steps.append(step)
+        segment.last_s = now_s
+        self._grow(segment, len(step) + STEP_OVERHEAD_BYTES)
+
+        if decision.mode is not Mode.STOPPED:
+            self._free = True
+            self._moved = self._moved or decision.mode is not Mode.READY
+        elif self._free:
+            self._free = False
+            if self._moved:
+                self._on_stop(now_s, decision)
+        if self._stop is not None and (now_s >= self._stop.due_s or self._stop.room <= 0):
+            self._submit(self._stop)
+
+    def _begin(self, now_s: float, state: State) -> _Segment:
+        """A new segment; what is older than the window, or too much, goes."""
+        segment = _Segment(now_s, pack_state(state))
+        self._segments.append(segment)
+        self._grow(segment, len(segment.state) + STEP_OVERHEAD_BYTES)
+        horizon_s = (now_s if self._stop is None else self._stop.first_s) - self._window_s
+        while len(self._segments) > 1:
+            is_old = self._segments[1].first_s <= horizon_s
+            if not is_old and self._size <= MEMORY_BYTES:
+                break
+            oldest = self._segments.popleft()
+            self._size -= oldest.size
+            if not is_old:
+                self._cut.append((oldest.last_s, len(oldest.steps)))
+        while self._cut and self._cut[0][0] <= horizon_s:
+            self._cut.popleft()
+        return segment
+
+    def _grow(self, segment: _Segment, size: int) -> None:
+        segment.size += size
+        self._size += size
+        if self._stop is not None:
+            self._stop.room -= size
+
+    def _on_stop(self, now_s: float, decision: Decision) -> None:
+        moment = datetime.fromtimestamp(self._utc(), UTC)
+        reasons = [reason.name for reason in decision.reasons]
+        told = {"now_s": now_s, "utc": moment.isoformat(timespec="milliseconds"), "reasons": reasons}
+        if self._stop is not None:
+            self._stop.stops.append(told)
+            self._stop.due_s = min(now_s + TAIL_S, self._stop.first_s + TAIL_LIMIT_S)
+            return
+        name = f"{moment:%Y%m%dT%H%M%S}.{moment.microsecond // 1000:03}Z-{next(iter(reasons), 'STOPPED')}"
+        self._stop = _Stop(name, now_s, now_s + TAIL_S, [told], MEMORY_BYTES // 2)
+
+    def _submit(self, stop: _Stop) -> None:
+        self._stop = None
+        header: dict[str, Any] = {
+            "stops": stop.stops,
+            "window_s": self._window_s,
+            "tail_s": TAIL_S,
+            "last_s": self._segments[-1].last_s,
+            "left_out_for_memory": sum(count for _, count in self._cut),
+            "python": platform.python_version(),
+            "numpy": np.__version__,
+            "machine": platform.machine(),
+            "config": self._law,
+        }
+        segments = [(s.state, s.steps.copy()) for s in self._segments]
+        self._writer.submit(Order(stop.name, header, segments))
+
+
+class ThreadWriter:
+    """Writes black boxes on a thread that pauses after each line, so that no tick waits for more than one.
+
+    A process of its own makes ticks later: docs/decisions/0011.
+    """
+
+    def __init__(self, directory: Path, *, max_files: int, max_bytes: int = FILE_BYTES) -> None:
+        self._directory = directory.expanduser().absolute()
+        self._max_files = max_files
+        self._max_bytes = max_bytes
+        self._orders: queue.Queue[Order] = queue.Queue(QUEUE_DEPTH)
+        self._hurry = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._warned = False
+
+    def submit(self, order: Order) -> None:
+        try:
+            self._orders.put_nowait(order)
+        except queue.Full:
+            self._warn(f"{order.name} is left out, because two others still wait")
+            return
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._run, name="black box", daemon=True)
+            self._thread.start()
+
+    def close(self) -> None:
+        """Write the rest without a pause, for at most `CLOSE_LIMIT_S`."""
+        self._hurry.set()
+        with self._orders.all_tasks_done:
+            self._orders.all_tasks_done.wait_for(
+                lambda: not self._orders.unfinished_tasks, timeout=CLOSE_LIMIT_S
+            )
+
+    def _run(self) -> None:
+        while True:
+            order = self._orders.get()
+            try:
+                path = write(
+                    order,
+                    self._directory,
+                    max_files=self._max_files,
+                    max_bytes=self._max_bytes,
+                    pause=lambda: self._hurry.wait(PAUSE_S),
+                )
+            except Exception as error:  # noqa: BLE001 - whatever it is, supervision goes on
+                self._warn(str(error))
+            else:
+                self._warned = False
+                _log.info("black box: %s", path)
+            finally:
+                self._orders.task_done()
+
+    def _warn(self, sentence: str) -> None:
+        """Once, until one is written again."""
+        if not self._warned:
+            self._warned = True
+            _log.warning("no black box: %s; supervision goes on", sentence)
+
+
+def default_directory() -> Path:
+    """Where black boxes go that no configuration sends elsewhere."""
+    state_dir = os.environ.get(ENVIRONMENT)
+    return Path(state_dir or ".lifeline") / "blackbox"
+
+
+def black_box(config: SupervisorSection) -> BlackBox:
+    """The black box that a configuration asks for."""
+    directory = default_directory() if config.black_box_dir is None else Path(config.black_box_dir)
+    writer = ThreadWriter(directory, max_files=config.black_box_files)
+    return BlackBox(config.law(), writer, window_s=config.black_box_s)

@@ -1,0 +1,234 @@
+"""A black box on disk, `20260704T101530.123Z-OBSTACLE.jsonl.gz`: gzip, and within it one JSON object for each line.
+
+    {"format": "lifeline black box", "version": 1, "stops": […], "config": {…}, …}   the header
+    {"state": {…}}                               what the law remembered before the next step; one each second
+    {"now_s": …, "inputs": {…}, "decision": {…}} a step of the law
+    …
+    {"end": true, "steps": 4812}                 nothing is missing
+
+`plain.py` says how values are spelled. Every second is a gzip member of its own: the oldest are left out
+where the file would become too large.
+"""
+
+import gzip
+import json
+import marshal
+import os
+import re
+import zlib
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+from supervisor.model import Decision, Inputs, LawConfig, State
+from supervisor.plain import codec, record_codec
+
+FORMAT = "lifeline black box"
+VERSION = 1
+SUFFIX = ".jsonl.gz"
+OURS = re.compile(r"\d{8}T\d{6}\.\d{3}Z-[A-Z_]+(-\d+)?\.jsonl\.gz")
+"""Only these are ever deleted."""
+
+COMPRESSION = 6
+MARSHAL_VERSION = 2
+"""No references: floats in binary, and nothing to look up."""
+
+LAW, STATE, INPUTS = codec(LawConfig), codec(State), codec(Inputs)
+DECISION = record_codec(Decision, without=("sources",))
+"""The sources are the state's own: they are compared with every state that is recorded."""
+
+Segment = tuple[bytes, list[bytes]]
+"""A packed state, and the packed steps from it on."""
+
+Pause = Callable[[], object]
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What is to be written."""
+
+    name: str
+    """Without the suffix."""
+    header: dict[str, Any]
+    segments: list[Segment]
+
+
+class BlackBoxError(Exception):
+    """This file cannot be replayed; one sentence says why."""
+
+
+# --- writing
+
+
+def pack_state(state: State) -> bytes:
+    return marshal.dumps(STATE.pack(state), MARSHAL_VERSION)
+
+
+def pack_step(now_s: float, inputs: Inputs, decision: Decision) -> bytes:
+    return marshal.dumps((now_s, INPUTS.pack(inputs), DECISION.pack(decision)), MARSHAL_VERSION)
+
+
+def _unpack(packed: bytes) -> Any:  # noqa: ANN401 - what was packed
+    return marshal.loads(packed)  # noqa: S302 - our own bytes, which have never left this process
+
+
+def write(
+    order: Order, directory: Path, *, max_files: int, max_bytes: int, pause: Pause = lambda: None
+) -> Path:
+    """Write a black box under its final name, whole or not at all; then delete the oldest beyond `max_files`.
+
+    `pause` is called after each line, the longest that this holds the interpreter at a time.
+
+    Raises:
+        OSError: it cannot be written; nothing is left behind.
+    """
+
+    def lines(segment: Segment) -> Iterable[str]:
+        yield dumps({"state": STATE.spell(_unpack(segment[0]))})
+        for step in segment[1]:
+            pause()
+            now_s, inputs, decision = _unpack(step)
+            yield dumps(
+                {"now_s": now_s, "inputs": INPUTS.spell(inputs), "decision": DECISION.spell(decision)}
+            )
+        pause()
+
+    members = [_member(lines(segment)) for segment in order.segments]
+    first = len(members) - 1
+    size = len(members[first])
+    while first > 0 and size + len(members[first - 1]) <= max_bytes:
+        first -= 1
+        size += len(members[first])
+    steps = sum(len(segment[1]) for segment in order.segments)
+    kept = sum(len(segment[1]) for segment in order.segments[first:])
+    header = {
+        "format": FORMAT,
+        "version": VERSION,
+        **order.header,
+        "steps": kept,
+        "first_s": _unpack(order.segments[first][1][0])[0],
+        "left_out_for_file_size": steps - kept,
+    }
+    end = {"end": True, "steps": kept}
+    directory.mkdir(parents=True, exist_ok=True)
+    _delete_abandoned(directory)
+    path = _store(directory, order.name, [_member([dumps(header)]), *members[first:], _member([dumps(end)])])
+    _delete_oldest(directory, path, max_files)
+    return path
+
+
+def dumps(document: Any) -> str:  # noqa: ANN401 - any JSON
+    """One line of a black box, without its end."""
+    return json.dumps(document, allow_nan=False, separators=(",", ":"))
+
+
+def _member(lines: Iterable[str]) -> bytes:
+    return gzip.compress("".join(f"{line}\n" for line in lines).encode(), COMPRESSION, mtime=0)
+
+
+def _store(directory: Path, name: str, members: Iterable[bytes]) -> Path:
+    path = directory / f"{name}{SUFFIX}"
+    count = 1
+    while path.exists():
+        count += 1
+        path = directory / f"{name}-{count}{SUFFIX}"
+    temporary = directory / f".{path.name}.{os.getpid()}.tmp"
+    try:
+        with temporary.open("wb") as file:
+            file.writelines(members)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.rename(path)
+    except BaseException:
+        with suppress(OSError):
+            temporary.unlink()
+        raise
+    return path
+
+
+def _delete_abandoned(directory: Path) -> None:
+    """What a supervisor that was killed has left."""
+    for temporary in directory.glob(f".*{SUFFIX}.*.tmp"):
+        pid = temporary.name.split(".")[-2]
+        if pid.isdecimal() and not _runs(int(pid)):
+            with suppress(OSError):
+                temporary.unlink()
+
+
+def _runs(pid: int) -> bool:
+    """Whether a process runs that is not this one, which writes one file after the other."""
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    return pid != os.getpid()
+
+
+def _delete_oldest(directory: Path, newest: Path, max_files: int) -> None:
+    """Never the one just written, also where the wall clock has gone back."""
+    others = [p for p in directory.iterdir() if OURS.fullmatch(p.name) and p != newest]
+    for path in sorted(others, key=lambda p: p.name)[: max(0, len(others) + 1 - max_files)]:
+        with suppress(OSError):
+            path.unlink()
+
+
+# --- reading
+
+
+@dataclass(frozen=True, slots=True)
+class Document:
+    """A black box as JSON has it."""
+
+    header: dict[str, Any]
+    lines: Sequence[dict[str, Any]]
+    """States and steps."""
+
+
+def read(path: Path) -> Document:
+    """A black box, whole.
+
+    Raises:
+        BlackBoxError: it cannot be read, is none, is of a newer version, or its end is missing.
+    """
+    try:
+        file = gzip.open(path, "rt", encoding="utf-8")  # noqa: SIM115 - closed below; only this line's errors
+    except OSError as error:
+        raise BlackBoxError(f"cannot read {path}: {error.strerror}") from error
+    with file:
+        try:
+            header = _object(file.readline())
+        except (OSError, EOFError, ValueError, zlib.error) as error:
+            raise BlackBoxError(_no_black_box(path, error)) from error
+        version = header.get("version")
+        if header.get("format") != FORMAT or not isinstance(version, int):
+            raise BlackBoxError(_no_black_box(path, None))
+        if version > VERSION:
+            raise BlackBoxError(
+                f"{path} is of version {version}, and this Lifeline reads up to {VERSION}: replay it with a newer one"
+            )
+        lines: list[dict[str, Any]] = []
+        try:
+            lines.extend(_object(line) for line in file)
+        except (OSError, EOFError, ValueError, zlib.error) as error:
+            raise BlackBoxError(f"{path} is damaged after {len(lines) + 1} lines: {error}") from error
+    steps = sum("inputs" in line for line in lines)
+    if not lines or lines.pop() != {"end": True, "steps": steps}:
+        raise BlackBoxError(f"{path} is truncated: its end is missing")
+    return Document(header, lines)
+
+
+def _object(line: str) -> dict[str, Any]:
+    document: object = json.loads(line)
+    if not isinstance(document, dict):
+        raise ValueError("a line is no JSON object")  # noqa: TRY004 - a fault of the file
+    return cast("dict[str, Any]", document)
+
+
+def _no_black_box(path: Path, error: Exception | None) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        return f"cannot read {path}: {error.strerror}"
+    return f"{path} is not a black box of Lifeline"
