@@ -11,7 +11,7 @@ export UV_PYTHON_DOWNLOADS := never
 export UV := $(UV)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test check picture
+.PHONY: help setup run test check bench docs picture
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -32,6 +32,13 @@ check: $(STAMP) ## ruff, pyright and import-linter
 	.venv/bin/ruff format --check
 	.venv/bin/pyright
 	.venv/bin/lint-imports
+
+bench: $(STAMP) ## how much time and memory the supervisor takes; about a minute
+	.venv/bin/python -m bench
+
+docs: $(STAMP) ## write the generated parts of docs/safety-law.md and its drawings anew
+	.venv/bin/python -m docs.safety_law
+	.venv/bin/python -m docs.draw_safety_law
 
 picture: $(STAMP) ## render docs/images/warehouse.png anew
 	.venv/bin/python -m sim.render --out docs/images/warehouse.png

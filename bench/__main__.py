@@ -1,0 +1,49 @@
+"""`python -m bench`: measure, show, and write down if asked to. Exit code 0 whatever comes out."""
+
+import argparse
+from pathlib import Path
+
+from bench.law import measure_memory, time_steps
+from bench.process import measure_process
+from bench.report import Results, show, write_json, write_markdown
+
+ROUNDS = 1500
+SECONDS = 15.0
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        prog="python -m bench",
+        description="How much time and memory the supervisor takes; about a minute.",
+        epilog="exit code: 0 also when something is over its target: these are benchmarks, not tests",
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write JSON lines as well")
+    parser.add_argument("--markdown", type=Path, metavar="FILE", help="write a document as well")
+    parser.add_argument("--rounds", type=int, default=ROUNDS, help="of step() (default: %(default)s)")
+    parser.add_argument(
+        "--seconds", type=float, default=SECONDS, help="each phase of the process runs (default: %(default)s)"
+    )
+    arguments = parser.parse_args()
+    results = Results(
+        tuple(time_steps(arguments.rounds)),
+        tuple(measure_memory()),
+        tuple(measure_process(arguments.seconds)),
+    )
+    show(results)
+    if arguments.json is not None:
+        write_json(results, arguments.json)
+    if arguments.markdown is not None:
+        write_markdown(results, arguments.markdown, _command(arguments))
+
+
+def _command(arguments: argparse.Namespace) -> str:
+    command = f"python -m bench --markdown {arguments.markdown}"
+    if arguments.rounds != ROUNDS:
+        command += f" --rounds {arguments.rounds}"
+    if arguments.seconds != SECONDS:
+        command += f" --seconds {arguments.seconds:g}"
+    return command
+
+
+if __name__ == "__main__":
+    main()

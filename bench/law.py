@@ -1,0 +1,198 @@
+"""`step()`: how long it takes and what it allocates, with scans of 360 to 16,384 beams."""
+
+import gc
+import sys
+import time
+import tracemalloc
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench import scenery
+from supervisor.config import SupervisorSection
+from supervisor.freshness import Sent
+from supervisor.model import Command, Inputs, LaserScan, Mode, Odometry, State, Velocity
+from supervisor.safety import initial_state, step
+
+BEAMS = (360, 1080, 4096, 16384)
+TICK_S = 0.02
+SCANS = 32
+WARM_UP_ROUNDS = 50
+MEMORY_STEPS = 200
+GROWTH_STEPS = 2000
+CONFIG = SupervisorSection().law()
+
+TARGET_BEAMS = 360
+TARGET_US = 100.0
+"""For a step with a new scan, odometry and a command."""
+
+
+class Driver:
+    """The law in virtual time, with inputs made ahead of it: only `step()` is measured."""
+
+    def __init__(self, beams: int) -> None:
+        self._ranges = scenery.scans(beams, SCANS)
+        self._increment = scenery.angle_increment(beams)
+        self._state: State = initial_state(CONFIG)
+        self._now_s = 1000.0
+        self._ticks = 0
+        self.mode = Mode.STOPPED
+        self._neutral_first()
+
+    def _neutral_first(self) -> None:
+        for _ in range(2 * round(CONFIG.command_timeout_s / TICK_S)):
+            self.step(self.inputs(Velocity(0.0, 0.0), scan=True))
+
+    def inputs(self, velocity: Velocity | None = None, *, scan: bool) -> Inputs:
+        """What comes in the next tick: a stamped command, odometry and, if asked for, a stamped scan."""
+        self._ticks += 1
+        self._now_s += TICK_S
+        sent = Sent(b"bench", self._ticks, self._now_s)
+        velocity = velocity or Velocity(scenery.FORWARD_M_S, scenery.TURN_RAD_S)
+        reading = LaserScan(
+            self._ranges[self._ticks % SCANS],
+            scenery.ANGLE_MIN,
+            self._increment,
+            scenery.RANGE_MIN_M,
+            scenery.RANGE_MAX_M,
+            self._now_s,
+            sent,
+        )
+        return Inputs(
+            commands=(Command("teleop", velocity, self._now_s, sent),),
+            scan=reading if scan else None,
+            odometry=Odometry(Velocity(scenery.ODOMETRY_M_S, scenery.TURN_RAD_S), self._now_s),
+        )
+
+    def step(self, inputs: Inputs) -> None:
+        self._state, decision = step(self._state, self._now_s, inputs)
+        self.mode = decision.mode
+
+
+class PlainNumpy:
+    """The least that anyone must compute: ranges -> points -> distances from the hull -> the smallest."""
+
+    def __init__(self, beams: int) -> None:
+        self._ranges = scenery.scans(beams, SCANS)
+        angle = scenery.ANGLE_MIN + scenery.angle_increment(beams) * np.arange(beams)
+        self._cos, self._sin = np.cos(angle), np.sin(angle)
+        self._turn = 0
+        self.nearest_m = np.inf
+
+    def run(self) -> None:
+        self._turn += 1
+        ranges = self._ranges[self._turn % SCANS].astype(np.float64)
+        self.nearest_m = float(
+            (np.hypot(ranges * self._cos, ranges * self._sin) - CONFIG.hull.radius_m).min()
+        )
+
+
+@dataclass(frozen=True)
+class Timing:
+    """One number of beams; times in µs."""
+
+    beams: int
+    scan_median_us: float
+    scan_p99_us: float
+    tick_median_us: float
+    tick_p99_us: float
+    numpy_median_us: float
+    scan_to_numpy: float
+    """The median of each round's own ratio: what slows the machine slows both."""
+    per_beam_to_360: float
+    """Time for each beam against the smallest scan's: 1 is linear, less is better."""
+
+
+@dataclass(frozen=True)
+class Memory:
+    """What one step allocates: the mean over `MEMORY_STEPS`, and over `GROWTH_STEPS` for what grows."""
+
+    beams: int
+    kind: str
+    peak_bytes: float
+    """The most that it holds at a time, beyond what was held before (tracemalloc)."""
+    state_bytes: float
+    """What it allocated and leaves behind, in the new state and the decision (tracemalloc)."""
+    growth_blocks: float
+    """By how much the interpreter's memory blocks grow with each step in the long run (sys.getallocatedblocks)."""
+
+
+def time_steps(rounds: int) -> list[Timing]:
+    """Every variant once in each round, so that no variant has a quiet machine for itself."""
+    drivers = {beams: Driver(beams) for beams in BEAMS}
+    bounds = {beams: PlainNumpy(beams) for beams in BEAMS}
+    taken: dict[tuple[int, str], list[float]] = {
+        (beams, kind): [] for beams in BEAMS for kind in ("scan", "tick", "numpy")
+    }
+    for number in range(-WARM_UP_ROUNDS, rounds):
+        for beams, driver in drivers.items():
+            with_scan = driver.inputs(scan=True)
+            scan_us = _microseconds(lambda driver=driver, inputs=with_scan: driver.step(inputs))
+            _assert_limited(driver)
+            plain = driver.inputs(scan=False)
+            tick_us = _microseconds(lambda driver=driver, inputs=plain: driver.step(inputs))
+            _assert_limited(driver)
+            numpy_us = _microseconds(bounds[beams].run)
+            if number >= 0:
+                taken[beams, "scan"].append(scan_us)
+                taken[beams, "tick"].append(tick_us)
+                taken[beams, "numpy"].append(numpy_us)
+    first = float(np.median(taken[BEAMS[0], "scan"])) / BEAMS[0]
+    return [
+        Timing(
+            beams,
+            scan_median_us=float(np.median(taken[beams, "scan"])),
+            scan_p99_us=float(np.percentile(taken[beams, "scan"], 99)),
+            tick_median_us=float(np.median(taken[beams, "tick"])),
+            tick_p99_us=float(np.percentile(taken[beams, "tick"], 99)),
+            numpy_median_us=float(np.median(taken[beams, "numpy"])),
+            scan_to_numpy=float(np.median(np.divide(taken[beams, "scan"], taken[beams, "numpy"]))),
+            per_beam_to_360=float(np.median(taken[beams, "scan"])) / beams / first,
+        )
+        for beams in BEAMS
+    ]
+
+
+def measure_memory() -> list[Memory]:
+    """Each kind of step by itself, under tracemalloc, which would spoil the times."""
+    results: list[Memory] = []
+    for beams in BEAMS:
+        for kind in ("scan", "tick"):
+            driver = Driver(beams)
+            for _ in range(WARM_UP_ROUNDS):
+                driver.step(driver.inputs(scan=True))
+            results.append(Memory(beams, kind, *_memory_of(driver, scan=kind == "scan")))
+    return results
+
+
+def _memory_of(driver: Driver, *, scan: bool) -> tuple[float, float, float]:
+    peak_bytes = state_bytes = 0
+    for _ in range(MEMORY_STEPS):
+        if not scan:
+            driver.step(driver.inputs(scan=True))  # a plain tick follows a scan
+        inputs = driver.inputs(scan=scan)
+        tracemalloc.start()
+        before, _ = tracemalloc.get_traced_memory()
+        driver.step(inputs)
+        after, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        peak_bytes += peak - before
+        state_bytes += after - before
+    gc.collect()
+    blocks = sys.getallocatedblocks()
+    for number in range(GROWTH_STEPS):
+        driver.step(driver.inputs(scan=scan or number % 2 == 0))
+    gc.collect()
+    growth_blocks = sys.getallocatedblocks() - blocks
+    return peak_bytes / MEMORY_STEPS, state_bytes / MEMORY_STEPS, growth_blocks / GROWTH_STEPS
+
+
+def _microseconds(work: Callable[[], None]) -> float:
+    started_ns = time.perf_counter_ns()
+    work()
+    return (time.perf_counter_ns() - started_ns) / 1000
+
+
+def _assert_limited(driver: Driver) -> None:
+    assert driver.mode is Mode.LIMITED, f"the barrier must be active, the mode is {driver.mode.name}"

@@ -1,0 +1,233 @@
+"""The real supervisor process, fed over real Zenoh at the robot's own rates."""
+
+import asyncio
+import contextlib
+import itertools
+import math
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import AsyncGenerator, Callable, Coroutine
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from bench import scenery
+from wire import topics
+from wire.bus import BusError, Subscription
+from wire.messages import LaserScan, SafetyStatus, Twist, header, odometry, planar_twist
+from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
+
+BEAMS = 360
+SCAN_HZ, COMMAND_HZ, ODOM_HZ = 20.0, 20.0, 50.0
+WARM_UP_S = 3.0
+START_S = 20.0
+SCANS = 64
+CRUISE_M_S = 0.3
+CLEAR_M = scenery.ROOM_M
+
+TARGET_CPU_PERCENT = 6.0
+TARGET_RSS_MB = 100.0
+
+_CLOCK_TICKS_S = os.sysconf("SC_CLK_TCK")
+
+
+@dataclass(frozen=True)
+class Load:
+    """What the supervisor process took in one phase, and what came out of it."""
+
+    phase: str
+    seconds: float
+    mode: str
+    """The last one that the status told."""
+    cpu_percent: float
+    """Of one core."""
+    loop_percent: float
+    """That of the thread with the event loop, the law, and all encoding and decoding."""
+    zenoh_percent: float
+    """That of the other threads."""
+    rss_mb: float
+    cmd_vel_hz: float
+    gap_p50_ms: float
+    gap_p99_ms: float
+    gap_max_ms: float
+    scans_hz: float
+    """That the supervisor accepted: below 20 the driver itself was late."""
+
+
+def measure_process(seconds: float) -> list[Load]:
+    """Start a supervisor, drive it on a free way and then limited by the barrier, and end it.
+
+    Raises:
+        RuntimeError: it does not start, or does not speak.
+    """
+    endpoint = _free_endpoint()
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "supervisor.log"
+        with log.open("wb") as file:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "supervisor", "--endpoint", endpoint], stdout=file, stderr=file
+            )
+        try:
+            return asyncio.run(_measure(endpoint, process.pid, seconds))
+        except (TimeoutError, BusError) as error:
+            raise RuntimeError(f"the supervisor cannot be measured: {log.read_text()[-600:]}") from error
+        finally:
+            process.send_signal(signal.SIGTERM)
+            try:
+                process.wait(5)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait(5)
+
+
+async def _measure(endpoint: str, pid: int, seconds: float) -> list[Load]:
+    wall_m, fast_m_s = scenery.WALL_M, scenery.FORWARD_M_S
+    async with _driving(endpoint) as driver:
+        return [
+            await driver.measure("free way", pid, seconds, CLEAR_M, CRUISE_M_S),
+            await driver.measure("limited by the barrier", pid, seconds, wall_m, fast_m_s),
+        ]
+
+
+@contextlib.asynccontextmanager
+async def _driving(endpoint: str) -> AsyncGenerator["_Driver"]:
+    async with asyncio.timeout(START_S):
+        bus = await open_bus(BusConfig(endpoint), "client")
+    driver = _Driver(bus)
+    feeding = [asyncio.ensure_future(feed) for feed in driver.feeds()]
+    try:
+        yield driver
+    finally:
+        for task in feeding:
+            task.cancel()
+        await asyncio.gather(*feeding, return_exceptions=True)
+        await bus.close()
+
+
+class _Driver:
+    """Teleop and sim in one client, with a base that does at once what it is told, and a wall that moves along."""
+
+    def __init__(self, bus: ZenohBus) -> None:
+        self._speed_m_s = 0.0
+        self._base_m_s = 0.0
+        self._arrivals_s: list[float] = []
+        self._mode = ""
+        self._clear = scenery.scans(BEAMS, SCANS, wall_m=CLEAR_M)
+        self._wall = scenery.scans(BEAMS, SCANS)
+        self._ranges = itertools.cycle(self._clear)
+        self._commands = bus.publisher(topics.source_cmd_vel(topics.TELEOP))
+        self._scans = bus.publisher(topics.SCAN)
+        self._odometry = bus.publisher(topics.ODOM)
+        self._token = bus.declare_alive(topics.TELEOP)
+        self._cmd_vel: Subscription[Twist] = bus.subscribe(topics.CMD_VEL, depth=100_000)
+        self._told = asyncio.Event()
+        self._statuses: Subscription[SafetyStatus] = bus.subscribe(topics.STATUS, wake=self._told)
+
+    def feeds(self) -> list[Coroutine[None, None, None]]:
+        return [
+            _at_rate(COMMAND_HZ, lambda: self._commands.put(planar_twist(self._speed_m_s, 0.0))),
+            _at_rate(SCAN_HZ, lambda: self._scans.put(_laser_scan(next(self._ranges)))),
+            _at_rate(ODOM_HZ, self._tell_motion),
+        ]
+
+    def _tell_motion(self) -> None:
+        for arrival in self._cmd_vel.take():
+            self._arrivals_s.append(arrival.arrival_s)
+            if arrival.message is not None:
+                self._base_m_s = arrival.message.linear.x
+        self._odometry.put(odometry((0.0, 0.0, 0.0), (self._base_m_s, 0.0)))
+
+    async def measure(self, phase: str, pid: int, seconds: float, wall_m: float, speed_m_s: float) -> Load:
+        """Neutral, then this motion for so long, watching the process from outside."""
+        self._speed_m_s = 0.0
+        self._ranges = itertools.cycle(self._clear if wall_m == CLEAR_M else self._wall)
+        await asyncio.sleep(WARM_UP_S)
+        self._speed_m_s = speed_m_s
+        await asyncio.sleep(WARM_UP_S)
+        accepted = await self._scans_accepted()
+        self._arrivals_s.clear()
+        began_s, began_cpu_s, began_loop_s = time.monotonic(), _cpu_s(pid), _cpu_s(pid, pid)
+        await asyncio.sleep(seconds)
+        took_s = time.monotonic() - began_s
+        cpu_s, loop_s = _cpu_s(pid) - began_cpu_s, _cpu_s(pid, pid) - began_loop_s
+        arrivals_s = self._arrivals_s.copy()
+        gaps_ms = 1000 * np.diff(arrivals_s)
+        scans = await self._scans_accepted() - accepted
+        return Load(
+            phase=phase,
+            seconds=took_s,
+            mode=self._mode,
+            cpu_percent=100 * cpu_s / took_s,
+            loop_percent=100 * loop_s / took_s,
+            zenoh_percent=100 * (cpu_s - loop_s) / took_s,
+            rss_mb=_rss_mb(pid),
+            cmd_vel_hz=len(arrivals_s) / took_s,
+            gap_p50_ms=float(np.percentile(gaps_ms, 50)),
+            gap_p99_ms=float(np.percentile(gaps_ms, 99)),
+            gap_max_ms=float(gaps_ms.max()),
+            scans_hz=scans / took_s,
+        )
+
+    async def _scans_accepted(self) -> int:
+        """By the next status."""
+        self._statuses.take()
+        self._told.clear()
+        async with asyncio.timeout(START_S):
+            await self._told.wait()
+        arrival = self._statuses.latest()
+        assert arrival is not None, "the hub of our own supervisor sends what decodes"
+        assert arrival.message is not None
+        status = arrival.message
+        self._mode = " ".join([("STOPPED", "READY", "DRIVING", "LIMITED")[status.mode], *status.reasons])
+        return status.scans_accepted
+
+
+async def _at_rate(rate_hz: float, act: Callable[[], None]) -> None:
+    loop = asyncio.get_running_loop()
+    next_s = loop.time()
+    while True:
+        act()
+        next_s = max(next_s + 1.0 / rate_hz, loop.time())
+        await asyncio.sleep(next_s - loop.time())
+
+
+def _laser_scan(ranges: scenery.Ranges) -> LaserScan:
+    increment = scenery.angle_increment(len(ranges))
+    return LaserScan(
+        header=header("lidar"),
+        angle_min=scenery.ANGLE_MIN,
+        angle_max=math.pi - increment,
+        angle_increment=increment,
+        time_increment=0.0,
+        scan_time=1.0 / SCAN_HZ,
+        range_min=scenery.RANGE_MIN_M,
+        range_max=scenery.RANGE_MAX_M,
+        ranges=ranges,
+        intensities=np.empty(0, dtype=np.float32),
+    )
+
+
+def _cpu_s(pid: int, thread: int | None = None) -> float:
+    """User and system time of a process, or of one of its threads [s]; its main thread has the process's id."""
+    path = f"/proc/{pid}/stat" if thread is None else f"/proc/{pid}/task/{thread}/stat"
+    fields = Path(path).read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / _CLOCK_TICKS_S
+
+
+def _rss_mb(pid: int) -> float:
+    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+        if line.startswith("VmRSS:"):
+            return int(line.split()[1]) / 1024
+    raise RuntimeError("the supervisor is gone")
+
+
+def _free_endpoint() -> str:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"

@@ -1,0 +1,272 @@
+"""The results for a person, for a document and for a program."""
+
+import json
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from bench import law, process
+
+MEASURED = ("supervisor", "wire")
+"""The packages that the numbers are about."""
+
+_LOAD_BEFORE = os.getloadavg()[0]
+"""What the machine did besides, before any of this."""
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """One table, with the sentences that say how to read it."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One target, and what was measured."""
+
+    what: str
+    measured: float
+    target: float
+    unit: str
+
+    def sentence(self) -> str:
+        state = "on target" if self.measured <= self.target else "OVER TARGET"
+        return f"{state}: {self.what} {self.measured:.3g} {self.unit}, at most {self.target:.3g} {self.unit}"
+
+
+@dataclass(frozen=True)
+class Results:
+    """Everything that was measured; empty where it was not asked for."""
+
+    timings: tuple[law.Timing, ...]
+    memory: tuple[law.Memory, ...]
+    loads: tuple[process.Load, ...]
+
+    def verdicts(self) -> list[Verdict]:
+        verdicts: list[Verdict] = []
+        for timing in self.timings:
+            if timing.beams == law.TARGET_BEAMS:
+                what = f"a step with a new scan of {timing.beams} beams, median,"
+                verdicts.append(Verdict(what, timing.scan_median_us, law.TARGET_US, "µs"))
+            else:
+                what = f"time for each beam at {timing.beams:,} beams"
+                verdicts.append(Verdict(what, timing.per_beam_to_360, 1.0, f"× that at {law.TARGET_BEAMS}"))
+        for load in self.loads:
+            verdicts += [
+                Verdict(f"CPU, {load.phase},", load.cpu_percent, process.TARGET_CPU_PERCENT, "% of one core"),
+                Verdict(f"resident memory, {load.phase},", load.rss_mb, process.TARGET_RSS_MB, "MB"),
+            ]
+        return verdicts
+
+    def sheets(self) -> list[Sheet]:
+        sheets = [_timing_sheet(self.timings), _memory_sheet(self.memory), _load_sheet(self.loads)]
+        return [sheet for sheet in sheets if sheet.rows]
+
+
+def _timing_sheet(timings: Iterable[law.Timing]) -> Sheet:
+    return Sheet(
+        "step() in µs, driving at a wall with the barrier active",
+        ("beams", "scan p50", "scan p99", "tick p50", "tick p99", "numpy p50", "scan / numpy", "per beam"),
+        tuple(
+            (
+                f"{t.beams:,}",
+                f"{t.scan_median_us:.0f}",
+                f"{t.scan_p99_us:.0f}",
+                f"{t.tick_median_us:.0f}",
+                f"{t.tick_p99_us:.0f}",
+                f"{t.numpy_median_us:.0f}",
+                f"{t.scan_to_numpy:.1f}",
+                f"{t.per_beam_to_360:.2f}",
+            )
+            for t in timings
+        ),
+        (
+            (
+                "scan: a step with a new scan, odometry and a command. tick: a step with odometry and a command, "
+                "the points moved by odometry."
+            ),
+            (
+                "numpy: ranges → points → distances from the hull → the smallest, in plain numpy on the same arrays, "
+                "in turn with the steps. scan / numpy is the median of each round's own ratio, so that a slow machine "
+                "slows both."
+            ),
+            (
+                "Scans of all sizes take turns, as other work does between two real ticks; "
+                "one size alone in a tight loop is quicker by about a tenth."
+            ),
+            "per beam: the time of a scan step for each beam, against that at 360; 1 is linear.",
+        ),
+    )
+
+
+def _memory_sheet(memory: Iterable[law.Memory]) -> Sheet:
+    return Sheet(
+        "step() and memory",
+        ("beams", "step", "peak kB", "left in the state kB", "growth, blocks per step"),
+        tuple(
+            (
+                f"{m.beams:,}",
+                m.kind,
+                f"{m.peak_bytes / 1000:.1f}",
+                f"{m.state_bytes / 1000:.1f}",
+                f"{m.growth_blocks:.2f}",
+            )
+            for m in memory
+        ),
+        (
+            (
+                f"Means of {law.MEMORY_STEPS} steps. peak: the most that one step holds beyond what was held before. "
+                "left: what it allocated and leaves behind, in place of the state before (both by tracemalloc)."
+            ),
+            (
+                "growth: of the interpreter's memory blocks from the first step to the last "
+                "(sys.getallocatedblocks); zero means that nothing piles up."
+            ),
+        ),
+    )
+
+
+def _load_sheet(loads: Iterable[process.Load]) -> Sheet:
+    return Sheet(
+        "The supervisor process over Zenoh: 20 Hz scans of 360 beams, 20 Hz commands, 50 Hz odometry",
+        (
+            "phase",
+            "mode",
+            "s",
+            "CPU %",
+            "loop %",
+            "Zenoh %",
+            "RSS MB",
+            "cmd_vel Hz",
+            "gap p50 ms",
+            "p99",
+            "max",
+        ),
+        tuple(
+            (
+                load.phase,
+                load.mode,
+                f"{load.seconds:.0f}",
+                f"{load.cpu_percent:.1f}",
+                f"{load.loop_percent:.1f}",
+                f"{load.zenoh_percent:.1f}",
+                f"{load.rss_mb:.0f}",
+                f"{load.cmd_vel_hz:.1f}",
+                f"{load.gap_p50_ms:.1f}",
+                f"{load.gap_p99_ms:.1f}",
+                f"{load.gap_max_ms:.1f}",
+            )
+            for load in loads
+        ),
+        (
+            (
+                "CPU: of one core, user and system, from /proc/<pid>/stat. loop: the thread with the event loop, the "
+                "law, encoding and decoding. Zenoh: all other threads."
+            ),
+            (
+                "cmd_vel and its gaps are as the driver sees them; under the barrier the output changes also between "
+                "ticks, and each change is sent at once."
+            ),
+        ),
+    )
+
+
+def machine() -> str:
+    """What the numbers were measured on, without its name."""
+    return (
+        f"{os.cpu_count()} cores ({platform.machine()}), load average {_LOAD_BEFORE:.1f} before, {platform.system()}, "
+        f"Python {platform.python_version()}, numpy {version('numpy')}, eclipse-zenoh {version('eclipse-zenoh')}"
+    )
+
+
+def commit() -> str:
+    """What was measured."""
+    revision = _git("rev-parse", "--short", "HEAD")
+    if not revision:
+        return "unknown"
+    changed = [package for package in MEASURED if _git("status", "--porcelain", "--", package)]
+    return f"{revision}, with changes in {', '.join(changed)}" if changed else revision
+
+
+def _git(*arguments: str) -> str:
+    try:
+        done = subprocess.run(["git", *arguments], capture_output=True, text=True, check=False, timeout=10)
+    except OSError:
+        return ""
+    return done.stdout.strip()
+
+
+def show(results: Results) -> None:
+    """For a person at a terminal."""
+    # A pipe has no width, and a table that is cut off says nothing.
+    console = Console() if sys.stdout.isatty() else Console(width=130)
+    for sheet in results.sheets():
+        table = Table(title=sheet.title, title_justify="left", title_style="bold")
+        for number, column in enumerate(sheet.columns):
+            table.add_column(column, justify="left" if number == 0 else "right")
+        for row in sheet.rows:
+            table.add_row(*row)
+        console.print(table)
+    for verdict in results.verdicts():
+        sentence = verdict.sentence()
+        console.print(sentence, style="bold red" if sentence.startswith("OVER") else "green", highlight=False)
+    console.print(f"{machine()}; commit {commit()}", style="dim", highlight=False)
+
+
+def write_json(results: Results, path: Path) -> None:
+    """One JSON object a line: first what was measured and where, then one for each row and each target."""
+    lines: list[dict[str, object]] = [
+        {"kind": "run", "date": _now(), "machine": machine(), "commit": commit()},
+        *({"kind": "step", **asdict(timing)} for timing in results.timings),
+        *({**asdict(memory), "kind": "memory", "step": memory.kind} for memory in results.memory),
+        *({"kind": "process", **asdict(load)} for load in results.loads),
+        *({"kind": "target", **asdict(verdict)} for verdict in results.verdicts()),
+    ]
+    path.write_text("".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines))
+
+
+def write_markdown(results: Results, path: Path, command: str) -> None:
+    """The committed document."""
+    parts = [
+        "# Benchmarks",
+        "",
+        "How much time and memory the supervisor takes. Written by the command below; do not edit.",
+        "",
+        f"* command: `{command}`",
+        f"* date: {_now()}",
+        f"* machine: {machine()}",
+        f"* commit: {commit()}",
+        "",
+        "## Targets",
+        "",
+        *(f"* {verdict.sentence()}" for verdict in results.verdicts()),
+    ]
+    for sheet in results.sheets():
+        parts += [
+            "",
+            f"## {sheet.title}",
+            "",
+            f"| {' | '.join(sheet.columns)} |",
+            f"|{'|'.join(['---'] + ['--:'] * (len(sheet.columns) - 1))}|",
+            *(f"| {' | '.join(row)} |" for row in sheet.rows),
+            "",
+            *(f"* {note}" for note in sheet.notes),
+        ]
+    path.write_text("\n".join(parts) + "\n")
+
+
+def _now() -> str:
+    return datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")

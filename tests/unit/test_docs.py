@@ -1,0 +1,33 @@
+"""What the documents say of the code must be what the code says."""
+
+import pytest
+
+from docs import safety_law
+from supervisor.model import StopReason
+
+
+def test_the_generated_parts_of_the_safety_law_are_up_to_date() -> None:
+    """`make docs` writes them anew."""
+    text = safety_law.DOCUMENT.read_text()
+    assert safety_law.regenerated(text) == text
+
+
+@pytest.mark.parametrize("reason", StopReason)
+def test_a_stop_reason_without_a_row_in_the_table_is_refused(reason: StopReason) -> None:
+    rows = {name: row for name, row in safety_law.REASONS.items() if name is not reason}
+    with pytest.raises(ValueError, match=reason.name):
+        safety_law.reasons_table(rows)
+
+
+def test_a_part_without_a_place_in_the_document_is_refused() -> None:
+    with pytest.raises(ValueError, match="no place for the part"):
+        safety_law.regenerated("# The safety law\n")
+
+
+def test_the_picture_stays_small_and_nothing_but_neutral_or_a_way_out_sets_the_robot_going() -> None:
+    edges = safety_law.transitions()
+    assert len(safety_law.NODES) <= 12
+    moving = {"Driving", "Limited"}
+    into_motion = {before for before, after in edges if after in moving and before not in moving}
+    assert into_motion == {"Ready", "Barrier"}
+    assert edges["Barrier", "Driving"] == {"back"}
