@@ -55,6 +55,7 @@ def to_scan(arrival: Arrival[ros.LaserScan], header_tolerance_s: float) -> Laser
         arrival.arrival_s,
         sent,
         tolerance_s,
+        scan.angle_max,
     )
 
 

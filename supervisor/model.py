@@ -124,6 +124,8 @@ class LaserScan:
     """From its attachment, else from its header; None where neither says when it was taken."""
     sent_tolerance_s: float | None = None
     """How unsteady the sender's clock may be; None: as steady as a command's."""
+    angle_max: float | None = None
+    """What the sender takes for the last beam's angle; None: it does not say."""
 
 
 @dataclass(frozen=True, slots=True)

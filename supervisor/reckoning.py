@@ -59,7 +59,7 @@ def reckon(odometer: Odometer, velocity: Velocity, now_s: float, fastest: Veloci
     )
     held_s = _held(odometer, now_s)
     return Odometer(
-        _advance(odometer, held_s),
+        where(odometer, now_s),
         odometer.turned_rad + abs(odometer.velocity.angular_rad_s) * held_s,
         odometer.travelled_m + abs(odometer.velocity.linear_m_s) * held_s,
         velocity if believable else STANDSTILL,
@@ -69,7 +69,7 @@ def reckon(odometer: Odometer, velocity: Velocity, now_s: float, fastest: Veloci
 
 def displacement(odometer: Odometer, then: Pose, now_s: float) -> Pose | None:
     """How the robot has moved since it was at `then`, in its frame of then; None for next to nothing."""
-    pose = _advance(odometer, _held(odometer, now_s))
+    pose = where(odometer, now_s)
     x_m, y_m, yaw_rad = pose.x_m - then.x_m, pose.y_m - then.y_m, pose.yaw_rad - then.yaw_rad
     if max(abs(x_m), abs(y_m), abs(yaw_rad)) < NEGLIGIBLE:
         return None
@@ -77,12 +77,9 @@ def displacement(odometer: Odometer, then: Pose, now_s: float) -> Pose | None:
     return Pose(cos * x_m + sin * y_m, cos * y_m - sin * x_m, yaw_rad)
 
 
-def _held(odometer: Odometer, now_s: float) -> float:
-    return min(max(0.0, now_s - odometer.at_s), LONGEST_S)
-
-
-def _advance(odometer: Odometer, dt_s: float) -> Pose:
-    """The pose after an arc, taken at its middle heading."""
+def where(odometer: Odometer, now_s: float) -> Pose:
+    """The pose by now, if the last velocity holds: an arc, taken at its middle heading."""
+    dt_s = _held(odometer, now_s)
     pose, velocity = odometer.pose, odometer.velocity
     heading_rad = pose.yaw_rad + velocity.angular_rad_s * dt_s / 2
     return Pose(
@@ -90,3 +87,7 @@ def _advance(odometer: Odometer, dt_s: float) -> Pose:
         pose.y_m + velocity.linear_m_s * dt_s * math.sin(heading_rad),
         pose.yaw_rad + velocity.angular_rad_s * dt_s,
     )
+
+
+def _held(odometer: Odometer, now_s: float) -> float:
+    return min(max(0.0, now_s - odometer.at_s), LONGEST_S)

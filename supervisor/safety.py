@@ -34,7 +34,7 @@ from supervisor.model import (
     State,
     StopReason,
 )
-from supervisor.reckoning import STANDSTILL, Velocity, displacement, reckon
+from supervisor.reckoning import STANDSTILL, Velocity, displacement, reckon, where
 from supervisor.scan import ScanReading, continue_reading, read_scan
 
 IMPLAUSIBLE_FACTOR = 10.0
@@ -69,7 +69,7 @@ def step(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
     state = _observe(state, now_s, inputs)
     shared = _shared_causes(state, now_s)
     state = _take_commands(state, now_s, inputs, shared)
-    state, reply = _reset(state, inputs)
+    state, reply = _reset(state, now_s, inputs)
     state = state._replace(owner=_owner(state, now_s))
     return _decide(state, now_s, shared, reply)
 
@@ -119,6 +119,7 @@ def _see(state: State, scan: LaserScan) -> State:
     surroundings, problem, return_share = read_scan(
         scan.ranges,
         angle_min=scan.angle_min,
+        angle_max=scan.angle_max,
         angle_increment=scan.angle_increment,
         range_min=scan.range_min,
         range_max=scan.range_max,
@@ -135,7 +136,9 @@ def _see(state: State, scan: LaserScan) -> State:
         period_s = min(period_s, max(0.0, taken_s - state.scan.taken_s))
     travelled_m = state.odometer.travelled_m + config.hull.radius_m * state.odometer.turned_rad
     reading = ScanReading(taken_s, period_s, surroundings, problem, scan.ranges, 0, travelled_m, return_share)
-    return state._replace(scan=continue_reading(state.scan, reading), scan_pose=state.odometer.pose)
+    return state._replace(
+        scan=continue_reading(state.scan, reading), scan_pose=where(state.odometer, taken_s)
+    )
 
 
 def _runs_away(state: State, now_s: float) -> bool:
@@ -167,7 +170,7 @@ def _shared_causes(state: State, now_s: float) -> Reasons:
     return frozenset(causes)
 
 
-def _reset(state: State, inputs: Inputs) -> tuple[State, Reply | None]:
+def _reset(state: State, now_s: float, inputs: Inputs) -> tuple[State, Reply | None]:
     """Release the e-stop, if nobody would drive off: a reset moves nothing."""
     if not inputs.reset:
         return state, None
@@ -175,7 +178,8 @@ def _reset(state: State, inputs: Inputs) -> tuple[State, Reply | None]:
         return state, Reply(success=True, message="there was no emergency stop to reset")
     if inputs.estop:
         return state, Reply(success=False, message="refused: the emergency stop is being pressed")
-    driving = [s.config.name for s in state.sources if not s.neutral and s.alive is not False]
+    live = (s for s in state.sources if not _own_causes(s, now_s, state.config))
+    driving = [s.config.name for s in live if not s.neutral]
     if driving:
         names = ", ".join(driving)
         return state, Reply(success=False, message=f"refused: {names} still asks for motion; stop it first")
@@ -192,15 +196,22 @@ def _take_commands(state: State, now_s: float, inputs: Inputs, shared: Reasons) 
     for change in inputs.liveliness:
         if change.source in sources:
             sources[change.source] = sources[change.source]._replace(alive=change.alive)
+    broken: set[str] = set()
     for command in inputs.commands:
         if command.source in sources:
-            sources[command.source] = _accept(sources[command.source], command, state.config)
+            source = _accept(sources[command.source], command, state.config)
+            sources[command.source] = source
+            if source.invalid:
+                broken.add(command.source)
 
     settled: dict[str, Source] = {}
     for name, source in sources.items():
         causes = shared | _own_causes(source, now_s, state.config)
-        if name in lost:  # also when it is back within the same step
+        # Also what is mended within the same step was there.
+        if name in lost:
             causes |= {StopReason.SOURCE_LOST}
+        if name in broken:
+            causes |= {StopReason.COMMAND_INVALID}
         settled[name] = _latch(source, now_s, causes)
 
     before = next((s for s in state.sources if s.config.name == state.owner), None)
@@ -347,7 +358,7 @@ def _barrier(state: State, now_s: float, commanded: Velocity) -> tuple[float, Bl
     way = displacement(state.odometer, state.scan_pose, now_s)
     if way is None:
         return scale, block
-    here = moved(scan.surroundings, config.hull, way)
+    here = moved(scan.surroundings, way)
     return min((scale, block), permitted_scale(here, *commanded, barrier), key=lambda limit: limit[0])
 
 

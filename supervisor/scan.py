@@ -24,7 +24,15 @@ FROZEN_TRAVEL_M = 0.02
 """So many identical scans in a row while the hull has moved so far: the sensor repeats itself."""
 
 BLANK_AFTER_SHARE = 0.1
-"""A scan without a single return, right after one with returns on this share of its beams, is no scan."""
+BLANK_DROP = 0.1
+"""A scan with less than a tenth of the returns, right after one with returns on a tenth of its beams, is no
+scan. It stays so until returns come back: a lidar that has lost its light looks just the same."""
+
+HALVINGS = 40
+"""Of a few metres: to far below a micrometre."""
+
+ANGLE_SLACK_BEAMS = 2.0
+"""Drivers count the last beam, the one after it, or round."""
 
 Ranges = npt.NDArray[np.float32]
 
@@ -68,6 +76,8 @@ class _Beams:
     sin: Floats
     sector: npt.NDArray[np.int64]
     looking: Mask
+    hull_m: Floats
+    """How far each beam runs inside the hull [m]; zero where the lidar is outside of it."""
     needed: float
     """Explained readings that prove a sector."""
 
@@ -76,6 +86,7 @@ def read_scan(
     ranges: Ranges,
     *,
     angle_min: float,
+    angle_max: float | None = None,
     angle_increment: float,
     range_min: float,
     range_max: float,
@@ -91,6 +102,7 @@ def read_scan(
     Args:
         ranges: (n,) readings [m].
         angle_min: of the first beam [rad], counter-clockwise from the lidar's x axis.
+        angle_max: of the last beam [rad], as the sender has it; None where it does not say.
         angle_increment: from beam to beam [rad]; negative for a clockwise scan.
         range_min: the shortest measurable distance [m].
         range_max: the longest [m].
@@ -101,17 +113,22 @@ def read_scan(
         min_beams: fewer than these are no scan.
         min_valid_share: of the readings in a sector that must be explained, above 0, at most 1.
     """
-    problem = _contradiction(len(ranges), angle_min, angle_increment, range_min, range_max, min_beams)
+    problem = _contradiction(
+        len(ranges), angle_min, angle_max, angle_increment, range_min, range_max, min_beams
+    )
     if problem is not None:
         return survey(hull, np.empty((0, 2))), problem, 0.0
-    beams = _beams(len(ranges), angle_min, angle_increment, mount, min_valid_share)
+    beams = _beams(len(ranges), angle_min, angle_increment, mount, hull, min_valid_share)
     readings = explain(ranges, range_min, range_max, profile)
     explained = np.bincount(beams.sector[readings.explained & beams.looking], minlength=SECTORS)
     proven = explained >= beams.needed
     if not proven.any():
         return survey(hull, np.empty((0, 2))), "no sector with enough valid readings", 0.0
     hit = readings.hit & beams.looking
-    distance = readings.distance_m[hit]
+    if not hit.any() and not (ranges > range_max).any():
+        return survey(hull, np.empty((0, 2))), "nothing but codes for no return", 0.0
+    # Nothing can be inside the hull: what reads so is at its outline, in the direction of its beam.
+    distance = np.maximum(readings.distance_m, beams.hull_m)[hit]
     points: Floats = np.array(
         [mount.x_m + distance * beams.cos[hit], mount.y_m + distance * beams.sin[hit]]
     ).T
@@ -139,7 +156,11 @@ def continue_reading(previous: ScanReading | None, reading: ScanReading) -> Scan
         and reading.travelled_m - since_m > FROZEN_TRAVEL_M
     ):
         problem = f"the same {repeats + 1} times while the robot moves"
-    if problem is None and share == 0.0 and previous.return_share >= BLANK_AFTER_SHARE:
+    if (
+        problem is None
+        and previous.return_share >= BLANK_AFTER_SHARE
+        and share < BLANK_DROP * previous.return_share
+    ):
         problem, share = "blank from one scan to the next", previous.return_share
     return ScanReading(
         reading.taken_s,
@@ -154,7 +175,13 @@ def continue_reading(previous: ScanReading | None, reading: ScanReading) -> Scan
 
 
 def _contradiction(
-    beams: int, angle_min: float, angle_increment: float, range_min: float, range_max: float, min_beams: int
+    beams: int,
+    angle_min: float,
+    angle_max: float | None,
+    angle_increment: float,
+    range_min: float,
+    range_max: float,
+    min_beams: int,
 ) -> str | None:
     """Why numbers that do not fit together describe no scan."""
     if beams < min_beams:
@@ -163,6 +190,9 @@ def _contradiction(
         return "geometry that is not finite"
     if angle_increment == 0.0 or abs(angle_increment) * (beams - 1) > 2 * math.pi + 1e-3:
         return f"{beams} beams of {angle_increment:g} rad are more than a turn, or none"
+    last = angle_min + angle_increment * (beams - 1)
+    if angle_max is not None and not abs(angle_max - last) <= ANGLE_SLACK_BEAMS * abs(angle_increment):
+        return f"{beams} beams of {angle_increment:g} rad end at {last:g} rad, not at {angle_max:g}"
     if not 0.0 <= range_min < range_max:
         return f"range_min {range_min:g} m and range_max {range_max:g} m contradict each other"
     return None
@@ -170,19 +200,33 @@ def _contradiction(
 
 @lru_cache(maxsize=8)
 def _beams(
-    count: int, angle_min: float, angle_increment: float, mount: Mount, min_valid_share: float
+    count: int, angle_min: float, angle_increment: float, mount: Mount, hull: Hull, min_valid_share: float
 ) -> _Beams:
     angle: Floats = angle_min + angle_increment * np.arange(count, dtype=np.float64)
     looking = np.ones(count, dtype=np.bool_)
     for start, end in mount.masked_rad:
         looking &= (angle - start) % (2 * math.pi) > (end - start) % (2 * math.pi)
+    cos: Floats = np.cos(mount.yaw_rad + angle)
+    sin: Floats = np.sin(mount.yaw_rad + angle)
     return _Beams(
-        cos=np.cos(mount.yaw_rad + angle),
-        sin=np.sin(mount.yaw_rad + angle),
+        cos=cos,
+        sin=sin,
+        hull_m=_run_inside(hull, mount, cos, sin),
         sector=_sector(angle),
         looking=looking,
         needed=max(1.0, min_valid_share * SECTOR_RAD / abs(angle_increment)),
     )
+
+
+def _run_inside(hull: Hull, mount: Mount, cos: Floats, sin: Floats) -> Floats:
+    """How far each beam runs inside the hull, by halving: a convex hull is left but once."""
+    inside, outside = np.zeros(len(cos)), np.full(len(cos), 2.0 * hull.radius_m)
+    for _ in range(HALVINGS):
+        middle = (inside + outside) / 2.0
+        points = np.array([mount.x_m + middle * cos, mount.y_m + middle * sin]).T
+        within = hull.nearest(points)[0] < 0.0
+        inside, outside = np.where(within, middle, inside), np.where(within, outside, middle)
+    return outside if hull.nearest(np.array([[mount.x_m, mount.y_m]]))[0][0] < 0.0 else np.zeros(len(cos))
 
 
 @lru_cache(maxsize=8)

@@ -121,6 +121,25 @@ def test_a_senseless_command_stops_and_never_refreshes_the_age(velocity: Velocit
     assert law.tick(("teleop", FORWARD)).output == FORWARD
 
 
+def test_a_senseless_command_stops_also_when_a_good_one_follows_in_the_same_step() -> None:
+    law = Law()
+    law.drive()
+    decision = law.tick(("teleop", None), ("teleop", FORWARD))
+    assert decision.reasons == (StopReason.COMMAND_INVALID,)
+    assert law.tick(("teleop", FORWARD)).output == STANDSTILL
+
+
+def test_a_reset_is_not_hindered_for_ever_by_a_source_that_fell_silent() -> None:
+    """A source without a token, dead at speed."""
+    law = Law()
+    law.drive()
+    law.tick(estop=True)
+    law.hold(1.0)
+    reply = law.tick(reset=True).reset_reply
+    assert reply is not None
+    assert reply.success
+
+
 def test_a_command_beyond_the_limits_is_clamped() -> None:
     law = Law()
     assert law.drive(Velocity(5.0, -9.0)).output == Velocity(1.0, -2.0)

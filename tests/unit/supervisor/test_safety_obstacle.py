@@ -55,6 +55,20 @@ def test_when_the_owner_is_stopped_nobody_else_drives_elsewhere_without_neutral(
     assert law.tick(("teleop", NEUTRAL), ("path", BACK)).output == BACK
 
 
+def test_an_arc_that_was_stopped_for_what_lies_ahead_of_it_stays_stopped_until_neutral() -> None:
+    """What stops an arc need not be closed on yet; the same command must not pass for an escape from it."""
+    arc = Velocity(0.5, 2.0)
+    for bearing in range(180, 300, 2):
+        for distance_m in np.arange(0.551, 0.6, 0.004):
+            law = Law()
+            law.drive(arc)
+            law.ranges[bearing] = distance_m
+            if law.tick(("teleop", arc)).mode is not Mode.STOPPED:
+                continue
+            law.ranges = ring()
+            assert law.tick(("teleop", arc)).output == STANDSTILL, (bearing, distance_m)
+
+
 def test_the_escape_is_itself_guarded() -> None:
     law = Law()
     law.drive()

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from supervisor.clearance import Circle, Surroundings
+from supervisor.clearance import Circle, ConvexPolygon, Surroundings
 from supervisor.lidar import PROFILES
 from supervisor.scan import Mount, ScanReading, continue_reading, read_scan
 
@@ -187,9 +187,56 @@ def test_a_scan_that_goes_blank_at_once_proves_nothing_until_something_returns()
     for _ in range(50):
         scan = reading(full(math.inf), scan)
         assert scan.problem == "blank from one scan to the next"
-    few = full(math.inf)
-    few[0] = 3.0
-    assert reading(few, scan).problem is None
+    stray, back = full(math.inf), full(math.inf)
+    stray[:35] = 3.0
+    back[:36] = 3.0
+    assert reading(stray, scan).problem == "blank from one scan to the next"
+    assert reading(back, scan).problem is None
+
+
+def test_a_lidar_that_never_said_anything_but_its_codes_proves_nothing() -> None:
+    """A Neato whose motor stands says 0.0 all around: nothing came back, or nothing was sent."""
+    codes = full(0.0)
+    for name, readings in (("neato_xv", codes), ("hokuyo_urg", full(math.nan)), ("rplidar", codes)):
+        assert read(readings, profile=PROFILES[name])[1] == "nothing but codes for no return"
+    open_field = full(0.0)
+    open_field[0] = math.inf
+    assert read(open_field, profile=PROFILES["rplidar"])[1] is None
+
+
+def test_what_is_too_close_stands_at_the_hull_in_the_direction_of_its_beam() -> None:
+    """Found by a random scan: inside a rectangle it was taken for something at the nearest side."""
+    hull = ConvexPolygon(((0.3, -0.2), (0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2)))
+    for reading_m in (-math.inf, 0.0, 0.03):
+        ranges = full(3.0)
+        ranges[170:191] = reading_m
+        around, problem = read(ranges, hull=hull)
+        assert problem is None
+        assert around.nearest_m == pytest.approx(0.0, abs=1e-9)
+        assert around.nearest_bearing_rad == pytest.approx(0.0, abs=0.2)
+        touching = around.clearance_m < 1e-6
+        assert around.per_linear[touching] == pytest.approx(1.0)
+        all_around, _ = read(full(reading_m), hull=hull, mount=Mount(0.1, 0.05, 0.3))
+        assert all_around.clearance_m == pytest.approx(0.0, abs=1e-9)
+        assert all_around.per_linear.min() == pytest.approx(-1.0)
+        assert all_around.per_linear.max() == pytest.approx(1.0)
+
+
+def test_a_lidar_outside_of_the_hull_sees_it_as_it_sees_anything() -> None:
+    ranges = full(math.inf)
+    ranges[180] = 0.5
+    around, _ = read(ranges, mount=Mount(x_m=0.4))
+    assert around.nearest_m == pytest.approx(0.65)
+
+
+@pytest.mark.parametrize(
+    ("angle_max_deg", "fits"),
+    [(179, True), (180, True), (177.01, True), (90, False), (176.9, False), (182, False)],
+)
+def test_a_last_angle_that_does_not_fit_is_a_contradiction(angle_max_deg: float, fits: bool) -> None:  # noqa: FBT001
+    problem = read(full(), angle_max=math.radians(angle_max_deg))[1]
+    assert (problem is None) is fits
+    assert problem is None or "not at" in problem
 
 
 def test_a_room_left_by_and_by_may_end_in_an_open_field() -> None:

@@ -1,0 +1,606 @@
+"""What must hold whatever happens: properties of the law, checked on more than 10,000 random examples.
+
+The examples are derived from the tests themselves (`derandomize`): a check that fails in CI fails on every
+machine, and the same commit is never green and red by turns. `LIFELINE_RANDOM=1` looks for new ones instead.
+"""
+
+import math
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import TypeVar, cast
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from supervisor.clearance import (
+    CLOSING_TOLERANCE_M_S,
+    Barrier,
+    Circle,
+    ConvexPolygon,
+    Hull,
+    permitted_closing_speed,
+    permitted_scale,
+    survey,
+)
+from supervisor.config import SupervisorSection
+from supervisor.freshness import Sent, Track, Verdict, judge
+from supervisor.lidar import PROFILES
+from supervisor.model import (
+    STANDSTILL,
+    Command,
+    Decision,
+    Inputs,
+    LaserScan,
+    LawConfig,
+    Liveliness,
+    Mode,
+    Odometry,
+    Source,
+    State,
+    StopReason,
+    Velocity,
+)
+from supervisor.safety import BARRIER_REASONS, initial_state, step
+from supervisor.scan import Mount, read_scan
+from tests.unit.supervisor.closed_loop import Outcome, drive_about
+
+T = TypeVar("T")
+Ranges = npt.NDArray[np.float32]
+
+CONFIG = SupervisorSection().law()
+
+pytestmark = [pytest.mark.proof, pytest.mark.timeout(600)]
+
+
+def examples(count: int) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    return settings(
+        max_examples=count,
+        deadline=None,
+        database=None,
+        derandomize="LIFELINE_RANDOM" not in os.environ,
+        suppress_health_check=[HealthCheck.too_slow],
+    )
+
+
+# --- hulls, mounts and scans
+
+
+@st.composite
+def hulls(draw: st.DrawFn) -> Hull:
+    """A circle, or a convex polygon: corners of an ellipse in counter-clockwise order."""
+    if draw(st.booleans()):
+        return Circle(draw(st.floats(0.05, 1.0)))
+    count = draw(st.integers(3, 8))
+    gaps = np.array(draw(st.lists(st.floats(0.2, 1.0), min_size=count, max_size=count)))
+    angles = np.cumsum(gaps) * 2 * math.pi / gaps.sum()
+    length_m, width_m = draw(st.floats(0.1, 1.0)), draw(st.floats(0.1, 1.0))
+    corners = zip((length_m * np.cos(angles)).tolist(), (width_m * np.sin(angles)).tolist(), strict=True)
+    return ConvexPolygon(tuple(corners))
+
+
+@st.composite
+def mounts(draw: st.DrawFn) -> Mount:
+    angle = st.floats(-math.pi, math.pi)
+    masked = draw(st.lists(st.tuples(angle, angle), max_size=2))
+    return Mount(
+        draw(st.floats(-0.5, 0.5)), draw(st.floats(-0.5, 0.5)), draw(angle), masked_rad=tuple(masked)
+    )
+
+
+ODD_READINGS = [math.nan, math.inf, -math.inf, 0.0, -0.0, -1.0, 0.006, 0.019, 0.053, 50.0, 81.83, 1e-45, 3e38]
+
+
+@st.composite
+def readings(draw: st.DrawFn) -> Ranges:
+    """Readings of any number of beams: a run of these, a run of those."""
+    runs = draw(
+        st.lists(
+            st.tuples(st.one_of(st.sampled_from(ODD_READINGS), st.floats(0.0, 15.0)), st.integers(1, 150)),
+            max_size=8,
+        )
+    )
+    if not runs:
+        return np.empty(0, dtype=np.float32)
+    return np.concatenate([np.full(count, value, dtype=np.float32) for value, count in runs])
+
+
+@examples(2000)
+@given(
+    ranges=readings(),
+    hull=hulls(),
+    mount=mounts(),
+    profile=st.sampled_from(list(PROFILES.values())),
+    angle_min=st.one_of(st.floats(-4.0, 4.0), st.sampled_from([math.nan, math.inf])),
+    increment=st.one_of(st.floats(-0.1, 0.1), st.sampled_from([2 * math.pi / 360, 0.0, math.nan])),
+    range_min=st.sampled_from([0.0, 0.02, 0.05, 1.0, -1.0, math.nan]),
+    range_max=st.sampled_from([5.6, 12.0, 81.91, 0.5, math.inf]),
+)
+def test_whatever_a_scan_says_the_view_of_it_is_finite_or_proves_nothing(
+    ranges: Ranges,
+    hull: Hull,
+    mount: Mount,
+    profile: object,
+    angle_min: float,
+    increment: float,
+    range_min: float,
+    range_max: float,
+) -> None:
+    before = ranges.tobytes()
+    ranges.flags.writeable = False
+    around, problem, share = read_scan(
+        ranges,
+        angle_min=angle_min,
+        angle_increment=increment,
+        range_min=range_min,
+        range_max=range_max,
+        mount=mount,
+        profile=profile,  # type: ignore[arg-type]
+        hull=hull,
+        stop_distance_m=0.3,
+        min_beams=90,
+        min_valid_share=0.5,
+    )
+    assert ranges.tobytes() == before
+    assert 0.0 <= share <= 1.0
+    for part in (around.points, around.clearance_m, around.per_linear, around.per_angular):
+        assert np.isfinite(part).all()
+    if problem is not None:
+        assert len(around.points) == 0
+        assert len(around.blind_per_linear) == len(hull.outline()[0])
+    else:
+        assert len(ranges) >= 90
+        assert len(around.blind_per_linear) < len(hull.outline()[0]) or hull.radius_m > 0.0
+
+
+points = st.lists(st.tuples(st.floats(-4.0, 4.0), st.floats(-4.0, 4.0)), min_size=0, max_size=12).map(
+    lambda pairs: np.array(pairs, dtype=np.float64).reshape(-1, 2)
+)
+
+
+@examples(2500)
+@given(
+    hull=hulls(),
+    around=points,
+    linear=st.floats(-1.0, 1.0),
+    angular=st.floats(-2.0, 2.0),
+    reaction_s=st.floats(0.01, 1.0),
+    blind=st.booleans(),
+)
+def test_after_scaling_nothing_is_closed_on_faster_than_permitted(
+    hull: Hull,
+    around: npt.NDArray[np.float64],
+    linear: float,
+    angular: float,
+    reaction_s: float,
+    *,
+    blind: bool,
+) -> None:
+    nowhere = np.full(len(hull.outline()[0]), blind)
+    view = survey(hull, around, blind=nowhere)
+    barrier = Barrier(0.3, 1.5, reaction_s, 0.0)
+    scale, block = permitted_scale(view, linear, angular, barrier)
+    assert 0.0 <= scale <= 1.0
+    assert (scale < 1.0) == (block is not None)
+    closing = scale * (view.per_linear * linear + view.per_angular * angular)
+    permitted = permitted_closing_speed(view.clearance_m, barrier)
+    assert (closing <= np.maximum(permitted, CLOSING_TOLERANCE_M_S) + 1e-9).all()
+    if block is not None:
+        assert block.is_approached_by(linear, angular)
+    if scale < 1.0 and block is not None and not block.blind:
+        slower, _ = permitted_scale(view, scale * linear, scale * angular, barrier)
+        # An arc's way ahead is looked at in poses, which lie elsewhere on the scaled one.
+        enough = 1.0 - 1e-9 if angular == 0.0 else 0.8
+        assert slower >= enough, "what was scaled once is not scaled again"
+
+
+@examples(2000)
+@given(
+    steps=st.lists(
+        st.tuples(
+            st.sampled_from([0.0, 0.001, 0.02, 0.05, 0.21, 3.0]),  # since the last arrival
+            st.sampled_from(
+                [0.0, 0.001, 0.02, 0.05, 0.05, 0.05, 3.0, -0.01, -1000.0, 1000.0]
+            ),  # source clock
+            st.sampled_from([1, 1, 1, 1, 0, -3, 7]),  # sequence
+            st.sampled_from(["same", "same", "same", "same", "same", "new", "old"]),
+        ),
+        max_size=40,
+    )
+)
+def test_a_fresh_verdict_is_earned_and_an_ended_run_stays_ended(
+    steps: list[tuple[float, float, int, str]],
+) -> None:
+    timeout_s, arrival_s, source_s, sequence, epoch = 0.2, 100.0, 5000.0, 100, 0
+    track, ended = Track(), set[int]()
+    heard_since_s = arrival_s
+    for gap_s, source_gap_s, forward, which in steps:
+        arrival_s += gap_s
+        source_s += source_gap_s
+        sequence += forward
+        if which == "new" and track.last is not None:
+            ended.add(epoch)
+            epoch += 1
+            heard_since_s = arrival_s
+        replayed = which == "old" and track.last is not None and track.last.epoch == str(epoch).encode()
+        said = min(ended) if replayed and ended else epoch
+        sent = Sent(str(said).encode(), sequence, source_s)
+        before = track
+        track, verdict, on_way_s = judge(before, sent, arrival_s, timeout_s)
+        if said in ended:
+            assert verdict is Verdict.EPOCH
+            assert track == before
+        if verdict is Verdict.FRESH:
+            assert said == epoch
+            assert 0.0 <= on_way_s <= timeout_s
+            assert arrival_s - heard_since_s >= timeout_s
+            assert before.last is not None
+            assert sent.sequence > before.last.sequence
+            assert sent.source_time_s >= before.last.source_time_s
+        if verdict in (Verdict.FRESH, Verdict.UNPROVEN):
+            assert track.last == sent
+
+
+# --- the law in time
+
+
+TEMPLATES: dict[str, Ranges] = {}
+
+
+def _template(name: str) -> Ranges:
+    """Some 360-beam scans, by name: three metres all round, with what the name says."""
+    if name not in TEMPLATES:
+        ranges = np.full(360, 3.0, dtype=np.float32)
+        ahead = slice(165, 196)
+        match name:
+            case "clear" | "none":
+                pass
+            case "near ahead":
+                ranges[ahead] = 0.5
+            case "slow ahead":
+                ranges[ahead] = 1.0
+            case "near behind":
+                ranges[:20] = 0.45
+            case "blind ahead":
+                ranges[ahead] = math.nan
+            case "random":
+                ranges = np.random.default_rng(7).uniform(0.3, 6.0, 360).astype(np.float32)
+            case "all inf":
+                ranges[:] = math.inf
+            case "short":
+                ranges = ranges[:40]
+            case _:
+                ranges[:] = math.nan
+        TEMPLATES[name] = ranges
+    return TEMPLATES[name]
+
+
+SCANS = [
+    *["clear"] * 12,
+    "none",
+    "none",
+    "near ahead",
+    "slow ahead",
+    "near behind",
+    "blind ahead",
+    "random",
+    "all inf",
+    "short",
+    "all NaN",
+]
+VELOCITIES: list[Velocity | None] = [
+    *[STANDSTILL] * 4,
+    *[Velocity(0.5, 0.0)] * 3,
+    Velocity(-0.4, 0.0),
+    Velocity(0.3, -1.0),
+    Velocity(0.0, 1.5),
+    Velocity(3.0, -5.0),
+    Velocity(1e-300, 0.0),
+    Velocity(-0.0, 0.0),
+    None,
+    Velocity(math.nan, 0.0),
+    Velocity(0.1, math.inf),
+    Velocity(1e308, 0.0),
+]
+EVENTS = [
+    *["nothing"] * 10,
+    "estop",
+    "reset",
+    "lost teleop",
+    "back teleop",
+    "flap teleop",
+    "lost path",
+    "back path",
+    "odometry",
+    "runaway",
+    "spike",
+    "bad scan",
+    "clock ahead",
+    "clock back",
+    "new run",
+    "stranger",
+]
+
+steps_of_life = st.lists(
+    st.tuples(
+        st.sampled_from([0.02] * 12 + [0.0, 0.1, 0.15, 0.21, 0.5]),
+        st.lists(
+            st.tuples(st.sampled_from(["teleop", "teleop", "path", "joy"]), st.sampled_from(VELOCITIES)),
+            max_size=3,
+        ),
+        st.sampled_from(SCANS),
+        st.sampled_from(EVENTS),
+        st.integers(1, 4),  # so often in a row
+    ),
+    min_size=1,
+    max_size=16,
+)
+
+
+@dataclass
+class Witness:
+    """Who may drive, told from the inputs alone and not from the law's latches."""
+
+    config: LawConfig
+    clean: set[str] = field(default_factory=set[str])
+    """Sources with a neutral command after the last thing that kept them from driving."""
+    alive: dict[str, bool] = field(default_factory=dict[str, bool])
+    last: dict[str, tuple[Velocity | None, float]] = field(
+        default_factory=dict[str, tuple[Velocity | None, float]]
+    )
+    """The last command of each, None for an invalid one, and when the last valid one was accepted."""
+    estop: bool = False
+    now_s: float | None = None
+    driver: str | None = None
+    blocked: tuple[str, Velocity] | None = None
+    """Whom the barrier stopped, and what was commanded."""
+
+    def see(self, now_s: float, inputs: Inputs, before: State, decision: Decision) -> None:
+        config = self.config
+        accepted = {
+            s.config.name: s.counts.accepted - b.counts.accepted
+            for s, b in zip(decision.sources, before.sources, strict=True)
+        }
+        shared = (
+            decision.alarm
+            or bool(decision.scan_problem)
+            or not decision.scan_age_s <= config.scan_timeout_s
+            or self.estop
+            or inputs.estop
+            or (self.now_s is not None and now_s - self.now_s > config.overrun_s)
+        )
+        self.estop = (self.estop or inputs.estop) and not (
+            decision.reset_reply is not None and decision.reset_reply.success
+        )
+        self.now_s = now_s
+        lost = {change.source for change in inputs.liveliness if not change.alive}
+        for change in inputs.liveliness:
+            self.alive[change.source] = change.alive
+        neutral: set[str] = set()
+        for command in inputs.commands:
+            name, velocity = command.source, command.velocity
+            if not _sensible(velocity, config):
+                self.last[name] = (None, self.last.get(name, (None, -math.inf))[1])
+            elif accepted[name] > 0:
+                self.last[name] = (velocity, command.arrival_s)
+                if velocity == STANDSTILL:
+                    neutral.add(name)
+        bad = {
+            s.name
+            for s in config.sources
+            if shared
+            or s.name in lost
+            or self.alive.get(s.name) is False
+            or self.last.get(s.name, (None, 0.0))[0] is None
+            or now_s - self.last[s.name][1] > config.command_timeout_s
+        }
+        self.clean = (self.clean | neutral) - bad
+        if self.driver in bad:
+            self.clean = set()
+        if self.blocked is not None and self.blocked[0] in neutral:
+            self.blocked = None
+
+    def judge(self, decision: Decision) -> None:
+        if decision.output != STANDSTILL:
+            assert decision.owner in self.clean
+            assert (decision.owner, decision.commanded) != self.blocked
+            self.blocked = None
+        elif decision.reasons and set(decision.reasons) <= BARRIER_REASONS and self.blocked is None:
+            self.blocked = (decision.owner, decision.commanded)
+        self.driver = decision.owner if decision.output != STANDSTILL else None
+
+
+def _sensible(velocity: Velocity | None, config: LawConfig) -> bool:
+    return (
+        velocity is not None
+        and all(map(math.isfinite, velocity))
+        and abs(velocity.linear_m_s) <= 10 * config.max_linear_m_s
+        and abs(velocity.angular_rad_s) <= 10 * config.max_angular_rad_s
+    )
+
+
+def _check_decision(decision: Decision, config: LawConfig) -> None:
+    output, commanded = decision.output, decision.commanded
+    assert all(map(math.isfinite, output))
+    assert abs(output.linear_m_s) <= min(config.max_linear_m_s, abs(commanded.linear_m_s))
+    assert abs(output.angular_rad_s) <= min(config.max_angular_rad_s, abs(commanded.angular_rad_s))
+    cross = output.linear_m_s * commanded.angular_rad_s - output.angular_rad_s * commanded.linear_m_s
+    assert abs(cross) < 1e-12, "the same arc"
+    assert output.linear_m_s * commanded.linear_m_s >= 0.0
+    assert output.angular_rad_s * commanded.angular_rad_s >= 0.0
+    assert (decision.mode is Mode.STOPPED) == bool(decision.reasons)
+    if decision.mode in (Mode.STOPPED, Mode.READY):
+        assert output == STANDSTILL
+    else:
+        assert output != STANDSTILL
+        assert (decision.mode is Mode.LIMITED) == (decision.scale < 1.0)
+    assert list(decision.reasons) == [reason for reason in StopReason if reason in decision.reasons]
+    if output != STANDSTILL:
+        owner = _source(decision, decision.owner)
+        assert owner.velocity == commanded
+        asking = [s for s in decision.sources if s.armed and not s.neutral and s.alive is not False]
+        assert owner.config.priority == max(s.config.priority for s in asking)
+
+
+def _source(decision: Decision, name: str) -> Source:
+    return next(source for source in decision.sources if source.config.name == name)
+
+
+def plain(value: object) -> object:
+    """A value with its arrays as bytes, so that it can be compared."""
+    if isinstance(value, np.ndarray):
+        array = cast("npt.NDArray[np.generic]", value)
+        return (array.dtype.str, array.shape, array.tobytes())
+    if is_dataclass(value) and not isinstance(value, type):
+        return tuple(plain(getattr(value, part.name)) for part in fields(value))
+    if isinstance(value, tuple):
+        return tuple(plain(part) for part in cast("tuple[object, ...]", value))
+    if isinstance(value, float) and math.isnan(value):
+        return "nan"
+    return value
+
+
+class Life:
+    """The law in time, with everything that may happen to it."""
+
+    def __init__(self, config: LawConfig, *, stamped: bool) -> None:
+        self.config = config
+        self.stamped = stamped
+        self.state, _ = step(initial_state(config), 1000.0, Inputs())
+        self.now_s = 1000.0
+        self.witness = Witness(config, now_s=1000.0)
+        self.sequence, self.epoch, self.skew_s, self.count = 0, 0, 500.0, 0
+
+    def live(
+        self, gap_s: float, commands: list[tuple[str, Velocity | None]], scan: str, event: str
+    ) -> Decision:
+        before_s, self.now_s = self.now_s, self.now_s + gap_s
+        self.count += 1
+        self.skew_s += {"clock ahead": 30.0, "clock back": -30.0}.get(event, 0.0)
+        self.epoch += event == "new run"
+        inputs = Inputs(
+            commands=tuple(
+                self._command(source, velocity, before_s + gap_s * (n + 1) / len(commands))
+                for n, (source, velocity) in enumerate(commands)
+            ),
+            liveliness=_liveliness(event),
+            scan=None if scan == "none" else self._scan(scan),
+            undecodable_scan=event == "bad scan",
+            odometry=self._odometry(event),
+            strangers=("ghost",) if event == "stranger" else (),
+            estop=event == "estop",
+            reset=event == "reset",
+        )
+        before, state = self.state, self.state
+        pure = self.count % 8 == 0
+        seen = (plain(before), plain(inputs)) if pure else None
+        self.state, decision = step(state, self.now_s, inputs)
+        if pure:
+            again, same = step(state, self.now_s, inputs)
+            assert plain(again) == plain(self.state), "the same step twice"
+            assert plain(same) == plain(decision)
+            assert (plain(before), plain(inputs)) == seen, "a step changes nothing that it is given"
+        _check_decision(decision, self.config)
+        self.witness.see(self.now_s, inputs, before, decision)
+        self.witness.judge(decision)
+        return decision
+
+    def _command(self, source: str, velocity: Velocity | None, arrival_s: float) -> Command:
+        sent = None
+        if self.stamped and source != "joy":
+            self.sequence += 1
+            sent = Sent(f"{source}{self.epoch}".encode(), self.sequence, arrival_s + self.skew_s)
+        return Command(source, velocity, arrival_s, sent)
+
+    def _scan(self, name: str) -> LaserScan:
+        ranges = _template(name) + np.float32(1e-4 * (self.count % 2))
+        ranges.flags.writeable = False
+        return LaserScan(ranges, -math.pi, 2 * math.pi / 360, 0.05, 12.0, self.now_s)
+
+    def _odometry(self, event: str) -> Odometry | None:
+        velocity = {
+            "odometry": self.state.output,
+            "runaway": Velocity(0.4, 0.2),
+            "spike": Velocity(31.0, 0.0),
+        }.get(event)
+        return None if velocity is None else Odometry(velocity, self.now_s)
+
+
+def _liveliness(event: str) -> tuple[Liveliness, ...]:
+    match event.split(" "):
+        case ["lost", source]:
+            return (Liveliness(source, alive=False),)
+        case ["back", source]:
+            return (Liveliness(source, alive=True),)
+        case ["flap", source]:
+            return (Liveliness(source, alive=False), Liveliness(source, alive=True))
+        case _:
+            return ()
+
+
+driven: list[bool] = []
+
+
+@examples(3200)
+@given(steps=steps_of_life, stamped=st.booleans())
+def test_no_life_of_the_robot_breaks_a_promise(
+    steps: list[tuple[float, list[tuple[str, Velocity | None]], str, str, int]], *, stamped: bool
+) -> None:
+    life = Life(CONFIG, stamped=stamped)
+    for _ in range(14 if stamped else 1):  # a stamped source proves its clock first
+        life.live(0.02, [("teleop", STANDSTILL), ("path", STANDSTILL)], "clear", "nothing")
+    moved = False
+    for gap_s, commands, scan, event, times in steps:
+        for n in range(times):
+            decision = life.live(gap_s, commands, scan, event if n == 0 else "nothing")
+            moved = moved or decision.output != STANDSTILL
+    driven.append(moved)
+
+
+def test_those_lives_did_drive() -> None:
+    """Properties of a robot that never moves are worth nothing."""
+    if not driven:
+        pytest.skip("the lives were not lived in this run")
+    assert sum(driven) > 0.2 * len(driven)
+
+
+@examples(600)
+@given(hull=hulls(), mount=mounts(), steps=steps_of_life)
+def test_no_hull_and_no_mount_breaks_a_promise(
+    hull: Hull, mount: Mount, steps: list[tuple[float, list[tuple[str, Velocity | None]], str, str, int]]
+) -> None:
+    life = Life(replace(CONFIG, hull=hull, mount=mount), stamped=False)
+    for gap_s, commands, scan, event, _ in steps:
+        life.live(gap_s, commands, scan, event)
+
+
+# --- the closed loop
+
+
+@pytest.mark.parametrize("block", range(4))
+def test_straight_or_on_the_spot_the_hull_comes_no_closer_than_29_cm_by_its_own_motion(block: int) -> None:
+    outcomes = [drive_about(seed, arcs=False) for seed in range(block * 30, block * 30 + 30)]
+    for outcome in outcomes:
+        assert outcome.closest_m > min(0.29, outcome.start_m - 0.01), outcome
+    _tell(outcomes)
+
+
+@pytest.mark.parametrize("block", range(2))
+def test_on_arcs_that_change_at_any_moment_it_comes_no_closer_either(block: int) -> None:
+    """Found by these drives: on an arc the closing speed grows while the hull turns; 0.18 m was the worst."""
+    seeds = [286, 329, 375, 1035, *range(block * 40, block * 40 + 40)]
+    outcomes = [drive_about(seed) for seed in seeds]
+    for outcome in outcomes:
+        assert outcome.closest_m > min(0.29, outcome.start_m - 0.01), outcome
+    _tell(outcomes)
+
+
+def _tell(outcomes: list[Outcome]) -> None:
+    closest_m = min(outcome.closest_m for outcome in outcomes if outcome.start_m > 0.3)
+    way_m, stops = sum(outcome.way_m for outcome in outcomes), sum(outcome.stops for outcome in outcomes)
+    print(f"\n    {len(outcomes)} runs: closest {closest_m:.4f} m, {way_m:.0f} m driven, {stops} stops")
+    assert way_m > 20.0
+    assert stops > 20
