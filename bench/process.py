@@ -71,7 +71,10 @@ def measure_process(seconds: float) -> list[Load]:
         log = Path(folder) / "supervisor.log"
         with log.open("wb") as file:
             process = subprocess.Popen(
-                [sys.executable, "-m", "supervisor", "--endpoint", endpoint], stdout=file, stderr=file
+                [sys.executable, "-m", "supervisor", "--endpoint", endpoint],
+                stdout=file,
+                stderr=file,
+                env=os.environ | {"LIFELINE_STATE_DIR": folder},
             )
         try:
             return asyncio.run(_measure(endpoint, process.pid, seconds))

@@ -4,6 +4,7 @@ cli.py             the command `lifeline`: its options, and nothing else
 up.py              `lifeline up`: the stack, with teleop in this terminal
 status.py          `lifeline status`: one look
 demo.py            `lifeline demo`: the promises of the design, measured on the running stack
+replay.py          `lifeline replay-decision`: the law once more over a black box
 verdict.py         one promise with its bound and what was measured
 stack.py           sim and supervisor as one thing: start, wait until alive, stop
 supervisord.py     supervisord itself: fetched by uv, asked over its socket

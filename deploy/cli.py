@@ -117,6 +117,20 @@ def demo(
     _exit_with(run)
 
 
+@app.command()
+def replay_decision(
+    *, file: Annotated[Path, typer.Argument(metavar="FILE", help="a black box: blackbox/*.jsonl.gz")]
+) -> None:
+    """Run the law once more over what led to a stop. Exit code 1: it decides otherwise than it did."""
+
+    def run() -> int:
+        from deploy.replay import replay_decision  # noqa: PLC0415
+
+        return replay_decision(file)
+
+    _exit_with(run)
+
+
 def _say(sentence: str) -> None:
     print(f"lifeline: {sentence}", flush=True)
 

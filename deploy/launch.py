@@ -8,6 +8,7 @@ from pathlib import Path
 
 from deploy.errors import DeployError
 from deploy.processes import MARK
+from deploy.statedir import ENVIRONMENT as STATE_DIR
 from deploy.statedir import StateDir, read_json
 from wire.config import BusSection, ConfigError, read_toml, section
 from wire.zenoh_bus import BusConfig
@@ -62,6 +63,7 @@ class Launch:
         """What supervisord.conf takes from the environment."""
         return {
             MARK: str(state.path),
+            STATE_DIR: str(state.path),  # where the supervisor puts its black boxes
             "LIFELINE_PYTHON": sys.executable,
             "LIFELINE_CONFIG": str(self.config),
             "LIFELINE_ENDPOINT": self.bus.endpoint,

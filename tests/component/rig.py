@@ -10,6 +10,7 @@ import numpy as np
 from sim.config import SimSection
 from sim.plant import Plant
 from sim.service import SimService
+from supervisor.blackbox import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.service import SupervisorService
 from wire import topics
@@ -52,10 +53,13 @@ class Rig:
         self.newest_status = SafetyStatus(header(""))
 
     @asynccontextmanager
-    async def supervisor(self, config: SupervisorSection | None = None) -> AsyncGenerator[MemoryBus]:
+    async def supervisor(
+        self, config: SupervisorSection | None = None, black_box: BlackBox | None = None
+    ) -> AsyncGenerator[MemoryBus]:
         bus = MemoryBus(self.network)
         stop = asyncio.Event()
-        running = asyncio.create_task(SupervisorService(bus, config or SupervisorSection()).run(stop))
+        service = SupervisorService(bus, config or SupervisorSection(), black_box)
+        running = asyncio.create_task(service.run(stop))
         try:
             yield bus
         finally:

@@ -44,7 +44,10 @@ class Robot:
         """Start `supervisor` or `sim`."""
         with (self.logs / f"{node}.log").open("ab") as log:
             self.processes[node] = subprocess.Popen(
-                [sys.executable, "-m", node, "--endpoint", self.endpoint], stdout=log, stderr=log
+                [sys.executable, "-m", node, "--endpoint", self.endpoint],
+                stdout=log,
+                stderr=log,
+                env=os.environ | {"LIFELINE_STATE_DIR": str(self.logs)},
             )
 
     def start_teleop(self) -> None:

@@ -1,0 +1,270 @@
+"""`lifeline replay-decision`: the law once more over a black box, and whether it decides the same."""
+
+import platform
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from deploy.errors import DeployError
+from supervisor.blackbox_file import DECISION, INPUTS, STATE, BlackBoxError, Document, dumps, read
+from supervisor.model import STANDSTILL, Decision, Inputs, Mode, Reply, State, Velocity
+from supervisor.safety import step
+
+EXIT_DIFFERENT = 1
+MIN_WIDTH = 130
+"""Columns of the table where there is no terminal to ask."""
+AT_REST = Velocity(0.01, 0.02)
+"""Odometry below this says that the base stands."""
+
+COLOURS = {
+    Mode.STOPPED: "bold red",
+    Mode.READY: "green",
+    Mode.DRIVING: "bold green",
+    Mode.LIMITED: "yellow",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """Where the law decides otherwise than it did."""
+
+    now_s: float
+    where: str
+    """`decision.scale`, `state.sources[0].neutral_s`."""
+    recorded: str
+    replayed: str
+
+
+@dataclass(slots=True)
+class Phase:
+    """A run of steps whose outline is the same."""
+
+    first_s: float
+    last_s: float
+    first: Decision
+    last: Decision
+
+
+@dataclass(slots=True)
+class Replay:
+    """What a replay found."""
+
+    steps: int = 0
+    difference: Difference | None = None
+    phases: list[Phase] = field(default_factory=list[Phase])
+    """As replayed, up to the difference."""
+    rest_s: float | None = None
+    """When odometry first said, after the first stop, that the base stands."""
+    took_s: float = 0.0
+
+
+def replay_decision(path: Path) -> int:
+    """Replay a black box, print its timeline and the verdict, and return the exit code.
+
+    Raises:
+        DeployError: it cannot be replayed.
+    """
+    try:
+        document = read(path)
+        found = replay(document)
+    except BlackBoxError as error:
+        raise DeployError(str(error)) from error
+    _print(document, found)
+    return 0 if found.difference is None else EXIT_DIFFERENT
+
+
+def replay(document: Document) -> Replay:
+    """Run the law over the recorded inputs, from the first recorded state to the end or the first difference.
+
+    Raises:
+        BlackBoxError: a line is not what this law's types ask for.
+    """
+    found = Replay()
+    stop_s = _first_stop_s(document)
+    state: State | None = None
+    started_s = time.perf_counter()
+    for number, line in enumerate(document.lines, start=2):
+        try:
+            if "state" in line:
+                if state is None:
+                    state = _state(line["state"])
+                replayed = STATE.spell(STATE.pack(state))
+                where, now_s = "state", found.phases[-1].last_s if found.phases else stop_s
+                recorded = line["state"]
+            else:
+                now_s, inputs = float(line["now_s"]), _inputs(line["inputs"])
+                if state is None:
+                    raise ValueError("there is no state before it")  # noqa: TRY301 - told below with its line
+                state, decision = step(state, now_s, inputs)
+                replayed = DECISION.spell(DECISION.pack(decision))
+                where, recorded = "decision", line["decision"]
+                found.steps += 1
+                _tell(found, now_s, decision)
+                if found.rest_s is None and now_s >= stop_s and _is_at_rest(inputs):
+                    found.rest_s = now_s
+        except (KeyError, TypeError, ValueError) as error:
+            raise BlackBoxError(
+                f"line {number} of the black box is not what this law understands: {error}"
+            ) from error
+        different = _different(where, recorded, replayed)
+        if different is not None:
+            found.difference = Difference(now_s, *different)
+            break
+    found.took_s = time.perf_counter() - started_s
+    return found
+
+
+def _state(document: object) -> State:
+    return STATE.read(document)
+
+
+def _inputs(document: object) -> Inputs:
+    return INPUTS.read(document)
+
+
+def _first_stop_s(document: Document) -> float:
+    try:
+        return float(document.header["stops"][0]["now_s"])
+    except (IndexError, KeyError, TypeError, ValueError) as error:
+        raise BlackBoxError(f"the header of the black box names no stop: {error}") from error
+
+
+def _is_at_rest(inputs: Inputs) -> bool:
+    if inputs.odometry is None:
+        return False
+    return all(abs(v) < limit for v, limit in zip(inputs.odometry.velocity, AT_REST, strict=True))
+
+
+def _tell(found: Replay, now_s: float, decision: Decision) -> None:
+    last = found.phases[-1] if found.phases else None
+    if last is None or _outline(last.last) != _outline(decision):
+        found.phases.append(Phase(now_s, now_s, decision, decision))
+    else:
+        last.last_s, last.last = now_s, decision
+
+
+def _outline(decision: Decision) -> tuple[object, ...]:
+    """What makes a new line of the timeline."""
+    return (
+        decision.mode,
+        decision.reasons,
+        decision.owner,
+        decision.commanded == STANDSTILL,
+        decision.alarm,
+        None if decision.reset_reply is None else decision.reset_reply.message,
+    )
+
+
+def _different(where: str, recorded: object, replayed: object) -> tuple[str, str, str] | None:
+    """The first place where two JSON values differ, with what stands there; −0.0 is not 0.0.
+
+    A field that only one of the two laws knows is no difference.
+    """
+    ours, theirs = _items(replayed), _items(recorded)
+    if ours is None or theirs is None or (isinstance(replayed, list) and len(ours) != len(theirs)):
+        texts = dumps(cast("Any", recorded)), dumps(cast("Any", replayed))
+        return None if texts[0] == texts[1] else (where, *texts)
+    pairs = ((f"{where}{key}", theirs[key], ours[key]) for key in ours if key in theirs)
+    return next((found for pair in pairs if (found := _different(*pair)) is not None), None)
+
+
+def _items(value: object) -> dict[str, object] | None:
+    """What is in a JSON object or list, by how one would write the way to it; None for anything else."""
+    if isinstance(value, dict):
+        return {f".{key}": item for key, item in cast("dict[str, object]", value).items()}
+    if isinstance(value, list):
+        return {f"[{i}]": item for i, item in enumerate(cast("list[object]", value))}
+    return None
+
+
+# --- for the eye
+
+
+def _print(document: Document, found: Replay) -> None:
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=MIN_WIDTH)
+    stop_s = _first_stop_s(document)
+    header = document.header
+    for stop in header["stops"]:
+        console.print(f"{stop['utc']}  {', '.join(stop['reasons'])}", style="bold", highlight=False)
+    left_out = header.get("left_out_for_memory", 0) + header.get("left_out_for_file_size", 0)
+    if left_out:
+        console.print(f"{left_out:,} older steps of the window had no room", highlight=False)
+    console.print(_timeline(found.phases, stop_s))
+    if found.rest_s is not None:
+        console.print(
+            f"the base stood {found.rest_s - stop_s:.2f} s after the stop, by its odometry", highlight=False
+        )
+    console.print(_verdict(document, found, stop_s))
+
+
+def _timeline(phases: Sequence[Phase], stop_s: float) -> Table:
+    table = Table()
+    table.add_column("s from the stop", justify="right", no_wrap=True)
+    table.add_column("for s", justify="right", no_wrap=True)
+    for name in ("mode", "reasons", "owner"):
+        table.add_column(name)
+    for name in ("commanded m/s, rad/s", "permitted m/s, rad/s", "nearest m"):
+        table.add_column(name, no_wrap=True)
+    for i, phase in enumerate(phases):
+        end_s = phases[i + 1].first_s if i + 1 < len(phases) else phase.last_s
+        first, last = phase.first, phase.last
+        reasons = ", ".join(first.reasons) + (" ALARM" if first.alarm else "")
+        table.add_row(
+            f"{phase.first_s - stop_s + 0.0:+.3f}",
+            f"{end_s - phase.first_s:.3f}",
+            Text(first.mode.name, style=COLOURS[first.mode]),
+            f"{reasons}{_reply(first.reset_reply)}".strip(),
+            first.owner,
+            _span(_twist(first.commanded), _twist(last.commanded)),
+            _span(_twist(first.output), _twist(last.output)),
+            _span(f"{first.nearest_m:.2f}", f"{last.nearest_m:.2f}"),
+        )
+    return table
+
+
+def _reply(reply: Reply | None) -> str:
+    return "" if reply is None else f" (reset: {reply.message})"
+
+
+def _twist(velocity: Velocity) -> str:
+    # Adding zero turns a −0.00 into 0.00.
+    return ", ".join(f"{round(value, 2) + 0.0:.2f}" for value in velocity)
+
+
+def _span(first: str, last: str) -> str:
+    return first if first == last else f"{first} → {last}"
+
+
+def _verdict(document: Document, found: Replay, stop_s: float) -> Text:
+    took = f"in {found.took_s:.2f} s"
+    difference = found.difference
+    if difference is None:
+        return Text(f"{found.steps:,} steps replayed {took}, all decisions the same", style="bold green")
+    lines = [
+        f"{found.steps:,} steps replayed {took}, and they differ in {difference.where}",
+        f"  {difference.now_s - stop_s:+.3f} s from the stop, at step time {difference.now_s!r} s:",
+        f"  recorded {_short(difference.recorded)}",
+        f"  replayed {_short(difference.replayed)}",
+    ]
+    here = {"python": platform.python_version(), "numpy": np.__version__, "machine": platform.machine()}
+    other = [
+        f"{key} {document.header.get(key)}, here {here[key]}"
+        for key in here
+        if document.header.get(key) != here[key]
+    ]
+    if other:
+        lines.append(f"  recorded elsewhere, which may be why: {'; '.join(other)}")
+    return Text("\n".join(lines), style="bold red")
+
+
+def _short(value: str, limit: int = 200) -> str:
+    return value if len(value) <= limit else f"{value[:limit]}…"

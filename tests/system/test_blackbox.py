@@ -1,0 +1,66 @@
+"""The real supervisor leaves a black box of each stop, and no tick waits for it."""
+
+import signal
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from tests.system.harness import PATIENCE_S, Robot, robot
+from wire import topics
+
+pytestmark = pytest.mark.timeout(120)
+
+
+def say(text: str) -> None:
+    print(f"\n    measured: {text}")
+
+
+def files(tmp_path: Path) -> list[Path]:
+    return sorted((tmp_path / "blackbox").glob("*.jsonl.gz"))
+
+
+def replay(path: Path) -> str:
+    """What `lifeline replay-decision` says in a process of its own."""
+    command = [sys.executable, "-m", "deploy.cli", "replay-decision", str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+async def drive_and_kill_teleop(subject: Robot) -> float:
+    await subject.until(lambda: subject.status.owner == topics.TELEOP, "teleop's heartbeat")
+    await subject.drive()
+    return subject.kill(topics.TELEOP)
+
+
+async def test_a_killed_teleop_leaves_a_file_whose_decisions_another_process_finds_the_same(
+    tmp_path: Path,
+) -> None:
+    async with robot(tmp_path) as subject:
+        killed_s = await drive_and_kill_teleop(subject)
+        await subject.until(lambda: bool(files(tmp_path)), "a black box")
+        (path,) = files(tmp_path)
+        assert path.name.endswith("Z-SOURCE_LOST.jsonl.gz")
+        said = replay(path)
+        assert "all decisions the same" in said
+        assert "SOURCE_LOST" in said
+        zeros = [at_s for at_s, _ in subject.outputs if at_s > killed_s]
+    say(
+        f"{path.stat().st_size / 1e3:.0f} kB; the longest pause of cmd_vel while it was written: "
+        f"{max(b - a for a, b in pairwise(zeros)) * 1e3:.0f} ms"
+    )
+    assert max(b - a for a, b in pairwise(zeros)) < 0.1
+
+
+async def test_a_supervisor_that_is_told_to_end_writes_the_stop_before(tmp_path: Path) -> None:
+    async with robot(tmp_path) as subject:
+        killed_s = await drive_and_kill_teleop(subject)
+        await subject.zero_after(killed_s)
+        subject.signal(topics.SUPERVISOR, signal.SIGTERM)
+        assert subject.processes.pop(topics.SUPERVISOR).wait(PATIENCE_S) == 0
+    (path,) = files(tmp_path)
+    assert "all decisions the same" in replay(path)
+    assert list(path.parent.iterdir()) == [path]
