@@ -39,8 +39,8 @@ DEEP_M = 0.005
 DEEP_TOLERANCE_M_S = 0.001
 """So deep inside the stop distance hardly anything is: many slow steps must not add up."""
 
-POSES_AHEAD = 6
-"""The way ahead is looked at in so many poses: 8 cm apart at 1 m/s, between which an arc strays by 1 mm."""
+POSES: Floats = np.arange(1.0, 7.0) / 6.0
+"""The way ahead is looked at after these shares of it: 8 cm apart at 1 m/s, between which an arc strays by 1 mm."""
 
 STRAY_M = 0.01
 """A base on its way from one arc to another is on neither: the way ahead keeps so much more distance."""
@@ -103,8 +103,9 @@ class ConvexPolygon:
         start, side = self._sides()
         offset = start[:, None, :] - start[None, :, :]
         outside = offset[:, :, 0] * side[:, 1] - offset[:, :, 1] * side[:, 0]  # (corners, sides)
-        # Of a side's line only its own two ends may lie on or beyond it.
-        if ((outside.round(9) >= 0.0).sum(axis=0) != 2).any():
+        # Of a side's line only its own two ends lie on it, and nothing beyond it.
+        ends = np.eye(len(start), dtype=np.bool_)
+        if not np.array_equal(outside.round(9) >= 0.0, ends | np.roll(ends, 1, axis=0)):
             raise ValueError("the polygon must be convex, its corners counter-clockwise")
 
     @property
@@ -314,9 +315,9 @@ def _limit_of_the_way_ahead(
     (near,) = np.nonzero(around.clearance_m < barrier.stop_distance_m + STRAY_M + fastest_m_s * horizon_s)
     if len(near) == 0:
         return FREE
-    times_s: Floats = np.arange(1, POSES_AHEAD + 1, dtype=np.float64) * (horizon_s / POSES_AHEAD)
+    times_s: Floats = horizon_s * POSES
     points = _seen_along_arc(around.points[near], linear_m_s, angular_rad_s, times_s)
-    clearance = hull.nearest(points.reshape(-1, 2))[0].reshape(POSES_AHEAD, len(near))
+    clearance = hull.nearest(points.reshape(POSES.size * near.size, 2))[0].reshape(POSES.size, near.size)
     now = around.clearance_m[near]
     limit = np.minimum(now, barrier.stop_distance_m + STRAY_M)
     entered = clearance < limit - GRAZE_M
@@ -326,13 +327,11 @@ def _limit_of_the_way_ahead(
     before = now if first == 0 else clearance[first - 1]
     # Between two poses it is taken to come nearer evenly.
     share = (before - limit) / np.maximum(before - clearance[first], GRAZE_M)
-    share = np.where(entered[first], np.clip(share, 0.0, 1.0), np.inf)
+    share = np.where(entered[first], share, np.inf)
     nearest = int(share.argmin())
     tau_s = float(times_s[first]) - (1.0 - float(share[nearest])) * float(times_s[0])
     lost_s = barrier.reaction_s
     scale = (math.sqrt(lost_s * lost_s + 2.0 * braking_s * tau_s) - lost_s) / braking_s
-    if scale >= 1.0:
-        return FREE
     # It may not be closed on yet: what blocks is how it is closed on when it comes near.
     on_the_way = np.concatenate([around.points[near[nearest]][None, :], points[: first + 1, nearest]])
     per_linear, per_angular = _rates(on_the_way, hull.nearest(on_the_way)[1])

@@ -399,3 +399,45 @@ def test_reacting_and_braking_along_the_arc_never_enters_the_stop_distance(
     x_m, y_m = way * np.sinc(turn / np.pi), way * (turn / 2) * np.sinc(turn / (2 * np.pi)) ** 2
     gaps = np.hypot(point[0] - x_m, point[1] - y_m) - 0.25
     assert gaps.min() > barrier.stop_distance_m - 0.002
+
+
+LONG = ((2.0, -0.4), (2.0, 0.4), (-2.0, 0.4), (-2.0, -0.4))
+
+
+@pytest.mark.parametrize(
+    ("hull", "point", "twist", "reaction_s", "scale", "rates"),
+    [
+        (Circle(0.25), (0.2, 0.6), (0.9, 1.8), 0.1, 0.71222, (0.41070, 0.0)),
+        (Circle(0.25), (0.5, 0.28), (0.5, 2.0), 0.1, 0.21606, (0.90490, 0.0)),
+        (Circle(0.25), (0.2, -0.52), (0.8, -2.0), 0.1, 0.0, (0.39567, 0.0)),
+        (RECTANGLE, (0.2, 0.6), (0.9, 1.8), 0.1, 0.72966, (0.0, 0.22358)),
+        (RECTANGLE, (0.56, 0.35), (0.3, 1.5), 0.2, 0.0, (0.86619, -0.02332)),
+        (ConvexPolygon(LONG), (1.8, 1.2), (0.3, 0.7), 0.1, 0.78569, (0.0, 1.94022)),
+        (Circle(0.25), (1.0, 1.0), (0.7, 0.9), 1.5, 0.80302, (0.99920, 0.0)),
+        (Circle(0.25), (0.9, 0.35), (1.0, 1.0), 0.3, 0.75700, (0.99763, 0.0)),
+        (Circle(0.25), (0.99033, 0.0), (1.0, 0.001), 0.1, 0.99608, (1.0, 0.0)),
+    ],
+)
+def test_what_an_arc_is_permitted_is_known_to_the_fourth_digit(
+    hull: Hull,
+    point: tuple[float, float],
+    twist: tuple[float, float],
+    reaction_s: float,
+    scale: float,
+    rates: tuple[float, float],
+) -> None:
+    """Figures of this code, each within 2 % of the exact way: a change in any of them wants a reason."""
+    barrier = replace(BARRIER, reaction_s=reaction_s)
+    permitted, block = permitted_scale(seen(hull, one(*point)), *twist, barrier)
+    assert permitted == pytest.approx(scale, abs=2e-4)
+    assert block is not None
+    assert (block.per_linear, block.per_angular) == pytest.approx(rates, abs=2e-4)
+    assert block.blind is False
+
+
+def test_exactly_at_the_depth_the_wider_tolerance_still_holds() -> None:
+    depth_m = BARRIER.stop_distance_m - DEEP_M
+    near = replace(seen(Circle(0.25), one(0.5, 0.0)), clearance_m=np.array([depth_m]))
+    assert permitted_scale(near, 0.005, 0.0, BARRIER) == (1.0, None)
+    near = replace(near, clearance_m=np.array([math.nextafter(depth_m, 0.0)]))
+    assert permitted_scale(near, 0.005, 0.0, BARRIER)[0] == 0.0

@@ -315,10 +315,10 @@ def test_odometry_is_believed_up_to_twice_the_limits() -> None:
 def test_what_is_nearer_by_odometry_counts_from_where_the_scan_was_taken() -> None:
     law = Law()
     law.drive()
-    for _ in range(100):  # a metre and more, with scans all along
+    for _ in range(300):  # three metres, with scans all along
         law.tick(("teleop", FORWARD), odometry=odometry(0.5, law.now_s + TICK_S))
         assert law.decision.output == FORWARD
-    assert law.state.odometer.pose.x_m > 0.9
+    assert law.state.odometer.pose.x_m > 2.9
 
 
 def test_a_moving_robot_stops_at_what_is_inside_the_stop_zone() -> None:
@@ -476,3 +476,35 @@ def test_a_stop_for_another_reason_takes_the_escape_away() -> None:
     law.tick(("path", FORWARD), ("teleop", None))
     path = next(s for s in law.state.sources if s.config.name == "path")
     assert path.block is None
+
+
+def test_a_flap_tells_the_other_causes_of_its_step() -> None:
+    law = Law()
+    law.drive()
+    law.hold(0.18)
+    law.now_s += 0.05
+    decision = law.step(Inputs(liveliness=(*lost(), *back())))
+    assert decision.reasons == (StopReason.SOURCE_LOST, StopReason.COMMAND_TIMEOUT)
+
+
+def test_a_scan_whose_last_angle_does_not_fit_proves_nothing() -> None:
+    law = Law()
+    law.now_s += TICK_S
+    scan = replace(laser_scan(ring(), law.now_s), angle_max=1.0)
+    assert law.step(Inputs(scan=scan)).reasons == (StopReason.SCAN_INVALID, StopReason.NO_COMMAND)
+
+
+def test_a_robot_pushed_at_something_near_may_not_help_with_its_wheels() -> None:
+    """Both looks at the surroundings permit nothing: neither is preferred, and nothing is raised."""
+    law = Law(scanning=False)
+    law.now_s += TICK_S
+    law.step(
+        Inputs(
+            commands=(Command("teleop", NEUTRAL, law.now_s),),
+            scan=laser_scan(ring(ahead_m=0.54), law.now_s),
+            odometry=odometry(0.5, law.now_s),
+        )
+    )
+    law.tick(("teleop", NEUTRAL), odometry=odometry(0.5, law.now_s + TICK_S))
+    decision = law.tick(("teleop", Velocity(0.5, 0.1)), odometry=odometry(0.5, law.now_s + TICK_S))
+    assert decision.reasons == (StopReason.OBSTACLE,)
