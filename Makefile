@@ -11,7 +11,7 @@ export UV_PYTHON_DOWNLOADS := never
 export UV := $(UV)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test check bench docs picture
+.PHONY: help setup run test check bench docs picture mutation
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -39,6 +39,9 @@ bench: $(STAMP) ## how much time and memory the supervisor takes; about a minute
 docs: $(STAMP) ## write the generated parts of docs/safety-law.md and its drawings anew
 	.venv/bin/python -m docs.safety_law
 	.venv/bin/python -m docs.draw_safety_law
+
+mutation: $(STAMP) ## mutate the law; every mutant must fail a test (three minutes)
+	.venv/bin/python -m bench.mutation
 
 picture: $(STAMP) ## render docs/images/warehouse.png anew
 	.venv/bin/python -m sim.render --out docs/images/warehouse.png
