@@ -8,7 +8,7 @@ import pytest
 from tests.component.rig import Rig
 from wire import topics
 from wire.memory_bus import MemoryBus
-from wire.messages import Bool, SafetyStatus, Twist, Vector3, planar_twist
+from wire.messages import Bool, SafetyStatus, SourceStatus, Twist, Vector3, encode, planar_twist
 
 ZERO = (0.0, 0.0)
 PRESSED, RELEASED = Bool(data=True), Bool(data=False)
@@ -137,6 +137,41 @@ async def test_a_flood_of_estop_messages_cannot_hide_a_press() -> None:
             button.put(RELEASED)
         await rig.pass_time(0.1)
         assert rig.newest_status.reasons == ["ESTOP"]
+
+
+async def test_the_estop_of_a_dead_client_stays() -> None:
+    rig = Rig()
+    async with rig.supervisor(), rig.lidar(), rig.source():
+        await rig.drive(0.5)
+        client = MemoryBus(rig.network)
+        client.publisher(topics.ESTOP).put(PRESSED)
+        client.die()
+        rig.velocity = ZERO
+        await rig.pass_time(60.0)
+        assert rig.newest_status.reasons == ["ESTOP"]
+
+
+async def test_a_source_without_attachments_is_served_and_shown_as_such() -> None:
+    rig = Rig()
+    key = topics.source_cmd_vel(topics.TELEOP).key
+    async with rig.supervisor(), rig.lidar():
+        for velocity in [(0.0, 0.0)] * 10 + [(0.4, 0.0)] * 10:
+            rig.network.deliver(key, encode(planar_twist(*velocity)), None)
+            await rig.pass_time(0.05)
+        assert rig.output() == (0.4, 0.0)
+        await rig.pass_time(0.1)
+        (teleop,) = [s for s in rig.newest_status.sources if s.name == topics.TELEOP]
+        assert not teleop.stamped
+        assert teleop.liveliness == SourceStatus.UNKNOWN
+
+
+async def test_a_stranger_is_shown_by_name_and_moves_nothing() -> None:
+    rig = Rig()
+    async with rig.supervisor(), rig.lidar(), rig.source("stranger"):
+        rig.velocity = (0.5, 0.0)
+        await rig.pass_time(1.0)
+        assert rig.newest_status.unknown_sources == ["stranger"]
+        assert rig.output() == ZERO
 
 
 async def test_estop_false_does_nothing() -> None:
