@@ -59,6 +59,10 @@ class Hull(Protocol):
         """Distances (n,) [m], negative inside, and outward unit normals (n, 2), for points (n, 2) [m]."""
         ...
 
+    def clearance_along(self, points: Floats, poses: Floats) -> Floats:
+        """Distances (m, n) [m] of points (n, 2) from the hull at each of the poses (m, 3): x [m], y [m], yaw [rad]."""
+        ...
+
     def outline(self) -> tuple[Floats, Floats]:
         """Points (m, 2) [m] along the hull and their outward unit normals (m, 2)."""
         ...
@@ -82,6 +86,10 @@ class Circle:
         length = distances + central
         normals: Floats = np.array([(points[:, 0] + central) / length, points[:, 1] / length]).T
         return distances - self.radius_m, normals
+
+    def clearance_along(self, points: Floats, poses: Floats) -> Floats:
+        offset_x, offset_y = points[:, 0] - poses[:, :1], points[:, 1] - poses[:, 1:2]
+        return np.hypot(offset_x, offset_y) - self.radius_m
 
     def outline(self) -> tuple[Floats, Floats]:
         count = max(72, math.ceil(2 * math.pi * self.radius_m / OUTLINE_SPACING_M))
@@ -131,6 +139,10 @@ class ConvexPolygon:
         beyond = ~inside
         normals[beyond] = away[rows, outside_side][beyond] / gap[beyond, None]
         return np.where(inside, depth, gap), normals
+
+    def clearance_along(self, points: Floats, poses: Floats) -> Floats:
+        seen = _seen_from(points, poses)
+        return self.nearest(seen.reshape(seen.size // 2, 2))[0].reshape(len(poses), len(points))
 
     def outline(self) -> tuple[Floats, Floats]:
         points: list[Floats] = []
@@ -212,12 +224,7 @@ def _outline_rates(hull: Hull) -> tuple[Floats, Floats]:
 
 def moved(around: Surroundings, displacement: tuple[float, float, float]) -> Surroundings:
     """The same points as seen after the robot has moved by (x [m], y [m], yaw [rad]) in the old base frame."""
-    x_m, y_m, yaw_rad = displacement
-    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
-    offset = around.points - (x_m, y_m)
-    points: Floats = np.array(
-        [cos * offset[:, 0] + sin * offset[:, 1], cos * offset[:, 1] - sin * offset[:, 0]]
-    ).T
+    points = _seen_from(around.points, np.array([displacement]))[0]
     now = survey(around.hull, points)
     return replace(now, blind_per_linear=around.blind_per_linear, blind_per_angular=around.blind_per_angular)
 
@@ -258,12 +265,14 @@ def permitted_scale(
     around: Surroundings, linear_m_s: float, angular_rad_s: float, barrier: Barrier
 ) -> tuple[float, Block | None]:
     """The share of a twist that is permitted, 0 to 1, and the point that limits it; (1, None) where none does."""
-    limits = (
+    limit = min(
         _limit_of_closing(around, linear_m_s, angular_rad_s, barrier),
         _limit_of_blindness(around, linear_m_s, angular_rad_s, barrier),
-        _limit_of_the_way_ahead(around, linear_m_s, angular_rad_s, barrier),
+        key=lambda limit: limit[0],
     )
-    return min(limits, key=lambda limit: limit[0])
+    if angular_rad_s == 0.0:  # on a straight line the closing speed says it all
+        return limit
+    return _limit_of_the_way_ahead(around, linear_m_s, angular_rad_s, barrier, limit)
 
 
 FREE: tuple[float, Block | None] = (1.0, None)
@@ -303,51 +312,54 @@ def _limit_of_blindness(
 
 
 def _limit_of_the_way_ahead(
-    around: Surroundings, linear_m_s: float, angular_rad_s: float, barrier: Barrier
+    around: Surroundings,
+    linear_m_s: float,
+    angular_rad_s: float,
+    barrier: Barrier,
+    limit: tuple[float, Block | None],
 ) -> tuple[float, Block | None]:
-    """What braking along the arc asks for; on a straight line the closing speed says it all."""
-    if angular_rad_s == 0.0:
-        return FREE
-    hull = around.hull
+    """What braking along the arc asks for, where that is less than the limit that holds already."""
+    hull, lost_s = around.hull, barrier.reaction_s
     braking_s = max(abs(linear_m_s), abs(angular_rad_s) * hull.radius_m) / barrier.deceleration_m_s2
-    horizon_s = barrier.reaction_s + braking_s / 2.0
+    horizon_s = limit[0] * (lost_s + limit[0] * braking_s / 2.0)
     fastest_m_s = abs(linear_m_s) + abs(angular_rad_s) * hull.radius_m
     (near,) = np.nonzero(around.clearance_m < barrier.stop_distance_m + STRAY_M + fastest_m_s * horizon_s)
     if len(near) == 0:
-        return FREE
+        return limit
     times_s: Floats = horizon_s * POSES
-    points = _seen_along_arc(around.points[near], linear_m_s, angular_rad_s, times_s)
-    clearance = hull.nearest(points.reshape(POSES.size * near.size, 2))[0].reshape(POSES.size, near.size)
-    now = around.clearance_m[near]
-    limit = np.minimum(now, barrier.stop_distance_m + STRAY_M)
-    entered = clearance < limit - GRAZE_M
+    points, now = around.points[near], around.clearance_m[near]
+    poses = _along_arc(linear_m_s, angular_rad_s, times_s)
+    clearance = hull.clearance_along(points, poses)
+    keep_m = np.minimum(now, barrier.stop_distance_m + STRAY_M)
+    entered = clearance < keep_m - GRAZE_M
     if not entered.any():
-        return FREE
+        return limit
     first = int(entered.any(axis=1).argmax())
     before = now if first == 0 else clearance[first - 1]
     # Between two poses it is taken to come nearer evenly.
-    share = (before - limit) / np.maximum(before - clearance[first], GRAZE_M)
+    share = (before - keep_m) / np.maximum(before - clearance[first], GRAZE_M)
     share = np.where(entered[first], share, np.inf)
     nearest = int(share.argmin())
     tau_s = float(times_s[first]) - (1.0 - float(share[nearest])) * float(times_s[0])
-    lost_s = barrier.reaction_s
     scale = (math.sqrt(lost_s * lost_s + 2.0 * braking_s * tau_s) - lost_s) / braking_s
     # It may not be closed on yet: what blocks is how it is closed on when it comes near.
-    on_the_way = np.concatenate([around.points[near[nearest]][None, :], points[: first + 1, nearest]])
+    on_the_way = _seen_from(points[nearest : nearest + 1], poses[: first + 1])[:, 0]
     per_linear, per_angular = _rates(on_the_way, hull.nearest(on_the_way)[1])
     worst = int((per_linear * linear_m_s + per_angular * angular_rad_s).argmax())
     return scale, Block(float(per_linear[worst]), float(per_angular[worst]), blind=False)
 
 
-def _seen_along_arc(points: Floats, linear_m_s: float, angular_rad_s: float, times_s: Floats) -> Floats:
-    """Points (n, 2) as seen from the poses after each time (m,) at a twist: (m, n, 2)."""
+def _along_arc(linear_m_s: float, angular_rad_s: float, times_s: Floats) -> Floats:
+    """The poses (m, 3) after each time (m,) at a twist: x [m], y [m], yaw [rad]."""
     turn = angular_rad_s * times_s
     way = linear_m_s * times_s
     x_m = way * np.sinc(turn / np.pi)
     y_m = way * (turn / 2.0) * np.sinc(turn / (2.0 * np.pi)) ** 2
-    cos, sin = np.cos(turn)[:, None], np.sin(turn)[:, None]
-    offset_x, offset_y = points[:, 0] - x_m[:, None], points[:, 1] - y_m[:, None]
-    seen = np.empty((len(times_s), len(points), 2))
-    seen[:, :, 0] = cos * offset_x + sin * offset_y
-    seen[:, :, 1] = cos * offset_y - sin * offset_x
-    return seen
+    return np.array([x_m, y_m, turn]).T
+
+
+def _seen_from(points: Floats, poses: Floats) -> Floats:
+    """Points (n, 2) as seen from each of the poses (m, 3): (m, n, 2)."""
+    cos, sin = np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
+    offset_x, offset_y = points[:, 0] - poses[:, :1], points[:, 1] - poses[:, 1:2]
+    return np.stack([cos * offset_x + sin * offset_y, cos * offset_y - sin * offset_x], axis=2)
