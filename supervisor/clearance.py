@@ -352,10 +352,9 @@ def _limit_of_the_way_ahead(
 def _along_arc(linear_m_s: float, angular_rad_s: float, times_s: Floats) -> Floats:
     """The poses (m, 3) after each time (m,) at a twist: x [m], y [m], yaw [rad]."""
     turn = angular_rad_s * times_s
-    way = linear_m_s * times_s
-    x_m = way * np.sinc(turn / np.pi)
-    y_m = way * (turn / 2.0) * np.sinc(turn / (2.0 * np.pi)) ** 2
-    return np.array([x_m, y_m, turn]).T
+    half = turn / 2.0
+    chord = linear_m_s * times_s * np.sinc(half / np.pi)
+    return np.array([chord * np.cos(half), chord * np.sin(half), turn]).T
 
 
 def _seen_from(points: Floats, poses: Floats) -> Floats:

@@ -146,7 +146,7 @@ def continue_reading(previous: ScanReading | None, reading: ScanReading) -> Scan
     if previous is None:
         return reading
     repeats, since_m = 0, reading.travelled_m
-    if np.array_equal(previous.ranges, reading.ranges, equal_nan=True):
+    if previous.ranges.tobytes() == reading.ranges.tobytes():
         repeats, since_m = previous.repeats + 1, previous.travelled_m
     problem, share = reading.problem, reading.return_share
     if (
