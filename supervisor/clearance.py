@@ -262,17 +262,31 @@ def permitted_closing_speed(clearance_m: Floats, barrier: Barrier) -> Floats:
 
 
 def permitted_scale(
-    around: Surroundings, linear_m_s: float, angular_rad_s: float, barrier: Barrier
+    around: Surroundings,
+    linear_m_s: float,
+    angular_rad_s: float,
+    barrier: Barrier,
+    here: Surroundings | None = None,
 ) -> tuple[float, Block | None]:
-    """The share of a twist that is permitted, 0 to 1, and the point that limits it; (1, None) where none does."""
-    limit = min(
+    """The share of a twist that is permitted, 0 to 1, and the point that limits it; (1, None) where none does.
+
+    Args:
+        around: as the scan shows it.
+        linear_m_s: asked for.
+        angular_rad_s: asked for, counter-clockwise.
+        barrier: the numbers of this moment.
+        here: the same, as seen from where odometry says that the robot is by now; None: from where it was.
+    """
+    limits = [
         _limit_of_closing(around, linear_m_s, angular_rad_s, barrier),
         _limit_of_blindness(around, linear_m_s, angular_rad_s, barrier),
-        key=lambda limit: limit[0],
-    )
+    ]
+    if here is not None:
+        limits.append(_limit_of_closing(here, linear_m_s, angular_rad_s, barrier))
+    limit = min(limits, key=lambda limit: limit[0])
     if angular_rad_s == 0.0:  # on a straight line the closing speed says it all
         return limit
-    return _limit_of_the_way_ahead(around, linear_m_s, angular_rad_s, barrier, limit)
+    return _limit_of_the_way_ahead(here or around, linear_m_s, angular_rad_s, barrier, limit)
 
 
 FREE: tuple[float, Block | None] = (1.0, None)
@@ -342,9 +356,11 @@ def _limit_of_the_way_ahead(
     nearest = int(share.argmin())
     tau_s = float(times_s[first]) - (1.0 - float(share[nearest])) * float(times_s[0])
     scale = (math.sqrt(lost_s * lost_s + 2.0 * braking_s * tau_s) - lost_s) / braking_s
-    # It may not be closed on yet: what blocks is how it is closed on when it comes near.
-    on_the_way = _seen_from(points[nearest : nearest + 1], poses[: first + 1])[:, 0]
-    per_linear, per_angular = _rates(on_the_way, hull.nearest(on_the_way)[1])
+    # It may not be closed on yet: what blocks is how it is closed on now, or when it has come near.
+    moments = np.array(
+        [points[nearest], _seen_from(points[nearest : nearest + 1], poses[first : first + 1])[0, 0]]
+    )
+    per_linear, per_angular = _rates(moments, hull.nearest(moments)[1])
     worst = int((per_linear * linear_m_s + per_angular * angular_rad_s).argmax())
     return scale, Block(float(per_linear[worst]), float(per_angular[worst]), blind=False)
 
