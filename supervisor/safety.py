@@ -223,22 +223,23 @@ def _take_commands(state: State, now_s: float, inputs: Inputs, shared: Reasons) 
 
 def _accept(source: Source, command: Command, config: LawConfig) -> Source:
     """Take note of a command: a refused one never refreshes the age of the last good one."""
-    stamped = command.sent is not None
+    source = source._replace(stamped=command.sent is not None)
     velocity = _plausible(command.velocity, config)
     if velocity is None:
         counts = source.counts._replace(invalid=source.counts.invalid + 1)
-        return source._replace(stamped=stamped, invalid=True, counts=counts)
-    track, verdict, on_way_s = source.track, Verdict.FRESH, 0.0
+        return source._replace(invalid=True, counts=counts)
+    verdict, on_way_s = Verdict.FRESH, 0.0
     if command.sent is not None:
-        track, verdict, on_way_s = judge(track, command.sent, command.arrival_s, config.command_timeout_s)
-    counts = source.counts.add(verdict)
+        track, verdict, on_way_s = judge(
+            source.track, command.sent, command.arrival_s, config.command_timeout_s
+        )
+        source = source._replace(track=track)
+    source = source._replace(counts=source.counts.add(verdict))
+    if verdict is Verdict.UNPROVEN:
+        return source
     if verdict is not Verdict.FRESH:
-        refused_s = source.refused_s if verdict is Verdict.UNPROVEN else command.arrival_s
-        return source._replace(stamped=stamped, track=track, counts=counts, refused_s=refused_s)
+        return source._replace(refused_s=command.arrival_s)
     return source._replace(
-        stamped=stamped,
-        track=track,
-        counts=counts,
         velocity=velocity,
         sent_s=command.arrival_s - on_way_s,
         neutral_s=command.arrival_s if velocity == STANDSTILL else source.neutral_s,
