@@ -357,9 +357,7 @@ def _limit_of_the_way_ahead(
     tau_s = float(times_s[first]) - (1.0 - float(share[nearest])) * float(times_s[0])
     scale = (math.sqrt(lost_s * lost_s + 2.0 * braking_s * tau_s) - lost_s) / braking_s
     # It may not be closed on yet: what blocks is how it is closed on now, or when it has come near.
-    moments = np.array(
-        [points[nearest], _seen_from(points[nearest : nearest + 1], poses[first : first + 1])[0, 0]]
-    )
+    moments = np.array([points[nearest], _seen_from(points[[nearest]], poses[[first]])[0, 0]])
     per_linear, per_angular = _rates(moments, hull.nearest(moments)[1])
     worst = int((per_linear * linear_m_s + per_angular * angular_rad_s).argmax())
     return scale, Block(float(per_linear[worst]), float(per_angular[worst]), blind=False)
