@@ -14,7 +14,7 @@ from sim.config import SimSection
 from sim.plant import Plant
 from sim.watchdog import BaseReason, Watchdog
 from wire import topics
-from wire.bus import Arrival, Bus
+from wire.bus import Arrival, Bus, wait_until
 from wire.messages import LaserScan, Point, TriggerResponse, Twist, header, odometry
 
 _log = logging.getLogger(__name__)
@@ -59,7 +59,7 @@ class SimService:
         stopping.add_done_callback(lambda _: self._wake.set())
         try:
             while not stop.is_set():
-                await self._wait_until(next_step_s)
+                await wait_until(self._wake, next_step_s)
                 self._listen()
                 now_s = self._loop.time()
                 if now_s - next_step_s > MAX_CATCH_UP_S:
@@ -71,14 +71,6 @@ class SimService:
         finally:
             stopping.cancel()
             token.withdraw()
-
-    async def _wait_until(self, time_s: float) -> None:
-        """Until something came, or the time has come."""
-        try:
-            async with asyncio.timeout_at(time_s):
-                await self._wake.wait()
-        except TimeoutError:
-            return
 
     def _listen(self) -> None:
         """Take in the supervisor's token and command, and where the pillar is to be."""

@@ -13,7 +13,7 @@ from supervisor.messages import to_command, to_odometry, to_scan, to_status, to_
 from supervisor.model import Decision, Inputs, Liveliness, Mode, Reply
 from supervisor.safety import initial_state, step
 from wire import topics
-from wire.bus import Bus
+from wire.bus import Bus, wait_until
 from wire.messages import TriggerResponse, zero_twist
 
 _log = logging.getLogger(__name__)
@@ -62,7 +62,7 @@ class SupervisorService:
         next_tick_s = self._loop.time()
         try:
             while not stop.is_set():
-                await self._wait_until(next_tick_s)
+                await wait_until(self._wake, next_tick_s)
                 inputs = self._gather()
                 now_s = self._loop.time()
                 on_tick = now_s >= next_tick_s
@@ -79,14 +79,6 @@ class SupervisorService:
             token.withdraw()
             if self._black_box is not None:
                 self._black_box.close()
-
-    async def _wait_until(self, time_s: float) -> None:
-        """Until something came, or the time has come."""
-        try:
-            async with asyncio.timeout_at(time_s):
-                await self._wake.wait()
-        except TimeoutError:
-            return
 
     def _gather(self) -> Inputs:
         """Everything that came since the last step."""

@@ -64,6 +64,15 @@ class LivelinessChange:
     arrival_s: float
 
 
+async def wait_until(wake: asyncio.Event, time_s: float) -> None:
+    """Until something came, or the loop's time has come: a service owns its timer and waits for no message."""
+    try:
+        async with asyncio.timeout_at(time_s):
+            await wake.wait()
+    except TimeoutError:
+        return
+
+
 T = TypeVar("T")
 
 
