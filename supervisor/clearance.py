@@ -17,8 +17,8 @@ reacts and brakes along the same arc must end before it:
 
     s·T + s²·V/2a <= τ        with V = max(|v|, |ω|·radius), what the base has to brake
 
-which for a straight line is the formula above. The
-twist is scaled as a whole, so that an arc keeps its shape; what closes on nothing near is not slowed.
+which for a straight line is the formula above. The twist is scaled as a whole, so that an arc keeps its
+shape; what closes on nothing near is not slowed.
 """
 
 import math

@@ -344,7 +344,8 @@ def _barrier(state: State, now_s: float, commanded: Velocity) -> tuple[float, Bl
     """The share of the commanded twist that the surroundings permit.
 
     The scan shows where things were when it was taken. They are also looked at from where odometry says
-    that the robot is by now, and the more cautious of the two counts: odometry may be wrong.
+    that the robot is by now, and the more cautious of the two counts: odometry may be wrong. The way ahead
+    on an arc begins where the robot is by now.
     """
     config, scan = state.config, state.scan
     assert scan is not None  # without one nothing gets here: it is a stop
