@@ -48,8 +48,7 @@ async def test_ten_teleops_killed_at_speed_each_stop_the_robot_well_before_the_t
         f"worst {max(to_zero_s) * 1e3:.1f} ms; to standstill from 0.5 m/s: "
         f"{max(t for t, _ in to_rest) * 1e3:.0f} ms and {max(d for _, d in to_rest) * 100:.1f} cm at worst"
     )
-    # 10 ms is the promise, which the demo holds; a loaded machine may take longer, the timeout takes 200 ms.
-    assert statistics.median(to_zero_s) < 0.05
+    assert statistics.median(to_zero_s) < 0.010
     assert max(to_zero_s) < 0.1, "the command timeout stopped it, not the token"
     assert max(d for _, d in to_rest) < 0.2
 
