@@ -50,7 +50,7 @@ $(STAMP): uv.lock pyproject.toml | $(OWN_UV)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
 	  echo "Lifeline needs Python 3.11 or newer; this is $$($(PYTHON) --version 2>&1)." \
 	    "Name a newer one: make PYTHON=python3.12" >&2; exit 1; }
-	$(UV) sync --locked --python $(PYTHON)
+	$(UV) sync --locked --all-extras --python $(PYTHON)
 	@.venv/bin/python -c 'from deploy.supervisord import fetch, find_uv; fetch(find_uv(), print)'
 	@touch $@
 

@@ -129,7 +129,7 @@ class SimService:
             intensities=np.empty(0, dtype=np.float32),
         )
 
-    async def _on_reset(self) -> TriggerResponse:
+    async def _on_reset(self, _: str) -> TriggerResponse:
         try:
             self._plant.reset()
         except ValueError as error:

@@ -135,7 +135,7 @@ class SupervisorService:
                     waiting.set_result(decision.reset_reply)
             self._resets.clear()
 
-    async def _on_reset(self) -> TriggerResponse:
+    async def _on_reset(self, _: str) -> TriggerResponse:
         waiting: asyncio.Future[Reply] = self._loop.create_future()
         self._resets.append(waiting)
         self._wake.set()

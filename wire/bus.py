@@ -34,7 +34,8 @@ REPORT_PERIOD_S = 1.0
 SOURCES_DEPTH = 64
 """Names of command sources kept between two looks."""
 
-ServiceHandler = Callable[[], Awaitable[TriggerResponse]]
+ServiceHandler = Callable[[str], Awaitable[TriggerResponse]]
+"""Told the query's text (empty where it has none); what it returns is the answer."""
 
 
 class BusError(Exception):
@@ -196,8 +197,8 @@ class Bus(Protocol):
         """Answer a service's queries with what the handler, run in this loop, returns."""
         ...
 
-    async def call(self, service: Service, *, timeout_s: float = 1.0) -> TriggerResponse:
-        """Ask a service.
+    async def call(self, service: Service, text: str = "", *, timeout_s: float = 1.0) -> TriggerResponse:
+        """Ask a service, with a text where it takes one.
 
         Raises:
             NoReplyError: nobody answered within `timeout_s`.

@@ -114,11 +114,11 @@ class MemoryBus:
     def serve(self, service: Service, handler: ServiceHandler) -> None:
         self.network.services[service.key] = handler
 
-    async def call(self, service: Service, *, timeout_s: float = 1.0) -> TriggerResponse:
+    async def call(self, service: Service, text: str = "", *, timeout_s: float = 1.0) -> TriggerResponse:
         handler = self.network.services.get(service.key)
         if handler is None:
             raise NoReplyError(f"nobody answered {service.key} within {timeout_s:g} s")
-        return await handler()
+        return await handler(text)
 
     async def close(self) -> None:
         self.die()

@@ -14,6 +14,9 @@ import numpy as np
 from rosbags.interfaces.typing import Typesdict
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.stores.ros2_jazzy import builtin_interfaces__msg__Time as Time
+from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticArray as DiagnosticArray
+from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticStatus as DiagnosticStatus
+from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__KeyValue as KeyValue
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Point as Point
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Pose as Pose
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__PoseWithCovariance as PoseWithCovariance
@@ -22,13 +25,21 @@ from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Twist as Twist
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Vector3 as Vector3
 from rosbags.typesys.stores.ros2_jazzy import nav_msgs__msg__Odometry as Odometry
+from rosbags.typesys.stores.ros2_jazzy import rosgraph_msgs__msg__Clock as Clock
+from rosbags.typesys.stores.ros2_jazzy import sensor_msgs__msg__Imu as Imu
 from rosbags.typesys.stores.ros2_jazzy import sensor_msgs__msg__LaserScan as LaserScan
 from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Bool as Bool
 from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Header as Header
+from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__String as String
 
 __all__ = [
     "Bool",
+    "Clock",
+    "DiagnosticArray",
+    "DiagnosticStatus",
     "Header",
+    "Imu",
+    "KeyValue",
     "LaserScan",
     "Message",
     "Odometry",
@@ -37,6 +48,8 @@ __all__ = [
     "Quaternion",
     "SafetyStatus",
     "SourceStatus",
+    "String",
+    "Time",
     "TriggerResponse",
     "Twist",
     "UndecodableError",

@@ -5,9 +5,20 @@ They follow the zenoh-bridge-ros2dds mapping: ROS 2 topic `/robot/cmd_vel` is ke
 """
 
 from dataclasses import dataclass
-from typing import Generic
+from typing import Any, Generic
 
-from wire.messages import Bool, LaserScan, M, Odometry, Point, SafetyStatus, Twist
+from wire.messages import (
+    Bool,
+    Clock,
+    DiagnosticArray,
+    Imu,
+    LaserScan,
+    M,
+    Odometry,
+    Point,
+    SafetyStatus,
+    Twist,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,10 +34,15 @@ class Topic(Generic[M]):
 
 @dataclass(frozen=True, slots=True)
 class Service:
-    """A query that is answered with a `std_srvs/srv/Trigger` response."""
+    """A query that is answered with a `std_srvs/srv/Trigger` response.
+
+    Its payload is nothing, or a `std_msgs/msg/String` that says what is wanted.
+    """
 
     key: str
     server: str
+    wants: str = ""
+    """What its text may say; empty: it takes none."""
 
 
 CMD_VEL = Topic("cmd_vel", Twist, "supervisor", 50.0)
@@ -35,9 +51,18 @@ ODOM = Topic("odom", Odometry, "sim", 50.0)
 STATUS = Topic("supervisor/status", SafetyStatus, "supervisor", 10.0)
 ESTOP = Topic("estop", Bool, "anyone", None)
 OBSTACLE = Topic("sim/obstacle", Point, "tests, tools", None)
+TRUTH = Topic("sim/truth", Odometry, "sim", 50.0)
+"""Where the simulated robot really is, in the world's frame; nothing that drives may listen to it."""
+IMU = Topic("imu", Imu, "sim", 100.0)
+DIAGNOSTICS = Topic("diagnostics", DiagnosticArray, "sim", 1.0)
+"""Also at once on a contact of the hull."""
+CLOCK = Topic("clock", Clock, "sim", 50.0)
+"""Simulated time, for those who need it: with `--speed 2` it runs twice as fast."""
 
 SUPERVISOR_RESET = Service("supervisor/reset", "supervisor")
 SIM_RESET = Service("sim/reset", "sim")
+SIM_FAULTS = Service("sim/faults", "sim", "none, freeze, all_nan, blocked FROM TO [rad], rate HZ, no_odom")
+SIM_TIME = Service("sim/time", "sim", "pause, run, step N, speed FACTOR")
 
 ALIVE_PREFIX = "alive"
 """`alive/<node>` is each process's liveliness token."""
@@ -54,6 +79,11 @@ def source_cmd_vel(source: str) -> Topic[Twist]:
     return Topic(f"{source}/cmd_vel", Twist, source, 20.0)
 
 
+def source_holder(source: str) -> Service:
+    """Who speaks as this command source: its holder answers with a sentence about itself."""
+    return Service(f"{source}/holder", source)
+
+
 def source_of(key: str) -> str | None:
     """The source that a command's key names; None for any other key."""
     source, _, rest = key.partition("/")
@@ -65,9 +95,7 @@ def alive(node: str) -> str:
     return f"{ALIVE_PREFIX}/{node}"
 
 
-TOPICS: tuple[
-    Topic[Twist] | Topic[LaserScan] | Topic[Odometry] | Topic[SafetyStatus] | Topic[Bool] | Topic[Point], ...
-] = (
+TOPICS: tuple[Topic[Any], ...] = (
     source_cmd_vel("<source>"),
     CMD_VEL,
     SCAN,
@@ -75,5 +103,9 @@ TOPICS: tuple[
     STATUS,
     ESTOP,
     OBSTACLE,
+    TRUTH,
+    IMU,
+    DIAGNOSTICS,
+    CLOCK,
 )
-SERVICES = (SUPERVISOR_RESET, SIM_RESET)
+SERVICES = (SUPERVISOR_RESET, SIM_RESET, SIM_FAULTS, SIM_TIME, source_holder("<source>"))

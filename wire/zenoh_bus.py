@@ -30,7 +30,7 @@ from wire.bus import (
     ServiceHandler,
     Subscription,
 )
-from wire.messages import M, TriggerResponse, UndecodableError, decode, encode
+from wire.messages import M, String, TriggerResponse, UndecodableError, decode, encode
 from wire.stamp import Stamper
 from wire.topics import Service, Topic
 
@@ -268,7 +268,7 @@ class ZenohBus:
 
         async def answer(query: zenoh.Query) -> None:
             try:
-                response = encode(await handler())
+                response = encode(await _answer(query, handler))
                 # A reply may wait for a stopped peer: on a thread of its own, never in the loop.
                 await _in_thread(lambda: _reply(query, key, response))
             finally:
@@ -290,11 +290,12 @@ class ZenohBus:
             )
         )
 
-    async def call(self, service: Service, *, timeout_s: float = 1.0) -> TriggerResponse:
+    async def call(self, service: Service, text: str = "", *, timeout_s: float = 1.0) -> TriggerResponse:
         key = self._key(service.key)
+        request = encode(String(text)) if text else None
 
         def ask() -> TriggerResponse | None:
-            for reply in self._session.get(key, timeout=timeout_s):
+            for reply in self._session.get(key, payload=request, timeout=timeout_s):
                 if reply.ok is not None:
                     try:
                         return decode(reply.ok.payload.to_bytes(), TriggerResponse)
@@ -316,6 +317,15 @@ class ZenohBus:
 
     def _key(self, relative: str) -> str:
         return f"{self._namespace}/{relative}"
+
+
+async def _answer(query: zenoh.Query, handler: ServiceHandler) -> TriggerResponse:
+    payload = query.payload
+    try:
+        text = "" if payload is None else decode(payload.to_bytes(), String).data
+    except UndecodableError:
+        return TriggerResponse(success=False, message="refused: the request is no std_msgs/msg/String")
+    return await handler(text)
 
 
 def _reply(query: zenoh.Query, key: str, response: bytes) -> None:

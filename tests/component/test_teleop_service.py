@@ -121,7 +121,7 @@ class Bench:
         self.supervisor.publisher(topics.STATUS).put(status)
 
     def serve_reset(self, response: TriggerResponse, *, after_s: float = 0.0) -> None:
-        async def reset() -> TriggerResponse:
+        async def reset(_: str) -> TriggerResponse:
             self.resets += 1
             await asyncio.sleep(after_s)
             return response
@@ -340,7 +340,7 @@ async def test_a_slow_reset_does_not_delay_the_heartbeat() -> None:
 async def test_an_error_in_the_reset_ends_teleop_with_a_zero_and_without_token() -> None:
     async with bench() as b:
 
-        async def broken() -> TriggerResponse:
+        async def broken(_: str) -> TriggerResponse:
             raise RuntimeError("broken reset")
 
         b.supervisor.serve(topics.SUPERVISOR_RESET, broken)

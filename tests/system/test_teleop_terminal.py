@@ -56,7 +56,7 @@ class Hub:
         self._twists: list[Twist] = []
         bus.serve(topics.SUPERVISOR_RESET, self._refuse)
 
-    async def _refuse(self) -> TriggerResponse:
+    async def _refuse(self, _: str) -> TriggerResponse:
         return TriggerResponse(success=False, message="joy is not neutral")
 
     @property

@@ -152,11 +152,12 @@ async def test_clients_see_the_hub_die_and_come_back() -> None:
 async def test_a_query_is_answered_and_nobody_s_silence_is_an_error() -> None:
     async with hub_and_client() as (hub, client, _):
 
-        async def answer() -> TriggerResponse:
-            return TriggerResponse(success=True, message="done")
+        async def answer(text: str) -> TriggerResponse:
+            return TriggerResponse(success=True, message=f"done {text}".strip())
 
         hub.serve(topics.SUPERVISOR_RESET, answer)
         assert (await client.call(topics.SUPERVISOR_RESET, timeout_s=WITHIN_S)).message == "done"
+        assert (await client.call(topics.SUPERVISOR_RESET, "at once", timeout_s=WITHIN_S)).message == "done at once"
         with pytest.raises(NoReplyError, match="robot/sim/reset"):
             await client.call(topics.SIM_RESET, timeout_s=0.2)
 
