@@ -17,8 +17,8 @@ MUTMUT = [sys.executable, "-m", "mutmut"]
 
 EQUIVALENT = {
     "inside = (depth <= 0.0) | (gap == 0.0)",
-    "(near,) = np.nonzero(around.clearance_m <= barrier.stop_distance_m + STRAY_M + fastest_m_s * horizon_s)",
-    "entered = clearance <= keep_m - GRAZE_M",
+    "(near,) = (around.clearance_m <= keep_m + fastest_m_s * horizon_s).nonzero()",
+    "entered = clearance <= keep - GRAZE_M",
 }
 """Lines of mutants that behave as the original does; pyproject.toml says why."""
 

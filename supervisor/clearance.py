@@ -22,9 +22,10 @@ shape; what closes on nothing near is not slowed.
 """
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -39,14 +40,17 @@ DEEP_M = 0.005
 DEEP_TOLERANCE_M_S = 0.001
 """So deep inside the stop distance hardly anything is: many slow steps must not add up."""
 
-POSES: Floats = np.arange(1.0, 7.0) / 6.0
-"""The way ahead is looked at after these shares of it: 8 cm apart at 1 m/s, between which an arc strays by 1 mm."""
+POSES = 6
+"""The way ahead is looked at after so many even parts of it: 8 cm apart at 1 m/s, between which an arc strays by 1 mm."""
 
 STRAY_M = 0.01
 """A base on its way from one arc to another is on neither: the way ahead keeps so much more distance."""
 
 GRAZE_M = 0.001
 """What comes nearer by less than this, as a wall beside the robot does, does not come nearer."""
+
+NOTHING_M = 1e-300
+"""Changes no distance but zero, which nobody can divide by."""
 
 OUTLINE_SPACING_M = 0.02
 """Between two points of a hull's outline, at most."""
@@ -57,6 +61,10 @@ class Hull(Protocol):
 
     def nearest(self, points: Floats) -> tuple[Floats, Floats]:
         """Distances (n,) [m], negative inside, and outward unit normals (n, 2), for points (n, 2) [m]."""
+        ...
+
+    def approach(self, points: Floats) -> tuple[Floats, Floats, Floats]:
+        """Distances (n,) [m], and the closing speeds (n,) [m/s] for each m/s of forward velocity and rad/s of turn rate."""
         ...
 
     def clearance_along(self, points: Floats, poses: Floats) -> Floats:
@@ -86,6 +94,13 @@ class Circle:
         length = distances + central
         normals: Floats = np.array([(points[:, 0] + central) / length, points[:, 1] / length]).T
         return distances - self.radius_m, normals
+
+    def approach(self, points: Floats) -> tuple[Floats, Floats, Floats]:
+        x_m = points[:, 0]
+        distances: Floats = np.hypot(x_m, points[:, 1])
+        # Turning brings a round hull no nearer to anything; what is at its very centre, driving ahead does.
+        linear: Floats = (x_m + NOTHING_M) / (distances + NOTHING_M)
+        return distances - self.radius_m, linear, np.zeros(len(points))
 
     def clearance_along(self, points: Floats, poses: Floats) -> Floats:
         offset_x, offset_y = points[:, 0] - poses[:, :1], points[:, 1] - poses[:, 1:2]
@@ -140,6 +155,10 @@ class ConvexPolygon:
         normals[beyond] = away[rows, outside_side][beyond] / gap[beyond, None]
         return np.where(inside, depth, gap), normals
 
+    def approach(self, points: Floats) -> tuple[Floats, Floats, Floats]:
+        clearance, normals = self.nearest(points)
+        return clearance, *_rates(points, normals)
+
     def clearance_along(self, points: Floats, poses: Floats) -> Floats:
         seen = _seen_from(points, poses)
         return self.nearest(seen.reshape(seen.size // 2, 2))[0].reshape(len(poses), len(points))
@@ -161,8 +180,7 @@ class ConvexPolygon:
         return start, np.roll(start, -1, axis=0) - start
 
 
-@dataclass(frozen=True)
-class Surroundings:
+class Surroundings(NamedTuple):
     """Points around the hull, with what the closing speed needs, computed once for each scan."""
 
     hull: Hull
@@ -195,20 +213,26 @@ def survey(hull: Hull, points: Floats, *, blind: Mask | None = None) -> Surround
     blind_linear, blind_angular = _outline_rates(hull)
     if blind is not None:
         blind_linear, blind_angular = blind_linear[blind], blind_angular[blind]
+    return _around(hull, points, blind_linear, blind_angular)
+
+
+def _around(hull: Hull, points: Floats, blind_linear: Floats, blind_angular: Floats) -> Surroundings:
     if len(points) == 0:
         none = np.empty(0)
         return Surroundings(hull, points, none, none, none, blind_linear, blind_angular, math.inf, math.nan)
-    clearance, normals = hull.nearest(points)
+    clearance, per_linear, per_angular = hull.approach(points)
     first = int(clearance.argmin())
+    x_m, y_m = points[first].tolist()
     return Surroundings(
         hull,
         points,
         clearance,
-        *_rates(points, normals),
+        per_linear,
+        per_angular,
         blind_linear,
         blind_angular,
-        float(clearance[first]),
-        float(np.arctan2(points[first, 1], points[first, 0])),
+        clearance.item(first),
+        math.atan2(y_m, x_m),
     )
 
 
@@ -224,13 +248,13 @@ def _outline_rates(hull: Hull) -> tuple[Floats, Floats]:
 
 def moved(around: Surroundings, displacement: tuple[float, float, float]) -> Surroundings:
     """The same points as seen after the robot has moved by (x [m], y [m], yaw [rad]) in the old base frame."""
-    points = _seen_from(around.points, np.array([displacement]))[0]
-    now = survey(around.hull, points)
-    return replace(now, blind_per_linear=around.blind_per_linear, blind_per_angular=around.blind_per_angular)
+    x_m, y_m, yaw_rad = displacement
+    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+    points: Floats = (around.points - (x_m, y_m)) @ np.array(((cos, -sin), (sin, cos)))
+    return _around(around.hull, points, around.blind_per_linear, around.blind_per_angular)
 
 
-@dataclass(frozen=True, slots=True)
-class Block:
+class Block(NamedTuple):
     """The point that limits a motion, by its closing speed per unit of each velocity."""
 
     per_linear: float
@@ -243,8 +267,7 @@ class Block:
         return closing > DEEP_TOLERANCE_M_S
 
 
-@dataclass(frozen=True, slots=True)
-class Barrier:
+class Barrier(NamedTuple):
     """The numbers of the barrier at one moment."""
 
     stop_distance_m: float
@@ -258,7 +281,7 @@ def permitted_closing_speed(clearance_m: Floats, barrier: Barrier) -> Floats:
     """κ(c) for each clearance (n,): the closing speed [m/s] that still comes to rest at the stop distance."""
     margin = np.maximum(clearance_m - barrier.stop_distance_m, 0.0)
     lost = barrier.deceleration_m_s2 * barrier.reaction_s
-    return np.maximum(np.sqrt(lost * lost + 2.0 * barrier.deceleration_m_s2 * margin) - lost, 0.0)
+    return np.sqrt(lost * lost + 2.0 * barrier.deceleration_m_s2 * margin) - lost
 
 
 def permitted_scale(
@@ -267,8 +290,10 @@ def permitted_scale(
     angular_rad_s: float,
     barrier: Barrier,
     here: Surroundings | None = None,
+    *,
+    worth: float = math.inf,
 ) -> tuple[float, Block | None]:
-    """The share of a twist that is permitted, 0 to 1, and the point that limits it; (1, None) where none does.
+    """The share of a twist that is permitted, 0 to 1, and the point that limits it; None where none does.
 
     Args:
         around: as the scan shows it.
@@ -276,53 +301,60 @@ def permitted_scale(
         angular_rad_s: asked for, counter-clockwise.
         barrier: the numbers of this moment.
         here: the same, as seen from where odometry says that the robot is by now; None: from where it was.
+        worth: what limits a share that is not below this is not told: the motion goes on.
     """
-    limits = [
+    limit = _tighter(
         _limit_of_closing(around, linear_m_s, angular_rad_s, barrier),
         _limit_of_blindness(around, linear_m_s, angular_rad_s, barrier),
-    ]
+    )
     if here is not None:
-        limits.append(_limit_of_closing(here, linear_m_s, angular_rad_s, barrier))
-    limit = min(limits, key=lambda limit: limit[0])
-    if angular_rad_s == 0.0:  # on a straight line the closing speed says it all
-        return limit
-    return _limit_of_the_way_ahead(here or around, linear_m_s, angular_rad_s, barrier, limit)
+        limit = _tighter(limit, _limit_of_closing(here, linear_m_s, angular_rad_s, barrier))
+    if angular_rad_s != 0.0:  # on a straight line the closing speed says it all
+        limit = _limit_of_the_way_ahead(here or around, linear_m_s, angular_rad_s, barrier, limit)
+    scale, block = limit
+    return scale, block() if block is not None and scale < worth else None
 
 
-FREE: tuple[float, Block | None] = (1.0, None)
+Limit = tuple[float, Callable[[], Block] | None]
+"""A share of the twist, 0 to 1, and the point that asks for it, for whoever wants to know."""
+
+FREE: Limit = (1.0, None)
+
+
+def _tighter(one: Limit, other: Limit) -> Limit:
+    return other if other[0] < one[0] else one
 
 
 def _limit_of_closing(
     around: Surroundings, linear_m_s: float, angular_rad_s: float, barrier: Barrier
-) -> tuple[float, Block | None]:
+) -> Limit:
     closing = around.per_linear * linear_m_s + around.per_angular * angular_rad_s
     deep = around.clearance_m < barrier.stop_distance_m - DEEP_M
-    (closed_on,) = np.nonzero(closing > np.where(deep, DEEP_TOLERANCE_M_S, CLOSING_TOLERANCE_M_S))
+    (closed_on,) = (closing > np.where(deep, DEEP_TOLERANCE_M_S, CLOSING_TOLERANCE_M_S)).nonzero()
     if len(closed_on) == 0:
         return FREE
-    permitted = permitted_closing_speed(around.clearance_m[closed_on], barrier)
-    scales = permitted / closing[closed_on]
+    permitted = permitted_closing_speed(around.clearance_m.take(closed_on), barrier)
+    scales = permitted / closing.take(closed_on)
     tightest = int(scales.argmin())
-    if scales[tightest] >= 1.0:
+    scale = scales.item(tightest)
+    if scale >= 1.0:
         return FREE
-    point = int(closed_on[tightest])
-    block = Block(float(around.per_linear[point]), float(around.per_angular[point]), blind=False)
-    return float(scales[tightest]), block
+    point = closed_on[tightest]
+    return scale, lambda: Block(around.per_linear.item(point), around.per_angular.item(point), blind=False)
 
 
 def _limit_of_blindness(
     around: Surroundings, linear_m_s: float, angular_rad_s: float, barrier: Barrier
-) -> tuple[float, Block | None]:
+) -> Limit:
     if len(around.blind_per_linear) == 0:
         return FREE
     closing = around.blind_per_linear * linear_m_s + around.blind_per_angular * angular_rad_s
     fastest = int(closing.argmax())
     if closing[fastest] <= max(CLOSING_TOLERANCE_M_S, barrier.blind_creep_m_s):
         return FREE
-    block = Block(
-        float(around.blind_per_linear[fastest]), float(around.blind_per_angular[fastest]), blind=True
-    )
-    return float(barrier.blind_creep_m_s / closing[fastest]), block
+    linear, angular = around.blind_per_linear, around.blind_per_angular
+    scale = barrier.blind_creep_m_s / closing.item(fastest)
+    return scale, lambda: Block(linear.item(fastest), angular.item(fastest), blind=True)
 
 
 def _limit_of_the_way_ahead(
@@ -330,45 +362,54 @@ def _limit_of_the_way_ahead(
     linear_m_s: float,
     angular_rad_s: float,
     barrier: Barrier,
-    limit: tuple[float, Block | None],
-) -> tuple[float, Block | None]:
+    limit: Limit,
+) -> Limit:
     """What braking along the arc asks for, where that is less than the limit that holds already."""
     hull, lost_s = around.hull, barrier.reaction_s
     braking_s = max(abs(linear_m_s), abs(angular_rad_s) * hull.radius_m) / barrier.deceleration_m_s2
     horizon_s = limit[0] * (lost_s + limit[0] * braking_s / 2.0)
     fastest_m_s = abs(linear_m_s) + abs(angular_rad_s) * hull.radius_m
-    (near,) = np.nonzero(around.clearance_m < barrier.stop_distance_m + STRAY_M + fastest_m_s * horizon_s)
+    keep_m = barrier.stop_distance_m + STRAY_M
+    (near,) = (around.clearance_m < keep_m + fastest_m_s * horizon_s).nonzero()
     if len(near) == 0:
         return limit
-    times_s: Floats = horizon_s * POSES
-    points, now = around.points[near], around.clearance_m[near]
-    poses = _along_arc(linear_m_s, angular_rad_s, times_s)
+    points, now = around.points.take(near, axis=0), around.clearance_m.take(near)
+    step_s = horizon_s / POSES
+    poses = _along_arc(linear_m_s, angular_rad_s, step_s)
     clearance = hull.clearance_along(points, poses)
-    keep_m = np.minimum(now, barrier.stop_distance_m + STRAY_M)
-    entered = clearance < keep_m - GRAZE_M
-    if not entered.any():
+    keep = np.minimum(now, keep_m)
+    entered = clearance < keep - GRAZE_M
+    soonest = int(entered.argmax())  # in the order of the poses
+    if not entered.item(soonest):
         return limit
-    first = int(entered.any(axis=1).argmax())
+    first = soonest // len(near)
     before = now if first == 0 else clearance[first - 1]
     # Between two poses it is taken to come nearer evenly.
-    share = (before - keep_m) / np.maximum(before - clearance[first], GRAZE_M)
+    share = (before - keep) / np.maximum(before - clearance[first], GRAZE_M)
     share = np.where(entered[first], share, np.inf)
     nearest = int(share.argmin())
-    tau_s = float(times_s[first]) - (1.0 - float(share[nearest])) * float(times_s[0])
+    tau_s = step_s * (first + share.item(nearest))
     scale = (math.sqrt(lost_s * lost_s + 2.0 * braking_s * tau_s) - lost_s) / braking_s
-    # It may not be closed on yet: what blocks is how it is closed on now, or when it has come near.
-    moments = np.array([points[nearest], _seen_from(points[[nearest]], poses[[first]])[0, 0]])
-    per_linear, per_angular = _rates(moments, hull.nearest(moments)[1])
-    worst = int((per_linear * linear_m_s + per_angular * angular_rad_s).argmax())
-    return scale, Block(float(per_linear[worst]), float(per_angular[worst]), blind=False)
+
+    def block() -> Block:
+        """It may not be closed on yet: what blocks is how it is closed on now, or when it has come near."""
+        moments = np.array([points[nearest], _seen_from(points[[nearest]], poses[[first]])[0, 0]])
+        _, per_linear, per_angular = hull.approach(moments)
+        worst = int((per_linear * linear_m_s + per_angular * angular_rad_s).argmax())
+        return Block(per_linear.item(worst), per_angular.item(worst), blind=False)
+
+    return scale, block
 
 
-def _along_arc(linear_m_s: float, angular_rad_s: float, times_s: Floats) -> Floats:
-    """The poses (m, 3) after each time (m,) at a twist: x [m], y [m], yaw [rad]."""
-    turn = angular_rad_s * times_s
-    half = turn / 2.0
-    chord = linear_m_s * times_s * np.sinc(half / np.pi)
-    return np.array([chord * np.cos(half), chord * np.sin(half), turn]).T
+def _along_arc(linear_m_s: float, angular_rad_s: float, step_s: float) -> Floats:
+    """The poses (POSES, 3) after each step of time at a twist: x [m], y [m], yaw [rad]."""
+    poses: list[tuple[float, float, float]] = []
+    for number in range(1, POSES + 1):
+        time_s = number * step_s
+        half = angular_rad_s * time_s / 2.0
+        chord = linear_m_s * time_s * (math.sin(half) / half if half else 1.0)
+        poses.append((chord * math.cos(half), chord * math.sin(half), 2.0 * half))
+    return np.array(poses)
 
 
 def _seen_from(points: Floats, poses: Floats) -> Floats:

@@ -90,7 +90,7 @@ def judge(
     baseline = min(offset, track.baseline_s + DRIFT * (arrival_s - track.arrival_s))
     if track.anchor_s - baseline > fall_tolerance_s:
         return _anchor(sent, arrival_s, track.ended), Verdict.LATE, 0.0
-    track = track._replace(last=sent, arrival_s=arrival_s, baseline_s=baseline)
+    track = Track(sent, arrival_s, baseline, track.anchor_s, track.anchored_at_s, track.proven, track.ended)
     if arrival_s - track.anchored_at_s >= timeout_s:
         track = track._replace(anchor_s=baseline, anchored_at_s=arrival_s, proven=True)
     on_way_s = offset - baseline

@@ -58,15 +58,13 @@ def explain(
 ) -> Readings:
     """Sort readings (n,) [m] by what they mean under a profile."""
     readings = np.asarray(ranges, dtype=np.float64)
-    nan = np.isnan(readings)
-    free = readings > range_max
+    hit, free = readings <= range_max, readings > range_max  # NaN is neither
     if profile.nan_is_free:
-        free |= nan
+        free |= np.isnan(readings)
     if profile.zero_is_free:
         free |= readings == 0.0
     if profile.codes_below_m > 0.0:
         free |= (readings > 0.0) & (readings < profile.codes_below_m)
     for code in profile.free_codes_m:
         free |= np.abs(readings - code) < CODE_TOLERANCE_M
-    hit = ~(free | nan)
-    return Readings(hit, hit | free, np.maximum(readings, range_min))
+    return Readings(hit & ~free, hit | free, np.maximum(readings, range_min))

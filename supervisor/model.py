@@ -166,8 +166,9 @@ class Counts(NamedTuple):
     def add(self, verdict: Verdict) -> "Counts":
         if verdict is Verdict.UNPROVEN:
             return self
-        name = "accepted" if verdict is Verdict.FRESH else verdict.value
-        return self._replace(**{name: getattr(self, name) + 1})
+        if verdict is Verdict.FRESH:
+            return Counts(self.accepted + 1, *self[1:])
+        return self._replace(**{verdict.value: getattr(self, verdict.value) + 1})
 
 
 class Source(NamedTuple):
@@ -239,8 +240,7 @@ class Reply:
     message: str
 
 
-@dataclass(frozen=True, slots=True)
-class Decision:
+class Decision(NamedTuple):
     """What goes to the wheels now, and everything that explains it."""
 
     mode: Mode

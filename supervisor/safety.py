@@ -15,7 +15,6 @@ Unproven means stop. The law in four sentences:
 """
 
 import math
-from dataclasses import replace
 
 from supervisor.clearance import Barrier, Block, moved, permitted_scale
 from supervisor.freshness import FALL_TOLERANCE_S, Verdict, judge
@@ -34,7 +33,7 @@ from supervisor.model import (
     State,
     StopReason,
 )
-from supervisor.reckoning import STANDSTILL, Velocity, displacement, reckon, where
+from supervisor.reckoning import STANDSTILL, Odometer, Velocity, displacement, reckon, where
 from supervisor.scan import ScanReading, continue_reading, read_scan
 
 IMPLAUSIBLE_FACTOR = 10.0
@@ -68,9 +67,8 @@ def step(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
     """
     state = _observe(state, now_s, inputs)
     shared = _shared_causes(state, now_s)
-    state = _take_commands(state, now_s, inputs, shared)
-    state, reply = _reset(state, now_s, inputs)
-    state = state._replace(owner=_owner(state, now_s))
+    state, live = _take_commands(state, now_s, inputs, shared)
+    state, reply = _reset(state, inputs, live)
     return _decide(state, now_s, shared, reply)
 
 
@@ -79,43 +77,41 @@ def step(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
 
 def _observe(state: State, now_s: float, inputs: Inputs) -> State:
     """Take in odometry, scan, e-stop, and who else speaks."""
-    if inputs.odometry is not None:
-        state = _move(state, inputs.odometry)
+    odometer = state.odometer if inputs.odometry is None else _move(state, inputs.odometry)
+    odometry = state.odometry if inputs.odometry is None else inputs.odometry
     if inputs.scan is not None:
-        state = _see(state, inputs.scan)
+        state = _see(state, inputs.scan, odometer)
     elif inputs.undecodable_scan and state.scan is not None:
-        state = state._replace(scan=replace(state.scan, problem="undecodable"))
-    strangers = tuple(name for name in dict.fromkeys(inputs.strangers) if name not in state.strangers)
+        state = state._replace(scan=state.scan._replace(problem="undecodable"))
+    strangers = dict.fromkeys((*state.strangers, *inputs.strangers))
     return state._replace(
+        odometry=odometry,
+        odometer=odometer,
         estop=state.estop or inputs.estop,
-        runaway=_runs_away(state, now_s),
-        strangers=(*state.strangers, *strangers)[:REMEMBERED_STRANGERS],
+        runaway=_runs_away(state, now_s, odometry),
+        strangers=tuple(strangers)[:REMEMBERED_STRANGERS],
     )
 
 
-def _move(state: State, odometry: Odometry) -> State:
+def _move(state: State, odometry: Odometry) -> Odometer:
     """Reckon with odometry. A spike is no motion there, but it stays to be seen as one."""
     config = state.config
     fastest = Velocity(
         BELIEVABLE_FACTOR * config.max_linear_m_s, BELIEVABLE_FACTOR * config.max_angular_rad_s
     )
-    odometer = reckon(state.odometer, odometry.velocity, odometry.arrival_s, fastest)
-    return state._replace(odometry=odometry, odometer=odometer)
+    return reckon(state.odometer, odometry.velocity, odometry.arrival_s, fastest)
 
 
-def _see(state: State, scan: LaserScan) -> State:
+def _see(state: State, scan: LaserScan, odometer: Odometer) -> State:
     """Take in a scan; one that is late, replayed or older than the one before counts as none."""
     config = state.config
-    verdict, on_way_s = Verdict.FRESH, 0.0
+    track, verdict, on_way_s = state.scan_track, Verdict.FRESH, 0.0
     if scan.sent is not None:
         tolerance_s = FALL_TOLERANCE_S if scan.sent_tolerance_s is None else scan.sent_tolerance_s
-        track, verdict, on_way_s = judge(
-            state.scan_track, scan.sent, scan.arrival_s, config.scan_timeout_s, tolerance_s
-        )
-        state = state._replace(scan_track=track)
-    state = state._replace(scan_counts=state.scan_counts.add(verdict))
+        track, verdict, on_way_s = judge(track, scan.sent, scan.arrival_s, config.scan_timeout_s, tolerance_s)
+    counts = state.scan_counts.add(verdict)
     if verdict is not Verdict.FRESH:
-        return state
+        return state._replace(scan_track=track, scan_counts=counts)
     surroundings, problem, return_share = read_scan(
         scan.ranges,
         angle_min=scan.angle_min,
@@ -134,16 +130,19 @@ def _see(state: State, scan: LaserScan) -> State:
     period_s = config.scan_timeout_s
     if state.scan is not None:
         period_s = min(period_s, max(0.0, taken_s - state.scan.taken_s))
-    travelled_m = state.odometer.travelled_m + config.hull.radius_m * state.odometer.turned_rad
+    travelled_m = odometer.travelled_m + config.hull.radius_m * odometer.turned_rad
     reading = ScanReading(taken_s, period_s, surroundings, problem, scan.ranges, 0, travelled_m, return_share)
     return state._replace(
-        scan=continue_reading(state.scan, reading), scan_pose=where(state.odometer, taken_s)
+        scan=continue_reading(state.scan, reading),
+        scan_track=track,
+        scan_counts=counts,
+        scan_pose=where(odometer, taken_s),
     )
 
 
-def _runs_away(state: State, now_s: float) -> bool:
+def _runs_away(state: State, now_s: float, odometry: Odometry | None) -> bool:
     """Zero has been commanded for longer than braking takes, and the base still moves."""
-    config, odometry = state.config, state.odometry
+    config = state.config
     if odometry is None or state.stopped_s is None:
         return False
     moving = (
@@ -170,7 +169,7 @@ def _shared_causes(state: State, now_s: float) -> Reasons:
     return frozenset(causes)
 
 
-def _reset(state: State, now_s: float, inputs: Inputs) -> tuple[State, Reply | None]:
+def _reset(state: State, inputs: Inputs, live: list[Source]) -> tuple[State, Reply | None]:
     """Release the e-stop, if nobody would drive off: a reset moves nothing."""
     if not inputs.reset:
         return state, None
@@ -178,7 +177,6 @@ def _reset(state: State, now_s: float, inputs: Inputs) -> tuple[State, Reply | N
         return state, Reply(success=True, message="there was no emergency stop to reset")
     if inputs.estop:
         return state, Reply(success=False, message="refused: the emergency stop is being pressed")
-    live = (s for s in state.sources if not _own_causes(s, now_s, state.config))
     driving = [s.config.name for s in live if not s.neutral]
     if driving:
         names = ", ".join(driving)
@@ -189,52 +187,56 @@ def _reset(state: State, now_s: float, inputs: Inputs) -> tuple[State, Reply | N
 # --- the sources
 
 
-def _take_commands(state: State, now_s: float, inputs: Inputs, shared: Reasons) -> State:
-    """Every source's commands, causes and latches; when the owner stops, everybody's latches."""
-    sources = {s.config.name: s for s in state.sources}
-    lost = {change.source for change in inputs.liveliness if not change.alive}
-    for change in inputs.liveliness:
-        if change.source in sources:
-            sources[change.source] = sources[change.source]._replace(alive=change.alive)
-    broken: set[str] = set()
-    for command in inputs.commands:
-        if command.source in sources:
-            source = _accept(sources[command.source], command, state.config)
-            sources[command.source] = source
-            if source.invalid:
-                broken.add(command.source)
+def _take_commands(state: State, now_s: float, inputs: Inputs, shared: Reasons) -> tuple[State, list[Source]]:
+    """Every source's commands, causes and latches; when the owner stops, everybody's latches; who owns now.
 
+    Beside the state: the live sources, those without a cause of their own.
+    """
+    sources, passing = _hear(state, inputs)
     settled: dict[str, Source] = {}
+    live: list[str] = []
     for name, source in sources.items():
-        causes = shared | _own_causes(source, now_s, state.config)
-        # Also what is mended within the same step was there.
-        if name in lost:
-            causes |= {StopReason.SOURCE_LOST}
-        if name in broken:
-            causes |= {StopReason.COMMAND_INVALID}
-        settled[name] = _latch(source, now_s, causes)
+        own = _own_causes(source, now_s, state.config)
+        if not own:
+            live.append(name)
+        settled[name] = _latch(source, now_s, shared.union(own, passing.get(name, NONE)))
 
     before = next((s for s in state.sources if s.config.name == state.owner), None)
     if before is not None and before.armed and not settled[state.owner].armed:
         stopped = settled[state.owner]
         settled = {name: _share_stop(source, stopped) for name, source in settled.items()}
-    return state._replace(sources=tuple(settled.values()))
+    alive = [settled[name] for name in live]
+    return state._replace(sources=tuple(settled.values()), owner=_owner(state.owner, alive)), alive
+
+
+def _hear(state: State, inputs: Inputs) -> tuple[dict[str, Source], dict[str, list[StopReason]]]:
+    """What came from each source, and which causes came with it: what is mended within the same step was there."""
+    sources = {s.config.name: s for s in state.sources}
+    passing: dict[str, list[StopReason]] = {}
+    for change in inputs.liveliness:
+        if change.source in sources:
+            sources[change.source] = sources[change.source]._replace(alive=change.alive)
+            if not change.alive:
+                passing.setdefault(change.source, []).append(StopReason.SOURCE_LOST)
+    for command in inputs.commands:
+        if command.source in sources:
+            source = _accept(sources[command.source], command, state.config)
+            sources[command.source] = source
+            if source.invalid:
+                passing.setdefault(command.source, []).append(StopReason.COMMAND_INVALID)
+    return sources, passing
 
 
 def _accept(source: Source, command: Command, config: LawConfig) -> Source:
     """Take note of a command: a refused one never refreshes the age of the last good one."""
-    source = source._replace(stamped=command.sent is not None)
-    velocity = _plausible(command.velocity, config)
+    stamped, velocity = command.sent is not None, _plausible(command.velocity, config)
     if velocity is None:
         counts = source.counts._replace(invalid=source.counts.invalid + 1)
-        return source._replace(invalid=True, counts=counts)
-    verdict, on_way_s = Verdict.FRESH, 0.0
+        return source._replace(stamped=stamped, invalid=True, counts=counts)
+    track, verdict, on_way_s = source.track, Verdict.FRESH, 0.0
     if command.sent is not None:
-        track, verdict, on_way_s = judge(
-            source.track, command.sent, command.arrival_s, config.command_timeout_s
-        )
-        source = source._replace(track=track)
-    source = source._replace(counts=source.counts.add(verdict))
+        track, verdict, on_way_s = judge(track, command.sent, command.arrival_s, config.command_timeout_s)
+    source = source._replace(stamped=stamped, track=track, counts=source.counts.add(verdict))
     if verdict is Verdict.UNPROVEN:
         return source
     if verdict is not Verdict.FRESH:
@@ -301,18 +303,17 @@ def _share_stop(source: Source, stopped: Source) -> Source:
     return source._replace(latched=source.latched | stopped.latched, caused_s=stopped.caused_s, block=None)
 
 
-def _owner(state: State, now_s: float) -> str:
+def _owner(owner: str, live: list[Source]) -> str:
     """Who has the say: the armed source of the highest priority that asks for motion.
 
     A neutral or dead owner stays until another live source asks, so that the status explains its stop.
     """
-    live = [s for s in state.sources if not _own_causes(s, now_s, state.config)]
     asking = [s for s in live if not s.neutral]
     if asking:
         return max(asking, key=lambda s: (s.armed, s.config.priority, s.config.name)).config.name
-    if live and all(s.config.name != state.owner for s in live):
+    if live and all(s.config.name != owner for s in live):
         return live[0].config.name
-    return state.owner
+    return owner
 
 
 # --- the decision
@@ -326,8 +327,9 @@ def _decide(state: State, now_s: float, shared: Reasons, reply: Reply | None) ->
     commanded = STANDSTILL if owner is None or owner.velocity is None else owner.velocity
     scale, block = 1.0, None
     if not reasons and owner is not None and commanded != STANDSTILL:
-        scale, block = _barrier(state, now_s, commanded)
-        if block is not None and _hull_speed(commanded, config) * scale < config.creep_m_s:
+        worth = config.creep_m_s / max(config.creep_m_s, _hull_speed(commanded, config))
+        scale, block = _barrier(state, now_s, commanded, worth)
+        if block is not None:
             reason = StopReason.SCAN_BLIND if block.blind else StopReason.OBSTACLE
             state = _stop_at(state, now_s, block, reason)
             reasons = frozenset({reason})
@@ -340,8 +342,8 @@ def _decide(state: State, now_s: float, shared: Reasons, reply: Reply | None) ->
     return state, _explain(state, now_s, reasons, commanded, scale, reply)
 
 
-def _barrier(state: State, now_s: float, commanded: Velocity) -> tuple[float, Block | None]:
-    """The share of the commanded twist that the surroundings permit.
+def _barrier(state: State, now_s: float, commanded: Velocity, worth: float) -> tuple[float, Block | None]:
+    """The share of the commanded twist that the surroundings permit, and what blocks if that is below `worth`.
 
     The scan shows where things were when it was taken. They are also looked at from where odometry says
     that the robot is by now, and the more cautious of the two counts: odometry may be wrong. The way ahead
@@ -357,7 +359,7 @@ def _barrier(state: State, now_s: float, commanded: Velocity) -> tuple[float, Bl
     )
     way = displacement(state.odometer, state.scan_pose, now_s)
     here = None if way is None else moved(scan.surroundings, way)
-    return permitted_scale(scan.surroundings, *commanded, barrier, here)
+    return permitted_scale(scan.surroundings, *commanded, barrier, here, worth=worth)
 
 
 def _hull_speed(velocity: Velocity, config: LawConfig) -> float:

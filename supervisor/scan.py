@@ -9,6 +9,7 @@ to the next, proves nothing at all.
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -48,8 +49,7 @@ class Mount:
     """Sectors (from, to) in the lidar's frame, counter-clockwise, that show the robot: they are blind."""
 
 
-@dataclass(frozen=True)
-class ScanReading:
+class ScanReading(NamedTuple):
     """The newest scan, as the law uses it."""
 
     taken_s: float
@@ -72,8 +72,10 @@ class ScanReading:
 class _Beams:
     """What depends on a scan's geometry alone."""
 
-    cos: Floats
-    sin: Floats
+    origin_m: Floats
+    """(2, 1): of the lidar in the base frame."""
+    direction: Floats
+    """(2, n): unit vectors in the base frame."""
     sector: npt.NDArray[np.int64]
     looking: Mask
     hull_m: Floats
@@ -122,18 +124,16 @@ def read_scan(
     readings = explain(ranges, range_min, range_max, profile)
     explained = np.bincount(beams.sector[readings.explained & beams.looking], minlength=SECTORS)
     proven = explained >= beams.needed
-    if not proven.any():
+    if np.count_nonzero(proven) == 0:
         return survey(hull, np.empty((0, 2))), "no sector with enough valid readings", 0.0
-    hit = readings.hit & beams.looking
-    if not hit.any() and not (ranges > range_max).any():
+    (hit,) = (readings.hit & beams.looking).nonzero()
+    if len(hit) == 0 and not (ranges > range_max).any():
         return survey(hull, np.empty((0, 2))), "nothing but codes for no return", 0.0
     # Nothing can be inside the hull: what reads so is at its outline, in the direction of its beam.
-    distance = np.maximum(readings.distance_m, beams.hull_m)[hit]
-    points: Floats = np.array(
-        [mount.x_m + distance * beams.cos[hit], mount.y_m + distance * beams.sin[hit]]
-    ).T
+    distance = np.maximum(readings.distance_m, beams.hull_m).take(hit)
+    points: Floats = (beams.direction.take(hit, axis=1) * distance + beams.origin_m).T
     outline_sector = _outline_sectors(hull, mount, stop_distance_m)
-    return survey(hull, points, blind=~proven[outline_sector]), None, float(hit.mean())
+    return survey(hull, points, blind=~proven[outline_sector]), None, len(points) / len(ranges)
 
 
 def continue_reading(previous: ScanReading | None, reading: ScanReading) -> ScanReading:
@@ -209,8 +209,8 @@ def _beams(
     cos: Floats = np.cos(mount.yaw_rad + angle)
     sin: Floats = np.sin(mount.yaw_rad + angle)
     return _Beams(
-        cos=cos,
-        sin=sin,
+        origin_m=np.array([[mount.x_m], [mount.y_m]]),
+        direction=np.array([cos, sin]),
         hull_m=_run_inside(hull, mount, cos, sin),
         sector=_sector(angle),
         looking=looking,

@@ -2,7 +2,6 @@
 
 import math
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -171,7 +170,7 @@ def test_where_nobody_looks_nothing_moves_outward(hull: Hull) -> None:
     assert scale == 0.0
     assert block is not None
     assert block.blind
-    creeping = replace(BARRIER, blind_creep_m_s=0.1)
+    creeping = BARRIER._replace(blind_creep_m_s=0.1)
     assert permitted_scale(blind, 0.5, 0.0, creeping)[0] == pytest.approx(0.2)
 
 
@@ -306,7 +305,7 @@ def test_exactly_what_is_permitted_is_no_limit() -> None:
     (permitted,) = permitted_closing_speed(far.clearance_m, BARRIER)
     assert permitted_scale(far, float(permitted), 0.0, BARRIER) == (1.0, None)
     assert permitted_scale(far, 1.01 * float(permitted), 0.0, BARRIER)[0] == pytest.approx(1 / 1.01)
-    creeping = replace(BARRIER, blind_creep_m_s=0.25)
+    creeping = BARRIER._replace(blind_creep_m_s=0.25)
     blind = survey(Circle(0.25), np.empty((0, 2)))
     assert permitted_scale(blind, 0.25, 0.0, creeping) == (1.0, None)
     assert permitted_scale(blind, 0.5, 0.0, creeping)[0] == 0.5
@@ -317,7 +316,7 @@ def test_of_a_seen_and_a_blind_limit_the_tighter_counts() -> None:
     seen_scale, _ = permitted_scale(seen(Circle(0.25), one(0.6, 0.0)), 0.5, 0.0, BARRIER)
     assert 0.0 < seen_scale < 1.0
     for creep_m_s, blind in ((0.4 * seen_scale, True), (0.6 * seen_scale, False)):
-        scale, block = permitted_scale(around, 0.5, 0.0, replace(BARRIER, blind_creep_m_s=creep_m_s))
+        scale, block = permitted_scale(around, 0.5, 0.0, BARRIER._replace(blind_creep_m_s=creep_m_s))
         assert block is not None
         assert block.blind is blind
         assert scale == pytest.approx(min(seen_scale, creep_m_s / 0.5))
@@ -384,7 +383,7 @@ def test_reacting_and_braking_along_the_arc_never_enters_the_stop_distance(
     velocity: tuple[float, float], distance_m: float, bearing_rad: float, reaction_s: float
 ) -> None:
     """The exact way of the hull, in fine steps, from the permitted speed to rest."""
-    barrier = replace(BARRIER, reaction_s=reaction_s)
+    barrier = BARRIER._replace(reaction_s=reaction_s)
     point = (0.25 + distance_m) * math.cos(bearing_rad), (0.25 + distance_m) * math.sin(bearing_rad)
     hull = Circle(0.25)
     around = seen(hull, one(*point))
@@ -428,7 +427,7 @@ def test_what_an_arc_is_permitted_is_known_to_the_fourth_digit(
     rates: tuple[float, float],
 ) -> None:
     """Figures of this code, each within 2 % of the exact way: a change in any of them wants a reason."""
-    barrier = replace(BARRIER, reaction_s=reaction_s)
+    barrier = BARRIER._replace(reaction_s=reaction_s)
     permitted, block = permitted_scale(seen(hull, one(*point)), *twist, barrier)
     assert permitted == pytest.approx(scale, abs=2e-4)
     assert block is not None
@@ -436,9 +435,50 @@ def test_what_an_arc_is_permitted_is_known_to_the_fourth_digit(
     assert block.blind is False
 
 
+def test_the_least_turn_that_a_float_can_say_is_limited_as_a_slight_one_is() -> None:
+    ahead = seen(Circle(0.25), one(0.7, 0.0))
+    slight, _ = permitted_scale(ahead, 1.0, 1e-9, BARRIER)
+    assert permitted_scale(ahead, 1.0, 5e-324, BARRIER)[0] == pytest.approx(slight)
+
+
+def test_what_limits_is_told_only_where_it_leaves_less_than_is_worth_moving_for() -> None:
+    beside = seen(Circle(0.25), one(0.2, 0.6))
+    scale, block = permitted_scale(beside, 0.9, 1.8, BARRIER)
+    assert block is not None
+    assert permitted_scale(beside, 0.9, 1.8, BARRIER, worth=scale) == (scale, None)
+    assert permitted_scale(beside, 0.9, 1.8, BARRIER, worth=math.nextafter(scale, 1.0)) == (scale, block)
+
+
+def test_what_is_at_the_very_centre_of_a_round_hull_is_closed_on_by_driving_and_not_by_turning() -> None:
+    clearance, per_linear, per_angular = Circle(0.25).approach(np.array([[0.0, 0.0], [1.0, 0.0]]))
+    assert clearance.tolist() == [-0.25, 0.75]
+    assert per_linear.tolist() == [1.0, 1.0]
+    assert per_angular.tolist() == [0.0, 0.0]
+
+
+def test_where_an_obstacle_and_a_blind_side_ask_for_the_same_it_is_the_obstacle_that_is_told() -> None:
+    inside = survey(Circle(0.25), one(0.5, 0.0))
+    scale, block = permitted_scale(inside, 1.0, 0.0, BARRIER)
+    assert scale == 0.0
+    assert block is not None
+    assert not block.blind
+
+
+@pytest.mark.parametrize(
+    ("point", "twist", "reaction_s"),
+    [((-0.77, -0.64), (-0.8, 0.9), 0.3), ((0.69, 0.17), (0.4, 0.4), 0.2), ((0.23, 0.72), (0.6, 1.8), 0.3)],
+)
+def test_what_an_arc_comes_near_only_after_it_has_come_to_rest_limits_nothing(
+    point: tuple[float, float], twist: tuple[float, float], reaction_s: float
+) -> None:
+    barrier = BARRIER._replace(reaction_s=reaction_s)
+    assert permitted_scale(seen(Circle(0.25), one(*point)), *twist, barrier) == (1.0, None)
+
+
 def test_exactly_at_the_depth_the_wider_tolerance_still_holds() -> None:
     depth_m = BARRIER.stop_distance_m - DEEP_M
-    near = replace(seen(Circle(0.25), one(0.5, 0.0)), clearance_m=np.array([depth_m]))
+    near = seen(Circle(0.25), one(0.5, 0.0))._replace(clearance_m=np.array([depth_m]))
     assert permitted_scale(near, 0.005, 0.0, BARRIER) == (1.0, None)
-    near = replace(near, clearance_m=np.array([math.nextafter(depth_m, 0.0)]))
+    deeper_m = math.nextafter(depth_m, 0.0)
+    near = near._replace(clearance_m=np.array([deeper_m]))
     assert permitted_scale(near, 0.005, 0.0, BARRIER)[0] == 0.0

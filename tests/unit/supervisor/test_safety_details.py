@@ -186,6 +186,7 @@ def test_each_source_s_state_is_told() -> None:
     assert law.state.sources[0].stamped is True
     law.tick(("teleop", None))
     assert law.state.sources[0].invalid is True
+    assert law.state.sources[0].stamped is False
     law.tick(("teleop", NEUTRAL))
     assert law.state.sources[0].invalid is False
 
@@ -238,6 +239,12 @@ def test_a_replayed_scan_counts_as_none(law_with_stamped_scans: Law) -> None:
     assert law.decision.reasons == (StopReason.SCAN_STALE,)
     assert law.decision.scan_counts.sequence == refused
     assert refused * TICK_S == pytest.approx(0.25, abs=2 * TICK_S)
+
+
+def test_the_newest_scan_once_more_counts_as_none(law_with_stamped_scans: Law) -> None:
+    law = law_with_stamped_scans
+    law.now_s += TICK_S
+    assert law.step(sent_scan(law, sequence=30)).scan_counts.sequence == 1
 
 
 def test_a_late_scan_counts_as_none(law_with_stamped_scans: Law) -> None:

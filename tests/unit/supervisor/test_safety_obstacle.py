@@ -181,3 +181,10 @@ def test_driven_straight_at_a_wall_it_comes_to_rest_at_30_cm(speed_m_s: float) -
     assert law.decision.reasons == (StopReason.OBSTACLE,)
     assert actual_m_s == 0.0
     assert STOP_M - 0.01 <= nearest_m <= STOP_M + 0.02
+
+
+@pytest.mark.parametrize("velocity", [Velocity(0.0, 5e-324), Velocity(5e-324, 0.0), Velocity(5e-324, 5e-324)])
+def test_the_least_motion_that_a_float_can_say_is_decided_as_any_other(velocity: Velocity) -> None:
+    law = Law()
+    law.drive()
+    assert law.tick(("teleop", velocity)).output == velocity
