@@ -20,7 +20,7 @@ from collections import deque
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from wire.messages import M, Message, TriggerResponse, UndecodableError, decode
 from wire.stamp import Stamp, parse_stamp
@@ -44,6 +44,14 @@ class BusError(Exception):
 
 class NoReplyError(BusError):
     """Nobody answered a query in time."""
+
+
+class RawArrival(NamedTuple):
+    """One sample as it came, for whoever keeps bytes."""
+
+    payload: bytes
+    attachment: bytes | None
+    arrival_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +126,7 @@ class Subscription(Generic[M]):
     def __init__(self, key: str, message_type: type[M], *, depth: int, wake: asyncio.Event | None) -> None:
         self.key = key
         self._type = message_type
-        self._inbox: Inbox[tuple[bytes, bytes | None, float]] = Inbox(depth, wake)
+        self._inbox: Inbox[RawArrival] = Inbox(depth, wake)
         self._next_report_s = 0.0
         self.undecodable = 0
 
@@ -129,11 +137,15 @@ class Subscription(Generic[M]):
 
     def push(self, payload: bytes, attachment: bytes | None, arrival_s: float) -> None:
         """For the Bus: a sample arrived."""
-        self._inbox.push((payload, attachment, arrival_s))
+        self._inbox.push(RawArrival(payload, attachment, arrival_s))
 
     def take(self) -> list[Arrival[M]]:
         """Every sample since the last take, oldest first, at most `depth` of them."""
         return [self._decode(*item) for item in self._inbox.take()]
+
+    def take_raw(self) -> list[RawArrival]:
+        """As `take`, but the bytes as they came."""
+        return self._inbox.take()
 
     def latest(self) -> Arrival[M] | None:
         """The newest decodable sample since the last take; None where there is none."""

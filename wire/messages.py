@@ -8,7 +8,7 @@ import math
 import time
 from dataclasses import dataclass, field
 from importlib.resources import files
-from typing import Any, ClassVar, Protocol, TypeVar, cast
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar, cast
 
 import numpy as np
 from rosbags.interfaces.typing import Typesdict
@@ -35,6 +35,7 @@ from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__String as String
 __all__ = [
     "Bool",
     "Clock",
+    "Definition",
     "DiagnosticArray",
     "DiagnosticStatus",
     "Header",
@@ -55,6 +56,7 @@ __all__ = [
     "UndecodableError",
     "Vector3",
     "decode",
+    "definition",
     "encode",
     "header",
     "odometry",
@@ -186,6 +188,24 @@ def decode(payload: bytes, message_type: type[M]) -> M:
         return cast("M", _store.deserialize_cdr(payload, message_type.__msgtype__))
     except Exception as error:  # generated code raises whatever the bytes provoke
         raise UndecodableError(str(error)) from error
+
+
+class Definition(NamedTuple):
+    """What a recording says of a message type, so that whoever reads it needs none of our files."""
+
+    text: str
+    """Its .msg file and those of all types in it, as rosbag2 joins them (`ros2msg`)."""
+    hash: str
+    """Its type hash (RIHS01)."""
+
+
+def definition(type_name: str) -> Definition:
+    """The definition of a type such as `geometry_msgs/msg/Twist`.
+
+    Raises:
+        TypesysError: there is no such type.
+    """
+    return Definition(_store.generate_msgdef(type_name, ros_version=2)[0], _store.hash_rihs01(type_name))
 
 
 def header(frame_id: str, time_ns: int | None = None) -> Header:

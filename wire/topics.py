@@ -61,8 +61,13 @@ CLOCK = Topic("clock", Clock, "sim", 50.0)
 
 SUPERVISOR_RESET = Service("supervisor/reset", "supervisor")
 SIM_RESET = Service("sim/reset", "sim")
-SIM_FAULTS = Service("sim/faults", "sim", "none, freeze, all_nan, blocked FROM TO [rad], rate HZ, no_odom")
-SIM_TIME = Service("sim/time", "sim", "pause, run, step N, speed FACTOR")
+SIM_FAULTS = Service(
+    "sim/faults",
+    "sim",
+    "none, or some of freeze, all_nan, silent, blocked FROM TO [rad], rate HZ, no_odom, joined by ';'; "
+    "nothing: which are in force",
+)
+SIM_TIME = Service("sim/time", "sim", "pause, run, step N, speed FACTOR; nothing: how time passes now")
 
 ALIVE_PREFIX = "alive"
 """`alive/<node>` is each process's liveliness token."""

@@ -295,7 +295,11 @@ class ZenohBus:
         request = encode(String(text)) if text else None
 
         def ask() -> TriggerResponse | None:
-            for reply in self._session.get(key, payload=request, timeout=timeout_s):
+            # Every answer as it comes: else the last of several would be kept, and waited for.
+            replies = self._session.get(
+                key, payload=request, timeout=timeout_s, consolidation=zenoh.ConsolidationMode.NONE
+            )
+            for reply in replies:
                 if reply.ok is not None:
                     try:
                         return decode(reply.ok.payload.to_bytes(), TriggerResponse)
@@ -307,6 +311,16 @@ class ZenohBus:
         if response is None:
             raise NoReplyError(f"nobody answered {key} within {timeout_s:g} s")
         return response
+
+    def put_raw(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
+        """Put any bytes on any key, as a stranger on the network can: for tests and the fault campaign.
+
+        Args:
+            key: as it goes on the wire, namespace included; it may hold wildcards.
+            payload: of no type that anybody has checked.
+            attachment: likewise; None: none.
+        """
+        self._session.put(key, payload, attachment=attachment)
 
     async def close(self) -> None:
         """Close the session; a close that a stopped peer holds up is left behind after its limit."""

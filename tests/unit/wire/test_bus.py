@@ -66,3 +66,12 @@ def test_a_push_after_the_loop_has_closed_raises_nothing() -> None:
 
     inbox = asyncio.run(make())
     inbox.push(1)
+
+
+async def test_raw_samples_are_the_bytes_as_they_came() -> None:
+    subscription = Subscription("k", Twist, depth=8, wake=None)
+    subscription.push(GOOD, b"stamp", 1.0)
+    subscription.push(b"junk", None, 2.0)
+    assert subscription.take_raw() == [(GOOD, b"stamp", 1.0), (b"junk", None, 2.0)]
+    assert subscription.take() == []
+    assert subscription.undecodable == 0

@@ -18,6 +18,7 @@ from wire.messages import (
     Twist,
     UndecodableError,
     decode,
+    definition,
     encode,
     header,
     planar_twist,
@@ -54,6 +55,13 @@ def test_the_status_comes_back_with_all_its_sources() -> None:
 def test_a_trigger_response_is_ros_2s() -> None:
     payload = encode(TriggerResponse(success=True, message="ok"))
     assert payload == b"\x00\x01\x00\x00\x01\x00\x00\x00\x03\x00\x00\x00ok\x00"
+
+
+def test_a_definition_holds_the_types_within_the_type_and_their_hash() -> None:
+    told = definition("lifeline_msgs/msg/SafetyStatus")
+    assert "MSG: lifeline_msgs/SourceStatus" in told.text
+    assert "MSG: geometry_msgs/Vector3" in told.text
+    assert told.hash.startswith("RIHS01_")
 
 
 @pytest.mark.parametrize("topic", topics.TOPICS, ids=lambda topic: topic.key)

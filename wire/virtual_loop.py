@@ -1,0 +1,228 @@
+"""An event loop on a clock of its own: time jumps to the next timer, and stands still while anything runs.
+
+Several processes share one loop, as they share the world's time. Each runs in a context that names it, and
+whatever it schedules belongs to it; so a process can be held up as a loop that runs nothing, or end as one
+that is killed: without a last word, no `finally` of it included.
+
+Everything happens in an order that only the program decides: at one time, first scheduled is first run.
+"""
+
+import asyncio
+import contextvars
+import math
+from collections import deque
+from collections.abc import Callable, Coroutine
+from contextlib import suppress
+from heapq import heappop, heappush
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+STANDSTILL_LIMIT = 200_000
+"""Callbacks at one and the same time, after which time is taken to stand still for good."""
+
+_process: contextvars.ContextVar["VirtualProcess | None"] = contextvars.ContextVar("process", default=None)
+
+
+class VirtualTimeError(RuntimeError):
+    """Time cannot go on: nothing will ever happen, or the same thing again and again."""
+
+
+class VirtualProcess:
+    """What runs, waits and ends together.
+
+    Args:
+        name: For people.
+        slack_s: A timer of it comes up to this late, on multiples of it; 0: on time. It saves wakes.
+    """
+
+    def __init__(self, name: str, slack_s: float = 0.0) -> None:
+        self.name = name
+        self.slack_s = slack_s
+        self.context = contextvars.copy_context()
+        self.context.run(_process.set, self)
+        self._held: list[asyncio.TimerHandle] | None = None
+        self.is_dead = False
+
+    @property
+    def is_held(self) -> bool:
+        return self._held is not None
+
+    def hold(self) -> None:
+        """From now on nothing of it runs; it piles up."""
+        if self._held is None:
+            self._held = []
+
+    def let_go(self) -> list[asyncio.TimerHandle]:
+        """What has piled up, oldest first; from now on everything runs again."""
+        held, self._held = self._held or [], None
+        return held
+
+    def keep(self, handle: asyncio.TimerHandle) -> bool:
+        """Whether it has to wait, or is never to run."""
+        if self.is_dead:
+            return True
+        if self._held is None:
+            return False
+        self._held.append(handle)
+        return True
+
+
+class VirtualLoop(asyncio.AbstractEventLoop):
+    """Everything of an event loop that services use: tasks, futures, timers; no files, sockets, threads."""
+
+    def __init__(self) -> None:
+        self._now_s = 0.0
+        self._ready: deque[asyncio.TimerHandle] = deque()
+        self._timers: list[tuple[float, int, asyncio.TimerHandle]] = []
+        self._scheduled = 0
+        self._stopping = False
+        self._closed = False
+        self.on_error: Callable[[str, BaseException | None], None] | None = None
+        """Told of what nobody awaits: the process's name, or "" for none, and the error."""
+
+    # --- time
+
+    def time(self) -> float:
+        return self._now_s
+
+    def call_soon(  # pyright: ignore[reportIncompatibleMethodOverride]
+        self,
+        callback: Callable[..., object],
+        *args: Any,  # noqa: ANN401
+        context: contextvars.Context | None = None,
+    ) -> asyncio.Handle:
+        handle = asyncio.TimerHandle(self._now_s, callback, args, self, context)
+        self._ready.append(handle)
+        return handle
+
+    call_soon_threadsafe = call_soon  # pyright: ignore[reportAssignmentType] - there is one thread
+
+    def call_later(  # pyright: ignore[reportIncompatibleMethodOverride]
+        self,
+        delay: float,
+        callback: Callable[..., object],
+        *args: Any,  # noqa: ANN401
+        context: contextvars.Context | None = None,
+    ) -> asyncio.TimerHandle:
+        return self.call_at(self._now_s + delay, callback, *args, context=context)
+
+    def call_at(  # pyright: ignore[reportIncompatibleMethodOverride]
+        self,
+        when: float,
+        callback: Callable[..., object],
+        *args: Any,  # noqa: ANN401
+        context: contextvars.Context | None = None,
+    ) -> asyncio.TimerHandle:
+        process = _process.get() if context is None else context.get(_process)
+        due_s = max(when, self._now_s)
+        if process is not None and process.slack_s:
+            due_s = max(due_s, math.ceil(due_s / process.slack_s - 1e-6) * process.slack_s)
+        handle = asyncio.TimerHandle(due_s, callback, args, self, context)
+        self._scheduled += 1
+        heappush(self._timers, (due_s, self._scheduled, handle))
+        return handle
+
+    def _timer_handle_cancelled(self, handle: asyncio.TimerHandle) -> None:
+        """For asyncio's handles: a cancelled one is passed over when its time comes."""
+
+    # --- running
+
+    def run_until_complete(self, future: Coroutine[Any, Any, T]) -> T:  # pyright: ignore[reportIncompatibleMethodOverride]
+        previous = asyncio._get_running_loop()  # noqa: SLF001 - of loops for loops
+        asyncio._set_running_loop(self)  # noqa: SLF001
+        try:
+            task = self.create_task(future)
+            task.add_done_callback(lambda _: self.stop())
+            self._run()
+            return task.result()
+        finally:
+            asyncio._set_running_loop(previous)  # noqa: SLF001
+
+    def _run(self) -> None:
+        self._stopping = False
+        ready, timers, at_once = self._ready, self._timers, 0
+        while not self._stopping:
+            if not ready:
+                if not timers:
+                    raise VirtualTimeError("everybody waits, and nothing will ever happen")
+                due_s, _, handle = heappop(timers)
+                if due_s > self._now_s:
+                    self._now_s, at_once = due_s, 0
+            else:
+                handle = ready.popleft()
+            if handle._cancelled:  # noqa: SLF001  # pyright: ignore[reportPrivateUsage]
+                continue
+            process = handle._context.get(_process)  # noqa: SLF001  # pyright: ignore[reportPrivateUsage, reportUnknownMemberType, reportUnknownVariableType]
+            if process is not None and process.keep(handle):
+                continue
+            at_once += 1
+            if at_once > STANDSTILL_LIMIT:
+                raise VirtualTimeError(f"time stands still at {self._now_s:g} s: {handle!r}")
+            handle._run()  # noqa: SLF001  # pyright: ignore[reportPrivateUsage]
+
+    def resume(self, process: VirtualProcess) -> None:
+        """Let a held process run again, what has piled up first."""
+        self._ready.extend(process.let_go())
+
+    def stop(self) -> None:
+        self._stopping = True
+
+    def is_running(self) -> bool:
+        return asyncio._get_running_loop() is self  # noqa: SLF001
+
+    def is_closed(self) -> bool:
+        return self._closed
+
+    def close(self) -> None:
+        """Nothing runs any more. What was killed ends only here: what its `finally` does, nobody hears."""
+        self._closed = True
+        asyncio._set_running_loop(self)  # noqa: SLF001
+        try:
+            for task in asyncio.all_tasks(self):
+                coroutine = task.get_coro()
+                if isinstance(coroutine, Coroutine):
+                    with suppress(BaseException):
+                        coroutine.close()
+        finally:
+            asyncio._set_running_loop(None)  # noqa: SLF001
+        self._ready.clear()
+        self._timers.clear()
+
+    async def shutdown_asyncgens(self) -> None:
+        """There is nothing to shut down: generators end with their tasks."""
+
+    async def shutdown_default_executor(self) -> None:
+        """There is none."""
+
+    # --- tasks
+
+    def create_future(self) -> asyncio.Future[Any]:
+        return asyncio.Future(loop=self)
+
+    def create_task(  # pyright: ignore[reportIncompatibleMethodOverride]
+        self,
+        coro: Coroutine[Any, Any, T],
+        *,
+        name: str | None = None,
+        context: contextvars.Context | None = None,
+    ) -> asyncio.Task[T]:
+        return asyncio.Task(coro, loop=self, name=name, context=context)
+
+    def get_debug(self) -> bool:
+        return False
+
+    def set_debug(self, enabled: bool) -> None:  # noqa: FBT001 - asyncio's own
+        """There is no debug mode."""
+
+    def set_exception_handler(self, handler: object) -> None:
+        """`on_error` is told instead."""
+
+    def default_exception_handler(self, context: dict[str, Any]) -> None:
+        self.call_exception_handler(context)
+
+    def call_exception_handler(self, context: dict[str, Any]) -> None:
+        if self._closed or self.on_error is None:
+            return
+        process = _process.get()
+        self.on_error("" if process is None else process.name, context.get("exception"))

@@ -1,0 +1,592 @@
+"""A network that can fail, in virtual time: one hub, clients, and links with conditions that may change at any moment.
+
+It does what was measured of Zenoh over TCP, in our topology: every client speaks with the hub alone; a link
+keeps its order and delivers what a cut held up in one burst; the death of a process is seen after 2 ms, and
+silence after the lease; then the session ends, its tokens fall, and the client comes back by itself.
+Only the hub writes the supervisor's keys.
+
+A bus belongs to one run of one process. Where the process is held up, three things differ:
+
+    hold     its loop runs nothing; what arrives carries its true time
+    deaf     what arrives is stamped when it hears again (a thread that does not give the interpreter up)
+    stopped  as deaf, and it sends no sign of life either (SIGSTOP): the others' leases lapse
+"""
+
+import asyncio
+import contextvars
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from random import Random
+from typing import Any
+
+from wire import topics
+from wire.bus import (
+    SOURCES_DEPTH,
+    Inbox,
+    LivelinessChange,
+    NoReplyError,
+    ServiceHandler,
+    Subscription,
+)
+from wire.messages import M, TriggerResponse, encode
+from wire.stamp import Stamp
+from wire.topics import Service, Topic
+from wire.virtual_loop import VirtualLoop, VirtualProcess
+
+HOP_S = 0.000_15
+"""One way over loopback."""
+DEATH_NOTICE_S = 0.002
+"""From SIGKILL to the end of the process's connections."""
+LEASE_S = 0.4
+RETRY_S = (0.05, 0.2)
+"""Between two tries of a client to come back."""
+RESEND_S = (0.0, 0.2)
+"""From a healed cut until TCP tries again."""
+BACKLOG = 512
+"""Messages that a cut link holds; later ones are dropped by the sender."""
+LIVELINESS_DEPTH = 256
+
+Action = Callable[[], None]
+
+
+@dataclass(slots=True)
+class Conditions:
+    """How one direction of a client's link is."""
+
+    delay_s: float = 0.0
+    """Beside the hop itself."""
+    jitter_s: float = 0.0
+    """Up to so much more, evenly."""
+    loss: float = 0.0
+    """The share of messages that is dropped."""
+    in_order: bool = True
+    is_cut: bool = False
+
+
+class _Pipe:
+    """One direction of one session."""
+
+    def __init__(self, session: "_Session", receiver: "VirtualBus", conditions: Conditions) -> None:
+        self.session, self.receiver, self.conditions = session, receiver, conditions
+        self._network = session.network
+        self._last_due_s = 0.0
+        self._held: list[Action] = []
+        self._unheard: list[Action] = []
+        self._silent_since_s: float | None = None
+
+    def send(self, action: Action) -> None:
+        """Let `action` happen where the message arrives, unless it never does."""
+        loss = self.conditions.loss
+        if not loss or self._network.random.random() >= loss:
+            self.send_last(action)
+
+    def send_last(self, action: Action) -> None:
+        """As `send`, but never dropped: the end of a connection is told again and again."""
+        conditions, network = self.conditions, self._network
+        if conditions.is_cut:
+            self._hold(action)
+            return
+        now_s = network.loop.time()
+        due_s = now_s + HOP_S + conditions.delay_s
+        if conditions.jitter_s:
+            due_s += network.random.uniform(0.0, conditions.jitter_s)
+        if conditions.in_order:
+            self._last_due_s = due_s = max(due_s, self._last_due_s)
+        network.at(due_s, self._arrive, action)
+
+    def _hold(self, action: Action) -> None:
+        if len(self._held) < BACKLOG:
+            self._held.append(action)
+
+    def _arrive(self, action: Action) -> None:
+        if self.session.is_over or self.receiver.is_dead:
+            return
+        if self.conditions.is_cut:
+            self._hold(action)
+        elif self.receiver.is_deaf:
+            self._unheard.append(action)
+        else:
+            action()
+
+    def hear(self) -> None:
+        """The receiver hears again: first what has waited for it."""
+        unheard, self._unheard = self._unheard, []
+        for action in unheard:
+            action()
+
+    def resend(self) -> None:
+        """The cut is healed: what it held up comes at once."""
+        held, self._held = self._held, []
+        if held:
+            due_s = self._network.loop.time() + self._network.random.uniform(*RESEND_S)
+            self._last_due_s = max(self._last_due_s, due_s)
+            for action in held:
+                self._network.at(self._last_due_s, self._arrive, action)
+
+    def look_for_silence(self, sender: "VirtualBus") -> None:
+        """Whether anything comes; after a lease without, the receiver gives the session up."""
+        is_silent = self.conditions.is_cut or sender.is_stopped or sender.is_dead
+        if not is_silent:
+            self._silent_since_s = None
+        elif self._silent_since_s is None:
+            self._silent_since_s = self._network.loop.time()
+            self._network.after(self._network.lease_s, self._lapse, self._silent_since_s)
+
+    def _lapse(self, since_s: float) -> None:
+        if self._silent_since_s == since_s and not self.receiver.is_dead:
+            self.session.give_up(self.receiver)
+
+
+class _Session:
+    """One connection of a client with the hub, from its opening until both have let go of it."""
+
+    def __init__(self, network: "VirtualNetwork", client: "VirtualBus", hub: "VirtualBus") -> None:
+        self.network, self.client, self.hub = network, client, hub
+        up, down = network.link(client.node)
+        self.up, self.down = _Pipe(self, hub, up), _Pipe(self, client, down)
+        self.tokens: list[str] = []
+        """The client's, as the hub knows them."""
+        self.is_over = False
+        self._left: set[bool] = set()
+        """Which side has let go: True, the hub."""
+
+    @property
+    def is_done(self) -> bool:
+        """Both sides have let go, or are no more."""
+        return self.is_over and all(
+            bus.is_dead or side in self._left for side, bus in ((True, self.hub), (False, self.client))
+        )
+
+    def look_for_silence(self) -> None:
+        if not self.is_over:
+            self.up.look_for_silence(self.client)
+            self.down.look_for_silence(self.hub)
+
+    def give_up(self, who: "VirtualBus") -> None:
+        """One side ends it; the other notices when that reaches it, or by its own lease, or when it wakes up."""
+        self.is_over = True
+        self.let_go(who)
+        other = self.hub if who is self.client else self.client
+        towards = self.up.conditions if other is self.hub else self.down.conditions
+        later_s = self.network.lease_s if towards.is_cut else HOP_S + towards.delay_s
+        self.network.after(later_s, self.let_go, other)
+
+    def let_go(self, who: "VirtualBus") -> None:
+        """What one side does when it knows that the session is over."""
+        self.is_over = True
+        side = who is self.hub
+        if side in self._left or who.is_dead:
+            return
+        if who.is_stopped:
+            return  # it notices when it wakes up
+        self._left.add(side)
+        if side:
+            self.network.forget(self)
+        else:
+            self.client.lose_hub(self)
+
+
+class VirtualToken:
+    """A liveliness token of one bus."""
+
+    def __init__(self, bus: "VirtualBus", node: str) -> None:
+        self._bus, self._node = bus, node
+
+    def withdraw(self) -> None:
+        self._bus.withdraw(self, self._node)
+
+
+class VirtualPublisher:
+    """Stamps with the sender's clock, and sends what somebody listens to."""
+
+    def __init__(self, bus: "VirtualBus", key: str) -> None:
+        self._bus, self._key, self._sequence = bus, key, 0
+        self._gid = bus.network.new_gid()
+
+    def put(self, message: Any) -> None:  # noqa: ANN401 - as Publisher[M] for its topic's M
+        bus, network = self._bus, self._bus.network
+        if bus.is_dead:
+            return
+        self._sequence += 1
+        time_ns = round((network.loop.time() + bus.clock_offset_s) * 1e9)
+        stamp = Stamp(self._sequence, time_ns, self._gid)
+        if network.tap is not None:
+            network.tap(bus.node, self._key, message, stamp)
+        if self._key in network.listened:
+            bus.send(self._key, encode(message), stamp.pack())
+
+
+class VirtualBus:
+    """One run of one process on the network; see the module for what can happen to it."""
+
+    def __init__(self, network: "VirtualNetwork", node: str, process: VirtualProcess | None) -> None:
+        self.network, self.node, self.process = network, node, process
+        self.is_dead = self.is_deaf = self.is_stopped = False
+        self.clock_offset_s = 0.0
+        """Its clock less the true time; a step of its clock changes this."""
+        self.subscriptions: dict[str, list[Subscription[Any]]] = {}
+        self.services: dict[str, ServiceHandler] = {}
+        self.own: list[str] = []
+        """The nodes of its tokens."""
+        self.session: _Session | None = None
+        self._opened: asyncio.Future[None] | None = None
+        self._watchers: list[Inbox[LivelinessChange]] = []
+        self._ears: list[Inbox[str]] = []
+        self._sees: Counter[str] = Counter()
+
+    @property
+    def is_hub(self) -> bool:
+        return self.network.hub is self
+
+    # --- Bus
+
+    def publisher(self, topic: Topic[M]) -> VirtualPublisher:
+        return VirtualPublisher(self, topic.key)
+
+    def subscribe(
+        self, topic: Topic[M], *, depth: int = 1, wake: asyncio.Event | None = None
+    ) -> Subscription[M]:
+        subscription = Subscription(topic.key, topic.type, depth=depth, wake=wake)
+        self.subscriptions.setdefault(topic.key, []).append(subscription)
+        self.network.listened.add(topic.key)
+        return subscription
+
+    def hear_sources(self) -> Inbox[str]:
+        ear: Inbox[str] = Inbox(SOURCES_DEPTH, None)
+        self._ears.append(ear)
+        return ear
+
+    def declare_alive(self, node: str) -> VirtualToken:
+        self.own.append(node)
+        self.see(node, 1)
+        self.network.tell_token(self, node, 1)
+        return VirtualToken(self, node)
+
+    def watch_alive(self, wake: asyncio.Event | None = None) -> Inbox[LivelinessChange]:
+        watcher: Inbox[LivelinessChange] = Inbox(LIVELINESS_DEPTH, wake)
+        self._watchers.append(watcher)
+        now_s = self.network.loop.time()
+        for node, count in self._sees.items():
+            if count > 0:
+                watcher.push(LivelinessChange(node, alive=True, arrival_s=now_s))
+        return watcher
+
+    def serve(self, service: Service, handler: ServiceHandler) -> None:
+        self.services[service.key] = handler
+
+    async def call(self, service: Service, text: str = "", *, timeout_s: float = 1.0) -> TriggerResponse:
+        answered: asyncio.Future[TriggerResponse] = asyncio.get_running_loop().create_future()
+
+        def resolve(response: TriggerResponse) -> None:
+            if not answered.done():
+                answered.set_result(response)
+
+        self.network.ask(self, service.key, text, resolve)
+        try:
+            async with asyncio.timeout(timeout_s):
+                return await answered
+        except TimeoutError as error:
+            raise NoReplyError(f"nobody answered {service.key} within {timeout_s:g} s") from error
+
+    async def close(self) -> None:
+        """Leave in order: the others know at once."""
+        self.leave(0.0)
+
+    # --- what happens to it
+
+    def die(self) -> None:
+        """End as by SIGKILL: it says and does nothing more, and its connections end a moment later."""
+        if self.process is not None:
+            self.process.is_dead = True
+        self.leave(DEATH_NOTICE_S)
+
+    def leave(self, noticed_s: float) -> None:
+        """End every session; the others notice so much later, or by their leases where a link is cut."""
+        if self.is_dead:
+            return
+        self.is_dead = True
+        for session in self.network.sessions_of(self):
+            other = session.client if self.is_hub else session.hub
+            towards = session.down if self.is_hub else session.up
+            self.network.after(noticed_s, towards.send_last, partial(session.let_go, other))
+        self.network.look_for_silence()
+        self.network.remove(self)
+
+    def set_deaf(self, *, deaf: bool) -> None:
+        """Let nothing in, and then everything at once."""
+        self.is_deaf = deaf
+        if not deaf:
+            for session in self.network.sessions_of(self):
+                (session.up if self.is_hub else session.down).hear()
+
+    def set_stopped(self, *, stopped: bool) -> None:
+        """SIGSTOP and SIGCONT, as the network sees it."""
+        self.is_stopped = stopped
+        self.set_deaf(deaf=stopped)
+        if not stopped:
+            for session in self.network.sessions_of(self):
+                if session.is_over:
+                    session.let_go(self)
+        self.network.look_for_silence()
+
+    # --- for the network
+
+    def send(self, key: str, payload: bytes, attachment: bytes | None) -> None:
+        """Put bytes on a key, whatever they are."""
+        if self.is_hub:
+            self.network.route(None, key, payload, attachment)
+        elif self.session is not None:
+            session = self.session
+            session.up.send(partial(self.network.route, session, key, payload, attachment))
+
+    def receive(self, key: str, payload: bytes, attachment: bytes | None) -> None:
+        now_s = self.network.loop.time()
+        for subscription in self.subscriptions.get(key, ()):
+            subscription.push(payload, attachment, now_s)
+        if self._ears and (source := topics.source_of(key)) is not None:
+            for ear in self._ears:
+                ear.push(source)
+
+    def see(self, node: str, change: int) -> None:
+        """One more or one less token of a node; the first and the last are told."""
+        before = self._sees[node]
+        self._sees[node] = after = before + change
+        if (before > 0) != (after > 0):
+            self.tell_alive(node, alive=after > 0)
+
+    def tell_alive(self, node: str, *, alive: bool) -> None:
+        """Tell a change to whoever watches here."""
+        now_s = self.network.loop.time()
+        for watcher in self._watchers:
+            watcher.push(LivelinessChange(node, alive, now_s))
+
+    def withdraw(self, token: VirtualToken, node: str) -> None:  # noqa: ARG002 - each token once
+        if self.is_dead or node not in self.own:
+            return
+        self.own.remove(node)
+        self.see(node, -1)
+        self.network.tell_token(self, node, -1)
+
+    def lose_hub(self, session: _Session) -> None:
+        """Everybody else is gone, and the way back begins."""
+        if self.session is not session:
+            return
+        self.session = None
+        for node, count in list(self._sees.items()):
+            remote = count - self.own.count(node)
+            if remote > 0:
+                self.see(node, -remote)
+        self._retry()
+
+    def connect(self) -> asyncio.Future[None]:
+        """Look for the hub, and go on doing so whenever it is lost; done when it is found first."""
+        self._opened = self.network.loop.create_future()
+        self.network.after(self.network.random.uniform(0.001, 0.005), self._try)
+        return self._opened
+
+    def _retry(self) -> None:
+        self.network.after(self.network.random.uniform(*RETRY_S), self._try)
+
+    def _try(self) -> None:
+        if self.is_dead or self.session is not None:
+            return
+        hub = self.network.hub
+        up, down = self.network.link(self.node)
+        if hub is None or hub.is_stopped or self.is_stopped or up.is_cut or down.is_cut:
+            self._retry()
+            return
+        self.session = self.network.join(self, hub)
+        if self._opened is not None and not self._opened.done():
+            self._opened.set_result(None)
+
+
+class VirtualNetwork:
+    """All buses, and the links between them.
+
+    Args:
+        loop: whose time it is.
+        random: of everything that is not certain on a network.
+        lease_s: how long a silent link is trusted.
+    """
+
+    def __init__(self, loop: VirtualLoop, random: Random, lease_s: float = LEASE_S) -> None:
+        self.loop, self.random, self.lease_s = loop, random, lease_s
+        self.hub: VirtualBus | None = None
+        self.listened: set[str] = set()
+        """The keys that somebody has subscribed to."""
+        self.tap: Callable[[str, str, Any, Stamp], None] | None = None
+        """Told of every message as it is sent: node, key, message, stamp."""
+        self.refused = 0
+        """Messages that the hub's access control did not let through."""
+        self._sessions: list[_Session] = []
+        self._links: dict[str, tuple[Conditions, Conditions]] = {}
+        self._context = contextvars.Context()
+        self._gids = 0
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    # --- what a campaign does
+
+    def open_hub(self, node: str, process: VirtualProcess | None = None) -> VirtualBus:
+        self.hub = VirtualBus(self, node, process)
+        return self.hub
+
+    def open_client(self, node: str, process: VirtualProcess | None = None) -> VirtualBus:
+        """A client; `connect` lets it find the hub."""
+        return VirtualBus(self, node, process)
+
+    def link(self, node: str) -> tuple[Conditions, Conditions]:
+        """The conditions of a client's link, to the hub and from it; a campaign changes them as it likes, but cuts with `cut`."""
+        return self._links.setdefault(node, (Conditions(), Conditions()))
+
+    def cut(self, node: str, *, up: bool = True, down: bool = True) -> None:
+        """Cut a client's link, or one direction of it."""
+        for conditions, wanted in zip(self.link(node), (up, down), strict=True):
+            conditions.is_cut = conditions.is_cut or wanted
+        self.look_for_silence()
+
+    def heal(self, node: str) -> None:
+        """Mend both directions; what was held up follows in one burst."""
+        for conditions in self.link(node):
+            conditions.is_cut = False
+        self.look_for_silence()
+        for session in self._sessions:
+            if session.client.node == node and not session.is_over:
+                session.up.resend()
+                session.down.resend()
+
+    def flap(self, node: str) -> None:
+        """A token goes and comes back within 2 ms at everybody who watches, as a reconnect can make it."""
+        buses = [bus for bus in (self.hub, *(s.client for s in self._sessions)) if bus is not None]
+        for bus in buses:
+            bus.tell_alive(node, alive=False)
+            self.after(0.002, partial(bus.tell_alive, node, alive=True))
+
+    # --- for its parts
+
+    def new_gid(self) -> bytes:
+        self._gids += 1
+        return self._gids.to_bytes(16, "little")
+
+    def at(self, time_s: float, callback: Callable[..., None], *args: object) -> None:
+        """Later, whoever may have died by then."""
+        self.loop.call_at(time_s, callback, *args, context=self._context)
+
+    def after(self, delay_s: float, callback: Callable[..., None], *args: object) -> None:
+        self.at(self.loop.time() + delay_s, callback, *args)
+
+    def sessions_of(self, bus: VirtualBus) -> list[_Session]:
+        return [s for s in self._sessions if bus in (s.client, s.hub)]
+
+    def look_for_silence(self) -> None:
+        for session in self._sessions:
+            session.look_for_silence()
+
+    def join(self, client: VirtualBus, hub: VirtualBus) -> _Session:
+        session = _Session(self, client, hub)
+        self._sessions = [s for s in self._sessions if not s.is_done]
+        known = [*hub.own, *(node for other in self._joined(hub) for node in other.tokens)]
+        self._sessions.append(session)
+        for node in known:
+            session.down.send(partial(client.see, node, 1))
+        for node in client.own:
+            session.up.send(partial(self._token, session, node, 1))
+        return session
+
+    def forget(self, session: _Session) -> None:
+        """The hub has let go of a session: the client's tokens fall."""
+        for node in list(session.tokens):
+            self._token(session, node, -1)
+
+    def remove(self, bus: VirtualBus) -> None:
+        """A bus has ended."""
+        if self.hub is bus:
+            self.hub = None
+
+    def tell_token(self, bus: VirtualBus, node: str, change: int) -> None:
+        """Spread the news of a token from where it stands."""
+        if bus.is_hub:
+            for session in self._joined(bus):
+                session.down.send(partial(session.client.see, node, change))
+        elif bus.session is not None:
+            bus.session.up.send(partial(self._token, bus.session, node, change))
+
+    def _token(self, session: _Session, node: str, change: int) -> None:
+        """A client's token, at the hub. Nobody but the hub holds the supervisor's."""
+        if node == topics.SUPERVISOR:
+            self.refused += 1
+            return
+        if change > 0:
+            session.tokens.append(node)
+        elif node in session.tokens:
+            session.tokens.remove(node)
+        else:
+            return
+        session.hub.see(node, change)
+        for other in self._joined(session.hub):
+            if other is not session:
+                other.down.send(partial(other.client.see, node, change))
+
+    def _joined(self, hub: VirtualBus) -> list[_Session]:
+        return [s for s in self._sessions if s.hub is hub and not s.is_over and not s.client.is_dead]
+
+    def route(self, sender: _Session | None, key: str, payload: bytes, attachment: bytes | None) -> None:
+        """A message at the hub: to itself, and to everybody who listens but the sender."""
+        hub = self.hub
+        if hub is None or (sender is not None and sender.hub is not hub):
+            return
+        if sender is not None:
+            if key in topics.ONLY_SUPERVISOR_WRITES:
+                self.refused += 1
+                return
+            hub.receive(key, payload, attachment)
+        for session in self._joined(hub):
+            if session is not sender and key in session.client.subscriptions:
+                session.down.send(partial(session.client.receive, key, payload, attachment))
+
+    def ask(self, asker: VirtualBus, key: str, text: str, resolve: Callable[[TriggerResponse], None]) -> None:
+        """A query to everybody who serves it, the asker included; the first answer counts."""
+        if key in asker.services:
+            self._serve(asker, key, text, resolve)
+        if asker.is_hub:
+            self._spread(asker, None, key, text, resolve)
+        elif (session := asker.session) is not None:
+
+            def back(response: TriggerResponse) -> None:
+                session.down.send(partial(resolve, response))
+
+            session.up.send(partial(self._spread, session.hub, session, key, text, back))
+
+    def _spread(
+        self,
+        hub: VirtualBus,
+        sender: _Session | None,
+        key: str,
+        text: str,
+        back: Callable[[TriggerResponse], None],
+    ) -> None:
+        if sender is not None and key in hub.services:
+            self._serve(hub, key, text, back)
+        for session in self._joined(hub):
+            if session is not sender and key in session.client.services:
+
+                def answer(response: TriggerResponse, session: _Session = session) -> None:
+                    session.up.send(partial(back, response))
+
+                session.down.send(partial(self._serve, session.client, key, text, answer))
+
+    def _serve(
+        self, server: VirtualBus, key: str, text: str, back: Callable[[TriggerResponse], None]
+    ) -> None:
+        """Run a handler in its own process."""
+
+        async def run() -> None:
+            back(await server.services[key](text))
+
+        context = self._context if server.process is None else server.process.context
+        self.loop.call_soon(lambda: self._keep(self.loop.create_task(run())), context=context)
+
+    def _keep(self, task: asyncio.Task[None]) -> None:
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
