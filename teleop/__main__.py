@@ -1,25 +1,66 @@
-"""`python -m teleop`: drive the robot by keyboard."""
+"""`python -m teleop`: drive the robot by keyboard or gamepad, or look on."""
+
+import signal
+
+if __name__ == "__main__":
+    # Until the loop takes over, Ctrl-C just ends it: the imports below take a while, and no traceback is news.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 import argparse
 import asyncio
-from collections.abc import Sequence
+import itertools
+import os
+import sys
+import time
+from collections.abc import Iterable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from typing import NoReturn
 
-from teleop.config import TeleopSection
-from teleop.keymap import Action, action_for, legend
-from teleop.service import Teleop
-from teleop.terminal import Terminal, is_terminal
-from wire.bus import Bus
-from wire.command_line import override, read_document, refuse, service_parser
+from teleop.config import Mode, TeleopSection
+from teleop.controls import command_for, legend
+from teleop.dashboard import render_dashboard
+from teleop.display import render
+from teleop.footprint import robot_of
+from teleop.gamepad_device import GamepadDevice, open_gamepad
+from teleop.gamepad_find import GamepadError
+from teleop.hold import Hold
+from teleop.holder import HeldError, about_this_process
+from teleop.incremental import Incremental
+from teleop.keymap import Command
+from teleop.pilot import KeyKind, Pilot, Velocity
+from teleop.ramp import Ramp
+from teleop.service import Render, Setup, Teleop
+from teleop.setpoint import Setpoint
+from teleop.terminal import Terminal, is_dumb, is_terminal
+from teleop.view import Control, Event, KeyHelp, Tone, View
+from wire import topics
+from wire.bus import Bus, wait_until
+from wire.command_line import EXIT_USAGE, override, read_document, refuse, service_parser
 from wire.config import BusSection, ConfigError, section
 from wire.process import run_process
 from wire.zenoh_bus import open_bus
+
+REDRAW_PERIOD_S = 0.5
+GAMEPAD_SOURCE = "joy"
+"""What a gamepad's commands are called where nothing else is said."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What a run is made of."""
+
+    config: TeleopSection
+    bus: BusSection
+    setup: Setup
+    plain: bool
+    gamepad: GamepadDevice | None = None
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     args = _parser().parse_args(arguments)
     try:
-        config, bus_section = _configuration(args)
+        options = _options(args)
     except ConfigError as error:
         refuse("teleop", error)
     if not is_terminal():
@@ -27,83 +68,227 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
             "teleop",
             "keys need a terminal on standard input and output: run it in one, not in a pipe or a service",
         )
-    run_process("teleop", lambda stop: _run(stop, config, bus_section))
+    if options.setup.control is Control.GAMEPAD:
+        try:
+            gamepad = open_gamepad(options.config.gamepad, *options.config.most(), options.config.level)
+        except GamepadError as error:
+            refuse("teleop", error)
+        options = replace(options, gamepad=gamepad)
+    run_process("teleop", lambda stop: _run(stop, options))
 
 
-async def _run(stop: asyncio.Event, config: TeleopSection, bus_section: BusSection) -> int:
+async def _run(stop: asyncio.Event, options: Options) -> int:
     wake = asyncio.Event()
+    pilot = _pilot(options)
     bus: Bus | None = None
     try:
-        with Terminal(wake) as terminal:
-            for line in legend(config.linear_step_m_s, config.angular_step_rad_s):
-                terminal.note(line)
-            bus = await _connect(bus_section, terminal, wake, stop)
+        with ExitStack() as stack:
+            on_releases = pilot.rely_on_releases if isinstance(pilot, Hold) else None
+            terminal = stack.enter_context(Terminal(wake, plain=options.plain, on_releases=on_releases))
+            _greet(terminal, options)
+            bus = await _Waiting(options, terminal, wake, stop).connect()
             if bus is not None:
-                endpoint = bus_section.endpoint
-                teleop = Teleop(bus, config, keys=terminal, screen=terminal, wake=wake, endpoint=endpoint)
+                teleop = Teleop(
+                    bus,
+                    options.setup,
+                    pilot=pilot,
+                    keys=terminal,
+                    screen=terminal,
+                    render=_render(options),
+                    wake=wake,
+                )
+                if options.gamepad is not None:
+                    stack.enter_context(options.gamepad.reading(wake=wake, say=teleop.note))
+                if isinstance(pilot, Hold):
+                    teleop.note(pilot.explanation)
                 await teleop.run(stop)
-                terminal.note("ended; the last command was zero")
+                terminal.note("ended" if pilot is None else "ended; the last command was zero")
+    except HeldError as error:
+        print(f"teleop: {error}", file=sys.stderr)
+        return EXIT_USAGE
     finally:
         if bus is not None:
             await bus.close()
     return 0
 
 
-async def _connect(
-    bus_section: BusSection, terminal: Terminal, wake: asyncio.Event, stop: asyncio.Event
-) -> Bus | None:
-    """The bus, as soon as the supervisor is there; None: the operator did not want to wait for it."""
+class _Waiting:
+    """The time before there is a supervisor: the screen says so, and a key can end it."""
 
-    def on_wait() -> None:
-        terminal.note(f"waiting for the supervisor at {bus_section.endpoint}; q quits")
+    def __init__(
+        self, options: Options, terminal: Terminal, wake: asyncio.Event, stop: asyncio.Event
+    ) -> None:
+        self._options, self._terminal, self._wake, self._stop = options, terminal, wake, stop
+        self._render = _render(options)
+        self._events: list[Event] = []
 
-    opening = asyncio.ensure_future(open_bus(bus_section.to_bus_config(), "client", on_wait=on_wait))
-    stopping = asyncio.ensure_future(stop.wait())
-    for task in (opening, stopping):
-        task.add_done_callback(lambda _: wake.set())
-    try:
-        while not opening.done():
-            actions = {action_for(key) for key in terminal.take()}
-            if Action.ESTOP in actions:
-                terminal.note("emergency stop NOT sent: there is no connection to the supervisor")
-            if Action.QUIT in actions or terminal.ended or stop.is_set():
-                return None
-            await wake.wait()
-            wake.clear()
-        terminal.take()  # keys typed before there was anything to drive
-        return opening.result()
-    finally:
-        opening.cancel()
-        stopping.cancel()
+    async def connect(self) -> Bus | None:
+        """The bus, as soon as the supervisor is there; None: the operator did not want to wait for it."""
+        section = self._options.bus
+
+        def on_wait() -> None:
+            quits = "Ctrl-C" if self._options.setup.control is Control.HOLD else "q"
+            self._note(f"waiting for the supervisor at {section.endpoint}; {quits} quits")
+
+        opening = asyncio.ensure_future(open_bus(section.to_bus_config(), "client", on_wait=on_wait))
+        stopping = asyncio.ensure_future(self._stop.wait())
+        for task in (opening, stopping):
+            task.add_done_callback(lambda _: self._wake.set())
+        clock = asyncio.get_running_loop().time
+        try:
+            while not opening.done():
+                if self._is_told_to_end():
+                    return None
+                if not self._options.plain:
+                    self._show()
+                await wait_until(self._wake, clock() + REDRAW_PERIOD_S)
+                self._wake.clear()
+            self._terminal.take()  # keys typed before there was anything to drive
+            return opening.result()
+        finally:
+            opening.cancel()
+            stopping.cancel()
+
+    def _is_told_to_end(self) -> bool:
+        control = self._options.setup.control
+        pressed = [event.key for event in self._terminal.take() if event.kind is not KeyKind.RELEASE]
+        commands = {command_for(key, control) for key in pressed}
+        if Command.ESTOP in commands:
+            self._note("emergency stop NOT sent: there is no connection to the supervisor")
+        if Command.SUSPEND in commands:
+            self._terminal.suspend()
+        return Command.QUIT in commands or self._terminal.ended or self._stop.is_set()
+
+    def _note(self, text: str) -> None:
+        self._events.append(Event(time.strftime("%H:%M:%S"), text, Tone.CAUTION))
+        self._terminal.note(text)
+        self._wake.set()
+
+    def _show(self) -> None:
+        setup = self._options.setup
+        view = View(
+            setup.source,
+            setup.endpoint,
+            control=setup.control,
+            robot=setup.robot,
+            events=tuple(self._events),
+            keys=setup.keys,
+        )
+        self._terminal.show(self._render(view, *self._terminal.size))
 
 
-def _configuration(args: argparse.Namespace) -> tuple[TeleopSection, BusSection]:
+def _pilot(options: Options) -> Pilot | None:
+    config = options.config
+    ramp = Ramp(config.acceleration_m_s2, config.angular_acceleration_rad_s2)
+    match options.setup.control:
+        case Control.INCREMENTAL:
+            return Incremental(Setpoint(config.to_steps(), config.level), ramp)
+        case Control.HOLD:
+            speed = Velocity(config.hold_linear_m_s, config.hold_angular_rad_s)
+            return Hold(speed, config.most(), ramp, config.level)
+        case Control.GAMEPAD:
+            assert options.gamepad is not None
+            return options.gamepad.pilot
+        case Control.VIEW_ONLY:
+            return None
+
+
+def _render(options: Options) -> Render:
+    if options.plain:
+        return lambda view, columns, _: [
+            render(view, columns - 1)
+        ]  # the last column leaves the cursor undecided
+    # The Linux console's font has no braille, and what is not UTF-8 has no lines.
+    has_unicode = "utf" in sys.stdout.encoding.lower() and os.environ.get("TERM") != "linux"
+    return lambda view, columns, rows: render_dashboard(view, columns, rows, unicode=has_unicode)
+
+
+def _greet(terminal: Terminal, options: Options) -> None:
+    """The keys, once, where no picture shows them."""
+    if not options.plain:
+        return
+    if is_dumb():
+        terminal.note("this terminal knows no control sequences (TERM=dumb): one line instead of a picture")
+    for line in _legend_lines(options.setup.keys):
+        terminal.note(line)
+
+
+def _legend_lines(rows: Iterable[KeyHelp]) -> list[str]:
+    """The keys in two columns of less than 80."""
+    cells = [f"{row.keys:<8}{row.does}" for row in rows]
+    return [
+        f"  {left:<42}{right}".rstrip()
+        for left, right in itertools.zip_longest(cells[::2], cells[1::2], fillvalue="")
+    ]
+
+
+def _options(args: argparse.Namespace) -> Options:
     """The configuration file, with what the command line says otherwise.
 
     Raises:
         ConfigError: naming every fault.
     """
     document = read_document(args)
+    override(document, "teleop", "mode", args.mode)
     override(document, "teleop", "source", args.source)
-    return section(document, "teleop", TeleopSection), section(document, "bus", BusSection)
+    config = section(document, "teleop", TeleopSection)
+    bus = section(document, "bus", BusSection)
+    control = Control.VIEW_ONLY if args.view_only else Control(config.mode)
+    source = config.source
+    if control is Control.GAMEPAD and args.source is None and source == topics.TELEOP:
+        source = GAMEPAD_SOURCE
+    setup = Setup(
+        source,
+        bus.endpoint,
+        control,
+        keys=_legend(control, config),
+        robot=robot_of(document),
+        most=config.most(),
+        rate_hz=config.rate_hz,
+        about=about_this_process(source),
+        pictures=not (args.plain or is_dumb()),
+    )
+    return Options(config, bus, setup, plain=args.plain or is_dumb())
 
 
 def _parser() -> argparse.ArgumentParser:
     defaults = TeleopSection()
-    keys = "\n".join(legend(defaults.linear_step_m_s, defaults.angular_step_rad_s))
+    keys = "\n\n".join(
+        "\n".join((f"keys, {control}:", *_legend_lines(_legend(control, defaults))))
+        for control in (Control.INCREMENTAL, Control.HOLD)
+    )
     parser = service_parser(
         "teleop",
-        description="Drive the robot by keyboard. Each press changes what is asked for, and it holds until the next:\n"
-        "the supervisor decides what the robot does of it, and stops it when this program ends or hangs.",
-        epilog=f"keys:\n{keys}\n\n"
-        "After every stop the robot waits for s: nothing moves before you have let go.\n"
-        "exit code: 0 after q, Ctrl-C or SIGTERM, 1 after an error, 2 for a wrong configuration or no terminal",
+        description="Drive the robot by keyboard or gamepad. The supervisor decides what the robot does of it, and stops\n"
+        "it when this program ends or hangs.",
+        epilog=f"{keys}\n\n"
+        "After every stop the robot waits for a neutral command (s, or keys let go): nothing moves before.\n"
+        "exit code: 0 after q, Ctrl-C or SIGTERM, 1 after an error, 2 for a wrong configuration, no terminal,\n"
+        "or a source that another program holds",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
-        "--source", metavar="NAME", help=f"the name of this command source (default: {defaults.source})"
+        "--mode",
+        choices=[mode.value for mode in Mode],
+        help="incremental: each press is a step, and it holds; hold: the robot moves while a key is held; "
+        f"gamepad: while its dead-man button is (default: {defaults.mode})",
+    )
+    parser.add_argument(
+        "--source",
+        metavar="NAME",
+        help=f"the name of this command source (default: {defaults.source}, a gamepad's {GAMEPAD_SOURCE})",
+    )
+    parser.add_argument("--plain", action="store_true", help="one line instead of the whole screen")
+    parser.add_argument(
+        "--view-only",
+        action="store_true",
+        help="look on, and command nothing but the emergency stop, which is anybody's right",
     )
     return parser
+
+
+def _legend(control: Control, config: TeleopSection) -> tuple[KeyHelp, ...]:
+    return legend(control, config.linear_step_m_s, config.angular_step_rad_s)
 
 
 if __name__ == "__main__":

@@ -1,21 +1,47 @@
 """`[teleop]` of robot.toml."""
 
-from teleop.setpoint import Steps
+from enum import StrEnum
+from typing import Annotated
+
+from pydantic import Field
+
+from teleop.gamepad_config import GamepadSection
+from teleop.pilot import Velocity
+from teleop.setpoint import LEVELS, Steps
 from wire import topics
 from wire.config import Name, Positive, Section
 
 
+class Mode(StrEnum):
+    """How the operator drives."""
+
+    INCREMENTAL = "incremental"
+    HOLD = "hold"
+    GAMEPAD = "gamepad"
+
+
 class TeleopSection(Section):
-    """Who this source is, how often it speaks, and what one key press changes."""
+    """Who this source is, how often it speaks, and what the operator's hand changes."""
 
     source: Name = topics.TELEOP
+    mode: Annotated[Mode, Field(strict=False)] = Mode.INCREMENTAL
     rate_hz: Positive = 20.0
     linear_step_m_s: Positive = 0.1
     angular_step_rad_s: Positive = 0.2
     max_linear_m_s: Positive = 1.0
     max_angular_rad_s: Positive = 2.0
+    level: Annotated[int, Field(ge=1, le=LEVELS)] = LEVELS
+    acceleration_m_s2: Positive = 1.0
+    angular_acceleration_rad_s2: Positive = 4.0
+    hold_linear_m_s: Positive = 0.5
+    hold_angular_rad_s: Positive = 1.0
+    gamepad: GamepadSection = GamepadSection()
 
     def to_steps(self) -> Steps:
         return Steps(
             self.linear_step_m_s, self.angular_step_rad_s, self.max_linear_m_s, self.max_angular_rad_s
         )
+
+    def most(self) -> Velocity:
+        """What may be asked for at the highest level."""
+        return Velocity(self.max_linear_m_s, self.max_angular_rad_s)

@@ -1,50 +1,36 @@
-"""Which key asks for what."""
+"""Which key asks for what of the program; the motions stand with their pilots."""
 
 from enum import StrEnum
 
 
-class Action(StrEnum):
-    """What a key asks for."""
+class Command(StrEnum):
+    """What is asked of the program rather than of the robot."""
 
-    FASTER = "faster"
-    SLOWER = "slower"
-    LEFT = "left"
-    RIGHT = "right"
-    STOP = "stop"
     ESTOP = "emergency stop"
     RESET = "reset"
     QUIT = "quit"
+    SUSPEND = "suspend"
 
 
-CTRL_C = "\x03"
-"""A signal rather than a key in most terminals; the same wish where it arrives as a key."""
+CTRL_C, CTRL_D, CTRL_Z, CTRL_BACKSLASH = "\x03", "\x04", "\x1a", "\x1c"
+"""Signals rather than keys in most terminals; the same wish where they arrive as keys."""
 
-_KEYS = {
-    "w": Action.FASTER,
-    "x": Action.SLOWER,
-    "a": Action.LEFT,
-    "d": Action.RIGHT,
-    "s": Action.STOP,
-    " ": Action.ESTOP,
-    "r": Action.RESET,
-    "q": Action.QUIT,
-    CTRL_C: Action.QUIT,
+_COMMANDS = {
+    " ": Command.ESTOP,
+    "r": Command.RESET,
+    "q": Command.QUIT,
+    CTRL_C: Command.QUIT,
+    CTRL_D: Command.QUIT,
+    CTRL_BACKSLASH: Command.QUIT,
+    CTRL_Z: Command.SUSPEND,
 }
 
 
-def action_for(key: str) -> Action | None:
-    """What `key` asks for, with caps lock or without; None: nothing."""
-    return _KEYS.get(key.lower())
+def command_of(key: str) -> Command | None:
+    """What `key` asks of the program, with caps lock or without; None: nothing."""
+    return _COMMANDS.get(key.lower())
 
 
-def legend(linear_step_m_s: float, angular_step_rad_s: float) -> tuple[str, ...]:
-    """The keys in three lines of less than 80 columns."""
-    rows = (
-        (
-            f"w / x   forward / backward by {linear_step_m_s:g} m/s",
-            f"a / d   left / right by {angular_step_rad_s:g} rad/s",
-        ),
-        ("s       stop, and arm again", "SPACE   stop + emergency stop"),
-        ("r       reset the emergency stop", "q       quit"),
-    )
-    return tuple(f"  {left:<42}{right}" for left, right in rows)
+def level_of(key: str) -> int | None:
+    """The speed level that a key chooses."""
+    return int(key) if key in ("1", "2", "3", "4", "5") else None

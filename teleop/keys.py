@@ -1,16 +1,81 @@
 r"""The terminal's bytes -> keys.
 
 Cursor and function keys arrive as escape sequences whose letters must not drive the robot ("\x1b[D" is no
-"D"), in one piece or in several. Whatever surrounds them, a SPACE and a Ctrl-C always come through: neither
-is part of any sequence here, so that the emergency stop is never swallowed by a stray ESC.
+"D"), in one piece or in several. With the kitty keyboard protocol every key does, with what happened to it:
+
+    ESC [ code : shifted : base ; modifiers : event u       any key; event 1 press, 2 repeat, 3 release
+    ESC [ 1 ; modifiers : event A                           likewise the arrows and some more
+
+Whatever surrounds them, a SPACE and a Ctrl-C always come through: as plain bytes neither is part of any
+sequence here, and as sequences they begin with the ESC that ends every unfinished one. So the emergency stop is
+never swallowed by a stray ESC.
 """
 
-from enum import Enum, auto
+from collections.abc import Iterator
+from enum import Enum, StrEnum, auto
+from typing import NamedTuple
 
 from teleop.keymap import CTRL_C
+from teleop.pilot import KeyEvent, KeyKind
 
 ESCAPE = "\x1b"
-ALWAYS_KEYS = frozenset({" ", CTRL_C})
+SPACE = " "
+ALWAYS_KEYS = frozenset({SPACE, CTRL_C})
+FOCUS_OUT = "focus out"
+"""As a key: the terminal does not hear the keyboard any more."""
+
+MAX_PARAMETERS = 64
+"""Characters; more are no key's."""
+
+_SHIFT, _CTRL = 1, 4
+_KINDS = {2: KeyKind.REPEAT, 3: KeyKind.RELEASE}
+_BYTES = {"\r": "enter", "\n": "enter", "\t": "tab", "\x7f": "backspace", "\x08": "backspace"}
+_FINALS = {
+    "A": "up",
+    "B": "down",
+    "C": "right",
+    "D": "left",
+    "H": "home",
+    "F": "end",
+    "P": "f1",
+    "Q": "f2",
+    "R": "f3",
+    "S": "f4",
+    "Z": "tab",
+}
+_NO_KEYS = "cnRIOt"
+"""CSI finals of what a terminal tells by itself, or when it is asked."""
+_MODIFIER_KEYS = frozenset({*range(57358, 57361), *range(57441, 57455)})
+"""Shift, Ctrl, caps lock and the like, pressed by themselves: no keys here."""
+_CODES = {
+    9: "tab",
+    13: "enter",
+    27: "escape",
+    127: "backspace",
+    57414: "enter",
+    57417: "left",
+    57418: "right",
+    57419: "up",
+    57420: "down",
+} | {57399 + digit: str(digit) for digit in range(10)}
+"""Of the kitty keyboard protocol, the keypad's included."""
+_PRIVATE_USE = range(57344, 63744)
+
+
+class ReportKind(StrEnum):
+    """What a terminal tells that is no key."""
+
+    KEYBOARD_FLAGS = "keyboard flags"
+    """Of the kitty keyboard protocol, as they stand; it is told only by terminals that speak it."""
+    WELL = "well"
+    """The answer to "how are you" (DSR)."""
+
+
+class Report(NamedTuple):
+    """A terminal's answer."""
+
+    kind: ReportKind
+    value: int = 0
 
 
 class _State(Enum):
@@ -28,27 +93,84 @@ class KeyDecoder:
 
     def __init__(self) -> None:
         self._state = _State.GROUND
+        self._parameters = ""
+        self.tells_releases = False
+        """Set once the kitty protocol is on. A key that comes as a plain byte nevertheless was pasted, or typed
+        before: its release will not be told, so that it is one at once."""
 
-    def feed(self, data: bytes) -> list[str]:
-        """The keys that `data` completes, in order. Bytes of no ASCII character are keys without a meaning."""
-        return [char for char in data.decode("latin-1") if self._is_key(char)]
+    def feed(self, data: bytes) -> list[KeyEvent | Report]:
+        """What `data` completes, in order. Bytes of no ASCII character are keys without a meaning."""
+        return [event for char in data.decode("latin-1") for event in self._take(char)]
 
-    def _is_key(self, char: str) -> bool:
+    def _take(self, char: str) -> Iterator[KeyEvent | Report]:
         state, self._state = self._state, _State.GROUND
         if char in ALWAYS_KEYS:
-            return True
-        if char == ESCAPE:
+            yield from self._typed(char)
+        elif char == ESCAPE:
             self._state = _State.ESCAPED
-            return False
-        match state:
-            case _State.GROUND:
-                return True
-            case _State.ESCAPED:
-                self._state = {"[": _State.CSI, "O": _State.SS3}.get(char, _State.GROUND)
-                return self._state is _State.GROUND
-            case _State.CSI:
-                if not "@" <= char <= "~":
-                    self._state = _State.CSI
-                return False
-            case _State.SS3:
-                return False
+        elif state is _State.GROUND:
+            yield from self._typed(char)
+        elif state is _State.ESCAPED:
+            self._state = {"[": _State.CSI, "O": _State.SS3}.get(char, _State.GROUND)
+            self._parameters = ""
+            if self._state is _State.GROUND:
+                yield from self._typed(char)
+        elif state is _State.SS3:
+            if char in _FINALS:
+                yield KeyEvent(_FINALS[char])
+        elif not "@" <= char <= "~":
+            self._state = _State.CSI
+            self._parameters = (self._parameters + char)[:MAX_PARAMETERS]
+        else:
+            found = _sequence(self._parameters, char)
+            if found is not None:
+                yield found
+
+    def _typed(self, char: str) -> Iterator[KeyEvent]:
+        key = _BYTES.get(char, char)
+        yield KeyEvent(key)
+        if self.tells_releases:
+            yield KeyEvent(key, KeyKind.RELEASE)
+
+
+def _sequence(parameters: str, final: str) -> KeyEvent | Report | None:
+    """What ESC [ parameters final says; None: nothing for us."""
+    if final == "u" and parameters.startswith("?"):
+        return Report(ReportKind.KEYBOARD_FLAGS, _number(parameters[1:]))
+    if parameters == "0" and final == "n":
+        return Report(ReportKind.WELL)
+    if parameters == "" and final == "O":
+        return KeyEvent(FOCUS_OUT)
+    fields = [[_number(part) for part in field.split(":")] for field in parameters.split(";")]
+    modifiers, event = (*(fields[1] if len(fields) > 1 else ()), 0, 0)[:2]
+    kind = _KINDS.get(event, KeyKind.PRESS)
+    held = max(modifiers - 1, 0)
+    if final == "u":
+        key = _key(fields[0], held)
+    elif final == "~":
+        key = None if parameters in ("200", "201") else f"~{fields[0][0]}"
+    elif final in _NO_KEYS:
+        key = None
+    else:
+        key = _FINALS.get(final)
+    return None if key is None else KeyEvent(key, kind)
+
+
+def _key(codes: list[int], modifiers: int) -> str | None:
+    """The key of a code, with its alternatives (shifted, and on a PC's US layout) where they are told."""
+    code = codes[0]
+    if code > 0x7F and code not in _PRIVATE_USE and len(codes) > 2:
+        code = codes[2]
+    if code in _MODIFIER_KEYS:
+        return None
+    char = chr(code) if 0x20 <= code < 0x7F else ""
+    if modifiers & _CTRL and "@" <= char.upper() <= "_":
+        return chr(ord(char.upper()) & 0x1F)
+    if char:
+        return char.upper() if modifiers & _SHIFT else char
+    return _CODES.get(code, f"key {code}")
+
+
+def _number(text: str) -> int:
+    """The number in a field; what is none, or missing, counts as 0."""
+    return int(text) if text.isascii() and text.isdigit() else 0

@@ -1,31 +1,46 @@
-"""The asyncio shell: one loop reads the keys, sends the heartbeat and draws the line.
+"""The asyncio shell: one loop reads the keys, sends the heartbeat and draws.
 
 The heartbeat is proof that this very loop runs: whatever hangs here silences it, and the supervisor stops
 the robot. After a hang nothing is made up for: the missed beats are gone, the setpoint is zero, and keys
 that were typed meanwhile move nothing (they were pressed for a robot that did not answer).
+
+A stop by the supervisor does not change what is asked for here: the law waits for a neutral command, and that
+has to be the operator's own. Letting go in his place would arm the robot again without him.
 """
 
 import asyncio
-from collections.abc import Iterable
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
-from teleop.config import TeleopSection
-from teleop.display import Line, View, plain, render
-from teleop.keymap import Action, action_for
-from teleop.rate import Rate
-from teleop.setpoint import Setpoint
+from teleop.bell import WarningBell
+from teleop.controls import command_for
+from teleop.holder import HeldError, Holder
+from teleop.keymap import Command
+from teleop.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity
+from teleop.rate import TOLERANCE_S, Rate
+from teleop.telemetry import Telemetry
+from teleop.view import Control, Event, KeyHelp, Line, Robot, Tone, View, plain
 from wire import topics
-from wire.bus import Arrival, Bus, NoReplyError
+from wire.bus import Bus, NoReplyError
 from wire.messages import Bool, SafetyStatus, TriggerResponse, planar_twist
 
 DRAW_PERIOD_S = 0.1
+DRAW_MARGIN_S = 0.002
+"""Nothing is drawn this shortly before a heartbeat."""
 HANG_S = 0.15
 """A heartbeat this late was a hang: at 20 Hz the supervisor has stopped the robot by then (0.2 s)."""
 SCREEN_LIMIT_S = 0.5
-"""Whoever does not see the line must not drive by it: a terminal stuck for this long stops the robot."""
+"""Whoever does not see the screen must not drive by it: a terminal stuck for this long stops the robot."""
 RESET_TIMEOUT_S = 1.0
-
-_MOTION = frozenset({Action.FASTER, Action.SLOWER, Action.LEFT, Action.RIGHT})
+SENDING_S = 0.05
+"""For the last zero to leave the process before it is suspended: a stopped one sends nothing."""
+MIN_GAP_S = 0.01
+"""Between two commands that no key asked for: a gamepad's stick speaks a thousand times a second."""
+KEPT_EVENTS = 50
 
 
 class KeySource(Protocol):
@@ -36,150 +51,300 @@ class KeySource(Protocol):
         """No more keys will ever come."""
         ...
 
-    def take(self) -> list[str]:
-        """Every key pressed until now; never blocks."""
+    def take(self) -> Sequence[KeyEvent]:
+        """Everything that happened to the keys until now; never blocks."""
         ...
 
 
 class Screen(Protocol):
-    """Where the line goes."""
+    """Where the picture goes."""
 
     @property
-    def width(self) -> int:
-        """Columns that a line may have."""
+    def size(self) -> tuple[int, int]:
+        """Columns and rows."""
         ...
 
-    def show(self, line: Line) -> bool:
-        """Put `line` in the place of the last one; False: the terminal takes no output now. Never blocks."""
+    def show(self, lines: Sequence[Line]) -> bool:
+        """Put `lines` in the place of the last; False: nobody sees them now. Never blocks."""
         ...
 
     def note(self, text: str) -> None:
-        """Say something that stays, above the line."""
+        """Say something that stays."""
+        ...
+
+    def bell(self) -> None: ...
+
+    def suspend(self) -> None:
+        """Stop the process as Ctrl-Z does, the terminal restored meanwhile; returns when it goes on."""
         ...
 
 
+Render = Callable[[View, int, int], Sequence[Line]]
+"""A view in so many columns and rows."""
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """What a teleop is, for its display and its name."""
+
+    source: str
+    endpoint: str
+    """Of the supervisor."""
+    control: Control
+    keys: tuple[KeyHelp, ...] = ()
+    robot: Robot = Robot()
+    most: Velocity = Velocity(1.0, 2.0)
+    """The ends of the bars."""
+    rate_hz: float = 20.0
+    about: str = "teleop"
+    """This program, for whoever finds the source's name held."""
+    pictures: bool = True
+    """Whether scans and odometry are drawn."""
+
+
+NEUTRAL_HINTS = {
+    Control.INCREMENTAL: "press s",
+    Control.HOLD: "let go of the keys",
+    Control.GAMEPAD: "let go of the gamepad",
+    Control.VIEW_ONLY: "",
+}
+
+
 class Teleop:
-    """One command source on the bus, driven by keys.
+    """One command source on the bus, driven by a pilot; or, without one, somebody who looks on.
 
     Args:
         bus: open; the caller closes it.
-        config: `[teleop]`.
+        setup: its name, its keys, what it draws.
+        pilot: what the keys go to; None: nothing is commanded, and no name is held.
         keys: where the keys come from.
-        screen: where the line goes.
-        wake: set by the key source whenever there is something to take.
-        endpoint: of the supervisor, for the display.
+        screen: where the picture goes.
+        render: draws the picture.
+        wake: set by the key source, and by a pilot that hears more than keys, whenever there is something to take.
     """
 
     def __init__(
         self,
         bus: Bus,
-        config: TeleopSection,
+        setup: Setup,
         *,
+        pilot: Pilot | None,
         keys: KeySource,
         screen: Screen,
+        render: Render,
         wake: asyncio.Event,
-        endpoint: str,
     ) -> None:
-        self._bus, self._config, self._keys, self._screen = bus, config, keys, screen
-        self._wake, self._endpoint = wake, endpoint
-        self._cmd_vel = bus.publisher(topics.source_cmd_vel(config.source))
+        self._bus, self._setup, self._pilot = bus, setup, pilot
+        self._keys, self._screen, self._render, self._wake = keys, screen, render, wake
+        self._telemetry = Telemetry(bus, pictures=setup.pictures)
         self._estop = bus.publisher(topics.ESTOP)
-        self._statuses = bus.subscribe(topics.STATUS)
-        self._setpoint = Setpoint(config.to_steps())
-        self._status: Arrival[SafetyStatus] | None = None
+        self._cmd_vel = bus.publisher(topics.source_cmd_vel(setup.source))
+        self._holder = None if pilot is None else Holder(bus, setup.source, setup.about)
+        self._events: deque[Event] = deque(maxlen=KEPT_EVENTS)
+        self._bell = WarningBell()
+        self._sent = NEUTRAL
         self._estop_since_s: float | None = None
         """When SPACE was pressed, until the supervisor's status shows that it knows."""
         self._reset: asyncio.Task[TriggerResponse] | None = None
+        self._suspending = False
         self._quitting = False
-        now_s = asyncio.get_running_loop().time()
-        self._beat = Rate(1 / config.rate_hz, now_s)
-        self._draw = Rate(DRAW_PERIOD_S, now_s)
-        self._shown_s = now_s
+        self._redraw = True
+        self._has_rival = False
+        self._refused: int | None = None
+        """Commands of ours from an epoch that has ended for the supervisor, as far as it was looked at."""
+        self._start(asyncio.get_running_loop().time())
+
+    def _start(self, now_s: float) -> None:
+        """The rhythm begins; pictures fall in the middle between two beats."""
+        self._beat = Rate(1 / self._setup.rate_hz, now_s)
+        self._draw = Rate(DRAW_PERIOD_S, now_s + 0.5 / self._setup.rate_hz)
+        self._shown_s, self._published_s = now_s, -math.inf
 
     async def run(self, stop: asyncio.Event) -> None:
         """Drive until a key, the end of the keys or `stop` says otherwise; leaves with a zero and without token.
 
         Raises:
+            HeldError: somebody else speaks as this source; in one sentence with what to do.
             Exception: whatever went wrong, also in the reset's task.
         """
         loop = asyncio.get_running_loop()
         stopping = loop.create_task(stop.wait())
         stopping.add_done_callback(lambda _: self._wake.set())
-        token = self._bus.declare_alive(self._config.source)
         try:
-            while True:
-                self._turn(loop.time())
-                if self._quitting or self._keys.ended or stop.is_set():
-                    break
-                timer = loop.call_at(min(self._beat.next_s, self._draw.next_s), self._wake.set)
-                await self._wake.wait()
-                timer.cancel()
-                self._wake.clear()
+            while await self._claim(stop):
+                self._start(loop.time())
+                await self._drive(stop)
+                if not self._suspending:
+                    return
+                await self._suspend()
         finally:
             stopping.cancel()
             if self._reset is not None:
                 self._reset.cancel()
             try:
-                self._set(self._setpoint.neutral())
+                self._let_go()
             finally:
-                token.withdraw()
+                self._release()
 
-    def _turn(self, now_s: float) -> None:
-        actions = [action for key in self._keys.take() if (action := action_for(key)) is not None]
+    async def _suspend(self) -> None:
+        self._let_go()
+        self._release()
+        await asyncio.sleep(SENDING_S)
+        self._screen.suspend()
+        self._suspending = False
+        self.note("back again: the setpoint is zero")
+
+    async def _claim(self, stop: asyncio.Event) -> bool:
+        """Take the source's name; what is typed meanwhile can only end it. False: it did."""
+        if self._holder is None:
+            return True
+        claiming = asyncio.ensure_future(self._holder.claim())
+        claiming.add_done_callback(lambda _: self._wake.set())
+        try:
+            while not claiming.done():
+                self._act(event for event in self._keys.take() if self._command(event) is not None)
+                self._telemetry.look()
+                if self._quitting or self._keys.ended or stop.is_set():
+                    return False
+                await self._wake.wait()
+                self._wake.clear()
+            claiming.result()
+        except HeldError as error:
+            raise HeldError(self._held(str(error))) from error
+        finally:
+            claiming.cancel()
+            claiming.add_done_callback(
+                lambda task: task.cancelled() or task.exception()
+            )  # else it is told of
+        return True
+
+    def _held(self, who: str) -> str:
+        self._telemetry.look()
+        status, source = self._telemetry.status, self._setup.source
+        free = [] if status is None else [s.name for s in status.sources if s.name != source]
+        others = f" ({', '.join(plain(name) for name in free)})" if free else ""
+        return (
+            f"the source {source!r} is held by {plain(who)}: end that first, drive as another source of the "
+            f"supervisor's with --source NAME{others}, or look on with --view-only"
+        )
+
+    def _release(self) -> None:
+        if self._holder is not None:
+            self._holder.release()
+
+    async def _drive(self, stop: asyncio.Event) -> None:
+        loop = asyncio.get_running_loop()
+        if self._pilot is not None:
+            self._pilot.let_go()  # whatever was held or pushed before there was anything to drive
+        while True:
+            timer = loop.call_at(self._turn(loop.time()), self._wake.set)
+            try:
+                if self._quitting or self._suspending or self._keys.ended or stop.is_set():
+                    return
+                await self._wake.wait()
+            finally:
+                timer.cancel()
+            self._wake.clear()
+
+    def _turn(self, now_s: float) -> float:
+        """Do what is due; returns when something will be."""
+        events = self._keys.take()
         late_s = self._beat.lateness_s(now_s)
         if late_s > HANG_S:
             self._recover(late_s)
-            actions = [action for action in actions if action not in _MOTION]
-        self._act(actions, now_s)
-        self._status = self._statuses.latest() or self._status
+            events = [event for event in events if self._command(event) is not None]
+        self._act(events)
+        self._look(now_s)
+        next_s = self._move(asyncio.get_running_loop().time())
         if self._beat.tick(now_s):
-            self._publish()
+            if self._published_s < now_s:  # what was said in this very turn is a heartbeat as well
+                self._publish()
             self._repeat_estop()
         self._finish_reset()
-        if self._draw.tick(now_s) or actions:
-            self._show(now_s)
+        return min(next_s, self._beat.next_s, self._draw_if_due(now_s))
 
     def _recover(self, late_s: float) -> None:
-        self._setpoint = self._setpoint.neutral()
-        self._screen.note(
-            f"teleop hung for {late_s:.1f} s: the setpoint is zero, keys typed meanwhile are void"
-        )
+        if self._pilot is not None:
+            self._pilot.let_go()  # said by the beat that is due
+            self._sent = NEUTRAL
+            self.note(f"teleop hung for {late_s:.1f} s: the setpoint is zero, keys typed meanwhile are void")
 
-    def _act(self, actions: Iterable[Action], now_s: float) -> None:
-        for action in actions:
-            self._set(self._setpoint.apply(action), always=action in (Action.STOP, Action.ESTOP))
-            match action:
-                case Action.ESTOP:
-                    self._estop_since_s = now_s
-                    self._estop.put(Bool(data=True))
-                    self._screen.note("emergency stop")
-                case Action.RESET:
-                    self._ask_reset()
-                case Action.QUIT:
-                    self._quitting = True
-                    return  # what was typed after it is not for the robot
-                case _:
-                    pass
+    # --- keys
 
-    def _set(self, setpoint: Setpoint, *, always: bool = True) -> None:
-        changed = setpoint != self._setpoint
-        self._setpoint = setpoint
-        if changed or always:
+    def _command(self, event: KeyEvent) -> Command | None:
+        return None if event.kind is KeyKind.RELEASE else command_for(event.key, self._setup.control)
+
+    def _act(self, events: Iterable[KeyEvent]) -> None:
+        clock = asyncio.get_running_loop().time
+        for event in events:
+            command = self._command(event)
+            if self._pilot is not None and command in (None, Command.RESET):
+                before = self._pilot.wanted()
+                self._pilot.on_key(event, clock())
+                self._send(clock(), always=command is None and event.kind is KeyKind.PRESS)
+                self._redraw |= before != self._pilot.wanted()
+            if command is not None:
+                self._redraw = True
+                self._do(command, clock())
+            if self._quitting or self._suspending:
+                return  # what was typed after it is not for the robot
+
+    def _do(self, command: Command, now_s: float) -> None:
+        match command:
+            case Command.ESTOP:
+                self._let_go()
+                self._estop.put(Bool(data=True))
+                if self._estop_since_s is None:
+                    self.note("emergency stop", Tone.STOP)
+                self._estop_since_s = now_s
+            case Command.RESET:
+                self._ask_reset()
+            case Command.QUIT:
+                self._quitting = True
+            case Command.SUSPEND:
+                self._suspending = True
+
+    # --- commands
+
+    def _let_go(self) -> None:
+        """Zero, past every ramp, and said at once."""
+        if self._pilot is not None:
+            self._pilot.let_go()
+            self._sent = NEUTRAL
             self._publish()
 
+    def _send(self, now_s: float, *, always: bool) -> None:
+        """What the pilot asks for by now, if that is news; a neutral press also where it is none."""
+        if self._pilot is None:
+            return
+        velocity = self._pilot.velocity(now_s)
+        if velocity != self._sent or (always and velocity.is_neutral and self._pilot.wanted().is_neutral):
+            self._sent = velocity
+            self._publish()
+
+    def _move(self, now_s: float) -> float:
+        """Follow the pilot; returns when to do so again."""
+        if self._pilot is None:
+            return math.inf
+        velocity = self._pilot.velocity(now_s)
+        may_s = self._published_s + MIN_GAP_S
+        if velocity != self._sent and not velocity.is_neutral and now_s < may_s:
+            return may_s
+        self._send(now_s, always=False)
+        return self._pilot.next_s
+
     def _publish(self) -> None:
-        self._cmd_vel.put(planar_twist(self._setpoint.linear_m_s, self._setpoint.angular_rad_s))
+        if self._holder is not None and self._holder.holds:  # a newcomer must not speak in another's name
+            self._published_s = asyncio.get_running_loop().time()
+            self._cmd_vel.put(planar_twist(*self._sent))
 
     def _repeat_estop(self) -> None:
         """One sample can get lost with a link; the wish to stop is repeated until it shows."""
         if self._estop_since_s is None:
             return
-        newest = self._status
-        if newest is not None and newest.message is not None and newest.arrival_s > self._estop_since_s:
-            known = "ESTOP" in newest.message.reasons
-        else:
-            known = False
-        if known:
+        status = self._telemetry.status
+        is_newer = self._telemetry.status_arrival_s > self._estop_since_s
+        if status is not None and is_newer and "ESTOP" in status.reasons:
             self._estop_since_s = None
         else:
             self._estop.put(Bool(data=True))
@@ -199,21 +364,90 @@ class Teleop:
         try:
             response = task.result()
         except NoReplyError as error:
-            self._screen.note(f"reset: {plain(str(error))}")
+            self.note(f"reset: {plain(str(error))}", Tone.CAUTION)
         else:
-            self._screen.note(f"reset {'done' if response.success else 'refused'}: {plain(response.message)}")
+            verdict, tone = ("done", Tone.GOOD) if response.success else ("refused", Tone.CAUTION)
+            self.note(f"reset {verdict}: {plain(response.message)}", tone)
+
+    # --- what the supervisor says
+
+    def _look(self, now_s: float) -> None:
+        status = self._telemetry.look()
+        if status is None or self._pilot is None:
+            return
+        if self._bell.rings(warning=status.warning, nearest_m=status.nearest_m, now_s=now_s):
+            self._screen.bell()
+        self._look_at_own(status)
+
+    def _look_at_own(self, status: SafetyStatus) -> None:
+        """Of two programs with one name the supervisor obeys the one that began last."""
+        own = next((s for s in status.sources if s.name == self._setup.source), None)
+        if own is None:
+            return
+        if self._refused is not None and own.refused_epoch > self._refused:
+            if not self._has_rival:
+                self._has_rival = True
+                self.note(
+                    f"another program speaks as {own.name}: the supervisor obeys the one that began last",
+                    Tone.STOP,
+                )
+            if not self._sent.is_neutral:
+                self._let_go()
+        self._refused = own.refused_epoch
+
+    # --- the screen
+
+    def note(self, text: str, tone: Tone = Tone.PLAIN) -> None:
+        """Say something that stays."""
+        self._events.append(Event(time.strftime("%H:%M:%S"), text, tone))
+        self._screen.note(text)
+        self._redraw = True
+
+    def _draw_if_due(self, now_s: float) -> float:
+        """Draw, unless a heartbeat is near; returns when that is due again."""
+        if not self._redraw and self._draw.lateness_s(now_s) < -TOLERANCE_S:
+            return self._draw.next_s
+        if self._beat.next_s - now_s < DRAW_MARGIN_S:
+            return self._beat.next_s
+        self._draw.tick(now_s)
+        self._redraw = False
+        self._show(now_s)
+        return self._draw.next_s
 
     def _show(self, now_s: float) -> None:
-        newest = self._status
-        view = View(
-            self._setpoint,
-            self._config.source,
-            self._endpoint,
-            None if newest is None else newest.message,
-            0.0 if newest is None else now_s - newest.arrival_s,
-        )
-        if self._screen.show(render(view, self._screen.width)):
+        columns, rows = self._screen.size
+        if self._screen.show(self._render(self._view(now_s), columns, rows)):
             self._shown_s = now_s
-        elif now_s - self._shown_s > SCREEN_LIMIT_S and not self._setpoint.is_neutral:
-            self._set(self._setpoint.neutral())
-            self._screen.note("the terminal took no output: the setpoint is zero")
+        elif now_s - self._shown_s > SCREEN_LIMIT_S and self._asks_for_motion():
+            self._let_go()
+            self.note("the terminal took no output: the setpoint is zero", Tone.STOP)
+
+    def _asks_for_motion(self) -> bool:
+        return self._pilot is not None and not (self._sent.is_neutral and self._pilot.wanted().is_neutral)
+
+    def _view(self, now_s: float) -> View:
+        setup, pilot, telemetry = self._setup, self._pilot, self._telemetry
+        odom, odom_age_s = telemetry.odom(now_s)
+        scan, scan_age_s = telemetry.scan(now_s)
+        return View(
+            setup.source,
+            setup.endpoint,
+            control=setup.control,
+            control_note="" if pilot is None else pilot.note,
+            neutral_hint=NEUTRAL_HINTS[setup.control],
+            level=1 if pilot is None else pilot.level,
+            wanted=NEUTRAL if pilot is None else pilot.wanted(),
+            sent=self._sent,
+            max_linear_m_s=setup.most.linear_m_s,
+            max_angular_rad_s=setup.most.angular_rad_s,
+            status=telemetry.status,
+            status_age_s=telemetry.status_age_s(now_s),
+            odom=odom,
+            odom_age_s=odom_age_s,
+            scan=scan,
+            scan_age_s=scan_age_s,
+            rates=telemetry.rates(now_s),
+            robot=setup.robot,
+            events=tuple(self._events),
+            keys=setup.keys,
+        )

@@ -1,18 +1,21 @@
-"""What the operator asks of the robot, in steps within limits.
+"""What the operator asks of the robot, in steps within limits, at one of five speed levels.
 
-Steps are counted, not added up: ten up and ten down is zero exactly, and only an exact zero is neutral.
+Steps are rounded where they are added: ten up and ten down is zero exactly, and only an exact zero is neutral.
+A step never leaps across zero, so that after a change of level the way back still leads through it.
 """
 
-import math
 from dataclasses import dataclass, replace
-from typing import assert_never
 
-from teleop.keymap import Action
+from teleop.pilot import Velocity
+
+LEVELS = 5
+DIGITS = 9
+"""Finer than any step, coarser than the noise of binary fractions (3 x 0.1 is 0.3)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """How much one key press changes, and how far it goes. All above zero."""
+    """How much one key press changes, and how far it goes, at the highest level. All above zero."""
 
     linear_step_m_s: float = 0.1
     angular_step_rad_s: float = 0.2
@@ -25,62 +28,45 @@ class Setpoint:
     """Forward velocity and turn rate (counter-clockwise positive) as asked for."""
 
     steps: Steps = Steps()
-    linear_steps: int = 0
-    angular_steps: int = 0
+    level: int = LEVELS
+    linear_m_s: float = 0.0
+    angular_rad_s: float = 0.0
 
     @property
-    def linear_m_s(self) -> float:
-        return _velocity(self.linear_steps, self.steps.linear_step_m_s, self.steps.max_linear_m_s)
-
-    @property
-    def angular_rad_s(self) -> float:
-        return _velocity(self.angular_steps, self.steps.angular_step_rad_s, self.steps.max_angular_rad_s)
+    def velocity(self) -> Velocity:
+        return Velocity(self.linear_m_s, self.angular_rad_s)
 
     @property
     def is_neutral(self) -> bool:
         """Both velocities are exactly zero."""
-        return self.linear_steps == 0 and self.angular_steps == 0
+        return self.velocity.is_neutral
 
     def neutral(self) -> "Setpoint":
-        return Setpoint(self.steps)
+        return replace(self, linear_m_s=0.0, angular_rad_s=0.0)
 
-    def apply(self, action: Action) -> "Setpoint":
-        """The setpoint after `action`; the same one where the action asks for no other motion."""
-        match action:
-            case Action.FASTER:
-                return self._moved(linear=1)
-            case Action.SLOWER:
-                return self._moved(linear=-1)
-            case Action.LEFT:
-                return self._moved(angular=1)
-            case Action.RIGHT:
-                return self._moved(angular=-1)
-            case Action.STOP | Action.ESTOP | Action.QUIT:
-                return self.neutral()
-            case Action.RESET:
-                return self
-            case _:
-                assert_never(action)
-
-    def _moved(self, *, linear: int = 0, angular: int = 0) -> "Setpoint":
-        top_linear = _top(self.steps.linear_step_m_s, self.steps.max_linear_m_s)
-        top_angular = _top(self.steps.angular_step_rad_s, self.steps.max_angular_rad_s)
+    def moved(self, *, linear: int = 0, angular: int = 0) -> "Setpoint":
+        """After `linear` steps forward and `angular` steps to the left, each -1, 0 or 1."""
+        steps, share = self.steps, self.level / LEVELS
         return replace(
             self,
-            linear_steps=_clamp(self.linear_steps + linear, top_linear),
-            angular_steps=_clamp(self.angular_steps + angular, top_angular),
+            linear_m_s=_stepped(
+                self.linear_m_s, linear * share * steps.linear_step_m_s, share * steps.max_linear_m_s
+            ),
+            angular_rad_s=_stepped(
+                self.angular_rad_s,
+                angular * share * steps.angular_step_rad_s,
+                share * steps.max_angular_rad_s,
+            ),
         )
 
-
-def _velocity(steps: int, step: float, limit: float) -> float:
-    """`steps` of `step` within ±`limit`, without the noise of binary fractions (3 x 0.1 is 0.3)."""
-    return max(-limit, min(limit, round(steps * step, 9)))
-
-
-def _top(step: float, limit: float) -> int:
-    """The first count of steps that reaches the limit; what is beyond it would have to be counted back."""
-    return math.ceil(round(limit / step, 9))
+    def at_level(self, level: int) -> "Setpoint":
+        """At another level, 1 to 5: what it does not allow is cut at once."""
+        return replace(self, level=level).moved()
 
 
-def _clamp(steps: int, top: int) -> int:
-    return max(-top, min(top, steps))
+def _stepped(velocity: float, step: float, limit: float) -> float:
+    there = round(velocity + step, DIGITS)
+    if velocity * there < 0.0:
+        return 0.0
+    top = round(limit, DIGITS)
+    return max(-top, min(top, there)) + 0.0

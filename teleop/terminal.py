@@ -1,52 +1,100 @@
-"""The terminal itself: cbreak mode, bytes in, line out, restored at the end.
+"""The terminal itself: keys in, pictures out, everything restored at the end.
 
-Nothing here blocks the loop, and nothing but the terminal's modes is changed, so that even after a SIGKILL a
-shell is usable. A terminal that is gone is the end of the keys, not an error.
+Nothing here blocks the loop. Output that the terminal does not take is kept and finished later; no picture is
+begun before. A terminal that is gone is the end of the keys, not an error.
 """
 
 import asyncio
 import os
 import select
+import signal
 import termios
-from types import TracebackType
-from typing import Self
+import time
+from collections import deque
+from collections.abc import Sequence
+from contextlib import suppress
+from types import FrameType, TracebackType
+from typing import NoReturn, Protocol, Self
 
-from teleop.display import Line, Tone
-from teleop.keys import KeyDecoder
+from teleop.keymap import CTRL_Z
+from teleop.keys import KeyDecoder, ReportKind
+from teleop.pilot import KeyEvent
+from teleop.pulse import Pulse
+from teleop.screen import FrameWriter
+from teleop.view import Line, Tone
 
 READ_BYTES = 1024
 MAX_READS = 16
 """For each take: a flood of input does not hold up the heartbeat."""
+LAST_WORDS = 5
+"""Of the notes: they stay readable after the picture is gone."""
+LEAVE_LIMIT_S = 0.3
+ANSWER_LIMIT_S = 0.15
+"""An answer of the terminal that came after teleop would be typed into the shell."""
 
-_COLOURS = {Tone.PLAIN: "", Tone.GOOD: "\x1b[32m", Tone.CAUTION: "\x1b[1;33m", Tone.STOP: "\x1b[1;31m"}
+_ASK = "\x1b[5n"
+_ENTER = "\x1b[?1049h\x1b[?25l"
+_LEAVE = "\x1b[?2026l\x1b[?7h\x1b[0m\x1b[?25h\x1b[?1049l"
+"""Also what a picture sets meanwhile: the last one may have been cut."""
+_HOLD_ENTER, _HOLD_LEAVE = "\x1b[?1004h\x1b[?u", "\x1b[?1004l"
+"""Tell the loss of the keyboard's focus; and: do you speak the kitty keyboard protocol?"""
+_KITTY_FLAGS = 1 | 2 | 4 | 8
+"""Every key as a sequence, with its release, and its place on a US keyboard whatever the layout."""
+_KITTY_NEEDED = 2 | 8
+_PUSH, _POP = f"\x1b[>{_KITTY_FLAGS}u\x1b[?u", "\x1b[<u"
+RESTORE = _POP + _HOLD_LEAVE + _LEAVE
+"""What a teleop that was killed could not say any more; `lifeline up` says it. On the screen of a shell, which
+keeps keyboard flags of its own, it changes nothing."""
+_COLOURS = {Tone.GOOD: "\x1b[32m", Tone.CAUTION: "\x1b[1;33m", Tone.STOP: "\x1b[1;31m"}
 _NO_COLOUR = "\x1b[0m"
 _CLEAR = "\r\x1b[K"
 
 
 def is_terminal() -> bool:
-    """Whether there is a person at both ends: keys to read and a line to see."""
+    """Whether there is a person at both ends: keys to read and a picture to see."""
     return os.isatty(0) and os.isatty(1)
 
 
-class Terminal:
-    """Standard input and output as key source and screen; a context manager that restores the terminal."""
+def is_dumb() -> bool:
+    """Whether the terminal says that it knows no control sequences."""
+    return os.environ.get("TERM", "dumb") == "dumb"
 
-    def __init__(self, wake: asyncio.Event) -> None:
-        self._wake = wake
+
+class OnReleases(Protocol):
+    """Told whether the terminal reports key releases, whenever that changes."""
+
+    def __call__(self, *, reported: bool) -> None: ...
+
+
+class Terminal:
+    """Standard input and output as key source and screen; a context manager that restores the terminal.
+
+    Args:
+        wake: set whenever there is something to take.
+        plain: one line at the bottom and notes above it, in place of the whole screen.
+        on_releases: for control by holding: told whether the terminal reports key releases.
+    """
+
+    def __init__(self, wake: asyncio.Event, *, plain: bool, on_releases: OnReleases | None = None) -> None:
+        self._wake, self._on_releases = wake, on_releases
         self._decoder = KeyDecoder()
         self._ended = False
-        self._shown: str = ""
-        self._pending: str = ""
-        self._is_dumb = os.environ.get("TERM", "dumb") == "dumb"
-        self._has_colours = not self._is_dumb and not os.environ.get("NO_COLOR")
+        self._suspended = False
+        self._typed: list[KeyEvent] = []
+        """Keys that came as signals."""
+        self._backlog = b""
+        dumb = is_dumb()
+        colours = not dumb and not os.environ.get("NO_COLOR")
+        self._face = _PlainFace(is_dumb=dumb, colours=colours) if plain else _FullFace(colours=colours)
+        self._pulse = None if plain else Pulse()
+        self._has_pushed = False
 
     def __enter__(self) -> Self:
+        self._loop = asyncio.get_running_loop()
         self._saved = termios.tcgetattr(0)
         self._out = _open_output()
-        self._watched = asyncio.get_running_loop()
         try:
-            termios.tcsetattr(0, termios.TCSANOW, _cbreak(self._saved))
-            self._watched.add_reader(0, self._wake.set)
+            self._begin()
         except BaseException:
             self._restore()
             raise
@@ -55,24 +103,24 @@ class Terminal:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._watched.remove_reader(0)
-        self._write(self._pending + self._clear)  # what it showed is no longer so
-        self._restore()
+        self._leave()
+        os.close(self._out)
 
     @property
     def ended(self) -> bool:
         return self._ended
 
     @property
-    def width(self) -> int:
-        """One less than the columns: a character in the last one would leave the cursor undecided."""
-        try:
-            return max(1, os.get_terminal_size(1).columns - 1)
-        except OSError:
-            return 79
+    def size(self) -> tuple[int, int]:
+        """Columns and rows."""
+        with suppress(OSError):
+            size = os.get_terminal_size(1)
+            if size.columns > 0 and size.lines > 0:
+                return size.columns, size.lines
+        return 80, 24
 
-    def take(self) -> list[str]:
-        keys: list[str] = []
+    def take(self) -> list[KeyEvent]:
+        keys, self._typed = self._typed, []
         for _ in range(MAX_READS):
             if self._ended or not select.select([0], [], [], 0)[0]:
                 break
@@ -82,61 +130,235 @@ class Terminal:
                 data = b""
             if not data:
                 self._end()
-            keys += self._decoder.feed(data)
+            keys += self._decoded(data)
         return keys
 
-    def show(self, line: Line) -> bool:
-        text = "".join(self._coloured(segment.text, segment.tone) for segment in line)
-        if text == self._shown and not self._pending:
-            return self._is_writable()
-        if not self._write(self._pending + self._clear + text):
+    def show(self, lines: Sequence[Line]) -> bool:
+        if not self._flush():
             return False
-        self._shown, self._pending = text, ""
-        return True
+        text = self._face.picture(lines, *self.size)
+        if self._pulse is not None and self._pulse.is_worth_asking:
+            self._pulse.ask(self._loop.time())
+            text += _ASK
+        if not text:
+            return self._is_writable()
+        written = self._write(text)
+        return written and not (self._pulse is not None and self._pulse.is_lost(self._loop.time()))
 
     def note(self, text: str) -> None:
-        """Kept until the terminal takes output, with the next line."""
-        self._pending += f"{self._clear}{text}\n"
-        if self._write(self._pending + self._shown):
-            self._pending = ""
+        self._write(self._face.note(text, self.size[0]))
 
-    @property
-    def _clear(self) -> str:
-        return f"\r{' ' * self.width}\r" if self._is_dumb else _CLEAR
+    def bell(self) -> None:
+        self._write("\a")
 
-    def _coloured(self, text: str, tone: Tone) -> str:
-        colour = _COLOURS[tone] if self._has_colours else ""
-        return f"{colour}{text}{_NO_COLOUR}" if colour else text
+    def suspend(self) -> None:
+        """Stop this process and those beside it, as Ctrl-Z does; returns when it goes on.
+
+        All of the job, not this process alone: whoever started it waits for it, and would hold the terminal.
+        """
+        self._leave()
+        self._suspended = True
+        signal.signal(signal.SIGTSTP, signal.SIG_DFL)
+        os.kill(0, signal.SIGTSTP)
+        self._suspended = False
+        self._begin()
+
+    # --- keys
+
+    def _decoded(self, data: bytes) -> list[KeyEvent]:
+        keys: list[KeyEvent] = []
+        for event in self._decoder.feed(data):
+            if isinstance(event, KeyEvent):
+                keys.append(event)
+            elif event.kind is ReportKind.KEYBOARD_FLAGS:
+                self._on_keyboard_flags(event.value)
+            elif self._pulse is not None:
+                self._pulse.answer(self._loop.time())
+        return keys
+
+    def _on_keyboard_flags(self, flags: int) -> None:
+        """The terminal speaks the kitty protocol, at last or at all: ask for releases, and see whether they are on."""
+        if self._on_releases is None:
+            return
+        if not self._has_pushed:
+            self._has_pushed = True
+            self._write(_PUSH)
+            return
+        reported = flags & _KITTY_NEEDED == _KITTY_NEEDED
+        self._decoder.tells_releases = reported
+        self._on_releases(reported=reported)
+        self._wake.set()
+
+    def _on_signal(self, key: str) -> None:
+        self._typed.append(KeyEvent(key))
+        self._wake.set()
+
+    # --- modes
+
+    def _begin(self) -> None:
+        self._decoder = KeyDecoder()
+        self._face.forget()
+        self._enter()
+        self._loop.add_reader(0, self._wake.set)
+        self._loop.add_signal_handler(signal.SIGTSTP, self._on_signal, CTRL_Z)
+        self._loop.add_signal_handler(signal.SIGCONT, self._on_continue)
+        self._loop.add_signal_handler(signal.SIGWINCH, self._face.forget)
+        signal.signal(signal.SIGQUIT, self._on_quit)
+
+    def _enter(self) -> None:
+        with suppress(termios.error):  # the terminal is gone: the next read tells
+            termios.tcsetattr(0, termios.TCSANOW, _cbreak(self._saved))
+        if not self._face.is_full:
+            return
+        hold = self._on_releases is not None
+        self._has_pushed = False
+        self._write(_ENTER + (_HOLD_ENTER if hold else ""))
+
+    def _on_continue(self) -> None:
+        """Stopped from outside, without a word, and continued: whoever had the terminal may have changed it."""
+        if not self._suspended:
+            if self._has_pushed:
+                self._write(_POP)
+            self._face.forget()
+            self._enter()
+
+    def _on_quit(self, _number: int, _frame: FrameType | None) -> NoReturn:
+        r"""Ctrl-\ ends also a teleop whose loop hangs: at once, and with the terminal restored."""
+        self._leave()
+        os._exit(128 + signal.SIGQUIT)
+
+    def _leave(self) -> None:
+        with suppress(OSError):
+            self._loop.remove_reader(0)
+        for number in (signal.SIGTSTP, signal.SIGCONT, signal.SIGWINCH):
+            self._loop.remove_signal_handler(number)
+        signal.signal(signal.SIGQUIT, signal.SIG_DFL)
+        ending = self._face.ending(self.size[0])
+        if self._face.is_full:
+            hold = (_POP if self._has_pushed else "") + (_HOLD_LEAVE if self._on_releases is not None else "")
+            ending = f"{hold}{_LEAVE}{ending}"
+        if self._has_pushed and self._on_releases is not None:
+            self._on_releases(reported=False)
+        self._has_pushed = False
+        self._write_for_certain(ending)
+        self._await_answers()
+        self._restore()
+
+    def _await_answers(self) -> None:
+        """What the terminal still has to say is ours, not the shell's."""
+        deadline_s = time.monotonic() + ANSWER_LIMIT_S
+        while not self._ended and self._pulse is not None and self._pulse.answers and self._pulse.open:
+            left_s = deadline_s - time.monotonic()
+            if left_s <= 0 or not select.select([0], [], [], left_s)[0]:
+                return
+            self.take()
+
+    def _restore(self) -> None:
+        """At once, without waiting for output to drain; keys that nobody took do not reach the shell."""
+        with suppress(termios.error):  # the terminal is gone
+            termios.tcflush(0, termios.TCIFLUSH)
+            termios.tcsetattr(0, termios.TCSANOW, self._saved)
+
+    # --- output
 
     def _is_writable(self) -> bool:
         return bool(select.select([], [self._out], [], 0)[1])
 
     def _write(self, text: str) -> bool:
-        data = text.encode(errors="replace")
+        """Write, after what is left from before; what the terminal does not take now is kept. False: some is."""
+        self._backlog += text.encode(errors="replace")
+        return self._flush()
+
+    def _flush(self) -> bool:
         try:
-            return self._is_writable() and os.write(self._out, data) == len(data)
+            if self._backlog and self._is_writable():
+                self._backlog = self._backlog[os.write(self._out, self._backlog) :]
         except BlockingIOError:
-            return False
+            pass
         except OSError:  # EIO: the terminal is gone
             self._end()
             return False
+        return not self._backlog
+
+    def _write_for_certain(self, text: str) -> None:
+        """The last words: rather without what is still on its way than not at all, and within a bound."""
+        if not self._flush():
+            with suppress(termios.error):
+                termios.tcflush(self._out, termios.TCOFLUSH)
+            self._backlog = b""
+        self._backlog += text.encode(errors="replace")
+        deadline_s = time.monotonic() + LEAVE_LIMIT_S
+        while not self._ended and not self._flush() and (left_s := deadline_s - time.monotonic()) > 0:
+            select.select([], [self._out], [], left_s)
+        self._backlog = b""
 
     def _end(self) -> None:
         """A terminal at its end is always readable: it must not be watched any more."""
         if not self._ended:
             self._ended = True
-            self._watched.remove_reader(0)
+            self._loop.remove_reader(0)
             self._wake.set()
 
-    def _restore(self) -> None:
-        """At once, without waiting for output to drain; keys that nobody took do not reach the shell."""
-        try:
-            termios.tcflush(0, termios.TCIFLUSH)
-            termios.tcsetattr(0, termios.TCSANOW, self._saved)
-        except termios.error:  # the terminal is gone
-            pass
-        finally:
-            os.close(self._out)
+
+class _FullFace:
+    """The whole screen."""
+
+    is_full = True
+
+    def __init__(self, *, colours: bool) -> None:
+        self._writer = FrameWriter(colours=colours)
+        self._notes: deque[str] = deque(maxlen=LAST_WORDS)
+
+    def forget(self) -> None:
+        self._writer.forget()
+
+    def picture(self, lines: Sequence[Line], columns: int, rows: int) -> str:
+        return self._writer.frame(lines, columns, rows)
+
+    def note(self, text: str, _columns: int) -> str:
+        """The picture shows it; it is said again at the end."""
+        self._notes.append(f"{time.strftime('%H:%M:%S')} {text}")
+        return ""
+
+    def ending(self, _columns: int) -> str:
+        """The last notes, once."""
+        text = "".join(f"{note}\n" for note in self._notes)
+        self._notes.clear()
+        return text
+
+
+class _PlainFace:
+    """One line, and notes above it."""
+
+    is_full = False
+
+    def __init__(self, *, is_dumb: bool, colours: bool) -> None:
+        self._is_dumb, self._has_colours = is_dumb, colours
+        self._shown = ""
+
+    def forget(self) -> None:
+        self._shown = ""
+
+    def picture(self, lines: Sequence[Line], columns: int, _rows: int) -> str:
+        text = "".join(self._coloured(segment.text, segment.tone) for line in lines[:1] for segment in line)
+        if text == self._shown:
+            return ""
+        self._shown = text
+        return self._clear(columns) + text
+
+    def note(self, text: str, columns: int) -> str:
+        return f"{self._clear(columns)}{text}\n{self._shown}"
+
+    def ending(self, columns: int) -> str:
+        """What it showed is no longer so."""
+        return self._clear(columns)
+
+    def _clear(self, columns: int) -> str:
+        return f"\r{' ' * (columns - 1)}\r" if self._is_dumb else _CLEAR
+
+    def _coloured(self, text: str, tone: Tone) -> str:
+        colour = _COLOURS.get(tone, "") if self._has_colours else ""
+        return f"{colour}{text}{_NO_COLOUR}" if colour else text
 
 
 def _open_output() -> int:
@@ -148,17 +370,13 @@ def _open_output() -> int:
 
 
 def _cbreak(saved: list[int | list[bytes | int]]) -> list[int | list[bytes | int]]:
-    r"""Keys at once and without echo; Ctrl-C stays a signal.
-
-    Ctrl-S must not freeze the line and Ctrl-Z not the heartbeat; Ctrl-\ still kills a teleop that hangs.
-    """
+    r"""Keys at once and without echo; Ctrl-C, Ctrl-Z and Ctrl-\ stay signals, Ctrl-S must not freeze the picture."""
     iflag, oflag, cflag, lflag, ispeed, ospeed, cc = saved
     assert isinstance(iflag, int)
     assert isinstance(lflag, int)
     assert isinstance(cc, list)
     control = list(cc)
     control[termios.VMIN], control[termios.VTIME] = 1, 0
-    control[termios.VSUSP] = b"\x00"
     return [
         iflag & ~termios.IXON,
         oflag,

@@ -1,19 +1,26 @@
 """Teleop on a memory bus in virtual time: what it says on the wire, and when."""
 
 import asyncio
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Sequence
 from contextlib import asynccontextmanager
+from itertools import pairwise
 from typing import Any, cast
 
 import pytest
 
-from teleop.config import TeleopSection
-from teleop.display import Line
-from teleop.keymap import CTRL_C
-from teleop.service import SCREEN_LIMIT_S, Teleop
+from teleop.display import render
+from teleop.holder import POLL_S, SILENT_LIMIT_S, HeldError
+from teleop.incremental import Incremental
+from teleop.keymap import CTRL_C, CTRL_D, CTRL_Z
+from teleop.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity
+from teleop.ramp import PERIOD_S as RAMP_PERIOD_S
+from teleop.ramp import Ramp
+from teleop.service import MIN_GAP_S, SCREEN_LIMIT_S, Setup, Teleop
+from teleop.setpoint import Setpoint
+from teleop.view import Control, Line
 from wire import topics
 from wire.memory_bus import MemoryBus, MemoryNetwork
-from wire.messages import Bool, SafetyStatus, TriggerResponse, Twist, decode, header
+from wire.messages import Bool, SafetyStatus, SourceStatus, TriggerResponse, Twist, decode, header
 
 CMD_VEL = topics.source_cmd_vel("teleop")
 PERIOD_S = 0.05
@@ -51,18 +58,21 @@ class Keys:
 
     def __init__(self, wake: asyncio.Event) -> None:
         self._wake = wake
-        self._pressed: list[str] = []
+        self._pressed: list[KeyEvent] = []
         self.ended = False
 
     def press(self, keys: str) -> None:
-        self._pressed += keys
+        self.happen(*(KeyEvent(key) for key in keys))
+
+    def happen(self, *events: KeyEvent) -> None:
+        self._pressed += events
         self._wake.set()
 
     def end(self) -> None:
         self.ended = True
         self._wake.set()
 
-    def take(self) -> list[str]:
+    def take(self) -> list[KeyEvent]:
         pressed, self._pressed = self._pressed, []
         return pressed
 
@@ -70,44 +80,70 @@ class Keys:
 class PaperScreen:
     """A terminal that keeps everything; it may get stuck or break."""
 
+    size = (80, 24)
+
     def __init__(self) -> None:
-        self.width = 79
         self.lines: list[str] = []
+        self.drawn_s: list[float] = []
         self.notes: list[str] = []
+        self.rang_s: list[float] = []
+        self.suspended = 0
+        self.on_suspend = lambda: None
         self.stuck = False
         self.broken = False
 
-    def show(self, line: Line) -> bool:
+    def show(self, lines: Sequence[Line]) -> bool:
         if self.broken:
             raise RuntimeError("broken screen")
         if not self.stuck:
-            self.lines.append("".join(segment.text for segment in line))
+            self.lines += ["".join(segment.text for segment in line) for line in lines]
+            self.drawn_s.append(asyncio.get_running_loop().time())
         return not self.stuck
 
     def note(self, text: str) -> None:
         self.notes.append(text)
 
+    def bell(self) -> None:
+        self.rang_s.append(asyncio.get_running_loop().time())
+
+    def suspend(self) -> None:
+        self.suspended += 1
+        self.on_suspend()
+
 
 class Bench:
-    """A running Teleop with everything around it."""
+    """A running Teleop with everything around it, and a ramp too steep to be seen."""
 
-    def __init__(self) -> None:
-        self.wire = Wire()
+    def __init__(
+        self, wire: Wire | None = None, pilot: Pilot | None = None, control: Control = Control.INCREMENTAL
+    ) -> None:
+        self.wire = wire or Wire()
         self.supervisor = MemoryBus(self.wire)
         self.stop = asyncio.Event()
         self.resets = 0
-        wake = asyncio.Event()
-        self.keys, self.screen = Keys(wake), PaperScreen()
+        self.wake = asyncio.Event()
+        self.keys, self.screen = Keys(self.wake), PaperScreen()
+        if pilot is None and control is not Control.VIEW_ONLY:
+            pilot = Incremental(Setpoint(), Ramp(1e6, 1e6))
+        self.bus = MemoryBus(self.wire)
         teleop = Teleop(
-            MemoryBus(self.wire),
-            TeleopSection(),
+            self.bus,
+            Setup("teleop", "tcp/127.0.0.1:7447", control, about=f"the teleop of {id(self)}"),
+            pilot=pilot,
             keys=self.keys,
             screen=self.screen,
-            wake=wake,
-            endpoint="tcp/127.0.0.1:7447",
+            render=lambda view, columns, _: [render(view, columns - 1)],
+            wake=self.wake,
         )
-        self.start_s = asyncio.get_running_loop().time()
         self.running = asyncio.create_task(teleop.run(self.stop))
+        self.running.add_done_callback(lambda _: self.bus.die())
+        self.start_s = 0.0
+
+    async def started(self) -> None:
+        """Until it has taken its name and drives."""
+        while not self.screen.lines and not self.running.done():  # noqa: ASYNC110 - the first picture is no event
+            await asyncio.sleep(INSTANT_S)
+        self.start_s = next((at_s for at_s, _ in self.wire.commands()), 0.0)
 
     async def press(self, keys: str) -> None:
         self.keys.press(keys)
@@ -116,8 +152,8 @@ class Bench:
     def velocity(self) -> tuple[float, float]:
         return self.wire.commands()[-1][1]
 
-    def tell(self, mode: int, *reasons: str) -> None:
-        status = SafetyStatus(header("base_link", 0), mode=mode, reasons=list(reasons))
+    def tell(self, mode: int, *reasons: str, **fields: Any) -> None:  # noqa: ANN401 - any field of the status
+        status = SafetyStatus(header("base_link", 0), mode=mode, reasons=list(reasons), **fields)
         self.supervisor.publisher(topics.STATUS).put(status)
 
     def serve_reset(self, response: TriggerResponse, *, after_s: float = 0.0) -> None:
@@ -130,9 +166,11 @@ class Bench:
 
 
 @asynccontextmanager
-async def bench() -> AsyncGenerator[Bench]:
-    made = Bench()
-    await asyncio.sleep(INSTANT_S)
+async def bench(
+    pilot: Pilot | None = None, control: Control = Control.INCREMENTAL, wire: Wire | None = None
+) -> AsyncGenerator[Bench]:
+    made = Bench(wire, pilot, control)
+    await made.started()
     try:
         yield made
     finally:
@@ -174,15 +212,16 @@ async def test_a_key_is_published_at_once_and_leaves_the_beat_alone() -> None:
         assert b.velocity() == (0.1, 0.0)
 
 
-async def test_an_unknown_key_says_nothing() -> None:
+async def test_an_unknown_key_moves_nothing() -> None:
     async with bench() as b:
         await b.press("zé\t5")
-        assert len(b.wire.commands()) == 1
+        assert {value for _, value in b.wire.commands()} == {(0.0, 0.0)}
 
 
 async def test_a_press_at_the_limit_is_no_change_and_not_published() -> None:
     async with bench() as b:
-        await b.press("w" * 15)
+        for _ in range(15):
+            await b.press("w")
         assert [value for _, value in b.wire.commands()] == [(n / 10, 0.0) for n in range(11)]
 
 
@@ -195,7 +234,8 @@ async def test_s_is_published_even_where_it_changes_nothing() -> None:
 async def test_a_stop_between_two_presses_is_not_skipped() -> None:
     async with bench() as b:
         await b.press("wsw")
-        assert [value for _, value in b.wire.commands()][1:] == [(0.1, 0.0), (0.0, 0.0), (0.1, 0.0)]
+        await asyncio.sleep(2 * RAMP_PERIOD_S)
+        assert [value for _, value in b.wire.commands()][1:4] == [(0.1, 0.0), (0.0, 0.0), (0.1, 0.0)]
 
 
 async def test_space_publishes_zero_and_then_the_emergency_stop() -> None:
@@ -233,7 +273,7 @@ async def test_a_reset_ends_the_repeating_of_the_emergency_stop() -> None:
         assert len(b.wire.estops()) == 1
 
 
-@pytest.mark.parametrize("key", ["q", "Q", CTRL_C])
+@pytest.mark.parametrize("key", ["q", "Q", CTRL_C, CTRL_D])
 async def test_quit_publishes_zero_and_withdraws_the_token(key: str) -> None:
     async with bench() as b:
         assert b.wire.alive() == ["teleop"]
@@ -401,3 +441,290 @@ async def test_an_undecodable_status_leaves_the_last_one_to_age() -> None:
         b.wire.deliver(topics.STATUS.key, b"\x00\x01", None)
         await asyncio.sleep(1.0)
         assert "silent" in b.screen.lines[-1]
+
+
+# --- the ramp
+
+
+def smooth() -> Incremental:
+    return Incremental(Setpoint(), Ramp(1.0, 4.0))
+
+
+async def test_ten_presses_ramp_up_in_a_second_without_a_flood() -> None:
+    async with bench(smooth()) as b:
+        await b.press("w" * 10)
+        assert 0.0 < b.velocity()[0] <= RAMP_PERIOD_S + 1e-9
+        await asyncio.sleep(1.01)
+        assert b.velocity() == (1.0, 0.0)
+        speeds = [value[0] for _, value in b.wire.commands()]
+        assert speeds == sorted(speeds)
+        assert len(speeds) <= 1.01 / RAMP_PERIOD_S + 1.01 / PERIOD_S + 3
+
+
+async def test_on_its_way_a_ramp_speaks_at_least_as_often_as_the_heartbeat() -> None:
+    async with bench(smooth()) as b:
+        await b.press("w" * 10)
+        await asyncio.sleep(0.9)
+        times = [time_s for time_s, _ in b.wire.commands()]
+        assert max(later - earlier for earlier, later in pairwise(times)) <= PERIOD_S + 1e-4
+
+
+@pytest.mark.parametrize("key", ["s", " ", "q", CTRL_Z])
+async def test_no_stop_is_ramped(key: str) -> None:
+    async with bench(smooth()) as b:
+        await b.press("w" * 10)
+        await asyncio.sleep(0.5)
+        count = len(b.wire.commands())
+        await b.press(key)
+        assert b.wire.commands()[count:][0][1] == (0.0, 0.0)
+
+
+async def test_a_lower_speed_level_cuts_what_is_asked_for_at_once() -> None:
+    async with bench() as b:
+        for _ in range(10):
+            await b.press("w")
+        await b.press("2")
+        assert b.velocity() == (0.4, 0.0)
+
+
+class Stick:
+    """A pilot that follows no key and never rests."""
+
+    note, level, next_s = "", 5, float("inf")
+
+    def __init__(self) -> None:
+        self.at = NEUTRAL
+
+    def on_key(self, event: KeyEvent, now_s: float) -> None: ...
+
+    def velocity(self, now_s: float) -> Velocity:
+        return self.at
+
+    def wanted(self) -> Velocity:
+        return self.at
+
+    def let_go(self) -> None:
+        self.at = NEUTRAL
+
+
+async def test_a_stick_that_speaks_a_thousand_times_a_second_does_not_flood_and_is_let_go_at_once() -> None:
+    stick = Stick()
+    async with bench(stick) as b:
+        for n in range(1, 500):
+            stick.at = Velocity(n / 1000)
+            b.wake.set()
+            await asyncio.sleep(0.001)
+        assert len(b.wire.commands()) <= 0.5 / MIN_GAP_S + 0.5 / PERIOD_S + 2
+        stick.at = NEUTRAL
+        b.wake.set()
+        await asyncio.sleep(INSTANT_S)
+        assert b.velocity() == (0.0, 0.0)
+
+
+# --- the screen
+
+
+async def test_pictures_fall_between_the_heartbeats() -> None:
+    async with bench() as b:
+        await asyncio.sleep(2.0)
+        beats = [time_s for time_s, _ in b.wire.commands()]
+        to_beat = [min(beat - drawn for beat in beats if beat > drawn) for drawn in b.screen.drawn_s[1:-1]]
+        assert min(to_beat) > 0.02
+
+
+async def test_a_key_just_before_a_heartbeat_is_drawn_after_it() -> None:
+    async with bench() as b:
+        await asyncio.sleep(
+            b.wire.commands()[0][0] + 3 * PERIOD_S - asyncio.get_running_loop().time() - 0.001
+        )
+        drawn, beats = len(b.screen.drawn_s), len(b.wire.commands())
+        b.keys.press("w")
+        await asyncio.sleep(0.005)
+        assert b.screen.drawn_s[drawn] >= b.wire.commands()[beats + 1][0]
+
+
+async def test_the_bell_rings_at_the_edge_of_the_warning_and_then_only_while_it_closes() -> None:
+    async with bench() as b:
+        for n in range(100):  # ten seconds: clear, near, closing until the eighth, standing
+            nearest_m = 0.5 - 0.02 * min(max(n - 20, 0), 60) / 10
+            b.tell(SafetyStatus.DRIVING, warning=n >= 20, nearest_m=nearest_m)
+            await asyncio.sleep(0.1)
+        assert [round(time_s - b.start_s) for time_s in b.screen.rang_s] == [2, 4, 6, 8]
+
+
+# --- one name, one program
+
+
+async def test_a_second_teleop_is_told_who_holds_the_name_and_disturbs_nobody() -> None:
+    wire = Wire()
+    async with bench(wire=wire) as first:
+        await first.press("w")
+        status = [_source("teleop"), _source("joy"), _source("path")]
+        first.tell(SafetyStatus.DRIVING, sources=status)
+        said = len(wire.commands())
+        async with bench(wire=wire) as second:
+            second.tell(SafetyStatus.DRIVING, sources=status)
+            error = second.running.exception()
+            assert isinstance(error, HeldError)
+            assert f"held by the teleop of {id(first)}" in str(error)
+            assert "--view-only" in str(error)
+        await asyncio.sleep(0.2)
+        assert not first.running.done()
+        assert wire.alive() == ["teleop"]
+        assert {value for _, value in wire.commands()[said:]} == {(0.1, 0.0)}
+
+
+def _source(name: str, refused_epoch: int = 0) -> SourceStatus:
+    return SourceStatus(
+        name,
+        priority=1,
+        liveliness=SourceStatus.ALIVE,
+        armed=True,
+        neutral=True,
+        stamped=True,
+        age_s=0.0,
+        reasons=[],
+        accepted=0,
+        refused_late=0,
+        refused_sequence=0,
+        refused_epoch=refused_epoch,
+        refused_invalid=0,
+    )
+
+
+@pytest.mark.parametrize("count", [2, 3, 5])
+async def test_of_several_that_start_at_the_same_instant_exactly_one_drives(count: int) -> None:
+    wire = Wire()
+    made = [Bench(wire) for _ in range(count)]
+    await asyncio.sleep(3.0)
+    running = [b for b in made if not b.running.done()]
+    assert (len(running), wire.alive()) == (1, ["teleop"])
+    assert all(isinstance(b.running.exception(), HeldError) for b in made if b not in running)
+    running[0].stop.set()
+    await asyncio.wait({running[0].running})
+
+
+async def test_of_two_candidates_the_smaller_mark_begins_once_the_other_has_given_way() -> None:
+    wire = Wire()
+    smaller = MemoryBus(wire).declare_alive("teleop.0")
+    async with bench(wire=wire) as b:
+        assert "at this very moment" in str(b.running.exception())
+        assert (wire.commands(), wire.alive()) == ([], ["teleop.0"])
+    smaller.withdraw()
+    greater = MemoryBus(wire).declare_alive("teleop.z")
+    MemoryBus(wire).declare_alive("teleop2.0")  # of another source
+    made = Bench(wire)
+    await asyncio.sleep(SILENT_LIMIT_S / 2)
+    assert wire.commands() == []
+    greater.withdraw()
+    await made.started()
+    assert sorted(wire.alive()) == ["teleop", "teleop2.0"]
+    made.stop.set()
+    await asyncio.wait({made.running})
+
+
+async def test_a_holder_that_does_not_answer_is_waited_for_and_then_named_as_such() -> None:
+    wire = Wire()
+    MemoryBus(wire).declare_alive("teleop")  # and nobody who serves
+    async with bench(wire=wire) as b:
+        assert "held by a teleop that does not answer" in str(b.running.exception())
+        assert (wire.commands(), wire.alive()) == ([], ["teleop"])
+
+
+async def test_the_token_of_a_program_that_has_just_died_is_waited_out() -> None:
+    wire = Wire()
+    token = MemoryBus(wire).declare_alive("teleop")
+    made = Bench(wire)
+    await asyncio.sleep(SILENT_LIMIT_S / 2)
+    token.withdraw()
+    await asyncio.sleep(2 * POLL_S)
+    assert not made.running.done()
+    assert wire.alive() == ["teleop"]
+    made.stop.set()
+    await asyncio.wait({made.running})
+
+
+async def test_keys_typed_before_the_name_is_ours_move_nothing_but_can_stop_and_quit() -> None:
+    made = Bench()
+    made.keys.press("ww www")
+    await made.started()
+    await asyncio.sleep(0.2)
+    assert {value for _, value in made.wire.commands()} == {(0.0, 0.0)}
+    assert made.wire.estops() != []
+    made.keys.press("q")
+    await asyncio.wait({made.running})
+    hasty = Bench()
+    hasty.keys.press("q")
+    await asyncio.sleep(INSTANT_S)
+    assert (hasty.running.done(), hasty.wire.commands(), hasty.wire.alive()) == (True, [], [])
+
+
+async def test_a_rival_with_the_same_name_stops_this_one_and_is_told_once() -> None:
+    async with bench() as b:
+        await b.press("w")
+        for refused in (0, 3, 6):
+            b.tell(SafetyStatus.DRIVING, sources=[_source("joy", 99), _source("teleop", refused)])
+            await asyncio.sleep(0.1)
+        assert b.velocity() == (0.0, 0.0)
+        assert [
+            note for note in b.screen.notes if "another program speaks as teleop" in note
+        ] == b.screen.notes
+
+
+# --- suspended
+
+
+async def test_ctrl_z_suspends_after_a_zero_and_without_the_token_and_comes_back_neutral() -> None:
+    async with bench() as b:
+        await b.press("w")
+        seen: list[tuple[object, list[str]]] = []
+        b.screen.on_suspend = lambda: (seen.append((b.velocity(), b.wire.alive())), hang(5.0))[0]
+        await b.press(CTRL_Z + "w")
+        await asyncio.sleep(7.0)
+        assert seen == [((0.0, 0.0), [])]
+        assert (b.wire.alive(), b.velocity(), b.running.done()) == (["teleop"], (0.0, 0.0), False)
+        assert b.screen.notes == ["back again: the setpoint is zero"]
+        await b.press("w")
+        assert b.velocity() == (0.1, 0.0)
+
+
+async def test_who_comes_back_and_finds_the_name_taken_gives_way() -> None:
+    wire = Wire()
+    async with bench(wire=wire) as b:
+        await b.press(CTRL_Z)
+        async with bench(wire=wire) as other:
+            await asyncio.sleep(1.0)
+            assert sorted(running.done() for running in (b.running, other.running)) == [False, True]
+            assert wire.alive() == ["teleop"]
+
+
+# --- looking on
+
+
+async def test_who_looks_on_commands_nothing_and_holds_no_name() -> None:
+    wire = Wire()
+    async with bench(wire=wire) as driver, bench(control=Control.VIEW_ONLY, wire=wire) as viewer:
+        driver.serve_reset(TriggerResponse(success=True, message="released"))
+        said = len(wire.commands())
+        await viewer.press("wwxadsr")
+        await asyncio.sleep(0.12)
+        assert len(wire.commands()) - said <= 3  # the driver's own heartbeat
+        assert (wire.alive(), driver.resets) == (["teleop"], 0)
+        await viewer.press("q")
+        assert viewer.running.done()
+        assert wire.alive() == ["teleop"]
+
+
+async def test_the_emergency_stop_is_anybodys_right() -> None:
+    async with bench(control=Control.VIEW_ONLY) as viewer:
+        await viewer.press(" ")
+        assert len(viewer.wire.estops()) == 1
+        assert viewer.wire.commands() == []
+
+
+async def test_a_key_release_is_told_to_the_pilot_and_is_no_command() -> None:
+    async with bench() as b:
+        b.keys.happen(KeyEvent("q", KeyKind.RELEASE), KeyEvent(" ", KeyKind.RELEASE))
+        await asyncio.sleep(INSTANT_S)
+        assert not b.running.done()
+        assert b.wire.estops() == []

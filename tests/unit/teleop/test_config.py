@@ -2,11 +2,23 @@
 
 import pytest
 
-from teleop.config import TeleopSection
+from teleop.config import Mode, TeleopSection
+from teleop.pilot import Velocity
 from teleop.setpoint import Steps
 from wire.config import ConfigError, section
 
-NUMBERS = ["rate_hz", "linear_step_m_s", "angular_step_rad_s", "max_linear_m_s", "max_angular_rad_s"]
+NUMBERS = [
+    "rate_hz",
+    "linear_step_m_s",
+    "angular_step_rad_s",
+    "max_linear_m_s",
+    "max_angular_rad_s",
+    "level",
+    "acceleration_m_s2",
+    "angular_acceleration_rad_s2",
+    "hold_linear_m_s",
+    "hold_angular_rad_s",
+]
 
 
 def load(**values: object) -> TeleopSection:
@@ -39,3 +51,24 @@ def test_an_unknown_key_is_refused() -> None:
 def test_the_steps_are_those_of_the_section() -> None:
     config = load(linear_step_m_s=0.5, angular_step_rad_s=0.6, max_linear_m_s=0.7, max_angular_rad_s=0.8)
     assert config.to_steps() == Steps(0.5, 0.6, 0.7, 0.8)
+
+
+def test_what_may_be_asked_for_is_that_of_the_section() -> None:
+    assert load(max_linear_m_s=0.7, max_angular_rad_s=0.8).most() == Velocity(0.7, 0.8)
+
+
+@pytest.mark.parametrize("mode", Mode)
+def test_a_mode_is_named(mode: Mode) -> None:
+    assert load(mode=mode.value).mode is mode
+
+
+@pytest.mark.parametrize("mode", ["", "Hold", "view only", 1])
+def test_an_unknown_mode_is_refused(mode: object) -> None:
+    with pytest.raises(ConfigError, match=r"teleop\.mode"):
+        load(mode=mode)
+
+
+@pytest.mark.parametrize("level", [6, 2.5, True])
+def test_a_level_is_a_whole_number_up_to_five(level: object) -> None:
+    with pytest.raises(ConfigError, match=r"teleop\.level"):
+        load(level=level)

@@ -4,16 +4,16 @@ import math
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from teleop.display import SILENT_AFTER_S, Line, Tone, View, hint, render
-from teleop.keymap import Action
-from teleop.setpoint import Setpoint
+from teleop.display import render
+from teleop.pilot import NEUTRAL, Velocity
+from teleop.view import Control, Line, Tone, View
+from teleop.words import SILENT_AFTER_S, next_step
 from wire.messages import SafetyStatus, header, planar_twist
 
-NEUTRAL = Setpoint()
-FORWARD = Setpoint().apply(Action.FASTER).apply(Action.LEFT)
+FORWARD = Velocity(0.1, 0.2)
 REASONS = [
     "NO_COMMAND",
     "COMMAND_TIMEOUT",
@@ -34,8 +34,8 @@ def status(mode: int = SafetyStatus.READY, **fields: Any) -> SafetyStatus:  # no
     return SafetyStatus(header("base_link", 0), mode=mode, **fields)
 
 
-def view(newest: SafetyStatus | None, *, setpoint: Setpoint = FORWARD, age_s: float = 0.0) -> View:
-    return View(setpoint, "teleop", "tcp/127.0.0.1:7447", newest, age_s)
+def view(newest: SafetyStatus | None, *, wanted: Velocity = FORWARD, age_s: float = 0.0) -> View:
+    return View("teleop", "tcp/127.0.0.1:7447", wanted=wanted, sent=wanted, status=newest, status_age_s=age_s)
 
 
 def text(line: Line) -> str:
@@ -43,9 +43,9 @@ def text(line: Line) -> str:
 
 
 def shown(
-    newest: SafetyStatus | None, *, setpoint: Setpoint = FORWARD, age_s: float = 0.0, width: int = 79
+    newest: SafetyStatus | None, *, wanted: Velocity = FORWARD, age_s: float = 0.0, width: int = 79
 ) -> str:
-    return text(render(view(newest, setpoint=setpoint, age_s=age_s), width))
+    return text(render(view(newest, wanted=wanted, age_s=age_s), width))
 
 
 def tones(newest: SafetyStatus | None, *, age_s: float = 0.0) -> set[Tone]:
@@ -61,7 +61,7 @@ def test_what_is_asked_for_stands_first() -> None:
 
 
 def test_zero_has_no_sign() -> None:
-    assert shown(None, setpoint=NEUTRAL).startswith("v  0.00 m/s ω  0.00 rad/s | ")
+    assert shown(None, wanted=NEUTRAL).startswith("v  0.00 m/s ω  0.00 rad/s | ")
 
 
 def test_a_status_holds_until_the_supervisor_is_silent_for_too_long() -> None:
@@ -88,7 +88,7 @@ def test_limited_shows_to_what() -> None:
 @pytest.mark.parametrize("reason", [*REASONS, "SOMETHING_NEW"])
 def test_every_stop_reason_fits_80_columns_together_with_its_hint(reason: str) -> None:
     line = shown(status(SafetyStatus.STOPPED, reasons=[reason], nearest_m=0.25, warning=True))
-    assert f"STOPPED: {reason} - {hint(reason, FORWARD)}" in line
+    assert f"STOPPED: {reason} - {next_step(view(None), reason)}" in line
 
 
 def test_a_stop_names_all_its_reasons_and_a_hint_for_the_first() -> None:
@@ -103,13 +103,6 @@ def test_where_not_all_reasons_fit_the_others_are_counted() -> None:
 
 def test_a_stop_without_a_reason_is_still_a_stop() -> None:
     assert "STOPPED - press s" in shown(status(SafetyStatus.STOPPED))
-
-
-def test_the_hint_for_an_emergency_stop_asks_for_neutral_only_where_it_is_missing() -> None:
-    assert [hint("ESTOP", NEUTRAL), hint("ESTOP", FORWARD)] == [
-        "press r to reset",
-        "press s, then r to reset",
-    ]
 
 
 def test_an_alarm_is_said() -> None:
@@ -130,6 +123,8 @@ def test_another_source_that_drives_is_named() -> None:
         (3.1, "behind"),
         (-3.1, "behind"),
         (2 * math.pi, "ahead"),
+        (0.8, "ahead left"),
+        (-2.3, "behind right"),
     ],
 )
 def test_the_nearest_obstacle_is_shown_with_its_direction(bearing_rad: float, where: str) -> None:
@@ -182,6 +177,22 @@ def test_control_sequences_from_the_network_do_not_reach_the_terminal() -> None:
     assert line.isprintable()
 
 
+def test_a_bearing_that_is_not_known_is_left_out() -> None:
+    assert shown(status(nearest_m=0.45, nearest_bearing_rad=math.nan)).endswith("| 0.45 m")
+
+
+def test_without_unicode_the_line_is_ascii() -> None:
+    newest = status(SafetyStatus.LIMITED, permitted=planar_twist(0.05, -0.1))
+    assert text(render(view(newest), 79, unicode=False)).endswith("LIMITED to v +0.05 w -0.10")
+    assert text(render(view(newest), 10, unicode=False)) == "LIMITED t."
+
+
+def test_who_only_looks_on_is_told_who_can_act() -> None:
+    looking_on = View("view", "", control=Control.VIEW_ONLY, status=status(0, reasons=["OBSTACLE"]))
+    assert "STOPPED: OBSTACLE - whoever drives must re-arm" in text(render(looking_on, 100))
+
+
+@settings(deadline=None)
 @given(
     st.integers(0, 255),
     st.lists(st.text(max_size=40), max_size=5),

@@ -4,72 +4,207 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from teleop.keymap import CTRL_C
-from teleop.keys import KeyDecoder
+from teleop.keymap import CTRL_C, CTRL_Z
+from teleop.keys import FOCUS_OUT, MAX_PARAMETERS, KeyDecoder, Report, ReportKind
+from teleop.pilot import KeyEvent, KeyKind
 
-pieces = st.lists(
-    st.one_of(
-        st.binary(max_size=6),
-        st.sampled_from(
-            [b"\x1b", b"\x1b[", b"\x1b[A", b"\x1b[1;5D", b"\x1bOP", b"\x1bO", b" ", b"\x03", b"w"]
-        ),
-    ),
-    max_size=12,
+PRESS, REPEAT, RELEASE = KeyKind.PRESS, KeyKind.REPEAT, KeyKind.RELEASE
+
+
+def keys(data: bytes) -> list[str]:
+    """The keys of some presses."""
+    events = KeyDecoder().feed(data)
+    assert all(isinstance(event, KeyEvent) and event.kind is PRESS for event in events)
+    return [event.key for event in events if isinstance(event, KeyEvent)]
+
+
+FRAGMENTS = (
+    b"\x1b",
+    b"\x1b[",
+    b"\x1b[A",
+    b"\x1b[1;5D",
+    b"\x1bOP",
+    b"\x1bO",
+    b" ",
+    b"\x03",
+    b"w",
+    b"\x1b[32",
+    b"\x1b[105;1:",
+    b"\x1b[?15u",
+    b"\x1b[99;5:3u",
+    b"\x1b[0n",
+    b":",
+    b";",
+    b"u",
+    b"1",
 )
+pieces = st.lists(st.one_of(st.binary(max_size=6), st.sampled_from(FRAGMENTS)), max_size=12)
+
+
+@pytest.mark.parametrize(
+    ("sequence", "key"),
+    [
+        (b"\x1b[A", "up"),
+        (b"\x1b[B", "down"),
+        (b"\x1b[C", "right"),
+        (b"\x1b[D", "left"),
+        (b"\x1b[1;5D", "left"),
+        (b"\x1bOA", "up"),
+        (b"\x1bOS", "f4"),
+        (b"\x1b[3~", "~3"),
+        (b"\x1b[Z", "tab"),
+        (b"\x1b[O", FOCUS_OUT),
+        (b"\r", "enter"),
+        (b"\x7f", "backspace"),
+    ],
+)
+def test_a_cursor_or_function_key_has_a_name_and_is_no_letter(sequence: bytes, key: str) -> None:
+    assert keys(b"w" + sequence + b"x") == ["w", key, "x"]
 
 
 @pytest.mark.parametrize(
     "sequence",
     [
-        b"\x1b[A",
-        b"\x1b[D",
-        b"\x1b[1;5D",
-        b"\x1b[3~",
-        b"\x1bOA",
-        b"\x1bOS",
         b"\x1b[200~",
+        b"\x1b[201~",
         b"\x1b[@",
-        b"\x1b[97;5u",
+        b"\x1b[I",
+        b"\x1b[?62;22c",
+        b"\x1b[24;80R",
+        b"\x1b[3n",
+        b"\x1bOj",
     ],
 )
-def test_a_cursor_or_function_key_is_no_letter(sequence: bytes) -> None:
-    assert KeyDecoder().feed(b"w" + sequence + b"x") == ["w", "x"]
+def test_what_a_terminal_tells_by_itself_is_no_key(sequence: bytes) -> None:
+    assert keys(b"w" + sequence + b"x") == ["w", "x"]
+
+
+@pytest.mark.parametrize(
+    ("sequence", "event"),
+    [
+        (b"\x1b[105u", KeyEvent("i")),
+        (b"\x1b[105;1:1u", KeyEvent("i", PRESS)),
+        (b"\x1b[105;1:2u", KeyEvent("i", REPEAT)),
+        (b"\x1b[105;1:3u", KeyEvent("i", RELEASE)),
+        (b"\x1b[105;65:3u", KeyEvent("i", RELEASE)),
+        (b"\x1b[113:81;2u", KeyEvent("Q")),
+        (b"\x1b[1;1:3A", KeyEvent("up", RELEASE)),
+        (b"\x1b[1;1:2D", KeyEvent("left", REPEAT)),
+        (b"\x1b[32u", KeyEvent(" ")),
+        (b"\x1b[32;5u", KeyEvent(" ")),
+        (b"\x1b[32;1:3u", KeyEvent(" ", RELEASE)),
+        (b"\x1b[99;5u", KeyEvent(CTRL_C)),
+        (b"\x1b[99;69:1u", KeyEvent(CTRL_C)),
+        (b"\x1b[1089::99;5u", KeyEvent(CTRL_C)),
+        (b"\x1b[122;5u", KeyEvent(CTRL_Z)),
+        (b"\x1b[1096::105;1:3u", KeyEvent("i", RELEASE)),
+        (b"\x1b[1096u", KeyEvent("key 1096")),
+        (b"\x1b[27u", KeyEvent("escape")),
+        (b"\x1b[13;1:3u", KeyEvent("enter", RELEASE)),
+        (b"\x1b[57419u", KeyEvent("up")),
+        (b"\x1b[57403u", KeyEvent("4")),
+        (b"\x1b[57376u", KeyEvent("key 57376")),
+        (b"\x1b[3;1:3~", KeyEvent("~3", RELEASE)),
+        (b"\x1b[u", KeyEvent("key 0")),
+        (b"\x1b[?15u", Report(ReportKind.KEYBOARD_FLAGS, 15)),
+        (b"\x1b[?u", Report(ReportKind.KEYBOARD_FLAGS, 0)),
+        (b"\x1b[0n", Report(ReportKind.WELL)),
+    ],
+)
+def test_the_kitty_protocol_tells_what_happened_to_a_key(sequence: bytes, event: KeyEvent | Report) -> None:
+    assert KeyDecoder().feed(sequence) == [event]
+
+
+@pytest.mark.parametrize("code", [57358, 57360, 57441, 57447, 57454])
+def test_a_modifier_by_itself_is_no_key(code: int) -> None:
+    assert KeyDecoder().feed(f"\x1b[{code};2u\x1b[{code};1:3u".encode()) == []
 
 
 def test_a_sequence_that_arrives_in_pieces_is_no_letter_either() -> None:
     decoder = KeyDecoder()
-    assert [decoder.feed(piece) for piece in (b"\x1b", b"[", b"D", b"d")] == [[], [], [], ["d"]]
+    assert [decoder.feed(piece) for piece in (b"\x1b", b"[", b"D", b"d")] == [
+        [],
+        [],
+        [KeyEvent("left")],
+        [KeyEvent("d")],
+    ]
 
 
 def test_a_key_with_alt_is_that_key() -> None:
-    assert KeyDecoder().feed(b"\x1bs") == ["s"]
+    assert keys(b"\x1bs") == ["s"]
+    assert keys(b"\x1b[115;3u") == ["s"]
 
 
 def test_a_lone_escape_does_not_swallow_the_emergency_stop() -> None:
-    assert KeyDecoder().feed(b"\x1b [ ") == [" ", "[", " "]
+    assert keys(b"\x1b [ ") == [" ", "[", " "]
 
 
-@pytest.mark.parametrize("opening", [b"\x1b", b"\x1b[", b"\x1b[1;", b"\x1bO"])
+def test_parameters_without_end_are_no_key_and_fill_no_memory() -> None:
+    decoder = KeyDecoder()
+    assert decoder.feed(b"\x1b[" + b"1" * 100_000) == []
+    assert len(decoder._parameters) == MAX_PARAMETERS  # pyright: ignore[reportPrivateUsage]
+    assert decoder.feed(b"\x1b[32u") == [KeyEvent(" ")]
+
+
+def test_a_plain_byte_where_releases_are_told_is_released_at_once() -> None:
+    decoder = KeyDecoder()
+    decoder.tells_releases = True
+    assert decoder.feed(b"i\x1b[105u ") == [
+        KeyEvent("i"),
+        KeyEvent("i", RELEASE),
+        KeyEvent("i"),
+        KeyEvent(" "),
+        KeyEvent(" ", RELEASE),
+    ]
+
+
+@pytest.mark.parametrize("opening", [b"\x1b", b"\x1b[", b"\x1b[1;", b"\x1b[105;1:", b"\x1bO"])
 @pytest.mark.parametrize("key", [" ", CTRL_C])
 def test_the_keys_that_must_come_through_do_so_inside_an_unfinished_sequence(
     opening: bytes, key: str
 ) -> None:
-    assert KeyDecoder().feed(opening + key.encode()) == [key]
+    assert keys(opening + key.encode()) == [key]
 
 
-@given(pieces)
-def test_every_space_and_ctrl_c_is_a_key_whatever_surrounds_it(stream: list[bytes]) -> None:
-    keys = KeyDecoder().feed(b"".join(stream))
-    data = b"".join(stream)
-    assert [keys.count(" "), keys.count(CTRL_C)] == [data.count(b" "), data.count(b"\x03")]
+@given(pieces, st.booleans())
+def test_every_plain_space_and_ctrl_c_is_a_key_whatever_surrounds_it(
+    stream: list[bytes],
+    tells_releases: bool,  # noqa: FBT001
+) -> None:
+    decoder, data = KeyDecoder(), b"".join(stream)
+    decoder.tells_releases = tells_releases
+    pressed = [
+        event.key for event in decoder.feed(data) if isinstance(event, KeyEvent) and event.kind is PRESS
+    ]
+    assert pressed.count(" ") >= data.count(b" ")
+    assert pressed.count(CTRL_C) >= data.count(b"\x03")
+
+
+@given(
+    pieces,
+    st.sampled_from([(b"\x1b[32u", " "), (b"\x1b[99;5u", CTRL_C), (b"\x1b[1089::99;5u", CTRL_C)]),
+    st.sampled_from([b"", b";1:1", b";5", b";5:1", b";69:1", b";255:1", b";5:2"]),
+    st.integers(0, 10),
+)
+def test_every_space_and_ctrl_c_of_the_kitty_protocol_is_a_key_whatever_came_before_and_however_it_is_cut(
+    before: list[bytes], plain: tuple[bytes, str], more: bytes, cut: int
+) -> None:
+    sequence, key = plain
+    if key == " ":
+        sequence = sequence[:-1] + more + b"u"
+    decoder = KeyDecoder()
+    for piece in before:
+        decoder.feed(piece)
+    events = [*decoder.feed(sequence[:cut]), *decoder.feed(sequence[cut:])]
+    assert events[-1:] in ([KeyEvent(key)], [KeyEvent(key, REPEAT)])
 
 
 @given(pieces)
 def test_how_the_bytes_are_cut_makes_no_difference(stream: list[bytes]) -> None:
     decoder = KeyDecoder()
-    in_pieces = [key for piece in stream for key in decoder.feed(piece)]
+    in_pieces = [event for piece in stream for event in decoder.feed(piece)]
     assert in_pieces == KeyDecoder().feed(b"".join(stream))
 
 
 def test_bytes_beyond_ascii_do_not_raise() -> None:
-    assert "w" in KeyDecoder().feed(b"\xff\xc3\xa4w")
+    assert "w" in keys(b"\xff\xc3\xa4w")

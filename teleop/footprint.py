@@ -1,0 +1,43 @@
+"""What the picture needs of the supervisor's configuration.
+
+It is read for the eye alone: what is missing or odd is drawn as by default, and the supervisor, which must not
+start with it, says so itself.
+"""
+
+from typing import Any, cast
+
+from teleop.view import Robot
+
+_DEFAULT = Robot()
+
+
+def robot_of(document: dict[str, Any]) -> Robot:
+    """The hull, the lidar's mount and the distances of a robot.toml."""
+    supervisor = _table(document, "supervisor")
+    hull, lidar = _table(supervisor, "footprint"), _table(supervisor, "lidar")
+    return Robot(
+        radius_m=_number(hull, "radius_m", _DEFAULT.radius_m),
+        corners_m=_corners(hull),
+        lidar_x_m=_number(lidar, "x_m", 0.0),
+        lidar_y_m=_number(lidar, "y_m", 0.0),
+        lidar_yaw_rad=_number(lidar, "yaw_rad", 0.0),
+        stop_distance_m=_number(supervisor, "stop_distance_m", _DEFAULT.stop_distance_m),
+        warning_distance_m=_number(supervisor, "warning_distance_m", _DEFAULT.warning_distance_m),
+    )
+
+
+def _table(document: dict[str, Any], name: str) -> dict[str, Any]:
+    value = document.get(name)
+    return cast("dict[str, Any]", value) if isinstance(value, dict) else {}
+
+
+def _number(table: dict[str, Any], name: str, default: float) -> float:
+    value = table.get(name)
+    return float(value) if isinstance(value, int | float) else default
+
+
+def _corners(hull: dict[str, Any]) -> tuple[tuple[float, float], ...]:
+    try:
+        return tuple((float(x_m), float(y_m)) for x_m, y_m in hull.get("corners_m", ()))
+    except (TypeError, ValueError):
+        return ()

@@ -1,0 +1,292 @@
+"""A gamepad's events -> velocity: the pilot of `--mode gamepad`, without the device.
+
+The dead-man button decides. Nothing moves unless it was seen to be pressed, with the stick centred after that,
+and it is held; released, the velocity is zero at once. Whatever makes the held button doubtful (the pad was
+unplugged, events were lost, it has been silent for too long, the operator stopped by a key) ends the hold, and
+only a release and a new press begin another: a finger that was there before proves nothing.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum, StrEnum
+from typing import NamedTuple, assert_never
+
+from teleop.keymap import level_of
+from teleop.pilot import NEUTRAL, KeyEvent, KeyKind, Velocity
+from teleop.setpoint import LEVELS
+
+EV_SYN, EV_KEY, EV_ABS = 0, 1, 3
+"""Types of events, from linux/input-event-codes.h."""
+SYN_REPORT, SYN_DROPPED = 0, 3
+
+MAX_DEAD_ZONE = 0.5
+"""A driver's `flat` counts up to here: beyond it, hardly any stick would be left."""
+SETTLE_S = 0.5
+"""A driver knows a pad's state only with the first report: what is pressed this soon may have been held before."""
+STOP_KEY = "s"
+
+
+class PadEvent(NamedTuple):
+    """An input event as Linux tells it."""
+
+    type: int
+    code: int
+    value: int
+
+
+class Button(IntEnum):
+    """An EV_KEY event's value."""
+
+    RELEASED = 0
+    PRESSED = 1
+    REPEATED = 2
+
+
+class Axis(NamedTuple):
+    """Where an axis is, and its calibration: EVIOCGABS, in the axis's own units."""
+
+    value: int
+    minimum: int
+    maximum: int
+    flat: int = 0
+    """What the driver says is noise, on each side of the centre."""
+
+
+class PadState(NamedTuple):
+    """Everything that a pad says when it is asked."""
+
+    pressed: frozenset[int]
+    axes: Mapping[int, Axis]
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """What is where on the pad, and what a full deflection asks for."""
+
+    forward_axis: int
+    turn_axis: int
+    dead_man: int
+    turbo: int
+    dead_man_name: str
+    turbo_name: str
+    max_linear_m_s: float
+    max_angular_rad_s: float
+    forward_inverted: bool = True
+    turn_inverted: bool = True
+    dead_zone: float = 0.15
+    normal_share: float = 0.5
+    turbo_share: float = 1.0
+    silence_limit_s: float = 2.0
+    pulse_limit_s: float = 0.5
+
+    @property
+    def axes(self) -> tuple[int, int]:
+        return self.forward_axis, self.turn_axis
+
+    @property
+    def buttons(self) -> tuple[int, int]:
+        return self.dead_man, self.turbo
+
+
+def deflection(axis: Axis, dead_zone: float) -> float:
+    """How far an axis is from its centre, -1 to 1: zero in the dead zone, and from its edge on without a jump.
+
+    The kernel does not hold values to the range that it names: what is beyond counts as its end. A range that
+    is none is a centred axis.
+    """
+    half = (axis.maximum - axis.minimum) / 2
+    if half <= 0:
+        return 0.0
+    offset = max(-1.0, min(1.0, (axis.value - axis.minimum - half) / half))
+    zone = min(MAX_DEAD_ZONE, max(dead_zone, axis.flat / half))
+    beyond = abs(offset) - zone
+    return math.copysign(beyond / (1 - zone), offset) if beyond > 0 else 0.0
+
+
+class Phase(StrEnum):
+    """How far the operator is from driving."""
+
+    ABSENT = "absent"
+    LOST = "lost"
+    """Events were lost; nothing is known until the pad has been asked."""
+    LET_GO = "let go"
+    """The dead-man button is down, and does not count before it has been released."""
+    READY = "ready"
+    """The dead-man button is up."""
+    CENTRE = "centre"
+    """It is held, but the stick has not been centred since."""
+    DRIVING = "driving"
+
+
+@dataclass(slots=True)
+class Gamepad:
+    """The pilot: what the stick asks for while the dead-man button holds. See `teleop.pilot.Pilot`.
+
+    Time, in seconds of the loop's clock, is an argument. Between `lost` and `resync`, and before `plug_in`,
+    events are ignored.
+    """
+
+    layout: Layout
+    level: int = LEVELS
+    """1 to 5: its fifths are the share of both velocities that the stick has left, turbo or not."""
+    phase: Phase = Phase.ABSENT
+    name: str = ""
+    _why: str = "no gamepad"
+    """Why it is ABSENT, LOST or LET_GO."""
+    _pressed: set[int] = field(default_factory=set[int])
+    _axes: dict[int, Axis] = field(default_factory=dict[int, Axis])
+    _settled_s: float = math.inf
+    _heard_s: float = -math.inf
+    _pulse_s: float | None = None
+
+    # --- what the device tells
+
+    def plug_in(self, name: str, state: PadState, now_s: float) -> None:
+        """A pad is there, in this state; whatever is held on it was held before."""
+        self.name = name
+        self._settled_s = now_s + SETTLE_S
+        self._heard_s, self._pulse_s = now_s, None
+        self._take_state(state, "it was held when the gamepad came")
+
+    def unplug(self, why: str) -> None:
+        """The pad is gone, or cannot be used; `why` is for the screen."""
+        self.phase, self._why = Phase.ABSENT, why
+
+    def take(self, event: PadEvent, now_s: float) -> None:
+        """Take an event in the order in which the device told it."""
+        if self.phase in (Phase.ABSENT, Phase.LOST):
+            return
+        self._miss(now_s)
+        self._heard_s = now_s
+        if event.type == EV_KEY and event.code in self.layout.buttons:
+            self._button(event.code, event.value, now_s)
+        elif event.type == EV_ABS and event.code in self._axes:
+            self._axes[event.code] = self._axes[event.code]._replace(value=event.value)
+        elif event.type == EV_SYN and event.code == SYN_DROPPED:
+            self.phase, self._why = Phase.LOST, "events were lost"
+        elif event.type == EV_SYN and event.code == SYN_REPORT:
+            self._end_of_report()
+
+    @property
+    def needs_state(self) -> bool:
+        """Events were lost: empty the device's queue, ask it for its state, then call `resync`."""
+        return self.phase is Phase.LOST
+
+    def resync(self, state: PadState) -> None:
+        """The pad's state, after events were lost; the dead-man button may have been released among them."""
+        self._take_state(state, self._why)
+
+    def pulse(self, now_s: float) -> None:
+        """The pad has shown, by its motion sensors, that it is still there; from the first pulse on it must go on."""
+        self._miss(now_s)
+        self._pulse_s = now_s
+
+    # --- what teleop asks
+
+    def on_key(self, event: KeyEvent, now_s: float) -> None:  # noqa: ARG002 - a key is a key at any time
+        """No key drives here: one stops, some choose the level."""
+        if event.kind is KeyKind.RELEASE:
+            return
+        if event.key.lower() == STOP_KEY:
+            self.let_go()
+        self.level = level_of(event.key) or self.level
+
+    def velocity(self, now_s: float) -> Velocity:
+        """What is sent now. There is no ramp: the stick is the operator's own."""
+        self._miss(now_s)
+        return self.wanted()
+
+    def wanted(self) -> Velocity:
+        if self.phase is not Phase.DRIVING:
+            return NEUTRAL
+        layout = self.layout
+        forward = self._deflection(layout.forward_axis, inverted=layout.forward_inverted)
+        turn = self._deflection(layout.turn_axis, inverted=layout.turn_inverted)
+        return Velocity(
+            forward * self._share * layout.max_linear_m_s,
+            turn * self._share * layout.max_angular_rad_s,
+        )
+
+    def let_go(self) -> None:
+        if self.phase in (Phase.CENTRE, Phase.DRIVING):
+            self._end_hold("stopped")
+
+    @property
+    def next_s(self) -> float:
+        """When the silence of the pad ends the hold."""
+        if self.wanted().is_neutral:
+            return math.inf
+        layout = self.layout
+        return self._alive_s + (layout.silence_limit_s if self._pulse_s is None else layout.pulse_limit_s)
+
+    @property
+    def note(self) -> str:
+        layout = self.layout
+        match self.phase:
+            case Phase.ABSENT | Phase.LOST:
+                return f"stopped: {self._why}"
+            case Phase.LET_GO:
+                return f"{self._why}: let go of {layout.dead_man_name}, then hold it"
+            case Phase.READY:
+                return f"{self.name}: hold {layout.dead_man_name} to drive, {layout.turbo_name} is turbo"
+            case Phase.CENTRE:
+                return "centre the stick first"
+            case Phase.DRIVING:
+                return f"driving while {layout.dead_man_name} is held"
+            case _:
+                assert_never(self.phase)
+
+    # --- within
+
+    @property
+    def _share(self) -> float:
+        layout = self.layout
+        share = layout.turbo_share if layout.turbo in self._pressed else layout.normal_share
+        return share * self.level / LEVELS
+
+    @property
+    def _alive_s(self) -> float:
+        """When the pad was last known to be there."""
+        return self._heard_s if self._pulse_s is None else self._pulse_s
+
+    @property
+    def _is_centred(self) -> bool:
+        return not any(deflection(axis, self.layout.dead_zone) for axis in self._axes.values())
+
+    def _deflection(self, code: int, *, inverted: bool) -> float:
+        value = deflection(self._axes[code], self.layout.dead_zone)
+        return -value if inverted and value else value  # no negative zero on the wire
+
+    def _take_state(self, state: PadState, why: str) -> None:
+        self._pressed = {code for code in self.layout.buttons if code in state.pressed}
+        self._axes = {code: state.axes[code] for code in self.layout.axes}
+        self.phase, self._why = Phase.READY, why
+        if self.layout.dead_man in self._pressed:
+            self.phase = Phase.LET_GO
+
+    def _button(self, code: int, value: int, now_s: float) -> None:
+        if value == Button.RELEASED:
+            self._pressed.discard(code)
+        else:
+            self._pressed.add(code)
+        if code != self.layout.dead_man:
+            return
+        if value == Button.RELEASED:
+            self.phase = Phase.READY
+        elif value == Button.PRESSED and self.phase is Phase.READY:
+            self.phase = Phase.CENTRE
+            if now_s < self._settled_s:
+                self._end_hold("pressed too soon after the gamepad came")
+
+    def _miss(self, now_s: float) -> None:
+        if now_s >= self.next_s:
+            self._end_hold(f"nothing heard from it for {now_s - self._alive_s:.1f} s")
+
+    def _end_of_report(self) -> None:
+        """Only a whole report is consistent: what is pressed and where the stick is belong together."""
+        if self.phase is Phase.CENTRE and self._is_centred:
+            self.phase = Phase.DRIVING
+
+    def _end_hold(self, why: str) -> None:
+        self.phase, self._why = Phase.LET_GO, why

@@ -1,0 +1,58 @@
+"""`[teleop.gamepad]` of robot.toml."""
+
+from typing import Annotated
+
+from pydantic import Field, ValidationInfo, field_validator
+
+from wire.config import Section
+
+AxisName = Annotated[str, Field(pattern=r"^ABS_[A-Z0-9_]+$")]
+ButtonName = Annotated[str, Field(pattern=r"^(BTN|KEY)_[A-Z0-9_]+$")]
+Share = Annotated[float, Field(gt=0, le=1)]
+LimitS = Annotated[float, Field(ge=0.2, le=30)]
+"""No silence is unlimited: half a minute is a long time to drive without a sign of life."""
+
+
+class GamepadSection(Section):
+    """Which axis and button does what, by their Linux names (`evtest` shows them), and how far a stick goes."""
+
+    device: Annotated[str, Field(pattern=r"^/.+")] | None = None
+    """Such as /dev/input/by-id/...-event-joystick; without it, the one gamepad that is plugged in."""
+    forward_axis: AxisName = "ABS_Y"
+    turn_axis: AxisName = "ABS_X"
+    forward_inverted: bool = True
+    """Pushed forward, the axis falls: so it is on every pad whose driver follows the kernel's convention."""
+    turn_inverted: bool = True
+    """Pushed to the left, the axis falls; a turn to the left is positive."""
+    dead_man_button: ButtonName = "BTN_TL"
+    turbo_button: ButtonName = "BTN_TR"
+    dead_zone: Annotated[float, Field(gt=0, le=0.5)] = 0.15
+    """Share of the stick's way that counts as centred; an axis whose driver says more (`flat`) gets more."""
+    normal_share: Share = 0.5
+    turbo_share: Share = 1.0
+    """Of max_linear_m_s and max_angular_rad_s, without and with the turbo button."""
+    silence_limit_s: LimitS = 2.0
+    """A pad that says nothing for this long while it drives is taken for lost."""
+    pulse_limit_s: LimitS = 0.5
+    """Likewise for a pad with motion sensors, which say something all the time."""
+
+    @field_validator("turn_axis")
+    @classmethod
+    def _is_another_axis(cls, value: str, info: ValidationInfo) -> str:
+        if value == info.data.get("forward_axis"):
+            raise ValueError("expected another axis than forward_axis")
+        return value
+
+    @field_validator("turbo_button")
+    @classmethod
+    def _is_another_button(cls, value: str, info: ValidationInfo) -> str:
+        if value == info.data.get("dead_man_button"):
+            raise ValueError("expected another button than dead_man_button")
+        return value
+
+    @field_validator("turbo_share")
+    @classmethod
+    def _is_no_less_than_normal(cls, value: float, info: ValidationInfo) -> float:
+        if value < info.data.get("normal_share", value):
+            raise ValueError("expected at least normal_share")
+        return value

@@ -1,0 +1,339 @@
+"""The gamepad itself, by evdev: open it, read it in the event loop, miss it when it is gone, take it back.
+
+The package `evdev` is optional (`lifeline[gamepad]`) and imported only when a gamepad is asked for.
+"""
+
+import asyncio
+import os
+from collections.abc import Callable, Generator, Iterable
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Protocol, cast
+
+from teleop.gamepad import Axis, Gamepad, Layout, PadEvent, PadState
+from teleop.gamepad_config import GamepadSection
+from teleop.gamepad_find import DEVICES, SYSFS, Described, GamepadError, Needed, find_gamepad, find_sensors
+from teleop.setpoint import LEVELS
+
+RETRY_PERIOD_S = 0.5
+"""How often an unplugged pad is looked for."""
+PULSE_PERIOD_S = 0.1
+"""How often the motion sensors are asked for a sign of life: event by event, they would tell thousands a second."""
+PULSE_BYTES = 1 << 14
+MAX_READS = 16
+"""For each turn of the loop, 64 events each: a flood of events does not hold up the heartbeat."""
+
+_LABELS = {
+    "BTN_SOUTH": "A/cross",
+    "BTN_EAST": "B/circle",
+    "BTN_TL": "LB/L1",
+    "BTN_TR": "RB/R1",
+    "BTN_TL2": "LT/L2",
+    "BTN_TR2": "RT/R2",
+}
+"""What is printed on the buttons of most pads."""
+
+
+class InputEvent(Protocol):
+    """What is used of `evdev.InputEvent`."""
+
+    type: int
+    code: int
+    value: int
+
+
+class AbsInfo(Protocol):
+    """What is used of `evdev.AbsInfo`."""
+
+    @property
+    def value(self) -> int: ...
+    @property
+    def min(self) -> int: ...
+    @property
+    def max(self) -> int: ...
+    @property
+    def flat(self) -> int: ...
+
+
+class Device(Protocol):
+    """What is used of `evdev.InputDevice`; whatever it does may raise OSError once the pad is gone."""
+
+    @property
+    def fd(self) -> int: ...
+    def active_keys(self) -> Iterable[int]: ...
+    def absinfo(self, axis_num: int) -> AbsInfo: ...
+    def read(self) -> Iterable[InputEvent]: ...
+    def close(self) -> None: ...
+
+
+Opener = Callable[[Path], Device]
+"""Opens a device, to be read without blocking; raises OSError."""
+
+
+def open_gamepad(
+    section: GamepadSection, max_linear_m_s: float, max_angular_rad_s: float, level: int = LEVELS
+) -> "GamepadDevice":
+    """Find and open the gamepad that `section` asks for. Needs no event loop yet.
+
+    The answer holds the pilot (`.pilot`, a `teleop.pilot.Pilot`) that the gamepad steers; it is neutral until the
+    pad is read:
+
+        pad = open_gamepad(config.gamepad, config.max_linear_m_s, config.max_angular_rad_s)
+        ...
+        with pad.reading(wake=wake, say=terminal.note):  # in the loop; closes the pad at the end
+            await Teleop(..., pilot=pad.pilot).run(stop)
+
+    Each event sets `wake`, so that a change is sent at once; `say` hears a sentence when the pad goes or comes back.
+    A pad that goes makes the pilot neutral at once, and is looked for until it is back: nothing is raised then.
+    Whatever else must end a hold (the keys for stop and emergency stop, a hang, a terminal that is stuck) calls
+    `pilot.let_go()`: the dead-man button must then be released and held anew.
+
+    Args:
+        section: `[teleop.gamepad]`.
+        max_linear_m_s: what a full deflection asks for at a share of 1.
+        max_angular_rad_s: likewise.
+        level: the speed level to begin with, 1 to 5; the keys 1 to 5 choose another.
+
+    Raises:
+        GamepadError: the package is missing, a name in `section` is none of Linux's, there is no gamepad, it may
+            not be read, or there are several; in one sentence with what to do.
+    """
+    opener, codes = _evdev()
+    layout = layout_of(section, codes, max_linear_m_s, max_angular_rad_s)
+    pad = GamepadDevice(section, Gamepad(layout, level), opener)
+    pad.open()
+    return pad
+
+
+class GamepadDevice:
+    """A gamepad on its file descriptor, and its pilot.
+
+    Args:
+        section: which device.
+        pilot: what its events go to.
+        opener: opens a device; evdev's, or a test's.
+        devices: the directory of the device files.
+        sysfs: the directory of their descriptions.
+    """
+
+    def __init__(
+        self,
+        section: GamepadSection,
+        pilot: Gamepad,
+        opener: Opener,
+        *,
+        devices: Path = DEVICES,
+        sysfs: Path = SYSFS,
+    ) -> None:
+        self._section, self.pilot, self._opener = section, pilot, opener
+        self._devices, self._sysfs = devices, sysfs
+        self._name = ""
+        self._pad: Device | None = None
+        self._sensors: Device | None = None
+        self._timer: asyncio.TimerHandle | None = None
+        """The next look at the motion sensors, or the next search for the pad."""
+
+    def open(self) -> None:
+        """Open the gamepad, and its motion sensors where they may be read.
+
+        Raises:
+            GamepadError: in one sentence.
+        """
+        layout, section = self.pilot.layout, self._section
+        names = section.forward_axis, section.turn_axis, section.dead_man_button, section.turbo_button
+        needed = Needed(layout.axes, layout.buttons, names)
+        found = find_gamepad(needed, section.device, devices=self._devices, sysfs=self._sysfs)
+        self._pad = self._opened(found)
+        self._name = found.name
+        sensors = find_sensors(found, devices=self._devices, sysfs=self._sysfs)
+        if sensors is not None:
+            with suppress(OSError):  # they help, but are not needed
+                self._sensors = self._opener(sensors.path)
+
+    def close(self) -> None:
+        """Let go of the devices. Without effect when they are closed."""
+        for device in (self._pad, self._sensors):
+            if device is not None:
+                device.close()
+        self._pad = self._sensors = None
+
+    @contextmanager
+    def reading(self, *, wake: asyncio.Event, say: Callable[[str], None]) -> Generator[None]:
+        """Feed the pilot from the running loop; see `open_gamepad`."""
+        self._loop, self._wake, self._say = asyncio.get_running_loop(), wake, say
+        try:
+            assert self._pad is not None
+            self._start(self._pad)
+            yield
+        finally:
+            self._stop()
+
+    def _opened(self, found: Described) -> Device:
+        try:
+            device = self._opener(found.path)
+        except PermissionError:
+            raise GamepadError(
+                f"{found} may not be read: add yourself to the group input "
+                "(sudo usermod -aG input $USER), then log in again"
+            ) from None
+        except OSError as error:
+            raise GamepadError(f"{found} cannot be opened: {error.strerror}; plug it in again") from None
+        try:
+            fixed = [name for code, name in self._axis_names() if not _has_range(device.absinfo(code))]
+        except OSError as error:
+            device.close()
+            raise GamepadError(f"{found} cannot be read: {error.strerror}; plug it in again") from None
+        if fixed:
+            device.close()
+            raise GamepadError(f"{found} gives {' and '.join(fixed)} no range: name another axis")
+        return device
+
+    def _axis_names(self) -> tuple[tuple[int, str], ...]:
+        layout, section = self.pilot.layout, self._section
+        return (layout.forward_axis, section.forward_axis), (layout.turn_axis, section.turn_axis)
+
+    # --- in the loop
+
+    def _start(self, pad: Device) -> None:
+        """Ask the pad where it stands, and watch it; what it said before is void."""
+        try:
+            with suppress(BlockingIOError):
+                for _ in range(MAX_READS):
+                    list(pad.read())
+            state = _state(pad, self.pilot.layout)
+        except OSError:
+            self._lose()
+            return
+        self.pilot.plug_in(self._name, state, self._loop.time())
+        self._loop.add_reader(pad.fd, self._read, pad)
+        if self._sensors is not None:
+            self._feel(self._sensors)
+
+    def _read(self, pad: Device) -> None:
+        now_s = self._loop.time()
+        self._wake.set()
+        try:
+            for _ in range(MAX_READS):
+                events = list(pad.read())
+                if not events:  # a device has no end; a pipe in its place has
+                    self._lose()
+                    return
+                for event in events:
+                    self.pilot.take(PadEvent(event.type, event.code, event.value), now_s)
+        except BlockingIOError:
+            self._catch_up(pad)
+        except OSError:  # ENODEV: it was unplugged
+            self._lose()
+
+    def _catch_up(self, pad: Device) -> None:
+        """Where events were lost and the queue is empty now, the pad's state makes up for them.
+
+        Not before it is empty: what is still queued is older than the state, and would undo it.
+        """
+        if not self.pilot.needs_state:
+            return
+        try:
+            state = _state(pad, self.pilot.layout)
+        except OSError:
+            self._lose()
+            return
+        self.pilot.resync(state)
+        self._say("gamepad: events were lost; stopped")
+
+    def _feel(self, sensors: Device) -> None:
+        """Whatever the motion sensors said since the last time: the pad is there."""
+        self._timer = self._loop.call_later(PULSE_PERIOD_S, self._feel, sensors)
+        with suppress(OSError):  # nothing said, or gone: then the pad's own descriptor tells
+            if os.read(sensors.fd, PULSE_BYTES):
+                self.pilot.pulse(self._loop.time())
+
+    def _lose(self) -> None:
+        self._stop()
+        self.pilot.unplug("gamepad unplugged")
+        self._say("gamepad unplugged: stopped; plug it in again")
+        self._timer = self._loop.call_later(RETRY_PERIOD_S, self._look)
+        self._wake.set()
+
+    def _look(self) -> None:
+        """Look for the pad; why it cannot be had is the pilot's note until it is back."""
+        self._wake.set()
+        try:
+            self.open()
+        except GamepadError as error:
+            self.pilot.unplug(str(error))
+            self._timer = self._loop.call_later(RETRY_PERIOD_S, self._look)
+            return
+        assert self._pad is not None
+        self._say(f"gamepad is back: {self._name}")
+        self._start(self._pad)
+
+    def _stop(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if self._pad is not None:
+            self._loop.remove_reader(self._pad.fd)
+        self.close()
+
+
+def _state(pad: Device, layout: Layout) -> PadState:
+    def axis(code: int) -> Axis:
+        info = pad.absinfo(code)
+        return Axis(info.value, info.min, info.max, info.flat)
+
+    return PadState(frozenset(pad.active_keys()), {code: axis(code) for code in layout.axes})
+
+
+def _has_range(info: AbsInfo) -> bool:
+    return info.min < info.max
+
+
+def _evdev() -> tuple[Opener, dict[str, int]]:
+    """How evdev opens a device, and Linux's names of axes and buttons."""
+    try:
+        import evdev  # noqa: PLC0415 - an optional package
+    except ImportError:
+        raise GamepadError(
+            "a gamepad needs Linux and the package evdev: pip install 'lifeline[gamepad]'"
+        ) from None
+
+    def opener(path: Path) -> Device:
+        return cast("Device", evdev.InputDevice(str(path), readonly=True))  # its own types say less
+
+    return opener, evdev.ecodes.ecodes
+
+
+def layout_of(
+    section: GamepadSection, codes: dict[str, int], max_linear_m_s: float, max_angular_rad_s: float
+) -> Layout:
+    """The configuration with Linux's numbers for its names.
+
+    Raises:
+        GamepadError: a name is none of Linux's.
+    """
+
+    def code(key: str) -> int:
+        name: str = getattr(section, key)
+        if name not in codes:
+            raise GamepadError(
+                f"teleop.gamepad.{key} = {name!r}: Linux has no such name; evtest shows those of a pad"
+            )
+        return codes[name]
+
+    return Layout(
+        forward_axis=code("forward_axis"),
+        turn_axis=code("turn_axis"),
+        dead_man=code("dead_man_button"),
+        turbo=code("turbo_button"),
+        dead_man_name=_LABELS.get(section.dead_man_button, section.dead_man_button),
+        turbo_name=_LABELS.get(section.turbo_button, section.turbo_button),
+        max_linear_m_s=max_linear_m_s,
+        max_angular_rad_s=max_angular_rad_s,
+        forward_inverted=section.forward_inverted,
+        turn_inverted=section.turn_inverted,
+        dead_zone=section.dead_zone,
+        normal_share=section.normal_share,
+        turbo_share=section.turbo_share,
+        silence_limit_s=section.silence_limit_s,
+        pulse_limit_s=section.pulse_limit_s,
+    )

@@ -1,0 +1,139 @@
+"""Control by holding: the robot moves only while a key is held, in the layout of teleop_twist_keyboard.
+
+Where the terminal tells releases, a key is held from its press to its release, and several held keys add up;
+a repeat proves nothing there, so that after any stop a key must be pressed anew. Elsewhere its repeats must do
+(repeats.py).
+"""
+
+import math
+
+from teleop.keymap import level_of
+from teleop.pilot import NEUTRAL, KeyEvent, KeyKind, Velocity
+from teleop.ramp import Ramp
+from teleop.repeats import Repeats
+from teleop.setpoint import LEVELS
+
+MOTIONS = {
+    "u": (1, 1),
+    "i": (1, 0),
+    "o": (1, -1),
+    "j": (0, 1),
+    "l": (0, -1),
+    "m": (-1, -1),
+    ",": (-1, 0),
+    ".": (-1, 1),
+    "up": (1, 0),
+    "down": (-1, 0),
+    "left": (0, 1),
+    "right": (0, -1),
+}
+"""Forward and to the left; those of teleop_twist_keyboard."""
+UP, DOWN = 1.1, 0.9
+SPEEDS = {
+    "q": (UP, UP),
+    "z": (DOWN, DOWN),
+    "w": (UP, 1.0),
+    "x": (DOWN, 1.0),
+    "e": (1.0, UP),
+    "c": (1.0, DOWN),
+}
+"""Factors of the forward velocity and of the turn rate."""
+LEAST = 0.05
+"""Of the maximum: below it a robot hardly moves, and ten per cent of it lead nowhere."""
+
+
+class Hold:
+    """A `Pilot` that moves while a key is held; any key without another meaning stops.
+
+    Args:
+        speed: while a key is held.
+        most: what it may be raised to.
+        ramp: between what is asked for and what is sent.
+        level: to begin with.
+    """
+
+    def __init__(self, speed: Velocity, most: Velocity, ramp: Ramp, level: int = LEVELS) -> None:
+        self._speed, self._most, self._ramp, self._level = speed, most, ramp, level
+        self._reports_releases = False
+        self._held: dict[str, None] = {}
+        self._repeats = Repeats()
+        self._wanted = NEUTRAL
+
+    @property
+    def level(self) -> int:
+        return self._level
+
+    @property
+    def note(self) -> str:
+        speed, how = self._allowed(), "releases reported" if self._reports_releases else "by key repeat"
+        return f"{how}: {speed.linear_m_s:.2f} m/s, {speed.angular_rad_s:.2f} rad/s"
+
+    @property
+    def explanation(self) -> str:
+        """How a key counts as held here, in a sentence."""
+        if self._reports_releases:
+            return "the terminal reports key releases: it moves from a key's press to its release"
+        return "no key releases from this terminal: it moves once a held key repeats, and 0.1 s longer"
+
+    @property
+    def next_s(self) -> float:
+        expiry_s = self._repeats.until_s if self._wanted != NEUTRAL and not self._held else math.inf
+        return min(self._ramp.next_s, expiry_s)
+
+    def rely_on_releases(self, *, reported: bool) -> None:
+        """Whether the terminal tells when a key is released; a change of it lets go."""
+        if reported is not self._reports_releases:
+            self._reports_releases = reported
+            self.let_go()
+
+    def on_key(self, event: KeyEvent, now_s: float) -> None:
+        key = event.key.lower()
+        level = level_of(key)
+        if event.kind is KeyKind.RELEASE:
+            self._held.pop(key, None)
+        elif key in MOTIONS:
+            self._on_motion(key, event.kind, now_s)
+        elif key in SPEEDS:
+            self._speed = Velocity(
+                *(
+                    max(LEAST * most, min(most, speed * factor))
+                    for speed, most, factor in zip(self._speed, self._most, SPEEDS[key], strict=True)
+                )
+            )
+        elif level is not None:
+            self._level = level
+        else:
+            self.let_go()
+
+    def velocity(self, now_s: float) -> Velocity:
+        key = self._repeats.held(now_s)
+        keys = tuple(self._held) if key is None else (key,)
+        speed = self._allowed()
+        self._wanted = Velocity(
+            *(
+                max(-1, min(1, sum(MOTIONS[key][axis] for key in keys))) * speed[axis] + 0.0
+                for axis in range(len(speed))
+            )
+        )
+        return self._ramp.toward(self._wanted, now_s)
+
+    def wanted(self) -> Velocity:
+        return self._wanted
+
+    def let_go(self) -> None:
+        self._held.clear()
+        self._repeats.forget()
+        self._wanted = NEUTRAL
+        self._ramp.reset()
+
+    def _on_motion(self, key: str, kind: KeyKind, now_s: float) -> None:
+        if not self._reports_releases:
+            self._repeats.press(key, now_s)
+        elif kind is KeyKind.PRESS:
+            self._held[key] = None
+
+    def _allowed(self) -> Velocity:
+        share = self._level / LEVELS
+        return Velocity(
+            *(min(speed, share * most) for speed, most in zip(self._speed, self._most, strict=True))
+        )

@@ -1,0 +1,59 @@
+"""Control by steps: each press changes what is asked for, and it holds until the next.
+
+A stop by the supervisor does not change what is asked for: the law waits for a neutral command, and that has
+to be the operator's own. A program that let go by itself would arm the robot again behind his back.
+"""
+
+from teleop.keymap import level_of
+from teleop.pilot import KeyEvent, KeyKind, Velocity
+from teleop.ramp import Ramp
+from teleop.setpoint import Setpoint
+
+_STEPS = {"w": (1, 0), "x": (-1, 0), "a": (0, 1), "d": (0, -1)}
+"""Steps forward and to the left."""
+_STOP = "s"
+
+
+class Incremental:
+    """A `Pilot` that counts key presses.
+
+    Args:
+        setpoint: neutral, at the level to begin with.
+        ramp: between what is asked for and what is sent.
+    """
+
+    note = "each press is a step"
+
+    def __init__(self, setpoint: Setpoint, ramp: Ramp) -> None:
+        self._setpoint, self._ramp = setpoint, ramp
+
+    @property
+    def level(self) -> int:
+        return self._setpoint.level
+
+    @property
+    def next_s(self) -> float:
+        return self._ramp.next_s
+
+    def on_key(self, event: KeyEvent, now_s: float) -> None:  # noqa: ARG002 - a step is a step at any time
+        if event.kind is KeyKind.RELEASE:
+            return
+        key = event.key.lower()
+        level = level_of(key)
+        if key == _STOP:
+            self.let_go()
+        elif key in _STEPS:
+            linear, angular = _STEPS[key]
+            self._setpoint = self._setpoint.moved(linear=linear, angular=angular)
+        elif level is not None:
+            self._setpoint = self._setpoint.at_level(level)
+
+    def velocity(self, now_s: float) -> Velocity:
+        return self._ramp.toward(self._setpoint.velocity, now_s)
+
+    def wanted(self) -> Velocity:
+        return self._setpoint.velocity
+
+    def let_go(self) -> None:
+        self._setpoint = self._setpoint.neutral()
+        self._ramp.reset()

@@ -1,0 +1,205 @@
+"""The robot and what its lidar sees from above, in characters.
+
+Forward is up, left is left, the base frame's origin is in the middle. Each character is 2 x 4 dots (braille), so
+that a dot is as high as it is wide; where the terminal has no such characters, the same picture is made of ASCII.
+A character shows only what matters most in it: points close to the hull, the hull, other points, the rings.
+"""
+
+import itertools
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from teleop.view import Line, Robot, Scan, Segment, Tone
+
+Floats = npt.NDArray[np.float64]
+Cells = npt.NDArray[np.uint8]
+
+NEAR_M = 1.5
+"""At least this much beyond the hull is seen to every side."""
+FINEST_M, COARSEST_M = 0.03, 1.0
+"""For each dot; a larger terminal shows more instead."""
+
+_DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.uint8)
+"""The bit of each of a character's 4 x 2 dots."""
+_BRAILLE = 0x2800
+
+# What a character shows, by rank.
+_NOTHING, _OUTER_RING, _INNER_RING, _POINT, _HULL, _WARNING, _STOP = range(7)
+_TONES = (Tone.DIM, Tone.DIM, Tone.DIM, Tone.PLAIN, Tone.STRONG, Tone.CAUTION, Tone.STOP)
+_STALE_TONES = (Tone.DIM,) * 4 + (Tone.STRONG,) + (Tone.DIM,) * 2
+_ASCII = np.array([ord(char) for char in " .:o+X#"], dtype=np.uint8)
+
+
+class Scale(NamedTuple):
+    """How large the picture is."""
+
+    columns: int
+    rows: int
+    dot_m: float
+
+
+def scale_of(robot: Robot, columns: int, rows: int) -> Scale:
+    """So that NEAR_M around the hull fits into this many characters."""
+    dot_m = 2.0 * (_farthest_m(robot) + NEAR_M) / max(1, min(2 * columns, 4 * rows))
+    return Scale(columns, rows, dot_m if FINEST_M <= dot_m <= COARSEST_M else FINEST_M)
+
+
+def draw_top_view(
+    scan: Scan | None,
+    robot: Robot,
+    columns: int,
+    rows: int,
+    *,
+    is_stale: bool = False,
+    unicode: bool = True,
+) -> list[Line]:
+    """`rows` lines of `columns` characters.
+
+    Args:
+        scan: None: the hull and its rings alone.
+        robot: with its rings at the stop and the warning distance.
+        columns: at least 1.
+        rows: at least 1.
+        is_stale: the scan is too old to hold: its points are shown in grey.
+        unicode: False: in ASCII.
+    """
+    scale = scale_of(robot, columns, rows)
+    with np.errstate(all="ignore"):  # scans and configurations of any numbers are drawn, odd as they may be
+        dots, ranks = _background(robot, scale)
+        if scan is not None:
+            dots, ranks = _with_points(dots, ranks, scan, robot, scale)
+    if unicode:
+        codes = dots.astype("<u4") + np.uint32(_BRAILLE)
+        codes[dots == 0] = ord(" ")
+    else:
+        codes = _ASCII[ranks].astype("<u4")
+    return _lines(codes, ranks, _STALE_TONES if is_stale else _TONES)
+
+
+def clearance_m(points: Floats, robot: Robot) -> Floats:
+    """Distances (n,) of points (n, 2) [m] in the base frame from the hull; zero inside."""
+    if len(robot.corners_m) < 3:
+        return np.maximum(np.hypot(points[:, 0], points[:, 1]) - robot.radius_m, 0.0)
+    starts = np.array(robot.corners_m, dtype=np.float64)
+    sides = np.roll(starts, -1, axis=0) - starts
+    lengths2 = np.maximum((sides * sides).sum(axis=1), 1e-12)
+    offsets = points[:, None, :] - starts
+    along = np.clip((offsets * sides).sum(axis=2) / lengths2, 0.0, 1.0)
+    gaps = offsets - along[:, :, None] * sides
+    turns = sides[:, 0] * offsets[:, :, 1] - sides[:, 1] * offsets[:, :, 0]
+    inside = (turns >= 0.0).all(axis=1) | (turns <= 0.0).all(axis=1)  # whichever way round the corners go
+    return np.where(inside, 0.0, np.sqrt((gaps * gaps).sum(axis=2).min(axis=1)))
+
+
+def _with_points(dots: Cells, ranks: Cells, scan: Scan, robot: Robot, scale: Scale) -> tuple[Cells, Cells]:
+    """The picture with the scan's points over it."""
+    points = _points(scan, robot, scale)
+    down, right = _places(points, scale)
+    seen = (down >= 0) & (down < 4 * scale.rows) & (right >= 0) & (right < 2 * scale.columns)
+    points, down, right = points[seen], down[seen], right[seen]
+    gaps = clearance_m(points, robot)
+    close = np.where(gaps <= robot.warning_distance_m, np.uint8(_WARNING), np.uint8(_POINT))
+    rank = np.where(gaps <= robot.stop_distance_m, np.uint8(_STOP), close)
+    at = (down // 4) * scale.columns + right // 2
+    over = np.zeros(dots.size, dtype=np.uint8)
+    over_rank = np.zeros(dots.size, dtype=np.uint8)
+    np.bitwise_or.at(over, at, _DOTS[down % 4, right % 2])
+    np.maximum.at(over_rank, at, rank)
+    over, over_rank = over.reshape(dots.shape), over_rank.reshape(dots.shape)
+    on_top = over_rank > ranks
+    return np.where(on_top, over, dots), np.where(on_top, over_rank, ranks)
+
+
+def _points(scan: Scan, robot: Robot, scale: Scale) -> Floats:
+    """Points (n, 2) [m] in the base frame of the beams that may be in the picture."""
+    ranges = scan.ranges_m
+    farthest_m = scale.dot_m * math.hypot(scale.columns, 2 * scale.rows) + math.hypot(
+        robot.lidar_x_m, robot.lidar_y_m
+    )
+    # A comparison with NaN is false, and infinity is beyond every end: neither is a point.
+    at = np.flatnonzero(
+        (ranges >= max(0.0, scan.range_min_m)) & (ranges <= min(scan.range_max_m, farthest_m))
+    )
+    beams = _beams(len(ranges), scan.angle_min_rad + robot.lidar_yaw_rad, scan.angle_increment_rad)[at]
+    points = beams * ranges[at, None] + np.array([robot.lidar_x_m, robot.lidar_y_m])
+    return points[np.isfinite(points).all(axis=1)]
+
+
+@lru_cache(maxsize=4)
+def _beams(count: int, first_rad: float, increment_rad: float) -> Floats:
+    """Unit vectors (count, 2); not numbers where the angles are none."""
+    angles = first_rad + increment_rad * np.arange(count)
+    return np.column_stack((np.cos(angles), np.sin(angles)))
+
+
+def _places(points: Floats, scale: Scale) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """The dots (down from the top, right from the left side) of points, also of those outside the picture."""
+    down = np.floor(2.0 * scale.rows - points[:, 0] / scale.dot_m).astype(np.int64)
+    right = np.floor(scale.columns - points[:, 1] / scale.dot_m).astype(np.int64)
+    return down, right
+
+
+@lru_cache(maxsize=4)
+def _background(robot: Robot, scale: Scale) -> tuple[Cells, Cells]:
+    """The hull, its nose and its rings: dots and ranks (rows, columns)."""
+    x_m = (2.0 * scale.rows - 0.5 - np.arange(4 * scale.rows)) * scale.dot_m
+    y_m = (scale.columns - 0.5 - np.arange(2 * scale.columns)) * scale.dot_m
+    points = np.empty((len(x_m), len(y_m), 2))
+    points[:, :, 0], points[:, :, 1] = x_m[:, None], y_m
+    points = points.reshape(-1, 2)
+    reach_m = _farthest_m(robot) + max(robot.stop_distance_m, robot.warning_distance_m) + scale.dot_m
+    near = np.abs(points).max(axis=1) <= reach_m
+    gaps = np.full(len(points), math.inf)
+    gaps[near] = clearance_m(points[near], robot)
+    half = scale.dot_m / 2
+    around_dots = math.tau * (_farthest_m(robot) + robot.warning_distance_m) / scale.dot_m
+    outer = (np.abs(gaps - robot.warning_distance_m) <= half) & _dashes(points, around_dots / 6)
+    inner = np.abs(gaps - robot.stop_distance_m) <= half
+    nose = (np.abs(points[:, 1]) <= half) & (points[:, 0] >= 0.0) & (gaps == 0.0)
+    # The hull's edge: dots inside with one outside beside them.
+    within = np.pad((gaps == 0.0).reshape(len(x_m), len(y_m)), 1)
+    core = within[:-2, 1:-1] & within[2:, 1:-1] & within[1:-1, :-2] & within[1:-1, 2:]
+    hull = (within[1:-1, 1:-1] & ~core).ravel() | nose
+    dots = np.zeros((scale.rows, scale.columns), dtype=np.uint8)
+    ranks = np.zeros_like(dots)
+    for rank, layer in ((_OUTER_RING, outer), (_INNER_RING, inner), (_HULL, hull)):
+        here = _packed(layer.reshape(scale.rows, 4, scale.columns, 2))
+        dots, ranks = np.where(here, here, dots), np.where(here, np.uint8(rank), ranks)
+    return dots, ranks
+
+
+def _dashes(points: Floats, count: float) -> npt.NDArray[np.bool_]:
+    """So many pieces of a turn, with as much between them: a dashed ring is told from a wall and from the other ring."""
+    turns = np.arctan2(points[:, 1], points[:, 0]) / math.tau
+    return np.floor(turns * 2 * np.round(count)) % 2 == 0
+
+
+def _packed(layer: npt.NDArray[np.bool_]) -> Cells:
+    """Dots (rows, 4, columns, 2) as the bits of characters (rows, columns)."""
+    return (layer * _DOTS[None, :, None, :]).sum(axis=(1, 3), dtype=np.uint8)
+
+
+def _lines(codes: npt.NDArray[np.uint32], ranks: Cells, tones: tuple[Tone, ...]) -> list[Line]:
+    """Characters of equal rank in a row are one segment."""
+    lines: list[Line] = []
+    columns = codes.shape[1]
+    text = codes.tobytes().decode("utf-32-le")
+    for row, row_ranks in enumerate(ranks):
+        cuts = [0, *(np.flatnonzero(np.diff(row_ranks)) + 1).tolist(), columns]
+        line = text[row * columns : (row + 1) * columns]
+        lines.append(
+            tuple(
+                Segment(line[begin:end], tones[int(row_ranks[begin])])
+                for begin, end in itertools.pairwise(cuts)
+            )
+        )
+    return lines
+
+
+def _farthest_m(robot: Robot) -> float:
+    """The farthest part of the hull from the base frame's origin."""
+    return max((math.hypot(x, y) for x, y in robot.corners_m), default=robot.radius_m)

@@ -1,0 +1,188 @@
+"""The supervisor's mode in words: what holds, why, and what the operator does next.
+
+What comes from the network is told as plain ASCII, so that no payload can speak to the terminal.
+"""
+
+import math
+from typing import NamedTuple
+
+from teleop.view import Control, Tone, View, plain
+from wire.messages import SafetyStatus, SourceStatus
+
+SILENT_AFTER_S = 0.5
+"""A stream that has not been renewed for this long says nothing about now; the slowest has 10 Hz."""
+LATE_S = 0.15
+"""A source whose last command is older than this is still silent; it sends 20 in a second."""
+
+_DIRECTIONS = ("ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right")
+
+_CAUSES = {
+    "ESTOP": "the emergency stop is latched",
+    "BASE_RUNAWAY": "the base moves although zero is commanded",
+    "OVERRUN": "the supervisor itself was late; its machine has too much to do",
+    "SCAN_STALE": "no scan has come yet",
+    "SOURCE_LOST": "the connection to WHO was lost",
+    "COMMAND_INVALID": "WHO sent something that is no command",
+    "COMMAND_STALE": "the commands of WHO come too late or out of order",
+    "NO_COMMAND": "nobody has commanded anything yet",
+    "SCAN_BLIND": "no beam looks where the motion would go",
+    "": "the supervisor gives no reason",
+}
+_STEPS = {
+    "ESTOP": "NEUTRAL, then r to reset",
+    "NO_COMMAND": "NEUTRAL to arm",
+    "OBSTACLE": "NEUTRAL, or drive away from it",
+    "SCAN_STALE": "wait for the lidar, NEUTRAL",
+    "SCAN_INVALID": "check the lidar, NEUTRAL",
+    "SCAN_BLIND": "no beam looks there: NEUTRAL",
+    "COMMAND_TIMEOUT": "NEUTRAL to re-arm",
+    "COMMAND_STALE": "NEUTRAL to re-arm",
+    "SOURCE_LOST": "NEUTRAL to re-arm",
+    "COMMAND_INVALID": "NEUTRAL to re-arm",
+    "OVERRUN": "NEUTRAL to re-arm",
+    "": "NEUTRAL to re-arm",
+}
+
+
+class News(NamedTuple):
+    """The mode as the operator reads it."""
+
+    mode: str
+    """One word in capitals."""
+    what: str
+    """Why, or how: goes on after the mode and a colon."""
+    next_step: str
+    """What to do about it; empty: nothing."""
+    tone: Tone
+    """GOOD, CAUTION or STOP."""
+    reasons: tuple[str, ...] = ()
+    """The stop reasons by their names, the most restrictive first."""
+
+
+def is_silent(view: View) -> bool:
+    """Whether what the last status said need not hold any more."""
+    return view.status is not None and not view.status_age_s <= SILENT_AFTER_S
+
+
+def news(view: View) -> News:
+    """The mode, its cause and what to do next."""
+    status = view.status
+    if status is None:
+        endpoint = plain(view.endpoint)
+        step = "start the supervisor, or quit with Ctrl-C"
+        return News("WAITING", f"nothing heard from the supervisor at {endpoint}", step, Tone.CAUTION)
+    if is_silent(view):
+        what = f"silent for {view.status_age_s:.1f} s; the base brakes by itself"
+        return News("NO SUPERVISOR", what, "wait for it, or start it again", Tone.STOP)
+    match status.mode:
+        case SafetyStatus.STOPPED:
+            return _stopped(view, status)
+        case SafetyStatus.READY:
+            return _ready(view, status)
+        case SafetyStatus.DRIVING:
+            return News("DRIVING", *_driving(view, status), Tone.GOOD)
+        case SafetyStatus.LIMITED:
+            return _limited(view, status)
+        case unknown:
+            what = f"the supervisor tells mode {unknown}, which this program does not know"
+            return News("UNKNOWN", what, "run the same version of both", Tone.STOP)
+
+
+def next_step(view: View, reason: str) -> str:
+    """What the operator can do about a stop reason, in a few words."""
+    if reason == "BASE_RUNAWAY":
+        return "cut the robot's power"
+    if view.control is Control.VIEW_ONLY:
+        return "whoever drives must reset it" if reason == "ESTOP" else "whoever drives must re-arm"
+    if reason == "ESTOP" and view.is_neutral:  # its reset is refused while a source asks for motion
+        return "press r to reset"
+    return _STEPS.get(reason, "remove the cause, NEUTRAL").replace("NEUTRAL", view.neutral_hint)
+
+
+def direction(bearing_rad: float) -> str:
+    """One of eight, from the robot; empty where it is not known."""
+    octant = octant_of(bearing_rad)
+    return "" if octant is None else _DIRECTIONS[octant]
+
+
+def octant_of(bearing_rad: float) -> int | None:
+    """0 to 7, counter-clockwise from ahead; None: not known."""
+    if not math.isfinite(bearing_rad):
+        return None
+    return round(math.remainder(bearing_rad, math.tau) / (math.pi / 4)) % 8
+
+
+def _stopped(view: View, status: SafetyStatus) -> News:
+    reasons = tuple(plain(reason) for reason in status.reasons)
+    first = reasons[0] if reasons else ""
+    what = _cause(first, status)
+    alarm = "ALARM: " if status.alarm else ""
+    return News("STOPPED", alarm + what, next_step(view, first), Tone.STOP, reasons)
+
+
+def _cause(reason: str, status: SafetyStatus) -> str:
+    """The sentence of a stop reason."""
+    who = plain(status.owner) or "a source"
+    match reason:
+        case "SCAN_INVALID":
+            return f"the lidar's scan proves nothing: {plain(status.scan_problem) or 'no usable beams'}"
+        case "SCAN_STALE" if math.isfinite(status.scan_age_s):
+            return f"the newest scan is {status.scan_age_s:.1f} s old"
+        case "COMMAND_TIMEOUT":
+            return _silence(who, _source(status, status.owner))
+        case "OBSTACLE":
+            return f"too close for this motion{_where(status)}"
+        case _:
+            unknown = f"for a reason that this program does not know: {reason}"
+            return _CAUSES.get(reason, unknown).replace("WHO", who)
+
+
+def _silence(who: str, source: SourceStatus | None) -> str:
+    if source is not None and source.age_s > LATE_S:
+        return f"{who} silent for {source.age_s:.1f} s"
+    return f"{who} was silent for too long"
+
+
+def _where(status: SafetyStatus) -> str:
+    if not math.isfinite(status.nearest_m):
+        return ""
+    where = direction(status.nearest_bearing_rad)
+    return f": {status.nearest_m:.2f} m{' ' if where else ''}{where}"
+
+
+def _ready(view: View, status: SafetyStatus) -> News:
+    if view.control is Control.VIEW_ONLY:
+        return News("READY", "standing, armed", "", Tone.GOOD)
+    name, own = plain(view.source), view.own
+    if own is not None and not own.armed:
+        who = plain(status.owner) or "another source"
+        return News("READY", f"for {who}, but not for {name}", f"{view.neutral_hint} to arm", Tone.CAUTION)
+    if own is None and status.sources:
+        what = f"but the supervisor takes nothing from {name}"
+        return News("READY", what, "name it among the sources in robot.toml", Tone.CAUTION)
+    return News("READY", "standing, armed", "what you ask for next, it does", Tone.GOOD)
+
+
+def _driving(view: View, status: SafetyStatus) -> tuple[str, str]:
+    """Who drives, and what to do about it."""
+    owner = plain(status.owner) or "a source"
+    if view.control is Control.VIEW_ONLY:
+        return f"{owner} drives", ""
+    if status.owner in ("", view.source):
+        return "as you ask", "SPACE is the emergency stop"
+    own, other = view.own, _source(status, status.owner)
+    if own is not None and other is not None and own.priority > other.priority:
+        return f"{owner} drives, not you", "ask for motion to take over; SPACE is the emergency stop"
+    return f"{owner} drives, not you", "it must let go first; SPACE is the emergency stop"
+
+
+def _limited(view: View, status: SafetyStatus) -> News:
+    who, step = _driving(view, status)
+    what = f"slowed to {status.scale:.0%}{_where(status)}"
+    if who != "as you ask":
+        return News("LIMITED", f"{who}; {what}", step, Tone.CAUTION)
+    return News("LIMITED", what, "steer away from it, or slow down", Tone.CAUTION)
+
+
+def _source(status: SafetyStatus, name: str) -> SourceStatus | None:
+    return next((source for source in status.sources if source.name == name), None)

@@ -1,0 +1,285 @@
+"""A teleop in a terminal of its own, the hands and eyes in front of it, and the supervisor's side of the wire."""
+
+import asyncio
+import fcntl
+import os
+import pty
+import re
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import termios
+import time
+from collections.abc import AsyncGenerator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import pyte
+import pytest
+
+from wire import topics
+from wire.messages import SafetyStatus, TriggerResponse, Twist, header
+from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
+
+LIMIT_S = 8.0
+ROOT = Path(__file__).parents[2]
+ZERO = (0.0, 0.0)
+ALL_MODES = tuple[Any, ...]
+
+SEQUENCE = re.compile(rb"\x1b\[([<>?=]?)([0-9;]*)([@-~])")
+UNFINISHED = re.compile(rb"\x1b(\[[<>?=0-9;]*)?\Z")
+
+
+async def until(condition: Callable[[], object], limit_s: float = LIMIT_S) -> float:
+    """Wait for `condition`, and no longer than it takes; returns how long it took."""
+    start_s = time.monotonic()
+    while not condition():
+        if time.monotonic() - start_s > limit_s:
+            pytest.fail(f"not within {limit_s} s")
+        await asyncio.sleep(0.005)
+    return time.monotonic() - start_s
+
+
+def free_endpoint() -> str:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+class Hub:
+    """What the supervisor's side of the wire sees of teleop."""
+
+    def __init__(self, bus: ZenohBus, source: str) -> None:
+        self._source = source
+        self._commands = bus.subscribe(topics.source_cmd_vel(source), depth=1000)
+        self._estops = bus.subscribe(topics.ESTOP, depth=1000)
+        self._changes = bus.watch_alive()
+        self._status = bus.publisher(topics.STATUS)
+        self._alive: set[str] = set()
+        self._twists: list[Twist] = []
+        bus.serve(topics.SUPERVISOR_RESET, self._refuse)
+
+    async def _refuse(self, _: str) -> TriggerResponse:
+        return TriggerResponse(success=False, message="joy is not neutral")
+
+    @property
+    def velocities(self) -> list[tuple[float, float]]:
+        self._twists += [a.message for a in self._commands.take() if a.message is not None]
+        return [(twist.linear.x, twist.angular.z) for twist in self._twists]
+
+    def asks(self, linear_m_s: float, angular_rad_s: float) -> bool:
+        return self.velocities[-1:] == [(linear_m_s, angular_rad_s)]
+
+    def sees_teleop(self) -> bool:
+        for change in self._changes.take():
+            (self._alive.add if change.alive else self._alive.discard)(change.node)
+        return self._source in self._alive
+
+    def is_ready(self) -> bool:
+        """It has its token, and is neutral."""
+        return self.sees_teleop() and self.asks(*ZERO)
+
+    def is_left(self) -> bool:
+        """It has taken its token along, and its last command was zero."""
+        return not self.sees_teleop() and self.asks(*ZERO)
+
+    def got_estop(self) -> bool:
+        return any(a.message is not None and a.message.data for a in self._estops.take())
+
+    def tell(self, mode: int, *reasons: str, **fields: Any) -> None:  # noqa: ANN401 - any field of the status
+        self._status.put(SafetyStatus(header("base_link"), mode=mode, reasons=list(reasons), **fields))
+
+
+@asynccontextmanager
+async def hub(endpoint: str, source: str = "teleop") -> AsyncGenerator[Hub]:
+    bus = await open_bus(BusConfig(endpoint), "hub")
+    try:
+        yield Hub(bus, source)
+    finally:
+        await bus.close()
+
+
+class Operator:
+    """A teleop in a terminal of its own, as its controlling one.
+
+    Args:
+        command: what runs in it.
+        term: what the terminal says that it is.
+        kitty: the flags that it knows of the kitty keyboard protocol; None: it does not speak it.
+        answers: whether it says how it is.
+    """
+
+    def __init__(
+        self,
+        *command: str,
+        term: str = "xterm-256color",
+        kitty: int | None = None,
+        answers: bool = False,
+    ) -> None:
+        self._master, self.slave = pty.openpty()
+        self.kitty, self.answers = kitty, answers
+        self.kitty_flags: list[int] = []
+        """As they were pushed."""
+        self.modes_on: set[str] = set()
+        """DEC private modes that were set and not reset."""
+        self.endpoint = ""
+        self.output = ""
+        self.bells = 0
+        self._pending = b""
+        self._screens = [pyte.Screen(100, 30), pyte.Screen(100, 30)]
+        self._streams = [pyte.ByteStream(screen) for screen in self._screens]
+        self._screen = 0
+        self.resize(100, 30)
+        self.modes_before = self.modes()
+        self.process = subprocess.Popen(
+            ["setsid", "--ctty", *command],
+            stdin=self.slave,
+            stdout=self.slave,
+            stderr=subprocess.PIPE,
+            env=os.environ | {"TERM": term},
+            cwd=ROOT,
+        )
+        self._hung_up = False
+        os.set_blocking(self._master, False)
+        self.look(at=True)
+
+    # --- eyes
+
+    def look(self, *, at: bool) -> None:
+        """Whether this terminal reads what is written to it, and answers."""
+        loop = asyncio.get_running_loop()
+        if at:
+            loop.add_reader(self._master, self._read)
+        else:
+            loop.remove_reader(self._master)
+
+    @property
+    def picture(self) -> str:
+        """What is on the screen now."""
+        return "\n".join(self._screens[self._screen].display)
+
+    @property
+    def is_restored(self) -> bool:
+        """The terminal's modes, screen, cursor and keyboard are as they were."""
+        return (
+            self.modes() == self.modes_before
+            and self._screen == 0
+            and not self._screens[0].cursor.hidden
+            and self.modes_on <= {"7", "25"}
+            and not self.kitty_flags
+        )
+
+    def modes(self) -> ALL_MODES:
+        return tuple(termios.tcgetattr(self.slave))
+
+    def resize(self, columns: int, rows: int) -> None:
+        fcntl.ioctl(self.slave, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
+        for screen in self._screens:
+            screen.resize(rows, columns)
+
+    def _read(self) -> None:
+        data = os.read(self._master, 4096)
+        self.output += data.decode(errors="replace")
+        self.bells += data.count(b"\a")
+        data = self._pending + data
+        rest = UNFINISHED.search(data)
+        end = len(data) if rest is None else rest.start()
+        data, self._pending = data[:end], data[end:]
+        at = 0
+        for found in SEQUENCE.finditer(data):
+            self._streams[self._screen].feed(data[at : found.start()])
+            at = found.end()
+            if not self._takes(found[1].decode(), found[2].decode(), found[3].decode()):
+                self._streams[self._screen].feed(found[0])
+        self._streams[self._screen].feed(data[at:])
+
+    def _takes(self, private: str, number: str, final: str) -> bool:
+        """What pyte does not know; False: it does."""
+        if private == "?" and final in "hl":
+            (self.modes_on.add if final == "h" else self.modes_on.discard)(number)
+            if number == "1049":
+                self._screen = int(final == "h")
+                self._screens[1].reset()
+            return number != "25"
+        if final == "u":
+            self._on_kitty(private, number)
+        elif (number, final) == ("5", "n") and self.answers:
+            self.type(b"\x1b[0n")
+        return final in "un"
+
+    def _on_kitty(self, private: str, number: str) -> None:
+        if self.kitty is None:
+            return
+        if private == ">":
+            self.kitty_flags.append(int(number) & self.kitty)
+        elif private == "<":
+            self.kitty_flags.pop()
+        else:
+            self.type(f"\x1b[?{(self.kitty_flags or [0])[-1]}u".encode())
+
+    # --- hands
+
+    def type(self, keys: bytes) -> None:
+        os.write(self._master, keys)
+
+    def key(self, code: int | str, event: int, modifiers: int = 1) -> None:
+        """A key as the kitty protocol tells it: 1 press, 2 repeat, 3 release."""
+        number = ord(code) if isinstance(code, str) else code
+        self.type(f"\x1b[{number};{modifiers}:{event}u".encode())
+
+    def hang_up(self) -> None:
+        """The terminal goes away, as a closed window or a lost connection."""
+        if not self._hung_up:
+            self._hung_up = True
+            self.look(at=False)
+            os.close(self._master)
+
+    def send(self, number: signal.Signals) -> None:
+        self.process.send_signal(number)
+
+    async def ended(self, limit_s: float = LIMIT_S) -> tuple[int, str]:
+        """The exit code, and everything that was said on standard error."""
+        await until(lambda: self.process.poll() is not None, limit_s)
+        _, errors = self.process.communicate()
+        return self.process.returncode, errors.decode()
+
+    def close(self) -> None:
+        self.process.kill()
+        self.process.wait()
+        assert self.process.stderr is not None
+        self.process.stderr.close()
+        self.hang_up()
+        os.close(self.slave)
+
+
+@asynccontextmanager
+async def operator(
+    endpoint: str,
+    *arguments: str,
+    command: tuple[str, ...] = ("-m", "teleop"),
+    term: str = "xterm-256color",
+    kitty: int | None = None,
+    answers: bool = False,
+) -> AsyncGenerator[Operator]:
+    made = Operator(
+        sys.executable, *command, "--endpoint", endpoint, *arguments, term=term, kitty=kitty, answers=answers
+    )
+    made.endpoint = endpoint
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+@asynccontextmanager
+async def driving(*arguments: str, answers: bool = False) -> AsyncGenerator[tuple[Hub, Operator]]:
+    """A teleop that is connected and asks for 0.1 m/s."""
+    endpoint = free_endpoint()
+    async with hub(endpoint) as h, operator(endpoint, *arguments, answers=answers) as op:
+        await until(h.is_ready)
+        op.type(b"w")
+        await until(lambda: h.asks(0.1, 0.0))
+        yield h, op

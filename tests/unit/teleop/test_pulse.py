@@ -1,0 +1,63 @@
+"""Whether the terminal still answers."""
+
+import math
+
+from teleop.pulse import ANSWER_LIMIT_S, TRIES, Pulse
+
+
+def test_a_terminal_that_never_answered_is_not_held_to_it() -> None:
+    pulse = Pulse()
+    for n in range(50):
+        pulse.ask(n / 10)
+    assert not pulse.is_lost(5.0)
+
+
+def test_nor_is_it_asked_for_ever() -> None:
+    pulse = Pulse()
+    for n in range(TRIES):
+        assert pulse.is_worth_asking
+        pulse.ask(n / 10)
+    assert not pulse.is_worth_asking
+    pulse.answer(9.0)
+    assert pulse.is_worth_asking
+
+
+def test_one_that_answered_is_lost_just_after_the_limit() -> None:
+    pulse = Pulse()
+    pulse.ask(0.0)
+    pulse.answer(0.0)
+    pulse.ask(0.1)
+    assert not pulse.is_lost(ANSWER_LIMIT_S)
+    assert pulse.is_lost(math.nextafter(ANSWER_LIMIT_S, 1.0))
+
+
+def test_answers_that_take_long_but_keep_coming_are_answers() -> None:
+    pulse = Pulse()
+    for n in range(40):
+        pulse.ask(n / 10)
+        if n >= 5:
+            pulse.answer(n / 10)
+            assert not pulse.is_lost(n / 10 + 0.1)
+    assert pulse.open == 5
+
+
+def test_a_pause_in_the_asking_is_no_loss() -> None:
+    pulse = Pulse()
+    pulse.ask(0.0)
+    pulse.answer(0.0)
+    pulse.ask(60.0)
+    assert not pulse.is_lost(60.1)
+    pulse.ask(60.1)
+    pulse.ask(60.2)
+    pulse.ask(60.3)
+    assert pulse.is_lost(60.31)
+
+
+def test_one_answer_brings_it_back_and_more_than_were_asked_for_do_no_harm() -> None:
+    pulse = Pulse()
+    pulse.ask(0.0)
+    pulse.answer(0.0)
+    pulse.ask(0.1)
+    pulse.answer(9.0)
+    pulse.answer(9.0)
+    assert (pulse.is_lost(9.1), pulse.open) == (False, 0)

@@ -1,0 +1,217 @@
+"""The mode in words."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from teleop.pilot import NEUTRAL
+from teleop.view import Control, Tone, View
+from teleop.words import LATE_S, SILENT_AFTER_S, News, direction, news, next_step
+from tests.unit.teleop.views import REASONS, driving, source, status, stopped
+from wire.messages import SafetyStatus
+
+
+def said(newest: SafetyStatus, **fields: object) -> News:
+    return news(driving(newest, **fields))
+
+
+CAUSES = {
+    "ESTOP": "the emergency stop is latched",
+    "BASE_RUNAWAY": "the base moves although zero is commanded",
+    "OVERRUN": "the supervisor itself was late; its machine has too much to do",
+    "SCAN_INVALID": "the lidar's scan proves nothing: all NaN",
+    "SCAN_STALE": "the newest scan is 0.4 s old",
+    "SOURCE_LOST": "the connection to teleop was lost",
+    "COMMAND_INVALID": "teleop sent something that is no command",
+    "COMMAND_STALE": "the commands of teleop come too late or out of order",
+    "COMMAND_TIMEOUT": "teleop was silent for too long",
+    "NO_COMMAND": "nobody has commanded anything yet",
+    "SCAN_BLIND": "no beam looks where the motion would go",
+    "OBSTACLE": "too close for this motion: 0.28 m ahead left",
+}
+STEPS = {
+    "ESTOP": "press s, then r to reset",
+    "BASE_RUNAWAY": "cut the robot's power",
+    "OVERRUN": "press s to re-arm",
+    "SCAN_INVALID": "check the lidar, press s",
+    "SCAN_STALE": "wait for the lidar, press s",
+    "SOURCE_LOST": "press s to re-arm",
+    "COMMAND_INVALID": "press s to re-arm",
+    "COMMAND_STALE": "press s to re-arm",
+    "COMMAND_TIMEOUT": "press s to re-arm",
+    "NO_COMMAND": "press s to arm",
+    "SCAN_BLIND": "no beam looks there: press s",
+    "OBSTACLE": "press s, or drive away from it",
+}
+
+
+@pytest.mark.parametrize("reason", REASONS)
+def test_every_stop_reason_has_a_sentence_and_a_next_step(reason: str) -> None:
+    newest = stopped(reason, scan_problem="all NaN", scan_age_s=0.4, nearest_m=0.28, nearest_bearing_rad=0.8)
+    assert said(newest) == News("STOPPED", CAUSES[reason], STEPS[reason], Tone.STOP, (reason,))
+
+
+def test_no_two_stop_reasons_sound_the_same() -> None:
+    assert len({said(stopped(reason)).what for reason in REASONS}) == len(REASONS)
+
+
+def test_a_stop_reason_that_is_new_is_told_by_its_name() -> None:
+    what = said(stopped("FLOOD\x1b[2J"))
+    assert what.what == "for a reason that this program does not know: FLOOD?[2J"
+    assert what.next_step == "remove the cause, press s"
+    assert what.reasons == ("FLOOD?[2J",)
+
+
+def test_a_stop_without_a_reason_says_so() -> None:
+    assert said(stopped()) == News(
+        "STOPPED", "the supervisor gives no reason", "press s to re-arm", Tone.STOP
+    )
+
+
+def test_the_first_reason_is_explained_and_all_are_named() -> None:
+    what = said(stopped("ESTOP", "OBSTACLE"))
+    assert what.what == CAUSES["ESTOP"]
+    assert what.reasons == ("ESTOP", "OBSTACLE")
+
+
+def test_an_alarm_comes_first() -> None:
+    what = said(stopped("BASE_RUNAWAY", alarm=True))
+    assert what.what == "ALARM: the base moves although zero is commanded"
+
+
+@pytest.mark.parametrize(
+    ("age_s", "what"),
+    [(LATE_S, "was silent for too long"), (0.2, "silent for 0.2 s"), (math.nan, "was silent for too long")],
+)
+def test_a_silence_that_lasts_is_counted(age_s: float, what: str) -> None:
+    newest = stopped("COMMAND_TIMEOUT", owner="joy", sources=[source("teleop"), source("joy", age_s=age_s)])
+    assert said(newest).what == f"joy {what}"
+
+
+def test_the_one_at_fault_is_a_source_where_nobody_owns_the_wheels() -> None:
+    assert said(stopped("COMMAND_TIMEOUT", owner="")).what == "a source was silent for too long"
+    assert said(stopped("SOURCE_LOST", owner="")).what == "the connection to a source was lost"
+
+
+def test_a_cause_without_its_number_is_still_a_sentence() -> None:
+    assert said(stopped("SCAN_STALE")).what == "no scan has come yet"
+    assert said(stopped("SCAN_INVALID")).what.endswith("proves nothing: no usable beams")
+    assert said(stopped("OBSTACLE")).what == "too close for this motion"
+    assert said(stopped("OBSTACLE", nearest_m=0.3)).what.endswith("motion: 0.30 m")
+
+
+def test_an_emergency_stop_asks_for_neutral_only_where_it_is_missing() -> None:
+    assert said(stopped("ESTOP"), wanted=NEUTRAL, sent=NEUTRAL).next_step == "press r to reset"
+    assert said(stopped("ESTOP"), wanted=NEUTRAL).next_step == "press s, then r to reset"
+
+
+def test_neutral_is_reached_as_the_control_says() -> None:
+    view = driving(neutral_hint="let go of the keys")
+    assert next_step(view, "COMMAND_TIMEOUT") == "let go of the keys to re-arm"
+
+
+@pytest.mark.parametrize("reason", REASONS)
+def test_who_only_looks_on_is_never_told_to_press_a_key_that_drives(reason: str) -> None:
+    step = said(stopped(reason), control=Control.VIEW_ONLY).next_step
+    assert "press" not in step
+    assert step
+
+
+def test_before_the_first_status_it_says_for_whom_it_waits() -> None:
+    what = news(View("teleop", "tcp/127.0.0.1:7447\x07"))
+    assert what.mode == "WAITING"
+    assert what.what == "nothing heard from the supervisor at tcp/127.0.0.1:7447?"
+    assert what.tone is Tone.CAUTION
+
+
+def test_a_status_holds_until_the_supervisor_is_silent_for_too_long() -> None:
+    assert said(status(), status_age_s=SILENT_AFTER_S).mode == "READY"
+    what = said(status(), status_age_s=math.nextafter(SILENT_AFTER_S, 1.0))
+    assert what.mode == "NO SUPERVISOR"
+    assert what.what == "silent for 0.5 s; the base brakes by itself"
+    assert what.tone is Tone.STOP
+
+
+def test_a_status_of_unknown_age_does_not_hold() -> None:
+    assert said(status(), status_age_s=math.nan).tone is Tone.STOP
+
+
+def test_ready_is_armed_for_this_source() -> None:
+    assert said(status()) == News("READY", "standing, armed", "what you ask for next, it does", Tone.GOOD)
+    assert said(status(sources=[])).tone is Tone.GOOD
+
+
+def test_ready_for_another_source_is_not_ready_for_this_one() -> None:
+    newest = status(owner="joy", sources=[source("joy"), source("teleop", armed=False)])
+    assert said(newest) == News("READY", "for joy, but not for teleop", "press s to arm", Tone.CAUTION)
+    assert said(replace(newest, owner="")).what == "for another source, but not for teleop"
+
+
+def test_a_source_that_the_supervisor_does_not_know_is_told_so() -> None:
+    what = said(status(sources=[source("joy")], unknown_sources=["teleop"]))
+    assert what.what == "but the supervisor takes nothing from teleop"
+    assert what.next_step == "name it among the sources in robot.toml"
+
+
+def test_driving_as_asked() -> None:
+    assert said(status(SafetyStatus.DRIVING)) == News(
+        "DRIVING", "as you ask", "SPACE is the emergency stop", Tone.GOOD
+    )
+
+
+def test_another_source_that_drives_is_named_and_whether_it_can_be_relieved() -> None:
+    newest = status(SafetyStatus.DRIVING, owner="joy")
+    assert said(newest).what == "joy drives, not you"
+    assert said(newest).next_step.startswith("ask for motion to take over")
+    above = status(SafetyStatus.DRIVING, owner="boss", sources=[source("teleop"), source("boss", 200)])
+    assert said(above).next_step.startswith("it must let go first")
+    unheard = status(SafetyStatus.DRIVING, owner="joy", sources=[])
+    assert said(unheard).next_step.startswith("it must let go first")
+
+
+def test_limited_says_to_what_and_by_what() -> None:
+    newest = status(SafetyStatus.LIMITED, scale=0.4, nearest_m=0.62, nearest_bearing_rad=-math.pi / 2)
+    assert said(newest) == News(
+        "LIMITED", "slowed to 40%: 0.62 m right", "steer away from it, or slow down", Tone.CAUTION
+    )
+    assert said(replace(newest, owner="joy")).what == "joy drives, not you; slowed to 40%: 0.62 m right"
+
+
+def test_who_only_looks_on_is_told_who_drives() -> None:
+    newest = status(SafetyStatus.DRIVING)
+    assert said(newest, control=Control.VIEW_ONLY) == News("DRIVING", "teleop drives", "", Tone.GOOD)
+    assert said(status(sources=[]), control=Control.VIEW_ONLY).what == "standing, armed"
+
+
+def test_an_unknown_mode_is_no_permission() -> None:
+    assert said(status(77)).tone is Tone.STOP
+
+
+@pytest.mark.parametrize(
+    ("bearing_rad", "where"),
+    [
+        (0.0, "ahead"),
+        (0.8, "ahead left"),
+        (1.5, "left"),
+        (2.4, "behind left"),
+        (3.1, "behind"),
+        (-3.1, "behind"),
+        (-2.4, "behind right"),
+        (-1.5, "right"),
+        (-0.8, "ahead right"),
+        (math.tau, "ahead"),
+        (math.nan, ""),
+        (math.inf, ""),
+    ],
+)
+def test_a_bearing_is_one_of_eight_directions(bearing_rad: float, where: str) -> None:
+    assert direction(bearing_rad) == where
+
+
+@settings(deadline=None)
+@given(st.floats())
+def test_any_bearing_has_a_direction_or_none(bearing_rad: float) -> None:
+    assert bool(direction(bearing_rad)) == math.isfinite(bearing_rad)

@@ -1,0 +1,86 @@
+"""Views of a robot for the tests of the displays."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from teleop.pilot import Velocity
+from teleop.view import Event, KeyHelp, Line, Odom, Rates, Scan, View
+from wire.messages import SafetyStatus, SourceStatus, header
+
+REASONS = (
+    "ESTOP",
+    "BASE_RUNAWAY",
+    "OVERRUN",
+    "SCAN_INVALID",
+    "SCAN_STALE",
+    "SOURCE_LOST",
+    "COMMAND_INVALID",
+    "COMMAND_STALE",
+    "COMMAND_TIMEOUT",
+    "NO_COMMAND",
+    "SCAN_BLIND",
+    "OBSTACLE",
+)
+
+
+def source(name: str, priority: int = 100, *, armed: bool = True, age_s: float = 0.03) -> SourceStatus:
+    return SourceStatus(
+        name=name,
+        priority=priority,
+        liveliness=SourceStatus.ALIVE,
+        armed=armed,
+        neutral=True,
+        stamped=True,
+        age_s=age_s,
+        reasons=[],
+        accepted=1,
+        refused_late=0,
+        refused_sequence=0,
+        refused_epoch=0,
+        refused_invalid=0,
+    )
+
+
+def status(mode: int = SafetyStatus.READY, **fields: Any) -> SafetyStatus:  # noqa: ANN401 - any field of the status
+    fields = {"sources": [source("teleop"), source("joy", 90)], "owner": "teleop"} | fields
+    return SafetyStatus(header("base_link", 0), mode=mode, **fields)
+
+
+def stopped(*reasons: str, **fields: Any) -> SafetyStatus:  # noqa: ANN401 - likewise
+    return status(SafetyStatus.STOPPED, reasons=list(reasons), **fields)
+
+
+def room(ahead_m: float, left_m: float, behind_m: float, right_m: float, beams: int = 360) -> Scan:
+    """A scan from within four walls, counter-clockwise from straight behind."""
+    angles = -math.pi + np.arange(beams) * math.tau / beams
+    with np.errstate(divide="ignore"):
+        x = np.where(np.cos(angles) > 0.0, ahead_m, behind_m) / np.abs(np.cos(angles))
+        y = np.where(np.sin(angles) > 0.0, left_m, right_m) / np.abs(np.sin(angles))
+    return Scan(np.minimum(x, y).astype(np.float32), -math.pi, math.tau / beams, 0.1, 12.0)
+
+
+KEYS = (KeyHelp("w / x", "forward / backward"), KeyHelp("SPACE", "emergency stop"), KeyHelp("q", "quit"))
+EVENTS = (Event("12:03:41", "emergency stop"), Event("12:03:44", "reset done"))
+
+
+def driving(newest: SafetyStatus | None = None, **fields: Any) -> View:  # noqa: ANN401 - any field of the view
+    """Everything is there and fresh; `fields` say what is otherwise."""
+    everything: dict[str, Any] = {
+        "status": status(SafetyStatus.DRIVING) if newest is None else newest,
+        "wanted": Velocity(0.5, -0.4),
+        "sent": Velocity(0.4, -0.3),
+        "odom": Odom(1.25, -0.5, math.pi / 2, 0.29, -0.23),
+        "scan": room(1.0, 1.2, 1.6, 2.0),
+        "rates": Rates(10.0, 50.0, 20.0),
+        "keys": KEYS,
+        "events": EVENTS,
+        "level": 3,
+        "control_note": "each press is a step",
+    }
+    return View("teleop", "tcp/127.0.0.1:7447", **(everything | fields))
+
+
+def text(line: Line) -> str:
+    return "".join(segment.text for segment in line)
