@@ -1,0 +1,285 @@
+"""`lifeline path`: the robot along a square, a circle, or the way that was recorded."""
+
+import asyncio
+import math
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path as FilePath
+from typing import NamedTuple, NoReturn
+
+import numpy as np
+
+from deploy.errors import EXIT_NOT_RUNNING, EXIT_REFUSED, DeployError
+from deploy.launch import Launch
+from deploy.reach import NotRunningError, reach
+from deploy.recording import Recorded, RecordingReader
+from deploy.statusline import StatusLine
+from teleop.config import TeleopSection
+from teleop.holder import HeldError, about_this_process
+from teleop.path.legs import Path, to_path
+from teleop.path.pose import PathError, Pose, Poses, placed, seen_from, wrap
+from teleop.path.progress import nearest
+from teleop.path.pursuit import Limits
+from teleop.path.service import SOURCE, Drive, Ending, PathService, Plan, Sample
+from teleop.path.track import TrackError
+from teleop.path.trail import to_poses
+from wire import topics
+from wire.bus import Bus, Subscription
+from wire.config import ConfigError, read_toml, section
+from wire.messages import Odometry, UndecodableError, decode
+from wire.process import run_process
+
+EXIT_CODES = {Ending.DONE: 0, Ending.STOPPED: 1, Ending.INTERRUPTED: 130}
+START_LIMIT_M = 0.5
+"""With --absolute: the robot may stand this far from where the path begins."""
+TRUTH_DEPTH = 1 << 16
+"""Twenty minutes of it."""
+SAME_TIME_S = 0.03
+AROUND_M = 0.3
+"""Of the path, around where odometry says that the robot is: there the truth is looked for."""
+
+
+# --- what is to be driven
+
+
+def relative(poses: Poses) -> Plan:
+    """The path from where the robot stands: its first pose is the robot's present one."""
+    first = Pose(*poses[0].tolist())
+    own = np.array([seen_from(Pose(*row), first) for row in poses.tolist()])
+    return lambda pose: to_path(placed(own, pose))
+
+
+def absolute(poses: Poses) -> Plan:
+    """The path where it is in the odometry's frame."""
+    path = to_path(poses)
+
+    def plan(pose: Pose) -> Path:
+        away_m = math.hypot(pose.x_m - path.start.x_m, pose.y_m - path.start.y_m)
+        if away_m > START_LIMIT_M:
+            raise PathError(
+                f"the path begins {away_m:.2f} m from the robot, at x {path.start.x_m:.2f} m, "
+                f"y {path.start.y_m:.2f} m of its odometry: drive it there first, or leave out --absolute"
+            )
+        return path
+
+    return plan
+
+
+def read_poses(file: FilePath) -> Poses:
+    """The path of a recording, in the frame of its odometry.
+
+    Raises:
+        DeployError: there is none in it, or none that can be driven.
+    """
+    samples: dict[str, list[tuple[float, Pose]]] = {}
+    for message in RecordingReader(file).messages():
+        if message.msgtype == Odometry.__msgtype__ and message.topic.split("/")[-1] == topics.ODOM.key:
+            pose = _pose(message)
+            if pose is not None:
+                samples.setdefault(message.topic, []).append((message.log_time_ns * 1e-9, pose))
+    if len(samples) != 1:
+        found = f"it has {', '.join(sorted(samples))}" if samples else "it has none"
+        raise DeployError(f"{file}: one odometry topic is needed to follow a recording, and {found}")
+    (rows,) = samples.values()
+    try:
+        return to_poses(np.array([time_s for time_s, _ in rows]), np.array([pose for _, pose in rows]))
+    except PathError as error:
+        raise DeployError(f"{file}: {error}") from error
+
+
+def _pose(message: Recorded) -> Pose | None:
+    try:
+        return _to_pose(decode(message.payload, Odometry))
+    except UndecodableError:
+        return None
+
+
+def _to_pose(odometry: Odometry) -> Pose:
+    at, turned = odometry.pose.pose.position, odometry.pose.pose.orientation
+    return Pose(at.x, at.y, 2.0 * math.atan2(turned.z, turned.w))
+
+
+# --- the person at the terminal
+
+
+class TerminalPerson:
+    """Enter goes on. Where input or output is no terminal, nobody is there."""
+
+    def __init__(self, wake: asyncio.Event) -> None:
+        self._wake = wake
+        self._line = StatusLine()
+        self._asked = False
+        self.present = sys.stdin.isatty() and sys.stdout.isatty()
+        if self.present:
+            # In the background a read fails instead of stopping this process, heartbeat and all.
+            signal.signal(signal.SIGTTIN, signal.SIG_IGN)
+            asyncio.get_running_loop().add_reader(0, self._on_input)
+
+    def _on_input(self) -> None:
+        data = b""
+        with suppress(OSError):
+            data = os.read(0, 1024)
+        if not data:
+            self.leave()
+            return
+        self._asked = self._asked or b"\n" in data
+        self._wake.set()
+
+    def asks_to_go_on(self) -> bool:
+        asked, self._asked = self._asked, False
+        return asked
+
+    def say(self, sentence: str) -> None:
+        self._line.say(f"lifeline: {sentence}")
+
+    def show(self, line: str) -> None:
+        self._line.show(line)
+
+    def leave(self) -> None:
+        """Nobody is there any more."""
+        if self.present:
+            self.present = False
+            asyncio.get_running_loop().remove_reader(0)
+        self._line.clear()
+
+
+# --- the truth of a simulated robot
+
+
+class TruthSample(NamedTuple):
+    """Where the robot really was, in the world."""
+
+    arrival_s: float
+    pose: Pose
+
+
+class Witness:
+    """Keeps the simulator's truth, for the report alone: nothing that drives listens to it."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._truth: Subscription[Odometry] = bus.subscribe(topics.TRUTH, depth=TRUTH_DEPTH)
+
+    def take(self) -> list[TruthSample]:
+        return [
+            TruthSample(truth.arrival_s, _to_pose(truth.message))
+            for truth in self._truth.take()
+            if truth.message is not None
+        ]
+
+
+def true_distances_m(path: Path, drive: Drive, truth: Sequence[TruthSample]) -> list[float]:
+    """How far from the path the robot really was, for every sample of the drive that has a truth.
+
+    The path is laid into the world by where the robot really was when it began, at rest.
+    """
+    truth = [t for t in truth if t.pose.is_finite]
+    if drive.began is None or not truth:
+        return []
+    times_s = np.array([t.arrival_s for t in truth])
+
+    def at(sample: Sample) -> Pose | None:
+        best = int(np.argmin(np.abs(times_s - sample.arrival_s)))
+        return truth[best].pose if abs(times_s[best] - sample.arrival_s) <= SAME_TIME_S else None
+
+    began = at(drive.began)
+    if began is None:
+        return []
+    distances_m: list[float] = []
+    for sample in drive.samples:
+        true = at(sample) if sample.on_path else None
+        if true is not None:
+            (row,) = placed(np.array([seen_from(true, began)]), drive.began.pose).tolist()
+            from_m = max(0.0, sample.along_m - AROUND_M)
+            station = nearest(path.legs[sample.leg], row[0], row[1], from_m, 2.0 * AROUND_M)
+            distances_m.append(station.off_m)
+    return distances_m
+
+
+# --- the command
+
+
+def drive(plan: Plan, launch: Launch, speed_m_s: float) -> NoReturn:
+    """Drive along a path, and end this process; 0: to its end, 1: stopped, 130: interrupted.
+
+    Raises:
+        DeployError: the configuration is refused.
+    """
+    try:
+        teleop = section(read_toml(launch.config), "teleop", TeleopSection)
+    except ConfigError as error:
+        raise DeployError(str(error)) from error
+    run_process("lifeline", lambda stop: _drive(stop, plan, launch, speed_m_s, teleop))
+
+
+async def _drive(
+    stop: asyncio.Event, plan: Plan, launch: Launch, speed_m_s: float, teleop: TeleopSection
+) -> int:
+    try:
+        bus = await reach(launch.bus, stop)
+    except NotRunningError as error:
+        return _refuse(error, EXIT_NOT_RUNNING)
+    if bus is None:
+        return EXIT_CODES[Ending.INTERRUPTED]
+    person: TerminalPerson | None = None
+    try:
+        wake = asyncio.Event()
+        person, witness = TerminalPerson(wake), Witness(bus)
+        service = PathService(
+            bus,
+            plan,
+            person=person,
+            wake=wake,
+            limits=Limits(speed_m_s=speed_m_s),
+            operator=teleop.source,
+            operator_rate_hz=teleop.rate_hz,
+            about=about_this_process(SOURCE),
+        )
+        done = await service.run(stop)
+        truth = witness.take()
+    except (HeldError, PathError) as error:
+        return _refuse(error, EXIT_REFUSED)
+    finally:
+        if person is not None:
+            person.leave()
+        await bus.close()
+    for line in report(done, truth):
+        print(f"lifeline: {line}")
+    return EXIT_CODES[done.ending]
+
+
+def _refuse(sentence: object, code: int) -> int:
+    print(f"lifeline: {sentence}", file=sys.stderr)
+    return code
+
+
+def report(done: Drive, truth: Sequence[TruthSample]) -> list[str]:
+    """What a person wants to know of a drive."""
+    how = {
+        Ending.DONE: "the path is driven",
+        Ending.STOPPED: f"stopped: {done.reason}",
+        Ending.INTERRUPTED: "interrupted",
+    }[done.ending]
+    if done.path is None:
+        return [f"{how}; the robot did not move"]
+    lines = [f"{how}: {done.done_m:.2f} of {done.path.length_m:.2f} m in {done.driving_s:.1f} s of driving"]
+    own = TrackError.of(sample.off_m for sample in done.samples if sample.on_path)
+    real = TrackError.of(true_distances_m(done.path, done, truth))
+    for name, error in (("odometry", own), ("the simulator's truth", real)):
+        if error is not None:
+            lines.append(
+                f"off the path, by {name}: {_mm(error.rms_m)} rms, {_mm(error.max_m)} at most, "
+                f"of {error.count:,} samples"
+            )
+    if done.ending is Ending.DONE and done.pose is not None:
+        end = done.path.end
+        away_m = math.hypot(done.pose.x_m - end.x_m, done.pose.y_m - end.y_m)
+        turned = math.degrees(abs(wrap(done.pose.yaw_rad - end.yaw_rad)))
+        lines.append(f"at the end, by odometry: {_mm(away_m)} and {turned:.1f} degrees off")
+    return lines
+
+
+def _mm(distance_m: float) -> str:
+    return f"{distance_m * 1000:.0f} mm" if distance_m < 1.0 else f"{distance_m:.2f} m"

@@ -1,0 +1,214 @@
+"""`lifeline record`: everything that is said on the wire, in one file, until Ctrl-C."""
+
+import asyncio
+import re
+import sys
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NoReturn
+
+from deploy.errors import EXIT_NOT_RUNNING, EXIT_REFUSED
+from deploy.launch import Launch
+from deploy.reach import NotRunningError, reach
+from deploy.recording import Recorded, RecordingError, RecordingWriter, exists
+from deploy.statusline import StatusLine
+from supervisor.config import SupervisorSection
+from wire import topics
+from wire.bus import Bus, RawArrival, Subscription, wait_until
+from wire.config import ConfigError, read_toml, section
+from wire.process import EXIT_FAILURE, run_process
+from wire.stamp import Stamp, parse_stamp
+from wire.topics import Topic
+
+DEPTH = 4096
+"""Samples of each topic between two looks: a disk that hangs for 40 s costs nothing."""
+LOOK_PERIOD_S = 0.1
+FLUSH_PERIOD_S = 1.0
+"""A recorder that is killed loses no more than this."""
+MAX_STRANGERS = 16
+NAME = re.compile(r"[a-z][a-z0-9_]*")
+
+
+@dataclass
+class Channel:
+    """One topic that is recorded."""
+
+    name: str
+    """As ROS names it."""
+    msgtype: str
+    subscription: Subscription[Any]
+    messages: int = 0
+    missed: int = 0
+    """Samples that never arrived, by the gaps in their sequence."""
+    last: Stamp | None = None
+
+    @property
+    def lost(self) -> int:
+        """What was sent and is not in the file. Samples without a stamp that got lost on the way leave no trace."""
+        return max(self.missed, self.subscription.overflowed)
+
+    def take(self) -> list[tuple[RawArrival, int]]:
+        """What came since the last time, with its sequence."""
+        taken: list[tuple[RawArrival, int]] = []
+        for arrival in self.subscription.take_raw():
+            stamp = parse_stamp(arrival.attachment)
+            if stamp is not None:
+                last, self.last = self.last, stamp
+                if last is not None and last.gid == stamp.gid:
+                    self.missed += max(0, stamp.sequence - last.sequence - 1)
+            self.messages += 1
+            taken.append((arrival, 0 if stamp is None else stamp.sequence))
+        return taken
+
+
+@dataclass
+class Report:
+    """What became of a recording."""
+
+    channels: list[Channel] = field(default_factory=list[Channel])
+    duration_s: float = 0.0
+    size_bytes: int = 0
+    failure: str = ""
+    """Why it ended before it was asked to; empty: it did not."""
+
+    @property
+    def messages(self) -> int:
+        return sum(channel.messages for channel in self.channels)
+
+
+class Recorder:
+    """Writes what comes over a bus to a file.
+
+    Args:
+        bus: open; the caller closes it.
+        namespace: the first part of every topic's name.
+        sources: the command sources that the supervisor knows; others are recorded once they are heard.
+        writer: the file.
+        show: told each second how it goes.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        namespace: str,
+        sources: Iterable[str],
+        writer: RecordingWriter,
+        show: Callable[[str], None],
+    ) -> None:
+        self._bus, self._namespace, self._writer, self._show = bus, namespace, writer, show
+        self._loop = asyncio.get_running_loop()
+        # One offset for all: a step of the wall clock does not tear the recording apart.
+        self._wall_ns = time.time_ns() - round(self._loop.time() * 1e9)
+        self._report = Report()
+        self._strangers = bus.hear_sources()
+        self._sources = set(sources)
+        for source in sorted(self._sources):
+            self._add(topics.source_cmd_vel(source))
+        pattern = topics.source_cmd_vel("<source>").key
+        for topic in topics.TOPICS:
+            if topic.key != pattern:
+                self._add(topic)
+
+    async def run(self, stop: asyncio.Event) -> Report:
+        """Record until `stop`, or until the file takes no more."""
+        report, began_s = self._report, self._loop.time()
+        flush_s = began_s + FLUSH_PERIOD_S
+        try:
+            while True:
+                last = stop.is_set()  # whatever came until then belongs to the recording
+                self._take()
+                report.duration_s = self._loop.time() - began_s
+                if last:
+                    break
+                if self._loop.time() >= flush_s:
+                    flush_s += FLUSH_PERIOD_S
+                    self._writer.flush()
+                    report.size_bytes = self._writer.size_bytes
+                    self._show(f"recording: {_summary(report)}")
+                await wait_until(stop, self._loop.time() + LOOK_PERIOD_S)
+        except OSError as error:
+            report.failure = str(error.strerror or error)
+        try:
+            self._writer.close()
+        except OSError as error:
+            report.failure = report.failure or str(error.strerror or error)
+        report.size_bytes = self._writer.path.stat().st_size
+        return report
+
+    def _take(self) -> None:
+        for source in self._strangers.take():
+            if source not in self._sources and len(self._sources) < MAX_STRANGERS and NAME.fullmatch(source):
+                self._sources.add(source)
+                self._add(topics.source_cmd_vel(source))
+        for channel in self._report.channels:
+            for arrival, sequence in channel.take():
+                log_time_ns = self._wall_ns + round(arrival.arrival_s * 1e9)
+                self._writer.write(
+                    Recorded(channel.name, channel.msgtype, log_time_ns, sequence, arrival.payload)
+                )
+
+    def _add(self, topic: Topic[Any]) -> None:
+        name = f"/{self._namespace}/{topic.key}"
+        subscription = self._bus.subscribe(topic, depth=DEPTH)
+        self._report.channels.append(Channel(name, topic.type.__msgtype__, subscription))
+
+
+def record(path: Path, launch: Launch) -> NoReturn:
+    """Record until Ctrl-C, and end this process; 0: the file is whole.
+
+    Raises:
+        DeployError: the file exists, or the configuration is refused.
+    """
+    if path.exists():
+        raise exists(path)
+    try:
+        known = section(read_toml(launch.config), "supervisor", SupervisorSection)
+    except ConfigError as error:
+        raise RecordingError(str(error)) from error
+    sources = [source.name for source in known.sources]
+    run_process("lifeline", lambda stop: _record(stop, path, launch, sources))
+
+
+async def _record(stop: asyncio.Event, path: Path, launch: Launch, sources: list[str]) -> int:
+    try:
+        bus = await reach(launch.bus, stop)
+    except NotRunningError as error:
+        print(f"lifeline: {error}", file=sys.stderr)
+        return EXIT_NOT_RUNNING
+    if bus is None:
+        return 0
+    try:
+        writer = RecordingWriter(path)
+        print(f"lifeline: recording to {path}; Ctrl-C ends it", flush=True)
+        screen = StatusLine()
+        report = await Recorder(bus, launch.bus.namespace, sources, writer, screen.show).run(stop)
+        screen.clear()
+    except RecordingError as error:
+        print(f"lifeline: {error}", file=sys.stderr)
+        return EXIT_REFUSED
+    finally:
+        await bus.close()
+    _print(report, path)
+    return EXIT_FAILURE if report.failure else 0
+
+
+def _print(report: Report, path: Path) -> None:
+    heard = [channel for channel in report.channels if channel.messages]
+    width = max((len(channel.name) for channel in heard), default=0)
+    for channel in heard:
+        lost = f", {channel.lost:,} lost" if channel.lost else ""
+        print(f"  {channel.name:<{width}}  {channel.messages:>9,}{lost}")
+    lost = sum(channel.lost for channel in heard)
+    print(f"lifeline: {path}: {_summary(report)}, {lost:,} lost" if heard else "lifeline: nothing was heard")
+    if report.failure:
+        print(
+            f"lifeline: the file takes no more ({report.failure}): it can be read up to its last whole second; "
+            "make room, and record to another file",
+            file=sys.stderr,
+        )
+
+
+def _summary(report: Report) -> str:
+    return f"{report.duration_s:.1f} s, {report.messages:,} messages, {report.size_bytes / 1e6:.2f} MB"

@@ -1,0 +1,60 @@
+"""What the supervisor's status says of a source: what it lacks before it may drive, and what makes it stop.
+
+What comes from the network is told as plain ASCII, so that no payload can speak to the terminal.
+"""
+
+import math
+
+from teleop.view import plain
+from wire.messages import SafetyStatus, SourceStatus
+
+HEARD_S = 0.2
+"""A command older than this is none to the supervisor."""
+
+
+def what_is_missing(status: SafetyStatus, source: str) -> str | None:
+    """Why `source`, which asks for nothing yet, may not begin to drive; None: it may."""
+    own = _find(status, source)
+    if own is None:
+        return f"the supervisor knows no source {source}: name it in [supervisor] sources"
+    if status.mode == SafetyStatus.STOPPED:
+        return stopped(status)
+    if status.mode != SafetyStatus.READY:
+        return f"{plain(status.owner)} drives; let go there first"
+    if not own.armed:
+        return f"{source} is not armed: {plain(', '.join(own.reasons))}"
+    if not own.neutral or not own.age_s <= HEARD_S:
+        return f"the supervisor does not hear {source}"
+    return None
+
+
+def what_stops(status: SafetyStatus, source: str) -> str | None:
+    """Why `source`, which drives, must not drive on; None: it may.
+
+    A status that was sent before the supervisor heard of the motion names the last owner: that is no take-over.
+    """
+    if status.mode == SafetyStatus.STOPPED:
+        return stopped(status)
+    own = _find(status, source)
+    if own is not None and not own.neutral and status.owner != source:
+        return f"{plain(status.owner)} took over"
+    return None
+
+
+def stopped(status: SafetyStatus) -> str:
+    """The stop with its reasons, and what is nearest where that is the reason."""
+    reasons = ", ".join(status.reasons) or "no reason given"
+    where = f" ({nearest(status)})" if "OBSTACLE" in status.reasons and nearest(status) else ""
+    return plain(f"STOPPED: {reasons}{where}")
+
+
+def nearest(status: SafetyStatus) -> str:
+    """How near the nearest thing is, and on which side; empty where that is not known."""
+    if not (math.isfinite(status.nearest_m) and math.isfinite(status.nearest_bearing_rad)):
+        return ""
+    side = ("ahead", "left", "behind", "right")[round(status.nearest_bearing_rad / (math.pi / 2)) % 4]
+    return f"{status.nearest_m:.2f} m {side}"
+
+
+def _find(status: SafetyStatus, source: str) -> SourceStatus | None:
+    return next((s for s in status.sources if s.name == source), None)

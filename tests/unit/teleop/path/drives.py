@@ -1,0 +1,86 @@
+"""The real plant follows a course in virtual time, with a transport's delay between the two."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from sim.plant import Plant
+from teleop.path.course import Course
+from teleop.path.legs import Path
+from teleop.path.pose import Pose, Poses, seen_from, wrap
+from teleop.path.pursuit import Limits
+from teleop.path.track import TrackError
+from teleop.pilot import NEUTRAL, Velocity
+
+BEAT_STEPS = 25
+"""Of 2 ms: the heartbeat's 20 Hz."""
+DELAY_STEPS = 20
+"""Odometry to command to wheels: 40 ms."""
+ODOM_STEPS = 10
+REST_STEPS = 300
+
+
+class Driven(NamedTuple):
+    """What became of a drive."""
+
+    done: bool
+    took_s: float
+    by_odometry: TrackError
+    by_truth: TrackError
+    end_m: float
+    end_rad: float
+    times_s: "np.ndarray"
+    odometry: Poses
+    collisions: int
+
+    def __str__(self) -> str:
+        odometry, truth = self.by_odometry, self.by_truth
+        return (
+            f"{self.took_s:.1f} s; odometry: {odometry.rms_m * 1e3:.1f} mm rms, {odometry.max_m * 1e3:.1f} mm at most; "
+            f"truth: {truth.rms_m * 1e3:.1f} and {truth.max_m * 1e3:.1f} mm; "
+            f"end: {self.end_m * 1e3:.1f} mm, {math.degrees(self.end_rad):.1f} degrees"
+        )
+
+
+def drive(path: Path, limits: Limits, limit_s: float = 120.0) -> Driven:
+    """Drive a path whose frame is that of the odometry; the robot stands at its origin."""
+    plant = Plant()
+    course = Course(path, limits)
+    command, under_way = NEUTRAL, list[tuple[int, Velocity]]()
+    by_odometry, by_truth = list[float](), list[float]()
+    rows, times_s = list[tuple[float, float, float]](), list[float]()
+    rest_at: int | None = None
+    seen = plant.odometry()
+    for step in range(round(limit_s / plant.timestep_s)):
+        if rest_at is None and step % BEAT_STEPS == 0:
+            velocity = course.step(Pose(*seen[:3]), seen.linear_m_s)
+            if velocity is None:
+                rest_at = step + REST_STEPS
+            under_way.append((step + DELAY_STEPS, NEUTRAL if velocity is None else velocity))
+        if step == rest_at:
+            break
+        while under_way and under_way[0][0] <= step:
+            command = under_way.pop(0)[1]
+        plant.step(command)
+        if step % ODOM_STEPS == 0:
+            seen = plant.odometry()
+            rows.append(seen[:3])
+            times_s.append(plant.time_s)
+            by_odometry.append(course.station(Pose(*seen[:3])).off_m)
+            true = seen_from(Pose(*plant.true_pose), Pose(*plant.start_pose))
+            by_truth.append(course.station(true).off_m)
+    odometry, truth = TrackError.of(by_odometry), TrackError.of(by_truth)
+    assert odometry is not None
+    assert truth is not None
+    return Driven(
+        done=rest_at is not None,
+        took_s=times_s[-1],
+        by_odometry=odometry,
+        by_truth=truth,
+        end_m=math.hypot(seen.x_m - path.end.x_m, seen.y_m - path.end.y_m),
+        end_rad=abs(wrap(seen.yaw_rad - path.end.yaw_rad)),
+        times_s=np.array(times_s),
+        odometry=np.array(rows),
+        collisions=plant.collisions,
+    )
