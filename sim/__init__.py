@@ -2,9 +2,16 @@
 
 watchdog.py   the base's own last line of defence (pure: time is an argument)
 drive.py      limits and ramp of the twist, and the wheels' geometry (pure)
-plant.py      the robot in its warehouse: step it, ask where it is, what it sees, what it touches
-lidar.py      the beams; floorplan.py the exact distances, for tests and demos
+plant.py      the robot in its world: step it, ask where it is, what it sees, what it touches; save it and go back
+snapshot.py   a moment of it, as a value and as bytes
+scene.py      the world: a layout or an MJCF file, a robot in it; hall.py builds a layout; room.py what has room (pure)
+layout.py     layout files, read strictly; layouts/ the three that come along
+movers.py     people and forklifts on their ways (pure)
+service.py    the asyncio shell; messages.py and diagnostics.py what it says
+pace.py       which step is due when: real time, a multiple, a pause (pure)
+encoders.py   odometry that drifts; imu.py the inertial unit; sensor_faults.py what can be wrong (pure)
+lidar.py      the beams; floorplan.py the exact distances from the hull (pure but for reading the model)
 mj.py         MuJoCo with types, the one file that imports it
 render.py     a picture of it all
-models/       the worlds in MJCF: warehouse.xml includes robot.xml and attaches rack.xml
+models/       in MJCF: two robots on one drive train, and what halls are made of
 """

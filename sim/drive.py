@@ -84,8 +84,9 @@ class Drive:
         """The twist that the wheels are asked for now."""
         return self._twist
 
-    def reset(self) -> None:
-        self._twist = STANDSTILL
+    def reset(self, twist: Twist = STANDSTILL) -> None:
+        """Forgets the way so far: the ramp goes on from this twist."""
+        self._twist = twist
 
     def step(self, target: tuple[float, float], dt_s: float) -> Twist:
         """Moves on by `dt_s` toward the target (v in m/s, ω in rad/s), clamped to the limits.

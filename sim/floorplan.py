@@ -1,55 +1,193 @@
-"""The warehouse as seen from above: exact distances from a round hull to whatever stands at its height.
+"""The world as seen from above: exact distances from a hull to whatever stands at its height.
 
-Every solid of the models is an upright box, cylinder or sphere, so its outline is a rectangle or a circle and no ray
+Every solid of our models is an upright box, cylinder or sphere, so its outline is a rectangle or a circle and no ray
 fan can miss a corner.
 """
 
 import math
+from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim import mj
 
+Floats = NDArray[np.float64]
+
+_UPRIGHT = 1.0 - 1e-9
+
+
+class Circle(NamedTuple):
+    """A round outline in the world frame."""
+
+    x_m: float
+    y_m: float
+    radius_m: float
+
+
+class Rectangle(NamedTuple):
+    """A rectangular outline in the world frame; its own x axis points along yaw."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    half_x_m: float
+    half_y_m: float
+
+    def corners_m(self) -> list[tuple[float, float]]:
+        """Its four corners, counter-clockwise."""
+        cos_yaw, sin_yaw = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        return [
+            (self.x_m + u * cos_yaw - v * sin_yaw, self.y_m + u * sin_yaw + v * cos_yaw)
+            for u, v in (
+                (self.half_x_m, self.half_y_m),
+                (-self.half_x_m, self.half_y_m),
+                (-self.half_x_m, -self.half_y_m),
+                (self.half_x_m, -self.half_y_m),
+            )
+        ]
+
+
+Outline = Circle | Rectangle
+
+
+class Standing(NamedTuple):
+    """Something that stands on the floor."""
+
+    name: str
+    outline: Outline
+
+
+class Nearest(NamedTuple):
+    """What is nearest to a hull: how far in m, negative by how deep the two overlap, and its name."""
+
+    distance_m: float
+    name: str
+
+
+NOTHING = Nearest(math.inf, "")
+
 
 class FloorPlan:
-    """Outlines of the static geoms that the hull can meet, in the world frame.
+    """Outlines in the world frame that a hull can meet."""
 
-    Args:
-        model: The compiled model.
-        data: Its data, with the poses computed.
-        geoms: The ids of the geoms to take.
-
-    Raises:
-        ValueError: A geom is tilted, or of a shape that has no simple outline.
-    """
-
-    def __init__(self, model: mj.Model, data: mj.Data, geoms: list[int]) -> None:
-        boxes: list[tuple[float, float, float, float, float, float]] = []
-        circles: list[tuple[float, float, float]] = []
-        for geom in geoms:
-            x_m, y_m = (float(value) for value in data.geom_xpos[geom, :2])
-            rotation = data.geom_xmat[geom].reshape(3, 3)
-            shape = model.geom_type[geom]
-            if shape != mj.Shape.SPHERE and abs(rotation[2, 2]) < 1.0 - 1e-9:
-                raise ValueError(f"Geom {geom} is tilted: the floor plan knows upright shapes only.")
-            if shape == mj.Shape.BOX:
-                cos_yaw, sin_yaw = float(rotation[0, 0]), float(rotation[1, 0])
-                half_x_m, half_y_m = (float(value) for value in model.geom_size[geom, :2])
-                boxes.append((x_m, y_m, cos_yaw, sin_yaw, half_x_m, half_y_m))
-            elif shape in (mj.Shape.CYLINDER, mj.Shape.SPHERE):
-                circles.append((x_m, y_m, float(model.geom_size[geom, 0])))
+    def __init__(self, standing: Iterable[Standing]) -> None:
+        boxes: list[tuple[float, ...]] = []
+        circles: list[tuple[float, ...]] = []
+        box_names: list[str] = []
+        circle_names: list[str] = []
+        for name, outline in standing:
+            if isinstance(outline, Circle):
+                circles.append(outline)
+                circle_names.append(name)
             else:
-                raise ValueError(f"Geom {geom} has a shape without a simple outline.")
+                yaw_rad = outline.yaw_rad
+                boxes.append((*outline[:2], math.cos(yaw_rad), math.sin(yaw_rad), *outline[3:]))
+                box_names.append(name)
+        self._names = box_names + circle_names
         self._boxes = np.array(boxes, dtype=np.float64).reshape(-1, 6).T.copy()
         self._circles = np.array(circles, dtype=np.float64).reshape(-1, 3).T.copy()
 
-    def distance_m(self, x_m: float, y_m: float) -> float:
-        """The distance from a point to the nearest outline, 0 inside a box and +inf with nothing there."""
-        x, y, cos_yaw, sin_yaw, half_x, half_y = self._boxes
-        dx, dy = x_m - x, y_m - y
-        beyond_x = np.maximum(np.abs(cos_yaw * dx + sin_yaw * dy) - half_x, 0.0)
-        beyond_y = np.maximum(np.abs(cos_yaw * dy - sin_yaw * dx) - half_y, 0.0)
-        to_boxes = float(np.min(beyond_x * beyond_x + beyond_y * beyond_y, initial=math.inf))
-        x, y, radius = self._circles
-        to_circles = float(np.min(np.hypot(x_m - x, y_m - y) - radius, initial=math.inf))
-        return min(math.sqrt(to_boxes), to_circles)
+    def nearest(self, hull: Outline) -> Nearest:
+        """What is nearest to the hull; `NOTHING` on an empty floor."""
+        if not self._names:
+            return NOTHING
+        distances_m = self.distances_m(hull)
+        index = int(np.argmin(distances_m))
+        return Nearest(float(distances_m[index]), self._names[index])
+
+    def overlapping(self, hull: Outline, by_m: float) -> list[str]:
+        """The names of all that overlap the hull by more than this."""
+        return [self._names[index] for index in np.flatnonzero(self.distances_m(hull) < -by_m)]
+
+    def distances_m(self, hull: Outline) -> Floats:
+        """The distance to each outline, shape (outlines,), boxes before circles; negative where it overlaps."""
+        boxes, (x, y, radius) = self._boxes, self._circles
+        if isinstance(hull, Circle):
+            to_boxes = _to_rectangle(hull.x_m, hull.y_m, boxes) - hull.radius_m
+            to_circles = np.hypot(hull.x_m - x, hull.y_m - y) - radius - hull.radius_m
+        else:
+            cos_yaw, sin_yaw = math.cos(hull.yaw_rad), math.sin(hull.yaw_rad)
+            own = np.array((*hull[:2], cos_yaw, sin_yaw, *hull[3:])).reshape(6, 1)
+            to_boxes = _between_rectangles(own, boxes)
+            to_circles = _to_rectangle(x, y, own) - radius
+        return np.concatenate((to_boxes, to_circles))
+
+
+def survey(model: mj.Model, data: mj.Data, geoms: Iterable[int]) -> tuple[list[Standing], list[int]]:
+    """The outlines of geoms at the poses of the last step, and the geoms that have none: tilted or of another shape."""
+    standing: list[Standing] = []
+    others: list[int] = []
+    for geom in geoms:
+        outline = outline_of(model, data, geom)
+        if outline is None:
+            others.append(geom)
+        else:
+            standing.append(Standing(mj.geom_label(model, geom), outline))
+    return standing, others
+
+
+def outline_of(model: mj.Model, data: mj.Data, geom: int) -> Outline | None:
+    """What a geom looks like from above, if that is a circle or a rectangle."""
+    x_m, y_m, _ = data.geom_xpos[geom].tolist()
+    rotation = data.geom_xmat[geom].tolist()
+    half_x_m, half_y_m, _ = model.geom_size[geom].tolist()
+    shape = model.geom_type[geom]
+    upright = abs(rotation[8]) > _UPRIGHT
+    if shape == mj.Shape.SPHERE or (shape == mj.Shape.CYLINDER and upright):
+        return Circle(x_m, y_m, half_x_m)
+    if shape == mj.Shape.BOX and upright:
+        return Rectangle(x_m, y_m, math.atan2(rotation[3], rotation[0]), half_x_m, half_y_m)
+    return None
+
+
+def _to_rectangle(x_m: float | Floats, y_m: float | Floats, rectangles: Floats) -> Floats:
+    """From points to rectangles, negative inside; the shapes are broadcast."""
+    x, y, cos_yaw, sin_yaw, half_x, half_y = rectangles
+    dx, dy = x_m - x, y_m - y
+    beyond_x = np.abs(cos_yaw * dx + sin_yaw * dy) - half_x
+    beyond_y = np.abs(cos_yaw * dy - sin_yaw * dx) - half_y
+    outside = np.hypot(np.maximum(beyond_x, 0.0), np.maximum(beyond_y, 0.0))
+    return outside + np.minimum(np.maximum(beyond_x, beyond_y), 0.0)
+
+
+def _between_rectangles(own: Floats, others: Floats) -> Floats:
+    """From one rectangle, shape (6, 1), to others, shape (6, n).
+
+    Two convex outlines that are apart are nearest at a corner of one of them; two that overlap do so by the least
+    that any of their four axes shows (the separating axis theorem).
+    """
+    x, y, cos_yaw, sin_yaw, half_x, half_y = others
+    own_x, own_y, own_cos, own_sin, own_half_x, own_half_y = own
+    cos_between = np.abs(cos_yaw * own_cos + sin_yaw * own_sin)
+    sin_between = np.abs(sin_yaw * own_cos - cos_yaw * own_sin)
+    dx, dy = x - own_x, y - own_y
+    gap: Floats = np.maximum.reduce(
+        (
+            np.abs(own_cos * dx + own_sin * dy) - own_half_x - half_x * cos_between - half_y * sin_between,
+            np.abs(own_cos * dy - own_sin * dx) - own_half_y - half_x * sin_between - half_y * cos_between,
+            np.abs(cos_yaw * dx + sin_yaw * dy)
+            - half_x
+            - own_half_x * cos_between
+            - own_half_y * sin_between,
+            np.abs(cos_yaw * dy - sin_yaw * dx)
+            - half_y
+            - own_half_x * sin_between
+            - own_half_y * cos_between,
+        )
+    )
+    from_own = _to_rectangle(*_corners(own), others).min(axis=0, initial=math.inf)
+    from_others = _to_rectangle(*_corners(others), own).min(axis=0, initial=math.inf)
+    return np.where(gap > 0.0, np.minimum(from_own, from_others), gap)
+
+
+def _corners(rectangles: Floats) -> tuple[Floats, Floats]:
+    """The x and y of the corners of n rectangles, each of shape (4, n)."""
+    x, y, cos_yaw, sin_yaw, half_x, half_y = rectangles
+    u, v = _CORNER_X * half_x, _CORNER_Y * half_y
+    return x + u * cos_yaw - v * sin_yaw, y + u * sin_yaw + v * cos_yaw
+
+
+_CORNER_X = np.array((1.0, -1.0, -1.0, 1.0)).reshape(4, 1)
+_CORNER_Y = np.array((1.0, 1.0, -1.0, -1.0)).reshape(4, 1)

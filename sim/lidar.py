@@ -1,11 +1,13 @@
-"""A planar lidar on the robot's axis: one full turn of ranges, in the order and with the special values of ROS.
+"""A planar lidar on the robot's axis: a fan of ranges around straight ahead, in the order and with the special values of ROS.
 
-The beams are counter-clockwise from straight behind; the middle one looks straight ahead. By REP 117, +inf is a miss
-and -inf is something too close to measure. There is no noise unless it is asked for.
+The beams are counter-clockwise; those of a full turn start straight behind. By REP 117, +inf is a miss, -inf is
+something too close to measure and NaN is a beam that gave no measurement. There is no noise unless it is asked for.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,17 +19,23 @@ Ranges = NDArray[np.float32]
 # The models put whatever stands in the beams' plane, and nothing of the robot, into this geom group.
 SOLID_GROUP = 1
 
+MAX_BEAMS = 65_536
+"""As many as one message may carry."""
+
 
 @dataclass(frozen=True, slots=True)
 class LidarConfig:
-    """A lidar's geometry.
+    """A lidar's geometry and its errors.
 
     Attributes:
-        beams: Beams of one full turn.
+        beams: Beams of one scan, spread over the span.
+        span_rad: Angle of view, centred ahead. The first and the last beam are on its edges; those of a full turn,
+            whose edges are one, are one increment apart.
         height_m: The plane of the beams above the floor.
         range_min_m: What is closer is too close to measure.
         range_max_m: What is farther is missed.
         noise_std_m: Standard deviation of each range.
+        dropout: Share of the beams that give no measurement, others in each scan.
 
     Raises:
         ValueError: A value makes no sense, by name.
@@ -38,10 +46,16 @@ class LidarConfig:
     range_min_m: float = 0.10
     range_max_m: float = 12.0
     noise_std_m: float = 0.0
+    span_rad: float = math.tau
+    dropout: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.beams < 1:
-            raise ValueError(f"beams must be at least 1, not {self.beams}.")
+        if not 1 <= self.beams <= MAX_BEAMS:
+            raise ValueError(f"beams must be from 1 to {MAX_BEAMS}, not {self.beams}.")
+        if not 0.0 < self.span_rad <= math.tau:
+            raise ValueError(f"span_rad must be above 0 and at most a full turn, not {self.span_rad}.")
+        if not 0.0 <= self.dropout <= 1.0:
+            raise ValueError(f"dropout must be from 0 to 1, not {self.dropout}.")
         if not (math.isfinite(self.height_m) and self.height_m > 0.0):
             raise ValueError(f"height_m must be positive and finite, not {self.height_m}.")
         if not 0.0 <= self.range_min_m < self.range_max_m < math.inf:
@@ -51,16 +65,26 @@ class LidarConfig:
 
     @property
     def angle_min_rad(self) -> float:
-        return -math.pi
+        return -0.5 * self.span_rad if self.beams > 1 or self._is_full_turn else 0.0
 
     @property
     def angle_increment_rad(self) -> float:
-        return math.tau / self.beams
+        gaps = self.beams if self._is_full_turn else max(1, self.beams - 1)
+        return self.span_rad / gaps
 
     @property
     def angle_max_rad(self) -> float:
-        """The last beam's angle, one increment short of a full turn."""
+        """The last beam's angle; one increment short of a full turn."""
         return self.angle_min_rad + (self.beams - 1) * self.angle_increment_rad
+
+    @property
+    def angles_rad(self) -> NDArray[np.float64]:
+        """Every beam's angle, shape (beams,)."""
+        return self.angle_min_rad + self.angle_increment_rad * np.arange(self.beams, dtype=np.float64)
+
+    @property
+    def _is_full_turn(self) -> bool:
+        return self.span_rad == math.tau
 
 
 class Lidar:
@@ -68,16 +92,15 @@ class Lidar:
 
     Args:
         model: The world.
-        config: The lidar's geometry.
-        seed: Of the noise; the same seed makes the same scans.
+        config: The lidar's geometry and errors.
+        seed: Of noise and dropout; the same seed makes the same scans.
     """
 
     def __init__(self, model: mj.Model, config: LidarConfig | None = None, seed: int = 0) -> None:
         self.config = config or LidarConfig()
         self._model = model
         self._random = np.random.default_rng(seed)
-        beams = self.config.beams
-        angles_rad = self.config.angle_min_rad + self.config.angle_increment_rad * np.arange(beams)
+        beams, angles_rad = self.config.beams, self.config.angles_rad
         self._cos, self._sin = np.cos(angles_rad), np.sin(angles_rad)
         self._origin = np.array((0.0, 0.0, self.config.height_m))
         self._directions = np.zeros((beams, 3))
@@ -86,6 +109,15 @@ class Lidar:
         self._geoms = np.zeros(beams, np.int32)
         self._groups = np.zeros(6, np.uint8)
         self._groups[SOLID_GROUP] = 1
+
+    @property
+    def noise_state(self) -> Mapping[str, Any]:
+        """The generator's state, for a snapshot; setting it repeats the noise from there."""
+        return self._random.bit_generator.state
+
+    @noise_state.setter
+    def noise_state(self, state: Mapping[str, Any]) -> None:
+        self._random.bit_generator.state = state
 
     def scan(self, data: mj.Data, x_m: float, y_m: float, yaw_rad: float) -> Ranges:
         """The ranges seen from a pose in the world, in m, shape (beams,), a new array each time."""
@@ -114,4 +146,6 @@ class Lidar:
             ranges += self._random.normal(0.0, config.noise_std_m, config.beams)
         ranges[ranges < config.range_min_m] = -math.inf
         ranges[missed | (ranges > config.range_max_m)] = math.inf
+        if config.dropout > 0.0:
+            ranges[self._random.random(config.beams) < config.dropout] = math.nan
         return ranges.astype(np.float32)

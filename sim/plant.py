@@ -1,24 +1,28 @@
-"""The robot in its warehouse: MuJoCo, and nothing else. No network, no clock, no waiting.
+"""The robot in its world: MuJoCo, and nothing else. No network, no clock, no waiting.
 
 Who steps it decides what time it is. The same calls make the same trajectory, bit for bit.
 """
 
+import hashlib
 import math
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from sim import mj
 from sim.drive import Drive, DriveLimits, Twist, WheelGeometry
-from sim.floorplan import FloorPlan
-from sim.lidar import SOLID_GROUP, Lidar, LidarConfig, Ranges
+from sim.floorplan import Circle, FloorPlan, Outline, Rectangle, Standing, survey
+from sim.lidar import Lidar, LidarConfig, Ranges
+from sim.movers import Mover, Placed
+from sim.room import is_inside
+from sim.scene import DEFAULT, PARKED_Z_M, Build, build, pose_of
+from sim.snapshot import Snapshot, SnapshotError
 
-WAREHOUSE = Path(__file__).with_name("models") / "warehouse.xml"
+TICK_STEPS = 10
+"""Every so many steps whoever moves moves, and odometry adds an arc: in 20 ms nobody comes farther than 3 cm."""
 
-# The insides of the walls, in the world frame.
-HALL_HALF_X_M = 6.0
-HALL_HALF_Y_M = 4.0
-
-_PARKED_Z_M = -10.0
+Axes = tuple[float, float, float]
 
 
 class Pose(NamedTuple):
@@ -40,29 +44,41 @@ class Odometry(NamedTuple):
 
 
 class Plant:
-    """A round differential-drive robot with a lidar, and one pillar to put in its way.
+    """A differential-drive robot with a lidar, what stands and moves around it, and one pillar to put in its way.
 
     Args:
-        model_path: The world; it must include the robot and the pillar.
+        scene: A layout's name, a layout file or an MJCF file; see `scene.build`.
         limits: What the base's drive can do.
         lidar: The lidar's geometry.
         seed: Of the lidar's noise, if it has any.
+        options: The robot's hull, payload and grip, and whether anything moves.
+
+    Attributes:
+        model: MuJoCo's model of it all.
+        data: MuJoCo's state.
+        hull_radius_m: Of the smallest circle around the hull.
+        size_m: Of the floor between the walls along x and y, around the origin; None where nobody knows of walls.
+        start_pose: Where the robot stands at first and after a reset.
+
+    Raises:
+        SceneError: There is no such scene, or something is wrong with it.
     """
 
     def __init__(
         self,
-        model_path: Path = WAREHOUSE,
+        scene: str | Path = DEFAULT,
         limits: DriveLimits | None = None,
         lidar: LidarConfig | None = None,
         seed: int = 0,
+        options: Build | None = None,
     ) -> None:
-        self.model = mj.load(model_path)
-        self.data = mj.make_data(self.model)
+        world = build(scene, options)
+        self.model = model = world.model
+        self.data = data = mj.make_data(model)
         self._drive = Drive(limits)
-        self._lidar = Lidar(self.model, lidar, seed)
-        model, data = self.model, self.data
+        self._lidar = Lidar(model, lidar, seed)
 
-        self._qpos, self._qvel, self._ctrl = data.qpos, data.qvel, data.ctrl
+        self._qpos, self._qvel, self._ctrl, self._sensors = data.qpos, data.qvel, data.ctrl, data.sensordata
         base = mj.joint_id(model, "robot")
         left, right = mj.joint_id(model, "wheel_left"), mj.joint_id(model, "wheel_right")
         self._base_qpos, self._base_qvel = int(model.jnt_qposadr[base]), int(model.jnt_dofadr[base])
@@ -71,29 +87,49 @@ class Plant:
         self._left_ctrl = mj.actuator_id(model, "wheel_left")
         self._right_ctrl = mj.actuator_id(model, "wheel_right")
         self._contacts_adr = int(model.sensor_adr[mj.sensor_id(model, "hull_contacts")])
-        self._sensors = data.sensordata
+        self._gyro_adr = int(model.sensor_adr[mj.sensor_id(model, "gyro")])
+        self._accelerometer_adr = int(model.sensor_adr[mj.sensor_id(model, "accelerometer")])
 
-        hull, pillar = mj.geom_id(model, "hull"), mj.geom_id(model, "pillar")
-        self.hull_radius_m = float(model.geom_size[hull, 0])
-        self.pillar_radius_m = float(model.geom_size[pillar, 0])
+        self._hull = mj.geom_id(model, "hull")
+        self._hull_half_x_m, self._hull_half_y_m, _ = model.geom_size[self._hull].tolist()
+        self._is_round = model.geom_type[self._hull] != mj.Shape.BOX
+        self.hull_radius_m = (
+            self._hull_half_x_m if self._is_round else math.hypot(self._hull_half_x_m, self._hull_half_y_m)
+        )
         self.wheels = WheelGeometry(
             radius_m=float(model.geom_size[mj.geom_id(model, "wheel_left"), 0]),
             track_m=2.0 * float(model.body_pos[mj.body_id(model, "wheel_left"), 1]),
         )
         self.timestep_s = float(model.opt.timestep)
-        self._pillar_pos = data.mocap_pos[model.body_mocapid[mj.body_id(model, "pillar")]]
+        pillar = mj.geom_id(model, "pillar")
+        self.pillar_radius_m = float(model.geom_size[pillar, 0])
         self._pillar_half_height_m = float(model.geom_size[pillar, 1])
+        self._pillar_pos = data.mocap_pos[model.body_mocapid[mj.body_id(model, "pillar")]]
 
-        mj.reset_to_keyframe(model, data, 0)
+        self.size_m = world.size_m
+        self._floor_plan = FloorPlan(world.standing)
+        self._moving_geoms = [geom for geom in world.moving_geoms if geom != pillar]
+        self._odd_geoms = world.odd_geoms
+        # MuJoCo's poses are those of the last step's beginning; those of mocap bodies and of what stands do not care.
+        self._lags = bool(self._odd_geoms) or any(
+            model.body_mocapid[model.geom_bodyid[geom]] < 0 for geom in self._moving_geoms
+        )
+        self._movers = world.movers
+        self._mover_ids = [int(model.body_mocapid[mj.body_id(model, m.name)]) for m in self._movers]
+        self._walked_s = [0.0] * len(self._movers)
+        self._placed = [mover.placed(0.0) for mover in self._movers]
+        self._steps_to_tick = TICK_STEPS
+        self._world = _fingerprint(model, self._movers)
+
+        mj.reset(model, data)
         mj.forward(model, data)
         self.start_pose = self.true_pose
-        solids = [g for g in range(model.ngeom) if model.geom_group[g] == SOLID_GROUP and g != pillar]
-        self._floor_plan = FloorPlan(model, data, solids)
         self._pillar: tuple[float, float] | None = None
+        self._reached: tuple[float, float] | None = None
         self._collisions = 0
         self._touching = False
-        self._odom_x_m = self._odom_y_m = self._odom_yaw_rad = 0.0
-        self._left_rad = self._right_rad = 0.0
+        self._last_contact: str | None = None
+        self._reckoned = (0.0, 0.0, 0.0, 0.0, 0.0)
         self.reset()
 
     @property
@@ -112,9 +148,7 @@ class Plant:
     @property
     def true_pose(self) -> Pose:
         """The robot's pose in the world."""
-        x, y, _, qw, qx, qy, qz = self._qpos[self._base_qpos : self._base_qpos + 7].tolist()
-        yaw_rad = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
-        return Pose(x, y, yaw_rad)
+        return Pose(*pose_of(self._qpos[self._base_qpos : self._base_qpos + 7].tolist()))
 
     @property
     def true_velocity(self) -> Twist:
@@ -129,6 +163,26 @@ class Plant:
         return self._drive.twist
 
     @property
+    def wheel_angles_rad(self) -> tuple[float, float]:
+        """How far the left and the right wheel have turned since the last reset, counted over all turns."""
+        return self._qpos.item(self._left_qpos), self._qpos.item(self._right_qpos)
+
+    def imu(self) -> tuple[Axes, Axes]:
+        """What an ideal inertial unit between the wheels feels, in the robot's frame: rad/s, and m/s² with gravity.
+
+        As of the beginning of the last step, whose forces it feels. At rest the second is (0, 0, 9.81).
+        """
+        gx, gy, gz = self._sensors[self._gyro_adr : self._gyro_adr + 3].tolist()
+        ax, ay, az = self._sensors[self._accelerometer_adr : self._accelerometer_adr + 3].tolist()
+        return (gx, gy, gz), (ax, ay, az)
+
+    @property
+    def outline(self) -> Outline:
+        """The hull as seen from above, in the world."""
+        x_m, y_m, yaw_rad = self.true_pose
+        return self._hull_at(x_m, y_m, yaw_rad)
+
+    @property
     def hull_contacts(self) -> int:
         """Contact points of the hull with anything, after the last step; the floor is not among them."""
         return int(self._sensors[self._contacts_adr])
@@ -139,98 +193,278 @@ class Plant:
         return self._collisions
 
     @property
+    def last_contact(self) -> str | None:
+        """What the hull met at the last of these collisions; None if there was none."""
+        return self._last_contact
+
+    @property
     def pillar(self) -> tuple[float, float] | None:
         """The pillar's (x, y) in the world in m, or None while it is away."""
         return self._pillar
 
+    @property
+    def movers(self) -> dict[str, Pose]:
+        """Where people and forklifts are."""
+        return {
+            mover.name: Pose(*placed[:3]) for mover, placed in zip(self._movers, self._placed, strict=True)
+        }
+
     def step(self, twist_target: tuple[float, float], n_steps: int = 1) -> None:
         """Moves time on by n_steps of `timestep_s`, the drive following the target (v in m/s, ω in rad/s)."""
-        model, data, ctrl, sensors = self.model, self.data, self._ctrl, self._sensors
-        for _ in range(n_steps):
-            twist = self._drive.step(twist_target, self.timestep_s)
-            ctrl[self._left_ctrl], ctrl[self._right_ctrl] = self.wheels.wheel_speeds(twist)
-            mj.step(model, data)
-            self._reckon()
-            touching = sensors.item(self._contacts_adr) > 0.0
-            if touching and not self._touching:
-                self._collisions += 1
-            self._touching = touching
+        # The inner loop runs 500 times for each simulated second, so names are looked up before it.
+        model, data, step, reading, contacts = (
+            self.model,
+            self.data,
+            mj.step,
+            self._sensors.item,
+            self._contacts_adr,
+        )
+        while n_steps > 0:
+            if self._steps_to_tick == 0:
+                self._tick()
+            some = min(n_steps, self._steps_to_tick)
+            for _ in range(some):
+                if twist_target != self._reached:
+                    self._follow(twist_target)
+                step(model, data)
+                if (reading(contacts) > 0.0) is not self._touching:
+                    self._touch()
+            n_steps -= some
+            self._steps_to_tick -= some
 
     def odometry(self) -> Odometry:
-        """What the wheel encoders say."""
+        """What perfect wheel encoders say."""
         twist = self.wheels.twist(self._qvel.item(self._left_qvel), self._qvel.item(self._right_qvel))
-        return Odometry(self._odom_x_m, self._odom_y_m, self._odom_yaw_rad, *twist)
+        return Odometry(*self._reckon()[2:], *twist)
 
     def scan(self) -> Ranges:
         """The lidar's ranges now, in m, shape (beams,); see `lidar.LidarConfig` for the angles."""
+        self._catch_up()
         return self._lidar.scan(self.data, *self.true_pose)
 
     def clearance_m(self) -> float:
-        """The smallest horizontal distance between the hull and anything else; ≤ 0 when it touches."""
-        x_m, y_m, _ = self.true_pose
-        distance_m = self._floor_plan.distance_m(x_m, y_m)
-        if self._pillar is not None:
-            distance_m = min(distance_m, self._to_pillar_m(x_m, y_m, self._pillar))
-        return distance_m - self.hull_radius_m
+        """The smallest distance from the hull to anything else, along the floor; ≤ 0 when it touches."""
+        hull = self.outline
+        distance_m = self._floor_plan.nearest(hull).distance_m
+        present, odd = self._present()
+        distance_m = min(distance_m, FloorPlan(present).nearest(hull).distance_m)
+        for geom in odd:
+            away_m = mj.geom_distance(self.model, self.data, self._hull, geom, mj.FAR_M, None)
+            distance_m = min(distance_m, away_m)
+        return distance_m
 
     def place_pillar(self, x_m: float, y_m: float) -> None:
         """Puts the pillar at a place of the world.
 
         Raises:
-            ValueError: The place is not finite, not in the hall, or where the robot is; the pillar stays where it was.
+            ValueError: The place is not finite, not in the hall, or taken; the pillar stays where it was.
         """
         if not (math.isfinite(x_m) and math.isfinite(y_m)):
             raise ValueError(f"The pillar needs a finite place, not ({x_m}, {y_m}).")
-        if max(abs(x_m) - HALL_HALF_X_M, abs(y_m) - HALL_HALF_Y_M) > -self.pillar_radius_m:
-            raise ValueError(f"The pillar at ({x_m:.2f}, {y_m:.2f}) m would stand in or beyond the walls.")
-        robot = self.true_pose
-        if self._to_pillar_m(robot.x_m, robot.y_m, (x_m, y_m)) <= self.hull_radius_m:
-            raise ValueError(f"The pillar at ({x_m:.2f}, {y_m:.2f}) m would stand in the robot.")
+        pillar, place = Circle(x_m, y_m, self.pillar_radius_m), f"The pillar at ({x_m:.2f}, {y_m:.2f}) m"
+        if self.size_m is not None and not is_inside(pillar, self.size_m):
+            raise ValueError(f"{place} would stand in or beyond the walls.")
+        others = [Standing("robot", self.outline), *self._taken(pillar=False)]
+        taken = min(self._floor_plan.nearest(pillar), FloorPlan(others).nearest(pillar))
+        if taken.distance_m <= 0.0:
+            raise ValueError(f"{place} would stand in the {taken.name}.")
         self._pillar = (x_m, y_m)
         self._move_pillar(x_m, y_m, self._pillar_half_height_m)
 
     def remove_pillar(self) -> None:
         """Takes the pillar out of the world; nothing happens if it is not there."""
         self._pillar = None
-        self._move_pillar(0.0, 0.0, _PARKED_Z_M)
+        self._move_pillar(0.0, 0.0, PARKED_Z_M)
 
     def reset(self) -> None:
-        """Puts the robot at rest at its start, odometry and collisions at zero; time goes on and the pillar stays.
+        """Puts the robot at rest at its start, odometry and collisions at zero; time and whoever moves go on, the pillar stays.
 
         Raises:
-            ValueError: The pillar stands on the start; the robot stays where it was.
+            ValueError: Something stands on the start; the robot stays where it was.
         """
-        start_x_m, start_y_m = self.start_pose[:2]
-        if (
-            self._pillar is not None
-            and self._to_pillar_m(start_x_m, start_y_m, self._pillar) <= self.hull_radius_m
-        ):
-            raise ValueError("The robot cannot go back to its start: the pillar stands there.")
-        time_s, pillar_pos = self.data.time, self._pillar_pos.copy()
-        mj.reset_to_keyframe(self.model, self.data, 0)
-        self.data.time = time_s
-        self._pillar_pos[:] = pillar_pos
-        mj.forward(self.model, self.data)
+        in_the_way = FloorPlan(self._taken()).nearest(self._hull_at(*self.start_pose))
+        if in_the_way.distance_m <= 0.0:
+            raise ValueError(f"The robot cannot go back to its start: the {in_the_way.name} stands there.")
+        data = self.data
+        time_s, mocap_pos, mocap_quat = data.time, data.mocap_pos.copy(), data.mocap_quat.copy()
+        mj.reset(self.model, data)
+        data.time = time_s
+        data.mocap_pos[:], data.mocap_quat[:] = mocap_pos, mocap_quat
+        mj.forward(self.model, data)
         self._drive.reset()
+        self._reached = None
         self._collisions = 0
         self._touching = False
-        self._odom_x_m = self._odom_y_m = self._odom_yaw_rad = 0.0
-        self._left_rad = self._qpos.item(self._left_qpos)
-        self._right_rad = self._qpos.item(self._right_qpos)
+        self._last_contact = None
+        self._reckoned = (*self.wheel_angles_rad, 0.0, 0.0, 0.0)
 
-    def _reckon(self) -> None:
-        """Adds the wheels' increments, as an arc taken at its middle heading."""
-        left_rad, right_rad = self._qpos.item(self._left_qpos), self._qpos.item(self._right_qpos)
-        forward_m, turn_rad = self.wheels.twist(left_rad - self._left_rad, right_rad - self._right_rad)
-        self._left_rad, self._right_rad = left_rad, right_rad
-        heading_rad = self._odom_yaw_rad + 0.5 * turn_rad
-        self._odom_x_m += forward_m * math.cos(heading_rad)
-        self._odom_y_m += forward_m * math.sin(heading_rad)
-        self._odom_yaw_rad = math.remainder(self._odom_yaw_rad + turn_rad, math.tau)
+    def save(self) -> Snapshot:
+        """This moment; see `restore`."""
+        return Snapshot(
+            world=self._world,
+            physics=mj.get_state(self.model, self.data).tobytes(),
+            sensors=self._sensors.tobytes(),
+            noise=self._lidar.noise_state,
+            drive=self._drive.twist,
+            reckoned=self._reckoned,
+            walked_s=tuple(self._walked_s),
+            steps_to_tick=self._steps_to_tick,
+            pillar=self._pillar,
+            collisions=self._collisions,
+            touching=self._touching,
+            last_contact=self._last_contact,
+        )
 
-    def _to_pillar_m(self, x_m: float, y_m: float, pillar: tuple[float, float]) -> float:
-        return math.hypot(x_m - pillar[0], y_m - pillar[1]) - self.pillar_radius_m
+    def restore(self, snapshot: Snapshot) -> None:
+        """Goes back to a moment of this plant, or of another with the same world and lidar: all goes on bit for bit as it did there.
+
+        Raises:
+            SnapshotError: It is of another world; nothing has changed.
+        """
+        if snapshot.world != self._world:
+            raise SnapshotError(
+                "the snapshot is of another world: another scene, hull, payload, grip or movers"
+            )
+        state, sensors = _floats(snapshot.physics), _floats(snapshot.sensors)
+        if (
+            state.size != mj.get_state(self.model, self.data).size
+            or sensors.size != self._sensors.size
+            or len(snapshot.walked_s) != len(self._movers)
+        ):
+            raise SnapshotError("the snapshot is damaged; take a new one")
+        try:
+            self._lidar.noise_state = snapshot.noise
+        except (ValueError, TypeError, KeyError) as error:
+            raise SnapshotError("the snapshot is damaged; take a new one") from error
+        mj.set_state(self.model, self.data, state)
+        self._sensors[:] = sensors
+        self._drive.reset(Twist(*snapshot.drive))
+        self._reached = None
+        self._reckoned = snapshot.reckoned
+        self._walked_s = list(snapshot.walked_s)
+        self._placed = [
+            mover.placed(walked_s) for mover, walked_s in zip(self._movers, self._walked_s, strict=True)
+        ]
+        self._steps_to_tick = snapshot.steps_to_tick
+        self._pillar = snapshot.pillar
+        self._collisions, self._touching = snapshot.collisions, snapshot.touching
+        self._last_contact = snapshot.last_contact
+
+    def _follow(self, twist_target: tuple[float, float]) -> None:
+        """Takes the drive one step nearer to the target, and lets the wheels turn for it."""
+        was = self._drive.twist
+        twist = self._drive.step(twist_target, self.timestep_s)
+        self._ctrl[self._left_ctrl], self._ctrl[self._right_ctrl] = self.wheels.wheel_speeds(twist)
+        self._reached = twist_target if twist is was else None
+
+    def _touch(self) -> None:
+        """The hull came to touch something, or left it."""
+        self._touching = not self._touching
+        if self._touching:
+            self._collisions += 1
+            self._last_contact = self._touched()
+
+    def _touched(self) -> str:
+        """The name of what the hull is in contact with."""
+        for geoms in self.data.contact.geom.tolist():
+            if self._hull in geoms:
+                return mj.geom_label(self.model, geoms[0] if geoms[1] == self._hull else geoms[1])
+        raise AssertionError("a contact of the hull is among the contacts")
+
+    def _tick(self) -> None:
+        """Adds an arc to the odometry, and lets everyone who is not hindered go on."""
+        self._steps_to_tick = TICK_STEPS
+        self._reckoned = self._reckon()
+        if not self._movers:
+            return
+        x_m, y_m = self._qpos.item(self._base_qpos), self._qpos.item(self._base_qpos + 1)
+        dt_s = TICK_STEPS * self.timestep_s
+        positions, turns = self.data.mocap_pos, self.data.mocap_quat
+        for index, mover in enumerate(self._movers):
+            was = self._placed[index]
+            if was.way and self._is_hindered(mover, was, x_m, y_m):
+                continue
+            self._walked_s[index] += dt_s
+            now = self._placed[index] = mover.placed(self._walked_s[index])
+            number = self._mover_ids[index]
+            positions[number, 0], positions[number, 1] = now.x_m, now.y_m
+            if now.yaw_rad != was.yaw_rad:
+                turns[number, 0], turns[number, 3] = math.cos(0.5 * now.yaw_rad), math.sin(0.5 * now.yaw_rad)
+
+    def _reckon(self) -> tuple[float, float, float, float, float]:
+        """Dead reckoning up to now: what the wheels have turned since the last tick is an arc, taken at its middle heading."""
+        left_rad, right_rad, x_m, y_m, yaw_rad = self._reckoned
+        new_left_rad, new_right_rad = self.wheel_angles_rad
+        forward_m, turn_rad = self.wheels.twist(new_left_rad - left_rad, new_right_rad - right_rad)
+        heading_rad = yaw_rad + 0.5 * turn_rad
+        return (
+            new_left_rad,
+            new_right_rad,
+            x_m + forward_m * math.cos(heading_rad),
+            y_m + forward_m * math.sin(heading_rad),
+            math.remainder(yaw_rad + turn_rad, math.tau),
+        )
+
+    def _is_hindered(self, mover: Mover, placed: Placed, x_m: float, y_m: float) -> bool:
+        """Whether the robot or the pillar is where it looks."""
+        in_the_way: list[Standing] = []
+        if mover.may_be_hindered(placed, x_m, y_m, self.hull_radius_m):
+            in_the_way.append(Standing("robot", self.outline))
+        if self._pillar is not None and mover.may_be_hindered(placed, *self._pillar, self.pillar_radius_m):
+            in_the_way.append(Standing("pillar", Circle(*self._pillar, self.pillar_radius_m)))
+        return bool(in_the_way) and FloorPlan(in_the_way).nearest(mover.looked_at(placed)).distance_m < 0.0
+
+    def _hull_at(self, x_m: float, y_m: float, yaw_rad: float) -> Outline:
+        if self._is_round:
+            return Circle(x_m, y_m, self._hull_half_x_m)
+        return Rectangle(x_m, y_m, yaw_rad, self._hull_half_x_m, self._hull_half_y_m)
+
+    def _present(self) -> tuple[list[Standing], list[int]]:
+        """What can be somewhere else tomorrow, where it is now; and the solids that have no simple outline."""
+        self._catch_up()
+        present, odd = survey(self.model, self.data, self._moving_geoms)
+        if self._pillar is not None:
+            present.append(Standing("pillar", Circle(*self._pillar, self.pillar_radius_m)))
+        return present, [*self._odd_geoms, *odd]
+
+    def _taken(self, *, pillar: bool = True) -> list[Standing]:
+        """The floor that is taken, also by more of someone than their legs."""
+        taken = [thing for thing in self._present()[0] if pillar or thing.name != "pillar"]
+        for mover, placed in zip(self._movers, self._placed, strict=True):
+            taken.append(Standing(mover.name, mover.footprint(placed)))
+        return taken
+
+    def _catch_up(self) -> None:
+        """Makes the poses of bodies agree with the positions, where that matters."""
+        if self._lags:
+            mj.kinematics(self.model, self.data)
 
     def _move_pillar(self, x_m: float, y_m: float, z_m: float) -> None:
         self._pillar_pos[:] = (x_m, y_m, z_m)
         mj.kinematics(self.model, self.data)  # so that the next scan sees it without a step
+
+
+def _floats(data: bytes) -> mj.Floats:
+    return np.frombuffer(data[: len(data) // 8 * 8])
+
+
+def _fingerprint(model: mj.Model, movers: tuple[Mover, ...]) -> str:
+    """Equal for two worlds in which the same commands do the same."""
+    digest = hashlib.sha256()
+    for part in (
+        model.geom_type,
+        model.geom_size,
+        model.geom_pos,
+        model.geom_quat,
+        model.geom_friction,
+        model.geom_conaffinity,
+        model.geom_group,
+        model.body_pos,
+        model.body_quat,
+        model.body_mass,
+        model.body_inertia,
+    ):
+        digest.update(part.tobytes())
+    for mover in movers:
+        digest.update(repr((mover.name, mover.kind, mover.way, mover.yields_m)).encode())
+    return digest.hexdigest()

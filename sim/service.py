@@ -1,75 +1,149 @@
-"""The asyncio shell of the simulated robot: the keys that a real base would serve, in real time.
+"""The asyncio shell of the simulated robot: the keys that a real base would serve, at the pace that is asked for.
 
-Physics follow the loop's monotonic clock step by step; a message never waits for a step to be due. The
-base's own watchdog decides what the drive aims at, at every step.
+Physics follow the loop's monotonic clock step by step; a message never waits for a step to be due. The base's own
+watchdog decides what the drive aims at, at every step, and goes by the real clock whatever the pace: its commands
+come in real time, and at ten times the pace two of them are 0.2 s of simulated time apart.
 """
 
 import asyncio
 import logging
+import math
 from collections.abc import Callable
 
-import numpy as np
-
 from sim.config import SimSection
+from sim.diagnostics import Health, contact_sentence, pace_sentence, to_diagnostics
+from sim.encoders import Odometer
+from sim.imu import Imu
+from sim.lidar import Ranges
+from sim.messages import to_clock, to_imu, to_odometry, to_scan, to_truth
+from sim.pace import Ask, Every, Measured, Pace, Pause, Run, Speed, Step, TimeRequestError, parse_time_request
 from sim.plant import Plant
+from sim.sensor_faults import NO_FAULTS, FaultError, SensorFaults, parse_faults, spoil
+from sim.shown import Mode, Shown
 from sim.watchdog import BaseReason, Watchdog
 from wire import topics
 from wire.bus import Arrival, Bus, wait_until
-from wire.messages import LaserScan, Point, TriggerResponse, Twist, header, odometry
+from wire.messages import Point, SafetyStatus, TriggerResponse, Twist
 
 _log = logging.getLogger(__name__)
 
-MAX_CATCH_UP_S = 0.1
-"""A process that was held up makes up for this much; the rest of the time has not happened."""
 OBSTACLE_DEPTH = 16
+TRUTH_HZ, CLOCK_HZ = 50.0, 50.0
+
+SLICE_S = 0.002
+"""Steps that are due are made for so long; then commands and requests are looked at again."""
+FRAME_S = 1.0 / 30.0
+STATUS_SILENT_S = 0.5
+"""A supervisor's status that is older than this says nothing about now."""
+REPORT_S = 1.0
+CONTACT_REPORT_S = 0.1
+"""A hull that rattles along a rack is reported no more often than this, and logged once a second."""
+CONTACT_LOG_S = 1.0
+PACE_LOG_S = 10.0
 
 
 class SimService:
-    """One simulated robot on one Bus."""
+    """One simulated robot on one Bus.
+
+    Args:
+        bus: where it speaks.
+        config: `[sim]`.
+        plant: the robot in its world.
+        on_frame: draws the world, 30 times a second, paused or not, and what is to be shown with it.
+        speed: simulated seconds in each second, to begin with.
+        faults: of the sensors, to begin with.
+    """
 
     def __init__(
-        self, bus: Bus, config: SimSection, plant: Plant, on_frame: Callable[[], None] | None = None
+        self,
+        bus: Bus,
+        config: SimSection,
+        plant: Plant,
+        on_frame: Callable[[Shown], None] | None = None,
+        *,
+        speed: float = 1.0,
+        faults: SensorFaults = NO_FAULTS,
     ) -> None:
         self._bus = bus
+        self._config = config
         self._plant = plant
         self._on_frame = on_frame
         self._watchdog = Watchdog(config.command_timeout_s)
         self._loop = asyncio.get_running_loop()
         self._wake = asyncio.Event()
-        self._odom_steps = max(1, round(1.0 / (config.odom_hz * plant.timestep_s)))
-        self._scan_steps = max(1, round(1.0 / (config.scan_hz * plant.timestep_s)))
-        self._scan_period_s = self._scan_steps * plant.timestep_s
-        self._steps = 0
         self._supervisor_changed_s = 0.0
         self._reason: BaseReason | None = None
+
+        dt_s = plant.timestep_s
+        self._pace = Pace(dt_s, self._loop.time(), speed)
+        self._single_steps_made: asyncio.Future[None] | None = None
+        self._steps = 0
+        self._scan_times = Every(config.scan_hz, dt_s)
+        self._odom_times = Every(config.odom_hz, dt_s)
+        self._imu_times = Every(config.imu_hz, dt_s)
+        self._truth_times = Every(TRUTH_HZ, dt_s)
+        self._clock_times = Every(CLOCK_HZ, dt_s)
+
+        self._odometer = Odometer(plant.wheels, config.encoders(), config.seed)
+        self._odometer.reset(*plant.wheel_angles_rad)
+        self._odom_read_s = plant.time_s
+        self._imu = Imu(config.imu(), config.seed)
+        self._beams_rad = plant.lidar.angles_rad
+        self._frozen: Ranges | None = None
+        self._faults = NO_FAULTS
+        self._put_in_force(faults)
+
+        self._collisions = plant.collisions
+        self._measured = Measured(math.nan, 0.0)
+        self._next_report_s = self._loop.time()
+        self._next_frame_s = math.inf if on_frame is None else self._loop.time()
+        self._next_contact_report_s = self._next_contact_log_s = self._next_pace_log_s = 0.0
 
         self._cmd_vel = bus.subscribe(topics.CMD_VEL, wake=self._wake)
         self._alive = bus.watch_alive(self._wake)
         self._obstacles = bus.subscribe(topics.OBSTACLE, depth=OBSTACLE_DEPTH, wake=self._wake)
-        self._odom = bus.publisher(topics.ODOM)
-        self._scan = bus.publisher(topics.SCAN)
+        self._statuses = None if on_frame is None else bus.subscribe(topics.STATUS)  # to be shown, no more
+        self._status: SafetyStatus | None = None
+        self._status_s = -math.inf
+        self._last_scan: Ranges | None = None
+        self._odom_out = bus.publisher(topics.ODOM)
+        self._scan_out = bus.publisher(topics.SCAN)
+        self._imu_out = bus.publisher(topics.IMU)
+        self._truth_out = bus.publisher(topics.TRUTH)
+        self._clock_out = bus.publisher(topics.CLOCK)
+        self._diagnostics_out = bus.publisher(topics.DIAGNOSTICS)
         bus.serve(topics.SIM_RESET, self._on_reset)
+        bus.serve(topics.SIM_FAULTS, self._on_faults)
+        bus.serve(topics.SIM_TIME, self._on_time)
 
     async def run(self, stop: asyncio.Event) -> None:
         """Simulate until `stop` is set."""
         token = self._bus.declare_alive(topics.SIM)
-        dt_s = self._plant.timestep_s
-        next_step_s = self._loop.time() + dt_s
         stopping = asyncio.ensure_future(stop.wait())
         stopping.add_done_callback(lambda _: self._wake.set())
+        self._warn_of_speed()
         try:
             while not stop.is_set():
-                await wait_until(self._wake, next_step_s)
+                if self._pace.is_due:
+                    await asyncio.sleep(0)  # behind time: let requests in, but wait for nothing
+                else:
+                    await wait_until(
+                        self._wake, min(self._pace.due_s, self._next_report_s, self._next_frame_s)
+                    )
                 self._listen()
                 now_s = self._loop.time()
-                if now_s - next_step_s > MAX_CATCH_UP_S:
-                    _log.warning("held up for %.2f s: that time is skipped", now_s - next_step_s)
-                    next_step_s = now_s - MAX_CATCH_UP_S
-                while next_step_s <= now_s:
-                    self._step(now_s)
-                    next_step_s += dt_s
+                self._pace.elapse(now_s)
+                self._make_steps(now_s)
+                if now_s >= self._next_frame_s and self._on_frame is not None:
+                    self._next_frame_s = now_s + FRAME_S
+                    self._on_frame(self._shown(now_s))
+                if now_s >= self._next_report_s:
+                    self._next_report_s = now_s + REPORT_S
+                    self._measure(now_s)
+                    self._diagnostics_out.put(to_diagnostics(self._health()))
         finally:
             stopping.cancel()
+            self._end_of_single_steps()
             token.withdraw()
 
     def _listen(self) -> None:
@@ -99,6 +173,17 @@ class SimService:
         except ValueError as error:
             _log.warning("%s: %s", topics.OBSTACLE.key, error)
 
+    def _make_steps(self, now_s: float) -> None:
+        """Make the steps that are due, for a slice of time at most."""
+        end_s = now_s + SLICE_S
+        while self._pace.is_due:
+            self._step(now_s)
+            self._pace.stepped()
+            if self._loop.time() >= end_s:
+                break
+        if self._pace.paused and not self._pace.single_steps:
+            self._end_of_single_steps()
+
     def _step(self, now_s: float) -> None:
         target = self._watchdog.target(now_s)
         if target.reason is not self._reason:
@@ -106,32 +191,152 @@ class SimService:
             _log.info("base: %s", "follows cmd_vel" if target.reason is BaseReason.OK else target.reason)
         self._plant.step(target[:2])
         self._steps += 1
-        if self._steps % self._odom_steps == 0:
-            state = self._plant.odometry()
-            self._odom.put(odometry(state[:3], state[3:]))
-            if self._on_frame is not None:
-                self._on_frame()
-        if self._steps % self._scan_steps == 0:
-            self._scan.put(self._scan_message())
+        if self._plant.collisions > self._collisions:
+            self._report_contact(now_s)
+        self._collisions = self._plant.collisions
+        self._publish()
 
-    def _scan_message(self) -> LaserScan:
-        lidar = self._plant.lidar
-        return LaserScan(
-            header("lidar"),
-            angle_min=lidar.angle_min_rad,
-            angle_max=lidar.angle_max_rad,
-            angle_increment=lidar.angle_increment_rad,
-            time_increment=0.0,
-            scan_time=self._scan_period_s,
-            range_min=lidar.range_min_m,
-            range_max=lidar.range_max_m,
-            ranges=self._plant.scan(),
-            intensities=np.empty(0, dtype=np.float32),
+    def _publish(self) -> None:
+        """What the sensors say after this step, each at its own rate."""
+        step, speed, plant = self._steps, self._pace.speed, self._plant
+        if self._odom_times.due(step, speed):
+            elapsed_s, self._odom_read_s = plant.time_s - self._odom_read_s, plant.time_s
+            reckoning = self._odometer.read(*plant.wheel_angles_rad, elapsed_s)
+            if not self._faults.no_odom:
+                self._odom_out.put(to_odometry(reckoning))
+        if self._truth_times.due(step, speed):
+            self._truth_out.put(to_truth(plant.true_pose, plant.true_velocity))
+        if self._imu_times.due(step, speed):
+            self._imu_out.put(to_imu(self._imu.read(*plant.imu()), self._imu.config))
+        if self._clock_times.due(step, speed):
+            self._clock_out.put(to_clock(plant.time_s))
+        if self._scan_times.due(step, speed) and not self._faults.silent:
+            self._last_scan = self._look()
+            self._scan_out.put(to_scan(self._last_scan, plant.lidar, self._scan_times.period_s(speed)))
+
+    def _shown(self, now_s: float) -> Shown:
+        """What a person who looks at the robot would want to know of it."""
+        for arrival in () if self._statuses is None else self._statuses.take():
+            if arrival.message is not None:
+                self._status, self._status_s = arrival.message, arrival.arrival_s
+        status, speed_m_s, ranges = self._status, self._plant.true_velocity.linear_m_s, self._last_scan
+        if status is None or now_s - self._status_s > STATUS_SILENT_S:
+            return Shown(speed_m_s=speed_m_s, ranges=ranges)
+        return Shown(Mode.of(status.mode), tuple(status.reasons), speed_m_s, status.nearest_m, ranges)
+
+    def _look(self) -> Ranges:
+        """A scan, with the faults in force: the first one after a freeze stays."""
+        if self._frozen is not None:
+            return self._frozen
+        ranges = spoil(self._faults, self._plant.scan(), self._beams_rad)
+        if self._faults.freeze:
+            self._frozen = ranges
+        return ranges
+
+    def _put_in_force(self, faults: SensorFaults) -> None:
+        if faults != self._faults:
+            _log.info("sensor faults in force: %s", faults)
+        self._faults = faults
+        self._frozen = None
+        self._scan_times.rate_hz = faults.rate_hz or self._config.scan_hz
+
+    def _health(self) -> Health:
+        plant, pace = self._plant, self._pace
+        return Health(
+            touches=plant.hull_contacts > 0,
+            collisions=plant.collisions,
+            last_contact=plant.last_contact,
+            time_s=plant.time_s,
+            speed=pace.speed,
+            paused=pace.paused,
+            measured=self._measured,
+            faults=self._faults,
+            movers=plant.movers,
         )
+
+    def _report_contact(self, now_s: float) -> None:
+        health = self._health()
+        if now_s >= self._next_contact_report_s:
+            self._next_contact_report_s = now_s + CONTACT_REPORT_S
+            self._diagnostics_out.put(to_diagnostics(health))
+        if now_s >= self._next_contact_log_s:
+            self._next_contact_log_s = now_s + CONTACT_LOG_S
+            _log.warning("%s (contact %d since the last reset)", contact_sentence(health), health.collisions)
+
+    def _measure(self, now_s: float) -> None:
+        self._measured = self._pace.measure(now_s)
+        if self._measured.lost_s > 0.0 and now_s >= self._next_pace_log_s:
+            self._next_pace_log_s = now_s + PACE_LOG_S
+            _log.warning(pace_sentence(self._pace.speed, self._measured))
+
+    def _warn_of_speed(self) -> None:
+        """The supervisor lives in real time: say what another pace means for what it promises."""
+        speed = self._pace.speed
+        if speed > 1.0:
+            _log.warning(
+                "%g times real time: the supervisor's clock does not run faster, so it reacts that much later, "
+                "and its distances do not hold",
+                speed,
+            )
+        elif speed < 1.0:
+            _log.warning(
+                "%g times real time: the supervisor's clock does not run slower, so it may take slow braking for "
+                "a runaway",
+                speed,
+            )
 
     async def _on_reset(self, _: str) -> TriggerResponse:
         try:
             self._plant.reset()
         except ValueError as error:
             return TriggerResponse(success=False, message=str(error))
+        self._odometer.reset(*self._plant.wheel_angles_rad)
+        self._collisions = 0
         return TriggerResponse(success=True, message="the robot is back at its start")
+
+    async def _on_faults(self, text: str) -> TriggerResponse:
+        if text.strip():
+            try:
+                self._put_in_force(parse_faults(text))
+            except FaultError as error:
+                return TriggerResponse(success=False, message=str(error))
+        return TriggerResponse(success=True, message=f"in force: {self._faults}")
+
+    async def _on_time(self, text: str) -> TriggerResponse:
+        pace, now_s = self._pace, self._loop.time()
+        try:
+            match parse_time_request(text):
+                case Ask():
+                    pass
+                case Pause():
+                    pace.pause(now_s)
+                    self._end_of_single_steps()
+                case Run():
+                    pace.run(now_s)
+                    self._end_of_single_steps()
+                case Step(steps):
+                    pace.step(steps)
+                    await self._until_stepped()
+                case Speed(factor):
+                    pace.set_speed(now_s, factor)
+                    self._warn_of_speed()
+        except TimeRequestError as error:
+            return TriggerResponse(success=False, message=str(error))
+        self._wake.set()
+        how = "paused" if pace.paused else "running"
+        sentence = f"{how} at {self._plant.time_s:.3f} s of simulated time, speed {pace.speed:g}"
+        if text.strip():
+            _log.info("%s: %s", text.strip(), sentence)
+        return TriggerResponse(success=True, message=sentence)
+
+    async def _until_stepped(self) -> None:
+        """Wait for the single steps to be made, or given up."""
+        self._single_steps_made = self._loop.create_future()
+        self._wake.set()
+        await self._single_steps_made
+
+    def _end_of_single_steps(self) -> None:
+        """Answer whoever waits for them."""
+        if self._single_steps_made is not None:
+            self._single_steps_made.set_result(None)
+            self._single_steps_made = None

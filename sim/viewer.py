@@ -1,17 +1,35 @@
-"""MuJoCo's own window on the plant, where there is a display."""
+"""MuJoCo's own window on the plant, where there is a display: the world, what the lidar sees, and what the supervisor says.
+
+The window has a thread of its own, which needs no Python; the physics only hand it a copy now and then: 0.3 ms for a
+frame. Words are another matter: whoever hands them over waits until the window is drawn, so a thread of ours does.
+"""
 
 import importlib
+import logging
 import os
-from collections.abc import Callable
+import queue
+import re
+import threading
+import warnings
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from typing import Any
 
 from sim import mj
+from sim.overlay import Overlay
 from sim.plant import Plant
+from sim.shown import Shown
+from sim.views import fit
+
+_log = logging.getLogger(__name__)
 
 # Above and behind the robot, within the hall also at its start, looking down the aisle and following it.
 VIEW_DISTANCE_M = 3.2
 VIEW_AZIMUTH_DEG = 0.0
 VIEW_ELEVATION_DEG = -65.0
+
+OPEN_LIMIT_S = 20.0
+"""A display over a network may take its time; one that never answers is none."""
 
 
 class NoDisplayError(Exception):
@@ -22,27 +40,126 @@ def has_display() -> bool:
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def open_viewer(plant: Plant) -> Callable[[], None]:
-    """Open the window and return what draws one frame; a window that was closed draws nothing.
+def open_viewer(plant: Plant) -> Callable[[Shown], None]:
+    """Open the window and return what draws one frame; once it was closed, nothing is drawn and all else goes on.
 
     Raises:
-        NoDisplayError: there is no display, or MuJoCo cannot use it.
+        NoDisplayError: There is no display, or MuJoCo cannot use it.
     """
     if not has_display():
-        raise NoDisplayError("there is no display for a window; leave out --viewer to run without one")
-    viewer: Any = importlib.import_module("mujoco.viewer")
-    try:
-        handle = viewer.launch_passive(plant.model, plant.data, show_left_ui=False, show_right_ui=False)
-    except Exception as error:
-        raise NoDisplayError(f"MuJoCo cannot open a window here ({error}); use --no-viewer") from error
-
+        raise NoDisplayError("there is no display for a window")
+    fit(plant)
+    handle = _launch(plant)
     camera = handle.cam
     camera.type = int(mj.mujoco.mjtCamera.mjCAMERA_TRACKING)
     camera.trackbodyid = mj.body_id(plant.model, "robot")
     camera.distance, camera.azimuth, camera.elevation = VIEW_DISTANCE_M, VIEW_AZIMUTH_DEG, VIEW_ELEVATION_DEG
+    return _Window(handle, plant).draw
 
-    def draw() -> None:
-        if handle.is_running():
-            handle.sync()
 
-    return draw
+class _Window:
+    def __init__(self, handle: Any, plant: Plant) -> None:  # noqa: ANN401 - untyped there
+        self._handle, self._plant = handle, plant
+        self._overlay = Overlay(handle.user_scn, plant.outline, plant.lidar)
+        self._words = _Words(handle)
+        self._is_open = True
+
+    def draw(self, shown: Shown) -> None:
+        if not self._is_open:
+            return
+        if not self._handle.is_running():
+            self._is_open = False
+            _log.info("the window was closed; the simulation goes on without it")
+            return
+        self._overlay.update(*self._plant.true_pose, shown)
+        self._words.say(words(shown))
+        self._handle.sync()
+
+
+class _Words:
+    """Hands the newest words to the window, and lets the others fall."""
+
+    def __init__(self, handle: Any) -> None:  # noqa: ANN401 - untyped there
+        self._handle = handle
+        self._newest = ("", "")
+        self._changed = threading.Event()
+        threading.Thread(target=self._hand_over, name="window's words", daemon=True).start()
+
+    def say(self, columns: tuple[str, str]) -> None:
+        if columns != self._newest:
+            self._newest = columns
+            self._changed.set()
+
+    def _hand_over(self) -> None:
+        font, corner = mj.mujoco.mjtFontScale.mjFONTSCALE_150, mj.mujoco.mjtGridPos.mjGRID_TOPLEFT
+        while self._handle.is_running():
+            self._changed.wait()
+            self._changed.clear()
+            self._handle.set_texts((font, corner, *self._newest))
+
+
+def words(shown: Shown) -> tuple[str, str]:
+    """What stands in the window's corner, as two columns."""
+    rows = [("mode", shown.mode.value), ("speed", shown.speed), ("nearest", shown.nearest)]
+    if shown.why:
+        rows.insert(1, ("why", shown.why))
+    left, right = zip(*rows, strict=True)
+    return "\n".join(left), "\n".join(right)
+
+
+def _launch(plant: Plant) -> Any:  # noqa: ANN401 - untyped there
+    """MuJoCo's handle of an open window.
+
+    Where it cannot open one it ends the process, so a small hidden one is tried first; and should its threads fail
+    later, whoever waits for them would wait for ever.
+    """
+    answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
+
+    def launch() -> None:
+        viewer: Any = importlib.import_module("mujoco.viewer")
+        answers.put(viewer.launch_passive(plant.model, plant.data, show_left_ui=False, show_right_ui=False))
+
+    with _failures_of_threads_to(answers), warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        if not _can_open_a_window():
+            why = "; ".join(_plain(str(warning.message)) for warning in told) or "nobody says why"
+            raise NoDisplayError(f"no window can be opened here ({why})")
+        threading.Thread(target=launch, daemon=True).start()
+        try:
+            answer = answers.get(timeout=OPEN_LIMIT_S)
+        except queue.Empty:
+            answer = TimeoutError(f"no answer in {OPEN_LIMIT_S:g} s")
+    if isinstance(answer, BaseException):
+        raise NoDisplayError(
+            f"MuJoCo cannot open a window here ({mj.one_line(Exception(answer))})"
+        ) from answer
+    return answer
+
+
+def _plain(warning: str) -> str:
+    """What glfw means by `(65550) b'X11: Failed to open display'`."""
+    return re.sub(r"^\(\d+\) b?(['\"])(.*)\1$", r"\2", warning)
+
+
+def _can_open_a_window() -> bool:
+    """Tries; what is wrong comes as warnings."""
+    glfw: Any = importlib.import_module("glfw")
+    if not glfw.init():
+        return False
+    glfw.window_hint(glfw.VISIBLE, glfw.FALSE)
+    window = glfw.create_window(64, 64, "", None, None)
+    glfw.default_window_hints()
+    if not window:
+        return False
+    glfw.destroy_window(window)
+    return True
+
+
+@contextmanager
+def _failures_of_threads_to(answers: "queue.SimpleQueue[Any]") -> Generator[None]:
+    before = threading.excepthook
+    threading.excepthook = lambda failure: answers.put(failure.exc_value)
+    try:
+        yield
+    finally:
+        threading.excepthook = before

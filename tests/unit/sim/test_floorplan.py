@@ -1,56 +1,126 @@
 """The floor plan's distances: exact against hand-made worlds, and against MuJoCo's own."""
 
+import itertools
 import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from sim import mj
-from sim.floorplan import FloorPlan
+from sim.floorplan import NOTHING, Circle, FloorPlan, Nearest, Outline, Rectangle, Standing, survey
 from sim.plant import Plant
+from sim.scene import Build, Hull
 
 
-def _plan(geoms: str) -> FloorPlan:
-    model = mj.load_string(f"<mujoco><worldbody>{geoms}</worldbody></mujoco>")
-    data = mj.make_data(model)
-    mj.forward(model, data)
-    return FloorPlan(model, data, list(range(model.ngeom)))
+def _plan(*outlines: Outline) -> FloorPlan:
+    return FloorPlan([Standing(f"thing {number}", outline) for number, outline in enumerate(outlines)])
 
 
-def test_a_box_is_as_far_as_its_nearest_side_or_corner() -> None:
-    plan = _plan('<geom type="box" size="1 0.5 1" pos="2 0 1"/>')
-    assert plan.distance_m(0.0, 0.0) == pytest.approx(1.0)
-    assert plan.distance_m(-2.0, 4.5) == pytest.approx(5.0)
-    assert plan.distance_m(2.0, 0.0) == 0.0
+def _point(x_m: float, y_m: float) -> Circle:
+    return Circle(x_m, y_m, 0.0)
 
 
-def test_a_turned_box_is_turned() -> None:
-    plan = _plan('<geom type="box" size="1 1 1" euler="0 0 45"/>')
-    assert plan.distance_m(3.0, 0.0) == pytest.approx(3.0 - math.sqrt(2.0))
-
-
-def test_a_cylinder_is_a_circle_and_an_empty_floor_is_far_away() -> None:
-    assert _plan('<geom type="cylinder" size="0.5 1" pos="0 2 0"/>').distance_m(0.0, 0.0) == pytest.approx(
-        1.5
-    )
-    assert _plan("").distance_m(0.0, 0.0) == math.inf
+BOX = Rectangle(2.0, 0.0, 0.0, 1.0, 0.5)
 
 
 @pytest.mark.parametrize(
-    "geom", ['<geom type="box" size="1 1 1" euler="10 0 0"/>', '<geom type="ellipsoid" size="1 1 2"/>']
+    ("x_m", "y_m", "distance_m"), [(0.0, 0.0, 1.0), (-2.0, 4.5, 5.0), (2.0, 0.0, -0.5), (2.9, 0.0, -0.1)]
 )
-def test_a_solid_without_a_simple_outline_is_refused(geom: str) -> None:
-    with pytest.raises(ValueError, match=r"Geom 0"):
-        _plan(geom)
+def test_a_rectangle_is_as_far_as_its_nearest_side_or_corner_and_as_deep(
+    x_m: float, y_m: float, distance_m: float
+) -> None:
+    assert _plan(BOX).nearest(_point(x_m, y_m)).distance_m == pytest.approx(distance_m)
 
 
-def test_the_clearance_agrees_with_mujoco_s_own_distance() -> None:
-    plant = Plant()
-    plant.place_pillar(-3.0, 0.4)
-    hull = mj.geom_id(plant.model, "hull")
+def test_a_turned_rectangle_is_turned() -> None:
+    turned = Rectangle(0.0, 0.0, math.pi / 4, 1.0, 1.0)
+    assert _plan(turned).nearest(_point(3.0, 0.0)).distance_m == pytest.approx(3.0 - math.sqrt(2.0))
+
+
+def test_the_nearest_has_a_name_and_an_empty_floor_has_none() -> None:
+    assert _plan(BOX, Circle(0.0, 2.0, 0.5)).nearest(Circle(0.0, 0.0, 0.25)) == Nearest(0.75, "thing 0")
+    assert _plan(BOX, Circle(0.0, 1.0, 0.5)).nearest(Circle(0.0, 0.0, 0.25)) == Nearest(0.25, "thing 1")
+    assert _plan().nearest(BOX) == NOTHING
+    assert _plan(BOX, Circle(2.5, 0.9, 0.5)).overlapping(_point(2.5, 0.45), 0.01) == ["thing 0", "thing 1"]
+
+
+@pytest.mark.parametrize(
+    ("other", "distance_m"),
+    [
+        (Rectangle(5.0, 0.0, 0.0, 0.5, 3.0), 1.5),  # side to side
+        (Rectangle(4.0, 2.5, 0.0, 0.7, 0.4), math.hypot(0.3, 1.6)),  # corner to corner
+        (Rectangle(2.0, 2.0, math.pi / 4, 1.0, 1.0), 1.5 - math.sqrt(2.0)),  # corner to side
+        (Rectangle(2.0, 0.0, math.pi / 2, 3.0, 0.1), -1.1),  # a cross, no corner within the other
+        (Rectangle(2.0, 0.8, 0.0, 1.0, 0.5), -0.2),
+        (Circle(4.0, 0.0, 0.4), 0.6),
+        (Circle(3.3, 0.9, 0.6), -0.1),
+    ],
+)
+def test_two_outlines_are_as_far_apart_as_they_are_both_ways(other: Outline, distance_m: float) -> None:
+    assert _plan(other).nearest(BOX).distance_m == pytest.approx(distance_m)
+    assert _plan(BOX).nearest(other).distance_m == pytest.approx(distance_m)
+
+
+_PLACES = st.floats(-3.0, 3.0)
+_SIZES = st.floats(0.05, 1.5)
+_RECTANGLES = st.builds(Rectangle, _PLACES, _PLACES, st.floats(-math.pi, math.pi), _SIZES, _SIZES)
+
+
+def _rim(rectangle: Rectangle) -> np.ndarray:
+    """Points all around it, shape (n, 2)."""
+    corners = [*rectangle.corners_m(), rectangle.corners_m()[0]]
+    shares = np.linspace(0.0, 1.0, 50)[:, None]
+    return np.concatenate(
+        [np.array(a) + shares * (np.array(b) - np.array(a)) for a, b in itertools.pairwise(corners)]
+    )
+
+
+@given(_RECTANGLES, _RECTANGLES)
+def test_the_distance_of_rectangles_is_that_of_their_nearest_points(a: Rectangle, b: Rectangle) -> None:
+    distance_m = _plan(b).nearest(a).distance_m
+    assert distance_m == pytest.approx(_plan(a).nearest(b).distance_m)
+    rim_a, rim_b = _rim(a), _rim(b)
+    sampled_m = float(np.min(np.linalg.norm(rim_a[:, None] - rim_b[None], axis=2)))
+    if distance_m > 0.0:
+        assert distance_m - 1e-9 <= sampled_m <= distance_m + 0.07
+    else:
+        # They overlap: a corner of one is in the other, or their rims cross.
+        inside = min(_plan(a).nearest(_point(*p)).distance_m for p in (*b.corners_m(), (b.x_m, b.y_m)))
+        inside = min(
+            inside, *(_plan(b).nearest(_point(*p)).distance_m for p in (*a.corners_m(), (a.x_m, a.y_m)))
+        )
+        assert inside <= 1e-9 or sampled_m < 0.07
+
+
+def test_only_upright_boxes_cylinders_and_spheres_have_an_outline() -> None:
+    model = mj.load_string("""<mujoco><compiler angle="degree"/><worldbody>
+      <geom name="box" type="box" size="1 2 1" pos="1 2 3" euler="0 0 30"/>
+      <geom name="drum" type="cylinder" size="0.5 1" pos="0 2 0"/>
+      <geom name="ball" type="sphere" size="0.5" euler="10 0 0"/>
+      <geom name="leaning" type="box" size="1 1 1" euler="10 0 0"/>
+      <geom type="ellipsoid" size="1 1 2"/>
+    </worldbody></mujoco>""")
+    data = mj.make_data(model)
+    mj.forward(model, data)
+    standing, others = survey(model, data, range(model.ngeom))
+    assert [thing.name for thing in standing] == ["box", "drum", "ball"]
+    assert standing[0].outline == pytest.approx((1.0, 2.0, math.radians(30.0), 1.0, 2.0))
+    assert standing[1].outline == (0.0, 2.0, 0.5)
+    assert standing[2].outline == (0.0, 0.0, 0.5)
+    assert [mj.geom_label(model, geom) for geom in others] == ["leaning", "geom 4"]
+
+
+@pytest.mark.parametrize("hull", list(Hull))
+def test_the_clearance_agrees_with_mujoco_s_own_distance(hull: Hull) -> None:
+    plant = Plant(options=Build(hull=hull, moving=True))
+    plant.place_pillar(-3.0, 0.6)
+    hull_geom = mj.geom_id(plant.model, "hull")
     solids = [g for g in range(plant.model.ngeom) if plant.model.geom_group[g] == 1]
-    for target in ((0.5, 0.2), (0.5, -0.6), (-0.3, 1.0)):
-        plant.step(target, 200)
+    for target in ((0.5, 0.2), (0.5, -0.6), (-0.3, 1.0), (0.6, -1.0), (0.8, 0.3)):
+        plant.step(target, 300)
+        clearance_m = plant.clearance_m()
         mj.forward(plant.model, plant.data)
-        distances_m = [mj.geom_distance(plant.model, plant.data, hull, g, 20.0, None) for g in solids]
-        assert plant.clearance_m() == pytest.approx(float(np.min(distances_m)), abs=1e-3)
+        distances_m = [mj.geom_distance(plant.model, plant.data, hull_geom, g, 20.0, None) for g in solids]
+        assert clearance_m == pytest.approx(float(np.min(distances_m)), abs=1e-4)

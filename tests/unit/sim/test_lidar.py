@@ -28,10 +28,15 @@ ROOM = """
 def _scan(
     config: LidarConfig | None = None, x_m: float = 0.0, y_m: float = 0.0, yaw_rad: float = 0.0, seed: int = 0
 ) -> Ranges:
+    lidar, data = _lidar(config, seed)
+    return lidar.scan(data, x_m, y_m, yaw_rad)
+
+
+def _lidar(config: LidarConfig | None = None, seed: int = 0) -> tuple[Lidar, mj.Data]:
     model = mj.load_string(ROOM)
     data = mj.make_data(model)
     mj.forward(model, data)
-    return Lidar(model, config, seed).scan(data, x_m, y_m, yaw_rad)
+    return Lidar(model, config, seed), data
 
 
 def test_beams_go_counter_clockwise_from_straight_behind() -> None:
@@ -45,6 +50,33 @@ def test_the_angles_describe_the_beams() -> None:
     config = LidarConfig()
     assert config.angle_min_rad + AHEAD * config.angle_increment_rad == pytest.approx(0.0)
     assert config.angle_max_rad == pytest.approx(math.pi - config.angle_increment_rad)
+
+
+@pytest.mark.parametrize(("beams", "span_rad"), [(181, math.pi), (271, 1.5 * math.pi), (1081, 4.7), (2, 0.1)])
+def test_a_partial_span_is_centred_ahead_and_its_beams_reach_both_edges(beams: int, span_rad: float) -> None:
+    config = LidarConfig(beams=beams, span_rad=span_rad)
+    assert config.angle_min_rad == -0.5 * span_rad
+    assert config.angle_max_rad == pytest.approx(0.5 * span_rad)
+    assert config.angle_increment_rad == pytest.approx(span_rad / (beams - 1))
+    assert config.angles_rad[0] == config.angle_min_rad
+    assert config.angles_rad[-1] == pytest.approx(config.angle_max_rad)
+    assert len(config.angles_rad) == beams
+
+
+def test_the_beams_of_a_half_turn_see_right_ahead_and_left() -> None:
+    ranges = _scan(LidarConfig(beams=181, span_rad=math.pi))
+    assert ranges[[0, 90, 180]] == pytest.approx([4.0, 1.0, 2.0])
+
+
+def test_a_single_beam_looks_ahead() -> None:
+    config = LidarConfig(beams=1, span_rad=1.0)
+    assert config.angle_min_rad == config.angle_max_rad == 0.0
+    assert config.angle_increment_rad > 0.0
+    assert _scan(config) == pytest.approx([1.0])
+
+
+def test_a_single_beam_of_a_full_turn_looks_where_a_turn_begins() -> None:
+    assert _scan(LidarConfig(beams=1)) == pytest.approx([3.0])
 
 
 def test_the_beams_turn_and_move_with_the_robot() -> None:
@@ -85,10 +117,42 @@ def test_noise_is_the_same_for_the_same_seed_and_leaves_misses_alone() -> None:
     assert ranges[AHEAD + 60] == math.inf
 
 
+def test_dropped_beams_read_nan_others_each_time_and_the_rest_is_untouched() -> None:
+    lidar, data = _lidar(LidarConfig(beams=3600, dropout=0.1))
+    first, second = lidar.scan(data, 0.0, 0.0, 0.0), lidar.scan(data, 0.0, 0.0, 0.0)
+    for ranges in (first, second):
+        assert 0.08 < np.mean(np.isnan(ranges)) < 0.12
+    assert not np.array_equal(np.isnan(first), np.isnan(second))
+    whole = _scan(LidarConfig(beams=3600))
+    np.testing.assert_array_equal(first[~np.isnan(first)], whole[~np.isnan(first)])
+
+
+def test_with_a_dropout_of_one_every_beam_reads_nan() -> None:
+    assert np.isnan(_scan(LidarConfig(dropout=1.0))).all()
+
+
+def test_noise_and_dropout_go_on_from_a_state_that_was_kept() -> None:
+    lidar, data = _lidar(LidarConfig(noise_std_m=0.01, dropout=0.2))
+    lidar.scan(data, 0.0, 0.0, 0.0)
+    state = lidar.noise_state
+    first = lidar.scan(data, 0.0, 0.0, 0.0)
+    assert not np.array_equal(first, lidar.scan(data, 0.0, 0.0, 0.0))
+    lidar.noise_state = state
+    np.testing.assert_array_equal(first, lidar.scan(data, 0.0, 0.0, 0.0))
+
+
 @pytest.mark.parametrize(
     ("name", "value"),
     [
         ("beams", 0),
+        ("beams", 65_537),
+        ("span_rad", 0.0),
+        ("span_rad", -1.0),
+        ("span_rad", math.nan),
+        ("span_rad", math.nextafter(math.tau, 7.0)),
+        ("dropout", -0.01),
+        ("dropout", 1.01),
+        ("dropout", math.nan),
         ("height_m", 0.0),
         ("range_min_m", -0.1),
         ("range_min_m", math.nan),

@@ -1,16 +1,23 @@
 """The robot in its warehouse, with the real physics: does it move, stop, measure and collide as it says."""
 
+import hashlib
 import math
-from pathlib import Path
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
 from sim import mj
-from sim.plant import HALL_HALF_X_M, Plant
+from sim.lidar import LidarConfig
+from sim.movers import BODIES, MoverKind
+from sim.plant import Plant, Pose
+from sim.scene import Build, Hull
 
 AHEAD = 180
 END_RACK_X_M = 4.6
+WEST_WALL_X_M = -6.0
+RECTANGULAR = Build(hull=Hull.RECTANGULAR)
 
 
 @pytest.fixture
@@ -144,6 +151,8 @@ def test_a_pillar_is_seen_where_it_was_put_at_once_and_gone_when_taken_away(plan
         (0.0, -4.5, "walls"),
         (-4.5, 0.0, "in the robot"),
         (-4.21, 0.0, "in the robot"),
+        (5.05, 0.0, "in the rack end 1"),
+        (-5.25, 3.0, "in the pallet 2"),
     ],
 )
 def test_a_pillar_in_a_place_that_cannot_be_is_refused_and_nothing_moves(
@@ -168,6 +177,7 @@ def test_driving_into_the_rack_counts_a_collision(plant: Plant) -> None:
     _run(plant, 1.0, 0.0, 2.0)
     assert plant.collisions >= 1
     assert plant.hull_contacts >= 1
+    assert plant.last_contact == "rack end 1"
     assert plant.clearance_m() < 0.005
     assert plant.true_pose.x_m < END_RACK_X_M - plant.hull_radius_m + 0.01
 
@@ -177,13 +187,18 @@ def test_driving_into_the_pillar_counts_a_collision_and_does_not_move_it(plant: 
     _run(plant, 0.5, 0.0, 3.0)
     assert plant.collisions >= 1
     assert plant.true_pose.x_m < -3.5
+    assert plant.last_contact == "pillar"
     assert plant.pillar == (-3.5, 0.0)
+    plant.remove_pillar()
+    plant.reset()
+    assert plant.last_contact is None
 
 
 def test_backing_into_the_wall_counts_a_collision(plant: Plant) -> None:
     _run(plant, -0.5, 0.0, 4.0)
     assert plant.collisions >= 1
-    assert plant.true_pose.x_m > -HALL_HALF_X_M
+    assert plant.true_pose.x_m > WEST_WALL_X_M
+    assert plant.last_contact == "west wall"
 
 
 def test_a_reset_brings_the_robot_back_while_time_goes_on_and_the_pillar_stays(plant: Plant) -> None:
@@ -227,39 +242,278 @@ def test_the_same_commands_make_the_same_trajectory_bit_for_bit() -> None:
     assert trajectory(plant) == first
 
 
-def test_nothing_of_the_robot_reaches_out_of_its_hull(plant: Plant) -> None:
+@pytest.mark.parametrize("hull", list(Hull))
+def test_nothing_of_the_robot_reaches_out_of_its_hull(hull: Hull) -> None:
+    plant = Plant(options=Build(hull=hull, scenery=True))
     model, data = plant.model, plant.data
     robot = mj.body_id(model, "robot")
-    for geom in range(model.ngeom):
-        if model.body_rootid[model.geom_bodyid[geom]] != robot:
-            continue
+    geoms = [g for g in range(model.ngeom) if model.body_rootid[model.geom_bodyid[g]] == robot]
+    assert len(geoms) > 10
+    for geom in geoms:
         centre = data.geom_xpos[geom, :2] - np.array(plant.start_pose[:2])
         rotation = data.geom_xmat[geom].reshape(3, 3)
         size = model.geom_size[geom]
-        if model.geom_type[geom] == mj.Shape.BOX:
-            corners = np.array([(sx, sy) for sx in (-1, 1) for sy in (-1, 1)]) * size[:2]
-            reach_m = np.max(np.linalg.norm(corners @ rotation[:2, :2].T + centre, axis=1))
-        elif model.geom_type[geom] == mj.Shape.ELLIPSOID:
-            angles_rad = np.linspace(0.0, math.tau, 100)
-            rim = np.stack((size[0] * np.cos(angles_rad), size[2] * np.sin(angles_rad)), axis=1)
-            reach_m = np.max(np.linalg.norm(rim + centre, axis=1))
+        shape = model.geom_type[geom]
+        if shape == mj.Shape.BOX:
+            rim = np.array([(sx, sy) for sx in (-1, 1) for sy in (-1, 1)]) * size[:2] @ rotation[:2, :2].T
         else:
-            reach_m = np.linalg.norm(centre) + size[0]
-        assert reach_m <= plant.hull_radius_m
+            angles_rad = np.linspace(0.0, math.tau, 100)
+            depth = size[2] if shape == mj.Shape.ELLIPSOID else size[0]
+            rim = np.stack((size[0] * np.cos(angles_rad), depth * np.sin(angles_rad)), axis=1)
+        reach = rim + centre
+        if hull is Hull.ROUND:
+            assert np.max(np.linalg.norm(reach, axis=1)) <= plant.hull_radius_m + 1e-9
+        else:
+            assert np.all(np.abs(reach) <= np.array([0.3, 0.2]) + 1e-9)
 
 
-def test_what_the_hull_can_hit_the_lidar_can_see(plant: Plant) -> None:
+@pytest.mark.parametrize("scene", ["warehouse", "aisle", "empty"])
+def test_what_the_hull_can_hit_the_lidar_can_see(scene: str) -> None:
+    plant = Plant(scene, options=Build(moving=True))
     model, data = plant.model, plant.data
     plane_m = plant.lidar.height_m
-    for geom in range(model.ngeom):
-        if not model.geom_conaffinity[geom] & 2 or model.body_mocapid[model.geom_bodyid[geom]] >= 0:
-            continue
+    plant.place_pillar(*(plant.start_pose[0] + 1.0, 0.0))
+    solids = [g for g in range(model.ngeom) if model.geom_conaffinity[g] & 2]
+    assert len(solids) > 4 + len(plant.movers)
+    for geom in solids:
         half_height_m = model.geom_size[geom, 1 if model.geom_type[geom] == mj.Shape.CYLINDER else 2]
         assert model.geom_group[geom] == 1
         assert abs(data.geom_xpos[geom, 2] - plane_m) < half_height_m
 
 
-def test_a_model_without_the_robot_is_refused_by_what_it_lacks(tmp_path: Path) -> None:
-    (tmp_path / "empty.xml").write_text("<mujoco/>")
-    with pytest.raises(ValueError, match="no joint named 'robot'"):
-        Plant(tmp_path / "empty.xml")
+@pytest.mark.parametrize("scene", ["warehouse", "aisle", "empty"])
+def test_every_layout_has_four_metres_of_free_aisle_ahead_of_the_start(scene: str) -> None:
+    plant = Plant(scene, lidar=LidarConfig(range_max_m=20.0))
+    ranges, angles_rad = plant.scan(), plant.lidar.angles_rad
+    half_width_m = plant.hull_radius_m + 0.30
+    in_the_way = (np.abs(ranges * np.sin(angles_rad)) < half_width_m) & (np.cos(angles_rad) > 0.0)
+    assert np.min((ranges * np.cos(angles_rad))[in_the_way]) > 4.0 + plant.hull_radius_m
+
+
+def test_the_aisle_is_1_2_m_wide() -> None:
+    plant = Plant("aisle", options=RECTANGULAR)
+    plant.step((1.0, 0.0), 2500)
+    ranges = plant.scan()
+    assert ranges[90] + ranges[270] == pytest.approx(1.2, abs=1e-3)
+    assert plant.clearance_m() == pytest.approx(0.6 - 0.2, abs=1e-3)
+    assert plant.collisions == 0
+
+
+def test_the_scenery_changes_nothing_but_the_picture() -> None:
+    plain, furnished = Plant(), Plant(options=Build(scenery=True))
+    assert plain.model.ngeom < furnished.model.ngeom
+    for plant in (plain, furnished):
+        plant.step((1.0, 0.02), 5500)
+    assert plain.collisions > 0
+    assert plain.data.qpos.tobytes() == furnished.data.qpos.tobytes()
+    assert plain.scan().tobytes() == furnished.scan().tobytes()
+
+
+def test_a_rectangular_hull_is_as_far_from_a_thing_as_its_nearest_side_or_corner() -> None:
+    plant = Plant("empty", options=RECTANGULAR)
+    assert plant.clearance_m() == pytest.approx(1.5 - 0.3)
+    plant.place_pillar(-4.5, 1.0)
+    assert plant.clearance_m() == pytest.approx(1.0 - 0.2 - 0.05)
+    plant.place_pillar(-4.5 + 0.3 + 0.3, 0.2 + 0.4)
+    assert plant.clearance_m() == pytest.approx(0.5 - 0.05)
+    plant.place_pillar(-4.5 + 0.36, 0.0)
+    assert plant.clearance_m() == pytest.approx(0.01)
+    with pytest.raises(ValueError, match="in the robot"):
+        plant.place_pillar(-4.5 + 0.34, 0.0)
+
+
+def test_a_rectangular_hull_swings_its_corners_into_what_a_round_one_would_miss() -> None:
+    collisions: dict[Hull, int] = {}
+    for hull in Hull:
+        plant = Plant("empty", options=Build(hull=hull))
+        plant.place_pillar(-4.5, 0.32)
+        plant.step((0.0, 1.0), 1000)
+        collisions[hull] = plant.collisions
+    assert collisions[Hull.ROUND] == 0
+    assert collisions[Hull.RECTANGULAR] > 0
+
+
+def test_the_inertial_unit_feels_gravity_braking_and_the_turn(plant: Plant) -> None:
+    _run(plant, 0.0, 0.0, 1.0)
+    gyro_rad_s, accel_m_s2 = plant.imu()
+    assert gyro_rad_s == pytest.approx((0.0, 0.0, 0.0), abs=1e-4)
+    assert accel_m_s2 == pytest.approx((0.0, 0.0, 9.81), abs=1e-3)
+    _run(plant, 1.0, 0.0, 2.0)
+    _run(plant, 0.0, 0.0, 0.2)
+    assert plant.imu()[1] == pytest.approx((-2.0, 0.0, 9.81), abs=0.1)
+    plant.reset()
+    _run(plant, 0.5, 0.8, 2.0)
+    gyro_rad_s, accel_m_s2 = plant.imu()
+    assert gyro_rad_s == pytest.approx((0.0, 0.0, 0.8), abs=0.01)
+    assert accel_m_s2 == pytest.approx((0.0, 0.5 * 0.8, 9.81), abs=0.05)
+
+
+def test_the_wheels_count_all_their_turns(plant: Plant) -> None:
+    _run(plant, 1.0, 0.0, 3.0)
+    left_rad, right_rad = plant.wheel_angles_rad
+    way_m = plant.true_pose.x_m - plant.start_pose.x_m
+    assert left_rad == pytest.approx(way_m / plant.wheels.radius_m, rel=0.001)
+    assert right_rad == pytest.approx(left_rad, rel=1e-6)
+
+
+def _braking_m(options: Build) -> tuple[float, float]:
+    """How far it comes from 1 m/s, truly and by its wheels."""
+    plant = Plant(options=options)
+    plant.step((1.0, 0.0), 1500)
+    from_x_m, from_odom_m = plant.true_pose.x_m, plant.odometry().x_m
+    assert plant.true_velocity.linear_m_s == pytest.approx(1.0, abs=0.01)
+    plant.step((0.0, 0.0), 1000)
+    return plant.true_pose.x_m - from_x_m, plant.odometry().x_m - from_odom_m
+
+
+def test_a_payload_that_the_motors_can_hold_changes_no_braking_distance_and_more_does() -> None:
+    empty_m, _ = _braking_m(Build())
+    assert empty_m == pytest.approx(0.26, abs=0.01)
+    assert _braking_m(Build(payload_kg=20.0))[0] == pytest.approx(empty_m, abs=0.02)
+    assert _braking_m(Build(payload_kg=100.0))[0] == pytest.approx(0.52, abs=0.05)
+
+
+def test_wheels_with_little_grip_lock_and_say_that_it_stands_while_it_slides() -> None:
+    true_m, wheels_m = _braking_m(Build(wheel_slip=0.9))
+    assert true_m > 0.6
+    assert wheels_m < 0.5 * true_m
+
+
+def test_a_payload_and_a_hull_add_their_mass() -> None:
+    def mass_kg(options: Build) -> float:
+        model = Plant(options=options).model
+        return float(np.sum(model.body_mass[model.body_rootid == mj.body_id(model, "robot")]))
+
+    assert mass_kg(Build()) == pytest.approx(20.0)
+    assert mass_kg(RECTANGULAR) == pytest.approx(20.0)
+    assert mass_kg(Build(payload_kg=30.0)) == pytest.approx(50.0)
+
+
+# Movers in the empty hall: the walker crosses x = 0 between y = -3 and 3 at 1.2 m/s, the robot drives along y = 0.
+
+
+def test_someone_walks_into_the_way_is_seen_and_waits_for_the_robot() -> None:
+    plant = Plant("empty", options=Build(moving=True))
+    assert plant.movers["walker"] == (0.0, -3.0, math.pi / 2)
+    while plant.true_pose.x_m < -0.25:
+        plant.step((1.0, 0.0), 10)
+    before = plant.movers["walker"]
+    plant.step((0.0, 0.0), 5000)
+    waits = plant.movers["walker"]
+    assert plant.collisions == 0
+    assert abs(waits.y_m) < 1.3
+    front_m = BODIES[MoverKind.PERSON].front_m
+    gap_m = abs(waits.y_m) - plant.hull_radius_m - front_m
+    assert 0.3 < gap_m < 0.5, f"it stopped {gap_m:.2f} m from the hull, coming from {before}"
+    seen_m = float(np.min(plant.scan()))
+    assert plant.clearance_m() == pytest.approx(seen_m - plant.hull_radius_m, abs=0.02)
+    plant.step((0.5, 0.0), 2000)
+    assert abs(plant.movers["walker"].y_m - waits.y_m) > 0.5, "it goes on once the robot is gone"
+
+
+def test_someone_waits_for_the_pillar_too() -> None:
+    plant = Plant("empty", options=Build(moving=True))
+    plant.place_pillar(0.0, 0.0)
+    plant.step((0.0, 0.0), 2500)
+    assert plant.movers["walker"].y_m == pytest.approx(-0.05 - 0.25 - 0.45, abs=0.03)
+    plant.remove_pillar()
+    plant.step((0.0, 0.0), 500)
+    assert plant.movers["walker"].y_m > 0.0
+
+
+def test_a_pillar_is_not_put_into_someone_and_someone_on_the_start_forbids_a_reset() -> None:
+    plant = Plant("empty", options=Build(moving=True))
+    walker = plant.movers["walker"]
+    with pytest.raises(ValueError, match="in the walker"):
+        plant.place_pillar(walker.x_m + 0.1, walker.y_m + 0.1)
+    plant.start_pose = Pose(0.0, -3.0, 0.0)
+    with pytest.raises(ValueError, match="the walker stands there"):
+        plant.reset()
+
+
+def test_driving_into_someone_is_a_collision_with_them() -> None:
+    plant = Plant("empty", options=Build(moving=True))
+    plant.place_pillar(0.0, 0.42)  # makes the walker wait on the robot's way, or at least near it
+    plant.step((0.0, 0.0), 2500)
+    assert abs(plant.movers["walker"].y_m) < 0.4
+    plant.step((1.0, 0.0), 2400)
+    assert plant.collisions >= 1
+    assert plant.last_contact == "walker"
+
+
+def test_movers_stay_away_from_the_way_ahead_in_the_warehouse() -> None:
+    plant = Plant(options=Build(moving=True))
+    assert set(plant.movers) == {"forklift", "picker", "packer"}
+    seen: dict[str, set[float]] = {name: set() for name in plant.movers}
+    for _ in range(120):
+        plant.step((0.0, 0.0), 250)
+        for name, pose in plant.movers.items():
+            seen[name].add(round(pose.x_m, 1))
+            body = BODIES[MoverKind.FORKLIFT if name == "forklift" else MoverKind.PERSON]
+            assert abs(pose.y_m) - body.half_width_m - 0.8 > 1.5 - 1e-9
+    assert all(len(places) > 3 for places in seen.values()), "they all move"
+    assert plant.true_pose == pytest.approx(plant.start_pose, abs=1e-6)
+
+
+def test_movers_are_solid_within_the_floor_that_they_take() -> None:
+    plant = Plant("empty", options=Build(moving=True))
+    model, data = plant.model, plant.data
+    for name, kind in (("walker", MoverKind.PERSON), ("forklift", MoverKind.FORKLIFT)):
+        pose = plant.movers[name]
+        body = mj.body_id(model, name)
+        for geom in (g for g in range(model.ngeom) if model.geom_bodyid[g] == body):
+            dx_m, dy_m, _ = data.geom_xpos[geom] - data.mocap_pos[model.body_mocapid[body]]
+            ahead_m = dx_m * math.cos(pose.yaw_rad) + dy_m * math.sin(pose.yaw_rad)
+            aside_m = dy_m * math.cos(pose.yaw_rad) - dx_m * math.sin(pose.yaw_rad)
+            half_x_m, half_y_m = (
+                model.geom_size[geom, (0, 0)] if kind is MoverKind.PERSON else model.geom_size[geom, :2]
+            )
+            assert BODIES[kind].rear_m <= ahead_m - half_x_m + 1e-9
+            assert ahead_m + half_x_m <= BODIES[kind].front_m + 1e-9
+            assert abs(aside_m) + half_y_m <= BODIES[kind].half_width_m
+
+
+_STORY = """
+import hashlib, sys
+from sim.lidar import LidarConfig
+from sim.plant import Plant
+from sim.scene import Build, Hull
+plant = Plant("empty", None, LidarConfig(noise_std_m=0.01), 5, Build(Hull.RECTANGULAR, 20.0, 0.8, moving=True))
+digest = hashlib.sha256()
+for target in ((1.0, 0.0), (0.4, 1.5), (0.0, 0.0), (-0.5, -0.5)):
+    for _ in range(30):
+        plant.step(target, 25)
+        for part in (plant.data.qpos, plant.data.qvel, plant.data.mocap_pos, plant.scan(), plant.data.sensordata):
+            digest.update(part.tobytes())
+        digest.update(repr((plant.odometry(), plant.clearance_m(), plant.movers)).encode())
+print(digest.hexdigest())
+"""
+
+
+def test_two_processes_see_the_same_trajectory_noise_and_movers_bit_for_bit() -> None:
+    def run() -> str:
+        done = subprocess.run(
+            [sys.executable, "-c", _STORY], capture_output=True, text=True, timeout=60, check=True
+        )
+        return done.stdout.strip()
+
+    assert len(first := run()) == hashlib.sha256().digest_size * 2
+    assert run() == first
+
+
+def test_steps_one_by_one_and_many_at_a_time_are_the_same() -> None:
+    many, single = (Plant("empty", options=Build(moving=True)) for _ in range(2))
+    for target in ((1.0, 0.5), (0.0, 0.0), (math.nan, 0.0), (0.3, 0.0)):
+        many.step(target, 333)
+        for _ in range(333):
+            single.step(target)
+    assert many.save() == single.save()
+
+
+def test_another_seed_makes_other_noise_and_the_same_way() -> None:
+    config = LidarConfig(noise_std_m=0.01)
+    one, other = Plant(lidar=config, seed=1), Plant(lidar=config, seed=2)
+    for plant in (one, other):
+        _run(plant, 0.5, 0.2, 1.0)
+    assert one.data.qpos.tobytes() == other.data.qpos.tobytes()
+    assert one.scan().tobytes() != other.scan().tobytes()

@@ -1,0 +1,54 @@
+"""What an inertial measurement unit makes of the body's motion. Pure but for a seeded generator."""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+Axes = tuple[float, float, float]
+"""Along x ahead, y left, z up of the sensor."""
+
+
+@dataclass(frozen=True, slots=True)
+class ImuConfig:
+    """The noise of each reading, as a standard deviation on each axis.
+
+    Raises:
+        ValueError: A value is negative or not finite.
+    """
+
+    gyro_noise_rad_s: float = 0.002
+    accel_noise_m_s2: float = 0.02
+
+    def __post_init__(self) -> None:
+        for name in ("gyro_noise_rad_s", "accel_noise_m_s2"):
+            value: float = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise ValueError(f"{name} must be finite and not negative, not {value}.")
+
+
+class Motion(NamedTuple):
+    """One reading."""
+
+    gyro_rad_s: Axes
+    accel_m_s2: Axes
+    """The specific force: at rest it points up with 9.81 m/s²."""
+
+
+class Imu:
+    """Adds the noise of a sensor to the true motion; the same seed makes the same noise."""
+
+    def __init__(self, config: ImuConfig | None = None, seed: int = 0) -> None:
+        self.config = config or ImuConfig()
+        self._random = np.random.default_rng((seed, 2))
+        self._scale = np.repeat((self.config.gyro_noise_rad_s, self.config.accel_noise_m_s2), 3)
+
+    def read(self, gyro_rad_s: Axes, accel_m_s2: Axes) -> Motion:
+        """What the sensor says of this true motion."""
+        noise = (self._scale * self._random.standard_normal(6)).tolist()
+        gx, gy, gz = gyro_rad_s
+        ax, ay, az = accel_m_s2
+        return Motion(
+            (gx + noise[0], gy + noise[1], gz + noise[2]), (ax + noise[3], ay + noise[4], az + noise[5])
+        )

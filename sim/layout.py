@@ -1,0 +1,193 @@
+"""What stands where in a hall: a TOML file, read strictly. No geometry is made here; `scene` builds from it.
+
+Lengths in m, yaw in degrees, counter-clockwise from x. The hall's middle is the origin; its walls stand outside its size.
+"""
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from sim.movers import BODIES, Mover, MoverKind, Way
+
+LAYOUTS = Path(__file__).with_name("layouts")
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Place = Annotated[list[Finite], Field(min_length=2, max_length=2)]
+"""x and y."""
+
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 _-]*$", max_length=32)]
+
+
+_A_LIST = Field(strict=False)
+"""TOML knows no tuples."""
+
+
+class LayoutError(ValueError):
+    """The layout is refused; the message says why, and what can be done."""
+
+
+class Section(BaseModel):
+    """A table of the file."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class Hall(Section):
+    """The floor between the walls, along x and y."""
+
+    size_m: Annotated[list[Annotated[float, Field(ge=2, le=200)]], Field(min_length=2, max_length=2)]
+    wall_m: Positive = 3.0
+
+
+class Start(Section):
+    """Where the robot stands at first, and after a reset."""
+
+    x_m: Finite = 0.0
+    y_m: Finite = 0.0
+    yaw_deg: Finite = 0.0
+
+
+class Thing(Section):
+    """Something at a place."""
+
+    x_m: Finite
+    y_m: Finite
+    yaw_deg: Finite = 0.0
+
+
+class Racks(Thing):
+    """A row of bays of 2.7 m × 0.9 m, side by side; the place is the row's middle."""
+
+    name: Name
+    bays: Annotated[int, Field(ge=1, le=20)] = 1
+    filled: Annotated[float, Field(ge=0, le=1)] = 0.9
+    """How much of the shelves has goods on it."""
+
+
+class Pallet(Thing):
+    """1.2 m × 0.8 m."""
+
+    load: Literal["carton", "crate", "wrap", "stack"] = "carton"
+    load_m: Annotated[float, Field(ge=0.3, le=2.0)] = 0.8
+
+
+class Barrel(Section):
+    """0.58 m across."""
+
+    x_m: Finite
+    y_m: Finite
+    colour: Literal["blue", "yellow"] = "blue"
+
+
+class Door(Section):
+    """A roller door, painted on a wall."""
+
+    wall: Literal["north", "east", "south", "west"]
+    at_m: Finite
+    width_m: Positive = 1.6
+    height_m: Positive = 2.3
+
+
+class Line(Section):
+    """Paint on the floor."""
+
+    from_m: Place
+    to_m: Place
+    width_m: Positive = 0.08
+    colour: Literal["yellow", "white", "green"] = "yellow"
+    dashed: bool = False
+
+
+class MoverSection(Section):
+    """Someone or something that moves by itself."""
+
+    name: Name
+    kind: Literal["person", "forklift"]
+    waypoints_m: Annotated[list[Place], Field(min_length=2)]
+    speed_m_s: Positive
+    dwell_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    loop: bool = False
+    yields: bool = True
+    yields_m: Positive | None = None
+
+    @model_validator(mode="after")
+    def _makes_sense(self) -> "MoverSection":
+        self.mover()
+        return self
+
+    def mover(self) -> Mover:
+        kind = MoverKind(self.kind)
+        way = Way(
+            tuple((x, y) for x, y in self.waypoints_m),
+            self.speed_m_s,
+            self.dwell_s,
+            loop=self.loop,
+            backs_up=kind is MoverKind.FORKLIFT,
+        )
+        yields_m = BODIES[kind].yields_m if self.yields_m is None else self.yields_m
+        return Mover(self.name, kind, way, yields_m if self.yields else None)
+
+
+class Layout(Section):
+    """One hall and what is in it."""
+
+    hall: Hall
+    start: Start = Start()
+    goods_seed: Annotated[int, Field(ge=0)] = 0
+    racks: Annotated[tuple[Racks, ...], _A_LIST] = ()
+    pallets: Annotated[tuple[Pallet, ...], _A_LIST] = ()
+    barrels: Annotated[tuple[Barrel, ...], _A_LIST] = ()
+    columns: Annotated[tuple[Thing, ...], _A_LIST] = ()
+    docks: Annotated[tuple[Thing, ...], _A_LIST] = ()
+    doors: Annotated[tuple[Door, ...], _A_LIST] = ()
+    lines: Annotated[tuple[Line, ...], _A_LIST] = ()
+    lamps: Annotated[tuple[Thing, ...], _A_LIST] = ()
+    movers: Annotated[tuple[MoverSection, ...], _A_LIST] = ()
+
+    @model_validator(mode="after")
+    def _names_are_unique(self) -> "Layout":
+        names = [thing.name for thing in (*self.racks, *self.movers)]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"two things are named {name!r}")
+        return self
+
+
+def known() -> list[str]:
+    """The layouts that come with the simulation."""
+    return sorted(path.stem for path in LAYOUTS.glob("*.toml"))
+
+
+def read_layout(path: Path) -> Layout:
+    """Reads a layout file.
+
+    Raises:
+        LayoutError: The file cannot be read, is not TOML, or has a key or value that makes no sense; all of them are named.
+    """
+    try:
+        document = tomllib.loads(path.read_text())
+    except OSError as error:
+        raise LayoutError(f"it cannot be read: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise LayoutError(f"it is not TOML: {error}") from error
+    try:
+        return Layout.model_validate(document)
+    except ValidationError as error:
+        faults = "; ".join(_sentence(dict(fault)) for fault in error.errors(include_url=False))
+        raise LayoutError(faults) from error
+
+
+def _sentence(fault: dict[str, Any]) -> str:
+    path = ".".join(map(str, fault["loc"])) or "it"
+    if fault["type"] == "extra_forbidden":
+        return f"{path}: there is no such key"
+    if fault["type"] == "missing":
+        return f"{path} is missing"
+    message = str(fault["msg"]).removeprefix("Value error, ")
+    if fault["type"] == "value_error":
+        return f"{path}: {message}"
+    return f"{path} = {fault['input']!r}: {message[0].lower()}{message[1:]}"

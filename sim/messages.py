@@ -1,0 +1,76 @@
+"""From the robot's state to the messages of a real base. Headers carry the wall clock, for people and recordings."""
+
+import numpy as np
+
+from sim.drive import Twist
+from sim.encoders import Reckoning
+from sim.imu import ImuConfig, Motion
+from sim.lidar import LidarConfig, Ranges
+from sim.plant import Pose
+from wire.messages import Clock, Imu, LaserScan, Odometry, Quaternion, Time, Vector3, header, odometry
+
+PLANAR = (0, 1, 5)
+"""x, y and yaw among x, y, z, roll, pitch, yaw."""
+SPEEDS = (0, 5)
+"""v and ω among the six of a twist."""
+HELD_BY_THE_FLOOR = 1e-6
+"""The variance of what a planar robot does not do; zero would read as unknown."""
+
+
+def to_scan(ranges: Ranges, lidar: LidarConfig, period_s: float) -> LaserScan:
+    """A scan that was taken at one moment, `period_s` of simulated time after the one before."""
+    return LaserScan(
+        header("lidar"),
+        angle_min=lidar.angle_min_rad,
+        angle_max=lidar.angle_max_rad,
+        angle_increment=lidar.angle_increment_rad,
+        time_increment=0.0,
+        scan_time=period_s,
+        range_min=lidar.range_min_m,
+        range_max=lidar.range_max_m,
+        ranges=ranges,
+        intensities=np.empty(0, dtype=np.float32),
+    )
+
+
+def to_odometry(reckoning: Reckoning) -> Odometry:
+    """Wheel odometry: the pose in `odom`, the twist in `base_link`."""
+    message = odometry(reckoning[:3], reckoning[3:5])
+    message.pose.covariance = _covariance(reckoning.pose_covariance, PLANAR)
+    message.twist.covariance = _covariance(reckoning.twist_covariance, SPEEDS)
+    return message
+
+
+def to_truth(pose: Pose, velocity: Twist) -> Odometry:
+    """Where the robot is in the world, and how it moves; its covariances are zero because it is so."""
+    message = odometry(pose, velocity)
+    message.header.frame_id = "world"
+    return message
+
+
+def to_imu(motion: Motion, config: ImuConfig) -> Imu:
+    """Rates and specific force in the frame `imu`; no orientation, which the first covariance says with -1."""
+    unknown = np.zeros(9)
+    unknown[0] = -1.0
+    return Imu(
+        header("imu"),
+        Quaternion(0.0, 0.0, 0.0, 1.0),
+        unknown,
+        Vector3(*motion.gyro_rad_s),
+        np.diag(np.full(3, config.gyro_noise_rad_s**2)).reshape(-1),
+        Vector3(*motion.accel_m_s2),
+        np.diag(np.full(3, config.accel_noise_m_s2**2)).reshape(-1),
+    )
+
+
+def to_clock(time_s: float) -> Clock:
+    """Simulated time."""
+    seconds, nanoseconds = divmod(round(time_s * 1e9), 1_000_000_000)
+    return Clock(Time(seconds, nanoseconds))
+
+
+def _covariance(known: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
+    """(36,) row by row, from the covariance of some of the axes."""
+    full = np.diag(np.full(6, HELD_BY_THE_FLOOR))
+    full[np.ix_(axes, axes)] = known
+    return full.reshape(-1)

@@ -1,0 +1,161 @@
+"""What is drawn into the scene around the robot: how near is too near, and what the lidar sees.
+
+The zone in which the supervisor stops has the hull's shape and the colour of the mode: green while the robot drives,
+amber while it is slowed, red while it stands. A thin ring around it is where the supervisor warns.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim import mj
+from sim.floorplan import Circle, Outline
+from sim.lidar import LidarConfig, Ranges
+from sim.shown import COLOURS, STOP_DISTANCE_M, WARNING_DISTANCE_M, Shown
+
+Floats = NDArray[np.float64]
+
+SEGMENTS = 64
+_ZONE_Z_M, _RING_Z_M = 0.0035, 0.0045
+"""Above the paint on the floor, which is 2 mm thick."""
+_RING_HALF_M, _THIN_HALF_M, _HEIGHT_HALF_M = 0.011, 0.006, 0.0005
+_ZONE_ALPHA, _THIN_SHARE = 0.18, 0.8
+_LIT = 0.65
+"""The hall's lamps add this much of the colour again."""
+_POINT_M = 0.016
+_FAR_RGB = (0.20, 0.95, 1.00)
+_NEAR_RGB = (1.00, 0.58, 0.05)
+_TOUCHING_RGB = (1.00, 0.10, 0.10)
+MAX_POINTS = 1024
+"""Of a lidar with more beams every second, or every third, and so on, is drawn."""
+_TOLERANCE_M = 0.02
+"""A point this little beyond the stop distance is drawn as at it: the robot rests there."""
+
+
+def offset_outline(hull: Outline, distance_m: float, segments: int = SEGMENTS) -> Floats:
+    """Points all around a hull, each so far away from it, counter-clockwise, in the hull's frame.
+
+    Args:
+        hull: Where it is does not matter.
+        distance_m: From the hull, outwards.
+        segments: How many points; a multiple of 4.
+
+    Returns:
+        Shape (segments, 2).
+    """
+    if isinstance(hull, Circle):
+        angles_rad = math.tau * np.arange(segments) / segments
+        return (hull.radius_m + distance_m) * np.column_stack((np.cos(angles_rad), np.sin(angles_rad)))
+    quarter = segments // 4
+    within_rad = 0.5 * math.pi * np.arange(quarter) / (quarter - 1)
+    corners: list[Floats] = []
+    for number, (u, v) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
+        angles_rad = within_rad + 0.5 * math.pi * number
+        arc_m = distance_m * np.column_stack((np.cos(angles_rad), np.sin(angles_rad)))
+        corners.append(np.array((u * hull.half_x_m, v * hull.half_y_m)) + arc_m)
+    return np.concatenate(corners)
+
+
+def gaps_m(hull: Outline, points_m: Floats) -> Floats:
+    """How far points are from a hull, shape (n,); they are in its frame, shape (n, 2), and outside of it."""
+    if isinstance(hull, Circle):
+        return np.hypot(points_m[:, 0], points_m[:, 1]) - hull.radius_m
+    beyond_m = np.maximum(np.abs(points_m) - (hull.half_x_m, hull.half_y_m), 0.0)
+    return np.hypot(beyond_m[:, 0], beyond_m[:, 1])
+
+
+class Overlay:
+    """Geoms of ours in a MuJoCo scene, after those that are in it when this is made.
+
+    They are made once and moved with whole arrays: 0.1 ms for each frame, so a window costs the physics nothing.
+
+    Args:
+        scene: An `MjvScene` with room for `geoms_needed` more.
+        hull: The robot's; where it is does not matter.
+        lidar: Whose ranges will be shown.
+    """
+
+    def __init__(self, scene: Any, hull: Outline, lidar: LidarConfig) -> None:  # noqa: ANN401 - untyped there
+        self._scene, self._hull = scene, hull
+        self._every = math.ceil(lidar.beams / MAX_POINTS)
+        self._height_m, angles_rad = lidar.height_m, lidar.angles_rad[:: self._every]
+        self._cos, self._sin = np.cos(angles_rad), np.sin(angles_rad)
+
+        stop_m = offset_outline(hull, STOP_DISTANCE_M)
+        places, turns, sizes = zip(
+            _zone(stop_m),
+            _ring(stop_m, _RING_HALF_M),
+            _ring(offset_outline(hull, WARNING_DISTANCE_M), _THIN_HALF_M),
+            strict=True,
+        )
+        self._places, self._turns = np.concatenate(places), np.concatenate(turns)
+        shapes = [mj.Shape.TRIANGLE] * SEGMENTS + [mj.Shape.BOX] * (2 * SEGMENTS)
+        first, marks = int(scene.ngeom), len(shapes)
+        half_sizes: Floats = np.concatenate(sizes)
+        for shape, size in zip(shapes, half_sizes, strict=True):
+            mj.add_geom(scene, shape, size, emission=0.7)
+        for _ in angles_rad:
+            mj.add_geom(scene, mj.Shape.SPHERE, np.full(3, _POINT_M), emission=1.0)
+        self._marks = mj.GeomArrays(scene, first, marks)
+        self._points = mj.GeomArrays(scene, first + marks, len(angles_rad))
+        self._before_points = first + marks
+
+    def update(self, x_m: float, y_m: float, yaw_rad: float, shown: Shown) -> None:
+        """Draws one moment, the robot being at this pose of the world."""
+        cos_yaw, sin_yaw = math.cos(yaw_rad), math.sin(yaw_rad)
+        turn = np.array(((cos_yaw, -sin_yaw, 0.0), (sin_yaw, cos_yaw, 0.0), (0.0, 0.0, 1.0)))
+        here_m = np.array((x_m, y_m, 0.0))
+        marks, colour = self._marks, COLOURS[shown.mode]
+        marks.pos[:] = self._places @ turn.T + here_m
+        marks.mat[:] = turn @ self._turns
+        marks.rgba[:, :3] = _LIT * np.array(colour)
+        marks.rgba[:SEGMENTS, 3] = _ZONE_ALPHA
+        marks.rgba[2 * SEGMENTS :, :3] *= _THIN_SHARE
+        hits = 0 if shown.ranges is None else self._draw_points(shown.ranges, turn, here_m)
+        self._scene.ngeom = self._before_points + hits
+
+    def _draw_points(self, ranges: Ranges, turn: Floats, here_m: Floats) -> int:
+        """Puts a point where each beam met something; how many did."""
+        ranges = ranges[:: self._every]
+        seen = np.flatnonzero(np.isfinite(ranges))
+        ranges_m = ranges[seen].astype(np.float64)
+        own_m = np.column_stack((ranges_m * self._cos[seen], ranges_m * self._sin[seen]))
+        points, hits = self._points, len(seen)
+        points.pos[:hits, :2] = own_m @ turn[:2, :2].T + here_m[:2]
+        points.pos[:hits, 2] = self._height_m
+        away_m = gaps_m(self._hull, own_m)
+        points.rgba[:hits] = (*_FAR_RGB, 1.0)
+        points.rgba[:hits][away_m < WARNING_DISTANCE_M] = (*_NEAR_RGB, 1.0)
+        points.rgba[:hits][away_m < STOP_DISTANCE_M + _TOLERANCE_M] = (*_TOUCHING_RGB, 1.0)
+        return hits
+
+
+def geoms_needed(lidar: LidarConfig) -> int:
+    """How much room a scene must have for an overlay."""
+    return 3 * SEGMENTS + min(lidar.beams, MAX_POINTS)
+
+
+def _zone(outline_m: Floats) -> tuple[Floats, Floats, Floats]:
+    """A fan of triangles from the middle: their places, frames and sizes. A triangle's sides are its frame's x and y."""
+    ahead_m = np.roll(outline_m, -1, axis=0)
+    turns = np.zeros((SEGMENTS, 3, 3))
+    turns[:, :2, 0], turns[:, :2, 1], turns[:, 2, 2] = outline_m, ahead_m, 1.0
+    return np.tile((0.0, 0.0, _ZONE_Z_M), (SEGMENTS, 1)), turns, np.ones((SEGMENTS, 3))
+
+
+def _ring(outline_m: Floats, half_width_m: float) -> tuple[Floats, Floats, Floats]:
+    """Straight pieces from point to point: their places, frames and half sizes."""
+    ahead_m = np.roll(outline_m, -1, axis=0)
+    along_m = ahead_m - outline_m
+    lengths_m = np.hypot(along_m[:, 0], along_m[:, 1])
+    cos, sin = (along_m / lengths_m[:, None]).T
+    places = np.column_stack((0.5 * (outline_m + ahead_m), np.full(SEGMENTS, _RING_Z_M)))
+    turns = np.zeros((SEGMENTS, 3, 3))
+    turns[:, 0, 0], turns[:, 0, 1], turns[:, 1, 0], turns[:, 1, 1] = cos, -sin, sin, cos
+    turns[:, 2, 2] = 1.0
+    # A little longer than the gap, so that the outer corners of two pieces meet.
+    halves_m = 0.5 * lengths_m + half_width_m * math.tan(math.pi / SEGMENTS)
+    sizes = np.column_stack((halves_m, np.full(SEGMENTS, half_width_m), np.full(SEGMENTS, _HEIGHT_HALF_M)))
+    return places, turns, sizes

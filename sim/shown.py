@@ -1,0 +1,92 @@
+"""What is shown of the robot beside its world: what the supervisor lets it do, why, and what its lidar sees. Pure."""
+
+import math
+from collections.abc import Sequence
+from enum import StrEnum
+from typing import NamedTuple
+
+from sim.lidar import Ranges
+
+STOP_DISTANCE_M = 0.30
+WARNING_DISTANCE_M = 0.50
+"""The supervisor's defaults; it may be told otherwise, but it does not say so."""
+
+Rgb = tuple[float, float, float]
+
+
+class Mode(StrEnum):
+    """SafetyStatus's modes, and what holds while there is none."""
+
+    STOPPED = "STOPPED"
+    READY = "READY"
+    DRIVING = "DRIVING"
+    LIMITED = "LIMITED"
+    ALONE = "NO SUPERVISOR"
+
+    @classmethod
+    def of(cls, number: int) -> "Mode":
+        """By SafetyStatus's number; a stranger's counts as stopped."""
+        return _BY_NUMBER.get(number, cls.STOPPED)
+
+
+_BY_NUMBER = {0: Mode.STOPPED, 1: Mode.READY, 2: Mode.DRIVING, 3: Mode.LIMITED}
+
+COLOURS: dict[Mode, Rgb] = {
+    Mode.STOPPED: (0.95, 0.16, 0.12),
+    Mode.READY: (0.25, 0.60, 0.95),
+    Mode.DRIVING: (0.10, 0.80, 0.30),
+    Mode.LIMITED: (1.00, 0.58, 0.05),
+    Mode.ALONE: (0.60, 0.64, 0.68),
+}
+
+_WORDS = {
+    "ESTOP": "emergency stop",
+    "BASE_RUNAWAY": "the base moves by itself",
+    "OVERRUN": "the supervisor was late",
+    "SCAN_INVALID": "the lidar's scans prove nothing",
+    "SCAN_STALE": "no fresh scan",
+    "SOURCE_LOST": "the operator's program is gone",
+    "COMMAND_INVALID": "a command made no sense",
+    "COMMAND_STALE": "commands come too late",
+    "COMMAND_TIMEOUT": "no fresh command",
+    "NO_COMMAND": "nobody has commanded yet",
+    "SCAN_BLIND": "no beam looks there",
+    "OBSTACLE": "obstacle within 30 cm",
+}
+
+
+class Shown(NamedTuple):
+    """One moment.
+
+    Attributes:
+        mode: What the supervisor lets the robot do.
+        reasons: Why it stands, by the names of the wire, the most restrictive first.
+        speed_m_s: Of the robot, ahead.
+        nearest_m: From the hull to what the supervisor takes for the nearest thing; NaN where it knows of none.
+        ranges: The last scan, in m, shape (beams,); None before the first.
+    """
+
+    mode: Mode = Mode.ALONE
+    reasons: tuple[str, ...] = ()
+    speed_m_s: float = 0.0
+    nearest_m: float = math.nan
+    ranges: Ranges | None = None
+
+    @property
+    def why(self) -> str:
+        """The reasons in words; empty where there is none."""
+        return in_words(self.reasons)
+
+    @property
+    def speed(self) -> str:
+        return f"{self.speed_m_s + 0.0:.2f} m/s" if abs(self.speed_m_s) >= 0.005 else "0.00 m/s"
+
+    @property
+    def nearest(self) -> str:
+        return f"{self.nearest_m:.2f} m" if math.isfinite(self.nearest_m) else "-"
+
+
+def in_words(reasons: Sequence[str]) -> str:
+    """As a person says it, in ASCII: what comes from the network draws nothing else."""
+    said = [_WORDS.get(reason, reason.lower().replace("_", " ")) for reason in reasons]
+    return ", ".join(said).encode("ascii", "replace").decode()[:120]

@@ -1,0 +1,158 @@
+"""Pixels to files: PNG, animated WebP and GIF by pillow, MP4 by PyAV. A file appears when it is complete, or not at all."""
+
+import importlib
+import os
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+Pixels = NDArray[np.uint8]
+"""RGB, shape (height, width, 3)."""
+
+SUFFIXES = (".png", ".webp", ".gif", ".mp4")
+SMALLEST, LARGEST = 16, 4096
+"""Of a picture's sides, in pixels."""
+MAX_MEGAPIXELS = 300
+"""Of all frames of a WebP or GIF together: pillow holds them in memory, three bytes a pixel."""
+
+# In the order in which browsers are sure to play them; not every build of PyAV has each.
+CODECS = {
+    "libx264": {"preset": "slow", "crf": "23"},
+    "libopenh264": {},
+    "libvpx-vp9": {"crf": "32", "b": "0", "row-mt": "1"},
+    "libsvtav1": {"crf": "34"},
+}
+
+
+class OutputError(ValueError):
+    """The file cannot be written; the message is a sentence that says why, and what can be done."""
+
+
+def refuse_bad_output(path: Path, width: int, height: int, frames: int) -> None:
+    """Says no before the work begins.
+
+    Raises:
+        OutputError: The file's name, its directory or the picture's size is wrong, or an encoder is missing.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise OutputError(f"{path} ends in none of {', '.join(SUFFIXES)}.")
+    if path.is_dir():
+        raise OutputError(f"{path} is a directory.")
+    directory = path.parent
+    if not directory.is_dir():
+        raise OutputError(f"There is no directory {directory}; make it first.")
+    if not os.access(directory, os.W_OK | os.X_OK):
+        raise OutputError(f"The directory {directory} may not be written to.")
+    if not (SMALLEST <= width <= LARGEST and SMALLEST <= height <= LARGEST):
+        raise OutputError(f"A picture has {SMALLEST} to {LARGEST} pixels a side, not {width}x{height}.")
+    if suffix == ".mp4":
+        if width % 2 or height % 2:
+            raise OutputError(f"An .mp4 needs an even width and height, not {width}x{height}.")
+        codec_for_mp4()
+    elif suffix != ".png" and frames * width * height > MAX_MEGAPIXELS * 1_000_000:
+        raise OutputError(
+            f"{frames} frames of {width}x{height} are too much for {suffix}: "
+            "make it smaller or shorter, or write an .mp4."
+        )
+
+
+def write(path: Path, frames: Iterable[Pixels], fps: float) -> None:
+    """Writes frames of one size; a PNG is the first of them.
+
+    Raises:
+        OutputError: It cannot be written; nothing is left of it, and what was there before is still there.
+    """
+    suffix = path.suffix.lower()
+    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{suffix}")
+    writers: dict[str, Callable[[Path, Iterable[Pixels], float], None]] = {
+        ".png": _write_png,
+        ".webp": _write_webp,
+        ".gif": _write_gif,
+        ".mp4": _write_mp4,
+    }
+    try:
+        writers[suffix](partial, frames, fps)
+        partial.replace(path)
+    except OSError as error:
+        raise OutputError(f"{path} cannot be written: {error.strerror or error}.") from error
+    finally:
+        with suppress(OSError):
+            partial.unlink()
+
+
+def codec_for_mp4() -> str:
+    """The best encoder that PyAV brings here.
+
+    Raises:
+        OutputError: PyAV is missing, or has no encoder that browsers play.
+    """
+    av = _av()
+    for name in CODECS:
+        with suppress(ValueError):  # how PyAV says that there is none
+            av.codec.Codec(name, "w")
+            return name
+    raise OutputError(f"PyAV has none of the encoders {', '.join(CODECS)} here; write a .webp instead.")
+
+
+def _av() -> Any:  # noqa: ANN401 - optional, so it is not there for the type checker
+    try:
+        return importlib.import_module("av")
+    except ImportError as error:
+        raise OutputError(
+            "An .mp4 needs PyAV: install it with `pip install av`, or write a .webp instead."
+        ) from error
+
+
+def _write_png(path: Path, frames: Iterable[Pixels], _: float) -> None:
+    Image.fromarray(next(iter(frames))).save(path, format="PNG", optimize=True)
+
+
+def _write_webp(path: Path, frames: Iterable[Pixels], fps: float) -> None:
+    first, *others = [Image.fromarray(frame) for frame in frames]
+    durations_ms = durations(1 + len(others), fps, step_ms=1)
+    first.save(
+        path,
+        format="WEBP",
+        save_all=True,
+        append_images=others,
+        duration=durations_ms,
+        loop=0,
+        quality=70,
+        method=4,
+    )
+
+
+def _write_gif(path: Path, frames: Iterable[Pixels], fps: float) -> None:
+    """With one palette for all frames, and no dithering: what stands still takes no bytes then."""
+    pictures = [Image.fromarray(frame) for frame in frames]
+    middle = pictures[len(pictures) // 2].quantize(256, Image.Quantize.MEDIANCUT)
+    first, *others = [picture.quantize(palette=middle, dither=Image.Dither.NONE) for picture in pictures]
+    durations_ms = durations(len(pictures), fps, step_ms=10)
+    first.save(path, format="GIF", save_all=True, append_images=others, duration=durations_ms, loop=0)
+
+
+def durations(frames: int, fps: float, step_ms: int) -> list[int]:
+    """How long each frame is shown, in ms, in whole steps: each ends when it should, to the nearest step."""
+    ends_ms = [step_ms * round(1000.0 * (number + 1) / fps / step_ms) for number in range(frames)]
+    return [end_ms - begin_ms for begin_ms, end_ms in zip([0, *ends_ms], ends_ms, strict=False)]
+
+
+def _write_mp4(path: Path, frames: Iterable[Pixels], fps: float) -> None:
+    av, name = _av(), codec_for_mp4()
+    with av.open(str(path), "w", options={"movflags": "+faststart"}) as container:
+        stream: Any = None
+        for frame in frames:
+            if stream is None:
+                stream = container.add_stream(name, rate=Fraction(fps).limit_denominator(1000))
+                stream.height, stream.width = frame.shape[:2]
+                stream.pix_fmt, stream.options = "yuv420p", CODECS[name]
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
+        if stream is not None:
+            container.mux(stream.encode())

@@ -1,0 +1,98 @@
+"""What the simulation says of itself."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from sim.diagnostics import Health, to_diagnostics
+from sim.pace import Measured
+from sim.sensor_faults import NO_FAULTS, parse_faults
+from wire.messages import DiagnosticArray, DiagnosticStatus, decode, encode
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+WELL = Health(
+    touches=False,
+    collisions=0,
+    last_contact=None,
+    time_s=12.5,
+    speed=1.0,
+    paused=False,
+    measured=Measured(1.0, 0.0),
+    faults=NO_FAULTS,
+    movers={},
+)
+
+
+def said(health: Health, subject: str) -> tuple[int, str]:
+    """One subject's level and sentence, after the way over the wire."""
+    message = decode(encode(to_diagnostics(health)), DiagnosticArray)
+    (status,) = (s for s in message.status if s.name == f"sim: {subject}")
+    assert status.hardware_id == "sim"
+    return status.level, status.message
+
+
+def values(health: Health, subject: str) -> dict[str, str]:
+    (status,) = (s for s in to_diagnostics(health).status if s.name == f"sim: {subject}")
+    return {value.key: value.value for value in status.values}
+
+
+def test_a_robot_that_is_well_says_so_of_everything() -> None:
+    assert said(WELL, "hull") == (OK, "the hull has touched nothing since the last reset")
+    assert said(WELL, "time") == (OK, "runs at 1 times real time")
+    assert said(WELL, "sensors") == (OK, "no fault in force")
+    assert said(WELL, "movers") == (OK, "nobody goes about")
+    assert values(WELL, "hull") == {"touches": "false", "collisions": "0", "last_contact": ""}
+    assert values(WELL, "sensors") == {"faults": "none"}
+
+
+@pytest.mark.parametrize(
+    ("touches", "collisions", "level", "sentence"),
+    [
+        (True, 1, ERROR, "the hull touches rack_3"),
+        (False, 1, WARN, "the hull has hit something once since the last reset, last rack_3"),
+        (False, 3, WARN, "the hull has hit something 3 times since the last reset, last rack_3"),
+    ],
+)
+def test_a_contact_is_an_error_while_it_lasts_and_a_warning_until_the_reset(
+    *, touches: bool, collisions: int, level: int, sentence: str
+) -> None:
+    health = replace(WELL, touches=touches, collisions=collisions, last_contact="rack_3")
+    assert said(health, "hull") == (level, sentence)
+    assert values(health, "hull")["collisions"] == str(collisions)
+
+
+def test_a_contact_with_something_that_has_no_name_is_one() -> None:
+    assert said(replace(WELL, touches=True), "hull") == (ERROR, "the hull touches something")
+
+
+def test_lost_time_is_a_warning_with_the_speed_that_was_reached() -> None:
+    slow = replace(WELL, speed=50.0, measured=Measured(31.4, 18.6))
+    assert said(slow, "time") == (
+        WARN,
+        "cannot keep up: 31.40 times real time instead of 50; 18.60 s of simulated time were skipped",
+    )
+    assert values(slow, "time") == {
+        "time_s": "12.500",
+        "speed": "50",
+        "real_time_factor": "31.400",
+        "lost_s": "18.600",
+        "paused": "false",
+    }
+
+
+def test_a_pause_is_a_warning_whatever_the_pace_was() -> None:
+    paused = replace(WELL, paused=True, measured=Measured(math.nan, 0.3))
+    assert said(paused, "time") == (WARN, "paused at 12.500 s")
+
+
+def test_faults_in_force_are_a_warning_that_names_them() -> None:
+    faulty = replace(WELL, faults=parse_faults("freeze; rate 2"))
+    assert said(faulty, "sensors") == (WARN, "faults in force: freeze; rate 2")
+
+
+def test_whoever_goes_about_is_told_with_the_place_whatever_the_name() -> None:
+    busy = replace(WELL, movers={"level": (1.0, -2.5, 0.0), "forklift": (0.25, 3.0, 1.57)})
+    assert said(busy, "movers") == (OK, "2 on their ways")
+    assert values(busy, "movers") == {"level": "1.00 -2.50 0.00", "forklift": "0.25 3.00 1.57"}

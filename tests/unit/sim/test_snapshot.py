@@ -1,0 +1,136 @@
+"""Snapshots: the future after them is the same, bit for bit; what is none is refused and changes nothing."""
+
+import dataclasses
+import pickle
+from collections.abc import Callable
+
+import pytest
+
+from sim.lidar import LidarConfig
+from sim.plant import Plant
+from sim.scene import Build, Hull
+from sim.snapshot import Snapshot, SnapshotError
+
+NOISY = LidarConfig(noise_std_m=0.01)
+HARD = Build(hull=Hull.RECTANGULAR, payload_kg=30.0, wheel_slip=0.85, moving=True)
+
+
+def _plant(options: Build = HARD, seed: int = 3) -> Plant:
+    return Plant("empty", lidar=NOISY, seed=seed, options=options)
+
+
+def _driven() -> Plant:
+    """In the middle of a ramp, of a mover's period and of a collision with the pillar."""
+    plant = _plant()
+    plant.place_pillar(-3.6, 0.05)
+    plant.step((1.0, 0.1), 703)
+    plant.scan()
+    plant.step((0.2, 0.7), 13)
+    assert plant.collisions > 0
+    return plant
+
+
+def _future(plant: Plant) -> list[object]:
+    seen: list[object] = []
+    for target in ((1.0, 0.2), (-0.6, -2.0), (0.0, 0.0), (1.0, 0.0)):
+        for _ in range(40):
+            plant.step(target, 7)
+            seen += [
+                plant.data.qpos.tobytes(),
+                plant.data.qvel.tobytes(),
+                plant.data.sensordata.tobytes(),
+                plant.scan().tobytes(),
+                plant.odometry(),
+                plant.clearance_m(),
+                plant.collisions,
+                plant.last_contact,
+                plant.movers,
+            ]
+    plant.remove_pillar()
+    plant.reset()
+    plant.step((0.3, 0.0), 50)
+    return [*seen, plant.scan().tobytes(), plant.time_s]
+
+
+def _same(snapshot: Snapshot) -> Snapshot:
+    return snapshot
+
+
+def _pickled(snapshot: Snapshot) -> Snapshot:
+    return pickle.loads(pickle.dumps(snapshot))
+
+
+def _through_bytes(snapshot: Snapshot) -> Snapshot:
+    return Snapshot.from_bytes(snapshot.to_bytes())
+
+
+@pytest.mark.parametrize("through", [_same, _pickled, _through_bytes])
+@pytest.mark.parametrize("into", ["itself", "another"])
+def test_after_a_restore_everything_goes_on_bit_for_bit_noise_movers_and_all(
+    through: Callable[[Snapshot], Snapshot], into: str
+) -> None:
+    plant = _driven()
+    snapshot = plant.save()
+    future = _future(plant)
+    other = plant if into == "itself" else _plant(seed=99)
+    other.restore(through(snapshot))
+    assert other.save() == snapshot
+    assert _future(other) == future
+
+
+def test_a_restored_plant_says_what_the_saved_one_said_before_any_step() -> None:
+    plant, other = _driven(), _plant()
+    other.restore(plant.save())
+
+    def said(plant: Plant) -> list[object]:
+        return [
+            plant.true_pose,
+            plant.true_velocity,
+            plant.time_s,
+            plant.imu(),
+            plant.odometry(),
+            plant.drive_twist,
+            plant.pillar,
+            plant.clearance_m(),
+            plant.hull_contacts,
+            plant.collisions,
+            plant.last_contact,
+            plant.movers,
+            plant.scan().tobytes(),
+        ]
+
+    assert said(other) == said(plant)
+
+
+def test_a_snapshot_of_another_world_is_refused_and_nothing_moves() -> None:
+    snapshot = _driven().save()
+    others = [
+        Plant("aisle", options=HARD),
+        _plant(Build()),
+        _plant(dataclasses.replace(HARD, payload_kg=31.0)),
+        _plant(dataclasses.replace(HARD, wheel_slip=0.8)),
+        _plant(dataclasses.replace(HARD, moving=False)),
+    ]
+    for plant in others:
+        before = plant.save()
+        with pytest.raises(SnapshotError, match="of another world"):
+            plant.restore(snapshot)
+        assert plant.save() == before
+
+
+@pytest.mark.parametrize("data", [b"", b"{}", b"[1, 2]", b"\xff\xfe", b'{"world": 3}'])
+def test_bytes_that_are_no_snapshot_are_refused(data: bytes) -> None:
+    with pytest.raises(SnapshotError, match="no snapshot"):
+        Snapshot.from_bytes(data)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [{"physics": b"12345678"}, {"physics": b"123"}, {"sensors": b""}, {"walked_s": ()}, {"noise": {}}],
+)
+def test_a_damaged_snapshot_is_refused_and_nothing_moves(damage: dict[str, object]) -> None:
+    plant = _driven()
+    snapshot = plant.save()
+    with pytest.raises(SnapshotError, match="damaged"):
+        plant.restore(dataclasses.replace(snapshot, **damage))
+    assert plant.save() == snapshot
