@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 
-from deploy import processes, supervisord
+from deploy import preflight, processes, supervisord
 from deploy.errors import DeployError
 from deploy.launch import Launch, check_endpoint_is_free
 from deploy.observe import observing
@@ -64,6 +64,7 @@ def start(state: StateDir, launch: Launch, say: Say) -> None:
     check_nothing_runs(state)
     state.forget()
     check_endpoint_is_free(launch.bus.endpoint)
+    preflight.check(launch)
     uv = supervisord.find_uv()
     supervisord.fetch(uv, say)
     for node in NODES:

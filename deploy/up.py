@@ -14,6 +14,7 @@ from deploy.errors import DeployError
 from deploy.launch import Launch
 from deploy.stack import Say
 from deploy.statedir import LockedError, StateDir, locked
+from teleop.terminal import RESTORE
 from wire import topics
 
 END_LIMIT_S = 20.0
@@ -66,7 +67,9 @@ def _teleop_here(state: StateDir, launch: Launch, say: Say) -> int:
     try:
         code = child.wait()
         if code < 0:
-            print()  # it was in the middle of its line
+            print(
+                RESTORE if os.environ.get("TERM", "dumb") != "dumb" else ""
+            )  # it was in the middle of its picture
             say(f"teleop was ended by {signal.Signals(-code).name}")
         return code if code >= 0 else 128 - code
     finally:

@@ -192,13 +192,15 @@ class Terminal:
 
     process: subprocess.Popen[bytes]
     master: int
+    output: Path
+    """Everything that was written to it."""
 
     def press(self, keys: str) -> None:
         os.write(self.master, keys.encode())
 
 
 @pytest.fixture
-def terminal(robot: Robot) -> Generator[Terminal]:
+def terminal(robot: Robot, tmp_path: Path) -> Generator[Terminal]:
     master, slave = pty.openpty()
     environment = os.environ | {"TERM": "xterm-256color"}
     process = subprocess.Popen(
@@ -206,8 +208,10 @@ def terminal(robot: Robot) -> Generator[Terminal]:
     )
     os.close(slave)
     # Somebody has to look at the screen, or it fills up.
-    reader = subprocess.Popen(["cat"], stdin=master, stdout=subprocess.DEVNULL)
-    yield Terminal(process, master)
+    output = tmp_path / "terminal"
+    with output.open("wb") as written:
+        reader = subprocess.Popen(["cat"], stdin=master, stdout=written)
+    yield Terminal(process, master, output)
     process.kill()
     process.wait()
     os.close(master)
@@ -228,6 +232,18 @@ def test_up_drives_from_this_terminal_and_takes_everything_down_on_q(
     assert "teleop" in robot.pids()
     terminal.press("q")
     assert terminal.process.wait(WAIT_LIMIT_S) == 0
+    assert robot.pids() == {}
+
+
+def test_a_killed_teleop_leaves_a_screen_that_a_shell_can_use(robot: Robot, terminal: Terminal) -> None:
+    _drive(robot, terminal)
+    os.kill(robot.pids()["teleop"], signal.SIGKILL)
+    assert terminal.process.wait(WAIT_LIMIT_S) == 128 + signal.SIGKILL
+    _wait_for(lambda: b"everything is down" in terminal.output.read_bytes(), "its last words are missing")
+    *_, shown = terminal.output.read_bytes().split(b"\x1b[?1049h")
+    picture, _, words = shown.rpartition(b"\x1b[?1049l")
+    assert picture.rpartition(b"\x1b[?25")[2].startswith(b"h")  # the cursor is seen again
+    assert b"teleop was ended by SIGKILL" in words
     assert robot.pids() == {}
 
 

@@ -1,0 +1,259 @@
+"""The real teleop in a terminal of its own: how late its heartbeat is while it draws."""
+
+import asyncio
+import itertools
+import math
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from bench import scenery
+from bench.terminal import Terminal, end, teleop
+from wire import topics
+from wire.bus import Arrival, BusError, Subscription
+from wire.messages import LaserScan, SafetyStatus, Twist, header, odometry
+from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
+
+BEAMS = 360
+SCAN_HZ, ODOM_HZ = 20.0, 50.0
+BEAT_S = 0.05
+EARLIEST_S = 0.01
+"""A beat is never this much before the mean."""
+START_S = 20.0
+WARM_UP_S = 3.0
+TYPE_PERIOD_S = 0.33
+FULL_SPEED = "w" * 12
+"""More presses than there are steps: a further one changes nothing, and sends nothing beside the heartbeat."""
+SCANS = 64
+TARGET_P99_MS = 5.0
+
+
+@dataclass(frozen=True)
+class Screen:
+    """One way to run teleop."""
+
+    name: str
+    columns: int
+    rows: int
+    arguments: tuple[str, ...] = ()
+
+
+SCREENS = (
+    Screen("dashboard", 80, 24),
+    Screen("dashboard", 160, 50),
+    Screen("one line (--plain)", 80, 24, ("--plain",)),
+)
+
+
+@dataclass(frozen=True)
+class Heartbeat:
+    """How late the commands of one run were against a grid of 50 ms through the earliest of them."""
+
+    screen: str
+    columns: int
+    rows: int
+    seconds: float
+    mode: str
+    """The last one that the status told."""
+    beats: int
+    missed: int
+    sent_p50_ms: float
+    """By the time that teleop stamps on its commands."""
+    sent_p99_ms: float
+    sent_max_ms: float
+    arrival_p50_ms: float
+    """By when they are here, through the supervisor's hub."""
+    arrival_p99_ms: float
+    arrival_max_ms: float
+    output_kb_s: float
+    """That the terminal had to take."""
+
+
+def measure_heartbeats(seconds: float) -> list[Heartbeat]:
+    """Start a supervisor, be its robot, and drive it with one teleop after the other.
+
+    Raises:
+        RuntimeError: a process does not start, or does not speak.
+    """
+    endpoint = _free_endpoint()
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "supervisor.log"
+        with log.open("wb") as file:
+            supervisor = subprocess.Popen(
+                [sys.executable, "-m", "supervisor", "--endpoint", endpoint],
+                stdout=file,
+                stderr=file,
+                env=os.environ | {"LIFELINE_STATE_DIR": folder},
+            )
+        try:
+            return asyncio.run(_measure(endpoint, seconds))
+        except (TimeoutError, BusError) as error:
+            raise RuntimeError(f"the heartbeat cannot be measured: {log.read_text()[-600:]}") from error
+        finally:
+            end(supervisor)
+
+
+def lateness_ms(times_s: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], int]:
+    """How late each beat is against the grid through the earliest, and how many places of the grid are empty.
+
+    Where most beats are tells the grid; one that is nearly a period late is not taken for an early next one.
+    """
+    since_s = times_s - times_s[0]
+    turns = np.exp(2j * math.pi * since_s / BEAT_S)
+    phase_s = float(np.angle(turns.mean())) / math.tau * BEAT_S
+    offsets_s = since_s - phase_s + EARLIEST_S
+    places = np.floor(offsets_s / BEAT_S).astype(np.int64)
+    late_s = offsets_s - BEAT_S * places
+    missed = int(places[-1] - places[0]) + 1 - len(np.unique(places))
+    return 1000.0 * (late_s - late_s.min()), missed
+
+
+async def _measure(endpoint: str, seconds: float) -> list[Heartbeat]:
+    async with asyncio.timeout(START_S):
+        bus = await open_bus(BusConfig(endpoint), "client")
+    robot = _Robot(bus)
+    feeding = [asyncio.ensure_future(feed) for feed in robot.feeds()]
+    try:
+        return [await robot.measure(screen, endpoint, seconds) for screen in SCREENS]
+    finally:
+        for task in feeding:
+            task.cancel()
+        await asyncio.gather(*feeding, return_exceptions=True)
+        await bus.close()
+
+
+class _Robot:
+    """A base that does at once what it is told, in front of a wall that comes and goes: all of the picture moves."""
+
+    def __init__(self, bus: ZenohBus) -> None:
+        self._velocity = (0.0, 0.0)
+        self._pose = (0.0, 0.0, 0.0)
+        self._scans = bus.publisher(topics.SCAN)
+        self._odometry = bus.publisher(topics.ODOM)
+        self._outputs: Subscription[Twist] = bus.subscribe(topics.CMD_VEL)
+        self._statuses: Subscription[SafetyStatus] = bus.subscribe(topics.STATUS)
+        self._heard = asyncio.Event()
+        self._heard_gids: set[bytes] = set()
+        self._beats: Subscription[Twist] = bus.subscribe(
+            topics.source_cmd_vel(topics.TELEOP), depth=100_000, wake=self._heard
+        )
+        walls_m = [1.5 + 0.3 * math.sin(math.tau * number / SCANS) for number in range(SCANS)]
+        self._ranges = itertools.cycle([scenery.scans(BEAMS, 1, wall_m=wall_m)[0] for wall_m in walls_m])
+
+    def feeds(self) -> "list[asyncio.Future[None]]":
+        return [
+            asyncio.ensure_future(
+                _at_rate(SCAN_HZ, lambda: self._scans.put(_laser_scan(next(self._ranges))))
+            ),
+            asyncio.ensure_future(_at_rate(ODOM_HZ, self._move)),
+        ]
+
+    def _move(self) -> None:
+        newest = self._outputs.latest()
+        if newest is not None and newest.message is not None:
+            self._velocity = (newest.message.linear.x, newest.message.angular.z)
+        (x_m, y_m, yaw_rad), (v, w) = self._pose, self._velocity
+        step_s = 1.0 / ODOM_HZ
+        yaw_rad += w * step_s
+        self._pose = (x_m + v * math.cos(yaw_rad) * step_s, y_m + v * math.sin(yaw_rad) * step_s, yaw_rad)
+        self._odometry.put(odometry(self._pose, self._velocity))
+
+    async def measure(self, screen: Screen, endpoint: str, seconds: float) -> Heartbeat:
+        """Start a teleop, drive at full speed, and listen."""
+        terminal = Terminal(screen.columns, screen.rows)
+        with teleop(terminal, "--endpoint", endpoint, *screen.arguments):
+            await self._until_heard()
+            terminal.type("s")
+            await asyncio.sleep(WARM_UP_S / 2)
+            terminal.type(FULL_SPEED)
+            await asyncio.sleep(WARM_UP_S)
+            self._beats.take()
+            began_s, began_bytes = time.monotonic(), terminal.taken_bytes
+            typing = asyncio.ensure_future(_at_rate(1.0 / TYPE_PERIOD_S, lambda: terminal.type("w")))
+            await asyncio.sleep(seconds)
+            typing.cancel()
+            took_s = time.monotonic() - began_s
+            output_kb_s = (terminal.taken_bytes - began_bytes) / took_s / 1000.0
+            return self._summary(screen, self._beats.take(), took_s, output_kb_s)
+
+    async def _until_heard(self) -> None:
+        """Until a teleop speaks that has not spoken before: the last words of the one before may come late."""
+        async with asyncio.timeout(START_S):
+            while True:
+                gids = {beat.stamp.gid for beat in self._beats.take() if beat.stamp is not None}
+                if gids - self._heard_gids:
+                    self._heard_gids |= gids
+                    return
+                self._heard.clear()
+                await self._heard.wait()
+
+    def _summary(
+        self, screen: Screen, beats: list[Arrival[Twist]], took_s: float, output_kb_s: float
+    ) -> Heartbeat:
+        stamps = [beat.stamp for beat in beats]
+        if len(beats) < 2 or None in stamps:
+            raise RuntimeError(
+                "the heartbeat cannot be measured: teleop did not send it, or without its stamp"
+            )
+        sent_s = np.array([1e-9 * stamp.source_time_ns for stamp in stamps if stamp is not None])
+        sent_ms, missed = lateness_ms(sent_s)
+        arrival_ms, _ = lateness_ms(np.array([beat.arrival_s for beat in beats]))
+        newest = self._statuses.latest()
+        status = None if newest is None else newest.message
+        modes = ("STOPPED", "READY", "DRIVING", "LIMITED")
+        return Heartbeat(
+            screen=screen.name,
+            columns=screen.columns,
+            rows=screen.rows,
+            seconds=took_s,
+            mode="" if status is None else " ".join([modes[status.mode], *status.reasons]),
+            beats=len(beats),
+            missed=missed,
+            sent_p50_ms=float(np.percentile(sent_ms, 50)),
+            sent_p99_ms=float(np.percentile(sent_ms, 99)),
+            sent_max_ms=float(sent_ms.max()),
+            arrival_p50_ms=float(np.percentile(arrival_ms, 50)),
+            arrival_p99_ms=float(np.percentile(arrival_ms, 99)),
+            arrival_max_ms=float(arrival_ms.max()),
+            output_kb_s=output_kb_s,
+        )
+
+
+async def _at_rate(rate_hz: float, act: Callable[[], None]) -> None:
+    loop = asyncio.get_running_loop()
+    next_s = loop.time()
+    while True:
+        act()
+        next_s = max(next_s + 1.0 / rate_hz, loop.time())
+        await asyncio.sleep(next_s - loop.time())
+
+
+def _laser_scan(ranges: scenery.Ranges) -> LaserScan:
+    increment = scenery.angle_increment(len(ranges))
+    return LaserScan(
+        header=header("lidar"),
+        angle_min=scenery.ANGLE_MIN,
+        angle_max=math.pi - increment,
+        angle_increment=increment,
+        time_increment=0.0,
+        scan_time=1.0 / SCAN_HZ,
+        range_min=scenery.RANGE_MIN_M,
+        range_max=scenery.RANGE_MAX_M,
+        ranges=ranges,
+        intensities=np.empty(0, dtype=np.float32),
+    )
+
+
+def _free_endpoint() -> str:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"

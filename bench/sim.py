@@ -1,0 +1,135 @@
+"""The simulated robot, unpaced and without a window: how many times real time it runs on one core.
+
+Beside it the least that any simulation of the same model with the same lidar must do: `mj_step` and `mj_multiRay` in a
+loop. Both take turns, so that what slows the machine slows both.
+"""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim import mj
+from sim.config import SimSection
+from sim.lidar import SOLID_GROUP
+from sim.plant import Plant
+from sim.scene import Build
+
+SCENES = (("warehouse", False), ("warehouse", True), ("aisle", True), ("empty", True))
+LEG_S = 10
+LEGS = ((0.3, 0.6), (-0.3, 0.6), (0.3, -0.6), (-0.3, -0.6))
+"""v in m/s and ω in rad/s, each for so long, then from the start again; they touch nothing in any scene."""
+WARM_UP_ROUNDS = 3
+CONFIG = SimSection()
+
+TARGET_MS = 10.0
+"""For a simulated second: a hundred times real time."""
+TARGET_TO_BARE = 1.25
+"""Times the bare loop's: 80 % of its rate."""
+
+
+@dataclass(frozen=True)
+class Pace:
+    """One scene; times are processor time of the one thread, for a simulated second."""
+
+    scene: str
+    moving: bool
+    geoms: int
+    plant_ms: float
+    plant_p90_ms: float
+    bare_ms: float
+    plant_to_bare: float
+    """The ratio of the medians."""
+
+    @property
+    def what(self) -> str:
+        return f"{self.scene}, people and forklifts moving" if self.moving else f"{self.scene}, all still"
+
+    @property
+    def real_time_factor(self) -> float:
+        return 1000.0 / self.plant_ms
+
+    @property
+    def bare_factor(self) -> float:
+        return 1000.0 / self.bare_ms
+
+
+class Bare:
+    """The same model, stepped and looked at by nothing but MuJoCo."""
+
+    def __init__(self, scene: str, *, moving: bool) -> None:
+        plant = Plant(scene, options=Build(moving=moving))
+        self._model, self._data = plant.model, plant.data
+        self._data.ctrl[:] = plant.wheels.wheel_speeds(plant.wheels.twist(2.0, 3.0))
+        angles_rad = plant.lidar.angles_rad
+        self._directions = np.stack(
+            (np.cos(angles_rad), np.sin(angles_rad), 0.0 * angles_rad), axis=1
+        ).ravel()
+        self._origin = np.array((*plant.start_pose[:2], plant.lidar.height_m))
+        self._groups = np.zeros(6, np.uint8)
+        self._groups[SOLID_GROUP] = 1
+        self._geoms, self._distances = np.zeros(angles_rad.size, np.int32), np.zeros(angles_rad.size)
+        self._range_m = plant.lidar.range_max_m
+
+    def run(self, scans: int, steps: int) -> None:
+        for _ in range(scans):
+            for _ in range(steps):
+                mj.step(self._model, self._data)
+            mj.multi_ray(
+                self._model,
+                self._data,
+                self._origin,
+                self._directions,
+                self._groups,
+                True,  # noqa: FBT003 - static geoms too, as the lidar does
+                -1,
+                self._geoms,
+                self._distances,
+                None,
+                self._distances.size,
+                self._range_m,
+            )
+
+
+def measure_pace(rounds: int) -> list[Pace]:
+    """Each round is a simulated second of the plant and one of the bare loop, in every scene."""
+    plants = {
+        key: Plant(key[0], CONFIG.limits(), CONFIG.lidar(), CONFIG.seed, Build(moving=key[1]))
+        for key in SCENES
+    }
+    bares = {key: Bare(key[0], moving=key[1]) for key in SCENES}
+    taken: dict[tuple[tuple[str, bool], str], list[float]] = {
+        (key, what): [] for key in SCENES for what in ("plant", "bare")
+    }
+    for number in range(-WARM_UP_ROUNDS, rounds):
+        for key, plant in plants.items():
+            leg, second = divmod(number + WARM_UP_ROUNDS, LEG_S)
+            if leg % len(LEGS) == 0 and second == 0:
+                plant.reset()
+            scans = round(CONFIG.scan_hz)
+            steps = round(1.0 / (CONFIG.scan_hz * plant.timestep_s))
+            started_ns = time.thread_time_ns()
+            for _ in range(scans):
+                plant.step(LEGS[leg % len(LEGS)], steps)
+                plant.scan()
+            plant_ns = time.thread_time_ns()
+            bares[key].run(scans, steps)
+            bare_ns = time.thread_time_ns()
+            assert plant.collisions == 0, "the way must be free: contacts take time of their own"
+            if number >= 0:
+                taken[key, "plant"].append((plant_ns - started_ns) / 1e6)
+                taken[key, "bare"].append((bare_ns - plant_ns) / 1e6)
+    return [
+        Pace(
+            scene,
+            moving,
+            plants[scene, moving].model.ngeom,
+            plant_ms=float(np.median(taken[(scene, moving), "plant"])),
+            plant_p90_ms=float(np.percentile(taken[(scene, moving), "plant"], 90)),
+            bare_ms=float(np.median(taken[(scene, moving), "bare"])),
+            plant_to_bare=float(
+                np.median(taken[(scene, moving), "plant"]) / np.median(taken[(scene, moving), "bare"])
+            ),
+        )
+        for scene, moving in SCENES
+    ]

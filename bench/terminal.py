@@ -1,0 +1,78 @@
+"""The real teleop in a pseudo-terminal, and what stands in front of it."""
+
+import asyncio
+import fcntl
+import os
+import pty
+import struct
+import subprocess
+import sys
+import termios
+from collections.abc import Callable, Generator
+from contextlib import contextmanager, suppress
+
+ARE_YOU_THERE, I_AM = b"\x1b[5n", "\x1b[0n"
+END_LIMIT_S = 5.0
+
+
+class Terminal:
+    """Takes output as fast as it comes, and answers as a terminal does; on an event loop.
+
+    Args:
+        columns: of its size.
+        rows: of its size.
+        see: given every piece of output.
+    """
+
+    def __init__(self, columns: int, rows: int, see: Callable[[bytes], object] = len) -> None:
+        self._see = see
+        self._master, self.slave = pty.openpty()
+        fcntl.ioctl(self.slave, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
+        os.set_blocking(self._master, False)
+        self.taken_bytes = 0
+        asyncio.get_running_loop().add_reader(self._master, self._read)
+
+    def _read(self) -> None:
+        with suppress(OSError):
+            data = os.read(self._master, 65536)
+            self.taken_bytes += len(data)
+            self._see(data)
+            for _ in range(data.count(ARE_YOU_THERE)):
+                self.type(I_AM)
+
+    def type(self, keys: str) -> None:
+        with suppress(BlockingIOError):
+            os.write(self._master, keys.encode())
+
+    def close(self) -> None:
+        asyncio.get_running_loop().remove_reader(self._master)
+        os.close(self._master)
+        os.close(self.slave)
+
+
+@contextmanager
+def teleop(terminal: Terminal, *arguments: str) -> Generator[None]:
+    """Run `python -m teleop` in `terminal`, which is closed at the end."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "teleop", *arguments],
+        stdin=terminal.slave,
+        stdout=terminal.slave,
+        stderr=terminal.slave,
+        start_new_session=True,
+        env=os.environ | {"TERM": "xterm-256color", "PYTHONIOENCODING": "utf-8"},
+    )
+    try:
+        yield
+    finally:
+        end(process)
+        terminal.close()
+
+
+def end(process: "subprocess.Popen[bytes]") -> None:
+    """Ask it to end, and make it end if it does not."""
+    process.terminate()
+    try:
+        process.wait(END_LIMIT_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait(END_LIMIT_S)

@@ -1,0 +1,146 @@
+"""The robot, the law and an operator in one process and in simulated time: what they do is the same each time.
+
+No bus and no clock: the plant of `python -m sim`, the law of `python -m supervisor`, messages that take no time.
+"""
+
+from collections.abc import Iterator
+from enum import Enum, auto
+
+from sim.pace import Every
+from sim.plant import Plant
+from sim.shown import Mode, Shown
+from supervisor.config import SupervisorSection
+from supervisor.model import Command, Decision, Inputs, LaserScan, Liveliness, Odometry, StopReason, Velocity
+from supervisor.safety import initial_state, step
+
+SOURCE = "teleop"
+STANDSTILL = Velocity(0.0, 0.0)
+
+FORWARD_M_S, BACK_M_S = 0.8, -0.4
+WARM_UP_S = 0.2
+READY_S = 0.5
+"""The operator looks first."""
+REST_S = 1.3
+"""And looks again at what stopped the robot."""
+BACK_S = 1.6
+
+
+class _Act(Enum):
+    WAIT = auto()
+    AHEAD = auto()
+    REST = auto()
+    BACK = auto()
+    DONE = auto()
+
+
+class Operator:
+    """Drives ahead until an obstacle stops the robot, lets go, looks, backs out, and lets go again.
+
+    Args:
+        drives: Without this, the operator's hands stay off the keys.
+    """
+
+    def __init__(self, *, drives: bool = True) -> None:
+        self._act = _Act.WAIT if drives else _Act.DONE
+        self._since_s = 0.0
+
+    def wants(self, now_s: float, decision: Decision | None) -> Velocity:
+        """What is asked of the robot now, after the law has decided so."""
+        for_s = now_s - self._since_s
+        at_obstacle = decision is not None and StopReason.OBSTACLE in decision.reasons
+        match self._act:
+            case _Act.WAIT if for_s >= READY_S:
+                self._go_on(_Act.AHEAD, now_s)
+            case _Act.AHEAD if at_obstacle:
+                self._go_on(_Act.REST, now_s)
+            case _Act.REST if for_s >= REST_S:
+                self._go_on(_Act.BACK, now_s)
+            case _Act.BACK if for_s >= BACK_S or at_obstacle:
+                self._go_on(_Act.DONE, now_s)
+            case _:
+                pass
+        # At rest the key is still held, so that the picture shows why the robot stands.
+        return {
+            _Act.AHEAD: Velocity(FORWARD_M_S, 0.0),
+            _Act.REST: Velocity(FORWARD_M_S, 0.0),
+            _Act.BACK: Velocity(BACK_M_S, 0.0),
+        }.get(self._act, STANDSTILL)
+
+    def _go_on(self, act: _Act, now_s: float) -> None:
+        self._act, self._since_s = act, now_s
+
+
+class Rehearsal:
+    """One robot under the law, driven by an operator.
+
+    Args:
+        plant: The robot in its world.
+        operator: Who drives it.
+        config: `[supervisor]`; its footprint must be the plant's.
+    """
+
+    def __init__(self, plant: Plant, operator: Operator, config: SupervisorSection) -> None:
+        self._plant, self._operator = plant, operator
+        self._state = initial_state(config.law())
+        self._decision: Decision | None = None
+        self._steps = 0
+        dt_s = plant.timestep_s
+        self._ticks = Every(config.tick_hz, dt_s)
+        self._scans, self._commands = Every(20.0, dt_s), Every(20.0, dt_s)
+        self._ranges = plant.scan()
+        self._came = Liveliness(SOURCE, alive=True)
+        while self._decision is None or self.time_s < 0.0:
+            self._step()
+
+    @property
+    def time_s(self) -> float:
+        """Since the operator and the lidar are heard."""
+        return self._steps * self._plant.timestep_s - WARM_UP_S
+
+    def play(self, seconds: float, fps: float) -> Iterator[Shown]:
+        """Lets time pass; what is to be shown at each frame, the first at the beginning."""
+        for frame in range(max(1, round(seconds * fps))):
+            self.run_until(frame / fps)
+            yield self.shown()
+
+    def run_until(self, time_s: float) -> None:
+        while self.time_s < time_s - 1e-9:
+            self._step()
+
+    def shown(self) -> Shown:
+        decision, speed_m_s = self._decision, self._plant.true_velocity.linear_m_s
+        assert decision is not None  # since the warm-up
+        reasons = tuple(reason.value for reason in decision.reasons)
+        return Shown(Mode.of(decision.mode), reasons, speed_m_s, decision.nearest_m, self._ranges)
+
+    def _step(self) -> None:
+        plant, now_s = self._plant, self.time_s
+        output = STANDSTILL if self._decision is None else self._decision.output
+        plant.step((output.linear_m_s, output.angular_rad_s))
+        self._steps += 1
+        due = self._commands.due(self._steps, 1.0)
+        commands = (self._command(now_s),) if due else ()
+        scan = self._look(now_s) if self._scans.due(self._steps, 1.0) else None
+        if commands or scan is not None or self._ticks.due(self._steps, 1.0):
+            odometry = plant.odometry()
+            inputs = Inputs(
+                commands=commands,
+                liveliness=() if self._decision is not None else (self._came,),
+                scan=scan,
+                odometry=Odometry(Velocity(odometry.linear_m_s, odometry.angular_rad_s), now_s),
+            )
+            self._state, self._decision = step(self._state, now_s, inputs)
+
+    def _command(self, now_s: float) -> Command:
+        return Command(SOURCE, self._operator.wants(now_s, self._decision), now_s)
+
+    def _look(self, now_s: float) -> LaserScan:
+        self._ranges, lidar = self._plant.scan(), self._plant.lidar
+        return LaserScan(
+            self._ranges,
+            lidar.angle_min_rad,
+            lidar.angle_increment_rad,
+            lidar.range_min_m,
+            lidar.range_max_m,
+            now_s,
+        )
