@@ -11,7 +11,7 @@ import asyncio
 import contextvars
 import math
 from collections import deque
-from collections.abc import Callable, Coroutine
+from collections.abc import Awaitable, Callable, Coroutine
 from contextlib import suppress
 from heapq import heappop, heappush
 from typing import Any, TypeVar
@@ -86,6 +86,10 @@ class VirtualLoop(asyncio.AbstractEventLoop):
     def time(self) -> float:
         return self._now_s
 
+    def advance(self, seconds: float) -> None:
+        """Let time pass while whoever runs now does not come back: a hang of everything in this loop."""
+        self._now_s += seconds
+
     def call_soon(  # pyright: ignore[reportIncompatibleMethodOverride]
         self,
         callback: Callable[..., object],
@@ -128,14 +132,19 @@ class VirtualLoop(asyncio.AbstractEventLoop):
 
     # --- running
 
-    def run_until_complete(self, future: Coroutine[Any, Any, T]) -> T:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def run_until_complete(self, future: Awaitable[T]) -> T:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Run until this is done; everything else waits for the next call.
+
+        Raises:
+            VirtualTimeError: that will never be.
+        """
         previous = asyncio._get_running_loop()  # noqa: SLF001 - of loops for loops
         asyncio._set_running_loop(self)  # noqa: SLF001
         try:
-            task = self.create_task(future)
-            task.add_done_callback(lambda _: self.stop())
+            done = asyncio.ensure_future(future, loop=self)
+            done.add_done_callback(lambda _: self.stop())
             self._run()
-            return task.result()
+            return done.result()
         finally:
             asyncio._set_running_loop(previous)  # noqa: SLF001
 
@@ -224,5 +233,8 @@ class VirtualLoop(asyncio.AbstractEventLoop):
     def call_exception_handler(self, context: dict[str, Any]) -> None:
         if self._closed or self.on_error is None:
             return
-        process = _process.get()
+        handle = context.get("handle")
+        process = None
+        if isinstance(handle, asyncio.Handle):
+            process = handle._context.get(_process)  # noqa: SLF001  # pyright: ignore[reportPrivateUsage, reportUnknownMemberType, reportUnknownVariableType]
         self.on_error("" if process is None else process.name, context.get("exception"))

@@ -77,22 +77,24 @@ class _Pipe:
         self._silent_since_s: float | None = None
 
     def send(self, action: Action) -> None:
-        """Let `action` happen where the message arrives, unless it never does."""
+        """Let `action` happen where the message arrives, unless it never does. A sample may be dropped."""
         loss = self.conditions.loss
         if not loss or self._network.random.random() >= loss:
-            self.send_last(action)
+            self._send(action, in_order=self.conditions.in_order)
 
-    def send_last(self, action: Action) -> None:
-        """As `send`, but never dropped: the end of a connection is told again and again."""
+    def send_surely(self, action: Action) -> None:
+        """As `send` for what a connection never drops and keeps in order: tokens, queries, its own end."""
+        self._send(action, in_order=True)
+
+    def _send(self, action: Action, *, in_order: bool) -> None:
         conditions, network = self.conditions, self._network
         if conditions.is_cut:
             self._hold(action)
             return
-        now_s = network.loop.time()
-        due_s = now_s + HOP_S + conditions.delay_s
+        due_s = network.loop.time() + HOP_S + conditions.delay_s
         if conditions.jitter_s:
             due_s += network.random.uniform(0.0, conditions.jitter_s)
-        if conditions.in_order:
+        if in_order:
             self._last_due_s = due_s = max(due_s, self._last_due_s)
         network.at(due_s, self._arrive, action)
 
@@ -310,7 +312,7 @@ class VirtualBus:
         for session in self.network.sessions_of(self):
             other = session.client if self.is_hub else session.hub
             towards = session.down if self.is_hub else session.up
-            self.network.after(noticed_s, towards.send_last, partial(session.let_go, other))
+            self.network.after(noticed_s, towards.send_surely, partial(session.let_go, other))
         self.network.look_for_silence()
         self.network.remove(self)
 
@@ -489,9 +491,9 @@ class VirtualNetwork:
         known = [*hub.own, *(node for other in self._joined(hub) for node in other.tokens)]
         self._sessions.append(session)
         for node in known:
-            session.down.send(partial(client.see, node, 1))
+            session.down.send_surely(partial(client.see, node, 1))
         for node in client.own:
-            session.up.send(partial(self._token, session, node, 1))
+            session.up.send_surely(partial(self._token, session, node, 1))
         return session
 
     def forget(self, session: _Session) -> None:
@@ -508,9 +510,9 @@ class VirtualNetwork:
         """Spread the news of a token from where it stands."""
         if bus.is_hub:
             for session in self._joined(bus):
-                session.down.send(partial(session.client.see, node, change))
+                session.down.send_surely(partial(session.client.see, node, change))
         elif bus.session is not None:
-            bus.session.up.send(partial(self._token, bus.session, node, change))
+            bus.session.up.send_surely(partial(self._token, bus.session, node, change))
 
     def _token(self, session: _Session, node: str, change: int) -> None:
         """A client's token, at the hub. Nobody but the hub holds the supervisor's."""
@@ -526,7 +528,7 @@ class VirtualNetwork:
         session.hub.see(node, change)
         for other in self._joined(session.hub):
             if other is not session:
-                other.down.send(partial(other.client.see, node, change))
+                other.down.send_surely(partial(other.client.see, node, change))
 
     def _joined(self, hub: VirtualBus) -> list[_Session]:
         return [s for s in self._sessions if s.hub is hub and not s.is_over and not s.client.is_dead]
@@ -554,9 +556,9 @@ class VirtualNetwork:
         elif (session := asker.session) is not None:
 
             def back(response: TriggerResponse) -> None:
-                session.down.send(partial(resolve, response))
+                session.down.send_surely(partial(resolve, response))
 
-            session.up.send(partial(self._spread, session.hub, session, key, text, back))
+            session.up.send_surely(partial(self._spread, session.hub, session, key, text, back))
 
     def _spread(
         self,
@@ -572,9 +574,9 @@ class VirtualNetwork:
             if session is not sender and key in session.client.services:
 
                 def answer(response: TriggerResponse, session: _Session = session) -> None:
-                    session.up.send(partial(back, response))
+                    session.up.send_surely(partial(back, response))
 
-                session.down.send(partial(self._serve, session.client, key, text, answer))
+                session.down.send_surely(partial(self._serve, session.client, key, text, answer))
 
     def _serve(
         self, server: VirtualBus, key: str, text: str, back: Callable[[TriggerResponse], None]
@@ -585,8 +587,16 @@ class VirtualNetwork:
             back(await server.services[key](text))
 
         context = self._context if server.process is None else server.process.context
-        self.loop.call_soon(lambda: self._keep(self.loop.create_task(run())), context=context)
+        self.loop.call_soon(lambda: self._keep(server, self.loop.create_task(run())), context=context)
 
-    def _keep(self, task: asyncio.Task[None]) -> None:
+    def _keep(self, server: VirtualBus, task: asyncio.Task[None]) -> None:
+        """Hold on to an answer on its way; one that fails is told, as of any process that nobody awaits."""
+
+        def on_end(_: asyncio.Task[None]) -> None:
+            self._tasks.discard(task)
+            error = None if task.cancelled() else task.exception()
+            if error is not None and self.loop.on_error is not None:
+                self.loop.on_error(server.node, error)
+
         self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+        task.add_done_callback(on_end)

@@ -5,7 +5,7 @@ import math
 from collections.abc import AsyncGenerator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
-from typing import Any, cast
+from typing import cast
 
 import pytest
 
@@ -22,6 +22,7 @@ from tests.component.rig import Rig
 from wire import topics
 from wire.memory_bus import MemoryBus
 from wire.messages import Bool, Point, SafetyStatus, SourceStatus, header, odometry, planar_twist
+from wire.virtual_loop import VirtualLoop
 
 CMD_VEL = topics.source_cmd_vel("path")
 BEAT_S = 0.05
@@ -150,7 +151,7 @@ async def every(period_s: float, act: Callable[[], None]) -> AsyncGenerator[None
 
 def hang(seconds: float) -> None:
     """Time passes while the loop does not turn."""
-    cast("Any", asyncio.get_running_loop())._selector.clock.advance(seconds)
+    cast("VirtualLoop", asyncio.get_running_loop()).advance(seconds)
 
 
 async def test_a_square_is_driven_to_its_end_by_a_source_that_is_neutral_first() -> None:

@@ -21,6 +21,7 @@ from teleop.view import Control, Line
 from wire import topics
 from wire.memory_bus import MemoryBus, MemoryNetwork
 from wire.messages import Bool, SafetyStatus, SourceStatus, TriggerResponse, Twist, decode, header
+from wire.virtual_loop import VirtualLoop
 
 CMD_VEL = topics.source_cmd_vel("teleop")
 PERIOD_S = 0.05
@@ -180,7 +181,7 @@ async def bench(
 
 def hang(seconds: float) -> None:
     """Time passes while this loop does not turn."""
-    cast("Any", asyncio.get_running_loop())._selector.clock.advance(seconds)
+    cast("VirtualLoop", asyncio.get_running_loop()).advance(seconds)
 
 
 def on_the_beat(bench: Bench, count: int) -> object:

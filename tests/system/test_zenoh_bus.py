@@ -157,7 +157,9 @@ async def test_a_query_is_answered_and_nobody_s_silence_is_an_error() -> None:
 
         hub.serve(topics.SUPERVISOR_RESET, answer)
         assert (await client.call(topics.SUPERVISOR_RESET, timeout_s=WITHIN_S)).message == "done"
-        assert (await client.call(topics.SUPERVISOR_RESET, "at once", timeout_s=WITHIN_S)).message == "done at once"
+        assert (
+            await client.call(topics.SUPERVISOR_RESET, "at once", timeout_s=WITHIN_S)
+        ).message == "done at once"
         with pytest.raises(NoReplyError, match="robot/sim/reset"):
             await client.call(topics.SIM_RESET, timeout_s=0.2)
 

@@ -1,9 +1,25 @@
 """What the documents say of the code must be what the code says."""
 
+import re
+from pathlib import Path
+
 import pytest
 
 from docs import safety_law
 from supervisor.model import StopReason
+
+ROOT = Path(__file__).parents[2]
+DOCUMENTS = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_what_a_document_points_to_exists(document: Path) -> None:
+    text = document.read_text()
+    targets = [link for link in re.findall(r"\]\(([^)#]+)", text) if not link.startswith("http")]
+    assert [target for target in targets if not (document.parent / target).exists()] == []
+    named = set(re.findall(r"`(test_\w+)`", text))
+    tests = "".join(path.read_text() for path in (ROOT / "tests").rglob("test_*.py"))
+    assert [name for name in sorted(named) if f"def {name}(" not in tests] == []
 
 
 def test_the_generated_parts_of_the_safety_law_are_up_to_date() -> None:

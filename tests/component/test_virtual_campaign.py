@@ -1,0 +1,157 @@
+"""The virtual campaign: every seed repeats itself bit for bit, and a broken law does not get through."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from deploy.errors import DeployError
+from deploy.faults import campaign as campaigns
+from deploy.faults import world
+from deploy.faults.trial import Trial, parse, read_trials
+from deploy.faults.virtual import run_trial
+from sim.config import SimSection
+from supervisor import safety
+from supervisor.config import SupervisorSection
+from supervisor.model import Source
+from tests.component.rig import Rig, laser_scan
+from wire import topics
+from wire.memory_bus import MemoryBus
+
+ROOT = Path(__file__).parents[2]
+FEW = (8, 11, 3, 5, 0, 1, 2, 4, 6, 7, 9, 10)
+"""So many seeds must do to find that something essential is gone; the quickest first."""
+
+
+def broken(promise: int, run: Callable[[int], Trial]) -> bool:
+    return any(violation.promise == promise for seed in FEW for violation in run(seed).violations)
+
+
+def test_seeds_keep_every_promise() -> None:
+    for seed in (0, 3, 8):
+        trial = run_trial(seed)
+        assert trial.violations == (), f"lifeline faults --virtual --seed {seed}"
+        assert trial.faults
+
+
+def test_a_seed_is_the_same_alone_in_a_row_and_in_another_process(tmp_path: Path) -> None:
+    """Hash seeds differ between the processes: nothing may depend on the order of a set."""
+    alone = [run_trial(seed, "r").line() for seed in (5, 3, 5)]
+    assert alone[0] == alone[2]
+    script = "import sys; from deploy.faults.campaign import run_batch; print(*run_batch([4, 3, 5], 'r'), sep='\\n')"
+    for hash_seed in ("1", "2"):
+        printed = subprocess.run(
+            [sys.executable, "-c", script],
+            cwd=ROOT,
+            env={**os.environ, "PYTHONHASHSEED": hash_seed},
+            check=True,
+            capture_output=True,
+            text=True,
+            timeout=60,
+        ).stdout.splitlines()
+        assert printed[1:] == [alone[1], alone[0]]
+
+
+def test_without_the_barrier_it_comes_too_near(monkeypatch: pytest.MonkeyPatch) -> None:
+    def everything(*_: object, **__: object) -> tuple[float, None]:
+        return 1.0, None
+
+    monkeypatch.setattr(safety, "permitted_scale", everything)
+    assert broken(6, run_trial)
+
+
+def test_with_a_command_timeout_ten_times_as_long_it_drives_on() -> None:
+    assert broken(3, lambda seed: run_trial(seed, config=SupervisorSection(command_timeout_s=2.0)))
+
+
+def test_with_a_scan_timeout_ten_times_as_long_it_drives_blindly() -> None:
+    assert broken(5, lambda seed: run_trial(seed, config=SupervisorSection(scan_timeout_s=2.5)))
+
+
+def test_without_the_interlock_it_moves_without_a_neutral(monkeypatch: pytest.MonkeyPatch) -> None:
+    latch: Any = safety._latch  # pyright: ignore[reportPrivateUsage]
+
+    def forget(source: Source, now_s: float, causes: safety.Reasons) -> Source:
+        latched: Source = latch(source, now_s, causes)
+        return latched if causes else latched._replace(latched=safety.NONE, block=None)
+
+    monkeypatch.setattr(safety, "_latch", forget)
+    assert broken(7, run_trial)
+
+
+def test_a_base_that_waits_too_long_does_not_brake_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(world, "SIM", SimSection(imu_hz=1.0, command_timeout_s=3.0))
+    assert broken(4, run_trial)
+
+
+def test_a_supervisor_that_fails_is_told_with_its_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError("by nothing")
+
+    monkeypatch.setattr(safety, "_shared_causes", fail)
+    sentences = [violation.sentence for violation in run_trial(3).violations]
+    assert any("ZeroDivisionError: by nothing" in sentence for sentence in sentences)
+
+
+@pytest.mark.xfail(
+    strict=True, reason="an epoch ends with the first scan of another one, and may never return"
+)
+async def test_one_scan_of_another_client_does_not_blind_the_robot_for_good() -> None:
+    """Found by seeds 104, 118, 234: only a restart of the sim helped."""
+    rig = Rig()
+    async with rig.supervisor(), rig.lidar(), rig.source():
+        await rig.drive(0.3)
+        MemoryBus(rig.network).publisher(topics.SCAN).put(laser_scan(np.full(360, np.nan)))
+        rig.velocity = (0.0, 0.0)
+        await rig.pass_time(3.0)
+        assert rig.newest_status.reasons == []
+
+
+# --- the command
+
+
+def say_to(said: list[str]) -> Callable[[str], None]:
+    return said.append
+
+
+def test_a_campaign_keeps_its_trials_and_goes_on_where_it_ended(tmp_path: Path) -> None:
+    out, said = tmp_path / "trials.jsonl", list[str]()
+    assert campaigns.campaign(3, 2, out, say_to(said)) == 0
+    first = sorted(out.read_text().splitlines())
+    assert [json.loads(line)["seed"] for line in first] != []
+    assert sorted(trial.seed for trial in read_trials(out)) == [0, 1, 2]
+    # A killed campaign leaves half a line behind; what other code made counts for nothing.
+    other = run_trial(3, "other code").line()
+    out.write_text("\n".join([*first, other]) + "\n" + first[0][:30])
+    assert campaigns.campaign(4, 1, out, say_to(said)) == 0
+    assert "3 of 4 seeds are in" in " ".join(said)
+    assert sorted(trial.seed for trial in read_trials(out)) == [0, 1, 2, 3, 3]
+
+
+def test_a_violation_is_told_with_the_command_that_replays_it(tmp_path: Path) -> None:
+    line = run_trial(3, campaigns.revision()).line()
+    trial: dict[str, Any] = json.loads(line)
+    trial["seed"] = 0
+    trial["violations"] = [{"promise": 6, "time_s": 1.0, "sentence": "it came too near"}]
+    out, said = tmp_path / "trials.jsonl", list[str]()
+    out.write_text(json.dumps(trial) + "\n")
+    assert campaigns.campaign(1, 1, out, say_to(said)) == 1
+    assert "  replay: lifeline faults --virtual --seed 0" in said
+
+
+def test_a_file_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DeployError, match="cannot write"):
+        campaigns.campaign(1, 1, tmp_path / "none" / "trials.jsonl", print)
+
+
+def test_a_replay_tells_the_story(tmp_path: Path) -> None:
+    said = list[str]()
+    assert campaigns.replay(3, said.append) == 0
+    assert any("FAULT" in line for line in said)
+    assert parse(run_trial(3, campaigns.revision()).line()).digest in said[0]
