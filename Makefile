@@ -33,12 +33,13 @@ check: $(STAMP) ## ruff, pyright and import-linter
 	.venv/bin/pyright
 	.venv/bin/lint-imports
 
-bench: $(STAMP) ## how much time and memory the supervisor takes; about a minute
+bench: $(STAMP) ## time and memory of the law, supervisor, teleop and sim; about four minutes
 	.venv/bin/python -m bench
 
-docs: $(STAMP) ## write the generated parts of docs/safety-law.md and its drawings anew
+docs: $(STAMP) ## write the generated parts and the drawings of docs/ anew
 	.venv/bin/python -m docs.safety_law
 	.venv/bin/python -m docs.draw_safety_law
+	.venv/bin/python -m docs.draw_dashboard
 
 mutation: $(STAMP) ## mutate the law; every mutant must fail a test (three minutes)
 	.venv/bin/python -m bench.mutation
