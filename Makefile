@@ -44,8 +44,9 @@ docs: $(STAMP) ## write the generated parts and the drawings of docs/ anew
 mutation: $(STAMP) ## mutate the law; every mutant must fail a test (three minutes)
 	.venv/bin/python -m bench.mutation
 
-picture: $(STAMP) ## render docs/images/warehouse.png anew
+picture: $(STAMP) ## render the warehouse and the animation of the README anew; a few minutes
 	.venv/bin/python -m sim.render --out docs/images/warehouse.png
+	.venv/bin/python -m docs.draw_animation
 
 $(STAMP): uv.lock pyproject.toml | $(OWN_UV)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \

@@ -4,8 +4,14 @@ cli.py             the command `lifeline`: its options, and nothing else
 up.py              `lifeline up`: the stack, with teleop in this terminal
 status.py          `lifeline status`: one look
 demo.py            `lifeline demo`: the promises of the design, measured on the running stack
+path.py            `lifeline path`: squares, circles, and what was recorded
+record.py          `lifeline record`; recording.py the file, written and read
+render.py          `lifeline render`; film.py its pictures; rehearsal.py robot, law and operator in simulated time
+faults/            `lifeline faults`: everything broken at random moments, for real and in virtual time
+soak.py            `lifeline soak`: hours of it, and what grows
 replay.py          `lifeline replay-decision`: the law once more over a black box
 verdict.py         one promise with its bound and what was measured
+preflight.py       every section and the scene, and whether they fit together, before anything starts
 stack.py           sim and supervisor as one thing: start, wait until alive, stop
 supervisord.py     supervisord itself: fetched by uv, asked over its socket
 processes.py       which processes belong to a state directory, and signals to them

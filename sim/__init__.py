@@ -12,6 +12,7 @@ pace.py       which step is due when: real time, a multiple, a pause (pure)
 encoders.py   odometry that drifts; imu.py the inertial unit; sensor_faults.py what can be wrong (pure)
 lidar.py      the beams; floorplan.py the exact distances from the hull (pure but for reading the model)
 mj.py         MuJoCo with types, the one file that imports it
-render.py     a picture of it all
+render.py     pictures without a screen; gl.py what draws them; views.py from where; caption.py and video.py words and files
+viewer.py     MuJoCo's window; overlay.py what is drawn around the robot; shown.py what is known of it (pure)
 models/       in MJCF: two robots on one drive train, and what halls are made of
 """
