@@ -6,11 +6,14 @@ import traceback
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
 from deploy.errors import EXIT_REFUSED, DeployError
+
+if TYPE_CHECKING:
+    from deploy.launch import Launch
 
 app = typer.Typer(
     name="lifeline",
@@ -19,6 +22,12 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+path_app = typer.Typer(
+    help="Let the robot drive along a path. Any stop, and any key of teleop, pauses it; Enter goes on.",
+    no_args_is_help=True,
+)
+app.add_typer(path_app, name="path")
 
 Config = Annotated[
     Path | None, typer.Option("--config", metavar="FILE", help="robot.toml; without it, deploy/robot.toml")
@@ -37,6 +46,9 @@ StatePath = Annotated[
         help="socket, pid file and logs of a running stack; without it, $LIFELINE_STATE_DIR or .lifeline",
     ),
 ]
+Speed = Annotated[float, typer.Option("--speed", min=0.05, max=1.0, metavar="V", help="at most, in m/s")]
+Laps = Annotated[int, typer.Option("--laps", min=1, max=1000, metavar="N")]
+Clockwise = Annotated[bool, typer.Option("--clockwise", help="to the right instead of to the left")]
 
 
 @app.command()
@@ -129,6 +141,236 @@ def replay_decision(
         return replay_decision(file)
 
     _exit_with(run)
+
+
+@app.command()
+def faults(
+    *,
+    virtual: Annotated[bool, typer.Option("--virtual", help="on a virtual clock: hours in minutes")] = False,
+    seeds: Annotated[int, typer.Option("--seeds", min=1, metavar="N", help="the seeds from 0 to N-1")] = 200,
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            "--seed",
+            min=0,
+            metavar="K",
+            help="with --virtual, this one alone, told in full; else of each class's first trial",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE.jsonl", help="a line for each; those in it are not run again"),
+    ] = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option("--jobs", min=1, metavar="N", help="processes; without it, one for each core"),
+    ] = None,
+    classes: Annotated[
+        str,
+        typer.Option("--classes", metavar="NAME,…", help="of real faults; `teleop_*`: all that begin so"),
+    ] = "",
+    trials: Annotated[int, typer.Option("--trials", min=1, metavar="N", help="of each real class")] = 3,
+    minutes: Annotated[
+        float | None,
+        typer.Option("--minutes", min=0.1, metavar="M", help="then no further real trial begins"),
+    ] = None,
+) -> None:
+    """Break everything at random moments, and check every promise. Exit code 1: one was broken."""
+
+    def run() -> int:
+        from deploy.faults.origin import signed  # noqa: PLC0415
+
+        if not virtual:
+            from deploy.faults import rounds  # noqa: PLC0415
+
+            wanted = tuple(name.strip() for name in classes.split(",") if name.strip())
+            with signed(out):
+                return rounds.run(rounds.Orders(trials, wanted, seed or 0, out, minutes))
+        from deploy.faults.campaign import campaign, default_jobs, replay  # noqa: PLC0415
+
+        if seed is not None:
+            return replay(seed, _say)
+        with signed(out):
+            return campaign(seeds, jobs or default_jobs(), out, _say)
+
+    _exit_with(run)
+
+
+@app.command()
+def fault_report(
+    *,
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FILE.jsonl…", help="what `lifeline faults --out` wrote; also .gz")
+    ],
+    html: Annotated[Path, typer.Option("--html", metavar="OUT.html", help="the page to be written")],
+) -> None:
+    """Make one page of a campaign: every fault, how soon it stopped, and what was broken."""
+
+    def run() -> int:
+        from deploy.faults.report import write_report  # noqa: PLC0415
+
+        _say(write_report(files, html))
+        return 0
+
+    _exit_with(run)
+
+
+@app.command()
+def soak(
+    *,
+    hours: Annotated[float, typer.Option("--hours", min=0.001, metavar="H", help="fractions too")] = 1.0,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE.jsonl", help="a line for each ten seconds")
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="FILE.svg", help="memory, descriptors and lateness over time"),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, metavar="K", help="of the operator")] = 0,
+) -> None:
+    """Drive about for hours. Exit code 1: something grew, or the robot stopped without a cause."""
+
+    def run() -> int:
+        from deploy.soak.run import Orders  # noqa: PLC0415
+        from deploy.soak.run import soak as drive_about  # noqa: PLC0415
+
+        return drive_about(Orders(hours, out, plot, seed), _say)
+
+    _exit_with(run)
+
+
+@app.command()
+def record(
+    *,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="to be written: NAME.mcap")],
+    config: Config = None,
+    endpoint: Endpoint = None,
+    state_dir: StatePath = None,
+) -> None:
+    """Record everything that is said on the wire, until Ctrl-C; an MCAP file as of rosbag2."""
+
+    def run() -> int:
+        from deploy.record import record  # noqa: PLC0415
+
+        record(file, _running(config, endpoint, state_dir))
+
+    _exit_with(run)
+
+
+@app.command()
+def render(
+    *,
+    out: Annotated[
+        Path,
+        typer.Option("--out", metavar="FILE", help="a picture (.png), or an animation (.mp4, .webp, .gif)"),
+    ],
+    scene: Annotated[
+        str, typer.Option("--scene", "--layout", metavar="NAME|FILE", help="a layout, or an MJCF file")
+    ] = "warehouse",
+    hull: Annotated[str, typer.Option("--hull", help="round or rectangular")] = "round",
+    camera: Annotated[
+        str, typer.Option("--camera", metavar="NAME", help="follow, corner, top, or one of the scene's own")
+    ] = "follow",
+    size: Annotated[str, typer.Option("--size", metavar="WxH", help="in pixels")] = "1280x720",
+    seconds: Annotated[
+        float, typer.Option("--seconds", metavar="S", help="how long; a picture shows the end")
+    ] = 8.0,
+    fps: Annotated[float, typer.Option("--fps", metavar="N", help="frames of each second")] = 15.0,
+    drive: Annotated[
+        bool, typer.Option("--drive", help="drive at a pillar, under the real safety law, and back out")
+    ] = False,
+    caption: Annotated[bool, typer.Option(help="mode, speed and what is nearest, in words")] = True,
+) -> None:
+    """Draw the robot in its hall, without a screen."""
+
+    def run() -> int:
+        from deploy.render import Wanted  # noqa: PLC0415
+        from deploy.render import render as draw  # noqa: PLC0415
+
+        _say(draw(Wanted(out, scene, hull, camera, size, seconds, fps, drive, caption)))
+        return 0
+
+    _exit_with(run)
+
+
+@path_app.command("square")
+def path_square(
+    *,
+    side: Annotated[float, typer.Option("--side", min=0.1, max=50.0, metavar="M", help="in m")] = 1.5,
+    laps: Laps = 1,
+    speed: Speed = 0.4,
+    clockwise: Clockwise = False,
+    config: Config = None,
+    endpoint: Endpoint = None,
+    state_dir: StatePath = None,
+) -> None:
+    """Drive a square; its first side lies ahead of the robot."""
+
+    def run() -> int:
+        from deploy.path import drive, relative  # noqa: PLC0415
+        from teleop.path.shapes import square  # noqa: PLC0415
+
+        launch = _running(config, endpoint, state_dir)
+        drive(relative(square(side, laps, clockwise=clockwise)), launch, speed)
+
+    _exit_with(run)
+
+
+@path_app.command("circle")
+def path_circle(
+    *,
+    radius: Annotated[float, typer.Option("--radius", min=0.1, max=50.0, metavar="M", help="in m")] = 0.6,
+    laps: Laps = 1,
+    speed: Speed = 0.4,
+    clockwise: Clockwise = False,
+    config: Config = None,
+    endpoint: Endpoint = None,
+    state_dir: StatePath = None,
+) -> None:
+    """Drive a circle; its centre lies beside the robot."""
+
+    def run() -> int:
+        from deploy.path import drive, relative  # noqa: PLC0415
+        from teleop.path.shapes import circle  # noqa: PLC0415
+
+        launch = _running(config, endpoint, state_dir)
+        drive(relative(circle(radius, laps, clockwise=clockwise)), launch, speed)
+
+    _exit_with(run)
+
+
+@path_app.command("follow")
+def path_follow(
+    *,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="what `lifeline record` wrote")],
+    in_place: Annotated[
+        bool,
+        typer.Option("--absolute", help="where it was driven, by odometry; else from where the robot is"),
+    ] = False,
+    speed: Speed = 0.4,
+    config: Config = None,
+    endpoint: Endpoint = None,
+    state_dir: StatePath = None,
+) -> None:
+    """Drive a recorded way again, backwards where it was driven backwards."""
+
+    def run() -> int:
+        from deploy.path import absolute, drive, read_poses, relative  # noqa: PLC0415
+
+        poses = read_poses(file)
+        launch = _running(config, endpoint, state_dir)
+        drive(absolute(poses) if in_place else relative(poses), launch, speed)
+
+    _exit_with(run)
+
+
+def _running(config: Path | None, endpoint: str | None, state_dir: Path | None) -> "Launch":
+    """How to reach the robot: as the command line says, else the one that runs, else the configuration."""
+    from deploy.launch import Launch  # noqa: PLC0415
+    from deploy.statedir import StateDir  # noqa: PLC0415
+
+    running = Launch.running(StateDir.choose(state_dir)) if config is None and endpoint is None else None
+    return running or Launch.read(config, endpoint)
 
 
 def _say(sentence: str) -> None:
