@@ -63,6 +63,8 @@ def judge(
     arrival_s: float,
     timeout_s: float,
     fall_tolerance_s: float = FALL_TOLERANCE_S,
+    *,
+    may_return: bool = False,
 ) -> tuple[Track, Verdict, float]:
     """Take note of a stamped command, or scan.
 
@@ -72,6 +74,8 @@ def judge(
         arrival_s: when it came, by our monotonic clock.
         timeout_s: the age from which a command is stale, and the time that a baseline must stand.
         fall_tolerance_s: how far a baseline may fall within that time and still have been one.
+        may_return: whether an epoch counts again after another one, once it is proven anew. A command's must not:
+            it may be what was wished long ago. A lidar's may, or one foreign scan would blind the robot for good.
 
     Returns:
         The new track, the verdict, and the time that the command spent on the way [s].
@@ -80,7 +84,7 @@ def judge(
     if track.last is None or sent.epoch != track.last.epoch:
         if sent.epoch in track.ended:
             return track, Verdict.EPOCH, 0.0
-        ended = track.ended if track.last is None else (*track.ended, track.last.epoch)
+        ended = track.ended if track.last is None or may_return else (*track.ended, track.last.epoch)
         return _anchor(sent, arrival_s, ended[-REMEMBERED_EPOCHS:]), Verdict.UNPROVEN, 0.0
     if sent.sequence <= track.last.sequence:
         return track, Verdict.SEQUENCE, 0.0

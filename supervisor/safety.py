@@ -108,7 +108,9 @@ def _see(state: State, scan: LaserScan, odometer: Odometer) -> State:
     track, verdict, on_way_s = state.scan_track, Verdict.FRESH, 0.0
     if scan.sent is not None:
         tolerance_s = FALL_TOLERANCE_S if scan.sent_tolerance_s is None else scan.sent_tolerance_s
-        track, verdict, on_way_s = judge(track, scan.sent, scan.arrival_s, config.scan_timeout_s, tolerance_s)
+        track, verdict, on_way_s = judge(
+            track, scan.sent, scan.arrival_s, config.scan_timeout_s, tolerance_s, may_return=True
+        )
     counts = state.scan_counts.add(verdict)
     if verdict is not Verdict.FRESH:
         return state._replace(scan_track=track, scan_counts=counts)

@@ -247,6 +247,35 @@ def test_the_newest_scan_once_more_counts_as_none(law_with_stamped_scans: Law) -
     assert law.step(sent_scan(law, sequence=30)).scan_counts.sequence == 1
 
 
+@pytest.mark.parametrize("foreign", [Sent(b"header", 1, 5.0), Sent(b"F", 1, 1e9)])
+def test_one_foreign_scan_does_not_blind_the_robot_for_good(
+    law_with_stamped_scans: Law, foreign: Sent
+) -> None:
+    """It was so: the lidar's own epoch had ended, and SCAN_STALE held until the lidar was started again."""
+    law = law_with_stamped_scans
+    law.now_s += TICK_S
+    law.step(Inputs(scan=replace(laser_scan(law.ranges, law.now_s), sent=foreign)))
+    law.asked = NEUTRAL
+    for sequence in range(31, 60):
+        law.now_s += TICK_S
+        law.step(sent_scan(law, sequence=sequence))
+    law.asked = FORWARD
+    law.now_s += TICK_S
+    assert law.step(sent_scan(law, sequence=60)).output == FORWARD
+
+
+def test_two_lidars_that_speak_in_turn_prove_nothing(law_with_stamped_scans: Law) -> None:
+    law = law_with_stamped_scans
+    for sequence in range(31, 60):
+        law.now_s += TICK_S
+        law.step(
+            Inputs(scan=replace(laser_scan(law.ranges, law.now_s), sent=Sent(b"F", sequence, law.now_s)))
+        )
+        law.now_s += TICK_S
+        law.step(sent_scan(law, sequence=sequence))
+    assert law.decision.reasons == (StopReason.SCAN_STALE,)
+
+
 def test_a_late_scan_counts_as_none(law_with_stamped_scans: Law) -> None:
     law = law_with_stamped_scans
     law.now_s += 0.09
