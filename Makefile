@@ -11,7 +11,7 @@ export UV_PYTHON_DOWNLOADS := never
 export UV := $(UV)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test check bench docs picture mutation
+.PHONY: help setup run test check bench docs picture mutation campaign
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -40,6 +40,11 @@ docs: $(STAMP) ## write the generated parts and the drawings of docs/ anew
 	.venv/bin/python -m docs.safety_law
 	.venv/bin/python -m docs.draw_safety_law
 	.venv/bin/python -m docs.draw_dashboard
+	.venv/bin/python -m docs.crash_safety
+	.venv/bin/python -m docs.draw_crash_safety
+
+campaign: $(STAMP) ## every class of fault 300 times on the real processes; hours, and it resumes
+	.venv/bin/lifeline faults --trials 300 --out docs/campaign/real.jsonl
 
 mutation: $(STAMP) ## mutate the law; every mutant must fail a test (three minutes)
 	.venv/bin/python -m bench.mutation

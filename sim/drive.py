@@ -108,8 +108,9 @@ class Drive:
             v_time_s = abs(v_target - v) / v_braking
             omega_time_s = abs(omega_target - omega) / omega_braking
             longer_s = max(v_time_s, omega_time_s)
-            v_braking *= v_time_s / longer_s
-            omega_braking *= omega_time_s / longer_s
+            if min(v_time_s, omega_time_s) > 0.0:  # the least velocities that a float can say take none
+                v_braking *= v_time_s / longer_s
+                omega_braking *= omega_time_s / longer_s
         self._twist = Twist(
             _ramp(v, v_target, limits.acceleration_m_s2, v_braking, dt_s),
             _ramp(omega, omega_target, limits.angular_acceleration_rad_s2, omega_braking, dt_s),

@@ -63,7 +63,7 @@ def parse_time_request(text: str) -> TimeRequest:
             return Pause()
         case ["run"]:
             return Run()
-        case ["step", number] if number.isdecimal() and 1 <= int(number) <= MAX_SINGLE_STEPS:
+        case ["step", number] if _is_count(number) and 1 <= int(number) <= MAX_SINGLE_STEPS:
             return Step(int(number))
         case ["speed", number]:
             return Speed(parse_speed(number))
@@ -243,3 +243,8 @@ class Every:
 
     def _steps(self, speed: float) -> float:
         return max(1.0, self._period * min(1.0, speed))
+
+
+def _is_count(text: str) -> bool:
+    """Python refuses to read numbers of thousands of digits."""
+    return text.isdecimal() and len(text) <= len(str(MAX_SINGLE_STEPS))

@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 Ranges = NDArray[np.float32]
 
+MIN_RATE_HZ = 0.01
 MAX_RATE_HZ = 500.0
 EDGE_RAD = 1e-9
 """A beam on a sector's very edge is in it, however its angle was rounded."""
 FORMS = (
     "none, freeze, all_nan, silent, blocked FROM TO (rad in the lidar's frame, counter-clockwise), "
-    f"rate HZ (of the scans, above 0, at most {MAX_RATE_HZ:g}), no_odom; several are joined with ';'"
+    f"rate HZ (of the scans, {MIN_RATE_HZ:g} to {MAX_RATE_HZ:g}), no_odom; several are joined with ';'"
 )
 
 
@@ -85,7 +86,7 @@ def _with(faults: SensorFaults, part: str) -> SensorFaults:
             return replace(faults, silent=True)
         case ["no_odom"]:
             return replace(faults, no_odom=True)
-        case ["rate", number] if 0.0 < (rate_hz := _number(number)) <= MAX_RATE_HZ:
+        case ["rate", number] if MIN_RATE_HZ <= (rate_hz := _number(number)) <= MAX_RATE_HZ:
             return replace(faults, rate_hz=rate_hz)
         case ["blocked", start, end]:
             sector = Sector(_number(start), _number(end))

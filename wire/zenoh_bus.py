@@ -40,6 +40,8 @@ DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 CONNECT_RETRY_S = 0.1
 CLOSE_LIMIT_S = 1.0
 MAX_PENDING_QUERIES = 16
+TX_QUEUE = 16
+"""Batches of one priority that may wait to be sent: the most that Zenoh takes."""
 LIVELINESS_DEPTH = 256
 
 Role = Literal["hub", "client"]
@@ -93,6 +95,8 @@ def _settings(config: BusConfig, role: Role) -> zenoh.Config:
         # Zenoh moves payloads of 3 KB and more to shared memory, with silent drops under stalls (zenoh #2628).
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": round(config.lease_s * 1000),
+        # What one turn of a loop says goes out in a burst: two places, the default, would drop the third sample.
+        "transport/link/tx/queue/size/real_time": TX_QUEUE,
     }
     if role == "hub":
         values["listen/endpoints"] = [config.endpoint]

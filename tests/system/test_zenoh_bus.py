@@ -196,3 +196,27 @@ async def test_closing_ends_although_the_peer_is_stopped() -> None:
     finally:
         source.kill()
         source.communicate()
+
+
+async def test_what_one_turn_of_a_loop_says_arrives_whole() -> None:
+    """With Zenoh's default of two places every third sample of a burst could be dropped."""
+    async with hub_and_client() as (hub, client, _):
+        topic = topics.source_cmd_vel("teleop")
+        heard = hub.subscribe(topic, depth=1000)
+        publisher = client.publisher(topic)
+        arrived: list[float] = []
+
+        def came() -> bool:
+            arrived.extend(a.message.linear.x for a in heard.take() if a.message is not None)
+            if not arrived:  # the subscription has not reached the client yet
+                publisher.put(planar_twist(-1.0, 0.0))
+            return bool(arrived)
+
+        await until(came, "the first sample")
+        for burst in range(50):
+            for place in range(12):
+                publisher.put(planar_twist(burst * 12.0 + place, 0.0))
+            await until(
+                lambda last=burst * 12.0 + 11: came() and arrived[-1] == last, "a burst's last sample"
+            )
+        assert [x for x in arrived if x >= 0.0] == [float(n) for n in range(600)]

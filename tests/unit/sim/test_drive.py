@@ -121,3 +121,11 @@ def test_a_limit_that_is_not_positive_and_finite_is_refused_by_name(bad: float) 
         DriveLimits(braking_m_s2=bad)
     with pytest.raises(ValueError, match=r"track_m must be positive and finite"):
         WheelGeometry(radius_m=0.08, track_m=bad)
+
+
+def test_the_least_twist_that_a_float_can_say_is_braked_as_any_other() -> None:
+    """It was not: the time that both axes take was zero, and the sim ended."""
+    drive = Drive()
+    while drive.twist != (5e-324, 5e-324):
+        drive.step((5e-324, 5e-324), 0.002)
+    assert drive.step((0.0, 0.0), 0.002) == STANDSTILL

@@ -203,3 +203,9 @@ def test_a_rate_that_is_raised_counts_from_the_last_sample() -> None:
     every.rate_hz = 20.0
     assert every.rate_hz == 20.0
     assert [step for step in range(400, 480) if every.due(step)] == [400, 425, 450, 475]
+
+
+def test_a_number_of_thousands_of_digits_is_refused_as_any_other() -> None:
+    """Python refuses to read one, and nobody answered."""
+    with pytest.raises(TimeRequestError, match="step N"):
+        parse_time_request("step " + "9" * 5000)

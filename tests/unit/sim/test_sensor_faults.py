@@ -124,3 +124,11 @@ def test_the_true_ranges_are_left_as_they_are() -> None:
     spoil(parse_faults("blocked -1 1"), ranges, ANGLES_RAD)
     spoil(parse_faults("all_nan"), ranges, ANGLES_RAD)
     np.testing.assert_array_equal(ranges, RANGES)
+
+
+def test_a_rate_is_refused_just_below_the_least() -> None:
+    """One scan in 1e322 s divided by zero."""
+    assert parse_faults("rate 0.01").rate_hz == 0.01
+    for rate in (math.nextafter(0.01, 0.0), 1e-322):
+        with pytest.raises(FaultError, match="rate HZ"):
+            parse_faults(f"rate {rate!r}")

@@ -1,0 +1,241 @@
+"""From bytes to what the services make of them, one payload at a time, with what each takes."""
+
+import math
+import time
+import tracemalloc
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from random import Random
+from typing import Any, NamedTuple, cast
+
+from bench.fuzz import payloads
+from sim.pace import TimeRequestError, parse_time_request
+from sim.sensor_faults import FaultError, parse_faults
+from sim.shown import Mode
+from sim.watchdog import Watchdog
+from supervisor.messages import to_command, to_odometry, to_scan
+from teleop.dashboard import render_dashboard
+from teleop.display import render
+from teleop.view import Odom, Scan, View
+from wire.bus import Arrival, Subscription
+from wire.messages import LaserScan, Message, Odometry, SafetyStatus, Twist, decode
+from wire.stamp import parse_stamp
+
+LARGE_EVERY = 20_000
+TEXT_EVERY = 20
+DRAW_EVERY = 50
+"""One in so many payloads is very large, a request's text, or drawn by the dashboard."""
+TRACED_EVERY, TRACED = 10_000, 200
+"""Of so many payloads so many are decoded while their memory is counted, which takes ten times as long."""
+
+TIME_LIMIT_S = 1.0
+"""Of processor time, for one payload of at most 1 MiB."""
+MEMORY_PER_BYTE, MEMORY_FREE_BYTES = 64, 1 << 16
+"""What decoding may take: so much for each byte that came, and so much for none."""
+
+HEADER_TOLERANCE_S = 0.25
+ARRIVALS_APART_S = 1e-4
+
+
+class Case(NamedTuple):
+    """One payload."""
+
+    number: int
+    message_type: type[Message] | None
+    """None: the text of a request."""
+    payload: bytes
+    attachment: bytes | None
+    text: str = ""
+
+    @property
+    def name(self) -> str:
+        return "text" if self.message_type is None else self.message_type.__msgtype__
+
+
+class Finding(NamedTuple):
+    """Something that must not be, and how to see it again."""
+
+    what: str
+    payload: str
+    """In hex, or a request's text."""
+    replay: str
+
+
+class Most(NamedTuple):
+    """The payload that took the most of something."""
+
+    value: float = 0.0
+    name: str = ""
+    payload_bytes: int = 0
+    number: int = -1
+
+
+@dataclass(slots=True)
+class Tally:
+    """What came of all payloads so far."""
+
+    payloads: int = 0
+    decoded: int = 0
+    refused: int = 0
+    slowest_s: Most = Most()
+    """By processor time, among those whose memory was not counted."""
+    largest_bytes: Most = Most()
+    largest_small_bytes: Most = Most()
+    """Among payloads of less than 8 KiB."""
+    traced: int = 0
+    findings: list[Finding] = field(default_factory=list[Finding])
+
+
+def case(seed: int, number: int) -> Case:
+    """The payload of this number."""
+    random = Random((seed << 40) | number)
+    stamp = payloads.attachment(random, random.random() * 1e4, payloads.epochs(random, 2))
+    if number % LARGE_EVERY == LARGE_EVERY // 2:
+        message_type, payload = random.choice(payloads.large_payloads())
+        if random.random() < 0.3:
+            payload = payload[: int(random.random() * len(payload))]
+        return Case(number, message_type, payload, stamp)
+    if number % TEXT_EVERY == 0:
+        return Case(number, None, b"", stamp, payloads.text(random))
+    message_type = random.choice(payloads.TYPES)
+    return Case(number, message_type, payloads.mutated(random, message_type), stamp)
+
+
+class Decoders:
+    """Everything that takes a payload in and keeps nothing of it. Needs a running event loop."""
+
+    def __init__(self) -> None:
+        self._subscriptions: dict[type[Message], Subscription[Any]] = {
+            kind: Subscription(kind.__msgtype__, kind, depth=1, wake=None) for kind in payloads.TYPES
+        }
+        self._watchdog = Watchdog()
+        self._watchdog.supervisor_alive(alive=True)
+        self._status: SafetyStatus | None = None
+        self._scan: Scan | None = None
+        self._odom: Odom | None = None
+
+    def take(self, given: Case) -> bool:
+        """Take one payload; whether it is a message.
+
+        Raises:
+            Exception: whatever must not be raised.
+            AssertionError: something came out of it that must not.
+        """
+        if given.message_type is None:
+            _asked(given.text)
+            return True
+        subscription = self._subscriptions[given.message_type]
+        subscription.push(given.payload, given.attachment, ARRIVALS_APART_S * given.number)
+        (arrival,) = subscription.take()
+        _stamped(given.attachment)
+        self._convert(arrival)
+        if given.number % DRAW_EVERY == 1:
+            self._draw(100 if given.number % 3 else 60)
+        return arrival.message is not None
+
+    def _convert(self, arrival: Arrival[Any]) -> None:
+        """What each service makes of it."""
+        match arrival.message:
+            case Twist():
+                self._command(arrival)
+            case LaserScan() as scan:
+                to_scan(arrival, HEADER_TOLERANCE_S)
+                self._scan = Scan.of(scan)
+            case Odometry() as message:
+                told = to_odometry(arrival)
+                assert told is None or all(map(math.isfinite, told.velocity)), (
+                    "odometry that is no number was taken"
+                )
+                self._odom = Odom.of(message)
+            case SafetyStatus() as status:
+                self._status = status
+                Mode.of(status.mode)
+            case _:
+                return
+
+    def _command(self, arrival: Arrival[Twist]) -> None:
+        velocity = to_command("teleop", arrival).velocity
+        if velocity is None:
+            return
+        self._watchdog.command(arrival.arrival_s, *velocity)
+        linear_m_s, angular_rad_s, _ = self._watchdog.target(arrival.arrival_s)
+        assert math.isfinite(linear_m_s), "the base aims at a velocity that is no number"
+        assert math.isfinite(angular_rad_s), "the base aims at a turn rate that is no number"
+
+    def _draw(self, columns: int) -> None:
+        view = View("teleop", "tcp/127.0.0.1:7447", status=self._status, scan=self._scan, odom=self._odom)
+        lines = [*render_dashboard(view, columns, 24), render(view, columns)]
+        for segment in (segment for line in lines for segment in line):
+            assert segment.text.isprintable(), f"the terminal is sent {segment.text!r}"
+
+
+def fuzz_decoders(seed: int, numbers: range, tally: Tally, replay: str) -> None:
+    """Feed the payloads of these numbers; needs a running event loop.
+
+    Args:
+        seed: of the run.
+        numbers: of its payloads.
+        tally: is added to.
+        replay: the command that feeds one of them again, with `{}` for its number.
+    """
+    decoders = Decoders()
+    for kind in payloads.TYPES:  # what is made once for each type is no payload's cost
+        decode(payloads.seeds(kind)[0].payload, kind)
+    for number in numbers:
+        given = case(seed, number)
+        is_traced = number % TRACED_EVERY < TRACED or number % LARGE_EVERY == LARGE_EVERY // 2
+        took = _feed(decoders, given, tally, is_traced=is_traced, replay=replay.format(number))
+        tally.payloads += 1
+        size = len(given.payload) or len(given.text)
+        most = Most(took, given.name, size, number)
+        if not is_traced:
+            tally.slowest_s = max(tally.slowest_s, most)
+            continue
+        tally.traced += 1
+        tally.largest_bytes = max(tally.largest_bytes, most)
+        if size < 1 << 13:
+            tally.largest_small_bytes = max(tally.largest_small_bytes, most)
+
+
+def _feed(decoders: Decoders, given: Case, tally: Tally, *, is_traced: bool, replay: str) -> float:
+    """Feed one payload; returns its processor time [s], or the memory [bytes] that it took at most."""
+
+    def found(what: str) -> None:
+        shown = given.payload.hex() if given.message_type is not None else repr(given.text)
+        tally.findings.append(Finding(f"{given.name}: {what}", shown, replay))
+
+    if is_traced:
+        tracemalloc.start()
+    began_s = time.thread_time()
+    try:
+        if decoders.take(given):
+            tally.decoded += 1
+        else:
+            tally.refused += 1
+    except Exception as error:  # noqa: BLE001 - that there is none is what is tested
+        found(f"{type(error).__name__}: {error}")
+    took_s = time.thread_time() - began_s
+    if is_traced:
+        _, peak_bytes = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        size = len(given.payload) + len(given.text)
+        is_drawn = given.number % DRAW_EVERY == 1  # a picture's memory is not the payload's
+        if not is_drawn and peak_bytes > MEMORY_PER_BYTE * size + MEMORY_FREE_BYTES:
+            found(f"{peak_bytes} bytes of memory for {size} that came")
+        return 0.0 if is_drawn else float(peak_bytes)
+    if took_s > TIME_LIMIT_S:
+        found(f"{took_s:.2f} s of processor time")
+    return took_s
+
+
+def _asked(text: str) -> None:
+    for parse, refusal in ((parse_faults, FaultError), (parse_time_request, TimeRequestError)):
+        try:
+            cast("Callable[[str], object]", parse)(text)
+        except refusal:
+            continue
+
+
+def _stamped(attachment: bytes | None) -> None:
+    stamp = parse_stamp(attachment)
+    assert stamp is None or len(stamp.gid) == 16, "an epoch of another length"

@@ -1,0 +1,328 @@
+"""The real supervisor on a memory bus in virtual time: armed and driving, fed, and driven again.
+
+Each scene is a world of its own, in episodes: sim and teleop are started anew (who takes a source's epoch or
+sequence shuts that source out until it is), the robot is armed and driven, a burst comes on one or all of the
+keys while the good traffic goes on, and then it has to be drivable again.
+"""
+
+import asyncio
+import itertools
+import logging
+import math
+from collections import deque
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from random import Random
+from typing import NamedTuple
+
+import numpy as np
+
+from bench.fuzz import payloads
+from bench.fuzz.decoding import Finding
+from bench.fuzz.warned import Warned, warned
+from supervisor.blackbox import MEMORY_BYTES, BlackBox
+from supervisor.blackbox_file import Order
+from supervisor.config import SupervisorSection
+from supervisor.service import SupervisorService
+from wire import topics
+from wire.memory_bus import MemoryBus, MemoryNetwork, MemoryToken
+from wire.messages import (
+    Bool,
+    LaserScan,
+    Message,
+    Odometry,
+    SafetyStatus,
+    Twist,
+    decode,
+    header,
+    odometry,
+    planar_twist,
+)
+from wire.virtual_loop import VirtualLoop
+
+SCENE_PAYLOADS = 2000
+BURST = (1, 60)
+APART_S = 0.004
+ROOM_M = 3.0
+ARM_LIMIT_S, DRIVE_LIMIT_S = 5.0, 1.0
+AFTER_S = 0.1
+SETTLE_S = 0.15
+"""Until the loss of the token that went has been told, and the new one."""
+SPEEDS = ((0.5, 0.0), (1.0, 0.3), (-0.3, 0.0), (0.0, 1.5), (0.2, -2.0))
+KEPT = 6
+"""Of the last payloads, told with a finding."""
+STATUS_LIMIT_BYTES = 1 << 17
+NAMES = ("teleop", "joy", "path", "sim", "supervisor", "stranger", "", "*", "teleop ", "x" * 200)
+
+
+class Met(NamedTuple):
+    """What one scene's payloads met."""
+
+    payloads: int
+    while_driving: int
+    steps: int
+    """Commands on cmd_vel: a step gives at most one."""
+    longest_status_bytes: int
+    findings: tuple[Finding, ...]
+    warned: Warned
+
+
+class _UnfitError(AssertionError):
+    """What must not be."""
+
+
+class _Nowhere:
+    """Takes black boxes for written."""
+
+    def submit(self, order: Order) -> None: ...
+
+    def close(self) -> None: ...
+
+
+@dataclass
+class _Tap(MemoryNetwork):
+    """Sees what the supervisor says in its order, and holds it to the invariant."""
+
+    limits: tuple[float, float] = (1.0, 2.0)
+    steps: int = 0
+    longest_status_bytes: int = 0
+    status: SafetyStatus = field(default_factory=lambda: SafetyStatus(header("", 0)))
+    output: tuple[float, float] = (0.0, 0.0)
+    wrong: list[str] = field(default_factory=list[str])
+    _unexplained: bool = False
+    """The robot was told to move after a status that says that it stands; the next word has to explain it."""
+
+    def deliver(self, key: str, payload: bytes, attachment: bytes | None) -> None:
+        if key == topics.CMD_VEL.key:
+            self._commanded(decode(payload, Twist))
+        elif key == topics.STATUS.key:
+            self.longest_status_bytes = max(self.longest_status_bytes, len(payload))
+            if len(payload) > STATUS_LIMIT_BYTES:
+                self.wrong.append(f"a status of {len(payload)} bytes")
+            self.status = decode(payload, SafetyStatus)
+            self._explain()
+        super().deliver(key, payload, attachment)
+
+    def _commanded(self, twist: Twist) -> None:
+        self._explain()
+        self.steps += 1
+        (v, w), (most_v, most_w) = (twist.linear.x, twist.angular.z), self.limits
+        others = (twist.linear.y, twist.linear.z, twist.angular.x, twist.angular.y)
+        if not (abs(v) <= most_v and abs(w) <= most_w) or any(others):
+            self.wrong.append(f"cmd_vel is ({v}, {w}), {others}")
+        self.output = (v, w)
+        self._unexplained = self.is_stopped and self.output != (0.0, 0.0)
+
+    def _explain(self) -> None:
+        if self._unexplained and self.is_stopped:
+            self.wrong.append(f"cmd_vel is {self.output} despite {self.status.reasons}")
+        self._unexplained = False
+
+    @property
+    def is_stopped(self) -> bool:
+        return self.status.mode == SafetyStatus.STOPPED
+
+
+def scene(seed: int, number: int, count: int, replay: str) -> Met:
+    """Feed so many payloads to a supervisor of its own, in virtual time.
+
+    Args:
+        seed: of the run.
+        number: of the scene.
+        count: of payloads.
+        replay: the command that does it again.
+    """
+    loop = VirtualLoop()
+    with _complaints() as complaints, warned() as warnings:
+        try:
+            loop.on_error = lambda name, error: complaints.append(f"{name}: {error!r}")
+            play = _Scene(Random((seed << 40) | (1 << 39) | number), complaints)
+            try:
+                loop.run_until_complete(play.run(count))
+            except Exception as error:  # noqa: BLE001 - that there is none is what is tested
+                complaints.append(f"{type(error).__name__}: {error}")
+        finally:
+            loop.close()
+    fed = "\n".join(f"{key} {payload.hex()} {shown}" for key, payload, shown in play.last)
+    return Met(
+        play.fed,
+        play.while_driving,
+        play.network.steps,
+        play.network.longest_status_bytes,
+        tuple(Finding(f"supervisor: {what[:500]}", fed, replay) for what in complaints),
+        warnings,
+    )
+
+
+class _Scene:
+    def __init__(self, random: Random, complaints: list[str]) -> None:
+        self._random = random
+        self._complaints = complaints
+        self.network = _Tap()
+        self.last: deque[tuple[str, bytes, str]] = deque(maxlen=KEPT)
+        self.fed = self.while_driving = 0
+        self._velocity = (0.0, 0.0)
+        self._is_quiet = False
+        self._token: MemoryToken | None = None
+        self._gids = payloads.epochs(random, 3)
+
+    async def run(self, count: int) -> None:
+        config = SupervisorSection()
+        box = BlackBox(config.law(), _Nowhere(), window_s=config.black_box_s, utc=lambda: 0.0)
+        stop = asyncio.Event()
+        service = SupervisorService(MemoryBus(self.network), config, box)
+        running = asyncio.ensure_future(service.run(stop))
+        self._start_anew()
+        good = asyncio.ensure_future(self._good_traffic())
+        try:
+            while self.fed < count:
+                await self._arm_and_drive(running)
+                self._is_quiet = self._random.random() < 0.1
+                await self._burst(min(count - self.fed, self._random.randint(*BURST)))
+                await asyncio.sleep(AFTER_S)
+                self._is_quiet = False
+                self._check(running)
+                if box.size > MEMORY_BYTES:
+                    raise _UnfitError(f"the black box holds {box.size} bytes")
+                self._start_anew()
+            await self._arm_and_drive(running)
+            stop.set()
+            await running
+            self._check(None)
+        finally:
+            for task in (good, running):
+                task.cancel()
+                with suppress(asyncio.CancelledError, Exception):
+                    await task
+
+    def _start_anew(self) -> None:
+        """Sim and teleop as new processes: each with an epoch of its own."""
+        if self._token is not None:
+            self._token.withdraw()
+        self._sim, self._teleop = MemoryBus(self.network), MemoryBus(self.network)
+        self._token = self._teleop.declare_alive(topics.TELEOP)
+        self._scans = self._sim.publisher(topics.SCAN)
+        self._odometry = self._sim.publisher(topics.ODOM)
+        self._commands = self._teleop.publisher(topics.source_cmd_vel(topics.TELEOP))
+        self._velocity = (0.0, 0.0)
+
+    async def _good_traffic(self) -> None:
+        """What a healthy robot and its operator say: odometry and scans, and a heartbeat."""
+        for tick in itertools.count():
+            if not self._is_quiet:
+                self._odometry.put(odometry((0.0, 0.0, 0.0), self.network.output, time_ns=0))
+                if tick % 3 == 0:
+                    self._scans.put(_scan(tick))
+                if tick % 3 == 1:
+                    self._commands.put(planar_twist(*self._velocity))
+            await asyncio.sleep(0.02)
+
+    async def _arm_and_drive(self, running: "asyncio.Future[None]") -> None:
+        """Neutral until every reason is gone, a reset where it takes one; then it has to move."""
+        outsider = MemoryBus(self.network)
+        estop = outsider.publisher(topics.ESTOP)
+        await asyncio.sleep(SETTLE_S)
+        await self._until(lambda: self._ready(outsider), ARM_LIMIT_S, "is not ready again", running)
+        self._velocity = self._random.choice(SPEEDS)
+        await self._until(lambda: self.network.output != (0.0, 0.0), DRIVE_LIMIT_S, "does not move", running)
+        if self._random.random() < 0.02:
+            estop.put(Bool(True))  # noqa: FBT003 - a Bool is what it is
+
+    def _ready(self, outsider: MemoryBus) -> bool:
+        if "ESTOP" in self.network.status.reasons:
+            asyncio.ensure_future(outsider.call(topics.SUPERVISOR_RESET))  # noqa: RUF006 - its answer is the status
+        return self.network.status.mode != SafetyStatus.STOPPED
+
+    async def _until(
+        self, condition: "object", limit_s: float, complaint: str, running: "asyncio.Future[None]"
+    ) -> None:
+        assert callable(condition)
+        loop = asyncio.get_running_loop()
+        end_s = loop.time() + limit_s
+        while not condition():
+            if loop.time() > end_s:
+                status = self.network.status
+                raise _UnfitError(
+                    f"the robot {complaint} within {limit_s:g} s: mode {status.mode}, {status.reasons}"
+                )
+            await asyncio.sleep(0.02)
+            self._check(running)
+
+    async def _burst(self, count: int) -> None:
+        random = self._random
+        gids = [*self._gids, self._sim.gid, self._teleop.gid]
+        only = random.choice((None, None, *_KEYS))
+        for _ in range(count):
+            if random.random() < 0.7:
+                await asyncio.sleep(random.random() * APART_S)
+            self.fed += 1
+            self.while_driving += not self.network.is_stopped
+            dice = random.random()
+            if dice < 0.02:
+                self.network.announce(random.choice(NAMES), alive=random.random() < 0.5)
+            elif dice < 0.04:
+                reset = self.network.services[topics.SUPERVISOR_RESET.key]
+                asyncio.ensure_future(reset(payloads.text(random)))  # noqa: RUF006 - nobody waits for it
+            else:
+                self._feed(only or random.choice(_KEYS), gids)
+
+    def _feed(self, key: str, gids: list[bytes]) -> None:
+        random = self._random
+        message_type = _TYPES.get(key, Twist)
+        if key not in _TYPES and random.random() < 0.3:
+            key = topics.source_cmd_vel(random.choice((*NAMES, payloads.text(random)[:500]))).key
+        payload = payloads.mutated(random, message_type)
+        stamp = payloads.attachment(random, asyncio.get_running_loop().time(), gids)
+        self.last.append((key, payload, "no attachment" if stamp is None else stamp.hex()))
+        self.network.deliver(key, payload, stamp)
+
+    def _check(self, running: "asyncio.Future[None] | None") -> None:
+        if running is not None and running.done():
+            running.result()
+            raise _UnfitError("the supervisor has ended")
+        if self.network.wrong or self._complaints:
+            raise _UnfitError("; ".join(self.network.wrong[:3]) or "see above")
+
+
+_TYPES: dict[str, type[Message]] = {
+    topics.SCAN.key: LaserScan,
+    topics.ODOM.key: Odometry,
+    topics.ESTOP.key: Bool,
+}
+_KEYS = (*_TYPES, *(topics.source_cmd_vel(name).key for name in ("teleop", "joy", "path")))
+
+
+def _scan(tick: int) -> LaserScan:
+    """A round room; its readings are never the same twice, as a lidar's are not."""
+    ranges = np.full(360, ROOM_M, np.float32)
+    ranges[tick % 360] += 0.001
+    increment = math.tau / 360
+    return LaserScan(
+        header("lidar", 0),
+        angle_min=-math.pi,
+        angle_max=math.pi - increment,
+        angle_increment=increment,
+        time_increment=0.0,
+        scan_time=0.06,
+        range_min=0.05,
+        range_max=12.0,
+        ranges=ranges,
+        intensities=np.empty(0, np.float32),
+    )
+
+
+@contextmanager
+def _complaints() -> Generator[list[str]]:
+    """What the supervisor logs as an error, as the black box does that gives up; everything else is not shown."""
+    said: list[str] = []
+    handler = logging.Handler(logging.ERROR)
+    handler.emit = lambda record: said.append(f"logged: {record.getMessage()}")
+    logger = logging.getLogger("supervisor")
+    before, logger.propagate = logger.propagate, False
+    logger.addHandler(handler)
+    try:
+        yield said
+    finally:
+        logger.removeHandler(handler)
+        logger.propagate = before

@@ -1,0 +1,234 @@
+"""The classes of faults: what is done to which process, who has to notice it, and how soon.
+
+A bound is the time from the fault to zero on `cmd_vel`; for a supervisor that is gone, to brakes of the base
+itself. Where there is none the robot may drive on: the fault has to be harmless.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+TICK_S = 0.02
+"""The supervisor's."""
+COMMAND_TIMEOUT_S = 0.2
+SCAN_TIMEOUT_S = 0.25
+BASE_TIMEOUT_S = 0.15
+KILL_BOUND_S = 0.010
+"""From a process's death to whoever must notice it."""
+LEASE_S = 0.4
+"""How long a silent link is trusted."""
+
+SILENT_BOUND_S = COMMAND_TIMEOUT_S + TICK_S
+BLIND_BOUND_S = SCAN_TIMEOUT_S + TICK_S
+HUNG_BASE_BOUND_S = BASE_TIMEOUT_S + TICK_S
+
+
+class Group(StrEnum):
+    """Where a fault happens."""
+
+    TELEOP = "teleop"
+    SUPERVISOR = "supervisor"
+    SENSORS = "sim and sensors"
+    NETWORK = "network"
+    WIRE = "wire"
+    MACHINE = "machine"
+    SUPERVISORD = "supervisord"
+    PAIR = "pairs"
+
+
+@dataclass(frozen=True, slots=True)
+class FaultClass:
+    """One class of faults."""
+
+    name: str
+    group: Group
+    does: str
+    """In a few words, to whom."""
+    target: str
+    """The process; empty: none in particular."""
+    detectors: tuple[str, ...]
+    """Who has to notice it: stop reasons, or the base's own with `base: `. Empty: nobody has to."""
+    bound_s: float | None
+    promise: int
+    """The number in the design of the promise that it tries."""
+    virtual: bool
+    """Whether it can happen on the virtual clock."""
+    real: bool = True
+    """Whether it can happen to real processes without special rights."""
+
+
+def _teleop(
+    name: str, does: str, detectors: tuple[str, ...], bound_s: float | None, promise: int, *, virtual: bool
+) -> FaultClass:
+    return FaultClass(f"teleop_{name}", Group.TELEOP, does, "teleop", detectors, bound_s, promise, virtual)
+
+
+def _supervisor(
+    name: str, does: str, detectors: tuple[str, ...], bound_s: float | None, promise: int = 4
+) -> FaultClass:
+    return FaultClass(
+        f"supervisor_{name}", Group.SUPERVISOR, does, "supervisor", detectors, bound_s, promise, virtual=True
+    )
+
+
+def _sim(
+    name: str, does: str, detectors: tuple[str, ...], bound_s: float | None, promise: int = 5
+) -> FaultClass:
+    return FaultClass(f"sim_{name}", Group.SENSORS, does, "sim", detectors, bound_s, promise, virtual=True)
+
+
+def _network(
+    name: str,
+    does: str,
+    target: str,
+    detectors: tuple[str, ...],
+    bound_s: float | None,
+    promise: int = 3,
+    *,
+    real: bool = True,
+) -> FaultClass:
+    """Not real: what TCP does not do."""
+    return FaultClass(
+        f"net_{name}", Group.NETWORK, does, target, detectors, bound_s, promise, virtual=True, real=real
+    )
+
+
+def _wire(
+    name: str, does: str, target: str, detectors: tuple[str, ...], promise: int, *, virtual: bool = True
+) -> FaultClass:
+    return FaultClass(f"wire_{name}", Group.WIRE, does, target, detectors, None, promise, virtual)
+
+
+def _machine(name: str, does: str, detectors: tuple[str, ...] = ()) -> FaultClass:
+    return FaultClass(f"machine_{name}", Group.MACHINE, does, "", detectors, None, promise=8, virtual=False)
+
+
+SILENT = ("COMMAND_TIMEOUT", "COMMAND_STALE")
+SILENT_OR_LOST = (*SILENT, "SOURCE_LOST")
+BASE_ALONE = ("base: SUPERVISOR_LOST", "base: COMMAND_TIMEOUT")
+UNSEEN = ("SCAN_STALE", "SCAN_INVALID")
+
+CLASSES = (
+    _teleop("sigkill", "SIGKILL", ("SOURCE_LOST",), KILL_BOUND_S, 2, virtual=True),
+    _teleop("sigterm", "SIGTERM: it ends itself", ("SOURCE_LOST",), KILL_BOUND_S, 2, virtual=True),
+    _teleop("sigstop", "SIGSTOP, and SIGCONT a while later", SILENT_OR_LOST, SILENT_BOUND_S, 3, virtual=True),
+    _teleop("blocked", "its event loop runs nothing for a while", SILENT, SILENT_BOUND_S, 3, virtual=True),
+    _teleop("exception", "an exception that nobody catches", ("SOURCE_LOST",), None, 2, virtual=False),
+    _teleop("hang_up", "its terminal is closed", ("SOURCE_LOST",), None, 2, virtual=False),
+    _teleop("end_of_input", "its keys end", ("SOURCE_LOST",), KILL_BOUND_S, 2, virtual=True),
+    _teleop("gil", "a thread of it holds the interpreter's lock", SILENT, SILENT_BOUND_S, 3, virtual=True),
+    _supervisor("sigkill", "SIGKILL, and a restart", BASE_ALONE, KILL_BOUND_S),
+    _supervisor("sigstop", "SIGSTOP, and SIGCONT a while later", BASE_ALONE, HUNG_BASE_BOUND_S),
+    _supervisor("blocked", "its event loop runs nothing for a while", BASE_ALONE, HUNG_BASE_BOUND_S),
+    _supervisor("and_teleop_sigkill", "SIGKILL of it and of teleop at once", BASE_ALONE, KILL_BOUND_S),
+    _supervisor("restart", "it ends itself and starts anew", BASE_ALONE, KILL_BOUND_S),
+    _sim("sigkill", "SIGKILL, and a restart", ("SCAN_STALE",), BLIND_BOUND_S),
+    _sim("sigstop", "SIGSTOP, and SIGCONT a while later", ("SCAN_STALE",), BLIND_BOUND_S),
+    FaultClass(
+        "sim_blocked",
+        Group.SENSORS,
+        "its event loop runs nothing for a while",
+        "sim",
+        ("SCAN_STALE",),
+        BLIND_BOUND_S,
+        5,
+        virtual=False,
+    ),
+    _sim("scan_frozen", "the same scan comes again and again", ("SCAN_INVALID",), None),
+    _sim("scan_nan", "every beam reads NaN", ("SCAN_INVALID",), BLIND_BOUND_S),
+    _sim("scan_blocked", "dirt on the lidar's window", ("SCAN_BLIND", "SCAN_INVALID"), None),
+    _sim("scan_silent", "no scans come", ("SCAN_STALE",), BLIND_BOUND_S),
+    _sim("scan_rate", "scans come rarely", ("SCAN_STALE",), None),
+    _sim("odom_gone", "no odometry comes", (), None, 6),
+    _network("cut", "a link is cut for good", "teleop", SILENT_OR_LOST, SILENT_BOUND_S),
+    _network("cut_base", "the sim's link is cut for good", "sim", ("SCAN_STALE",), BLIND_BOUND_S, 5),
+    _network(
+        "healed",
+        "a link is cut and healed: its backlog comes at once",
+        "teleop",
+        SILENT_OR_LOST,
+        SILENT_BOUND_S,
+    ),
+    _network("healed_base", "the same for the sim's link", "sim", ("SCAN_STALE",), BLIND_BOUND_S, 5),
+    _network("delayed", "everything takes 50 to 500 ms longer, unsteadily", "teleop", (), None),
+    _network("delayed_base", "the same for the sim's link", "sim", (), None, 6),
+    _network("up_only", "nothing reaches teleop any more", "teleop", ("SOURCE_LOST",), None, 8),
+    _network("down_only", "nothing of teleop arrives any more", "teleop", SILENT_OR_LOST, SILENT_BOUND_S),
+    _network("base_deaf", "nothing reaches the sim any more", "sim", (), None, 4),
+    _network("base_mute", "nothing of the sim arrives any more", "sim", ("SCAN_STALE",), BLIND_BOUND_S, 5),
+    _network("lossy", "messages get lost one by one", "teleop", (), None, 7, real=False),
+    _network("reordered", "messages overtake each other", "teleop", (), None, 7, real=False),
+    _network(
+        "flapping",
+        "teleop's token goes and comes within 2 ms",
+        "teleop",
+        ("SOURCE_LOST",),
+        KILL_BOUND_S,
+        7,
+        real=False,
+    ),
+    FaultClass(
+        "net_unplugged",
+        Group.NETWORK,
+        "teleop's cable is pulled out and put back",
+        "teleop",
+        SILENT_OR_LOST,
+        SILENT_BOUND_S,
+        3,
+        virtual=False,
+    ),
+    _wire("malformed", "random bytes on every key", "", (), 1),
+    _wire("truncated", "messages that end too early", "", (), 1),
+    _wire("oversized", "payloads beyond any message's size", "", (), 1),
+    _wire("wrong_type", "another type's messages", "", (), 1),
+    _wire("not_finite", "NaN and infinite values", "", (), 1),
+    _wire("huge", "values that no robot reaches", "", (), 1),
+    _wire("attachments", "attachments of other layouts, times and epochs", "", (), 7),
+    _wire("flood", "a thousand messages in a burst", "", (), 1),
+    _wire("rogue_cmd_vel", "a client writes cmd_vel itself", "", (), 1),
+    _wire("second_teleop", "a second program with teleop's name", "teleop", (), 7),
+    _wire("second_lidar", "another client's scans, all NaN", "", ("SCAN_INVALID",), 8),
+    _wire("clock_step", "the sender's clock steps", "teleop", (), 7),
+    _wire("estop", "an emergency stop, and a reset", "supervisor", ("ESTOP",), 7),
+    _machine("cpu_hogs", "eight processes that only compute"),
+    _machine("memory", "little memory left"),
+    _machine("disk", "a full disk"),
+    FaultClass(
+        "supervisord_sigkill",
+        Group.SUPERVISORD,
+        "SIGKILL: its children live on",
+        "",
+        (),
+        None,
+        8,
+        virtual=False,
+    ),
+    FaultClass(
+        "supervisord_restart",
+        Group.SUPERVISORD,
+        "a restart of all",
+        "supervisor",
+        BASE_ALONE,
+        None,
+        8,
+        virtual=False,
+    ),
+    FaultClass(
+        "supervisord_crash_loop",
+        Group.SUPERVISORD,
+        "a child that ends as it starts",
+        "sim",
+        UNSEEN,
+        None,
+        8,
+        virtual=False,
+    ),
+    FaultClass("pair", Group.PAIR, "two of these at once", "", (), None, 8, virtual=True),
+)
+
+BY_NAME = {one.name: one for one in CLASSES}
+"""Each class by its name."""
+
+
+def virtual_classes() -> tuple[FaultClass, ...]:
+    """Those that the virtual campaign draws from; pairs are made of them."""
+    return tuple(one for one in CLASSES if one.virtual and one.group is not Group.PAIR)

@@ -1,0 +1,56 @@
+"""Faults on the wire itself: an attacker, or a sender whose clock steps."""
+
+from random import Random
+
+from deploy.faults.attacker import SECOND
+from deploy.faults.attacks import ATTACKS
+from deploy.faults.injectors.injection import Injection, Plan, lasting
+from deploy.faults.stage import Stage
+from wire import topics
+
+
+class Attacked(Injection):
+    """The attacker has its way for a while."""
+
+    def __init__(self, attack: str, seed: int, lasts_s: float) -> None:
+        super().__init__(lasts_s)
+        self._attack, self._seed = attack, seed
+
+    async def prepare(self, stage: Stage) -> None:
+        _ = stage.attacker
+
+    async def do(self, stage: Stage) -> float:
+        return stage.attack(self._attack, self._seed, self.lasts_s)
+
+    async def lift(self, stage: Stage) -> None:
+        self.parameters["sent"] = stage.end_attack()
+
+
+class ClockStep(Injection):
+    """The clock that teleop stamps its commands with goes wrong, there and back."""
+
+    def __init__(self, by_s: float, lasts_s: float) -> None:
+        super().__init__(lasts_s, by_s=by_s)
+        self._by_s = by_s
+
+    async def do(self, stage: Stage) -> float:
+        stage.observer.trusts_stamps = False
+        return stage.order(topics.TELEOP, f"clock {self._by_s}")
+
+    async def lift(self, stage: Stage) -> None:
+        stage.order(topics.TELEOP, f"clock {-self._by_s}")
+
+
+def _attacked(attack: str) -> Plan:
+    return lambda chance: Attacked(attack, chance.randrange(1 << 31), lasting(chance, 0.5, 1.0))
+
+
+def _clock_step(chance: Random) -> Injection:
+    by_s = chance.choice((-1, 1)) * chance.choice((0.05, 0.15, 0.3, 1.0, 3600.0))
+    return ClockStep(by_s, lasting(chance, 0.5, 1.0))
+
+
+PLANS: dict[str, Plan] = {
+    **{f"wire_{attack}": _attacked(attack) for attack in (*ATTACKS, SECOND)},
+    "wire_clock_step": _clock_step,
+}

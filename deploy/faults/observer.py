@@ -1,0 +1,155 @@
+"""Whoever watches a trial from outside: a client of the wire of its own, and the pipe from the wheels."""
+
+import asyncio
+import time
+from collections.abc import Callable
+
+from deploy.faults.measure import BaseReport
+from deploy.faults.seen import Asked, Command, Motion, Seen, Status
+from deploy.faults.wheels import WheelPipe, WheelSample
+from sim.watchdog import BaseReason
+from wire import topics
+from wire.bus import Arrival, Bus
+from wire.messages import SafetyStatus, Twist
+from wire.zenoh_bus import ZenohBus
+
+DEPTH = 20_000
+"""Samples of a topic between two looks: a flood of two seconds."""
+SOURCES = (topics.TELEOP, "joy", "path")
+TRUSTED_STAMP_S = 60.0
+"""A command is as old as its sender says, unless that makes no sense: all of them run by one clock here."""
+BASE_REASONS = tuple(reason.value for reason in BaseReason)
+
+
+class Observer:
+    """Keeps everything of one trial.
+
+    Args:
+        bus: open; the caller closes it.
+        wheels: from the sim.
+    """
+
+    def __init__(self, bus: ZenohBus, wheels: WheelPipe) -> None:
+        self.bus = bus
+        self._wheels = wheels
+        self._wake = asyncio.Event()
+        self._subscribe(bus)
+        asyncio.get_running_loop().add_reader(wheels.descriptor, self._wake.set)
+        self.alive: set[str] = set()
+        self.trusts_stamps = True
+        """Whether commands tell when they were sent; not while their sender's clock steps."""
+        self.clear()
+
+    def _subscribe(self, bus: Bus) -> None:
+        self._alive = bus.watch_alive(self._wake)
+        self._commands = bus.subscribe(topics.CMD_VEL, depth=DEPTH, wake=self._wake)
+        self._statuses = bus.subscribe(topics.STATUS, depth=DEPTH, wake=self._wake)
+        self._asked = {name: bus.subscribe(topics.source_cmd_vel(name), depth=DEPTH) for name in SOURCES}
+
+    def clear(self) -> None:
+        """A trial begins."""
+        self.began_s = time.monotonic()
+        self.seen = Seen()
+        self.base: list[BaseReport] = []
+        self.status: SafetyStatus | None = None
+        self.undecodable = 0
+        """What came on cmd_vel and is no command."""
+        self.contacts = 0
+        self._touching = False
+        self.driven: list[tuple[float, bool]] = []
+        """Whether the drive is asked for anything but zero, each time that it changes."""
+        for subscription in (self._commands, self._statuses, *self._asked.values()):
+            subscription.take()
+        self._wheels.take()
+
+    def close(self) -> None:
+        asyncio.get_running_loop().remove_reader(self._wheels.descriptor)
+
+    def look(self) -> Seen:
+        """Take in what came since the last look, and return everything."""
+        self._wake.clear()
+        seen = self.seen
+        for change in self._alive.take():
+            (self.alive.add if change.alive else self.alive.discard)(change.node)
+        for command in self._commands.take():
+            if command.message is None:
+                self.undecodable += 1
+            else:
+                seen.commands.append(
+                    Command(command.arrival_s, command.message.linear.x, command.message.angular.z)
+                )
+        for status in self._statuses.take():
+            if status.message is not None:
+                self.status = status.message
+                seen.statuses.append(_status(status.arrival_s, status.message))
+        for name, subscription in self._asked.items():
+            seen.asked += [
+                self._ask(name, arrival, arrival.message)
+                for arrival in subscription.take()
+                if arrival.message is not None
+            ]
+        for sample in self._wheels.take():
+            self._roll(sample)
+        return seen
+
+    async def until(self, condition: Callable[[Seen], bool], limit_s: float) -> bool:
+        """Wait for something to be seen; whether it was, within `limit_s`."""
+        deadline_s = time.monotonic() + limit_s
+        while not condition(self.look()):
+            left_s = deadline_s - time.monotonic()
+            if left_s <= 0.0:
+                return False
+            try:
+                async with asyncio.timeout(left_s):
+                    await self._wake.wait()
+            except TimeoutError:
+                return condition(self.look())
+        return True
+
+    async def watch(self, duration_s: float) -> None:
+        await self.until(lambda _: False, duration_s)
+
+    def finished(self) -> Seen:
+        """Everything of the trial, in order of time."""
+        seen = self.look()
+        seen.asked.sort(key=lambda one: one.sent_s)
+        return seen
+
+    def _ask(self, source: str, arrival: Arrival[Twist], twist: Twist) -> Asked:
+        sent_s = arrival.arrival_s
+        if self.trusts_stamps and arrival.stamp is not None:
+            stamped_s = arrival.stamp.source_time_ns * 1e-9
+            if 0.0 <= sent_s - stamped_s < TRUSTED_STAMP_S:
+                sent_s = stamped_s
+        return Asked(sent_s, source, twist.linear.x, twist.angular.z)
+
+    def _roll(self, sample: WheelSample) -> None:
+        if sample.time_s < self.began_s:
+            return
+        motions = self.seen.motions
+        # The first sample's approach is from where the robot stood before the trial.
+        own_approach_m = sample.own_approach_m if motions else 0.0
+        motions.append(
+            Motion(
+                sample.time_s,
+                sample.x_m,
+                sample.y_m,
+                sample.linear_m_s,
+                sample.angular_rad_s,
+                sample.clearance_m,
+                own_approach_m,
+                sample.is_touching,
+            )
+        )
+        self.contacts += sample.is_touching and not self._touching
+        self._touching = sample.is_touching
+        if not self.driven or self.driven[-1][1] != sample.is_driven:
+            self.driven.append((sample.time_s, sample.is_driven))
+        reason = BASE_REASONS[sample.reason]
+        if not self.base or self.base[-1].reason != reason:
+            self.base.append(BaseReport(sample.time_s, reason))
+
+
+def _status(arrival_s: float, status: SafetyStatus) -> Status:
+    commanded = (status.commanded.linear.x, status.commanded.angular.z)
+    return Status(arrival_s, tuple(status.reasons), status.owner, commanded)

@@ -1,0 +1,72 @@
+"""Figures of many trials: quantiles, what a rate can be at most, bins on a log axis. Pure."""
+
+import math
+from collections.abc import Sequence
+
+CONFIDENCE = 0.95
+
+
+def quantile(ordered: Sequence[float], share: float) -> float:
+    """The smallest value that at least this share of them does not exceed; NaN of nothing.
+
+    Args:
+        ordered: values in ascending order.
+        share: 0 to 1.
+    """
+    if not ordered:
+        return math.nan
+    return ordered[max(0, math.ceil(share * len(ordered)) - 1)]
+
+
+def upper_rate(count: int, events: int = 0, confidence: float = CONFIDENCE) -> float:
+    """What the rate of an event can be at most, by the exact bound of Clopper and Pearson; one-sided.
+
+    Without events this is 1 - (1 - confidence)^(1/count): about 3/count, the rule of three.
+
+    Args:
+        count: independent trials.
+        events: in how many of them it happened.
+        confidence: how certain the bound is.
+
+    Returns:
+        0 to 1; 1 where nothing was tried.
+    """
+    if events >= count:
+        return 1.0
+    doubt = 1.0 - confidence
+    if events == 0:
+        return -math.expm1(math.log(doubt) / count)
+    low, high = events / count, 1.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if _at_most(events, count, middle) > doubt:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def _at_most(events: int, count: int, rate: float) -> float:
+    """How likely there are no more events than these."""
+    hit, miss = math.log(rate), math.log1p(-rate)
+    whole = math.lgamma(count + 1)
+    return math.fsum(
+        math.exp(whole - math.lgamma(k + 1) - math.lgamma(count - k + 1) + k * hit + (count - k) * miss)
+        for k in range(events + 1)
+    )
+
+
+def log_bins(values: Sequence[float], first: float, decades: int, per_decade: int) -> list[int]:
+    """How many values lie in each bin of a log axis; what lies beyond it counts at its ends.
+
+    Args:
+        values: none is negative.
+        first: where the axis begins; positive.
+        decades: how long it is.
+        per_decade: bins in each.
+    """
+    counts = [0] * (decades * per_decade)
+    for value in values:
+        place = math.floor(per_decade * math.log10(value / first)) if value > first else 0
+        counts[min(place, len(counts) - 1)] += 1
+    return counts

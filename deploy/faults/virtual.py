@@ -1,0 +1,220 @@
+"""One trial of the virtual campaign: from a seed to its record, the same for ever."""
+
+import asyncio
+import gc
+import hashlib
+import logging
+import struct
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager
+
+from deploy.faults.demands import Done, asked_age_s, demands, tolerance_m
+from deploy.faults.injector import Injector, calm
+from deploy.faults.measure import NOTICED_WITHIN_S, stop_after
+from deploy.faults.operator import Operator, reset_from_outside
+from deploy.faults.promises import Bounds, Demand, Kind, Violation, violations
+from deploy.faults.scenario import EPISODE_S, RECOVERY_S, Drivers, draw
+from deploy.faults.seen import Seen
+from deploy.faults.trial import BrokenPromise, Injected, Sample, Trial
+from deploy.faults.world import BaseLog, World
+from supervisor.config import SupervisorSection
+from wire import topics
+from wire.virtual_loop import VirtualLoop, VirtualTimeError
+
+TIMELINE_S = 0.1
+AGAIN_S = 0.2
+FOLLOWS_S = 0.5
+"""A stop that begins later than this after a fault's end is not its doing."""
+ENDS_EPOCHS = frozenset({"wire_second_teleop", "wire_attachments"})
+
+
+def run_trial(
+    seed: int, revision: str = "", *, config: SupervisorSection | None = None, with_timeline: bool = False
+) -> Trial:
+    """Run the trial of a seed.
+
+    Args:
+        seed: says everything that happens.
+        revision: of the code, for the record.
+        config: of the supervisor; None: as it comes.
+        with_timeline: whether the record tells what moved when; one with violations always does.
+    """
+    scenario = draw(seed)
+    loop = VirtualLoop()
+    world = World(loop, scenario, config)
+    injector = Injector(world)
+    with _quiet(BaseLog(loop, world.base)), _collected_later():
+        try:
+            loop.run_until_complete(_play(world, injector))
+        except VirtualTimeError as error:
+            world.crashes.append((loop.time(), "the clock", str(error)))
+        world.end()
+        loop.close()
+    return _judge(world, injector.finished(), revision, with_timeline=with_timeline)
+
+
+async def _play(world: World, injector: Injector) -> None:
+    operator = Operator(world, world.scenario.stubbornness)
+    world.start_all()
+    tasks = [
+        asyncio.ensure_future(work)
+        for work in (
+            world.watch(),
+            operator.run(),
+            reset_from_outside(world),
+            injector.connect(),
+            injector.put_pillars(),
+            *(injector.run(fault) for fault in world.scenario.faults),
+        )
+    ]
+    await asyncio.sleep(EPISODE_S)
+    for task in tasks[5:]:
+        task.cancel()
+    await asyncio.sleep(0)
+    operator.is_patient = True
+    tasks.append(asyncio.ensure_future(mend(world, injector)))
+    await asyncio.sleep(RECOVERY_S)
+    for task in tasks:
+        task.cancel()
+    await asyncio.wait(tasks)
+
+
+async def mend(world: World, injector: Injector) -> None:
+    """Undo everything that is still broken, as whoever operates the machine would in time."""
+    world.kill("teleop2")
+    for name in (topics.TELEOP, topics.SIM):
+        for conditions in world.network.link(name):
+            calm(conditions)
+        world.network.heal(name)
+    for life in list(world.lives.values()):
+        world.let_go(life)
+    if ENDS_EPOCHS & {one.name for one in injector.finished()}:
+        # Of two programs with one name the law obeys the one that began last; teleop says so, and is started anew.
+        world.kill(topics.TELEOP)
+    world.start_all()
+    await injector.calm_sensors()
+    while True:  # what ends only now is started again as well
+        world.start_all()
+        await asyncio.sleep(AGAIN_S)
+
+
+def _judge(world: World, done: list[Done], revision: str, *, with_timeline: bool) -> Trial:
+    seen, scenario = world.seen, world.scenario
+    alone = scenario.drivers is not Drivers.BOTH
+    wanted = demands(done, alone=alone)
+    end_s = EPISODE_S + RECOVERY_S
+    wanted.append(Demand(Kind.DRIVABLE, 8, "everything is mended", EPISODE_S, end_s))
+    age_s = asked_age_s(done)
+    bounds = Bounds(tolerance_m=tolerance_m(done), asked_age_s=age_s, neutral_leeway_s=age_s)
+    found = violations(seen, wanted, bounds)
+    found += [
+        Violation(8, time_s, f"{name} ended by an error of its own: {why}")
+        for time_s, name, why in world.crashes
+    ]
+    broken = tuple(
+        BrokenPromise(promise=v.promise, time_s=round(v.time_s, 4), sentence=v.sentence) for v in found
+    )
+    return Trial(
+        mode="virtual",
+        revision=revision,
+        seed=scenario.seed,
+        duration_s=end_s,
+        faults=tuple(_injected(seen, one, world) for one in done),
+        smallest_clearance_m=round(min(motion.clearance_m for motion in seen.motions), 4),
+        contacts=world.contacts,
+        violations=broken,
+        digest=digest(seen),
+        timeline=tuple(timeline(seen)) if with_timeline or broken else (),
+    )
+
+
+def _injected(seen: Seen, one: Done, world: World) -> Injected:
+    within_s = min(one.until_s - one.at_s + FOLLOWS_S, NOTICED_WITHIN_S)
+    stop = stop_after(seen, one.at_s, world.base, within_s)
+    return Injected(
+        fault=one.name,
+        time_s=round(one.at_s, 4),
+        parameters=dict(one.parameters),
+        detector=stop.detector,
+        speed_m_s=round(stop.speed_m_s, 4),
+        to_zero_s=_rounded(stop.to_zero_s),
+        to_standstill_s=_rounded(stop.to_standstill_s),
+        distance_m=_rounded(stop.distance_m),
+    )
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 5)
+
+
+def digest(seen: Seen) -> str:
+    """Of everything that was seen, to the last bit."""
+    sha = hashlib.sha256()
+    for command in seen.commands:
+        sha.update(struct.pack("<3d", *command))
+    for motion in seen.motions:
+        sha.update(struct.pack("<7d?", *motion))
+    for status in seen.statuses:
+        sha.update(repr(status).encode())
+    return sha.hexdigest()[:16]
+
+
+def timeline(seen: Seen) -> Iterable[Sample]:
+    """What moved when, ten times a second."""
+    commands, statuses = iter(seen.commands), iter(seen.statuses)
+    command, status = next(commands, None), next(statuses, None)
+    permitted, commanded, reasons = (0.0, 0.0), (0.0, 0.0), tuple[str, ...]()
+    due_s = 0.0
+    for motion in seen.motions:
+        while command is not None and command.arrival_s <= motion.time_s:
+            permitted = (round(command.linear_m_s, 3), round(command.angular_rad_s, 3))
+            command = next(commands, None)
+        while status is not None and status.arrival_s <= motion.time_s:
+            commanded = (round(status.commanded[0], 3), round(status.commanded[1], 3))
+            reasons = status.reasons
+            status = next(statuses, None)
+        if motion.time_s >= due_s:
+            due_s = motion.time_s + TIMELINE_S - 1e-6
+            yield Sample(
+                time_s=round(motion.time_s, 3),
+                commanded=commanded,
+                permitted=permitted,
+                true=(round(motion.linear_m_s, 3), round(motion.angular_rad_s, 3)),
+                clearance_m=round(motion.clearance_m, 4),
+                reasons=reasons,
+            )
+
+
+LOGGERS = ("wire", "supervisor", "teleop", "sim")
+
+
+@contextmanager
+def _quiet(base: BaseLog) -> Generator[None]:
+    """The services' logs are for real runs; here only the base is listened to."""
+    sim = logging.getLogger("sim.service")
+    loggers = [*(logging.getLogger(name) for name in LOGGERS), sim]
+    levels, propagated = [logger.level for logger in loggers], sim.propagate
+    for logger in loggers[:-1]:
+        logger.setLevel(logging.CRITICAL)
+    sim.setLevel(logging.INFO)
+    sim.propagate = False
+    sim.addHandler(base)
+    try:
+        yield
+    finally:
+        sim.removeHandler(base)
+        sim.propagate = propagated
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
+
+
+@contextmanager
+def _collected_later() -> Generator[None]:
+    """Looking for cycles in what a trial remembers takes a tenth of its time, and finds nothing before its end."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()

@@ -1,0 +1,209 @@
+"""Writes the parts of docs/crash-safety.md that a campaign measured: `python -m docs.crash_safety`.
+
+Between `<!-- NAME: generated -->` and `<!-- /NAME -->` stand
+
+    answer    how soon a robot stops whose teleop is killed
+    real      the table of the campaign with real processes: docs/campaign/real.jsonl
+    virtual   that of the campaign on a virtual clock: docs/campaign/virtual.jsonl.gz
+
+`--check` writes nothing and fails if a part is out of date; tests/unit/test_crash_safety.py does the same.
+"""
+
+import argparse
+import re
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache
+from pathlib import Path
+
+from deploy.errors import DeployError
+from deploy.faults.classes import BY_NAME
+from deploy.faults.figures import Campaign, ClassFigures, Spread
+from deploy.faults.page import FEW, percent, verdict
+from deploy.faults.report import read_campaigns
+from deploy.faults.statistics import upper_rate
+
+DOCUMENT = Path(__file__).parent / "crash-safety.md"
+RESULTS = {
+    "real": Path(__file__).parent / "campaign" / "real.jsonl",
+    "virtual": Path(__file__).parent / "campaign" / "virtual.jsonl.gz",
+}
+COMMANDS = {
+    "real": "lifeline faults --out docs/campaign/real.jsonl",
+    "virtual": "lifeline faults --virtual --out virtual.jsonl",
+}
+
+
+@cache
+def result(mode: str) -> Campaign | None:
+    """The committed campaign of a mode; None: there is none.
+
+    Raises:
+        DeployError: its file is damaged, or holds another mode.
+    """
+    path = RESULTS[mode]
+    if not path.exists():
+        return None
+    found, _ = read_campaigns([path])
+    for one in found:
+        if one.mode == mode:
+            return one
+    raise DeployError(f"{path} holds no {mode} trials")
+
+
+# --- the answer
+
+
+def answer(campaign: Campaign | None) -> str:
+    """A killed teleop in one paragraph."""
+    found = None if campaign is None else campaign.find("teleop_sigkill")
+    if campaign is None or found is None or found.stop is None:
+        return _missing("real")
+    reasons = ", ".join(f"`{name}` {count} times" for name, count in found.detectors)
+    lines = [
+        f"**Measured** with {found.stop.number:,} kills (SIGKILL) of a real teleop while the robot drove:",
+        "",
+        (
+            f"* zero on `cmd_vel` after {_times(found.stop)}; {found.late} of {found.stop.number} took longer than "
+            f"{1000 * (found.bound_s or 0.0):.0f} ms. Noticed by {reasons}."
+        ),
+    ]
+    if found.wheels is not None:
+        lines.append(f"* the wheels are asked for zero after {_times(found.wheels)}.")
+    if found.standstill is not None and found.distance is not None:
+        lines.append(
+            f"* the robot stands after {found.standstill.median:.2f} s (median), {found.standstill.worst:.2f} s at most, "
+            f"and {100 * found.distance.worst:.0f} cm at most from where it was."
+        )
+    broken = f"{found.broken} of them" if found.broken else "none"
+    lines.append(f"* promises broken: {broken} ({_at_most(found)}).")
+    return "\n".join([*lines, "", *_origin(campaign)])
+
+
+def _times(found: Spread) -> str:
+    p99 = f"{1000 * found.p99:.1f} ms (p99), " if found.number >= FEW else ""
+    return f"{1000 * found.median:.1f} ms (median), {p99}{1000 * found.worst:.1f} ms (longest)"
+
+
+def _at_most(found: ClassFigures) -> str:
+    return f"with 95 % confidence at most {percent(upper_rate(found.trials, found.broken))} of such trials break one"
+
+
+# --- the tables
+
+
+def table(mode: str, campaign: Campaign | None) -> str:
+    """Every class of a campaign, and what was broken."""
+    if campaign is None:
+        return _missing(mode)
+    lines = [
+        *_origin(campaign),
+        "",
+        verdict(campaign),
+        "",
+        "| fault | what is done | n | noticed by | bound | p50 | p99 | longest | late | way | nearest | broken |",
+        "|---|---|--:|---|--:|--:|--:|--:|--:|--:|--:|--:|",
+        *(_row(one) for one in campaign.classes()),
+    ]
+    if campaign.broken:
+        lines += ["", "Broken promises:", ""]
+        lines += [
+            f"* promise {one.promise.promise}, {_safe(', '.join(one.classes))}: {_safe(one.promise.sentence)} (`{one.command}`)"
+            for one in campaign.broken[:20]
+        ]
+    return "\n".join(lines)
+
+
+def _row(one: ClassFigures) -> str:
+    known, stop, distance = BY_NAME.get(one.name), one.stop, one.distance
+    target = f" ({known.target})" if known is not None and known.target else ""
+    cells = (
+        f"`{one.name}`",
+        "" if known is None else f"{known.does}{target}",
+        f"{one.count:,}",
+        _detectors(one),
+        "" if one.bound_s is None else f"{1000 * one.bound_s:.0f}",
+        "" if stop is None else f"{1000 * stop.median:.1f}",
+        "" if stop is None or stop.number < FEW else f"{1000 * stop.p99:.1f}",
+        "" if stop is None else f"{1000 * stop.worst:.1f}",
+        "" if stop is None or one.bound_s is None else f"{one.late} of {stop.number}",
+        "" if distance is None else f"{100 * distance.worst:.0f}",
+        f"{100 * one.clearance_m:.1f}",
+        f"**{one.broken}**" if one.broken else "0",
+    )
+    return f"| {' | '.join(cells)} |"
+
+
+def _detectors(one: ClassFigures) -> str:
+    meant = ", ".join(f"`{name}` {count:,}" for name, count in one.detectors)
+    others = sum(count for _, count, _ in one.others)
+    return meant + (f"{'; ' if meant else ''}others first {others:,}" if others else "")
+
+
+def _safe(text: str) -> str:
+    return " ".join(text.split()).replace("|", "/").replace("<", "‹").replace(">", "›")[:300]
+
+
+def _origin(campaign: Campaign) -> Iterator[str]:
+    """Where it comes from; what the file does not say is said to be missing."""
+    for origin in campaign.origins:
+        yield f"`{origin.command or 'unknown command'}`, {origin.date or 'unknown date'}, {origin.machine or 'unknown machine'}, "
+        yield f"commit {origin.commit or 'unknown'}."
+    if campaign.unsigned or not campaign.origins:
+        yield "The file does not say which command made these trials, when, where and from which commit."
+
+
+def _missing(mode: str) -> str:
+    return (
+        f"There is no result in the repository yet: `{COMMANDS[mode]}` makes one, `make docs` writes it here."
+    )
+
+
+# --- the document
+
+PARTS: Mapping[str, Callable[[], str]] = {
+    "answer": lambda: answer(result("real")),
+    "real": lambda: table("real", result("real")),
+    "virtual": lambda: table("virtual", result("virtual")),
+}
+
+
+def regenerated(text: str) -> str:
+    """The document with each part written anew.
+
+    Raises:
+        ValueError: a part has no place in the document.
+        DeployError: a result is damaged.
+    """
+    for name, part in PARTS.items():
+        place = re.compile(rf"(<!-- {name}: generated -->\n).*?(<!-- /{name} -->)", re.DOTALL)
+        if place.search(text) is None:
+            raise ValueError(f"docs/crash-safety.md has no place for the part {name!r}")
+        body = part()
+        text = place.sub(lambda match, body=body: f"{match[1]}\n{body}\n\n{match[2]}", text)
+    return text
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        prog="python -m docs.crash_safety",
+        description="Write the measured parts of docs/crash-safety.md anew.",
+    )
+    parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if out of date")
+    arguments = parser.parse_args()
+    before = DOCUMENT.read_text()
+    try:
+        after = regenerated(before)
+    except DeployError as error:
+        print(f"docs/crash_safety.py: {error}", file=sys.stderr)
+        return 1
+    if arguments.check and after != before:
+        print("docs/crash-safety.md is out of date: make docs", file=sys.stderr)
+        return 1
+    if not arguments.check:
+        DOCUMENT.write_text(after)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

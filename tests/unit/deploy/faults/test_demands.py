@@ -1,0 +1,86 @@
+"""What must follow from a fault, alone and beside another one."""
+
+import pytest
+
+from deploy.faults.classes import BY_NAME, virtual_classes
+from deploy.faults.demands import LEEWAY_S, SLOW_S, TOLERANCE_M, Done, asked_age_s, demands, tolerance_m
+from deploy.faults.injector import FAULTS
+from deploy.faults.promises import Kind
+from deploy.faults.scenario import EPISODE_S, draw
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "promise", "bound_s"),
+    [
+        ("teleop_sigkill", Kind.ZERO, 2, 0.010),
+        ("teleop_blocked", Kind.ZERO, 3, 0.22),
+        ("net_healed", Kind.ZERO, 3, 0.22),
+        ("sim_scan_nan", Kind.ZERO, 5, 0.27),
+        ("supervisor_sigkill", Kind.BRAKE, 4, 0.010),
+        ("supervisor_blocked", Kind.BRAKE, 4, 0.17),
+        ("net_base_deaf", Kind.BRAKE, 4, 0.17),
+    ],
+)
+def test_a_fault_alone_is_held_to_its_bound(name: str, kind: Kind, promise: int, bound_s: float) -> None:
+    (demand,) = demands([Done(name, 1.0, 3.0)], alone=True)
+    assert (demand.kind, demand.promise, demand.until_s) == (kind, promise, 3.0)
+    assert demand.from_s == pytest.approx(1.0 + bound_s + LEEWAY_S)
+
+
+def test_one_that_ends_before_its_bound_demands_nothing() -> None:
+    assert demands([Done("teleop_blocked", 1.0, 1.2)], alone=True) == []
+
+
+def test_with_another_source_a_dead_teleop_demands_no_zero() -> None:
+    assert demands([Done("teleop_sigkill", 1.0, 3.0)], alone=False) == []
+
+
+def test_whoever_speaks_in_teleops_name_may_keep_the_robot_going() -> None:
+    done = [Done("teleop_sigkill", 1.0, 6.0), Done("wire_flood", 1.5, 1.6)]
+    assert demands(done, alone=True) == []
+
+
+def test_two_at_once_have_more_time_and_the_first_end_counts() -> None:
+    done = [Done("teleop_sigkill", 1.0, 6.0), Done("net_delayed", 1.5, 4.0)]
+    (demand,) = demands(done, alone=True)
+    assert demand.from_s == pytest.approx(1.0 + 0.010 + LEEWAY_S + SLOW_S)
+    assert demand.until_s == 4.0
+
+
+def test_a_simulation_that_stands_brakes_nothing() -> None:
+    done = [Done("supervisor_sigkill", 1.0, 6.0), Done("sim_sigstop", 1.5, 4.0)]
+    assert [demand.kind for demand in demands(done, alone=True)] == [Kind.ZERO]
+
+
+def test_a_delay_that_nobody_can_see_makes_wishes_older() -> None:
+    plain_s = asked_age_s([Done("net_cut", 1.0, 2.0, {"delay_s": 9.0})])
+    assert asked_age_s([Done("net_delayed", 1.0, 2.0, {"delay_s": 0.3})]) == pytest.approx(plain_s + 0.6)
+
+
+def test_what_acts_late_comes_nearer() -> None:
+    assert tolerance_m([Done("teleop_sigkill", 1.0, 2.0)]) == TOLERANCE_M
+    hung_m = tolerance_m([Done("supervisor_blocked", 1.0, 2.0)])
+    slow_m = tolerance_m([Done("net_delayed_base", 1.0, 2.0, {"delay_s": 0.1})])
+    slower_m = tolerance_m([Done("net_delayed_base", 1.0, 2.0, {"delay_s": 0.4})])
+    assert TOLERANCE_M < hung_m < slow_m < slower_m < 0.15
+
+
+def test_every_virtual_class_can_be_done_and_is_in_the_table_once() -> None:
+    assert {one.name for one in virtual_classes()} == set(FAULTS)
+    assert len(BY_NAME) == len(set(BY_NAME))
+
+
+def test_a_seed_has_one_scenario_and_another_seed_another() -> None:
+    assert draw(7) == draw(7)
+    assert draw(7) != draw(8)
+    scenarios = [draw(seed) for seed in range(400)]
+    assert all(fault.at_s < EPISODE_S for scenario in scenarios for fault in scenario.faults)
+    assert all(scenario.faults for scenario in scenarios)
+    drawn = {fault.name for scenario in scenarios for fault in scenario.faults}
+    assert drawn == set(FAULTS), "every class has its turn"
+
+
+def test_the_parts_of_a_trial_draw_from_streams_of_their_own() -> None:
+    scenario = draw(7)
+    assert scenario.stream("network").random() == draw(7).stream("network").random()
+    assert scenario.stream("network").random() != scenario.stream("operator").random()

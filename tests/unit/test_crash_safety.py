@@ -1,0 +1,82 @@
+"""The measured parts of docs/crash-safety.md are what the committed results say."""
+
+from pathlib import Path
+
+import pytest
+
+from deploy.faults.figures import Campaign, campaigns
+from deploy.faults.trial import BrokenPromise, Injected, Trial
+from docs import crash_safety
+
+
+def campaign() -> Campaign:
+    killed = Injected(
+        fault="teleop_sigkill",
+        time_s=1.0,
+        detector="SOURCE_LOST",
+        to_zero_s=0.003,
+        to_standstill_s=0.3,
+        distance_m=0.12,
+        parameters={"to_wheels_s": 0.004},
+    )
+    broken = BrokenPromise(promise=2, time_s=1.0, sentence="a | b\n<c>")
+    found, _ = campaigns(
+        [
+            Trial(
+                mode="real",
+                revision="1",
+                seed=4,
+                duration_s=3.0,
+                faults=(killed,),
+                smallest_clearance_m=0.4,
+                contacts=0,
+                violations=(broken,),
+            )
+        ]
+    )
+    return found[0]
+
+
+def test_the_measured_parts_are_up_to_date() -> None:
+    """`make docs` writes them anew."""
+    text = crash_safety.DOCUMENT.read_text()
+    assert crash_safety.regenerated(text) == text
+
+
+def test_the_answer_has_the_figures_and_hides_no_broken_promise() -> None:
+    text = crash_safety.answer(campaign())
+    for words in (
+        "3.0 ms (median)",
+        "4.0 ms (longest)",
+        "12 cm",
+        "`SOURCE_LOST` 1 times",
+        "0 of 1",
+        "1 of them",
+    ):
+        assert words in text
+    assert "does not say" in text, "there is no origin"
+
+
+def test_the_table_has_a_row_and_what_was_broken_in_one_line() -> None:
+    text = crash_safety.table("real", campaign())
+    assert "| `teleop_sigkill` | SIGKILL (teleop) | 1 | `SOURCE_LOST` 1 | 10 | 3.0 |  | 3.0 |" in text
+    assert (
+        "* promise 2, teleop_sigkill: a / b ‹c› (`lifeline faults --classes teleop_sigkill --trials 1 --seed 4`)"
+        in text
+    )
+
+
+def test_without_a_result_each_part_says_how_to_make_one() -> None:
+    assert "no result" in crash_safety.answer(None)
+    assert "`lifeline faults --virtual" in crash_safety.table("virtual", None)
+
+
+def test_a_part_without_a_place_in_the_document_is_refused() -> None:
+    with pytest.raises(ValueError, match="no place for the part"):
+        crash_safety.regenerated("# What happens?\n")
+
+
+def test_the_committed_results_are_where_the_document_says() -> None:
+    assert {path.parent for path in crash_safety.RESULTS.values()} == {
+        Path(crash_safety.__file__).parent / "campaign"
+    }
