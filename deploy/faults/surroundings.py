@@ -51,8 +51,11 @@ class Witness:
                 self._clear_until_s = now_s + (clearance_m - FAR_M) / FASTEST_M_S
             else:
                 own_approach_m = min(self._nearest_m(self._measured, present), FAR_M) - clearance_m
+                self._clear_until_s = now_s
             self._clearance_m = min(clearance_m, FAR_M)
             self._measured = outline
+        elif now_s < self._clear_until_s:
+            self._measured = outline  # nothing is near: what comes up next comes from where it is by then
         velocity = plant.true_velocity
         return Motion(
             now_s,
