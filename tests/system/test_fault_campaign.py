@@ -16,7 +16,7 @@ import pytest
 
 from deploy.faults.trial import read_trials
 
-pytestmark = [pytest.mark.timeout(150), pytest.mark.timed]
+pytestmark = pytest.mark.timeout(150)
 
 LIMIT_S = 120.0
 POLL_S = 0.05

@@ -19,7 +19,7 @@ from tests.system.rogue import open_rogue
 from wire import topics
 from wire.messages import Point, encode, planar_twist
 
-pytestmark = [pytest.mark.timeout(120), pytest.mark.timed]
+pytestmark = pytest.mark.timeout(120)
 
 
 def say(text: str) -> None:
