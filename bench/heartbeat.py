@@ -3,32 +3,24 @@
 import asyncio
 import itertools
 import math
-import os
-import socket
-import subprocess
-import sys
-import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Coroutine
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from bench import scenery
-from bench.terminal import Terminal, end, teleop
+from bench.feed import BEAMS, ODOM_HZ, SCAN_HZ, START_S, at_rate, client, feeding, mode_of, scan, supervisor
+from bench.terminal import Terminal, teleop
 from wire import topics
-from wire.bus import Arrival, BusError, Subscription
-from wire.messages import LaserScan, SafetyStatus, Twist, header, odometry
-from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
+from wire.bus import Arrival, Subscription
+from wire.messages import SafetyStatus, Twist, odometry
+from wire.zenoh_bus import ZenohBus
 
-BEAMS = 360
-SCAN_HZ, ODOM_HZ = 20.0, 50.0
 BEAT_S = 0.05
 EARLIEST_S = 0.01
 """A beat is never this much before the mean."""
-START_S = 20.0
 WARM_UP_S = 3.0
 TYPE_PERIOD_S = 0.33
 FULL_SPEED = "w" * 12
@@ -84,22 +76,8 @@ def measure_heartbeats(seconds: float) -> list[Heartbeat]:
     Raises:
         RuntimeError: a process does not start, or does not speak.
     """
-    endpoint = _free_endpoint()
-    with tempfile.TemporaryDirectory() as folder:
-        log = Path(folder) / "supervisor.log"
-        with log.open("wb") as file:
-            supervisor = subprocess.Popen(
-                [sys.executable, "-m", "supervisor", "--endpoint", endpoint],
-                stdout=file,
-                stderr=file,
-                env=os.environ | {"LIFELINE_STATE_DIR": folder},
-            )
-        try:
-            return asyncio.run(_measure(endpoint, seconds))
-        except (TimeoutError, BusError) as error:
-            raise RuntimeError(f"the heartbeat cannot be measured: {log.read_text()[-600:]}") from error
-        finally:
-            end(supervisor)
+    with supervisor() as hub:
+        return asyncio.run(_measure(hub.endpoint, seconds))
 
 
 def lateness_ms(times_s: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], int]:
@@ -118,17 +96,10 @@ def lateness_ms(times_s: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float6
 
 
 async def _measure(endpoint: str, seconds: float) -> list[Heartbeat]:
-    async with asyncio.timeout(START_S):
-        bus = await open_bus(BusConfig(endpoint), "client")
-    robot = _Robot(bus)
-    feeding = [asyncio.ensure_future(feed) for feed in robot.feeds()]
-    try:
-        return [await robot.measure(screen, endpoint, seconds) for screen in SCREENS]
-    finally:
-        for task in feeding:
-            task.cancel()
-        await asyncio.gather(*feeding, return_exceptions=True)
-        await bus.close()
+    async with client(endpoint) as bus:
+        robot = _Robot(bus)
+        async with feeding(robot.feeds()):
+            return [await robot.measure(screen, endpoint, seconds) for screen in SCREENS]
 
 
 class _Robot:
@@ -149,12 +120,10 @@ class _Robot:
         walls_m = [1.5 + 0.3 * math.sin(math.tau * number / SCANS) for number in range(SCANS)]
         self._ranges = itertools.cycle([scenery.scans(BEAMS, 1, wall_m=wall_m)[0] for wall_m in walls_m])
 
-    def feeds(self) -> "list[asyncio.Future[None]]":
+    def feeds(self) -> list[Coroutine[None, None, None]]:
         return [
-            asyncio.ensure_future(
-                _at_rate(SCAN_HZ, lambda: self._scans.put(_laser_scan(next(self._ranges))))
-            ),
-            asyncio.ensure_future(_at_rate(ODOM_HZ, self._move)),
+            at_rate(SCAN_HZ, lambda: self._scans.put(scan(next(self._ranges)))),
+            at_rate(ODOM_HZ, self._move),
         ]
 
     def _move(self) -> None:
@@ -178,7 +147,7 @@ class _Robot:
             await asyncio.sleep(WARM_UP_S)
             self._beats.take()
             began_s, began_bytes = time.monotonic(), terminal.taken_bytes
-            typing = asyncio.ensure_future(_at_rate(1.0 / TYPE_PERIOD_S, lambda: terminal.type("w")))
+            typing = asyncio.ensure_future(at_rate(1.0 / TYPE_PERIOD_S, lambda: terminal.type("w")))
             await asyncio.sleep(seconds)
             typing.cancel()
             took_s = time.monotonic() - began_s
@@ -209,13 +178,12 @@ class _Robot:
         arrival_ms, _ = lateness_ms(np.array([beat.arrival_s for beat in beats]))
         newest = self._statuses.latest()
         status = None if newest is None else newest.message
-        modes = ("STOPPED", "READY", "DRIVING", "LIMITED")
         return Heartbeat(
             screen=screen.name,
             columns=screen.columns,
             rows=screen.rows,
             seconds=took_s,
-            mode="" if status is None else " ".join([modes[status.mode], *status.reasons]),
+            mode="" if status is None else mode_of(status),
             beats=len(beats),
             missed=missed,
             sent_p50_ms=float(np.percentile(sent_ms, 50)),
@@ -226,34 +194,3 @@ class _Robot:
             arrival_max_ms=float(arrival_ms.max()),
             output_kb_s=output_kb_s,
         )
-
-
-async def _at_rate(rate_hz: float, act: Callable[[], None]) -> None:
-    loop = asyncio.get_running_loop()
-    next_s = loop.time()
-    while True:
-        act()
-        next_s = max(next_s + 1.0 / rate_hz, loop.time())
-        await asyncio.sleep(next_s - loop.time())
-
-
-def _laser_scan(ranges: scenery.Ranges) -> LaserScan:
-    increment = scenery.angle_increment(len(ranges))
-    return LaserScan(
-        header=header("lidar"),
-        angle_min=scenery.ANGLE_MIN,
-        angle_max=math.pi - increment,
-        angle_increment=increment,
-        time_increment=0.0,
-        scan_time=1.0 / SCAN_HZ,
-        range_min=scenery.RANGE_MIN_M,
-        range_max=scenery.RANGE_MAX_M,
-        ranges=ranges,
-        intensities=np.empty(0, dtype=np.float32),
-    )
-
-
-def _free_endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"

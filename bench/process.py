@@ -1,32 +1,36 @@
 """The real supervisor process, fed over real Zenoh at the robot's own rates."""
 
 import asyncio
-import contextlib
 import itertools
-import math
 import os
-import signal
-import socket
-import subprocess
-import sys
-import tempfile
 import time
-from collections.abc import AsyncGenerator, Callable, Coroutine
+from collections.abc import Coroutine
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from bench import scenery
+from bench.feed import (
+    BEAMS,
+    ODOM_HZ,
+    SCAN_HZ,
+    START_S,
+    Supervisor,
+    at_rate,
+    client,
+    feeding,
+    mode_of,
+    scan,
+    supervisor,
+)
 from wire import topics
-from wire.bus import BusError, Subscription
-from wire.messages import LaserScan, SafetyStatus, Twist, header, odometry, planar_twist
-from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
+from wire.bus import Subscription
+from wire.messages import SafetyStatus, Twist, odometry, planar_twist
+from wire.zenoh_bus import ZenohBus
 
-BEAMS = 360
-SCAN_HZ, COMMAND_HZ, ODOM_HZ = 20.0, 20.0, 50.0
+COMMAND_HZ = 20.0
 WARM_UP_S = 3.0
-START_S = 20.0
 SCANS = 64
 CRUISE_M_S = 0.3
 CLEAR_M = scenery.ROOM_M
@@ -66,51 +70,19 @@ def measure_process(seconds: float) -> list[Load]:
     Raises:
         RuntimeError: it does not start, or does not speak.
     """
-    endpoint = _free_endpoint()
-    with tempfile.TemporaryDirectory() as folder:
-        log = Path(folder) / "supervisor.log"
-        with log.open("wb") as file:
-            process = subprocess.Popen(
-                [sys.executable, "-m", "supervisor", "--endpoint", endpoint],
-                stdout=file,
-                stderr=file,
-                env=os.environ | {"LIFELINE_STATE_DIR": folder},
-            )
-        try:
-            return asyncio.run(_measure(endpoint, process.pid, seconds))
-        except (TimeoutError, BusError) as error:
-            raise RuntimeError(f"the supervisor cannot be measured: {log.read_text()[-600:]}") from error
-        finally:
-            process.send_signal(signal.SIGTERM)
-            try:
-                process.wait(5)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait(5)
+    with supervisor() as process:
+        return asyncio.run(_measure(process, seconds))
 
 
-async def _measure(endpoint: str, pid: int, seconds: float) -> list[Load]:
+async def _measure(process: Supervisor, seconds: float) -> list[Load]:
     wall_m, fast_m_s = scenery.WALL_M, scenery.FORWARD_M_S
-    async with _driving(endpoint) as driver:
-        return [
-            await driver.measure("free way", pid, seconds, CLEAR_M, CRUISE_M_S),
-            await driver.measure("limited by the barrier", pid, seconds, wall_m, fast_m_s),
-        ]
-
-
-@contextlib.asynccontextmanager
-async def _driving(endpoint: str) -> AsyncGenerator["_Driver"]:
-    async with asyncio.timeout(START_S):
-        bus = await open_bus(BusConfig(endpoint), "client")
-    driver = _Driver(bus)
-    feeding = [asyncio.ensure_future(feed) for feed in driver.feeds()]
-    try:
-        yield driver
-    finally:
-        for task in feeding:
-            task.cancel()
-        await asyncio.gather(*feeding, return_exceptions=True)
-        await bus.close()
+    async with client(process.endpoint) as bus:
+        driver = _Driver(bus)
+        async with feeding(driver.feeds()):
+            return [
+                await driver.measure("free way", process.pid, seconds, CLEAR_M, CRUISE_M_S),
+                await driver.measure("limited by the barrier", process.pid, seconds, wall_m, fast_m_s),
+            ]
 
 
 class _Driver:
@@ -134,9 +106,9 @@ class _Driver:
 
     def feeds(self) -> list[Coroutine[None, None, None]]:
         return [
-            _at_rate(COMMAND_HZ, lambda: self._commands.put(planar_twist(self._speed_m_s, 0.0))),
-            _at_rate(SCAN_HZ, lambda: self._scans.put(_laser_scan(next(self._ranges)))),
-            _at_rate(ODOM_HZ, self._tell_motion),
+            at_rate(COMMAND_HZ, lambda: self._commands.put(planar_twist(self._speed_m_s, 0.0))),
+            at_rate(SCAN_HZ, lambda: self._scans.put(scan(next(self._ranges)))),
+            at_rate(ODOM_HZ, self._tell_motion),
         ]
 
     def _tell_motion(self) -> None:
@@ -187,33 +159,8 @@ class _Driver:
         assert arrival is not None, "the hub of our own supervisor sends what decodes"
         assert arrival.message is not None
         status = arrival.message
-        self._mode = " ".join([("STOPPED", "READY", "DRIVING", "LIMITED")[status.mode], *status.reasons])
+        self._mode = mode_of(status)
         return status.scans_accepted
-
-
-async def _at_rate(rate_hz: float, act: Callable[[], None]) -> None:
-    loop = asyncio.get_running_loop()
-    next_s = loop.time()
-    while True:
-        act()
-        next_s = max(next_s + 1.0 / rate_hz, loop.time())
-        await asyncio.sleep(next_s - loop.time())
-
-
-def _laser_scan(ranges: scenery.Ranges) -> LaserScan:
-    increment = scenery.angle_increment(len(ranges))
-    return LaserScan(
-        header=header("lidar"),
-        angle_min=scenery.ANGLE_MIN,
-        angle_max=math.pi - increment,
-        angle_increment=increment,
-        time_increment=0.0,
-        scan_time=1.0 / SCAN_HZ,
-        range_min=scenery.RANGE_MIN_M,
-        range_max=scenery.RANGE_MAX_M,
-        ranges=ranges,
-        intensities=np.empty(0, dtype=np.float32),
-    )
 
 
 def _cpu_s(pid: int, thread: int | None = None) -> float:
@@ -228,9 +175,3 @@ def _rss_mb(pid: int) -> float:
         if line.startswith("VmRSS:"):
             return int(line.split()[1]) / 1024
     raise RuntimeError("the supervisor is gone")
-
-
-def _free_endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"

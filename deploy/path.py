@@ -92,14 +92,9 @@ def read_poses(file: FilePath) -> Poses:
 
 def _pose(message: Recorded) -> Pose | None:
     try:
-        return _to_pose(decode(message.payload, Odometry))
+        return Pose.of(decode(message.payload, Odometry))
     except UndecodableError:
         return None
-
-
-def _to_pose(odometry: Odometry) -> Pose:
-    at, turned = odometry.pose.pose.position, odometry.pose.pose.orientation
-    return Pose(at.x, at.y, 2.0 * math.atan2(turned.z, turned.w))
 
 
 # --- the person at the terminal
@@ -164,7 +159,7 @@ class Witness:
 
     def take(self) -> list[TruthSample]:
         return [
-            TruthSample(truth.arrival_s, _to_pose(truth.message))
+            TruthSample(truth.arrival_s, Pose.of(truth.message))
             for truth in self._truth.take()
             if truth.message is not None
         ]

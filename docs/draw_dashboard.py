@@ -8,7 +8,6 @@ import asyncio
 import copy
 import math
 import os
-import socket
 import subprocess
 import sys
 import tempfile
@@ -22,6 +21,7 @@ from PIL import Image, ImageDraw, ImageFont
 from pyte.screens import Char
 
 from bench.terminal import Terminal, end, teleop
+from deploy.launch import free_loopback_endpoint
 from teleop.view import Odom
 from wire import topics
 from wire.messages import Odometry, Point, SafetyStatus
@@ -84,9 +84,7 @@ def take_screen() -> pyte.Screen:
     Raises:
         TimeoutError: the robot did not get there.
     """
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    endpoint = free_loopback_endpoint()
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
         for node in (topics.SUPERVISOR, topics.SIM):

@@ -7,7 +7,18 @@ from sim.encoders import Reckoning
 from sim.imu import ImuConfig, Motion
 from sim.lidar import LidarConfig, Ranges
 from sim.plant import Pose
-from wire.messages import Clock, Imu, LaserScan, Odometry, Quaternion, Time, Vector3, header, odometry
+from wire.messages import (
+    Clock,
+    Imu,
+    LaserScan,
+    Odometry,
+    Quaternion,
+    Time,
+    Vector3,
+    header,
+    laser_scan,
+    odometry,
+)
 
 PLANAR = (0, 1, 5)
 """x, y and yaw among x, y, z, roll, pitch, yaw."""
@@ -19,17 +30,12 @@ HELD_BY_THE_FLOOR = 1e-6
 
 def to_scan(ranges: Ranges, lidar: LidarConfig, period_s: float) -> LaserScan:
     """A scan that was taken at one moment, `period_s` of simulated time after the one before."""
-    return LaserScan(
-        header("lidar"),
-        angle_min=lidar.angle_min_rad,
-        angle_max=lidar.angle_max_rad,
-        angle_increment=lidar.angle_increment_rad,
-        time_increment=0.0,
-        scan_time=period_s,
-        range_min=lidar.range_min_m,
-        range_max=lidar.range_max_m,
-        ranges=ranges,
-        intensities=np.empty(0, dtype=np.float32),
+    return laser_scan(
+        ranges,
+        angle_min_rad=lidar.angle_min_rad,
+        angle_increment_rad=lidar.angle_increment_rad,
+        range_m=(lidar.range_min_m, lidar.range_max_m),
+        period_s=period_s,
     )
 
 

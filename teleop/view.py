@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from teleop.pilot import NEUTRAL, Velocity
-from wire.messages import LaserScan, Odometry, SafetyStatus, SourceStatus
+from wire.messages import LaserScan, Odometry, SafetyStatus, SourceStatus, yaw_of
 
 # --- what a display is made of
 
@@ -77,8 +77,7 @@ class Odom:
     @staticmethod
     def of(message: Odometry) -> "Odom":
         pose, twist = message.pose.pose, message.twist.twist
-        q = pose.orientation
-        yaw_rad = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+        yaw_rad = yaw_of(pose.orientation)
         return Odom(pose.position.x, pose.position.y, yaw_rad, twist.linear.x, twist.angular.z)
 
 

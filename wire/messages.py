@@ -11,6 +11,7 @@ from importlib.resources import files
 from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar, cast
 
 import numpy as np
+import numpy.typing as npt
 from rosbags.interfaces.typing import Typesdict
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.stores.ros2_jazzy import builtin_interfaces__msg__Time as Time
@@ -59,8 +60,10 @@ __all__ = [
     "definition",
     "encode",
     "header",
+    "laser_scan",
     "odometry",
     "planar_twist",
+    "yaw_of",
     "zero_twist",
 ]
 
@@ -212,6 +215,46 @@ def header(frame_id: str, time_ns: int | None = None) -> Header:
     """A header stamped with the wall clock, for people and recordings; no safety rule reads it."""
     seconds, nanoseconds = divmod(time.time_ns() if time_ns is None else time_ns, 1_000_000_000)
     return Header(Time(seconds, nanoseconds), frame_id)
+
+
+def laser_scan(
+    ranges: npt.NDArray[np.float32],
+    *,
+    angle_min_rad: float = -math.pi,
+    angle_increment_rad: float | None = None,
+    range_m: tuple[float, float],
+    period_s: float,
+    time_ns: int | None = None,
+) -> LaserScan:
+    """A scan in `lidar`, all of it taken at one moment.
+
+    Args:
+        ranges: (n,) readings [m], counter-clockwise.
+        angle_min_rad: of the first beam.
+        angle_increment_rad: from beam to beam; None: they share a full turn.
+        range_m: the shortest and the longest measurable distance.
+        period_s: from scan to scan.
+        time_ns: of the header; None: now.
+    """
+    increment_rad = math.tau / max(1, len(ranges)) if angle_increment_rad is None else angle_increment_rad
+    return LaserScan(
+        header("lidar", time_ns),
+        angle_min=angle_min_rad,
+        angle_max=angle_min_rad + (len(ranges) - 1) * increment_rad,
+        angle_increment=increment_rad,
+        time_increment=0.0,
+        scan_time=period_s,
+        range_min=range_m[0],
+        range_max=range_m[1],
+        ranges=ranges,
+        intensities=np.empty(0, dtype=np.float32),
+    )
+
+
+def yaw_of(orientation: Quaternion) -> float:
+    """The heading [rad], counter-clockwise in (-π, π]."""
+    q = orientation
+    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
 
 
 def odometry(

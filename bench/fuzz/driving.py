@@ -8,7 +8,6 @@ keys while the good traffic goes on, and then it has to be drivable again.
 import asyncio
 import itertools
 import logging
-import math
 from collections import deque
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
@@ -36,6 +35,7 @@ from wire.messages import (
     Twist,
     decode,
     header,
+    laser_scan,
     odometry,
     planar_twist,
 )
@@ -297,19 +297,7 @@ def _scan(tick: int) -> LaserScan:
     """A round room; its readings are never the same twice, as a lidar's are not."""
     ranges = np.full(360, ROOM_M, np.float32)
     ranges[tick % 360] += 0.001
-    increment = math.tau / 360
-    return LaserScan(
-        header("lidar", 0),
-        angle_min=-math.pi,
-        angle_max=math.pi - increment,
-        angle_increment=increment,
-        time_increment=0.0,
-        scan_time=0.06,
-        range_min=0.05,
-        range_max=12.0,
-        ranges=ranges,
-        intensities=np.empty(0, np.float32),
-    )
+    return laser_scan(ranges, range_m=(0.05, 12.0), period_s=0.06, time_ns=0)
 
 
 @contextmanager

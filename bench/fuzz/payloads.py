@@ -36,6 +36,7 @@ from wire.messages import (
     definition,
     encode,
     header,
+    laser_scan,
     odometry,
     planar_twist,
 )
@@ -336,19 +337,9 @@ def _big_endian(message: Message) -> bytes:
 
 
 def _scan(ranges: "np.ndarray[Any, Any]", frame: str = "lidar") -> LaserScan:
-    increment = 2 * math.pi / max(1, len(ranges))
-    return LaserScan(
-        header(frame, 1_000_000_000),
-        angle_min=-math.pi,
-        angle_max=math.pi - increment,
-        angle_increment=increment,
-        time_increment=0.0,
-        scan_time=0.05,
-        range_min=0.05,
-        range_max=12.0,
-        ranges=ranges.astype(np.float32),
-        intensities=np.empty(0, np.float32),
-    )
+    scan = laser_scan(ranges.astype(np.float32), range_m=(0.05, 12.0), period_s=0.05, time_ns=1_000_000_000)
+    scan.header.frame_id = frame
+    return scan
 
 
 def _source(name: str) -> SourceStatus:

@@ -6,6 +6,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from wire.messages import Odometry, yaw_of
+
 
 class PathError(ValueError):
     """There is no such path, or it cannot be driven; the message says why, and what to do."""
@@ -17,6 +19,12 @@ class Pose(NamedTuple):
     x_m: float
     y_m: float
     yaw_rad: float
+
+    @staticmethod
+    def of(message: Odometry) -> "Pose":
+        """What odometry says."""
+        pose = message.pose.pose
+        return Pose(pose.position.x, pose.position.y, yaw_of(pose.orientation))
 
     @property
     def is_finite(self) -> bool:

@@ -259,8 +259,7 @@ class PathService:
             self._pause(f"a key was pressed at {self._operator}", now_s)
 
     def _move(self, odometry: Odometry, arrival_s: float) -> None:
-        at, turned, twist = odometry.pose.pose.position, odometry.pose.pose.orientation, odometry.twist.twist
-        pose = Pose(at.x, at.y, 2.0 * math.atan2(turned.z, turned.w))
+        twist, pose = odometry.twist.twist, Pose.of(odometry)
         speed = Velocity(twist.linear.x, twist.angular.z)
         if not pose.is_finite or not all(map(math.isfinite, speed)):
             return  # it proves nothing, and is as good as silence

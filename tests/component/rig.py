@@ -13,7 +13,7 @@ from sim.service import SimService
 from supervisor.blackbox import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.service import SupervisorService
-from wire import topics
+from wire import messages, topics
 from wire.bus import Subscription
 from wire.memory_bus import MemoryBus, MemoryNetwork, MemoryPublisher
 from wire.messages import LaserScan, Odometry, SafetyStatus, Twist, header, planar_twist
@@ -21,19 +21,7 @@ from wire.messages import LaserScan, Odometry, SafetyStatus, Twist, header, plan
 
 def laser_scan(ranges: np.ndarray) -> LaserScan:
     """360 beams, counter-clockwise from straight behind."""
-    step = 2 * np.pi / 360
-    return LaserScan(
-        header("lidar"),
-        angle_min=-np.pi,
-        angle_max=np.pi - step,
-        angle_increment=step,
-        time_increment=0.0,
-        scan_time=0.05,
-        range_min=0.1,
-        range_max=12.0,
-        ranges=ranges.astype(np.float32),
-        intensities=np.empty(0, dtype=np.float32),
-    )
+    return messages.laser_scan(ranges.astype(np.float32), range_m=(0.1, 12.0), period_s=0.05)
 
 
 @dataclass

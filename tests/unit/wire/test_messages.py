@@ -1,5 +1,6 @@
 """The bytes on the wire: ROS 2's own, and nothing that a stranger sends raises anything else."""
 
+import math
 import struct
 
 import numpy as np
@@ -21,7 +22,10 @@ from wire.messages import (
     definition,
     encode,
     header,
+    laser_scan,
+    odometry,
     planar_twist,
+    yaw_of,
 )
 
 
@@ -50,6 +54,19 @@ def test_the_status_comes_back_with_all_its_sources() -> None:
     assert isinstance(back, SafetyStatus)
     assert back.sources == [source]
     assert (back.mode, back.reasons, back.scale) == (3, ["OBSTACLE"], 0.4)
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 1.0, -3.0, math.pi])
+def test_the_yaw_of_odometry_is_the_one_that_was_put_in(yaw_rad: float) -> None:
+    assert yaw_of(odometry((1.0, 2.0, yaw_rad), (0.0, 0.0)).pose.pose.orientation) == pytest.approx(yaw_rad)
+
+
+def test_the_beams_of_a_scan_share_a_full_turn_unless_they_are_told_apart() -> None:
+    ranges = np.ones(4, dtype=np.float32)
+    turn = laser_scan(ranges, range_m=(0.1, 12.0), period_s=0.05)
+    assert (turn.angle_min, turn.angle_increment, turn.angle_max) == (-math.pi, math.pi / 2, math.pi / 2)
+    fan = laser_scan(ranges, angle_min_rad=-0.3, angle_increment_rad=0.2, range_m=(0.1, 12.0), period_s=0.05)
+    assert fan.angle_max == pytest.approx(0.3)
 
 
 def test_a_trigger_response_is_ros_2s() -> None:

@@ -1,0 +1,104 @@
+"""What the processes under measurement are fed with, at the robot's own rates, and the supervisor that they speak with."""
+
+import asyncio
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import AsyncGenerator, Callable, Coroutine, Generator, Iterable
+from contextlib import asynccontextmanager, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from bench import scenery
+from bench.terminal import end
+from deploy.launch import free_loopback_endpoint
+from wire.bus import BusError
+from wire.messages import LaserScan, SafetyStatus, laser_scan
+from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
+
+BEAMS = 360
+SCAN_HZ, ODOM_HZ = 20.0, 50.0
+START_S = 20.0
+MODES = ("STOPPED", "READY", "DRIVING", "LIMITED")
+
+
+@dataclass(frozen=True)
+class Supervisor:
+    """One that runs."""
+
+    endpoint: str
+    pid: int
+
+
+@contextmanager
+def supervisor() -> Generator[Supervisor]:
+    """A supervisor of its own, for a while.
+
+    Raises:
+        RuntimeError: what is done with it fails for want of it; the message ends with the end of its log.
+    """
+    endpoint = free_loopback_endpoint()
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "supervisor.log"
+        with log.open("wb") as file:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "supervisor", "--endpoint", endpoint],
+                stdout=file,
+                stderr=file,
+                env=os.environ | {"LIFELINE_STATE_DIR": folder},
+            )
+        try:
+            yield Supervisor(endpoint, process.pid)
+        except (TimeoutError, BusError) as error:
+            raise RuntimeError(f"the supervisor cannot be measured: {log.read_text()[-600:]}") from error
+        finally:
+            end(process)
+
+
+@asynccontextmanager
+async def client(endpoint: str) -> AsyncGenerator[ZenohBus]:
+    """A bus, for a while."""
+    async with asyncio.timeout(START_S):
+        bus = await open_bus(BusConfig(endpoint), "client")
+    try:
+        yield bus
+    finally:
+        await bus.close()
+
+
+@asynccontextmanager
+async def feeding(feeds: Iterable[Coroutine[None, None, None]]) -> AsyncGenerator[None]:
+    """All of them side by side, for a while."""
+    tasks = [asyncio.ensure_future(feed) for feed in feeds]
+    try:
+        yield
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def at_rate(rate_hz: float, act: Callable[[], None]) -> None:
+    loop = asyncio.get_running_loop()
+    next_s = loop.time()
+    while True:
+        act()
+        next_s = max(next_s + 1.0 / rate_hz, loop.time())
+        await asyncio.sleep(next_s - loop.time())
+
+
+def scan(ranges: scenery.Ranges) -> LaserScan:
+    """Of a full turn."""
+    return laser_scan(
+        ranges,
+        angle_min_rad=scenery.ANGLE_MIN,
+        angle_increment_rad=scenery.angle_increment(len(ranges)),
+        range_m=(scenery.RANGE_MIN_M, scenery.RANGE_MAX_M),
+        period_s=1.0 / SCAN_HZ,
+    )
+
+
+def mode_of(status: SafetyStatus) -> str:
+    """In words, with the reasons."""
+    return " ".join([MODES[status.mode], *status.reasons])
