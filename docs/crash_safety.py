@@ -9,10 +9,8 @@ Between `<!-- NAME: generated -->` and `<!-- /NAME -->` stand
 `--check` writes nothing and fails if a part is out of date; tests/unit/test_crash_safety.py does the same.
 """
 
-import argparse
-import re
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -22,6 +20,7 @@ from deploy.faults.figures import Campaign, ClassFigures, Spread
 from deploy.faults.page import FEW, percent, verdict
 from deploy.faults.report import read_campaigns
 from deploy.faults.statistics import upper_rate
+from docs import generated
 
 DOCUMENT = Path(__file__).parent / "crash-safety.md"
 RESULTS = {
@@ -161,7 +160,7 @@ def _missing(mode: str) -> str:
 
 # --- the document
 
-PARTS: Mapping[str, Callable[[], str]] = {
+PARTS: generated.Parts = {
     "answer": lambda: answer(result("real")),
     "real": lambda: table("real", result("real")),
     "virtual": lambda: table("virtual", result("virtual")),
@@ -175,34 +174,15 @@ def regenerated(text: str) -> str:
         ValueError: a part has no place in the document.
         DeployError: a result is damaged.
     """
-    for name, part in PARTS.items():
-        place = re.compile(rf"(<!-- {name}: generated -->\n).*?(<!-- /{name} -->)", re.DOTALL)
-        if place.search(text) is None:
-            raise ValueError(f"docs/crash-safety.md has no place for the part {name!r}")
-        body = part()
-        text = place.sub(lambda match, body=body: f"{match[1]}\n{body}\n\n{match[2]}", text)
-    return text
+    return generated.regenerated(text, PARTS, "docs/crash-safety.md")
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        prog="python -m docs.crash_safety",
-        description="Write the measured parts of docs/crash-safety.md anew.",
-    )
-    parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if out of date")
-    arguments = parser.parse_args()
-    before = DOCUMENT.read_text()
     try:
-        after = regenerated(before)
+        return generated.main("python -m docs.crash_safety", DOCUMENT, regenerated)
     except DeployError as error:
         print(f"docs/crash_safety.py: {error}", file=sys.stderr)
         return 1
-    if arguments.check and after != before:
-        print("docs/crash-safety.md is out of date: make docs", file=sys.stderr)
-        return 1
-    if not arguments.check:
-        DOCUMENT.write_text(after)
-    return 0
 
 
 if __name__ == "__main__":

@@ -9,9 +9,7 @@ Between `<!-- NAME: generated -->` and `<!-- /NAME -->` stand
 `--check` writes nothing and fails if a part is out of date; tests/unit/test_docs.py does the same.
 """
 
-import argparse
 import math
-import re
 import sys
 from collections import deque
 from collections.abc import Callable, Hashable, Mapping
@@ -21,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from docs import generated
 from supervisor.config import SupervisorSection
 from supervisor.model import (
     STANDSTILL,
@@ -409,7 +408,7 @@ def state_diagram() -> str:
 
 # --- the document
 
-PARTS: Mapping[str, Callable[[], str]] = {
+PARTS: generated.Parts = {
     "numbers": numbers_table,
     "states": state_diagram,
     "reasons": reasons_table,
@@ -422,30 +421,8 @@ def regenerated(text: str) -> str:
     Raises:
         ValueError: a part has no place in the document, or a StopReason no row.
     """
-    for name, part in PARTS.items():
-        place = re.compile(rf"(<!-- {name}: generated -->\n).*?(<!-- /{name} -->)", re.DOTALL)
-        if place.search(text) is None:
-            raise ValueError(f"docs/safety-law.md has no place for the part {name!r}")
-        body = part()
-        text = place.sub(lambda match, body=body: f"{match[1]}\n{body}\n\n{match[2]}", text)
-    return text
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(
-        prog="python -m docs.safety_law", description="Write the generated parts of docs/safety-law.md anew."
-    )
-    parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if out of date")
-    arguments = parser.parse_args()
-    before = DOCUMENT.read_text()
-    after = regenerated(before)
-    if arguments.check and after != before:
-        print("docs/safety-law.md is out of date: make docs", file=sys.stderr)
-        return 1
-    if not arguments.check:
-        DOCUMENT.write_text(after)
-    return 0
+    return generated.regenerated(text, PARTS, "docs/safety-law.md")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(generated.main("python -m docs.safety_law", DOCUMENT, regenerated))

@@ -1,0 +1,45 @@
+"""Documents with parts that a program writes, between `<!-- NAME: generated -->` and `<!-- /NAME -->`."""
+
+import argparse
+import re
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+Parts = Mapping[str, Callable[[], str]]
+
+
+def regenerated(text: str, parts: Parts, document: str) -> str:
+    """The text with each part written anew.
+
+    Args:
+        text: of the document.
+        parts: by name.
+        document: its name, for people.
+
+    Raises:
+        ValueError: a part has no place in the document.
+    """
+    for name, part in parts.items():
+        place = re.compile(rf"(<!-- {name}: generated -->\n).*?(<!-- /{name} -->)", re.DOTALL)
+        if place.search(text) is None:
+            raise ValueError(f"{document} has no place for the part {name!r}")
+        body = part()
+        text = place.sub(lambda match, body=body: f"{match[1]}\n{body}\n\n{match[2]}", text)
+    return text
+
+
+def main(program: str, document: Path, regenerate: Callable[[str], str]) -> int:
+    """`python -m docs.NAME [--check]`."""
+    name = f"docs/{document.name}"
+    parser = argparse.ArgumentParser(prog=program, description=f"Write the generated parts of {name} anew.")
+    parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if out of date")
+    arguments = parser.parse_args()
+    before = document.read_text()
+    after = regenerate(before)
+    if arguments.check and after != before:
+        print(f"{name} is out of date: make docs", file=sys.stderr)
+        return 1
+    if not arguments.check:
+        document.write_text(after)
+    return 0
