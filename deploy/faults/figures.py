@@ -218,7 +218,7 @@ class Campaign:
         self.duration_s += trial.duration_s
         self.contacts += trial.contacts
         self.broken_trials += bool(trial.violations)
-        named = list(_classes_in(trial))
+        named = list(classes_in(trial))
         names = tuple(dict.fromkeys(name for name, _ in named))
         self.broken += [Broken(names, trial.seed, one, replay(trial)) for one in trial.violations]
         for name, one in named:
@@ -297,7 +297,8 @@ def replay(trial: Trial) -> str:
     return f"lifeline faults --classes {name} --trials 1 --seed {trial.seed}"
 
 
-def _classes_in(trial: Trial) -> Iterator[tuple[str, Injected]]:
+def classes_in(trial: Trial) -> Iterator[tuple[str, Injected]]:
+    """Each fault of a trial with the class that it says something of."""
     for one in trial.faults:
         is_alone = PAIR not in one.parameters and all(
             abs(one.time_s - other.time_s) > APART_S for other in trial.faults if other is not one
@@ -318,13 +319,13 @@ def _case(trial: Trial, one: Injected) -> Case:
 
 
 def _time_in(trial: Trial, name: str) -> float | None:
-    times_s = [stop_s(trial.mode, one) for class_, one in _classes_in(trial) if class_ == name]
+    times_s = [stop_s(trial.mode, one) for class_, one in classes_in(trial) if class_ == name]
     return max((time_s for time_s in times_s if time_s is not None), default=None)
 
 
 def fault_of(trial: Trial, name: str) -> Injected | None:
     """The first fault of a class in a trial."""
-    return next((one for class_, one in _classes_in(trial) if class_ == name), None)
+    return next((one for class_, one in classes_in(trial) if class_ == name), None)
 
 
 def _longest_s(cases: Sequence[Case]) -> float:

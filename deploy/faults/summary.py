@@ -1,40 +1,21 @@
 """What the trials of the real campaign came to: for each class how often, how soon, how far; the broken promises."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from rich.console import Console
 from rich.table import Table
 
 from deploy.faults.classes import BY_NAME, CLASSES
+from deploy.faults.figures import PAIR, Spread, spread
 from deploy.faults.trial import Trial
 
-PAIR = "pair"
 BROKEN_SHOWN = 20
-
-
-@dataclass(frozen=True, slots=True)
-class Figures:
-    """Of one time or length over the trials of a class."""
-
-    median: float
-    p99: float
-    worst: float
 
 
 def class_of(trial: Trial) -> str:
     """The class that a trial was one of."""
     first, *others = trial.faults
     return PAIR if others or PAIR in first.parameters else first.fault
-
-
-def figures(values: Sequence[float]) -> Figures | None:
-    """By nearest rank; None where there are none."""
-    if not values:
-        return None
-    ordered = sorted(values)
-    last = len(ordered) - 1
-    return Figures(ordered[round(0.5 * last)], ordered[round(0.99 * last)], ordered[-1])
 
 
 def by_class(trials: Sequence[Trial]) -> dict[str, list[Trial]]:
@@ -64,14 +45,10 @@ def print_summary(console: Console, trials: Sequence[Trial]) -> None:
     for name, ones in by_class(trials).items():
         bound_s = BY_NAME[name].bound_s
         faults = [trial.faults[0] for trial in ones] if name != PAIR else []
-        zeros = figures(
-            [f.to_zero_s for f in faults if f.to_zero_s is not None and _is_stopped_by_zero(name)]
-        )
-        wheels = figures(
-            [float(f.parameters["to_wheels_s"]) for f in faults if "to_wheels_s" in f.parameters]
-        )
-        rests = figures([f.to_standstill_s for f in faults if f.to_standstill_s is not None])
-        ways = figures([f.distance_m for f in faults if f.distance_m is not None])
+        zeros = spread([f.to_zero_s for f in faults if _is_stopped_by_zero(name)])
+        wheels = spread([float(f.parameters["to_wheels_s"]) for f in faults if "to_wheels_s" in f.parameters])
+        rests = spread([f.to_standstill_s for f in faults])
+        ways = spread([f.distance_m for f in faults])
         broken = sum(bool(trial.violations) for trial in ones)
         table.add_row(
             name,
@@ -102,5 +79,5 @@ def _is_stopped_by_zero(name: str) -> bool:
     return not name.startswith("supervisor")
 
 
-def _ms(found: Figures | None) -> tuple[str, str]:
+def _ms(found: Spread | None) -> tuple[str, str]:
     return ("", "") if found is None else (f"{1000 * found.median:.1f} ms", f"{1000 * found.p99:.1f} ms")

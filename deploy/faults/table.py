@@ -9,10 +9,10 @@ from rich.console import Console
 from rich.table import Table
 
 from deploy.faults.classes import CLASSES
+from deploy.faults.figures import classes_in
+from deploy.faults.statistics import quantile
 from deploy.faults.trial import Injected, Trial
 
-APART_S = 2.0
-PAIR = "pair"
 MIN_WIDTH = 150
 """Columns where there is no terminal to ask."""
 
@@ -40,17 +40,11 @@ class Row:
 
 
 def rows(trials: Iterable[Trial]) -> list[Row]:
-    """A row for each class that happened, in the order of the table of classes.
-
-    What happened within `APART_S` of something else says nothing of its own class: it counts as a pair.
-    """
+    """A row for each class that happened, in the order of the table of classes."""
     by_class: dict[str, list[tuple[Injected, Trial]]] = {}
     for trial in trials:
-        for one in trial.faults:
-            is_alone = all(
-                abs(one.time_s - other.time_s) > APART_S for other in trial.faults if other is not one
-            )
-            by_class.setdefault(one.fault if is_alone else PAIR, []).append((one, trial))
+        for name, one in classes_in(trial):
+            by_class.setdefault(name, []).append((one, trial))
     order = {one.name: number for number, one in enumerate(CLASSES)}
     return [
         _row(name, by_class[name]) for name in sorted(by_class, key=lambda name: order.get(name, len(order)))
@@ -73,13 +67,6 @@ def _row(name: str, cases: Sequence[tuple[Injected, Trial]]) -> Row:
         min(trial.smallest_clearance_m for _, trial in cases),
         sum(bool(trial.violations) for _, trial in cases),
     )
-
-
-def quantile(ordered: Sequence[float], share: float) -> float:
-    """The smallest value that at least this share does not exceed; NaN of nothing."""
-    if not ordered:
-        return math.nan
-    return ordered[max(0, math.ceil(share * len(ordered)) - 1)]
 
 
 def print_table(trials: Sequence[Trial]) -> None:

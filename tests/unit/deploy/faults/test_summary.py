@@ -3,7 +3,8 @@
 import pytest
 from rich.console import Console
 
-from deploy.faults.summary import by_class, class_of, figures, print_summary
+from deploy.faults.figures import spread
+from deploy.faults.summary import by_class, class_of, print_summary
 from deploy.faults.trial import BrokenPromise, Injected, Trial
 
 
@@ -32,10 +33,10 @@ def _killed(to_zero_s: float) -> Injected:
 
 
 def test_percentiles_are_values_that_were_measured() -> None:
-    found = figures([float(value) for value in range(100, -1, -1)])
+    found = spread([float(value) for value in range(100, -1, -1)])
     assert found is not None
     assert (found.median, found.p99, found.worst) == (50.0, 99.0, 100.0)
-    assert figures([]) is None
+    assert spread([]) is None
 
 
 def test_a_pair_is_a_pair_also_when_one_half_was_spared() -> None:

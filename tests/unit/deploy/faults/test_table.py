@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from deploy.faults.table import print_table, quantile, rows, story
+from deploy.faults.statistics import quantile
+from deploy.faults.table import print_table, rows, story
 from deploy.faults.trial import BrokenPromise, Injected, Sample, Trial
 
 
