@@ -20,7 +20,8 @@ from deploy import interrupts, processes, stack
 from deploy.errors import DeployError
 from deploy.keyboard import TypedTeleop, typing
 from deploy.launch import Launch, free_loopback_endpoint
-from deploy.observe import Command, Motion, Observer, Record, State, observing
+from deploy.observe import Motion, Observer, Record, State, observing
+from deploy.samples import Command
 from deploy.stack import Say
 from deploy.statedir import StateDir, locked
 from deploy.verdict import Outcome, Verdict, judged, print_verdicts, summary, timed, worst
@@ -172,7 +173,9 @@ class _Stage:
         seen = self.observer.seen
         now = seen.states[-1].status if seen.states else None
         reasons = f" (mode {now.mode}, {', '.join(now.reasons) or 'no reason'})" if now else ""
-        ended = f"; teleop has ended: {teleop.last_line}" if teleop is not None and not teleop.running else ""
+        ended = (
+            f"; teleop has ended: {teleop.last_lines}" if teleop is not None and not teleop.running else ""
+        )
         raise StoryError(f"{complaint} within {limit_s:g} s{reasons}{ended}")
 
     async def accelerate(self, teleop: TypedTeleop, keys: str = KEYS_TO_SPEED) -> None:

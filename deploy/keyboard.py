@@ -1,4 +1,4 @@
-"""The real teleop on a pseudo-terminal, and a hand that types."""
+"""The real teleop on pseudo-terminals that can be hung up, and a hand that types."""
 
 import asyncio
 import fcntl
@@ -23,78 +23,116 @@ ESCAPE = re.compile(r"\x1b(\[[0-?]*[ -/]*[@-~]|[@-Z\\-_])")
 
 
 class TypedTeleop:
-    """A teleop process in its own terminal. Spawned, not forked: a fork would inherit our Zenoh session."""
+    """A teleop process. Its keys and its screen are two terminals, so that one can go without the other.
 
-    def __init__(self, launch: Launch, environment: dict[str, str]) -> None:
-        self._master, slave = pty.openpty()
+    Spawned, not forked: a fork would inherit our Zenoh session.
+
+    Args:
+        command: teleop's.
+        environment: all of it.
+    """
+
+    def __init__(self, command: list[str], environment: dict[str, str]) -> None:
+        self._loop = asyncio.get_running_loop()
         self.screen = b""
         """The last of what it drew."""
+        self._keys, keys_slave = pty.openpty()
+        self._display, display_slave = pty.openpty()
+        self._masters = [self._keys, self._display]
         try:
-            fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, COLUMNS, 0, 0))
+            fcntl.ioctl(display_slave, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, COLUMNS, 0, 0))
             self._child = subprocess.Popen(
-                launch.command(topics.TELEOP),
-                stdin=slave,
-                stdout=slave,
-                stderr=slave,
+                command,
+                stdin=keys_slave,
+                stdout=display_slave,
+                stderr=display_slave,
                 start_new_session=True,
-                env=os.environ | environment | {"TERM": "xterm-256color"},
+                env=environment | {"TERM": "xterm-256color"},
             )
         except OSError:
-            os.close(self._master)
+            for descriptor in self._masters:
+                os.close(descriptor)
             raise
         finally:
-            os.close(slave)
-        os.set_blocking(self._master, False)
-        self._loop = asyncio.get_running_loop()
-        self._loop.add_reader(self._master, self._on_output)
+            os.close(keys_slave)
+            os.close(display_slave)
+        os.set_blocking(self._keys, False)
+        os.set_blocking(self._display, False)
+        self._loop.add_reader(self._display, self._on_output)
+
+    @property
+    def pid(self) -> int:
+        return self._child.pid
 
     @property
     def running(self) -> bool:
         return self._child.poll() is None
 
     @property
-    def last_line(self) -> str:
+    def last_lines(self) -> str:
         """The last that it said, without colours and cursor movements."""
         text = ESCAPE.sub("", self.screen.decode(errors="replace"))
-        return next((line.strip() for line in reversed(text.splitlines()) if line.strip()), "it said nothing")
+        return (
+            " | ".join([line.strip() for line in text.splitlines() if line.strip()][-3:]) or "it said nothing"
+        )
 
     def press(self, keys: str) -> None:
         """Type, one key after the other."""
         with suppress(OSError):
-            os.write(self._master, keys.encode())
+            os.write(self._keys, keys.encode())
 
     def send(self, number: signal.Signals) -> float:
         """Signal the process; returns the time just before."""
         now_s = time.monotonic()
-        self._child.send_signal(number)
+        with suppress(ProcessLookupError):
+            self._child.send_signal(number)
+        return now_s
+
+    def end_input(self) -> float:
+        """The keys' terminal goes, the screen stays; returns the time just before."""
+        now_s = time.monotonic()
+        self._shut(self._keys)
+        return now_s
+
+    def hang_up(self) -> float:
+        """Both go, as when the window is closed: the kernel sends SIGHUP; returns the time just before."""
+        now_s = time.monotonic()
+        self._shut(self._display)
+        self._shut(self._keys)
         return now_s
 
     async def close(self) -> None:
-        """End the process, also a stopped one, and its terminal."""
-        self._child.send_signal(signal.SIGTERM)
-        self._child.send_signal(signal.SIGCONT)
+        """End the process, also a stopped one, and its terminals."""
+        self.send(signal.SIGTERM)
+        self.send(signal.SIGCONT)
         try:
             with suppress(subprocess.TimeoutExpired):
                 await asyncio.to_thread(self._child.wait, END_LIMIT_S)
         finally:
             self._child.kill()
             self._child.wait()
-            self._loop.remove_reader(self._master)
-            os.close(self._master)
+            self._shut(self._display)
+            self._shut(self._keys)
+
+    def _shut(self, descriptor: int) -> None:
+        if descriptor in self._masters:
+            self._masters.remove(descriptor)
+            self._loop.remove_reader(descriptor)
+            os.close(descriptor)
 
     def _on_output(self) -> None:
         try:
-            self.screen = (self.screen + os.read(self._master, SCREEN_BYTES))[-SCREEN_BYTES:]
+            self.screen = (self.screen + os.read(self._display, SCREEN_BYTES))[-SCREEN_BYTES:]
         except BlockingIOError:
             return
         except OSError:  # EIO: the other side is closed
-            self._loop.remove_reader(self._master)
+            self._loop.remove_reader(self._display)
 
 
 @asynccontextmanager
 async def typing(launch: Launch, environment: dict[str, str]) -> AsyncGenerator[TypedTeleop]:
     """A teleop for a while."""
-    teleop = TypedTeleop(launch, environment)
+    teleop = TypedTeleop(launch.command(topics.TELEOP), os.environ | environment)
     try:
         yield teleop
     finally:

@@ -28,7 +28,6 @@ armed.py       runs one of our processes with faults in it, which a signal sets 
 proxy.py, links.py    TCP links that can be cut, delayed, healed: the process, and the campaign's end of it
 namespaces.py  a network namespace and a cable, where root allows them
 attacker.py, attacks.py    a client that keeps no rules: the process, and what it says (pure)
-desk.py        teleop on terminals that can be hung up
 observer.py    what is seen of a trial: a client of the wire of its own, and the wheels
 wheels.py      what the base does, told past the network
 times.py       from the fault to a zero that lasts (pure)

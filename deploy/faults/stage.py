@@ -1,7 +1,7 @@
 """The stage of the real campaign: the whole robot as it is run, an operator at a terminal, and who watches.
 
-sim and supervisor run under supervisord as with `lifeline up`, but armed (armed.py); teleop sits at a desk of
-its own. The state directory is a small disk where the rights allow one, so that it can be filled. Everything
+sim and supervisor run under supervisord as with `lifeline up`, but armed (armed.py); teleop sits at
+terminals of its own. The state directory is a small disk where the rights allow one, so that it can be filled. Everything
 is taken down at the end, whatever happened.
 """
 
@@ -22,12 +22,12 @@ from deploy import processes, stack
 from deploy.errors import DeployError
 from deploy.faults import armed, namespaces
 from deploy.faults.child import Child
-from deploy.faults.desk import Desk
 from deploy.faults.janitor import STATE, sweep
 from deploy.faults.links import Links
 from deploy.faults.observer import Observer
 from deploy.faults.seen import Seen
 from deploy.faults.wheels import WheelPipe
+from deploy.keyboard import TypedTeleop
 from deploy.launch import DEFAULT_CONFIG, Launch, free_loopback_endpoint
 from deploy.statedir import StateDir
 from wire import topics
@@ -95,7 +95,7 @@ class Stage:
         self._cable_link: Links | None = None
         self._attacker: Child | None = None
         self._watch: Observer | None = None
-        self.desk: Desk | None = None
+        self._teleop: TypedTeleop | None = None
         self.is_ready = False
         """Whether it has just been seen to drive."""
         self.routes = {topics.TELEOP: Route.DIRECT, topics.SIM: Route.DIRECT}
@@ -108,9 +108,9 @@ class Stage:
         return self._watch
 
     @property
-    def teleop(self) -> Desk:
-        assert self.desk is not None
-        return self.desk
+    def teleop(self) -> TypedTeleop:
+        assert self._teleop is not None
+        return self._teleop
 
     @property
     def attacker(self) -> Child:
@@ -172,8 +172,8 @@ class Stage:
         """Take everything down. Never raises for what is gone already."""
         if self._watch is not None:
             self._watch.close()
-        if self.desk is not None:
-            await self.desk.close()
+        if self._teleop is not None:
+            await self._teleop.close()
         if self._bus is not None:
             await self._bus.close()
         self.discard()
@@ -249,7 +249,7 @@ class Stage:
         if self.routes[topics.TELEOP] is not teleop:
             await self.stop_teleop()
             self.routes[topics.TELEOP] = teleop
-        if self.desk is None:
+        if self._teleop is None:
             await self.start_teleop()
 
     def _set_route(self, sim: Route) -> None:
@@ -282,7 +282,7 @@ class Stage:
 
     async def start_teleop(self) -> None:
         """A new teleop on new terminals; it need not be alive yet when this returns."""
-        if self.desk is not None:
+        if self._teleop is not None:
             await self.stop_teleop()
         prefix, endpoint = self._teleop_way()
         command = self.launch.command(topics.TELEOP)
@@ -291,11 +291,11 @@ class Stage:
             self.observer.look()
             self.observer.alive.discard(topics.TELEOP)
         environment = os.environ | self.environment | {armed.DIRECTORY: str(self.directory)}
-        self.desk = Desk([*prefix, *command], dict(environment))
+        self._teleop = TypedTeleop([*prefix, *command], dict(environment))
 
     async def stop_teleop(self) -> None:
-        if self.desk is not None:
-            desk, self.desk = self.desk, None
+        if self._teleop is not None:
+            desk, self._teleop = self._teleop, None
             await desk.close()
 
     def pid(self, node: str) -> int:

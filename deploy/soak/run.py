@@ -174,7 +174,7 @@ class _Soak:
                     next_line_s += LINE_S
                     say(told)
             if not self._teleop.running:
-                log.ended = f"teleop has ended ({self._teleop.last_line})"
+                log.ended = f"teleop has ended ({self._teleop.last_lines})"
                 return
             await asyncio.sleep(LOOK_S)
 
