@@ -18,6 +18,7 @@ processes.py       which processes belong to a state directory, and signals to t
 statedir.py        the state directory: its files, its lock
 launch.py          what the children are started with, checked before anything starts
 keyboard.py        the real teleop on a pseudo-terminal, and a hand that types
+samples.py         what the robot is told and does, as several of these see it (pure)
 observe.py         what a client of the wire sees, with the time of each arrival
 interrupts.py      SIGINT, SIGTERM and SIGHUP as one exception, once
 errors.py          what is told in one sentence and ends with exit code 2

@@ -102,13 +102,11 @@ def status(
     """One look. Exit code 0: running; 1: partly; 3: nothing runs."""
 
     def run() -> int:
-        from deploy.launch import Launch  # noqa: PLC0415
         from deploy.statedir import StateDir  # noqa: PLC0415
         from deploy.status import show_status  # noqa: PLC0415
 
-        state = StateDir.choose(state_dir)
-        running = Launch.running(state) if config is None and endpoint is None else None
-        return show_status(state, running or Launch.read(config, endpoint), as_json=as_json)
+        launch = _running(config, endpoint, state_dir)
+        return show_status(StateDir.choose(state_dir), launch, as_json=as_json)
 
     _exit_with(run)
 

@@ -12,30 +12,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from deploy.errors import DeployError
+from deploy.samples import Command, is_still
 from wire import topics
-from wire.bus import Bus, BusError
-from wire.messages import LaserScan, Odometry, SafetyStatus, Twist
+from wire.bus import Bus, BusError, wait_until
+from wire.messages import LaserScan, Odometry, SafetyStatus, Twist, yaw_of
 from wire.zenoh_bus import BusConfig, open_bus
 
 DEPTH = 256
 KEPT = 8192
 """Samples of each kind: more than two minutes at 50 Hz."""
-
-STILL_M_S = 0.01
-STILL_RAD_S = 0.02
-
-
-@dataclass(frozen=True, slots=True)
-class Command:
-    """A sample of `cmd_vel`."""
-
-    arrival_s: float
-    linear_m_s: float
-    angular_rad_s: float
-
-    @property
-    def is_zero(self) -> bool:
-        return self.linear_m_s == 0.0 and self.angular_rad_s == 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +35,7 @@ class Motion:
 
     @property
     def is_still(self) -> bool:
-        return abs(self.linear_m_s) < STILL_M_S and abs(self.angular_rad_s) < STILL_RAD_S
+        return is_still(self.linear_m_s, self.angular_rad_s)
 
     def position_at(self, time_s: float) -> tuple[float, float]:
         """Where it is a moment later on the same course: odometry is 20 ms apart, or 1.2 cm at 0.6 m/s."""
@@ -129,23 +114,24 @@ class Observer:
 
     async def until(self, condition: Callable[[Record], bool], limit_s: float) -> bool:
         """Wait for something to be seen; whether it was, within `limit_s`."""
-        deadline_s = time.monotonic() + limit_s
-        while not condition(self.take()):
-            left_s = deadline_s - time.monotonic()
-            if left_s <= 0:
-                return False
-            self._wake.clear()
-            try:
-                await asyncio.wait_for(self._wake.wait(), left_s)
-            except TimeoutError:
-                return condition(self.take())
-        return True
+        return await seen_within(limit_s, self._wake, lambda: condition(self.take()))
 
     async def watch(self, duration_s: float) -> float:
         """Look on for a while; returns when that began."""
         began_s = time.monotonic()
         await self.until(lambda _: False, duration_s)
         return began_s
+
+
+async def seen_within(limit_s: float, wake: asyncio.Event, is_seen: Callable[[], bool]) -> bool:
+    """Look whenever something came; whether it was seen in time. The loop's clock is `time.monotonic`."""
+    deadline_s = time.monotonic() + limit_s
+    while not is_seen():
+        if time.monotonic() >= deadline_s:
+            return False
+        wake.clear()
+        await wait_until(wake, deadline_s)
+    return True
 
 
 @asynccontextmanager
@@ -172,8 +158,7 @@ def _command(arrival_s: float, twist: Twist) -> Command:
 
 def _motion(arrival_s: float, odometry: Odometry) -> Motion:
     pose, twist = odometry.pose.pose, odometry.twist.twist
-    half_yaw_rad = math.atan2(pose.orientation.z, pose.orientation.w)
-    yaw_rad, v = 2 * half_yaw_rad, twist.linear.x
+    yaw_rad, v = yaw_of(pose.orientation), twist.linear.x
     course = (v * math.cos(yaw_rad), v * math.sin(yaw_rad))
     return Motion(arrival_s, pose.position.x, pose.position.y, v, twist.angular.z, course)
 

@@ -5,8 +5,10 @@ import time
 from collections.abc import Callable
 
 from deploy.faults.measure import BaseReport
-from deploy.faults.seen import Asked, Command, Motion, Seen, Status
+from deploy.faults.seen import Asked, Motion, Seen, Status
 from deploy.faults.wheels import WheelPipe, WheelSample
+from deploy.observe import seen_within
+from deploy.samples import Command
 from sim.watchdog import BaseReason
 from wire import topics
 from wire.bus import Arrival, Bus
@@ -67,7 +69,6 @@ class Observer:
 
     def look(self) -> Seen:
         """Take in what came since the last look, and return everything."""
-        self._wake.clear()
         seen = self.seen
         for change in self._alive.take():
             (self.alive.add if change.alive else self.alive.discard)(change.node)
@@ -94,17 +95,7 @@ class Observer:
 
     async def until(self, condition: Callable[[Seen], bool], limit_s: float) -> bool:
         """Wait for something to be seen; whether it was, within `limit_s`."""
-        deadline_s = time.monotonic() + limit_s
-        while not condition(self.look()):
-            left_s = deadline_s - time.monotonic()
-            if left_s <= 0.0:
-                return False
-            try:
-                async with asyncio.timeout(left_s):
-                    await self._wake.wait()
-            except TimeoutError:
-                return condition(self.look())
-        return True
+        return await seen_within(limit_s, self._wake, lambda: condition(self.look()))
 
     async def watch(self, duration_s: float) -> None:
         await self.until(lambda _: False, duration_s)

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
-from deploy.faults.seen import Asked, Command, Motion, Seen, Status
+from deploy.faults.seen import Asked, Motion, Seen, Status
+from deploy.samples import Command
 
 BARRIER_REASONS = frozenset({"OBSTACLE", "SCAN_BLIND"})
 """Stops that also a command which goes elsewhere ends: nobody has to carry a robot out of its stop zone."""

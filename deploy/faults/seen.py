@@ -4,17 +4,7 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-
-class Command(NamedTuple):
-    """A sample of `cmd_vel`."""
-
-    arrival_s: float
-    linear_m_s: float
-    angular_rad_s: float
-
-    @property
-    def is_zero(self) -> bool:
-        return self.linear_m_s == 0.0 and self.angular_rad_s == 0.0
+from deploy.samples import Command, is_still
 
 
 class Status(NamedTuple):
@@ -49,11 +39,7 @@ class Motion(NamedTuple):
 
     @property
     def is_still(self) -> bool:
-        return abs(self.linear_m_s) < STILL_M_S and abs(self.angular_rad_s) < STILL_RAD_S
-
-
-STILL_M_S = 0.01
-STILL_RAD_S = 0.02
+        return is_still(self.linear_m_s, self.angular_rad_s)
 
 
 class Asked(NamedTuple):

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from deploy.faults.measure import BaseReport
-from deploy.faults.seen import Command, Seen
+from deploy.faults.seen import Seen
+from deploy.samples import Command
 
 
 def to_lasting_zero_s(commands: Sequence[Command], fault_s: float, until_s: float) -> float | None:

@@ -13,8 +13,9 @@ import numpy as np
 
 from deploy.faults.measure import BaseReport
 from deploy.faults.scenario import Drivers, Scenario
-from deploy.faults.seen import Asked, Command, Seen, Status
+from deploy.faults.seen import Asked, Seen, Status
 from deploy.faults.surroundings import Witness
+from deploy.samples import Command
 from sim import mj
 from sim.config import SimSection
 from sim.floorplan import Circle, FloorPlan

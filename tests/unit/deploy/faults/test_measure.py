@@ -3,7 +3,8 @@
 import pytest
 
 from deploy.faults.measure import BaseReport, Stop, stop_after
-from deploy.faults.seen import Command, Motion, Seen, Status
+from deploy.faults.seen import Motion, Seen, Status
+from deploy.samples import Command
 
 FAULT_S = 1.0
 

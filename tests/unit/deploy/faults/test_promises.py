@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from deploy.faults.promises import Bounds, Demand, Kind, Violation, violations
-from deploy.faults.seen import Asked, Command, Motion, Seen, Status
+from deploy.faults.seen import Asked, Motion, Seen, Status
+from deploy.samples import Command
 
 FREE: tuple[str, ...] = ()
 

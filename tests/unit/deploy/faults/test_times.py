@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from deploy.faults.measure import BaseReport
-from deploy.faults.seen import Asked, Command, Motion, Seen, Status
+from deploy.faults.seen import Asked, Motion, Seen, Status
 from deploy.faults.times import longest_gap_s, since, to_lasting_rest_s, to_lasting_zero_s
+from deploy.samples import Command
 
 END_S = 10.0
 
