@@ -32,8 +32,8 @@ class Supervisor:
 
 
 @contextmanager
-def supervisor() -> Generator[Supervisor]:
-    """A supervisor of its own, for a while.
+def supervisor(module: str = "supervisor") -> Generator[Supervisor]:
+    """A supervisor of its own, or what stands in its place, for a while.
 
     Raises:
         RuntimeError: what is done with it fails for want of it; the message ends with the end of its log.
@@ -43,7 +43,7 @@ def supervisor() -> Generator[Supervisor]:
         log = Path(folder) / "supervisor.log"
         with log.open("wb") as file:
             process = subprocess.Popen(
-                [sys.executable, "-m", "supervisor", "--endpoint", endpoint],
+                [sys.executable, "-m", module, "--endpoint", endpoint],
                 stdout=file,
                 stderr=file,
                 env=os.environ | {"LIFELINE_STATE_DIR": folder},
@@ -51,7 +51,7 @@ def supervisor() -> Generator[Supervisor]:
         try:
             yield Supervisor(endpoint, process.pid)
         except (TimeoutError, BusError) as error:
-            raise RuntimeError(f"the supervisor cannot be measured: {log.read_text()[-600:]}") from error
+            raise RuntimeError(f"the {module} cannot be measured: {log.read_text()[-600:]}") from error
         finally:
             end(process)
 

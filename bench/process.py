@@ -1,11 +1,12 @@
-"""The real supervisor process, fed over real Zenoh at the robot's own rates."""
+"""The real supervisor process, fed over real Zenoh at the robot's own rates, and a bare relay in its place."""
 
 import asyncio
 import itertools
+import math
 import os
 import time
 from collections.abc import Coroutine
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,9 @@ SCANS = 64
 CRUISE_M_S = 0.3
 CLEAR_M = scenery.ROOM_M
 
+Phase = tuple[str, float, float]
+"""Its name, how far the wall is [m], and the speed that is asked for [m/s]."""
+
 TARGET_CPU_PERCENT = 6.0
 TARGET_RSS_MB = 100.0
 
@@ -51,6 +55,8 @@ class Load:
     """The last one that the status told."""
     cpu_percent: float
     """Of one core."""
+    cpu_to_relay: float
+    """That against a bare relay's in the same run."""
     loop_percent: float
     """That of the thread with the event loop, the law, and all encoding and decoding."""
     zenoh_percent: float
@@ -65,23 +71,32 @@ class Load:
 
 
 def measure_process(seconds: float) -> list[Load]:
-    """Start a supervisor, drive it on a free way and then limited by the barrier, and end it.
+    """Drive a bare relay, then a supervisor on a free way, and the same one limited by the barrier.
 
     Raises:
-        RuntimeError: it does not start, or does not speak.
+        RuntimeError: one of them does not start, or does not speak.
     """
-    with supervisor() as process:
-        return asyncio.run(_measure(process, seconds))
+    free, limited = (
+        ("free way", CLEAR_M, CRUISE_M_S),
+        ("limited by the barrier", scenery.WALL_M, scenery.FORWARD_M_S),
+    )
+    [relay] = _measure_in("bench.relay", [("a bare relay instead", CLEAR_M, CRUISE_M_S)], seconds)
+    loads = [relay, *_measure_in("supervisor", [free, limited], seconds)]
+    return [replace(load, cpu_to_relay=load.cpu_percent / relay.cpu_percent) for load in loads]
 
 
-async def _measure(process: Supervisor, seconds: float) -> list[Load]:
-    wall_m, fast_m_s = scenery.WALL_M, scenery.FORWARD_M_S
+def _measure_in(module: str, phases: list[Phase], seconds: float) -> list[Load]:
+    with supervisor(module) as process:
+        return asyncio.run(_measure(process, phases, seconds))
+
+
+async def _measure(process: Supervisor, phases: list[Phase], seconds: float) -> list[Load]:
     async with client(process.endpoint) as bus:
         driver = _Driver(bus)
         async with feeding(driver.feeds()):
             return [
-                await driver.measure("free way", process.pid, seconds, CLEAR_M, CRUISE_M_S),
-                await driver.measure("limited by the barrier", process.pid, seconds, wall_m, fast_m_s),
+                await driver.measure(phase, process.pid, seconds, wall_m, speed_m_s)
+                for phase, wall_m, speed_m_s in phases
             ]
 
 
@@ -139,6 +154,7 @@ class _Driver:
             seconds=took_s,
             mode=self._mode,
             cpu_percent=100 * cpu_s / took_s,
+            cpu_to_relay=math.nan,
             loop_percent=100 * loop_s / took_s,
             zenoh_percent=100 * (cpu_s - loop_s) / took_s,
             rss_mb=_rss_mb(pid),

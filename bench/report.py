@@ -66,7 +66,7 @@ class Results:
             else:
                 what = f"time for each beam at {timing.beams:,} beams"
                 verdicts.append(Verdict(what, timing.per_beam_to_360, 1.0, f"× that at {law.TARGET_BEAMS}"))
-        for load in self.loads:
+        for load in self.loads[1:]:  # the first is the relay's
             verdicts += [
                 Verdict(f"CPU, {load.phase},", load.cpu_percent, process.TARGET_CPU_PERCENT, "% of one core"),
                 Verdict(f"resident memory, {load.phase},", load.rss_mb, process.TARGET_RSS_MB, "MB"),
@@ -164,6 +164,7 @@ def _load_sheet(loads: Iterable[process.Load]) -> Sheet:
             "mode",
             "s",
             "CPU %",
+            "/ relay",
             "loop %",
             "Zenoh %",
             "RSS MB",
@@ -178,6 +179,7 @@ def _load_sheet(loads: Iterable[process.Load]) -> Sheet:
                 load.mode,
                 f"{load.seconds:.0f}",
                 f"{load.cpu_percent:.1f}",
+                f"{load.cpu_to_relay:.2f}",
                 f"{load.loop_percent:.1f}",
                 f"{load.zenoh_percent:.1f}",
                 f"{load.rss_mb:.0f}",
@@ -192,6 +194,11 @@ def _load_sheet(loads: Iterable[process.Load]) -> Sheet:
             (
                 "CPU: of one core, user and system, from /proc/<pid>/stat. loop: the thread with the event loop, the "
                 "law, encoding and decoding. Zenoh: all other threads."
+            ),
+            (
+                "relay: the same traffic through a process without a law, bench/relay.py. Where a core sleeps between "
+                "ticks its caches grow cold, on some machines to several times the time that the same code takes in a "
+                "loop; / relay is what remains of the comparison."
             ),
             (
                 "cmd_vel and its gaps are as the driver sees them; under the barrier the output changes also between "

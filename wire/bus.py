@@ -97,13 +97,13 @@ class Inbox(Generic[T]):
         self.overflowed = 0
         """How many items had to give way since the start."""
 
-    def push(self, item: T) -> None:
+    def push(self, item: T, *, wakes: bool = True) -> None:
         """Hand an item over and wake the loop; never blocks, never raises, safe on any thread."""
         with self._lock:
             if len(self._items) == self._items.maxlen:
                 self.overflowed += 1
             self._items.append(item)
-            if self._wake is None or self._woken:
+            if self._wake is None or self._woken or not wakes:
                 return
             self._woken = True
         with suppress(RuntimeError):  # the loop has closed: nobody is left to wake
@@ -123,9 +123,19 @@ class Inbox(Generic[T]):
 class Subscription(Generic[M]):
     """What arrived on one topic. Payloads are decoded here, in the loop, not on the network's thread."""
 
-    def __init__(self, key: str, message_type: type[M], *, depth: int, wake: asyncio.Event | None) -> None:
+    def __init__(
+        self,
+        key: str,
+        message_type: type[M],
+        *,
+        depth: int,
+        wake: asyncio.Event | None,
+        repeats_wake: bool = True,
+    ) -> None:
         self.key = key
         self._type = message_type
+        self._repeats_wake = repeats_wake
+        self._last_payload: bytes | None = None
         self._inbox: Inbox[RawArrival] = Inbox(depth, wake)
         self._next_report_s = 0.0
         self.undecodable = 0
@@ -137,7 +147,9 @@ class Subscription(Generic[M]):
 
     def push(self, payload: bytes, attachment: bytes | None, arrival_s: float) -> None:
         """For the Bus: a sample arrived."""
-        self._inbox.push(RawArrival(payload, attachment, arrival_s))
+        wakes = self._repeats_wake or payload != self._last_payload
+        self._last_payload = payload
+        self._inbox.push(RawArrival(payload, attachment, arrival_s), wakes=wakes)
 
     def take(self) -> list[Arrival[M]]:
         """Every sample since the last take, oldest first, at most `depth` of them."""
@@ -190,9 +202,21 @@ class Bus(Protocol):
     def publisher(self, topic: Topic[M]) -> Publisher[M]: ...
 
     def subscribe(
-        self, topic: Topic[M], *, depth: int = 1, wake: asyncio.Event | None = None
+        self,
+        topic: Topic[M],
+        *,
+        depth: int = 1,
+        wake: asyncio.Event | None = None,
+        repeats_wake: bool = True,
     ) -> Subscription[M]:
-        """Take part in a topic. With the default depth only the latest sample is kept."""
+        """Take part in a topic.
+
+        Args:
+            topic: what to hear.
+            depth: how many samples are kept until they are taken; of more, the oldest give way.
+            wake: set when a sample arrives.
+            repeats_wake: whether also a sample with the same payload as the one before it sets `wake`.
+        """
         ...
 
     def hear_sources(self) -> Inbox[str]:

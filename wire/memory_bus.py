@@ -89,9 +89,14 @@ class MemoryBus:
         return MemoryPublisher(self, topic.key)
 
     def subscribe(
-        self, topic: Topic[M], *, depth: int = 1, wake: asyncio.Event | None = None
+        self,
+        topic: Topic[M],
+        *,
+        depth: int = 1,
+        wake: asyncio.Event | None = None,
+        repeats_wake: bool = True,
     ) -> Subscription[M]:
-        subscription = Subscription(topic.key, topic.type, depth=depth, wake=wake)
+        subscription = Subscription(topic.key, topic.type, depth=depth, wake=wake, repeats_wake=repeats_wake)
         self.network.subscriptions.append((self, subscription))
         return subscription
 

@@ -248,9 +248,14 @@ class VirtualBus:
         return VirtualPublisher(self, topic.key)
 
     def subscribe(
-        self, topic: Topic[M], *, depth: int = 1, wake: asyncio.Event | None = None
+        self,
+        topic: Topic[M],
+        *,
+        depth: int = 1,
+        wake: asyncio.Event | None = None,
+        repeats_wake: bool = True,
     ) -> Subscription[M]:
-        subscription = Subscription(topic.key, topic.type, depth=depth, wake=wake)
+        subscription = Subscription(topic.key, topic.type, depth=depth, wake=wake, repeats_wake=repeats_wake)
         self.subscriptions.setdefault(topic.key, []).append(subscription)
         self.network.listened.add(topic.key)
         return subscription

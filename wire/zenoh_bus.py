@@ -213,10 +213,15 @@ class ZenohBus:
         return ZenohPublisher(self._session, self._key(topic.key))
 
     def subscribe(
-        self, topic: Topic[M], *, depth: int = 1, wake: asyncio.Event | None = None
+        self,
+        topic: Topic[M],
+        *,
+        depth: int = 1,
+        wake: asyncio.Event | None = None,
+        repeats_wake: bool = True,
     ) -> Subscription[M]:
         key = self._key(topic.key)
-        subscription = Subscription(key, topic.type, depth=depth, wake=wake)
+        subscription = Subscription(key, topic.type, depth=depth, wake=wake, repeats_wake=repeats_wake)
 
         def on_sample(sample: zenoh.Sample) -> None:
             arrival_s = time.monotonic()

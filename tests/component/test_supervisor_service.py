@@ -44,6 +44,23 @@ async def test_neutral_arms_and_a_motion_passes_at_once() -> None:
         assert rig.newest_status.owner == topics.TELEOP
 
 
+async def test_another_command_is_obeyed_at_once_and_a_repeated_one_keeps_it_driving() -> None:
+    rig = Rig()
+    asked = rig.outsider.subscribe(topics.source_cmd_vel(topics.TELEOP), depth=100)
+    async with rig.supervisor(), rig.lidar(), rig.source():
+        await rig.drive(0.5)
+        await rig.pass_time(1.013)
+        assert rig.output() == (0.5, 0.0)  # repeated twenty times by now, and never older than the timeout
+        asked.take()
+        rig.velocity = (0.25, 0.0)
+        await rig.pass_time(0.1)
+        slower = planar_twist(0.25, 0.0)
+        (first, *_), (obeyed, *_) = (
+            [a.arrival_s for a in heard.take() if a.message == slower] for heard in (asked, rig.cmd_vel)
+        )
+        assert obeyed - first < 0.001
+
+
 async def test_a_dead_source_stops_it_within_the_same_instant() -> None:
     rig = Rig()
     async with rig.supervisor(), rig.lidar():

@@ -75,3 +75,22 @@ async def test_raw_samples_are_the_bytes_as_they_came() -> None:
     assert subscription.take_raw() == [(GOOD, b"stamp", 1.0), (b"junk", None, 2.0)]
     assert subscription.take() == []
     assert subscription.undecodable == 0
+
+
+async def test_a_repeat_that_shall_not_wake_waits_for_the_next_look_and_a_change_wakes() -> None:
+    wake = asyncio.Event()
+    subscription = Subscription("k", Twist, depth=8, wake=wake, repeats_wake=False)
+
+    async def wakes(payload: bytes, arrival_s: float) -> bool:
+        wake.clear()
+        subscription.push(payload, None, arrival_s)
+        await asyncio.sleep(0)  # what another thread asked of the loop is done in its next turn
+        return wake.is_set()
+
+    other = encode(planar_twist(0.2, 0.0))
+    assert await wakes(GOOD, 1.0)
+    subscription.take()
+    assert not await wakes(GOOD, 2.0)
+    assert await wakes(other, 3.0)
+    assert [a.arrival_s for a in subscription.take()] == [2.0, 3.0]
+    assert await wakes(GOOD, 4.0)
