@@ -97,7 +97,7 @@ REASONS: Mapping[StopReason, Reason] = {
         "diff_drive_controller keeps the reference from before a NaN, and the NaN refreshes its age.",
     ),
     StopReason.COMMAND_STALE: Reason(
-        f"commands arrive, but late, replayed, out of order or from an ended epoch, and no good one for "
+        f"commands arrive, but late, replayed, out of order or from another epoch, and no good one for "
         f"{DEFAULTS.command_timeout_s:g} s",
         "fresh commands, and neutral",
         "A network that stalls delivers its backlog in one burst: teleop_twist_joy #27, “ghost commands”. "

@@ -42,8 +42,8 @@ def to_scan(arrival: Arrival[ros.LaserScan], header_tolerance_s: float) -> Laser
     if arrival.stamp is not None:
         sent = _sent(arrival.stamp)
     elif stamp.sec or stamp.nanosec:
-        # A header has no sequence; the arrival, which only goes on, stands for it.
-        sequence = round(arrival.arrival_s * 1e9)
+        # A header has no sequence; the arrival, which only goes on, stands for it, in microseconds.
+        sequence = round(arrival.arrival_s * 1e6)
         sent = Sent(HEADER_EPOCH, sequence, stamp.sec + stamp.nanosec * 1e-9)
         tolerance_s = header_tolerance_s
     return LaserScan(

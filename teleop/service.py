@@ -380,7 +380,7 @@ class Teleop:
         self._look_at_own(status)
 
     def _look_at_own(self, status: SafetyStatus) -> None:
-        """Of two programs with one name the supervisor obeys the one that began last."""
+        """Of two programs with one name the supervisor obeys the one that spoke first, for as long as it speaks."""
         own = next((s for s in status.sources if s.name == self._setup.source), None)
         if own is None:
             return
@@ -388,7 +388,7 @@ class Teleop:
             if not self._has_rival:
                 self._has_rival = True
                 self.note(
-                    f"another program speaks as {own.name}: the supervisor obeys the one that began last",
+                    f"another program speaks as {own.name}: the supervisor obeys the one that spoke first",
                     Tone.STOP,
                 )
             if not self._sent.is_neutral:

@@ -21,7 +21,7 @@ import pytest
 from supervisor.clearance import ConvexPolygon
 from supervisor.config import SupervisorSection
 from supervisor.freshness import Sent
-from supervisor.messages import HEADER_EPOCH
+from supervisor.messages import HEADER_EPOCH, to_scan
 from supervisor.model import STANDSTILL, Command, Inputs, Mode, StopReason, Velocity
 from supervisor.safety import initial_state, step
 from tests.unit.supervisor.law_harness import (
@@ -39,6 +39,8 @@ from tests.unit.supervisor.law_harness import (
     odometry,
     ring,
 )
+from wire import messages as ros
+from wire.bus import Arrival
 
 FULL_SPEED = Velocity(1.0, 2.0)
 
@@ -103,6 +105,27 @@ def test_a_clock_that_leaps_into_the_future_and_back_neither_extends_nor_locks_o
         if n in range(75, 101):
             assert law.decision.output == STANDSTILL, "the proof of the clock began anew, and no scan counted"
     assert law.tick(("teleop", FORWARD)).output == FORWARD
+
+
+@pytest.mark.parametrize("silent_s", [1.0, 3600.0, 7 * 86400.0])
+def test_a_driver_without_sequences_is_seen_again_after_any_silence(silent_s: float) -> None:
+    """Its arrivals stand for a sequence; none of them may look like one that jumped."""
+    state, reasons = initial_state(CONFIG), frozenset[StopReason]()
+    arrivals_s = [1e5 + n * 0.1 for n in range(20)]
+    arrivals_s += [arrivals_s[-1] + silent_s + n * 0.1 for n in range(20)]
+    for n, arrival_s in enumerate(arrivals_s):
+        message = ros.laser_scan(
+            ring() + np.float32(1e-4 * (n % 2)),
+            range_m=(0.05, 12.0),
+            period_s=0.1,
+            time_ns=round(arrival_s * 1e9),
+        )
+        scan = to_scan(Arrival(message, arrival_s, None), CONFIG.scan_timeout_s)
+        state, decision = step(state, arrival_s, Inputs(scan=scan))
+        reasons = frozenset(decision.reasons)
+    assert state.scan_counts.sequence == 0
+    assert reasons
+    assert StopReason.SCAN_STALE not in reasons
 
 
 def test_a_driver_that_republishes_its_last_scan_with_its_old_header_goes_stale() -> None:

@@ -27,7 +27,7 @@ from supervisor.clearance import (
     survey,
 )
 from supervisor.config import SupervisorSection
-from supervisor.freshness import Sent, Track, Verdict, judge
+from supervisor.freshness import JUMP, Sent, Track, Verdict, judge
 from supervisor.lidar import PROFILES
 from supervisor.model import (
     STANDSTILL,
@@ -197,51 +197,105 @@ def test_after_scaling_nothing_is_closed_on_faster_than_permitted(
         assert slower >= enough, "what was scaled once is not scaled again"
 
 
-@examples(2000)
-@given(
-    steps=st.lists(
-        st.tuples(
-            st.sampled_from([0.0, 0.001, 0.02, 0.05, 0.21, 3.0]),  # since the last arrival
-            st.sampled_from(
-                [0.0, 0.001, 0.02, 0.05, 0.05, 0.05, 3.0, -0.01, -1000.0, 1000.0]
-            ),  # source clock
-            st.sampled_from([1, 1, 1, 1, 0, -3, 7]),  # sequence
-            st.sampled_from(["same", "same", "same", "same", "same", "new", "old"]),
-        ),
-        max_size=40,
-    )
+speakers = st.tuples(
+    st.sampled_from(["A", "A", "B", "C"]),
+    st.sampled_from([0.0, 0.001, 0.02, 0.05, 0.05, 0.1, 0.21, 3.0]),  # since the last arrival
+    st.sampled_from([0.0] * 7 + [3.0, -0.01, -1000.0, 1000.0]),  # by how much its clock steps
+    st.sampled_from([1] * 7 + [0, -3, 7, JUMP, 2 * JUMP, 2**62]),  # its sequence
+    st.sampled_from([1, 1, 2, 6]),  # so often on end
 )
-def test_a_fresh_verdict_is_earned_and_an_ended_run_stays_ended(
-    steps: list[tuple[float, float, int, str]],
+
+
+@examples(2000)
+@given(steps=st.lists(speakers, max_size=30))
+def test_a_fresh_verdict_is_earned_and_a_run_that_was_followed_stays_ended(
+    steps: list[tuple[str, float, float, int, int]],
 ) -> None:
-    timeout_s, arrival_s, source_s, sequence, epoch = 0.2, 100.0, 5000.0, 100, 0
-    track, ended = Track(), set[int]()
-    heard_since_s = arrival_s
-    for gap_s, source_gap_s, forward, which in steps:
-        arrival_s += gap_s
-        source_s += source_gap_s
-        sequence += forward
-        if which == "new" and track.last is not None:
-            ended.add(epoch)
-            epoch += 1
-            heard_since_s = arrival_s
-        replayed = which == "old" and track.last is not None and track.last.epoch == str(epoch).encode()
-        said = min(ended) if replayed and ended else epoch
-        sent = Sent(str(said).encode(), sequence, source_s)
-        before = track
-        track, verdict, on_way_s = judge(before, sent, arrival_s, timeout_s)
-        if said in ended:
-            assert verdict is Verdict.EPOCH
-            assert track == before
-        if verdict is Verdict.FRESH:
-            assert said == epoch
-            assert 0.0 <= on_way_s <= timeout_s
-            assert arrival_s - heard_since_s >= timeout_s
-            assert before.last is not None
-            assert sent.sequence > before.last.sequence
-            assert sent.source_time_s >= before.last.source_time_s
-        if verdict in (Verdict.FRESH, Verdict.UNPROVEN):
-            assert track.last == sent
+    timeout_s, arrival_s, track = 0.2, 100.0, Track()
+    clock_s, sequence = dict.fromkeys("ABC", 5000.0), dict.fromkeys("ABC", 100)
+    heard = dict.fromkeys("ABC", -(2**63))
+    ended, counts, speaks, spoke_s, since_s = set[str](), "", "", -math.inf, 0.0
+    for who, gap_s, clock_step_s, forward, times in steps:
+        clock_s[who] += clock_step_s
+        for _ in range(times):
+            arrival_s += gap_s
+            sent = Sent(who.encode(), sequence[who] + forward, arrival_s + clock_s[who])
+            before = track
+            track, verdict, on_way_s = judge(before, sent, arrival_s, timeout_s)
+            refused_entirely = track is before
+            if who in ended or (who != speaks and arrival_s - spoke_s <= timeout_s):
+                assert verdict is Verdict.EPOCH
+            if verdict is Verdict.EPOCH:
+                assert refused_entirely
+                assert who != speaks
+            if not refused_entirely:
+                since_s = arrival_s if who != speaks else since_s
+                speaks, spoke_s = who, arrival_s
+                sequence[who] = sent.sequence
+                assert track.last == sent
+            if verdict is Verdict.FRESH:
+                if counts not in {"", who}:
+                    ended.add(counts)
+                counts = who
+                assert 0.0 <= on_way_s <= timeout_s
+                assert arrival_s - since_s >= timeout_s
+                assert before.last is not None
+                assert sent.sequence > before.last.sequence
+                assert sent.source_time_s >= before.last.source_time_s
+                assert sent.sequence > heard[who], "what was heard once never counts again"
+            if not refused_entirely and (counts == who or verdict is Verdict.FRESH):
+                heard[who] = max(heard[who], sent.sequence)
+
+
+@examples(400)
+@given(
+    strays=st.lists(
+        st.tuples(
+            st.floats(0.0, 3.0),
+            st.sampled_from([b"A", b"B", b"C"]),
+            st.sampled_from([-1, 0, 2 * JUMP, 2**62]),
+            st.floats(-1e6, 1e6),
+        ),
+        max_size=60,
+    ),
+    second=st.booleans(),
+)
+def test_nothing_that_others_send_takes_the_source_from_whoever_speaks_steadily(
+    strays: list[tuple[float, bytes, int, float]], *, second: bool
+) -> None:
+    """Strays with any epoch, also a copied one with a sequence of long ago or far ahead; and a second program."""
+    messages = [(-0.5 + n * 0.05, Sent(b"A", 1 + n, n * 0.05)) for n in range(71)]
+    messages += [(arrival_s, Sent(epoch, sequence, time_s)) for arrival_s, epoch, sequence, time_s in strays]
+    if second:
+        messages += [(0.02 + n * 0.05, Sent(b"D", 1 + n, n * 0.05)) for n in range(60)]
+    track = Track()
+    for arrival_s, sent in sorted(messages, key=lambda message: message[0]):
+        track, verdict, _ = judge(track, sent, arrival_s, 0.2)
+        steady = sent.epoch == b"A" and 0 < sent.sequence <= 71
+        if arrival_s >= 0.0:
+            assert verdict is (
+                Verdict.FRESH if steady else Verdict.SEQUENCE if sent.epoch == b"A" else Verdict.EPOCH
+            )
+
+
+@examples(300)
+@given(
+    pause_s=st.floats(0.0, 1.0),
+    period_s=st.floats(0.005, 0.19),
+    strays_s=st.lists(st.floats(0.0, 0.19), max_size=5),
+)
+def test_a_run_that_follows_another_one_counts_after_the_timeout_and_its_proof(
+    pause_s: float, period_s: float, strays_s: list[float]
+) -> None:
+    track = Track()
+    for n in range(30):
+        track, _, _ = judge(track, Sent(b"A", 1 + n, n * 0.05), n * 0.05 - 29 * 0.05, 0.2)
+    messages = [(pause_s + n * period_s, Sent(b"B", 1 + n, n * period_s)) for n in range(300)]
+    messages += [(stray_s, Sent(b"F", 1, 0.0)) for stray_s in strays_s]
+    for arrival_s, sent in sorted(messages, key=lambda message: message[0]):
+        track, verdict, _ = judge(track, sent, arrival_s, 0.2)
+        if sent.epoch == b"B" and arrival_s > max(pause_s, 0.2 + period_s) + 0.2 + period_s:
+            assert verdict is Verdict.FRESH
 
 
 # --- the law in time

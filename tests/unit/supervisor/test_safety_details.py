@@ -264,16 +264,34 @@ def test_one_foreign_scan_does_not_blind_the_robot_for_good(
     assert law.step(sent_scan(law, sequence=60)).output == FORWARD
 
 
-def test_two_lidars_that_speak_in_turn_prove_nothing(law_with_stamped_scans: Law) -> None:
+def test_of_two_lidars_that_speak_in_turn_the_first_is_heard(law_with_stamped_scans: Law) -> None:
     law = law_with_stamped_scans
+    wall = ring(0.31)
     for sequence in range(31, 60):
         law.now_s += TICK_S
-        law.step(
-            Inputs(scan=replace(laser_scan(law.ranges, law.now_s), sent=Sent(b"F", sequence, law.now_s)))
-        )
+        law.step(Inputs(scan=replace(laser_scan(wall, law.now_s), sent=Sent(b"F", sequence, law.now_s))))
+        law.now_s += TICK_S
+        assert law.step(sent_scan(law, sequence=sequence)).output == FORWARD
+    assert law.decision.scan_counts.epoch == 29
+
+
+def test_a_lidar_is_seen_again_after_another_one_took_its_place(law_with_stamped_scans: Law) -> None:
+    """A command's run would have ended for good; a driver that stamps headers only has one epoch for ever."""
+    law = law_with_stamped_scans
+    law.asked = NEUTRAL
+    law.hold(0.3)
+    for sequence in range(1, 30):
+        law.now_s += TICK_S
+        sent = Sent(b"F", sequence, law.now_s)
+        law.step(Inputs(scan=replace(laser_scan(law.ranges, law.now_s), sent=sent)))
+    assert law.decision.scan_age_s == 0.0
+    law.hold(0.3)
+    for sequence in range(31, 60):
         law.now_s += TICK_S
         law.step(sent_scan(law, sequence=sequence))
-    assert law.decision.reasons == (StopReason.SCAN_STALE,)
+    law.asked = FORWARD
+    law.now_s += TICK_S
+    assert law.step(sent_scan(law, sequence=60)).output == FORWARD
 
 
 def test_a_late_scan_counts_as_none(law_with_stamped_scans: Law) -> None:

@@ -4,9 +4,11 @@ import math
 
 import pytest
 
+from supervisor.freshness import Sent
 from supervisor.model import STANDSTILL, Command, Inputs, Mode, StopReason, Velocity
 from tests.unit.supervisor.law_harness import (
     BACK,
+    CONFIG,
     FORWARD,
     NEUTRAL,
     TICK_S,
@@ -353,16 +355,66 @@ def test_a_backlog_of_a_run_never_heard_before_moves_nothing() -> None:
     assert law.hold(0.1).output == STANDSTILL
 
 
+def speak(law: Law, epoch: bytes, velocity: Velocity, seconds: float) -> None:
+    """Commands of one run of teleop at every tick, each with the next sequence."""
+    for _ in range(round(seconds / TICK_S)):
+        law.now_s += TICK_S
+        law.step(Inputs(commands=(law.stamped(velocity, sent_s=law.now_s, epoch=epoch),)))
+
+
 def test_a_replayed_run_is_refused() -> None:
     law = Law()
     for epoch in (b"A", b"B"):
-        for n in range(30):
-            law.now_s += TICK_S
-            law.step(Inputs(commands=(law.stamped(NEUTRAL, sent_s=law.now_s, epoch=epoch, sequence=n + 1),)))
-    law.now_s += TICK_S
-    law.step(Inputs(commands=(law.stamped(FORWARD, sent_s=law.now_s, epoch=b"A", sequence=99),)))
+        speak(law, epoch, NEUTRAL, 0.6)
+        law.hold(0.3)
+    refused = law.state.sources[0].counts.epoch
+    assert refused == 0
+    speak(law, b"A", FORWARD, 2.0)
     assert law.decision.output == STANDSTILL
+    assert law.state.sources[0].counts.epoch == 100
+
+
+def test_one_foreign_command_neither_moves_the_robot_nor_locks_its_operator_out() -> None:
+    """It was so: teleop's run had ended with it, and nothing that teleop said counted until it was started anew."""
+    law = Law()
+    speak(law, b"A", NEUTRAL, 0.4)
+    speak(law, b"A", FORWARD, 0.1)
+    foreign = Command("teleop", BACK, law.now_s, Sent(b"F", 2**40, 1e9))
+    assert law.step(Inputs(commands=(foreign,))).output == FORWARD
+    speak(law, b"A", FORWARD, 0.5)
+    assert law.decision.output == FORWARD
     assert law.state.sources[0].counts.epoch == 1
+
+
+def test_a_second_program_with_the_same_name_is_refused_for_as_long_as_the_first_speaks() -> None:
+    law = Law()
+    speak(law, b"A", NEUTRAL, 0.4)
+    for n in range(200):
+        law.now_s += TICK_S
+        first = law.stamped(NEUTRAL, sent_s=law.now_s)
+        second = Command("teleop", FORWARD if n % 2 else BACK, law.now_s, Sent(b"B", n + 1, law.now_s))
+        assert law.step(Inputs(commands=(first, second))).output == STANDSTILL
+    assert law.state.sources[0].counts.epoch == 200
+    assert law.decision.mode is Mode.READY
+
+
+@pytest.mark.parametrize("pause_s", [0.02, 0.1, 0.2, 0.24, 5.0])
+def test_a_teleop_that_is_killed_and_started_anew_drives_again_soon_after_its_neutral(pause_s: float) -> None:
+    law = Law()
+    speak(law, b"A", NEUTRAL, 0.4)
+    speak(law, b"A", FORWARD, 0.4)
+    law.tick(liveliness=lost())
+    law.hold(pause_s - TICK_S)
+    law.tick(liveliness=back())
+    law.sequence = 0
+    speak(law, b"B", NEUTRAL, 2 * CONFIG.command_timeout_s + 2 * TICK_S)
+    assert law.decision.mode is Mode.READY
+    speak(law, b"B", FORWARD, TICK_S)
+    assert law.decision.output == FORWARD
+    speak(law, b"B", NEUTRAL, TICK_S)
+    law.hold(1.0)
+    speak(law, b"A", FORWARD, 2.0)
+    assert law.decision.output == STANDSTILL, "the run before has ended for good"
 
 
 def test_scan_arrivals_between_ticks_do_not_disturb_the_order_of_things() -> None:
