@@ -373,6 +373,20 @@ def test_a_pillar_beside_the_nose_limits_an_arc_toward_it_before_it_closes(hull:
     assert permitted_scale(beside, 0.9, -1.8, BARRIER) == (1.0, None)
 
 
+def test_a_corner_that_sweeps_past_something_is_blocked_by_what_it_closes_on() -> None:
+    """Found by hypothesis: now, and when the corner has come near, it moves away; in between it closes.
+
+    A block that the motion itself does not approach would let the stop go with the very command that it stopped.
+    """
+    hull = ConvexPolygon(((1.0, 0.0), (-0.5, 0.866), (-0.5, -0.866)))
+    scale, block = permitted_scale(seen(hull, one(0.0, 1.0)), 0.0, 2.0, Barrier(0.3, 1.5, 1.0, 0.0))
+    assert scale == pytest.approx(0.447, abs=0.001)
+    assert block is not None
+    assert block.per_angular == pytest.approx(0.844, abs=0.001)
+    assert block.is_approached_by(0.0, 2.0)
+    assert not block.is_approached_by(0.0, -2.0)
+
+
 @given(
     st.tuples(st.floats(0.1, 1.0), st.floats(-2.0, 2.0)),
     st.floats(0.2, 2.0),
@@ -413,7 +427,7 @@ LONG = ((2.0, -0.4), (2.0, 0.4), (-2.0, 0.4), (-2.0, -0.4))
         (RECTANGLE, (0.56, 0.35), (0.3, 1.5), 0.2, 0.0037, (0.86619, -0.02332)),
         (RECTANGLE, (-0.32, -0.54), (-0.3, 2.0), 0.1, 0.3036, (-0.05872, 0.28774)),
         (ConvexPolygon(LONG), (1.8, 1.2), (0.3, 0.7), 0.1, 0.78573, (0.0, 1.94892)),
-        (Circle(0.25), (1.0, 1.0), (0.7, 0.9), 1.5, 0.80302, (0.96728, 0.0)),
+        (Circle(0.25), (1.0, 1.0), (0.7, 0.9), 1.5, 0.80302, (0.99997, 0.0)),
         (Circle(0.25), (0.9, 0.35), (1.0, 1.0), 0.3, 0.75696, (0.99942, 0.0)),
         (Circle(0.25), (0.99033, 0.0), (1.0, 0.001), 0.1, 0.99608, (1.0, 0.0)),
     ],
