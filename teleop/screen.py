@@ -93,13 +93,14 @@ class FrameWriter:
         edges = np.flatnonzero(np.diff(tones)) + 1
         span = np.searchsorted(firsts, edges, side="right") - 1
         edges = edges[(span >= 0) & (edges > firsts[span]) & (edges < ends[span])]
-        begins = np.union1d(firsts, edges)
-        stops = np.union1d(ends, edges)
+        # Not by np.union1d: with its first use it loads masked arrays, 5 MB of them.
+        begins = sorted({*firsts.tolist(), *edges.tolist()})
+        stops = sorted({*ends.tolist(), *edges.tolist()})
         text = (cells & CODE_POINT).astype("<u4").tobytes().decode("utf-32-le")
         places = set(firsts.tolist())
         parts: list[str] = []
         tone_now = -1
-        for begin, stop in zip(begins.tolist(), stops.tolist(), strict=True):
+        for begin, stop in zip(begins, stops, strict=True):
             tone = int(tones[begin])
             if begin in places:
                 parts.append(f"\x1b[{begin // columns + 1};{begin % columns + 1}H")

@@ -191,12 +191,12 @@ def _lines(codes: npt.NDArray[np.uint32], ranks: Cells, tones: tuple[Tone, ...])
     for row, row_ranks in enumerate(ranks):
         cuts = [0, *(np.flatnonzero(np.diff(row_ranks)) + 1).tolist(), columns]
         line = text[row * columns : (row + 1) * columns]
-        lines.append(
-            tuple(
-                Segment(line[begin:end], tones[int(row_ranks[begin])])
-                for begin, end in itertools.pairwise(cuts)
-            )
-        )
+        # A tuple of a list: one of a generator begins with room for ten, and CPython keeps two thousand of each
+        # length that it is cut to. Drawn ten times a second, that was megabytes.
+        segments = [
+            Segment(line[begin:end], tones[int(row_ranks[begin])]) for begin, end in itertools.pairwise(cuts)
+        ]
+        lines.append(tuple(segments))
     return lines
 
 

@@ -1,11 +1,13 @@
 """The contract between the processes: what is said, on which key, in which bytes, and how it travels.
 
 topics.py       every key, with its message type, writer and rate (one table)
-messages.py     the ROS 2 message types and their CDR bytes (rosbags); msg/ holds our own
+messages.py     the messages and their CDR bytes (rosbags); msg/ says what they are made of
+ros.py          those of them that are ROS 2's own
 stamp.py        the attachment of each sample: sequence, source time, epoch
 bus.py          the Bus that services use, and the inbox between threads
 zenoh_bus.py    the Bus over Zenoh: the one file that imports it
 memory_bus.py   the same Bus inside one event loop, for the component tests
 config.py       robot.toml, read strictly
 process.py      a process that always ends: signals, exceptions, a bounded close
+huge_pages.py   and whose end its peers see sooner
 """

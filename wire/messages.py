@@ -7,31 +7,35 @@ whatever the bytes are, and refuses sizes that no message of ours has.
 import math
 import time
 from dataclasses import dataclass, field
-from importlib.resources import files
+from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
 from rosbags.interfaces.typing import Typesdict
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from rosbags.typesys.stores.ros2_jazzy import builtin_interfaces__msg__Time as Time
-from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticArray as DiagnosticArray
-from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticStatus as DiagnosticStatus
-from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__KeyValue as KeyValue
-from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Point as Point
-from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Pose as Pose
-from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__PoseWithCovariance as PoseWithCovariance
-from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Quaternion as Quaternion
-from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Twist as Twist
-from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance
-from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Vector3 as Vector3
-from rosbags.typesys.stores.ros2_jazzy import nav_msgs__msg__Odometry as Odometry
-from rosbags.typesys.stores.ros2_jazzy import rosgraph_msgs__msg__Clock as Clock
-from rosbags.typesys.stores.ros2_jazzy import sensor_msgs__msg__Imu as Imu
-from rosbags.typesys.stores.ros2_jazzy import sensor_msgs__msg__LaserScan as LaserScan
-from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Bool as Bool
-from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Header as Header
-from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__String as String
+from rosbags.typesys import get_types_from_msg
+from rosbags.typesys.store import Typestore
+
+from wire.ros import (
+    Bool,
+    Clock,
+    DiagnosticArray,
+    DiagnosticStatus,
+    Header,
+    Imu,
+    KeyValue,
+    LaserScan,
+    Odometry,
+    Point,
+    Pose,
+    PoseWithCovariance,
+    Quaternion,
+    String,
+    Time,
+    Twist,
+    TwistWithCovariance,
+    Vector3,
+)
 
 __all__ = [
     "Bool",
@@ -155,23 +159,55 @@ class TriggerResponse:
     __msgtype__: ClassVar[str] = "std_srvs/srv/Trigger_Response"
 
 
+_TYPES: tuple[type[Message], ...] = (
+    Bool,
+    Clock,
+    DiagnosticArray,
+    DiagnosticStatus,
+    Header,
+    Imu,
+    KeyValue,
+    LaserScan,
+    Odometry,
+    Point,
+    Pose,
+    PoseWithCovariance,
+    Quaternion,
+    SafetyStatus,
+    SourceStatus,
+    String,
+    Time,
+    TriggerResponse,
+    Twist,
+    TwistWithCovariance,
+    Vector3,
+)
+
+
 def _definitions() -> Typesdict:
-    """The types that rosbags does not carry: ours from their .msg files, and the Trigger service's answer."""
-    definitions: Typesdict = {}
+    """What the types are made of: from .msg files, and the Trigger service's answer."""
+    folder = Path(__file__).with_name("msg")
+    definitions = get_types_from_msg((folder / "ros.msg").read_text(), Bool.__msgtype__)
     for name in ("SourceStatus", "SafetyStatus"):
-        text = files("wire").joinpath(f"msg/{name}.msg").read_text()
-        definitions.update(get_types_from_msg(text, f"lifeline_msgs/msg/{name}"))
+        definitions |= get_types_from_msg((folder / f"{name}.msg").read_text(), f"lifeline_msgs/msg/{name}")
     # The parser knows messages only; a service's response is one under another name.
     (trigger,) = get_types_from_msg("bool success\nstring message", "std_srvs/msg/Trigger").values()
     definitions[TriggerResponse.__msgtype__] = trigger
     return definitions
 
 
-_store = get_typestore(Stores.ROS2_JAZZY)
-_store.max_sequence_length = MAX_SEQUENCE_LENGTH
-_store.register(_definitions())
-# Decode into the classes above, which a type checker knows, not into rosbags' generated twins.
-_store.types.update({t.__msgtype__: cast("Any", t) for t in (SourceStatus, SafetyStatus, TriggerResponse)})
+def _typestore() -> Typestore:
+    """Of our types alone, and of our classes for them, which a type checker knows."""
+    definitions = _definitions()
+    store = Typestore(max_sequence_length=MAX_SEQUENCE_LENGTH)
+    for message_type in _TYPES:
+        name = message_type.__msgtype__
+        store.fielddefs[name] = definitions[name]
+        store.types[name] = cast("Any", message_type)
+    return store
+
+
+_store = _typestore()
 
 
 def encode(message: Message) -> bytes:

@@ -41,7 +41,7 @@ class VirtualProcess:
         self.slack_s = slack_s
         self.context = contextvars.copy_context()
         self.context.run(_process.set, self)
-        self._held: list[asyncio.TimerHandle] | None = None
+        self._held: list[asyncio.Handle] | None = None
         self.is_dead = False
 
     @property
@@ -53,12 +53,12 @@ class VirtualProcess:
         if self._held is None:
             self._held = []
 
-    def let_go(self) -> list[asyncio.TimerHandle]:
+    def let_go(self) -> list[asyncio.Handle]:
         """What has piled up, oldest first; from now on everything runs again."""
         held, self._held = self._held or [], None
         return held
 
-    def keep(self, handle: asyncio.TimerHandle) -> bool:
+    def keep(self, handle: asyncio.Handle) -> bool:
         """Whether it has to wait, or is never to run."""
         if self.is_dead:
             return True
@@ -73,7 +73,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
 
     def __init__(self) -> None:
         self._now_s = 0.0
-        self._ready: deque[asyncio.TimerHandle] = deque()
+        self._ready: deque[asyncio.Handle] = deque()
         self._timers: list[tuple[float, int, asyncio.TimerHandle]] = []
         self._scheduled = 0
         self._stopping = False
@@ -96,7 +96,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         *args: Any,  # noqa: ANN401
         context: contextvars.Context | None = None,
     ) -> asyncio.Handle:
-        handle = asyncio.TimerHandle(self._now_s, callback, args, self, context)
+        handle = asyncio.Handle(callback, args, self, context)
         self._ready.append(handle)
         return handle
 
