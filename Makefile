@@ -11,7 +11,7 @@ export UV_PYTHON_DOWNLOADS := never
 export UV := $(UV)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test unit virtual check bench docs picture mutation campaign
+.PHONY: help setup run test unit virtual check bench docs picture mutation faults campaign
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -49,6 +49,10 @@ docs: $(STAMP) ## write the generated parts and the drawings of docs/ anew
 	.venv/bin/python -m docs.draw_dashboard
 	.venv/bin/python -m docs.crash_safety
 	.venv/bin/python -m docs.draw_crash_safety
+
+faults: $(STAMP) ## every class of fault three times on the real processes, and 2,000 virtual lives; a quarter of an hour
+	.venv/bin/lifeline faults --trials 3 --minutes 8
+	.venv/bin/lifeline faults --virtual --seeds 2000
 
 campaign: $(STAMP) ## every class of fault 300 times on the real processes; hours, and it resumes
 	.venv/bin/lifeline faults --trials 300 --out docs/campaign/real.jsonl

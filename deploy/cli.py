@@ -170,10 +170,18 @@ def faults(
     trials: Annotated[int, typer.Option("--trials", min=1, metavar="N", help="of each real class")] = 3,
     minutes: Annotated[
         float | None,
-        typer.Option("--minutes", min=0.1, metavar="M", help="then no further real trial begins"),
+        typer.Option(
+            "--minutes",
+            min=0.1,
+            metavar="M",
+            help="then no further real trial begins; a class without any is told, and exit code 1",
+        ),
     ] = None,
 ) -> None:
-    """Break everything at random moments, and check every promise. Exit code 1: one was broken."""
+    """Break everything at random moments, and check every promise.
+
+    Exit code 1: one was broken, or a class of faults was not tried for want of time.
+    """
 
     def run() -> int:
         from deploy.faults.origin import signed  # noqa: PLC0415

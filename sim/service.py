@@ -22,7 +22,7 @@ from sim.sensor_faults import NO_FAULTS, FaultError, SensorFaults, parse_faults,
 from sim.shown import Mode, Shown
 from sim.watchdog import BaseReason, Watchdog
 from wire import topics
-from wire.bus import Arrival, Bus, wait_until
+from wire.bus import Arrival, Bus
 from wire.messages import Point, SafetyStatus, TriggerResponse, Twist
 
 _log = logging.getLogger(__name__)
@@ -52,6 +52,7 @@ class SimService:
         on_frame: draws the world, 30 times a second, paused or not, and what is to be shown with it.
         speed: simulated seconds in each second, to begin with.
         faults: of the sensors, to begin with.
+        told: whether the truth and the simulated time are published, too; nothing that drives the robot needs them.
     """
 
     def __init__(
@@ -63,11 +64,13 @@ class SimService:
         *,
         speed: float = 1.0,
         faults: SensorFaults = NO_FAULTS,
+        told: bool = True,
     ) -> None:
         self._bus = bus
         self._config = config
         self._plant = plant
         self._on_frame = on_frame
+        self._told = told
         self._watchdog = Watchdog(config.command_timeout_s)
         self._loop = asyncio.get_running_loop()
         self._wake = asyncio.Event()
@@ -99,7 +102,8 @@ class SimService:
         self._next_frame_s = math.inf if on_frame is None else self._loop.time()
         self._next_contact_report_s = self._next_contact_log_s = self._next_pace_log_s = 0.0
 
-        self._cmd_vel = bus.subscribe(topics.CMD_VEL, wake=self._wake)
+        # A command that says the same again is taken in before the next step, which is when it counts.
+        self._cmd_vel = bus.subscribe(topics.CMD_VEL, wake=self._wake, repeats_wake=False)
         self._alive = bus.watch_alive(self._wake)
         self._obstacles = bus.subscribe(topics.OBSTACLE, depth=OBSTACLE_DEPTH, wake=self._wake)
         self._statuses = None if on_frame is None else bus.subscribe(topics.STATUS)  # to be shown, no more
@@ -127,9 +131,7 @@ class SimService:
                 if self._pace.is_due:
                     await asyncio.sleep(0)  # behind time: let requests in, but wait for nothing
                 else:
-                    await wait_until(
-                        self._wake, min(self._pace.due_s, self._next_report_s, self._next_frame_s)
-                    )
+                    await self._wait()
                 self._listen()
                 now_s = self._loop.time()
                 self._pace.elapse(now_s)
@@ -145,6 +147,15 @@ class SimService:
             stopping.cancel()
             self._end_of_single_steps()
             token.withdraw()
+
+    async def _wait(self) -> None:
+        """Until something came, or something is due."""
+        due_s = min(self._pace.due_s, self._next_report_s, self._next_frame_s)
+        timer = self._loop.call_at(due_s, self._wake.set)
+        try:
+            await self._wake.wait()
+        finally:
+            timer.cancel()
 
     def _listen(self) -> None:
         """Take in the supervisor's token and command, and where the pillar is to be."""
@@ -174,22 +185,27 @@ class SimService:
             _log.warning("%s: %s", topics.OBSTACLE.key, error)
 
     def _make_steps(self, now_s: float) -> None:
-        """Make the steps that are due, for a slice of time at most."""
+        """Make the steps that are due, for a slice of time at most; all of them follow the command of now."""
         end_s = now_s + SLICE_S
+        twist_target = self._aim(now_s) if self._pace.is_due else (0.0, 0.0)
         while self._pace.is_due:
-            self._step(now_s)
+            self._step(twist_target, now_s)
             self._pace.stepped()
             if self._loop.time() >= end_s:
                 break
         if self._pace.paused and not self._pace.single_steps:
             self._end_of_single_steps()
 
-    def _step(self, now_s: float) -> None:
+    def _aim(self, now_s: float) -> tuple[float, float]:
+        """What the drive is to follow, by the base's own watchdog."""
         target = self._watchdog.target(now_s)
         if target.reason is not self._reason:
             self._reason = target.reason
             _log.info("base: %s", "follows cmd_vel" if target.reason is BaseReason.OK else target.reason)
-        self._plant.step(target[:2])
+        return target.linear_m_s, target.angular_rad_s
+
+    def _step(self, twist_target: tuple[float, float], now_s: float) -> None:
+        self._plant.step(twist_target)
         self._steps += 1
         if self._plant.collisions > self._collisions:
             self._report_contact(now_s)
@@ -204,11 +220,11 @@ class SimService:
             reckoning = self._odometer.read(*plant.wheel_angles_rad, elapsed_s)
             if not self._faults.no_odom:
                 self._odom_out.put(to_odometry(reckoning))
-        if self._truth_times.due(step, speed):
-            self._truth_out.put(to_truth(plant.true_pose, plant.true_velocity))
         if self._imu_times.due(step, speed):
             self._imu_out.put(to_imu(self._imu.read(*plant.imu()), self._imu.config))
-        if self._clock_times.due(step, speed):
+        if self._told and self._truth_times.due(step, speed):
+            self._truth_out.put(to_truth(plant.true_pose, plant.true_velocity))
+        if self._told and self._clock_times.due(step, speed):
             self._clock_out.put(to_clock(plant.time_s))
         if self._scan_times.due(step, speed) and not self._faults.silent:
             self._last_scan = self._look()

@@ -31,6 +31,7 @@ MODULES = (
     "scenario",
     "seen",
     "surroundings",
+    "timeline",
     "trial",
     "virtual",
     "world",

@@ -186,7 +186,7 @@ CLASSES = (
     _wire("flood", "a thousand messages in a burst", "", (), 1),
     _wire("rogue_cmd_vel", "a client writes cmd_vel itself", "", (), 1),
     _wire("second_teleop", "a second program with teleop's name", "teleop", (), 7),
-    _wire("second_lidar", "another client's scans, all NaN", "", ("SCAN_INVALID",), 8),
+    _wire("second_lidar", "another client's scans, all NaN", "", (), 8),
     _wire("clock_step", "the sender's clock steps", "teleop", (), 7),
     _wire("estop", "an emergency stop, and a reset", "supervisor", ("ESTOP",), 7),
     _machine("cpu_hogs", "eight processes that only compute"),

@@ -134,7 +134,7 @@ class ClassFigures:
 
     def told_near(self, stop_s: float) -> Trial | None:
         """Of the trials with a timeline, the one that took most nearly so long."""
-        mode_times = [(one, _time_in(one, self.name)) for one in self.told]
+        mode_times = [(one, time_in(one, self.name)) for one in self.told]
         timed = [(abs(time_s - stop_s), one.seed, one) for one, time_s in mode_times if time_s is not None]
         return min(timed, key=lambda entry: entry[:2])[2] if timed else None
 
@@ -165,7 +165,7 @@ class _Gathered:
             self.told.append(trial)
             if len(self.told) > TOLD_KEPT:
                 # The longest one stays; of the others, the earliest.
-                keeps = max(range(len(self.told)), key=lambda n: _time_in(self.told[n], name) or 0.0)
+                keeps = max(range(len(self.told)), key=lambda n: time_in(self.told[n], name) or 0.0)
                 del self.told[-2 if keeps == TOLD_KEPT else -1]
 
     def figures(self, name: str, mode: str) -> ClassFigures:
@@ -318,7 +318,8 @@ def _case(trial: Trial, one: Injected) -> Case:
     )
 
 
-def _time_in(trial: Trial, name: str) -> float | None:
+def time_in(trial: Trial, name: str) -> float | None:
+    """How long the slowest stop of a class took in a trial; None: none was measured."""
     times_s = [stop_s(trial.mode, one) for class_, one in classes_in(trial) if class_ == name]
     return max((time_s for time_s in times_s if time_s is not None), default=None)
 

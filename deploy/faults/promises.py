@@ -203,15 +203,18 @@ BRAKING_TOLERANCE_RAD_S = 0.25
 def _came_too_near(motions: Sequence[Motion], bounds: Bounds) -> Iterator[Violation]:
     """Within the stop distance, own motion may only be what braking takes from a surprise.
 
-    What moves by itself may come as near as it likes; what counts is how much nearer the robot brought
-    itself since it was within the stop distance, less what it moved away again.
+    What moves by itself may come as near as it likes, and so may what is put where nobody could stop in time;
+    what counts is how much nearer the robot brought itself since it was within the stop distance, less what it
+    moved away again.
     """
     surprised_s = excused_until_s = -math.inf
     own_m = allowed_m = 0.0
     inside = told = False
     for before, motion in itertools.pairwise(motions):
         by_itself_m = before.clearance_m - motion.clearance_m - motion.own_approach_m
-        if by_itself_m > NOTICED_M:
+        if by_itself_m > NOTICED_M or motion.appeared_m < bounds.stop_distance_m + _stopping_m(
+            motion, bounds
+        ):
             surprised_s = motion.time_s
         if motion.clearance_m >= bounds.stop_distance_m:
             inside = told = False

@@ -24,13 +24,15 @@ from deploy.faults.demands import (
     asked_age_s,
     demands,
 )
+from deploy.faults.drawing import AFTER_S, BEFORE_S
 from deploy.faults.injectors.injection import Injection
 from deploy.faults.injectors.plans import PAIR, draw_pair, plan
 from deploy.faults.measure import stop_after
 from deploy.faults.promises import Bounds, Demand, Kind, Violation, violations
 from deploy.faults.seen import Seen
 from deploy.faults.stage import NODES, Route, Stage, StageError
-from deploy.faults.times import longest_gap_s, since, to_lasting_rest_s, to_lasting_zero_s
+from deploy.faults.timeline import FINE_S, thinned, timeline
+from deploy.faults.times import STALL_S, longest_gap_s, since, stood_s, to_lasting_rest_s, to_lasting_zero_s
 from deploy.faults.trial import BrokenPromise, Injected, Trial
 from wire import topics
 
@@ -53,12 +55,8 @@ QUIET_AFTER_LIFT_S = 0.5
 HARMLESS_QUIET_S = 0.2
 LOOK_S = 0.05
 MOVES_LIMIT_S = 3.0
-STALL_S = 0.03
-"""A simulation that stood longer than this does not brake as the clock on the wall goes: its deceleration is
-not judged then, and the record says how long it stood. When its wheels were asked for zero is judged in any case."""
 SENDING_S = 0.03
 """From a key to whoever hears of it, and from there to here."""
-ENDS_EPOCHS = frozenset({"wire_second_teleop", "wire_attachments"})
 LEEWAY_S = 0.05
 """What the scheduling of a loaded machine may add to a bound in a single trial. What was measured is in
 the record in any case, and the report's percentiles have no leeway."""
@@ -296,9 +294,6 @@ def _rest_s(seen: Seen, since_s: float) -> float | None:
 async def _recover(stage: Stage, run: _Run) -> bool:
     """Drivable by neutral alone, and it drives; else that is a broken promise."""
     began_s = time.monotonic()
-    if ENDS_EPOCHS & {name for name, _ in run.faults}:
-        # Of two programs with one name the law obeys the one that began last; teleop says so, and is started anew.
-        await stage.start_teleop()
     await _start_what_ended(stage, run)
     try:
         await stage.alive(topics.TELEOP)
@@ -381,7 +376,7 @@ def _judge(stage: Stage, run: _Run, revision: str, load: float) -> Trial:
         stop = stop_after(seen, one.at_s, base)
         wheels_s = to_lasting_rest_s(driven, one.at_s, recovering_s)
         base_bound_s = _base_bound_s(one.name) if len(done) == 1 else None
-        if base_bound_s is not None and (wheels_s is None or wheels_s > base_bound_s + run.leeway_s):
+        if base_bound_s is not None and _brakes_late(seen, one.at_s, wheels_s, base_bound_s + run.leeway_s):
             took = "did not brake" if wheels_s is None else f"braked after {1000 * wheels_s:.0f} ms"
             found.append(Violation(4, one.at_s, f"the base {took}: {one.name}"))
         measured = {} if wheels_s is None else {"to_wheels_s": round(wheels_s, 5)}
@@ -408,8 +403,8 @@ def _judge(stage: Stage, run: _Run, revision: str, load: float) -> Trial:
         for one in found
     )
     clearances_m = [motion.clearance_m for motion in seen.motions]
-    from deploy.faults.virtual import timeline  # noqa: PLC0415 - it imports the whole robot
-
+    # What is drawn of it; of a broken one, everything.
+    told = (0.0, math.inf) if broken else (done[0].at_s - BEFORE_S, done[-1].at_s + AFTER_S)
     return Trial(
         mode="real",
         revision=revision,
@@ -419,7 +414,7 @@ def _judge(stage: Stage, run: _Run, revision: str, load: float) -> Trial:
         smallest_clearance_m=round(min(clearances_m), 4) if clearances_m else 0.0,
         contacts=observer.contacts,
         violations=broken,
-        timeline=tuple(timeline(seen)) if broken else (),
+        timeline=tuple(thinned(timeline(seen, FINE_S), *told)),
     )
 
 
@@ -439,6 +434,11 @@ def _base_bound_s(name: str) -> float | None:
     if name in SILENCES_SUPERVISOR:
         return BY_NAME[name].bound_s or BY_NAME["supervisor_blocked"].bound_s
     return None
+
+
+def _brakes_late(seen: Seen, at_s: float, wheels_s: float | None, bound_s: float) -> bool:
+    """Whether the wheels were asked for zero too late by the time in which the simulation ran."""
+    return wheels_s is None or wheels_s - stood_s(seen.motions, at_s, at_s + wheels_s) > bound_s
 
 
 def _rounded(value: float | None) -> float | None:

@@ -9,6 +9,7 @@ import itertools
 import logging
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,7 @@ from rich.console import Console
 from deploy import interrupts
 from deploy.errors import DeployError
 from deploy.faults.classes import BY_NAME, Group
+from deploy.faults.figures import time_in
 from deploy.faults.injectors.plans import real_classes, why_not
 from deploy.faults.progress import Progressing
 from deploy.faults.real import planned, routes, run_trial
@@ -32,6 +34,8 @@ REVISION = "1"
 WIDTH = 130
 SWITCH_S = 0.0005
 """Between threads: the observer's stamps must not wait for a table."""
+TOLD_FIRST = 4
+"""Trials of a class that keep their timeline whatever came of them: the typical one is much like one of these."""
 STAGE_TRIES = 3
 """A trial that does not come to its fault is tried again on a stage that is built anew."""
 
@@ -45,7 +49,7 @@ class Orders:
         classes: names; none: all.
         seed: of each class's first trial; the next have the next ones.
         out: the file; None: nothing is kept.
-        minutes: after so long no further trial begins; None: all of them.
+        minutes: after so long no further trial begins, in the middle of a round or not; None: all of them.
     """
 
     trials: int
@@ -98,8 +102,47 @@ def _place(name: str, seed: int) -> tuple[int, int]:
     return len(order) * order.index(sim) + order.index(teleop), int(BY_NAME[name].group is Group.SUPERVISORD)
 
 
+class Made:
+    """What a campaign has come to so far, and which of its trials keep their timeline.
+
+    Args:
+        there: the trials that the file held before.
+
+    Attributes:
+        trials: those that were made now.
+        impossible: classes that this machine cannot have.
+    """
+
+    def __init__(self, there: Iterable[Trial]) -> None:
+        self.trials: list[Trial] = []
+        self.impossible: list[str] = []
+        self._told: Counter[str] = Counter()
+        self._longest_s: dict[str, float] = {}
+        for trial in there:
+            self._count(trial)
+
+    def add(self, trial: Trial) -> Trial:
+        """Take a trial in; returns it as it goes into the file.
+
+        A timeline stays with the first trials of a class, with each that took longer than all before it, and
+        with those that broke a promise: enough to show a typical one and the worst, also after thousands.
+        """
+        name = class_of(trial)
+        is_worst = (time_in(trial, name) or 0.0) > self._longest_s.get(name, 0.0)
+        if self._told[name] >= TOLD_FIRST and not is_worst and not trial.violations:
+            trial = trial.model_copy(update={"timeline": ()})
+        self._count(trial)
+        self.trials.append(trial)
+        return trial
+
+    def _count(self, trial: Trial) -> None:
+        name = class_of(trial)
+        self._told[name] += bool(trial.timeline)
+        self._longest_s[name] = max(self._longest_s.get(name, 0.0), time_in(trial, name) or 0.0)
+
+
 def run(orders: Orders) -> int:
-    """0: every promise was kept; 1: one was broken, or the campaign could not go on.
+    """0: every promise was kept; 1: one was broken, or a class has had no trial; what this machine cannot do is none.
 
     Raises:
         DeployError: the orders make no sense, or the robot cannot be brought up.
@@ -108,20 +151,22 @@ def run(orders: Orders) -> int:
     there = _read(orders.out)
     console = Console(width=None if sys.stdout.isatty() else WIDTH)
     plan = schedule(orders, names, there)
-    trials: list[Trial] = []
-    interrupted = _run_plan(orders, plan, trials, console) if plan else None
+    made = Made(there)
+    interrupted = _run_plan(orders, plan, made, console) if plan else None
     wanted = set(names)
-    everything = [*(one for one in there if class_of(one) in wanted), *trials]
+    everything = [*(one for one in there if class_of(one) in wanted), *made.trials]
     if everything:
         print_summary(console, everything)
     _say_what_became(console, orders, everything)
+    missing, without = untried(orders, [name for name in names if name not in made.impossible], everything)
+    _say_what_is_missing(console, missing, without)
     if interrupted is not None:
         raise interrupted
-    return int(any(trial.violations for trial in everything))
+    return int(bool(without) or any(trial.violations for trial in everything))
 
 
 def _run_plan(
-    orders: Orders, plan: Sequence[tuple[str, int]], trials: list[Trial], console: Console
+    orders: Orders, plan: Sequence[tuple[str, int]], made: Made, console: Console
 ) -> KeyboardInterrupt | None:
     """Every trial of the plan, on a stage of its own; returns the interrupt that broke it off."""
     before = sys.getswitchinterval()
@@ -133,7 +178,7 @@ def _run_plan(
         with interrupts.interrupts():
             try:
                 try:
-                    asyncio.run(_play(stage, orders, plan, trials, console))
+                    asyncio.run(_play(stage, orders, plan, made, console))
                 finally:
                     interrupts.ignore()
             except KeyboardInterrupt as error:
@@ -153,6 +198,21 @@ def _say_what_became(console: Console, orders: Orders, trials: Sequence[Trial]) 
         + (f"{broken} with a broken promise" if broken else "every promise was kept"),
         highlight=False,
     )
+
+
+def untried(orders: Orders, names: Sequence[str], trials: Iterable[Trial]) -> tuple[int, list[str]]:
+    """How many of the wanted trials are not there, and the classes that have had none of theirs."""
+    wanted = range(orders.seed, orders.seed + orders.trials)
+    there = {(class_of(trial), trial.seed) for trial in trials if trial.seed in wanted}
+    tried = {name for name, _ in there}
+    missing = sum((name, seed) not in there for name in names for seed in wanted)
+    return missing, [name for name in names if name not in tried]
+
+
+def _say_what_is_missing(console: Console, missing: int, without: Sequence[str]) -> None:
+    what = f"nothing is known of {', '.join(without)}" if without else "every class has had one at least"
+    if missing:
+        console.print(f"{missing} trials were not made: {what}", highlight=False, soft_wrap=True)
 
 
 def _read(out: Path | None) -> list[Trial]:
@@ -184,7 +244,7 @@ async def _play(
     stage: Stage,
     orders: Orders,
     plan: Sequence[tuple[str, int]],
-    trials: list[Trial],
+    made: Made,
     console: Console,
 ) -> None:
     end_s = None if orders.minutes is None else time.monotonic() + 60.0 * orders.minutes
@@ -192,8 +252,8 @@ async def _play(
     try:
         console.print("starting supervisord, supervisor, sim and teleop")
         await stage.open()
-        possible = _without_what_cannot_be(stage, dict.fromkeys(name for name, _ in plan), console)
-        plan = [(name, seed) for name, seed in plan if name in possible]
+        made.impossible = _what_cannot_be(stage, dict.fromkeys(name for name, _ in plan), console)
+        plan = [(name, seed) for name, seed in plan if name not in made.impossible]
         counts = itertools.count(1)
         progress = Progressing(console, len(plan))
         with progress.shown():
@@ -201,8 +261,7 @@ async def _play(
                 if end_s is not None and time.monotonic() > end_s:
                     break
                 progress.begin(name, next(counts))
-                trial = await _trial(stage, name, seed, progress)
-                trials.append(trial)
+                trial = made.add(await _trial(stage, name, seed, progress))
                 if file is not None:
                     file.write(trial.line() + "\n")
                     file.flush()
@@ -215,14 +274,14 @@ async def _play(
         await stage.close()
 
 
-def _without_what_cannot_be(stage: Stage, names: Iterable[str], console: Console) -> list[str]:
-    possible: list[str] = []
+def _what_cannot_be(stage: Stage, names: Iterable[str], console: Console) -> list[str]:
+    """The classes that this machine cannot have."""
+    found: list[str] = []
     for name in names:
-        if (reason := why_not(name, stage)) is None:
-            possible.append(name)
-        else:
+        if (reason := why_not(name, stage)) is not None:
+            found.append(name)
             console.print(f"{name} is skipped: {reason}", highlight=False)
-    return possible
+    return found
 
 
 async def _trial(stage: Stage, name: str, seed: int, progress: Progressing) -> Trial:

@@ -6,11 +6,11 @@ from random import Random
 
 from deploy.faults.classes import virtual_classes
 
-EPISODE_S = 7.5
+EPISODE_S = 7.1
 """From the first heartbeat to the mending of everything."""
 RECOVERY_S = 2.5
-"""From there to the end: by then the robot has to be drivable."""
-FIRST_FAULT_S = 1.2
+"""From there to the end at the latest: by then the robot has to be drivable."""
+FIRST_FAULT_S = 0.8
 MOVING_LIMIT_S = 1.2
 """A fault waits this long for a robot that moves."""
 

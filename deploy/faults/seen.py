@@ -36,6 +36,8 @@ class Motion(NamedTuple):
     """How much nearer it came since the sample before by its own motion alone: the clearance that the pose
     of before has in the world of now, less the clearance now."""
     is_touching: bool = False
+    appeared_m: float = math.inf
+    """How far from the hull something was put that was not there at the sample before."""
 
     @property
     def is_still(self) -> bool:

@@ -10,8 +10,8 @@ from sim.scene import Scene
 
 FAR_M = 0.5
 """What is farther away than this is not measured at every sample."""
-FASTEST_M_S = 3.0
-"""Nothing closes the distance faster than this, robot and mover together."""
+FASTEST_M_S, FASTEST_ALONE_M_S = 3.0, 2.0
+"""Nothing closes the distance faster than this: robot and mover together, and the robot's hull where nobody else moves."""
 
 
 class Witness:
@@ -27,6 +27,7 @@ class Witness:
         self._standing = FloorPlan(scene.standing)
         pillar = mj.geom_id(plant.model, "pillar")  # its geom follows at the next step only
         self._moving = [geom for geom in scene.moving_geoms if geom != pillar]
+        self._fastest_m_s = FASTEST_M_S if self._moving else FASTEST_ALONE_M_S
         self.start(0.0)
 
     def start(self, now_s: float) -> None:
@@ -40,15 +41,17 @@ class Witness:
     def look(self, now_s: float) -> Motion:
         """The sample of now; every other one measures the clearance, and one beyond `FAR_M` is told as that."""
         plant = self._plant
-        outline, own_approach_m = plant.outline, 0.0
+        outline, own_approach_m, appeared_m = plant.outline, 0.0, math.inf
         self._skip = not self._skip
         is_due = not self._skip and now_s >= self._clear_until_s
         if (is_due and (self._moving or outline != self._measured)) or plant.pillar != self._pillar:
-            self._pillar = plant.pillar
+            if plant.pillar != self._pillar:
+                self._pillar = plant.pillar
+                appeared_m = FloorPlan(self._pillars()).nearest(outline).distance_m
             present = self._present()
             clearance_m = self._nearest_m(outline, present)
             if clearance_m > FAR_M:
-                self._clear_until_s = now_s + (clearance_m - FAR_M) / FASTEST_M_S
+                self._clear_until_s = now_s + (clearance_m - FAR_M) / self._fastest_m_s
             else:
                 own_approach_m = min(self._nearest_m(self._measured, present), FAR_M) - clearance_m
                 self._clear_until_s = now_s
@@ -66,15 +69,19 @@ class Witness:
             self._clearance_m,
             own_approach_m,
             plant.hull_contacts > 0,
+            appeared_m,
         )
 
     def _present(self) -> FloorPlan | None:
         """Everything that can be somewhere else a moment later."""
-        pillar = self._plant.pillar
         present, _ = survey(self._plant.model, self._plant.data, self._moving)
-        if pillar is not None:
-            present.append(Standing("pillar", Circle(*pillar, self._plant.pillar_radius_m)))
+        present += self._pillars()
         return FloorPlan(present) if present else None
+
+    def _pillars(self) -> list[Standing]:
+        """The pillar, where there is one."""
+        pillar = self._plant.pillar
+        return [] if pillar is None else [Standing("pillar", Circle(*pillar, self._plant.pillar_radius_m))]
 
     def _nearest_m(self, hull: Outline, present: FloorPlan | None) -> float:
         others_m = math.inf if present is None else present.nearest(hull).distance_m

@@ -6,8 +6,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from deploy.faults.measure import BaseReport
-from deploy.faults.seen import Seen
+from deploy.faults.seen import Motion, Seen
 from deploy.samples import Command
+
+STALL_S = 0.03
+"""A simulation that stood longer than this does not brake as the clock on the wall goes: its deceleration is
+not judged then, and when its wheels were asked for zero is judged without the time in which it did not run. The
+record says how long it stood."""
 
 
 def to_lasting_zero_s(commands: Sequence[Command], fault_s: float, until_s: float) -> float | None:
@@ -52,6 +57,12 @@ def longest_gap_s(times_s: Sequence[float], from_s: float, until_s: float) -> fl
     start = max(0, bisect_left(times_s, from_s) - 1)
     within = list(itertools.takewhile(lambda time_s: time_s < until_s, times_s[start:]))
     return max((b - a for a, b in itertools.pairwise(within)), default=0.0)
+
+
+def stood_s(motions: Sequence[Motion], from_s: float, until_s: float) -> float:
+    """For how long the simulation did not run between two moments: it tells its motion every 10 ms while it does."""
+    times_s = [from_s, *(motion.time_s for motion in motions if from_s < motion.time_s < until_s), until_s]
+    return sum(max(0.0, b - a - STALL_S) for a, b in itertools.pairwise(times_s))
 
 
 def since(

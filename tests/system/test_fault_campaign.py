@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from deploy.faults.report import write_report
 from deploy.faults.trial import read_trials
 
 pytestmark = pytest.mark.timeout(150)
@@ -95,9 +96,25 @@ def test_one_fault_of_each_kind_is_done_measured_and_kept(campaign: Campaign) ->
     assert float(trials["supervisor_sigkill"].faults[0].parameters["to_wheels_s"]) < 0.06
     assert trials["wire_rogue_cmd_vel"].faults[0].parameters["sent"]
 
+    page = campaign.directory / "report.html"
+    assert "every promise was kept" in write_report([campaign.out], page)
+    assert all(trial.timeline for trial in trials.values())
+    # Who writes cmd_vel without a right to it need not stop anything: then there is no time, and no picture.
+    assert 4 <= page.read_text().count("<figure><svg") <= 5
+    page.unlink()
+
     code, said = campaign.run("--classes", classes, "--trials", "1", "--seed", "3")
     assert (code, len(list(read_trials(campaign.out)))) == (0, 5), "what is there is not done again"
     assert "starting" not in said
+
+
+def test_a_campaign_whose_time_is_over_before_every_class_was_tried_fails_and_names_them(
+    campaign: Campaign,
+) -> None:
+    code, said = campaign.run("--classes", "teleop_*,net_*", "--trials", "1", "--minutes", "0.1")
+    assert code == 1, said
+    assert "trials were not made: nothing is known of " in said
+    assert campaign.left() == []
 
 
 def test_a_campaign_that_is_interrupted_keeps_what_it_has_and_leaves_nothing_behind(

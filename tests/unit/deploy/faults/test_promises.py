@@ -142,6 +142,20 @@ def test_from_a_surprise_it_may_use_its_braking_distance() -> None:
     assert numbers(violations(Seen(motions=slow))) == [6], "one that stands has nothing to brake"
 
 
+def test_what_is_put_where_the_robot_cannot_stop_in_time_is_a_surprise_and_what_is_put_beyond_is_none() -> (
+    None
+):
+    """At 1 m/s it needs 0.3 m to react and 1/3 m to brake, before the stop distance."""
+    fast = approach([(0.02, 0.0)] * 12, 1.0)
+
+    def put(away_m: float) -> Seen:
+        return Seen(motions=[fast[0]._replace(time_s=-0.02), fast[0]._replace(appeared_m=away_m), *fast[1:]])
+
+    needed_m = 0.3 + 0.3 + 1.0 / 3.0
+    assert violations(put(math.nextafter(needed_m, 0.0))) == []
+    assert numbers(violations(put(math.nextafter(needed_m, 1.0)))) == [6]
+
+
 def test_what_is_put_nearer_still_is_another_surprise_and_what_walks_up_is_not() -> None:
     put = [(0.0, 0.21), *[(0.006, 0.0)] * 20, (0.0, 0.06), *[(0.006, 0.0)] * 20]
     assert violations(Seen(motions=approach(put, 0.3))) == []

@@ -8,9 +8,9 @@ import pytest
 from deploy.errors import DeployError
 from deploy.faults.injectors.plans import real_classes
 from deploy.faults.real import planned, routes
-from deploy.faults.rounds import REVISION, Orders, chosen, run, schedule
+from deploy.faults.rounds import REVISION, TOLD_FIRST, Made, Orders, chosen, run, schedule, untried
 from deploy.faults.stage import Route
-from deploy.faults.trial import Injected, Trial
+from deploy.faults.trial import BrokenPromise, Injected, Sample, Trial
 
 NAMES = tuple(one.name for one in real_classes())
 
@@ -115,3 +115,50 @@ def test_a_file_that_holds_something_else_is_refused(tmp_path: Path) -> None:
     out.write_text("hello\n")
     with pytest.raises(DeployError, match=r"notes\.txt:1: not a trial"):
         run(Orders(1, ("net_cut",), out=out))
+
+
+# --- what is not done for want of time
+
+
+def test_a_class_without_a_trial_is_named_and_one_with_fewer_is_counted() -> None:
+    there = [_trial("teleop_gil", 5), _trial("pair", 6, "net_cut", "wire_huge"), _trial("net_cut", 99)]
+    assert untried(Orders(2, seed=5), ("teleop_gil", "net_cut", "pair"), there) == (4, ["net_cut"])
+
+
+def test_nothing_is_missing_of_a_campaign_that_is_all_there() -> None:
+    there = [_trial(name, seed) for name in ("teleop_gil", "pair") for seed in (0, 1)]
+    assert untried(Orders(2), ("teleop_gil", "pair"), there) == (0, [])
+
+
+# --- timelines
+
+
+def _told(seed: int, to_zero_s: float | None, *, broken: bool = False) -> Trial:
+    """A trial as it comes from the stage: with its timeline."""
+    sample = Sample(time_s=1.0, commanded=(0.5, 0.0), permitted=(0.5, 0.0), true=(0.5, 0.0), clearance_m=1.0)
+    promise = BrokenPromise(promise=2, time_s=1.0, sentence="it drove on")
+    return _trial("teleop_gil", seed).model_copy(
+        update={
+            "faults": (Injected(fault="teleop_gil", time_s=1.0, to_zero_s=to_zero_s),),
+            "timeline": (sample,),
+            "violations": (promise,) if broken else (),
+        }
+    )
+
+
+def test_the_first_trials_the_longest_so_far_and_the_broken_ones_keep_their_timelines() -> None:
+    made = Made([])
+    times_s = [0.2, 0.1, 0.15, None, 0.2, 0.21, 0.205, None, 0.21, 0.22]
+    kept = [bool(made.add(_told(seed, time_s)).timeline) for seed, time_s in enumerate(times_s)]
+    assert kept == [True] * TOLD_FIRST + [False, True, False, False, False, True]
+    assert made.add(_told(20, 0.01, broken=True)).timeline
+    assert [trial.seed for trial in made.trials] == [*range(10), 20]
+
+
+def test_a_campaign_that_goes_on_knows_what_the_file_tells_already() -> None:
+    before = Made([])
+    there = [before.add(_told(seed, 0.2)) for seed in range(TOLD_FIRST + 3)]
+    made = Made(there)
+    assert not made.add(_told(10, 0.2)).timeline
+    assert made.add(_told(11, 0.3)).timeline
+    assert Made([]).add(_told(10, 0.2)).timeline

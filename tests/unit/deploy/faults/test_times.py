@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from deploy.faults.measure import BaseReport
 from deploy.faults.seen import Asked, Motion, Seen, Status
-from deploy.faults.times import longest_gap_s, since, to_lasting_rest_s, to_lasting_zero_s
+from deploy.faults.times import STALL_S, longest_gap_s, since, stood_s, to_lasting_rest_s, to_lasting_zero_s
 from deploy.samples import Command
 
 END_S = 10.0
@@ -98,3 +98,25 @@ def test_the_longest_gap_begins_with_the_last_moment_before() -> None:
     assert longest_gap_s(times_s, 3.2, 4.0) == 0.5
     assert longest_gap_s(times_s, 0.0, 10.0) == 5.5
     assert longest_gap_s([], 0.0, 10.0) == 0.0
+
+
+# --- a simulation that did not run
+
+
+def _motions(*times_s: float) -> list[Motion]:
+    return [Motion(time_s, 0.0, 0.0, 0.5, 0.0) for time_s in times_s]
+
+
+def test_a_simulation_that_tells_its_motion_in_time_has_not_stood() -> None:
+    assert stood_s(_motions(0.99, 1.0, 1.01, 1.02, 1.04), 1.005, 1.04) == 0.0
+
+
+def test_what_a_gap_has_beyond_a_stall_is_time_in_which_the_simulation_stood() -> None:
+    motions = _motions(0.99, 1.0, 1.1, 1.11, 1.2)
+    assert math.isclose(stood_s(motions, 1.0, 1.11), 0.1 - STALL_S)
+    assert math.isclose(stood_s(motions, 1.0, 1.2), 0.1 + 0.09 - 2 * STALL_S)
+    assert math.isclose(stood_s([], 1.0, 1.2), 0.2 - STALL_S)
+
+
+def test_a_simulation_that_stood_before_the_fault_has_no_excuse() -> None:
+    assert stood_s(_motions(0.5, 1.0, 1.01), 1.0, 1.02) == 0.0
