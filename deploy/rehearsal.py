@@ -122,12 +122,11 @@ class Rehearsal:
         commands = (self._command(now_s),) if due else ()
         scan = self._look(now_s) if self._scans.due(self._steps, 1.0) else None
         if commands or scan is not None or self._ticks.due(self._steps, 1.0):
-            odometry = plant.odometry()
             inputs = Inputs(
                 commands=commands,
                 liveliness=() if self._decision is not None else (self._came,),
                 scan=scan,
-                odometry=Odometry(Velocity(odometry.linear_m_s, odometry.angular_rad_s), now_s),
+                odometry=Odometry(Velocity(*plant.wheel_twist), now_s),
             )
             self._state, self._decision = step(self._state, now_s, inputs)
 

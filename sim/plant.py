@@ -20,7 +20,7 @@ from sim.scene import DEFAULT, PARKED_Z_M, Build, build, pose_of
 from sim.snapshot import Snapshot, SnapshotError
 
 TICK_STEPS = 10
-"""Every so many steps whoever moves moves, and odometry adds an arc: in 20 ms nobody comes farther than 3 cm."""
+"""Every so many steps whoever moves moves: in 20 ms nobody comes farther than 3 cm."""
 
 Axes = tuple[float, float, float]
 
@@ -31,16 +31,6 @@ class Pose(NamedTuple):
     x_m: float
     y_m: float
     yaw_rad: float
-
-
-class Odometry(NamedTuple):
-    """Dead reckoning from the wheels alone: a pose in the frame of the last reset, and the body twist now."""
-
-    x_m: float
-    y_m: float
-    yaw_rad: float
-    linear_m_s: float
-    angular_rad_s: float
 
 
 class Plant:
@@ -129,7 +119,6 @@ class Plant:
         self._collisions = 0
         self._touching = False
         self._last_contact: str | None = None
-        self._reckoned = (0.0, 0.0, 0.0, 0.0, 0.0)
         self.reset()
 
     @property
@@ -166,6 +155,11 @@ class Plant:
     def wheel_angles_rad(self) -> tuple[float, float]:
         """How far the left and the right wheel have turned since the last reset, counted over all turns."""
         return self._qpos.item(self._left_qpos), self._qpos.item(self._right_qpos)
+
+    @property
+    def wheel_twist(self) -> Twist:
+        """The twist that the wheels turn at now: the true one, as long as they do not slip."""
+        return self.wheels.twist(self._qvel.item(self._left_qvel), self._qvel.item(self._right_qvel))
 
     def imu(self) -> tuple[Axes, Axes]:
         """What an ideal inertial unit between the wheels feels, in the robot's frame: rad/s, and m/s² with gravity.
@@ -232,11 +226,6 @@ class Plant:
             n_steps -= some
             self._steps_to_tick -= some
 
-    def odometry(self) -> Odometry:
-        """What perfect wheel encoders say."""
-        twist = self.wheels.twist(self._qvel.item(self._left_qvel), self._qvel.item(self._right_qvel))
-        return Odometry(*self._reckon()[2:], *twist)
-
     def scan(self) -> Ranges:
         """The lidar's ranges now, in m, shape (beams,); see `lidar.LidarConfig` for the angles."""
         self._catch_up()
@@ -277,7 +266,7 @@ class Plant:
         self._move_pillar(0.0, 0.0, PARKED_Z_M)
 
     def reset(self) -> None:
-        """Puts the robot at rest at its start, odometry and collisions at zero; time and whoever moves go on, the pillar stays.
+        """Puts the robot at rest at its start, wheel angles and collisions at zero; time and whoever moves go on, the pillar stays.
 
         Raises:
             ValueError: Something stands on the start; the robot stays where it was.
@@ -296,7 +285,6 @@ class Plant:
         self._collisions = 0
         self._touching = False
         self._last_contact = None
-        self._reckoned = (*self.wheel_angles_rad, 0.0, 0.0, 0.0)
 
     def save(self) -> Snapshot:
         """This moment; see `restore`."""
@@ -306,7 +294,6 @@ class Plant:
             sensors=self._sensors.tobytes(),
             noise=self._lidar.noise_state,
             drive=self._drive.twist,
-            reckoned=self._reckoned,
             walked_s=tuple(self._walked_s),
             steps_to_tick=self._steps_to_tick,
             pillar=self._pillar,
@@ -340,7 +327,6 @@ class Plant:
         self._sensors[:] = sensors
         self._drive.reset(Twist(*snapshot.drive))
         self._reached = None
-        self._reckoned = snapshot.reckoned
         self._walked_s = list(snapshot.walked_s)
         self._placed = [
             mover.placed(walked_s) for mover, walked_s in zip(self._movers, self._walked_s, strict=True)
@@ -372,9 +358,8 @@ class Plant:
         raise AssertionError("a contact of the hull is among the contacts")
 
     def _tick(self) -> None:
-        """Adds an arc to the odometry, and lets everyone who is not hindered go on."""
+        """Lets everyone who is not hindered go on."""
         self._steps_to_tick = TICK_STEPS
-        self._reckoned = self._reckon()
         if not self._movers:
             return
         x_m, y_m = self._qpos.item(self._base_qpos), self._qpos.item(self._base_qpos + 1)
@@ -390,20 +375,6 @@ class Plant:
             positions[number, 0], positions[number, 1] = now.x_m, now.y_m
             if now.yaw_rad != was.yaw_rad:
                 turns[number, 0], turns[number, 3] = math.cos(0.5 * now.yaw_rad), math.sin(0.5 * now.yaw_rad)
-
-    def _reckon(self) -> tuple[float, float, float, float, float]:
-        """Dead reckoning up to now: what the wheels have turned since the last tick is an arc, taken at its middle heading."""
-        left_rad, right_rad, x_m, y_m, yaw_rad = self._reckoned
-        new_left_rad, new_right_rad = self.wheel_angles_rad
-        forward_m, turn_rad = self.wheels.twist(new_left_rad - left_rad, new_right_rad - right_rad)
-        heading_rad = yaw_rad + 0.5 * turn_rad
-        return (
-            new_left_rad,
-            new_right_rad,
-            x_m + forward_m * math.cos(heading_rad),
-            y_m + forward_m * math.sin(heading_rad),
-            math.remainder(yaw_rad + turn_rad, math.tau),
-        )
 
     def _is_hindered(self, mover: Mover, placed: Placed, x_m: float, y_m: float) -> bool:
         """Whether the robot or the pillar is where it looks."""

@@ -25,9 +25,8 @@ class Snapshot:
         sensors: The readings of the last step, float64.
         noise: The state of the lidar's noise generator.
         drive: v and ω that the drive's ramp had come to.
-        reckoned: The wheels' angles at the last tick, and the odometry's x, y and yaw.
         walked_s: How long each mover has been on its way.
-        steps_to_tick: Steps until the movers move next, and odometry adds an arc.
+        steps_to_tick: Steps until the movers move next.
         pillar: Where it stands, or None.
         collisions: Since the last reset.
         touching: Whether the hull had contact.
@@ -43,7 +42,6 @@ class Snapshot:
     sensors: bytes
     noise: Mapping[str, Any]
     drive: tuple[float, float]
-    reckoned: tuple[float, float, float, float, float]
     walked_s: tuple[float, ...]
     steps_to_tick: int
     pillar: tuple[float, float] | None

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from sim import mj
+from sim.encoders import PERFECT, Odometer
 from sim.lidar import LidarConfig
 from sim.movers import BODIES, MoverKind
 from sim.plant import Plant, Pose
@@ -54,15 +55,21 @@ def test_a_robot_that_is_told_nothing_stays_where_it_is(plant: Plant) -> None:
 def test_the_robot_reaches_its_speed_and_the_wheels_count_the_true_way(plant: Plant) -> None:
     _run(plant, 0.5, 0.0, 4.0)
     assert plant.true_velocity == pytest.approx((0.5, 0.0), abs=0.005)
-    odometry, true = plant.odometry(), plant.true_pose
-    assert odometry.linear_m_s == pytest.approx(0.5, abs=0.005)
-    assert odometry.x_m == pytest.approx(true.x_m - plant.start_pose.x_m, rel=0.01)
+    assert plant.wheel_twist == pytest.approx((0.5, 0.0), abs=0.005)
+    left_rad, right_rad = plant.wheel_angles_rad
+    true = plant.true_pose
+    way_m = 0.5 * (left_rad + right_rad) * plant.wheels.radius_m
+    assert way_m == pytest.approx(true.x_m - plant.start_pose.x_m, rel=0.01)
     assert true.y_m == pytest.approx(0.0, abs=0.001)
 
 
-def test_odometry_follows_an_arc(plant: Plant) -> None:
-    _run(plant, 0.4, 0.5, 3.0)
-    odometry, true, start = plant.odometry(), plant.true_pose, plant.start_pose
+def test_the_wheels_tell_an_arc(plant: Plant) -> None:
+    odometer = Odometer(plant.wheels, PERFECT)
+    odometry = odometer.read(*plant.wheel_angles_rad, 0.02)
+    for _ in range(150):
+        plant.step((0.4, 0.5), 10)
+        odometry = odometer.read(*plant.wheel_angles_rad, 0.02)
+    true, start = plant.true_pose, plant.start_pose
     assert odometry.x_m == pytest.approx(true.x_m - start.x_m, abs=0.01)
     assert odometry.y_m == pytest.approx(true.y_m - start.y_m, abs=0.01)
     assert odometry.yaw_rad == pytest.approx(true.yaw_rad, abs=0.01)
@@ -104,7 +111,7 @@ def test_the_wheels_do_not_slip_and_the_robot_does_not_tip_in_a_full_stop(plant:
     _run(plant, 1.0, 0.0, 2.0)
     for _ in range(300):
         plant.step((0.0, 0.0))
-        assert plant.odometry().linear_m_s == pytest.approx(plant.true_velocity.linear_m_s, abs=0.005)
+        assert plant.wheel_twist.linear_m_s == pytest.approx(plant.true_velocity.linear_m_s, abs=0.005)
         tilt_rad = 2.0 * math.hypot(plant.data.qpos[4], plant.data.qpos[5])
         assert tilt_rad < math.radians(0.2)
 
@@ -208,7 +215,7 @@ def test_a_reset_brings_the_robot_back_while_time_goes_on_and_the_pillar_stays(p
     plant.reset()
     assert plant.true_pose == plant.start_pose
     assert plant.true_velocity == (0.0, 0.0)
-    assert plant.odometry() == (0.0, 0.0, 0.0, 0.0, 0.0)
+    assert plant.wheel_angles_rad == (0.0, 0.0)
     assert plant.drive_twist == (0.0, 0.0)
     assert plant.collisions == 0
     assert plant.time_s == time_s
@@ -360,10 +367,10 @@ def _braking_m(options: Build) -> tuple[float, float]:
     """How far it comes from 1 m/s, truly and by its wheels."""
     plant = Plant(options=options)
     plant.step((1.0, 0.0), 1500)
-    from_x_m, from_odom_m = plant.true_pose.x_m, plant.odometry().x_m
+    from_x_m, from_rad = plant.true_pose.x_m, plant.wheel_angles_rad[0]
     assert plant.true_velocity.linear_m_s == pytest.approx(1.0, abs=0.01)
     plant.step((0.0, 0.0), 1000)
-    return plant.true_pose.x_m - from_x_m, plant.odometry().x_m - from_odom_m
+    return plant.true_pose.x_m - from_x_m, (plant.wheel_angles_rad[0] - from_rad) * plant.wheels.radius_m
 
 
 def test_a_payload_that_the_motors_can_hold_changes_no_braking_distance_and_more_does() -> None:
@@ -476,6 +483,7 @@ def test_movers_are_solid_within_the_floor_that_they_take() -> None:
 _STORY = """
 import hashlib, sys
 from sim.lidar import LidarConfig
+from sim.encoders import PERFECT, Odometer
 from sim.plant import Plant
 from sim.scene import Build, Hull
 plant = Plant("empty", None, LidarConfig(noise_std_m=0.01), 5, Build(Hull.RECTANGULAR, 20.0, 0.8, moving=True))
@@ -485,7 +493,7 @@ for target in ((1.0, 0.0), (0.4, 1.5), (0.0, 0.0), (-0.5, -0.5)):
         plant.step(target, 25)
         for part in (plant.data.qpos, plant.data.qvel, plant.data.mocap_pos, plant.scan(), plant.data.sensordata):
             digest.update(part.tobytes())
-        digest.update(repr((plant.odometry(), plant.clearance_m(), plant.movers)).encode())
+        digest.update(repr((plant.wheel_twist, plant.clearance_m(), plant.movers)).encode())
 print(digest.hexdigest())
 """
 

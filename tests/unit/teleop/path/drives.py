@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sim.encoders import PERFECT, Odometer
 from sim.plant import Plant
 from teleop.path.course import Course
 from teleop.path.legs import Path
@@ -51,7 +52,8 @@ def drive(path: Path, limits: Limits, limit_s: float = 120.0) -> Driven:
     by_odometry, by_truth = list[float](), list[float]()
     rows, times_s = list[tuple[float, float, float]](), list[float]()
     rest_at: int | None = None
-    seen = plant.odometry()
+    odometer, period_s = Odometer(plant.wheels, PERFECT), ODOM_STEPS * plant.timestep_s
+    seen = odometer.read(*plant.wheel_angles_rad, period_s)
     for step in range(round(limit_s / plant.timestep_s)):
         if rest_at is None and step % BEAT_STEPS == 0:
             velocity = course.step(Pose(*seen[:3]), seen.linear_m_s)
@@ -64,7 +66,7 @@ def drive(path: Path, limits: Limits, limit_s: float = 120.0) -> Driven:
             command = under_way.pop(0)[1]
         plant.step(command)
         if step % ODOM_STEPS == 0:
-            seen = plant.odometry()
+            seen = odometer.read(*plant.wheel_angles_rad, period_s)
             rows.append(seen[:3])
             times_s.append(plant.time_s)
             by_odometry.append(course.station(Pose(*seen[:3])).off_m)
