@@ -14,6 +14,9 @@ from deploy.faults.classes import (
 )
 from deploy.faults.promises import Demand, Kind
 
+MAY_TAKE_OVER = frozenset({"wire_second_teleop", "wire_attachments"})
+"""Faults after which teleop may have to be started anew, where another one had silenced it meanwhile."""
+
 LEEWAY_S = 0.005
 """Hops, and a physics step."""
 SLOW_S = 1.0
