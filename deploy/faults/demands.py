@@ -102,12 +102,19 @@ def demands(done: Sequence[Done], *, alone: bool) -> list[Demand]:
     return [demand for demand in found if demand.from_s < demand.until_s]
 
 
+def _is_of_a_sensor(one: Done) -> bool:
+    return one.name.startswith("sim_scan_") or one.name == "sim_odom_gone"
+
+
 def _of(one: Done, others: Sequence[Done], *, alone: bool) -> Iterable[Demand]:
     names = {other.name for other in others}
     slow_s = LEEWAY_S + (SLOW_S if others else 0.0)
     # Whatever ends meanwhile may mend this one too: start the same process, heal the same link.
     until_s = min((other.until_s for other in others if other.until_s > one.at_s), default=one.until_s)
     until_s = min(until_s, one.until_s)
+    if _is_of_a_sensor(one):  # it has one fault at a time: the next one takes its place
+        next_s = (other.at_s for other in others if _is_of_a_sensor(other) and other.at_s >= one.at_s)
+        until_s = min([until_s, *next_s])
 
     def window(kind: Kind, promise: int, bound_s: float) -> Demand:
         return Demand(kind, promise, one.name, one.at_s + bound_s + slow_s, until_s)

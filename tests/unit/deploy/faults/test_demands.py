@@ -47,6 +47,14 @@ def test_two_at_once_have_more_time_and_the_first_end_counts() -> None:
     assert demand.until_s == 4.0
 
 
+def test_a_fault_of_a_sensor_lasts_until_the_next_one_takes_its_place() -> None:
+    """Found by seed 2067: with its odometry taken away, the sensor's scans were whole again."""
+    blind, next_one = Done("sim_scan_nan", 1.0, 6.0), Done("sim_odom_gone", 4.0, 7.0)
+    (demand,) = demands([blind, next_one], alone=True)
+    assert (demand.promise, demand.until_s) == (5, 4.0)
+    assert demands([blind, Done("sim_odom_gone", 1.0, 7.0)], alone=True) == []
+
+
 def test_a_simulation_that_stands_brakes_nothing() -> None:
     done = [Done("supervisor_sigkill", 1.0, 6.0), Done("sim_sigstop", 1.5, 4.0)]
     assert [demand.kind for demand in demands(done, alone=True)] == [Kind.ZERO]
