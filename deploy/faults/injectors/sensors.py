@@ -1,5 +1,6 @@
 """Faults of the sim's sensors, which it plays on request."""
 
+import time
 from random import Random
 
 from deploy.faults.injectors.injection import Injection, Plan, lasting
@@ -16,7 +17,10 @@ class SensorFault(Injection):
         self._faults = faults
 
     async def do(self, stage: Stage) -> float:
-        return await stage.sensors(self._faults)
+        asked_s = await stage.sensors(self._faults)
+        # Until it answered the sim may have gone on as before: by so much the fault may have begun later.
+        self.leeway_s = time.monotonic() - asked_s
+        return asked_s
 
     async def lift(self, stage: Stage) -> None:
         await stage.sensors(NONE)
