@@ -4,6 +4,7 @@ scenery.py     the scans, odometry and commands that all of them use
 law.py         step(): time and memory, against plain numpy on the same arrays
 process.py     the real supervisor process over real Zenoh: CPU, memory, cmd_vel's rate and gaps
 heartbeat.py   the real teleop in terminal.py's terminal: how late its heartbeat is while it draws
+relay.py       what stands in the supervisor's place there: the same traffic, and no law
 feed.py        what these two are fed with, and the supervisor that they speak with
 sim.py         the simulated robot, unpaced, beside MuJoCo alone
 report.py      the results as a terminal's table, as markdown, as JSON lines

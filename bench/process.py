@@ -2,11 +2,10 @@
 
 import asyncio
 import itertools
-import math
 import os
 import time
 from collections.abc import Coroutine
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -55,8 +54,6 @@ class Load:
     """The last one that the status told."""
     cpu_percent: float
     """Of one core."""
-    cpu_to_relay: float
-    """That against a bare relay's in the same run."""
     loop_percent: float
     """That of the thread with the event loop, the law, and all encoding and decoding."""
     zenoh_percent: float
@@ -71,7 +68,7 @@ class Load:
 
 
 def measure_process(seconds: float) -> list[Load]:
-    """Drive a bare relay, then a supervisor on a free way, and the same one limited by the barrier.
+    """Drive a bare relay; then a supervisor on a free way, and the same one limited by the barrier.
 
     Raises:
         RuntimeError: one of them does not start, or does not speak.
@@ -81,8 +78,7 @@ def measure_process(seconds: float) -> list[Load]:
         ("limited by the barrier", scenery.WALL_M, scenery.FORWARD_M_S),
     )
     [relay] = _measure_in("bench.relay", [("a bare relay instead", CLEAR_M, CRUISE_M_S)], seconds)
-    loads = [relay, *_measure_in("supervisor", [free, limited], seconds)]
-    return [replace(load, cpu_to_relay=load.cpu_percent / relay.cpu_percent) for load in loads]
+    return [relay, *_measure_in("supervisor", [free, limited], seconds)]
 
 
 def _measure_in(module: str, phases: list[Phase], seconds: float) -> list[Load]:
@@ -154,7 +150,6 @@ class _Driver:
             seconds=took_s,
             mode=self._mode,
             cpu_percent=100 * cpu_s / took_s,
-            cpu_to_relay=math.nan,
             loop_percent=100 * loop_s / took_s,
             zenoh_percent=100 * (cpu_s - loop_s) / took_s,
             rss_mb=_rss_mb(pid),

@@ -5,7 +5,7 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -54,6 +54,7 @@ class Results:
     timings: tuple[law.Timing, ...]
     memory: tuple[law.Memory, ...]
     loads: tuple[process.Load, ...]
+    """The relay's first."""
     heartbeats: tuple[heartbeat.Heartbeat, ...]
     paces: tuple[sim.Pace, ...]
 
@@ -66,7 +67,7 @@ class Results:
             else:
                 what = f"time for each beam at {timing.beams:,} beams"
                 verdicts.append(Verdict(what, timing.per_beam_to_360, 1.0, f"× that at {law.TARGET_BEAMS}"))
-        for load in self.loads[1:]:  # the first is the relay's
+        for load in self.loads[1:]:
             verdicts += [
                 Verdict(f"CPU, {load.phase},", load.cpu_percent, process.TARGET_CPU_PERCENT, "% of one core"),
                 Verdict(f"resident memory, {load.phase},", load.rss_mb, process.TARGET_RSS_MB, "MB"),
@@ -156,7 +157,7 @@ def _memory_sheet(memory: Iterable[law.Memory]) -> Sheet:
     )
 
 
-def _load_sheet(loads: Iterable[process.Load]) -> Sheet:
+def _load_sheet(loads: Sequence[process.Load]) -> Sheet:
     return Sheet(
         "The supervisor process over Zenoh: 20 Hz scans of 360 beams, 20 Hz commands, 50 Hz odometry",
         (
@@ -179,7 +180,7 @@ def _load_sheet(loads: Iterable[process.Load]) -> Sheet:
                 load.mode,
                 f"{load.seconds:.0f}",
                 f"{load.cpu_percent:.1f}",
-                f"{load.cpu_to_relay:.2f}",
+                f"{load.cpu_percent / loads[0].cpu_percent:.2f}",
                 f"{load.loop_percent:.1f}",
                 f"{load.zenoh_percent:.1f}",
                 f"{load.rss_mb:.0f}",

@@ -22,7 +22,7 @@ from sim.sensor_faults import NO_FAULTS, FaultError, SensorFaults, parse_faults,
 from sim.shown import Mode, Shown
 from sim.watchdog import BaseReason, Watchdog
 from wire import topics
-from wire.bus import Arrival, Bus
+from wire.bus import Arrival, Bus, woken_by
 from wire.messages import Point, SafetyStatus, TriggerResponse, Twist
 
 _log = logging.getLogger(__name__)
@@ -52,7 +52,6 @@ class SimService:
         on_frame: draws the world, 30 times a second, paused or not, and what is to be shown with it.
         speed: simulated seconds in each second, to begin with.
         faults: of the sensors, to begin with.
-        told: whether the truth and the simulated time are published, too; nothing that drives the robot needs them.
     """
 
     def __init__(
@@ -64,13 +63,11 @@ class SimService:
         *,
         speed: float = 1.0,
         faults: SensorFaults = NO_FAULTS,
-        told: bool = True,
     ) -> None:
         self._bus = bus
         self._config = config
         self._plant = plant
         self._on_frame = on_frame
-        self._told = told
         self._watchdog = Watchdog(config.command_timeout_s)
         self._loop = asyncio.get_running_loop()
         self._wake = asyncio.Event()
@@ -131,7 +128,8 @@ class SimService:
                 if self._pace.is_due:
                     await asyncio.sleep(0)  # behind time: let requests in, but wait for nothing
                 else:
-                    await self._wait()
+                    due_s = min(self._pace.due_s, self._next_report_s, self._next_frame_s)
+                    await woken_by(self._wake, due_s)
                 self._listen()
                 now_s = self._loop.time()
                 self._pace.elapse(now_s)
@@ -147,15 +145,6 @@ class SimService:
             stopping.cancel()
             self._end_of_single_steps()
             token.withdraw()
-
-    async def _wait(self) -> None:
-        """Until something came, or something is due."""
-        due_s = min(self._pace.due_s, self._next_report_s, self._next_frame_s)
-        timer = self._loop.call_at(due_s, self._wake.set)
-        try:
-            await self._wake.wait()
-        finally:
-            timer.cancel()
 
     def _listen(self) -> None:
         """Take in the supervisor's token and command, and where the pillar is to be."""
@@ -220,11 +209,11 @@ class SimService:
             reckoning = self._odometer.read(*plant.wheel_angles_rad, elapsed_s)
             if not self._faults.no_odom:
                 self._odom_out.put(to_odometry(reckoning))
+        if self._truth_times.due(step, speed):
+            self._truth_out.put(to_truth(plant.true_pose, plant.true_velocity))
         if self._imu_times.due(step, speed):
             self._imu_out.put(to_imu(self._imu.read(*plant.imu()), self._imu.config))
-        if self._told and self._truth_times.due(step, speed):
-            self._truth_out.put(to_truth(plant.true_pose, plant.true_velocity))
-        if self._told and self._clock_times.due(step, speed):
+        if self._clock_times.due(step, speed):
             self._clock_out.put(to_clock(plant.time_s))
         if self._scan_times.due(step, speed) and not self._faults.silent:
             self._last_scan = self._look()

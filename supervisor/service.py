@@ -13,7 +13,7 @@ from supervisor.messages import to_command, to_odometry, to_scan, to_status, to_
 from supervisor.model import Decision, Inputs, Liveliness, Mode, Reply
 from supervisor.safety import initial_state, step
 from wire import topics
-from wire.bus import Bus
+from wire.bus import Bus, woken_by
 from wire.messages import TriggerResponse, zero_twist
 
 _log = logging.getLogger(__name__)
@@ -35,7 +35,6 @@ class SupervisorService:
         self._loop = asyncio.get_running_loop()
         self._state = initial_state(config.law())
         self._wake = asyncio.Event()
-        self._tick_due = False
         self._resets: list[asyncio.Future[Reply]] = []
         self._estop_overflowed = 0
         self._last: Decision | None = None
@@ -64,16 +63,14 @@ class SupervisorService:
         stopping = asyncio.ensure_future(stop.wait())
         stopping.add_done_callback(lambda _: self._wake.set())
         next_tick_s = self._loop.time()
-        self._tick_at(next_tick_s)
         try:
             while not stop.is_set():
-                await self._wake.wait()
+                await woken_by(self._wake, next_tick_s)
                 inputs = self._gather()
                 now_s = self._loop.time()
-                on_tick = self._tick_due
+                on_tick = now_s >= next_tick_s
                 if on_tick:
                     next_tick_s = max(next_tick_s + self._tick_s, now_s)
-                    self._tick_at(next_tick_s)
                 before = self._state
                 self._state, decision = step(before, now_s, inputs)
                 self._publish(decision, now_s, on_tick=on_tick)
@@ -85,14 +82,6 @@ class SupervisorService:
             token.withdraw()
             if self._black_box is not None:
                 self._black_box.close()
-
-    def _tick_at(self, time_s: float) -> None:
-        self._tick_due = False
-        self._loop.call_at(time_s, self._on_timer)
-
-    def _on_timer(self) -> None:
-        self._tick_due = True
-        self._wake.set()
 
     def _gather(self) -> Inputs:
         """Everything that came since the last step."""

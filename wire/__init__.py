@@ -7,7 +7,9 @@ stamp.py        the attachment of each sample: sequence, source time, epoch
 bus.py          the Bus that services use, and the inbox between threads
 zenoh_bus.py    the Bus over Zenoh: the one file that imports it
 memory_bus.py   the same Bus inside one event loop, for the component tests
+virtual_network.py, virtual_loop.py    and on a simulated network and clock, for the fault campaign
 config.py       robot.toml, read strictly
+command_line.py what the processes' command lines share
 process.py      a process that always ends: signals, exceptions, a bounded close
 huge_pages.py   and whose end its peers see sooner
 """

@@ -82,6 +82,15 @@ async def wait_until(wake: asyncio.Event, time_s: float) -> None:
         return
 
 
+async def woken_by(wake: asyncio.Event, time_s: float) -> None:
+    """As `wait_until`, for whoever waits many times a second: the time sets `wake` as well, and raises nothing inside."""
+    timer = asyncio.get_running_loop().call_at(time_s, wake.set)
+    try:
+        await wake.wait()
+    finally:
+        timer.cancel()
+
+
 T = TypeVar("T")
 
 

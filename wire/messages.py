@@ -16,6 +16,7 @@ from rosbags.interfaces.typing import Typesdict
 from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.store import Typestore
 
+from wire import ros
 from wire.ros import (
     Bool,
     Clock,
@@ -159,29 +160,7 @@ class TriggerResponse:
     __msgtype__: ClassVar[str] = "std_srvs/srv/Trigger_Response"
 
 
-_TYPES: tuple[type[Message], ...] = (
-    Bool,
-    Clock,
-    DiagnosticArray,
-    DiagnosticStatus,
-    Header,
-    Imu,
-    KeyValue,
-    LaserScan,
-    Odometry,
-    Point,
-    Pose,
-    PoseWithCovariance,
-    Quaternion,
-    SafetyStatus,
-    SourceStatus,
-    String,
-    Time,
-    TriggerResponse,
-    Twist,
-    TwistWithCovariance,
-    Vector3,
-)
+_TYPES: tuple[type[Message], ...] = (*ros.TYPES, SourceStatus, SafetyStatus, TriggerResponse)
 
 
 def _definitions() -> Typesdict:

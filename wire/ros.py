@@ -4,8 +4,8 @@ rosbags carries two hundred. Loading those for the sake of these takes 60 ms and
 for its peers only once the kernel has freed all that it had.
 """
 
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, is_dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -198,3 +198,9 @@ class DiagnosticArray:
     header: Header
     status: list[DiagnosticStatus]
     __msgtype__: ClassVar[str] = "diagnostic_msgs/msg/DiagnosticArray"
+
+
+TYPES: tuple[type[Any], ...] = tuple(
+    [one for one in list(globals().values()) if isinstance(one, type) and is_dataclass(one)]
+)
+"""All of them."""

@@ -4,6 +4,7 @@ classes.py    the table of faults: what is done, to which process, what must not
 seen.py       what is seen of a run from outside: commands, statuses, the true motion
 promises.py   the promises of the design, checked on what was seen (pure)
 measure.py    what each stop was like: detector, times, distance (pure)
+timeline.py   the samples of it that a picture is drawn from (pure)
 trial.py      the record of one trial, and its line of JSON
 
 The virtual campaign runs the same services on a virtual clock (docs/decisions/0017):

@@ -1,6 +1,6 @@
 """What the faults that were done ask for, by the bounds of their classes. Pure."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from deploy.faults.classes import (
@@ -13,9 +13,6 @@ from deploy.faults.classes import (
     TICK_S,
 )
 from deploy.faults.promises import Demand, Kind
-
-MAY_TAKE_OVER = frozenset({"wire_second_teleop", "wire_attachments"})
-"""Faults after which teleop may have to be started anew, where another one had silenced it meanwhile."""
 
 LEEWAY_S = 0.005
 """Hops, and a physics step."""
@@ -65,6 +62,7 @@ MOVES_THE_ROBOT = frozenset({"sim_sigkill", "sim_sigstop", "sim_blocked"})
 """While the simulation stands, nothing brakes in it; a new one begins elsewhere."""
 
 
+MAY_TAKE_OVER = frozenset({"wire_second_teleop", "wire_attachments"})
 HOLDS_A_COMMAND = SILENCES_SUPERVISOR | {"net_cut_base", "net_healed_base"}
 TOLERANCE_M = 0.01
 HELD_M = 0.03
@@ -100,6 +98,15 @@ def demands(done: Sequence[Done], *, alone: bool) -> list[Demand]:
         others = [other for other in done if other is not one and one.touches(other)]
         found += _of(one, others, alone=alone)
     return [demand for demand in found if demand.from_s < demand.until_s]
+
+
+def must_start_teleop(names: Collection[str]) -> bool:
+    """Whether teleop has to be started anew after these faults, because its source may belong to another one by now.
+
+    Who speaks as teleop while something else silences it, or with a copy of its name, may take its source over for
+    good (docs/decisions/0020); the status says so.
+    """
+    return len(names) > 1 and not MAY_TAKE_OVER.isdisjoint(names)
 
 
 def _is_of_a_sensor(one: Done) -> bool:

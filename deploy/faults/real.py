@@ -19,11 +19,11 @@ from random import Random
 from deploy.faults.classes import BY_NAME, KILL_BOUND_S, Group
 from deploy.faults.demands import (
     ENDS_SUPERVISOR,
-    MAY_TAKE_OVER,
     SILENCES_SUPERVISOR,
     Done,
     asked_age_s,
     demands,
+    must_start_teleop,
 )
 from deploy.faults.drawing import AFTER_S, BEFORE_S
 from deploy.faults.injectors.injection import Injection
@@ -295,9 +295,7 @@ def _rest_s(seen: Seen, since_s: float) -> float | None:
 async def _recover(stage: Stage, run: _Run) -> bool:
     """Drivable by neutral alone, and it drives; else that is a broken promise."""
     began_s = time.monotonic()
-    if len(run.faults) > 1 and MAY_TAKE_OVER & {name for name, _ in run.faults}:
-        # Who speaks as teleop while it is silent may take its source over for good (docs/decisions/0020); the
-        # status says so, and teleop is started anew.
+    if must_start_teleop([name for name, _ in run.faults]):
         await stage.start_teleop()
     await _start_what_ended(stage, run)
     try:

@@ -9,7 +9,7 @@ import struct
 from collections.abc import Generator
 from contextlib import contextmanager
 
-from deploy.faults.demands import MAY_TAKE_OVER, Done, asked_age_s, demands, tolerance_m
+from deploy.faults.demands import Done, asked_age_s, demands, must_start_teleop, tolerance_m
 from deploy.faults.injector import Injector, calm
 from deploy.faults.measure import NOTICED_WITHIN_S, stop_after
 from deploy.faults.operator import Operator, reset_from_outside
@@ -86,14 +86,18 @@ async def _play(world: World, injector: Injector) -> None:
 
 async def _until_drivable(world: World) -> None:
     """Until nothing has stopped the robot for a while, or its time to recover is over."""
-    loop, statuses = world.loop, world.seen.statuses
+    loop = world.loop
     await asyncio.sleep(FREE_S)
     while loop.time() < EPISODE_S + RECOVERY_S:
-        since_s = loop.time() - FREE_S
-        recent = list(itertools.takewhile(lambda s: s.arrival_s >= since_s, reversed(statuses)))  # noqa: B023 - called at once
-        if len(recent) >= FREE_STATUSES and not any(status.is_stopped for status in recent):
+        if _has_been_free(world.seen, loop.time() - FREE_S):
             return
         await asyncio.sleep(LOOK_S)
+
+
+def _has_been_free(seen: Seen, since_s: float) -> bool:
+    """Whether every status since then, and enough of them, said that nothing stops the robot."""
+    recent = list(itertools.takewhile(lambda status: status.arrival_s >= since_s, reversed(seen.statuses)))
+    return len(recent) >= FREE_STATUSES and not any(status.is_stopped for status in recent)
 
 
 async def mend(world: World, injector: Injector) -> None:
@@ -105,10 +109,7 @@ async def mend(world: World, injector: Injector) -> None:
         world.network.heal(name)
     for life in list(world.lives.values()):
         world.let_go(life)
-    finished = {one.name for one in injector.finished()}
-    if len(finished) > 1 and MAY_TAKE_OVER & finished:
-        # Who speaks as teleop while it is silent, or with a copy of its name, may take its source over for good
-        # (docs/decisions/0020); the status says so, and teleop is started anew.
+    if must_start_teleop({one.name for one in injector.finished()}):
         world.kill(topics.TELEOP)
     world.start_all()
     await injector.calm_sensors()

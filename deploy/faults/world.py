@@ -269,7 +269,7 @@ class World:
 
     async def _sim(self, life: Life) -> None:
         await life.bus.connect()
-        await SimService(life.bus, SIM, self.plant, told=False).run(life.stop)
+        await SimService(life.bus, SIM, self.plant).run(life.stop)
         await life.bus.close()
 
     async def _teleop(self, life: Life) -> None:
