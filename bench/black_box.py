@@ -17,9 +17,9 @@ from supervisor import blackbox, blackbox_file
 from supervisor.blackbox import BlackBox
 from supervisor.blackbox_file import Order
 from supervisor.config import SupervisorSection
-from supervisor.freshness import Sent
 from supervisor.model import Command, Decision, Inputs, LaserScan, Odometry, State, Velocity
 from supervisor.safety import initial_state, step
+from wire.freshness import Sent
 
 BEAMS = 360
 STEP_HZ, SCAN_HZ, ODOM_HZ, COMMAND_HZ = 150, 20, 50, 20

@@ -12,9 +12,9 @@ import numpy as np
 
 from bench import scenery
 from supervisor.config import SupervisorSection
-from supervisor.freshness import Sent
 from supervisor.model import Command, Inputs, LaserScan, Mode, Odometry, State, Velocity
 from supervisor.safety import initial_state, step
+from wire.freshness import Sent
 
 BEAMS = (360, 1080, 4096, 16384)
 TICK_S = 0.02

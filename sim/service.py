@@ -162,7 +162,8 @@ class SimService:
     def _obey(self, command: Arrival[Twist]) -> None:
         twist = command.message
         if twist is not None and command.arrival_s >= self._supervisor_changed_s:
-            self._watchdog.command(command.arrival_s, twist.linear.x, twist.angular.z)
+            sent = None if command.stamp is None else command.stamp.sent()
+            self._watchdog.command(command.arrival_s, twist.linear.x, twist.angular.z, sent)
 
     def _place(self, point: Point) -> None:
         if point.z < 0:

@@ -1,5 +1,8 @@
 """The base's own last line of defence: it brakes by itself when nobody proves that somebody drives.
 
+A command counts from when it was decided, not from when it came: a supervisor that was stopped before it could say
+so, and a link that was held up, deliver what was right long ago (docs/decisions/0022).
+
 Pure: time is an argument, in seconds of any one monotonic clock. It does not re-arm with a neutral command; that is the
 supervisor's duty, and what arrives here has passed it.
 """
@@ -8,6 +11,8 @@ import math
 from enum import StrEnum
 from typing import NamedTuple
 
+from wire.freshness import Sent, Track, Verdict, judge
+
 COMMAND_TIMEOUT_S = 0.150
 
 
@@ -15,6 +20,7 @@ class BaseReason(StrEnum):
     """Why the base drives as it does; the most restrictive reason wins, in this order from the bottom."""
 
     OK = "OK"
+    COMMAND_STALE = "COMMAND_STALE"
     COMMAND_INVALID = "COMMAND_INVALID"
     COMMAND_TIMEOUT = "COMMAND_TIMEOUT"
     NO_COMMAND = "NO_COMMAND"
@@ -43,10 +49,12 @@ class Watchdog:
         self.refused_count = 0
         """Commands that were not finite."""
         self._supervisor_alive = False
-        self._heard_at_s: float | None = None
+        self._track = Track()
+        self._decided_at_s: float | None = None
         self._v_m_s = 0.0
         self._omega_rad_s = 0.0
-        self._last_was_refused = False
+        self._refused: BaseReason | None = None
+        """Why the last command was not taken; None: it was."""
 
     def supervisor_alive(self, alive: bool) -> None:  # noqa: FBT001 - the call reads as the sentence it is
         """Takes a change of the supervisor's liveliness token.
@@ -55,25 +63,38 @@ class Watchdog:
         """
         self._supervisor_alive = alive
         if not alive:
-            self._heard_at_s = None
-            self._last_was_refused = False
+            self._decided_at_s = self._refused = None
 
-    def command(self, now_s: float, linear_m_s: float, angular_rad_s: float) -> bool:
-        """Takes a command that arrived at `now_s`; false if it is refused.
+    def command(
+        self, arrival_s: float, linear_m_s: float, angular_rad_s: float, sent: Sent | None = None
+    ) -> bool:
+        """Takes a command; false if it is refused.
 
-        One that is not finite stops the base until a good one comes and never refreshes the age. One that comes without
-        the supervisor's token is not kept: nobody answers for it.
+        One that is not finite, late, out of order or of an unproven epoch stops the base until a good one comes, and
+        never refreshes the age. One that comes without the supervisor's token is not kept: nobody answers for it.
+
+        Args:
+            arrival_s: when it came.
+            linear_m_s: forward.
+            angular_rad_s: to the left.
+            sent: when it was decided, by its attachment; None, as from a plain ROS 2 writer: as it came.
         """
         if not (math.isfinite(linear_m_s) and math.isfinite(angular_rad_s)):
             self.refused_count += 1
-            self._last_was_refused = True
+            self._refused = BaseReason.COMMAND_INVALID
             return False
         if not self._supervisor_alive:
             return False
-        self._heard_at_s = now_s
+        on_way_s = 0.0
+        if sent is not None:
+            self._track, verdict, on_way_s = judge(self._track, sent, arrival_s, self.command_timeout_s)
+            if verdict is not Verdict.FRESH:
+                self._refused = BaseReason.COMMAND_STALE
+                return False
+        self._decided_at_s = arrival_s - on_way_s
         self._v_m_s = linear_m_s
         self._omega_rad_s = angular_rad_s
-        self._last_was_refused = False
+        self._refused = None
         return True
 
     def target(self, now_s: float) -> Target:
@@ -86,11 +107,9 @@ class Watchdog:
     def _reason(self, now_s: float) -> BaseReason:
         if not self._supervisor_alive:
             return BaseReason.SUPERVISOR_LOST
-        if self._heard_at_s is None:
+        if self._decided_at_s is None:
             return BaseReason.NO_COMMAND
         # Written so that an age that is not a number counts as too old.
-        if not now_s - self._heard_at_s <= self.command_timeout_s:
+        if not now_s - self._decided_at_s <= self.command_timeout_s:
             return BaseReason.COMMAND_TIMEOUT
-        if self._last_was_refused:
-            return BaseReason.COMMAND_INVALID
-        return BaseReason.OK
+        return self._refused or BaseReason.OK

@@ -6,7 +6,6 @@
     scan.py           what a laser scan proves
     reckoning.py      where the robot has gone since a scan
     lidar.py          what a reading means: REP 117 and its dialects
-    freshness.py      how old a command is, whatever the network did to it
     plain.py          the law's types as JSON and back, exactly
     config.py         [supervisor] of robot.toml
     messages.py       wire messages -> inputs, decision -> wire messages

@@ -2,11 +2,10 @@
 
 import math
 
-from supervisor.freshness import Sent
 from supervisor.model import Command, Decision, LaserScan, Odometry, Source, Velocity
 from wire import messages as ros
 from wire.bus import Arrival
-from wire.stamp import Stamp
+from wire.freshness import Sent
 
 HEADER_EPOCH = b"header"
 """Scans whose only stamp is their header's belong to this one."""
@@ -16,7 +15,7 @@ def to_command(source: str, arrival: Arrival[ros.Twist]) -> Command:
     twist = arrival.message
     velocity = None if twist is None else _planar(twist)
     return Command(
-        source, velocity, arrival.arrival_s, None if arrival.stamp is None else _sent(arrival.stamp)
+        source, velocity, arrival.arrival_s, None if arrival.stamp is None else arrival.stamp.sent()
     )
 
 
@@ -28,10 +27,6 @@ def _planar(twist: ros.Twist) -> Velocity | None:
     return Velocity(twist.linear.x, twist.angular.z)
 
 
-def _sent(stamp: Stamp) -> Sent:
-    return Sent(stamp.gid, stamp.sequence, stamp.source_time_ns * 1e-9)
-
-
 def to_scan(arrival: Arrival[ros.LaserScan], header_tolerance_s: float) -> LaserScan | None:
     """The scan, with when it was taken by its attachment, or else by its header's unsteadier clock."""
     scan = arrival.message
@@ -40,7 +35,7 @@ def to_scan(arrival: Arrival[ros.LaserScan], header_tolerance_s: float) -> Laser
     stamp = scan.header.stamp
     sent, tolerance_s = None, None
     if arrival.stamp is not None:
-        sent = _sent(arrival.stamp)
+        sent = arrival.stamp.sent()
     elif stamp.sec or stamp.nanosec:
         # A header has no sequence; the arrival, which only goes on, stands for it, in microseconds.
         sequence = round(arrival.arrival_s * 1e6)

@@ -14,10 +14,10 @@ import numpy as np
 import numpy.typing as npt
 
 from supervisor.clearance import Block, Hull
-from supervisor.freshness import Sent, Track, Verdict
 from supervisor.lidar import LidarProfile
 from supervisor.reckoning import STANDSTILL, Odometer, Pose, Velocity
 from supervisor.scan import Mount, ScanReading
+from wire.freshness import Sent, Track, Verdict
 
 
 class StopReason(StrEnum):

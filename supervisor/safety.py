@@ -17,7 +17,6 @@ Unproven means stop. The law in four sentences:
 import math
 
 from supervisor.clearance import Barrier, Block, moved, permitted_scale
-from supervisor.freshness import FALL_TOLERANCE_S, Verdict, judge
 from supervisor.model import (
     SEVERITY,
     Command,
@@ -35,6 +34,7 @@ from supervisor.model import (
 )
 from supervisor.reckoning import STANDSTILL, Odometer, Velocity, displacement, reckon, where
 from supervisor.scan import ScanReading, continue_reading, read_scan
+from wire.freshness import FALL_TOLERANCE_S, Verdict, judge
 
 IMPLAUSIBLE_FACTOR = 10.0
 """A command this many times beyond the limits is not eager but broken."""

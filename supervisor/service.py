@@ -119,7 +119,7 @@ class SupervisorService:
     def _publish(self, decision: Decision, now_s: float, *, on_tick: bool) -> None:
         last = self._last
         if on_tick or last is None or decision.output != last.output:
-            self._cmd_vel.put(to_twist(decision.output))
+            self._cmd_vel.put(to_twist(decision.output), now_s)
         changed = last is None or _outline(decision) != _outline(last)
         if changed:
             _log.info(

@@ -196,7 +196,15 @@ M_contra = TypeVar("M_contra", bound=Message, contravariant=True)
 class Publisher(Protocol[M_contra]):
     """Sends one topic's messages, each with the next stamp of this run. Never blocks, never raises on a dead link."""
 
-    def put(self, message: M_contra) -> None: ...
+    def put(self, message: M_contra, true_at_s: float | None = None) -> None:
+        """Send a message.
+
+        Args:
+            message: what to say.
+            true_at_s: when it was true, by the loop's clock; None: now. Who is held up between deciding and saying
+                so says something old, and its stamp has to show that.
+        """
+        ...
 
 
 class Token(Protocol):

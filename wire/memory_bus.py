@@ -65,11 +65,12 @@ class MemoryPublisher:
     def __init__(self, bus: "MemoryBus", key: str) -> None:
         self._bus, self._key, self._sequence = bus, key, 0
 
-    def put(self, message: Any) -> None:  # noqa: ANN401 - as Publisher[M] for its topic's M
+    def put(self, message: Any, true_at_s: float | None = None) -> None:  # noqa: ANN401 - as Publisher[M] for its topic's M
         if self._bus.dead:
             return
         self._sequence += 1
-        source_time_ns = int(asyncio.get_running_loop().time() * 1e9)
+        time_s = asyncio.get_running_loop().time() if true_at_s is None else true_at_s
+        source_time_ns = round(time_s * 1e9)
         stamp = Stamp(self._sequence, source_time_ns, self._bus.gid)
         self._bus.network.deliver(self._key, encode(message), stamp.pack())
 

@@ -11,6 +11,8 @@ import time
 from dataclasses import dataclass
 from itertools import count
 
+from wire.freshness import Sent
+
 _LAYOUT = struct.Struct("<qqB16s")
 GID_BYTES = 16
 
@@ -26,6 +28,10 @@ class Stamp:
 
     def pack(self) -> bytes:
         return _LAYOUT.pack(self.sequence, self.source_time_ns, GID_BYTES, self.gid)
+
+    def sent(self) -> Sent:
+        """As freshness is judged by."""
+        return Sent(self.gid, self.sequence, self.source_time_ns * 1e-9)
 
 
 def parse_stamp(attachment: bytes | None) -> Stamp | None:
@@ -43,5 +49,11 @@ class Stamper:
         self._gid = os.urandom(GID_BYTES)
         self._sequence = count(1)
 
-    def next(self) -> Stamp:
-        return Stamp(next(self._sequence), time.monotonic_ns(), self._gid)
+    def next(self, true_at_s: float | None = None) -> Stamp:
+        """The next one of this run.
+
+        Args:
+            true_at_s: when what it says was true, by `time.monotonic`; None: now.
+        """
+        source_time_ns = time.monotonic_ns() if true_at_s is None else round(true_at_s * 1e9)
+        return Stamp(next(self._sequence), source_time_ns, self._gid)

@@ -207,13 +207,13 @@ class VirtualPublisher:
         self._bus, self._key, self._sequence = bus, key, 0
         self._gid = bus.network.new_gid()
 
-    def put(self, message: Any) -> None:  # noqa: ANN401 - as Publisher[M] for its topic's M
+    def put(self, message: Any, true_at_s: float | None = None) -> None:  # noqa: ANN401 - as Publisher[M] for its topic's M
         bus, network = self._bus, self._bus.network
         if bus.is_dead:
             return
         self._sequence += 1
-        time_ns = round((network.loop.time() + bus.clock_offset_s) * 1e9)
-        stamp = Stamp(self._sequence, time_ns, self._gid)
+        time_s = network.loop.time() if true_at_s is None else true_at_s
+        stamp = Stamp(self._sequence, round((time_s + bus.clock_offset_s) * 1e9), self._gid)
         if network.tap is not None:
             network.tap(bus.node, self._key, message, stamp)
         if self._key in network.listened:

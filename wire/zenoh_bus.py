@@ -184,8 +184,8 @@ class ZenohPublisher:
         )
         self._stamper = Stamper()
 
-    def put(self, message: Any) -> None:  # noqa: ANN401 - as Publisher[M] for its topic's M
-        self._publisher.put(encode(message), attachment=self._stamper.next().pack())
+    def put(self, message: Any, true_at_s: float | None = None) -> None:  # noqa: ANN401 - as Publisher[M] for its topic's M
+        self._publisher.put(encode(message), attachment=self._stamper.next(true_at_s).pack())
 
 
 class ZenohToken:

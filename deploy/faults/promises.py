@@ -164,6 +164,24 @@ def _moved_unasked(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
         told = is_late
 
 
+def set_off_unasked(
+    driven: Sequence[tuple[float, bool]], asked: Sequence[Asked], bounds: Bounds
+) -> Iterator[Violation]:
+    """The same at the wheels, which may take what the network kept for a command of now.
+
+    Args:
+        driven: whether the drive is asked for anything but zero, each time that it changed.
+        asked: by the time at which it was sent.
+        bounds: the numbers of the promises.
+    """
+    wishes = [one.sent_s for one in asked if not one.is_neutral]
+    for (_, before), (at_s, is_driven) in itertools.pairwise(driven):
+        index = bisect_right(wishes, at_s)
+        age_s = at_s - wishes[index - 1] if index else math.inf
+        if is_driven and not before and age_s > bounds.asked_age_s:
+            yield Violation(3, at_s, f"the base sets off by a wish that is {age_s:.3f} s old")
+
+
 # --- 4: the base by itself
 
 

@@ -29,7 +29,7 @@ from deploy.faults.drawing import AFTER_S, BEFORE_S
 from deploy.faults.injectors.injection import Injection
 from deploy.faults.injectors.plans import PAIR, draw_pair, plan
 from deploy.faults.measure import stop_after
-from deploy.faults.promises import Bounds, Demand, Kind, Violation, violations
+from deploy.faults.promises import Bounds, Demand, Kind, Violation, set_off_unasked, violations
 from deploy.faults.seen import Seen
 from deploy.faults.stage import NODES, Route, Stage, StageError
 from deploy.faults.timeline import FINE_S, thinned, timeline
@@ -370,6 +370,7 @@ def _judge(stage: Stage, run: _Run, revision: str, load: float) -> Trial:
     bounds = Bounds(asked_age_s=asked_s, status_leeway_s=LEEWAY_S, neutral_leeway_s=age_s)
     found = [
         *violations(seen, wanted, bounds),
+        *set_off_unasked(driven, seen.asked, bounds),
         *(Violation(one.promise, one.time_s - began_s, one.sentence) for one in run.complaints),
     ]
     if observer.undecodable:
@@ -393,6 +394,8 @@ def _judge(stage: Stage, run: _Run, revision: str, load: float) -> Trial:
                     "sim_stalled_s": round(stalled_s, 3),
                     "load": round(load, 2),
                     "leeway_s": round(run.leeway_s, 3),
+                    "late": observer.late,
+                    "misdelivered": observer.misdelivered,
                 },
                 detector=stop.detector,
                 speed_m_s=round(stop.speed_m_s, 4),

@@ -1,14 +1,18 @@
 """The supervisor's service on the memory bus and a virtual clock: when it says what, on which key."""
 
 import asyncio
+import itertools
 import math
 
 import pytest
 
+from supervisor import service
+from supervisor.model import Decision, Inputs, State
 from tests.component.rig import Rig
 from wire import topics
 from wire.memory_bus import MemoryBus
 from wire.messages import Bool, SafetyStatus, SourceStatus, Twist, Vector3, encode, planar_twist
+from wire.virtual_loop import VirtualLoop
 
 ZERO = (0.0, 0.0)
 PRESSED, RELEASED = Bool(data=True), Bool(data=False)
@@ -237,3 +241,30 @@ async def test_a_restarted_supervisor_moves_nothing_until_neutral() -> None:
             await rig.pass_time(2.0)
             assert all(o.message == planar_twist(0.0, 0.0) for o in rig.cmd_vel.take())
             await rig.drive(0.5)
+
+
+async def test_a_supervisor_held_up_between_deciding_and_saying_so_tells_how_old_its_word_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rig, held_up_s = Rig(), 0.5
+    assert isinstance(rig.loop, VirtualLoop)
+    loop, decide = rig.loop, service.step
+    async with rig.supervisor(), rig.lidar(), rig.source():
+        await rig.drive(0.5)
+
+        def held_up(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
+            decided = decide(state, now_s, inputs)
+            if decided[1].output != state.output:
+                monkeypatch.setattr(service, "step", decide)
+                loop.advance(held_up_s)
+            return decided
+
+        monkeypatch.setattr(service, "step", held_up)
+        rig.velocity = (0.25, 0.0)
+        await rig.pass_time(held_up_s + 0.1)
+        before = planar_twist(0.5, 0.0)
+        said, then, *_ = itertools.dropwhile(lambda a: a.message == before, rig.cmd_vel.take())
+    assert said.message == planar_twist(0.25, 0.0)
+    assert said.stamp is not None
+    assert said.arrival_s - said.stamp.sent().source_time_s == pytest.approx(held_up_s)
+    assert then.message == planar_twist(0.0, 0.0)

@@ -1,10 +1,16 @@
 """The base's own watchdog: what it obeys, for how long, and what ends it."""
 
 import math
+from typing import Any
 
 import pytest
 
 from sim.watchdog import COMMAND_TIMEOUT_S, BaseReason, Target, Watchdog
+from wire.freshness import Sent
+
+TICK_S = 0.02
+CLOCK_AHEAD_S = 1e6
+"""The supervisor may run on another machine, by another clock."""
 
 
 def _obeying(at_s: float = 0.0) -> Watchdog:
@@ -101,3 +107,64 @@ def test_a_refused_first_command_counts_as_none() -> None:
 def test_a_timeout_that_is_not_positive_and_finite_is_refused(bad: float) -> None:
     with pytest.raises(ValueError, match=r"command_timeout_s must be positive and finite"):
         Watchdog(command_timeout_s=bad)
+
+
+# --- commands that say when they were decided
+
+
+class Driven:
+    """A base that hears a stamped command at each tick, and obeys by now."""
+
+    def __init__(self) -> None:
+        self.watchdog = Watchdog()
+        self.watchdog.supervisor_alive(alive=True)
+        self.now_s = 100.0
+        self.sequence = 0
+        self.taken = [self.hear() for _ in range(20)]
+
+    def hear(self, *, late_s: float = 0.0, epoch: bytes = b"A", sequence: int | None = None) -> bool:
+        self.now_s += TICK_S + late_s
+        self.sequence += 1
+        sent = Sent(epoch, sequence or self.sequence, self.now_s - late_s + CLOCK_AHEAD_S)
+        return self.watchdog.command(self.now_s, 0.5, 0.0, sent)
+
+    def reason(self) -> BaseReason:
+        return self.watchdog.target(self.now_s).reason
+
+
+def test_an_epoch_moves_the_base_once_it_has_been_heard_for_a_timeout() -> None:
+    base = Driven()
+    assert base.taken == [False] * 8 + [True] * 12
+    assert base.reason() is BaseReason.OK
+
+
+def test_an_epoch_that_is_not_proven_counts_as_no_command() -> None:
+    watchdog = Watchdog()
+    watchdog.supervisor_alive(alive=True)
+    assert not watchdog.command(0.0, 0.5, 0.0, Sent(b"A", 1, 0.0))
+    _assert_stopped(watchdog.target(0.0), BaseReason.NO_COMMAND)
+
+
+def test_what_a_stopped_supervisor_says_when_it_wakes_moves_nothing() -> None:
+    base = Driven()
+    _assert_stopped(base.watchdog.target(base.now_s + 0.5), BaseReason.COMMAND_TIMEOUT)
+    assert not base.hear(late_s=0.5)
+    _assert_stopped(base.watchdog.target(base.now_s), BaseReason.COMMAND_TIMEOUT)
+    assert base.hear()
+    assert base.reason() is BaseReason.OK
+
+
+def test_a_command_counts_from_when_it_was_decided() -> None:
+    base = Driven()
+    assert base.hear(late_s=0.1)
+    assert base.reason() is BaseReason.OK
+    _assert_stopped(base.watchdog.target(base.now_s + 0.051), BaseReason.COMMAND_TIMEOUT)
+
+
+@pytest.mark.parametrize("bad", [{"sequence": 1}, {"epoch": b"B"}], ids=["out of order", "of another epoch"])
+def test_a_stale_command_stops_until_a_fresh_one_comes(bad: dict[str, Any]) -> None:
+    base = Driven()
+    assert not base.hear(**bad)
+    _assert_stopped(base.watchdog.target(base.now_s), BaseReason.COMMAND_STALE)
+    assert base.hear()
+    assert base.reason() is BaseReason.OK

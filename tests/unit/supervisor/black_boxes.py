@@ -9,10 +9,10 @@ import numpy as np
 
 from supervisor.blackbox import FILE_BYTES, BlackBox
 from supervisor.blackbox_file import Order, write
-from supervisor.freshness import Sent
 from supervisor.model import Command, Decision, Inputs, LaserScan, Liveliness, Odometry, State, Velocity
 from supervisor.safety import initial_state, step
 from tests.unit.supervisor.law_harness import CONFIG, FORWARD, NEUTRAL, TICK_S, laser_scan, ring
+from wire.freshness import Sent
 
 NOON_UTC_S = 1_783_166_400.0
 """2026-07-04 12:00:00 UTC"""

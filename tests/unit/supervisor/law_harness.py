@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from supervisor.config import SupervisorSection
-from supervisor.freshness import Sent
 from supervisor.model import (
     Command,
     Decision,
@@ -19,6 +18,7 @@ from supervisor.model import (
     Velocity,
 )
 from supervisor.safety import initial_state, step
+from wire.freshness import Sent
 
 TICK_S = 0.02
 BEAMS = 360

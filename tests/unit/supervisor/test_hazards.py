@@ -20,7 +20,6 @@ import pytest
 
 from supervisor.clearance import ConvexPolygon
 from supervisor.config import SupervisorSection
-from supervisor.freshness import Sent
 from supervisor.messages import HEADER_EPOCH, to_scan
 from supervisor.model import STANDSTILL, Command, Inputs, Mode, StopReason, Velocity
 from supervisor.safety import initial_state, step
@@ -41,6 +40,7 @@ from tests.unit.supervisor.law_harness import (
 )
 from wire import messages as ros
 from wire.bus import Arrival
+from wire.freshness import Sent
 
 FULL_SPEED = Velocity(1.0, 2.0)
 

@@ -27,7 +27,6 @@ from supervisor.clearance import (
     survey,
 )
 from supervisor.config import SupervisorSection
-from supervisor.freshness import JUMP, Sent, Track, Verdict, judge
 from supervisor.lidar import PROFILES
 from supervisor.model import (
     STANDSTILL,
@@ -47,6 +46,7 @@ from supervisor.model import (
 from supervisor.safety import BARRIER_REASONS, initial_state, step
 from supervisor.scan import Mount, read_scan
 from tests.unit.supervisor.closed_loop import Outcome, drive_about
+from wire.freshness import JUMP, Sent, Track, Verdict, judge
 
 T = TypeVar("T")
 Ranges = npt.NDArray[np.float32]

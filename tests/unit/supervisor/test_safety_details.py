@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from supervisor.freshness import Sent
 from supervisor.model import STANDSTILL, Command, Inputs, LaserScan, Mode, StopReason, Velocity
 from supervisor.safety import IMPLAUSIBLE_FACTOR, RUNAWAY_GRACE_S
 from tests.unit.supervisor.law_harness import (
@@ -23,6 +22,7 @@ from tests.unit.supervisor.law_harness import (
     odometry,
     ring,
 )
+from wire.freshness import Sent
 
 
 def at_zero() -> Law:

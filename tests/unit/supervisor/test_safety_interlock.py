@@ -4,7 +4,6 @@ import math
 
 import pytest
 
-from supervisor.freshness import Sent
 from supervisor.model import STANDSTILL, Command, Inputs, Mode, StopReason, Velocity
 from tests.unit.supervisor.law_harness import (
     BACK,
@@ -19,6 +18,7 @@ from tests.unit.supervisor.law_harness import (
     odometry,
     ring,
 )
+from wire.freshness import Sent
 
 
 def test_it_starts_stopped_because_nobody_has_spoken() -> None:

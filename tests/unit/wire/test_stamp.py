@@ -38,3 +38,9 @@ def test_a_run_counts_up_from_1_in_time_and_each_run_has_an_epoch_of_its_own() -
     assert (first.sequence, second.sequence) == (1, 2)
     assert second.source_time_ns >= first.source_time_ns
     assert first.gid == second.gid != Stamper().next().gid
+
+
+def test_what_was_true_a_moment_ago_is_stamped_with_then() -> None:
+    stamper = Stamper()
+    assert stamper.next(12.25).source_time_ns == 12_250_000_000
+    assert stamper.next(12.25).sent().source_time_s == 12.25

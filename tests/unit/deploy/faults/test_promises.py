@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deploy.faults.promises import Bounds, Demand, Kind, Violation, violations
+from deploy.faults.promises import Bounds, Demand, Kind, Violation, set_off_unasked, violations
 from deploy.faults.seen import Asked, Motion, Seen, Status
 from deploy.samples import Command
 
@@ -75,6 +75,19 @@ def test_a_motion_needs_a_wish_that_is_young_enough() -> None:
     late = Seen(commands=commands((1.26, 0.5), (1.28, 0.5), (1.3, 0.0), (1.4, 0.5)), asked=asked)
     assert numbers(violations(late, bounds=bounds)) == [3, 3], "once for each time that it happens"
     assert numbers(violations(Seen(commands=commands((0.5, 0.5)), asked=asked), bounds=bounds)) == [3]
+
+
+def test_the_wheels_set_off_by_a_wish_that_is_young_enough() -> None:
+    asked = [Asked(1.0, "teleop", 0.5, 0.0), Asked(1.1, "teleop", 0.0, 0.0)]
+    bounds = Bounds(asked_age_s=0.25)
+
+    def found(*driven: tuple[float, bool]) -> list[int]:
+        return numbers(list(set_off_unasked(driven, asked, bounds)))
+
+    assert found((0.9, False), (1.25, True), (1.9, False)) == []
+    assert found((0.9, False), (1.26, True), (1.27, False), (1.3, True)) == [3, 3]
+    assert found((1.9, True), (2.0, False)) == [], "it was set off before"
+    assert found((0.5, False), (0.9, True)) == [3], "nobody has asked yet"
 
 
 # --- 4

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from supervisor.freshness import DRIFT, FALL_TOLERANCE_S, JUMP, REMEMBERED_EPOCHS, Sent, Track, Verdict, judge
+from wire.freshness import DRIFT, FALL_TOLERANCE_S, JUMP, REMEMBERED_EPOCHS, Sent, Track, Verdict, judge
 
 TIMEOUT_S = 0.2
 PERIOD_S = 0.0625  # exact in binary, so that sums are
