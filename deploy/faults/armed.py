@@ -4,6 +4,7 @@ The process itself knows nothing of it: it is imported and run as by `python -m 
 thread reads the order in `$LIFELINE_FAULTS_DIR/order-NODE`:
 
     block SECONDS   nothing runs in the event loop for so long
+    decided SECONDS the supervisor's next motion is decided, and said so much later; nothing else runs meanwhile
     gil SECONDS     a thread holds the interpreter's lock for so long: no Python runs at all
     raise           an exception that nobody catches
     clock SECONDS   the clock that commands are stamped with steps by so much
@@ -28,6 +29,8 @@ from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
     from sim.plant import Plant
+    from supervisor.model import Velocity
+    from wire.messages import Twist
 
 DIRECTORY = "LIFELINE_FAULTS_DIR"
 ORDER, ROUTE, CRASH = "order", "route", "crash"
@@ -70,6 +73,8 @@ def obey(order: str) -> None:
     match order.split():
         case ["block", seconds]:
             time.sleep(float(seconds))
+        case ["decided", seconds]:
+            _hold_back(float(seconds))
         case ["gil", seconds]:
             hold = ctypes.PyDLL(None).usleep  # a PyDLL's calls keep the lock
             threading.Thread(target=hold, args=(round(float(seconds) * 1e6),), daemon=True).start()
@@ -79,6 +84,20 @@ def obey(order: str) -> None:
             _step_clock(round(float(seconds) * 1e9))
         case _:
             raise ValueError(f"no such order: {order!r}")
+
+
+def _hold_back(held_s: float) -> None:
+    from supervisor import service  # noqa: PLC0415 - this process is one by now
+
+    to_twist = service.to_twist
+
+    def held_up(velocity: "Velocity") -> "Twist":
+        if any(velocity):
+            service.to_twist = to_twist
+            time.sleep(held_s)
+        return to_twist(velocity)
+
+    service.to_twist = held_up
 
 
 def _fail() -> NoReturn:

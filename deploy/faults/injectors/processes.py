@@ -155,7 +155,7 @@ PLANS: dict[str, Plan] = {
     "teleop_gil": _blocked(topics.TELEOP, "gil"),
     "supervisor_sigkill": _killed(topics.SUPERVISOR),
     "supervisor_sigstop": _stopped(topics.SUPERVISOR),
-    "supervisor_blocked": _blocked(topics.SUPERVISOR, "block", "gil"),
+    "supervisor_blocked": _blocked(topics.SUPERVISOR, "block", "gil", "decided"),
     "supervisor_and_teleop_sigkill": lambda _: BothKilled(),
     "supervisor_restart": _restarted,
     "sim_sigkill": _killed(topics.SIM),

@@ -10,6 +10,9 @@ from pathlib import Path
 import pytest
 
 from deploy.faults.armed import CRASH_CODE, DIRECTORY, obey
+from supervisor import service
+from supervisor.model import Velocity
+from wire.messages import planar_twist
 
 LOOP = """
     import asyncio, os, signal, sys, time
@@ -98,3 +101,15 @@ def test_an_armed_process_is_run_as_if_it_were_not(tmp_path: Path) -> None:
     assert done.returncode == 0
     assert done.stdout.startswith("usage: python -m supervisor")
     assert signal.getsignal(signal.SIGUSR1) is signal.SIG_DFL
+
+
+def test_the_next_motion_that_is_decided_is_said_later(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(service, "to_twist", service.to_twist)
+    slept_s: list[float] = []
+    monkeypatch.setattr("time.sleep", slept_s.append)
+    obey("decided 0.7")
+    assert service.to_twist(Velocity(0.0, 0.0)) == planar_twist(0.0, 0.0)
+    assert slept_s == []
+    for _ in range(2):
+        assert service.to_twist(Velocity(0.5, 0.1)) == planar_twist(0.5, 0.1)
+        assert slept_s == [0.7], "once"
