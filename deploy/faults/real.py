@@ -123,6 +123,8 @@ async def run_trial(stage: Stage, name: str, seed: int, revision: str) -> tuple[
     chance = Random(f"{name} {seed} driving")  # noqa: S311 - as above
     teleop, sim = routes(run.faults)
     await stage.route(teleop=teleop, sim=sim)
+    if any(run.may_end(node) for node in NODES):
+        await stage.settled()
     for _, injection in run.faults:
         await injection.prepare(stage)
     await _drive(stage, chance)

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from deploy import processes, stack
+from deploy import processes, stack, supervisord
 from deploy.errors import DeployError
 from deploy.faults import armed, namespaces
 from deploy.faults.child import Child
@@ -48,6 +48,7 @@ START_M = (-4.5, 0.0)
 PRESS_AGAIN_S = 0.4
 """An operator who sees no effect presses again."""
 CALL_LIMIT_S = 1.0
+SETTLE_POLL_S = 0.1
 
 
 class Route(StrEnum):
@@ -339,6 +340,21 @@ class Stage:
     def end_attack(self) -> int:
         """Returns how many messages were sent."""
         return int(self.attacker.order({"attack": "stop"}))
+
+    async def settled(self) -> None:
+        """Wait until supervisord takes its programs for running: one that dies sooner is started again ever later.
+
+        Raises:
+            StageError: it does not.
+        """
+        deadline_s = time.monotonic() + ALIVE_LIMIT_S
+        while (programs := supervisord.programs(self.state)) is not None:
+            waiting = [program.name for program in programs if program.state != "RUNNING"]
+            if not waiting:
+                return
+            if time.monotonic() > deadline_s:
+                raise StageError(f"not running within {ALIVE_LIMIT_S:g} s: {', '.join(waiting)}")
+            await self.observer.watch(SETTLE_POLL_S)
 
     async def alive(self, *more: str) -> None:
         """Wait until sim and supervisor are there, by their tokens and by what they say.
