@@ -11,7 +11,7 @@
     rate.py        a fixed rate that neither drifts nor catches up
     bell.py        when to ring for something near
     pulse.py       whether anybody at the other end of the terminal still draws
-    holder.py      one program for each source's name
+    holder.py      one program for each source's name; refusals.py tells when the supervisor hears another one for good
     telemetry.py   what the robot and its supervisor tell
     view.py        everything that a display shows; words.py puts the supervisor's mode into words
     display.py     one line of it; dashboard.py, with top_view.py, the whole screen; screen.py the output for that

@@ -22,6 +22,7 @@ from teleop.holder import HeldError, Holder
 from teleop.keymap import Command
 from teleop.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity
 from teleop.rate import TOLERANCE_S, Rate
+from teleop.refusals import Refusals
 from teleop.telemetry import Telemetry
 from teleop.view import Control, Event, KeyHelp, Line, Robot, Tone, View, plain
 from wire import topics
@@ -152,6 +153,7 @@ class Teleop:
         self._has_rival = False
         self._refused: int | None = None
         """Commands of ours from an epoch that has ended for the supervisor, as far as it was looked at."""
+        self._refusals = Refusals()
         self._start(asyncio.get_running_loop().time())
 
     def _start(self, now_s: float) -> None:
@@ -377,10 +379,13 @@ class Teleop:
             return
         if self._bell.rings(warning=status.warning, nearest_m=status.nearest_m, now_s=now_s):
             self._screen.bell()
-        self._look_at_own(status)
+        self._look_at_own(status, now_s)
 
-    def _look_at_own(self, status: SafetyStatus) -> None:
-        """Of two programs with one name the supervisor obeys the one that spoke first, for as long as it speaks."""
+    def _look_at_own(self, status: SafetyStatus, now_s: float) -> None:
+        """Of two programs with one name the supervisor obeys the one that spoke first, for as long as it speaks.
+
+        Whom it refuses although nobody else is heard begins anew.
+        """
         own = next((s for s in status.sources if s.name == self._setup.source), None)
         if own is None:
             return
@@ -394,6 +399,13 @@ class Teleop:
             if not self._sent.is_neutral:
                 self._let_go()
         self._refused = own.refused_epoch
+        if self._refusals.all_refused(own, now_s):
+            self._let_go()
+            self._cmd_vel.begin_anew()
+            self._has_rival = False
+            self.note(
+                "the supervisor refused all that was said: this program begins anew, at zero", Tone.CAUTION
+            )
 
     # --- the screen
 

@@ -206,6 +206,10 @@ class Publisher(Protocol[M_contra]):
         """
         ...
 
+    def begin_anew(self) -> None:
+        """Speak as a new run of the source from now on: with a new epoch."""
+        ...
+
 
 class Token(Protocol):
     """A liveliness token: it stands until it is withdrawn or its process ends."""

@@ -63,7 +63,8 @@ class MemoryPublisher:
     """Encodes, stamps with the loop's (virtual) clock, delivers."""
 
     def __init__(self, bus: "MemoryBus", key: str) -> None:
-        self._bus, self._key, self._sequence = bus, key, 0
+        self._bus, self._key = bus, key
+        self._gid, self._sequence = bus.gid, 0
 
     def put(self, message: Any, true_at_s: float | None = None) -> None:  # noqa: ANN401 - as Publisher[M] for its topic's M
         if self._bus.dead:
@@ -71,20 +72,27 @@ class MemoryPublisher:
         self._sequence += 1
         time_s = asyncio.get_running_loop().time() if true_at_s is None else true_at_s
         source_time_ns = round(time_s * 1e9)
-        stamp = Stamp(self._sequence, source_time_ns, self._bus.gid)
+        stamp = Stamp(self._sequence, source_time_ns, self._gid)
         self._bus.network.deliver(self._key, encode(message), stamp.pack())
+
+    def begin_anew(self) -> None:
+        self._gid, self._sequence = MemoryBus.new_gid(), 0
 
 
 class MemoryBus:
     """One node on a `MemoryNetwork`."""
 
-    _nodes = 0
+    _gids = 0
 
     def __init__(self, network: MemoryNetwork) -> None:
-        MemoryBus._nodes += 1
         self.network = network
-        self.gid = MemoryBus._nodes.to_bytes(16, "little")
+        self.gid = MemoryBus.new_gid()
         self.dead = False
+
+    @classmethod
+    def new_gid(cls) -> bytes:
+        cls._gids += 1
+        return cls._gids.to_bytes(16, "little")
 
     def publisher(self, topic: Topic[M]) -> MemoryPublisher:
         return MemoryPublisher(self, topic.key)

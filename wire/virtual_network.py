@@ -219,6 +219,9 @@ class VirtualPublisher:
         if self._key in network.listened:
             bus.send(self._key, encode(message), stamp.pack())
 
+    def begin_anew(self) -> None:
+        self._gid, self._sequence = self._bus.network.new_gid(), 0
+
 
 class VirtualBus:
     """One run of one process on the network; see the module for what can happen to it."""

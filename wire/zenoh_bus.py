@@ -187,6 +187,9 @@ class ZenohPublisher:
     def put(self, message: Any, true_at_s: float | None = None) -> None:  # noqa: ANN401 - as Publisher[M] for its topic's M
         self._publisher.put(encode(message), attachment=self._stamper.next(true_at_s).pack())
 
+    def begin_anew(self) -> None:
+        self._stamper = Stamper()
+
 
 class ZenohToken:
     """A liveliness token; Zenoh withdraws it also when the process dies."""

@@ -100,11 +100,11 @@ def demands(done: Sequence[Done], *, alone: bool) -> list[Demand]:
     return [demand for demand in found if demand.from_s < demand.until_s]
 
 
-def must_start_teleop(names: Collection[str]) -> bool:
-    """Whether teleop has to be started anew after these faults, because its source may belong to another one by now.
+def may_be_locked_out(names: Collection[str]) -> bool:
+    """Whether a source may belong to another one by now after these faults (docs/decisions/0020).
 
-    Who speaks as teleop while something else silences it, or with a copy of its name, may take its source over for
-    good (docs/decisions/0020); the status says so.
+    Who speaks as teleop while something else silences it, or with a copy of its epoch, may end that epoch. Teleop
+    notices, and begins another; a source without manners has to be started anew.
     """
     return len(names) > 1 and not MAY_TAKE_OVER.isdisjoint(names)
 

@@ -23,7 +23,6 @@ from deploy.faults.demands import (
     Done,
     asked_age_s,
     demands,
-    must_start_teleop,
 )
 from deploy.faults.drawing import AFTER_S, BEFORE_S
 from deploy.faults.injectors.injection import Injection
@@ -297,8 +296,6 @@ def _rest_s(seen: Seen, since_s: float) -> float | None:
 async def _recover(stage: Stage, run: _Run) -> bool:
     """Drivable by neutral alone, and it drives; else that is a broken promise."""
     began_s = time.monotonic()
-    if must_start_teleop([name for name, _ in run.faults]):
-        await stage.start_teleop()
     await _start_what_ended(stage, run)
     try:
         await stage.alive(topics.TELEOP)

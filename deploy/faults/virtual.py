@@ -9,7 +9,7 @@ import struct
 from collections.abc import Generator
 from contextlib import contextmanager
 
-from deploy.faults.demands import Done, asked_age_s, demands, must_start_teleop, tolerance_m
+from deploy.faults.demands import Done, asked_age_s, demands, may_be_locked_out, tolerance_m
 from deploy.faults.injector import Injector, calm
 from deploy.faults.measure import NOTICED_WITHIN_S, stop_after
 from deploy.faults.operator import Operator, reset_from_outside
@@ -109,7 +109,8 @@ async def mend(world: World, injector: Injector) -> None:
         world.network.heal(name)
     for life in list(world.lives.values()):
         world.let_go(life)
-    if must_start_teleop({one.name for one in injector.finished()}):
+    names = {one.name for one in injector.finished()}
+    if world.scenario.drivers is Drivers.STUBBORN and may_be_locked_out(names):
         world.kill(topics.TELEOP)
     world.start_all()
     await injector.calm_sensors()

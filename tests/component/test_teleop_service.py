@@ -21,6 +21,7 @@ from teleop.view import Control, Line
 from wire import topics
 from wire.memory_bus import MemoryBus, MemoryNetwork
 from wire.messages import Bool, SafetyStatus, SourceStatus, TriggerResponse, Twist, decode, header
+from wire.stamp import parse_stamp
 from wire.virtual_loop import VirtualLoop
 
 CMD_VEL = topics.source_cmd_vel("teleop")
@@ -35,6 +36,8 @@ class Wire(MemoryNetwork):
     def __init__(self) -> None:
         super().__init__()
         self.said: list[tuple[float, str, Any]] = []
+        self.epochs: list[bytes] = []
+        """Of the commands, each once."""
 
     def deliver(self, key: str, payload: bytes, attachment: bytes | None) -> None:
         types = {CMD_VEL.key: Twist, topics.ESTOP.key: Bool}
@@ -42,6 +45,12 @@ class Wire(MemoryNetwork):
             message: Any = decode(payload, types[key])
             value = message.data if key == topics.ESTOP.key else (message.linear.x, message.angular.z)
             self.said.append((asyncio.get_running_loop().time(), key, value))
+        if (
+            key == CMD_VEL.key
+            and (stamp := parse_stamp(attachment)) is not None
+            and stamp.gid not in self.epochs
+        ):
+            self.epochs.append(stamp.gid)
         super().deliver(key, payload, attachment)
 
     def commands(self) -> list[tuple[float, tuple[float, float]]]:
@@ -670,6 +679,22 @@ async def test_a_rival_with_the_same_name_stops_this_one_and_is_told_once() -> N
         assert [
             note for note in b.screen.notes if "another program speaks as teleop" in note
         ] == b.screen.notes
+
+
+async def test_a_teleop_that_is_refused_although_nobody_else_is_heard_begins_anew_at_zero() -> None:
+    async with bench() as b:
+        for refused in range(6):
+            await b.press("w")
+            b.tell(SafetyStatus.STOPPED, sources=[_source("teleop", refused)])
+            await asyncio.sleep(0.1)
+        assert b.velocity() == (0.0, 0.0)
+        assert len(b.wire.epochs) == 2
+        assert "begins anew" in b.screen.notes[-1]
+        for _ in range(6):
+            b.tell(SafetyStatus.READY, sources=[_source("teleop", refused_epoch=5)])
+            await asyncio.sleep(0.1)
+        await b.press("w")
+        assert (b.velocity(), len(b.wire.epochs)) == ((0.1, 0.0), 2)
 
 
 # --- suspended

@@ -14,6 +14,7 @@ import pytest
 from deploy.errors import DeployError
 from deploy.faults import campaign as campaigns
 from deploy.faults import world
+from deploy.faults.demands import may_be_locked_out
 from deploy.faults.trial import Trial, parse, read_trials
 from deploy.faults.virtual import run_trial
 from sim.config import SimSection
@@ -108,6 +109,14 @@ async def test_one_scan_of_another_client_does_not_blind_the_robot_for_good() ->
         rig.velocity = (0.0, 0.0)
         await rig.pass_time(3.0)
         assert rig.newest_status.reasons == []
+
+
+@pytest.mark.parametrize("seed", [41, 860])
+def test_a_teleop_whose_place_was_taken_while_it_hung_comes_back_by_itself(seed: int) -> None:
+    """Found by the campaign: it was refused until somebody started it anew."""
+    trial = run_trial(seed)
+    assert may_be_locked_out({fault.fault for fault in trial.faults})
+    assert trial.violations == ()
 
 
 # --- the command

@@ -1,0 +1,55 @@
+"""Whether the supervisor refuses everything: by the counts in its status."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from teleop.refusals import LOCKED_OUT_S, Refusals
+from tests.unit.teleop.views import source
+
+STATUS_S = 0.1
+OWN = source("teleop")
+
+
+def told(
+    refusals: Refusals, *, epoch: int = 0, sequence: int = 0, accepted: int = 0, count: int = 20
+) -> list[float]:
+    """When all was refused, of so many statuses in each of which the counts have grown by so much."""
+    own, times_s = OWN, list[float]()
+    for number in range(count):
+        own = replace(
+            own,
+            refused_epoch=own.refused_epoch + epoch,
+            refused_sequence=own.refused_sequence + sequence,
+            accepted=own.accepted + accepted,
+        )
+        if refusals.all_refused(own, number * STATUS_S):
+            times_s.append(number * STATUS_S)
+    return times_s
+
+
+@pytest.mark.parametrize("grown", [{"epoch": 2}, {"sequence": 2}, {"epoch": 1, "sequence": 1}], ids=str)
+def test_it_is_told_after_a_while_of_refusals_alone_and_after_each_further_one(grown: dict[str, int]) -> None:
+    assert told(Refusals(), **grown) == pytest.approx([0.5, 1.0, 1.5])
+
+
+@pytest.mark.parametrize(
+    "grown", [{}, {"accepted": 2}, {"accepted": 1, "epoch": 2}, {"accepted": 1, "sequence": 2}], ids=str
+)
+def test_nothing_is_told_while_somebody_is_heard_or_nothing_is_refused(grown: dict[str, int]) -> None:
+    assert told(Refusals(), **grown) == []
+
+
+def test_the_while_ends_exactly_at_its_end() -> None:
+    for time_s, is_told in ((LOCKED_OUT_S, True), (math.nextafter(LOCKED_OUT_S, 0.0), False)):
+        refusals = Refusals()
+        assert not refusals.all_refused(OWN, 0.0)
+        assert refusals.all_refused(replace(OWN, refused_epoch=1), time_s) is is_told
+
+
+def test_a_restarted_supervisor_counts_from_nothing() -> None:
+    refusals = Refusals()
+    assert not refusals.all_refused(replace(OWN, accepted=500, refused_epoch=80), 0.0)
+    assert not refusals.all_refused(replace(OWN, accepted=0, refused_epoch=0), 10.0)
+    assert not refusals.all_refused(replace(OWN, accepted=0, refused_epoch=1), 10.1)
