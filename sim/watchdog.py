@@ -11,7 +11,7 @@ import math
 from enum import StrEnum
 from typing import NamedTuple
 
-from wire.freshness import Sent, Track, Verdict, judge
+from wire.freshness import Sent, Track, Verdict, judge, speaks
 
 COMMAND_TIMEOUT_S = 0.150
 
@@ -77,7 +77,8 @@ class Watchdog:
             arrival_s: when it came.
             linear_m_s: forward.
             angular_rad_s: to the left.
-            sent: when it was decided, by its attachment; None, as from a plain ROS 2 writer: as it came.
+            sent: when it was decided, by its attachment; None, as from a plain ROS 2 writer: as it came, unless somebody
+                who stamps is heard.
         """
         if not (math.isfinite(linear_m_s) and math.isfinite(angular_rad_s)):
             self.refused_count += 1
@@ -85,12 +86,14 @@ class Watchdog:
             return False
         if not self._supervisor_alive:
             return False
-        on_way_s = 0.0
+        verdict, on_way_s = Verdict.FRESH, 0.0
         if sent is not None:
             self._track, verdict, on_way_s = judge(self._track, sent, arrival_s, self.command_timeout_s)
-            if verdict is not Verdict.FRESH:
-                self._refused = BaseReason.COMMAND_STALE
-                return False
+        elif speaks(self._track, arrival_s, self.command_timeout_s):
+            verdict = Verdict.EPOCH
+        if verdict is not Verdict.FRESH:
+            self._refused = BaseReason.COMMAND_STALE
+            return False
         self._decided_at_s = arrival_s - on_way_s
         self._v_m_s = linear_m_s
         self._omega_rad_s = angular_rad_s

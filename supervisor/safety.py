@@ -34,7 +34,7 @@ from supervisor.model import (
 )
 from supervisor.reckoning import STANDSTILL, Odometer, Velocity, displacement, reckon, where
 from supervisor.scan import ScanReading, continue_reading, read_scan
-from wire.freshness import FALL_TOLERANCE_S, Verdict, judge
+from wire.freshness import FALL_TOLERANCE_S, Verdict, judge, speaks
 
 IMPLAUSIBLE_FACTOR = 10.0
 """A command this many times beyond the limits is not eager but broken."""
@@ -111,6 +111,8 @@ def _see(state: State, scan: LaserScan, odometer: Odometer) -> State:
         track, verdict, on_way_s = judge(
             track, scan.sent, scan.arrival_s, config.scan_timeout_s, tolerance_s, may_return=True
         )
+    elif speaks(track, scan.arrival_s, config.scan_timeout_s):
+        verdict = Verdict.EPOCH
     counts = state.scan_counts.add(verdict)
     if verdict is not Verdict.FRESH:
         return state._replace(scan_track=track, scan_counts=counts)
@@ -238,6 +240,8 @@ def _accept(source: Source, command: Command, config: LawConfig) -> Source:
     track, verdict, on_way_s = source.track, Verdict.FRESH, 0.0
     if command.sent is not None:
         track, verdict, on_way_s = judge(track, command.sent, command.arrival_s, config.command_timeout_s)
+    elif speaks(track, command.arrival_s, config.command_timeout_s):
+        stamped, verdict = source.stamped, Verdict.EPOCH
     source = source._replace(stamped=stamped, track=track, counts=source.counts.add(verdict))
     if verdict is Verdict.UNPROVEN:
         return source

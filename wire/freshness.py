@@ -103,7 +103,7 @@ def judge(
         return _anchor(sent, arrival_s), Verdict.UNPROVEN, 0.0
     newest = Heard(track.last, arrival_s=track.arrival_s)
     if sent.epoch != newest.sent.epoch:
-        if sent.epoch in track.ended or arrival_s - track.arrival_s <= timeout_s:
+        if sent.epoch in track.ended or speaks(track, arrival_s, timeout_s):
             return track, Verdict.EPOCH, 0.0
         before = track.replaced or newest
         comes_back = sent.epoch == before.sent.epoch
@@ -126,6 +126,11 @@ def judge(
     if on_way_s > timeout_s:
         return track, Verdict.LATE, on_way_s
     return track, Verdict.FRESH if track.proven else Verdict.UNPROVEN, on_way_s
+
+
+def speaks(track: Track, now_s: float, timeout_s: float) -> bool:
+    """Whether somebody who stamps is heard: then a message without a stamp is another's."""
+    return track.last is not None and now_s - track.arrival_s <= timeout_s
 
 
 def _goes_on(newest: Heard, sent: Sent, arrival_s: float) -> bool:

@@ -161,6 +161,13 @@ def test_a_command_counts_from_when_it_was_decided() -> None:
     _assert_stopped(base.watchdog.target(base.now_s + 0.051), BaseReason.COMMAND_TIMEOUT)
 
 
+def test_a_command_without_a_stamp_stops_while_somebody_who_stamps_is_heard() -> None:
+    base = Driven()
+    assert not base.watchdog.command(base.now_s + COMMAND_TIMEOUT_S / 2, 0.9, 0.0)
+    _assert_stopped(base.watchdog.target(base.now_s), BaseReason.COMMAND_STALE)
+    assert base.watchdog.command(base.now_s + 2 * COMMAND_TIMEOUT_S, 0.9, 0.0)
+
+
 @pytest.mark.parametrize("bad", [{"sequence": 1}, {"epoch": b"B"}], ids=["out of order", "of another epoch"])
 def test_a_stale_command_stops_until_a_fresh_one_comes(bad: dict[str, Any]) -> None:
     base = Driven()

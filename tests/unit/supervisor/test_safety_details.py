@@ -187,8 +187,44 @@ def test_each_source_s_state_is_told() -> None:
     law.tick(("teleop", None))
     assert law.state.sources[0].invalid is True
     assert law.state.sources[0].stamped is False
+    law.now_s += CONFIG.command_timeout_s
     law.tick(("teleop", NEUTRAL))
     assert law.state.sources[0].invalid is False
+
+
+def test_a_command_without_a_stamp_is_anothers_while_somebody_who_stamps_is_heard() -> None:
+    law = Law()
+    for _ in range(20):
+        law.now_s += TICK_S
+        law.step(Inputs(commands=(law.stamped(NEUTRAL, sent_s=law.now_s),)))
+    assert not law.decision.reasons
+    accepted = law.state.sources[0].counts.accepted
+    for _ in range(3):
+        assert law.tick(("teleop", FORWARD)).output == NEUTRAL
+    source = law.state.sources[0]
+    assert (source.counts.epoch, source.counts.accepted, source.stamped) == (3, accepted, True)
+    assert source.velocity == NEUTRAL
+    law.hold(CONFIG.command_timeout_s + TICK_S)
+    law.drive()
+    assert law.decision.output == FORWARD, "nobody else is heard any more"
+    assert law.state.sources[0].stamped is False
+
+
+def test_a_scan_without_a_stamp_is_anothers_while_a_lidar_that_stamps_is_heard() -> None:
+    law = Law(scanning=False)
+    walled = ring(ahead_m=0.4)
+    for sequence in range(1, 21):
+        law.now_s += 0.05
+        noisy = walled + np.float32(1e-4 * (sequence % 2))
+        scan = replace(laser_scan(noisy, law.now_s), sent=Sent(b"L", sequence, law.now_s))
+        law.step(Inputs(scan=scan))
+    assert law.decision.warning
+    law.now_s += TICK_S
+    clear = law.step(Inputs(scan=laser_scan(ring(), law.now_s)))
+    assert clear.warning
+    assert clear.scan_counts.epoch == 1
+    law.now_s += CONFIG.scan_timeout_s
+    assert not law.step(Inputs(scan=laser_scan(ring(), law.now_s))).warning
 
 
 def test_a_flap_does_not_hide_another_cause() -> None:

@@ -4,7 +4,17 @@ import math
 
 import pytest
 
-from wire.freshness import DRIFT, FALL_TOLERANCE_S, JUMP, REMEMBERED_EPOCHS, Sent, Track, Verdict, judge
+from wire.freshness import (
+    DRIFT,
+    FALL_TOLERANCE_S,
+    JUMP,
+    REMEMBERED_EPOCHS,
+    Sent,
+    Track,
+    Verdict,
+    judge,
+    speaks,
+)
 
 TIMEOUT_S = 0.2
 PERIOD_S = 0.0625  # exact in binary, so that sums are
@@ -55,6 +65,13 @@ def test_a_sequence_that_stands_still_or_goes_back_is_refused() -> None:
     stream = Stream().settle()
     assert stream.send(sequence=stream.sequence) is Verdict.SEQUENCE
     assert stream.send(sequence=1) is Verdict.SEQUENCE
+
+
+def test_somebody_is_heard_for_one_timeout_after_his_last_word() -> None:
+    track = Track(Sent(b"A", 1, 0.0), arrival_s=1.0)
+    assert speaks(track, 1.25, 0.25)
+    assert not speaks(track, math.nextafter(1.25, 2.0), 0.25)
+    assert not speaks(Track(), 0.0, 0.25), "nobody has said anything"
 
 
 def test_a_clock_that_steps_forward_starts_the_proof_anew_and_is_fresh_again() -> None:
