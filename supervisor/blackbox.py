@@ -23,7 +23,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from supervisor.blackbox_file import LAW, Order, pack_state, pack_step, write
+from supervisor.blackbox_file import LAW, Order, Steps, pack_state, pack_step, write
 from supervisor.config import SupervisorSection
 from supervisor.model import Decision, Inputs, LawConfig, Mode, State
 
@@ -41,7 +41,7 @@ MEMORY_BYTES = 12 << 20
 """60 s of 360 beams take 5 MB; of a flood, or of a far larger lidar, less than 60 s are kept."""
 FILE_BYTES = 20_000_000
 STEP_OVERHEAD_BYTES = 48
-"""A bytes object's own, and its place in a list."""
+"""A bytes object's own, and its place in a list, until its second is over."""
 
 QUEUE_DEPTH = 2
 PAUSE_S = 0.0002
@@ -63,9 +63,18 @@ class Writer(Protocol):
 class _Segment:
     first_s: float
     state: bytes
-    steps: list[bytes] = field(default_factory=list[bytes])
+    growing: list[bytes] = field(default_factory=list[bytes])
+    """Its packed steps, until it ends."""
     last_s: float = 0.0
     size: int = 0
+    _ended: Steps | None = None
+
+    def end(self) -> None:
+        self._ended, self.growing = Steps(self.growing), []
+
+    @property
+    def steps(self) -> Steps:
+        return Steps(self.growing) if self._ended is None else self._ended
 
 
 @dataclass(slots=True)
@@ -134,7 +143,7 @@ class BlackBox:
         if segment is None or now_s - segment.first_s >= SEGMENT_S or segment.size >= SEGMENT_BYTES:
             segment = self._begin(now_s, state)
         step = pack_step(now_s, inputs, decision)
-        segment.steps.append(step)
+        segment.growing.append(step)
         segment.last_s = now_s
         self._grow(segment, len(step) + STEP_OVERHEAD_BYTES)
 
@@ -150,6 +159,8 @@ class BlackBox:
 
     def _begin(self, now_s: float, state: State) -> _Segment:
         """A new segment; what is older than the window, or too much, goes."""
+        if self._segments:
+            self._segments[-1].end()
         segment = _Segment(now_s, pack_state(state))
         self._segments.append(segment)
         self._grow(segment, len(segment.state) + STEP_OVERHEAD_BYTES)
@@ -196,7 +207,7 @@ class BlackBox:
             "machine": platform.machine(),
             "config": self._law,
         }
-        segments = [(s.state, s.steps.copy()) for s in self._segments]
+        segments = [(s.state, s.steps) for s in self._segments]
         self._writer.submit(Order(stop.name, header, segments))
 
 

@@ -16,7 +16,8 @@ import marshal
 import os
 import re
 import zlib
-from collections.abc import Callable, Iterable, Sequence
+from array import array
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,7 +40,25 @@ LAW, STATE, INPUTS = codec(LawConfig), codec(State), codec(Inputs)
 DECISION = record_codec(Decision, without=("sources",))
 """The sources are the state's own: they are compared with every state that is recorded."""
 
-Segment = tuple[bytes, list[bytes]]
+
+class Steps:
+    """Packed steps, one behind the other in one block: thousands of small ones would leave the heap ragged."""
+
+    def __init__(self, packed: Sequence[bytes]) -> None:
+        self._block = b"".join(packed)
+        self._lengths = array("L", map(len, packed))
+
+    def __len__(self) -> int:
+        return len(self._lengths)
+
+    def __iter__(self) -> Iterator[bytes]:
+        begin = 0
+        for length in self._lengths:
+            yield self._block[begin : begin + length]
+            begin += length
+
+
+Segment = tuple[bytes, Steps]
 """A packed state, and the packed steps from it on."""
 
 Pause = Callable[[], object]
@@ -108,7 +127,7 @@ def write(
         "version": VERSION,
         **order.header,
         "steps": kept,
-        "first_s": _unpack(order.segments[first][1][0])[0],
+        "first_s": _unpack(next(iter(order.segments[first][1])))[0],
         "left_out_for_file_size": steps - kept,
     }
     end = {"end": True, "steps": kept}
