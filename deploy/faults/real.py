@@ -393,7 +393,7 @@ def _judge(stage: Stage, run: _Run, revision: str, load: float) -> Trial:
                     "sim_stalled_s": round(stalled_s, 3),
                     "load": round(load, 2),
                     "leeway_s": round(run.leeway_s, 3),
-                    "late": observer.late,
+                    "late_commands": observer.late,
                     "misdelivered": observer.misdelivered,
                 },
                 detector=stop.detector,
