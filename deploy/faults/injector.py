@@ -40,6 +40,10 @@ Parameters = dict[str, float | str]
 Fault = Callable[["Injector", Planned, Parameters], Awaitable[None]]
 
 
+class NotDoneError(Exception):
+    """What was to be broken was not there to take it."""
+
+
 class Injector:
     """The one who breaks things."""
 
@@ -61,11 +65,15 @@ class Injector:
         parameters: Parameters = {"lasts_s": round(fault.lasts_s, 3)}
         entry = (fault.name, loop.time(), parameters)
         self._open.append(entry)
+        is_done = True
         try:
             await FAULTS[fault.name](self, fault, parameters)
+        except NotDoneError:
+            is_done = False
         finally:
             self._open.remove(entry)
-            self.done.append(Done(fault.name, entry[1], loop.time(), parameters))
+            if is_done:
+                self.done.append(Done(fault.name, entry[1], loop.time(), parameters))
 
     def finished(self) -> list[Done]:
         """Everything that was done, in order of time; what was not undone yet has lasted until now."""
@@ -132,7 +140,8 @@ class Injector:
             rate=f"{2.0 + 12.0 * fault.strength:.2f}",
         )
         parameters["spec"] = text
-        await self._ask_sim(text)
+        if not await self._ask_sim(text):
+            raise NotDoneError(text)
         await asyncio.sleep(fault.lasts_s)
         await self._ask_sim("none")
 

@@ -242,7 +242,9 @@ def _came_too_near(motions: Sequence[Motion], bounds: Bounds) -> Iterator[Violat
             excused_until_s = -math.inf
             is_surprised = motion.time_s - surprised_s < SURPRISE_S
         else:
-            is_surprised = by_itself_m > SUDDEN_M
+            # What passes by turns a way that led out into one that leads in: each new approach is judged from its start.
+            begins = own_m == 0.0 < motion.own_approach_m
+            is_surprised = by_itself_m > SUDDEN_M or (begins and motion.time_s - surprised_s < SURPRISE_S)
         if is_surprised:
             allowed_m = max(allowed_m, own_m + bounds.tolerance_m + _stopping_m(before, bounds))
             excused_until_s = motion.time_s + SURPRISE_S

@@ -111,6 +111,12 @@ async def test_one_scan_of_another_client_does_not_blind_the_robot_for_good() ->
         assert rig.newest_status.reasons == []
 
 
+@pytest.mark.parametrize("seed", [5974, 6330])
+def test_the_checker_blames_nobody_for_what_was_not_done_or_passed_by(seed: int) -> None:
+    """Found by the campaign: a sensor's fault that no sim heard of, and a person who passed by a robot that left."""
+    assert run_trial(seed).violations == ()
+
+
 @pytest.mark.parametrize("seed", [41, 860])
 def test_a_teleop_whose_place_was_taken_while_it_hung_comes_back_by_itself(seed: int) -> None:
     """Found by the campaign: it was refused until somebody started it anew."""

@@ -176,6 +176,15 @@ def test_what_is_put_nearer_still_is_another_surprise_and_what_walks_up_is_not()
     assert numbers(violations(Seen(motions=approach(walked, 0.3)))) == [6]
 
 
+def test_what_passes_by_may_turn_a_way_out_into_a_way_in_for_a_braking_distance() -> None:
+    """Found by the campaign (seed 6330): at 0.3 m/s it needs 0.09 m to react and 0.03 m to brake."""
+    passed = [(0.0, 0.21)] + [(-0.005, 0.01)] * 80
+    assert violations(Seen(motions=approach([*passed, *[(0.006, -0.006)] * 20], 0.3))) == []
+    assert numbers(violations(Seen(motions=approach([*passed, *[(0.006, -0.006)] * 30], 0.3)))) == [6]
+    gone = [(0.0, 0.22)] + [(-0.005, 0.005)] * 80 + [(0.0, 0.0)] * 80
+    assert numbers(violations(Seen(motions=approach([*gone, *[(0.006, -0.006)] * 20], 0.3)))) == [6]
+
+
 def test_an_old_surprise_excuses_nothing() -> None:
     late = approach([(0.0, 0.25)] + [(0.0, 0.0)] * 100 + [(0.006, 0.0)] * 20, 0.3)
     assert numbers(violations(Seen(motions=late))) == [6]
