@@ -432,10 +432,13 @@ class Stage:
         """Ask the sim for these faults; returns the time just before.
 
         Raises:
-            StageError: it refuses.
+            StageError: it refuses, or does not answer.
         """
         now_s = time.monotonic()
-        response = await self.observer.bus.call(topics.SIM_FAULTS, faults, timeout_s=CALL_LIMIT_S)
+        try:
+            response = await self.observer.bus.call(topics.SIM_FAULTS, faults, timeout_s=CALL_LIMIT_S)
+        except NoReplyError as error:
+            raise StageError(f"the sim does not take the faults {faults!r}: {error}") from error
         if not response.success:
             raise StageError(f"the sim refuses the faults {faults!r}: {response.message}")
         return now_s

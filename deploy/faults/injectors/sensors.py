@@ -1,12 +1,15 @@
 """Faults of the sim's sensors, which it plays on request."""
 
 import time
+from contextlib import suppress
 from random import Random
 
 from deploy.faults.injectors.injection import Injection, Plan, lasting
-from deploy.faults.stage import Stage
+from deploy.faults.stage import Stage, StageError
 
 NONE = "none"
+LIFT_LIMIT_S = 15.0
+ASK_AGAIN_S = 0.1
 
 
 class SensorFault(Injection):
@@ -23,7 +26,14 @@ class SensorFault(Injection):
         return asked_s
 
     async def lift(self, stage: Stage) -> None:
-        await stage.sensors(NONE)
+        """As soon as there is a sim to be told so: another fault may have taken it away."""
+        deadline_s = time.monotonic() + LIFT_LIMIT_S
+        while time.monotonic() < deadline_s:
+            with suppress(StageError):
+                await stage.sensors(NONE)
+                return
+            await stage.observer.watch(ASK_AGAIN_S)
+        raise StageError(f"no sim was told within {LIFT_LIMIT_S:g} s that its sensors are well again")
 
 
 def _always(faults: str) -> Plan:

@@ -1,0 +1,52 @@
+"""Faults of the sim's sensors beside another fault, which may have taken the sim away."""
+
+from random import Random
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from deploy.faults.injectors import sensors
+from deploy.faults.stage import Stage, StageError
+from wire import topics
+from wire.bus import NoReplyError
+
+
+class StageOfASim:
+    """The sim answers from the so-manyth question on."""
+
+    def __init__(self, answers_from: float) -> None:
+        self.answers_from = answers_from
+        self.asked: list[str] = []
+        self.observer = SimpleNamespace(watch=self._watch)
+
+    async def _watch(self, _duration_s: float) -> None: ...
+
+    async def sensors(self, faults: str) -> float:
+        self.asked.append(faults)
+        if len(self.asked) < self.answers_from:
+            raise StageError("nobody answers")
+        return 0.0
+
+
+async def test_the_sensors_are_made_well_as_soon_as_there_is_a_sim_to_be_told_so() -> None:
+    stage = StageOfASim(answers_from=4)
+    await sensors.PLANS["sim_scan_nan"](Random(0)).lift(cast("Any", stage))
+    assert stage.asked == ["none"] * 4
+
+
+async def test_a_sim_that_never_answers_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sensors, "LIFT_LIMIT_S", 0.05)
+    with pytest.raises(StageError, match="no sim was told"):
+        await sensors.PLANS["sim_scan_nan"](Random(0)).lift(
+            cast("Any", StageOfASim(answers_from=float("inf")))
+        )
+
+
+async def test_a_sim_that_does_not_answer_is_a_stage_that_did_not_do_it() -> None:
+    async def call(*_: object, **__: object) -> None:
+        raise NoReplyError(f"nobody answered {topics.SIM_FAULTS.key}")
+
+    stage = SimpleNamespace(observer=SimpleNamespace(bus=SimpleNamespace(call=call)))
+    with pytest.raises(StageError, match="does not take the faults 'all_nan'"):
+        await Stage.sensors(cast("Any", stage), "all_nan")
