@@ -45,15 +45,24 @@ async def stage(tmp_path: Path) -> AsyncGenerator[Stage]:
 
 
 async def test_what_comes_under_the_key_of_another_is_counted_and_not_judged(stage: Stage) -> None:
-    stage.put(TELEOP_KEY, TELEOP)
-    stage.put(topics.CMD_VEL.key, SUPERVISOR)
+    for _ in range(5):
+        stage.put(TELEOP_KEY, TELEOP)
+        stage.put(topics.CMD_VEL.key, SUPERVISOR)
     stage.observer.look()
     stage.put(topics.CMD_VEL.key, TELEOP)
     stage.put(TELEOP_KEY, SUPERVISOR)
     stage.put(topics.CMD_VEL.key, SUPERVISOR)
     stage.put(topics.CMD_VEL.key, None)
     seen = stage.observer.look()
-    assert (len(seen.commands), len(seen.asked), stage.observer.misdelivered) == (3, 1, 2)
+    assert (len(seen.commands), len(seen.asked), stage.observer.misdelivered) == (7, 5, 2)
+
+
+async def test_who_was_first_heard_under_the_key_of_another_is_heard_all_the_same(stage: Stage) -> None:
+    for key in (topics.CMD_VEL.key, *[TELEOP_KEY] * 5, topics.CMD_VEL.key):
+        stage.put(key, TELEOP)
+        stage.observer.look()
+    seen = stage.observer.seen
+    assert (len(seen.commands), len(seen.asked), stage.observer.misdelivered) == (1, 5, 1)
 
 
 async def test_a_command_too_old_for_the_base_is_counted_and_not_judged(stage: Stage) -> None:
