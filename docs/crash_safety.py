@@ -5,12 +5,13 @@ Between `<!-- NAME: generated -->` and `<!-- /NAME -->` stand
     answer    how soon a robot stops whose teleop is killed
     real      the table of the campaign with real processes: docs/campaign/real.jsonl
     virtual   that of the campaign on a virtual clock: docs/campaign/virtual.jsonl.gz
+    soak      what an hour of driving took: docs/campaign/soak.jsonl.gz
 
 `--check` writes nothing and fails if a part is out of date; tests/unit/test_crash_safety.py does the same.
 """
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -20,6 +21,9 @@ from deploy.faults.figures import Campaign, ClassFigures, Spread
 from deploy.faults.page import FEW, percent, verdict
 from deploy.faults.report import read_campaigns
 from deploy.faults.statistics import upper_rate
+from deploy.faults.trial import Origin
+from deploy.soak.judge import judge, warm_up_s
+from deploy.soak.sample import Sample, read_samples
 from docs import generated
 
 DOCUMENT = Path(__file__).parent / "crash-safety.md"
@@ -27,6 +31,7 @@ RESULTS = {
     "real": Path(__file__).parent / "campaign" / "real.jsonl",
     "virtual": Path(__file__).parent / "campaign" / "virtual.jsonl.gz",
 }
+SOAK = Path(__file__).parent / "campaign" / "soak.jsonl.gz"
 COMMANDS = {
     "real": "lifeline faults --out docs/campaign/real.jsonl",
     "virtual": "lifeline faults --virtual --out virtual.jsonl",
@@ -146,10 +151,45 @@ def _safe(text: str) -> str:
 def _origin(campaign: Campaign) -> Iterator[str]:
     """Where it comes from; what the file does not say is said to be missing."""
     for origin in campaign.origins:
-        yield f"`{origin.command or 'unknown command'}`, {origin.date or 'unknown date'}, {origin.machine or 'unknown machine'}, "
-        yield f"commit {origin.commit or 'unknown'}."
+        yield from _signature(origin)
     if campaign.unsigned or not campaign.origins:
         yield "The file does not say which command made these trials, when, where and from which commit."
+
+
+def _signature(origin: Origin) -> Iterator[str]:
+    yield f"`{origin.command or 'unknown command'}`, {origin.date or 'unknown date'}, {origin.machine or 'unknown machine'}, "
+    yield f"commit {origin.commit or 'unknown'}."
+
+
+# --- the soak
+
+
+def soaked(samples: Sequence[Sample], origin: Origin | None) -> str:
+    """What an operator's driving about took of each process, and what stopped without a cause."""
+    last, judgement = samples[-1], judge(samples)
+    growths = {(growth.process, growth.measure): growth for growth in judgement.growths}
+    false = sum(len(sample.false_stops) for sample in samples)
+    gaps_ms = sorted(sample.ticks.p99_ms for sample in samples)
+    lines = [
+        *_signature(origin or Origin()),
+        "",
+        (
+            f"{last.time_s / 60:.0f} minutes, {last.driven_m:.0f} m, {last.obstacle_stops} stops at obstacles, {last.black_boxes} black boxes; "
+            f"**{false or 'no'} stop without a cause**, {sum(sum(s.lost.values()) for s in samples)} samples lost. "
+            f"Gaps of `cmd_vel`, p99 of ten seconds: {gaps_ms[len(gaps_ms) // 2]:.1f} ms (median), {gaps_ms[-1]:.1f} ms (worst)."
+        ),
+        "",
+        f"| process | memory (RSS) | growth after {warm_up_s(last.time_s) / 60:.0f} min | descriptors | threads |",
+        "|---|--:|--:|--:|--:|",
+    ]
+    for name in last.processes:
+        memory = growths[name, "memory"]
+        lines.append(
+            f"| {name} | {memory.level / 1e6:.1f} MB | {memory.percent:+.2f} % | "
+            f"{growths[name, 'descriptors'].level:g} | {growths[name, 'threads'].level:g} |"
+        )
+    lines += ["", *(f"* FAILED: {_safe(fault)}" for fault in judgement.faults)]
+    return "\n".join(lines).rstrip()
 
 
 def _missing(mode: str) -> str:
@@ -164,6 +204,7 @@ PARTS: generated.Parts = {
     "answer": lambda: answer(result("real")),
     "real": lambda: table("real", result("real")),
     "virtual": lambda: table("virtual", result("virtual")),
+    "soak": lambda: soaked(*read_samples(SOAK)),
 }
 
 

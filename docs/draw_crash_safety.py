@@ -1,6 +1,6 @@
-"""Draws docs/images/stop_times.png and sigkill.png: `python -m docs.draw_crash_safety`.
+"""Draws docs/images/stop_times.png, soak.svg and sigkill.png: `python -m docs.draw_crash_safety`.
 
-The first from the committed campaigns; the second from a run of the same services on the virtual clock,
+The first two from the committed results; the last from a run of the same services on the virtual clock,
 which is the same for the same code.
 """
 
@@ -18,7 +18,9 @@ from deploy.faults.figures import ClassFigures
 from deploy.faults.scenario import Drivers, Scenario, Scene
 from deploy.faults.seen import Seen
 from deploy.faults.world import World
-from docs.crash_safety import result
+from deploy.soak.plot import svg
+from deploy.soak.sample import read_samples
+from docs.crash_safety import SOAK, result
 from wire import topics
 from wire.virtual_loop import VirtualLoop
 
@@ -135,6 +137,12 @@ def draw_sigkill(path: Path, seen: Seen) -> None:
     figure.savefig(path, dpi=130, metadata={"Software": None})
 
 
+def draw_soak(path: Path) -> None:
+    """As `lifeline soak --plot` draws it."""
+    samples, _ = read_samples(SOAK)
+    path.write_text(svg(samples, f"lifeline soak, {samples[-1].time_s / 60:.0f} min"))
+
+
 def _scaled(points: Sequence[tuple[float, float]], scale: float) -> tuple[list[float], list[float]]:
     return [scale * time_s for time_s, _ in points], [speed for _, speed in points]
 
@@ -143,6 +151,7 @@ def main() -> None:
     mpl.rcParams.update({"font.size": 10, "axes.edgecolor": GREY, "text.color": INK, "axes.labelcolor": INK})
     if any(result(mode) is not None for mode in TITLES):
         draw_stop_times(IMAGES / "stop_times.png")
+    draw_soak(IMAGES / "soak.svg")
     draw_sigkill(IMAGES / "sigkill.png", killed())
 
 

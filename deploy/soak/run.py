@@ -14,6 +14,7 @@ from typing import Any, TextIO
 
 from deploy import interrupts, processes, stack
 from deploy.errors import DeployError
+from deploy.faults.origin import signed
 from deploy.keyboard import TypedTeleop, typing
 from deploy.launch import Launch, free_loopback_endpoint
 from deploy.soak.hand import Hand
@@ -78,6 +79,7 @@ def soak(orders: Orders, say: Say) -> int:
     """
     with ExitStack() as files:
         log = _Log(_opened(files, orders.out))
+        files.enter_context(signed(orders.out))
         if orders.plot is not None:
             _opened(files, orders.plot)  # rather now than after hours
         _soak(orders, log, say)

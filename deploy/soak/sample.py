@@ -1,9 +1,13 @@
 """What is written down each ten seconds."""
 
+import gzip
 import json
 import math
 from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
 
+from deploy.faults.trial import ORIGIN_BEGINS, Origin
 from deploy.soak.heard import Gaps
 from deploy.soak.usage import Usage
 
@@ -37,3 +41,41 @@ class Sample:
 def _spelled(gaps: Gaps) -> dict[str, float | None]:
     """JSON has no NaN."""
     return {name: None if math.isnan(value) else value for name, value in gaps._asdict().items()}
+
+
+def read_samples(path: Path) -> tuple[list[Sample], Origin | None]:
+    """The samples of a soak's file, gzipped or not, and where they come from; None: it does not say.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: a line is none of a soak.
+    """
+    text = gzip.decompress(path.read_bytes()).decode() if path.suffix == ".gz" else path.read_text()
+    samples: list[Sample] = []
+    origin = None
+    for line in text.splitlines():
+        if line.startswith(ORIGIN_BEGINS):
+            origin = Origin.model_validate_json(line)
+        else:
+            samples.append(_read(json.loads(line)))
+    return samples, origin
+
+
+def _read(fields: dict[str, Any]) -> Sample:
+    try:
+        del fields["kind"]
+        read: dict[str, Any] = {
+            **fields,
+            "processes": {name: Usage(**used) for name, used in fields["processes"].items()},
+            "ticks": _gaps(fields["ticks"]),
+            "heartbeat": _gaps(fields["heartbeat"]),
+            "false_stops": tuple(fields["false_stops"]),
+        }
+        return Sample(**read)
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"not a sample of a soak: {error}") from error
+
+
+def _gaps(fields: dict[str, float | None]) -> Gaps:
+    read: dict[str, Any] = {name: math.nan if value is None else value for name, value in fields.items()}
+    return Gaps(**read)

@@ -1,6 +1,5 @@
 """A soak of some seconds: it drives, writes down what it is asked to, and leaves nothing behind."""
 
-import json
 import os
 import signal
 import subprocess
@@ -14,6 +13,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from deploy.processes import MARK
+from deploy.soak.sample import read_samples
 
 LIMIT_S = 90
 COMMAND = [sys.executable, "-m", "deploy.cli", "soak"]
@@ -38,16 +38,15 @@ def test_a_short_soak_drives_writes_and_draws(tmp_path: Path, place: Path) -> No
         env=os.environ | {"TMPDIR": str(place)},
     )
     told = done.stdout + done.stderr
-    samples = [json.loads(line) for line in out.read_text().splitlines()]
-    assert len(samples) == 1, told
-    assert set(samples[-1]["processes"]) == {"sim", "supervisor", "supervisord", "teleop"}, told
-    assert samples[-1]["driven_m"] > 0.05, told
-    assert samples[-1]["ticks"]["samples"] > 100, told
+    (sample,), origin = read_samples(out)
+    assert set(sample.processes) == {"sim", "supervisor", "supervisord", "teleop"}, told
+    assert sample.driven_m > 0.05, told
+    assert sample.ticks.samples > 100, told
     assert "too few samples to tell its growth" in told
-    false = [reason for sample in samples for reason in sample["false_stops"]]
-    assert done.returncode == int(bool(false)), (
-        told
-    )  # a machine under load may stop the robot, and is told so
+    # A machine under load may stop the robot, and is told so.
+    assert done.returncode == int(bool(sample.false_stops)), told
+    assert origin is not None
+    assert origin.command.startswith("lifeline soak --hours 0.0031 --out soak.jsonl")
     assert ET.parse(plot).getroot().tag.endswith("svg")
     assert_nothing_is_left(place)
 

@@ -5,7 +5,10 @@ from pathlib import Path
 import pytest
 
 from deploy.faults.figures import Campaign, campaigns
-from deploy.faults.trial import BrokenPromise, Injected, Trial
+from deploy.faults.trial import BrokenPromise, Injected, Origin, Trial
+from deploy.soak.heard import Gaps
+from deploy.soak.sample import Sample
+from deploy.soak.usage import Usage
 from docs import crash_safety
 
 
@@ -80,3 +83,28 @@ def test_the_committed_results_are_where_the_document_says() -> None:
     assert {path.parent for path in crash_safety.RESULTS.values()} == {
         Path(crash_safety.__file__).parent / "campaign"
     }
+
+
+def test_the_soak_is_told_with_what_grew_and_what_stopped_without_a_cause() -> None:
+    gaps = Gaps(500, 20.0, 21.5, 25.0, 0)
+
+    def sample(time_s: float, *false_stops: str) -> Sample:
+        used = Usage(7, int(50e6 * (1 + time_s / 36_000)), 1, 20, 9)
+        return Sample(
+            time_s, {"supervisor": used}, gaps, gaps, {"cmd_vel": 2}, false_stops, 3, 4, time_s / 2, 0.5
+        )
+
+    samples = [sample(10.0 * n) for n in range(1, 361)]
+    good = crash_safety.soaked([sample(10.0 * n) for n in range(1, 361)], None)
+    for words in (
+        "60 minutes, 1800 m, 3 stops",
+        "**no stop without a cause**, 720 samples lost",
+        "21.5 ms (worst)",
+    ):
+        assert words in good
+    assert "unknown command" in good
+    assert "| supervisor | 52.9 MB | +7.87 % | 20 | 9 |" in good, "over 50 of the 60 minutes"
+    assert "FAILED: supervisor: memory grew by" in good
+    bad = crash_safety.soaked([*samples[:-1], sample(3600.0, "OVERRUN")], Origin(command="lifeline soak"))
+    assert "**1 stop without a cause**" in bad
+    assert "FAILED: false stops: OVERRUN" in bad

@@ -1,10 +1,12 @@
 """The pure parts of `lifeline soak`: what is heard, what the operator does, growth, verdict, and the drawing."""
 
+import gzip
 import itertools
 import json
 import math
 import os
 from dataclasses import replace
+from pathlib import Path
 from random import Random
 from xml.etree import ElementTree as ET
 
@@ -13,11 +15,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from deploy.faults.trial import Origin
 from deploy.soak.hand import LET_GO_S, WEDGED_STOPS, Hand
 from deploy.soak.heard import Gaps, Stops, Stream
 from deploy.soak.judge import judge, theil_sen, warm_up_s
 from deploy.soak.plot import svg
-from deploy.soak.sample import Sample
+from deploy.soak.sample import Sample, read_samples
 from deploy.soak.usage import Usage, usage
 from wire.messages import SafetyStatus, header
 from wire.stamp import Stamp
@@ -225,3 +228,33 @@ def test_the_drawing_is_well_formed_and_has_a_line_for_each_process_and_percenti
     lines = [element for element in root.iter() if element.tag.endswith("polyline")]
     assert len(lines) == 2 + 2 * 3
     assert "nan" not in svg(drawn, "")
+
+
+# --- the file
+
+
+@pytest.mark.parametrize("suffix", [".jsonl", ".jsonl.gz"])
+def test_a_file_is_read_as_it_was_written_with_where_it_comes_from(tmp_path: Path, suffix: str) -> None:
+    written = [sample(10.0), replace(sample(20.0, false_stops=("OVERRUN",)), ticks=replace_nan(GAPS))]
+    origin = Origin(command="lifeline soak", commit="abc")
+    text = "".join(f"{line}\n" for line in (*(one.to_json() for one in written), origin.line()))
+    path = tmp_path / f"soak{suffix}"
+    path.write_bytes(gzip.compress(text.encode()) if suffix.endswith("gz") else text.encode())
+    found, found_origin = read_samples(path)
+    assert [one.to_json() for one in found] == [one.to_json() for one in written]
+    assert (found[0], found_origin) == (written[0], origin)
+    assert math.isnan(found[1].ticks.p50_ms)
+
+
+def replace_nan(gaps: Gaps) -> Gaps:
+    return gaps._replace(p50_ms=math.nan)
+
+
+@pytest.mark.parametrize(
+    "line", ['{"kind": "sample"}', "{}", '{"kind": "sample", "processes": {"a": {"b": 1}}}']
+)
+def test_a_line_that_is_no_sample_is_refused(tmp_path: Path, line: str) -> None:
+    path = tmp_path / "soak.jsonl"
+    path.write_text(line + "\n")
+    with pytest.raises(ValueError, match="not a sample of a soak"):
+        read_samples(path)
