@@ -11,7 +11,7 @@ import math
 from enum import StrEnum
 from typing import NamedTuple
 
-from wire.freshness import Sent, Track, Verdict, judge, speaks
+from wire.freshness import Sent, Track, Verdict, judge
 
 COMMAND_TIMEOUT_S = 0.150
 
@@ -86,11 +86,7 @@ class Watchdog:
             return False
         if not self._supervisor_alive:
             return False
-        verdict, on_way_s = Verdict.FRESH, 0.0
-        if sent is not None:
-            self._track, verdict, on_way_s = judge(self._track, sent, arrival_s, self.command_timeout_s)
-        elif speaks(self._track, arrival_s, self.command_timeout_s):
-            verdict = Verdict.EPOCH
+        self._track, verdict, on_way_s = judge(self._track, sent, arrival_s, self.command_timeout_s)
         if verdict is not Verdict.FRESH:
             self._refused = BaseReason.COMMAND_STALE
             return False

@@ -34,7 +34,7 @@ from supervisor.model import (
 )
 from supervisor.reckoning import STANDSTILL, Odometer, Velocity, displacement, reckon, where
 from supervisor.scan import ScanReading, continue_reading, read_scan
-from wire.freshness import FALL_TOLERANCE_S, Verdict, judge, speaks
+from wire.freshness import FALL_TOLERANCE_S, Verdict, judge
 
 IMPLAUSIBLE_FACTOR = 10.0
 """A command this many times beyond the limits is not eager but broken."""
@@ -105,14 +105,10 @@ def _move(state: State, odometry: Odometry) -> Odometer:
 def _see(state: State, scan: LaserScan, odometer: Odometer) -> State:
     """Take in a scan; one that is late, replayed or older than the one before counts as none."""
     config = state.config
-    track, verdict, on_way_s = state.scan_track, Verdict.FRESH, 0.0
-    if scan.sent is not None:
-        tolerance_s = FALL_TOLERANCE_S if scan.sent_tolerance_s is None else scan.sent_tolerance_s
-        track, verdict, on_way_s = judge(
-            track, scan.sent, scan.arrival_s, config.scan_timeout_s, tolerance_s, may_return=True
-        )
-    elif speaks(track, scan.arrival_s, config.scan_timeout_s):
-        verdict = Verdict.EPOCH
+    tolerance_s = FALL_TOLERANCE_S if scan.sent_tolerance_s is None else scan.sent_tolerance_s
+    track, verdict, on_way_s = judge(
+        state.scan_track, scan.sent, scan.arrival_s, config.scan_timeout_s, tolerance_s, may_return=True
+    )
     counts = state.scan_counts.add(verdict)
     if verdict is not Verdict.FRESH:
         return state._replace(scan_track=track, scan_counts=counts)
@@ -237,11 +233,8 @@ def _accept(source: Source, command: Command, config: LawConfig) -> Source:
     if velocity is None:
         counts = source.counts._replace(invalid=source.counts.invalid + 1)
         return source._replace(stamped=stamped, invalid=True, counts=counts)
-    track, verdict, on_way_s = source.track, Verdict.FRESH, 0.0
-    if command.sent is not None:
-        track, verdict, on_way_s = judge(track, command.sent, command.arrival_s, config.command_timeout_s)
-    elif speaks(track, command.arrival_s, config.command_timeout_s):
-        stamped, verdict = source.stamped, Verdict.EPOCH
+    track, verdict, on_way_s = judge(source.track, command.sent, command.arrival_s, config.command_timeout_s)
+    stamped = stamped or (verdict is Verdict.EPOCH and source.stamped)
     source = source._replace(stamped=stamped, track=track, counts=source.counts.add(verdict))
     if verdict is Verdict.UNPROVEN:
         return source

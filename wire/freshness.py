@@ -76,18 +76,18 @@ class Track(NamedTuple):
 
 def judge(
     track: Track,
-    sent: Sent,
+    sent: Sent | None,
     arrival_s: float,
     timeout_s: float,
     fall_tolerance_s: float = FALL_TOLERANCE_S,
     *,
     may_return: bool = False,
 ) -> tuple[Track, Verdict, float]:
-    """Take note of a stamped command, or scan.
+    """Take note of a command, or scan.
 
     Args:
         track: what is known of its source.
-        sent: its attachment.
+        sent: its attachment; None: it has none, and counts by its arrival alone, unless somebody who stamps is heard.
         arrival_s: when it came, by our monotonic clock.
         timeout_s: the age from which a command is stale, the time that a baseline must stand, and the silence after
             which another epoch may begin.
@@ -99,17 +99,13 @@ def judge(
     Returns:
         The new track, the verdict, and the time that the command spent on the way [s].
     """
+    if sent is None:
+        return track, Verdict.EPOCH if _speaks(track, arrival_s, timeout_s) else Verdict.FRESH, 0.0
     if track.last is None:
         return _anchor(sent, arrival_s), Verdict.UNPROVEN, 0.0
     newest = Heard(track.last, arrival_s=track.arrival_s)
     if sent.epoch != newest.sent.epoch:
-        if sent.epoch in track.ended or speaks(track, arrival_s, timeout_s):
-            return track, Verdict.EPOCH, 0.0
-        before = track.replaced or newest
-        comes_back = sent.epoch == before.sent.epoch
-        if comes_back and not _goes_on(before, sent, arrival_s):
-            return track, Verdict.SEQUENCE, 0.0
-        return _anchor(sent, arrival_s, None if comes_back else before, track.ended), Verdict.UNPROVEN, 0.0
+        return *_take_turns(track, newest, sent, arrival_s, timeout_s), 0.0
     if not _goes_on(newest, sent, arrival_s):
         return track, Verdict.SEQUENCE, 0.0
     if sent.source_time_s < newest.sent.source_time_s:
@@ -128,8 +124,21 @@ def judge(
     return track, Verdict.FRESH if track.proven else Verdict.UNPROVEN, on_way_s
 
 
-def speaks(track: Track, now_s: float, timeout_s: float) -> bool:
-    """Whether somebody who stamps is heard: then a message without a stamp is another's."""
+def _take_turns(
+    track: Track, newest: Heard, sent: Sent, arrival_s: float, timeout_s: float
+) -> tuple[Track, Verdict]:
+    """Another epoch speaks: it begins its proof, unless it has ended or the newest one is still heard."""
+    if sent.epoch in track.ended or _speaks(track, arrival_s, timeout_s):
+        return track, Verdict.EPOCH
+    before = track.replaced or newest
+    comes_back = sent.epoch == before.sent.epoch
+    if comes_back and not _goes_on(before, sent, arrival_s):
+        return track, Verdict.SEQUENCE
+    return _anchor(sent, arrival_s, None if comes_back else before, track.ended), Verdict.UNPROVEN
+
+
+def _speaks(track: Track, now_s: float, timeout_s: float) -> bool:
+    """Whether somebody who stamps is heard."""
     return track.last is not None and now_s - track.arrival_s <= timeout_s
 
 

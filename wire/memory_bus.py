@@ -10,7 +10,7 @@ from typing import Any
 
 from wire.bus import SOURCES_DEPTH, Inbox, LivelinessChange, NoReplyError, ServiceHandler, Subscription
 from wire.messages import M, TriggerResponse, encode
-from wire.stamp import Stamp
+from wire.stamp import Stamper
 from wire.topics import Service, Topic, source_of
 
 
@@ -64,19 +64,16 @@ class MemoryPublisher:
 
     def __init__(self, bus: "MemoryBus", key: str) -> None:
         self._bus, self._key = bus, key
-        self._gid, self._sequence = bus.gid, 0
+        self._stamper = Stamper(bus.gid)
 
     def put(self, message: Any, true_at_s: float | None = None) -> None:  # noqa: ANN401 - as Publisher[M] for its topic's M
         if self._bus.dead:
             return
-        self._sequence += 1
         time_s = asyncio.get_running_loop().time() if true_at_s is None else true_at_s
-        source_time_ns = round(time_s * 1e9)
-        stamp = Stamp(self._sequence, source_time_ns, self._gid)
-        self._bus.network.deliver(self._key, encode(message), stamp.pack())
+        self._bus.network.deliver(self._key, encode(message), self._stamper.next(time_s).pack())
 
     def begin_anew(self) -> None:
-        self._gid, self._sequence = MemoryBus.new_gid(), 0
+        self._stamper = Stamper(MemoryBus.new_gid())
 
 
 class MemoryBus:

@@ -43,10 +43,14 @@ def parse_stamp(attachment: bytes | None) -> Stamp | None:
 
 
 class Stamper:
-    """Stamps the samples of one publisher."""
+    """Stamps the samples of one run of a publisher.
 
-    def __init__(self) -> None:
-        self._gid = os.urandom(GID_BYTES)
+    Args:
+        gid: its epoch; None: one that nobody else has.
+    """
+
+    def __init__(self, gid: bytes | None = None) -> None:
+        self._gid = gid or os.urandom(GID_BYTES)
         self._sequence = count(1)
 
     def next(self, true_at_s: float | None = None) -> Stamp:

@@ -31,7 +31,7 @@ from wire.bus import (
     Subscription,
 )
 from wire.messages import M, TriggerResponse, encode
-from wire.stamp import Stamp
+from wire.stamp import Stamp, Stamper
 from wire.topics import Service, Topic
 from wire.virtual_loop import VirtualLoop, VirtualProcess
 
@@ -204,23 +204,22 @@ class VirtualPublisher:
     """Stamps with the sender's clock, and sends what somebody listens to."""
 
     def __init__(self, bus: "VirtualBus", key: str) -> None:
-        self._bus, self._key, self._sequence = bus, key, 0
-        self._gid = bus.network.new_gid()
+        self._bus, self._key = bus, key
+        self.begin_anew()
 
     def put(self, message: Any, true_at_s: float | None = None) -> None:  # noqa: ANN401 - as Publisher[M] for its topic's M
         bus, network = self._bus, self._bus.network
         if bus.is_dead:
             return
-        self._sequence += 1
         time_s = network.loop.time() if true_at_s is None else true_at_s
-        stamp = Stamp(self._sequence, round((time_s + bus.clock_offset_s) * 1e9), self._gid)
+        stamp = self._stamper.next(time_s + bus.clock_offset_s)
         if network.tap is not None:
             network.tap(bus.node, self._key, message, stamp)
         if self._key in network.listened:
             bus.send(self._key, encode(message), stamp.pack())
 
     def begin_anew(self) -> None:
-        self._gid, self._sequence = self._bus.network.new_gid(), 0
+        self._stamper = Stamper(self._bus.network.new_gid())
 
 
 class VirtualBus:

@@ -13,7 +13,6 @@ from wire.freshness import (
     Track,
     Verdict,
     judge,
-    speaks,
 )
 
 TIMEOUT_S = 0.2
@@ -67,11 +66,16 @@ def test_a_sequence_that_stands_still_or_goes_back_is_refused() -> None:
     assert stream.send(sequence=1) is Verdict.SEQUENCE
 
 
-def test_somebody_is_heard_for_one_timeout_after_his_last_word() -> None:
+def test_what_bears_no_stamp_is_anothers_for_one_timeout_after_the_last_word_of_somebody_who_stamps() -> None:
+    def verdict(track: Track, arrival_s: float) -> Verdict:
+        left, verdict, on_way_s = judge(track, None, arrival_s, 0.25)
+        assert (left, on_way_s) == (track, 0.0)
+        return verdict
+
     track = Track(Sent(b"A", 1, 0.0), arrival_s=1.0)
-    assert speaks(track, 1.25, 0.25)
-    assert not speaks(track, math.nextafter(1.25, 2.0), 0.25)
-    assert not speaks(Track(), 0.0, 0.25), "nobody has said anything"
+    assert verdict(track, 1.25) is Verdict.EPOCH
+    assert verdict(track, math.nextafter(1.25, 2.0)) is Verdict.FRESH
+    assert verdict(Track(), 0.0) is Verdict.FRESH, "nobody has said anything"
 
 
 def test_a_clock_that_steps_forward_starts_the_proof_anew_and_is_fresh_again() -> None:
