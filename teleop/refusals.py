@@ -5,8 +5,6 @@ name while this program was silent, or with a copy of its epoch. Then only a new
 as any restarted program does: neutral.
 """
 
-import math
-
 from wire.messages import SourceStatus
 
 LOCKED_OUT_S = 0.5
@@ -14,24 +12,32 @@ LOCKED_OUT_S = 0.5
 
 
 class Refusals:
-    """What became of the commands under one name."""
+    """What became of the commands under one name, from status to status."""
 
     def __init__(self) -> None:
-        self._accepted = self._refused = 0
-        self._since_s = math.inf
+        self._before: SourceStatus | None = None
+        self._since_s = 0.0
+        """When some were accepted, or none were refused, last."""
+
+    def another_speaks(self, own: SourceStatus) -> bool:
+        """Whether commands of another epoch than the one that is heard came since the status before."""
+        return self._before is not None and own.refused_epoch > self._before.refused_epoch
 
     def all_refused(self, own: SourceStatus, now_s: float) -> bool:
         """Whether commands were refused and none was accepted for `LOCKED_OUT_S`; the count begins anew then.
 
         Args:
-            own: what a status that just came says of this name.
+            own: what a status that just came says of this name; it is the one before from now on.
             now_s: the time, by any one monotonic clock.
         """
-        refused = own.refused_epoch + own.refused_sequence
-        if own.accepted != self._accepted or refused == self._refused:
+        before, self._before = self._before, own
+        if before is None or own.accepted != before.accepted or _refused(own) == _refused(before):
             self._since_s = now_s
-        self._accepted, self._refused = own.accepted, refused
         if now_s - self._since_s < LOCKED_OUT_S:
             return False
         self._since_s = now_s
         return True
+
+
+def _refused(own: SourceStatus) -> int:
+    return own.refused_epoch + own.refused_sequence

@@ -151,8 +151,6 @@ class Teleop:
         self._quitting = False
         self._redraw = True
         self._has_rival = False
-        self._refused: int | None = None
-        """Commands of ours from an epoch that has ended for the supervisor, as far as it was looked at."""
         self._refusals = Refusals()
         self._start(asyncio.get_running_loop().time())
 
@@ -389,7 +387,7 @@ class Teleop:
         own = next((s for s in status.sources if s.name == self._setup.source), None)
         if own is None:
             return
-        if self._refused is not None and own.refused_epoch > self._refused:
+        if self._refusals.another_speaks(own):
             if not self._has_rival:
                 self._has_rival = True
                 self.note(
@@ -398,7 +396,6 @@ class Teleop:
                 )
             if not self._sent.is_neutral:
                 self._let_go()
-        self._refused = own.refused_epoch
         if self._refusals.all_refused(own, now_s):
             self._let_go()
             self._cmd_vel.begin_anew()

@@ -66,8 +66,6 @@ class Observer:
         """What came under a key that its publisher does not speak on."""
         self.contacts = 0
         self._touching = False
-        self.driven: list[tuple[float, bool]] = []
-        """Whether the drive is asked for anything but zero, each time that it changes."""
         for subscription in (self._commands, self._statuses, *self._asked.values()):
             subscription.take()
         self._wheels.take()
@@ -154,8 +152,9 @@ class Observer:
         )
         self.contacts += sample.is_touching and not self._touching
         self._touching = sample.is_touching
-        if not self.driven or self.driven[-1][1] != sample.is_driven:
-            self.driven.append((sample.time_s, sample.is_driven))
+        driven = self.seen.driven
+        if not driven or driven[-1][1] != sample.is_driven:
+            driven.append((sample.time_s, sample.is_driven))
         reason = BASE_REASONS[sample.reason]
         if not self.base or self.base[-1].reason != reason:
             self.base.append(BaseReport(sample.time_s, reason))

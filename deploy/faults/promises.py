@@ -92,6 +92,7 @@ def violations(seen: Seen, demands: Iterable[Demand] = (), bounds: Bounds | None
         *_beyond_limits(seen.commands, bounds),
         *_motion_despite_a_stop(seen, bounds),
         *_moved_unasked(seen, bounds),
+        *_set_off_unasked(seen, bounds),
         *_came_too_near(seen.motions, bounds),
         *_moved_without_neutral(seen, bounds),
     ]
@@ -150,13 +151,12 @@ def _not_zero(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]
 
 def _moved_unasked(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
     """Whatever happened on the way: behind every motion there is somebody who asked for one a moment ago."""
-    wishes = [one.sent_s for one in seen.asked if not one.is_neutral]
     if math.isinf(bounds.asked_age_s):
         return
+    wishes = _wishes_s(seen.asked)
     told = False
     for command in seen.commands:
-        index = bisect_right(wishes, command.arrival_s)
-        age_s = command.arrival_s - wishes[index - 1] if index else math.inf
+        age_s = _age_s(wishes, command.arrival_s)
         is_late = not command.is_zero and age_s > bounds.asked_age_s
         if is_late and not told:
             sentence = f"the robot moves by a wish that is {age_s:.3f} s old"
@@ -164,22 +164,24 @@ def _moved_unasked(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
         told = is_late
 
 
-def set_off_unasked(
-    driven: Sequence[tuple[float, bool]], asked: Sequence[Asked], bounds: Bounds
-) -> Iterator[Violation]:
-    """The same at the wheels, which may take what the network kept for a command of now.
-
-    Args:
-        driven: whether the drive is asked for anything but zero, each time that it changed.
-        asked: by the time at which it was sent.
-        bounds: the numbers of the promises.
-    """
-    wishes = [one.sent_s for one in asked if not one.is_neutral]
-    for (_, before), (at_s, is_driven) in itertools.pairwise(driven):
-        index = bisect_right(wishes, at_s)
-        age_s = at_s - wishes[index - 1] if index else math.inf
+def _set_off_unasked(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
+    """The same at the wheels, which may take what the network kept for a command of now."""
+    wishes = _wishes_s(seen.asked)
+    for (_, before), (at_s, is_driven) in itertools.pairwise(seen.driven):
+        age_s = _age_s(wishes, at_s)
         if is_driven and not before and age_s > bounds.asked_age_s:
             yield Violation(3, at_s, f"the base sets off by a wish that is {age_s:.3f} s old")
+
+
+def _wishes_s(asked: Sequence[Asked]) -> list[float]:
+    """When somebody asked for motion."""
+    return [one.sent_s for one in asked if not one.is_neutral]
+
+
+def _age_s(wishes_s: Sequence[float], at_s: float) -> float:
+    """Of the last wish before; infinity: there was none."""
+    index = bisect_right(wishes_s, at_s)
+    return at_s - wishes_s[index - 1] if index else math.inf
 
 
 # --- 4: the base by itself

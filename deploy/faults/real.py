@@ -28,7 +28,7 @@ from deploy.faults.drawing import AFTER_S, BEFORE_S
 from deploy.faults.injectors.injection import Injection
 from deploy.faults.injectors.plans import PAIR, draw_pair, plan
 from deploy.faults.measure import stop_after
-from deploy.faults.promises import Bounds, Demand, Kind, Violation, set_off_unasked, violations
+from deploy.faults.promises import Bounds, Demand, Kind, Violation, violations
 from deploy.faults.seen import Seen
 from deploy.faults.stage import NODES, Route, Stage, StageError
 from deploy.faults.timeline import FINE_S, thinned, timeline
@@ -347,7 +347,7 @@ def _complain_of_deaths(stage: Stage, run: _Run, pids: dict[str, int]) -> None:
 def _judge(stage: Stage, run: _Run, revision: str, load: float) -> Trial:
     observer = stage.observer
     began_s, end_s = observer.began_s, time.monotonic()
-    seen, base, driven = since(began_s, observer.finished(), observer.base, observer.driven)
+    seen, base = since(began_s, observer.finished(), observer.base)
     recovering_s = run.recovering_s - began_s
     done = [_shifted(one, began_s, run, injection) for one in run.done for injection in _of(run, one)]
     late = [Done(one.name, one.at_s + run.leeway_s, one.until_s, one.parameters) for one in done]
@@ -369,7 +369,6 @@ def _judge(stage: Stage, run: _Run, revision: str, load: float) -> Trial:
     bounds = Bounds(asked_age_s=asked_s, status_leeway_s=LEEWAY_S, neutral_leeway_s=age_s)
     found = [
         *violations(seen, wanted, bounds),
-        *set_off_unasked(driven, seen.asked, bounds),
         *(Violation(one.promise, one.time_s - began_s, one.sentence) for one in run.complaints),
     ]
     if observer.undecodable:
@@ -377,7 +376,7 @@ def _judge(stage: Stage, run: _Run, revision: str, load: float) -> Trial:
     faults: list[Injected] = []
     for one in done:
         stop = stop_after(seen, one.at_s, base)
-        wheels_s = to_lasting_rest_s(driven, one.at_s, recovering_s)
+        wheels_s = to_lasting_rest_s(seen.driven, one.at_s, recovering_s)
         base_bound_s = _base_bound_s(one.name) if len(done) == 1 else None
         if base_bound_s is not None and _brakes_late(seen, one.at_s, wheels_s, base_bound_s + run.leeway_s):
             took = "did not brake" if wheels_s is None else f"braked after {1000 * wheels_s:.0f} ms"

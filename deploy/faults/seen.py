@@ -65,3 +65,5 @@ class Seen:
     statuses: list[Status] = field(default_factory=list[Status])
     motions: list[Motion] = field(default_factory=list[Motion])
     asked: list[Asked] = field(default_factory=list[Asked])
+    driven: list[tuple[float, bool]] = field(default_factory=list[tuple[float, bool]])
+    """Whether the drive is asked for anything but zero, each time that it changed; empty where nobody tells."""

@@ -3,7 +3,6 @@
 import itertools
 from bisect import bisect_left
 from collections.abc import Sequence
-from dataclasses import replace
 
 from deploy.faults.measure import BaseReport
 from deploy.faults.seen import Motion, Seen
@@ -65,19 +64,13 @@ def stood_s(motions: Sequence[Motion], from_s: float, until_s: float) -> float:
     return sum(max(0.0, b - a - STALL_S) for a, b in itertools.pairwise(times_s))
 
 
-def since(
-    began_s: float, seen: Seen, base: Sequence[BaseReport], driven: Sequence[tuple[float, bool]]
-) -> tuple[Seen, list[BaseReport], list[tuple[float, bool]]]:
+def since(began_s: float, seen: Seen, base: Sequence[BaseReport]) -> tuple[Seen, list[BaseReport]]:
     """The same with all times from there on."""
-    shifted = replace(
-        seen,
+    shifted = Seen(
         commands=[one._replace(arrival_s=one.arrival_s - began_s) for one in seen.commands],
         statuses=[one._replace(arrival_s=one.arrival_s - began_s) for one in seen.statuses],
         motions=[one._replace(time_s=one.time_s - began_s) for one in seen.motions],
         asked=[one._replace(sent_s=one.sent_s - began_s) for one in seen.asked],
+        driven=[(at_s - began_s, is_driven) for at_s, is_driven in seen.driven],
     )
-    return (
-        shifted,
-        [one._replace(time_s=one.time_s - began_s) for one in base],
-        [(at_s - began_s, is_driven) for at_s, is_driven in driven],
-    )
+    return shifted, [one._replace(time_s=one.time_s - began_s) for one in base]

@@ -150,13 +150,23 @@ def read_records(path: Path) -> Iterator[Trial | Origin]:
     Raises:
         DeployError: the file cannot be read, or a line is neither; naming file and line.
     """
+    for number, line in enumerate(whole_lines(path, "the trials"), 1):
+        yield _record(line, path, number)
+
+
+def whole_lines(path: Path, what: str) -> Iterator[str]:
+    """The lines of a file, compressed or not, but for an incomplete last one.
+
+    Raises:
+        DeployError: it cannot be read; in a sentence that says what was to be found there.
+    """
     try:
         with gzip.open(path, "rb") if path.suffix == ".gz" else path.open("rb") as file:
-            for number, line in enumerate(file, 1):
+            for line in file:
                 if line.endswith(b"\n"):
-                    yield _record(line.decode(), path, number)
+                    yield line.decode()
     except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
-        raise DeployError(f"cannot read the trials in {path}: {error}") from error
+        raise DeployError(f"cannot read {what} in {path}: {error}") from error
 
 
 def _record(line: str, path: Path, number: int) -> Trial | Origin:

@@ -1,13 +1,12 @@
 """What is written down each ten seconds."""
 
-import gzip
 import json
 import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from deploy.faults.trial import ORIGIN_BEGINS, Origin
+from deploy.faults.trial import ORIGIN_BEGINS, Origin, parse_origin, whole_lines
 from deploy.soak.heard import Gaps
 from deploy.soak.usage import Usage
 
@@ -44,18 +43,17 @@ def _spelled(gaps: Gaps) -> dict[str, float | None]:
 
 
 def read_samples(path: Path) -> tuple[list[Sample], Origin | None]:
-    """The samples of a soak's file, gzipped or not, and where they come from; None: it does not say.
+    """The samples of a soak's file, compressed or not, and where they come from; None: it does not say.
 
     Raises:
-        OSError: it cannot be read.
+        DeployError: it cannot be read, or its origin is none.
         ValueError: a line is none of a soak.
     """
-    text = gzip.decompress(path.read_bytes()).decode() if path.suffix == ".gz" else path.read_text()
     samples: list[Sample] = []
     origin = None
-    for line in text.splitlines():
+    for line in whole_lines(path, "a soak"):
         if line.startswith(ORIGIN_BEGINS):
-            origin = Origin.model_validate_json(line)
+            origin = parse_origin(line)
         else:
             samples.append(_read(json.loads(line)))
     return samples, origin

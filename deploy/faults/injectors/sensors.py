@@ -5,10 +5,9 @@ from contextlib import suppress
 from random import Random
 
 from deploy.faults.injectors.injection import Injection, Plan, lasting
-from deploy.faults.stage import Stage, StageError
+from deploy.faults.stage import ALIVE_LIMIT_S, Stage, StageError
 
 NONE = "none"
-LIFT_LIMIT_S = 15.0
 ASK_AGAIN_S = 0.1
 
 
@@ -27,13 +26,13 @@ class SensorFault(Injection):
 
     async def lift(self, stage: Stage) -> None:
         """As soon as there is a sim to be told so: another fault may have taken it away."""
-        deadline_s = time.monotonic() + LIFT_LIMIT_S
+        deadline_s = time.monotonic() + ALIVE_LIMIT_S
         while time.monotonic() < deadline_s:
             with suppress(StageError):
                 await stage.sensors(NONE)
                 return
             await stage.observer.watch(ASK_AGAIN_S)
-        raise StageError(f"no sim was told within {LIFT_LIMIT_S:g} s that its sensors are well again")
+        raise StageError(f"no sim was told within {ALIVE_LIMIT_S:g} s that its sensors are well again")
 
 
 def _always(faults: str) -> Plan:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deploy.faults.promises import Bounds, Demand, Kind, Violation, set_off_unasked, violations
+from deploy.faults.promises import Bounds, Demand, Kind, Violation, violations
 from deploy.faults.seen import Asked, Motion, Seen, Status
 from deploy.samples import Command
 
@@ -82,7 +82,7 @@ def test_the_wheels_set_off_by_a_wish_that_is_young_enough() -> None:
     bounds = Bounds(asked_age_s=0.25)
 
     def found(*driven: tuple[float, bool]) -> list[int]:
-        return numbers(list(set_off_unasked(driven, asked, bounds)))
+        return numbers(violations(Seen(asked=asked, driven=list(driven)), bounds=bounds))
 
     assert found((0.9, False), (1.25, True), (1.9, False)) == []
     assert found((0.9, False), (1.26, True), (1.27, False), (1.3, True)) == [3, 3]

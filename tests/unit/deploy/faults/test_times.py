@@ -79,16 +79,17 @@ def test_all_times_are_shifted() -> None:
         [Status(102.0, ("ESTOP",))],
         [Motion(103.0, 1.0, 2.0, 0.3, 0.4)],
         [Asked(104.0, "teleop", 0.1, 0.0)],
+        [(106.0, True)],
     )
-    shifted, base, driven = since(100.0, seen, [BaseReport(105.0, "OK")], [(106.0, True)])
+    shifted, base = since(100.0, seen, [BaseReport(105.0, "OK")])
     assert shifted == Seen(
         [Command(1.0, 0.1, 0.2)],
         [Status(2.0, ("ESTOP",))],
         [Motion(3.0, 1.0, 2.0, 0.3, 0.4)],
         [Asked(4.0, "teleop", 0.1, 0.0)],
+        [(6.0, True)],
     )
     assert base == [BaseReport(5.0, "OK")]
-    assert driven == [(6.0, True)]
     assert math.isinf(shifted.motions[0].clearance_m)
 
 
