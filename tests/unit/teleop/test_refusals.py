@@ -53,3 +53,19 @@ def test_a_restarted_supervisor_counts_from_nothing() -> None:
     assert not refusals.all_refused(replace(OWN, accepted=500, refused_epoch=80), 0.0)
     assert not refusals.all_refused(replace(OWN, accepted=0, refused_epoch=0), 10.0)
     assert not refusals.all_refused(replace(OWN, accepted=0, refused_epoch=1), 10.1)
+
+
+def test_another_speaks_when_its_epoch_was_refused_since_the_status_before() -> None:
+    refusals = Refusals()
+    heard = replace(OWN, refused_epoch=3)
+    assert not refusals.another_speaks(heard), "the first status says nothing of when"
+    refusals.all_refused(heard, 0.0)
+    assert not refusals.another_speaks(heard)
+    assert not refusals.another_speaks(replace(heard, refused_sequence=1)), "its own, late"
+    assert refusals.another_speaks(replace(heard, refused_epoch=4))
+
+
+def test_a_restarted_supervisor_does_not_make_another_speak() -> None:
+    refusals = Refusals()
+    refusals.all_refused(replace(OWN, refused_epoch=3), 0.0)
+    assert not refusals.another_speaks(OWN)
