@@ -8,7 +8,6 @@ from supervisor.config import SupervisorSection
 from supervisor.service import SupervisorService
 from wire.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.config import BusSection, ConfigError, is_loopback, section
-from wire.huge_pages import gather_memory
 from wire.process import run_process
 from wire.zenoh_bus import open_bus
 
@@ -38,7 +37,6 @@ def main() -> None:
                 _log.warning(
                     "%s is open to the network: anyone who reaches it may drive", bus_section.endpoint
                 )
-            gather_memory()  # while nobody relies on it yet
             _log.info("listening on %s", bus_section.endpoint)
             await SupervisorService(bus, config, black_box(config)).run(stop)
         finally:

@@ -1,7 +1,8 @@
 """The safety law: step(state, now, inputs) -> (state, decision).
 
 Pure: no clock, no I/O, no asyncio, no logging. Time is an argument. The same function runs in the service,
-in the tests and in a replay. It is called at every tick and at once on each event; it never waits.
+in the tests and in a replay. It is called at every tick, at once on each event, and when a permission runs out;
+it never waits.
 
 Unproven means stop. The law in four sentences:
 
@@ -47,6 +48,9 @@ BELIEVABLE_FACTOR = 2.0
 
 REMEMBERED_STRANGERS = 8
 
+ROUNDING_S = 1e-6
+"""More than what sums and differences of times are rounded by."""
+
 NONE: Reasons = frozenset()
 BARRIER_REASONS: Reasons = frozenset({StopReason.OBSTACLE, StopReason.SCAN_BLIND})
 
@@ -70,6 +74,20 @@ def step(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
     state, live = _take_commands(state, now_s, inputs, shared)
     state, reply = _reset(state, inputs, live)
     return _decide(state, now_s, shared, reply)
+
+
+def runs_out_s(state: State) -> float:
+    """When the present motion is no longer permitted if nothing new comes, by age; infinite while nothing moves.
+
+    Whoever calls `step` then need not wait for a tick in order to stop.
+    """
+    if state.output == STANDSTILL:
+        return math.inf
+    owner = next(s for s in state.sources if s.config.name == state.owner)
+    assert state.scan is not None  # nothing moves without one
+    config = state.config
+    last_s = min(owner.sent_s + config.command_timeout_s, state.scan.taken_s + config.scan_timeout_s)
+    return last_s + ROUNDING_S
 
 
 # --- what everybody shares

@@ -11,7 +11,7 @@ from supervisor.blackbox import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.messages import to_command, to_odometry, to_scan, to_status, to_twist
 from supervisor.model import Decision, Inputs, Liveliness, Mode, Reply
-from supervisor.safety import initial_state, step
+from supervisor.safety import initial_state, runs_out_s, step
 from wire import topics
 from wire.bus import Bus, woken_by
 from wire.messages import TriggerResponse, zero_twist
@@ -65,7 +65,7 @@ class SupervisorService:
         next_tick_s = self._loop.time()
         try:
             while not stop.is_set():
-                await woken_by(self._wake, next_tick_s)
+                await woken_by(self._wake, min(next_tick_s, runs_out_s(self._state)))
                 inputs = self._gather()
                 now_s = self._loop.time()
                 on_tick = now_s >= next_tick_s

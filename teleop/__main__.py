@@ -38,7 +38,6 @@ from wire import topics
 from wire.bus import Bus, wait_until
 from wire.command_line import EXIT_USAGE, override, read_document, refuse, service_parser
 from wire.config import BusSection, ConfigError, section
-from wire.huge_pages import gather_memory
 from wire.process import run_process
 from wire.zenoh_bus import open_bus
 
@@ -89,7 +88,6 @@ async def _run(stop: asyncio.Event, options: Options) -> int:
             _greet(terminal, options)
             bus = await _Waiting(options, terminal, wake, stop).connect()
             if bus is not None:
-                gather_memory()  # while nothing is driven yet
                 teleop = Teleop(
                     bus,
                     options.setup,

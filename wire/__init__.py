@@ -12,5 +12,5 @@ virtual_network.py, virtual_loop.py    and on a simulated network and clock, for
 config.py       robot.toml, read strictly
 command_line.py what the processes' command lines share
 process.py      a process that always ends: signals, exceptions, a bounded close
-huge_pages.py   and whose end its peers see sooner
+memory_keeper.py    and whose end its peers see at once
 """

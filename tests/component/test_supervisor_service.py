@@ -11,7 +11,7 @@ from supervisor.model import Decision, Inputs, State
 from tests.component.rig import Rig
 from wire import topics
 from wire.memory_bus import MemoryBus
-from wire.messages import Bool, SafetyStatus, SourceStatus, Twist, Vector3, encode, planar_twist
+from wire.messages import Bool, SafetyStatus, SourceStatus, Twist, Vector3, encode, planar_twist, zero_twist
 from wire.virtual_loop import VirtualLoop
 
 ZERO = (0.0, 0.0)
@@ -81,28 +81,33 @@ async def test_a_dead_source_stops_it_within_the_same_instant() -> None:
         assert rig.newest_status.reasons == ["SOURCE_LOST"]
 
 
-async def test_a_silent_source_stops_it_after_its_timeout_and_one_tick() -> None:
+async def test_a_silent_source_stops_it_when_its_last_command_runs_out_and_no_tick_later() -> None:
     rig = Rig()
+    asked = rig.outsider.subscribe(topics.source_cmd_vel(topics.TELEOP), depth=100)
     async with rig.supervisor(), rig.lidar():
         async with rig.source():
             await rig.drive(0.5)
-        last_heard_s = rig.loop.time()
-        while rig.output() != ZERO:
-            await rig.pass_time(0.02)
-        assert 0.15 <= rig.loop.time() - last_heard_s <= 0.2 + 0.04
+            await rig.pass_time(0.513)
+        assert await _stopped_after_s(rig, asked.take()[-1].arrival_s) == pytest.approx(0.2, abs=1e-5)
         assert rig.newest_status.reasons == ["COMMAND_TIMEOUT"]
 
 
-async def test_a_silent_lidar_stops_it_after_its_timeout_and_one_tick() -> None:
+async def test_a_silent_lidar_stops_it_when_its_last_scan_runs_out_and_no_tick_later() -> None:
     rig = Rig()
+    scans = rig.outsider.subscribe(topics.SCAN, depth=100)
     async with rig.supervisor(), rig.source():
         async with rig.lidar():
             await rig.drive(0.5)
-        last_seen_s = rig.loop.time()
-        while rig.output() != ZERO:
-            await rig.pass_time(0.02)
-        assert 0.2 <= rig.loop.time() - last_seen_s <= 0.25 + 0.04
+            await rig.pass_time(0.513)
+        assert await _stopped_after_s(rig, scans.take()[-1].arrival_s) == pytest.approx(0.25, abs=1e-5)
         assert rig.newest_status.reasons == ["SCAN_STALE"]
+
+
+async def _stopped_after_s(rig: Rig, last_s: float) -> float:
+    """From the last thing that came to the first zero after it."""
+    rig.cmd_vel.take()
+    await rig.pass_time(0.3)
+    return next(o.arrival_s for o in rig.cmd_vel.take() if o.message == zero_twist()) - last_s
 
 
 async def test_something_inside_30_cm_stops_it_with_the_very_scan() -> None:

@@ -5,6 +5,7 @@ import math
 import pytest
 
 from supervisor.model import STANDSTILL, Command, Inputs, Mode, StopReason, Velocity
+from supervisor.safety import ROUNDING_S, runs_out_s
 from tests.unit.supervisor.law_harness import (
     BACK,
     CONFIG,
@@ -65,6 +66,42 @@ def test_a_command_goes_stale_just_after_its_timeout() -> None:
     law.now_s = math.nextafter(law.now_s, math.inf)
     assert law.step().output == STANDSTILL
     assert law.decision.reasons == (StopReason.COMMAND_TIMEOUT,)
+
+
+@pytest.mark.parametrize("begin_s", [0.1 * begin for begin in range(20)] + [1e6])
+@pytest.mark.parametrize(
+    ("scanning", "reason"),
+    [(True, StopReason.COMMAND_TIMEOUT), (False, StopReason.SCAN_STALE)],
+    ids=["commands end", "scans end"],
+)
+def test_a_motion_runs_out_at_the_moment_that_is_told_beforehand(
+    *, scanning: bool, reason: StopReason, begin_s: float
+) -> None:
+    law = Law(now_s=begin_s)
+    law.drive()
+    law.scanning = scanning
+    last_s, goes_on = law.now_s, [] if scanning else [("teleop", FORWARD)]
+    timeout_s = law.config.command_timeout_s if scanning else law.config.scan_timeout_s
+    law.hold(0.1, *goes_on)
+    end_s = runs_out_s(law.state)
+    assert end_s == pytest.approx(last_s + timeout_s + ROUNDING_S, abs=1e-9)
+    while law.now_s + 1.5 * TICK_S < end_s:
+        assert law.tick(*goes_on).output == FORWARD
+        assert runs_out_s(law.state) == end_s
+    law.now_s = end_s - 1.5 * ROUNDING_S
+    assert law.step(Inputs()).output == FORWARD
+    law.now_s = end_s
+    assert law.step(Inputs()).output == STANDSTILL
+    assert law.decision.reasons == (reason,)
+
+
+def test_what_does_not_move_does_not_run_out() -> None:
+    law = Law(scanning=False)
+    assert runs_out_s(law.state) == math.inf
+    law.scanning = True
+    law.hold(0.1, ("teleop", NEUTRAL))
+    assert law.decision.mode is Mode.READY
+    assert runs_out_s(law.state) == math.inf
 
 
 def test_a_source_that_wakes_up_still_driving_moves_nothing_until_neutral() -> None:
