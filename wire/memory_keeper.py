@@ -1,12 +1,13 @@
-"""Sockets that close at once when their process is killed: what it held in memory is freed by another.
+"""Sockets that close at once when their process is killed: its memory is freed later, by another.
 
 The kernel frees the memory of a process that ends, page by page, before it closes its files: its sockets close, and
 its liveliness token goes, only when all is freed. Memory that a second process shares is not freed then. So each
-process has a keeper: a process that shares its memory and nothing else (clone(2) with CLONE_VM), and waits in one
-read for the end of the first. Then it ends too, and the memory is freed when nobody waits for that.
+service has a keeper: a process that shares its memory and nothing else (clone(2) with CLONE_VM), and sleeps. A thread
+of the service puts off the end of that sleep, again and again. Once nobody does, the keeper ends and frees the memory,
+some seconds after all that had to be noticed was.
 
 The keeper runs no Python and allocates nothing. All that it ever does is one call of C's `getc_unlocked` on a
-pipe whose other end only the first process has; signals that can be blocked do not reach it.
+timer; signals that can be blocked do not reach it.
 """
 
 import ctypes
@@ -14,16 +15,23 @@ import os
 import signal
 import sys
 import threading
+import time
 from contextlib import suppress
 from pathlib import Path
-from queue import SimpleQueue
+from typing import NamedTuple
 
 NAME = "memory-keeper"
 """The keeper's in /proc/PID/comm; its command line and environment are those of the process that it keeps."""
 
+KEEP_S = 3
+"""How long the keeper sleeps on when nobody puts that off any more."""
+RENEW_S = 1.0
+
 _CLONE_VM = 0x100
+_CLONE_FS = 0x200
 _CLONE_FILES = 0x400
 _PR_SET_NAME = 15
+_WALL = 0x40000000
 _IOFBF = 0
 """A stream with a buffer that is given: C allocates none then."""
 _BUFFER_BYTES = 64
@@ -31,61 +39,106 @@ _STACK_BYTES = 1 << 16
 _STACK_ALIGNMENT = 16
 
 
-def keep_memory() -> int | None:
-    """Give this process a keeper, which ends with it.
+class _Timer(ctypes.Structure):
+    """C's `struct itimerspec`, with a time to the end and no period."""
 
-    Returns:
-        The keeper's pid; None where there is none (not Linux, or it is forbidden): all works without, but the
-        death of this process is noticed some milliseconds later, by the size of its memory.
+    _fields_ = (
+        ("period_s", ctypes.c_long),
+        ("period_ns", ctypes.c_long),
+        ("s", ctypes.c_long),
+        ("ns", ctypes.c_long),
+    )
+
+
+class _Sleep(NamedTuple):
+    """What the keeper sleeps on."""
+
+    descriptor: int
+    stream: ctypes.c_void_p
+    buffer: "ctypes.Array[ctypes.c_char]"
+
+
+class MemoryKeeper:
+    """The keeper of this process.
+
+    Where there is none (not Linux, or it is forbidden) all works as well, but the death of this process is noticed
+    some milliseconds later, by the size of its memory.
     """
-    if sys.platform != "linux":
-        return None
-    reading, writing = os.pipe()
-    made: SimpleQueue[int | None] = SimpleQueue()
-    threading.Thread(target=_keep, args=(reading, made), name=NAME, daemon=True).start()
-    pid = made.get()
-    os.close(reading)
-    if pid is None:
-        os.close(writing)
-    else:
-        with suppress(OSError):
-            # Freeing yields to whoever has something to do.
-            os.sched_setscheduler(pid, os.SCHED_IDLE, os.sched_param(0))
-    return pid
+
+    def __init__(self) -> None:
+        self._pid: int | None = None
+        self._made = threading.Event()
+        if sys.platform == "linux":
+            threading.Thread(target=self._keep, name=NAME, daemon=True).start()
+            self._made.wait()
+
+    @property
+    def pid(self) -> int | None:
+        return self._pid
+
+    def end(self) -> None:
+        """For a process that ends by itself and has said so: nothing has to be noticed any more."""
+        if self._pid is not None:
+            with suppress(ProcessLookupError):
+                os.kill(self._pid, signal.SIGKILL)
+
+    def _keep(self) -> None:
+        """Make the keeper, put its end off, and make another where it has ended, as while this process was stopped.
+
+        It runs on the stack here, and on this thread's thread-local storage: so this goes on as long as there is one.
+        """
+        stack = ctypes.create_string_buffer(_STACK_BYTES)
+        libc = ctypes.CDLL(None)
+        try:
+            sleep = _prepare(libc)
+            while sleep is not None:
+                pid, self._pid = self._pid, None
+                timer = _Timer(s=KEEP_S)
+                libc.timerfd_settime(sleep.descriptor, 0, ctypes.byref(timer), None)
+                is_asleep = pid is not None and os.waitpid(pid, os.WNOHANG | _WALL) == (0, 0)
+                self._pid = pid if is_asleep else _clone(libc, stack, sleep)
+                if self._pid is None:
+                    return
+                self._made.set()
+                time.sleep(RENEW_S)
+        finally:
+            self._made.set()
 
 
-def _keep(reading: int, made: "SimpleQueue[int | None]") -> None:
-    """Make the keeper, and stay: it runs on this thread's stack variables and thread-local storage."""
-    stack, buffer = ctypes.create_string_buffer(_STACK_BYTES), ctypes.create_string_buffer(_BUFFER_BYTES)
-    pid = _clone(reading, stack, buffer)
-    made.put(pid)
-    if pid is not None:
-        threading.Event().wait()
+def _prepare(libc: ctypes.CDLL) -> _Sleep | None:
+    """Make this thread what the keeper is to be a copy of: deaf to signals, and without a file or a directory.
 
-
-def _clone(
-    reading: int, stack: "ctypes.Array[ctypes.c_char]", buffer: "ctypes.Array[ctypes.c_char]"
-) -> int | None:
+    It must hold no socket open, and be in no file system's way.
+    """
     signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
-    libc = ctypes.CDLL(None)
     libc.prctl(_PR_SET_NAME, NAME.encode())
-    if libc.unshare(_CLONE_FILES) != 0:
+    if libc.unshare(_CLONE_FILES | _CLONE_FS) != 0:
         return None
-    # This thread has a table of files of its own now, and the keeper gets a copy: it must hold no socket open,
-    # nor the end of the pipe that tells it of the end.
+    os.chdir("/")
     for entry in list(Path("/proc/thread-self/fd").iterdir()):
-        if int(entry.name) != reading:
-            with suppress(OSError):  # the listing's own is closed already
-                os.close(int(entry.name))
+        with suppress(OSError):  # the listing's own is closed already
+            os.close(int(entry.name))
     libc.fdopen.restype = ctypes.c_void_p
-    stream = ctypes.c_void_p(libc.fdopen(reading, b"r"))
+    descriptor = libc.timerfd_create(time.CLOCK_MONOTONIC, 0)
+    stream = ctypes.c_void_p(libc.fdopen(descriptor, b"r"))
+    buffer = ctypes.create_string_buffer(_BUFFER_BYTES)
     if not stream or libc.setvbuf(stream, buffer, _IOFBF, ctypes.c_size_t(_BUFFER_BYTES)) != 0:
         return None
-    top = ctypes.addressof(stack) + _STACK_BYTES
+    return _Sleep(descriptor, stream, buffer)
+
+
+def _clone(libc: ctypes.CDLL, stack: "ctypes.Array[ctypes.c_char]", sleep: _Sleep) -> int | None:
+    libc.__fpurge(sleep.stream)  # noqa: SLF001 - so it is called in C; an earlier keeper read more than it took
+    top = ctypes.addressof(stack) + len(stack)
     pid: int = libc.clone(
         ctypes.cast(libc.getc_unlocked, ctypes.c_void_p),
         ctypes.c_void_p(top - top % _STACK_ALIGNMENT),
         _CLONE_VM,
-        stream,
+        sleep.stream,
     )
-    return pid if pid > 0 else None
+    if pid <= 0:
+        return None
+    with suppress(OSError):
+        # Freeing yields to whoever has something to do.
+        os.sched_setscheduler(pid, os.SCHED_IDLE, os.sched_param(0))
+    return pid

@@ -16,7 +16,7 @@ from contextlib import suppress
 from typing import Any, NoReturn
 
 from wire.bus import BusError
-from wire.memory_keeper import keep_memory
+from wire.memory_keeper import MemoryKeeper
 
 _log = logging.getLogger(__name__)
 
@@ -34,7 +34,7 @@ def run_process(name: str, main: Main) -> NoReturn:
 
     `stop` is set by SIGTERM, SIGINT and SIGHUP; main then has `STOP_LIMIT_S` to come to its end.
     """
-    keep_memory()
+    keeper = MemoryKeeper()
     code = EXIT_FAILURE
     try:
         code = asyncio.run(_supervised(main))
@@ -47,6 +47,7 @@ def run_process(name: str, main: Main) -> NoReturn:
             logging.shutdown()
             sys.stdout.flush()
             sys.stderr.flush()
+        keeper.end()
         os._exit(code)
 
 

@@ -1,4 +1,4 @@
-"""What a killed process held is freed by another, so that its sockets close at once."""
+"""What a killed process held is freed later, by another, so that its sockets close at once."""
 
 import os
 import select
@@ -8,8 +8,8 @@ import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Generator
-from contextlib import contextmanager
+from collections.abc import Callable, Generator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,24 +17,27 @@ import pytest
 
 from deploy import processes
 from deploy.processes import MARK, Process
-from wire.memory_keeper import NAME
+from wire.memory_keeper import KEEP_S, NAME
 
 LIMIT_S = 10.0
 OBJECTS = 2_000_000
 """Some 50 MB of them."""
 KILLS = 7
 PROGRAM = """
-import os, signal, socket, sys
-from wire.memory_keeper import keep_memory
-port, kept, ending = int(sys.argv[1]), sys.argv[2] == "kept", sys.argv[3]
+import os, socket, sys
+from wire.memory_keeper import MemoryKeeper
+port, kept, objects = int(sys.argv[1]), sys.argv[2] == "kept", int(sys.argv[3])
 before = socket.create_connection(("127.0.0.1", port))
-pid = keep_memory() if kept else 0
+keeper = MemoryKeeper() if kept else None
 after = socket.create_connection(("127.0.0.1", port))
-held = [object() for _ in range(int(sys.argv[4]))]
-after.sendall(f"{pid}".encode())
-after.recv(1)
-if ending == "os._exit":
-    os._exit(0)
+held = [object() for _ in range(objects)]
+after.sendall(f"{keeper.pid if keeper else 0}".encode())
+while order := after.recv(1):
+    if order == b"E":
+        os._exit(0)
+    if order == b"K":
+        keeper.end()
+        os._exit(0)
 """
 
 
@@ -55,15 +58,22 @@ class Running:
         assert [connection.recv(1) for connection in self.connections] == [b"", b""]
         return time.perf_counter() - begin_s
 
+    def order(self, what: bytes) -> None:
+        """E: exit. K: the same, and the keeper ends first."""
+        self.connections[1].sendall(what)
+
+    @property
+    def keepers(self) -> list[int]:
+        """Those that run now."""
+        return [pid for pid in children(self.process.pid) if named(pid) == NAME]
+
 
 @contextmanager
-def running(
-    *, kept: bool, ending: str = "", objects: int = 0, mark: Path | None = None
-) -> Generator[Running]:
+def running(*, kept: bool = True, objects: int = 0, mark: Path | None = None) -> Generator[Running]:
     environment = None if mark is None else {MARK: str(mark)}
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = str(server.getsockname()[1])
-        arguments = [port, "kept" if kept else "", ending, str(objects), "-m", "sim"]
+        arguments = [port, "kept" if kept else "", str(objects), "-m", "sim"]
         process = subprocess.Popen([sys.executable, "-c", PROGRAM, *arguments], env=environment)
         try:
             server.settimeout(LIMIT_S)
@@ -77,9 +87,38 @@ def running(
             process.wait()
 
 
-def has_ended(pidfd: int) -> bool:
-    """Waits for it."""
-    return bool(select.select([pidfd], [], [], LIMIT_S)[0])
+@contextmanager
+def handle(pid: int) -> Generator[int]:
+    pidfd = os.pidfd_open(pid)
+    try:
+        yield pidfd
+    finally:
+        os.close(pidfd)
+
+
+def ends_within(pidfd: int, limit_s: float) -> bool:
+    return bool(select.select([pidfd], [], [], limit_s)[0])
+
+
+def children(pid: int) -> list[int]:
+    """Of a process, whichever of its threads made them."""
+    tasks = Path(f"/proc/{pid}/task").iterdir()
+    return [int(child) for task in tasks for child in (task / "children").read_text().split()]
+
+
+def named(pid: int) -> str:
+    """Empty for one that is gone."""
+    try:
+        return Path(f"/proc/{pid}/comm").read_text().strip()
+    except OSError:
+        return ""
+
+
+def until(condition: Callable[[], bool]) -> None:
+    deadline_s = time.monotonic() + LIMIT_S
+    while not condition():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.01)
 
 
 def test_a_large_process_that_is_killed_is_noticed_much_sooner_with_a_keeper() -> None:
@@ -96,71 +135,83 @@ def test_a_large_process_that_is_killed_is_noticed_much_sooner_with_a_keeper() -
     assert with_ms < without_ms / 2
 
 
-@pytest.mark.parametrize("ending", [signal.SIGKILL, signal.SIGTERM, signal.SIGSEGV, "os._exit"])
-def test_the_keeper_ends_with_its_process_however_that_ends(ending: signal.Signals | str) -> None:
-    with running(kept=True, ending=str(ending)) as one:
-        pidfd = os.pidfd_open(one.keeper)
-        try:
-            if isinstance(ending, signal.Signals):
-                one.process.send_signal(ending)
-            else:
-                one.connections[1].sendall(b"!")
+def test_the_keeper_ends_a_while_after_its_process_however_that_ended() -> None:
+    endings: list[Callable[[Running], None]] = [
+        lambda one: one.process.kill(),
+        lambda one: one.process.terminate(),
+        lambda one: one.process.send_signal(signal.SIGSEGV),
+        lambda one: one.order(b"E"),
+    ]
+    with ExitStack() as stack:
+        pidfds: list[int] = []
+        for end in endings:
+            one = stack.enter_context(running())
+            pidfds.append(stack.enter_context(handle(one.keeper)))
+            end(one)
             one.process.wait(LIMIT_S)
-            assert has_ended(pidfd)
-        finally:
-            os.close(pidfd)
+        assert not ends_within(pidfds[-1], 0.0), "the last one cannot be over yet"
+        assert all(ends_within(pidfd, KEEP_S + LIMIT_S) for pidfd in pidfds)
 
 
-def test_a_keeper_outlives_what_a_terminal_or_a_service_manager_sends_to_a_whole_group() -> None:
-    with running(kept=True) as one:
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP):
-            os.kill(one.keeper, number)
-        state = Path(f"/proc/{one.keeper}/stat").read_text().rsplit(")", 1)[1].split()[0]
-        assert state == "S"
-        one.kill_s()
-
-
-def test_a_process_whose_keeper_is_killed_goes_on() -> None:
-    with running(kept=True, ending="os._exit") as one:
-        pidfd = os.pidfd_open(one.keeper)
-        try:
-            os.kill(one.keeper, signal.SIGKILL)
-            assert has_ended(pidfd)
-        finally:
-            os.close(pidfd)
-        one.connections[1].sendall(b"!")
+def test_a_process_that_ends_in_order_ends_its_keeper_first() -> None:
+    with running() as one, handle(one.keeper) as pidfd:
+        one.order(b"K")
+        assert ends_within(pidfd, KEEP_S / 2)
         assert one.process.wait(LIMIT_S) == 0
 
 
-def test_a_keeper_holds_no_file_open_but_its_end_of_the_pipe() -> None:
-    with running(kept=True) as one:
-        assert [str(fd.readlink()).split(":")[0] for fd in Path(f"/proc/{one.keeper}/fd").iterdir()] == [
-            "pipe"
-        ]
+def test_a_keeper_outlives_what_a_terminal_or_a_service_manager_sends_to_a_whole_group() -> None:
+    with running() as one:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP):
+            os.kill(one.keeper, number)
+        assert state_of(one.keeper) == "S"
+
+
+def test_as_long_as_its_process_runs_the_keeper_stays() -> None:
+    with running() as one, handle(one.keeper) as pidfd:
+        assert not ends_within(pidfd, 1.5 * KEEP_S)
+        assert one.keepers == [one.keeper]
+
+
+def test_a_process_whose_keeper_has_ended_gets_another() -> None:
+    with running() as one, handle(one.keeper) as pidfd:
+        os.kill(one.keeper, signal.SIGKILL)
+        assert ends_within(pidfd, LIMIT_S)
+        until(lambda: one.keepers not in ([], [one.keeper]))
+        (second,) = one.keepers
+        assert state_of(second) == "S", "it sleeps as the first one did"
+        one.kill_s()
+
+
+def test_a_keeper_holds_no_file_open_but_its_timer_and_no_directory() -> None:
+    with running() as one:
+        process = Path(f"/proc/{one.keeper}")
+        assert [str(fd.readlink()) for fd in (process / "fd").iterdir()] == ["anon_inode:[timerfd]"]
+        assert (process / "cwd").readlink() == Path("/")
 
 
 def test_a_keeper_is_not_taken_for_the_process_that_it_keeps(tmp_path: Path) -> None:
-    with running(kept=True, mark=tmp_path) as one:
-        assert Path(f"/proc/{one.keeper}/comm").read_text() == f"{NAME}\n"
+    with running(mark=tmp_path) as one:
+        assert one.keepers == [one.keeper]
         assert processes.of(tmp_path) == [Process(one.process.pid, "sim")]
 
 
 @pytest.mark.parametrize("service", ["supervisor", "sim"])
-def test_each_service_has_a_keeper(service: str) -> None:
+def test_each_service_has_a_keeper_and_takes_it_along_when_it_ends(service: str) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
     with subprocess.Popen([sys.executable, "-m", service, "--endpoint", f"tcp/127.0.0.1:{port}"]) as process:
         try:
-            deadline_s = time.monotonic() + LIMIT_S
-            while NAME not in _children(process.pid):
-                assert process.poll() is None
-                assert time.monotonic() < deadline_s
+            until(lambda: any(named(pid) == NAME for pid in children(process.pid)))
+            (keeper,) = (pid for pid in children(process.pid) if named(pid) == NAME)
+            with handle(keeper) as pidfd:
+                process.terminate()
+                process.wait(LIMIT_S)
+                assert ends_within(pidfd, KEEP_S / 2)
         finally:
             process.kill()
 
 
-def _children(pid: int) -> list[str]:
-    """What the children of a process are called, whichever of its threads made them."""
-    tasks = Path(f"/proc/{pid}/task").iterdir()
-    pids = [child for task in tasks for child in (task / "children").read_text().split()]
-    return [Path(f"/proc/{child}/comm").read_text().strip() for child in pids]
+def state_of(pid: int) -> str:
+    """One letter, as ps shows it."""
+    return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
