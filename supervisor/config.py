@@ -86,7 +86,7 @@ class SupervisorSection(Section):
     tick_hz: Positive = 50.0
     status_hz: Positive = 10.0
     command_timeout_s: Positive = 0.2
-    scan_timeout_s: Positive = 0.25
+    scan_timeout_s: Positive = 0.24
     overrun_s: Positive = 0.1
     stop_distance_m: Positive = 0.30
     warning_distance_m: Positive = 0.50

@@ -59,6 +59,7 @@ class Spread(NamedTuple):
     number: int
     median: float
     p99: float
+    p999: float
     worst: float
 
 
@@ -243,6 +244,12 @@ class Campaign:
         names = sorted(self._gathered, key=lambda name: (order.get(name, len(order)), name))
         return [self._gathered[name].figures(name, self.mode) for name in names]
 
+    @property
+    def bounded(self) -> Spread | None:
+        """The stops of all classes that have a bound, each fault alone."""
+        bounded = (one for one in self.classes() if one.bound_s is not None)
+        return spread([case.stop_s for one in bounded for case in one.stops])
+
     def find(self, name: str) -> ClassFigures | None:
         """One class; None: it never happened."""
         return self._gathered[name].figures(name, self.mode) if name in self._gathered else None
@@ -253,7 +260,13 @@ def spread(values: Sequence[float | None]) -> Spread | None:
     ordered = sorted(value for value in values if value is not None)
     if not ordered:
         return None
-    return Spread(len(ordered), quantile(ordered, 0.5), quantile(ordered, 0.99), ordered[-1])
+    return Spread(
+        len(ordered),
+        quantile(ordered, 0.5),
+        quantile(ordered, 0.99),
+        quantile(ordered, 0.999),
+        ordered[-1],
+    )
 
 
 def campaigns(records: Iterable[Trial | Origin]) -> tuple[list[Campaign], int]:

@@ -99,7 +99,7 @@ async def test_a_silent_lidar_stops_it_when_its_last_scan_runs_out_and_no_tick_l
         async with rig.lidar():
             await rig.drive(0.5)
             await rig.pass_time(0.513)
-        assert await _stopped_after_s(rig, scans.take()[-1].arrival_s) == pytest.approx(0.25, abs=1e-5)
+        assert await _stopped_after_s(rig, scans.take()[-1].arrival_s) == pytest.approx(0.24, abs=1e-5)
         assert rig.newest_status.reasons == ["SCAN_STALE"]
 
 

@@ -86,9 +86,8 @@ def test_a_scan_from_the_future_goes_stale_by_its_arrival(ahead_s: float) -> Non
         command = Command("teleop", NEUTRAL if n < 50 else FORWARD, law.now_s)
         law.step(Inputs((command,), scan=replace(scan, sent=sent, sent_tolerance_s=0.25)))
     assert law.decision.output == FORWARD
-    law.hold(CONFIG.scan_timeout_s - TICK_S / 2, ("teleop", FORWARD))
-    law.tick(("teleop", FORWARD))
-    assert law.decision.output == STANDSTILL
+    assert law.hold(CONFIG.scan_timeout_s - TICK_S, ("teleop", FORWARD)).output == FORWARD
+    assert law.hold(2 * TICK_S, ("teleop", FORWARD)).output == STANDSTILL
     assert StopReason.SCAN_STALE in law.decision.reasons
 
 

@@ -43,11 +43,12 @@ def at_zero() -> Law:
 def test_a_scan_goes_stale_just_after_its_timeout() -> None:
     law = at_zero()
     law.scanning = False
-    for now_s in (0.1, 0.2, 0.25):
+    timeout_s = law.config.scan_timeout_s
+    for now_s in (0.1, 0.2, timeout_s):
         law.now_s = now_s
         law.step(Inputs(commands=(Command("teleop", FORWARD, now_s),)))
         assert law.decision.output == FORWARD
-    law.now_s = math.nextafter(0.25, 1.0)
+    law.now_s = math.nextafter(timeout_s, 1.0)
     assert law.step().reasons == (StopReason.SCAN_STALE,)
 
 

@@ -129,6 +129,19 @@ def test_the_page_has_each_class_with_its_figures(tmp_path: Path) -> None:
     assert "n < 100" in rows.row("teleop_sigstop")
 
 
+def test_the_page_tells_how_soon_it_stopped_over_all_faults_with_a_bound_each_alone(tmp_path: Path) -> None:
+    quick = [trial(fault(zero_s=0.001 * (1 + n % 5)), seed=n) for n in range(120)]
+    slow = trial(fault(zero_s=0.025), seed=500)
+    hung = trial(fault("teleop_sigstop", zero_s=0.2, detector="COMMAND_TIMEOUT"), seed=600)
+    unbounded = trial(fault("net_delayed", zero_s=0.5, detector="COMMAND_TIMEOUT"), seed=700)
+    pair = trial(fault(zero_s=0.9), fault("teleop_sigstop", zero_s=0.9), seed=800)
+    assert (
+        "Over all faults with a bound, each alone, the robot was stopped 122 times: in 99 % of them within 25.0 ms, "
+        "in 99.9 % within 200.0 ms, always within 200.0 ms."
+    ) in page_of(tmp_path, *quick, slow, hung, unbounded, pair, ORIGIN)
+    assert "with a bound" not in page_of(tmp_path, *quick[:90], unbounded, ORIGIN), "too few for a p99"
+
+
 def test_the_page_needs_nothing_from_elsewhere_and_its_pictures_are_sound(tmp_path: Path) -> None:
     html = page_of(
         tmp_path, trial(fault(), told=True), trial(fault("supervisor_sigkill"), seed=2, mode="real"), ORIGIN
