@@ -50,7 +50,8 @@ STRAY_M = 0.01
 """A base on its way from one arc to another is on neither: the way ahead keeps so much more distance."""
 
 GRAZE_M = 0.001
-"""What comes nearer by less than this, as a wall beside the robot does, does not come nearer."""
+"""What comes nearer by less than this, as a wall beside the robot does, does not come nearer; nor does what closes
+no faster than a deep reading may."""
 
 NOTHING_M = 1e-300
 """Changes no distance but zero, which nobody can divide by."""
@@ -381,7 +382,7 @@ def _limit_of_the_way_ahead(
     poses = _along_arc(linear_m_s, angular_rad_s, step_s, POSES)
     clearance = hull.clearance_along(points, poses)
     keep = np.minimum(now, keep_m)
-    entered = clearance < keep - GRAZE_M
+    entered = clearance < keep - GRAZE_M - DEEP_TOLERANCE_M_S * horizon_s
     soonest = int(entered.argmax())  # in the order of the poses
     if not entered.item(soonest):
         return limit

@@ -387,6 +387,18 @@ def test_a_corner_that_sweeps_past_something_is_blocked_by_what_it_closes_on() -
     assert not block.is_approached_by(0.0, -2.0)
 
 
+@pytest.mark.parametrize(("linear_m_s", "limits"), [(0.00192, False), (0.00193, True)])
+def test_what_an_arc_hardly_closes_on_limits_it_only_beyond_what_a_graze_and_slow_closing_add_up_to(
+    linear_m_s: float, *, limits: bool
+) -> None:
+    """Found by hypothesis: closed on at less than 1 mm/s for more than 1 s, it blocked, and was not approached."""
+    hull = Circle(1.0)
+    beside = one(1.3045 * math.cos(0.46365), 1.3045 * math.sin(0.46365))
+    scale, block = permitted_scale(survey(hull, beside), linear_m_s, 1.0, Barrier(0.3, 1.5, 1.0, 0.0))
+    assert (scale < 1.0) is limits
+    assert block is None or block.is_approached_by(linear_m_s, 1.0)
+
+
 @given(
     st.tuples(st.floats(0.1, 1.0), st.floats(-2.0, 2.0)),
     st.floats(0.2, 2.0),
