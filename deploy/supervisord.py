@@ -11,7 +11,7 @@ import socket
 import subprocess
 import sys
 import xmlrpc.client
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -76,13 +76,11 @@ def start(uv: str, state: StateDir, launch: Launch) -> None:
     Raises:
         DeployError: it did not start.
     """
-    # A PYTHONPATH that holds this project would make supervisord import our `supervisor` for its own.
-    inherited = {k: v for k, v in os.environ.items() if k not in {"PYTHONPATH", "PYTHONHOME"}}
     done = _run(
         _command(uv, "--configuration", str(CONFIGURATION)),
         limit_s=START_LIMIT_S,
         cwd=state.path,
-        env=inherited | launch.environment(state),
+        environment=launch.environment(state),
     )
     if done.returncode != 0:
         raise DeployError(f"supervisord did not start:\n{_indented(done.stderr or done.stdout)}")
@@ -96,8 +94,14 @@ def _command(uv: str, *arguments: str, offline: bool = True) -> list[str]:
 
 
 def _run(
-    command: list[str], *, limit_s: float, cwd: Path | None = None, env: dict[str, str] | None = None
+    command: list[str],
+    *,
+    limit_s: float,
+    cwd: Path | None = None,
+    environment: Mapping[str, str] | None = None,
 ) -> subprocess.CompletedProcess[str]:
+    # A PYTHONPATH that holds this project would make supervisord import our `supervisor` for its own.
+    inherited = {k: v for k, v in os.environ.items() if k not in {"PYTHONPATH", "PYTHONHOME"}}
     try:
         child = subprocess.Popen(
             command,
@@ -106,7 +110,7 @@ def _run(
             stderr=subprocess.PIPE,
             text=True,
             cwd=cwd,
-            env=env,
+            env=inherited | dict(environment or {}),
             start_new_session=True,  # a group of its own: Ctrl-C is ours to handle
         )
     except OSError as error:

@@ -175,7 +175,7 @@ def soaked(samples: Sequence[Sample], origin: Origin | None) -> str:
         "",
         (
             f"{last.time_s / 60:.0f} minutes, {last.driven_m:.0f} m, {last.obstacle_stops} stops at obstacles, {last.black_boxes} black boxes; "
-            f"**{false or 'no'} stop without a cause**, {sum(sum(s.lost.values()) for s in samples)} samples lost. "
+            f"**{false or 'no'} {'stops' if false > 1 else 'stop'} without a cause**, {sum(sum(s.lost.values()) for s in samples)} samples lost. "
             f"Gaps of `cmd_vel`, p99 of ten seconds: {gaps_ms[len(gaps_ms) // 2]:.1f} ms (median), {gaps_ms[-1]:.1f} ms (worst)."
         ),
         "",

@@ -20,7 +20,7 @@ import pytest
 
 from deploy import processes, stack, supervisord
 from deploy.launch import free_loopback_endpoint
-from deploy.statedir import StateDir
+from deploy.statedir import StateDir, project_root
 
 COMMAND_LIMIT_S = 60
 WAIT_LIMIT_S = 20
@@ -170,6 +170,14 @@ def test_a_missing_uv_is_one_sentence(robot: Robot, monkeypatch: pytest.MonkeyPa
     if (Path(supervisord.project_root()) / ".uv" / "bin" / "uv").exists():
         pytest.skip("`make setup` fetched one, which is found")
     _refused(robot.run("up", "--detach"), r"uv is missing.*`make setup`")
+
+
+def test_a_python_path_with_this_project_in_it_is_not_supervisords(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its import name is `supervisor`, and so is ours."""
+    monkeypatch.setenv("PYTHONPATH", str(project_root()))
+    said: list[str] = []
+    supervisord.fetch(supervisord.find_uv(), said.append)
+    assert said == [], "it was there, and runs"
 
 
 def test_without_a_terminal_up_says_what_to_do_instead(robot: Robot) -> None:
