@@ -17,7 +17,6 @@ import sys
 import threading
 import time
 from contextlib import suppress
-from pathlib import Path
 from typing import NamedTuple
 
 NAME = "memory-keeper"
@@ -29,7 +28,8 @@ RENEW_S = 1.0
 
 _CLONE_VM = 0x100
 _CLONE_FS = 0x200
-_CLONE_FILES = 0x400
+_CLOSE_RANGE_UNSHARE = 2
+_ALL_FILES = 0xFFFFFFFF
 _PR_SET_NAME = 15
 _WALL = 0x40000000
 _IOFBF = 0
@@ -101,6 +101,8 @@ class MemoryKeeper:
                     return
                 self._made.set()
                 time.sleep(RENEW_S)
+        except AttributeError:
+            return  # a C library that has not got all of these
         finally:
             self._made.set()
 
@@ -108,16 +110,15 @@ class MemoryKeeper:
 def _prepare(libc: ctypes.CDLL) -> _Sleep | None:
     """Make this thread what the keeper is to be a copy of: deaf to signals, and without a file or a directory.
 
-    It must hold no socket open, and be in no file system's way.
+    It must hold no socket open, and be in no file system's way. None: Linux is older than 5.9, or forbids it.
     """
     signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
     libc.prctl(_PR_SET_NAME, NAME.encode())
-    if libc.unshare(_CLONE_FILES | _CLONE_FS) != 0:
+    # Not unshare(2), which a container may forbid.
+    if libc.close_range(0, ctypes.c_uint(_ALL_FILES), _CLOSE_RANGE_UNSHARE) != 0:
         return None
-    os.chdir("/")
-    for entry in list(Path("/proc/thread-self/fd").iterdir()):
-        with suppress(OSError):  # the listing's own is closed already
-            os.close(int(entry.name))
+    if libc.unshare(_CLONE_FS) == 0:
+        os.chdir("/")
     libc.fdopen.restype = ctypes.c_void_p
     descriptor = libc.timerfd_create(time.CLOCK_MONOTONIC, 0)
     stream = ctypes.c_void_p(libc.fdopen(descriptor, b"r"))
