@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from wire import memory_keeper
+from wire.memory_keeper import is_keeper
 
 MARK = "LIFELINE_STACK"
 POLL_S = 0.02
@@ -58,13 +58,11 @@ def wait_for_none(state_dir: Path, limit_s: float) -> list[Process]:
 def _name(pid: int, state_dir: Path) -> str | None:
     """What a process is; None for one that is gone, a zombie, or not of this state directory."""
     try:
-        if Path(f"/proc/{pid}/comm").read_text().rstrip() == memory_keeper.NAME:
-            return None  # it has another's command line, and ends with that
         environment = Path(f"/proc/{pid}/environ").read_bytes().split(b"\0")
         arguments = [os.fsdecode(a) for a in Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")]
     except OSError:
         return None
-    if os.fsencode(f"{MARK}={state_dir}") not in environment:
+    if os.fsencode(f"{MARK}={state_dir}") not in environment or is_keeper(pid):
         return None
     for option, value in itertools.pairwise(arguments):
         if option == "-m" and value in OURS:

@@ -11,7 +11,7 @@ import socket
 import subprocess
 import sys
 import xmlrpc.client
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -98,7 +98,7 @@ def _run(
     *,
     limit_s: float,
     cwd: Path | None = None,
-    environment: Mapping[str, str] | None = None,
+    environment: dict[str, str] | None = None,
 ) -> subprocess.CompletedProcess[str]:
     # A PYTHONPATH that holds this project would make supervisord import our `supervisor` for its own.
     inherited = {k: v for k, v in os.environ.items() if k not in {"PYTHONPATH", "PYTHONHOME"}}
@@ -110,7 +110,7 @@ def _run(
             stderr=subprocess.PIPE,
             text=True,
             cwd=cwd,
-            env=inherited | dict(environment or {}),
+            env=inherited | (environment or {}),
             start_new_session=True,  # a group of its own: Ctrl-C is ours to handle
         )
     except OSError as error:

@@ -83,8 +83,9 @@ def runs_out_s(state: State) -> float:
     """
     if state.output == STANDSTILL:
         return math.inf
-    owner = next(s for s in state.sources if s.config.name == state.owner)
-    assert state.scan is not None  # nothing moves without one
+    owner = _owning(state)
+    assert owner is not None  # nothing moves without one,
+    assert state.scan is not None  # nor without the other
     config = state.config
     last_s = min(owner.sent_s + config.command_timeout_s, state.scan.taken_s + config.scan_timeout_s)
     return last_s + ROUNDING_S
@@ -219,7 +220,7 @@ def _take_commands(state: State, now_s: float, inputs: Inputs, shared: Reasons) 
             live.append(name)
         settled[name] = _latch(source, now_s, shared.union(own, passing.get(name, NONE)))
 
-    before = next((s for s in state.sources if s.config.name == state.owner), None)
+    before = _owning(state)
     if before is not None and before.armed and not settled[state.owner].armed:
         stopped = settled[state.owner]
         settled = {name: _share_stop(source, stopped) for name, source in settled.items()}
@@ -320,6 +321,11 @@ def _share_stop(source: Source, stopped: Source) -> Source:
     return source._replace(latched=source.latched | stopped.latched, caused_s=stopped.caused_s, block=None)
 
 
+def _owning(state: State) -> Source | None:
+    """The source that has the say; None: nobody had it yet."""
+    return next((s for s in state.sources if s.config.name == state.owner), None)
+
+
 def _owner(owner: str, live: list[Source]) -> str:
     """Who has the say: the armed source of the highest priority that asks for motion.
 
@@ -339,7 +345,7 @@ def _owner(owner: str, live: list[Source]) -> str:
 def _decide(state: State, now_s: float, shared: Reasons, reply: Reply | None) -> tuple[State, Decision]:
     """What the owner may do now."""
     config = state.config
-    owner = next((s for s in state.sources if s.config.name == state.owner), None)
+    owner = _owning(state)
     reasons = shared | ({StopReason.NO_COMMAND} if owner is None else owner.latched)
     commanded = STANDSTILL if owner is None or owner.velocity is None else owner.velocity
     scale, block = 1.0, None

@@ -17,6 +17,7 @@ import sys
 import threading
 import time
 from contextlib import suppress
+from pathlib import Path
 from typing import NamedTuple
 
 NAME = "memory-keeper"
@@ -92,6 +93,7 @@ class MemoryKeeper:
         try:
             sleep = _prepare(libc)
             while sleep is not None:
+                # Once it is waited for, its pid may be anybody's: until then nobody else has it.
                 pid, self._pid = self._pid, None
                 timer = _Timer(s=KEEP_S)
                 libc.timerfd_settime(sleep.descriptor, 0, ctypes.byref(timer), None)
@@ -105,6 +107,14 @@ class MemoryKeeper:
             return  # a C library that has not got all of these
         finally:
             self._made.set()
+
+
+def is_keeper(pid: int) -> bool:
+    """Whether this is another process's keeper, which has that one's command line and environment."""
+    try:
+        return Path(f"/proc/{pid}/comm").read_text().rstrip() == NAME
+    except OSError:
+        return False
 
 
 def _prepare(libc: ctypes.CDLL) -> _Sleep | None:

@@ -11,6 +11,7 @@ TICK_S = 0.02
 """The supervisor's."""
 COMMAND_TIMEOUT_S = 0.2
 SCAN_TIMEOUT_S = 0.25
+"""What is promised; the supervisor's own limit is a little less, so that zero is out by then."""
 BASE_TIMEOUT_S = 0.15
 KILL_BOUND_S = 0.010
 """From a process's death to whoever must notice it."""

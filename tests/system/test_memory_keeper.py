@@ -17,7 +17,8 @@ import pytest
 
 from deploy import processes
 from deploy.processes import MARK, Process
-from wire.memory_keeper import KEEP_S, NAME
+from tests.system.harness import free_endpoint
+from wire.memory_keeper import KEEP_S, is_keeper
 
 LIMIT_S = 10.0
 OBJECTS = 2_000_000
@@ -65,7 +66,7 @@ class Running:
     @property
     def keepers(self) -> list[int]:
         """Those that run now."""
-        return [pid for pid in children(self.process.pid) if named(pid) == NAME]
+        return keepers_of(self.process.pid)
 
 
 @contextmanager
@@ -100,18 +101,16 @@ def ends_within(pidfd: int, limit_s: float) -> bool:
     return bool(select.select([pidfd], [], [], limit_s)[0])
 
 
-def children(pid: int) -> list[int]:
-    """Of a process, whichever of its threads made them."""
+def keepers_of(pid: int) -> list[int]:
+    """Among a process's children, whichever of its threads made them."""
     tasks = Path(f"/proc/{pid}/task").iterdir()
-    return [int(child) for task in tasks for child in (task / "children").read_text().split()]
+    children = [int(child) for task in tasks for child in (task / "children").read_text().split()]
+    return [child for child in children if is_keeper(child)]
 
 
-def named(pid: int) -> str:
-    """Empty for one that is gone."""
-    try:
-        return Path(f"/proc/{pid}/comm").read_text().strip()
-    except OSError:
-        return ""
+def state_of(pid: int) -> str:
+    """One letter, as ps shows it."""
+    return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
 
 
 def until(condition: Callable[[], bool]) -> None:
@@ -198,20 +197,13 @@ def test_a_keeper_is_not_taken_for_the_process_that_it_keeps(tmp_path: Path) -> 
 
 @pytest.mark.parametrize("service", ["supervisor", "sim"])
 def test_each_service_has_a_keeper_and_takes_it_along_when_it_ends(service: str) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        port = server.getsockname()[1]
-    with subprocess.Popen([sys.executable, "-m", service, "--endpoint", f"tcp/127.0.0.1:{port}"]) as process:
+    with subprocess.Popen([sys.executable, "-m", service, "--endpoint", free_endpoint()]) as process:
         try:
-            until(lambda: any(named(pid) == NAME for pid in children(process.pid)))
-            (keeper,) = (pid for pid in children(process.pid) if named(pid) == NAME)
+            until(lambda: bool(keepers_of(process.pid)))
+            (keeper,) = keepers_of(process.pid)
             with handle(keeper) as pidfd:
                 process.terminate()
                 process.wait(LIMIT_S)
                 assert ends_within(pidfd, KEEP_S / 2)
         finally:
             process.kill()
-
-
-def state_of(pid: int) -> str:
-    """One letter, as ps shows it."""
-    return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]

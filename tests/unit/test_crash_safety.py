@@ -95,7 +95,7 @@ def test_the_soak_is_told_with_what_grew_and_what_stopped_without_a_cause() -> N
         )
 
     samples = [sample(10.0 * n) for n in range(1, 361)]
-    good = crash_safety.soaked([sample(10.0 * n) for n in range(1, 361)], None)
+    good = crash_safety.soaked(samples, None)
     for words in (
         "60 minutes, 1800 m, 3 stops",
         "**no stop without a cause**, 720 samples lost",

@@ -235,7 +235,10 @@ def test_the_drawing_is_well_formed_and_has_a_line_for_each_process_and_percenti
 
 @pytest.mark.parametrize("suffix", [".jsonl", ".jsonl.gz"])
 def test_a_file_is_read_as_it_was_written_with_where_it_comes_from(tmp_path: Path, suffix: str) -> None:
-    written = [sample(10.0), replace(sample(20.0, false_stops=("OVERRUN",)), ticks=replace_nan(GAPS))]
+    written = [
+        sample(10.0),
+        replace(sample(20.0, false_stops=("OVERRUN",)), ticks=GAPS._replace(p50_ms=math.nan)),
+    ]
     origin = Origin(command="lifeline soak", commit="abc")
     text = "".join(f"{line}\n" for line in (*(one.to_json() for one in written), origin.line()))
     path = tmp_path / f"soak{suffix}"
@@ -244,10 +247,6 @@ def test_a_file_is_read_as_it_was_written_with_where_it_comes_from(tmp_path: Pat
     assert [one.to_json() for one in found] == [one.to_json() for one in written]
     assert (found[0], found_origin) == (written[0], origin)
     assert math.isnan(found[1].ticks.p50_ms)
-
-
-def replace_nan(gaps: Gaps) -> Gaps:
-    return gaps._replace(p50_ms=math.nan)
 
 
 @pytest.mark.parametrize(
