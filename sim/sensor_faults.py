@@ -88,13 +88,15 @@ def _with(faults: SensorFaults, part: str) -> SensorFaults:
             return replace(faults, no_odom=True)
         case ["rate", number] if MIN_RATE_HZ <= (rate_hz := _number(number)) <= MAX_RATE_HZ:
             return replace(faults, rate_hz=rate_hz)
-        case ["blocked", start, end]:
-            sector = Sector(_number(start), _number(end))
-            if math.isfinite(sector.end_rad - sector.start_rad) and sector.start_rad != sector.end_rad:
-                return replace(faults, blocked=(*faults.blocked, sector))
+        case ["blocked", start, end] if _is_open(sector := Sector(_number(start), _number(end))):
+            return replace(faults, blocked=(*faults.blocked, sector))
         case _:
             pass
     raise FaultError(f"{part!r} is no sensor fault; there are: {FORMS}")
+
+
+def _is_open(sector: Sector) -> bool:
+    return math.isfinite(sector.end_rad - sector.start_rad) and sector.start_rad != sector.end_rad
 
 
 def _number(text: str) -> float:
