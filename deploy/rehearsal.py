@@ -125,7 +125,7 @@ class Rehearsal:
             inputs = Inputs(
                 commands=commands,
                 liveliness=() if self._decision is not None else (self._came,),
-                scan=scan,
+                scans=() if scan is None else (scan,),
                 odometry=Odometry(Velocity(*plant.wheel_twist), now_s),
             )
             self._state, self._decision = step(self._state, now_s, inputs)

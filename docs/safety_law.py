@@ -327,7 +327,7 @@ def _inputs(world: World, now_s: float, event: Event | None) -> Inputs:
     return Inputs(
         commands=(Command("teleop", world.velocity, now_s),) if world.speaking else (),
         liveliness=() if world.token is None else (Liveliness("teleop", world.token),),
-        scan=None if world.ahead_m is None else _scan(world.ahead_m, now_s),
+        scans=(None,) if world.ahead_m is None else (),
         estop=event is not None and event.estop,
         reset=event is not None and event.reset,
     )

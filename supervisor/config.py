@@ -7,11 +7,10 @@ from pydantic import Field, model_validator
 from supervisor.clearance import Circle, ConvexPolygon, Hull
 from supervisor.lidar import PROFILES, LidarProfile
 from supervisor.model import LawConfig, SourceConfig
-from supervisor.scan import Mount
+from supervisor.scan import Lidar, Mount
 from wire.config import Finite, Name, Positive, Section
 
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Share = Annotated[float, Field(gt=0, le=1)]
 Pair = Annotated[tuple[Finite, Finite], Field(strict=False)]  # TOML knows lists only
 
 
@@ -62,7 +61,6 @@ class LidarSection(Section):
     yaw_rad: Finite = 0.0
     masked_rad: Annotated[tuple[Pair, ...], Field(strict=False)] = ()
     min_beams: Annotated[int, Field(ge=12)] = 90
-    min_valid_share: Share = 0.5
 
     @model_validator(mode="after")
     def _knows_its_readings(self) -> Self:
@@ -127,12 +125,16 @@ class SupervisorSection(Section):
         return LawConfig(
             sources=tuple(SourceConfig(s.name, s.priority) for s in self.sources),
             hull=self.footprint.hull(),
-            mount=self.lidar.mount(),
-            profile=self.lidar.readings(),
-            min_beams=self.lidar.min_beams,
-            min_valid_share=self.lidar.min_valid_share,
+            lidars=(
+                Lidar(
+                    "lidar",
+                    self.lidar.mount(),
+                    self.lidar.readings(),
+                    self.scan_timeout_s,
+                    self.lidar.min_beams,
+                ),
+            ),
             command_timeout_s=self.command_timeout_s,
-            scan_timeout_s=self.scan_timeout_s,
             overrun_s=self.overrun_s,
             stop_distance_m=self.stop_distance_m,
             warning_distance_m=self.warning_distance_m,
@@ -144,4 +146,11 @@ class SupervisorSection(Section):
             blind_creep_m_s=self.blind_creep_m_s,
             runaway_linear_m_s=self.runaway_linear_m_s,
             runaway_angular_rad_s=self.runaway_angular_rad_s,
+            smallest_obstacle_m=0.04,
+            unseen_memory_s=0.0,
+            works_in_the_open=False,
+            odometry=True,
+            odom_timeout_s=0.3,
+            base_acceleration_m_s2=0.5,
+            base_angular_acceleration_rad_s2=1.5,
         )

@@ -27,15 +27,17 @@ def _planar(twist: ros.Twist) -> Velocity | None:
     return Velocity(twist.linear.x, twist.angular.z)
 
 
-def to_scan(arrival: Arrival[ros.LaserScan], header_tolerance_s: float) -> LaserScan | None:
+def to_scan(arrival: Arrival[ros.LaserScan], header_tolerance_s: float, lidar: int = 0) -> LaserScan | None:
     """The scan, with when it was taken by its attachment, or else by its header's unsteadier clock."""
     scan = arrival.message
     if scan is None:
         return None
     stamp = scan.header.stamp
     sent, tolerance_s = None, None
+    writer = b"frame " + scan.header.frame_id.encode()[:32]
     if arrival.stamp is not None:
         sent = arrival.stamp.sent()
+        writer = sent.epoch
     elif stamp.sec or stamp.nanosec:
         # A header has no sequence; the arrival, which only goes on, stands for it, in microseconds.
         sequence = round(arrival.arrival_s * 1e6)
@@ -51,6 +53,8 @@ def to_scan(arrival: Arrival[ros.LaserScan], header_tolerance_s: float) -> Laser
         sent,
         tolerance_s,
         scan.angle_max,
+        lidar,
+        writer,
     )
 
 

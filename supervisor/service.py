@@ -108,8 +108,8 @@ class SupervisorService:
         return Inputs(
             commands=tuple(commands),
             liveliness=tuple(liveliness),
-            scan=scan,
-            undecodable_scan=bool(scans) and scan is None,
+            scans=() if scan is None else (scan,),
+            undecodable_lidars=(0,) if scans and scan is None else (),
             odometry=to_odometry(odometry[-1]) if odometry else None,
             strangers=tuple(name for name in self._sources.take() if name not in self._commands),
             estop=estop,
