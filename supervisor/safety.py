@@ -55,10 +55,15 @@ NONE: Reasons = frozenset()
 BARRIER_REASONS: Reasons = frozenset({StopReason.OBSTACLE, StopReason.SCAN_BLIND})
 
 
-def initial_state(config: LawConfig) -> State:
-    """Stopped: nobody has spoken, nothing has been seen."""
+def initial_state(config: LawConfig, *, estop: bool = False) -> State:
+    """Stopped: nobody has spoken, nothing has been seen.
+
+    Args:
+        config: the numbers of the law.
+        estop: whether an e-stop was pressed before and not reset.
+    """
     sources = tuple(Source(source) for source in sorted(config.sources, key=lambda s: (-s.priority, s.name)))
-    return State(config, sources)
+    return State(config, sources, estop=estop)
 
 
 def step(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
