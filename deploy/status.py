@@ -12,6 +12,7 @@ from rich.text import Text
 
 from deploy import supervisord
 from deploy.errors import EXIT_NOT_RUNNING
+from deploy.estop import RESET, latched_sentence
 from deploy.launch import Launch
 from deploy.observe import Motion, State, observing
 from deploy.statedir import StateDir
@@ -26,6 +27,7 @@ EXIT_PARTLY = 1
 NODES = (topics.SUPERVISOR, topics.SIM, topics.TELEOP)
 NEEDED = (topics.SUPERVISOR, topics.SIM)
 MODES = ("STOPPED", "READY", "DRIVING", "LIMITED")
+ESTOP = "ESTOP"
 COLOURS = {"STOPPED": "bold red", "READY": "green", "DRIVING": "bold green", "LIMITED": "yellow"}
 
 
@@ -40,6 +42,8 @@ class Look:
     """supervisord's word on each of its programs."""
     state: State | None
     motion: Motion | None
+    latched: str | None = None
+    """That a robot started now has its e-stop latched; None: it has not."""
 
     @property
     def exit_code(self) -> int:
@@ -64,6 +68,7 @@ class Look:
             "owner": status.owner if status else None,
             "warning": status.warning if status else None,
             "alarm": status.alarm if status else None,
+            "estop_record_problem": status.estop_record_problem if status else None,
             "linear_m_s": _number(self.motion.linear_m_s if self.motion else None),
             "angular_rad_s": _number(self.motion.angular_rad_s if self.motion else None),
             "nearest_m": _number(status.nearest_m if status else None),
@@ -112,12 +117,14 @@ async def _look(state: StateDir, launch: Launch) -> Look:
             programs=programs,
             state=None,
             motion=None,
+            latched=latched_sentence(state, launch),
         )
 
 
 def _table(look: Look) -> Table | Text:
     if look.exit_code == EXIT_NOT_RUNNING:
-        return Text(f"nothing is running at {look.endpoint}; start with `lifeline up`")
+        idle = f"nothing is running at {look.endpoint}; start with `lifeline up`"
+        return Text(idle if look.latched is None else f"{idle}\n{look.latched}")
     table = Table(show_header=False, title=look.endpoint, title_justify="left")
     table.add_column(style="bold")
     table.add_column()
@@ -133,6 +140,10 @@ def _table(look: Look) -> Table | Text:
         table.add_row("mode", Text(look.mode or "", style=COLOURS[look.mode or "STOPPED"]))
         if status.reasons:
             table.add_row("reasons", ", ".join(status.reasons))
+        if ESTOP in status.reasons:
+            table.add_row("e-stop", f"latched, also over a restart: {RESET}")
+        if status.estop_record_problem:
+            table.add_row("e-stop record", Text(status.estop_record_problem, style="bold red"))
         table.add_row("speed", _speed(look.motion))
         table.add_row("nearest", _nearest(status.nearest_m, status.nearest_bearing_rad))
     return table

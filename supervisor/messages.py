@@ -73,7 +73,7 @@ def to_twist(velocity: Velocity) -> ros.Twist:
     return ros.planar_twist(velocity.linear_m_s, velocity.angular_rad_s)
 
 
-def to_status(decision: Decision, now_s: float) -> ros.SafetyStatus:
+def to_status(decision: Decision, now_s: float, estop_record_problem: str = "") -> ros.SafetyStatus:
     return ros.SafetyStatus(
         header=ros.header("base_link"),
         mode=int(decision.mode),
@@ -92,6 +92,7 @@ def to_status(decision: Decision, now_s: float) -> ros.SafetyStatus:
         scans_refused=decision.scan_counts.late + decision.scan_counts.sequence + decision.scan_counts.epoch,
         unknown_sources=list(decision.strangers),
         sources=[_source_status(source, now_s) for source in decision.sources],
+        estop_record_problem=estop_record_problem,
     )
 
 

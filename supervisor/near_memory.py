@@ -61,8 +61,8 @@ def remember(earlier: Remembered, view: View, mount: Mount) -> Remembered:
     distance_m = np.hypot(away[:, 0], away[:, 1])
     asked = _beams_beside(view, np.arctan2(away[:, 1], away[:, 0]) - mount.yaw_rad)
     free_m = _ask(view, view.free_m, asked)
-    differs = (np.abs(free_m - distance_m[:, None]) > SAME_M).all(axis=1)
-    (left,) = differs.nonzero()  # nearly all are shown again
+    off_m = np.abs(free_m - distance_m[:, None]).min(axis=1)
+    (left,) = (off_m > SAME_M).nonzero()  # nearly all are shown again
     if len(left) == 0:
         return Remembered()
     asked, free_m, distance_m, misses = asked[left], free_m[left], distance_m[left], misses[left]

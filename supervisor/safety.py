@@ -76,7 +76,7 @@ def initial_state(config: LawConfig, *, estop: bool = False) -> State:
 
     Args:
         config: the numbers of the law.
-        estop: whether an emergency stop is in force from before.
+        estop: whether an e-stop was pressed before and not reset.
     """
     sources = tuple(Source(source) for source in sorted(config.sources, key=lambda s: (-s.priority, s.name)))
     return State(config, sources, sights=tuple(Sight() for _ in config.lidars), estop=estop)

@@ -148,6 +148,7 @@ class SafetyStatus:
     scans_refused: int = 0
     unknown_sources: list[str] = field(default_factory=list[str])
     sources: list[SourceStatus] = field(default_factory=list[SourceStatus])
+    estop_record_problem: str = ""
     __msgtype__: ClassVar[str] = "lifeline_msgs/msg/SafetyStatus"
 
 
