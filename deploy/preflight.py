@@ -6,14 +6,14 @@ import numpy as np
 
 from deploy.errors import DeployError
 from deploy.launch import Launch
+from deploy.robot_file import read_robot
 from sim.config import SimSection
 from sim.floorplan import Circle
 from sim.plant import Plant
 from sim.scene import SceneError
 from supervisor.clearance import Floats
 from supervisor.config import SupervisorSection
-from teleop.config import TeleopSection
-from wire.config import ConfigError, read_toml, section
+from wire.config import ConfigError, read_toml
 
 SLACK_M = 1e-3
 OUTLINE_POINTS = 72
@@ -27,9 +27,8 @@ def check(launch: Launch) -> None:
     """
     try:
         document = read_toml(launch.config)
-        section(document, "teleop", TeleopSection)
-        footprint = section(document, "supervisor", SupervisorSection).law().hull
-        config = section(document, "sim", SimSection)
+        sections = read_robot(document, simulated=True)
+        footprint, config = sections[SupervisorSection].footprint.hull(), sections[SimSection]
         scene = config.scene_beside(launch.config)
         plant = Plant(scene, config.limits(), config.lidar(), config.seed, config.build())
     except (ConfigError, SceneError) as error:

@@ -1,63 +1,62 @@
 """`[sim]` of robot.toml."""
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import ConfigDict
 
 from sim.drive import DriveLimits
 from sim.encoders import MAX_ERROR, EncoderConfig
 from sim.imu import ImuConfig
-from sim.lidar import MAX_BEAMS, LidarConfig
+from sim.lidar import LidarConfig
 from sim.scene import DEFAULT, MAX_PAYLOAD_KG, MAX_SLIP, Build, Hull
-from wire.config import Positive, Section
+from wire.config import BaseSection, Conflict
+from wire.quantities import Between, Range, Seed, Speed, TurnRate
 
-Rate = Annotated[float, Field(gt=0, le=500)]
-"""Hz; there are 500 physics steps in a second."""
-Share = Annotated[float, Field(ge=0, le=1)]
-Error = Annotated[float, Field(ge=-MAX_ERROR, le=MAX_ERROR)]
+# There are 500 physics steps in a second; every 10 s is no rate at all.
+Rate = Annotated[float, Between(0.1, 500.0, "in Hz")]
+Share = Annotated[float, Between(0.0, 1.0)]
+Error = Annotated[float, Between(-MAX_ERROR, MAX_ERROR)]
+NoiseM = Annotated[float, Between(0.0, 0.1, "in m")]
+Span = Annotated[float, Between(0.01, math.tau, "in rad: at most a full turn")]
 
 
-class SimSection(Section):
-    """The simulated base, its sensors with their errors, and the rates of what it publishes."""
+class SimSection(BaseSection):
+    """The simulated base, its sensors with their errors, and the rates of what it publishes.
+
+    The keys that the supervisor's numbers must fit to are in `BaseSection`.
+    """
+
+    model_config = ConfigDict(extra="forbid")
 
     scene: str = DEFAULT
     hull: Literal["round", "rectangular"] = "round"
-    payload_kg: Annotated[float, Field(ge=0, le=MAX_PAYLOAD_KG)] = 0.0
-    wheel_slip: Annotated[float, Field(ge=0, le=MAX_SLIP)] = 0.0
+    payload_kg: Annotated[float, Between(0.0, MAX_PAYLOAD_KG)] = 0.0
+    wheel_slip: Annotated[float, Between(0.0, MAX_SLIP)] = 0.0
     moving: bool = True
-    command_timeout_s: Positive = 0.15
-    max_linear_m_s: Positive = 1.0
-    max_angular_rad_s: Positive = 2.0
-    acceleration_m_s2: Positive = 1.0
-    braking_m_s2: Positive = 2.0
-    angular_acceleration_rad_s2: Positive = 4.0
-    angular_braking_rad_s2: Positive = 8.0
-    scan_hz: Rate = 20.0
-    odom_hz: Rate = 50.0
+    max_linear_m_s: Speed = 1.0
+    max_angular_rad_s: TurnRate = 2.0
     imu_hz: Rate = 100.0
-    lidar_beams: Annotated[int, Field(ge=1, le=MAX_BEAMS)] = 360
-    lidar_span_rad: Annotated[float, Field(gt=0, le=math.tau)] = math.tau
-    lidar_range_min_m: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.1
-    lidar_range_max_m: Positive = 12.0
-    lidar_noise_m: Annotated[float, Field(ge=0, le=0.1)] = 0.002
+    lidar_span_rad: Span = math.tau
+    lidar_range_min_m: Annotated[float, Between(0.0, 10.0, "in m")] = 0.1
+    lidar_range_max_m: Range = 12.0
+    lidar_noise_m: NoiseM = 0.002
     lidar_dropout: Share = 0.0
-    encoder_ticks: Annotated[int, Field(ge=1, le=1_000_000)] = 16384
+    encoder_ticks: Annotated[int, Between(1, 1_000_000)] = 16384
     odom_left_error: Error = 0.001
     odom_right_error: Error = 0.0005
     odom_track_error: Error = 0.005
-    odom_noise_m: Annotated[float, Field(ge=0, le=0.1)] = 0.0005
-    gyro_noise_rad_s: Annotated[float, Field(ge=0, le=1)] = 0.002
-    accel_noise_m_s2: Annotated[float, Field(ge=0, le=10)] = 0.02
-    seed: Annotated[int, Field(ge=0)] = 0
+    odom_noise_m: NoiseM = 0.0005
+    gyro_noise_rad_s: Annotated[float, Between(0.0, 1.0)] = 0.002
+    accel_noise_m_s2: Annotated[float, Between(0.0, 10.0)] = 0.02
+    seed: Seed = 0
 
-    @field_validator("lidar_range_max_m")
-    @classmethod
-    def _is_beyond_the_shortest_range(cls, value: float, info: ValidationInfo) -> float:
-        if not info.data.get("lidar_range_min_m", 0.0) < value:
-            raise ValueError("must be more than lidar_range_min_m")
-        return value
+    def conflicts(self) -> Iterator[Conflict]:
+        if not self.lidar_range_min_m < self.lidar_range_max_m:
+            message = f"must be more than lidar_range_min_m = {self.lidar_range_min_m:g}"
+            yield Conflict(("lidar_range_max_m",), self.lidar_range_max_m, message)
 
     def scene_beside(self, config: Path | None) -> str:
         """The scene; a file that is not named from the root is looked for beside the configuration file."""

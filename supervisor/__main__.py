@@ -7,9 +7,10 @@ from supervisor.blackbox import black_box
 from supervisor.config import SupervisorSection
 from supervisor.estop_files import RecordFiles, record_path, state_directory
 from supervisor.estop_record import EstopRecord
+from supervisor.fit import fit_to_base
 from supervisor.service import SupervisorService
 from wire.command_line import log_to_stderr, read_document, refuse, service_parser
-from wire.config import BusSection, ConfigError, is_loopback, section
+from wire.config import BaseSection, BusSection, ConfigError, Section, is_loopback, read_sections
 from wire.process import run_process
 from wire.zenoh_bus import open_bus
 
@@ -38,8 +39,11 @@ def main() -> None:
     arguments = parser.parse_args()
     try:
         document = read_document(arguments)
-        bus_section = section(document, "bus", BusSection)
-        config = section(document, "supervisor", SupervisorSection)
+        models: dict[str, type[Section]] = {"bus": BusSection, "supervisor": SupervisorSection}
+        if "sim" in document:  # the base that these numbers are for
+            models["sim"] = BaseSection
+        sections = read_sections(document, models, fit_to_base)
+        bus_section, config = sections[BusSection], sections[SupervisorSection]
     except ConfigError as error:
         refuse("supervisor", error)
     log_to_stderr()

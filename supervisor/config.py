@@ -1,31 +1,66 @@
-"""`[supervisor]` of robot.toml, checked whole before anything starts."""
+"""`[supervisor]` of robot.toml, checked whole before anything starts.
 
-from typing import Annotated, Literal, Self
+lidar_config.py has the lidars; fit.py compares these numbers with those of the base.
+"""
+
+from collections.abc import Iterator
+from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
 from supervisor.clearance import Circle, ConvexPolygon, Hull
-from supervisor.lidar import PROFILES, LidarProfile
+from supervisor.lidar_config import LidarSection, NamedLidarSection
 from supervisor.model import LawConfig, SourceConfig
-from supervisor.scan import Lidar, Mount
-from wire.config import Finite, Name, Positive, Section
+from supervisor.scan import Lidar
+from wire import topics
+from wire.config import Conflict, FreeName, Section
+from wire.quantities import Acceleration, AngularAcceleration, Between, Distance, Speed, TurnRate
 
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Pair = Annotated[tuple[Finite, Finite], Field(strict=False)]  # TOML knows lists only
+# A rate at which the law is not late for anything that it bounds, and one that a process can keep.
+TickRate = Annotated[float, Between(10.0, 1000.0)]
+# Screens take a supervisor that is silent for a second for dead.
+StatusRate = Annotated[float, Between(1.0, 100.0)]
+# At 1 m/s, a command that is believed for 2 s drives 2 m after the operator's program has died.
+CommandTimeout = Annotated[float, Between(0.03, 2.0)]
+ScanTimeout = Annotated[float, Between(0.03, 3.0, "a slower lidar does not see what a robot runs into")]
+OdomTimeout = Annotated[float, Between(0.03, 2.0)]
+Overrun = Annotated[float, Between(0.02, 1.0, "a supervisor that hangs for longer protects nobody")]
+Transport = Annotated[float, Between(0.001, 0.5)]
+Memory = Annotated[float, Between(0.0, 10.0, "people walk into space that was seen free longer ago")]
+# Below 5 cm the errors of lidar, mount and braking are as large as the distance.
+StopDistance = Annotated[float, Between(0.05, 2.0)]
+WarningDistance = Annotated[float, Between(0.05, 5.0)]
+# More than 10 m/s² is beyond the grip of a tyre; less than 0.1 needs 5 m to stop from 1 m/s.
+Deceleration = Annotated[float, Between(0.1, 10.0)]
+MinimumSpeed = Annotated[float, Between(0.001, 0.1)]
+# Faster than this is no creep: the base could not stop within the width of a hand.
+BlindCreep = Annotated[float, Between(0.0, 0.2)]
+RunawaySpeed = Annotated[float, Between(0.01, 0.5)]
+RunawayTurnRate = Annotated[float, Between(0.01, 1.0)]
+# A thread is 5 mm, a person's body 50 cm.
+ObstacleWidth = Annotated[float, Between(0.005, 0.5)]
+HullRadius = Annotated[float, Between(0.05, 5.0, "in m")]
+Pair = Annotated[tuple[Distance, Distance], Field(strict=False)]  # TOML knows lists only
+
+MOUNT_REACH_M = 1.0
+"""How far outside the hull's radius a lidar may be: on a boom, but not by mistake of the unit."""
+
+PERIODS_IN_TIMEOUT = 1.5
+"""A timeout below this many periods stops the robot for every scan that is a little late."""
 
 
 class SourceSection(Section):
     """A command source; a higher priority takes over from a lower one."""
 
-    name: Name
-    priority: Annotated[int, Field(ge=0, le=1000)]
+    name: FreeName
+    priority: Annotated[int, Between(0, 1000)]
 
 
 class FootprintSection(Section):
     """The robot's hull: a circle by its radius, or a convex polygon by its corners."""
 
-    radius_m: Positive | None = None
-    corners_m: list[Pair] | None = None
+    radius_m: HullRadius | None = None
+    corners_m: Annotated[list[Pair], Field(max_length=64)] | None = None
 
     @model_validator(mode="after")
     def _is_one_shape(self) -> Self:
@@ -41,98 +76,161 @@ class FootprintSection(Section):
         return Circle(self.radius_m)
 
 
-class ReadingsSection(Section):
-    """What the readings of a sensor of one's own mean; +Inf and beyond range_max are always free."""
-
-    nan_is_free: bool = False
-    zero_is_free: bool = False
-    codes_below_m: NotNegative = 0.0
-    free_codes_m: Annotated[tuple[Positive, ...], Field(strict=False)] = ()
-
-
-class LidarSection(Section):
-    """Where the lidar is mounted, what its readings mean, and what is asked of its scans."""
-
-    profile: Literal["rep117", "rplidar", "neato_xv", "hokuyo_urg", "sick_lms", "own"] = "rep117"
-    own: ReadingsSection | None = None
-
-    x_m: Finite = 0.0
-    y_m: Finite = 0.0
-    yaw_rad: Finite = 0.0
-    masked_rad: Annotated[tuple[Pair, ...], Field(strict=False)] = ()
-    min_beams: Annotated[int, Field(ge=12)] = 90
-
-    @model_validator(mode="after")
-    def _knows_its_readings(self) -> Self:
-        if (self.profile == "own") != (self.own is not None):
-            raise ValueError('profile = "own" and the table `own` go together')
-        return self
-
-    def mount(self) -> Mount:
-        return Mount(self.x_m, self.y_m, self.yaw_rad, self.masked_rad)
-
-    def readings(self) -> LidarProfile:
-        if self.own is None:
-            return PROFILES[self.profile]
-        own = self.own
-        return LidarProfile(own.nan_is_free, own.zero_is_free, own.codes_below_m, own.free_codes_m)
-
-
 class SupervisorSection(Section):
     """Every number of the safety law and of its service."""
 
-    tick_hz: Positive = 50.0
-    status_hz: Positive = 10.0
-    command_timeout_s: Positive = 0.2
-    scan_timeout_s: Positive = 0.24
-    overrun_s: Positive = 0.1
-    stop_distance_m: Positive = 0.30
-    warning_distance_m: Positive = 0.50
-    deceleration_m_s2: Positive = 1.5
-    transport_s: Positive = 0.03
-    creep_m_s: Positive = 0.02
-    max_linear_m_s: Positive = 1.0
-    max_angular_rad_s: Positive = 2.0
-    blind_creep_m_s: NotNegative = 0.0
-    runaway_linear_m_s: Positive = 0.05
-    runaway_angular_rad_s: Positive = 0.1
-    black_box_s: Positive = 60.0
-    black_box_files: Annotated[int, Field(ge=1, le=1000)] = 20
+    tick_hz: TickRate = 50.0
+    status_hz: StatusRate = 10.0
+    command_timeout_s: CommandTimeout = 0.2
+    scan_timeout_s: ScanTimeout = 0.24
+    """Of a lidar that has no timeout of its own; where it is not given, a sensor's profile knows better."""
+    overrun_s: Overrun = 0.1
+    stop_distance_m: StopDistance = 0.30
+    warning_distance_m: WarningDistance = 0.50
+    deceleration_m_s2: Deceleration = 1.5
+    base_acceleration_m_s2: Acceleration = 0.5
+    base_angular_acceleration_rad_s2: AngularAcceleration = 1.5
+    transport_s: Transport = 0.03
+    creep_m_s: MinimumSpeed = 0.02
+    max_linear_m_s: Speed = 1.0
+    max_angular_rad_s: TurnRate = 2.0
+    smallest_obstacle_m: ObstacleWidth = 0.04
+    unseen_memory_s: Memory = 0.0
+    works_in_the_open: bool = False
+    blind_creep_m_s: BlindCreep = 0.0
+    odometry: bool = True
+    odom_timeout_s: OdomTimeout = 0.3
+    runaway_linear_m_s: RunawaySpeed = 0.05
+    runaway_angular_rad_s: RunawayTurnRate = 0.1
+    black_box_s: Annotated[float, Between(1.0, 600.0)] = 60.0
+    black_box_files: Annotated[int, Between(1, 1000)] = 20
     black_box_dir: Annotated[str, Field(min_length=1)] | None = None
     footprint: FootprintSection = FootprintSection(radius_m=0.25)
     lidar: LidarSection = LidarSection()
-    sources: Annotated[tuple[SourceSection, ...], Field(min_length=1, strict=False)] = (
+    lidars: (
+        Annotated[tuple[NamedLidarSection, ...], Field(min_length=1, max_length=4, strict=False)] | None
+    ) = None
+    """Instead of `lidar`, if there are several."""
+    sources: Annotated[tuple[SourceSection, ...], Field(min_length=1, max_length=16, strict=False)] = (
         SourceSection(name="teleop", priority=100),
         SourceSection(name="joy", priority=90),
         SourceSection(name="path", priority=10),
     )
 
-    @model_validator(mode="after")
-    def _fits_together(self) -> Self:
+    def all_lidars(self) -> tuple[NamedLidarSection, ...]:
+        """Every lidar, with its name and topic; the one of `[supervisor.lidar]` is `lidar`, on `scan`."""
+        if self.lidars is not None:
+            return self.lidars
+        one = {key: getattr(self.lidar, key) for key in LidarSection.model_fields}
+        return (NamedLidarSection.model_construct(name="lidar", topic=topics.SCAN.key, **one),)
+
+    def scan_timeout_of(self, lidar: LidarSection) -> float:
+        """How old its newest scan may be [s]: by its own key, else the section's, else its sensor's profile."""
+        if lidar.timeout_s is not None:
+            return lidar.timeout_s
+        timing = lidar.timing()
+        if timing is None or "scan_timeout_s" in self.model_fields_set:
+            return self.scan_timeout_s
+        return timing.timeout_s
+
+    def conflicts(self) -> Iterator[Conflict]:
+        yield from self._conflicts_with_tick()
+        yield from self._conflicts_of_distances()
+        yield from self._conflicts_of_lidars()
+        yield from self._conflicts_of_names()
+
+    def _conflicts_with_tick(self) -> Iterator[Conflict]:
         tick_s = 1.0 / self.tick_hz
-        for key in ("command_timeout_s", "scan_timeout_s", "overrun_s"):
-            if getattr(self, key) <= tick_s:
-                raise ValueError(f"{key} must be longer than a tick of {tick_s:g} s")
+        for key in ("command_timeout_s", "scan_timeout_s", "overrun_s", "odom_timeout_s"):
+            if (value := getattr(self, key)) <= tick_s:
+                yield Conflict((key,), value, f"must be longer than a tick of {tick_s:g} s")
+        if self.transport_s < tick_s:
+            message = (
+                f"must be at least a tick of {tick_s:g} s, which is part of it: set it, or a higher tick_hz"
+            )
+            yield Conflict(("transport_s",), self.transport_s, message)
+
+    def _conflicts_of_distances(self) -> Iterator[Conflict]:
         if self.warning_distance_m < self.stop_distance_m:
-            raise ValueError("warning_distance_m must not be less than stop_distance_m")
-        names = [source.name for source in self.sources]
-        if len(set(names)) != len(names):
-            raise ValueError("each source needs a name of its own")
-        return self
+            message = (
+                f"must not be less than stop_distance_m = {self.stop_distance_m:g}: warn before the stop"
+            )
+            yield Conflict(("warning_distance_m",), self.warning_distance_m, message)
+        for key, limit in (
+            ("creep_m_s", "max_linear_m_s"),
+            ("blind_creep_m_s", "max_linear_m_s"),
+            ("runaway_linear_m_s", "max_linear_m_s"),
+            ("runaway_angular_rad_s", "max_angular_rad_s"),
+        ):
+            if not (value := getattr(self, key)) < (most := getattr(self, limit)):
+                yield Conflict((key,), value, f"must be less than {limit} = {most:g}")
+
+    def _conflicts_of_lidars(self) -> Iterator[Conflict]:
+        if self.lidars is not None and "lidar" in self.model_fields_set:
+            message = "give either [supervisor.lidar] or [[supervisor.lidars]]: move its keys into the list"
+            yield Conflict(("lidar",), None, message)
+        reach_m = self.footprint.hull().radius_m + MOUNT_REACH_M
+        for path, lidar in self._lidars_with_paths():
+            for key, value, message in lidar.contradictions(self.stop_distance_m, reach_m):
+                yield Conflict((*path, *key), value, message)
+            period_s = lidar.usual_period_s()
+            if period_s is not None:
+                yield from self.conflicts_of_period(path, lidar, period_s)
+            timeout_s = self.scan_timeout_of(lidar)
+            if lidar.timeout_s is not None and timeout_s <= 1.0 / self.tick_hz:
+                message = f"must be longer than a tick of {1.0 / self.tick_hz:g} s"
+                yield Conflict((*path, "timeout_s"), timeout_s, message)
+
+    def conflicts_of_period(
+        self, path: tuple[str | int, ...], lidar: LidarSection, period_s: float
+    ) -> Iterator[Conflict]:
+        """A lidar's timeout against the time between two of its scans."""
+        timeout_s, least_s = self.scan_timeout_of(lidar), PERIODS_IN_TIMEOUT * period_s
+        if timeout_s < least_s - 1e-9:  # what a product is rounded by
+            where = ("scan_timeout_s",) if lidar.timeout_s is None else (*path, "timeout_s")
+            timing = lidar.timing()
+            otherwise = (
+                ""
+                if timing is None
+                else f", or leave it out for the {timing.timeout_s:g} s of {lidar.profile}"
+            )
+            message = (
+                f"must be at least {PERIODS_IN_TIMEOUT:g} scan periods of {period_s:.4g} s, or the robot stops for "
+                f"every scan that is a little late: set {least_s:.4g}{otherwise}"
+            )
+            yield Conflict(where, timeout_s, message)
+
+    def _lidars_with_paths(self) -> Iterator[tuple[tuple[str | int, ...], LidarSection]]:
+        if self.lidars is None:
+            yield ("lidar",), self.lidar
+        else:
+            yield from ((("lidars", index), lidar) for index, lidar in enumerate(self.lidars))
+
+    def _conflicts_of_names(self) -> Iterator[Conflict]:
+        sources = [source.name for source in self.sources]
+        for index, name in enumerate(sources):
+            if name in sources[:index]:
+                yield Conflict(("sources", index, "name"), name, "each source needs a name of its own")
+        lidars = self.lidars or ()
+        for index, lidar in enumerate(lidars):
+            if lidar.name in [other.name for other in lidars[:index]]:
+                yield Conflict(("lidars", index, "name"), lidar.name, "each lidar needs a name of its own")
+            where = ("lidars", index, "topic")
+            if lidar.topic in [other.topic for other in lidars[:index]]:
+                yield Conflict(where, lidar.topic, "each lidar needs a topic of its own")
+            if lidar.topic in sources:
+                yield Conflict(where, lidar.topic, "is a command source: choose another topic")
+            if lidar.topic == topics.SCAN.key and index > 0:
+                yield Conflict(where, lidar.topic, "only the first lidar may be on this topic: list it first")
 
     def law(self) -> LawConfig:
         """The numbers as the pure core takes them."""
         return LawConfig(
             sources=tuple(SourceConfig(s.name, s.priority) for s in self.sources),
             hull=self.footprint.hull(),
-            lidars=(
-                Lidar(
-                    "lidar",
-                    self.lidar.mount(),
-                    self.lidar.readings(),
-                    self.scan_timeout_s,
-                    self.lidar.min_beams,
-                ),
+            lidars=tuple(
+                Lidar(s.name, s.mount(), s.readings(), self.scan_timeout_of(s), s.min_beams)
+                for s in self.all_lidars()
             ),
             command_timeout_s=self.command_timeout_s,
             overrun_s=self.overrun_s,
@@ -146,11 +244,11 @@ class SupervisorSection(Section):
             blind_creep_m_s=self.blind_creep_m_s,
             runaway_linear_m_s=self.runaway_linear_m_s,
             runaway_angular_rad_s=self.runaway_angular_rad_s,
-            smallest_obstacle_m=0.04,
-            unseen_memory_s=0.0,
-            works_in_the_open=False,
-            odometry=True,
-            odom_timeout_s=0.3,
-            base_acceleration_m_s2=0.5,
-            base_angular_acceleration_rad_s2=1.5,
+            smallest_obstacle_m=self.smallest_obstacle_m,
+            unseen_memory_s=self.unseen_memory_s,
+            works_in_the_open=self.works_in_the_open,
+            odometry=self.odometry,
+            odom_timeout_s=self.odom_timeout_s,
+            base_acceleration_m_s2=self.base_acceleration_m_s2,
+            base_angular_acceleration_rad_s2=self.base_angular_acceleration_rad_s2,
         )

@@ -65,6 +65,28 @@ PROFILES = {
 }
 
 
+@dataclass(frozen=True, slots=True)
+class SensorTiming:
+    """How often one kind of sensor sends a scan, and when it has fallen silent."""
+
+    usual_period_s: float
+    """The longest that is usual between two of its scans."""
+    timeout_s: float
+    """Older than this, its newest scan proves nothing, unless the configuration says otherwise."""
+
+
+TIMINGS = {
+    # Its motor is set to 5.5 to 10 Hz.
+    "rplidar": SensorTiming(0.18, 0.45),
+    # 5 Hz, but for single turns that take twice as long: at 0.24 s it was stale for 8 to 24 % of the time.
+    "neato_xv": SensorTiming(0.2, 0.45),
+    "hokuyo_urg": SensorTiming(0.1, 0.3),
+    # 15 to 50 Hz, by the model and its resolution.
+    "sick_lms": SensorTiming(0.07, 0.24),
+}
+"""For the profiles that name a sensor; `rep117` names a convention."""
+
+
 class Readings(NamedTuple):
     """One scan's readings, sorted by what they mean; masks over its beams."""
 

@@ -9,7 +9,13 @@ from teleop.gamepad_config import GamepadSection
 from teleop.pilot import Velocity
 from teleop.setpoint import LEVELS, Steps
 from wire import topics
-from wire.config import Name, Positive, Section
+from wire.config import FreeName, Section
+from wire.quantities import Acceleration, AngularAcceleration, Between, Speed, TurnRate
+
+# Slower, and the supervisor takes the operator for dead between two commands.
+CommandRate = Annotated[float, Between(2.0, 200.0)]
+LinearStep = Annotated[float, Between(0.001, 1.0)]
+AngularStep = Annotated[float, Between(0.001, 3.2)]
 
 
 class Mode(StrEnum):
@@ -23,18 +29,18 @@ class Mode(StrEnum):
 class TeleopSection(Section):
     """Who this source is, how often it speaks, and what the operator's hand changes."""
 
-    source: Name = topics.TELEOP
+    source: FreeName = topics.TELEOP
     mode: Annotated[Mode, Field(strict=False)] = Mode.INCREMENTAL
-    rate_hz: Positive = 20.0
-    linear_step_m_s: Positive = 0.1
-    angular_step_rad_s: Positive = 0.2
-    max_linear_m_s: Positive = 1.0
-    max_angular_rad_s: Positive = 2.0
-    level: Annotated[int, Field(ge=1, le=LEVELS)] = LEVELS
-    acceleration_m_s2: Positive = 1.0
-    angular_acceleration_rad_s2: Positive = 4.0
-    hold_linear_m_s: Positive = 0.5
-    hold_angular_rad_s: Positive = 1.0
+    rate_hz: CommandRate = 20.0
+    linear_step_m_s: LinearStep = 0.1
+    angular_step_rad_s: AngularStep = 0.2
+    max_linear_m_s: Speed = 1.0
+    max_angular_rad_s: TurnRate = 2.0
+    level: Annotated[int, Between(1, LEVELS)] = LEVELS
+    acceleration_m_s2: Acceleration = 1.0
+    angular_acceleration_rad_s2: AngularAcceleration = 4.0
+    hold_linear_m_s: Speed = 0.5
+    hold_angular_rad_s: TurnRate = 1.0
     gamepad: GamepadSection = GamepadSection()
 
     def to_steps(self) -> Steps:

@@ -5,11 +5,12 @@ from typing import Annotated
 from pydantic import Field, ValidationInfo, field_validator
 
 from wire.config import Section
+from wire.quantities import Between
 
 AxisName = Annotated[str, Field(pattern=r"^ABS_[A-Z0-9_]+$")]
 ButtonName = Annotated[str, Field(pattern=r"^(BTN|KEY)_[A-Z0-9_]+$")]
-Share = Annotated[float, Field(gt=0, le=1)]
-LimitS = Annotated[float, Field(ge=0.2, le=30)]
+Share = Annotated[float, Between(0.01, 1.0)]
+LimitS = Annotated[float, Between(0.2, 30.0)]
 """No silence is unlimited: half a minute is a long time to drive without a sign of life."""
 
 
@@ -26,7 +27,7 @@ class GamepadSection(Section):
     """Pushed to the left, the axis falls; a turn to the left is positive."""
     dead_man_button: ButtonName = "BTN_TL"
     turbo_button: ButtonName = "BTN_TR"
-    dead_zone: Annotated[float, Field(gt=0, le=0.5)] = 0.15
+    dead_zone: Annotated[float, Between(0.01, 0.5)] = 0.15
     """Share of the stick's way that counts as centred; an axis whose driver says more (`flat`) gets more."""
     normal_share: Share = 0.5
     turbo_share: Share = 1.0

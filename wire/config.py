@@ -1,23 +1,35 @@
 """robot.toml: one file for the whole robot, one section for each process, read strictly.
 
-A wrong key, type or number is refused before anything starts, all of them at once, each with its path,
-its value and what is allowed. Nothing is switched off by a magic value: `Positive` is finite and above zero.
+A wrong key, type or number is refused before anything starts, those of all sections at once, each with its
+path, its value and what is allowed. Nothing is switched off by a magic value: every number has bounds
+(quantities.py). Numbers that are valid by themselves are then compared with each other: within a section by
+its `conflicts`, between sections by the functions that `read_sections` is given.
 """
 
 import ipaddress
 import re
 import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, NamedTuple, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
+from wire import topics
+from wire.quantities import Acceleration, AngularAcceleration, Beams, Between
 from wire.zenoh_bus import DEFAULT_ENDPOINT, BusConfig
 
 SECTIONS = ("bus", "supervisor", "teleop", "sim")
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=32)]
 """One chunk of a key: a namespace, a node, a command source."""
 
@@ -26,10 +38,59 @@ class ConfigError(Exception):
     """The configuration is refused; the message names every fault in it."""
 
 
+class Conflict(NamedTuple):
+    """Keys that are valid by themselves, and contradict each other."""
+
+    path: tuple[str | int, ...]
+    """Of the key that has to change, below its section."""
+    value: object
+    """None: there is no single one to name."""
+    message: str
+    """What is allowed, and what to do."""
+
+
 class Section(BaseModel):
     """A section of robot.toml."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+    def conflicts(self) -> Iterator[Conflict]:
+        """Every contradiction between keys that are valid by themselves."""
+        return iter(())
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        faults = [
+            InitErrorDetails(
+                type=PydanticCustomError("conflict", "{message}", {"message": message}), loc=path, input=value
+            )
+            for path, value, message in self.conflicts()
+        ]
+        if faults:
+            raise ValidationError.from_exception_data(type(self).__name__, faults)
+        return self
+
+
+def _is_not_taken(name: str) -> str:
+    if name in TAKEN_NAMES:
+        raise ValueError(
+            f"is a node or a topic of the wire; choose a name other than {', '.join(sorted(TAKEN_NAMES))}"
+        )
+    return name
+
+
+TAKEN_NAMES = frozenset(
+    {topics.ALIVE_PREFIX, topics.SUPERVISOR, topics.SIM}
+    | {
+        first
+        for entry in (*topics.TOPICS, *topics.SERVICES)
+        if not (first := entry.key.partition("/")[0]).startswith("<")
+    }
+)
+"""The first parts of the wire's keys, and its nodes: a source or a sensor of such a name would shadow them."""
+
+FreeName = Annotated[Name, AfterValidator(_is_not_taken)]
+"""A name that shadows no node and no topic: a command source, or a further lidar's topic."""
 
 
 class BusSection(Section):
@@ -37,7 +98,8 @@ class BusSection(Section):
 
     endpoint: str = DEFAULT_ENDPOINT
     namespace: Name = "robot"
-    lease_s: Positive = 0.4
+    # Zenoh's own default of 10 s is far too long for a robot; below 0.1 s a busy machine loses links.
+    lease_s: Annotated[float, Between(0.1, 2.0)] = 0.4
 
     @field_validator("endpoint")
     @classmethod
@@ -58,6 +120,26 @@ def is_loopback(endpoint: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return host == "localhost"
+
+
+class BaseSection(Section):
+    """What `[sim]` says of the base and its sensors that the others' numbers must fit to.
+
+    Read by itself, it ignores the other keys of `[sim]`.
+    """
+
+    model_config = ConfigDict(extra="ignore")
+
+    # The last line of defence: a second without a command is 1 m at full speed.
+    command_timeout_s: Annotated[float, Between(0.02, 1.0)] = 0.15
+    acceleration_m_s2: Acceleration = 1.0
+    braking_m_s2: Acceleration = 2.0
+    angular_acceleration_rad_s2: AngularAcceleration = 4.0
+    angular_braking_rad_s2: AngularAcceleration = 8.0
+    # There are 500 physics steps in a second; every 10 s is no rate at all.
+    scan_hz: Annotated[float, Between(0.1, 500.0)] = 20.0
+    odom_hz: Annotated[float, Between(0.1, 500.0)] = 50.0
+    lidar_beams: Beams = 360
 
 
 S = TypeVar("S", bound=Section)
@@ -88,24 +170,68 @@ def read_toml(path: Path | None) -> dict[str, Any]:
     return document
 
 
+class Sections:
+    """The sections of one document that are valid by themselves."""
+
+    def __init__(self, valid: Mapping[str, Section]) -> None:
+        self._valid = valid
+
+    def get(self, model: type[S]) -> S | None:
+        """The section of this model, or of one derived from it; None where it is refused, or was not read."""
+        return next((section for section in self._valid.values() if isinstance(section, model)), None)
+
+    def __getitem__(self, model: type[S]) -> S:
+        section = self.get(model)
+        if section is None:
+            raise KeyError(model)
+        return section
+
+
+Fit = Callable[[Sections], Iterable[Conflict]]
+"""Compares sections with each other; the path of a conflict begins with the section's name."""
+
+
+def read_sections(document: dict[str, Any], models: Mapping[str, type[Section]], *fits: Fit) -> Sections:
+    """Several sections of the document, checked by themselves and against each other.
+
+    Raises:
+        ConfigError: naming every faulty key of all these sections with its value and what is allowed.
+    """
+    valid: dict[str, Section] = {}
+    lines: list[str] = []
+    for name, model in models.items():
+        try:
+            valid[name] = model.model_validate(document.get(name, {}))
+        except ValidationError as error:
+            lines.extend(_sentence(name, dict(fault)) for fault in error.errors(include_url=False))
+    sections = Sections(valid)
+    for fit in fits:
+        lines.extend(
+            _line(".".join(map(str, path)), value, message) for path, value, message in fit(sections)
+        )
+    if lines:
+        raise ConfigError("the configuration is refused:\n" + "\n".join(f"  {line}" for line in lines))
+    return sections
+
+
 def section(document: dict[str, Any], name: str, model: type[S]) -> S:
     """One section of the document, checked.
 
     Raises:
         ConfigError: naming every faulty key with its value and what is allowed.
     """
-    try:
-        return model.model_validate(document.get(name, {}))
-    except ValidationError as error:
-        lines = [_sentence(name, dict(fault)) for fault in error.errors(include_url=False)]
-        raise ConfigError(
-            "the configuration is refused:\n" + "\n".join(f"  {line}" for line in lines)
-        ) from error
+    return read_sections(document, {name: model})[model]
 
 
 def _sentence(name: str, fault: dict[str, Any]) -> str:
     path = ".".join([name, *(str(part) for part in fault["loc"])])
     if fault["type"] == "extra_forbidden":
         return f"{path}: there is no such key"
+    if fault["type"] == "missing":
+        return f"{path}: is missing"
     message = str(fault["msg"]).removeprefix("Value error, ")
-    return f"{path} = {fault['input']!r}: {message[0].lower()}{message[1:]}"
+    return _line(path, fault["input"], f"{message[0].lower()}{message[1:]}")
+
+
+def _line(path: str, value: object, message: str) -> str:
+    return f"{path}: {message}" if value is None else f"{path} = {value!r}: {message}"

@@ -87,7 +87,7 @@ def test_without_the_interlock_it_moves_without_a_neutral(monkeypatch: pytest.Mo
 
 
 def test_a_base_that_waits_too_long_does_not_brake_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(world, "SIM", SimSection(imu_hz=1.0, command_timeout_s=3.0))
+    monkeypatch.setattr(world, "SIM", SimSection(imu_hz=1.0, command_timeout_s=1.0))
     assert broken(4, run_trial)
 
 

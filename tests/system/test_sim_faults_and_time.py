@@ -168,9 +168,9 @@ async def test_ten_times_too_fast_for_the_machine_the_base_still_brakes_when_its
             [],
             "lidar_span_rad = 0\nlidar_dropout = 1.5\nlidar_beams = 65537",
             [
-                "sim.lidar_span_rad = 0: input should be greater than 0",
-                "sim.lidar_dropout = 1.5: input should be less than or equal to 1",
-                "sim.lidar_beams = 65537: input should be less than or equal to 65536",
+                "sim.lidar_span_rad = 0: must be from 0.01 to 6.28319; in rad",
+                "sim.lidar_dropout = 1.5: must be from 0 to 1",
+                "sim.lidar_beams = 65537: must be from 1 to 65536",
             ],
         ),
     ],

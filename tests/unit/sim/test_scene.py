@@ -266,7 +266,7 @@ def test_the_configuration_says_what_is_built_and_people_are_about_by_default() 
     ("options", "why"),
     [
         (["--scene", "nowhere"], "sim: There is no layout named 'nowhere'"),
-        (["--payload-kg", "-1"], "sim.payload_kg = -1.0: input should be greater than or equal to 0"),
+        (["--payload-kg", "-1"], "sim.payload_kg = -1.0: must be from 0 to 100"),
         (["--hull", "oval"], "sim.hull = 'oval'"),
     ],
 )

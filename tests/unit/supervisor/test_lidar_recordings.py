@@ -11,6 +11,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from supervisor.config import LidarSection, SupervisorSection
 from supervisor.lidar import PROFILES
 from supervisor.model import STANDSTILL, Command, Decision, Inputs, LawConfig, Odometry, StopReason, Velocity
 from supervisor.safety import initial_state, step
@@ -209,3 +210,15 @@ def test_a_profile_that_does_not_fit_its_sensor_does_not_drive() -> None:
     ranges = _open(recording)[0]
     assert _drive(recording, ranges).output == SLOW
     assert _drive(wrong, ranges).reasons == (StopReason.OBSTACLE,)
+
+
+def test_a_neato_is_stale_under_a_timeout_for_20_hz_but_not_under_that_of_its_profile() -> None:
+    recording = _load("neato-lds")
+    profiles = SupervisorSection(lidar=LidarSection(profile="neato_xv")).law().scan_timeout_s
+
+    def stale_share(timeout_s: float) -> float:
+        late_s = np.maximum(np.diff(recording.arrival_s) - timeout_s, 0.0)
+        return float(late_s.sum() / np.ptp(recording.arrival_s))
+
+    assert stale_share(SupervisorSection().scan_timeout_s) > 0.02
+    assert stale_share(profiles) < 1e-4

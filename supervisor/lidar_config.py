@@ -1,0 +1,119 @@
+"""`[supervisor.lidar]` and `[[supervisor.lidars]]` of robot.toml: mounts, readings and timing of the lidars."""
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from supervisor.lidar import PROFILES, TIMINGS, LidarProfile, SensorTiming
+from supervisor.scan import Mount
+from wire import topics
+from wire.config import TAKEN_NAMES, Conflict, Name, Section
+from wire.quantities import Angle, Beams, Between, Distance, Range
+
+# Codes are some mm or cm; a profile that takes more for codes is blind to what is right before it.
+CodeLimit = Annotated[float, Between(0.0, 0.5)]
+FreeCode = Annotated[float, Between(0.001, 200.0)]
+Timeout = Annotated[float, Between(0.03, 3.0, "a slower lidar does not see what a robot runs into")]
+Period = Annotated[float, Between(0.002, 2.0)]
+# Fewer show no surroundings; more than 4,096 no planar lidar has.
+MinBeams = Annotated[int, Between(12, 4096)]
+Sector = Annotated[tuple[Angle, Angle], Field(strict=False)]
+
+
+def _is_a_sensors_topic(topic: str) -> str:
+    if topic in TAKEN_NAMES - {topics.SCAN.key}:
+        raise ValueError("is a node or another topic of the wire; choose a name such as scan_rear")
+    return topic
+
+
+class ReadingsSection(Section):
+    """What the readings of a sensor of one's own mean; +Inf and beyond range_max are always free."""
+
+    nan_is_free: bool = False
+    zero_is_free: bool = False
+    codes_below_m: CodeLimit = 0.0
+    free_codes_m: Annotated[tuple[FreeCode, ...], Field(max_length=16, strict=False)] = ()
+
+
+class LidarSection(Section):
+    """Where the lidar is mounted, what its readings mean, and what is asked of its scans."""
+
+    profile: Literal["rep117", "rplidar", "neato_xv", "hokuyo_urg", "sick_lms", "own"] = "rep117"
+    own: ReadingsSection | None = None
+
+    x_m: Distance = 0.0
+    y_m: Distance = 0.0
+    yaw_rad: Angle = 0.0
+    masked_rad: Annotated[tuple[Sector, ...], Field(max_length=16, strict=False)] = ()
+    min_beams: MinBeams = 90
+    timeout_s: Timeout | None = None
+    """None: `scan_timeout_s` where that is given, else the profile's."""
+    period_s: Period | None = None
+    """Between two scans; None: what is usual for the profile."""
+
+    view_rad: Sector | None = None
+    """Its first and its last beam, in its own frame; with the next two for `lifeline check`, not for the law."""
+    beams: Beams | None = None
+    range_max_m: Range | None = None
+
+    @model_validator(mode="after")
+    def _knows_its_readings(self) -> Self:
+        if (self.profile == "own") != (self.own is not None):
+            raise ValueError('profile = "own" and the table `own` go together')
+        return self
+
+    def mount(self) -> Mount:
+        return Mount(self.x_m, self.y_m, self.yaw_rad, self.masked_rad)
+
+    def readings(self) -> LidarProfile:
+        if self.own is None:
+            return PROFILES[self.profile]
+        own = self.own
+        return LidarProfile(own.nan_is_free, own.zero_is_free, own.codes_below_m, own.free_codes_m)
+
+    def timing(self) -> SensorTiming | None:
+        """Of the sensor that the profile names; None where it names none."""
+        return TIMINGS.get(self.profile)
+
+    def usual_period_s(self) -> float | None:
+        """Between two of its scans, as the configuration or the profile has it; None where neither does."""
+        timing = self.timing()
+        return self.period_s if self.period_s is not None or timing is None else timing.usual_period_s
+
+    def contradictions(self, stop_distance_m: float, reach_m: float) -> Iterator[Conflict]:
+        """What does not fit to the robot.
+
+        Args:
+            stop_distance_m: of the robot's hull.
+            reach_m: how far from the robot's centre a lidar may be mounted.
+        """
+        away_m = math.hypot(self.x_m, self.y_m)
+        if away_m > reach_m:
+            key = "x_m" if abs(self.x_m) >= abs(self.y_m) else "y_m"
+            message = (
+                f"puts the lidar {away_m:.2f} m from the robot's centre, where the footprint allows {reach_m:.2f} m: "
+                "correct the mount, or the footprint"
+            )
+            yield Conflict((key,), getattr(self, key), message)
+        if self.own is not None and self.own.codes_below_m >= stop_distance_m:
+            message = (
+                f"must be less than stop_distance_m = {stop_distance_m:g}: what is nearer than this to the lidar "
+                "would count as nothing"
+            )
+            yield Conflict(("own", "codes_below_m"), self.own.codes_below_m, message)
+        if self.beams is not None and self.beams < self.min_beams:
+            message = f"is less than min_beams = {self.min_beams}, so every scan would be refused"
+            yield Conflict(("beams",), self.beams, message)
+        if self.view_rad is not None and not 0.0 < self.view_rad[1] - self.view_rad[0] <= math.tau + 1e-6:
+            message = "must be [from, to], counter-clockwise, and at most a full turn"
+            yield Conflict(("view_rad",), list(self.view_rad), message)
+
+
+class NamedLidarSection(LidarSection):
+    """One of several lidars."""
+
+    name: Name
+    topic: Annotated[Name, AfterValidator(_is_a_sensors_topic)]
+    """Its key below the namespace."""

@@ -1,0 +1,230 @@
+"""`[supervisor]`: numbers that are valid by themselves, and contradict each other."""
+
+import math
+from typing import Any
+
+import pytest
+
+from supervisor.config import SupervisorSection
+from supervisor.lidar import PROFILES, TIMINGS
+from wire.config import TAKEN_NAMES, ConfigError, section
+
+
+def load(**values: object) -> SupervisorSection:
+    return section({"supervisor": values}, "supervisor", SupervisorSection)
+
+
+def refusal(**values: object) -> str:
+    with pytest.raises(ConfigError) as caught:
+        load(**values)
+    return str(caught.value)
+
+
+def listed(*lidars: dict[str, object]) -> dict[str, Any]:
+    return {"lidars": list(lidars)}
+
+
+FRONT: dict[str, object] = {"name": "front", "topic": "scan"}
+REAR: dict[str, object] = {"name": "rear", "topic": "scan_rear"}
+
+
+@pytest.mark.parametrize("key", ["command_timeout_s", "scan_timeout_s", "odom_timeout_s", "overrun_s"])
+def test_a_timeout_is_longer_than_a_tick(key: str) -> None:
+    slow: dict[str, Any] = {"tick_hz": 16.0, "transport_s": 0.1}  # 1/16 s is exact in binary
+    assert f"supervisor.{key} = 0.0625: must be longer than a tick of 0.0625 s" in refusal(
+        **slow, **{key: 0.0625}
+    )
+    assert getattr(load(**slow, **{key: math.nextafter(0.0625, 1.0)}), key) > 0.0625
+
+
+def test_a_lidars_own_timeout_is_longer_than_a_tick() -> None:
+    slow: dict[str, Any] = {"tick_hz": 16.0, "transport_s": 0.1}
+    assert "supervisor.lidar.timeout_s = 0.0625: must be longer" in refusal(
+        **slow, lidar={"timeout_s": 0.0625}
+    )
+    assert load(**slow, lidar={"timeout_s": math.nextafter(0.0625, 1.0)})
+
+
+def test_the_time_for_transport_includes_a_tick() -> None:
+    assert load(tick_hz=32.0, transport_s=0.03125).transport_s == 0.03125
+    message = refusal(tick_hz=32.0, transport_s=math.nextafter(0.03125, 0.0))
+    assert "supervisor.transport_s" in message
+    assert "at least a tick of 0.03125 s" in message
+
+
+def test_the_warning_comes_no_later_than_the_stop() -> None:
+    assert load(stop_distance_m=0.4, warning_distance_m=0.4)
+    message = refusal(stop_distance_m=0.4, warning_distance_m=math.nextafter(0.4, 0.0))
+    assert "must not be less than stop_distance_m = 0.4" in message
+
+
+@pytest.mark.parametrize(
+    ("key", "limit", "most"),
+    [
+        ("creep_m_s", "max_linear_m_s", 0.0625),
+        ("blind_creep_m_s", "max_linear_m_s", 0.125),
+        ("runaway_linear_m_s", "max_linear_m_s", 0.25),
+        ("runaway_angular_rad_s", "max_angular_rad_s", 0.5),
+    ],
+)
+def test_a_threshold_is_below_the_speed_limit(key: str, limit: str, most: float) -> None:
+    small: dict[str, Any] = {"creep_m_s": 0.01, "runaway_linear_m_s": 0.01, "runaway_angular_rad_s": 0.01}
+    message = refusal(**{**small, key: most, limit: most})
+    assert f"supervisor.{key} = {most!r}: must be less than {limit} = {most:g}" in message
+    assert load(**{**small, key: math.nextafter(most, 0.0), limit: most})
+
+
+def test_a_lidar_may_be_a_metre_outside_the_hull_but_no_farther() -> None:
+    assert load(footprint={"radius_m": 0.25}, lidar={"x_m": -1.25})
+    message = refusal(footprint={"radius_m": 0.25}, lidar={"x_m": math.nextafter(-1.25, -2.0)})
+    assert "supervisor.lidar.x_m" in message
+    assert "the footprint allows 1.25 m" in message
+    assert "supervisor.lidars.1.y_m = 5.0" in refusal(**listed(FRONT, {**REAR, "x_m": 0.1, "y_m": 5.0}))
+
+
+def test_what_counts_as_a_code_is_nearer_than_the_stop_distance() -> None:
+    own = {"profile": "own", "own": {"codes_below_m": 0.25}}
+    assert "supervisor.lidar.own.codes_below_m = 0.25: must be less than stop_distance_m" in refusal(
+        stop_distance_m=0.25, lidar=own
+    )
+    assert load(stop_distance_m=math.nextafter(0.25, 1.0), lidar=own)
+
+
+def test_a_lidar_has_the_beams_that_are_asked_of_it() -> None:
+    assert load(lidar={"beams": 90})
+    assert "supervisor.lidar.beams = 89: is less than min_beams = 90" in refusal(lidar={"beams": 89})
+
+
+@pytest.mark.parametrize(
+    ("view", "is_valid"),
+    [
+        ([-math.pi, math.pi], True),
+        ([0.0, 0.1], True),
+        ([0.1, 0.1], False),
+        ([0.2, 0.1], False),
+        ([-math.pi, math.pi + 0.01], False),
+    ],
+)
+def test_a_view_is_a_part_of_a_turn(view: list[float], is_valid: bool) -> None:  # noqa: FBT001 - a table
+    if is_valid:
+        assert load(lidar={"view_rad": view}).lidar.view_rad == tuple(view)
+    else:
+        assert f"supervisor.lidar.view_rad = {view}: must be" in refusal(lidar={"view_rad": view})
+
+
+def test_all_contradictions_are_named_at_once() -> None:
+    message = refusal(command_timeout_s=0.03, tick_hz=20.0, warning_distance_m=0.1, lidar={"x_m": 5.0})
+    for key in ("command_timeout_s", "transport_s", "warning_distance_m", "lidar.x_m"):
+        assert f"supervisor.{key} = " in message
+
+
+# --- timeouts and periods
+
+
+@pytest.mark.parametrize("profile", TIMINGS)
+def test_a_sensors_profile_brings_its_timeout(profile: str) -> None:
+    config = load(lidar={"profile": profile})
+    timing = TIMINGS[profile]
+    assert config.law().scan_timeout_s == timing.timeout_s
+    assert config.lidar.usual_period_s() == timing.usual_period_s
+    assert timing.timeout_s >= 1.5 * timing.usual_period_s
+
+
+def test_every_profile_that_names_a_sensor_has_its_timing() -> None:
+    assert set(PROFILES) - set(TIMINGS) == {"rep117"}
+    assert load(lidar={"profile": "rep117"}).law().scan_timeout_s == 0.24
+
+
+def test_a_neato_at_its_own_rate_is_not_stale() -> None:
+    assert load(lidar={"profile": "neato_xv"}).law().scan_timeout_s == 0.45
+
+
+def test_a_timeout_that_is_given_counts_before_the_profiles_and_the_lidars_own_before_both() -> None:
+    neato = {"profile": "neato_xv"}
+    assert load(scan_timeout_s=0.4, lidar=neato).law().scan_timeout_s == 0.4
+    assert load(scan_timeout_s=0.4, lidar={**neato, "timeout_s": 0.35}).law().scan_timeout_s == 0.35
+
+
+def test_a_timeout_is_at_least_one_and_a_half_periods() -> None:
+    assert load(lidar={"period_s": 0.125, "timeout_s": 0.1875})
+    message = refusal(lidar={"period_s": 0.125, "timeout_s": 0.1874})
+    assert "supervisor.lidar.timeout_s = 0.1874: must be at least 1.5 scan periods of 0.125 s" in message
+    assert "set 0.1875" in message
+
+
+def test_the_default_timeout_written_out_is_refused_for_a_sensor_that_is_slower() -> None:
+    message = refusal(scan_timeout_s=0.24, lidar={"profile": "neato_xv"})
+    assert "supervisor.scan_timeout_s = 0.24: must be at least 1.5 scan periods of 0.2 s" in message
+    assert "set 0.3, or leave it out for the 0.45 s of neato_xv" in message
+
+
+# --- several lidars
+
+
+def test_one_lidar_is_called_lidar_and_is_on_scan() -> None:
+    (lidar,) = load(lidar={"x_m": 0.1, "profile": "rplidar"}).all_lidars()
+    assert (lidar.name, lidar.topic, lidar.x_m, lidar.profile) == ("lidar", "scan", 0.1, "rplidar")
+
+
+def test_several_lidars_are_listed_with_their_own_timeouts() -> None:
+    config = load(**listed({**FRONT, "profile": "sick_lms"}, {**REAR, "profile": "rplidar", "x_m": -0.3}))
+    assert [(lidar.name, lidar.topic) for lidar in config.all_lidars()] == [
+        ("front", "scan"),
+        ("rear", "scan_rear"),
+    ]
+    assert [config.scan_timeout_of(lidar) for lidar in config.all_lidars()] == [0.24, 0.45]
+
+
+def test_either_one_lidar_or_several_are_given() -> None:
+    assert "supervisor.lidar: give either [supervisor.lidar] or [[supervisor.lidars]]" in refusal(
+        lidar={"x_m": 0.0}, **listed(FRONT)
+    )
+
+
+def test_a_contradiction_in_a_list_is_named_by_its_index() -> None:
+    message = refusal(**listed(FRONT, {**REAR, "period_s": 0.2, "timeout_s": 0.2}))
+    assert "supervisor.lidars.1.timeout_s = 0.2: must be at least" in message
+
+
+@pytest.mark.parametrize(
+    ("lidars", "fault"),
+    [
+        ([], "supervisor.lidars = []"),
+        ([{**FRONT, "name": f"n{i}", "topic": f"t{i}"} for i in range(5)], "supervisor.lidars = "),
+        ([FRONT, {**REAR, "name": "front"}], "supervisor.lidars.1.name = 'front': each lidar needs a name"),
+        (
+            [{**FRONT, "topic": "left"}, {**REAR, "topic": "left"}],
+            "supervisor.lidars.1.topic = 'left': each lidar needs a topic",
+        ),
+        ([REAR, FRONT], "supervisor.lidars.1.topic = 'scan': only the first lidar"),
+        ([{**FRONT, "topic": "joy"}], "supervisor.lidars.0.topic = 'joy': is a command source"),
+        ([{**FRONT, "topic": "robot/scan"}], "supervisor.lidars.0.topic = 'robot/scan': "),
+        ([{"name": "front"}], "supervisor.lidars.0.topic: is missing"),
+    ],
+)
+def test_a_list_that_makes_no_sense_is_refused(lidars: list[dict[str, object]], fault: str) -> None:
+    assert fault in refusal(lidars=lidars)
+
+
+# --- names
+
+
+def test_the_names_that_are_taken_are_those_of_the_wire() -> None:
+    assert {"supervisor", "sim", "alive", "estop", "scan", "odom", "cmd_vel", "imu"} <= TAKEN_NAMES
+    assert "teleop" not in TAKEN_NAMES  # a node, and the command source of the same name
+
+
+@pytest.mark.parametrize("name", sorted(TAKEN_NAMES))
+def test_a_source_shadows_no_node_and_no_topic(name: str) -> None:
+    message = refusal(sources=[{"name": name, "priority": 1}])
+    assert f"supervisor.sources.0.name = {name!r}: is a node or a topic of the wire" in message
+
+
+@pytest.mark.parametrize("topic", sorted(TAKEN_NAMES - {"scan"}))
+def test_a_lidar_shadows_no_node_and_no_other_topic(topic: str) -> None:
+    assert f"supervisor.lidars.0.topic = {topic!r}: is a node" in refusal(**listed({**FRONT, "topic": topic}))
+
+
+def test_two_sources_of_one_name_are_refused_by_their_place() -> None:
+    source = {"name": "a", "priority": 1}
+    assert "supervisor.sources.1.name = 'a': each source needs a name" in refusal(sources=[source, source])
