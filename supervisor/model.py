@@ -26,6 +26,9 @@ class StopReason(StrEnum):
     ESTOP = "ESTOP"
     BASE_RUNAWAY = "BASE_RUNAWAY"
     OVERRUN = "OVERRUN"
+    SENSOR_CONFLICT = "SENSOR_CONFLICT"
+    BASE_UNRESPONSIVE = "BASE_UNRESPONSIVE"
+    ODOM_STALE = "ODOM_STALE"
     SCAN_INVALID = "SCAN_INVALID"
     SCAN_STALE = "SCAN_STALE"
     SOURCE_LOST = "SOURCE_LOST"
@@ -259,3 +262,9 @@ class Decision(NamedTuple):
     sources: tuple[Source, ...]
     strangers: tuple[str, ...]
     reset_reply: Reply | None = None
+    causes: tuple[StopReason, ...] = ()
+    """Stop reasons that hold now, the most restrictive first; may limit the motion without a stop."""
+    latched: tuple[StopReason, ...] = ()
+    """Stop reasons that are over; the owner's neutral command is missing."""
+    detail: str = ""
+    """What is known of the first cause beyond its name, as part of a sentence; empty: nothing."""

@@ -18,6 +18,7 @@ Unproven means stop. The law in four sentences:
 import math
 
 from supervisor.clearance import Barrier, Block, moved, permitted_scale
+from supervisor.explain import detail_of
 from supervisor.model import (
     SEVERITY,
     Command,
@@ -53,6 +54,10 @@ ROUNDING_S = 1e-6
 
 NONE: Reasons = frozenset()
 BARRIER_REASONS: Reasons = frozenset({StopReason.OBSTACLE, StopReason.SCAN_BLIND})
+SCAN_REASONS: Reasons = frozenset({StopReason.SCAN_INVALID, StopReason.SCAN_STALE})
+
+RELEASED_FACTOR = 5.0
+"""A block is over when the barrier would permit this many times the minimum useful speed: readings are noisy."""
 
 
 def initial_state(config: LawConfig) -> State:
@@ -361,8 +366,9 @@ def _decide(state: State, now_s: float, shared: Reasons, reply: Reply | None) ->
         output = Velocity(scale * commanded.linear_m_s, scale * commanded.angular_rad_s)
     since_s = now_s if state.stopped_s is None else state.stopped_s
     stopped_s = since_s if output == STANDSTILL else None
+    causes = _present_causes(state, now_s, shared, reasons, commanded)
     state = state._replace(now_s=now_s, output=output, stopped_s=stopped_s)
-    return state, _explain(state, now_s, reasons, commanded, scale, reply)
+    return state, _explain(state, now_s, reasons, causes, commanded, scale, reply)
 
 
 def _barrier(state: State, now_s: float, commanded: Velocity, worth: float) -> tuple[float, Block | None]:
@@ -385,6 +391,28 @@ def _barrier(state: State, now_s: float, commanded: Velocity, worth: float) -> t
     return permitted_scale(scan.surroundings, *commanded, barrier, here, worth=worth)
 
 
+def _present_causes(
+    state: State, now_s: float, shared: Reasons, reasons: Reasons, commanded: Velocity
+) -> Reasons:
+    """Which of the owner's stop reasons hold now; without an owner, which of everybody's."""
+    owner = _owning(state)
+    if owner is None:
+        return shared | {StopReason.NO_COMMAND}
+    blocked = reasons & BARRIER_REASONS
+    if blocked and not _is_blocked(state, now_s, shared, commanded):
+        blocked = NONE
+    return shared | _own_causes(owner, now_s, state.config) | blocked
+
+
+def _is_blocked(state: State, now_s: float, shared: Reasons, commanded: Velocity) -> bool:
+    """Whether what is commanded would still be stopped by the barrier if nothing were latched."""
+    if commanded == STANDSTILL or shared & SCAN_REASONS:
+        return False
+    useful_m_s = RELEASED_FACTOR * state.config.creep_m_s
+    worth = useful_m_s / max(useful_m_s, _hull_speed(commanded, state.config))
+    return _barrier(state, now_s, commanded, worth)[1] is not None
+
+
 def _hull_speed(velocity: Velocity, config: LawConfig) -> float:
     """How fast the fastest point of the hull may move, at most [m/s]."""
     return abs(velocity.linear_m_s) + abs(velocity.angular_rad_s) * config.hull.radius_m
@@ -405,7 +433,13 @@ def _stop_at(state: State, now_s: float, block: Block, reason: StopReason) -> St
 
 
 def _explain(
-    state: State, now_s: float, reasons: Reasons, commanded: Velocity, scale: float, reply: Reply | None
+    state: State,
+    now_s: float,
+    reasons: Reasons,
+    causes: Reasons,
+    commanded: Velocity,
+    scale: float,
+    reply: Reply | None,
 ) -> Decision:
     config, scan = state.config, state.scan
     if reasons:
@@ -414,11 +448,12 @@ def _explain(
         mode = Mode.READY
     else:
         mode = Mode.DRIVING if scale == 1.0 else Mode.LIMITED
+    scan_problem = "" if scan is None or scan.problem is None else scan.problem
     nearest_m = math.nan if scan is None or scan.problem is not None else scan.surroundings.nearest_m
     return Decision(
         mode=mode,
         output=state.output,
-        reasons=tuple(sorted(reasons, key=SEVERITY.__getitem__)),
+        reasons=_by_severity(reasons),
         owner=state.owner,
         commanded=commanded,
         scale=0.0 if reasons else scale,
@@ -427,9 +462,16 @@ def _explain(
         warning=nearest_m < config.warning_distance_m,
         alarm=state.runaway,
         scan_age_s=math.nan if scan is None else now_s - scan.taken_s,
-        scan_problem="" if scan is None or scan.problem is None else scan.problem,
+        scan_problem=scan_problem,
         scan_counts=state.scan_counts,
         sources=state.sources,
         strangers=state.strangers,
         reset_reply=reply,
+        causes=_by_severity(causes),
+        latched=_by_severity(reasons - causes),
+        detail=detail_of(causes, scan_problem=scan_problem),
     )
+
+
+def _by_severity(reasons: Reasons) -> tuple[StopReason, ...]:
+    return tuple(sorted(reasons, key=SEVERITY.__getitem__))

@@ -121,6 +121,7 @@ class SupervisorService:
         if on_tick or last is None or decision.output != last.output:
             self._cmd_vel.put(to_twist(decision.output), now_s)
         changed = last is None or _outline(decision) != _outline(last)
+        has_new_causes = last is None or decision.causes != last.causes
         if changed:
             _log.info(
                 "%s%s%s",
@@ -128,7 +129,8 @@ class SupervisorService:
                 f" by {decision.owner}" if decision.owner else "",
                 f": {', '.join(decision.reasons)}" if decision.mode is Mode.STOPPED else "",
             )
-        if changed or now_s >= self._next_status_s:
+        # A cause may come and go many times a second: the screens follow at once, the log does not.
+        if changed or has_new_causes or now_s >= self._next_status_s:
             self._next_status_s = now_s + self._status_s
             self._status.put(to_status(decision, now_s))
         self._last = decision
