@@ -3,6 +3,7 @@
 import asyncio
 import json
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +18,7 @@ from deploy.launch import Launch
 from deploy.observe import Motion, State, observing
 from deploy.statedir import StateDir
 from wire import topics
+from wire.messages import SafetyStatus
 
 CONNECT_LIMIT_S = 1.0
 LISTEN_LIMIT_S = 1.0
@@ -65,6 +67,9 @@ class Look:
             },
             "mode": self.mode,
             "reasons": status.reasons if status else None,
+            "causes": status.causes_and_latched()[0] if status else None,
+            "latched": status.causes_and_latched()[1] if status else None,
+            "detail": status.detail if status else None,
             "owner": status.owner if status else None,
             "warning": status.warning if status else None,
             "alarm": status.alarm if status else None,
@@ -138,8 +143,8 @@ def _table(look: Look) -> Table | Text:
     else:
         status = look.state.status
         table.add_row("mode", Text(look.mode or "", style=COLOURS[look.mode or "STOPPED"]))
-        if status.reasons:
-            table.add_row("reasons", ", ".join(status.reasons))
+        for name, why in _why(status):
+            table.add_row(name, Text(why))
         if ESTOP in status.reasons:
             table.add_row("e-stop", f"latched, also over a restart: {RESET}")
         if status.estop_record_problem:
@@ -147,6 +152,22 @@ def _table(look: Look) -> Table | Text:
         table.add_row("speed", _speed(look.motion))
         table.add_row("nearest", _nearest(status.nearest_m, status.nearest_bearing_rad))
     return table
+
+
+def _why(status: SafetyStatus) -> Iterator[tuple[str, str]]:
+    """Rows about the stop or the limit: what holds now, and what is over."""
+    causes, latched = status.causes_and_latched()
+    if causes:
+        detail = f": {status.detail}" if status.detail else ""
+        yield "causes", _printable(f"{', '.join(causes)}{detail}")
+    if latched:
+        hint = "" if causes else ": over now; press s in teleop to drive again"
+        yield "latched", _printable(f"{', '.join(latched)}{hint}")
+
+
+def _printable(text: str) -> str:
+    """Without control characters: no payload may speak to the terminal."""
+    return "".join(char if char.isprintable() else "?" for char in text)
 
 
 def _speed(motion: Motion | None) -> str:

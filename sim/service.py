@@ -228,7 +228,8 @@ class SimService:
         status, speed_m_s, ranges = self._status, self._plant.true_velocity.linear_m_s, self._last_scan
         if status is None or now_s - self._status_s > STATUS_SILENT_S:
             return Shown(speed_m_s=speed_m_s, ranges=ranges)
-        return Shown(Mode.of(status.mode), tuple(status.reasons), speed_m_s, status.nearest_m, ranges)
+        over = tuple(status.causes_and_latched()[1])
+        return Shown(Mode.of(status.mode), tuple(status.reasons), speed_m_s, status.nearest_m, ranges, over)
 
     def _look(self) -> Ranges:
         """A scan, with the faults in force: the first one after a freeze stays."""

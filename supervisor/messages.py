@@ -92,6 +92,9 @@ def to_status(decision: Decision, now_s: float, estop_record_problem: str = "") 
         scans_refused=decision.scan_counts.late + decision.scan_counts.sequence + decision.scan_counts.epoch,
         unknown_sources=list(decision.strangers),
         sources=[_source_status(source, now_s) for source in decision.sources],
+        causes=[reason.value for reason in decision.causes],
+        latched=[reason.value for reason in decision.latched],
+        detail=decision.detail,
         estop_record_problem=estop_record_problem,
     )
 

@@ -329,3 +329,9 @@ class Decision(NamedTuple):
     sources: tuple[Source, ...]
     strangers: tuple[str, ...]
     reset_reply: Reply | None = None
+    causes: tuple[StopReason, ...] = ()
+    """Stop reasons that hold now, the most restrictive first; may limit the motion without a stop."""
+    latched: tuple[StopReason, ...] = ()
+    """Stop reasons that are over; the owner's neutral command is missing."""
+    detail: str = ""
+    """What is known of the first cause beyond its name, as part of a sentence; empty: nothing."""

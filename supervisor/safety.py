@@ -22,6 +22,7 @@ import numpy as np
 
 from supervisor.base_motion import follow
 from supervisor.clearance import Barrier, Block, Floats, Kind, moved, permitted_scale, survey
+from supervisor.explain import detail_of
 from supervisor.model import (
     SEVERITY,
     Command,
@@ -60,6 +61,7 @@ WRITER_WINDOW_S = 0.5
 """Who was heard twice within this time publishes; longer for slow lidars."""
 
 REMEMBERED_WRITERS = 8
+GID_BYTES = 16
 PAST_VIEWS = 10
 
 REMEMBERED_STRANGERS = 8
@@ -69,6 +71,10 @@ ROUNDING_S = 1e-6
 
 NONE: Reasons = frozenset()
 BARRIER_REASONS: Reasons = frozenset({StopReason.OBSTACLE, StopReason.SCAN_BLIND})
+SCAN_REASONS: Reasons = frozenset({StopReason.SCAN_INVALID, StopReason.SCAN_STALE})
+
+RELEASED_FACTOR = 5.0
+"""A block is over when the barrier would permit this many times the minimum useful speed: readings are noisy."""
 
 
 def initial_state(config: LawConfig, *, estop: bool = False) -> State:
@@ -320,7 +326,7 @@ def _shared_causes(state: State, now_s: float, suspended_s: float, usable: Usabl
             for sight, lidar in zip(state.sights, config.lidars, strict=True)
         )
         causes.add(StopReason.SCAN_INVALID if fresh else StopReason.SCAN_STALE)
-    if any(len(_speaking(state, place, now_s)) > 1 for place in range(len(config.lidars))):
+    if _conflicts(state, now_s):
         causes.add(StopReason.SENSOR_CONFLICT)
     if (state.now_s is not None and now_s - state.now_s > config.overrun_s) or suspended_s > config.overrun_s:
         causes.add(StopReason.OVERRUN)
@@ -333,6 +339,20 @@ def _shared_causes(state: State, now_s: float, suspended_s: float, usable: Usabl
     if state.estop:
         causes.add(StopReason.ESTOP)
     return frozenset(causes)
+
+
+def _conflicts(state: State, now_s: float) -> tuple[str, ...]:
+    """For each lidar whose scans come from several writers, who they are."""
+    return tuple(
+        f"{lidar.name}: {' and '.join(sorted(_name_of(gid) for gid in speaking))}"
+        for place, lidar in enumerate(state.config.lidars)
+        if len(speaking := _speaking(state, place, now_s)) > 1
+    )
+
+
+def _name_of(gid: bytes) -> str:
+    """A writer, as a person can tell it from another."""
+    return gid.hex()[:8] if len(gid) == GID_BYTES else gid.decode(errors="replace") or "no name"
 
 
 def _speaking(state: State, place: int, now_s: float) -> list[bytes]:
@@ -506,22 +526,28 @@ def _decide(
     owner = _owning(state)
     reasons = shared | ({StopReason.NO_COMMAND} if owner is None else owner.latched)
     commanded = STANDSTILL if owner is None or owner.velocity is None else owner.velocity
+    causes = shared | ({StopReason.NO_COMMAND} if owner is None else _own_causes(owner, now_s, config))
     scale, block = 1.0, None
-    if not reasons and owner is not None and commanded != STANDSTILL:
+    if not reasons and commanded != STANDSTILL:
         worth = config.creep_m_s / max(config.creep_m_s, _hull_speed(commanded, config))
         scale, block = _barrier(state, now_s, usable, commanded, worth)
         scale = 0.0 if scale < worth else scale
         if block is not None and _is_confirmed(state, block):
-            reason = StopReason.SCAN_BLIND if block.kind is Kind.HIDDEN else StopReason.OBSTACLE
-            state = _stop_at(state, now_s, block, reason)
-            reasons = frozenset({reason})
+            state = _stop_at(state, now_s, block, _reason_of(block))
+            reasons = frozenset({_reason_of(block)})
+    elif reasons & BARRIER_REASONS and usable and commanded != STANDSTILL:
+        useful_m_s = RELEASED_FACTOR * config.creep_m_s
+        worth = useful_m_s / max(useful_m_s, _hull_speed(commanded, config))
+        block = _barrier(state, now_s, usable, commanded, worth)[1]
+    if block is not None:
+        causes |= {_reason_of(block)}
     output = STANDSTILL
     if not reasons:
         output = Velocity(scale * commanded.linear_m_s, scale * commanded.angular_rad_s)
     since_s = now_s if state.stopped_s is None else state.stopped_s
     stopped_s = since_s if output == STANDSTILL else None
     state = state._replace(now_s=now_s, output=output, stopped_s=stopped_s)
-    return state, _explain(state, now_s, reasons, commanded, scale, reply)
+    return state, _explain(state, now_s, reasons, causes, block, commanded, scale, reply)
 
 
 def _barrier(
@@ -612,6 +638,10 @@ def _is_confirmed(state: State, block: Block) -> bool:
     )
 
 
+def _reason_of(block: Block) -> StopReason:
+    return StopReason.SCAN_BLIND if block.kind is Kind.HIDDEN else StopReason.OBSTACLE
+
+
 def _hull_speed(velocity: Velocity, config: LawConfig) -> float:
     """How fast the fastest point of the hull may move, at most [m/s]."""
     return abs(velocity.linear_m_s) + abs(velocity.angular_rad_s) * config.hull.radius_m
@@ -632,7 +662,14 @@ def _stop_at(state: State, now_s: float, block: Block, reason: StopReason) -> St
 
 
 def _explain(
-    state: State, now_s: float, reasons: Reasons, commanded: Velocity, scale: float, reply: Reply | None
+    state: State,
+    now_s: float,
+    reasons: Reasons,
+    causes: Reasons,
+    block: Block | None,
+    commanded: Velocity,
+    scale: float,
+    reply: Reply | None,
 ) -> Decision:
     config = state.config
     if reasons:
@@ -646,7 +683,7 @@ def _explain(
     return Decision(
         mode=mode,
         output=state.output,
-        reasons=tuple(sorted(reasons, key=SEVERITY.__getitem__)),
+        reasons=_by_severity(reasons),
         owner=state.owner,
         commanded=commanded,
         scale=0.0 if reasons else scale,
@@ -660,6 +697,14 @@ def _explain(
         sources=state.sources,
         strangers=state.strangers,
         reset_reply=reply,
+        causes=_by_severity(causes),
+        latched=_by_severity(reasons - causes),
+        detail=detail_of(
+            causes,
+            scan_problem=_problems(state),
+            block_bearing_rad=math.nan if block is None else math.atan2(block.y_m, block.x_m),
+            writers=_conflicts(state, now_s),
+        ),
     )
 
 
@@ -688,3 +733,7 @@ def _problems(state: State) -> str:
     if len(state.sights) == 1:
         return "".join(problem for _, problem in problems)
     return "; ".join(f"{name}: {problem}" for name, problem in problems)
+
+
+def _by_severity(reasons: Reasons) -> tuple[StopReason, ...]:
+    return tuple(sorted(reasons, key=SEVERITY.__getitem__))

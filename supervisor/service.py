@@ -172,7 +172,7 @@ class SupervisorService:
         elif self._recording_since_s is None:
             self._recording_since_s = now_s
         problem = self._estop_record.problem
-        outline = (*_outline(decision), problem)
+        outline = (*_outline(decision), decision.causes, problem)
         is_due = now_s >= self._next_status_s
         if not is_due and outline == self._told:
             return
