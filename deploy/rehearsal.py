@@ -111,7 +111,7 @@ class Rehearsal:
         decision, speed_m_s = self._decision, self._plant.true_velocity.linear_m_s
         assert decision is not None  # since the warm-up
         reasons = tuple(reason.value for reason in decision.reasons)
-        return Shown(Mode.of(decision.mode), reasons, speed_m_s, decision.nearest_m, self._ranges)
+        return Shown(Mode.of(decision.mode), reasons, speed_m_s, decision.nearest_m, (self._ranges,))
 
     def _step(self) -> None:
         plant, now_s = self._plant, self.time_s

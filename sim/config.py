@@ -2,14 +2,15 @@
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from sim.drive import DriveLimits
 from sim.encoders import MAX_ERROR, EncoderConfig
 from sim.imu import ImuConfig
 from sim.lidar import MAX_BEAMS, LidarConfig
+from sim.lidar_config import MAX_LIDARS, SimLidarSection, check_lidars
 from sim.scene import DEFAULT, MAX_PAYLOAD_KG, MAX_SLIP, Build, Hull
 from wire.config import Positive, Section
 
@@ -43,6 +44,11 @@ class SimSection(Section):
     lidar_range_max_m: Positive = 12.0
     lidar_noise_m: Annotated[float, Field(ge=0, le=0.1)] = 0.002
     lidar_dropout: Share = 0.0
+    lidars: (
+        Annotated[tuple[SimLidarSection, ...], Field(min_length=1, max_length=MAX_LIDARS, strict=False)]
+        | None
+    ) = None
+    """Instead of the one that the keys before describe."""
     encoder_ticks: Annotated[int, Field(ge=1, le=1_000_000)] = 16384
     odom_left_error: Error = 0.001
     odom_right_error: Error = 0.0005
@@ -58,6 +64,15 @@ class SimSection(Section):
         if not info.data.get("lidar_range_min_m", 0.0) < value:
             raise ValueError("must be more than lidar_range_min_m")
         return value
+
+    @model_validator(mode="after")
+    def _has_lidars_of_one_kind(self) -> Self:
+        if self.lidars is not None:
+            check_lidars(self.lidars)
+            both = sorted(key for key in self.model_fields_set if key.startswith("lidar_"))
+            if both:
+                raise ValueError(f"give either [[sim.lidars]] or {', '.join(both)}")
+        return self
 
     def scene_beside(self, config: Path | None) -> str:
         """The scene; a file that is not named from the root is looked for beside the configuration file."""
@@ -78,7 +93,14 @@ class SimSection(Section):
             angular_braking_rad_s2=self.angular_braking_rad_s2,
         )
 
+    def lidar_configs(self) -> tuple[LidarConfig, ...]:
+        """Each lidar; the first one publishes on `scan`."""
+        if self.lidars is not None:
+            return tuple(lidar.lidar() for lidar in self.lidars)
+        return (self.lidar(),)
+
     def lidar(self) -> LidarConfig:
+        """The one lidar of a robot without `[[sim.lidars]]`."""
         return LidarConfig(
             beams=self.lidar_beams,
             span_rad=self.lidar_span_rad,
