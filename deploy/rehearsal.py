@@ -112,7 +112,7 @@ class Rehearsal:
         assert decision is not None  # since the warm-up
         reasons = tuple(reason.value for reason in decision.reasons)
         over = tuple(reason.value for reason in decision.latched)
-        return Shown(Mode.of(decision.mode), reasons, speed_m_s, decision.nearest_m, self._ranges, over)
+        return Shown(Mode.of(decision.mode), reasons, speed_m_s, decision.nearest_m, (self._ranges,), over)
 
     def _step(self) -> None:
         plant, now_s = self._plant, self.time_s

@@ -66,7 +66,7 @@ class Shown(NamedTuple):
         reasons: Why it stands, by the names of the wire, the most restrictive first.
         speed_m_s: Of the robot, ahead.
         nearest_m: From the hull to what the supervisor takes for the nearest thing; NaN where it knows of none.
-        ranges: The last scan, in m, shape (beams,); None before the first.
+        ranges: Each lidar's last scan, in m, shape (beams,); empty before the first.
         over: Those of the reasons that hold no more: only a neutral command is missing.
     """
 
@@ -74,7 +74,7 @@ class Shown(NamedTuple):
     reasons: tuple[str, ...] = ()
     speed_m_s: float = 0.0
     nearest_m: float = math.nan
-    ranges: Ranges | None = None
+    ranges: Sequence[Ranges] = ()
     over: tuple[str, ...] = ()
 
     @property
