@@ -267,6 +267,7 @@ def test_a_killed_teleop_leaves_a_screen_that_a_shell_can_use(robot: Robot, term
     assert picture.rpartition(b"\x1b[?25")[2].startswith(b"h")  # the cursor is seen again
     assert b"teleop was ended by SIGKILL" in words
     assert robot.pids() == {}
+    assert processes.keepers(robot.state.path) == []
 
 
 def test_down_from_another_terminal_ends_a_driving_up(robot: Robot, terminal: Terminal) -> None:
