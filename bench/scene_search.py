@@ -26,9 +26,7 @@ AROUND_S = 0.6
 
 def main() -> None:
     args = _parse()
-    scene_of = functools.partial(
-        random_scene, noise_m=args.noise_m, silent_dirt=args.silent_dirt
-    )
+    scene_of = functools.partial(random_scene, noise_m=args.noise_m, silent_dirt=args.silent_dirt)
     if args.replay is not None:
         sys.exit(_replay(scene_of(args.replay), verbose=args.verbose, picture=args.plot))
     first, _, last = args.seeds.partition("-")
@@ -37,15 +35,23 @@ def main() -> None:
 
 
 def _parse() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--seeds", default="0-300", help="first and last + 1: 0-20000")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--only", default="", help="run only scenes with this tag, such as 'dirt'")
-    parser.add_argument("--noise-m", type=float, default=0.005, help="largest standard deviation of the noise")
-    parser.add_argument("--silent-dirt", action="store_true", help="let dirt read as the profile's 'no return'")
+    parser.add_argument(
+        "--noise-m", type=float, default=0.005, help="largest standard deviation of the noise"
+    )
+    parser.add_argument(
+        "--silent-dirt", action="store_true", help="let dirt read as the profile's 'no return'"
+    )
     parser.add_argument("--list-file", type=Path, help="write the seeds of all violations to this file")
     parser.add_argument("--replay", type=int, metavar="SEED", help="run one scene and print its figures")
-    parser.add_argument("--verbose", action="store_true", help="with --replay: print the ticks around the worst moment")
+    parser.add_argument(
+        "--verbose", action="store_true", help="with --replay: print the ticks around the worst moment"
+    )
     parser.add_argument("--plot", type=Path, metavar="PNG", help="with --replay: draw the run")
     return parser.parse_args()
 
@@ -79,9 +85,7 @@ def _search(
     return 1 if summary.total.violations or not summary.total.runs else 0
 
 
-def _outcomes(
-    seeds: range, work: "functools.partial[Outcome | None]", jobs: int
-) -> Iterator[Outcome | None]:
+def _outcomes(seeds: range, work: "functools.partial[Outcome | None]", jobs: int) -> Iterator[Outcome | None]:
     if jobs == 1:
         yield from map(work, seeds)
         return

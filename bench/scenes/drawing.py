@@ -8,15 +8,16 @@ import numpy as np
 
 mpl.use("Agg")
 
-from matplotlib import pyplot as plt  # noqa: E402
-from matplotlib.axes import Axes  # noqa: E402
+from matplotlib import patches
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
 
-from bench.scenes.run import Moment, Outcome  # noqa: E402
-from bench.scenes.scene import Lidar, Scene  # noqa: E402
-from bench.scenes.sensing import Ranges  # noqa: E402
-from bench.scenes.world import Floats, Measure  # noqa: E402
-from supervisor.clearance import Circle  # noqa: E402
-from supervisor.model import Pose  # noqa: E402
+from bench.scenes.run import Moment, Outcome
+from bench.scenes.scene import Lidar, Scene
+from bench.scenes.sensing import Ranges
+from bench.scenes.world import Floats, Measure
+from supervisor.clearance import Circle
+from supervisor.model import Pose
 
 MARGIN_M = 1.0
 """How much is drawn beyond the hull's way."""
@@ -69,7 +70,7 @@ def draw(scene: Scene, outcome: Outcome, moments: list[Moment], path: Path) -> N
     for start, end, radius_m in zip(world.starts, world.ends, world.radii, strict=True):
         axes.plot([start[0], end[0]], [start[1], end[1]], color="0.4", linewidth=0.5)
         for centre in (start, end):
-            axes.add_patch(plt.Circle(tuple(centre), radius_m, color="0.4"))
+            axes.add_patch(patches.Circle(tuple(centre), radius_m, color="0.4"))
     ways = np.array([(moment.pose.x_m, moment.pose.y_m) for moment in moments])
     axes.plot(ways[:, 0], ways[:, 1], color="tab:blue", linewidth=0.7)
     closest = min(moments, key=lambda moment: abs(moment.now_s - outcome.closest_s))
@@ -95,9 +96,9 @@ def draw(scene: Scene, outcome: Outcome, moments: list[Moment], path: Path) -> N
 
 def _draw_hull(axes: Axes, scene: Scene, pose: Pose, colour: str) -> None:
     if isinstance(scene.hull, Circle):
-        axes.add_patch(plt.Circle((pose.x_m, pose.y_m), scene.hull.radius_m, fill=False, color=colour))
+        axes.add_patch(patches.Circle((pose.x_m, pose.y_m), scene.hull.radius_m, fill=False, color=colour))
     else:
-        axes.add_patch(plt.Polygon(_placed(np.array(scene.hull.corners), pose), fill=False, color=colour))
+        axes.add_patch(patches.Polygon(_placed(np.array(scene.hull.corners), pose), fill=False, color=colour))
     ahead = _placed(np.array(((0.0, 0.0), (0.15, 0.0))), pose)
     axes.plot(ahead[:, 0], ahead[:, 1], color=colour)
 

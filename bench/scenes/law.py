@@ -34,11 +34,12 @@ def config_of(scene: Scene) -> LawConfig:
     default = SupervisorSection().law()
     changes: dict[str, Any] = {"hull": scene.hull}
     if SEVERAL_LIDARS:
-        lidar_config: Any = model.LidarConfig  # type: ignore[attr-defined]
-        changes["lidars"] = tuple(
+        lidar_config: Any = vars(model)["LidarConfig"]
+        lidars: list[Any] = [
             lidar_config(f"lidar{number}", _mount(lidar), PROFILES[lidar.profile], _timeout_s(lidar))
             for number, lidar in enumerate(scene.lidars)
-        )
+        ]
+        changes["lidars"] = tuple(lidars)
     else:
         (lidar,) = scene.lidars
         changes |= {

@@ -12,6 +12,8 @@ FASTEST_M_S = 1.0
 FASTEST_RAD_S = 2.0
 SETTLE_S = 0.3
 """Neutral at the start: the law has to see something first."""
+GIVES_UP_S = 0.4
+"""A motion that stops the robot is asked for this much longer; by a patient operator, to its end."""
 
 
 class Operator(Protocol):
@@ -35,11 +37,19 @@ class Adversary:
         self._speed_m_s = self._turn_rad_s = self._aside_m = 0.0
         self._target = 0
         self._ahead: float | None = None
+        self._patient = False
+        # Some let go for one tick only: with a noisy lidar that asks the law again for each scan.
+        self._rest_s = 0.0 if rng.random() < 0.5 else float(rng.uniform(0.05, 0.3))
+        self._resting_until_s = 0.0
 
     def asks(self, now_s: float, pose: Pose, twist: Velocity, *, stopped: bool) -> Velocity:
+        if stopped and not self._patient:
+            self._until_s = min(self._until_s, now_s + GIVES_UP_S)
         if now_s >= self._until_s:
             self._choose(now_s, pose, twist)
-        if stopped or self._kind == "neutral":
+        if stopped:
+            self._resting_until_s = now_s + self._rest_s
+        if stopped or now_s < self._resting_until_s or self._kind == "neutral":
             return STANDSTILL
         if self._kind == "random":
             return Velocity(self._speed_m_s, self._turn_rad_s)
@@ -50,7 +60,7 @@ class Adversary:
         self._until_s = now_s + float(rng.uniform(0.3, 2.5))
         self._speed_m_s = FASTEST_M_S if rng.random() < 0.7 else float(rng.uniform(0.1, FASTEST_M_S))
         kind = rng.choice(["charge", "chase", "graze", "reverse", "random"], p=[0.3, 0.2, 0.2, 0.15, 0.15])
-        self._kind, self._ahead = str(kind), None
+        self._kind, self._ahead, self._patient = str(kind), None, bool(rng.random() < 0.3)
         if kind == "reverse":
             self._kind = "random"
             self._turn_rad_s = float(rng.choice([-twist.angular_rad_s, twist.angular_rad_s, 0.0]))
@@ -65,7 +75,9 @@ class Adversary:
             clearances = self._measure.clearances_m(self._world, *pose)
             nearest = np.argsort(clearances, kind="stable")[:4]
             self._target = int(rng.choice(nearest))
-            self._aside_m = float(rng.choice([-1.0, 1.0]) * rng.uniform(0.35, 0.75)) if kind == "graze" else 0.0
+            self._aside_m = (
+                float(rng.choice([-1.0, 1.0]) * rng.uniform(0.35, 0.75)) if kind == "graze" else 0.0
+            )
 
     def _steer(self, pose: Pose) -> Velocity:
         """Towards the target, ahead or astern, whichever was nearer when this began."""

@@ -18,8 +18,12 @@ from supervisor.model import STANDSTILL, Decision, Pose, Velocity
 from supervisor.safety import initial_state, step
 
 TICK_S = 0.02
-FINE_M = 0.004
+FINE_M = 0.006
 """No part of the hull moves farther between two measurements of its clearance, where that could be the least so far."""
+STUCK_S = 3.0
+
+NEAR_M = 0.3
+"""What is farther away need not be measured before the hull has moved so far."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +79,7 @@ def run(
     spoil: Spoil | None = None,
     report: Report | None = None,
     base: Base | None = None,
+    stuck_s: float = STUCK_S,
 ) -> Outcome:
     """Drive through one scene.
 
@@ -85,6 +90,7 @@ def run(
         spoil: changes or drops scans on their way to the law.
         report: replaces the scene's odometry.
         base: replaces the scene's base.
+        stuck_s: ends the run when the robot has stood for so long, whatever was asked for.
     """
     measure = Measure(scene.hull)
     operator = operator or Adversary(np.random.default_rng([scene.seed, 1]), scene.world, measure)
@@ -95,9 +101,11 @@ def run(
     taken = [0] * len(eyes)
     pose, now_s, command = Pose(0.0, 0.0, scene.yaw_rad), 0.0, STANDSTILL
     ledger = _Ledger(scene, measure)
-    state, decision = step(initial_state(law.config_of(scene)), now_s, law.inputs(scene, now_s, STANDSTILL, [], None))
+    state, decision = step(
+        initial_state(law.config_of(scene)), now_s, law.inputs(scene, now_s, STANDSTILL, [], None)
+    )
     stops: Counter[str] = Counter()
-    stopped_s = 0.0
+    stopped_s = moved_s = 0.0
     reasons: tuple[str, ...] = law.stops(decision)
     for _ in range(round(scene.duration_s / TICK_S)):
         before, was = pose, base.twist
@@ -127,6 +135,10 @@ def run(
         stopped_s += TICK_S if reasons else 0.0
         if watch is not None:
             watch(Moment(now_s, pose, twist, asked, decision, scans))
+        if twist != STANDSTILL:
+            moved_s = now_s
+        elif now_s - moved_s > stuck_s:
+            break
     return Outcome(
         scene.seed,
         scene.tags,
@@ -134,7 +146,7 @@ def run(
         ledger.closest_m,
         ledger.closest_s,
         ledger.travelled_m,
-        scene.duration_s,
+        now_s,
         stopped_s,
         dict(stops),
     )
@@ -148,21 +160,30 @@ class _Ledger:
         self._reach_m = scene.hull.radius_m
         self.closest_m, self.closest_s, self.travelled_m = scene.start_m, 0.0, 0.0
         self._at_least_m = scene.start_m
+        self._near, self._near_for_m = scene.world, 0.0
 
     def note(self, now_s: float, pose: Pose, twist: Velocity) -> None:
         """One tick from a pose, at a twist."""
         moved_m = TICK_S * (abs(twist.linear_m_s) + abs(twist.angular_rad_s) * self._reach_m)
         self.travelled_m += TICK_S * abs(twist.linear_m_s)
         self._at_least_m -= moved_m
+        self._near_for_m -= moved_m
         if self._at_least_m >= self.closest_m or moved_m == 0.0:
+            return
+        if self._near_for_m < moved_m:
+            self._near_for_m = moved_m + NEAR_M
+            self._near = self._world.within(pose.x_m, pose.y_m, self._reach_m + self.closest_m + 2 * NEAR_M)
+        if len(self._near) == 0:
+            self._at_least_m = self.closest_m + NEAR_M
             return
         parts = math.ceil(moved_m / FINE_M)
         for part in range(1, parts + 1):
             later_s = TICK_S * part / parts
             here = advance(pose, twist, later_s)
-            self._at_least_m = float(self._measure.clearances_m(self._world, *here).min())
-            if self._at_least_m < self.closest_m:
-                self.closest_m, self.closest_s = self._at_least_m, now_s + later_s
+            clearance_m = float(self._measure.clearances_m(self._near, *here).min())
+            self._at_least_m = min(clearance_m, self.closest_m + NEAR_M)
+            if clearance_m < self.closest_m:
+                self.closest_m, self.closest_s = clearance_m, now_s + later_s
 
 
 def advance(pose: Pose, twist: Velocity, dt_s: float) -> Pose:

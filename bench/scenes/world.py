@@ -36,6 +36,11 @@ class World:
         here = (x_m, y_m)
         return World((self.starts - here) @ turn, (self.ends - here) @ turn, self.radii)
 
+    def within(self, x_m: float, y_m: float, distance_m: float) -> "World":
+        """The objects that come so near to a point."""
+        (near,) = (self.nearest_to(x_m, y_m)[0] <= distance_m).nonzero()
+        return World(self.starts[near], self.ends[near], self.radii[near])
+
     def nearest_to(self, x_m: float, y_m: float) -> tuple[Floats, Floats]:
         """Distances (m,) from a point to the surfaces, and the points (m, 2) nearest to it on the centre lines."""
         side = self.ends - self.starts
