@@ -1,14 +1,10 @@
-"""The only file of this package that knows how the law is configured and fed.
+"""The only file of this package that knows how the law is configured and fed."""
 
-`LawConfig` and `Inputs` are taken as they are: where they know `lidars` and `scans`, a scene may have two lidars.
-"""
+from dataclasses import replace
 
-from dataclasses import fields, replace
-from typing import Any
-
+import supervisor.scan
 from bench.scenes.scene import Lidar, Scene
 from bench.scenes.sensing import Ranges
-from supervisor import model
 from supervisor.config import SupervisorSection
 from supervisor.lidar import PROFILES
 from supervisor.model import Command, Decision, Inputs, LaserScan, LawConfig, Odometry, Velocity
@@ -20,36 +16,16 @@ RANGE_MIN_M = 0.02
 TIMEOUT_PERIODS = 2.25
 SHORTEST_TIMEOUT_S = 0.24
 
-_FIELDS = {field.name for field in fields(LawConfig)}
-SEVERAL_LIDARS = "lidars" in _FIELDS
-
-
-def supports(scene: Scene) -> bool:
-    """Whether the law can be configured for this scene."""
-    return SEVERAL_LIDARS or len(scene.lidars) == 1
-
 
 def config_of(scene: Scene) -> LawConfig:
     """The default configuration with the scene's hull and lidars."""
-    default = SupervisorSection().law()
-    changes: dict[str, Any] = {"hull": scene.hull}
-    if SEVERAL_LIDARS:
-        lidar_config: Any = vars(model)["LidarConfig"]
-        lidars: list[Any] = [
-            lidar_config(f"lidar{number}", _mount(lidar), PROFILES[lidar.profile], _timeout_s(lidar))
-            for number, lidar in enumerate(scene.lidars)
-        ]
-        changes["lidars"] = tuple(lidars)
-    else:
-        (lidar,) = scene.lidars
-        changes |= {
-            "mount": _mount(lidar),
-            "profile": PROFILES[lidar.profile],
-            "scan_timeout_s": _timeout_s(lidar),
-        }
-    if "odometry" in _FIELDS:
-        changes["odometry"] = scene.odometry_scale is not None
-    return replace(default, **changes)
+    lidars = tuple(
+        supervisor.scan.Lidar(f"lidar{number}", _mount(lidar), PROFILES[lidar.profile], _timeout_s(lidar))
+        for number, lidar in enumerate(scene.lidars)
+    )
+    return replace(
+        SupervisorSection().law(), hull=scene.hull, lidars=lidars, odometry=scene.odometry_scale is not None
+    )
 
 
 def inputs(
@@ -71,10 +47,7 @@ def inputs(
     commands = (Command(SOURCE, asked, now_s),)
     moving = None if odometry is None else Odometry(odometry, now_s)
     taken = tuple(_scan(scene.lidars[number], number, at_s, ranges) for number, at_s, ranges in scans)
-    if SEVERAL_LIDARS:
-        several: dict[str, Any] = {"scans": taken}
-        return Inputs(commands=commands, odometry=moving, **several)
-    return Inputs(commands=commands, odometry=moving, scan=taken[-1] if taken else None)
+    return Inputs(commands=commands, odometry=moving, scans=taken)
 
 
 def stops(decision: Decision) -> tuple[str, ...]:
@@ -83,7 +56,6 @@ def stops(decision: Decision) -> tuple[str, ...]:
 
 
 def _scan(lidar: Lidar, number: int, taken_s: float, ranges: Ranges) -> LaserScan:
-    which: dict[str, Any] = {"lidar": number} if SEVERAL_LIDARS else {}
     return LaserScan(
         ranges,
         lidar.angle_min,
@@ -91,7 +63,7 @@ def _scan(lidar: Lidar, number: int, taken_s: float, ranges: Ranges) -> LaserSca
         RANGE_MIN_M,
         lidar.range_max,
         taken_s,
-        **which,
+        lidar=number,
     )
 
 
