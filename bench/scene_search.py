@@ -19,7 +19,7 @@ from bench.scenes.scene import Scene, random_scene
 from bench.scenes.summary import Summary
 
 PROGRESS_S = 10.0
-AROUND_S = 0.6
+AROUND_S = 1.4
 """How much of a run is printed before and after its worst moment."""
 
 

@@ -25,6 +25,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -56,9 +57,6 @@ no faster than a deep reading may."""
 NOTHING_M = 1e-300
 """Changes no distance but zero, which nobody can divide by."""
 
-OUTLINE_SPACING_M = 0.02
-"""Between two points of a hull's outline, at most."""
-
 
 class Hull(Protocol):
     """The robot's outline in its base frame."""
@@ -73,10 +71,6 @@ class Hull(Protocol):
 
     def clearance_along(self, points: Floats, poses: Floats) -> Floats:
         """Distances (m, n) [m] of points (n, 2) from the hull at each of the poses (m, 3): x [m], y [m], yaw [rad]."""
-        ...
-
-    def outline(self) -> tuple[Floats, Floats]:
-        """Points (m, 2) [m] along the hull and their outward unit normals (m, 2)."""
         ...
 
     @property
@@ -110,12 +104,6 @@ class Circle:
         offset_x, offset_y = points[:, 0] - poses[:, :1], points[:, 1] - poses[:, 1:2]
         return np.hypot(offset_x, offset_y) - self.radius_m
 
-    def outline(self) -> tuple[Floats, Floats]:
-        count = max(72, math.ceil(2 * math.pi * self.radius_m / OUTLINE_SPACING_M))
-        angle = np.arange(count) * (2 * math.pi / count)
-        normals: Floats = np.array([np.cos(angle), np.sin(angle)]).T
-        return self.radius_m * normals, normals
-
 
 @dataclass(frozen=True)
 class ConvexPolygon:
@@ -137,26 +125,28 @@ class ConvexPolygon:
 
     @property
     def radius_m(self) -> float:
-        return max(float(np.hypot(x, y)) for x, y in self.corners)
+        return self._radius_m
+
+    @cached_property
+    def _radius_m(self) -> float:
+        return max(math.hypot(x, y) for x, y in self.corners)
 
     def nearest(self, points: Floats) -> tuple[Floats, Floats]:
-        start, side = self._sides()
-        length = np.hypot(side[:, 0], side[:, 1])
-        outward = np.array([side[:, 1], -side[:, 0]]).T / length[:, None]
-        offset = points[:, None, :] - start[None, :, :]
-        height: Floats = (offset * outward).sum(axis=2)  # (n, m): signed distance from each side's line
-        rows = np.arange(len(points))
-        inside_side = height.argmax(axis=1)
-        along = np.clip((offset * side).sum(axis=2) / (length**2), 0.0, 1.0)
-        away = offset - along[:, :, None] * side  # (n, m, 2): from the nearest point of each side
-        gaps: Floats = np.hypot(away[:, :, 0], away[:, :, 1])
-        outside_side = gaps.argmin(axis=1)
+        start, side, outward, squared = self._geometry
+        x, y = points[:, 0, None] - start[:, 0], points[:, 1, None] - start[:, 1]  # (n, m)
+        height: Floats = x * outward[:, 0] + y * outward[:, 1]  # signed distance from each side's line
+        along = np.clip((x * side[:, 0] + y * side[:, 1]) / squared, 0.0, 1.0)
+        x, y = x - along * side[:, 0], y - along * side[:, 1]  # from the nearest point of each side
+        gaps: Floats = np.hypot(x, y)
+        rows, inside_side, outside_side = np.arange(len(points)), height.argmax(axis=1), gaps.argmin(axis=1)
         gap: Floats = gaps[rows, outside_side]
-        depth: Floats = height.max(axis=1)  # below zero inside
+        depth: Floats = height[rows, inside_side]  # below zero inside
         inside = (depth < 0.0) | (gap == 0.0)
         normals = outward[inside_side]
-        beyond = ~inside
-        normals[beyond] = away[rows, outside_side][beyond] / gap[beyond, None]
+        (beyond,) = (~inside).nonzero()
+        nearest_side, away_m = outside_side[beyond], gap[beyond]
+        normals[beyond, 0] = x[beyond, nearest_side] / away_m
+        normals[beyond, 1] = y[beyond, nearest_side] / away_m
         return np.where(inside, depth, gap), normals
 
     def approach(self, points: Floats) -> tuple[Floats, Floats, Floats]:
@@ -167,16 +157,12 @@ class ConvexPolygon:
         seen = _seen_from(points, poses)
         return self.nearest(seen.reshape(seen.size // 2, 2))[0].reshape(len(poses), len(points))
 
-    def outline(self) -> tuple[Floats, Floats]:
-        points: list[Floats] = []
-        normals: list[Floats] = []
-        for start, side in np.stack(self._sides(), axis=1):
-            length_m = float(np.hypot(side[0], side[1]))
-            count = math.ceil(length_m / OUTLINE_SPACING_M) + 1
-            along = np.linspace(0.0, 1.0, count)[:, None]
-            points.append(start + along * side)
-            normals.append(np.tile((side[1] / length_m, -side[0] / length_m), (count, 1)))
-        return np.concatenate(points), np.concatenate(normals)
+    @cached_property
+    def _geometry(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Each side's start (m, 2), its way to its end (m, 2), its outward normal (m, 2), its length squared (m,)."""
+        start, side = self._sides()
+        length = np.hypot(side[:, 0], side[:, 1])
+        return start, side, np.array([side[:, 1], -side[:, 0]]).T / length[:, None], length**2
 
     def _sides(self) -> tuple[Floats, Floats]:
         """Each side's start (m, 2) and its way to its end (m, 2)."""

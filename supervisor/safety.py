@@ -64,6 +64,9 @@ REMEMBERED_WRITERS = 8
 GID_BYTES = 16
 PAST_VIEWS = 10
 
+PRESENT_SHARE = 0.95
+"""A base is too fast on its present arc when less of its velocity is permitted: odometry is noisy."""
+
 REMEMBERED_STRANGERS = 8
 
 ROUNDING_S = 1e-6
@@ -556,20 +559,29 @@ def _barrier(
     """The share of the commanded twist that the surroundings permit, and what blocks if that is below `worth`.
 
     A base that still has another velocity goes through mixtures of both on its way. What it still has on one
-    axis is judged together with what is asked for on the other; while that limits, nothing is latched: the
-    base only has to slow down first.
+    axis is judged together with what is asked for on the other; and a base that is too fast on the arc that it
+    is still on brakes along that one first. Neither latches anything: the base only has to slow down.
     """
     scale, block = _permitted(state, now_s, usable, commanded, worth)
-    for mixed in _mixtures(state, commanded):
+    has = state.following.most if state.odometry is None else state.odometer.velocity
+    for mixed in _mixtures(has, commanded, state.config.residual):
         scale = min(scale, _permitted(state, now_s, usable, mixed, worth)[0])
+    if _is_off(has, commanded, state.config):
+        present, _ = _permitted(state, now_s, usable, has, 0.0)
+        scale = 0.0 if present < PRESENT_SHARE else scale
     return scale, block
 
 
-def _mixtures(state: State, commanded: Velocity) -> list[Velocity]:
+def _is_off(has: Velocity, commanded: Velocity, config: LawConfig) -> bool:
+    """Whether the base is on another arc than the commanded one, by more than noise."""
+    rim_m = config.hull.radius_m
+    across = has.linear_m_s * commanded.angular_rad_s - has.angular_rad_s * commanded.linear_m_s
+    length = math.hypot(commanded.linear_m_s, commanded.angular_rad_s * rim_m)
+    return abs(across) * rim_m > config.residual.linear_m_s * length
+
+
+def _mixtures(has: Velocity, commanded: Velocity, least: Velocity) -> list[Velocity]:
     """The twists on the base's way to the commanded one in which a velocity is left that is to go."""
-    least, has = state.config.residual, state.following.most
-    if state.odometry is not None:
-        has = state.odometer.velocity
     mixtures: list[Velocity] = []
     if commanded.angular_rad_s != 0.0 and _is_left(has.linear_m_s, commanded.linear_m_s, least.linear_m_s):
         mixtures.append(Velocity(has.linear_m_s, commanded.angular_rad_s))

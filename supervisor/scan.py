@@ -408,12 +408,26 @@ def unit_vectors(angle_rad: Floats) -> Floats:
 
 
 def run_inside(hull: Hull, mount: Mount, direction: Floats) -> Floats:
-    """How far rays (2, n) from a lidar run inside the hull, by halving: a convex hull is left but once."""
-    cos, sin = direction
-    inside, outside = np.zeros(len(cos)), np.full(len(cos), 2.0 * hull.radius_m)
+    """How far rays (2, n) from a lidar within the hull run inside of it [m]; zero for a lidar outside of it."""
+    if hull.nearest(np.array([[mount.x_m, mount.y_m]]))[0][0] >= 0.0:
+        return np.zeros(direction.shape[1])
+    nothing = np.zeros(direction.shape[1])
+    return boundary_m(hull, mount, direction, nothing, nothing + 2.0 * hull.radius_m)
+
+
+def boundary_m(hull: Hull, mount: Mount, direction: Floats, inside_m: Floats, outside_m: Floats) -> Floats:
+    """Where rays (2, n) cross the hull's outline, between distances (n,) inside and outside of it, by halving."""
+    ends: tuple[Floats, Floats] = (inside_m, outside_m)
     for _ in range(HALVINGS):
-        middle = (inside + outside) / 2.0
-        points = np.array([mount.x_m + middle * cos, mount.y_m + middle * sin]).T
-        within = hull.nearest(points)[0] < 0.0
-        inside, outside = np.where(within, middle, inside), np.where(within, outside, middle)
-    return outside if hull.nearest(np.array([[mount.x_m, mount.y_m]]))[0][0] < 0.0 else np.zeros(len(cos))
+        middle: Floats = (ends[0] + ends[1]) / 2.0
+        within = hull.nearest(along(mount, direction, middle))[0] < 0.0
+        ends = np.where(within, middle, ends[0]), np.where(within, ends[1], middle)
+    return ends[1]
+
+
+def along(mount: Mount, direction: Floats, distance_m: Floats) -> Floats:
+    """The points (n, 2) at distances (n,) on rays (2, n) from a lidar, in the base frame."""
+    points: Floats = np.array(
+        [mount.x_m + distance_m * direction[0], mount.y_m + distance_m * direction[1]]
+    ).T
+    return points

@@ -23,7 +23,7 @@ import numpy as np
 
 from supervisor.clearance import NO_POINTS, Floats, Hull
 from supervisor.reckoning import Pose, between
-from supervisor.scan import Geometry, Mount, View, is_full_turn, rays_of, run_inside, unit_vectors
+from supervisor.scan import Geometry, Mount, View, along, boundary_m, is_full_turn, rays_of, unit_vectors
 
 OUTSIDE_SPACING_RAD = math.radians(2.0)
 """Between two rays where no beam looks: 3.5 cm apart at one metre, less than the smallest obstacle by default."""
@@ -32,6 +32,9 @@ OUTWARD_M: Floats = np.array(
     [0.0, 0.04, 0.08, 0.12, 0.17, 0.22, 0.3, 0.38, 0.48, 0.6, 0.75, 0.95, 1.2, 1.5, 2.0]
 )
 """How far behind the nearest hidden place another view is asked."""
+
+STEP_M = 0.01
+"""A ray that is in the hull for less than this grazes a corner."""
 
 SEEN_MARGIN_M = 0.02
 """A ray that ends nearer than this behind a point does not prove it free: readings are noisy."""
@@ -45,6 +48,15 @@ class Lookout(NamedTuple):
     x_m: float
     y_m: float
     yaw_rad: float
+
+
+class _Crossing(NamedTuple):
+    """Where rays (n,) from a lidar, also one outside of the hull, meet the hull."""
+
+    enters_m: Floats
+    """(n,): zero where the lidar is inside, infinite where the ray misses the hull."""
+    leaves_m: Floats
+    """(n,): zero where the ray misses the hull."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +73,10 @@ class _Gaps:
     """(2, n or n - 1): its direction."""
     outside: Floats
     """(2, o): directions between the last beam and the first."""
-    outside_hull_m: Floats
-    """(o,): how far these run inside the hull."""
+    beams_hull: "_Crossing"
+    """Where the beams leave the hull."""
+    outside_hull: "_Crossing"
+    """Where the directions outside of the view do."""
 
 
 def hiding_distance_m(gap_rad: Floats, smallest_m: float) -> Floats:
@@ -105,7 +119,7 @@ def hidden_places(
         (silent,) = (known & ~view.hit).nonzero()
         parts.append((rays.direction[:, silent], view.free_m[silent]))
     if not (view.is_whole and gaps.is_round):
-        parts.extend(_holes(view, rays.direction, rays.hull_m, gaps, smallest_m, far_m))
+        parts.extend(_holes(view, rays.direction, gaps, smallest_m, far_m))
     if not parts:
         return NO_POINTS
     direction = np.concatenate([part[0] for part in parts], axis=1)
@@ -118,7 +132,7 @@ def hidden_places(
 
 
 def _holes(
-    view: View, direction: Floats, hull_m: Floats, gaps: _Gaps, smallest_m: float, far_m: float
+    view: View, direction: Floats, gaps: _Gaps, smallest_m: float, far_m: float
 ) -> list[tuple[Floats, Floats]]:
     """Rays into the gaps that are wider than from beam to beam, and how far out something may begin on each."""
     increment = view.geometry.increment
@@ -133,14 +147,23 @@ def _holes(
     hides_m[hides_m >= np.minimum(edge_m, far_m)] = math.inf
     (missing,) = (view.free_m <= 0.0).nonzero()
     gap = np.searchsorted(seeing, missing) - 1  # -1, before the first that sees, is the last gap
-    starts_m = np.maximum(hides_m[gap], hull_m[missing])
-    inside = starts_m < math.inf
-    outside_m = np.maximum(hides_m[-1], gaps.outside_hull_m)
-    beyond = outside_m < math.inf
+    crossing = _Crossing(gaps.beams_hull.enters_m[missing], gaps.beams_hull.leaves_m[missing])
     return [
-        (direction[:, missing[inside]], starts_m[inside]),
-        (gaps.outside[:, beyond], outside_m[beyond]),
+        *_beside_the_hull(direction[:, missing], hides_m[gap], crossing, smallest_m),
+        *_beside_the_hull(
+            gaps.outside, np.full(gaps.outside.shape[1], hides_m[-1]), gaps.outside_hull, smallest_m
+        ),
     ]
+
+
+def _beside_the_hull(
+    direction: Floats, hides_m: Floats, crossing: _Crossing, smallest_m: float
+) -> list[tuple[Floats, Floats]]:
+    """Where something may hide on rays on which it may from `hides_m` on: behind the hull, and before it if it fits."""
+    before = (hides_m < math.inf) & (crossing.enters_m >= np.maximum(hides_m, smallest_m))
+    behind = (hides_m < math.inf) & (crossing.enters_m < math.inf)
+    behind_m = np.maximum(hides_m, crossing.leaves_m)
+    return [(direction[:, before], hides_m[before]), (direction[:, behind], behind_m[behind])]
 
 
 def _behind_what_others_see(
@@ -219,8 +242,23 @@ def _gaps(geometry: Geometry, mount: Mount, hull: Hull, smallest_m: float) -> _G
     return _Gaps(
         full,
         nearest_m,
-        np.maximum(nearest_m, run_inside(hull, mount, between)),
+        np.maximum(nearest_m, _crossing(hull, mount, between).leaves_m),
         between,
         outside,
-        run_inside(hull, mount, outside),
+        _crossing(hull, mount, rays_of(geometry, mount, hull).direction),
+        _crossing(hull, mount, outside),
     )
+
+
+def _crossing(hull: Hull, mount: Mount, direction: Floats) -> _Crossing:
+    """Where rays (2, n) meet a convex hull: looked for in steps of `STEP_M`, then by halving."""
+    rays = direction.shape[1]
+    steps: Floats = np.arange(0.0, math.hypot(mount.x_m, mount.y_m) + hull.radius_m + STEP_M, STEP_M)
+    points = np.concatenate([along(mount, direction, np.full(rays, step)) for step in steps])
+    within = (hull.nearest(points)[0] < 0.0).reshape(len(steps), rays)
+    meets = within.any(axis=0)
+    first, last = within.argmax(axis=0), len(steps) - 1 - within[::-1].argmax(axis=0)
+    enters_m = boundary_m(hull, mount, direction, steps[first], np.maximum(steps[first] - STEP_M, 0.0))
+    leaves_m = boundary_m(hull, mount, direction, steps[last], steps[last] + STEP_M)
+    enters_m = np.where(first == 0, 0.0, enters_m)
+    return _Crossing(np.where(meets, enters_m, math.inf), np.where(meets, leaves_m, 0.0))
