@@ -46,7 +46,7 @@ def inputs(seconds: float) -> Iterator[tuple[float, Inputs]]:
             linear_m_s = 0.5 if i / STEP_HZ % 5 > 1 else 0.0
             sent = Sent(b"e" * 16, i, now_s - 0.001)
             commands = (Command("teleop", Velocity(linear_m_s, 0.0), now_s, sent),)
-        yield now_s, Inputs(commands=commands, scan=scan, odometry=odometry)
+        yield now_s, Inputs(commands=commands, scans=() if scan is None else (scan,), odometry=odometry)
 
 
 def steps(seconds: float) -> list[Step]:

@@ -63,7 +63,7 @@ class Driver:
         )
         return Inputs(
             commands=(Command("teleop", velocity, self._now_s, sent),),
-            scan=reading if scan else None,
+            scans=(reading,) if scan else (),
             odometry=Odometry(Velocity(scenery.ODOMETRY_M_S, scenery.TURN_RAD_S), self._now_s),
         )
 

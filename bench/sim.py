@@ -94,7 +94,7 @@ class Bare:
 def measure_pace(rounds: int) -> list[Pace]:
     """Each round is a simulated second of the plant and one of the bare loop, in every scene."""
     plants = {
-        key: Plant(key[0], CONFIG.limits(), CONFIG.lidar(), CONFIG.seed, Build(moving=key[1]))
+        key: Plant(key[0], CONFIG.limits(), CONFIG.lidar_configs(), CONFIG.seed, Build(moving=key[1]))
         for key in SCENES
     }
     bares = {key: Bare(key[0], moving=key[1]) for key in SCENES}

@@ -77,8 +77,8 @@ def permitted_motions(config: SupervisorSection, views: tuple[View, ...]) -> Ite
 class _Lidar:
     """One lidar in open space: its next scan, when it is due."""
 
-    def __init__(self, view: View, start_s: float) -> None:
-        self._view, self._due_s, self._count = view, start_s, 0
+    def __init__(self, index: int, view: View, start_s: float) -> None:
+        self._index, self._view, self._due_s, self._count = index, view, start_s, 0
 
     def scan(self, now_s: float) -> LaserScan | None:
         view = self._view
@@ -94,6 +94,7 @@ class _Lidar:
             range_min=0.0,
             range_max=view.range_max_m,
             arrival_s=now_s,
+            lidar=self._index,
         )
 
 
@@ -105,7 +106,7 @@ class _Robot:
         self._tick_s = 1.0 / config.tick_hz
         self._now_s = 1000.0
         self._state = initial_state(config.law())
-        self._lidars = [_Lidar(view, self._now_s) for view in views]
+        self._lidars = [_Lidar(index, view, self._now_s) for index, view in enumerate(views)]
         self._moving = NEUTRAL
         self._has_odometry = config.odometry
         self._drive(NEUTRAL, SETTLE_S)
@@ -127,12 +128,8 @@ class _Robot:
         self._now_s += self._tick_s
         command = Command(self._source, velocity, self._now_s)
         odometry = Odometry(self._moving, self._now_s) if self._has_odometry else None
-        scans = tuple(lidar.scan(self._now_s) for lidar in self._lidars)
-        self._state, decision = step(self._state, self._now_s, _inputs(command, scans, odometry))
+        scans = tuple(scan for lidar in self._lidars if (scan := lidar.scan(self._now_s)) is not None)
+        inputs = Inputs(commands=(command,), scans=scans, odometry=odometry)
+        self._state, decision = step(self._state, self._now_s, inputs)
         self._moving = decision.output
         return decision
-
-
-def _inputs(command: Command, scans: tuple[LaserScan | None, ...], odometry: Odometry | None) -> Inputs:
-    """What the law takes in at one tick; None for a lidar without a new scan. The law knows one lidar, the first."""
-    return Inputs(commands=(command,), scan=scans[0], odometry=odometry)

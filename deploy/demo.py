@@ -172,7 +172,7 @@ class _Stage:
             return
         seen = self.observer.seen
         now = seen.states[-1].status if seen.states else None
-        reasons = f" (mode {now.mode}, {', '.join(now.reasons) or 'no reason'})" if now else ""
+        reasons = f" (mode {now.mode}, {now.why() or 'no reason'})" if now else ""
         ended = (
             f"; teleop has ended: {teleop.last_lines}" if teleop is not None and not teleop.running else ""
         )

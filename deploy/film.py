@@ -69,7 +69,7 @@ def _plant(wanted: Wanted) -> Plant:
         raise FilmError(f"There is no hull named {wanted.hull!r}; there are {', '.join(Hull)}")
     options = Build(Hull(wanted.hull), moving=True, scenery=True)
     scene = wanted.scene
-    return Plant(scene, lidar=LidarConfig(noise_std_m=LIDAR_NOISE_M), options=options)
+    return Plant(scene, lidars=(LidarConfig(noise_std_m=LIDAR_NOISE_M),), options=options)
 
 
 def _put_pillar(plant: Plant) -> None:

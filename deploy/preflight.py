@@ -30,7 +30,7 @@ def check(launch: Launch) -> None:
         sections = read_robot(document, simulated=True)
         footprint, config = sections[SupervisorSection].footprint.hull(), sections[SimSection]
         scene = config.scene_beside(launch.config)
-        plant = Plant(scene, config.limits(), config.lidar(), config.seed, config.build())
+        plant = Plant(scene, config.limits(), config.lidar_configs(), config.seed, config.build())
     except (ConfigError, SceneError) as error:
         raise DeployError(str(error)) from error
     outline = outline_of(plant)

@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from wire.memory_keeper import is_keeper
+from wire import memory_keeper
 
 MARK = "LIFELINE_STACK"
 POLL_S = 0.02
@@ -26,14 +26,17 @@ class Process:
 
     pid: int
     name: str
-    """`supervisord`, or the name of one of our own processes."""
+    """`supervisord`, the name of one of our own processes, or that of a memory keeper."""
 
 
 def of(state_dir: Path) -> list[Process]:
-    """The running processes of a state directory, but this one."""
-    pids = (int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdecimal())
-    found = ((pid, _name(pid, state_dir)) for pid in pids if pid != os.getpid())
-    return [Process(pid, name) for pid, name in found if name is not None]
+    """The running processes of a state directory, without this one and without memory keepers."""
+    return [process for process in _marked(state_dir) if process.name != memory_keeper.NAME]
+
+
+def keepers(state_dir: Path) -> list[Process]:
+    """The memory keepers of a state directory's processes, including those whose process was killed."""
+    return [process for process in _marked(state_dir) if process.name == memory_keeper.NAME]
 
 
 def send(process: Process, state_dir: Path, number: signal.Signals) -> None:
@@ -55,6 +58,25 @@ def wait_for_none(state_dir: Path, limit_s: float) -> list[Process]:
     return left
 
 
+def end_keepers(state_dir: Path, limit_s: float) -> list[Process]:
+    """End the memory keepers that killed processes left behind, and return those that remain after `limit_s`.
+
+    Call it once the processes themselves are gone: one that still runs replaces its keeper.
+    """
+    deadline_s = time.monotonic() + limit_s
+    while (left := keepers(state_dir)) and time.monotonic() < deadline_s:
+        for keeper in left:
+            send(keeper, state_dir, signal.SIGKILL)
+        time.sleep(POLL_S)
+    return left
+
+
+def _marked(state_dir: Path) -> list[Process]:
+    pids = (int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdecimal())
+    found = ((pid, _name(pid, state_dir)) for pid in pids if pid != os.getpid())
+    return [Process(pid, name) for pid, name in found if name is not None]
+
+
 def _name(pid: int, state_dir: Path) -> str | None:
     """What a process is; None for one that is gone, a zombie, or not of this state directory."""
     try:
@@ -62,8 +84,10 @@ def _name(pid: int, state_dir: Path) -> str | None:
         arguments = [os.fsdecode(a) for a in Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")]
     except OSError:
         return None
-    if os.fsencode(f"{MARK}={state_dir}") not in environment or is_keeper(pid):
+    if os.fsencode(f"{MARK}={state_dir}") not in environment:
         return None
+    if memory_keeper.is_keeper(pid):
+        return memory_keeper.NAME
     for option, value in itertools.pairwise(arguments):
         if option == "-m" and value in OURS:
             return value

@@ -106,9 +106,8 @@ class Recorder:
         self._sources = set(sources)
         for source in sorted(self._sources):
             self._add(topics.source_cmd_vel(source))
-        pattern = topics.source_cmd_vel("<source>").key
         for topic in topics.TOPICS:
-            if topic.key != pattern:
+            if "<" not in topic.key:
                 self._add(topic)
 
     async def run(self, stop: asyncio.Event) -> Report:

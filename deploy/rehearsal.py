@@ -111,7 +111,8 @@ class Rehearsal:
         decision, speed_m_s = self._decision, self._plant.true_velocity.linear_m_s
         assert decision is not None  # since the warm-up
         reasons = tuple(reason.value for reason in decision.reasons)
-        return Shown(Mode.of(decision.mode), reasons, speed_m_s, decision.nearest_m, self._ranges)
+        over = tuple(reason.value for reason in decision.latched)
+        return Shown(Mode.of(decision.mode), reasons, speed_m_s, decision.nearest_m, (self._ranges,), over)
 
     def _step(self) -> None:
         plant, now_s = self._plant, self.time_s
@@ -125,7 +126,7 @@ class Rehearsal:
             inputs = Inputs(
                 commands=commands,
                 liveliness=() if self._decision is not None else (self._came,),
-                scan=scan,
+                scans=() if scan is None else (scan,),
                 odometry=Odometry(Velocity(*plant.wheel_twist), now_s),
             )
             self._state, self._decision = step(self._state, now_s, inputs)

@@ -126,6 +126,8 @@ class _Health:
 def stop(state: StateDir) -> Stopped:
     """Stop everything that belongs to the state directory, and forget it; nothing there is fine as well.
 
+    When this returns, no process of it is left, and no memory keeper of one that was killed before.
+
     Raises:
         DeployError: something survives even SIGKILL.
     """
@@ -144,6 +146,7 @@ def stop(state: StateDir) -> Stopped:
             while _named(left, wanted) and time.monotonic() < deadline_s:
                 time.sleep(processes.POLL_S)
                 left = processes.of(state.path)
+    left = left or processes.end_keepers(state.path, KILL_LIMIT_S)
     if left:
         raise DeployError(
             f"cannot stop {_listed(left)}: they may wait for the kernel; try `lifeline down` again"

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,10 +13,12 @@ from rich.text import Text
 
 from deploy import supervisord
 from deploy.errors import EXIT_NOT_RUNNING
+from deploy.estop import RESET, latched_sentence
 from deploy.launch import Launch
 from deploy.observe import Motion, State, observing
 from deploy.statedir import StateDir
 from wire import topics
+from wire.messages import SafetyStatus
 
 CONNECT_LIMIT_S = 1.0
 LISTEN_LIMIT_S = 1.0
@@ -26,6 +29,7 @@ EXIT_PARTLY = 1
 NODES = (topics.SUPERVISOR, topics.SIM, topics.TELEOP)
 NEEDED = (topics.SUPERVISOR, topics.SIM)
 MODES = ("STOPPED", "READY", "DRIVING", "LIMITED")
+ESTOP = "ESTOP"
 COLOURS = {"STOPPED": "bold red", "READY": "green", "DRIVING": "bold green", "LIMITED": "yellow"}
 
 
@@ -40,6 +44,8 @@ class Look:
     """supervisord's word on each of its programs."""
     state: State | None
     motion: Motion | None
+    latched: str | None = None
+    """That a robot started now has its e-stop latched; None: it has not."""
 
     @property
     def exit_code(self) -> int:
@@ -61,9 +67,13 @@ class Look:
             },
             "mode": self.mode,
             "reasons": status.reasons if status else None,
+            "causes": status.causes_and_latched()[0] if status else None,
+            "latched": status.causes_and_latched()[1] if status else None,
+            "detail": status.detail if status else None,
             "owner": status.owner if status else None,
             "warning": status.warning if status else None,
             "alarm": status.alarm if status else None,
+            "estop_record_problem": status.estop_record_problem if status else None,
             "linear_m_s": _number(self.motion.linear_m_s if self.motion else None),
             "angular_rad_s": _number(self.motion.angular_rad_s if self.motion else None),
             "nearest_m": _number(status.nearest_m if status else None),
@@ -112,12 +122,14 @@ async def _look(state: StateDir, launch: Launch) -> Look:
             programs=programs,
             state=None,
             motion=None,
+            latched=latched_sentence(state, launch),
         )
 
 
 def _table(look: Look) -> Table | Text:
     if look.exit_code == EXIT_NOT_RUNNING:
-        return Text(f"nothing is running at {look.endpoint}; start with `lifeline up`")
+        idle = f"nothing is running at {look.endpoint}; start with `lifeline up`"
+        return Text(idle if look.latched is None else f"{idle}\n{look.latched}")
     table = Table(show_header=False, title=look.endpoint, title_justify="left")
     table.add_column(style="bold")
     table.add_column()
@@ -131,11 +143,31 @@ def _table(look: Look) -> Table | Text:
     else:
         status = look.state.status
         table.add_row("mode", Text(look.mode or "", style=COLOURS[look.mode or "STOPPED"]))
-        if status.reasons:
-            table.add_row("reasons", ", ".join(status.reasons))
+        for name, why in _why(status):
+            table.add_row(name, Text(why))
+        if ESTOP in status.reasons:
+            table.add_row("e-stop", f"latched, also over a restart: {RESET}")
+        if status.estop_record_problem:
+            table.add_row("e-stop record", Text(status.estop_record_problem, style="bold red"))
         table.add_row("speed", _speed(look.motion))
         table.add_row("nearest", _nearest(status.nearest_m, status.nearest_bearing_rad))
     return table
+
+
+def _why(status: SafetyStatus) -> Iterator[tuple[str, str]]:
+    """Rows about the stop or the limit: what holds now, and what is over."""
+    causes, latched = status.causes_and_latched()
+    if causes:
+        detail = f": {status.detail}" if status.detail else ""
+        yield "causes", _printable(f"{', '.join(causes)}{detail}")
+    if latched:
+        hint = "" if causes else ": over now; press s in teleop to drive again"
+        yield "latched", _printable(f"{', '.join(latched)}{hint}")
+
+
+def _printable(text: str) -> str:
+    """Without control characters: no payload may speak to the terminal."""
+    return "".join(char if char.isprintable() else "?" for char in text)
 
 
 def _speed(motion: Motion | None) -> str:

@@ -147,8 +147,10 @@ class _UnixTransport(xmlrpc.client.Transport):
         super().__init__()
         self._path = path
 
-    def make_connection(self, host: Any) -> http.client.HTTPConnection:  # noqa: ANN401, ARG002 - the base class's signature
-        return _UnixConnection(self._path)
+    def make_connection(self, host: Any) -> http.client.HTTPConnection:  # noqa: ANN401 - the base class's signature
+        connection = _UnixConnection(self._path)
+        self._connection = host, connection  # the base class closes it, also where nobody answers
+        return connection
 
 
 def _ask(state: StateDir, method: str) -> Any:  # noqa: ANN401 - whatever the method answers

@@ -11,6 +11,7 @@ from contextlib import suppress
 
 from deploy import interrupts, processes, stack
 from deploy.errors import DeployError
+from deploy.estop import latched_sentence
 from deploy.launch import Launch
 from deploy.stack import Say
 from deploy.statedir import LockedError, StateDir, locked
@@ -42,6 +43,9 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool) -> int:
             try:
                 stack.start(state, launch, say)
                 asyncio.run(stack.wait_until_alive(state, launch, say))
+                latched = latched_sentence(state, launch)
+                if latched is not None:
+                    say(latched)
                 if detach:
                     say(
                         f"running at {launch.bus.endpoint}; look with `lifeline status`, end with `lifeline down`"

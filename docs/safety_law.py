@@ -71,6 +71,22 @@ REASONS: Mapping[StopReason, Reason] = {
         "While the supervisor hung, nobody watched. Nav2's collision_monitor does not run at all without a command "
         "(navigation2 #4555).",
     ),
+    StopReason.SENSOR_CONFLICT: Reason(
+        "two writers publish on one sensor's key; the status names both",
+        "one of them is silent, and neutral",
+        "Every bus delivers the newest sample, from any writer: two drivers, or a driver and a recording, then mix. "
+        "ROS 2 counts the publishers of a topic, but no node stops because of the count.",
+    ),
+    StopReason.BASE_UNRESPONSIVE: Reason(
+        "odometry does not follow what was commanded, beyond what the base's ramps explain",
+        "standing still, and neutral",
+        "A base whose own e-stop is released while a command is active lurches: ubiquity_motor #42.",
+    ),
+    StopReason.ODOM_STALE: Reason(
+        "odometry was lost while driving, unless the configuration says that there is none",
+        "fresh odometry, and neutral",
+        "A frozen lidar shows itself only by the motion that odometry measures between two scans.",
+    ),
     StopReason.SCAN_INVALID: Reason(
         "the newest scan proves nothing: too few beams, impossible geometry, no sector with enough valid readings, "
         "undecodable, frozen while the robot moves, or blank from one scan to the next",
@@ -116,7 +132,7 @@ REASONS: Mapping[StopReason, Reason] = {
         "replayed on reconnect.",
     ),
     StopReason.SCAN_BLIND: Reason(
-        "the commanded motion leads where no beam looks",
+        "the commanded motion goes where nothing is seen",
         "neutral, or a command that goes elsewhere",
         "Not seen is not free. A sensor that looks ahead says nothing about driving back.",
     ),
@@ -327,7 +343,7 @@ def _inputs(world: World, now_s: float, event: Event | None) -> Inputs:
     return Inputs(
         commands=(Command("teleop", world.velocity, now_s),) if world.speaking else (),
         liveliness=() if world.token is None else (Liveliness("teleop", world.token),),
-        scan=None if world.ahead_m is None else _scan(world.ahead_m, now_s),
+        scans=(None,) if world.ahead_m is None else (),
         estop=event is not None and event.estop,
         reset=event is not None and event.reset,
     )

@@ -72,7 +72,7 @@ def main() -> None:
         wants_window = has_display() if arguments.viewer is None else bool(arguments.viewer)
         options = config.build(scenery=wants_window)
         scene = config.scene if arguments.scene else config.scene_beside(arguments.config)
-        plant = Plant(scene, config.limits(), config.lidar(), config.seed, options)
+        plant = Plant(scene, config.limits(), config.lidar_configs(), config.seed, options)
         window = _open_window(plant, asked_for=arguments.viewer is not None) if wants_window else None
     except (ConfigError, TimeRequestError, FaultError, NoDisplayError, SceneError) as error:
         refuse("sim", error)

@@ -5,12 +5,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict
+from pydantic import ConfigDict, Field
 
 from sim.drive import DriveLimits
 from sim.encoders import MAX_ERROR, EncoderConfig
 from sim.imu import ImuConfig
 from sim.lidar import LidarConfig
+from sim.lidar_config import MAX_LIDARS, SimLidarSection, conflicts_of_lidars
 from sim.scene import DEFAULT, MAX_PAYLOAD_KG, MAX_SLIP, Build, Hull
 from wire.config import BaseSection, Conflict
 from wire.quantities import Between, Range, Seed, Speed, TurnRate
@@ -44,6 +45,11 @@ class SimSection(BaseSection):
     lidar_range_max_m: Range = 12.0
     lidar_noise_m: NoiseM = 0.002
     lidar_dropout: Share = 0.0
+    lidars: (
+        Annotated[tuple[SimLidarSection, ...], Field(min_length=1, max_length=MAX_LIDARS, strict=False)]
+        | None
+    ) = None
+    """Instead of the one that the keys before describe."""
     encoder_ticks: Annotated[int, Between(1, 1_000_000)] = 16384
     odom_left_error: Error = 0.001
     odom_right_error: Error = 0.0005
@@ -57,6 +63,10 @@ class SimSection(BaseSection):
         if not self.lidar_range_min_m < self.lidar_range_max_m:
             message = f"must be more than lidar_range_min_m = {self.lidar_range_min_m:g}"
             yield Conflict(("lidar_range_max_m",), self.lidar_range_max_m, message)
+        if self.lidars is not None:
+            for key in sorted(key for key in self.model_fields_set if key.startswith("lidar_")):
+                yield Conflict((key,), getattr(self, key), "give either [[sim.lidars]] or this: leave it out")
+            yield from conflicts_of_lidars(self.lidars)
 
     def scene_beside(self, config: Path | None) -> str:
         """The scene; a file that is not named from the root is looked for beside the configuration file."""
@@ -77,7 +87,14 @@ class SimSection(BaseSection):
             angular_braking_rad_s2=self.angular_braking_rad_s2,
         )
 
+    def lidar_configs(self) -> tuple[LidarConfig, ...]:
+        """Each lidar; the first one publishes on `scan`."""
+        if self.lidars is not None:
+            return tuple(lidar.lidar() for lidar in self.lidars)
+        return (self.lidar(),)
+
     def lidar(self) -> LidarConfig:
+        """The one lidar of a robot without `[[sim.lidars]]`."""
         return LidarConfig(
             beams=self.lidar_beams,
             span_rad=self.lidar_span_rad,

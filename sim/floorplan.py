@@ -69,6 +69,33 @@ class Nearest(NamedTuple):
 NOTHING = Nearest(math.inf, "")
 
 
+def way_out_m(hull: Outline, x_m: float, y_m: float, angles_rad: Floats) -> Floats:
+    """How far rays from a point go until they have left a hull that is centred on the origin, shape (n,).
+
+    Args:
+        hull: Its pose does not matter.
+        x_m: Of the point, in the hull's frame.
+        y_m: Likewise.
+        angles_rad: (n,) where the rays go, in that frame.
+
+    Returns:
+        0 for a ray that does not meet the hull.
+    """
+    cos, sin = np.cos(angles_rad), np.sin(angles_rad)
+    if isinstance(hull, Circle):
+        along_m = x_m * cos + y_m * sin
+        square_m2 = along_m**2 - (x_m**2 + y_m**2 - hull.radius_m**2)
+        return np.where(square_m2 > 0.0, np.maximum(0.0, np.sqrt(np.maximum(square_m2, 0.0)) - along_m), 0.0)
+    enter_m, leave_m = np.full_like(cos, -math.inf), np.full_like(cos, math.inf)
+    for at_m, slope, half_m in ((x_m, cos, hull.half_x_m), (y_m, sin, hull.half_y_m)):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            edges_m = np.stack(((-half_m - at_m) / slope, (half_m - at_m) / slope))
+        # A ray on an edge, and along it: 0 / 0.
+        enter_m = np.maximum(enter_m, np.where(np.isnan(edges_m), -math.inf, edges_m).min(axis=0))
+        leave_m = np.minimum(leave_m, np.where(np.isnan(edges_m), math.inf, edges_m).max(axis=0))
+    return np.where(enter_m <= leave_m, np.maximum(0.0, leave_m), 0.0)
+
+
 class FloorPlan:
     """Outlines in the world frame that a hull can meet."""
 

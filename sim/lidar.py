@@ -1,11 +1,11 @@
-"""A planar lidar on the robot's axis: a fan of ranges around straight ahead, in the order and with the special values of ROS.
+"""A planar lidar on the robot: a fan of ranges around its own axis, in the order and with the special values of ROS.
 
-The beams are counter-clockwise; those of a full turn start straight behind. By REP 117, +inf is a miss, -inf is
+The beams are counter-clockwise in the lidar's own frame; those of a full turn start straight behind it. By REP 117, +inf is a miss, -inf is
 something too close to measure and NaN is a beam that gave no measurement. There is no noise unless it is asked for.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,17 +25,22 @@ MAX_BEAMS = 65_536
 
 @dataclass(frozen=True, slots=True)
 class LidarConfig:
-    """A lidar's geometry and its errors.
+    """A lidar's place, geometry and errors.
 
     Attributes:
         beams: Beams of one scan, spread over the span.
-        span_rad: Angle of view, centred ahead. The first and the last beam are on its edges; those of a full turn,
+        span_rad: Angle of view, centred on the lidar's axis. The first and the last beam are on its edges; those of a full turn,
             whose edges are one, are one increment apart.
         height_m: The plane of the beams above the floor.
         range_min_m: What is closer is too close to measure.
         range_max_m: What is farther is missed.
         noise_std_m: Standard deviation of each range.
         dropout: Share of the beams that give no measurement, others in each scan.
+        x_m: Where it is mounted, ahead of the robot's centre.
+        y_m: And to the left of it.
+        yaw_rad: Where its axis points, counter-clockwise from straight ahead.
+        name: Its frame.
+        topic: The relative key of its scans.
 
     Raises:
         ValueError: A value makes no sense, by name.
@@ -48,6 +53,11 @@ class LidarConfig:
     noise_std_m: float = 0.0
     span_rad: float = math.tau
     dropout: float = 0.0
+    x_m: float = 0.0
+    y_m: float = 0.0
+    yaw_rad: float = 0.0
+    name: str = "lidar"
+    topic: str = "scan"
 
     def __post_init__(self) -> None:
         if not 1 <= self.beams <= MAX_BEAMS:
@@ -62,6 +72,9 @@ class LidarConfig:
             raise ValueError(f"range_min_m must be in [0, {self.range_max_m}) m, not {self.range_min_m}.")
         if not (math.isfinite(self.noise_std_m) and self.noise_std_m >= 0.0):
             raise ValueError(f"noise_std_m must be finite and not negative, not {self.noise_std_m}.")
+        for key in ("x_m", "y_m", "yaw_rad"):
+            if not math.isfinite(getattr(self, key)):
+                raise ValueError(f"{key} must be finite, not {getattr(self, key)}.")
 
     @property
     def angle_min_rad(self) -> float:
@@ -96,7 +109,9 @@ class Lidar:
         seed: Of noise and dropout; the same seed makes the same scans.
     """
 
-    def __init__(self, model: mj.Model, config: LidarConfig | None = None, seed: int = 0) -> None:
+    def __init__(
+        self, model: mj.Model, config: LidarConfig | None = None, seed: int | Sequence[int] = 0
+    ) -> None:
         self.config = config or LidarConfig()
         self._model = model
         self._random = np.random.default_rng(seed)
@@ -120,12 +135,14 @@ class Lidar:
         self._random.bit_generator.state = state
 
     def scan(self, data: mj.Data, x_m: float, y_m: float, yaw_rad: float) -> Ranges:
-        """The ranges seen from a pose in the world, in m, shape (beams,), a new array each time."""
+        """The ranges seen while the robot is at a pose of the world, in m, shape (beams,), a new array each time."""
         config = self.config
-        cos_yaw, sin_yaw = math.cos(yaw_rad), math.sin(yaw_rad)
+        cos_robot, sin_robot = math.cos(yaw_rad), math.sin(yaw_rad)
+        self._origin[0] = x_m + cos_robot * config.x_m - sin_robot * config.y_m
+        self._origin[1] = y_m + sin_robot * config.x_m + cos_robot * config.y_m
+        cos_yaw, sin_yaw = math.cos(yaw_rad + config.yaw_rad), math.sin(yaw_rad + config.yaw_rad)
         self._directions[:, 0] = cos_yaw * self._cos - sin_yaw * self._sin
         self._directions[:, 1] = sin_yaw * self._cos + cos_yaw * self._sin
-        self._origin[0], self._origin[1] = x_m, y_m
         mj.multi_ray(
             self._model,
             data,

@@ -29,14 +29,16 @@ HELD_BY_THE_FLOOR = 1e-6
 
 
 def to_scan(ranges: Ranges, lidar: LidarConfig, period_s: float) -> LaserScan:
-    """A scan that was taken at one moment, `period_s` of simulated time after the one before."""
-    return laser_scan(
+    """A scan that was taken at one moment, `period_s` of simulated time after the one before, in the lidar's frame."""
+    message = laser_scan(
         ranges,
         angle_min_rad=lidar.angle_min_rad,
         angle_increment_rad=lidar.angle_increment_rad,
         range_m=(lidar.range_min_m, lidar.range_max_m),
         period_s=period_s,
     )
+    message.header.frame_id = lidar.name
+    return message
 
 
 def to_odometry(reckoning: Reckoning) -> Odometry:

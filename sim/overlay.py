@@ -1,11 +1,12 @@
-"""What is drawn into the scene around the robot: how near is too near, and what the lidar sees.
+"""What is drawn into the scene around the robot: how near is too near, and what the lidars see.
 
 The zone in which the supervisor stops has the hull's shape and the colour of the mode: green while the robot drives,
 amber while it is slowed, red while it stands. A thin ring around it is where the supervisor warns.
 """
 
 import math
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,14 +75,13 @@ class Overlay:
     Args:
         scene: An `MjvScene` with room for `geoms_needed` more.
         hull: The robot's; where it is does not matter.
-        lidar: Whose ranges will be shown.
+        lidars: Whose ranges will be shown.
     """
 
-    def __init__(self, scene: Any, hull: Outline, lidar: LidarConfig) -> None:  # noqa: ANN401 - untyped there
+    def __init__(self, scene: Any, hull: Outline, lidars: Sequence[LidarConfig]) -> None:  # noqa: ANN401 - untyped there
         self._scene, self._hull = scene, hull
-        self._every = math.ceil(lidar.beams / MAX_POINTS)
-        self._height_m, angles_rad = lidar.height_m, lidar.angles_rad[:: self._every]
-        self._cos, self._sin = np.cos(angles_rad), np.sin(angles_rad)
+        self._fans = [_fan(lidar) for lidar in lidars]
+        most = sum(len(fan.beams) for fan in self._fans)
 
         stop_m = offset_outline(hull, STOP_DISTANCE_M)
         places, turns, sizes = zip(
@@ -96,10 +96,10 @@ class Overlay:
         half_sizes: Floats = np.concatenate(sizes)
         for shape, size in zip(shapes, half_sizes, strict=True):
             mj.add_geom(scene, shape, size, emission=0.7)
-        for _ in angles_rad:
+        for _ in range(most):
             mj.add_geom(scene, mj.Shape.SPHERE, np.full(3, _POINT_M), emission=1.0)
         self._marks = mj.GeomArrays(scene, first, marks)
-        self._points = mj.GeomArrays(scene, first + marks, len(angles_rad))
+        self._points = mj.GeomArrays(scene, first + marks, most)
         self._before_points = first + marks
 
     def update(self, x_m: float, y_m: float, yaw_rad: float, shown: Shown) -> None:
@@ -113,28 +113,48 @@ class Overlay:
         marks.rgba[:, :3] = _LIT * np.array(colour)
         marks.rgba[:SEGMENTS, 3] = _ZONE_ALPHA
         marks.rgba[2 * SEGMENTS :, :3] *= _THIN_SHARE
-        hits = 0 if shown.ranges is None else self._draw_points(shown.ranges, turn, here_m)
+        hits = 0
+        for fan, ranges in zip(self._fans, shown.ranges, strict=False):
+            hits += self._draw_points(hits, fan, ranges, turn, here_m)
         self._scene.ngeom = self._before_points + hits
 
-    def _draw_points(self, ranges: Ranges, turn: Floats, here_m: Floats) -> int:
-        """Puts a point where each beam met something; how many did."""
-        ranges = ranges[:: self._every]
+    def _draw_points(self, first: int, fan: "_Fan", ranges: Ranges, turn: Floats, here_m: Floats) -> int:
+        """Puts a point where each beam of a lidar met something, from this point on; how many did."""
+        ranges = ranges[:: fan.every]
         seen = np.flatnonzero(np.isfinite(ranges))
-        ranges_m = ranges[seen].astype(np.float64)
-        own_m = np.column_stack((ranges_m * self._cos[seen], ranges_m * self._sin[seen]))
-        points, hits = self._points, len(seen)
-        points.pos[:hits, :2] = own_m @ turn[:2, :2].T + here_m[:2]
-        points.pos[:hits, 2] = self._height_m
+        own_m = fan.at_m[:2] + ranges[seen, None].astype(np.float64) * fan.beams[seen]
+        points = slice(first, first + len(seen))
+        self._points.pos[points, :2] = own_m @ turn[:2, :2].T + here_m[:2]
+        self._points.pos[points, 2] = fan.at_m[2]
         away_m = gaps_m(self._hull, own_m)
-        points.rgba[:hits] = (*_FAR_RGB, 1.0)
-        points.rgba[:hits][away_m < WARNING_DISTANCE_M] = (*_NEAR_RGB, 1.0)
-        points.rgba[:hits][away_m < STOP_DISTANCE_M + _TOLERANCE_M] = (*_TOUCHING_RGB, 1.0)
-        return hits
+        colours = np.empty((len(seen), 4))
+        colours[:] = (*_FAR_RGB, 1.0)
+        colours[away_m < WARNING_DISTANCE_M] = (*_NEAR_RGB, 1.0)
+        colours[away_m < STOP_DISTANCE_M + _TOLERANCE_M] = (*_TOUCHING_RGB, 1.0)
+        self._points.rgba[points] = colours
+        return len(seen)
 
 
-def geoms_needed(lidar: LidarConfig) -> int:
+class _Fan(NamedTuple):
+    """Those beams of a lidar that are drawn, in the robot's frame."""
+
+    every: int
+    beams: Floats
+    """(n, 2) unit vectors."""
+    at_m: Floats
+    """(3,) where the lidar is."""
+
+
+def _fan(lidar: LidarConfig) -> _Fan:
+    every = math.ceil(lidar.beams / MAX_POINTS)
+    angles_rad = lidar.angles_rad[::every] + lidar.yaw_rad
+    beams = np.column_stack((np.cos(angles_rad), np.sin(angles_rad)))
+    return _Fan(every, beams, np.array((lidar.x_m, lidar.y_m, lidar.height_m)))
+
+
+def geoms_needed(lidars: Sequence[LidarConfig]) -> int:
     """How much room a scene must have for an overlay."""
-    return 3 * SEGMENTS + min(lidar.beams, MAX_POINTS)
+    return 3 * SEGMENTS + sum(min(lidar.beams, MAX_POINTS) for lidar in lidars)
 
 
 def _zone(outline_m: Floats) -> tuple[Floats, Floats, Floats]:

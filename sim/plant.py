@@ -5,6 +5,7 @@ Who steps it decides what time it is. The same calls make the same trajectory, b
 
 import hashlib
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from sim import mj
 from sim.drive import Drive, DriveLimits, Twist, WheelGeometry
-from sim.floorplan import Circle, FloorPlan, Outline, Rectangle, Standing, survey
+from sim.floorplan import Circle, Floats, FloorPlan, Outline, Rectangle, Standing, survey, way_out_m
 from sim.lidar import Lidar, LidarConfig, Ranges
 from sim.movers import Mover, Placed
 from sim.room import is_inside
@@ -22,6 +23,7 @@ from sim.snapshot import Snapshot, SnapshotError
 TICK_STEPS = 10
 """Every so many steps whoever moves moves: in 20 ms nobody comes farther than 3 cm."""
 
+ONE_LIDAR = (LidarConfig(),)
 Axes = tuple[float, float, float]
 
 
@@ -34,13 +36,13 @@ class Pose(NamedTuple):
 
 
 class Plant:
-    """A differential-drive robot with a lidar, what stands and moves around it, and one pillar to put in its way.
+    """A differential-drive robot with its lidars, what stands and moves around it, and one pillar to put in its way.
 
     Args:
         scene: A layout's name, a layout file or an MJCF file; see `scene.build`.
         limits: What the base's drive can do.
-        lidar: The lidar's geometry.
-        seed: Of the lidar's noise, if it has any.
+        lidars: Where they are mounted, and their geometry.
+        seed: Of the lidars' noise, if they have any.
         options: The robot's hull, payload and grip, and whether anything moves.
 
     Attributes:
@@ -58,7 +60,7 @@ class Plant:
         self,
         scene: str | Path = DEFAULT,
         limits: DriveLimits | None = None,
-        lidar: LidarConfig | None = None,
+        lidars: Sequence[LidarConfig] = ONE_LIDAR,
         seed: int = 0,
         options: Build | None = None,
     ) -> None:
@@ -66,7 +68,8 @@ class Plant:
         self.model = model = world.model
         self.data = data = mj.make_data(model)
         self._drive = Drive(limits)
-        self._lidar = Lidar(model, lidar, seed)
+        # The first one's noise is that of a robot with no other.
+        self._lidars = [Lidar(model, one, (seed, n) if n else seed) for n, one in enumerate(lidars)]
 
         self._qpos, self._qvel, self._ctrl, self._sensors = data.qpos, data.qvel, data.ctrl, data.sensordata
         base = mj.joint_id(model, "robot")
@@ -126,8 +129,13 @@ class Plant:
         return self._drive.limits
 
     @property
+    def lidars(self) -> tuple[LidarConfig, ...]:
+        return tuple(lidar.config for lidar in self._lidars)
+
+    @property
     def lidar(self) -> LidarConfig:
-        return self._lidar.config
+        """The first one."""
+        return self._lidars[0].config
 
     @property
     def time_s(self) -> float:
@@ -226,10 +234,15 @@ class Plant:
             n_steps -= some
             self._steps_to_tick -= some
 
-    def scan(self) -> Ranges:
-        """The lidar's ranges now, in m, shape (beams,); see `lidar.LidarConfig` for the angles."""
+    def scan(self, number: int = 0) -> Ranges:
+        """A lidar's ranges now, in m, shape (beams,); see `lidar.LidarConfig` for the angles."""
         self._catch_up()
-        return self._lidar.scan(self.data, *self.true_pose)
+        return self._lidars[number].scan(self.data, *self.true_pose)
+
+    def way_out_m(self, number: int = 0) -> Floats:
+        """How far each beam of a lidar goes until it has left the hull, shape (beams,)."""
+        lidar = self._lidars[number].config
+        return way_out_m(self.outline, lidar.x_m, lidar.y_m, lidar.angles_rad + lidar.yaw_rad)
 
     def clearance_m(self) -> float:
         """The smallest distance from the hull to anything else, along the floor; ≤ 0 when it touches."""
@@ -292,7 +305,7 @@ class Plant:
             world=self._world,
             physics=mj.get_state(self.model, self.data).tobytes(),
             sensors=self._sensors.tobytes(),
-            noise=self._lidar.noise_state,
+            noise=tuple(lidar.noise_state for lidar in self._lidars),
             drive=self._drive.twist,
             walked_s=tuple(self._walked_s),
             steps_to_tick=self._steps_to_tick,
@@ -303,7 +316,7 @@ class Plant:
         )
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Goes back to a moment of this plant, or of another with the same world and lidar: all goes on bit for bit as it did there.
+        """Goes back to a moment of this plant, or of another with the same world and lidars: all goes on bit for bit as it did there.
 
         Raises:
             SnapshotError: It is of another world; nothing has changed.
@@ -317,10 +330,12 @@ class Plant:
             state.size != mj.get_state(self.model, self.data).size
             or sensors.size != self._sensors.size
             or len(snapshot.walked_s) != len(self._movers)
+            or len(snapshot.noise) != len(self._lidars)
         ):
             raise SnapshotError("the snapshot is damaged; take a new one")
         try:
-            self._lidar.noise_state = snapshot.noise
+            for lidar, noise in zip(self._lidars, snapshot.noise, strict=True):
+                lidar.noise_state = noise
         except (ValueError, TypeError, KeyError) as error:
             raise SnapshotError("the snapshot is damaged; take a new one") from error
         mj.set_state(self.model, self.data, state)

@@ -54,7 +54,7 @@ class Studio:
         mujoco = mj.mujoco
         self._context = mujoco.MjrContext(plant.model, mujoco.mjtFontScale.mjFONTSCALE_150.value)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
-        self._scene = mujoco.MjvScene(plant.model, maxgeom=_MAX_GEOMS + geoms_needed(plant.lidar))
+        self._scene = mujoco.MjvScene(plant.model, maxgeom=_MAX_GEOMS + geoms_needed(plant.lidars))
         self._option, self._pert = mujoco.MjvOption(), mujoco.MjvPerturb()
         self._rect = mujoco.MjrRect(0, 0, width, height)
 
@@ -86,7 +86,7 @@ class Studio:
             self._scene,
         )
         if shown is not None:
-            Overlay(self._scene, plant.outline, plant.lidar).update(*plant.true_pose, shown)
+            Overlay(self._scene, plant.outline, plant.lidars).update(*plant.true_pose, shown)
         self._gl.make_current()
         mujoco.mjr_render(self._rect, self._scene, self._context)
         pixels = np.empty((self._height, self._width, 3), np.uint8)
@@ -120,7 +120,7 @@ def _warehouse(width: int, height: int) -> Pixels:
     for linear_m_s, angular_rad_s, duration_s in _DRIVE_OUT:
         plant.step((linear_m_s, angular_rad_s), round(duration_s / plant.timestep_s))
     with Studio(plant, width, height) as studio:
-        shown = Shown(Mode.DRIVING, (), plant.true_velocity.linear_m_s, math.nan, plant.scan())
+        shown = Shown(Mode.DRIVING, (), plant.true_velocity.linear_m_s, math.nan, (plant.scan(),))
         return studio.picture(_VIEW, shown)
 
 

@@ -9,12 +9,15 @@ import asyncio
 import logging
 import math
 from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from sim.config import SimSection
 from sim.diagnostics import Health, contact_sentence, pace_sentence, to_diagnostics
 from sim.encoders import Odometer
 from sim.imu import Imu
-from sim.lidar import Ranges
+from sim.lidar import LidarConfig, Ranges
 from sim.messages import to_clock, to_imu, to_odometry, to_scan, to_truth
 from sim.pace import Ask, Every, Measured, Pace, Pause, Run, Speed, Step, TimeRequestError, parse_time_request
 from sim.plant import Plant
@@ -22,8 +25,8 @@ from sim.sensor_faults import NO_FAULTS, FaultError, SensorFaults, parse_faults,
 from sim.shown import Mode, Shown
 from sim.watchdog import BaseReason, Watchdog
 from wire import topics
-from wire.bus import Arrival, Bus, woken_by
-from wire.messages import Point, SafetyStatus, TriggerResponse, Twist
+from wire.bus import Arrival, Bus, Publisher, woken_by
+from wire.messages import LaserScan, Point, SafetyStatus, TriggerResponse, Twist
 
 _log = logging.getLogger(__name__)
 
@@ -40,6 +43,18 @@ CONTACT_REPORT_S = 0.1
 """A hull that rattles along a rack is reported no more often than this, and logged once a second."""
 CONTACT_LOG_S = 1.0
 PACE_LOG_S = 10.0
+
+
+@dataclass(slots=True)
+class _Eye:
+    """One of the plant's lidars: when it scans, and where to."""
+
+    number: int
+    lidar: LidarConfig
+    times: Every
+    out: Publisher[LaserScan]
+    last: Ranges = field(default_factory=lambda: np.empty(0, np.float32))
+    frozen: Ranges | None = None
 
 
 class SimService:
@@ -78,7 +93,6 @@ class SimService:
         self._pace = Pace(dt_s, self._loop.time(), speed)
         self._single_steps_made: asyncio.Future[None] | None = None
         self._steps = 0
-        self._scan_times = Every(config.scan_hz, dt_s)
         self._odom_times = Every(config.odom_hz, dt_s)
         self._imu_times = Every(config.imu_hz, dt_s)
         self._truth_times = Every(TRUTH_HZ, dt_s)
@@ -88,8 +102,10 @@ class SimService:
         self._odometer.reset(*plant.wheel_angles_rad)
         self._odom_read_s = plant.time_s
         self._imu = Imu(config.imu(), config.seed)
-        self._beams_rad = plant.lidar.angles_rad
-        self._frozen: Ranges | None = None
+        self._eyes = [
+            _Eye(number, lidar, Every(config.scan_hz, dt_s), bus.publisher(topics.lidar_scan(lidar.topic)))
+            for number, lidar in enumerate(plant.lidars)
+        ]
         self._faults = NO_FAULTS
         self._put_in_force(faults)
 
@@ -106,9 +122,7 @@ class SimService:
         self._statuses = None if on_frame is None else bus.subscribe(topics.STATUS)  # to be shown, no more
         self._status: SafetyStatus | None = None
         self._status_s = -math.inf
-        self._last_scan: Ranges | None = None
         self._odom_out = bus.publisher(topics.ODOM)
-        self._scan_out = bus.publisher(topics.SCAN)
         self._imu_out = bus.publisher(topics.IMU)
         self._truth_out = bus.publisher(topics.TRUTH)
         self._clock_out = bus.publisher(topics.CLOCK)
@@ -216,35 +230,42 @@ class SimService:
             self._imu_out.put(to_imu(self._imu.read(*plant.imu()), self._imu.config))
         if self._clock_times.due(step, speed):
             self._clock_out.put(to_clock(plant.time_s))
-        if self._scan_times.due(step, speed) and not self._faults.silent:
-            self._last_scan = self._look()
-            self._scan_out.put(to_scan(self._last_scan, plant.lidar, self._scan_times.period_s(speed)))
+        for eye in self._eyes:
+            if eye.times.due(step, speed) and not self._faults.silent:
+                eye.last = self._look(eye)
+                eye.out.put(to_scan(eye.last, eye.lidar, eye.times.period_s(speed)))
 
     def _shown(self, now_s: float) -> Shown:
         """What a person who looks at the robot would want to know of it."""
         for arrival in () if self._statuses is None else self._statuses.take():
             if arrival.message is not None:
                 self._status, self._status_s = arrival.message, arrival.arrival_s
-        status, speed_m_s, ranges = self._status, self._plant.true_velocity.linear_m_s, self._last_scan
+        status, speed_m_s, ranges = (
+            self._status,
+            self._plant.true_velocity.linear_m_s,
+            [eye.last for eye in self._eyes],
+        )
         if status is None or now_s - self._status_s > STATUS_SILENT_S:
             return Shown(speed_m_s=speed_m_s, ranges=ranges)
-        return Shown(Mode.of(status.mode), tuple(status.reasons), speed_m_s, status.nearest_m, ranges)
+        over = tuple(status.causes_and_latched()[1])
+        return Shown(Mode.of(status.mode), tuple(status.reasons), speed_m_s, status.nearest_m, ranges, over)
 
-    def _look(self) -> Ranges:
+    def _look(self, eye: "_Eye") -> Ranges:
         """A scan, with the faults in force: the first one after a freeze stays."""
-        if self._frozen is not None:
-            return self._frozen
-        ranges = spoil(self._faults, self._plant.scan(), self._beams_rad)
+        if eye.frozen is not None:
+            return eye.frozen
+        ranges = spoil(self._faults, self._plant.scan(eye.number), eye.lidar.angles_rad)
         if self._faults.freeze:
-            self._frozen = ranges
+            eye.frozen = ranges
         return ranges
 
     def _put_in_force(self, faults: SensorFaults) -> None:
         if faults != self._faults:
             _log.info("sensor faults in force: %s", faults)
         self._faults = faults
-        self._frozen = None
-        self._scan_times.rate_hz = faults.rate_hz or self._config.scan_hz
+        for eye in self._eyes:
+            eye.frozen = None
+            eye.times.rate_hz = faults.rate_hz or self._config.scan_hz
 
     def _health(self) -> Health:
         plant, pace = self._plant, self._pace

@@ -43,6 +43,9 @@ _WORDS = {
     "ESTOP": "emergency stop",
     "BASE_RUNAWAY": "the base moves by itself",
     "OVERRUN": "the supervisor was late",
+    "SENSOR_CONFLICT": "two writers on one sensor's key",
+    "BASE_UNRESPONSIVE": "the base does not follow",
+    "ODOM_STALE": "no odometry",
     "SCAN_INVALID": "the lidar's scans prove nothing",
     "SCAN_STALE": "no fresh scan",
     "SOURCE_LOST": "the operator's program is gone",
@@ -50,7 +53,7 @@ _WORDS = {
     "COMMAND_STALE": "commands come too late",
     "COMMAND_TIMEOUT": "no fresh command",
     "NO_COMMAND": "nobody has commanded yet",
-    "SCAN_BLIND": "no beam looks there",
+    "SCAN_BLIND": "nothing is seen there",
     "OBSTACLE": "obstacle within 30 cm",
 }
 
@@ -63,19 +66,24 @@ class Shown(NamedTuple):
         reasons: Why it stands, by the names of the wire, the most restrictive first.
         speed_m_s: Of the robot, ahead.
         nearest_m: From the hull to what the supervisor takes for the nearest thing; NaN where it knows of none.
-        ranges: The last scan, in m, shape (beams,); None before the first.
+        ranges: Each lidar's last scan, in m, shape (beams,); empty before the first.
+        over: Those of the reasons that hold no more: only a neutral command is missing.
     """
 
     mode: Mode = Mode.ALONE
     reasons: tuple[str, ...] = ()
     speed_m_s: float = 0.0
     nearest_m: float = math.nan
-    ranges: Ranges | None = None
+    ranges: Sequence[Ranges] = ()
+    over: tuple[str, ...] = ()
 
     @property
     def why(self) -> str:
-        """The reasons in words; empty where there is none."""
-        return in_words(self.reasons)
+        """The reasons that hold, in words; where all are over, what they were; empty where there is none."""
+        holding = [reason for reason in self.reasons if reason not in self.over]
+        if holding or not self.over:
+            return in_words(holding)
+        return f"over, waits for neutral: {in_words(self.over)}"
 
     @property
     def speed(self) -> str:

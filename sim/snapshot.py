@@ -23,7 +23,7 @@ class Snapshot:
         world: A fingerprint of the model; another world's snapshot is refused.
         physics: MuJoCo's integration state, float64.
         sensors: The readings of the last step, float64.
-        noise: The state of the lidar's noise generator.
+        noise: The state of each lidar's noise generator.
         drive: v and ω that the drive's ramp had come to.
         walked_s: How long each mover has been on its way.
         steps_to_tick: Steps until the movers move next.
@@ -40,7 +40,7 @@ class Snapshot:
     world: str
     physics: bytes
     sensors: bytes
-    noise: Mapping[str, Any]
+    noise: tuple[Mapping[str, Any], ...]
     drive: tuple[float, float]
     walked_s: tuple[float, ...]
     steps_to_tick: int

@@ -60,7 +60,7 @@ def open_viewer(plant: Plant) -> Callable[[Shown], None]:
 class _Window:
     def __init__(self, handle: Any, plant: Plant) -> None:  # noqa: ANN401 - untyped there
         self._handle, self._plant = handle, plant
-        self._overlay = Overlay(handle.user_scn, plant.outline, plant.lidar)
+        self._overlay = Overlay(handle.user_scn, plant.outline, plant.lidars)
         self._words = _Words(handle)
         self._is_open = True
 

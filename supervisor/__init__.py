@@ -2,6 +2,7 @@
 
     safety.py         the law: step(state, now, inputs) -> (state, decision). Start here
     model.py          its words: stop reasons, inputs, state, decision
+    explain.py        what is known of a cause beyond its name
     clearance.py      the speed barrier: how fast toward what, for any hull
     scan.py           what a laser scan proves
     reckoning.py      where the robot has gone since a scan

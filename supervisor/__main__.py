@@ -5,6 +5,8 @@ import logging
 
 from supervisor.blackbox import black_box
 from supervisor.config import SupervisorSection
+from supervisor.estop_files import RecordFiles, record_path, state_directory
+from supervisor.estop_record import EstopRecord
 from supervisor.fit import fit_to_base
 from supervisor.service import SupervisorService
 from wire.command_line import log_to_stderr, read_document, refuse, service_parser
@@ -13,6 +15,18 @@ from wire.process import run_process
 from wire.zenoh_bus import open_bus
 
 _log = logging.getLogger("supervisor")
+
+
+def open_record(namespace: str) -> EstopRecord:
+    """The e-stop record of a namespace in the state directory; says so if the e-stop is latched."""
+    directory = state_directory()
+    record = EstopRecord(RecordFiles(directory, namespace))
+    if record.latched_at_start:
+        _log.warning(
+            "the e-stop is latched since before this start (%s): it takes a reset, key r in teleop",
+            record_path(directory, namespace),
+        )
+    return record
 
 
 def main() -> None:
@@ -42,7 +56,8 @@ def main() -> None:
                     "%s is open to the network: anyone who reaches it may drive", bus_section.endpoint
                 )
             _log.info("listening on %s", bus_section.endpoint)
-            await SupervisorService(bus, config, black_box(config)).run(stop)
+            record = await asyncio.to_thread(open_record, bus_section.namespace)
+            await SupervisorService(bus, config, black_box(config), record).run(stop)
         finally:
             await bus.close()
         return 0

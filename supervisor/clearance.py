@@ -24,7 +24,7 @@ shape; what closes on nothing near is not slowed.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from enum import Enum
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -184,10 +184,22 @@ class ConvexPolygon:
         return start, np.roll(start, -1, axis=0) - start
 
 
+class Kind(Enum):
+    """What is known of a point."""
+
+    SEEN = "seen"
+    """A reading of the newest scan."""
+    REMEMBERED = "remembered"
+    """A reading of an earlier scan that no later one has disproved."""
+    HIDDEN = "hidden"
+    """The nearest place that no scan rules out: something may stand there."""
+
+
 class Surroundings(NamedTuple):
-    """Points around the hull, with what the closing speed needs, computed once for each scan."""
+    """Points of one kind around the hull, with what the closing speed needs, computed once for each scan."""
 
     hull: Hull
+    kind: Kind
     points: Floats
     """(n, 2) [m], base frame."""
     clearance_m: Floats
@@ -196,48 +208,23 @@ class Surroundings(NamedTuple):
     """(n,): closing speed [m/s] for each m/s of forward velocity."""
     per_angular: Floats
     """(n,): closing speed [m/s] for each rad/s of turn rate."""
-    blind_per_linear: Floats
-    """(b,): the same for the points of the hull's outline that face where nobody looks."""
-    blind_per_angular: Floats
-    """(b,)"""
-    nearest_m: float
-    """Infinity where there is no point."""
-    nearest_bearing_rad: float
-    """Direction of the nearest point from the base frame's origin; NaN where there is none."""
+
+    def nearest(self) -> tuple[float, float]:
+        """Clearance of the nearest point [m] and its bearing from the base frame's origin [rad]."""
+        first = int(self.clearance_m.argmin())
+        x_m, y_m = self.points[first].tolist()
+        return self.clearance_m.item(first), math.atan2(y_m, x_m)
 
 
-def survey(hull: Hull, points: Floats, *, blind: Mask | None = None) -> Surroundings:
-    """What points (n, 2) [m] in the base frame mean for motions of the hull.
-
-    Args:
-        hull: the robot's outline.
-        points: where something is.
-        blind: (m,), the points of `hull.outline()` that face where nobody looks; None: all of them.
-    """
-    blind_linear, blind_angular = _outline_rates(hull)
-    if blind is not None:
-        blind_linear, blind_angular = blind_linear[blind], blind_angular[blind]
-    return _around(hull, points, blind_linear, blind_angular)
+NO_POINTS: Floats = np.empty((0, 2))
 
 
-def _around(hull: Hull, points: Floats, blind_linear: Floats, blind_angular: Floats) -> Surroundings:
+def survey(hull: Hull, points: Floats, kind: Kind = Kind.SEEN) -> Surroundings:
+    """What points (n, 2) [m] in the base frame mean for motions of the hull."""
     if len(points) == 0:
         none = np.empty(0)
-        return Surroundings(hull, points, none, none, none, blind_linear, blind_angular, math.inf, math.nan)
-    clearance, per_linear, per_angular = hull.approach(points)
-    first = int(clearance.argmin())
-    x_m, y_m = points[first].tolist()
-    return Surroundings(
-        hull,
-        points,
-        clearance,
-        per_linear,
-        per_angular,
-        blind_linear,
-        blind_angular,
-        clearance.item(first),
-        math.atan2(y_m, x_m),
-    )
+        return Surroundings(hull, kind, points, none, none, none)
+    return Surroundings(hull, kind, points, *hull.approach(points))
 
 
 def _rates(points: Floats, normals: Floats) -> tuple[Floats, Floats]:
@@ -245,17 +232,12 @@ def _rates(points: Floats, normals: Floats) -> tuple[Floats, Floats]:
     return normals[:, 0], normals[:, 1] * points[:, 0] - normals[:, 0] * points[:, 1]
 
 
-@lru_cache(maxsize=8)
-def _outline_rates(hull: Hull) -> tuple[Floats, Floats]:
-    return _rates(*hull.outline())
-
-
-def moved(around: Surroundings, displacement: tuple[float, float, float]) -> Surroundings:
-    """The same points as seen after the robot has moved by (x [m], y [m], yaw [rad]) in the old base frame."""
+def moved(points: Floats, displacement: tuple[float, float, float]) -> Floats:
+    """Points (n, 2) as seen after the robot has moved by (x [m], y [m], yaw [rad]) in the old base frame."""
     x_m, y_m, yaw_rad = displacement
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
-    points: Floats = (around.points - (x_m, y_m)) @ np.array(((cos, -sin), (sin, cos)))
-    return _around(around.hull, points, around.blind_per_linear, around.blind_per_angular)
+    there: Floats = (points - (x_m, y_m)) @ np.array(((cos, -sin), (sin, cos)))
+    return there
 
 
 class Block(NamedTuple):
@@ -263,8 +245,10 @@ class Block(NamedTuple):
 
     per_linear: float
     per_angular: float
-    blind: bool
-    """Nothing is known to be there: it is where nobody looks."""
+    kind: Kind
+    x_m: float
+    """Of the point, in the base frame."""
+    y_m: float
 
     def is_approached_by(self, linear_m_s: float, angular_rad_s: float) -> bool:
         closing = self.per_linear * linear_m_s + self.per_angular * angular_rad_s
@@ -277,8 +261,8 @@ class Barrier(NamedTuple):
     stop_distance_m: float
     deceleration_m_s2: float
     reaction_s: float
-    blind_creep_m_s: float
-    """How fast the hull may move to where nobody looks."""
+    hidden_creep_m_s: float
+    """How fast the hull may close on a place that no scan rules out, however near it is."""
 
 
 def permitted_closing_speed(clearance_m: Floats, barrier: Barrier) -> Floats:
@@ -305,12 +289,9 @@ def permitted_scale(
         angular_rad_s: asked for, counter-clockwise.
         barrier: the numbers of this moment.
         here: the same, as seen from where odometry says that the robot is by now; None: from where it was.
-        worth: what limits a share that is not below this is not told: the motion goes on.
+        worth: a share below this is not worth moving for; the point is named only then.
     """
-    limit = _tighter(
-        _limit_of_closing(around, linear_m_s, angular_rad_s, barrier),
-        _limit_of_blindness(around, linear_m_s, angular_rad_s, barrier),
-    )
+    limit = _limit_of_closing(around, linear_m_s, angular_rad_s, barrier)
     if here is not None:
         limit = _tighter(limit, _limit_of_closing(here, linear_m_s, angular_rad_s, barrier))
     if angular_rad_s != 0.0:  # on a straight line the closing speed says it all
@@ -333,32 +314,30 @@ def _limit_of_closing(
     around: Surroundings, linear_m_s: float, angular_rad_s: float, barrier: Barrier
 ) -> Limit:
     closing = around.per_linear * linear_m_s + around.per_angular * angular_rad_s
-    deep = around.clearance_m < barrier.stop_distance_m - DEEP_M
-    (closed_on,) = (closing > np.where(deep, DEEP_TOLERANCE_M_S, CLOSING_TOLERANCE_M_S)).nonzero()
+    tolerance: float | Floats
+    if around.kind is Kind.HIDDEN:
+        tolerance = max(CLOSING_TOLERANCE_M_S, barrier.hidden_creep_m_s)
+    else:
+        deep = around.clearance_m < barrier.stop_distance_m - DEEP_M
+        tolerance = np.where(deep, DEEP_TOLERANCE_M_S, CLOSING_TOLERANCE_M_S)
+    (closed_on,) = (closing > tolerance).nonzero()
     if len(closed_on) == 0:
         return FREE
     permitted = permitted_closing_speed(around.clearance_m.take(closed_on), barrier)
+    if around.kind is Kind.HIDDEN:
+        permitted = np.maximum(permitted, barrier.hidden_creep_m_s)
     scales = permitted / closing.take(closed_on)
     tightest = int(scales.argmin())
     scale = scales.item(tightest)
     if scale >= 1.0:
         return FREE
-    point = closed_on[tightest]
-    return scale, lambda: Block(around.per_linear.item(point), around.per_angular.item(point), blind=False)
+    point = closed_on.item(tightest)
+    return scale, lambda: _block(around, point, around.per_linear.item(point), around.per_angular.item(point))
 
 
-def _limit_of_blindness(
-    around: Surroundings, linear_m_s: float, angular_rad_s: float, barrier: Barrier
-) -> Limit:
-    if len(around.blind_per_linear) == 0:
-        return FREE
-    closing = around.blind_per_linear * linear_m_s + around.blind_per_angular * angular_rad_s
-    fastest = int(closing.argmax())
-    if closing[fastest] <= max(CLOSING_TOLERANCE_M_S, barrier.blind_creep_m_s):
-        return FREE
-    linear, angular = around.blind_per_linear, around.blind_per_angular
-    scale = barrier.blind_creep_m_s / closing.item(fastest)
-    return scale, lambda: Block(linear.item(fastest), angular.item(fastest), blind=True)
+def _block(around: Surroundings, point: int, per_linear: float, per_angular: float) -> Block:
+    x_m, y_m = around.points[point].tolist()
+    return Block(per_linear, per_angular, around.kind, x_m, y_m)
 
 
 def _limit_of_the_way_ahead(
@@ -394,6 +373,10 @@ def _limit_of_the_way_ahead(
     nearest = int(share.argmin())
     tau_s = step_s * (first + share.item(nearest))
     scale = (math.sqrt(lost_s * lost_s + 2.0 * braking_s * tau_s) - lost_s) / braking_s
+    if around.kind is Kind.HIDDEN:
+        scale = max(scale, barrier.hidden_creep_m_s / fastest_m_s)
+        if scale >= limit[0]:
+            return limit
 
     def block() -> Block:
         """It may not be closed on yet: what blocks is how it is closed on at the fastest on the way there."""
@@ -403,7 +386,7 @@ def _limit_of_the_way_ahead(
         )
         _, per_linear, per_angular = hull.approach(np.vstack((points[nearest], moments[:, 0])))
         worst = int((per_linear * linear_m_s + per_angular * angular_rad_s).argmax())
-        return Block(per_linear.item(worst), per_angular.item(worst), blind=False)
+        return _block(around, near.item(nearest), per_linear.item(worst), per_angular.item(worst))
 
     return scale, block
 

@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 from supervisor.clearance import Circle, ConvexPolygon, Hull
 from supervisor.lidar_config import LidarSection, NamedLidarSection
 from supervisor.model import LawConfig, SourceConfig
+from supervisor.scan import Lidar
 from wire import topics
 from wire.config import Conflict, FreeName, Section
 from wire.quantities import Acceleration, AngularAcceleration, Between, Distance, Speed, TurnRate
@@ -224,16 +225,14 @@ class SupervisorSection(Section):
 
     def law(self) -> LawConfig:
         """The numbers as the pure core takes them."""
-        lidar = self.all_lidars()[0]
         return LawConfig(
             sources=tuple(SourceConfig(s.name, s.priority) for s in self.sources),
             hull=self.footprint.hull(),
-            mount=lidar.mount(),
-            profile=lidar.readings(),
-            min_beams=lidar.min_beams,
-            min_valid_share=lidar.min_valid_share,
+            lidars=tuple(
+                Lidar(s.name, s.mount(), s.readings(), self.scan_timeout_of(s), s.min_beams)
+                for s in self.all_lidars()
+            ),
             command_timeout_s=self.command_timeout_s,
-            scan_timeout_s=self.scan_timeout_of(lidar),
             overrun_s=self.overrun_s,
             stop_distance_m=self.stop_distance_m,
             warning_distance_m=self.warning_distance_m,
@@ -245,4 +244,11 @@ class SupervisorSection(Section):
             blind_creep_m_s=self.blind_creep_m_s,
             runaway_linear_m_s=self.runaway_linear_m_s,
             runaway_angular_rad_s=self.runaway_angular_rad_s,
+            smallest_obstacle_m=self.smallest_obstacle_m,
+            unseen_memory_s=self.unseen_memory_s,
+            works_in_the_open=self.works_in_the_open,
+            odometry=self.odometry,
+            odom_timeout_s=self.odom_timeout_s,
+            base_acceleration_m_s2=self.base_acceleration_m_s2,
+            base_angular_acceleration_rad_s2=self.base_angular_acceleration_rad_s2,
         )

@@ -6,6 +6,7 @@ sensor says. A reading that the profile does not explain is invalid, and what is
 being a code is too close: an obstacle.
 """
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -28,17 +29,39 @@ class LidarProfile:
     """Readings above zero and below this are error codes: nothing came back."""
     free_codes_m: tuple[float, ...] = ()
     """Constants that say so."""
+    silence_limit_s: float = math.inf
+    """A beam on which nothing has returned for longer may be covered: that nothing comes back proves nothing."""
+    silence_limit_m: float = math.inf
+    """Likewise for the robot's way meanwhile: a beam counts as long as either limit holds."""
+    trusts_silence_at_start: bool = True
+    """A beam counts from the first scan on; else only from its first return."""
 
+
+LONG_SILENCE_S = 15.0
+LONG_WAY_M = 5.0
+"""On moving robots with long-range sensors, at most 0.1 % of the beams have no return for so long."""
 
 PROFILES = {
-    "rep117": LidarProfile(),
-    "rplidar": LidarProfile(zero_is_free=True),
+    "rep117": LidarProfile(silence_limit_s=LONG_SILENCE_S, silence_limit_m=LONG_WAY_M),
+    "rplidar": LidarProfile(
+        zero_is_free=True,
+        silence_limit_s=LONG_SILENCE_S,
+        silence_limit_m=LONG_WAY_M,
+        trusts_silence_at_start=False,
+    ),
+    # The range of the XV-11 and of the URG-04 is so short that a fifth of the beams may be silent for minutes.
     # The XV-11 repeats 0.053 where nothing came back, below its range_min of 0.06.
     "neato_xv": LidarProfile(zero_is_free=True, nan_is_free=True, free_codes_m=(0.053,)),
     # The URG's codes 0 to 19, in mm, are reasons why there is no distance.
     "hokuyo_urg": LidarProfile(zero_is_free=True, nan_is_free=True, codes_below_m=0.0195),
     # Logs of the LMS carry its largest code where nothing came back.
-    "sick_lms": LidarProfile(zero_is_free=True, free_codes_m=(81.83, 81.9, 81.91, 50.0)),
+    "sick_lms": LidarProfile(
+        zero_is_free=True,
+        free_codes_m=(81.83, 81.9, 81.91, 50.0),
+        silence_limit_s=LONG_SILENCE_S,
+        silence_limit_m=LONG_WAY_M,
+        trusts_silence_at_start=False,
+    ),
 }
 
 

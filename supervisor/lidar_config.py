@@ -19,7 +19,6 @@ Timeout = Annotated[float, Between(0.03, 3.0, "a slower lidar does not see what 
 Period = Annotated[float, Between(0.002, 2.0)]
 # Fewer show no surroundings; more than 4,096 no planar lidar has.
 MinBeams = Annotated[int, Between(12, 4096)]
-MinValidShare = Annotated[float, Between(0.1, 1.0)]
 FULL_TURN_SLACK_RAD = 1e-3
 """Nobody writes pi in full."""
 Sector = Annotated[tuple[Angle, Angle], Field(strict=False)]
@@ -51,7 +50,6 @@ class LidarSection(Section):
     yaw_rad: Angle = 0.0
     masked_rad: Annotated[tuple[Sector, ...], Field(max_length=16, strict=False)] = ()
     min_beams: MinBeams = 90
-    min_valid_share: MinValidShare = 0.5
     timeout_s: Timeout | None = None
     """None: `scan_timeout_s` where that is given, else the profile's."""
     period_s: Period | None = None

@@ -27,15 +27,17 @@ def _planar(twist: ros.Twist) -> Velocity | None:
     return Velocity(twist.linear.x, twist.angular.z)
 
 
-def to_scan(arrival: Arrival[ros.LaserScan], header_tolerance_s: float) -> LaserScan | None:
+def to_scan(arrival: Arrival[ros.LaserScan], header_tolerance_s: float, lidar: int = 0) -> LaserScan | None:
     """The scan, with when it was taken by its attachment, or else by its header's unsteadier clock."""
     scan = arrival.message
     if scan is None:
         return None
     stamp = scan.header.stamp
     sent, tolerance_s = None, None
+    writer = b"frame " + scan.header.frame_id.encode()[:32]
     if arrival.stamp is not None:
         sent = arrival.stamp.sent()
+        writer = sent.epoch
     elif stamp.sec or stamp.nanosec:
         # A header has no sequence; the arrival, which only goes on, stands for it, in microseconds.
         sequence = round(arrival.arrival_s * 1e6)
@@ -51,6 +53,8 @@ def to_scan(arrival: Arrival[ros.LaserScan], header_tolerance_s: float) -> Laser
         sent,
         tolerance_s,
         scan.angle_max,
+        lidar,
+        writer,
     )
 
 
@@ -69,7 +73,7 @@ def to_twist(velocity: Velocity) -> ros.Twist:
     return ros.planar_twist(velocity.linear_m_s, velocity.angular_rad_s)
 
 
-def to_status(decision: Decision, now_s: float) -> ros.SafetyStatus:
+def to_status(decision: Decision, now_s: float, estop_record_problem: str = "") -> ros.SafetyStatus:
     return ros.SafetyStatus(
         header=ros.header("base_link"),
         mode=int(decision.mode),
@@ -88,6 +92,10 @@ def to_status(decision: Decision, now_s: float) -> ros.SafetyStatus:
         scans_refused=decision.scan_counts.late + decision.scan_counts.sequence + decision.scan_counts.epoch,
         unknown_sources=list(decision.strangers),
         sources=[_source_status(source, now_s) for source in decision.sources],
+        causes=[reason.value for reason in decision.causes],
+        latched=[reason.value for reason in decision.latched],
+        detail=decision.detail,
+        estop_record_problem=estop_record_problem,
     )
 
 

@@ -8,15 +8,14 @@ frozen dataclass.
 import math
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
+from functools import cached_property
 from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
-from supervisor.clearance import Block, Hull
-from supervisor.lidar import LidarProfile
+from supervisor.base_motion import FOLLOWING, Following
+from supervisor.clearance import NO_POINTS, Block, Floats, Hull, Surroundings
+from supervisor.near_memory import Remembered
 from supervisor.reckoning import STANDSTILL, Odometer, Pose, Velocity
-from supervisor.scan import Mount, ScanReading
+from supervisor.scan import LaserScan, Lidar, ScanReading, View
 from wire.freshness import Sent, Track, Verdict
 
 
@@ -26,6 +25,9 @@ class StopReason(StrEnum):
     ESTOP = "ESTOP"
     BASE_RUNAWAY = "BASE_RUNAWAY"
     OVERRUN = "OVERRUN"
+    SENSOR_CONFLICT = "SENSOR_CONFLICT"
+    BASE_UNRESPONSIVE = "BASE_UNRESPONSIVE"
+    ODOM_STALE = "ODOM_STALE"
     SCAN_INVALID = "SCAN_INVALID"
     SCAN_STALE = "SCAN_STALE"
     SOURCE_LOST = "SOURCE_LOST"
@@ -51,6 +53,9 @@ class Mode(IntEnum):
     LIMITED = 3
 
 
+RESIDUAL_M_S = 0.05
+
+
 @dataclass(frozen=True, slots=True)
 class SourceConfig:
     """A command source; the live one of the highest priority that asks for motion owns the wheels."""
@@ -65,10 +70,9 @@ class LawConfig:
 
     sources: tuple[SourceConfig, ...]
     hull: Hull
-    mount: Mount
-    profile: LidarProfile
+    lidars: tuple[Lidar, ...]
+    """At least one."""
     command_timeout_s: float
-    scan_timeout_s: float
     overrun_s: float
     stop_distance_m: float
     warning_distance_m: float
@@ -83,8 +87,46 @@ class LawConfig:
     """How fast the hull may move to where nobody looks."""
     runaway_linear_m_s: float
     runaway_angular_rad_s: float
-    min_beams: int
-    min_valid_share: float
+    smallest_obstacle_m: float
+    """The diameter of the smallest thing that must be seen."""
+    unseen_memory_s: float
+    """For so long a place counts as free that was seen free."""
+    works_in_the_open: bool
+    """A lidar on which nothing has ever returned is believed."""
+    odometry: bool
+    """The base says how it moves; else the law goes by its own commands."""
+    odom_timeout_s: float
+    base_acceleration_m_s2: float
+    """The base gains at least so much speed when it is asked to."""
+    base_angular_acceleration_rad_s2: float
+
+    @cached_property
+    def reach_m(self) -> float:
+        """What is farther than this from the hull limits no motion, whatever the age of a scan that still counts."""
+        fastest_m_s = self.max_linear_m_s + self.max_angular_rad_s * self.hull.radius_m
+        reaction_s = 2.0 * max(lidar.timeout_s for lidar in self.lidars) + self.transport_s
+        braking_m = fastest_m_s * fastest_m_s / (2.0 * self.deceleration_m_s2)
+        return self.stop_distance_m + fastest_m_s * reaction_s + braking_m + 0.05
+
+    @cached_property
+    def believable(self) -> Velocity:
+        """Odometry beyond this is a spike."""
+        return Velocity(2.0 * self.max_linear_m_s, 2.0 * self.max_angular_rad_s)
+
+    @cached_property
+    def slowest(self) -> Velocity:
+        """The least acceleration of the base [m/s², rad/s²]."""
+        return Velocity(self.base_acceleration_m_s2, self.base_angular_acceleration_rad_s2)
+
+    @cached_property
+    def trusted(self) -> Velocity:
+        """The deceleration that the base is trusted with [m/s², rad/s²]: the barrier's."""
+        return Velocity(self.deceleration_m_s2, self.deceleration_m_s2 / self.hull.radius_m)
+
+    @cached_property
+    def residual(self) -> Velocity:
+        """A base that is slower than this counts as standing [m/s, rad/s]."""
+        return Velocity(RESIDUAL_M_S, RESIDUAL_M_S / self.hull.radius_m)
 
 
 # --- what it is told
@@ -111,24 +153,6 @@ class Liveliness:
 
 
 @dataclass(frozen=True, slots=True)
-class LaserScan:
-    """A scan that arrived: sensor_msgs/LaserScan's fields, in its own frame."""
-
-    ranges: npt.NDArray[np.float32]
-    angle_min: float
-    angle_increment: float
-    range_min: float
-    range_max: float
-    arrival_s: float
-    sent: Sent | None = None
-    """From its attachment, else from its header; None where neither says when it was taken."""
-    sent_tolerance_s: float | None = None
-    """How unsteady the sender's clock may be; None: as steady as a command's."""
-    angle_max: float | None = None
-    """What the sender takes for the last beam's angle; None: it does not say."""
-
-
-@dataclass(frozen=True, slots=True)
 class Odometry:
     """What the base says of its own motion."""
 
@@ -142,13 +166,16 @@ class Inputs:
 
     commands: tuple[Command, ...] = ()
     liveliness: tuple[Liveliness, ...] = ()
-    scan: LaserScan | None = None
-    undecodable_scan: bool = False
+    scans: tuple[LaserScan, ...] = ()
+    undecodable_lidars: tuple[int, ...] = ()
+    """The lidars from which something came that is no scan."""
     odometry: Odometry | None = None
     strangers: tuple[str, ...] = ()
     """Sources outside the configuration that were heard."""
     estop: bool = False
     reset: bool = False
+    suspended_s: float = 0.0
+    """For so long the machine slept since the last step, unnoticed by the monotonic clock."""
 
 
 # --- what it remembers
@@ -206,6 +233,39 @@ class Source(NamedTuple):
         return self.velocity is None or self.velocity == STANDSTILL
 
 
+class Writer(NamedTuple):
+    """Who publishes scans of one lidar, and when that was last heard, and the time before."""
+
+    gid: bytes
+    heard_s: float
+    before_s: float = -math.inf
+
+
+class Past(NamedTuple):
+    """A view of a moment ago, for places that are out of view by now."""
+
+    lidar: str
+    view: View
+
+
+class Sight(NamedTuple):
+    """One lidar, as far as it is known."""
+
+    scan: ScanReading | None = None
+    track: Track = Track()
+    counts: Counts = Counts()
+    writers: tuple[Writer, ...] = ()
+    earlier: Floats = NO_POINTS
+    """Near points of the scans before the newest, in its base frame, whether it shows them again or not."""
+
+
+class Place(NamedTuple):
+    """Points that belong to no single scan, and the odometer's pose that they are given in."""
+
+    pose: Pose
+    around: Surroundings
+
+
 class State(NamedTuple):
     """All that the law remembers between two steps."""
 
@@ -214,13 +274,23 @@ class State(NamedTuple):
     owner: str = ""
     now_s: float | None = None
     """The last step's time; None before the first."""
-    scan: ScanReading | None = None
-    scan_track: Track = Track()
-    scan_counts: Counts = Counts()
+    sights: tuple[Sight, ...] = ()
+    """One for each configured lidar."""
+    memory: Remembered = Remembered()
+    """Near points of earlier scans."""
+    memory_pose: Pose = Odometer().pose
+    """The odometer's pose that these are given in."""
+    past: tuple[Past, ...] = ()
+    """Views of the last `unseen_memory_s`."""
+    places: tuple[Place, ...] = ()
+    """What is remembered, and what may be hidden."""
+    looking: tuple[int, ...] = ()
+    """The lidars whose scans those hidden places are from."""
     odometry: Odometry | None = None
     odometer: Odometer = Odometer()
-    scan_pose: Pose = Odometer().pose
-    """Where the odometer was when the scan was taken in."""
+    way_m: float = 0.0
+    """How far any point of the hull has moved, measured or commanded, whichever was more."""
+    following: Following = FOLLOWING
     estop: bool = False
     output: Velocity = STANDSTILL
     stopped_s: float | None = None
@@ -259,3 +329,9 @@ class Decision(NamedTuple):
     sources: tuple[Source, ...]
     strangers: tuple[str, ...]
     reset_reply: Reply | None = None
+    causes: tuple[StopReason, ...] = ()
+    """Stop reasons that hold now, the most restrictive first; may limit the motion without a stop."""
+    latched: tuple[StopReason, ...] = ()
+    """Stop reasons that are over; the owner's neutral command is missing."""
+    detail: str = ""
+    """What is known of the first cause beyond its name, as part of a sentence; empty: nothing."""

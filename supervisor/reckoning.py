@@ -36,10 +36,6 @@ class Odometer(NamedTuple):
     """Dead reckoning since the start, up to the last odometry."""
 
     pose: Pose = Pose(0.0, 0.0, 0.0)
-    turned_rad: float = 0.0
-    """The sum of all turns, either way."""
-    travelled_m: float = 0.0
-    """The sum of all ways, forward and back."""
     velocity: Velocity = STANDSTILL
     at_s: float = 0.0
 
@@ -57,24 +53,20 @@ def reckon(odometer: Odometer, velocity: Velocity, now_s: float, fastest: Veloci
         abs(velocity.linear_m_s) <= fastest.linear_m_s
         and abs(velocity.angular_rad_s) <= fastest.angular_rad_s
     )
-    held_s = _held(odometer, now_s)
-    return Odometer(
-        where(odometer, now_s),
-        odometer.turned_rad + abs(odometer.velocity.angular_rad_s) * held_s,
-        odometer.travelled_m + abs(odometer.velocity.linear_m_s) * held_s,
-        velocity if believable else STANDSTILL,
-        now_s,
-    )
+    return Odometer(where(odometer, now_s), velocity if believable else STANDSTILL, now_s)
 
 
 def displacement(odometer: Odometer, then: Pose, now_s: float) -> Pose | None:
     """How the robot has moved since it was at `then`, in its frame of then; None for next to nothing."""
-    pose = where(odometer, now_s)
-    x_m, y_m, yaw_rad = pose.x_m - then.x_m, pose.y_m - then.y_m, pose.yaw_rad - then.yaw_rad
-    if max(abs(x_m), abs(y_m), abs(yaw_rad)) < NEGLIGIBLE:
-        return None
+    way = between(then, where(odometer, now_s))
+    return None if max(abs(way.x_m), abs(way.y_m), abs(way.yaw_rad)) < NEGLIGIBLE else way
+
+
+def between(then: Pose, now: Pose) -> Pose:
+    """The pose `now` in the frame of the pose `then`."""
+    x_m, y_m = now.x_m - then.x_m, now.y_m - then.y_m
     cos, sin = math.cos(then.yaw_rad), math.sin(then.yaw_rad)
-    return Pose(cos * x_m + sin * y_m, cos * y_m - sin * x_m, yaw_rad)
+    return Pose(cos * x_m + sin * y_m, cos * y_m - sin * x_m, now.yaw_rad - then.yaw_rad)
 
 
 def where(odometer: Odometer, now_s: float) -> Pose:

@@ -16,25 +16,36 @@ Unproven means stop. The law in four sentences:
 """
 
 import math
+from collections.abc import Sequence
 
-from supervisor.clearance import Barrier, Block, moved, permitted_scale
+import numpy as np
+
+from supervisor.base_motion import follow
+from supervisor.clearance import Barrier, Block, Floats, Kind, moved, permitted_scale, survey
+from supervisor.explain import detail_of
 from supervisor.model import (
     SEVERITY,
     Command,
+    Counts,
     Decision,
     Inputs,
-    LaserScan,
     LawConfig,
     Mode,
     Odometry,
+    Past,
+    Place,
     Reasons,
     Reply,
+    Sight,
     Source,
     State,
     StopReason,
+    Writer,
 )
-from supervisor.reckoning import STANDSTILL, Odometer, Velocity, displacement, reckon, where
-from supervisor.scan import ScanReading, continue_reading, read_scan
+from supervisor.near_memory import Remembered, remember
+from supervisor.reckoning import STANDSTILL, Pose, Velocity, between, displacement, reckon, where
+from supervisor.scan import LaserScan, Lidar, Moment, ScanReading, View, read_scan
+from supervisor.seen_space import Lookout, hidden_places, lookout
 from wire.freshness import FALL_TOLERANCE_S, Verdict, judge
 
 IMPLAUSIBLE_FACTOR = 10.0
@@ -43,8 +54,15 @@ IMPLAUSIBLE_FACTOR = 10.0
 RUNAWAY_GRACE_S = 0.3
 """Beyond the braking time: odometry's own way here, and a wheel's last rocking."""
 
-BELIEVABLE_FACTOR = 2.0
-"""Odometry beyond this many times the limits is a spike."""
+SAME_PLACE_M = 0.15
+"""A reading so near to an earlier one is of the same thing, also of one that walks."""
+
+WRITER_WINDOW_S = 0.5
+"""Who was heard twice within this time publishes; longer for slow lidars."""
+
+REMEMBERED_WRITERS = 8
+GID_BYTES = 16
+PAST_VIEWS = 10
 
 REMEMBERED_STRANGERS = 8
 
@@ -53,12 +71,21 @@ ROUNDING_S = 1e-6
 
 NONE: Reasons = frozenset()
 BARRIER_REASONS: Reasons = frozenset({StopReason.OBSTACLE, StopReason.SCAN_BLIND})
+SCAN_REASONS: Reasons = frozenset({StopReason.SCAN_INVALID, StopReason.SCAN_STALE})
+
+RELEASED_FACTOR = 5.0
+"""A block is over when the barrier would permit this many times the minimum useful speed: readings are noisy."""
 
 
-def initial_state(config: LawConfig) -> State:
-    """Stopped: nobody has spoken, nothing has been seen."""
+def initial_state(config: LawConfig, *, estop: bool = False) -> State:
+    """Stopped: nobody has spoken, nothing has been seen.
+
+    Args:
+        config: the numbers of the law.
+        estop: whether an e-stop was pressed before and not reset.
+    """
     sources = tuple(Source(source) for source in sorted(config.sources, key=lambda s: (-s.priority, s.name)))
-    return State(config, sources)
+    return State(config, sources, sights=tuple(Sight() for _ in config.lidars), estop=estop)
 
 
 def step(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
@@ -70,10 +97,12 @@ def step(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
         inputs: what came since; arrivals are not after `now_s`.
     """
     state = _observe(state, now_s, inputs)
-    shared = _shared_causes(state, now_s)
+    usable = _usable(state, now_s)
+    state = _seek_hidden(state, usable, moved_on=bool(inputs.scans))
+    shared = _shared_causes(state, now_s, inputs.suspended_s, usable)
     state, live = _take_commands(state, now_s, inputs, shared)
     state, reply = _reset(state, inputs, live)
-    return _decide(state, now_s, shared, reply)
+    return _decide(state, now_s, shared, usable, reply)
 
 
 def runs_out_s(state: State) -> float:
@@ -84,79 +113,194 @@ def runs_out_s(state: State) -> float:
     if state.output == STANDSTILL:
         return math.inf
     owner = _owning(state)
-    assert owner is not None  # nothing moves without one,
-    assert state.scan is not None  # nor without the other
+    assert owner is not None  # nothing moves without one
     config = state.config
-    last_s = min(owner.sent_s + config.command_timeout_s, state.scan.taken_s + config.scan_timeout_s)
-    return last_s + ROUNDING_S
+    scans_s = [
+        scan.taken_s + config.lidars[place].timeout_s for place, scan in _usable(state, state.now_s or 0.0)
+    ]
+    return min(owner.sent_s + config.command_timeout_s, *scans_s) + ROUNDING_S
 
 
 # --- what everybody shares
 
 
 def _observe(state: State, now_s: float, inputs: Inputs) -> State:
-    """Take in odometry, scan, e-stop, and who else speaks."""
-    odometer = state.odometer if inputs.odometry is None else _move(state, inputs.odometry)
-    odometry = state.odometry if inputs.odometry is None else inputs.odometry
-    if inputs.scan is not None:
-        state = _see(state, inputs.scan, odometer)
-    elif inputs.undecodable_scan and state.scan is not None:
-        state = state._replace(scan=state.scan._replace(problem="undecodable"))
-    strangers = dict.fromkeys((*state.strangers, *inputs.strangers))
-    return state._replace(
+    """Take in odometry, scans, e-stop, and who else speaks."""
+    config = state.config
+    odometry = state.odometry if inputs.odometry is None or not config.odometry else inputs.odometry
+    dt_s = 0.0 if state.now_s is None else now_s - state.now_s
+    if odometry is None:  # the base does not say how it moves: it is taken at its command
+        odometer = reckon(state.odometer, state.output, now_s, config.believable)
+    elif inputs.odometry is not None:
+        # A spike is no motion there, but it stays to be seen as one.
+        odometer = reckon(state.odometer, odometry.velocity, odometry.arrival_s, config.believable)
+    else:
+        odometer = state.odometer
+    measured_m_s = _hull_speed(odometer.velocity, config)
+    state = state._replace(
         odometry=odometry,
         odometer=odometer,
+        way_m=state.way_m + dt_s * max(measured_m_s, _hull_speed(state.output, config)),
+        following=follow(
+            state.following,
+            state.output,
+            None if odometry is None else odometry.velocity,
+            now_s,
+            dt_s,
+            config.slowest,
+            config.trusted,
+        ),
         estop=state.estop or inputs.estop,
         runaway=_runs_away(state, now_s, odometry),
-        strangers=tuple(strangers)[:REMEMBERED_STRANGERS],
+        strangers=tuple(dict.fromkeys((*state.strangers, *inputs.strangers)))[:REMEMBERED_STRANGERS],
+    )
+    for place in inputs.undecodable_lidars:
+        state = _spoil(state, place)
+    for scan in inputs.scans:
+        state = _see(state, scan)
+    return _outdate(state) if inputs.suspended_s > config.overrun_s else state
+
+
+def _spoil(state: State, place: int) -> State:
+    """Something came from a lidar that is no scan."""
+    sight = state.sights[place]
+    if sight.scan is None:
+        return state
+    return _with_sight(state, place, sight._replace(scan=sight.scan._replace(problem="undecodable")))
+
+
+def _with_sight(state: State, place: int, sight: Sight) -> State:
+    return state._replace(sights=(*state.sights[:place], sight, *state.sights[place + 1 :]))
+
+
+def _outdate(state: State) -> State:
+    """The machine slept: everything is older than the clock says."""
+    return state._replace(
+        sources=tuple(s._replace(sent_s=-math.inf, neutral_s=-math.inf) for s in state.sources),
+        sights=tuple(
+            s if s.scan is None else s._replace(scan=s.scan._replace(taken_s=-math.inf)) for s in state.sights
+        ),
+        past=(),
     )
 
 
-def _move(state: State, odometry: Odometry) -> Odometer:
-    """Reckon with odometry. A spike is no motion there, but it stays to be seen as one."""
-    config = state.config
-    fastest = Velocity(
-        BELIEVABLE_FACTOR * config.max_linear_m_s, BELIEVABLE_FACTOR * config.max_angular_rad_s
-    )
-    return reckon(state.odometer, odometry.velocity, odometry.arrival_s, fastest)
-
-
-def _see(state: State, scan: LaserScan, odometer: Odometer) -> State:
+def _see(state: State, scan: LaserScan) -> State:
     """Take in a scan; one that is late, replayed or older than the one before counts as none."""
-    config = state.config
+    config, place = state.config, scan.lidar
+    lidar, sight = config.lidars[place], state.sights[place]
     tolerance_s = FALL_TOLERANCE_S if scan.sent_tolerance_s is None else scan.sent_tolerance_s
     track, verdict, on_way_s = judge(
-        state.scan_track, scan.sent, scan.arrival_s, config.scan_timeout_s, tolerance_s, may_return=True
+        sight.track, scan.sent, scan.arrival_s, lidar.timeout_s, tolerance_s, may_return=True
     )
-    counts = state.scan_counts.add(verdict)
+    counts, writers = sight.counts.add(verdict), _heard(sight.writers, scan)
     if verdict is not Verdict.FRESH:
-        return state._replace(scan_track=track, scan_counts=counts)
-    surroundings, problem, return_share = read_scan(
-        scan.ranges,
-        angle_min=scan.angle_min,
-        angle_max=scan.angle_max,
-        angle_increment=scan.angle_increment,
-        range_min=scan.range_min,
-        range_max=scan.range_max,
-        mount=config.mount,
-        profile=config.profile,
-        hull=config.hull,
-        stop_distance_m=config.stop_distance_m,
-        min_beams=config.min_beams,
-        min_valid_share=config.min_valid_share,
+        return _with_sight(state, place, Sight(sight.scan, track, counts, writers, sight.earlier))
+    before, taken_s = sight.scan, scan.arrival_s - on_way_s
+    period_s = lidar.timeout_s if before is None else min(lidar.timeout_s, max(0.0, taken_s - before.taken_s))
+    moment = Moment(taken_s, period_s, where(state.odometer, taken_s), state.way_m)
+    reading = read_scan(
+        before, scan, moment, lidar, config.hull, config.reach_m, in_the_open=config.works_in_the_open
     )
-    taken_s = scan.arrival_s - on_way_s
-    period_s = config.scan_timeout_s
-    if state.scan is not None:
-        period_s = min(period_s, max(0.0, taken_s - state.scan.taken_s))
-    travelled_m = odometer.travelled_m + config.hull.radius_m * odometer.turned_rad
-    reading = ScanReading(taken_s, period_s, surroundings, problem, scan.ranges, 0, travelled_m, return_share)
+    if reading.problem is not None:
+        return _with_sight(state, place, Sight(reading, track, counts, writers, sight.earlier))
+    memory, earlier = _remember(state, before, reading, lidar)
+    assert reading.view is not None  # a reading without a problem has one
+    state = _with_sight(state, place, Sight(reading, track, counts, writers, earlier))
     return state._replace(
-        scan=continue_reading(state.scan, reading),
-        scan_track=track,
-        scan_counts=counts,
-        scan_pose=where(odometer, taken_s),
+        memory=memory, memory_pose=reading.view.pose, past=_keep_past(state, lidar, reading.view)
     )
+
+
+def _heard(writers: tuple[Writer, ...], scan: LaserScan) -> tuple[Writer, ...]:
+    """Who publishes this lidar's scans, the latest first; those who spoke but once give way."""
+    known = next((w for w in writers if w.gid == scan.writer), None)
+    if known is not None and len(writers) == 1:
+        return (Writer(scan.writer, scan.arrival_s, known.heard_s),)
+    others = [w for w in writers if w.gid != scan.writer]
+    others.sort(key=lambda w: (w.before_s > -math.inf, w.heard_s), reverse=True)
+    newest = Writer(scan.writer, scan.arrival_s, -math.inf if known is None else known.heard_s)
+    return (newest, *others[: REMEMBERED_WRITERS - 1])
+
+
+def _remember(
+    state: State, before: ScanReading | None, reading: ScanReading, lidar: Lidar
+) -> tuple[Remembered, Floats]:
+    """What earlier scans showed near the robot and this one does not disprove; and all that they showed."""
+    config, view = state.config, reading.view
+    assert view is not None  # a reading without a problem has one
+    earlier, misses = state.memory
+    if len(earlier):
+        earlier = moved(earlier, between(state.memory_pose, view.pose))
+        near = np.hypot(earlier[:, 0], earlier[:, 1]) < config.hull.radius_m + config.reach_m
+        earlier, misses = earlier[near], misses[near]
+    if before is not None and before.view is not None and len(before.around.points):
+        shown = moved(before.around.points, between(before.view.pose, view.pose))
+        earlier = np.concatenate((earlier, shown))
+        misses = np.concatenate((misses, np.zeros(len(shown), dtype=np.int64)))
+    return remember(Remembered(earlier, misses), view, lidar.mount), earlier
+
+
+def _keep_past(state: State, lidar: Lidar, view: View) -> tuple[Past, ...]:
+    """The views of the last `unseen_memory_s`, of each lidar about `PAST_VIEWS`."""
+    memory_s = state.config.unseen_memory_s
+    if memory_s == 0.0:
+        return ()
+    kept = [p for p in state.past if view.taken_s - p.view.taken_s <= memory_s]
+    same = [p for p in kept if p.lidar == lidar.name]
+    if not same or view.taken_s - same[-1].view.taken_s >= memory_s / PAST_VIEWS:
+        kept.append(Past(lidar.name, view))
+    return tuple(kept)
+
+
+Usable = Sequence[tuple[int, ScanReading]]
+"""The lidars that see, by their places, and what they show."""
+
+
+def _usable(state: State, now_s: float) -> Usable:
+    """The lidars whose newest scan proves something, by their places, and that scan."""
+    return [
+        (place, sight.scan)
+        for place, (sight, lidar) in enumerate(zip(state.sights, state.config.lidars, strict=True))
+        if sight.scan is not None
+        and sight.scan.problem is None
+        and now_s - sight.scan.taken_s <= lidar.timeout_s
+    ]
+
+
+def _seek_hidden(state: State, usable: Usable, *, moved_on: bool) -> State:
+    """Where something may stand that no lidar sees; a lidar that has fallen silent sees nothing."""
+    looking = tuple(place for place, _ in usable)
+    if not moved_on and looking == state.looking:
+        return state
+    config, places = state.config, list[Place]()
+    if len(state.memory.points):
+        remembered = survey(config.hull, state.memory.points, Kind.REMEMBERED)
+        places.append(Place(state.memory_pose, remembered))
+    if usable:
+        first, view = config.lidars[usable[0][0]], usable[0][1].view
+        assert view is not None  # a usable scan has one
+        hidden = hidden_places(
+            view,
+            first.mount,
+            config.hull,
+            config.smallest_obstacle_m,
+            config.reach_m,
+            lambda: _lookouts(state, usable, view.pose),
+        )
+        if len(hidden):
+            places.append(Place(view.pose, survey(config.hull, hidden, Kind.HIDDEN)))
+    if not places and not state.places and looking == state.looking:
+        return state
+    return state._replace(places=tuple(places), looking=looking)
+
+
+def _lookouts(state: State, usable: Usable, pose: Pose) -> list[Lookout]:
+    """The views that may have seen what the first lidar does not."""
+    lidars = state.config.lidars
+    mounts = {lidar.name: lidar.mount for lidar in lidars}
+    now = [(lidars[place].mount, scan.view) for place, scan in usable[1:]]
+    past = [(mounts[p.lidar], p.view) for p in state.past]
+    return [lookout(view, mount, view.pose, pose) for mount, view in (*now, *past) if view is not None]
 
 
 def _runs_away(state: State, now_s: float, odometry: Odometry | None) -> bool:
@@ -172,20 +316,52 @@ def _runs_away(state: State, now_s: float, odometry: Odometry | None) -> bool:
     return moving and min(now_s, odometry.arrival_s) - state.stopped_s > braking_s
 
 
-def _shared_causes(state: State, now_s: float) -> Reasons:
+def _shared_causes(state: State, now_s: float, suspended_s: float, usable: Usable) -> Reasons:
     """What keeps every source from driving now. Taken before a reset: what it releases is a cause once more."""
+    config = state.config
     causes: set[StopReason] = set()
-    if state.scan is None or now_s - state.scan.taken_s > state.config.scan_timeout_s:
-        causes.add(StopReason.SCAN_STALE)
-    elif state.scan.problem is not None:
-        causes.add(StopReason.SCAN_INVALID)
-    if state.now_s is not None and now_s - state.now_s > state.config.overrun_s:
+    if not usable:
+        fresh = any(
+            sight.scan is not None and now_s - sight.scan.taken_s <= lidar.timeout_s
+            for sight, lidar in zip(state.sights, config.lidars, strict=True)
+        )
+        causes.add(StopReason.SCAN_INVALID if fresh else StopReason.SCAN_STALE)
+    if _conflicts(state, now_s):
+        causes.add(StopReason.SENSOR_CONFLICT)
+    if (state.now_s is not None and now_s - state.now_s > config.overrun_s) or suspended_s > config.overrun_s:
         causes.add(StopReason.OVERRUN)
+    if state.odometry is not None and now_s - state.odometry.arrival_s > config.odom_timeout_s:
+        causes.add(StopReason.ODOM_STALE)
+    if state.following.unresponsive:
+        causes.add(StopReason.BASE_UNRESPONSIVE)
     if state.runaway:
         causes.add(StopReason.BASE_RUNAWAY)
     if state.estop:
         causes.add(StopReason.ESTOP)
     return frozenset(causes)
+
+
+def _conflicts(state: State, now_s: float) -> tuple[str, ...]:
+    """For each lidar whose scans come from several writers, who they are."""
+    return tuple(
+        f"{lidar.name}: {' and '.join(sorted(_name_of(gid) for gid in speaking))}"
+        for place, lidar in enumerate(state.config.lidars)
+        if len(speaking := _speaking(state, place, now_s)) > 1
+    )
+
+
+def _name_of(gid: bytes) -> str:
+    """A writer, as a person can tell it from another."""
+    return gid.hex()[:8] if len(gid) == GID_BYTES else gid.decode(errors="replace") or "no name"
+
+
+def _speaking(state: State, place: int, now_s: float) -> list[bytes]:
+    """Who publishes a lidar's scans now: heard twice within a moment, so that a stray message is nobody."""
+    writers = state.sights[place].writers
+    if len(writers) < 2:
+        return []
+    since_s = now_s - max(WRITER_WINDOW_S, 2.5 * state.config.lidars[place].timeout_s)
+    return [w.gid for w in writers if w.before_s >= since_s]
 
 
 def _reset(state: State, inputs: Inputs, live: list[Source]) -> tuple[State, Reply | None]:
@@ -342,47 +518,128 @@ def _owner(owner: str, live: list[Source]) -> str:
 # --- the decision
 
 
-def _decide(state: State, now_s: float, shared: Reasons, reply: Reply | None) -> tuple[State, Decision]:
+def _decide(
+    state: State, now_s: float, shared: Reasons, usable: Usable, reply: Reply | None
+) -> tuple[State, Decision]:
     """What the owner may do now."""
     config = state.config
     owner = _owning(state)
     reasons = shared | ({StopReason.NO_COMMAND} if owner is None else owner.latched)
     commanded = STANDSTILL if owner is None or owner.velocity is None else owner.velocity
+    causes = shared | ({StopReason.NO_COMMAND} if owner is None else _own_causes(owner, now_s, config))
     scale, block = 1.0, None
-    if not reasons and owner is not None and commanded != STANDSTILL:
+    if not reasons and commanded != STANDSTILL:
         worth = config.creep_m_s / max(config.creep_m_s, _hull_speed(commanded, config))
-        scale, block = _barrier(state, now_s, commanded, worth)
-        if block is not None:
-            reason = StopReason.SCAN_BLIND if block.blind else StopReason.OBSTACLE
-            state = _stop_at(state, now_s, block, reason)
-            reasons = frozenset({reason})
+        scale, block = _barrier(state, now_s, usable, commanded, worth)
+        scale = 0.0 if scale < worth else scale
+        if block is not None and _is_confirmed(state, block):
+            state = _stop_at(state, now_s, block, _reason_of(block))
+            reasons = frozenset({_reason_of(block)})
+    elif reasons & BARRIER_REASONS and usable and commanded != STANDSTILL:
+        useful_m_s = RELEASED_FACTOR * config.creep_m_s
+        worth = useful_m_s / max(useful_m_s, _hull_speed(commanded, config))
+        block = _barrier(state, now_s, usable, commanded, worth)[1]
+    if block is not None:
+        causes |= {_reason_of(block)}
     output = STANDSTILL
     if not reasons:
         output = Velocity(scale * commanded.linear_m_s, scale * commanded.angular_rad_s)
     since_s = now_s if state.stopped_s is None else state.stopped_s
     stopped_s = since_s if output == STANDSTILL else None
     state = state._replace(now_s=now_s, output=output, stopped_s=stopped_s)
-    return state, _explain(state, now_s, reasons, commanded, scale, reply)
+    return state, _explain(state, now_s, reasons, causes, block, commanded, scale, reply)
 
 
-def _barrier(state: State, now_s: float, commanded: Velocity, worth: float) -> tuple[float, Block | None]:
+def _barrier(
+    state: State, now_s: float, usable: Usable, commanded: Velocity, worth: float
+) -> tuple[float, Block | None]:
     """The share of the commanded twist that the surroundings permit, and what blocks if that is below `worth`.
 
-    The scan shows where things were when it was taken. They are also looked at from where odometry says
+    A base that still has another velocity goes through mixtures of both on its way. What it still has on one
+    axis is judged together with what is asked for on the other; while that limits, nothing is latched: the
+    base only has to slow down first.
+    """
+    scale, block = _permitted(state, now_s, usable, commanded, worth)
+    for mixed in _mixtures(state, commanded):
+        scale = min(scale, _permitted(state, now_s, usable, mixed, worth)[0])
+    return scale, block
+
+
+def _mixtures(state: State, commanded: Velocity) -> list[Velocity]:
+    """The twists on the base's way to the commanded one in which a velocity is left that is to go."""
+    least, has = state.config.residual, state.following.most
+    if state.odometry is not None:
+        has = state.odometer.velocity
+    mixtures: list[Velocity] = []
+    if commanded.angular_rad_s != 0.0 and _is_left(has.linear_m_s, commanded.linear_m_s, least.linear_m_s):
+        mixtures.append(Velocity(has.linear_m_s, commanded.angular_rad_s))
+    if commanded.linear_m_s != 0.0 and _is_left(
+        has.angular_rad_s, commanded.angular_rad_s, least.angular_rad_s
+    ):
+        mixtures.append(Velocity(commanded.linear_m_s, has.angular_rad_s))
+    return mixtures
+
+
+def _is_left(has: float, wanted: float, least: float) -> bool:
+    """Whether a velocity is one that is to go, by more than noise."""
+    return abs(has) > least and (has * wanted < 0.0 or abs(has) > abs(wanted) + least)
+
+
+def _permitted(
+    state: State, now_s: float, usable: Usable, twist: Velocity, worth: float
+) -> tuple[float, Block | None]:
+    """The share of a twist that everything around permits, and what blocks it.
+
+    A scan shows where things were when it was taken. They are also looked at from where odometry says
     that the robot is by now, and the more cautious of the two counts: odometry may be wrong. The way ahead
     on an arc begins where the robot is by now.
     """
-    config, scan = state.config, state.scan
-    assert scan is not None  # without one nothing gets here: it is a stop
+    config = state.config
+    scale, block, slowest_s = 1.0, None, 0.0
+    for _, scan in usable:
+        assert scan.view is not None  # a usable scan has one
+        reaction_s = now_s - scan.taken_s + scan.period_s + config.transport_s
+        slowest_s = max(slowest_s, reaction_s)
+        found = _permitted_among(state, now_s, twist, worth, Place(scan.view.pose, scan.around), reaction_s)
+        if found[0] < scale:
+            scale, block = found
+    for place in state.places:
+        found = _permitted_among(state, now_s, twist, worth, place, slowest_s)
+        if found[0] < scale:
+            scale, block = found
+    return scale, block
+
+
+def _permitted_among(
+    state: State, now_s: float, twist: Velocity, worth: float, place: Place, reaction_s: float
+) -> tuple[float, Block | None]:
+    config, around = state.config, place.around
     barrier = Barrier(
         stop_distance_m=config.stop_distance_m,
         deceleration_m_s2=config.deceleration_m_s2,
-        reaction_s=now_s - scan.taken_s + scan.period_s + config.transport_s,
-        blind_creep_m_s=config.blind_creep_m_s,
+        reaction_s=reaction_s,
+        hidden_creep_m_s=config.blind_creep_m_s,
     )
-    way = displacement(state.odometer, state.scan_pose, now_s)
-    here = None if way is None else moved(scan.surroundings, way)
-    return permitted_scale(scan.surroundings, *commanded, barrier, here, worth=worth)
+    way = displacement(state.odometer, place.pose, now_s)
+    here = None if way is None else survey(around.hull, moved(around.points, way), around.kind)
+    return permitted_scale(around, *twist, barrier, here, worth=worth)
+
+
+def _is_confirmed(state: State, block: Block) -> bool:
+    """Whether more than one reading of one scan blocks.
+
+    A stray reading, of dust or rain, stops the robot while it is there, and latches nothing.
+    """
+    if block.kind is not Kind.SEEN:
+        return block.kind is Kind.HIDDEN
+    return any(
+        bool((np.hypot(s.earlier[:, 0] - block.x_m, s.earlier[:, 1] - block.y_m) < SAME_PLACE_M).any())
+        for s in state.sights
+    )
+
+
+def _reason_of(block: Block) -> StopReason:
+    return StopReason.SCAN_BLIND if block.kind is Kind.HIDDEN else StopReason.OBSTACLE
 
 
 def _hull_speed(velocity: Velocity, config: LawConfig) -> float:
@@ -405,31 +662,78 @@ def _stop_at(state: State, now_s: float, block: Block, reason: StopReason) -> St
 
 
 def _explain(
-    state: State, now_s: float, reasons: Reasons, commanded: Velocity, scale: float, reply: Reply | None
+    state: State,
+    now_s: float,
+    reasons: Reasons,
+    causes: Reasons,
+    block: Block | None,
+    commanded: Velocity,
+    scale: float,
+    reply: Reply | None,
 ) -> Decision:
-    config, scan = state.config, state.scan
+    config = state.config
     if reasons:
         mode = Mode.STOPPED
-    elif state.output == STANDSTILL:
+    elif commanded == STANDSTILL:
         mode = Mode.READY
     else:
         mode = Mode.DRIVING if scale == 1.0 else Mode.LIMITED
-    nearest_m = math.nan if scan is None or scan.problem is not None else scan.surroundings.nearest_m
+    scans = [sight.scan for sight in state.sights if sight.scan is not None]
+    nearest_m, bearing_rad = _nearest(state, scans)
     return Decision(
         mode=mode,
         output=state.output,
-        reasons=tuple(sorted(reasons, key=SEVERITY.__getitem__)),
+        reasons=_by_severity(reasons),
         owner=state.owner,
         commanded=commanded,
         scale=0.0 if reasons else scale,
         nearest_m=nearest_m,
-        nearest_bearing_rad=math.nan if scan is None else scan.surroundings.nearest_bearing_rad,
+        nearest_bearing_rad=bearing_rad,
         warning=nearest_m < config.warning_distance_m,
         alarm=state.runaway,
-        scan_age_s=math.nan if scan is None else now_s - scan.taken_s,
-        scan_problem="" if scan is None or scan.problem is None else scan.problem,
-        scan_counts=state.scan_counts,
+        scan_age_s=max((now_s - scan.taken_s for scan in scans), default=math.nan),
+        scan_problem=_problems(state),
+        scan_counts=_scan_counts(state.sights),
         sources=state.sources,
         strangers=state.strangers,
         reset_reply=reply,
+        causes=_by_severity(causes),
+        latched=_by_severity(reasons - causes),
+        detail=detail_of(
+            causes,
+            scan_problem=_problems(state),
+            block_bearing_rad=math.nan if block is None else math.atan2(block.y_m, block.x_m),
+            writers=_conflicts(state, now_s),
+        ),
     )
+
+
+def _nearest(state: State, scans: list[ScanReading]) -> tuple[float, float]:
+    """Clearance and bearing of the nearest thing that is seen or remembered."""
+    found = [(scan.nearest_m, scan.nearest_bearing_rad) for scan in scans if scan.problem is None]
+    if not found:
+        return math.nan, math.nan
+    found.extend(place.around.nearest() for place in state.places if place.around.kind is Kind.REMEMBERED)
+    return min(found)
+
+
+def _scan_counts(sights: tuple[Sight, ...]) -> Counts:
+    if len(sights) == 1:
+        return sights[0].counts
+    return Counts(*(sum(of_each) for of_each in zip(*(sight.counts for sight in sights), strict=True)))
+
+
+def _problems(state: State) -> str:
+    """What is wrong with the scans; of several lidars, by name."""
+    problems = [
+        (lidar.name, sight.scan.problem)
+        for lidar, sight in zip(state.config.lidars, state.sights, strict=True)
+        if sight.scan is not None and sight.scan.problem is not None
+    ]
+    if len(state.sights) == 1:
+        return "".join(problem for _, problem in problems)
+    return "; ".join(f"{name}: {problem}" for name, problem in problems)
+
+
+def _by_severity(reasons: Reasons) -> tuple[StopReason, ...]:
+    return tuple(sorted(reasons, key=SEVERITY.__getitem__))

@@ -1,9 +1,12 @@
-"""What a laser scan proves: where something is, where nothing is, and where nobody looks.
+"""What one lidar's scans prove: where something is, and how far each ray is free.
 
-The view is judged in equal sectors around the lidar: a sector with too few explained readings is *blind*,
-be it outside the fan, behind the robot's own mount, or covered by a hand. A scan that proves no sector,
-whose numbers contradict each other, that repeats itself while the robot moves, or that goes blank from one
-to the next, proves nothing at all.
+A beam proves its ray free up to its return, and shows an object there. A beam without a return proves its ray
+free up to `range_max` and nothing beyond; that is weak evidence, which dirt gives as well, so a profile may
+count it only for beams that have lately shown that they can see. A reading that the profile does not explain
+proves nothing: for one timeout the scans before it speak for its direction, then it is a hole.
+
+A scan whose numbers contradict each other, that repeats itself while the robot moves, that goes blank from
+one to the next, or that came before anything ever returned, proves nothing at all.
 """
 
 import math
@@ -14,11 +17,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from supervisor.clearance import Floats, Hull, Mask, Surroundings, survey
+from supervisor.clearance import NO_POINTS, Floats, Hull, Mask, Surroundings, survey
 from supervisor.lidar import LidarProfile, explain
-
-SECTORS = 24
-SECTOR_RAD = 2 * math.pi / SECTORS
+from supervisor.reckoning import Pose, between
+from wire.freshness import Sent
 
 FROZEN_REPEATS = 3
 FROZEN_TRAVEL_M = 0.02
@@ -46,180 +48,368 @@ class Mount:
     y_m: float = 0.0
     yaw_rad: float = 0.0
     masked_rad: tuple[tuple[float, float], ...] = ()
-    """Sectors (from, to) in the lidar's frame, counter-clockwise, that show the robot: they are blind."""
+    """Sectors (from, to) in the lidar's frame, counter-clockwise, that show the robot: nothing is seen there."""
 
 
-class ScanReading(NamedTuple):
-    """The newest scan, as the law uses it."""
+@dataclass(frozen=True, slots=True)
+class Lidar:
+    """One lidar of the configuration."""
 
-    taken_s: float
-    """When, by our clock: its arrival less its time on the way."""
-    period_s: float
-    """Between it and the one before; the scan timeout for the first one."""
-    surroundings: Surroundings
-    problem: str | None
-    """Why it proves nothing; None for a valid scan."""
-    ranges: Ranges
-    repeats: int
-    """How many scans right before it were the same to the bit."""
-    travelled_m: float
-    """The odometer at the first of those."""
-    return_share: float
-    """Of the beams; of the last scan that was not blank, if this one is."""
+    name: str
+    mount: Mount
+    profile: LidarProfile
+    timeout_s: float
+    """An older scan proves nothing."""
+    min_beams: int = 90
+
+
+class Geometry(NamedTuple):
+    """Where the beams of a scan point, in the lidar's frame [rad]."""
+
+    beams: int
+    angle_min: float
+    increment: float
+    """From beam to beam [rad]; negative for a clockwise scan."""
 
 
 @dataclass(frozen=True)
-class _Beams:
-    """What depends on a scan's geometry alone."""
+class Rays:
+    """The beams of a geometry on the robot; what depends on these alone."""
 
     origin_m: Floats
     """(2, 1): of the lidar in the base frame."""
     direction: Floats
     """(2, n): unit vectors in the base frame."""
-    sector: npt.NDArray[np.int64]
     looking: Mask
+    """Not masked."""
     hull_m: Floats
     """How far each beam runs inside the hull [m]; zero where the lidar is outside of it."""
-    needed: float
-    """Explained readings that prove a sector."""
+
+    def points(self, beams: npt.NDArray[np.intp], distance_m: Floats) -> Floats:
+        """Where some of the beams (m,) end, in the base frame: (m, 2), for the distances (n,) of all."""
+        ends: Floats = (self.direction.take(beams, axis=1) * distance_m.take(beams) + self.origin_m).T
+        return ends
+
+
+class View(NamedTuple):
+    """What the last valid scan of a lidar proves, beam by beam."""
+
+    geometry: Geometry
+    taken_s: float
+    pose: Pose
+    """The odometer's when the scan was taken."""
+    free_m: Floats
+    """(n,): so far each ray is free; 0: it is not known to be."""
+    hit: Mask
+    """Something returned."""
+    is_whole: bool
+    """All of them are free for some way."""
+    range_max_m: float
+    explained_s: Floats
+    """(n,): when a reading last explained this direction, seen from `facing_rad`."""
+    facing_rad: float
+    """The odometer's yaw that the directions of `explained_s` belong to."""
+    returned_s: Floats
+    """(n,): when this beam last had a return."""
+    returned_m: Floats
+    """(n,): how far the robot had travelled then."""
+
+
+class ScanReading(NamedTuple):
+    """The newest scan of a lidar, as the law uses it."""
+
+    taken_s: float
+    """When, by our clock: its arrival less its time on the way."""
+    period_s: float
+    """Between it and the one before; the scan timeout for the first one."""
+    problem: str | None
+    """Why it proves nothing; None for a valid scan."""
+    view: View | None
+    """None before the first valid scan."""
+    around: Surroundings
+    """Its returns within reach, in the base frame of its time."""
+    nearest_m: float
+    """From the hull to the nearest return; infinite where there is none, NaN where the scan proves nothing."""
+    nearest_bearing_rad: float
+    ranges: Ranges
+    repeats: int
+    """How many scans right before it were the same to the bit."""
+    travelled_m: float
+    """The hull's way at the first of those."""
+    return_share: float
+    """Of the beams; of the last scan that was not blank, if this one is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """When and where a scan was taken."""
+
+    taken_s: float
+    period_s: float
+    pose: Pose
+    """The odometer's."""
+    travelled_m: float
+    """How far any point of the hull has moved since the start, measured or commanded, whichever is more."""
+
+
+@dataclass(frozen=True, slots=True)
+class LaserScan:
+    """A scan that arrived: sensor_msgs/LaserScan's fields, in its own frame."""
+
+    ranges: Ranges
+    angle_min: float
+    angle_increment: float
+    range_min: float
+    range_max: float
+    arrival_s: float
+    sent: Sent | None = None
+    """From its attachment, else from its header; None where neither says when it was taken."""
+    sent_tolerance_s: float | None = None
+    """How unsteady the sender's clock may be; None: as steady as a command's."""
+    angle_max: float | None = None
+    """What the sender takes for the last beam's angle; None: it does not say."""
+    lidar: int = 0
+    """Its place among the configured lidars."""
+    writer: bytes = b""
+    """Who sent it: the gid of its attachment, else its frame."""
 
 
 def read_scan(
-    ranges: Ranges,
-    *,
-    angle_min: float,
-    angle_max: float | None = None,
-    angle_increment: float,
-    range_min: float,
-    range_max: float,
-    mount: Mount,
-    profile: LidarProfile,
+    previous: ScanReading | None,
+    scan: LaserScan,
+    moment: Moment,
+    lidar: Lidar,
     hull: Hull,
-    stop_distance_m: float,
-    min_beams: int,
-    min_valid_share: float,
-) -> tuple[Surroundings, str | None, float]:
-    """The surroundings that one scan shows, what is wrong with it (None: nothing), and its share of returns.
+    reach_m: float,
+    *,
+    in_the_open: bool,
+) -> ScanReading:
+    """What a scan proves, in the light of the one before.
 
     Args:
-        ranges: (n,) readings [m].
-        angle_min: of the first beam [rad], counter-clockwise from the lidar's x axis.
-        angle_max: of the last beam [rad], as the sender has it; None where it does not say.
-        angle_increment: from beam to beam [rad]; negative for a clockwise scan.
-        range_min: the shortest measurable distance [m].
-        range_max: the longest [m].
-        mount: the lidar's pose in the base frame.
-        profile: what its readings mean.
+        previous: the last reading of the same lidar.
+        scan: as it came.
+        moment: when and where it was taken.
+        lidar: its configuration.
         hull: the robot's outline.
-        stop_distance_m: how far beyond the hull it must be seen.
-        min_beams: fewer than these are no scan.
-        min_valid_share: of the readings in a sector that must be explained, above 0, at most 1.
+        reach_m: no return farther than this from the hull can limit a motion.
+        in_the_open: whether a lidar on which nothing has ever returned is believed.
     """
-    problem = _contradiction(
-        len(ranges), angle_min, angle_max, angle_increment, range_min, range_max, min_beams
-    )
+    problem = _contradiction(scan, lidar.min_beams)
+    before = None if previous is None else previous.view
     if problem is not None:
-        return survey(hull, np.empty((0, 2))), problem, 0.0
-    beams = _beams(len(ranges), angle_min, angle_increment, mount, hull, min_valid_share)
-    readings = explain(ranges, range_min, range_max, profile)
-    explained = np.bincount(beams.sector[readings.explained & beams.looking], minlength=SECTORS)
-    proven = explained >= beams.needed
-    if np.count_nonzero(proven) == 0:
-        return survey(hull, np.empty((0, 2))), "no sector with enough valid readings", 0.0
-    (hit,) = (readings.hit & beams.looking).nonzero()
-    if len(hit) == 0 and not (ranges > range_max).any():
-        return survey(hull, np.empty((0, 2))), "nothing but codes for no return", 0.0
+        return _of_no_use(previous, scan, moment, problem, hull)
+    geometry = Geometry(len(scan.ranges), scan.angle_min, scan.angle_increment)
+    rays = rays_of(geometry, lidar.mount, hull)
+    readings = explain(scan.ranges, scan.range_min, scan.range_max, lidar.profile)
     # Nothing can be inside the hull: what reads so is at its outline, in the direction of its beam.
-    distance = np.maximum(readings.distance_m, beams.hull_m).take(hit)
-    points: Floats = (beams.direction.take(hit, axis=1) * distance + beams.origin_m).T
-    outline_sector = _outline_sectors(hull, mount, stop_distance_m)
-    return survey(hull, points, blind=~proven[outline_sector]), None, len(points) / len(ranges)
-
-
-def continue_reading(previous: ScanReading | None, reading: ScanReading) -> ScanReading:
-    """The reading in the light of the one before: frozen, blank, or as it is.
-
-    Args:
-        previous: the last accepted scan.
-        reading: the new one, by itself, with the odometer as it is now.
-    """
-    if previous is None:
-        return reading
-    repeats, since_m = 0, reading.travelled_m
-    if previous.ranges.tobytes() == reading.ranges.tobytes():
-        repeats, since_m = previous.repeats + 1, previous.travelled_m
-    problem, share = reading.problem, reading.return_share
-    if (
-        problem is None
-        and share > 0.0
-        and repeats >= FROZEN_REPEATS
-        and reading.travelled_m - since_m > FROZEN_TRAVEL_M
-    ):
-        problem = f"the same {repeats + 1} times while the robot moves"
-    if (
-        problem is None
-        and previous.return_share >= BLANK_AFTER_SHARE
-        and share < BLANK_DROP * previous.return_share
-    ):
-        problem, share = "blank from one scan to the next", previous.return_share
+    distance_m = np.maximum(readings.distance_m, rays.hull_m)
+    hit = readings.hit & rays.looking
+    (hits,) = hit.nonzero()
+    share = len(hits) / geometry.beams
+    view = _view(before, geometry, hit, readings.explained & rays.looking, distance_m, scan, moment, lidar)
+    if not view.is_whole and not view.free_m.any():
+        problem = "no reading that the profile explains"
+    elif len(hits) == 0 and not in_the_open and (previous is None or previous.return_share == 0.0):
+        problem = "nothing has returned yet; turn `works_in_the_open` on if that is as it should be"
+    repeats, since_m = 0, moment.travelled_m
+    if previous is not None:
+        if previous.ranges.tobytes() == scan.ranges.tobytes():
+            repeats, since_m = previous.repeats + 1, previous.travelled_m
+        if (
+            problem is None
+            and share > 0.0
+            and repeats >= FROZEN_REPEATS
+            and moment.travelled_m - since_m > FROZEN_TRAVEL_M
+        ):
+            problem = f"the same {repeats + 1} times while the robot moves"
+        if (
+            problem is None
+            and previous.return_share >= BLANK_AFTER_SHARE
+            and share < BLANK_DROP * previous.return_share
+        ):
+            problem, share = "blank from one scan to the next", previous.return_share
+    far_m = hull.radius_m + reach_m + math.hypot(lidar.mount.x_m, lidar.mount.y_m)
+    around, nearest_m, bearing_rad = _within(far_m, hull, rays, distance_m, hits)
+    if problem is not None:
+        nearest_m = math.nan
     return ScanReading(
-        reading.taken_s,
-        reading.period_s,
-        reading.surroundings,
+        moment.taken_s,
+        moment.period_s,
         problem,
-        reading.ranges,
+        view,
+        around,
+        nearest_m,
+        bearing_rad,
+        scan.ranges,
         repeats,
         since_m,
-        share if reading.problem is None else previous.return_share,
+        share,
     )
 
 
-def _contradiction(
-    beams: int,
-    angle_min: float,
-    angle_max: float | None,
-    angle_increment: float,
-    range_min: float,
-    range_max: float,
-    min_beams: int,
-) -> str | None:
+def _of_no_use(
+    previous: ScanReading | None, scan: LaserScan, moment: Moment, problem: str, hull: Hull
+) -> ScanReading:
+    """A scan that is none: what the one before proved of each beam stays."""
+    view, share = (None, 0.0) if previous is None else (previous.view, previous.return_share)
+    nothing = survey(hull, NO_POINTS)
+    return ScanReading(
+        moment.taken_s,
+        moment.period_s,
+        problem,
+        view,
+        nothing,
+        math.nan,
+        math.nan,
+        scan.ranges,
+        0,
+        moment.travelled_m,
+        share,
+    )
+
+
+def _within(
+    far_m: float, hull: Hull, rays: Rays, distance_m: Floats, hits: npt.NDArray[np.intp]
+) -> tuple[Surroundings, float, float]:
+    """What returns from nearer than `far_m`, and clearance and bearing of the nearest return of all."""
+    far = distance_m.take(hits)
+    near = hits[far < far_m]
+    around = survey(hull, rays.points(near, distance_m))
+    if len(near):
+        return around, *around.nearest()
+    if len(hits):
+        return around, *survey(hull, rays.points(hits, distance_m)).nearest()
+    return around, math.inf, math.nan
+
+
+def _view(
+    before: View | None,
+    geometry: Geometry,
+    hit: Mask,
+    explained: Mask,
+    distance_m: Floats,
+    scan: LaserScan,
+    moment: Moment,
+    lidar: Lidar,
+) -> View:
+    """How far each ray is free, and since when its beam is known to see."""
+    profile, taken_s = lidar.profile, moment.taken_s
+    if before is not None and before.geometry != geometry:
+        before = None
+    if hit.all():
+        times = np.full(geometry.beams, taken_s)
+        ways = np.full(geometry.beams, moment.travelled_m)
+        return View(
+            geometry=geometry,
+            taken_s=taken_s,
+            pose=moment.pose,
+            free_m=distance_m,
+            hit=hit,
+            is_whole=True,
+            range_max_m=scan.range_max,
+            explained_s=times,
+            facing_rad=moment.pose.yaw_rad,
+            returned_s=times,
+            returned_m=ways,
+        )
+    if before is not None:
+        returned_s = np.where(hit, taken_s, before.returned_s)
+        returned_m = np.where(hit, moment.travelled_m, before.returned_m)
+    elif profile.trusts_silence_at_start:
+        returned_s = np.full(geometry.beams, taken_s)
+        returned_m = np.full(geometry.beams, moment.travelled_m)
+    else:
+        returned_s = np.where(hit, taken_s, -math.inf)
+        returned_m = np.where(hit, moment.travelled_m, -math.inf)
+    if profile.silence_limit_s < math.inf:
+        able = (returned_s >= taken_s - profile.silence_limit_s) | (
+            returned_m >= moment.travelled_m - profile.silence_limit_m
+        )
+        explained &= able
+    free_m = np.where(hit, distance_m, scan.range_max)
+    facing_rad, explained_s = moment.pose.yaw_rad, np.full(geometry.beams, taken_s)
+    if not explained.all():
+        free_m[~explained] = 0.0
+        explained_s[~explained] = -math.inf
+        if before is not None:
+            facing_rad, known_s, known_m = _turned(before, moment.pose)
+            explained_s = np.maximum(explained_s, known_s)
+            lately = ~explained & (known_s >= taken_s - lidar.timeout_s)
+            free_m[lately] = known_m[lately]
+    return View(
+        geometry,
+        taken_s,
+        moment.pose,
+        free_m,
+        hit,
+        bool(free_m.all()),
+        scan.range_max,
+        explained_s,
+        facing_rad,
+        returned_s,
+        returned_m,
+    )
+
+
+def _turned(before: View, pose: Pose) -> tuple[float, Floats, Floats]:
+    """What was known of each direction, beam by beam as the lidar faces now; and the yaw that this belongs to."""
+    count, _, increment = before.geometry
+    shift = round((pose.yaw_rad - before.facing_rad) / increment)
+    way = between(before.pose, pose)
+    known_m = np.maximum(before.free_m - math.hypot(way.x_m, way.y_m), 0.0)
+    if shift == 0:
+        return before.facing_rad, before.explained_s, known_m
+    from_beam = np.arange(count) + shift
+    if is_full_turn(before.geometry):
+        from_beam %= count
+    inside = (from_beam >= 0) & (from_beam < count)
+    from_beam = np.clip(from_beam, 0, count - 1)
+    known_s = np.where(inside, before.explained_s[from_beam], -math.inf)
+    return before.facing_rad + shift * increment, known_s, np.where(inside, known_m[from_beam], 0.0)
+
+
+def is_full_turn(geometry: Geometry) -> bool:
+    """Whether the last beam is as near to the first one as to the one before it."""
+    return abs(geometry.increment) * (geometry.beams + 0.5) >= 2 * math.pi
+
+
+def _contradiction(scan: LaserScan, min_beams: int) -> str | None:
     """Why numbers that do not fit together describe no scan."""
+    beams, increment = len(scan.ranges), scan.angle_increment
     if beams < min_beams:
         return f"{beams} beams, fewer than {min_beams}"
-    if not all(map(math.isfinite, (angle_min, angle_increment, range_min, range_max))):
+    if not all(map(math.isfinite, (scan.angle_min, increment, scan.range_min, scan.range_max))):
         return "geometry that is not finite"
-    if angle_increment == 0.0 or abs(angle_increment) * (beams - 1) > 2 * math.pi + 1e-3:
-        return f"{beams} beams of {angle_increment:g} rad are more than a turn, or none"
-    last = angle_min + angle_increment * (beams - 1)
-    if angle_max is not None and not abs(angle_max - last) <= ANGLE_SLACK_BEAMS * abs(angle_increment):
-        return f"{beams} beams of {angle_increment:g} rad end at {last:g} rad, not at {angle_max:g}"
-    if not 0.0 <= range_min < range_max:
-        return f"range_min {range_min:g} m and range_max {range_max:g} m contradict each other"
+    if increment == 0.0 or abs(increment) * (beams - 1) > 2 * math.pi + 1e-3:
+        return f"{beams} beams of {increment:g} rad are more than a turn, or none"
+    last = scan.angle_min + increment * (beams - 1)
+    if scan.angle_max is not None and not abs(scan.angle_max - last) <= ANGLE_SLACK_BEAMS * abs(increment):
+        return f"{beams} beams of {increment:g} rad end at {last:g} rad, not at {scan.angle_max:g}"
+    if not 0.0 <= scan.range_min < scan.range_max:
+        return f"range_min {scan.range_min:g} m and range_max {scan.range_max:g} m contradict each other"
     return None
 
 
-@lru_cache(maxsize=8)
-def _beams(
-    count: int, angle_min: float, angle_increment: float, mount: Mount, hull: Hull, min_valid_share: float
-) -> _Beams:
-    angle: Floats = angle_min + angle_increment * np.arange(count, dtype=np.float64)
-    looking = np.ones(count, dtype=np.bool_)
+@lru_cache(maxsize=16)
+def rays_of(geometry: Geometry, mount: Mount, hull: Hull) -> Rays:
+    """The beams of a geometry on the robot."""
+    angle: Floats = geometry.angle_min + geometry.increment * np.arange(geometry.beams, dtype=np.float64)
+    looking = np.ones(geometry.beams, dtype=np.bool_)
     for start, end in mount.masked_rad:
         looking &= (angle - start) % (2 * math.pi) > (end - start) % (2 * math.pi)
-    cos: Floats = np.cos(mount.yaw_rad + angle)
-    sin: Floats = np.sin(mount.yaw_rad + angle)
-    return _Beams(
-        origin_m=np.array([[mount.x_m], [mount.y_m]]),
-        direction=np.array([cos, sin]),
-        hull_m=_run_inside(hull, mount, cos, sin),
-        sector=_sector(angle),
-        looking=looking,
-        needed=max(1.0, min_valid_share * SECTOR_RAD / abs(angle_increment)),
-    )
+    direction = unit_vectors(mount.yaw_rad + angle)
+    return Rays(np.array([[mount.x_m], [mount.y_m]]), direction, looking, run_inside(hull, mount, direction))
 
 
-def _run_inside(hull: Hull, mount: Mount, cos: Floats, sin: Floats) -> Floats:
-    """How far each beam runs inside the hull, by halving: a convex hull is left but once."""
+def unit_vectors(angle_rad: Floats) -> Floats:
+    """The unit vectors (2, n) of directions (n,)."""
+    return np.array([np.cos(angle_rad), np.sin(angle_rad)])
+
+
+def run_inside(hull: Hull, mount: Mount, direction: Floats) -> Floats:
+    """How far rays (2, n) from a lidar run inside the hull, by halving: a convex hull is left but once."""
+    cos, sin = direction
     inside, outside = np.zeros(len(cos)), np.full(len(cos), 2.0 * hull.radius_m)
     for _ in range(HALVINGS):
         middle = (inside + outside) / 2.0
@@ -227,18 +417,3 @@ def _run_inside(hull: Hull, mount: Mount, cos: Floats, sin: Floats) -> Floats:
         within = hull.nearest(points)[0] < 0.0
         inside, outside = np.where(within, middle, inside), np.where(within, outside, middle)
     return outside if hull.nearest(np.array([[mount.x_m, mount.y_m]]))[0][0] < 0.0 else np.zeros(len(cos))
-
-
-@lru_cache(maxsize=8)
-def _outline_sectors(hull: Hull, mount: Mount, stop_distance_m: float) -> npt.NDArray[np.int64]:
-    """For each point of the hull's outline, the lidar's sector that sees what it would run into."""
-    points, normals = hull.outline()
-    ahead = points + stop_distance_m * normals
-    direction: Floats = np.arctan2(ahead[:, 1] - mount.y_m, ahead[:, 0] - mount.x_m)
-    return _sector(direction - mount.yaw_rad)
-
-
-def _sector(angle_rad: Floats) -> npt.NDArray[np.int64]:
-    """Which sector a direction in the lidar's frame is in; a beam on the edge belongs to the next one."""
-    turn = (angle_rad % (2 * math.pi)) / SECTOR_RAD
-    return np.floor(turn + 1e-6).astype(np.int64) % SECTORS

@@ -6,9 +6,11 @@ loop blocks: publishing drops rather than waits, and a slow asker of a reset wai
 
 import asyncio
 import logging
+from contextlib import suppress
 
 from supervisor.blackbox import BlackBox
 from supervisor.config import SupervisorSection
+from supervisor.estop_record import MemoryRecord, Record
 from supervisor.messages import to_command, to_odometry, to_scan, to_status, to_twist
 from supervisor.model import Decision, Inputs, Liveliness, Mode, Reply
 from supervisor.safety import initial_state, runs_out_s, step
@@ -21,24 +23,45 @@ _log = logging.getLogger(__name__)
 COMMAND_DEPTH = 32
 """Commands of one source kept between two steps; the newest of a flood, the whole of a hasty operator."""
 ESTOP_DEPTH = 32
+RESET_ON_DISK_S = 0.5
+"""How long the answer to a reset waits for the disk."""
 
 
 class SupervisorService:
-    """One supervisor on one Bus."""
+    """One supervisor on one Bus.
 
-    def __init__(self, bus: Bus, config: SupervisorSection, black_box: BlackBox | None = None) -> None:
+    Args:
+        bus: where it speaks.
+        config: `[supervisor]`.
+        black_box: takes in every step; None: nothing is recorded.
+        estop_record: keeps a pressed e-stop; None: it ends with this process.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        config: SupervisorSection,
+        black_box: BlackBox | None = None,
+        estop_record: Record | None = None,
+    ) -> None:
         self._bus = bus
         self._black_box = black_box
+        self._estop_record = MemoryRecord() if estop_record is None else estop_record
         self._tick_s = 1.0 / config.tick_hz
         self._status_s = 1.0 / config.status_hz
         self._header_tolerance_s = config.scan_timeout_s
         self._loop = asyncio.get_running_loop()
-        self._state = initial_state(config.law())
+        self._state = initial_state(config.law(), estop=self._estop_record.latched_at_start)
         self._wake = asyncio.Event()
         self._resets: list[asyncio.Future[Reply]] = []
         self._estop_overflowed = 0
         self._last: Decision | None = None
+        self._told: tuple[object, ...] | None = None
+        """The outline of the last status."""
         self._next_status_s = 0.0
+        self._recording_since_s: float | None = None
+        self._record_changed = asyncio.Event()
+        self._estop_record.watch(self._on_record)
 
         names = [source.name for source in config.sources]
         self._commands = {
@@ -80,6 +103,7 @@ class SupervisorService:
             stopping.cancel()
             self._cmd_vel.put(zero_twist())
             token.withdraw()
+            self._estop_record.close()
             if self._black_box is not None:
                 self._black_box.close()
 
@@ -108,8 +132,8 @@ class SupervisorService:
         return Inputs(
             commands=tuple(commands),
             liveliness=tuple(liveliness),
-            scan=scan,
-            undecodable_scan=bool(scans) and scan is None,
+            scans=() if scan is None else (scan,),
+            undecodable_lidars=(0,) if scans and scan is None else (),
             odometry=to_odometry(odometry[-1]) if odometry else None,
             strangers=tuple(name for name in self._sources.take() if name not in self._commands),
             estop=estop,
@@ -120,31 +144,71 @@ class SupervisorService:
         last = self._last
         if on_tick or last is None or decision.output != last.output:
             self._cmd_vel.put(to_twist(decision.output), now_s)
-        changed = last is None or _outline(decision) != _outline(last)
-        if changed:
+        # After cmd_vel, and without waiting: the robot stops at the same moment whatever the disk does.
+        self._estop_record.keep(latched=self._state.estop)
+        if last is None or _outline(decision) != _outline(last):
             _log.info(
                 "%s%s%s",
                 decision.mode.name,
                 f" by {decision.owner}" if decision.owner else "",
                 f": {', '.join(decision.reasons)}" if decision.mode is Mode.STOPPED else "",
             )
-        if changed or now_s >= self._next_status_s:
-            self._next_status_s = now_s + self._status_s
-            self._status.put(to_status(decision, now_s))
         self._last = decision
+        self._publish_status(decision, now_s)
         if decision.reset_reply is not None:
             for waiting in self._resets:
                 if not waiting.done():
                     waiting.set_result(decision.reset_reply)
             self._resets.clear()
 
+    def _publish_status(self, decision: Decision, now_s: float) -> None:
+        """Publish a status when its time has come, and at once on a change.
+
+        While the record is being written, a change waits for it, for one tick at most: a status that shows an e-stop
+        and names no problem of its record then proves that the e-stop is on disk.
+        """
+        if not self._estop_record.is_pending:
+            self._recording_since_s = None
+        elif self._recording_since_s is None:
+            self._recording_since_s = now_s
+        problem = self._estop_record.problem
+        outline = (*_outline(decision), decision.causes, problem)
+        is_due = now_s >= self._next_status_s
+        if not is_due and outline == self._told:
+            return
+        since_s = self._recording_since_s
+        if since_s is not None and now_s - since_s < self._tick_s and self._told is not None:
+            return
+        self._told = outline
+        self._next_status_s = now_s + self._status_s
+        self._status.put(to_status(decision, now_s, problem))
+
     async def _on_reset(self, _: str) -> TriggerResponse:
         waiting: asyncio.Future[Reply] = self._loop.create_future()
         self._resets.append(waiting)
         self._wake.set()
         reply = await waiting
-        _log.info("reset: %s", reply.message)
-        return TriggerResponse(reply.success, reply.message)
+        message = reply.message
+        if reply.success:
+            await self._recorded(RESET_ON_DISK_S)
+            problem = self._estop_record.problem
+            message += f"; {problem}" if problem else ""
+        _log.info("reset: %s", message)
+        return TriggerResponse(reply.success, message)
+
+    async def _recorded(self, limit_s: float) -> None:
+        """Wait until the record is written or cannot be, for `limit_s` at most."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(limit_s):
+                while self._estop_record.is_pending:
+                    self._record_changed.clear()
+                    await self._record_changed.wait()
+
+    def _on_record(self) -> None:
+        """The record has changed: called on its thread."""
+        with suppress(RuntimeError):  # the loop has closed
+            self._loop.call_soon_threadsafe(self._wake.set)
+            self._loop.call_soon_threadsafe(self._record_changed.set)
 
 
 def _outline(decision: Decision) -> tuple[object, ...]:

@@ -20,7 +20,7 @@ from functools import lru_cache
 from teleop.display import render, signed
 from teleop.top_view import Scale, draw_top_view, scale_of
 from teleop.view import Control, KeyHelp, Line, Segment, Tone, View, columns_of, plain
-from teleop.words import SILENT_AFTER_S, direction, is_silent, news, octant_of
+from teleop.words import SILENT_AFTER_S, News, direction, is_silent, news, octant_of
 
 MIN_COLUMNS, MIN_ROWS = 80, 24
 """What the dashboard needs."""
@@ -135,10 +135,9 @@ def _banner(view: View, columns: int) -> list[Line]:
     what = news(view)
     warning = " COLLISION WARNING " if _warns(view) else ""
     if what.tone is Tone.STOP:
-        reasons = " ".join(what.reasons)
         sentence = f" {what.mode}: {what.what}"
         first = _ends(sentence, warning if len(sentence) + len(warning) <= columns else "", columns)
-        second = _ends(f" > {what.next_step}", f" {reasons} ", columns)
+        second = _ends(f" > {what.next_step}", f" {_names(what)} ", columns)
         return [(Segment(first, Tone.STOP_BANNER),), (Segment(second, Tone.STOP_BANNER),)]
     chip = Tone.GOOD_BANNER if what.tone is Tone.GOOD else Tone.CAUTION_BANNER
     step = f" > {what.next_step}" if what.next_step else ""
@@ -149,6 +148,12 @@ def _banner(view: View, columns: int) -> list[Line]:
             Segment(warning, Tone.CAUTION_BANNER),
         ),
     ]
+
+
+def _names(what: News) -> str:
+    """The stop reasons by their names: first what holds, then what is over."""
+    over = ("over:", *what.over) if what.over else ()
+    return " ".join((*what.reasons, *over))
 
 
 def _warns(view: View) -> bool:

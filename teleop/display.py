@@ -5,9 +5,10 @@ that is: a status that has not been renewed is not shown as if it held.
 """
 
 import math
+from collections.abc import Sequence
 
 from teleop.view import Line, Segment, Tone, View, columns_of, plain
-from teleop.words import direction, is_silent, next_step
+from teleop.words import direction, is_silent, next_step, step_after
 from wire.messages import SafetyStatus, Twist
 
 ELLIPSIS = "…"
@@ -52,11 +53,20 @@ def _news(view: View, omega: str, *, short: bool = False) -> Segment:
 
 def _stopped(status: SafetyStatus, view: View, *, short: bool) -> str:
     alarm = "ALARM, " if status.alarm else ""
-    if not status.reasons:
+    causes, over = status.causes_and_latched()
+    if over and not causes:
+        if short:
+            return plain(f"{alarm}STOPPED: was {_counted(over)} - {step_after(view, short=True)}")
+        return plain(f"{alarm}STOPPED: was {', '.join(over)}; over now - {step_after(view)}")
+    if not causes:
         return f"{alarm}STOPPED - {next_step(view, '')}"
-    first, *others = status.reasons
-    names = f"{first} +{len(others)}" if short and others else ", ".join(status.reasons)
-    return plain(f"{alarm}STOPPED: {names} - {next_step(view, first)}")
+    names = _counted([*causes, *over]) if short else status.why()
+    return plain(f"{alarm}STOPPED: {names} - {next_step(view, causes[0])}")
+
+
+def _counted(names: Sequence[str]) -> str:
+    """The first, and how many others there are."""
+    return f"{names[0]} +{len(names) - 1}" if len(names) > 1 else names[0]
 
 
 def _nearest(view: View) -> Line:

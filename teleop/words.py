@@ -16,17 +16,37 @@ LATE_S = 0.15
 
 _DIRECTIONS = ("ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right")
 
-_CAUSES = {
+_CAUSES = {  # what holds now; the law's own detail is better, where there is one
     "ESTOP": "the emergency stop is latched",
     "BASE_RUNAWAY": "the base moves although zero is commanded",
     "OVERRUN": "the supervisor itself was late; its machine has too much to do",
+    "SENSOR_CONFLICT": "two programs publish on one sensor's key",
+    "BASE_UNRESPONSIVE": "the base does not follow its commands",
+    "ODOM_STALE": "odometry was lost while driving",
     "SCAN_STALE": "no scan has come yet",
     "SOURCE_LOST": "the connection to WHO was lost",
     "COMMAND_INVALID": "WHO sent something that is no command",
     "COMMAND_STALE": "the commands of WHO come too late or out of order",
     "NO_COMMAND": "nobody has commanded anything yet",
-    "SCAN_BLIND": "no beam looks where the motion would go",
+    "SCAN_BLIND": "nothing is seen where the motion would go",
     "": "the supervisor gives no reason",
+}
+_OVER = {  # what was, and is over
+    "ESTOP": "the emergency stop was pressed, and has been reset",
+    "BASE_RUNAWAY": "the base moved although zero was commanded",
+    "OVERRUN": "the supervisor was late",
+    "SENSOR_CONFLICT": "two programs published on one sensor's key",
+    "BASE_UNRESPONSIVE": "the base did not follow its commands",
+    "ODOM_STALE": "no odometry came",
+    "SCAN_INVALID": "the lidar's scans proved nothing",
+    "SCAN_STALE": "no fresh scan came",
+    "SOURCE_LOST": "the connection to a command source was lost",
+    "COMMAND_INVALID": "a command was invalid",
+    "COMMAND_STALE": "commands came too late or out of order",
+    "COMMAND_TIMEOUT": "commands were missing for too long",
+    "NO_COMMAND": "nobody had commanded anything",
+    "SCAN_BLIND": "the motion went where nothing was seen",
+    "OBSTACLE": "something was too close",
 }
 _STEPS = {
     "ESTOP": "NEUTRAL, then r to reset",
@@ -34,7 +54,10 @@ _STEPS = {
     "OBSTACLE": "NEUTRAL, or drive away from it",
     "SCAN_STALE": "wait for the lidar, NEUTRAL",
     "SCAN_INVALID": "check the lidar, NEUTRAL",
-    "SCAN_BLIND": "no beam looks there: NEUTRAL",
+    "SCAN_BLIND": "NEUTRAL, or drive where the lidar sees",
+    "SENSOR_CONFLICT": "end one of the two programs, NEUTRAL",
+    "BASE_UNRESPONSIVE": "check the base and its own stop, NEUTRAL",
+    "ODOM_STALE": "wait for odometry, NEUTRAL",
     "COMMAND_TIMEOUT": "NEUTRAL to re-arm",
     "COMMAND_STALE": "NEUTRAL to re-arm",
     "SOURCE_LOST": "NEUTRAL to re-arm",
@@ -56,7 +79,9 @@ class News(NamedTuple):
     tone: Tone
     """GOOD, CAUTION or STOP."""
     reasons: tuple[str, ...] = ()
-    """The stop reasons by their names, the most restrictive first."""
+    """The stop reasons that hold now by their names, the most restrictive first."""
+    over: tuple[str, ...] = ()
+    """The stop reasons that are over, likewise: only a neutral command is missing."""
 
 
 def is_silent(view: View) -> bool:
@@ -93,10 +118,17 @@ def next_step(view: View, reason: str) -> str:
     if reason == "BASE_RUNAWAY":
         return "cut the robot's power"
     if view.control is Control.VIEW_ONLY:
-        return "whoever drives must reset it" if reason == "ESTOP" else "whoever drives must re-arm"
+        return "the operator must reset it" if reason == "ESTOP" else "the operator must re-arm"
     if reason == "ESTOP" and view.is_neutral:  # its reset is refused while a source asks for motion
         return "press r to reset"
     return _STEPS.get(reason, "remove the cause, NEUTRAL").replace("NEUTRAL", view.neutral_hint)
+
+
+def step_after(view: View, *, short: bool = False) -> str:
+    """What the operator can do about stop reasons that are all over, in a few words."""
+    if view.control is Control.VIEW_ONLY:
+        return "the operator must re-arm"
+    return view.neutral_hint if short else f"{view.neutral_hint} to drive again"
 
 
 def direction(bearing_rad: float) -> str:
@@ -113,19 +145,25 @@ def octant_of(bearing_rad: float) -> int | None:
 
 
 def _stopped(view: View, status: SafetyStatus) -> News:
-    reasons = tuple(plain(reason) for reason in status.reasons)
-    first = reasons[0] if reasons else ""
-    what = _cause(first, status)
+    causes, over = (tuple(map(plain, names)) for names in status.causes_and_latched())
     alarm = "ALARM: " if status.alarm else ""
-    return News("STOPPED", alarm + what, next_step(view, first), Tone.STOP, reasons)
+    if over and not causes:
+        what = _OVER.get(over[0], f"it was {over[0]}")
+        return News("STOPPED", f"{alarm}{what}. Over now", step_after(view), Tone.STOP, causes, over)
+    first = causes[0] if causes else ""
+    return News("STOPPED", alarm + _cause(first, status), next_step(view, first), Tone.STOP, causes, over)
 
 
 def _cause(reason: str, status: SafetyStatus) -> str:
     """The sentence of a stop reason."""
     who = plain(status.owner) or "a source"
+    detail = _detail(status)
     match reason:
         case "SCAN_INVALID":
-            return f"the lidar's scan proves nothing: {plain(status.scan_problem) or 'no usable beams'}"
+            problem = detail or plain(status.scan_problem) or "no usable beams"
+            return f"the lidar's scan proves nothing: {problem}"
+        case _ if detail:
+            return detail
         case "SCAN_STALE" if math.isfinite(status.scan_age_s):
             return f"the newest scan is {status.scan_age_s:.1f} s old"
         case "COMMAND_TIMEOUT":
@@ -135,6 +173,11 @@ def _cause(reason: str, status: SafetyStatus) -> str:
         case _:
             unknown = f"for a reason that this program does not know: {reason}"
             return _CAUSES.get(reason, unknown).replace("WHO", who)
+
+
+def _detail(status: SafetyStatus) -> str:
+    """What the law knows of the first cause, in ASCII."""
+    return plain(status.detail.replace("°", " deg").replace("…", ".."))
 
 
 def _silence(who: str, source: SourceStatus | None) -> str:
@@ -160,7 +203,7 @@ def _ready(view: View, status: SafetyStatus) -> News:
     if own is None and status.sources:
         what = f"but the supervisor takes nothing from {name}"
         return News("READY", what, "name it among the sources in robot.toml", Tone.CAUTION)
-    return News("READY", "standing, armed", "what you ask for next, it does", Tone.GOOD)
+    return News("READY", "standing, armed", "the next command moves the robot", Tone.GOOD)
 
 
 def _driving(view: View, status: SafetyStatus) -> tuple[str, str]:
@@ -178,7 +221,8 @@ def _driving(view: View, status: SafetyStatus) -> tuple[str, str]:
 
 def _limited(view: View, status: SafetyStatus) -> News:
     who, step = _driving(view, status)
-    what = f"slowed to {status.scale:.0%}{_where(status)}"
+    why = f": {_detail(status)}" if status.causes and status.detail else _where(status)
+    what = f"slowed to {status.scale:.0%}{why}" if status.scale > 0.0 else f"held at zero{why}"
     if who != "as you ask":
         return News("LIMITED", f"{who}; {what}", step, Tone.CAUTION)
     return News("LIMITED", what, "steer away from it, or slow down", Tone.CAUTION)

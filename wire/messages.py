@@ -6,6 +6,7 @@ whatever the bytes are, and refuses sizes that no message of ours has.
 
 import math
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar, cast
@@ -148,7 +149,25 @@ class SafetyStatus:
     scans_refused: int = 0
     unknown_sources: list[str] = field(default_factory=list[str])
     sources: list[SourceStatus] = field(default_factory=list[SourceStatus])
+    causes: list[str] = field(default_factory=list[str])
+    latched: list[str] = field(default_factory=list[str])
+    detail: str = ""
+    estop_record_problem: str = ""
     __msgtype__: ClassVar[str] = "lifeline_msgs/msg/SafetyStatus"
+
+    def causes_and_latched(self) -> tuple[list[str], list[str]]:
+        """The reasons that hold now, and those that are over but latched.
+
+        An older supervisor does not tell them apart: then all reasons are taken to hold.
+        """
+        if self.causes or self.latched:
+            return self.causes, self.latched
+        return self.reasons, []
+
+    def why(self) -> str:
+        """The stop reasons by their names, marked where they are over: "SCAN_STALE, OVERRUN (over)"."""
+        causes, latched = self.causes_and_latched()
+        return ", ".join([*causes, *(f"{name} (over)" for name in latched)])
 
 
 @dataclass
@@ -175,9 +194,21 @@ def _definitions() -> Typesdict:
     return definitions
 
 
-def _typestore() -> Typestore:
+APPENDED_FROM = {SafetyStatus.__msgtype__: "causes"}
+"""The first field that a type has gained since it was first recorded; a message without those fields still decodes."""
+
+
+def _before_growth(definitions: Typesdict) -> Typesdict:
+    """The types as they were before fields were appended."""
+    before = dict(definitions)
+    for name, first in APPENDED_FROM.items():
+        constants, fields = definitions[name]
+        before[name] = constants, fields[: [field for field, _ in fields].index(first)]
+    return before
+
+
+def _typestore(definitions: Typesdict) -> Typestore:
     """Of our types alone, and of our classes for them, which a type checker knows."""
-    definitions = _definitions()
     store = Typestore(max_sequence_length=MAX_SEQUENCE_LENGTH)
     for message_type in _TYPES:
         name = message_type.__msgtype__
@@ -186,7 +217,8 @@ def _typestore() -> Typestore:
     return store
 
 
-_store = _typestore()
+_store = _typestore(_definitions())
+_old_store = _typestore(_before_growth(_definitions()))
 
 
 def encode(message: Message) -> bytes:
@@ -195,7 +227,7 @@ def encode(message: Message) -> bytes:
 
 
 def decode(payload: bytes, message_type: type[M]) -> M:
-    """The message in `payload`.
+    """The message in `payload`; fields that were appended to its type after it was sent have their defaults.
 
     Raises:
         UndecodableError: the bytes are not a `message_type`, or more than 1 MiB.
@@ -205,6 +237,9 @@ def decode(payload: bytes, message_type: type[M]) -> M:
     try:
         return cast("M", _store.deserialize_cdr(payload, message_type.__msgtype__))
     except Exception as error:  # generated code raises whatever the bytes provoke
+        if message_type.__msgtype__ in APPENDED_FROM:
+            with suppress(Exception):
+                return cast("M", _old_store.deserialize_cdr(payload, message_type.__msgtype__))
         raise UndecodableError(str(error)) from error
 
 

@@ -4,6 +4,7 @@ Keys here are relative to the robot's namespace (`robot` by default), which the 
 They follow the zenoh-bridge-ros2dds mapping: ROS 2 topic `/robot/cmd_vel` is key `robot/cmd_vel`.
 """
 
+import re
 from dataclasses import dataclass
 from typing import Any, Generic
 
@@ -69,6 +70,8 @@ SIM_FAULTS = Service(
 )
 SIM_TIME = Service("sim/time", "sim", "pause, run, step N, speed FACTOR; nothing: how time passes now")
 
+MAX_LIDAR_TOPIC = 64
+
 ALIVE_PREFIX = "alive"
 """`alive/<node>` is each process's liveliness token."""
 
@@ -95,6 +98,25 @@ def source_of(key: str) -> str | None:
     return source if rest == CMD_VEL.key else None
 
 
+def lidar_scan(topic: str) -> Topic[LaserScan]:
+    """The scans of one of the robot's lidars: `scan` for the first one, `scan_rear` or `rear/scan` for others.
+
+    Raises:
+        ValueError: it is no relative key, or the key is something else's.
+    """
+    if topic == SCAN.key:
+        return SCAN
+    if re.fullmatch(r"[a-z][a-z0-9_]*(/[a-z][a-z0-9_]*)*", topic) is None or len(topic) > MAX_LIDAR_TOPIC:
+        raise ValueError(
+            f"must be a relative key of small letters, digits and _ such as scan_rear, up to {MAX_LIDAR_TOPIC} characters"
+        )
+    taken = {entry.key for entry in (*TOPICS, *SERVICES)}
+    first, last = topic.split("/", maxsplit=1)[0], topic.rsplit("/", maxsplit=1)[-1]
+    if topic in taken or first in {ALIVE_PREFIX, SUPERVISOR, SIM} or last in {CMD_VEL.key, "holder"}:
+        raise ValueError("must be a key of the lidar's own; this one is something else's")
+    return Topic(topic, LaserScan, SCAN.writer, SCAN.rate_hz)
+
+
 def alive(node: str) -> str:
     """The key of a node's liveliness token."""
     return f"{ALIVE_PREFIX}/{node}"
@@ -104,6 +126,7 @@ TOPICS: tuple[Topic[Any], ...] = (
     source_cmd_vel("<source>"),
     CMD_VEL,
     SCAN,
+    Topic("<lidar>", LaserScan, SCAN.writer, SCAN.rate_hz),
     ODOM,
     STATUS,
     ESTOP,

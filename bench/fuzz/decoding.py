@@ -4,6 +4,7 @@ import math
 import time
 import tracemalloc
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from random import Random
 from typing import Any, NamedTuple, cast
@@ -18,7 +19,16 @@ from teleop.dashboard import render_dashboard
 from teleop.display import render
 from teleop.view import Odom, Scan, View
 from wire.bus import Arrival, Subscription
-from wire.messages import LaserScan, Message, Odometry, SafetyStatus, Twist, decode
+from wire.messages import (
+    APPENDED_FROM,
+    LaserScan,
+    Message,
+    Odometry,
+    SafetyStatus,
+    Twist,
+    UndecodableError,
+    decode,
+)
 from wire.stamp import parse_stamp
 
 LARGE_EVERY = 20_000
@@ -181,6 +191,11 @@ def fuzz_decoders(seed: int, numbers: range, tally: Tally, replay: str) -> None:
     decoders = Decoders()
     for kind in payloads.TYPES:  # what is made once for each type is no payload's cost
         decode(payloads.seeds(kind)[0].payload, kind)
+    for kind in payloads.TYPES:
+        whole = payloads.seeds(kind)[-1].payload if kind.__msgtype__ in APPENDED_FROM else b""
+        for size in range(len(whole)):  # one of these ends before the appended fields
+            with suppress(UndecodableError):
+                decode(whole[:size], kind)
     for number in numbers:
         given = case(seed, number)
         is_traced = number % TRACED_EVERY < TRACED or number % LARGE_EVERY == LARGE_EVERY // 2

@@ -376,6 +376,9 @@ def _statuses() -> list[Message]:
         scan_problem="no sector with enough valid readings",
         unknown_sources=["stranger", "\x1b]0;x\x07"],
         sources=[_source(name) for name in names],
+        causes=["OBSTACLE"],
+        latched=["SCAN_STALE"],
+        detail="something is too close at 40° to the left",
     )
     return [SafetyStatus(header("base_link", 1)), full]
 

@@ -87,7 +87,7 @@ def stage(scene: str, *, movers: bool, rectangular: bool) -> Stage:
     """The stage of a scenario; every trial begins by putting it back to its first moment, bit for bit."""
     options = Build(hull=Hull.RECTANGULAR if rectangular else Hull.ROUND, moving=movers)
     world = build(scene, options)
-    plant = Plant(scene, limits=SIM.limits(), lidar=SIM.lidar(), options=options)
+    plant = Plant(scene, limits=SIM.limits(), lidars=SIM.lidar_configs(), options=options)
     assert world.size_m is not None
     half_size_m = (0.5 * world.size_m[0], 0.5 * world.size_m[1])
     witness = Witness(plant, world)
@@ -308,7 +308,7 @@ class World:
         """The plant at its first moment, the robot somewhere with room around it, noise of this trial."""
         plant, random = self.plant, self.scenario.stream("place")
         noise = np.random.default_rng(self.scenario.seed).bit_generator.state
-        plant.restore(replace(self.stage.initial, noise=noise))
+        plant.restore(replace(self.stage.initial, noise=(noise,)))
         half_x_m, half_y_m = self.stage.half_size_m
         base = int(plant.model.jnt_qposadr[mj.joint_id(plant.model, "robot")])
         for _ in range(50):

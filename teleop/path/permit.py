@@ -43,8 +43,9 @@ def what_stops(status: SafetyStatus, source: str) -> str | None:
 
 def stopped(status: SafetyStatus) -> str:
     """The stop with its reasons, and what is nearest where that is the reason."""
-    reasons = ", ".join(status.reasons) or "no reason given"
-    where = f" ({nearest(status)})" if "OBSTACLE" in status.reasons and nearest(status) else ""
+    reasons = status.why() or "no reason given"
+    causes, _ = status.causes_and_latched()
+    where = f" ({nearest(status)})" if "OBSTACLE" in causes and nearest(status) else ""
     return plain(f"STOPPED: {reasons}{where}")
 
 

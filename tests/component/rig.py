@@ -12,6 +12,7 @@ from sim.plant import Plant
 from sim.service import SimService
 from supervisor.blackbox import BlackBox
 from supervisor.config import SupervisorSection
+from supervisor.estop_record import Record
 from supervisor.service import SupervisorService
 from wire import messages, topics
 from wire.bus import Subscription
@@ -42,11 +43,14 @@ class Rig:
 
     @asynccontextmanager
     async def supervisor(
-        self, config: SupervisorSection | None = None, black_box: BlackBox | None = None
+        self,
+        config: SupervisorSection | None = None,
+        black_box: BlackBox | None = None,
+        estop_record: Record | None = None,
     ) -> AsyncGenerator[MemoryBus]:
         bus = MemoryBus(self.network)
         stop = asyncio.Event()
-        service = SupervisorService(bus, config or SupervisorSection(), black_box)
+        service = SupervisorService(bus, config or SupervisorSection(), black_box, estop_record)
         running = asyncio.create_task(service.run(stop))
         try:
             yield bus

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from sim.config import SimSection
+from sim.lidar_config import SimLidarSection
 from sim.plant import Plant
 from sim.sensor_faults import NO_FAULTS, SensorFaults, parse_faults
 from sim.service import SimService
@@ -49,7 +50,7 @@ class Bench(Rig):
         frames: list[tuple[float, Shown]] | None = None,
     ) -> AsyncGenerator[None]:
         section = config or SimSection()
-        self.plant = Plant(lidar=section.lidar())
+        self.plant = Plant(lidars=section.lidar_configs(), options=section.build())
 
         def on_frame(shown: Shown) -> None:
             if frames is not None:
@@ -487,10 +488,47 @@ async def test_the_window_learns_what_the_supervisor_says_until_it_falls_silent(
                 assert shown.mode is Mode.DRIVING
                 assert shown.speed_m_s == pytest.approx(0.5, abs=0.02)
                 assert shown.nearest_m == pytest.approx(bench.plant.clearance_m(), abs=0.15)
-                assert shown.ranges is not None
-                assert shown.ranges.shape == (360,)
+                assert [ranges.shape for ranges in shown.ranges] == [(360,)]
         bench.network.deliver(topics.STATUS.key, b"no status", None)
         await bench.pass_time(0.3)
         assert frames[-1][1].mode is not Mode.ALONE, "a garbled status or a short silence means nothing yet"
         await bench.pass_time(0.4)
         assert frames[-1][1].mode is Mode.ALONE
+
+
+async def test_two_lidars_are_published_on_their_keys_in_their_frames_at_the_scan_rate() -> None:
+    """And both see a pillar where it stands: from the corners of the hull, as they are mounted."""
+    bench = Bench()
+    streams = [bench.hear(topics.SCAN), bench.hear(topics.lidar_scan("scan_rear"))]
+    mounts = ((0.3, 0.2, 0.25 * math.pi), (-0.3, -0.2, -0.75 * math.pi))
+    config = SimSection(
+        hull="rectangular",
+        lidars=tuple(
+            SimLidarSection(
+                name=name,
+                topic=stream.key,
+                x_m=x_m,
+                y_m=y_m,
+                yaw_rad=yaw_rad,
+                beams=811,
+                span_rad=1.5 * math.pi,
+            )
+            for name, stream, (x_m, y_m, yaw_rad) in zip(("front", "rear"), streams, mounts, strict=True)
+        ),
+    )
+    async with bench.simulating(config):
+        pose = bench.plant.start_pose
+        bench.outsider.publisher(topics.OBSTACLE).put(Point(pose.x_m + 0.9, pose.y_m - 0.9, 0.0))
+        await bench.pass_time(5.0)
+        for name, stream, (x_m, y_m, yaw_rad) in zip(("front", "rear"), streams, mounts, strict=True):
+            arrivals = stream.take()
+            assert len(arrivals) == pytest.approx(100, abs=1)
+            scan = arrivals[-1].message
+            assert scan is not None
+            assert scan.header.frame_id == name
+            assert len(scan.ranges) == 811
+            angles_rad = yaw_rad + scan.angle_min + scan.angle_increment * np.arange(811)
+            # The beam to the pillar's centre ends at its near side.
+            to_pillar = complex(0.9 - x_m, -0.9 - y_m)
+            beam = np.argmin(np.abs(np.angle(np.exp(1j * angles_rad) / to_pillar)))
+            assert scan.ranges[beam] == pytest.approx(abs(to_pillar) - 0.05, abs=0.01)

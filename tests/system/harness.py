@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pexpect
 
+from deploy import processes, statedir
 from wire import topics
 from wire.bus import Subscription
 from wire.messages import Odometry, SafetyStatus, Twist, header, planar_twist
@@ -40,6 +41,10 @@ class Robot:
     terminal: "pexpect.spawn[bytes] | None" = None
     bus: ZenohBus | None = None
 
+    @property
+    def environment(self) -> dict[str, str]:
+        return os.environ | {statedir.ENVIRONMENT: str(self.logs), processes.MARK: str(self.logs)}
+
     def start(self, node: str) -> None:
         """Start `supervisor` or `sim`."""
         with (self.logs / f"{node}.log").open("ab") as log:
@@ -47,13 +52,16 @@ class Robot:
                 [sys.executable, "-m", node, "--endpoint", self.endpoint],
                 stdout=log,
                 stderr=log,
-                env=os.environ | {"LIFELINE_STATE_DIR": str(self.logs)},
+                env=self.environment,
             )
 
     def start_teleop(self) -> None:
         """Start the real keyboard teleop in a terminal of its own."""
         self.terminal = pexpect.spawn(
-            sys.executable, ["-m", "teleop", "--endpoint", self.endpoint], dimensions=(24, 100)
+            sys.executable,
+            ["-m", "teleop", "--endpoint", self.endpoint],
+            dimensions=(24, 100),
+            env=self.environment,
         )
         self.terminal.delaybeforesend = None
 
@@ -190,6 +198,7 @@ class Robot:
             self.terminal.close(force=True)
         if self.bus is not None:
             await self.bus.close()
+        assert processes.end_keepers(self.logs, PATIENCE_S) == []
 
 
 def is_zero(twist: Twist) -> bool:

@@ -1,5 +1,6 @@
 """`lifeline up`, `status` and `down` with the real supervisord, and what can be in their way."""
 
+import asyncio
 import json
 import os
 import pty
@@ -21,6 +22,10 @@ import pytest
 from deploy import processes, stack, supervisord
 from deploy.launch import free_loopback_endpoint
 from deploy.statedir import StateDir, project_root
+from wire import topics
+from wire.bus import NoReplyError
+from wire.messages import Bool
+from wire.zenoh_bus import BusConfig, open_bus
 
 COMMAND_LIMIT_S = 60
 WAIT_LIMIT_S = 20
@@ -262,6 +267,7 @@ def test_a_killed_teleop_leaves_a_screen_that_a_shell_can_use(robot: Robot, term
     assert picture.rpartition(b"\x1b[?25")[2].startswith(b"h")  # the cursor is seen again
     assert b"teleop was ended by SIGKILL" in words
     assert robot.pids() == {}
+    assert processes.keepers(robot.state.path) == []
 
 
 def test_down_from_another_terminal_ends_a_driving_up(robot: Robot, terminal: Terminal) -> None:
@@ -278,3 +284,68 @@ def test_a_signal_while_it_still_waits_leaves_nothing_behind(robot: Robot, termi
     terminal.process.send_signal(signal.SIGINT)
     assert terminal.process.wait(WAIT_LIMIT_S) == 128 + signal.SIGINT
     assert robot.pids() == {}
+
+
+def test_the_estop_outlives_the_whole_stack_and_up_and_status_say_how_to_reset_it(robot: Robot) -> None:
+    assert "e-stop" not in robot.run("up", "--detach").stdout
+    asyncio.run(_press_at(robot.endpoint))
+
+    killed = robot.pids()["supervisor"]
+    os.kill(killed, signal.SIGKILL)
+    _wait_for(lambda: robot.pids().get("supervisor", killed) != killed, "no restart")
+    _wait_for(lambda: robot.status()["running"], "not alive after the restart")
+    assert "ESTOP" in robot.status()["reasons"]
+
+    for pid in [robot.pids()[name] for name in ("supervisord", "supervisor", "sim")]:
+        os.kill(pid, signal.SIGKILL)
+    assert robot.run("down").returncode == 0
+    assert "reset" in robot.run("status").stdout
+
+    up = robot.run("up", "--detach")
+    assert up.returncode == 0
+    assert "the e-stop is latched since an earlier run" in up.stdout
+    assert "press r in teleop" in up.stdout
+    assert "ESTOP" in robot.status()["reasons"]
+    look = " ".join(robot.run("status").stdout.split())
+    assert "press r in teleop" in look
+
+    asyncio.run(_reset_at(robot.endpoint))
+    assert robot.run("down").returncode == 0
+    again = robot.run("up", "--detach")
+    assert "e-stop" not in again.stdout
+    assert "ESTOP" not in robot.status()["reasons"]
+    assert robot.run("down").returncode == 0
+
+
+async def _press_at(endpoint: str) -> None:
+    """Press, and wait until the status shows a recorded e-stop."""
+    bus = await open_bus(BusConfig(endpoint), "client")
+    told = asyncio.Event()
+    statuses = bus.subscribe(topics.STATUS, depth=50, wake=told)
+    try:
+        async with asyncio.timeout(20.0):
+            bus.publisher(topics.ESTOP).put(Bool(data=True))
+            while not any(
+                a.message and "ESTOP" in a.message.reasons and not a.message.estop_record_problem
+                for a in statuses.take()
+            ):
+                told.clear()
+                await told.wait()
+    finally:
+        await bus.close()
+
+
+async def _reset_at(endpoint: str) -> None:
+    bus = await open_bus(BusConfig(endpoint), "client")
+    deadline_s = time.monotonic() + 20.0
+    try:
+        while True:
+            try:
+                reply = await bus.call(topics.SUPERVISOR_RESET)
+            except NoReplyError:
+                assert time.monotonic() < deadline_s
+                continue
+            assert reply.message == "the emergency stop is reset"
+            return
+    finally:
+        await bus.close()

@@ -15,10 +15,11 @@ from pathlib import Path
 
 import pytest
 
-from deploy import processes
+from deploy import processes, stack
 from deploy.processes import MARK, Process
+from deploy.statedir import StateDir
 from tests.system.harness import free_endpoint
-from wire.memory_keeper import KEEP_S, is_keeper
+from wire.memory_keeper import KEEP_S, NAME, is_keeper
 
 LIMIT_S = 10.0
 OBJECTS = 2_000_000
@@ -193,6 +194,36 @@ def test_a_keeper_is_not_taken_for_the_process_that_it_keeps(tmp_path: Path) -> 
     with running(mark=tmp_path) as one:
         assert one.keepers == [one.keeper]
         assert processes.of(tmp_path) == [Process(one.process.pid, "sim")]
+        assert processes.keepers(tmp_path) == [Process(one.keeper, NAME)]
+
+
+def test_a_stop_also_ends_the_keeper_of_a_process_that_was_killed_before(tmp_path: Path) -> None:
+    with running(mark=tmp_path) as one, handle(one.keeper) as pidfd:
+        one.process.kill()
+        one.process.wait(LIMIT_S)
+        assert not ends_within(pidfd, 0.0), "it must outlive its process"
+        stack.stop(StateDir(tmp_path))
+        assert ends_within(pidfd, 0.0), "the stop has returned, and the keeper still runs"
+
+
+def test_a_stop_also_ends_the_keeper_of_a_process_that_only_sigkill_ends(tmp_path: Path) -> None:
+    with running(mark=tmp_path) as one, handle(one.keeper) as pidfd:
+        os.kill(one.process.pid, signal.SIGSTOP)
+        stack.stop(StateDir(tmp_path))
+        assert one.process.wait(LIMIT_S) == -signal.SIGKILL
+        assert ends_within(pidfd, 0.0), "the stop has returned, and the keeper still runs"
+
+
+def test_a_stop_leaves_the_keeper_of_another_state_directory_alone(tmp_path: Path) -> None:
+    with running(mark=tmp_path / "other") as one, handle(one.keeper) as pidfd:
+        stack.stop(StateDir(tmp_path))
+        assert not ends_within(pidfd, 0.0)
+
+
+def test_the_keeper_of_a_running_process_is_reported_after_the_limit(tmp_path: Path) -> None:
+    """The process replaces each keeper that ends."""
+    with running(mark=tmp_path) as one:
+        assert processes.end_keepers(tmp_path, 0.0) == [Process(one.keeper, NAME)]
 
 
 @pytest.mark.parametrize("service", ["supervisor", "sim"])

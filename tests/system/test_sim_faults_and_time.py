@@ -4,7 +4,6 @@ Bounds are generous, for loaded machines; the measured values are printed (`pyte
 """
 
 import asyncio
-import os
 import signal
 import statistics
 import subprocess
@@ -199,7 +198,7 @@ def start_sim(subject: Robot, *arguments: str) -> None:
             [sys.executable, "-m", "sim", "--no-viewer", "--endpoint", subject.endpoint, *arguments],
             stdout=log,
             stderr=log,
-            env=os.environ | {"LIFELINE_STATE_DIR": str(subject.logs)},
+            env=subject.environment,
         )
 
 

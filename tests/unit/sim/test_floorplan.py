@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim import mj
-from sim.floorplan import NOTHING, Circle, FloorPlan, Nearest, Outline, Rectangle, Standing, survey
+from sim.floorplan import NOTHING, Circle, FloorPlan, Nearest, Outline, Rectangle, Standing, survey, way_out_m
 from sim.plant import Plant
 from sim.scene import Build, Hull
 
@@ -124,3 +124,44 @@ def test_the_clearance_agrees_with_mujoco_s_own_distance(hull: Hull) -> None:
         mj.forward(plant.model, plant.data)
         distances_m = [mj.geom_distance(plant.model, plant.data, hull_geom, g, 20.0, None) for g in solids]
         assert clearance_m == pytest.approx(float(np.min(distances_m)), abs=1e-4)
+
+
+@given(
+    hull=st.sampled_from([Circle(9.0, 9.0, 0.25), Rectangle(9.0, 9.0, 1.0, 0.3, 0.2)]),
+    x_m=st.floats(-0.6, 0.6),
+    y_m=st.floats(-0.6, 0.6),
+    angle_rad=st.floats(-4.0, 4.0),
+)
+def test_a_ray_has_left_the_hull_where_the_last_point_of_it_lies(
+    hull: Outline, x_m: float, y_m: float, angle_rad: float
+) -> None:
+    out_m = float(way_out_m(hull, x_m, y_m, np.array([angle_rad]))[0])
+    along_m = np.arange(0.0, 2.0, 1e-3)
+    points = np.column_stack((x_m + along_m * math.cos(angle_rad), y_m + along_m * math.sin(angle_rad)))
+    if isinstance(hull, Circle):
+        inside = np.hypot(*points.T) < hull.radius_m
+    else:
+        inside = (np.abs(points) < (hull.half_x_m, hull.half_y_m)).all(axis=1)
+    if inside.sum() > 1:  # a graze may lie between two samples
+        assert out_m == pytest.approx(along_m[inside][-1], abs=2e-3)
+    elif out_m > 0.0:
+        end = (x_m + out_m * math.cos(angle_rad), y_m + out_m * math.sin(angle_rad))
+        edge = Circle(0.0, 0.0, 0.25) if isinstance(hull, Circle) else Rectangle(0.0, 0.0, 0.0, 0.3, 0.2)
+        point = Circle(*end, 1e-9)
+        assert FloorPlan([Standing("hull", edge)]).nearest(point).distance_m == pytest.approx(0.0, abs=1e-4)
+
+
+def test_from_a_corner_of_the_hull_three_quarters_of_a_turn_are_outside_at_once() -> None:
+    angles_rad = np.deg2rad([45.0, -90.0, 180.0, 135.0, 0.0, 225.0])
+    hull = Rectangle(0.0, 0.0, 0.0, 0.3, 0.2)
+    outside = way_out_m(hull, 0.3, 0.2, angles_rad)
+    assert outside[[0, 3, 4]].tolist() == [0.0, 0.0, 0.0]
+    assert outside[5] == pytest.approx(0.4 * math.sqrt(2.0)), "straight through the hull"
+
+
+@pytest.mark.parametrize(("x_m", "out_m"), [(0.3, 0.0), (-0.3, 0.6), (0.0, 0.3), (-1.0, 1.3), (1.0, 0.0)])
+def test_a_ray_along_an_edge_leaves_the_hull_at_its_end(x_m: float, out_m: float) -> None:
+    """At 0 rad the sine is exactly 0: the ray never crosses the edges beside it."""
+    hull = Rectangle(0.0, 0.0, 0.0, 0.3, 0.2)
+    assert way_out_m(hull, x_m, 0.2, np.array([0.0]))[0] == pytest.approx(out_m)
+    assert way_out_m(hull, x_m, 0.21, np.array([0.0]))[0] == 0.0

@@ -1,9 +1,13 @@
 """The lidar: where its beams point, what they measure, and ROS's values for what they cannot."""
 
+import cmath
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from sim import mj
 from sim.lidar import Lidar, LidarConfig, Ranges
@@ -163,4 +167,35 @@ def test_noise_and_dropout_go_on_from_a_state_that_was_kept() -> None:
 )
 def test_a_geometry_that_makes_no_sense_is_refused(name: str, value: float) -> None:
     with pytest.raises(ValueError, match=r"must be"):
+        LidarConfig(**{name: value})  # pyright: ignore[reportArgumentType]
+
+
+DIAGONAL = LidarConfig(beams=271, span_rad=1.5 * math.pi, x_m=0.3, y_m=0.2, yaw_rad=math.pi / 4)
+"""At the front left corner of the rectangular hull; beam 135 is its axis, one for each degree."""
+
+
+def test_a_mounted_lidar_measures_from_its_mount_along_its_own_axis() -> None:
+    ranges = _scan(DIAGONAL)
+    ahead, left, right = 135 - 45, 135 + 45, 135 - 135
+    assert ranges[ahead] == pytest.approx(1.0 - 0.3)
+    assert ranges[left] == math.inf, "the wall to the left is 10 cm wide, and not beside the mount"
+    assert ranges[right] == math.inf
+    assert _scan(LidarConfig(y_m=0.5))[[LEFT, RIGHT]] == pytest.approx([1.5, 4.5])
+
+
+@given(x_m=st.floats(-0.5, 0.5), y_m=st.floats(-0.5, 0.5), yaw_rad=st.floats(-4.0, 4.0))
+def test_a_mount_turns_and_moves_with_the_robot(x_m: float, y_m: float, yaw_rad: float) -> None:
+    lidar, data = _lidar(DIAGONAL)
+    mounted = lidar.scan(data, x_m, y_m, yaw_rad)
+    place = complex(x_m, y_m) + complex(DIAGONAL.x_m, DIAGONAL.y_m) * cmath.exp(1j * yaw_rad)
+    bare, _ = _lidar(replace(DIAGONAL, x_m=0.0, y_m=0.0, yaw_rad=0.0))
+    there = bare.scan(data, place.real, place.imag, yaw_rad + DIAGONAL.yaw_rad)
+    # A beam on the very edge of a wall may hit in one sum and miss in the other.
+    assert np.isclose(mounted, there, atol=1e-4).mean() > 0.98
+
+
+@pytest.mark.parametrize("name", ["x_m", "y_m", "yaw_rad"])
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_a_mount_that_is_nowhere_is_refused(name: str, value: float) -> None:
+    with pytest.raises(ValueError, match=f"{name} must be finite"):
         LidarConfig(**{name: value})  # pyright: ignore[reportArgumentType]

@@ -52,9 +52,9 @@ def test_the_overlay_comes_after_what_is_in_the_scene_and_casts_no_shadow() -> N
     subject = scene()
     subject.ngeom = 7
     lidar = LidarConfig(beams=4)
-    overlay = Overlay(subject, Circle(0.0, 0.0, 0.25), lidar)
+    overlay = Overlay(subject, Circle(0.0, 0.0, 0.25), (lidar,))
     ranges = np.array((math.inf, 2.0, -math.inf, math.nan), np.float32)
-    overlay.update(1.0, -1.0, math.pi / 2, Shown(Mode.LIMITED, ranges=ranges))
+    overlay.update(1.0, -1.0, math.pi / 2, Shown(Mode.LIMITED, ranges=(ranges,)))
     assert subject.ngeom == 7 + 3 * SEGMENTS + 1
     geoms = [subject.geoms[number] for number in range(7, subject.ngeom)]
     assert not any(geom.castshadow for geom in geoms)
@@ -65,7 +65,7 @@ def test_the_overlay_comes_after_what_is_in_the_scene_and_casts_no_shadow() -> N
 def test_the_rings_follow_the_robot_and_take_the_colour_of_the_mode() -> None:
     subject = scene()
     hull = Rectangle(9.0, 9.0, 1.0, 0.3, 0.2)
-    overlay = Overlay(subject, hull, LidarConfig())
+    overlay = Overlay(subject, hull, (LidarConfig(),))
     for x_m, y_m, yaw_rad, mode in ((1.0, 2.0, 0.5, Mode.DRIVING), (-3.0, 0.0, -2.0, Mode.STOPPED)):
         overlay.update(x_m, y_m, yaw_rad, Shown(mode))
         assert subject.ngeom == 3 * SEGMENTS
@@ -81,8 +81,8 @@ def test_the_rings_follow_the_robot_and_take_the_colour_of_the_mode() -> None:
 
 def test_points_that_are_near_the_hull_are_amber_and_those_at_the_stop_distance_red() -> None:
     subject = scene()
-    overlay = Overlay(subject, Circle(0.0, 0.0, 0.25), LidarConfig(beams=3))
-    overlay.update(0.0, 0.0, 0.0, Shown(ranges=np.array((0.55, 0.7, 2.0), np.float32)))
+    overlay = Overlay(subject, Circle(0.0, 0.0, 0.25), (LidarConfig(beams=3),))
+    overlay.update(0.0, 0.0, 0.0, Shown(ranges=(np.array((0.55, 0.7, 2.0), np.float32),)))
     touching, near, far = (subject.geoms[3 * SEGMENTS + number].rgba.tolist() for number in range(3))
     assert touching[0] > 0.9
     assert touching[1] < 0.2
@@ -94,13 +94,13 @@ def test_points_that_are_near_the_hull_are_amber_and_those_at_the_stop_distance_
 @pytest.mark.parametrize("beams", [1, MAX_POINTS, MAX_POINTS + 1, 65_536])
 def test_a_lidar_of_very_many_beams_is_drawn_by_no_more_points_than_there_is_room_for(beams: int) -> None:
     lidar = LidarConfig(beams=beams)
-    subject = scene(geoms_needed(lidar))
-    overlay = Overlay(subject, Circle(0.0, 0.0, 0.25), lidar)
-    overlay.update(0.0, 0.0, 0.0, Shown(ranges=np.ones(beams, np.float32)))
+    subject = scene(geoms_needed((lidar,)))
+    overlay = Overlay(subject, Circle(0.0, 0.0, 0.25), (lidar,))
+    overlay.update(0.0, 0.0, 0.0, Shown(ranges=(np.ones(beams, np.float32),)))
     assert min(beams, MAX_POINTS // 2) <= subject.ngeom - 3 * SEGMENTS <= MAX_POINTS
 
 
 def test_a_ring_that_would_be_made_of_nothing_is_drawn_before_the_first_scan_as_well() -> None:
     subject = scene()
-    Overlay(subject, Circle(0.0, 0.0, 0.25), LidarConfig()).update(0.0, 0.0, 0.0, Shown())
+    Overlay(subject, Circle(0.0, 0.0, 0.25), (LidarConfig(),)).update(0.0, 0.0, 0.0, Shown())
     assert subject.ngeom == 3 * SEGMENTS

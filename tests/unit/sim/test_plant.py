@@ -4,6 +4,7 @@ import hashlib
 import math
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -290,7 +291,7 @@ def test_what_the_hull_can_hit_the_lidar_can_see(scene: str) -> None:
 
 @pytest.mark.parametrize("scene", ["warehouse", "aisle", "empty"])
 def test_every_layout_has_four_metres_of_free_aisle_ahead_of_the_start(scene: str) -> None:
-    plant = Plant(scene, lidar=LidarConfig(range_max_m=20.0))
+    plant = Plant(scene, lidars=(LidarConfig(range_max_m=20.0),))
     ranges, angles_rad = plant.scan(), plant.lidar.angles_rad
     half_width_m = plant.hull_radius_m + 0.30
     in_the_way = (np.abs(ranges * np.sin(angles_rad)) < half_width_m) & (np.cos(angles_rad) > 0.0)
@@ -486,7 +487,7 @@ from sim.lidar import LidarConfig
 from sim.encoders import PERFECT, Odometer
 from sim.plant import Plant
 from sim.scene import Build, Hull
-plant = Plant("empty", None, LidarConfig(noise_std_m=0.01), 5, Build(Hull.RECTANGULAR, 20.0, 0.8, moving=True))
+plant = Plant("empty", None, (LidarConfig(noise_std_m=0.01),), 5, Build(Hull.RECTANGULAR, 20.0, 0.8, moving=True))
 digest = hashlib.sha256()
 for target in ((1.0, 0.0), (0.4, 1.5), (0.0, 0.0), (-0.5, -0.5)):
     for _ in range(30):
@@ -520,8 +521,78 @@ def test_steps_one_by_one_and_many_at_a_time_are_the_same() -> None:
 
 def test_another_seed_makes_other_noise_and_the_same_way() -> None:
     config = LidarConfig(noise_std_m=0.01)
-    one, other = Plant(lidar=config, seed=1), Plant(lidar=config, seed=2)
+    one, other = (Plant(lidars=(config,), seed=seed) for seed in (1, 2))
     for plant in (one, other):
         _run(plant, 0.5, 0.2, 1.0)
     assert one.data.qpos.tobytes() == other.data.qpos.tobytes()
     assert one.scan().tobytes() != other.scan().tobytes()
+
+
+DIAGONAL = (
+    LidarConfig(
+        beams=541, span_rad=1.5 * math.pi, x_m=0.3, y_m=0.2, yaw_rad=math.pi / 4, name="front", topic="scan"
+    ),
+    LidarConfig(
+        beams=541,
+        span_rad=1.5 * math.pi,
+        x_m=-0.3,
+        y_m=-0.2,
+        yaw_rad=-0.75 * math.pi,
+        name="rear",
+        topic="scan_rear",
+    ),
+)
+BOXY = Build(Hull.RECTANGULAR, moving=False)
+
+
+def _points_m(plant: Plant, number: int) -> np.ndarray:
+    """Where a lidar's beams end in the world, by its mount and the robot's pose; (n, 2)."""
+    lidar, ranges = plant.lidars[number], plant.scan(number).astype(np.float64)
+    pose = plant.true_pose
+    seen = np.isfinite(ranges)
+    own = complex(lidar.x_m, lidar.y_m) + ranges[seen] * np.exp(1j * (lidar.angles_rad[seen] + lidar.yaw_rad))
+    world = complex(pose.x_m, pose.y_m) + own * np.exp(1j * pose.yaw_rad)
+    return np.column_stack((world.real, world.imag))
+
+
+def test_two_diagonal_lidars_see_the_same_world_from_their_corners() -> None:
+    """A pillar that both see, and one for each that the other does not."""
+    plant = Plant("empty", lidars=DIAGONAL, options=BOXY)
+    _run(plant, 0.5, 0.6, 2.0)
+    pose = plant.true_pose
+    for ahead_m, left_m, seers in ((-1.0, 1.0, {0, 1}), (1.0, 0.5, {0}), (-1.0, -0.5, {1})):
+        x_m = pose.x_m + ahead_m * math.cos(pose.yaw_rad) - left_m * math.sin(pose.yaw_rad)
+        y_m = pose.y_m + ahead_m * math.sin(pose.yaw_rad) + left_m * math.cos(pose.yaw_rad)
+        plant.place_pillar(x_m, y_m)
+        for number in range(2):
+            away_m = np.abs(np.hypot(*(_points_m(plant, number) - (x_m, y_m)).T) - plant.pillar_radius_m)
+            assert (np.sum(away_m < 1e-4) >= 3) == (number in seers), (ahead_m, left_m, number)
+
+
+def test_two_diagonal_lidars_leave_no_direction_around_the_hull_unseen() -> None:
+    """Wherever a pillar stands 1 m off, one of them sees it."""
+    plant = Plant("empty", lidars=DIAGONAL, options=BOXY)
+    pose = plant.true_pose
+    for angle_rad in np.arange(-math.pi, math.pi, 0.1):
+        place = (pose.x_m + 1.0 * math.cos(angle_rad), pose.y_m + 1.0 * math.sin(angle_rad))
+        plant.place_pillar(*place)
+        hits = [np.hypot(*(_points_m(plant, number) - place).T) < 0.051 for number in range(2)]
+        assert max(np.sum(hit) for hit in hits) >= 3, angle_rad
+
+
+def test_the_first_of_several_lidars_has_the_noise_of_one_alone_and_the_others_their_own() -> None:
+    noisy = tuple(replace(lidar, noise_std_m=0.01) for lidar in DIAGONAL)
+    alone, both = (Plant("empty", lidars=some, seed=5, options=BOXY) for some in (noisy[:1], noisy))
+    assert alone.scan().tobytes() == both.scan().tobytes()
+    same_place = (noisy[0], replace(noisy[0], name="twin", topic="scan_twin"))
+    twins = Plant("empty", lidars=same_place, seed=5, options=BOXY)
+    assert twins.scan(0).tobytes() != twins.scan(1).tobytes()
+
+
+def test_the_beams_of_a_corner_lidar_leave_the_hull_at_once_and_those_of_one_on_the_axis_at_its_edge() -> (
+    None
+):
+    plant = Plant("empty", lidars=(*DIAGONAL, LidarConfig(name="top", topic="top")), options=BOXY)
+    _run(plant, 0.0, 0.7, 1.0)
+    assert np.sum(plant.way_out_m(0) > 0.0) <= 4, "but for those along its edges"
+    assert plant.way_out_m(2)[[AHEAD, AHEAD + 90]] == pytest.approx([0.3, 0.2])

@@ -112,7 +112,7 @@ def test_a_point_lies_where_the_lidar_meets_something() -> None:
     view = above(plant)
     with Studio(plant, WIDTH, HEIGHT, samples=1) as studio:
         blind = studio.picture(view, Shown(Mode.READY))
-        seeing = studio.picture(view, Shown(Mode.READY, ranges=plant.scan()))
+        seeing = studio.picture(view, Shown(Mode.READY, ranges=(plant.scan(),)))
     changed = (blind != seeing).any(axis=2)
     changed[:, : WIDTH // 2] = False  # the wall behind, and its points mirrored by the floor
     rows, columns = np.nonzero(changed)
@@ -129,7 +129,7 @@ def test_the_same_moment_makes_the_same_pixels_and_another_moment_others() -> No
         plant = Plant(options=Build(moving=True, scenery=True))
         plant.step((0.5, 0.2), steps)
         with Studio(plant, WIDTH, HEIGHT, samples=1) as studio:
-            shown = Shown(Mode.DRIVING, ranges=plant.scan())
+            shown = Shown(Mode.DRIVING, ranges=(plant.scan(),))
             pictures += [studio.picture(view_of(plant, "follow", 4 / 3), shown) for _ in range(2)]
     first, *others = pictures
     assert [bool((first == other).all()) for other in others] == [True, True, True, False, False]

@@ -16,7 +16,7 @@ HARD = Build(hull=Hull.RECTANGULAR, payload_kg=30.0, wheel_slip=0.85, moving=Tru
 
 
 def _plant(options: Build = HARD, seed: int = 3) -> Plant:
-    return Plant("empty", lidar=NOISY, seed=seed, options=options)
+    return Plant("empty", lidars=(NOISY,), seed=seed, options=options)
 
 
 def _driven() -> Plant:
@@ -126,7 +126,14 @@ def test_bytes_that_are_no_snapshot_are_refused(data: bytes) -> None:
 
 @pytest.mark.parametrize(
     "damage",
-    [{"physics": b"12345678"}, {"physics": b"123"}, {"sensors": b""}, {"walked_s": ()}, {"noise": {}}],
+    [
+        {"physics": b"12345678"},
+        {"physics": b"123"},
+        {"sensors": b""},
+        {"walked_s": ()},
+        {"noise": ({"bit_generator": "PCG64"},)},
+        {"noise": ()},
+    ],
 )
 def test_a_damaged_snapshot_is_refused_and_nothing_moves(damage: dict[str, object]) -> None:
     plant = _driven()

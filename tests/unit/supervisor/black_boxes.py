@@ -72,7 +72,7 @@ class Drive:
         """20 ms with a scan and a command that arrive at their end."""
         arrival_s = self.now_s + TICK_S
         return self.step(
-            Inputs(commands=(Command("teleop", velocity, arrival_s),), scan=self.scan(arrival_s))
+            Inputs(commands=(Command("teleop", velocity, arrival_s),), scans=(self.scan(arrival_s),))
         )
 
     def scan(self, arrival_s: float, *, ahead_m: float | None = None) -> LaserScan:
@@ -95,7 +95,7 @@ class Drive:
         return self.step(
             Inputs(
                 commands=(Command("teleop", FORWARD, self.now_s + TICK_S),),
-                scan=self.scan(self.now_s + TICK_S, ahead_m=0.45),
+                scans=(self.scan(self.now_s + TICK_S, ahead_m=0.45),),
             )
         )
 

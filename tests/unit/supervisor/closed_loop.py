@@ -17,7 +17,7 @@ from supervisor.config import SupervisorSection
 from supervisor.model import STANDSTILL, Command, Inputs, LaserScan, Odometry, Pose, StopReason, Velocity
 from supervisor.safety import initial_state, step
 from supervisor.scan import Mount
-from tests.unit.supervisor.law_harness import TICK_S
+from tests.unit.supervisor.law_harness import TICK_S, with_lidar
 
 Floats = npt.NDArray[np.float64]
 
@@ -187,7 +187,7 @@ def drive_about(
         x, y = rng.uniform(0.15, 0.45), rng.uniform(0.15, 0.35)
         hull = ConvexPolygon(((x, -y), (x, y), (-x, y), (-x, -y)))
     mount = Mount(0.1 * float(rng.uniform(-1, 1)), 0.1 * float(rng.uniform(-1, 1)), float(rng.uniform(-3, 3)))
-    config = replace(SupervisorSection().law(), hull=hull, mount=mount)
+    config = with_lidar(replace(SupervisorSection().law(), hull=hull), mount=mount)
     world, pose = random_world(rng), _random_pose(rng)
     while world.clearance_m(*pose, hull) < 0.1:  # some begin inside the stop zone
         world, pose = random_world(rng), _random_pose(rng)
@@ -222,7 +222,9 @@ def drive_about(
             scan = LaserScan(ranges, -math.pi, 2 * math.pi / BEAMS, 0.02, 12.0, now_s)
         asked = STANDSTILL if decision.reasons or now_s < quiet_s else wanted
         odometry = Odometry(twist, now_s) if with_odometry else None
-        inputs = Inputs((Command("teleop", asked, now_s),), scan=scan, odometry=odometry)
+        inputs = Inputs(
+            (Command("teleop", asked, now_s),), scans=() if scan is None else (scan,), odometry=odometry
+        )
         command = decision.output
         state, decision = step(state, now_s, inputs)
         stops += decision.reasons == (StopReason.OBSTACLE,)

@@ -24,6 +24,14 @@ TICK_S = 0.02
 BEAMS = 360
 
 CONFIG = SupervisorSection().law()
+SCAN_TIMEOUT_S = CONFIG.lidars[0].timeout_s
+
+
+def with_lidar(config: LawConfig, **changes: object) -> LawConfig:
+    """The same law with another first lidar."""
+    first, *others = config.lidars
+    return replace(config, lidars=(replace(first, **changes), *others))  # type: ignore[arg-type]
+
 
 FORWARD = Velocity(0.5, 0.0)
 BACK = Velocity(-0.5, 0.0)
@@ -70,10 +78,10 @@ class Law:
     def step(self, inputs: Inputs | None = None) -> Decision:
         """One step at the present time."""
         inputs = inputs or Inputs()
-        if self.scanning and inputs.scan is None:
+        if self.scanning and not inputs.scans:
             self.noise_m = 1e-4 - self.noise_m  # no real scan repeats itself
             noisy = self.ranges + np.float32(self.noise_m)
-            inputs = replace(inputs, scan=laser_scan(noisy, self.now_s))
+            inputs = replace(inputs, scans=(laser_scan(noisy, self.now_s),))
         self.state, self.decision = step(self.state, self.now_s, inputs)
         return self.decision
 

@@ -149,7 +149,7 @@ class Recording:
     def base_angles(self, ranges: Ranges) -> Floats:
         """Each beam's direction against the robot's own x axis, within ±π."""
         angles: Floats = (
-            self.config.mount.yaw_rad
+            self.config.lidars[0].mount.yaw_rad
             + self.angle_min
             + self.angle_increment * np.arange(len(ranges), dtype=np.float64)
         )
@@ -177,7 +177,7 @@ class Recording:
             ranges=ranges,
             intensities=np.empty(0, dtype=np.float32),
         )
-        scan = to_scan(Arrival(message, arrival_s, None), self.config.scan_timeout_s)
+        scan = to_scan(Arrival(message, arrival_s, None), self.config.lidars[0].timeout_s)
         assert scan is not None
         return scan
 
@@ -189,7 +189,7 @@ class Recording:
         """
         robot = self.robot
         angles = self.base_angles(ranges)
-        lidar = self.config.mount
+        lidar = self.config.lidars[0].mount
         readings = ranges.astype(np.float64)
         no_return = ~(readings <= self.range_max) | ((readings > 0.0) & (readings < robot.codes_below_m))
         for code in robot.no_return:
@@ -280,7 +280,7 @@ class Replay:
         """Whenever the robot stops, the operator lets go; then asks again."""
         wanted = NEUTRAL if self.decision.reasons else self.motion
         command = Command("teleop", wanted, now_s)
-        inputs = Inputs(commands=(command,), scan=scan, odometry=odometry)
+        inputs = Inputs(commands=(command,), scans=() if scan is None else (scan,), odometry=odometry)
         self.state, self.decision = step(self.state, now_s, inputs)
         self.driven += self.decision.output != NEUTRAL
         return self.decision

@@ -29,6 +29,7 @@ from tests.unit.supervisor.law_harness import (
     CONFIG,
     FORWARD,
     NEUTRAL,
+    SCAN_TIMEOUT_S,
     SPIN,
     TICK_S,
     Law,
@@ -61,7 +62,9 @@ def test_a_fresh_scan_of_nothing_but_dropped_readings_is_not_clear(reading: floa
     for velocity in (NEUTRAL, NEUTRAL, motion, motion):
         now_s += TICK_S
         scan = laser_scan(full(reading), now_s)
-        state, decision = step(state, now_s, Inputs((Command("teleop", velocity, now_s),), scan=scan))
+        state, decision = step(
+            state, now_s, Inputs((Command("teleop", velocity, now_s),), scans=() if scan is None else (scan,))
+        )
         assert decision.output == STANDSTILL
     assert set(decision.reasons) & {StopReason.SCAN_INVALID, StopReason.OBSTACLE}
 
@@ -84,9 +87,9 @@ def test_a_scan_from_the_future_goes_stale_by_its_arrival(ahead_s: float) -> Non
         scan = laser_scan(ring() + np.float32(1e-4 * (n % 2)), law.now_s)
         sent = Sent(HEADER_EPOCH, n + 1, law.now_s + ahead_s)
         command = Command("teleop", NEUTRAL if n < 50 else FORWARD, law.now_s)
-        law.step(Inputs((command,), scan=replace(scan, sent=sent, sent_tolerance_s=0.25)))
+        law.step(Inputs((command,), scans=(replace(scan, sent=sent, sent_tolerance_s=0.25),)))
     assert law.decision.output == FORWARD
-    assert law.hold(CONFIG.scan_timeout_s - TICK_S, ("teleop", FORWARD)).output == FORWARD
+    assert law.hold(SCAN_TIMEOUT_S - TICK_S, ("teleop", FORWARD)).output == FORWARD
     assert law.hold(2 * TICK_S, ("teleop", FORWARD)).output == STANDSTILL
     assert StopReason.SCAN_STALE in law.decision.reasons
 
@@ -100,7 +103,7 @@ def test_a_clock_that_leaps_into_the_future_and_back_neither_extends_nor_locks_o
         scan = laser_scan(ring() + np.float32(1e-4 * (n % 2)), law.now_s)
         sent = Sent(HEADER_EPOCH, n + 1, law.now_s + leap_s.get(n, 0.0))
         command = Command("teleop", NEUTRAL if n < 50 or n > 100 else FORWARD, law.now_s)
-        law.step(Inputs((command,), scan=replace(scan, sent=sent, sent_tolerance_s=0.25)))
+        law.step(Inputs((command,), scans=(replace(scan, sent=sent, sent_tolerance_s=0.25),)))
         if n in range(75, 101):
             assert law.decision.output == STANDSTILL, "the proof of the clock began anew, and no scan counted"
     assert law.tick(("teleop", FORWARD)).output == FORWARD
@@ -119,8 +122,8 @@ def test_a_driver_without_sequences_is_seen_again_after_any_silence(silent_s: fl
             period_s=0.1,
             time_ns=round(arrival_s * 1e9),
         )
-        scan = to_scan(Arrival(message, arrival_s, None), CONFIG.scan_timeout_s)
-        state, decision = step(state, arrival_s, Inputs(scan=scan))
+        scan = to_scan(Arrival(message, arrival_s, None), SCAN_TIMEOUT_S)
+        state, decision = step(state, arrival_s, Inputs(scans=() if scan is None else (scan,)))
         reasons = frozenset(decision.reasons)
     assert state.scan_counts.sequence == 0
     assert reasons
@@ -137,7 +140,7 @@ def test_a_driver_that_republishes_its_last_scan_with_its_old_header_goes_stale(
         scan = laser_scan(ring() + np.float32(1e-4 * (n % 2)), law.now_s)
         sent = Sent(HEADER_EPOCH, n + 1, taken_s)
         command = Command("teleop", NEUTRAL if n < 50 else FORWARD, law.now_s)
-        law.step(Inputs((command,), scan=replace(scan, sent=sent, sent_tolerance_s=0.25)))
+        law.step(Inputs((command,), scans=(replace(scan, sent=sent, sent_tolerance_s=0.25),)))
         if n == 59:
             assert law.decision.output == FORWARD
     assert law.decision.output == STANDSTILL

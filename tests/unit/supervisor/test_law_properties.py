@@ -421,7 +421,7 @@ class Witness:
         shared = (
             decision.alarm
             or bool(decision.scan_problem)
-            or not decision.scan_age_s <= config.scan_timeout_s
+            or not decision.scan_age_s <= config.lidars[0].timeout_s
             or self.estop
             or inputs.estop
             or (self.now_s is not None and now_s - self.now_s > config.overrun_s)
@@ -541,8 +541,8 @@ class Life:
                 for n, (source, velocity) in enumerate(commands)
             ),
             liveliness=_liveliness(event),
-            scan=None if scan == "none" else self._scan(scan),
-            undecodable_scan=event == "bad scan",
+            scans=(None,) if scan == "none" else (),
+            undecodable_lidars=(0,) if event == "bad scan" else (),
             odometry=self._odometry(event),
             strangers=("ghost",) if event == "stranger" else (),
             estop=event == "estop",
@@ -626,7 +626,7 @@ def test_those_lives_did_drive() -> None:
 def test_no_hull_and_no_mount_breaks_a_promise(
     hull: Hull, mount: Mount, steps: list[tuple[float, list[tuple[str, Velocity | None]], str, str, int]]
 ) -> None:
-    life = Life(replace(CONFIG, hull=hull, mount=mount), stamped=False)
+    life = Life(with_lidar(replace(CONFIG, hull=hull), mount=mount), stamped=False)
     for gap_s, commands, scan, event, _ in steps:
         life.live(gap_s, commands, scan, event)
 

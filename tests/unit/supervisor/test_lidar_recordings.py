@@ -16,7 +16,7 @@ from supervisor.lidar import PROFILES
 from supervisor.model import STANDSTILL, Command, Decision, Inputs, LawConfig, Odometry, StopReason, Velocity
 from supervisor.safety import initial_state, step
 from tests.unit.supervisor import recordings
-from tests.unit.supervisor.law_harness import NEUTRAL, TICK_S
+from tests.unit.supervisor.law_harness import NEUTRAL, TICK_S, with_lidar
 from tests.unit.supervisor.recordings import ROBOTS, SLOW, START_S, Ranges, Recording, Replay
 
 SPIKE = Velocity(31.0, 0.0)
@@ -54,7 +54,7 @@ def _drive(recording: Recording, ranges: Ranges) -> Decision:
     state = initial_state(recording.config)
     now_s = START_S
     scan = recording.scan(ranges, now_s)
-    state, _ = step(state, now_s, Inputs(scan=scan))
+    state, _ = step(state, now_s, Inputs(scans=() if scan is None else (scan,)))
     for velocity in (NEUTRAL, SLOW):
         now_s += TICK_S
         state, decision = step(state, now_s, Inputs(commands=(Command("teleop", velocity, now_s),)))
@@ -121,7 +121,7 @@ def test_the_recordings_have_the_oddities_that_these_tests_are_about() -> None:
 def test_after_each_oddity_it_drives_again_within_a_bounded_time(recording: Recording) -> None:
     """Two scan timeouts prove a new clock, and a gap of three scans is one more; then neutral, then the motion."""
     good = _open(recording)[0]
-    limit_s = 2 * recording.config.scan_timeout_s + 3 * recording.period_s + 0.2
+    limit_s = 2 * recording.config.lidars[0].timeout_s + 3 * recording.period_s + 0.2
     wanted: set[int] = set()
     for numbers in _odd(recording).values():
         some = sorted(numbers)
@@ -159,7 +159,7 @@ def test_an_odometry_spike_neither_stops_it_for_good_nor_hides_what_is_ahead(
         hidden.step(later_s, recording.scan(noisy, later_s, header_s + n * TICK_S))
         assert hidden.decision.output == STANDSTILL
     replay.motion = SLOW
-    assert replay.recovery_s(good, 3.0) < 2 * recording.config.scan_timeout_s + 1.0
+    assert replay.recovery_s(good, 3.0) < 2 * recording.config.lidars[0].timeout_s + 1.0
 
 
 def _while_moving(recording: Recording, scans: Callable[[int], Ranges]) -> list[Decision]:
@@ -172,7 +172,7 @@ def _while_moving(recording: Recording, scans: Callable[[int], Ranges]) -> list[
         velocity = NEUTRAL if n < 5 else SLOW
         inputs = Inputs(
             commands=(Command("teleop", velocity, now_s),),
-            scan=recording.scan(scans(n), now_s),
+            scans=(recording.scan(scans(n), now_s),),
             odometry=odometry,
         )
         state, decision = step(state, now_s, inputs)
@@ -206,7 +206,7 @@ def test_a_recorded_scan_that_goes_blank_at_once_is_invalid(recording: Recording
 def test_a_profile_that_does_not_fit_its_sensor_does_not_drive() -> None:
     """The zeros of a Neato are, by REP 117, something too close in every direction."""
     recording = _load("neato-lds")
-    wrong = replace(recording, config=replace(recording.config, profile=PROFILES["rep117"]))
+    wrong = replace(recording, config=with_lidar(recording.config, profile=PROFILES["rep117"]))
     ranges = _open(recording)[0]
     assert _drive(recording, ranges).output == SLOW
     assert _drive(wrong, ranges).reasons == (StopReason.OBSTACLE,)

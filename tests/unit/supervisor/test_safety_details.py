@@ -13,6 +13,7 @@ from tests.unit.supervisor.law_harness import (
     CONFIG,
     FORWARD,
     NEUTRAL,
+    SCAN_TIMEOUT_S,
     SPIN,
     TICK_S,
     Law,
@@ -43,7 +44,7 @@ def at_zero() -> Law:
 def test_a_scan_goes_stale_just_after_its_timeout() -> None:
     law = at_zero()
     law.scanning = False
-    timeout_s = law.config.scan_timeout_s
+    timeout_s = SCAN_TIMEOUT_S
     for now_s in (0.1, 0.2, timeout_s):
         law.now_s = now_s
         law.step(Inputs(commands=(Command("teleop", FORWARD, now_s),)))
@@ -154,7 +155,7 @@ def test_the_warning_comes_just_inside_its_distance() -> None:
         ranges = ring()
         ranges[180] = distance_m
         law.now_s += TICK_S
-        assert law.step(Inputs(scan=laser_scan(ranges, law.now_s))).warning is warning
+        assert law.step(Inputs(scans=(laser_scan(ranges, law.now_s),))).warning is warning
 
 
 # --- freshness in the law
@@ -218,14 +219,14 @@ def test_a_scan_without_a_stamp_is_anothers_while_a_lidar_that_stamps_is_heard()
         law.now_s += 0.05
         noisy = walled + np.float32(1e-4 * (sequence % 2))
         scan = replace(laser_scan(noisy, law.now_s), sent=Sent(b"L", sequence, law.now_s))
-        law.step(Inputs(scan=scan))
+        law.step(Inputs(scans=() if scan is None else (scan,)))
     assert law.decision.warning
     law.now_s += TICK_S
-    clear = law.step(Inputs(scan=laser_scan(ring(), law.now_s)))
+    clear = law.step(Inputs(scans=(laser_scan(ring(), law.now_s),)))
     assert clear.warning
     assert clear.scan_counts.epoch == 1
-    law.now_s += CONFIG.scan_timeout_s
-    assert not law.step(Inputs(scan=laser_scan(ring(), law.now_s))).warning
+    law.now_s += SCAN_TIMEOUT_S
+    assert not law.step(Inputs(scans=(laser_scan(ring(), law.now_s),))).warning
 
 
 def test_a_flap_does_not_hide_another_cause() -> None:
@@ -242,7 +243,7 @@ def sent_scan(law: Law, *, late_s: float = 0.0, sequence: int, ranges: np.ndarra
     scan = laser_scan(law.ranges if ranges is None else ranges, law.now_s)
     return Inputs(
         commands=(Command("teleop", law.asked, law.now_s),),
-        scan=replace(scan, sent=Sent(b"L", sequence, law.now_s - late_s + 77.0)),
+        scans=(replace(scan, sent=Sent(b"L", sequence, law.now_s - late_s + 77.0)),),
     )
 
 
@@ -291,7 +292,7 @@ def test_one_foreign_scan_does_not_blind_the_robot_for_good(
     """It was so: the lidar's own epoch had ended, and SCAN_STALE held until the lidar was started again."""
     law = law_with_stamped_scans
     law.now_s += TICK_S
-    law.step(Inputs(scan=replace(laser_scan(law.ranges, law.now_s), sent=foreign)))
+    law.step(Inputs(scans=(replace(laser_scan(law.ranges, law.now_s), sent=foreign),)))
     law.asked = NEUTRAL
     for sequence in range(31, 60):
         law.now_s += TICK_S
@@ -306,7 +307,7 @@ def test_of_two_lidars_that_speak_in_turn_the_first_is_heard(law_with_stamped_sc
     wall = ring(0.31)
     for sequence in range(31, 60):
         law.now_s += TICK_S
-        law.step(Inputs(scan=replace(laser_scan(wall, law.now_s), sent=Sent(b"F", sequence, law.now_s))))
+        law.step(Inputs(scans=(replace(laser_scan(wall, law.now_s), sent=Sent(b"F", sequence, law.now_s)),)))
         law.now_s += TICK_S
         assert law.step(sent_scan(law, sequence=sequence)).output == FORWARD
     assert law.decision.scan_counts.epoch == 29
@@ -320,7 +321,7 @@ def test_a_lidar_is_seen_again_after_another_one_took_its_place(law_with_stamped
     for sequence in range(1, 30):
         law.now_s += TICK_S
         sent = Sent(b"F", sequence, law.now_s)
-        law.step(Inputs(scan=replace(laser_scan(law.ranges, law.now_s), sent=sent)))
+        law.step(Inputs(scans=(replace(laser_scan(law.ranges, law.now_s), sent=sent),)))
     assert law.decision.scan_age_s == 0.0
     law.hold(0.3)
     for sequence in range(31, 60):
@@ -359,7 +360,7 @@ def test_an_unsteady_header_clock_is_borne_as_far_as_it_is_allowed(
             sent_tolerance_s=tolerance_s,
         )
         before = law.decision.scan_counts.accepted
-        accepted.append(law.step(Inputs(scan=scan)).scan_counts.accepted > before)
+        accepted.append(law.step(Inputs(scans=() if scan is None else (scan,))).scan_counts.accepted > before)
     assert all(accepted[10:30])
     assert accepted[30] is steady
     assert all(accepted[40:])
@@ -373,7 +374,7 @@ def test_the_reaction_time_is_the_scan_s_age_its_period_and_the_way_to_the_wheel
         law.step(
             Inputs(
                 commands=(Command("teleop", NEUTRAL, law.now_s),),
-                scan=laser_scan(ranges + np.float32(n * 1e-6), law.now_s),
+                scans=(laser_scan(ranges + np.float32(n * 1e-6), law.now_s),),
             )
         )
     law.now_s += 0.05
@@ -386,9 +387,9 @@ def test_the_reaction_time_is_the_scan_s_age_its_period_and_the_way_to_the_wheel
 def test_the_first_scan_s_period_is_taken_for_the_longest() -> None:
     law = Law(scanning=False)
     law.now_s += TICK_S
-    law.step(Inputs(scan=laser_scan(ring(), law.now_s)))
+    law.step(Inputs(scans=(laser_scan(ring(), law.now_s),)))
     assert law.state.scan is not None
-    assert law.state.scan.period_s == CONFIG.scan_timeout_s
+    assert law.state.sights[0].scan.period_s == SCAN_TIMEOUT_S
     assert law.state.scan.repeats == 0
 
 
@@ -424,7 +425,7 @@ def test_a_moving_robot_stops_at_what_is_inside_the_stop_zone() -> None:
     law.tick(
         ("teleop", FORWARD),
         odometry=odometry(0.5, law.now_s + TICK_S),
-        scan=laser_scan(ring(ahead_m=0.56), law.now_s + TICK_S),
+        scans=(laser_scan(ring(ahead_m=0.56), law.now_s + TICK_S),),
     )
     for _ in range(4):
         law.tick(("teleop", FORWARD), odometry=odometry(0.5, law.now_s + TICK_S))
@@ -441,7 +442,7 @@ def test_a_frozen_lidar_is_noticed_in_motion() -> None:
         law.step(
             Inputs(
                 commands=(Command("teleop", velocity, law.now_s),),
-                scan=laser_scan(ranges, law.now_s),
+                scans=(laser_scan(ranges, law.now_s),),
                 odometry=replace(odometry(0.0, law.now_s), velocity=moving),
             )
         )
@@ -463,7 +464,9 @@ def test_what_the_robot_drives_toward_between_scans_is_nearer_than_the_scan_show
         law.now_s += TICK_S
         commands = (Command("teleop", NEUTRAL, law.now_s),)
         moving = odometry(reported_m_s, law.now_s)
-        law.step(Inputs(commands=commands, scan=laser_scan(ring(ahead_m=0.8), law.now_s), odometry=moving))
+        law.step(
+            Inputs(commands=commands, scans=(laser_scan(ring(ahead_m=0.8), law.now_s),), odometry=moving)
+        )
         for _ in range(5):
             law.now_s += TICK_S
             moving = odometry(reported_m_s, law.now_s)
@@ -496,7 +499,7 @@ def test_a_decision_tells_the_scan_s_age_and_problem() -> None:
     law.scanning = False
     law.tick()
     assert law.decision.scan_age_s == pytest.approx(TICK_S)
-    law.tick(undecodable_scan=True)
+    law.tick(undecodable_lidars=(0,))
     assert law.decision.scan_problem == "undecodable"
     assert math.isnan(law.decision.nearest_m)
     assert math.isnan(Law(scanning=False).decision.scan_age_s)
@@ -508,7 +511,7 @@ def test_a_senseless_scan_tells_its_problem() -> None:
     law.scanning = False
     law.now_s += TICK_S
     scan = LaserScan(ring(), -math.pi, 0.0, 0.05, 12.0, law.now_s)
-    assert "more than a turn" in law.step(Inputs(scan=scan)).scan_problem
+    assert "more than a turn" in law.step(Inputs(scans=() if scan is None else (scan,))).scan_problem
 
 
 @pytest.mark.parametrize("alive", [(), back()])
@@ -582,7 +585,10 @@ def test_a_scan_whose_last_angle_does_not_fit_proves_nothing() -> None:
     law = Law()
     law.now_s += TICK_S
     scan = replace(laser_scan(ring(), law.now_s), angle_max=1.0)
-    assert law.step(Inputs(scan=scan)).reasons == (StopReason.SCAN_INVALID, StopReason.NO_COMMAND)
+    assert law.step(Inputs(scans=() if scan is None else (scan,))).reasons == (
+        StopReason.SCAN_INVALID,
+        StopReason.NO_COMMAND,
+    )
 
 
 def test_a_robot_pushed_at_something_near_may_not_help_with_its_wheels() -> None:
@@ -592,7 +598,7 @@ def test_a_robot_pushed_at_something_near_may_not_help_with_its_wheels() -> None
     law.step(
         Inputs(
             commands=(Command("teleop", NEUTRAL, law.now_s),),
-            scan=laser_scan(ring(ahead_m=0.54), law.now_s),
+            scans=(laser_scan(ring(ahead_m=0.54), law.now_s),),
             odometry=odometry(0.5, law.now_s),
         )
     )

@@ -11,6 +11,7 @@ from tests.unit.supervisor.law_harness import (
     CONFIG,
     FORWARD,
     NEUTRAL,
+    SCAN_TIMEOUT_S,
     TICK_S,
     Law,
     back,
@@ -81,7 +82,7 @@ def test_a_motion_runs_out_at_the_moment_that_is_told_beforehand(
     law.drive()
     law.scanning = scanning
     last_s, goes_on = law.now_s, [] if scanning else [("teleop", FORWARD)]
-    timeout_s = law.config.command_timeout_s if scanning else law.config.scan_timeout_s
+    timeout_s = law.config.command_timeout_s if scanning else SCAN_TIMEOUT_S
     law.hold(0.1, *goes_on)
     end_s = runs_out_s(law.state)
     assert end_s == pytest.approx(last_s + timeout_s + ROUNDING_S, abs=1e-9)
@@ -191,7 +192,7 @@ def test_a_stale_scan_stops_and_fresh_scans_alone_move_nothing() -> None:
     driven_s = 0.0
     while law.tick(("teleop", FORWARD)).output != STANDSTILL:
         driven_s += TICK_S
-    assert law.config.scan_timeout_s - TICK_S < driven_s <= law.config.scan_timeout_s
+    assert SCAN_TIMEOUT_S - TICK_S < driven_s <= SCAN_TIMEOUT_S
     assert law.decision.reasons == (StopReason.SCAN_STALE,)
     assert law.tick(("teleop", NEUTRAL)).mode is Mode.STOPPED
     law.scanning = True
@@ -204,7 +205,7 @@ def test_a_scan_that_cannot_be_decoded_stops_until_a_good_one_comes() -> None:
     law = Law()
     law.drive()
     law.scanning = False
-    assert law.tick(("teleop", FORWARD), undecodable_scan=True).reasons == (StopReason.SCAN_INVALID,)
+    assert law.tick(("teleop", FORWARD), undecodable_lidars=(0,)).reasons == (StopReason.SCAN_INVALID,)
     law.scanning = True
     law.tick(("teleop", FORWARD))
     law.tick(("teleop", NEUTRAL))
@@ -458,5 +459,5 @@ def test_scan_arrivals_between_ticks_do_not_disturb_the_order_of_things() -> Non
     law = Law(scanning=False)
     law.now_s += TICK_S
     neutral = Command("teleop", NEUTRAL, law.now_s - 0.001)
-    decision = law.step(Inputs(commands=(neutral,), scan=laser_scan(ring(), law.now_s)))
+    decision = law.step(Inputs(commands=(neutral,), scans=(laser_scan(ring(), law.now_s),)))
     assert decision.mode is Mode.READY

@@ -1,6 +1,7 @@
 """The bytes on the wire: ROS 2's own, and nothing that a stranger sends raises anything else."""
 
 import math
+import re
 import struct
 
 import numpy as np
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 
 from wire import topics
 from wire.messages import (
+    APPENDED_FROM,
     MAX_PAYLOAD_BYTES,
     LaserScan,
     Message,
@@ -54,6 +56,62 @@ def test_the_status_comes_back_with_all_its_sources() -> None:
     assert isinstance(back, SafetyStatus)
     assert back.sources == [source]
     assert (back.mode, back.reasons, back.scale) == (3, ["OBSTACLE"], 0.4)
+
+
+OLD_STATUS = bytes.fromhex(
+    "0001000001000000020000000a000000626173655f6c696e6b00000002000000080000004f56455252554e000b000000"
+    "5343414e5f5354414c450000000000000700000074656c656f7000000000000000000000000000000000000000000000"
+    "000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000"
+    "00000000000000000000000000000000000000000000000000000000000000000000e03f000000000000f83f00000000"
+    "0000d03f000000000000c03f010000000000000007000000000000000000000000000000010000000200000078000000"
+    "010000000700000074656c656f7000006400000001010001000000007b14ae47e17a843f01000000090000004f425354"
+    "41434c450000000000000000010000000000000002000000000000000300000000000000040000000000000005000000"
+    "00000000"
+)
+"""A status as it was recorded before `causes`, `latched` and `detail` were appended."""
+
+
+def test_a_status_from_before_fields_were_appended_still_decodes() -> None:
+    back = decode(OLD_STATUS, SafetyStatus)
+    assert (back.reasons, back.owner, back.scale) == (["OVERRUN", "SCAN_STALE"], "teleop", 0.5)
+    assert [source.refused_invalid for source in back.sources] == [5]
+    assert (back.causes, back.latched, back.detail) == ([], [], "")
+    assert back.causes_and_latched() == (["OVERRUN", "SCAN_STALE"], [])
+
+
+@given(cut=st.integers(0, len(OLD_STATUS) - 4))
+def test_a_truncated_status_is_refused_in_its_old_form_too(cut: int) -> None:
+    """CDR allows three bytes of padding at the end, and rosbags reads as many fewer."""
+    with pytest.raises(UndecodableError):
+        decode(OLD_STATUS[:cut], SafetyStatus)
+
+
+@given(spare=st.integers(4, 200))
+def test_an_old_status_with_more_behind_it_is_refused(spare: int) -> None:
+    with pytest.raises(UndecodableError):
+        decode(OLD_STATUS + b"\xff" * spare, SafetyStatus)
+
+
+def test_the_status_parts_what_holds_from_what_is_over() -> None:
+    status = SafetyStatus(
+        header(""), reasons=["SCAN_STALE", "OVERRUN"], causes=["SCAN_STALE"], latched=["OVERRUN"], detail="°"
+    )
+    back = decode(encode(status), SafetyStatus)
+    assert back.causes_and_latched() == (["SCAN_STALE"], ["OVERRUN"])
+    assert back.detail == "°"
+    assert back.why() == "SCAN_STALE, OVERRUN (over)"
+    assert SafetyStatus(header(""), reasons=["ESTOP"]).why() == "ESTOP"
+    assert SafetyStatus(header(""), reasons=["ESTOP"], latched=["ESTOP"]).causes_and_latched() == (
+        [],
+        ["ESTOP"],
+    )
+    assert SafetyStatus(header("")).why() == ""
+
+
+def test_every_type_that_has_grown_names_its_first_new_field() -> None:
+    for name, first in APPENDED_FROM.items():
+        text = definition(name).text.partition("===")[0]
+        assert re.search(rf"^\S+ {first}\b", text, re.MULTILINE)
 
 
 @pytest.mark.parametrize("yaw_rad", [0.0, 1.0, -3.0, math.pi])

@@ -1,0 +1,210 @@
+"""Does a pressed e-stop outlive its supervisor? `python -m bench.estop_kill --runs 300`, on real processes.
+
+In each run the supervisor drives a base, the e-stop is pressed, and the supervisor is killed (SIGKILL) at a random
+moment after its status showed ESTOP. The next supervisor gets neutral commands and then motion. The run has stayed
+latched if every status of it names ESTOP and every command to the base is zero. A reset then begins the next run.
+"""
+
+import argparse
+import asyncio
+import os
+import random
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+
+from bench import scenery
+from bench.feed import BEAMS, ODOM_HZ, SCAN_HZ, START_S, at_rate, client, feeding, scan
+from bench.terminal import end
+from deploy.launch import free_loopback_endpoint
+from wire import topics
+from wire.bus import Arrival
+from wire.messages import Bool, SafetyStatus, odometry, planar_twist, zero_twist
+from wire.zenoh_bus import ZenohBus
+
+COMMAND_HZ = 20.0
+SPEED_M_S = 0.3
+KILL_WITHIN_S = 0.02
+"""After the first status that shows ESTOP; some of these moments are before the next tick."""
+DRIVE_S = 0.3
+"""How long the next supervisor is asked for motion."""
+RUNS = 300
+REPORT_EVERY = 25
+ESTOP = "ESTOP"
+LATCHED, RELEASED, RECORDED = "latched", "RELEASED", "first status shows it recorded"
+
+
+class _Supervisors:
+    """One supervisor after another at one endpoint, with one state directory."""
+
+    def __init__(self, endpoint: str, folder: Path) -> None:
+        self._endpoint, self._folder = endpoint, folder
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        with (self._folder / "supervisor.log").open("ab") as log:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "supervisor", "--endpoint", self._endpoint],
+                stdout=log,
+                stderr=log,
+                env=os.environ | {"LIFELINE_STATE_DIR": str(self._folder)},
+            )
+
+    async def kill(self) -> None:
+        """SIGKILL, and wait for the end."""
+        assert self._process is not None
+        self._process.kill()
+        await asyncio.to_thread(self._process.wait)
+
+    def end(self) -> None:
+        if self._process is not None:
+            end(self._process)
+
+
+class _Trials:
+    """The operator, the lidar and the base in one client."""
+
+    def __init__(self, bus: ZenohBus, supervisors: _Supervisors, chance: random.Random) -> None:
+        self._bus, self._supervisors, self._chance = bus, supervisors, chance
+        self._speed_m_s = 0.0
+        self._ranges = next(iter(scenery.scans(BEAMS, 1, wall_m=scenery.ROOM_M)))
+        self._commands = bus.publisher(topics.source_cmd_vel(topics.TELEOP))
+        self._scans = bus.publisher(topics.SCAN)
+        self._odometry = bus.publisher(topics.ODOM)
+        self._button = bus.publisher(topics.ESTOP)
+        self._token = bus.declare_alive(topics.TELEOP)
+        self._heard = asyncio.Event()
+        self._statuses = bus.subscribe(topics.STATUS, depth=1000, wake=self._heard)
+        self._cmd_vel = bus.subscribe(topics.CMD_VEL, depth=10_000)
+        self._former: bytes | None = None
+        """The epoch of the killed supervisor's status."""
+        self._epoch: bytes | None = None
+        self._since_kill: list[SafetyStatus] = []
+        self.counts: Counter[str] = Counter()
+
+    def feeds(self) -> list[Coroutine[None, None, None]]:
+        return [
+            at_rate(COMMAND_HZ, lambda: self._commands.put(planar_twist(self._speed_m_s, 0.0))),
+            at_rate(SCAN_HZ, lambda: self._scans.put(scan(self._ranges))),
+            at_rate(ODOM_HZ, lambda: self._odometry.put(odometry((0.0, 0.0, 0.0), (0.0, 0.0)))),
+        ]
+
+    async def run(self) -> bool:
+        """One run; whether the e-stop stayed latched."""
+        await self._drive()
+        first = await self._press()
+        self.counts[RECORDED] += not first.estop_record_problem
+        await asyncio.sleep(self._chance.uniform(0.0, KILL_WITHIN_S))
+        await self._supervisors.kill()
+        self._former = self._epoch
+        self._cmd_vel.take()
+        self._since_kill.clear()
+        self._supervisors.start()
+        latched = await self._stays_latched()
+        self.counts[LATCHED if latched else RELEASED] += 1
+        return latched
+
+    async def _drive(self) -> None:
+        """Reset what the last run left, and move."""
+        self._speed_m_s = 0.0
+        await self._until(lambda status: _teleop(status, neutral=True))
+        reply = await self._bus.call(topics.SUPERVISOR_RESET)
+        if not reply.success:
+            raise RuntimeError(f"the reset was refused: {reply.message}")
+        while True:
+            self._speed_m_s = 0.0
+            await self._until(lambda status: status.mode == SafetyStatus.READY)
+            self._speed_m_s = SPEED_M_S
+            status = await self._until(lambda status: status.mode != SafetyStatus.READY)
+            if status.mode == SafetyStatus.DRIVING:
+                return  # and not stopped by a busy machine's late commands
+
+    async def _press(self) -> SafetyStatus:
+        """Press, and return the first status that shows it."""
+        self._button.put(Bool(data=True))
+        return await self._until(lambda status: ESTOP in status.reasons)
+
+    async def _stays_latched(self) -> bool:
+        """Neutral until the new supervisor hears it and its scans, then motion."""
+        self._speed_m_s = 0.0
+        await self._until(lambda status: _teleop(status, neutral=True) and status.scan_age_s < 1.0)
+        self._speed_m_s = SPEED_M_S
+        await self._until(lambda status: _teleop(status, neutral=False))
+        await asyncio.sleep(DRIVE_S)
+        await self._until(lambda _: True)
+        at_rest = all(a.message == zero_twist() for a in self._cmd_vel.take())
+        return at_rest and all(ESTOP in status.reasons for status in self._since_kill)
+
+    async def _until(self, condition: Callable[[SafetyStatus], bool]) -> SafetyStatus:
+        """The first status of the present supervisor from now on for which this holds."""
+        async with asyncio.timeout(START_S):
+            while True:
+                for arrival in self._statuses.take():
+                    status = self._of_now(arrival)
+                    if status is not None and condition(status):
+                        return status
+                self._heard.clear()
+                await self._heard.wait()
+
+    def _of_now(self, arrival: Arrival[SafetyStatus]) -> SafetyStatus | None:
+        """A status of the present supervisor; None: a last word of the killed one."""
+        if arrival.stamp is None or arrival.message is None or arrival.stamp.gid == self._former:
+            return None
+        self._epoch = arrival.stamp.gid
+        self._since_kill.append(arrival.message)
+        return arrival.message
+
+
+def _teleop(status: SafetyStatus, *, neutral: bool) -> bool:
+    """Whether a supervisor has heard the operator ask for this."""
+    return any(
+        s.name == topics.TELEOP and s.accepted > 0 and s.age_s < 0.2 and s.neutral is neutral
+        for s in status.sources
+    )
+
+
+async def measure(runs: int, seed: int) -> Counter[str]:
+    """How the runs ended.
+
+    Raises:
+        TimeoutError: a supervisor does not start, or does not speak.
+    """
+    endpoint = free_loopback_endpoint()
+    with tempfile.TemporaryDirectory() as folder:
+        supervisors = _Supervisors(endpoint, Path(folder))
+        supervisors.start()
+        try:
+            async with client(endpoint) as bus:
+                trials = _Trials(bus, supervisors, random.Random(seed))
+                async with feeding(trials.feeds()):
+                    for number in range(1, runs + 1):
+                        latched = await trials.run()
+                        if not latched or number % REPORT_EVERY == 0:
+                            print(f"{number}: {dict(trials.counts)}", flush=True)
+                    return trials.counts
+        finally:
+            supervisors.end()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        prog="python -m bench.estop_kill",
+        description="Press the e-stop, kill the supervisor, restart it, and check that the e-stop is still latched.",
+        epilog="exit code: 0 if every run stayed latched, 1 if not",
+    )
+    parser.add_argument("--runs", type=int, default=RUNS, help="about 2 s each (default: %(default)s)")
+    parser.add_argument(
+        "--seed", type=int, default=1, help="of the moments of the kills (default: %(default)s)"
+    )
+    arguments = parser.parse_args()
+    counts = asyncio.run(measure(arguments.runs, arguments.seed))
+    print(f"{counts[LATCHED]} of {arguments.runs} runs on real processes stay latched")
+    print(f"{counts[RECORDED]} of the first statuses that showed ESTOP showed it as recorded")
+    sys.exit(counts[LATCHED] != arguments.runs)
+
+
+if __name__ == "__main__":
+    main()

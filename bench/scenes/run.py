@@ -1,0 +1,206 @@
+"""One scene in closed loop: the law at 50 Hz, a base that obeys one tick late, scans between the ticks."""
+
+import math
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from bench.scenes import law
+from bench.scenes.base import AxisBase, Base, MixtureBase
+from bench.scenes.operators import Adversary, Operator
+from bench.scenes.scene import Scene
+from bench.scenes.sensing import Eye, Ranges
+from bench.scenes.world import Measure
+from supervisor.model import STANDSTILL, Decision, Pose, Velocity
+from supervisor.safety import initial_state, step
+
+TICK_S = 0.02
+FINE_M = 0.006
+"""No part of the hull moves farther between two measurements of its clearance, where that could be the least so far."""
+STUCK_S = 3.0
+
+NEAR_M = 0.3
+"""What is farther away need not be measured before the hull has moved so far."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one run came to."""
+
+    seed: int
+    tags: tuple[str, ...]
+    bound_m: float
+    closest_m: float
+    closest_s: float
+    """When that was."""
+    travelled_m: float
+    duration_s: float
+    stopped_s: float
+    """How long it stood with a stop reason."""
+    stops: dict[str, int]
+    """How often each reason began."""
+
+    @property
+    def violated(self) -> bool:
+        return self.closest_m < self.bound_m
+
+    @property
+    def contact(self) -> bool:
+        return self.closest_m <= 0.0
+
+
+class Moment(NamedTuple):
+    """One tick, for whoever watches."""
+
+    now_s: float
+    pose: Pose
+    twist: Velocity
+    """The base's own."""
+    asked: Velocity
+    decision: Decision
+    scans: list[tuple[int, float, Ranges]]
+
+
+Watch = Callable[[Moment], None]
+Spoil = Callable[[float, int, Ranges], Ranges | None]
+"""A fault of one's own: (when, lidar, readings) to readings; None: that scan never arrives."""
+Report = Callable[[float, Velocity], Velocity | None]
+"""What odometry says: (when, the base's own velocity) to a velocity; None: nothing."""
+
+
+def run(
+    scene: Scene,
+    *,
+    operator: Operator | None = None,
+    watch: Watch | None = None,
+    spoil: Spoil | None = None,
+    report: Report | None = None,
+    base: Base | None = None,
+    stuck_s: float = STUCK_S,
+) -> Outcome:
+    """Drive through one scene.
+
+    Args:
+        scene: where, with what.
+        operator: who drives; the adversary of the scene's seed, if not given.
+        watch: called after each tick.
+        spoil: changes or drops scans on their way to the law.
+        report: replaces the scene's odometry.
+        base: replaces the scene's base.
+        stuck_s: ends the run when the robot has stood for so long, whatever was asked for.
+    """
+    measure = Measure(scene.hull)
+    operator = operator or Adversary(np.random.default_rng([scene.seed, 1]), scene.world, measure)
+    base = base or _base(scene)
+    eyes = [
+        Eye(lidar, len(scene.world), [scene.seed, 2 + number]) for number, lidar in enumerate(scene.lidars)
+    ]
+    taken = [0] * len(eyes)
+    pose, now_s, command = Pose(0.0, 0.0, scene.yaw_rad), 0.0, STANDSTILL
+    ledger = _Ledger(scene, measure)
+    state, decision = step(
+        initial_state(law.config_of(scene)), now_s, law.inputs(scene, now_s, STANDSTILL, [], None)
+    )
+    stops: Counter[str] = Counter()
+    stopped_s = moved_s = 0.0
+    reasons: tuple[str, ...] = law.stops(decision)
+    for _ in range(round(scene.duration_s / TICK_S)):
+        before, was = pose, base.twist
+        twist = base.step(command, TICK_S)
+        mean = Velocity(
+            (was.linear_m_s + twist.linear_m_s) / 2, (was.angular_rad_s + twist.angular_rad_s) / 2
+        )
+        scans: list[tuple[int, float, Ranges]] = []
+        for number, eye in enumerate(eyes):
+            taken_s = eye.lidar.phase_s + taken[number] / eye.lidar.rate_hz
+            if taken_s <= now_s + TICK_S:
+                taken[number] += 1
+                ranges = eye.scan(scene.world, *advance(before, mean, taken_s - now_s))
+                arrived = ranges if spoil is None else spoil(taken_s, number, ranges)
+                if arrived is not None:
+                    scans.append((number, taken_s, arrived))
+        pose = advance(before, mean, TICK_S)
+        ledger.note(now_s, before, mean)
+        now_s += TICK_S
+        asked = operator.asks(now_s, pose, twist, stopped=bool(reasons))
+        odometry = _odometry(scene, twist) if report is None else report(now_s, twist)
+        # The base obeys what was decided a tick ago.
+        command = decision.output
+        state, decision = step(state, now_s, law.inputs(scene, now_s, asked, scans, odometry))
+        last, reasons = reasons, law.stops(decision)
+        stops.update(set(reasons) - set(last))
+        stopped_s += TICK_S if reasons else 0.0
+        if watch is not None:
+            watch(Moment(now_s, pose, twist, asked, decision, scans))
+        if twist != STANDSTILL:
+            moved_s = now_s
+        elif now_s - moved_s > stuck_s:
+            break
+    return Outcome(
+        scene.seed,
+        scene.tags,
+        scene.bound_m,
+        ledger.closest_m,
+        ledger.closest_s,
+        ledger.travelled_m,
+        now_s,
+        stopped_s,
+        dict(stops),
+    )
+
+
+class _Ledger:
+    """The least clearance so far. The hull cannot come nearer than it moves: most ticks need no measurement."""
+
+    def __init__(self, scene: Scene, measure: Measure) -> None:
+        self._world, self._measure = scene.world, measure
+        self._reach_m = scene.hull.radius_m
+        self.closest_m, self.closest_s, self.travelled_m = scene.start_m, 0.0, 0.0
+        self._at_least_m = scene.start_m
+        self._near, self._near_for_m = scene.world, 0.0
+
+    def note(self, now_s: float, pose: Pose, twist: Velocity) -> None:
+        """One tick from a pose, at a twist."""
+        moved_m = TICK_S * (abs(twist.linear_m_s) + abs(twist.angular_rad_s) * self._reach_m)
+        self.travelled_m += TICK_S * abs(twist.linear_m_s)
+        self._at_least_m -= moved_m
+        self._near_for_m -= moved_m
+        if self._at_least_m >= self.closest_m or moved_m == 0.0:
+            return
+        if self._near_for_m < moved_m:
+            self._near_for_m = moved_m + NEAR_M
+            self._near = self._world.within(pose.x_m, pose.y_m, self._reach_m + self.closest_m + 2 * NEAR_M)
+        if len(self._near) == 0:
+            self._at_least_m = self.closest_m + NEAR_M
+            return
+        parts = math.ceil(moved_m / FINE_M)
+        for part in range(1, parts + 1):
+            later_s = TICK_S * part / parts
+            here = advance(pose, twist, later_s)
+            clearance_m = float(self._measure.clearances_m(self._near, *here).min())
+            self._at_least_m = min(clearance_m, self.closest_m + NEAR_M)
+            if clearance_m < self.closest_m:
+                self.closest_m, self.closest_s = clearance_m, now_s + later_s
+
+
+def advance(pose: Pose, twist: Velocity, dt_s: float) -> Pose:
+    """The pose after a time at a twist: an arc, taken at its middle heading."""
+    heading_rad = pose.yaw_rad + twist.angular_rad_s * dt_s / 2
+    return Pose(
+        pose.x_m + dt_s * twist.linear_m_s * math.cos(heading_rad),
+        pose.y_m + dt_s * twist.linear_m_s * math.sin(heading_rad),
+        pose.yaw_rad + dt_s * twist.angular_rad_s,
+    )
+
+
+def _base(scene: Scene) -> Base:
+    kind = MixtureBase if scene.base.kind == "mixture" else AxisBase
+    return kind(scene.base.acceleration_m_s2, scene.base.braking_m_s2, scene.hull.radius_m)
+
+
+def _odometry(scene: Scene, twist: Velocity) -> Velocity | None:
+    scale = scene.odometry_scale
+    return None if scale is None else Velocity(scale * twist.linear_m_s, scale * twist.angular_rad_s)

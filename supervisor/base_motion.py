@@ -1,0 +1,104 @@
+"""Whether the base does what it is told, beyond what its ramps explain.
+
+Two speeds bound what odometry may say of each axis: the *least*, which follows a rising command with the slowest
+acceleration that the base is known to have, and the *most*, which follows a falling command with the
+deceleration that it is trusted with. Odometry that stays outside of them for `PATIENCE_S` is a base that is
+blocked, switched off by its own emergency stop, slipping, or measured wrongly. It stays unresponsive until it
+is commanded zero and stands.
+"""
+
+import math
+from typing import NamedTuple
+
+from supervisor.reckoning import STANDSTILL, Velocity
+
+PATIENCE_S = 0.5
+"""How long the base may lag: its dead time, and odometry's way."""
+
+LEAST_SHARE = 0.5
+MOST_SHARE = 1.3
+"""Wheels slip, payloads weigh: so far from what is expected the base still follows."""
+
+SLOW = Velocity(0.1, 0.25)
+"""Below this, friction decides."""
+
+
+class Following(NamedTuple):
+    """What is expected of the base, and since when it does something else."""
+
+    least: Velocity
+    most: Velocity
+    since_s: float | None
+    """Since when odometry has been out of bounds; None: it is within."""
+    unresponsive: bool
+
+
+FOLLOWING = Following(STANDSTILL, STANDSTILL, None, unresponsive=False)
+
+
+def follow(
+    following: Following,
+    commanded: Velocity,
+    measured: Velocity | None,
+    now_s: float,
+    dt_s: float,
+    slowest: Velocity,
+    deceleration: Velocity,
+) -> Following:
+    """Take note of what has been commanded for `dt_s`, and of what odometry says.
+
+    Args:
+        following: until now.
+        commanded: the velocity of that time.
+        measured: odometry's; None: there is none.
+        now_s: the time.
+        dt_s: since the last call.
+        slowest: the least acceleration of the base [m/s², rad/s²].
+        deceleration: the one that the base is trusted with, likewise.
+    """
+    least = Velocity(
+        _rises(following.least.linear_m_s, commanded.linear_m_s, slowest.linear_m_s * dt_s),
+        _rises(following.least.angular_rad_s, commanded.angular_rad_s, slowest.angular_rad_s * dt_s),
+    )
+    most = Velocity(
+        _falls(following.most.linear_m_s, commanded.linear_m_s, deceleration.linear_m_s * dt_s),
+        _falls(following.most.angular_rad_s, commanded.angular_rad_s, deceleration.angular_rad_s * dt_s),
+    )
+    if measured is None:
+        return Following(least, most, None, unresponsive=False)
+    lags = (
+        _lags(measured.linear_m_s, least.linear_m_s, SLOW.linear_m_s)
+        or _lags(measured.angular_rad_s, least.angular_rad_s, SLOW.angular_rad_s)
+        or abs(measured.linear_m_s) > MOST_SHARE * abs(most.linear_m_s) + SLOW.linear_m_s
+        or abs(measured.angular_rad_s) > MOST_SHARE * abs(most.angular_rad_s) + SLOW.angular_rad_s
+    )
+    since_s = (now_s if following.since_s is None else following.since_s) if lags else None
+    too_long = since_s is not None and now_s - since_s > PATIENCE_S and commanded != STANDSTILL
+    stands = commanded == STANDSTILL and not moves(measured, SLOW)
+    return Following(least, most, since_s, too_long or (following.unresponsive and not stands))
+
+
+def moves(velocity: Velocity, threshold: Velocity) -> bool:
+    """Whether a velocity exceeds a threshold on either axis."""
+    return (
+        abs(velocity.linear_m_s) > threshold.linear_m_s
+        or abs(velocity.angular_rad_s) > threshold.angular_rad_s
+    )
+
+
+def _rises(least: float, commanded: float, step: float) -> float:
+    """The signed speed that the slowest base has by now; it falls with the command at once."""
+    if least * commanded < 0.0:
+        least = 0.0
+    return math.copysign(min(abs(commanded), abs(least) + step), commanded)
+
+
+def _falls(most: float, commanded: float, step: float) -> float:
+    """The signed speed that the base may still have; it rises with the command at once."""
+    if abs(commanded) >= abs(most) and most * commanded >= 0.0:
+        return commanded
+    return max(commanded, most - step) if most > commanded else min(commanded, most + step)
+
+
+def _lags(measured: float, least: float, slow: float) -> bool:
+    return abs(least) > slow and math.copysign(measured, measured * least) < LEAST_SHARE * abs(least)

@@ -1,0 +1,213 @@
+"""The e-stop record as files in the state directory.
+
+    estop-robot.latched   the record of the namespace `robot`: the next supervisor starts latched while it exists
+    estop-robot.ready     the same file before a press; recording a press renames it, which needs no free space
+    estop-robot.lock      held by the one supervisor that may clear the record
+
+Only the absence of the record proves that no e-stop was latched. Whatever else has its name, or keeps it from being
+looked up, starts the supervisor latched: its content is for people, and damage to it changes nothing.
+"""
+
+import fcntl
+import os
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+ENVIRONMENT = "LIFELINE_STATE_DIR"
+DEFAULT_NAME = ".lifeline"
+
+CONTENT = """\
+The e-stop of {namespace} was pressed. While this file exists, the supervisor starts with the e-stop latched.
+To clear it, start the robot, release the controls, and reset the e-stop: key r in teleop, or the service
+{namespace}/supervisor/reset.
+"""
+
+NOT_RECORDED = "the e-stop cannot be recorded"
+NOT_PREPARED = "a pressed e-stop could not be recorded"
+NOT_CLEARED = "the reset cannot be recorded, so the next supervisor starts latched"
+
+
+class RecordError(Exception):
+    """The record cannot be read or written; the sentence says why."""
+
+
+def state_directory() -> Path:
+    """The directory in `$LIFELINE_STATE_DIR`, else `.lifeline` in the project.
+
+    The working directory plays no part in an installation from source: a supervisor that is started elsewhere must
+    find the record.
+    """
+    named = os.environ.get(ENVIRONMENT)
+    if named:
+        return Path(named).expanduser().absolute()
+    root = Path(__file__).resolve().parent.parent
+    return (root if (root / "pyproject.toml").is_file() else Path.cwd()) / DEFAULT_NAME
+
+
+def record_path(directory: Path, namespace: str) -> Path:
+    """The file that exists while the e-stop of a namespace is latched."""
+    return directory / f"estop-{namespace}.latched"
+
+
+def is_recorded(directory: Path, namespace: str) -> bool:
+    """Whether a record exists, or cannot be looked up."""
+    try:
+        record_path(directory, namespace).lstat()
+    except FileNotFoundError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
+class RecordFiles:
+    """The record of one namespace in one directory. Every call may block for as long as the disk does.
+
+    Args:
+        directory: made if it is missing.
+        namespace: of the robot; each has a record of its own.
+    """
+
+    def __init__(self, directory: Path, namespace: str) -> None:
+        self._directory = directory
+        self._content = CONTENT.format(namespace=namespace).encode()
+        self._latched = record_path(directory, namespace)
+        self._ready = self._latched.with_suffix(".ready")
+        self._lock = self._latched.with_suffix(".lock")
+        self._lock_file: int | None = None
+
+    def read(self) -> bool:
+        """Whether the record exists.
+
+        Raises:
+            RecordError: another supervisor may be about to write it.
+            OSError: it cannot be looked up.
+        """
+        with suppress(OSError):  # a directory that takes no lock can still be read
+            self._own()
+        try:
+            self._latched.lstat()
+        except FileNotFoundError:
+            return False
+        return True
+
+    def latch(self) -> None:
+        """Make the record exist durably; one that exists already may not be on disk yet.
+
+        Raises:
+            RecordError: it cannot be written, or another supervisor may clear it.
+        """
+        with _saying(NOT_RECORDED):
+            self._make_directory()
+            if not os.path.lexists(self._latched):
+                if not os.path.lexists(self._ready):
+                    self._write_ready()
+                self._ready.rename(self._latched)
+            _synchronise(self._directory)
+        # Last: a record too many is safe.
+        with _saying(NOT_RECORDED):
+            self._own()
+
+    def clear(self) -> None:
+        """Remove the record durably.
+
+        Raises:
+            RecordError: it may still exist at the next start.
+        """
+        with _saying(NOT_CLEARED):
+            self._own()
+            self._latched.unlink(missing_ok=True)
+            _synchronise(self._directory)
+
+    def prepare(self) -> None:
+        """Write what a press only has to rename.
+
+        Raises:
+            RecordError: a press could not be recorded either.
+        """
+        with _saying(NOT_PREPARED):
+            self._own()
+            self._write_ready()
+
+    def holds(self, *, latched: bool) -> bool:
+        """Whether the record still exists as `latch` made it; or else, whether a press could still be recorded.
+
+        Raises:
+            OSError: that cannot be looked up.
+        """
+        if not self._is_own():
+            return False
+        if latched:
+            return os.path.lexists(self._latched)
+        return os.path.lexists(self._ready) and os.access(self._directory, os.W_OK)
+
+    def close(self) -> None:
+        """Release the lock; the end of the process does so as well."""
+        if self._lock_file is not None:
+            os.close(self._lock_file)
+            self._lock_file = None
+
+    def _write_ready(self) -> None:
+        file = os.open(self._ready, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
+        try:
+            os.write(file, self._content)
+            os.fsync(file)
+        finally:
+            os.close(file)
+        _synchronise(self._directory)
+
+    def _make_directory(self) -> None:
+        missing = [p for p in (self._directory, *self._directory.parents) if not p.exists()]
+        self._directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+        for made in missing:
+            _synchronise(made.parent)
+
+    def _own(self) -> None:
+        """Hold the lock, so that no other supervisor's reset clears the record."""
+        if self._is_own():
+            return
+        self.close()
+        self._make_directory()
+        file = os.open(self._lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            os.close(file)
+            if isinstance(error, BlockingIOError):
+                raise RecordError(
+                    f"another supervisor holds {self._lock}: give each robot a namespace or a state directory "
+                    "of its own"
+                ) from error
+            raise
+        self._lock_file = file
+
+    def _is_own(self) -> bool:
+        """Whether the lock is held, and is the file that another supervisor would lock."""
+        if self._lock_file is None:
+            return False
+        try:
+            return os.path.samestat(os.fstat(self._lock_file), self._lock.stat())
+        except FileNotFoundError:
+            return False
+
+
+def _synchronise(directory: Path) -> None:
+    """Let the entries of a directory survive a power failure."""
+    file = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(file)
+    finally:
+        os.close(file)
+
+
+@contextmanager
+def _saying(what: str) -> Generator[None]:
+    """Turn what the system refuses into one sentence."""
+    try:
+        yield
+    except OSError as error:
+        where = f" ({error.filename})" if error.filename else ""
+        raise RecordError(f"{what}: {error.strerror or error}{where}") from error
+    except RecordError as error:
+        raise RecordError(f"{what}: {error}") from error

@@ -1,0 +1,226 @@
+"""Seen space: what the scans rule out is free, and everything else counts as occupied.
+
+Between two neighbouring rays that are free, δ apart, a disc of the smallest diameter w fits from
+
+    r(δ) = w/2 · (1 / sin(δ/2) - 1)
+
+outward from the lidar: it touches both rays. A hole in the view, be it dirt, a sector where no beam looks or a
+coarse lidar, is the same gap between its two last rays, only wider; from half a turn on, r is zero. Beyond
+`range_max` nothing is proven either. The *hidden places* are the nearest points where such a disc may stand.
+The barrier treats them as it treats a return, so that less speed is permitted as less is seen.
+
+Other lidars, and scans of the last `unseen_memory_s`, may have seen what this one does not: each hidden place
+is followed outward along its ray to the first point that none of them has seen free.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from supervisor.clearance import NO_POINTS, Floats, Hull
+from supervisor.reckoning import Pose, between
+from supervisor.scan import Geometry, Mount, View, is_full_turn, rays_of, run_inside, unit_vectors
+
+OUTSIDE_SPACING_RAD = math.radians(2.0)
+"""Between two rays where no beam looks: 3.5 cm apart at one metre, less than the smallest obstacle by default."""
+
+OUTWARD_M: Floats = np.array(
+    [0.0, 0.04, 0.08, 0.12, 0.17, 0.22, 0.3, 0.38, 0.48, 0.6, 0.75, 0.95, 1.2, 1.5, 2.0]
+)
+"""How far behind the nearest hidden place another view is asked."""
+
+SEEN_MARGIN_M = 0.02
+"""A ray that ends nearer than this behind a point does not prove it free: readings are noisy."""
+
+
+class Lookout(NamedTuple):
+    """A view, and where its lidar was, in the base frame of the view that it helps."""
+
+    geometry: Geometry
+    free_m: Floats
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+
+@dataclass(frozen=True)
+class _Gaps:
+    """The rays along which something may hide, for one geometry on the robot."""
+
+    is_round: bool
+    """The beams go all around."""
+    nearest_m: float
+    """From where something fits between two neighbouring beams."""
+    between_m: Floats
+    """(n or n - 1,): where a hidden place is nearest between two neighbouring beams."""
+    between: Floats
+    """(2, n or n - 1): its direction."""
+    outside: Floats
+    """(2, o): directions between the last beam and the first."""
+    outside_hull_m: Floats
+    """(o,): how far these run inside the hull."""
+
+
+def hiding_distance_m(gap_rad: Floats, smallest_m: float) -> Floats:
+    """From where a disc of diameter `smallest_m` fits between two rays, for each angle (n,) between them."""
+    half = np.minimum(gap_rad, math.pi) / 2.0
+    return smallest_m / 2.0 * (1.0 / np.sin(half) - 1.0)
+
+
+def hidden_places(
+    view: View,
+    mount: Mount,
+    hull: Hull,
+    smallest_m: float,
+    reach_m: float,
+    others: Callable[[], Sequence[Lookout]] = tuple,
+) -> Floats:
+    """The nearest places (m, 2) [m] that no view rules out, in the base frame of the view's scan.
+
+    Args:
+        view: of the lidar that is asked first.
+        mount: where it is.
+        hull: the robot's outline.
+        smallest_m: the diameter of the smallest obstacle.
+        reach_m: what is farther than this from the hull limits no motion.
+        others: gives the views that may have seen what this one does not; asked only where that matters.
+    """
+    gaps = _gaps(view.geometry, mount, hull, smallest_m)
+    far_m = hull.radius_m + reach_m + math.hypot(mount.x_m, mount.y_m)
+    if view.is_whole and gaps.is_round and gaps.nearest_m >= far_m and view.range_max_m >= far_m:
+        return NO_POINTS
+    rays = rays_of(view.geometry, mount, hull)
+    parts: list[tuple[Floats, Floats]] = []  # directions (2, m) and distances (m,)
+    known = view.free_m > 0.0
+    if gaps.nearest_m < far_m:
+        reaches_m = np.maximum(view.free_m, np.roll(view.free_m, -1))[: len(gaps.between_m)]
+        both = (known & np.roll(known, -1))[: len(gaps.between_m)]
+        (open_,) = (both & (gaps.between_m < np.minimum(reaches_m, far_m))).nonzero()
+        parts.append((gaps.between[:, open_], gaps.between_m[open_]))
+    if view.range_max_m < far_m:
+        (silent,) = (known & ~view.hit).nonzero()
+        parts.append((rays.direction[:, silent], view.free_m[silent]))
+    if not (view.is_whole and gaps.is_round):
+        parts.extend(_holes(view, rays.direction, rays.hull_m, gaps, smallest_m, far_m))
+    if not parts:
+        return NO_POINTS
+    direction = np.concatenate([part[0] for part in parts], axis=1)
+    distance_m = np.concatenate([part[1] for part in parts])
+    lookouts = others()
+    if lookouts:
+        direction, distance_m = _behind_what_others_see(direction, distance_m, mount, lookouts, smallest_m)
+    places: Floats = (direction * distance_m + rays.origin_m).T
+    return places
+
+
+def _holes(
+    view: View, direction: Floats, hull_m: Floats, gaps: _Gaps, smallest_m: float, far_m: float
+) -> list[tuple[Floats, Floats]]:
+    """Rays into the gaps that are wider than from beam to beam, and how far out something may begin on each."""
+    increment = view.geometry.increment
+    (seeing,) = (view.free_m > 0.0).nonzero()
+    step_rad = abs(increment)
+    width = np.empty(len(seeing))
+    width[:-1] = (seeing[1:] - seeing[:-1]) * step_rad
+    width[-1] = max(2 * math.pi - (seeing[-1] - seeing[0]) * step_rad, 0.0)
+    edge_m = np.maximum(view.free_m[seeing], np.roll(view.free_m[seeing], -1))
+    hides_m = hiding_distance_m(np.maximum(width, step_rad), smallest_m)
+    # What is seen on both sides of a gap is nearer than anything that could hide in it.
+    hides_m[hides_m >= np.minimum(edge_m, far_m)] = math.inf
+    (missing,) = (view.free_m <= 0.0).nonzero()
+    gap = np.searchsorted(seeing, missing) - 1  # -1, before the first that sees, is the last gap
+    starts_m = np.maximum(hides_m[gap], hull_m[missing])
+    inside = starts_m < math.inf
+    outside_m = np.maximum(hides_m[-1], gaps.outside_hull_m)
+    beyond = outside_m < math.inf
+    return [
+        (direction[:, missing[inside]], starts_m[inside]),
+        (gaps.outside[:, beyond], outside_m[beyond]),
+    ]
+
+
+def _behind_what_others_see(
+    direction: Floats, distance_m: Floats, mount: Mount, others: Sequence[Lookout], smallest_m: float
+) -> tuple[Floats, Floats]:
+    """Each ray from the last point that others have seen free; those that are free throughout are left out."""
+    along_m = distance_m[:, None] + OUTWARD_M
+    x_m, y_m = mount.x_m + direction[0][:, None] * along_m, mount.y_m + direction[1][:, None] * along_m
+    free = np.zeros(along_m.shape, dtype=np.bool_)
+    for lookout in others:
+        free |= _sees_free(lookout, x_m, y_m, smallest_m)
+    hides = ~free.all(axis=1)
+    first = free[hides].argmin(axis=1)
+    before = np.maximum(first - 1, 0)
+    return direction[:, hides], along_m[hides][np.arange(len(before)), before]
+
+
+def _sees_free(
+    lookout: Lookout, x_m: Floats, y_m: Floats, smallest_m: float
+) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
+    """Whether a view proves each point free: both beams beside it end behind it, and nothing fits between them."""
+    count, angle_min, increment = lookout.geometry
+    away_x, away_y = x_m - lookout.x_m, y_m - lookout.y_m
+    distance_m = np.hypot(away_x, away_y)
+    turn = 2 * math.pi / abs(increment)
+    beam = ((np.arctan2(away_y, away_x) - lookout.yaw_rad - angle_min) / increment) % turn
+    first = np.floor(beam).astype(np.int64)
+    second = first + 1
+    if is_full_turn(lookout.geometry):
+        first, second = first % count, second % count
+    inside = second < count
+    ends_m = np.minimum(
+        lookout.free_m[np.minimum(first, count - 1)], lookout.free_m[np.minimum(second, count - 1)]
+    )
+    fits_m = float(hiding_distance_m(np.array(abs(increment)), smallest_m))
+    return inside & (ends_m > distance_m + SEEN_MARGIN_M) & (distance_m < fits_m)
+
+
+def lookout(view: View, mount: Mount, pose: Pose, from_pose: Pose) -> Lookout:
+    """A view, as it helps another one.
+
+    Args:
+        view: the one that helps.
+        mount: of its lidar.
+        pose: the odometer's when its scan was taken.
+        from_pose: the odometer's when the scan of the view that is helped was taken.
+    """
+    base = between(from_pose, pose)
+    cos, sin = math.cos(base.yaw_rad), math.sin(base.yaw_rad)
+    return Lookout(
+        view.geometry,
+        view.free_m,
+        base.x_m + cos * mount.x_m - sin * mount.y_m,
+        base.y_m + sin * mount.x_m + cos * mount.y_m,
+        base.yaw_rad + mount.yaw_rad,
+    )
+
+
+@lru_cache(maxsize=16)
+def _gaps(geometry: Geometry, mount: Mount, hull: Hull, smallest_m: float) -> _Gaps:
+    count, angle_min, increment = geometry
+    full = is_full_turn(geometry)
+    middle: Floats = (
+        mount.yaw_rad
+        + angle_min
+        + increment * (np.arange(count if full else count - 1, dtype=np.float64) + 0.5)
+    )
+    between = unit_vectors(middle)
+    nearest_m = float(hiding_distance_m(np.array(abs(increment)), smallest_m))
+    rest_rad = 0.0 if full else 2 * math.pi - abs(increment) * (count - 1)
+    number = max(1, math.ceil(rest_rad / OUTSIDE_SPACING_RAD)) - 1 if rest_rad else 0
+    last = mount.yaw_rad + angle_min + increment * (count - 1)
+    sign = math.copysign(1.0, increment)
+    ahead: Floats = last + sign * rest_rad * (np.arange(number, dtype=np.float64) + 1.0) / (number + 1)
+    outside = unit_vectors(ahead)
+    return _Gaps(
+        full,
+        nearest_m,
+        np.maximum(nearest_m, run_inside(hull, mount, between)),
+        between,
+        outside,
+        run_inside(hull, mount, outside),
+    )

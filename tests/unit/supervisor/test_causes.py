@@ -1,0 +1,260 @@
+"""Causes hold now; what is latched is over, and only a neutral command is missing."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from supervisor.model import Decision, Inputs, Mode, SourceConfig, StopReason
+from supervisor.safety import RELEASED_FACTOR
+from tests.unit.supervisor.law_harness import (
+    BACK,
+    CONFIG,
+    FORWARD,
+    NEUTRAL,
+    SPIN,
+    Law,
+    back,
+    lost,
+    odometry,
+    ring,
+)
+
+HULL_M = 0.25
+"""From the lidar to the hull."""
+
+
+def told(decision: Decision) -> tuple[set[str], set[str]]:
+    return {str(r) for r in decision.causes}, {str(r) for r in decision.latched}
+
+
+def test_nobody_has_commanded_and_nothing_was_seen_at_the_start() -> None:
+    law = Law(scanning=False)
+    assert told(law.decision) == ({"SCAN_STALE", "NO_COMMAND"}, set())
+
+
+def test_an_armed_robot_has_neither() -> None:
+    law = Law()
+    law.drive()
+    assert law.decision.mode is Mode.DRIVING
+    assert told(law.decision) == (set(), set())
+
+
+def test_a_supervisor_that_was_late_once_waits_for_neutral_alone() -> None:
+    law = Law()
+    law.drive()
+    law.now_s += 0.13
+    assert told(law.tick(("teleop", FORWARD))) == ({"OVERRUN"}, set())
+    decision = law.tick(("teleop", FORWARD))
+    assert told(decision) == (set(), {"OVERRUN"})
+    assert decision.reasons == (StopReason.OVERRUN,)
+    assert decision.mode is Mode.STOPPED
+    assert told(law.tick(("teleop", NEUTRAL))) == (set(), set())
+
+
+def test_each_of_two_reasons_is_over_when_its_own_cause_ends() -> None:
+    law = Law()
+    law.drive()
+    law.scanning = False
+    law.hold(0.3)
+    assert told(law.decision) == ({"SCAN_STALE", "COMMAND_TIMEOUT"}, set())
+    law.hold(0.1, ("teleop", FORWARD))
+    assert told(law.decision) == ({"SCAN_STALE"}, {"COMMAND_TIMEOUT"})
+    law.scanning = True
+    law.hold(0.1, ("teleop", FORWARD))
+    assert told(law.decision) == (set(), {"SCAN_STALE", "COMMAND_TIMEOUT"})
+    assert law.decision.latched == law.decision.reasons
+
+
+def test_a_lost_token_is_a_cause_until_it_is_back() -> None:
+    law = Law()
+    law.drive()
+    assert told(law.tick(("teleop", FORWARD), liveliness=lost())) == ({"SOURCE_LOST"}, set())
+    assert told(law.tick(("teleop", FORWARD), liveliness=back())) == (set(), {"SOURCE_LOST"})
+
+
+def test_what_is_mended_within_one_step_is_latched_at_once() -> None:
+    law = Law()
+    law.drive()
+    assert told(law.tick(("teleop", FORWARD), liveliness=lost() + back())) == (set(), {"SOURCE_LOST"})
+
+
+def test_an_invalid_command_is_a_cause_until_a_valid_one_comes() -> None:
+    law = Law()
+    law.drive()
+    assert told(law.tick(("teleop", None))) == ({"COMMAND_INVALID"}, set())
+    assert told(law.tick(("teleop", FORWARD))) == (set(), {"COMMAND_INVALID"})
+
+
+def test_a_pressed_e_stop_is_a_cause_until_the_step_after_its_reset() -> None:
+    law = Law()
+    law.drive()
+    law.tick(("teleop", NEUTRAL), estop=True)
+    assert told(law.decision) == ({"ESTOP"}, set())
+    law.tick(reset=True)
+    assert told(law.decision) == ({"ESTOP"}, set())
+    assert told(law.tick()) == (set(), {"ESTOP"})
+
+
+def test_a_base_that_runs_away_is_a_cause_until_it_stands() -> None:
+    law = Law()
+    law.drive()
+    law.tick(("teleop", NEUTRAL))
+    for _ in range(100):
+        law.tick(("teleop", FORWARD), estop=True, odometry=odometry(0.5, law.now_s + 0.02))
+    assert "BASE_RUNAWAY" in told(law.decision)[0]
+    law.tick(("teleop", FORWARD), odometry=odometry(0.0, law.now_s + 0.02))
+    assert told(law.decision) == ({"ESTOP"}, {"BASE_RUNAWAY"})
+
+
+def test_another_sources_stop_is_latched_on_the_one_that_takes_over() -> None:
+    two = (SourceConfig("teleop", 100), SourceConfig("path", 10))
+    law = Law(config=replace(CONFIG, sources=two))
+    law.tick(("teleop", NEUTRAL), ("path", NEUTRAL))
+    law.tick(("teleop", FORWARD), ("path", NEUTRAL))
+    law.tick(("path", BACK), liveliness=lost())
+    assert law.decision.owner == "path"
+    assert told(law.decision) == (set(), {"SOURCE_LOST"})
+
+
+# --- the barrier
+
+
+def approached(law: Law) -> Decision:
+    law.ranges = ring(ahead_m=CONFIG.stop_distance_m + HULL_M)
+    return law.drive()
+
+
+def test_an_obstacle_is_a_cause_while_the_command_closes_on_it() -> None:
+    law = Law()
+    assert told(approached(law)) == ({"OBSTACLE"}, set())
+    assert told(law.hold(0.5, ("teleop", FORWARD))) == ({"OBSTACLE"}, set())
+
+
+def test_an_obstacle_that_walked_away_is_over_and_still_sets_nothing_going() -> None:
+    law = Law()
+    approached(law)
+    law.ranges = ring()
+    law.hold(0.1, ("teleop", FORWARD))
+    assert told(law.decision) == (set(), {"OBSTACLE"})
+    assert law.decision.output == NEUTRAL
+
+
+def permitted_at(clearance_m: float) -> float:
+    """The permitted closing speed for a scan that arrives at every tick [m/s]."""
+    lost_m_s = CONFIG.deceleration_m_s2 * (0.02 + CONFIG.transport_s)
+    margin_m = clearance_m - CONFIG.stop_distance_m
+    return math.sqrt(lost_m_s**2 + 2 * CONFIG.deceleration_m_s2 * margin_m) - lost_m_s
+
+
+@pytest.mark.parametrize(("beyond_m", "is_over"), [(0.0062, False), (0.0088, True)])
+def test_an_obstacle_is_over_at_five_times_the_minimum_useful_speed(
+    beyond_m: float, *, is_over: bool
+) -> None:
+    useful_m_s = RELEASED_FACTOR * CONFIG.creep_m_s
+    assert RELEASED_FACTOR == 5.0
+    clearance_m = CONFIG.stop_distance_m + beyond_m
+    assert (permitted_at(clearance_m) > useful_m_s) == is_over, "the numbers of this test"
+    law = Law()
+    approached(law)
+    law.ranges = ring(ahead_m=clearance_m + HULL_M)
+    law.hold(0.1, ("teleop", FORWARD))
+    assert (law.decision.causes == ()) == is_over
+    assert law.decision.reasons == (StopReason.OBSTACLE,)
+
+
+def test_a_slow_command_is_released_where_all_of_it_would_pass() -> None:
+    law = Law()
+    law.ranges = ring(ahead_m=CONFIG.stop_distance_m + HULL_M)
+    slow = FORWARD._replace(linear_m_s=0.05)
+    law.drive(slow)
+    assert told(law.decision) == ({"OBSTACLE"}, set())
+    for beyond_m, causes in ((0.002, {"OBSTACLE"}), (0.02, set[str]())):
+        law.ranges = ring(ahead_m=CONFIG.stop_distance_m + HULL_M + beyond_m)
+        law.hold(0.1, ("teleop", slow))
+        assert told(law.decision) == (causes, {"OBSTACLE"} - causes)
+
+
+def test_an_obstacle_is_no_cause_while_nothing_is_commanded() -> None:
+    law = Law()
+    approached(law)
+    law.tick(("teleop", NEUTRAL), estop=True)
+    assert told(law.decision) == ({"ESTOP"}, {"OBSTACLE"})
+
+
+@pytest.mark.parametrize("undecodable", [False, True])
+def test_without_a_valid_scan_nothing_says_that_the_obstacle_is_still_there(*, undecodable: bool) -> None:
+    law = Law()
+    approached(law)
+    law.scanning = False
+    if undecodable:
+        law.tick(("teleop", FORWARD), undecodable_scan=True)
+        assert told(law.decision) == ({"SCAN_INVALID"}, {"OBSTACLE"})
+    else:
+        law.hold(0.3, ("teleop", FORWARD))
+        assert told(law.decision) == ({"SCAN_STALE"}, {"OBSTACLE"})
+
+
+def test_where_nobody_looks_is_a_cause_until_somebody_does() -> None:
+    law = Law()
+    law.ranges = ring()
+    law.ranges[120:241] = np.nan
+    assert told(law.drive()) == ({"SCAN_BLIND"}, set())
+    law.ranges = ring()
+    law.hold(0.1, ("teleop", FORWARD))
+    assert told(law.decision) == (set(), {"SCAN_BLIND"})
+
+
+def test_the_scans_problem_is_the_detail_of_an_invalid_scan() -> None:
+    law = Law()
+    law.drive()
+    law.ranges = np.full(360, np.nan, dtype=np.float32)
+    law.tick(("teleop", FORWARD))
+    assert law.decision.causes == (StopReason.SCAN_INVALID,)
+    assert law.decision.detail == law.decision.scan_problem != ""
+    law.ranges = ring()
+    assert law.tick(("teleop", FORWARD)).detail == ""
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from([NEUTRAL, FORWARD, BACK, SPIN, None]),
+            st.sampled_from(
+                ["", "silence", "lost", "back", "late", "estop", "reset", "no scan", "near", "far"]
+            ),
+        ),
+        max_size=40,
+    )
+)
+def test_causes_and_latched_always_part_the_reasons(events: list[tuple[object, str]]) -> None:
+    law = Law()
+    for velocity, event in events:
+        law.now_s += 0.2 if event == "late" else 0.0
+        law.scanning = event != "no scan"
+        law.ranges = ring(ahead_m=0.5) if event == "near" else ring()
+        commands = () if event == "silence" else (("teleop", velocity),)
+        inputs: dict[str, object] = {"estop": event == "estop", "reset": event == "reset"}
+        if event in ("lost", "back"):
+            inputs["liveliness"] = (lost if event == "lost" else back)()
+        decision = law.tick(*commands, **inputs)  # type: ignore[arg-type]
+        assert not set(decision.causes) & set(decision.latched)
+        assert set(decision.causes) | set(decision.latched) == set(decision.reasons)
+        for part in (decision.causes, decision.latched):
+            assert list(part) == [reason for reason in StopReason if reason in part]
+
+
+def test_a_step_without_inputs_still_says_what_holds() -> None:
+    law = Law()
+    law.drive()
+    law.scanning = False
+    law.now_s += 0.09
+    assert law.step(Inputs()).causes == ()
+    law.now_s += 0.09
+    law.step(Inputs())
+    law.now_s += 0.09
+    assert told(law.step(Inputs())) == ({"SCAN_STALE", "COMMAND_TIMEOUT"}, set())

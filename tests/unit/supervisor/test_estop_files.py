@@ -1,0 +1,332 @@
+"""The e-stop record's files: what is found at a start, and what a crash at any moment leaves behind."""
+
+import errno
+import os
+from collections.abc import Callable, Generator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from supervisor import estop_files
+from supervisor.estop_files import RecordError, RecordFiles, is_recorded, record_path, state_directory
+
+ROBOT = "robot"
+
+
+class Crash(BaseException):
+    """The process ends here."""
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Generator[RecordFiles]:
+    files = RecordFiles(tmp_path / "state", ROBOT)
+    yield files
+    files.close()
+
+
+def read_anew(directory: Path, namespace: str = ROBOT) -> bool:
+    """As the next process reads it; the one before has ended."""
+    files = RecordFiles(directory, namespace)
+    try:
+        return files.read()
+    finally:
+        files.close()
+
+
+def test_a_first_start_finds_no_record_and_makes_the_directory(files: RecordFiles, tmp_path: Path) -> None:
+    assert not files.read()
+    assert not is_recorded(tmp_path / "state", ROBOT)
+    assert (tmp_path / "state").stat().st_mode & 0o777 == 0o700
+
+
+def test_a_press_is_found_until_it_is_cleared(files: RecordFiles, tmp_path: Path) -> None:
+    files.prepare()
+    files.latch()
+    files.close()
+    assert read_anew(tmp_path / "state")
+    assert is_recorded(tmp_path / "state", ROBOT)
+    assert "reset the e-stop" in record_path(tmp_path / "state", ROBOT).read_text()
+    files.clear()
+    files.close()
+    assert not read_anew(tmp_path / "state")
+
+
+def test_pressing_twice_and_clearing_twice_changes_nothing_more(files: RecordFiles) -> None:
+    files.latch()
+    files.latch()
+    assert files.read()
+    files.clear()
+    files.clear()
+    assert not files.read()
+
+
+def test_each_namespace_has_a_record_of_its_own(files: RecordFiles, tmp_path: Path) -> None:
+    files.latch()
+    assert not read_anew(tmp_path / "state", "other")
+    other = RecordFiles(tmp_path / "state", "other")
+    other.clear()
+    other.close()
+    assert files.read()
+
+
+def test_a_prepared_press_needs_no_space_on_the_disk(
+    files: RecordFiles, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files.prepare()
+
+    def full(*_: object) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "write", full)
+    files.latch()
+    assert files.read()
+
+
+def test_a_full_disk_is_named_before_anybody_presses(
+    files: RecordFiles, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "write", full)
+    with pytest.raises(RecordError, match="a pressed e-stop could not be recorded: No space left on device"):
+        files.prepare()
+
+
+def a_directory(path: Path) -> None:
+    path.mkdir()
+
+
+def a_dangling_link(path: Path) -> None:
+    path.symlink_to("nowhere")
+
+
+def a_loop_of_links(path: Path) -> None:
+    path.symlink_to(path.name)
+
+
+def an_empty_file(path: Path) -> None:
+    path.touch()
+
+
+def garbage(path: Path) -> None:
+    path.write_bytes(b"\xff" * 5000)
+
+
+@pytest.mark.parametrize("put", [a_directory, a_dangling_link, a_loop_of_links, an_empty_file, garbage])
+def test_whatever_has_the_records_name_counts_as_one(put: Callable[[Path], None], tmp_path: Path) -> None:
+    put(record_path(tmp_path, ROBOT))
+    assert read_anew(tmp_path)
+    assert is_recorded(tmp_path, ROBOT)
+
+
+def test_a_directory_in_the_records_place_stays_latched_and_says_that_it_cannot_be_cleared(
+    tmp_path: Path,
+) -> None:
+    record_path(tmp_path, ROBOT).mkdir()
+    files = RecordFiles(tmp_path, ROBOT)
+    files.latch()
+    with pytest.raises(RecordError, match=r"the reset cannot be recorded.*Is a directory"):
+        files.clear()
+    files.close()
+    assert read_anew(tmp_path)
+
+
+def test_a_state_directory_that_is_a_file_proves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "state").write_text("")
+    with pytest.raises(NotADirectoryError):
+        read_anew(tmp_path / "state")
+    assert is_recorded(tmp_path / "state", ROBOT)
+    files = RecordFiles(tmp_path / "state", ROBOT)
+    with pytest.raises(RecordError, match="the e-stop cannot be recorded"):
+        files.latch()
+
+
+def test_a_record_that_may_not_be_looked_up_proves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(path: Path) -> os.stat_result:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+
+    monkeypatch.setattr(Path, "lstat", refused)
+    assert is_recorded(tmp_path, ROBOT)
+    with pytest.raises(PermissionError):
+        read_anew(tmp_path)
+
+
+def test_a_read_only_directory_is_read_and_named(
+    files: RecordFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "state").mkdir()
+    opened = os.open
+
+    def read_only(path: Any, flags: int, mode: int = 0o777) -> int:  # noqa: ANN401
+        if flags & os.O_CREAT:
+            raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(path))
+        return opened(path, flags, mode)
+
+    monkeypatch.setattr(os, "open", read_only)
+    assert not files.read()
+    with pytest.raises(
+        RecordError, match=r"a pressed e-stop could not be recorded: Read-only file system \(.*lock\)"
+    ):
+        files.prepare()
+
+
+def test_a_second_supervisor_of_the_namespace_proves_nothing_and_clears_nothing(
+    files: RecordFiles, tmp_path: Path
+) -> None:
+    files.prepare()
+    second = RecordFiles(tmp_path / "state", ROBOT)
+    with pytest.raises(RecordError, match="another supervisor holds"):
+        second.read()
+    with pytest.raises(RecordError, match="a pressed e-stop could not be recorded: another supervisor holds"):
+        second.prepare()
+    files.latch()
+    with pytest.raises(RecordError, match="another supervisor holds"):
+        second.clear()
+    assert files.read()
+
+
+def test_a_press_at_a_second_supervisor_is_recorded_all_the_same(files: RecordFiles, tmp_path: Path) -> None:
+    files.prepare()
+    second = RecordFiles(tmp_path / "state", ROBOT)
+    with pytest.raises(RecordError, match="the e-stop cannot be recorded: another supervisor holds"):
+        second.latch()
+    assert files.read()
+
+
+def test_the_lock_passes_to_the_next_process(files: RecordFiles, tmp_path: Path) -> None:
+    files.latch()
+    files.close()
+    second = RecordFiles(tmp_path / "state", ROBOT)
+    second.clear()
+    second.close()
+
+
+def test_a_deleted_state_directory_is_noticed_and_made_again(files: RecordFiles, tmp_path: Path) -> None:
+    files.latch()
+    assert files.holds(latched=True)
+    for path in (tmp_path / "state").iterdir():
+        path.unlink()
+    (tmp_path / "state").rmdir()
+    assert not files.holds(latched=True)
+    files.latch()
+    assert files.holds(latched=True)
+    files.close()
+    assert read_anew(tmp_path / "state")
+
+
+def test_a_press_that_could_no_longer_be_recorded_is_noticed(
+    files: RecordFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert not files.holds(latched=False)
+    files.prepare()
+    assert files.holds(latched=False)
+
+    def refused(_path: Path, _mode: int) -> bool:
+        return False
+
+    monkeypatch.setattr(os, "access", refused)
+    assert not files.holds(latched=False)
+    monkeypatch.undo()
+    (tmp_path / "state" / "estop-robot.ready").unlink()
+    assert not files.holds(latched=False)
+
+
+CHANGES = ("rename", "unlink", "open", "write", "fsync", "close")
+
+
+def crash_before(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """End the process before its nth change of the disk from now on."""
+    left = number
+
+    def counted(call: Callable[..., Any]) -> Callable[..., Any]:
+        def change(*arguments: Any, **options: Any) -> Any:  # noqa: ANN401
+            nonlocal left
+            left -= 1
+            if left < 0:
+                raise Crash
+            return call(*arguments, **options)
+
+        return change
+
+    for name in CHANGES:
+        monkeypatch.setattr(os, name, counted(getattr(os, name)))
+    monkeypatch.setattr(Path, "rename", counted(Path.rename))
+    monkeypatch.setattr(Path, "unlink", counted(Path.unlink))
+
+
+def crashed(directory: Path, number: int, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Press, reset, press until the crash; returns what was finished before."""
+    files = RecordFiles(directory, ROBOT)
+    files.prepare()
+    finished: list[str] = []
+    with monkeypatch.context() as patched:
+        crash_before(number, patched)
+        try:
+            for name in ("latch", "clear", "prepare", "latch"):
+                getattr(files, name)()
+                finished.append(name)
+        except Crash:
+            pass
+    files.close()
+    return finished
+
+
+def test_a_crash_at_any_change_leaves_what_was_finished_or_a_latched_estop(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    finished_of_each: list[list[str]] = []
+    for number in range(100):
+        directory = tmp_path / str(number)
+        finished = crashed(directory, number, monkeypatch)
+        finished_of_each.append(finished)
+        latched = read_anew(directory)
+        if finished and finished[-1] == "latch":
+            # The reset after it has not been finished, if it was begun at all.
+            assert latched or len(finished) == 1, number
+        if len(finished) == 4:
+            assert latched
+            break
+    assert [len(f) for f in finished_of_each] == sorted(len(f) for f in finished_of_each)
+    assert {len(f) for f in finished_of_each} == {0, 1, 2, 3, 4}
+
+
+def test_a_press_is_on_disk_only_after_its_rename_was_synchronised(
+    files: RecordFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files.prepare()
+    done: list[str] = []
+    rename, fsync = Path.rename, os.fsync
+
+    def renamed(path: Path, target: Path) -> Path:
+        done.append("rename")
+        return rename(path, target)
+
+    def synchronised(file: int) -> None:
+        done.append(Path(f"/proc/self/fd/{file}").readlink().name)
+        fsync(file)
+
+    monkeypatch.setattr(Path, "rename", renamed)
+    monkeypatch.setattr(os, "fsync", synchronised)
+    files.latch()
+    assert done == ["rename", "state"]
+    done.clear()
+    files.latch()
+    assert done == ["state"], "a record that was found may not be on disk yet"
+
+
+def test_the_state_directory_is_the_environments_or_the_projects(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv(estop_files.ENVIRONMENT, str(tmp_path))
+    assert state_directory() == tmp_path
+    monkeypatch.setenv(estop_files.ENVIRONMENT, "")
+    monkeypatch.chdir(tmp_path)
+    project = state_directory()
+    assert project.name == ".lifeline"
+    assert (project.parent / "pyproject.toml").is_file(), "wherever the supervisor is started"
+    monkeypatch.setattr(estop_files, "__file__", str(tmp_path / "supervisor" / "estop_files.py"))
+    assert state_directory() == tmp_path / ".lifeline"
