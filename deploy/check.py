@@ -90,7 +90,8 @@ def examine(file: Path) -> Report:
 
 
 def _seen(lidar: NamedLidarSection, sim: SimSection | None) -> Seen:
-    """By the lidar's own keys, else by `[sim]`, else by its profile, else assumed."""
+    """By the lidar's own keys, else by the lidar of `[sim]` on its topic, else by its profile, else assumed."""
+    carried = None if sim is None else next(c for c in sim.lidar_configs() if c.topic == lidar.topic)
     assumed: list[str] = []
 
     def first(name: str, own: float | None, of_sim: float | None, assumption: float) -> float:
@@ -100,17 +101,16 @@ def _seen(lidar: NamedLidarSection, sim: SimSection | None) -> Seen:
 
     scan_hz = topics.SCAN.rate_hz
     assert scan_hz is not None  # a stream has a rate
-    of_sim_s = lidar.usual_period_s() if sim is None else 1.0 / sim.scan_hz
-    period_s = first("period_s", lidar.period_s, of_sim_s, 1.0 / scan_hz)
-    beams = int(first("beams", lidar.beams, None if sim is None else sim.lidar_beams, ASSUMED_BEAMS))
-    range_m = first(
-        "range_max_m", lidar.range_max_m, None if sim is None else sim.lidar_range_max_m, ASSUMED_RANGE_M
-    )
-    span_rad = first("view_rad", None, None if sim is None else sim.lidar_span_rad, math.tau)
-    start, end = -span_rad / 2, span_rad / 2
+    known_s = lidar.usual_period_s() if sim is None else 1.0 / sim.scan_hz
+    period_s = first("period_s", lidar.period_s, known_s, 1.0 / scan_hz)
+    beams = int(first("beams", lidar.beams, None if carried is None else carried.beams, ASSUMED_BEAMS))
+    known_m = None if carried is None else carried.range_max_m
+    range_m = first("range_max_m", lidar.range_max_m, known_m, ASSUMED_RANGE_M)
     if lidar.view_rad is not None:
         start, end = lidar.view_rad
-        assumed = [name for name in assumed if name != "view_rad"]
+    else:
+        span_rad = first("view_rad", None, None if carried is None else carried.span_rad, math.tau)
+        start, end = -span_rad / 2, span_rad / 2
     gaps = beams if end - start > math.tau - FULL_TURN_SLACK_RAD else beams - 1
     return Seen(View(start, (end - start) / max(1, gaps), beams, range_m, period_s), tuple(assumed))
 

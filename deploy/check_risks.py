@@ -1,5 +1,6 @@
 """The numbers of a valid configuration that create a risk, each with a sentence that says which."""
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -63,6 +64,8 @@ def _of_lidar(config: SupervisorSection, lidar: NamedLidarSection) -> Iterator[R
             f"The robot may drive {_way(config, timeout_s)} m on the last scan of a lidar that has fallen silent.",
         )
     profile = lidar.readings()
+    if profile.silence_limit_s < math.inf:  # a beam has to have shown that it can see
+        return
     names = [
         name
         for name, is_free in (

@@ -25,7 +25,7 @@ from pydantic import (
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from wire import topics
-from wire.quantities import Acceleration, AngularAcceleration, Beams, Between
+from wire.quantities import Acceleration, AngularAcceleration, Between
 from wire.zenoh_bus import DEFAULT_ENDPOINT, BusConfig
 
 SECTIONS = ("bus", "supervisor", "teleop", "sim")
@@ -139,7 +139,6 @@ class BaseSection(Section):
     # There are 500 physics steps in a second; every 10 s is no rate at all.
     scan_hz: Annotated[float, Between(0.1, 500.0)] = 20.0
     odom_hz: Annotated[float, Between(0.1, 500.0)] = 50.0
-    lidar_beams: Beams = 360
 
 
 S = TypeVar("S", bound=Section)

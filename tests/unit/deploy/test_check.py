@@ -71,6 +71,25 @@ def test_the_two_lidars_of_an_example_look_away_from_each_other_from_opposite_co
     assert abs(first.yaw_rad - second.yaw_rad) == pytest.approx(math.pi, abs=1e-5)
 
 
+def test_a_robot_with_two_diagonal_lidars_may_do_everything_but_with_one_of_them_not(tmp_path: Path) -> None:
+    found = examine(EXAMPLES["amr_two_lidars"])
+    assert all(p.at_rest.scale == 1.0 and p.after_driving.scale == 1.0 for p in found.motions)
+    text = EXAMPLES["amr_two_lidars"].read_text()
+    first, second = text.rindex("[[supervisor.lidars]]"), text.index("[teleop]")
+    alone = report(tmp_path, text[:first] + text[second:])
+    assert motion(alone, "back").at_rest.reasons == (StopReason.SCAN_BLIND,)
+
+
+def test_with_a_memory_of_free_space_the_robot_with_one_lidar_may_back_out_the_way_it_came(
+    tmp_path: Path,
+) -> None:
+    text = EXAMPLES["amr_one_lidar"].read_text()
+    found = report(tmp_path, text.replace("unseen_memory_s = 0.0", "unseen_memory_s = 5.0"))
+    back = motion(found, "back")
+    assert back.at_rest.reasons == (StopReason.SCAN_BLIND,)
+    assert back.after_driving.output.linear_m_s < -0.1
+
+
 # --- the stopping distance
 
 
@@ -170,6 +189,11 @@ def test_the_complete_example_has_no_risk() -> None:
         ("[supervisor]\nodom_timeout_s = 0.4", "odom_timeout_s = 0.4", "0.40 m on the last odometry"),
         ("[sim]\ncommand_timeout_s = 0.3", "[sim] command_timeout_s = 0.3", "0.30 m after the supervisor"),
         ("[supervisor]\nscan_timeout_s = 0.5", "timeout of lidar = 0.5", "0.50 m on the last scan"),
+        (
+            lidar('profile = "own"', "own = { nan_is_free = true }"),
+            'profile of lidar = "own"',
+            "Readings of NaN count",
+        ),
         (lidar('profile = "neato_xv"'), 'profile of lidar = "neato_xv"', "Readings of 0.0, NaN, 0.053 count"),
         (lidar('profile = "hokuyo_urg"'), 'profile of lidar = "hokuyo_urg"', "below 0.0195 m"),
         ("[supervisor]\nworks_in_the_open = true", "works_in_the_open = true", "a covered lidar looks like"),
@@ -191,6 +215,11 @@ def test_each_setting_that_creates_a_risk_is_named_with_it(
     found = {entry.setting: entry.sentence for entry in report(tmp_path, simulated).risks}
     assert risk in found.pop(setting)
     assert all(name.startswith("timeout of lidar") for name in found)  # a sensor's profile brings its own
+
+
+def test_a_profile_that_asks_a_beam_to_prove_that_it_sees_creates_no_risk(tmp_path: Path) -> None:
+    found = report(tmp_path, lidar('profile = "sick_lms"') + "\n[sim]\n")
+    assert found.risks == ()
 
 
 def test_a_real_base_has_to_be_measured(tmp_path: Path) -> None:
