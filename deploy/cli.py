@@ -128,6 +128,21 @@ def demo(
 
 
 @app.command()
+def check(*, file: Annotated[Path, typer.Argument(metavar="FILE", help="a robot.toml")]) -> None:
+    """Check a configuration: its lidars, stopping distance, permitted motions and risks.
+
+    Exit code 0: valid, without a risk; 1: valid, but a setting creates a risk; 2: refused, with every fault.
+    """
+
+    def run() -> int:
+        from deploy.check import check  # noqa: PLC0415
+
+        return check(file)
+
+    _exit_with(run)
+
+
+@app.command()
 def replay_decision(
     *, file: Annotated[Path, typer.Argument(metavar="FILE", help="a black box: blackbox/*.jsonl.gz")]
 ) -> None:

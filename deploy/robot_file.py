@@ -10,6 +10,9 @@ from supervisor.safety import IMPLAUSIBLE_FACTOR
 from teleop.config import TeleopSection
 from wire.config import BusSection, Conflict, Section, Sections, read_sections
 
+MOUNT_TOLERANCE = 0.01
+"""m, or rad: what a mount is rounded by."""
+
 COMMANDS_IN_TIMEOUT = 1.5
 """With fewer in one command timeout, the robot stops for every command that is a little late."""
 
@@ -31,7 +34,35 @@ def read_robot(document: dict[str, Any], *, simulated: bool) -> Sections:
     }
     if simulated or "sim" in document:
         models["sim"] = SimSection
-    return read_sections(document, models, fit_to_base, fit_to_supervisor)
+    return read_sections(document, models, fit_to_base, fit_to_supervisor, fit_to_simulation)
+
+
+def fit_to_simulation(sections: Sections) -> Iterator[Conflict]:
+    """Every lidar of `[supervisor]` that the simulated robot carries elsewhere, or not at all."""
+    config, sim = sections.get(SupervisorSection), sections.get(SimSection)
+    if config is None or sim is None:
+        return
+    simulated = {lidar.topic: lidar for lidar in sim.lidar_configs()}
+    for index, lidar in enumerate(config.all_lidars()):
+        path = ("supervisor", *(("lidar",) if config.lidars is None else ("lidars", index)))
+        carried = simulated.get(lidar.topic)
+        if carried is None:
+            message = (
+                f"no lidar of [sim] publishes there, only on {', '.join(simulated)}: add it to [[sim.lidars]]"
+            )
+            yield Conflict((*path, "topic"), lidar.topic, message)
+            continue
+        for key in ("x_m", "y_m", "yaw_rad"):
+            value, of_sim = getattr(lidar, key), getattr(carried, key)
+            if abs(value - of_sim) > MOUNT_TOLERANCE:
+                message = (
+                    f"is {of_sim:g} of the lidar that [sim] has on {lidar.topic}: the robot would see everything in "
+                    "another place than it is; set the same mount in both"
+                )
+                yield Conflict((*path, key), value, message)
+        if carried.beams < lidar.min_beams:
+            message = f"is more than the {carried.beams} beams of [sim]'s, so every scan would be refused"
+            yield Conflict((*path, "min_beams"), lidar.min_beams, message)
 
 
 def fit_to_supervisor(sections: Sections) -> Iterator[Conflict]:

@@ -14,7 +14,7 @@ from sim.lidar import LidarConfig
 from sim.lidar_config import MAX_LIDARS, SimLidarSection, conflicts_of_lidars
 from sim.scene import DEFAULT, MAX_PAYLOAD_KG, MAX_SLIP, Build, Hull
 from wire.config import BaseSection, Conflict
-from wire.quantities import Between, Range, Seed, Speed, TurnRate
+from wire.quantities import Beams, Between, Range, Seed, Speed, TurnRate
 
 # There are 500 physics steps in a second; every 10 s is no rate at all.
 Rate = Annotated[float, Between(0.1, 500.0, "in Hz")]
@@ -40,6 +40,7 @@ class SimSection(BaseSection):
     max_linear_m_s: Speed = 1.0
     max_angular_rad_s: TurnRate = 2.0
     imu_hz: Rate = 100.0
+    lidar_beams: Beams = 360
     lidar_span_rad: Span = math.tau
     lidar_range_min_m: Annotated[float, Between(0.0, 10.0, "in m")] = 0.1
     lidar_range_max_m: Range = 12.0

@@ -4,11 +4,12 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, model_validator
 
-from sim.lidar import MAX_BEAMS, LidarConfig
+from sim.lidar import LidarConfig
 from wire import topics
 from wire.config import Conflict, Name, Section
+from wire.quantities import Angle, Beams, Between
 
 MAX_LIDARS = 4
 MAX_MOUNT_M = 2.0
@@ -20,7 +21,7 @@ def _is_a_topic(topic: str) -> str:
     return topics.lidar_scan(topic).key
 
 
-Place = Annotated[float, Field(ge=-MAX_MOUNT_M, le=MAX_MOUNT_M)]
+Place = Annotated[float, Between(-MAX_MOUNT_M, MAX_MOUNT_M, "in m")]
 
 
 class SimLidarSection(Section):
@@ -30,13 +31,13 @@ class SimLidarSection(Section):
     topic: Annotated[str, AfterValidator(_is_a_topic)]
     x_m: Place = 0.0
     y_m: Place = 0.0
-    yaw_rad: Annotated[float, Field(ge=-math.tau, le=math.tau)] = 0.0
-    beams: Annotated[int, Field(ge=1, le=MAX_BEAMS)] = 360
-    span_rad: Annotated[float, Field(ge=0.01, le=math.tau)] = math.tau
-    range_min_m: Annotated[float, Field(ge=0, le=10)] = 0.1
-    range_max_m: Annotated[float, Field(ge=0.05, le=MAX_RANGE_M)] = 12.0
-    noise_m: Annotated[float, Field(ge=0, le=0.1)] = 0.002
-    dropout: Annotated[float, Field(ge=0, le=1)] = 0.0
+    yaw_rad: Angle = 0.0
+    beams: Beams = 360
+    span_rad: Annotated[float, Between(0.01, math.tau, "in rad: at most a full turn")] = math.tau
+    range_min_m: Annotated[float, Between(0.0, 10.0, "in m")] = 0.1
+    range_max_m: Annotated[float, Between(0.05, MAX_RANGE_M, "in m")] = 12.0
+    noise_m: Annotated[float, Between(0.0, 0.1, "in m")] = 0.002
+    dropout: Annotated[float, Between(0.0, 1.0)] = 0.0
 
     @model_validator(mode="after")
     def _measures_something(self) -> Self:

@@ -9,10 +9,12 @@
     lidar.py          what a reading means: REP 117 and its dialects
     plain.py          the law's types as JSON and back, exactly
     config.py         [supervisor] of robot.toml
+    lidar_config.py   its lidars
+    fit.py            its numbers against those of the base, [sim]
     messages.py       wire messages -> inputs, decision -> wire messages
     blackbox.py       the last minute of inputs and decisions, for a file at every stop
     blackbox_file.py  that file
     service.py        the asyncio shell: bytes in, one step, bytes out
 
-All but the last five are pure: no clock, no I/O, no asyncio, no logging.
+All but the last seven are pure: no clock, no I/O, no asyncio, no logging.
 """

@@ -19,9 +19,6 @@ def fit_to_base(sections: Sections) -> Iterator[Conflict]:
         path = ("supervisor", *(("lidars", index) if config.lidars is not None else ("lidar",)))
         for key, value, message in config.conflicts_of_period(path[1:], lidar, 1.0 / base.scan_hz):
             yield Conflict(("supervisor", *key), value, f"[sim] scan_hz = {base.scan_hz:g}: {message}")
-        if base.lidar_beams < lidar.min_beams:
-            message = f"is more than [sim] lidar_beams = {base.lidar_beams}, so every scan would be refused"
-            yield Conflict((*path, "min_beams"), lidar.min_beams, message)
 
 
 def _motion(config: SupervisorSection, base: BaseSection) -> Iterator[Conflict]:

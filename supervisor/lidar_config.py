@@ -19,6 +19,8 @@ Timeout = Annotated[float, Between(0.03, 3.0, "a slower lidar does not see what 
 Period = Annotated[float, Between(0.002, 2.0)]
 # Fewer show no surroundings; more than 4,096 no planar lidar has.
 MinBeams = Annotated[int, Between(12, 4096)]
+FULL_TURN_SLACK_RAD = 1e-3
+"""Nobody writes pi in full."""
 Sector = Annotated[tuple[Angle, Angle], Field(strict=False)]
 
 
@@ -106,7 +108,10 @@ class LidarSection(Section):
         if self.beams is not None and self.beams < self.min_beams:
             message = f"is less than min_beams = {self.min_beams}, so every scan would be refused"
             yield Conflict(("beams",), self.beams, message)
-        if self.view_rad is not None and not 0.0 < self.view_rad[1] - self.view_rad[0] <= math.tau + 1e-6:
+        if (
+            self.view_rad is not None
+            and not 0.0 < self.view_rad[1] - self.view_rad[0] <= math.tau + FULL_TURN_SLACK_RAD
+        ):
             message = "must be [from, to], counter-clockwise, and at most a full turn"
             yield Conflict(("view_rad",), list(self.view_rad), message)
 

@@ -7,6 +7,7 @@ start with it, says so itself.
 from typing import Any, cast
 
 from teleop.view import Robot
+from wire import topics
 
 _DEFAULT = Robot()
 
@@ -14,7 +15,7 @@ _DEFAULT = Robot()
 def robot_of(document: dict[str, Any]) -> Robot:
     """The hull, the lidar's mount and the distances of a robot.toml."""
     supervisor = _table(document, "supervisor")
-    hull, lidar = _table(supervisor, "footprint"), _table(supervisor, "lidar")
+    hull, lidar = _table(supervisor, "footprint"), _lidar_on_scan(supervisor)
     return Robot(
         radius_m=_number(hull, "radius_m", _DEFAULT.radius_m),
         corners_m=_corners(hull),
@@ -29,6 +30,19 @@ def robot_of(document: dict[str, Any]) -> Robot:
 def _table(document: dict[str, Any], name: str) -> dict[str, Any]:
     value = document.get(name)
     return cast("dict[str, Any]", value) if isinstance(value, dict) else {}
+
+
+def _lidar_on_scan(supervisor: dict[str, Any]) -> dict[str, Any]:
+    """The lidar whose scan is drawn: the only one, or the one of several that is on `scan`."""
+    lidars = supervisor.get("lidars")
+    if not isinstance(lidars, list):
+        return _table(supervisor, "lidar")
+    for entry in cast("list[object]", lidars):
+        if isinstance(entry, dict):
+            table = cast("dict[str, Any]", entry)
+            if table.get("topic") == topics.SCAN.key:
+                return table
+    return {}
 
 
 def _number(table: dict[str, Any], name: str, default: float) -> float:

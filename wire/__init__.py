@@ -10,6 +10,7 @@ zenoh_bus.py    the Bus over Zenoh: the one file that imports it
 memory_bus.py   the same Bus inside one event loop, for the component tests
 virtual_network.py, virtual_loop.py    and on a simulated network and clock, for the fault campaign
 config.py       robot.toml, read strictly
+quantities.py   the bounds of its numbers
 command_line.py what the processes' command lines share
 process.py      a process that always ends: signals, exceptions, a bounded close
 memory_keeper.py    and whose end its peers see at once

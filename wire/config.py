@@ -25,7 +25,7 @@ from pydantic import (
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from wire import topics
-from wire.quantities import Acceleration, AngularAcceleration, Beams, Between
+from wire.quantities import Acceleration, AngularAcceleration, Between
 from wire.zenoh_bus import DEFAULT_ENDPOINT, BusConfig
 
 SECTIONS = ("bus", "supervisor", "teleop", "sim")
@@ -139,7 +139,6 @@ class BaseSection(Section):
     # There are 500 physics steps in a second; every 10 s is no rate at all.
     scan_hz: Annotated[float, Between(0.1, 500.0)] = 20.0
     odom_hz: Annotated[float, Between(0.1, 500.0)] = 50.0
-    lidar_beams: Beams = 360
 
 
 S = TypeVar("S", bound=Section)
@@ -203,7 +202,7 @@ def read_sections(document: dict[str, Any], models: Mapping[str, type[Section]],
         try:
             valid[name] = model.model_validate(document.get(name, {}))
         except ValidationError as error:
-            lines.extend(_sentence(name, dict(fault)) for fault in error.errors(include_url=False))
+            lines.extend(_sentences(name, [dict(fault) for fault in error.errors(include_url=False)]))
     sections = Sections(valid)
     for fit in fits:
         lines.extend(
@@ -221,6 +220,14 @@ def section(document: dict[str, Any], name: str, model: type[S]) -> S:
         ConfigError: naming every faulty key with its value and what is allowed.
     """
     return read_sections(document, {name: model})[model]
+
+
+def _sentences(name: str, faults: list[dict[str, Any]]) -> Iterator[str]:
+    for fault in faults:
+        depth = len(fault["loc"])
+        within = any(other["loc"][:depth] == fault["loc"] for other in faults if len(other["loc"]) > depth)
+        if not (fault["type"] == "too_short" and within):  # pydantic does not count entries that are refused
+            yield _sentence(name, fault)
 
 
 def _sentence(name: str, fault: dict[str, Any]) -> str:

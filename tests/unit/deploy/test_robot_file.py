@@ -70,5 +70,47 @@ def test_teleop_speaks_often_enough() -> None:
     assert "1.5 periods of [teleop] rate_hz = 8" in message
 
 
+FRONT: dict[str, Any] = {"name": "front", "topic": "scan", "x_m": 0.2, "yaw_rad": 0.5}
+REAR: dict[str, Any] = {"name": "rear", "topic": "scan_rear", "x_m": -0.2, "y_m": 0.1}
+
+
+def carried(supervisor: object, sim: object) -> dict[str, Any]:
+    return {"supervisor": {"lidars": supervisor}, "sim": {"lidars": sim}}
+
+
+def test_the_simulated_robot_carries_the_lidars_where_the_supervisor_has_them() -> None:
+    assert read_robot(carried([FRONT, REAR], [FRONT, REAR]), simulated=True)
+    assert read_robot(
+        carried([FRONT], [FRONT, REAR]), simulated=True
+    )  # one that nobody looks at does no harm
+
+
+@pytest.mark.parametrize(("key", "value"), [("x_m", 0.22), ("y_m", -0.02), ("yaw_rad", 0.52)])
+def test_a_lidar_that_the_simulated_robot_carries_elsewhere_is_refused(key: str, value: float) -> None:
+    message = refusal(carried([{**FRONT, key: value}], [FRONT]))
+    assert f"supervisor.lidars.0.{key} = {value}: is " in message
+    assert "set the same mount in both" in message
+
+
+def test_a_lidar_off_the_axis_is_refused_for_the_simulated_robot_whose_lidar_is_on_it() -> None:
+    document = {"supervisor": {"lidar": {"x_m": 0.1}}}
+    assert "supervisor.lidar.x_m = 0.1: is 0 of the lidar that [sim] has on scan" in refusal(document)
+    assert read_robot(document, simulated=False)
+
+
+def test_a_lidar_that_the_simulated_robot_does_not_carry_is_refused() -> None:
+    message = refusal({"supervisor": {"lidars": [{**FRONT, "x_m": 0.0, "yaw_rad": 0.0}, REAR]}})
+    assert (
+        "supervisor.lidars.1.topic = 'scan_rear': no lidar of [sim] publishes there, only on scan" in message
+    )
+
+
+def test_a_lidar_of_too_few_beams_is_refused() -> None:
+    document: dict[str, Any] = {"supervisor": {"lidar": {"min_beams": 90}}, "sim": {"lidar_beams": 90}}
+    assert read_robot(document, simulated=True)
+    message = refusal({**document, "sim": {"lidar_beams": 89}})
+    assert "supervisor.lidar.min_beams = 90: is more than the 89 beams of [sim]'s" in message
+
+
 def test_a_source_of_teleop_shadows_no_node() -> None:
     assert "teleop.source = 'sim': is a node or a topic" in refusal({"teleop": {"source": "sim"}})

@@ -90,20 +90,20 @@ def test_without_a_list_the_lidar_keys_make_the_one_lidar_on_scan() -> None:
         ("topic", "teleop/cmd_vel", "something else's"),
         ("topic", "supervisor/scan", "something else's"),
         ("topic", "alive/scan", "something else's"),
-        ("x_m", 2.1, "less than or equal to 2"),
-        ("y_m", -2.1, "greater than or equal to -2"),
-        ("yaw_rad", 6.3, "less than or equal to 6.28"),
-        ("yaw_rad", math.nan, "less than or equal to 6.28"),
-        ("beams", 0, "greater than or equal to 1"),
-        ("beams", 65_537, "less than or equal to 65536"),
-        ("span_rad", 0.0, r"greater than or equal to 0\.01"),
-        ("span_rad", 6.3, "less than or equal to 6.28"),
-        ("range_min_m", -0.1, "greater than or equal to 0"),
-        ("range_min_m", 10.1, "less than or equal to 10"),
-        ("range_max_m", 0.01, r"greater than or equal to 0\.05"),
-        ("range_max_m", math.inf, "less than or equal to 1000"),
-        ("noise_m", 0.11, r"less than or equal to 0\.1"),
-        ("dropout", 1.1, "less than or equal to 1"),
+        ("x_m", 2.1, "must be from -2 to 2"),
+        ("y_m", -2.1, "must be from -2 to 2"),
+        ("yaw_rad", 6.3, "in rad, not in degrees"),
+        ("yaw_rad", math.nan, "in rad, not in degrees"),
+        ("beams", 0, "must be from 1 to 65536"),
+        ("beams", 65_537, "must be from 1 to 65536"),
+        ("span_rad", 0.0, r"must be from 0\.01 to 6\.28"),
+        ("span_rad", 6.3, r"must be from 0\.01 to 6\.28"),
+        ("range_min_m", -0.1, "must be from 0 to 10"),
+        ("range_min_m", 10.1, "must be from 0 to 10"),
+        ("range_max_m", 0.01, r"must be from 0\.05 to 1000"),
+        ("range_max_m", math.inf, r"must be from 0\.05 to 1000"),
+        ("noise_m", 0.11, r"must be from 0 to 0\.1"),
+        ("dropout", 1.1, "must be from 0 to 1"),
     ],
 )
 def test_a_value_out_of_its_bounds_is_refused_by_name_with_what_is_allowed(
@@ -137,7 +137,7 @@ def test_the_first_lidar_is_where_everybody_looks_for_it() -> None:
 def test_a_list_and_the_keys_of_the_one_lidar_are_refused_together() -> None:
     document = lidars()
     document["sim"]["lidar_beams"] = 360
-    with pytest.raises(ConfigError, match=r"give either \[\[sim\.lidars\]\] or lidar_beams"):
+    with pytest.raises(ConfigError, match=r"sim\.lidar_beams = 360: give either \[\[sim\.lidars\]\] or this"):
         read(document)
 
 

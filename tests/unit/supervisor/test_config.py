@@ -125,24 +125,24 @@ def test_all_contradictions_are_named_at_once() -> None:
 def test_a_sensors_profile_brings_its_timeout(profile: str) -> None:
     config = load(lidar={"profile": profile})
     timing = TIMINGS[profile]
-    assert config.law().scan_timeout_s == timing.timeout_s
+    assert config.law().lidars[0].timeout_s == timing.timeout_s
     assert config.lidar.usual_period_s() == timing.usual_period_s
     assert timing.timeout_s >= 1.5 * timing.usual_period_s
 
 
 def test_every_profile_that_names_a_sensor_has_its_timing() -> None:
     assert set(PROFILES) - set(TIMINGS) == {"rep117"}
-    assert load(lidar={"profile": "rep117"}).law().scan_timeout_s == 0.24
+    assert load(lidar={"profile": "rep117"}).law().lidars[0].timeout_s == 0.24
 
 
 def test_a_neato_at_its_own_rate_is_not_stale() -> None:
-    assert load(lidar={"profile": "neato_xv"}).law().scan_timeout_s == 0.45
+    assert load(lidar={"profile": "neato_xv"}).law().lidars[0].timeout_s == 0.45
 
 
 def test_a_timeout_that_is_given_counts_before_the_profiles_and_the_lidars_own_before_both() -> None:
     neato = {"profile": "neato_xv"}
-    assert load(scan_timeout_s=0.4, lidar=neato).law().scan_timeout_s == 0.4
-    assert load(scan_timeout_s=0.4, lidar={**neato, "timeout_s": 0.35}).law().scan_timeout_s == 0.35
+    assert load(scan_timeout_s=0.4, lidar=neato).law().lidars[0].timeout_s == 0.4
+    assert load(scan_timeout_s=0.4, lidar={**neato, "timeout_s": 0.35}).law().lidars[0].timeout_s == 0.35
 
 
 def test_a_timeout_is_at_least_one_and_a_half_periods() -> None:

@@ -46,7 +46,6 @@ JUST_ABOVE = math.nextafter(1.5, 2.0)
             {"angular_acceleration_rad_s2": 1.5},
             "is more than the base does, [sim] angular_acceleration_rad_s2 = 1.5",
         ),
-        ({"lidar": {"min_beams": 91}}, {"lidar_beams": 90}, "supervisor.lidar.min_beams = 91: is more than"),
         (
             {"tick_hz": 16.0, "transport_s": 0.1},
             {"command_timeout_s": math.nextafter(0.125, 0.0)},
@@ -78,7 +77,6 @@ def test_what_does_not_fit_to_the_base_is_refused_with_what_would(
         ({"deceleration_m_s2": 1.5, "footprint": {"radius_m": 0.25}}, {"angular_braking_rad_s2": 6.0}),
         ({"base_acceleration_m_s2": 1.5}, {"acceleration_m_s2": 1.5}),
         ({"base_angular_acceleration_rad_s2": 1.5}, {"angular_acceleration_rad_s2": 1.5}),
-        ({"lidar": {"min_beams": 90}}, {"lidar_beams": 90}),
         ({"tick_hz": 16.0, "transport_s": 0.1}, {"command_timeout_s": 0.125}),
         ({"odom_timeout_s": 0.1875}, {"odom_hz": 8.0}),
         ({"odom_timeout_s": 0.1, "odometry": False}, {"odom_hz": 8.0}),
@@ -89,12 +87,10 @@ def test_what_just_fits_is_accepted(supervisor: dict[str, Any], sim: dict[str, A
     assert read(supervisor, sim)[SupervisorSection]
 
 
-def test_each_of_several_lidars_is_held_to_the_rate_and_the_beams_of_the_base() -> None:
+def test_each_of_several_lidars_is_held_to_the_rate_of_the_base() -> None:
     lidars = [{"name": "front", "topic": "scan"}, {"name": "rear", "topic": "back", "timeout_s": 0.1}]
-    message = refusal({"lidars": lidars}, {"scan_hz": 10.0, "lidar_beams": 60})
+    message = refusal({"lidars": lidars}, {"scan_hz": 10.0})
     assert "supervisor.lidars.1.timeout_s = 0.1: [sim] scan_hz = 10: must be at least" in message
-    assert "supervisor.lidars.0.min_beams" in message
-    assert "supervisor.lidars.1.min_beams" in message
 
 
 def test_a_file_without_a_base_is_the_supervisors_alone() -> None:

@@ -214,7 +214,7 @@ def test_a_profile_that_does_not_fit_its_sensor_does_not_drive() -> None:
 
 def test_a_neato_is_stale_under_a_timeout_for_20_hz_but_not_under_that_of_its_profile() -> None:
     recording = _load("neato-lds")
-    profiles = SupervisorSection(lidar=LidarSection(profile="neato_xv")).law().scan_timeout_s
+    profiles = SupervisorSection(lidar=LidarSection(profile="neato_xv")).law().lidars[0].timeout_s
 
     def stale_share(timeout_s: float) -> float:
         late_s = np.maximum(np.diff(recording.arrival_s) - timeout_s, 0.0)

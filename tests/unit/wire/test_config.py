@@ -80,3 +80,10 @@ def test_a_section_that_nobody_reads_is_refused(tmp_path: Path) -> None:
     path.write_text("[supervisr]\ntick_hz = 50\n")
     with pytest.raises(ConfigError, match=r"unknown section \[supervisr\]"):
         read_toml(path)
+
+
+def test_an_entry_that_is_refused_is_not_also_missing() -> None:
+    message = refusal({"supervisor": {"sources": [{"name": "scan", "priority": 1}]}})
+    assert "supervisor.sources.0.name = 'scan'" in message
+    assert "at least 1 item" not in message
+    assert "at least 1 item" in refusal({"supervisor": {"sources": []}})

@@ -1,0 +1,210 @@
+"""`lifeline check`: what a configuration permits, and what it risks."""
+
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from deploy.check_motions import Permitted, View, permitted_motions
+from deploy.check_risks import Risk, risks
+from deploy.errors import DeployError
+from deploy.robot_file import read_robot
+from sim.config import SimSection
+from supervisor.config import SupervisorSection
+from supervisor.lidar_config import FULL_TURN_SLACK_RAD, NamedLidarSection
+from supervisor.model import Decision
+from wire import topics
+from wire.config import ConfigError, read_toml
+
+EXIT_RISKS = 1
+
+ASSUMED_BEAMS = 360
+ASSUMED_RANGE_M = 12.0
+
+
+class Stopping(NamedTuple):
+    """The distance in which the robot stops from its top speed, v·T + v²/2a + d, by its parts."""
+
+    speed_m_s: float
+    reaction_s: float
+    reaction_m: float
+    braking_m: float
+    keep_m: float
+
+    @property
+    def total_m(self) -> float:
+        return self.reaction_m + self.braking_m + self.keep_m
+
+
+class Seen(NamedTuple):
+    """A lidar's view, with what had to be assumed because the file does not say."""
+
+    view: View
+    assumed: tuple[str, ...]
+
+
+class Report(NamedTuple):
+    """Everything that `lifeline check` finds."""
+
+    config: SupervisorSection
+    lidars: tuple[Seen, ...]
+    stopping: Stopping
+    motions: tuple[Permitted, ...]
+    risks: tuple[Risk, ...]
+
+
+def check(file: Path) -> int:
+    """Print the report on a file; 0: it has no risk, 1: it has.
+
+    Raises:
+        DeployError: the configuration is refused; the message names every fault.
+    """
+    report = examine(file)
+    _print(Console(), file, report)
+    return EXIT_RISKS if report.risks else 0
+
+
+def examine(file: Path) -> Report:
+    """Read a configuration, and run the safety law on what its lidars see in open space.
+
+    Raises:
+        DeployError: the configuration is refused.
+    """
+    try:
+        sections = read_robot(read_toml(file), simulated=False)
+    except ConfigError as error:
+        raise DeployError(str(error)) from error
+    config, sim = sections[SupervisorSection], sections.get(SimSection)
+    lidars = tuple(_seen(lidar, sim) for lidar in config.all_lidars())
+    views = tuple(lidar.view for lidar in lidars)
+    return Report(
+        config,
+        lidars,
+        stopping(config, views),
+        tuple(permitted_motions(config, views)),
+        tuple(risks(config, sim)),
+    )
+
+
+def _seen(lidar: NamedLidarSection, sim: SimSection | None) -> Seen:
+    """By the lidar's own keys, else by the lidar of `[sim]` on its topic, else by its profile, else assumed."""
+    carried = None if sim is None else next(c for c in sim.lidar_configs() if c.topic == lidar.topic)
+    assumed: list[str] = []
+
+    def first(name: str, own: float | None, of_sim: float | None, assumption: float) -> float:
+        if own is None and of_sim is None:
+            assumed.append(name)
+        return next((value for value in (own, of_sim) if value is not None), assumption)
+
+    scan_hz = topics.SCAN.rate_hz
+    assert scan_hz is not None  # a stream has a rate
+    known_s = lidar.usual_period_s() if sim is None else 1.0 / sim.scan_hz
+    period_s = first("period_s", lidar.period_s, known_s, 1.0 / scan_hz)
+    beams = int(first("beams", lidar.beams, None if carried is None else carried.beams, ASSUMED_BEAMS))
+    known_m = None if carried is None else carried.range_max_m
+    range_m = first("range_max_m", lidar.range_max_m, known_m, ASSUMED_RANGE_M)
+    if lidar.view_rad is not None:
+        start, end = lidar.view_rad
+    else:
+        span_rad = first("view_rad", None, None if carried is None else carried.span_rad, math.tau)
+        start, end = -span_rad / 2, span_rad / 2
+    gaps = beams if end - start > math.tau - FULL_TURN_SLACK_RAD else beams - 1
+    return Seen(View(start, (end - start) / max(1, gaps), beams, range_m, period_s), tuple(assumed))
+
+
+def stopping(config: SupervisorSection, views: tuple[View, ...]) -> Stopping:
+    """From the top speed, on the oldest scan that is usual: just before the next one of the slowest lidar."""
+    speed_m_s = config.max_linear_m_s
+    reaction_s = 2.0 * max(view.period_s for view in views) + config.transport_s
+    braking_m = speed_m_s**2 / (2.0 * config.deceleration_m_s2)
+    return Stopping(speed_m_s, reaction_s, speed_m_s * reaction_s, braking_m, config.stop_distance_m)
+
+
+def _print(console: Console, file: Path, report: Report) -> None:
+    console.print(Text(f"{file}: the configuration is valid", style="bold green"), soft_wrap=True)
+    console.print(_lidar_table(report))
+    for lidar, seen in zip(report.config.all_lidars(), report.lidars, strict=True):
+        if seen.assumed:
+            keys = ", ".join(seen.assumed)
+            text = (
+                f"{lidar.name}: {keys} assumed; set them in its table, or the motions below are not its own"
+            )
+            console.print(Text(text, style="yellow"), soft_wrap=True)
+    way = report.stopping
+    console.print(
+        Text(
+            f"\nFrom {way.speed_m_s:g} m/s the robot needs {way.total_m:.2f} m to an obstacle: {way.reaction_m:.2f} m of "
+            f"reaction ({way.reaction_s:.2f} s: two scan periods and transport), {way.braking_m:.2f} m of braking "
+            f"(v²/2a, a = {report.config.deceleration_m_s2:g} m/s²) and {way.keep_m:.2f} m stop distance.\n"
+        ),
+        soft_wrap=True,
+    )
+    console.print(_motion_table(report.motions))
+    if report.risks:
+        console.print(_risk_table(report.risks))
+    else:
+        console.print(Text("No setting creates a risk that the defaults do not have.", style="green"))
+
+
+def _lidar_table(report: Report) -> Table:
+    table = Table(title="lidars", title_justify="left")
+    for heading in (
+        "name",
+        "topic",
+        "profile",
+        "mount x, y, yaw",
+        "view",
+        "beams",
+        "range",
+        "period",
+        "timeout",
+    ):
+        table.add_column(heading)
+    for lidar, (view, _) in zip(report.config.all_lidars(), report.lidars, strict=True):
+        gaps = view.beams - 1
+        table.add_row(
+            lidar.name,
+            lidar.topic,
+            lidar.profile,
+            f"{lidar.x_m:g} m, {lidar.y_m:g} m, {math.degrees(lidar.yaw_rad):.0f}°",
+            f"{math.degrees(view.angle_min):.0f}° to {math.degrees(view.angle_min + gaps * view.angle_increment):.0f}°",
+            str(view.beams),
+            f"{view.range_max_m:g} m",
+            f"{view.period_s:.3g} s",
+            f"{report.config.scan_timeout_of(lidar):g} s",
+        )
+    return table
+
+
+def _motion_table(motions: tuple[Permitted, ...]) -> Table:
+    table = Table(title="motions that the sensors permit in open space", title_justify="left")
+    for heading in ("motion", "at rest", "after driving ahead"):
+        table.add_column(heading)
+    for permitted in motions:
+        table.add_row(permitted.motion.name, _speed(permitted.at_rest), _speed(permitted.after_driving))
+    return table
+
+
+def _speed(decision: Decision) -> Text:
+    if decision.reasons:
+        return Text(f"no: {', '.join(decision.reasons)}", style="red")
+    linear_m_s, angular_rad_s = decision.output
+    parts = [
+        f"{abs(value):.2f} {unit}" for value, unit in ((linear_m_s, "m/s"), (angular_rad_s, "rad/s")) if value
+    ]
+    style = "green" if decision.scale == 1.0 else "yellow"
+    return Text(
+        f"{', '.join(parts)}{'' if decision.scale == 1.0 else f' ({decision.scale:.0%})'}", style=style
+    )
+
+
+def _risk_table(found: tuple[Risk, ...]) -> Table:
+    table = Table(title="settings that create a risk", title_justify="left")
+    table.add_column("setting", style="yellow")
+    table.add_column("risk")
+    for risk in found:
+        table.add_row(Text(risk.setting), Text(risk.sentence))  # no markup: "[sim]" is a name
+    return table

@@ -1,0 +1,128 @@
+"""The numbers of a valid configuration that create a risk, each with a sentence that says which."""
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from supervisor.config import SupervisorSection
+from supervisor.lidar_config import NamedLidarSection
+from wire.config import BaseSection
+
+NO_MARGIN_SHARE = 0.9
+"""A base trusted with more than this share of its braking has no margin for load, slope and floor."""
+
+
+class Risk(NamedTuple):
+    """A setting, and what may happen because of it."""
+
+    setting: str
+    sentence: str
+
+
+def risks(config: SupervisorSection, base: BaseSection | None) -> Iterator[Risk]:
+    """Every risk of a configuration that is valid.
+
+    Args:
+        config: of the supervisor.
+        base: what is known of the base; None: a real one, whose numbers are not in the file.
+    """
+    yield from _of_timeouts(config, base)
+    for lidar in config.all_lidars():
+        yield from _of_lidar(config, lidar)
+    yield from _of_unseen_space(config)
+    yield from _of_base(config, base)
+
+
+def _of_timeouts(config: SupervisorSection, base: BaseSection | None) -> Iterator[Risk]:
+    default = SupervisorSection()
+    for key, what in (
+        ("command_timeout_s", "after the operator's program hangs"),
+        ("overrun_s", "while the supervisor hangs"),
+        ("odom_timeout_s", "on the last odometry"),
+    ):
+        value = getattr(config, key)
+        if value > getattr(default, key):
+            yield Risk(f"{key} = {value:g}", f"The robot may drive {_way(config, value)} m {what}.")
+    standard_s = BaseSection().command_timeout_s
+    if base is not None and base.command_timeout_s > standard_s:
+        way_m = _way(config, base.command_timeout_s)
+        yield Risk(
+            f"[sim] command_timeout_s = {base.command_timeout_s:g}",
+            f"The base may drive {way_m} m after the supervisor hangs.",
+        )
+
+
+def _way(config: SupervisorSection, seconds: float) -> str:
+    return f"{config.max_linear_m_s * seconds:.2f}"
+
+
+def _of_lidar(config: SupervisorSection, lidar: NamedLidarSection) -> Iterator[Risk]:
+    timeout_s = config.scan_timeout_of(lidar)
+    if timeout_s > SupervisorSection().scan_timeout_s:
+        yield Risk(
+            f"timeout of {lidar.name} = {timeout_s:g}",
+            f"The robot may drive {_way(config, timeout_s)} m on the last scan of a lidar that has fallen silent.",
+        )
+    profile = lidar.readings()
+    if profile.silence_limit_s < math.inf:  # a beam has to have shown that it can see
+        return
+    names = [
+        name
+        for name, is_free in (
+            ("0.0", profile.zero_is_free),
+            ("NaN", profile.nan_is_free),
+            (f"below {profile.codes_below_m:g} m", profile.codes_below_m > 0.0),
+            (", ".join(f"{code:g}" for code in profile.free_codes_m), bool(profile.free_codes_m)),
+        )
+        if is_free
+    ]
+    if names:
+        yield Risk(
+            f'profile of {lidar.name} = "{lidar.profile}"',
+            f'Readings of {", ".join(names)} count as "nothing there" without proof: dirt on the lidar, or an object '
+            "that does not reflect, looks like free space.",
+        )
+
+
+def _of_unseen_space(config: SupervisorSection) -> Iterator[Risk]:
+    if config.works_in_the_open:
+        yield Risk(
+            "works_in_the_open = true",
+            "A scan without a single return is valid: a covered lidar looks like open space.",
+        )
+    if config.blind_creep_m_s > 0.0:
+        yield Risk(
+            f"blind_creep_m_s = {config.blind_creep_m_s:g}",
+            f"The hull may touch what no beam sees, at up to {config.blind_creep_m_s:g} m/s.",
+        )
+    if config.unseen_memory_s > 0.0:
+        yield Risk(
+            f"unseen_memory_s = {config.unseen_memory_s:g}",
+            f"Someone may have walked into space that no beam has seen for {config.unseen_memory_s:g} s, and the robot "
+            "may drive there.",
+        )
+    if config.smallest_obstacle_m > (default_m := SupervisorSection().smallest_obstacle_m):
+        yield Risk(
+            f"smallest_obstacle_m = {config.smallest_obstacle_m:g}",
+            f"The robot may hit objects between {default_m:g} and {config.smallest_obstacle_m:g} m wide, such as a "
+            "table's leg, that stand between two beams.",
+        )
+
+
+def _of_base(config: SupervisorSection, base: BaseSection | None) -> Iterator[Risk]:
+    if not config.odometry:
+        yield Risk(
+            "odometry = false",
+            "A base that runs away or does not follow is not noticed, and neither is a frozen scan while it is pushed.",
+        )
+    if base is None:
+        yield Risk(
+            f"deceleration_m_s2 = {config.deceleration_m_s2:g}",
+            "The file has no [sim], so nothing proves that the base brakes like this: measure it, fully loaded.",
+        )
+    elif config.deceleration_m_s2 > NO_MARGIN_SHARE * base.braking_m_s2:
+        yield Risk(
+            f"deceleration_m_s2 = {config.deceleration_m_s2:g}",
+            f"The base brakes with {base.braking_m_s2:g} m/s² ([sim] braking_m_s2), which leaves no margin for load, "
+            "slope and floor.",
+        )
