@@ -71,7 +71,7 @@ class SupervisorService:
             )
             for name in names
         }
-        self._scans = bus.subscribe(topics.SCAN, wake=self._wake)
+        self._scans = bus.subscribe(topics.SCAN, wake=self._wake, per_writer=True)
         self._odometry = bus.subscribe(topics.ODOM)  # read at the next tick: nothing urgent is in it
         self._estops = bus.subscribe(topics.ESTOP, depth=ESTOP_DEPTH, wake=self._wake)
         self._alive = bus.watch_alive(self._wake)
@@ -126,14 +126,16 @@ class SupervisorService:
             for change in self._alive.take()
             if change.node in self._commands
         ]
-        scans = self._scans.take()
-        scan = to_scan(scans[-1], self._header_tolerance_s) if scans else None
+        arrivals = self._scans.take()
+        heard = [to_scan(arrival, self._header_tolerance_s) for arrival in arrivals]
+        scans = tuple(scan for scan in heard if scan is not None)
+        undecodable = bool(arrivals) and arrivals[-1].message is None
         odometry = self._odometry.take()
         return Inputs(
             commands=tuple(commands),
             liveliness=tuple(liveliness),
-            scan=scan,
-            undecodable_scan=bool(scans) and scan is None,
+            scan=scans[-1] if scans and not undecodable else None,
+            undecodable_scan=undecodable,
             odometry=to_odometry(odometry[-1]) if odometry else None,
             strangers=tuple(name for name in self._sources.take() if name not in self._commands),
             estop=estop,
