@@ -149,6 +149,8 @@ class Inputs:
     """Sources outside the configuration that were heard."""
     estop: bool = False
     reset: bool = False
+    suspended_s: float = 0.0
+    """How long the machine slept since the last step: time that `now_s` does not show."""
 
 
 # --- what it remembers
@@ -227,6 +229,8 @@ class State(NamedTuple):
     """Since when zero is commanded; None while driving."""
     runaway: bool = False
     strangers: tuple[str, ...] = ()
+    resumed_s: float = -math.inf
+    """When the machine was last found to have been suspended."""
 
 
 # --- what it decides

@@ -16,6 +16,7 @@ Unproven means stop. The law in four sentences:
 """
 
 import math
+from dataclasses import replace
 
 from supervisor.clearance import Barrier, Block, moved, permitted_scale
 from supervisor.model import (
@@ -74,6 +75,7 @@ def step(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
         now_s: the supervisor's monotonic clock, never before the last step's.
         inputs: what came since; arrivals are not after `now_s`.
     """
+    state, inputs = _resume(state, now_s, inputs)
     state = _observe(state, now_s, inputs)
     shared = _shared_causes(state, now_s)
     state, live = _take_commands(state, now_s, inputs, shared)
@@ -97,6 +99,19 @@ def runs_out_s(state: State) -> float:
 
 
 # --- what everybody shares
+
+
+def _resume(state: State, now_s: float, inputs: Inputs) -> tuple[State, Inputs]:
+    """After a suspend, forget what was heard before it, however fresh it looks by the monotonic clock.
+
+    What came with this step may be from before as well. What is still on its way comes within the timeouts, for which
+    OVERRUN stays a cause: only a neutral command that arrives after that arms.
+    """
+    if inputs.suspended_s <= state.config.overrun_s:
+        return state, inputs
+    sources = tuple(s._replace(sent_s=s.sent_s - inputs.suspended_s) for s in state.sources)
+    state = state._replace(sources=sources, scan=None, odometry=None, resumed_s=now_s)
+    return state, replace(inputs, commands=(), scan=None, undecodable_scan=False, odometry=None)
 
 
 def _observe(state: State, now_s: float, inputs: Inputs) -> State:
@@ -184,7 +199,8 @@ def _shared_causes(state: State, now_s: float) -> Reasons:
         causes.add(StopReason.SCAN_STALE)
     elif state.scan.problem is not None:
         causes.add(StopReason.SCAN_INVALID)
-    if state.now_s is not None and now_s - state.now_s > state.config.overrun_s:
+    late = state.now_s is not None and now_s - state.now_s > state.config.overrun_s
+    if late or now_s - state.resumed_s <= max(state.config.command_timeout_s, state.config.scan_timeout_s):
         causes.add(StopReason.OVERRUN)
     if state.runaway:
         causes.add(StopReason.BASE_RUNAWAY)

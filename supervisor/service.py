@@ -6,6 +6,7 @@ loop blocks: publishing drops rather than waits, and a slow asker of a reset wai
 
 import asyncio
 import logging
+from collections.abc import Callable
 from contextlib import suppress
 
 from supervisor.blackbox import BlackBox
@@ -17,6 +18,7 @@ from supervisor.safety import initial_state, runs_out_s, step
 from wire import topics
 from wire.bus import Bus, woken_by
 from wire.messages import TriggerResponse, zero_twist
+from wire.suspend import never_suspended
 
 _log = logging.getLogger(__name__)
 
@@ -35,6 +37,7 @@ class SupervisorService:
         config: `[supervisor]`.
         black_box: takes in every step; None: nothing is recorded.
         estop_record: keeps a pressed e-stop; None: it ends with this process.
+        suspended_s: how long the machine slept since the last call [s].
     """
 
     def __init__(
@@ -43,9 +46,11 @@ class SupervisorService:
         config: SupervisorSection,
         black_box: BlackBox | None = None,
         estop_record: Record | None = None,
+        suspended_s: Callable[[], float] = never_suspended,
     ) -> None:
         self._bus = bus
         self._black_box = black_box
+        self._suspended_s = suspended_s
         self._estop_record = MemoryRecord() if estop_record is None else estop_record
         self._tick_s = 1.0 / config.tick_hz
         self._status_s = 1.0 / config.status_hz
@@ -140,6 +145,8 @@ class SupervisorService:
             strangers=tuple(name for name in self._sources.take() if name not in self._commands),
             estop=estop,
             reset=bool(self._resets),
+            # Last: what was taken before may be from before the suspend.
+            suspended_s=self._suspended_s(),
         )
 
     def _publish(self, decision: Decision, now_s: float, *, on_tick: bool) -> None:
