@@ -12,16 +12,17 @@ import random
 import subprocess
 import sys
 import tempfile
+import time
 from collections import Counter
 from collections.abc import Callable, Coroutine
 from pathlib import Path
 
 from bench import scenery
-from bench.feed import BEAMS, ODOM_HZ, SCAN_HZ, START_S, at_rate, client, feeding, scan
+from bench.feed import BEAMS, ODOM_HZ, SCAN_HZ, at_rate, client, feeding, scan
 from bench.terminal import end
 from deploy.launch import free_loopback_endpoint
 from wire import topics
-from wire.bus import Arrival
+from wire.bus import Arrival, wait_until
 from wire.messages import Bool, SafetyStatus, odometry, planar_twist, zero_twist
 from wire.zenoh_bus import ZenohBus
 
@@ -29,6 +30,8 @@ COMMAND_HZ = 20.0
 SPEED_M_S = 0.3
 KILL_WITHIN_S = 0.02
 """After the first status that shows ESTOP; some of these moments are before the next tick."""
+WAIT_S = 60.0
+LOOK_S = 0.5
 DRIVE_S = 0.3
 """How long the next supervisor is asked for motion."""
 RUNS = 300
@@ -58,6 +61,15 @@ class _Supervisors:
         assert self._process is not None
         self._process.kill()
         await asyncio.to_thread(self._process.wait)
+
+    def start_again_if_ended(self) -> None:
+        """As supervisord does: it may not get its port back at once."""
+        if self._process is not None and self._process.poll() is not None:
+            self.start()
+
+    def last_words(self) -> str:
+        """The end of their log."""
+        return (self._folder / "supervisor.log").read_text()[-2000:]
 
     def end(self) -> None:
         if self._process is not None:
@@ -140,14 +152,18 @@ class _Trials:
 
     async def _until(self, condition: Callable[[SafetyStatus], bool]) -> SafetyStatus:
         """The first status of the present supervisor from now on for which this holds."""
-        async with asyncio.timeout(START_S):
-            while True:
-                for arrival in self._statuses.take():
-                    status = self._of_now(arrival)
-                    if status is not None and condition(status):
-                        return status
-                self._heard.clear()
-                await self._heard.wait()
+        last = None
+        deadline_s = time.monotonic() + WAIT_S
+        while time.monotonic() < deadline_s:
+            self._heard.clear()
+            for arrival in self._statuses.take():
+                status = self._of_now(arrival)
+                last = status or last
+                if status is not None and condition(status):
+                    return status
+            self._supervisors.start_again_if_ended()
+            await wait_until(self._heard, time.monotonic() + LOOK_S)
+        raise RuntimeError(f"not within {WAIT_S:g} s; {last}; {self._supervisors.last_words()}")
 
     def _of_now(self, arrival: Arrival[SafetyStatus]) -> SafetyStatus | None:
         """A status of the present supervisor; None: a last word of the killed one."""
@@ -170,7 +186,7 @@ async def measure(runs: int, seed: int) -> Counter[str]:
     """How the runs ended.
 
     Raises:
-        TimeoutError: a supervisor does not start, or does not speak.
+        RuntimeError: a supervisor does not start, or does not hear its operator; the message ends with its log.
     """
     endpoint = free_loopback_endpoint()
     with tempfile.TemporaryDirectory() as folder:

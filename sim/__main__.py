@@ -18,6 +18,7 @@ from sim.viewer import NoDisplayError, has_display, open_viewer
 from wire.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.config import BusSection, ConfigError, section
 from wire.process import run_process
+from wire.suspend import SuspendMeter
 from wire.zenoh_bus import open_bus
 
 _log = logging.getLogger("sim")
@@ -90,7 +91,10 @@ def main() -> None:
         bus = opening.result()
         try:
             _log.info("connected to %s", bus_section.endpoint)
-            await SimService(bus, config, plant, window, speed=speed, faults=faults).run(stop)
+            service = SimService(
+                bus, config, plant, window, speed=speed, faults=faults, suspended_s=SuspendMeter().suspended_s
+            )
+            await service.run(stop)
         finally:
             await bus.close()
         return 0

@@ -27,6 +27,7 @@ from sim.watchdog import BaseReason, Watchdog
 from wire import topics
 from wire.bus import Arrival, Bus, Publisher, woken_by
 from wire.messages import LaserScan, Point, SafetyStatus, TriggerResponse, Twist
+from wire.suspend import never_suspended
 
 _log = logging.getLogger(__name__)
 
@@ -67,6 +68,7 @@ class SimService:
         on_frame: draws the world, 30 times a second, paused or not, and what is to be shown with it.
         speed: simulated seconds in each second, to begin with.
         faults: of the sensors, to begin with.
+        suspended_s: how long the machine slept since the last call [s].
     """
 
     def __init__(
@@ -78,12 +80,14 @@ class SimService:
         *,
         speed: float = 1.0,
         faults: SensorFaults = NO_FAULTS,
+        suspended_s: Callable[[], float] = never_suspended,
     ) -> None:
         self._bus = bus
         self._config = config
         self._plant = plant
         self._on_frame = on_frame
         self._watchdog = Watchdog(config.command_timeout_s)
+        self._suspended_s = suspended_s
         self._loop = asyncio.get_running_loop()
         self._wake = asyncio.Event()
         self._supervisor_changed_s = 0.0
@@ -172,6 +176,9 @@ class SimService:
         for obstacle in self._obstacles.take():
             if obstacle.message is not None:
                 self._place(obstacle.message)
+        # Last: what was taken before may be from before the suspend.
+        if self._suspended_s() > 0.0:
+            self._watchdog.resumed(self._loop.time())
 
     def _obey(self, command: Arrival[Twist]) -> None:
         twist = command.message

@@ -55,6 +55,15 @@ class Watchdog:
         self._omega_rad_s = 0.0
         self._refused: BaseReason | None = None
         """Why the last command was not taken; None: it was."""
+        self._resumed_s = -math.inf
+
+    def resumed(self, now_s: float) -> None:
+        """Takes note that the machine was suspended before `now_s`, which no clock of an age shows.
+
+        The command from before ends. Others from before may still be on their way: none counts for one timeout.
+        """
+        self._resumed_s = now_s
+        self._decided_at_s = self._refused = None
 
     def supervisor_alive(self, alive: bool) -> None:  # noqa: FBT001 - the call reads as the sentence it is
         """Takes a change of the supervisor's liveliness token.
@@ -71,7 +80,7 @@ class Watchdog:
         """Takes a command; false if it is refused.
 
         One that is not finite, late, out of order or of an unproven epoch stops the base until a good one comes, and
-        never refreshes the age. One that comes without the supervisor's token is not kept: nobody answers for it.
+        never refreshes the age. One that comes without the supervisor's token, or just after a suspend, is not kept.
 
         Args:
             arrival_s: when it came.
@@ -87,6 +96,8 @@ class Watchdog:
         if not self._supervisor_alive:
             return False
         self._track, verdict, on_way_s = judge(self._track, sent, arrival_s, self.command_timeout_s)
+        if arrival_s - self._resumed_s <= self.command_timeout_s:
+            return False
         if verdict is not Verdict.FRESH:
             self._refused = BaseReason.COMMAND_STALE
             return False

@@ -12,6 +12,7 @@ from supervisor.service import SupervisorService
 from wire.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.config import BaseSection, BusSection, ConfigError, Section, is_loopback, read_sections
 from wire.process import run_process
+from wire.suspend import SuspendMeter
 from wire.zenoh_bus import open_bus
 
 _log = logging.getLogger("supervisor")
@@ -57,7 +58,9 @@ def main() -> None:
                 )
             _log.info("listening on %s", bus_section.endpoint)
             record = await asyncio.to_thread(open_record, bus_section.namespace)
-            await SupervisorService(bus, config, black_box(config), record).run(stop)
+            await SupervisorService(bus, config, black_box(config), record, SuspendMeter().suspended_s).run(
+                stop
+            )
         finally:
             await bus.close()
         return 0

@@ -175,7 +175,7 @@ class Inputs:
     estop: bool = False
     reset: bool = False
     suspended_s: float = 0.0
-    """For so long the machine slept since the last step, unnoticed by the monotonic clock."""
+    """How long the machine slept since the last step: time that `now_s` does not show."""
 
 
 # --- what it remembers
@@ -297,6 +297,8 @@ class State(NamedTuple):
     """Since when zero is commanded; None while driving."""
     runaway: bool = False
     strangers: tuple[str, ...] = ()
+    resumed_s: float = -math.inf
+    """When the machine was last found to have been suspended."""
 
 
 # --- what it decides

@@ -17,6 +17,7 @@ Unproven means stop. The law in four sentences:
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -99,10 +100,11 @@ def step(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
         now_s: the supervisor's monotonic clock, never before the last step's.
         inputs: what came since; arrivals are not after `now_s`.
     """
+    state, inputs = _resume(state, now_s, inputs)
     state = _observe(state, now_s, inputs)
     usable = _usable(state, now_s)
     state = _seek_hidden(state, usable, moved_on=bool(inputs.scans))
-    shared = _shared_causes(state, now_s, inputs.suspended_s, usable)
+    shared = _shared_causes(state, now_s, usable)
     state, live = _take_commands(state, now_s, inputs, shared)
     state, reply = _reset(state, inputs, live)
     return _decide(state, now_s, shared, usable, reply)
@@ -125,6 +127,20 @@ def runs_out_s(state: State) -> float:
 
 
 # --- what everybody shares
+
+
+def _resume(state: State, now_s: float, inputs: Inputs) -> tuple[State, Inputs]:
+    """After a suspend, forget what was heard before it, however fresh it looks by the monotonic clock.
+
+    What came with this step may be from before as well. What is still on its way comes within the timeouts, for which
+    OVERRUN stays a cause: only a neutral command that arrives after that arms.
+    """
+    if inputs.suspended_s <= state.config.overrun_s:
+        return state, inputs
+    sources = tuple(s._replace(sent_s=s.sent_s - inputs.suspended_s) for s in state.sources)
+    sights = tuple(s._replace(scan=None) for s in state.sights)
+    state = state._replace(sources=sources, sights=sights, past=(), odometry=None, resumed_s=now_s)
+    return state, replace(inputs, commands=(), scans=(), undecodable_lidars=(), odometry=None)
 
 
 def _observe(state: State, now_s: float, inputs: Inputs) -> State:
@@ -161,7 +177,7 @@ def _observe(state: State, now_s: float, inputs: Inputs) -> State:
         state = _spoil(state, place)
     for scan in inputs.scans:
         state = _see(state, scan)
-    return _outdate(state) if inputs.suspended_s > config.overrun_s else state
+    return state
 
 
 def _spoil(state: State, place: int) -> State:
@@ -174,17 +190,6 @@ def _spoil(state: State, place: int) -> State:
 
 def _with_sight(state: State, place: int, sight: Sight) -> State:
     return state._replace(sights=(*state.sights[:place], sight, *state.sights[place + 1 :]))
-
-
-def _outdate(state: State) -> State:
-    """The machine slept: everything is older than the clock says."""
-    return state._replace(
-        sources=tuple(s._replace(sent_s=-math.inf, neutral_s=-math.inf) for s in state.sources),
-        sights=tuple(
-            s if s.scan is None else s._replace(scan=s.scan._replace(taken_s=-math.inf)) for s in state.sights
-        ),
-        past=(),
-    )
 
 
 def _see(state: State, scan: LaserScan) -> State:
@@ -319,7 +324,7 @@ def _runs_away(state: State, now_s: float, odometry: Odometry | None) -> bool:
     return moving and min(now_s, odometry.arrival_s) - state.stopped_s > braking_s
 
 
-def _shared_causes(state: State, now_s: float, suspended_s: float, usable: Usable) -> Reasons:
+def _shared_causes(state: State, now_s: float, usable: Usable) -> Reasons:
     """What keeps every source from driving now. Taken before a reset: what it releases is a cause once more."""
     config = state.config
     causes: set[StopReason] = set()
@@ -331,7 +336,9 @@ def _shared_causes(state: State, now_s: float, suspended_s: float, usable: Usabl
         causes.add(StopReason.SCAN_INVALID if fresh else StopReason.SCAN_STALE)
     if _conflicts(state, now_s):
         causes.add(StopReason.SENSOR_CONFLICT)
-    if (state.now_s is not None and now_s - state.now_s > config.overrun_s) or suspended_s > config.overrun_s:
+    late = state.now_s is not None and now_s - state.now_s > config.overrun_s
+    longest_s = max(config.command_timeout_s, *(lidar.timeout_s for lidar in config.lidars))
+    if late or now_s - state.resumed_s <= longest_s:
         causes.add(StopReason.OVERRUN)
     if state.odometry is not None and now_s - state.odometry.arrival_s > config.odom_timeout_s:
         causes.add(StopReason.ODOM_STALE)

@@ -417,12 +417,12 @@ def run_inside(hull: Hull, mount: Mount, direction: Floats) -> Floats:
 
 def boundary_m(hull: Hull, mount: Mount, direction: Floats, inside_m: Floats, outside_m: Floats) -> Floats:
     """Where rays (2, n) cross the hull's outline, between distances (n,) inside and outside of it, by halving."""
-    ends: tuple[Floats, Floats] = (inside_m, outside_m)
+    inner, outer = inside_m, outside_m
     for _ in range(HALVINGS):
-        middle: Floats = (ends[0] + ends[1]) / 2.0
+        middle: Floats = (inner + outer) / 2.0
         within = hull.nearest(along(mount, direction, middle))[0] < 0.0
-        ends = np.where(within, middle, ends[0]), np.where(within, ends[1], middle)
-    return ends[1]
+        inner, outer = inner + within * (middle - inner), outer - ~within * (outer - middle)
+    return outer
 
 
 def along(mount: Mount, direction: Floats, distance_m: Floats) -> Floats:

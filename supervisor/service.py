@@ -6,17 +6,19 @@ loop blocks: publishing drops rather than waits, and a slow asker of a reset wai
 
 import asyncio
 import logging
+from collections.abc import Callable
 from contextlib import suppress
 
 from supervisor.blackbox import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import MemoryRecord, Record
 from supervisor.messages import to_command, to_odometry, to_scan, to_status, to_twist
-from supervisor.model import Decision, Inputs, Liveliness, Mode, Reply
+from supervisor.model import Decision, Inputs, LaserScan, Liveliness, Mode, Reply
 from supervisor.safety import initial_state, runs_out_s, step
 from wire import topics
 from wire.bus import Bus, woken_by
 from wire.messages import TriggerResponse, zero_twist
+from wire.suspend import never_suspended
 
 _log = logging.getLogger(__name__)
 
@@ -35,6 +37,7 @@ class SupervisorService:
         config: `[supervisor]`.
         black_box: takes in every step; None: nothing is recorded.
         estop_record: keeps a pressed e-stop; None: it ends with this process.
+        suspended_s: how long the machine slept since the last call [s].
     """
 
     def __init__(
@@ -43,13 +46,14 @@ class SupervisorService:
         config: SupervisorSection,
         black_box: BlackBox | None = None,
         estop_record: Record | None = None,
+        suspended_s: Callable[[], float] = never_suspended,
     ) -> None:
         self._bus = bus
         self._black_box = black_box
+        self._suspended_s = suspended_s
         self._estop_record = MemoryRecord() if estop_record is None else estop_record
         self._tick_s = 1.0 / config.tick_hz
         self._status_s = 1.0 / config.status_hz
-        self._header_tolerance_s = config.scan_timeout_s
         self._loop = asyncio.get_running_loop()
         self._state = initial_state(config.law(), estop=self._estop_record.latched_at_start)
         self._wake = asyncio.Event()
@@ -71,7 +75,13 @@ class SupervisorService:
             )
             for name in names
         }
-        self._scans = bus.subscribe(topics.SCAN, wake=self._wake)
+        self._lidars = [
+            (
+                bus.subscribe(topics.lidar_scan(lidar.topic), wake=self._wake, per_writer=True),
+                config.scan_timeout_of(lidar),
+            )
+            for lidar in config.all_lidars()
+        ]
         self._odometry = bus.subscribe(topics.ODOM)  # read at the next tick: nothing urgent is in it
         self._estops = bus.subscribe(topics.ESTOP, depth=ESTOP_DEPTH, wake=self._wake)
         self._alive = bus.watch_alive(self._wake)
@@ -126,18 +136,26 @@ class SupervisorService:
             for change in self._alive.take()
             if change.node in self._commands
         ]
-        scans = self._scans.take()
-        scan = to_scan(scans[-1], self._header_tolerance_s) if scans else None
+        scans: list[LaserScan] = []
+        undecodable: list[int] = []
+        for place, (subscription, timeout_s) in enumerate(self._lidars):
+            arrivals = subscription.take()
+            heard = [to_scan(arrival, timeout_s, place) for arrival in arrivals]
+            scans.extend(scan for scan in heard if scan is not None)
+            if arrivals and arrivals[-1].message is None:
+                undecodable.append(place)
         odometry = self._odometry.take()
         return Inputs(
             commands=tuple(commands),
             liveliness=tuple(liveliness),
-            scans=() if scan is None else (scan,),
-            undecodable_lidars=(0,) if scans and scan is None else (),
+            scans=tuple(scans),
+            undecodable_lidars=tuple(undecodable),
             odometry=to_odometry(odometry[-1]) if odometry else None,
             strangers=tuple(name for name in self._sources.take() if name not in self._commands),
             estop=estop,
             reset=bool(self._resets),
+            # Last: what was taken before may be from before the suspend.
+            suspended_s=self._suspended_s(),
         )
 
     def _publish(self, decision: Decision, now_s: float, *, on_tick: bool) -> None:

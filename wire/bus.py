@@ -16,13 +16,13 @@ which waited for a busy loop does not look fresh.
 import asyncio
 import logging
 import threading
-from collections import deque
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from wire.messages import M, Message, TriggerResponse, UndecodableError, decode
+from wire.newest import Kept, Newest, NewestOfEachWriter
 from wire.stamp import Stamp, parse_stamp
 from wire.topics import Service, Topic
 
@@ -95,10 +95,16 @@ T = TypeVar("T")
 
 
 class Inbox(Generic[T]):
-    """A bounded queue from any thread into one event loop; the oldest gives way when it is full."""
+    """A bounded queue from any thread into one event loop.
 
-    def __init__(self, depth: int, wake: asyncio.Event | None) -> None:
-        self._items: deque[T] = deque(maxlen=depth)
+    Args:
+        depth: how many items it holds; of more, the oldest give way.
+        wake: set when an item arrives.
+        kept: what holds the items instead, and decides which give way.
+    """
+
+    def __init__(self, depth: int, wake: asyncio.Event | None, kept: Kept[T] | None = None) -> None:
+        self._kept: Kept[T] = Newest(depth) if kept is None else kept
         self._wake = wake
         self._loop = asyncio.get_running_loop()
         self._woken = False
@@ -109,9 +115,7 @@ class Inbox(Generic[T]):
     def push(self, item: T, *, wakes: bool = True) -> None:
         """Hand an item over and wake the loop; never blocks, never raises, safe on any thread."""
         with self._lock:
-            if len(self._items) == self._items.maxlen:
-                self.overflowed += 1
-            self._items.append(item)
+            self.overflowed += self._kept.add(item)
             if self._wake is None or self._woken or not wakes:
                 return
             self._woken = True
@@ -120,11 +124,10 @@ class Inbox(Generic[T]):
 
     def take(self) -> list[T]:
         """Everything since the last take, oldest first."""
-        if not self._items:
+        if not len(self._kept):
             return []
         with self._lock:
-            items = list(self._items)
-            self._items.clear()
+            items = self._kept.take()
             self._woken = False
         return items
 
@@ -140,12 +143,14 @@ class Subscription(Generic[M]):
         depth: int,
         wake: asyncio.Event | None,
         repeats_wake: bool = True,
+        per_writer: bool = False,
     ) -> None:
         self.key = key
         self._type = message_type
         self._repeats_wake = repeats_wake
         self._last_payload: bytes | None = None
-        self._inbox: Inbox[RawArrival] = Inbox(depth, wake)
+        kept = NewestOfEachWriter(_writer, _arrival_s) if per_writer else None
+        self._inbox: Inbox[RawArrival] = Inbox(depth, wake, kept)
         self._next_report_s = 0.0
         self.undecodable = 0
 
@@ -161,7 +166,7 @@ class Subscription(Generic[M]):
         self._inbox.push(RawArrival(payload, attachment, arrival_s), wakes=wakes)
 
     def take(self) -> list[Arrival[M]]:
-        """Every sample since the last take, oldest first, at most `depth` of them."""
+        """Every sample since the last take that is kept, oldest first."""
         return [self._decode(*item) for item in self._inbox.take()]
 
     def take_raw(self) -> list[RawArrival]:
@@ -188,6 +193,16 @@ class Subscription(Generic[M]):
                 )
             message = None
         return Arrival(message, arrival_s, parse_stamp(attachment))
+
+
+def _writer(arrival: RawArrival) -> bytes | None:
+    """The run of a writer that sent a sample; all that send no stamp count as one."""
+    stamp = parse_stamp(arrival.attachment)
+    return None if stamp is None else stamp.gid
+
+
+def _arrival_s(arrival: RawArrival) -> float:
+    return arrival.arrival_s
 
 
 M_contra = TypeVar("M_contra", bound=Message, contravariant=True)
@@ -229,6 +244,7 @@ class Bus(Protocol):
         depth: int = 1,
         wake: asyncio.Event | None = None,
         repeats_wake: bool = True,
+        per_writer: bool = False,
     ) -> Subscription[M]:
         """Take part in a topic.
 
@@ -237,6 +253,8 @@ class Bus(Protocol):
             depth: how many samples are kept until they are taken; of more, the oldest give way.
             wake: set when a sample arrives.
             repeats_wake: whether also a sample with the same payload as the one before it sets `wake`.
+            per_writer: keep the newest sample of each writer instead (wire/newest.py), whatever `depth` is, so that a
+                flood displaces no other writer's sample. A writer is the epoch in its samples' stamps.
         """
         ...
 

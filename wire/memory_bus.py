@@ -101,8 +101,11 @@ class MemoryBus:
         depth: int = 1,
         wake: asyncio.Event | None = None,
         repeats_wake: bool = True,
+        per_writer: bool = False,
     ) -> Subscription[M]:
-        subscription = Subscription(topic.key, topic.type, depth=depth, wake=wake, repeats_wake=repeats_wake)
+        subscription = Subscription(
+            topic.key, topic.type, depth=depth, wake=wake, repeats_wake=repeats_wake, per_writer=per_writer
+        )
         self.network.subscriptions.append((self, subscription))
         return subscription
 

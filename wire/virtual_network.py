@@ -256,8 +256,11 @@ class VirtualBus:
         depth: int = 1,
         wake: asyncio.Event | None = None,
         repeats_wake: bool = True,
+        per_writer: bool = False,
     ) -> Subscription[M]:
-        subscription = Subscription(topic.key, topic.type, depth=depth, wake=wake, repeats_wake=repeats_wake)
+        subscription = Subscription(
+            topic.key, topic.type, depth=depth, wake=wake, repeats_wake=repeats_wake, per_writer=per_writer
+        )
         self.subscriptions.setdefault(topic.key, []).append(subscription)
         self.network.listened.add(topic.key)
         return subscription

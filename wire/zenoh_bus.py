@@ -222,9 +222,12 @@ class ZenohBus:
         depth: int = 1,
         wake: asyncio.Event | None = None,
         repeats_wake: bool = True,
+        per_writer: bool = False,
     ) -> Subscription[M]:
         key = self._key(topic.key)
-        subscription = Subscription(key, topic.type, depth=depth, wake=wake, repeats_wake=repeats_wake)
+        subscription = Subscription(
+            key, topic.type, depth=depth, wake=wake, repeats_wake=repeats_wake, per_writer=per_writer
+        )
 
         def on_sample(sample: zenoh.Sample) -> None:
             arrival_s = time.monotonic()

@@ -1,7 +1,7 @@
 """A robot in one event loop: the real services on a memory network, and a person at a keyboard's place."""
 
 import asyncio
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 
@@ -18,6 +18,7 @@ from wire import messages, topics
 from wire.bus import Subscription
 from wire.memory_bus import MemoryBus, MemoryNetwork, MemoryPublisher
 from wire.messages import LaserScan, Odometry, SafetyStatus, Twist, header, planar_twist
+from wire.suspend import never_suspended
 
 
 def laser_scan(ranges: np.ndarray) -> LaserScan:
@@ -47,10 +48,11 @@ class Rig:
         config: SupervisorSection | None = None,
         black_box: BlackBox | None = None,
         estop_record: Record | None = None,
+        suspended_s: Callable[[], float] = never_suspended,
     ) -> AsyncGenerator[MemoryBus]:
         bus = MemoryBus(self.network)
         stop = asyncio.Event()
-        service = SupervisorService(bus, config or SupervisorSection(), black_box, estop_record)
+        service = SupervisorService(bus, config or SupervisorSection(), black_box, estop_record, suspended_s)
         running = asyncio.create_task(service.run(stop))
         try:
             yield bus
@@ -59,10 +61,12 @@ class Rig:
             await running
 
     @asynccontextmanager
-    async def sim(self, plant: Plant) -> AsyncGenerator[MemoryBus]:
+    async def sim(
+        self, plant: Plant, suspended_s: Callable[[], float] = never_suspended
+    ) -> AsyncGenerator[MemoryBus]:
         bus = MemoryBus(self.network)
         stop = asyncio.Event()
-        running = asyncio.create_task(SimService(bus, SimSection(), plant).run(stop))
+        running = asyncio.create_task(SimService(bus, SimSection(), plant, suspended_s=suspended_s).run(stop))
         try:
             yield bus
         finally:

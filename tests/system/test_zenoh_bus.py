@@ -17,6 +17,7 @@ from tests.system.rogue import open_rogue
 from wire import topics
 from wire.bus import BusError, NoReplyError
 from wire.messages import TriggerResponse, encode, planar_twist
+from wire.stamp import Stamper
 from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
 
 WITHIN_S = 5.0
@@ -57,6 +58,43 @@ async def test_a_message_crosses_with_its_stamp_and_is_stamped_on_arrival() -> N
         assert arrival.message == planar_twist(0.5, 0.1)
         assert arrival.stamp is not None
         assert sent_s <= arrival.stamp.source_time_ns * 1e-9 <= arrival.arrival_s <= time.monotonic()
+
+
+async def test_a_flood_of_ever_new_writers_does_not_displace_a_known_writers_newest_sample() -> None:
+    async with hub_and_client() as (hub, client, _):
+        topic = topics.source_cmd_vel("teleop")
+        kept, everything = hub.subscribe(topic, per_writer=True), hub.subscribe(topic, depth=10_000)
+        writer = client.publisher(topic)
+        seen: list[float] = []
+
+        def arrived(speed_m_s: float) -> bool:
+            seen.extend(a.message.linear.x for a in everything.take() if a.message)
+            return speed_m_s in seen
+
+        def flood(speed_m_s: float) -> None:
+            for _ in range(100):
+                client.put_raw(
+                    f"robot/{topic.key}", encode(planar_twist(speed_m_s, 0.0)), Stamper().next().pack()
+                )
+
+        async def writes(speed_m_s: float) -> None:
+            """Again and again, until it has come through: a flooded link drops."""
+            deadline_s = time.monotonic() + WITHIN_S
+            while not arrived(speed_m_s):
+                assert time.monotonic() < deadline_s
+                writer.put(planar_twist(speed_m_s, 0.0))
+                await asyncio.sleep(0.01)
+
+        await writes(0.1)
+        (first,) = kept.take()
+        flood(0.2)
+        await until(lambda: arrived(0.2), "the flood")
+        await writes(0.3)
+        flood(0.4)
+        await until(lambda: arrived(0.4), "the flood after it")
+        assert first.stamp is not None
+        (newest,) = [a for a in kept.take() if a.stamp and a.stamp.gid == first.stamp.gid]
+        assert newest.message == planar_twist(0.3, 0.0)
 
 
 @pytest.mark.parametrize("key", ["cmd_vel", "*", "**", "supervisor/status", "supervisor/*"])

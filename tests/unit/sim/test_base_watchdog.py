@@ -80,6 +80,22 @@ def test_a_command_that_came_without_the_token_does_not_count_after_its_return()
     assert watchdog.refused_count == 0
 
 
+def test_a_command_from_before_a_suspend_does_not_drive_after_it() -> None:
+    watchdog = _obeying()
+    watchdog.resumed(0.01)
+    _assert_stopped(watchdog.target(0.01), BaseReason.NO_COMMAND)
+
+
+def test_a_command_that_was_still_on_its_way_during_a_suspend_does_not_count() -> None:
+    watchdog = _obeying()
+    watchdog.resumed(1.0)
+    assert not watchdog.command(1.0 + watchdog.command_timeout_s, 0.3, 0.0)
+    _assert_stopped(watchdog.target(1.0 + watchdog.command_timeout_s), BaseReason.NO_COMMAND)
+    later_s = math.nextafter(1.0 + watchdog.command_timeout_s, 2.0)
+    assert watchdog.command(later_s, 0.3, 0.0)
+    assert watchdog.target(later_s) == (0.3, 0.0, BaseReason.OK)
+
+
 @pytest.mark.parametrize("bad", [(math.nan, 0.0), (0.0, math.nan), (math.inf, 0.0), (0.0, -math.inf)])
 def test_a_command_that_is_not_finite_stops_until_a_good_one_comes(bad: tuple[float, float]) -> None:
     watchdog = _obeying()

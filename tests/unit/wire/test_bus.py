@@ -6,8 +6,11 @@ import threading
 
 import pytest
 
+from wire import topics
 from wire.bus import Inbox, Subscription
+from wire.memory_bus import MemoryBus, MemoryNetwork
 from wire.messages import Twist, encode, planar_twist
+from wire.stamp import Stamper
 
 GOOD = encode(planar_twist(0.1, 0.0))
 
@@ -94,3 +97,31 @@ async def test_a_repeat_that_shall_not_wake_waits_for_the_next_look_and_a_change
     assert await wakes(other, 3.0)
     assert [a.arrival_s for a in subscription.take()] == [2.0, 3.0]
     assert await wakes(GOOD, 4.0)
+
+
+async def test_the_newest_sample_of_each_writer_is_kept_by_the_epoch_of_its_stamp() -> None:
+    subscription = Subscription("k", Twist, depth=1, wake=None, per_writer=True)
+    lidar, flood = Stamper(b"L" * 16), Stamper(b"F" * 16)
+    subscription.push(GOOD, lidar.next(1.0).pack(), 1.0)
+    for n in range(100):
+        subscription.push(GOOD, flood.next(1.1).pack(), 1.1 + n / 1000)
+        subscription.push(GOOD, None, 1.2 + n / 1000)
+        subscription.push(GOOD, b"no stamp", 1.2 + n / 1000)
+    taken = subscription.take()
+    assert [a.stamp and (a.stamp.gid, a.stamp.sequence) for a in taken] == [
+        (b"L" * 16, 1),
+        (b"F" * 16, 100),
+        None,
+    ]
+    assert subscription.overflowed == 298
+
+
+async def test_a_flood_on_the_network_displaces_no_other_writers_sample() -> None:
+    network = MemoryNetwork()
+    subscription = MemoryBus(network).subscribe(topics.CMD_VEL, per_writer=True)
+    lidar, flood = MemoryBus(network), MemoryBus(network)
+    lidar.publisher(topics.CMD_VEL).put(planar_twist(0.1, 0.0))
+    publisher = flood.publisher(topics.CMD_VEL)
+    for _ in range(100):
+        publisher.put(planar_twist(0.2, 0.0))
+    assert [a.stamp.gid for a in subscription.take() if a.stamp] == [lidar.gid, flood.gid]
