@@ -88,7 +88,7 @@ def show_status(state: StateDir, launch: Launch, *, as_json: bool) -> int:
     if as_json:
         print(look.to_json())
     else:
-        Console().print(_table(look))
+        Console().print(table(look))
     return look.exit_code
 
 
@@ -120,7 +120,8 @@ async def _look(state: StateDir, launch: Launch) -> Look:
         )
 
 
-def _table(look: Look) -> Table | Text:
+def table(look: Look) -> Table | Text:
+    """What is printed for people."""
     if look.exit_code == EXIT_NOT_RUNNING:
         return Text(f"nothing is running at {look.endpoint}; start with `lifeline up`")
     table = Table(show_header=False, title=look.endpoint, title_justify="left")
