@@ -93,7 +93,7 @@ def show_status(state: StateDir, launch: Launch, *, as_json: bool) -> int:
     if as_json:
         print(look.to_json())
     else:
-        Console().print(_table(look))
+        Console().print(table(look))
     return look.exit_code
 
 
@@ -126,7 +126,8 @@ async def _look(state: StateDir, launch: Launch) -> Look:
         )
 
 
-def _table(look: Look) -> Table | Text:
+def table(look: Look) -> Table | Text:
+    """What is printed for people."""
     if look.exit_code == EXIT_NOT_RUNNING:
         idle = f"nothing is running at {look.endpoint}; start with `lifeline up`"
         return Text(idle if look.latched is None else f"{idle}\n{look.latched}")

@@ -2,6 +2,7 @@
 
 import asyncio
 import itertools
+import logging
 import math
 
 import pytest
@@ -36,6 +37,31 @@ async def test_the_status_comes_10_times_a_second_while_nothing_changes() -> Non
         rig.status.take()
         await asyncio.sleep(2.0)
         assert 18 <= len(rig.status.take()) <= 21
+
+
+async def test_the_end_of_a_cause_is_published_before_the_next_status_is_due_and_not_logged(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    caplog.set_level(logging.INFO)
+    rig = Rig()
+    async with rig.supervisor(), rig.lidar() as ranges, rig.source():
+        await rig.drive(0.5)
+        ranges[:] = math.nan
+        await rig.pass_time(0.5)
+        assert (rig.newest_status.causes, rig.newest_status.latched) == (["SCAN_INVALID"], [])
+        assert "STOPPED by teleop: SCAN_INVALID" in caplog.messages
+        caplog.clear()
+        wake = asyncio.Event()
+        statuses = rig.outsider.subscribe(topics.STATUS, depth=10, wake=wake)
+        await wake.wait()
+        statuses.take()  # the next one that is due comes 0.1 s after this one
+        ranges[:] = 3.0
+        await asyncio.sleep(0.08)  # a scan comes within 0.05 s, and a tick within 0.02 s
+        (arrival,) = statuses.take()
+        assert arrival.message is not None
+        assert (arrival.message.causes, arrival.message.latched) == ([], ["SCAN_INVALID"])
+        assert arrival.message.reasons == ["SCAN_INVALID"]
+        assert caplog.messages == []
 
 
 async def test_neutral_arms_and_a_motion_passes_at_once() -> None:

@@ -105,6 +105,7 @@ def test_a_robot_comes_up_is_seen_and_goes_down(robot: Robot) -> None:
     seen = json.loads(look.stdout)
     assert [name for name, node in seen["nodes"].items() if node["alive"]] == ["supervisor", "sim"]
     assert (seen["mode"], seen["reasons"]) == ("STOPPED", ["NO_COMMAND"])
+    assert (seen["causes"], seen["latched"]) == (["NO_COMMAND"], [])
     assert seen["linear_m_s"] == pytest.approx(0, abs=0.01)
     assert seen["nearest_m"] > 0.3
     assert "NO_COMMAND" in robot.run("status").stdout

@@ -134,6 +134,10 @@ async def test_a_stopped_supervisor_lets_the_base_brake_within_its_own_timeout(t
         )
         subject.signal(topics.SUPERVISOR, signal.SIGCONT)
         await subject.until(lambda: abs(subject.speed_m_s) < 0.005, "standstill")
+        await subject.until(
+            lambda: "OVERRUN" in subject.status.latched and not subject.status.causes,
+            "every cause is over, and the lateness is latched",
+        )
         await subject.never(lambda: abs(subject.speed_m_s) > 0.01, "it moved before neutral", 0.5)
 
 

@@ -18,6 +18,7 @@ from sim.render import Pixels, Studio
 from sim.scene import Build, Hull
 from sim.shown import COLOURS, STOP_DISTANCE_M, WARNING_DISTANCE_M, Mode, Shown, in_words
 from sim.views import FIELD_OF_VIEW_RAD, NAMES, View, ViewError, camera, view_of
+from supervisor.model import StopReason
 
 WIDTH, HEIGHT = 192, 144
 
@@ -207,6 +208,11 @@ def test_reasons_are_told_in_words_and_nothing_that_comes_from_the_network_is_dr
     assert (Mode.of(2), Mode.of(17)) == (Mode.DRIVING, Mode.STOPPED)
     shown = Shown(speed_m_s=-0.001)
     assert (shown.speed, shown.nearest, shown.why) == ("0.00 m/s", "-", "")
+
+
+@pytest.mark.parametrize("reason", StopReason)
+def test_every_stop_reason_of_the_law_has_words_of_its_own(reason: StopReason) -> None:
+    assert in_words((reason.value,)) != reason.value.lower().replace("_", " ")
 
 
 @pytest.mark.parametrize("asked", ["", "egl", "EGL"])

@@ -20,6 +20,14 @@ def test_a_robot_that_stands_says_why_in_words() -> None:
     assert right.split("\n")[1] == "obstacle within 30 cm"
 
 
+def test_a_robot_whose_causes_are_over_says_that_it_waits_for_neutral() -> None:
+    both = ("SCAN_STALE", "OVERRUN")
+    _, right = words(Shown(Mode.STOPPED, both, over=("OVERRUN",)))
+    assert right.split("\n")[1] == "no fresh scan"
+    _, right = words(Shown(Mode.STOPPED, both, over=both))
+    assert right.split("\n")[1] == "over, waits for neutral: no fresh scan, the supervisor was late"
+
+
 def test_without_a_supervisor_it_says_so() -> None:
     assert words(Shown())[1] == "NO SUPERVISOR\n0.00 m/s\n-"
 

@@ -12,7 +12,7 @@ from teleop.dashboard import MIN_COLUMNS, MIN_ROWS, render_dashboard
 from teleop.pilot import NEUTRAL, Velocity
 from teleop.view import Control, Event, KeyHelp, Line, Odom, Rates, Robot, Scan, Tone, View
 from teleop.words import SILENT_AFTER_S
-from tests.unit.teleop.views import REASONS, driving, room, source, status, stopped, text
+from tests.unit.teleop.views import REASONS, driving, over, room, source, status, stopped, text
 from wire.messages import SafetyStatus, planar_twist
 
 SIZES = [(80, 24), (100, 30), (160, 50), (200, 24), (80, 60)]
@@ -76,6 +76,23 @@ def test_a_silence_is_told_as_a_person_would() -> None:
     first, second, *_ = shown(driving(newest)).splitlines()
     assert first.rstrip() == " STOPPED: teleop silent for 0.2 s"
     assert second.startswith(" > press s to re-arm  ")
+
+
+def test_what_is_over_stands_after_what_holds() -> None:
+    first, second, *_ = shown(driving(over("OVERRUN", causes=("SCAN_STALE",), scan_age_s=0.4))).splitlines()
+    assert first.rstrip() == " STOPPED: the newest scan is 0.4 s old"
+    assert second.startswith(" > wait for the lidar, press s ")
+    assert second.endswith(" SCAN_STALE over: OVERRUN ")
+
+
+@pytest.mark.parametrize("reason", REASONS)
+def test_a_stop_that_is_over_asks_for_one_key_and_fits_80_columns(reason: str) -> None:
+    first, second, *_ = render_dashboard(driving(over(reason)), 80, 24)
+    assert text(first).startswith(" STOPPED: ")
+    assert text(first).rstrip().endswith(". Over now")
+    assert text(second).startswith(" > press s to drive again ")
+    assert text(second).endswith(f" over: {reason} ")
+    assert {segment.tone for segment in (*first, *second)} == {Tone.STOP_BANNER}
 
 
 def test_more_reasons_than_fit_are_cut_off_after_the_first() -> None:

@@ -26,6 +26,9 @@ REASONS = [
     "SCAN_BLIND",
     "ESTOP",
     "OVERRUN",
+    "SENSOR_CONFLICT",
+    "BASE_UNRESPONSIVE",
+    "ODOM_STALE",
     "BASE_RUNAWAY",
 ]
 
@@ -103,6 +106,35 @@ def test_where_not_all_reasons_fit_the_others_are_counted() -> None:
 
 def test_a_stop_without_a_reason_is_still_a_stop() -> None:
     assert "STOPPED - press s" in shown(status(SafetyStatus.STOPPED))
+
+
+OVERS = ["OVERRUN", "SCAN_STALE"]
+
+
+def test_a_stop_whose_causes_are_over_says_that_neutral_is_all_that_is_missing() -> None:
+    newest = status(SafetyStatus.STOPPED, reasons=OVERS, latched=OVERS)
+    assert "STOPPED: was OVERRUN, SCAN_STALE; over now - press s to drive again" in shown(newest, width=120)
+
+
+@pytest.mark.parametrize("reason", REASONS)
+def test_a_stop_whose_causes_are_over_fits_80_columns_beside_what_is_asked_for(reason: str) -> None:
+    line = shown(status(SafetyStatus.STOPPED, reasons=[reason] * 3, latched=[reason] * 3, nearest_m=0.4))
+    assert line == f"v +0.10 m/s ω +0.20 rad/s | STOPPED: was {reason} +2 - press s"
+
+
+def test_causes_that_hold_come_first_and_what_is_over_is_marked() -> None:
+    newest = status(SafetyStatus.STOPPED, reasons=OVERS, causes=["SCAN_STALE"], latched=["OVERRUN"])
+    assert "STOPPED: SCAN_STALE, OVERRUN (over) - wait for the lidar, press s" in shown(newest, width=120)
+    assert "STOPPED: SCAN_STALE +1 - wait for the lidar, press s" in shown(newest)
+
+
+def test_who_only_looks_on_is_told_who_can_drive_again() -> None:
+    newest = status(SafetyStatus.STOPPED, reasons=OVERS, latched=OVERS)
+    looking_on = View("view", "", control=Control.VIEW_ONLY, status=newest)
+    for width in (120, 79):
+        line = text(render(looking_on, width))
+        assert "the operator must re-arm" in line
+        assert "press" not in line
 
 
 def test_an_alarm_is_said() -> None:
@@ -189,7 +221,7 @@ def test_without_unicode_the_line_is_ascii() -> None:
 
 def test_who_only_looks_on_is_told_who_can_act() -> None:
     looking_on = View("view", "", control=Control.VIEW_ONLY, status=status(0, reasons=["OBSTACLE"]))
-    assert "STOPPED: OBSTACLE - whoever drives must re-arm" in text(render(looking_on, 100))
+    assert "STOPPED: OBSTACLE - the operator must re-arm" in text(render(looking_on, 100))
 
 
 @settings(deadline=None)

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from supervisor.model import StopReason
 from teleop.pilot import NEUTRAL
 from teleop.view import Control, Tone, View
 from teleop.words import LATE_S, SILENT_AFTER_S, News, direction, news, next_step
-from tests.unit.teleop.views import REASONS, driving, source, status, stopped
+from tests.unit.teleop.views import REASONS, driving, over, source, status, stopped
 from wire.messages import SafetyStatus
 
 
@@ -22,6 +23,9 @@ CAUSES = {
     "ESTOP": "the emergency stop is latched",
     "BASE_RUNAWAY": "the base moves although zero is commanded",
     "OVERRUN": "the supervisor itself was late; its machine has too much to do",
+    "SENSOR_CONFLICT": "two programs publish on one sensor's key",
+    "BASE_UNRESPONSIVE": "the base does not follow its commands",
+    "ODOM_STALE": "odometry was lost while driving",
     "SCAN_INVALID": "the lidar's scan proves nothing: all NaN",
     "SCAN_STALE": "the newest scan is 0.4 s old",
     "SOURCE_LOST": "the connection to teleop was lost",
@@ -29,13 +33,16 @@ CAUSES = {
     "COMMAND_STALE": "the commands of teleop come too late or out of order",
     "COMMAND_TIMEOUT": "teleop was silent for too long",
     "NO_COMMAND": "nobody has commanded anything yet",
-    "SCAN_BLIND": "no beam looks where the motion would go",
+    "SCAN_BLIND": "nothing is seen where the motion would go",
     "OBSTACLE": "too close for this motion: 0.28 m ahead left",
 }
 STEPS = {
     "ESTOP": "press s, then r to reset",
     "BASE_RUNAWAY": "cut the robot's power",
     "OVERRUN": "press s to re-arm",
+    "SENSOR_CONFLICT": "end one of the two programs, press s",
+    "BASE_UNRESPONSIVE": "check the base and its own stop, press s",
+    "ODOM_STALE": "wait for odometry, press s",
     "SCAN_INVALID": "check the lidar, press s",
     "SCAN_STALE": "wait for the lidar, press s",
     "SOURCE_LOST": "press s to re-arm",
@@ -43,7 +50,7 @@ STEPS = {
     "COMMAND_STALE": "press s to re-arm",
     "COMMAND_TIMEOUT": "press s to re-arm",
     "NO_COMMAND": "press s to arm",
-    "SCAN_BLIND": "no beam looks there: press s",
+    "SCAN_BLIND": "press s, or drive where the lidar sees",
     "OBSTACLE": "press s, or drive away from it",
 }
 
@@ -75,6 +82,96 @@ def test_the_first_reason_is_explained_and_all_are_named() -> None:
     what = said(stopped("ESTOP", "OBSTACLE"))
     assert what.what == CAUSES["ESTOP"]
     assert what.reasons == ("ESTOP", "OBSTACLE")
+
+
+OVER = {
+    "ESTOP": "the emergency stop was pressed, and has been reset",
+    "BASE_RUNAWAY": "the base moved although zero was commanded",
+    "OVERRUN": "the supervisor was late",
+    "SENSOR_CONFLICT": "two programs published on one sensor's key",
+    "BASE_UNRESPONSIVE": "the base did not follow its commands",
+    "ODOM_STALE": "no odometry came",
+    "SCAN_INVALID": "the lidar's scans proved nothing",
+    "SCAN_STALE": "no fresh scan came",
+    "SOURCE_LOST": "the connection to a command source was lost",
+    "COMMAND_INVALID": "a command was invalid",
+    "COMMAND_STALE": "commands came too late or out of order",
+    "COMMAND_TIMEOUT": "commands were missing for too long",
+    "NO_COMMAND": "nobody had commanded anything",
+    "SCAN_BLIND": "the motion went where nothing was seen",
+    "OBSTACLE": "something was too close",
+}
+
+
+def test_the_tests_know_every_stop_reason_of_the_law() -> None:
+    assert list(REASONS) == [reason.value for reason in StopReason]
+
+
+@pytest.mark.parametrize("reason", REASONS)
+def test_a_stop_whose_causes_are_over_says_what_it_was_and_asks_for_neutral_alone(reason: str) -> None:
+    what = said(over(reason, "COMMAND_TIMEOUT"))
+    assert what == News(
+        "STOPPED",
+        f"{OVER[reason]}. Over now",
+        "press s to drive again",
+        Tone.STOP,
+        (),
+        (reason, "COMMAND_TIMEOUT"),
+    )
+
+
+def test_a_cause_that_holds_comes_before_a_worse_one_that_is_over() -> None:
+    what = said(over("OVERRUN", causes=("SCAN_STALE",), scan_age_s=0.4))
+    assert (what.what, what.next_step) == (CAUSES["SCAN_STALE"], STEPS["SCAN_STALE"])
+    assert (what.reasons, what.over) == (("SCAN_STALE",), ("OVERRUN",))
+
+
+def test_an_unknown_reason_that_is_over_is_named_in_ascii() -> None:
+    assert said(over("FLOOD\x1b[2J")).what == "it was FLOOD?[2J. Over now"
+
+
+def test_who_only_looks_on_is_told_that_the_operator_must_re_arm() -> None:
+    assert said(over("OVERRUN"), control=Control.VIEW_ONLY).next_step == "the operator must re-arm"
+
+
+def test_neutral_after_a_stop_is_reached_as_the_control_says() -> None:
+    assert (
+        said(over("OVERRUN"), neutral_hint="let go of the keys").next_step
+        == "let go of the keys to drive again"
+    )
+
+
+@pytest.mark.parametrize(
+    ("detail", "what"),
+    [
+        ("nothing is seen at 40° to the left", "nothing is seen at 40 deg to the left"),
+        ("two writers on scan: a1b2…, c3d4…", "two writers on scan: a1b2.., c3d4.."),
+        ("\x1b[2J", "?[2J"),
+    ],
+)
+def test_what_the_law_knows_of_a_cause_is_said_in_ascii_instead_of_the_general_sentence(
+    detail: str, what: str
+) -> None:
+    assert said(over(causes=("SCAN_BLIND",), detail=detail)).what == what
+
+
+def test_an_invalid_scan_is_explained_by_the_law_or_by_its_problem() -> None:
+    newest = over(causes=("SCAN_INVALID",), detail="rear: all NaN", scan_problem="frozen")
+    assert said(newest).what == "the lidar's scan proves nothing: rear: all NaN"
+    assert said(replace(newest, detail="")).what == "the lidar's scan proves nothing: frozen"
+
+
+def test_a_robot_that_is_slowed_says_by_what_if_the_law_knows() -> None:
+    newest = status(SafetyStatus.LIMITED, scale=0.4, causes=["SCAN_BLIND"], detail="nothing is seen ahead")
+    assert said(newest).what == "slowed to 40%: nothing is seen ahead"
+    assert said(replace(newest, causes=[])).what == "slowed to 40%"
+
+
+def test_a_robot_that_is_held_without_a_stop_says_so() -> None:
+    newest = status(
+        SafetyStatus.LIMITED, scale=0.0, causes=["OBSTACLE"], nearest_m=0.2, nearest_bearing_rad=0.0
+    )
+    assert said(newest).what == "held at zero: 0.20 m ahead"
 
 
 def test_an_alarm_comes_first() -> None:
@@ -140,7 +237,7 @@ def test_a_status_of_unknown_age_does_not_hold() -> None:
 
 
 def test_ready_is_armed_for_this_source() -> None:
-    assert said(status()) == News("READY", "standing, armed", "what you ask for next, it does", Tone.GOOD)
+    assert said(status()) == News("READY", "standing, armed", "the next command moves the robot", Tone.GOOD)
     assert said(status(sources=[])).tone is Tone.GOOD
 
 

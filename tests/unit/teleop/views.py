@@ -13,6 +13,9 @@ REASONS = (
     "ESTOP",
     "BASE_RUNAWAY",
     "OVERRUN",
+    "SENSOR_CONFLICT",
+    "BASE_UNRESPONSIVE",
+    "ODOM_STALE",
     "SCAN_INVALID",
     "SCAN_STALE",
     "SOURCE_LOST",
@@ -50,6 +53,11 @@ def status(mode: int = SafetyStatus.READY, **fields: Any) -> SafetyStatus:  # no
 
 def stopped(*reasons: str, **fields: Any) -> SafetyStatus:  # noqa: ANN401 - likewise
     return status(SafetyStatus.STOPPED, reasons=list(reasons), **fields)
+
+
+def over(*reasons: str, causes: tuple[str, ...] = (), **fields: Any) -> SafetyStatus:  # noqa: ANN401 - likewise
+    """A stop for `causes`, which hold, and for `reasons`, which are over."""
+    return stopped(*causes, *reasons, causes=list(causes), latched=list(reasons), **fields)
 
 
 def room(ahead_m: float, left_m: float, behind_m: float, right_m: float, beams: int = 360) -> Scan:

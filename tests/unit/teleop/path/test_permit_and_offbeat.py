@@ -54,6 +54,10 @@ def test_armed_neutral_and_heard_under_a_ready_supervisor_it_may_begin() -> None
     [
         (status(READY, source(name="joy")), "knows no source path"),
         (status(STOPPED, source(), reasons=["ESTOP", "SCAN_STALE"]), "STOPPED: ESTOP, SCAN_STALE"),
+        (
+            status(STOPPED, source(), reasons=["OVERRUN"], latched=["OVERRUN"]),
+            "STOPPED: OVERRUN (over)",
+        ),
         (status(STOPPED, source()), "STOPPED: no reason given"),
         (status(DRIVING, source(), owner="teleop"), "teleop drives; let go there first"),
         (status(LIMITED, source(), owner="a\x1b[2J"), "a?[2J drives; let go there first"),
@@ -93,6 +97,18 @@ def test_another_owner_is_a_take_over() -> None:
 def test_a_stop_at_an_obstacle_says_where_it_is(bearing_rad: float, side: str) -> None:
     now = status(STOPPED, source(), reasons=["OBSTACLE"], nearest_m=0.312, nearest_bearing_rad=bearing_rad)
     assert what_stops(now, "path") == f"STOPPED: OBSTACLE (0.31 m {side})"
+
+
+def test_an_obstacle_that_is_gone_is_not_looked_for() -> None:
+    now = status(
+        STOPPED,
+        source(),
+        reasons=["OBSTACLE"],
+        latched=["OBSTACLE"],
+        nearest_m=0.31,
+        nearest_bearing_rad=0.0,
+    )
+    assert what_stops(now, "path") == "STOPPED: OBSTACLE (over)"
 
 
 def test_a_stop_at_an_obstacle_that_nobody_sees_says_no_more_than_that() -> None:

@@ -1,0 +1,78 @@
+"""`lifeline status`: what it prints of a stop, for people and as JSON."""
+
+import json
+from typing import Any
+
+from rich.console import Console
+
+from deploy.observe import State
+from deploy.status import Look, table
+from wire.messages import SafetyStatus, header
+
+
+def look(mode: int = SafetyStatus.STOPPED, **fields: Any) -> Look:  # noqa: ANN401 - any field of the status
+    return Look(
+        endpoint="tcp/127.0.0.1:7447",
+        connected=True,
+        alive=frozenset({"supervisor", "sim"}),
+        programs={},
+        state=State(0.0, SafetyStatus(header("", 0), mode=mode, **fields)),
+        motion=None,
+    )
+
+
+def printed(seen: Look) -> str:
+    console = Console(width=160)
+    with console.capture() as capture:
+        console.print(table(seen))
+    return capture.get()
+
+
+def row(seen: Look, name: str) -> str | None:
+    rows = [line.strip("│┃ ").split("│") for line in printed(seen).splitlines()]
+    return next((cells[1].strip() for cells in rows if cells[0].strip() == name), None)
+
+
+def test_what_holds_and_what_is_over_have_a_row_each() -> None:
+    seen = look(
+        reasons=["OVERRUN", "SCAN_BLIND"],
+        causes=["SCAN_BLIND"],
+        latched=["OVERRUN"],
+        detail="nothing is seen at 40° to the left",
+    )
+    assert row(seen, "causes") == "SCAN_BLIND: nothing is seen at 40° to the left"
+    assert row(seen, "latched") == "OVERRUN"
+
+
+def test_where_all_is_over_it_says_what_to_do() -> None:
+    seen = look(reasons=["OVERRUN", "SCAN_STALE"], latched=["OVERRUN", "SCAN_STALE"])
+    assert row(seen, "causes") is None
+    assert row(seen, "latched") == "OVERRUN, SCAN_STALE: over now; press s in teleop to drive again"
+
+
+def test_the_reasons_of_an_older_supervisor_are_taken_to_hold() -> None:
+    seen = look(reasons=["OVERRUN", "SCAN_STALE"])
+    assert row(seen, "causes") == "OVERRUN, SCAN_STALE"
+    assert row(seen, "latched") is None
+
+
+def test_a_robot_that_is_ready_has_neither_row() -> None:
+    seen = look(SafetyStatus.READY)
+    assert row(seen, "mode") == "READY"
+    assert row(seen, "causes") is None
+    assert row(seen, "latched") is None
+
+
+def test_control_sequences_from_the_network_do_not_reach_the_terminal() -> None:
+    seen = look(reasons=["[bold]\x1b[2J"], causes=["[bold]\x1b[2J"], detail="\x07")
+    assert row(seen, "causes") == "[bold]?[2J: ?"
+
+
+def test_json_has_what_holds_what_is_over_and_the_detail() -> None:
+    document = json.loads(
+        look(reasons=["OVERRUN", "OBSTACLE"], causes=["OBSTACLE"], latched=["OVERRUN"], detail="x").to_json()
+    )
+    assert document["reasons"] == ["OVERRUN", "OBSTACLE"]
+    assert (document["causes"], document["latched"], document["detail"]) == (["OBSTACLE"], ["OVERRUN"], "x")
+    older = json.loads(look(reasons=["ESTOP"]).to_json())
+    assert (older["causes"], older["latched"], older["detail"]) == (["ESTOP"], [], "")
