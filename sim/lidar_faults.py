@@ -61,6 +61,8 @@ class FaultyLidar:
         if faults.all_nan:
             return np.full_like(ranges, np.nan)
         ranges, random = ranges.copy(), self._random
+        if faults.reach_m is not None:
+            ranges[ranges > faults.reach_m] = math.inf
         if faults.dropout is not None and random.random() < faults.dropout.share:
             ranges[nearest_object(ranges, self._angles_rad)] = faults.dropout.code_m
         if faults.beams is not None:

@@ -13,11 +13,13 @@ MIN_RATE_HZ = 0.01
 MAX_RATE_HZ = 500.0
 MAX_ANGLE_RAD = 100.0
 MAX_CODE_M = 1000.0
+MIN_REACH_M = 0.1
 MAX_SCALE = 10.0
 FORMS = (
     "none, freeze, all_nan, silent, blocked FROM TO [CODE] (rad in the lidar's frame, counter-clockwise), "
     "dropout SHARE [CODE] (of the scans: the nearest object is missing), beams SHARE [CODE] (single ones), "
     "stray SHARE (of the scans: one false reading near the hull), "
+    f"reach METRES (it sees no farther, and says so; {MIN_REACH_M:g} to {MAX_CODE_M:g}), "
     f"rate HZ (of the scans, {MIN_RATE_HZ:g} to {MAX_RATE_HZ:g}), "
     "no_odom, odom_zero, odom_freeze, odom_scale FACTOR "
     f"(-{MAX_SCALE:g} to {MAX_SCALE:g}); several are joined with ';'. "
@@ -59,6 +61,7 @@ class LidarFaults:
         beams: the share of the beams that are missing, others in each scan.
         stray: the share of the scans in which one beam reads something within 0.3 m of the hull; 0 for none.
         rate_hz: of the scans, in place of the configured one.
+        reach_m: the longest range from now on, in `range_max` as well, if that is shorter than the configured one.
     """
 
     freeze: bool = False
@@ -69,6 +72,7 @@ class LidarFaults:
     beams: Missing | None = None
     stray: float = 0.0
     rate_hz: float | None = None
+    reach_m: float | None = None
 
     def words(self) -> list[str]:
         """Each fault, as `parse_faults` reads it."""
@@ -78,6 +82,7 @@ class LidarFaults:
         words += [] if self.beams is None else [_missing("beams", self.beams, math.nan)]
         words += [f"stray {_numbers(self.stray)}"] if self.stray > 0.0 else []
         words += [] if self.rate_hz is None else [f"rate {_numbers(self.rate_hz)}"]
+        words += [] if self.reach_m is None else [f"reach {_numbers(self.reach_m)}"]
         return words
 
 
@@ -111,6 +116,7 @@ class SensorFaults(LidarFaults):
             beams=own.beams or self.beams,
             stray=max(self.stray, own.stray),
             rate_hz=own.rate_hz or self.rate_hz,
+            reach_m=own.reach_m or self.reach_m,
         )
 
     def __str__(self) -> str:
@@ -179,6 +185,8 @@ def _of_lidar(faults: F, part: str) -> F | None:
             return replace(faults, **{name: True})
         case ["rate", number] if MIN_RATE_HZ <= (rate_hz := _number(number)) <= MAX_RATE_HZ:
             return replace(faults, rate_hz=rate_hz)
+        case ["reach", number] if MIN_REACH_M <= (reach_m := _number(number)) <= MAX_CODE_M:
+            return replace(faults, reach_m=reach_m)
         case ["stray", number] if _is_share(share := _number(number)):
             return replace(faults, stray=share)
         case ["dropout" | "beams" as name, number, *code] if len(code) <= 1 and _is_share(

@@ -251,7 +251,7 @@ class SimService:
         for eye in self._eyes:
             if eye.times.due(step, speed) and not eye.faults.silent:
                 eye.last = eye.faulty.spoil(eye.faults, plant.scan(eye.number))
-                eye.out.put(to_scan(eye.last, eye.lidar, eye.times.period_s(speed)))
+                eye.out.put(to_scan(eye.last, eye.lidar, eye.times.period_s(speed), eye.faults.reach_m))
 
     def _shown(self, now_s: float) -> Shown:
         """What a person who looks at the robot would want to know of it."""

@@ -66,7 +66,7 @@ SIM_FAULTS = Service(
     "sim/faults",
     "sim",
     "none, or some of freeze, all_nan, silent, blocked FROM TO [CODE], dropout SHARE [CODE], beams SHARE [CODE], "
-    "stray SHARE, rate HZ, each for one lidar with NAME: before it, no_odom, odom_zero, odom_freeze, "
+    "stray SHARE, reach METRES, rate HZ, each for one lidar with NAME: before it, no_odom, odom_zero, odom_freeze, "
     "odom_scale FACTOR, joined by ';'; nothing: which are in force",
 )
 SIM_TIME = Service("sim/time", "sim", "pause, run, step N, speed FACTOR; nothing: how time passes now")

@@ -595,3 +595,16 @@ async def test_dropouts_of_the_same_seed_are_the_same_and_in_their_share_of_the_
     assert np.mean(first) == pytest.approx(0.3, abs=0.1)
     assert first == await missing(1)
     assert first != await missing(2)
+
+
+async def test_a_lidar_with_a_shorter_reach_says_so_in_its_longest_range() -> None:
+    bench = Bench()
+    scans = bench.hear(topics.SCAN)
+    async with bench.simulating(faults=parse_faults("reach 1.5")):
+        await bench.pass_time(0.5)
+        scan = newest(scans)
+        assert scan.range_max == pytest.approx(1.5)
+        assert scan.ranges[np.isfinite(scan.ranges)].max() <= 1.5
+        await bench.ask_faults("reach 100")
+        await bench.pass_time(0.2)
+        assert newest(scans).range_max == pytest.approx(12.0), "a fault makes no lidar better"

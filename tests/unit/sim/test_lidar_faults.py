@@ -194,3 +194,11 @@ def test_the_same_seed_makes_the_same_faults(text: str) -> None:
     ranges = scene((170, 190, 1.0))
     assert lost(text, ranges, scans=50, seed=3) == lost(text, ranges, scans=50, seed=3)
     assert lost(text, ranges, scans=50, seed=3) != lost(text, ranges, scans=50, seed=4)
+
+
+def test_what_is_beyond_the_reach_is_missed() -> None:
+    ranges = scene((10, 20, 0.6), (20, 30, 0.61), (40, 41, math.nan))
+    spoiled = spoil(parse_faults("reach 0.6"), ranges, ANGLES_RAD)
+    assert set(np.flatnonzero(np.isfinite(spoiled)).tolist()) == set(range(10, 20))
+    assert math.isnan(spoiled[40])
+    assert np.isinf(np.delete(spoiled, [*range(10, 20), 40])).all()

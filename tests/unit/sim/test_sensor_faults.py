@@ -29,6 +29,7 @@ from sim.sensor_faults import NO_FAULTS, FaultError, LidarFaults, Missing, Secto
         ("beams 0.02", SensorFaults(beams=Missing(0.02, math.nan))),
         ("beams 0.02 1000", SensorFaults(beams=Missing(0.02, 1000.0))),
         ("stray 0.5", SensorFaults(stray=0.5)),
+        ("reach 0.6", SensorFaults(reach_m=0.6)),
         ("odom_zero", SensorFaults(odom_zero=True)),
         ("odom_freeze", SensorFaults(odom_freeze=True)),
         ("odom_scale -0.9", SensorFaults(odom_scale=-0.9)),
@@ -81,6 +82,8 @@ def test_faults_read_as_they_are_written(text: str, faults: SensorFaults) -> Non
         ("beams 0.1 -1", "beams 0.1 -1"),
         ("beams 0.1 0 0", "beams 0.1 0 0"),
         ("stray 0", "stray 0"),
+        ("reach 0.09", "reach 0.09"),
+        ("reach inf", "reach inf"),
         ("stray 1.1", "stray 1.1"),
         ("odom_scale", "odom_scale"),
         ("odom_scale 11", "odom_scale 11"),
@@ -109,6 +112,7 @@ of_a_lidar = {
     "beams": missing,
     "stray": st.just(0.0) | shares,
     "rate_hz": st.none() | st.floats(0.01, 500.0),
+    "reach_m": st.none() | st.floats(0.1, 1000.0),
 }
 names = st.from_regex(r"[a-z][a-z0-9_]{0,5}", fullmatch=True)
 
