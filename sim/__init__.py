@@ -9,7 +9,8 @@ layout.py     layout files, read strictly; layouts/ the three that come along
 movers.py     people and forklifts on their ways (pure)
 service.py    the asyncio shell; messages.py and diagnostics.py what it says
 pace.py       which step is due when: real time, a multiple, a pause (pure)
-encoders.py   odometry that drifts; imu.py the inertial unit; sensor_faults.py what can be wrong (pure)
+encoders.py   odometry that drifts; imu.py the inertial unit (pure)
+sensor_faults.py what can be wrong; lidar_faults.py and odometry_faults.py do it (pure)
 lidar.py      the beams; lidar_config.py several of them; floorplan.py the exact distances from the hull (pure but for reading the model)
 mj.py         MuJoCo with types, the one file that imports it
 render.py     pictures without a screen; gl.py what draws them; views.py from where; caption.py and video.py words and files

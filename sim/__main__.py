@@ -69,7 +69,8 @@ def main() -> None:
         document["sim"] = {**document.get("sim", {}), **_asked(arguments)}
         bus_section = section(document, "bus", BusSection)
         config = section(document, "sim", SimSection)
-        speed, faults = parse_speed(arguments.speed), parse_faults(arguments.faults)
+        names = [lidar.name for lidar in config.lidar_configs()]
+        speed, faults = parse_speed(arguments.speed), parse_faults(arguments.faults, names)
         wants_window = has_display() if arguments.viewer is None else bool(arguments.viewer)
         options = config.build(scenery=wants_window)
         scene = config.scene if arguments.scene else config.scene_beside(arguments.config)

@@ -28,13 +28,20 @@ HELD_BY_THE_FLOOR = 1e-6
 """The variance of what a planar robot does not do; zero would read as unknown."""
 
 
-def to_scan(ranges: Ranges, lidar: LidarConfig, period_s: float) -> LaserScan:
-    """A scan that was taken at one moment, `period_s` of simulated time after the one before, in the lidar's frame."""
+def to_scan(ranges: Ranges, lidar: LidarConfig, period_s: float, reach_m: float | None = None) -> LaserScan:
+    """A scan that was taken at one moment, `period_s` of simulated time after the one before, in the lidar's frame.
+
+    Args:
+        ranges: (beams,) in m.
+        lidar: which took it.
+        period_s: as above.
+        reach_m: the longest range of now; None: the configured one.
+    """
     message = laser_scan(
         ranges,
         angle_min_rad=lidar.angle_min_rad,
         angle_increment_rad=lidar.angle_increment_rad,
-        range_m=(lidar.range_min_m, lidar.range_max_m),
+        range_m=(lidar.range_min_m, min(lidar.range_max_m, reach_m or lidar.range_max_m)),
         period_s=period_s,
     )
     message.header.frame_id = lidar.name

@@ -1,22 +1,32 @@
-"""What can be wrong with the robot's sensors, on request. Pure: text in, faults out; ranges in, ranges out."""
+"""What can be wrong with the robot's sensors, on request: the words for it. Pure: text in, faults out.
+
+lidar_faults.py and odometry_faults.py do what the words say.
+"""
 
 import math
+import re
+from collections.abc import Collection
 from dataclasses import dataclass, replace
-from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
-
-Ranges = NDArray[np.float32]
+from typing import NamedTuple, TypeVar
 
 MIN_RATE_HZ = 0.01
 MAX_RATE_HZ = 500.0
-EDGE_RAD = 1e-9
-"""A beam on a sector's very edge is in it, however its angle was rounded."""
+MAX_ANGLE_RAD = 100.0
+MAX_CODE_M = 1000.0
+MIN_REACH_M = 0.1
+MAX_SCALE = 10.0
 FORMS = (
-    "none, freeze, all_nan, silent, blocked FROM TO (rad in the lidar's frame, counter-clockwise), "
-    f"rate HZ (of the scans, {MIN_RATE_HZ:g} to {MAX_RATE_HZ:g}), no_odom; several are joined with ';'"
+    "none, freeze, all_nan, silent, blocked FROM TO [CODE] (rad in the lidar's frame, counter-clockwise), "
+    "dropout SHARE [CODE] (of the scans: the nearest object is missing), beams SHARE [CODE] (single ones), "
+    "stray SHARE (of the scans: one false reading near the hull), "
+    f"reach METRES (it sees no farther, and says so; {MIN_REACH_M:g} to {MAX_CODE_M:g}), "
+    f"rate HZ (of the scans, {MIN_RATE_HZ:g} to {MAX_RATE_HZ:g}), "
+    "no_odom, odom_zero, odom_freeze, odom_scale FACTOR "
+    f"(-{MAX_SCALE:g} to {MAX_SCALE:g}); several are joined with ';'. "
+    "SHARE is above 0 and at most 1. CODE is what a beam reads instead: nan, inf, -inf or "
+    f"0 to {MAX_CODE_M:g} m (default: nan; for dropout inf). NAME: before one of a lidar's means that lidar alone"
 )
+NAME = re.compile(r"([a-z][a-z0-9_]*):(.*)")
 
 
 class FaultError(ValueError):
@@ -24,79 +34,190 @@ class FaultError(ValueError):
 
 
 class Sector(NamedTuple):
-    """Directions in the lidar's frame, counter-clockwise from one to the other [rad]."""
+    """Directions in the lidar's frame, counter-clockwise from one to the other [rad], and what is read there [m]."""
 
     start_rad: float
     end_rad: float
+    code_m: float = math.nan
+
+
+class Missing(NamedTuple):
+    """A share, above 0 and at most 1, of what is not measured, and what is read in its place [m]."""
+
+    share: float
+    code_m: float
 
 
 @dataclass(frozen=True, slots=True)
-class SensorFaults:
-    """The faults in force.
+class LidarFaults:
+    """What is wrong with a lidar.
 
     Attributes:
         freeze: the same ranges come again and again, while time goes on.
         all_nan: no beam reads anything.
         silent: no scans come.
-        blocked: what is behind dirt on the lidar's window: its beams read nothing, NaN.
+        blocked: what is behind dirt on the lidar's window: its beams read a code, NaN by default.
+        dropout: the share of the scans, each by itself, in which the nearest object within 2 m is missing.
+        beams: the share of the beams that are missing, others in each scan.
+        stray: the share of the scans in which one beam reads something within 0.3 m of the hull; 0 for none.
         rate_hz: of the scans, in place of the configured one.
-        no_odom: no odometry comes.
+        reach_m: the longest range from now on, in `range_max` as well, if that is shorter than the configured one.
     """
 
     freeze: bool = False
     all_nan: bool = False
     silent: bool = False
     blocked: tuple[Sector, ...] = ()
+    dropout: Missing | None = None
+    beams: Missing | None = None
+    stray: float = 0.0
     rate_hz: float | None = None
+    reach_m: float | None = None
+
+    def words(self) -> list[str]:
+        """Each fault, as `parse_faults` reads it."""
+        words = [name for name in ("freeze", "all_nan", "silent") if getattr(self, name)]
+        words += [f"blocked {_numbers(start, end)}{_code(code)}" for start, end, code in self.blocked]
+        words += [] if self.dropout is None else [_missing("dropout", self.dropout, math.inf)]
+        words += [] if self.beams is None else [_missing("beams", self.beams, math.nan)]
+        words += [f"stray {_numbers(self.stray)}"] if self.stray > 0.0 else []
+        words += [] if self.rate_hz is None else [f"rate {_numbers(self.rate_hz)}"]
+        words += [] if self.reach_m is None else [f"reach {_numbers(self.reach_m)}"]
+        return words
+
+
+@dataclass(frozen=True, slots=True)
+class SensorFaults(LidarFaults):
+    """The faults in force: those of every lidar, those of single ones, and those of odometry.
+
+    Attributes:
+        only: what is wrong with single lidars besides, by name.
+        no_odom: no odometry comes.
+        odom_zero: it says that the robot stands where it was.
+        odom_freeze: it repeats itself, pose and velocity.
+        odom_scale: it takes every way and turn for this many times what they are.
+    """
+
+    only: tuple[tuple[str, LidarFaults], ...] = ()
     no_odom: bool = False
+    odom_zero: bool = False
+    odom_freeze: bool = False
+    odom_scale: float | None = None
+
+    def of(self, lidar: str) -> LidarFaults:
+        """What is wrong with one lidar."""
+        own = dict(self.only).get(lidar, LidarFaults())
+        return LidarFaults(
+            freeze=self.freeze or own.freeze,
+            all_nan=self.all_nan or own.all_nan,
+            silent=self.silent or own.silent,
+            blocked=self.blocked + own.blocked,
+            dropout=own.dropout or self.dropout,
+            beams=own.beams or self.beams,
+            stray=max(self.stray, own.stray),
+            rate_hz=own.rate_hz or self.rate_hz,
+            reach_m=own.reach_m or self.reach_m,
+        )
 
     def __str__(self) -> str:
         """As `parse_faults` reads it."""
-        words = [name for name in ("freeze", "all_nan", "silent") if getattr(self, name)]
-        words += [f"blocked {start_rad:g} {end_rad:g}" for start_rad, end_rad in self.blocked]
-        words += [] if self.rate_hz is None else [f"rate {self.rate_hz:g}"]
-        words += ["no_odom"] if self.no_odom else []
+        words = self.words()
+        words += [f"{name}: {word}" for name, own in self.only for word in own.words()]
+        words += [name for name in ("no_odom", "odom_zero", "odom_freeze") if getattr(self, name)]
+        words += [] if self.odom_scale is None else [f"odom_scale {_numbers(self.odom_scale)}"]
         return "; ".join(words) or "none"
 
 
 NO_FAULTS = SensorFaults()
+F = TypeVar("F", bound=LidarFaults)
 
 
-def parse_faults(text: str) -> SensorFaults:
+def parse_faults(text: str, lidars: Collection[str] | None = None) -> SensorFaults:
     """The faults that a line names.
 
+    Args:
+        text: see `FORMS`.
+        lidars: the names of those that there are; None: any name may be one.
+
     Raises:
-        FaultError: one of them is none of the forms.
+        FaultError: one of them is none of the forms, or of a lidar that there is not.
     """
     if text.strip() == "none":
         return NO_FAULTS
     faults = NO_FAULTS
     for part in text.split(";"):
-        faults = _with(faults, part.strip())
+        faults = _with(faults, part.strip(), lidars)
     return faults
 
 
-def _with(faults: SensorFaults, part: str) -> SensorFaults:
+def _with(faults: SensorFaults, part: str, lidars: Collection[str] | None) -> SensorFaults:
     match part.split():
-        case ["freeze"]:
-            return replace(faults, freeze=True)
-        case ["all_nan"]:
-            return replace(faults, all_nan=True)
-        case ["silent"]:
-            return replace(faults, silent=True)
         case ["no_odom"]:
             return replace(faults, no_odom=True)
-        case ["rate", number] if MIN_RATE_HZ <= (rate_hz := _number(number)) <= MAX_RATE_HZ:
-            return replace(faults, rate_hz=rate_hz)
-        case ["blocked", start, end] if _is_open(sector := Sector(_number(start), _number(end))):
-            return replace(faults, blocked=(*faults.blocked, sector))
+        case ["odom_zero"]:
+            return replace(faults, odom_zero=True)
+        case ["odom_freeze"]:
+            return replace(faults, odom_freeze=True)
+        case ["odom_scale", number] if abs(scale := _number(number)) <= MAX_SCALE:
+            return replace(faults, odom_scale=scale)
         case _:
             pass
-    raise FaultError(f"{part!r} is no sensor fault; there are: {FORMS}")
+    named = NAME.fullmatch(part)
+    if named is None:
+        changed = _of_lidar(faults, part)
+        if changed is None:
+            raise FaultError(f"{part!r} is no sensor fault; there are: {FORMS}")
+        return changed
+    name, word = named[1], named[2].strip()
+    if lidars is not None and name not in lidars:
+        raise FaultError(f"{part!r}: there is no lidar {name!r}; there are: {', '.join(lidars)}")
+    only = dict(faults.only)
+    own = _of_lidar(only.get(name, LidarFaults()), word)
+    if own is None:
+        raise FaultError(f"{part!r} is no fault of a lidar; there are: {FORMS}")
+    return replace(faults, only=tuple((only | {name: own}).items()))
 
 
-def _is_open(sector: Sector) -> bool:
-    return math.isfinite(sector.end_rad - sector.start_rad) and sector.start_rad != sector.end_rad
+def _of_lidar(faults: F, part: str) -> F | None:
+    """The faults with one more of a lidar's; None: the text names none."""
+    match part.split():
+        case ["freeze" | "all_nan" | "silent" as name]:
+            return replace(faults, **{name: True})
+        case ["rate", number] if MIN_RATE_HZ <= (rate_hz := _number(number)) <= MAX_RATE_HZ:
+            return replace(faults, rate_hz=rate_hz)
+        case ["reach", number] if MIN_REACH_M <= (reach_m := _number(number)) <= MAX_CODE_M:
+            return replace(faults, reach_m=reach_m)
+        case ["stray", number] if _is_share(share := _number(number)):
+            return replace(faults, stray=share)
+        case ["dropout" | "beams" as name, number, *code] if len(code) <= 1 and _is_share(
+            share := _number(number)
+        ):
+            default = "inf" if name == "dropout" else "nan"
+            code_m = _code_m((code or [default])[0])
+            return None if code_m is None else replace(faults, **{name: Missing(share, code_m)})
+        case ["blocked", start, end, *code] if len(code) <= 1:
+            sector, code_m = (_number(start), _number(end)), _code_m((code or ["nan"])[0])
+            if code_m is None or not _is_open(*sector):
+                return None
+            return replace(faults, blocked=(*faults.blocked, Sector(*sector, code_m)))
+        case _:
+            return None
+
+
+def _is_open(start_rad: float, end_rad: float) -> bool:
+    return abs(start_rad) <= MAX_ANGLE_RAD and abs(end_rad) <= MAX_ANGLE_RAD and start_rad != end_rad
+
+
+def _is_share(value: float) -> bool:
+    return 0.0 < value <= 1.0
+
+
+def _code_m(text: str) -> float | None:
+    """A code that a beam may read [m]; None: it is none. NaN is always the same object, so that faults compare."""
+    if text.lower() == "nan":
+        return math.nan
+    value = _number(text)
+    return value if math.isinf(value) or 0.0 <= value <= MAX_CODE_M else None
 
 
 def _number(text: str) -> float:
@@ -106,22 +227,16 @@ def _number(text: str) -> float:
         return math.nan
 
 
-def spoil(faults: SensorFaults, ranges: Ranges, angles_rad: NDArray[np.float64]) -> Ranges:
-    """What a lidar with these faults makes of what it sees.
+def _numbers(*values: float) -> str:
+    """As short as they may be and still be read as the same."""
+    return " ".join(short if float(short := f"{value:g}") == value else repr(value) for value in values)
 
-    A blocked sector covers a direction within one turn, so one that is as wide as a turn covers everything.
 
-    Args:
-        faults: those in force; what concerns the time of the scans is not done here.
-        ranges: (n,) in m; they are not changed.
-        angles_rad: (n,) the beams' directions in the lidar's frame.
-    """
-    if faults.all_nan:
-        return np.full_like(ranges, np.nan)
-    for start_rad, end_rad in faults.blocked:
-        width_rad = end_rad - start_rad
-        if width_rad < 0.0:
-            width_rad %= math.tau
-        behind = (angles_rad - start_rad + EDGE_RAD) % math.tau <= width_rad + 2.0 * EDGE_RAD
-        ranges = np.where(behind, np.float32(np.nan), ranges)
-    return ranges
+def _code(code_m: float, default_m: float = math.nan) -> str:
+    """With a space before it; nothing for the default."""
+    is_default = code_m == default_m or (math.isnan(code_m) and math.isnan(default_m))
+    return "" if is_default else f" {'nan' if math.isnan(code_m) else _numbers(code_m)}"
+
+
+def _missing(name: str, missing: Missing, default_m: float) -> str:
+    return f"{name} {_numbers(missing.share)}{_code(missing.code_m, default_m)}"

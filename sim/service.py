@@ -18,10 +18,12 @@ from sim.diagnostics import Health, contact_sentence, pace_sentence, to_diagnost
 from sim.encoders import Odometer
 from sim.imu import Imu
 from sim.lidar import LidarConfig, Ranges
+from sim.lidar_faults import FaultyLidar
 from sim.messages import to_clock, to_imu, to_odometry, to_scan, to_truth
+from sim.odometry_faults import FaultyOdometry
 from sim.pace import Ask, Every, Measured, Pace, Pause, Run, Speed, Step, TimeRequestError, parse_time_request
 from sim.plant import Plant
-from sim.sensor_faults import NO_FAULTS, FaultError, SensorFaults, parse_faults, spoil
+from sim.sensor_faults import NO_FAULTS, FaultError, LidarFaults, SensorFaults, parse_faults
 from sim.shown import Mode, Shown
 from sim.watchdog import BaseReason, Watchdog
 from wire import topics
@@ -44,6 +46,8 @@ CONTACT_REPORT_S = 0.1
 """A hull that rattles along a rack is reported no more often than this, and logged once a second."""
 CONTACT_LOG_S = 1.0
 PACE_LOG_S = 10.0
+FAULTS_STREAM = 1
+"""With the seed and a lidar's number: chance of the faults' own, which does not shift the lidar's noise."""
 
 
 @dataclass(slots=True)
@@ -54,8 +58,9 @@ class _Eye:
     lidar: LidarConfig
     times: Every
     out: Publisher[LaserScan]
+    faulty: FaultyLidar
+    faults: LidarFaults = NO_FAULTS
     last: Ranges = field(default_factory=lambda: np.empty(0, np.float32))
-    frozen: Ranges | None = None
 
 
 class SimService:
@@ -105,9 +110,21 @@ class SimService:
         self._odometer = Odometer(plant.wheels, config.encoders(), config.seed)
         self._odometer.reset(*plant.wheel_angles_rad)
         self._odom_read_s = plant.time_s
+        self._faulty_odometry = FaultyOdometry()
         self._imu = Imu(config.imu(), config.seed)
         self._eyes = [
-            _Eye(number, lidar, Every(config.scan_hz, dt_s), bus.publisher(topics.lidar_scan(lidar.topic)))
+            _Eye(
+                number,
+                lidar,
+                Every(config.scan_hz, dt_s),
+                bus.publisher(topics.lidar_scan(lidar.topic)),
+                FaultyLidar(
+                    lidar.angles_rad,
+                    plant.way_out_m(number),
+                    lidar.range_min_m,
+                    (config.seed, number, FAULTS_STREAM),
+                ),
+            )
             for number, lidar in enumerate(plant.lidars)
         ]
         self._faults = NO_FAULTS
@@ -228,9 +245,10 @@ class SimService:
         step, speed, plant = self._steps, self._pace.speed, self._plant
         if self._odom_times.due(step, speed):
             elapsed_s, self._odom_read_s = plant.time_s - self._odom_read_s, plant.time_s
-            reckoning = self._odometer.read(*plant.wheel_angles_rad, elapsed_s)
-            if not self._faults.no_odom:
-                self._odom_out.put(to_odometry(reckoning))
+            counted = self._odometer.read(*plant.wheel_angles_rad, elapsed_s)
+            said = self._faulty_odometry.spoil(self._faults, counted)
+            if said is not None:
+                self._odom_out.put(to_odometry(said))
         if self._truth_times.due(step, speed):
             self._truth_out.put(to_truth(plant.true_pose, plant.true_velocity))
         if self._imu_times.due(step, speed):
@@ -238,9 +256,9 @@ class SimService:
         if self._clock_times.due(step, speed):
             self._clock_out.put(to_clock(plant.time_s))
         for eye in self._eyes:
-            if eye.times.due(step, speed) and not self._faults.silent:
-                eye.last = self._look(eye)
-                eye.out.put(to_scan(eye.last, eye.lidar, eye.times.period_s(speed)))
+            if eye.times.due(step, speed) and not eye.faults.silent:
+                eye.last = eye.faulty.spoil(eye.faults, plant.scan(eye.number))
+                eye.out.put(to_scan(eye.last, eye.lidar, eye.times.period_s(speed), eye.faults.reach_m))
 
     def _shown(self, now_s: float) -> Shown:
         """What a person who looks at the robot would want to know of it."""
@@ -257,22 +275,14 @@ class SimService:
         over = tuple(status.causes_and_latched()[1])
         return Shown(Mode.of(status.mode), tuple(status.reasons), speed_m_s, status.nearest_m, ranges, over)
 
-    def _look(self, eye: "_Eye") -> Ranges:
-        """A scan, with the faults in force: the first one after a freeze stays."""
-        if eye.frozen is not None:
-            return eye.frozen
-        ranges = spoil(self._faults, self._plant.scan(eye.number), eye.lidar.angles_rad)
-        if self._faults.freeze:
-            eye.frozen = ranges
-        return ranges
-
     def _put_in_force(self, faults: SensorFaults) -> None:
         if faults != self._faults:
             _log.info("sensor faults in force: %s", faults)
         self._faults = faults
         for eye in self._eyes:
-            eye.frozen = None
-            eye.times.rate_hz = faults.rate_hz or self._config.scan_hz
+            eye.faults = faults.of(eye.lidar.name)
+            eye.faulty.thaw()
+            eye.times.rate_hz = eye.faults.rate_hz or self._config.scan_hz
 
     def _health(self) -> Health:
         plant, pace = self._plant, self._pace
@@ -325,13 +335,14 @@ class SimService:
         except ValueError as error:
             return TriggerResponse(success=False, message=str(error))
         self._odometer.reset(*self._plant.wheel_angles_rad)
+        self._faulty_odometry.reset()
         self._collisions = 0
         return TriggerResponse(success=True, message="the robot is back at its start")
 
     async def _on_faults(self, text: str) -> TriggerResponse:
         if text.strip():
             try:
-                self._put_in_force(parse_faults(text))
+                self._put_in_force(parse_faults(text, [eye.lidar.name for eye in self._eyes]))
             except FaultError as error:
                 return TriggerResponse(success=False, message=str(error))
         return TriggerResponse(success=True, message=f"in force: {self._faults}")

@@ -65,8 +65,9 @@ SIM_RESET = Service("sim/reset", "sim")
 SIM_FAULTS = Service(
     "sim/faults",
     "sim",
-    "none, or some of freeze, all_nan, silent, blocked FROM TO [rad], rate HZ, no_odom, joined by ';'; "
-    "nothing: which are in force",
+    "none, or some of freeze, all_nan, silent, blocked FROM TO [CODE], dropout SHARE [CODE], beams SHARE [CODE], "
+    "stray SHARE, reach METRES, rate HZ, each for one lidar with NAME: before it, no_odom, odom_zero, odom_freeze, "
+    "odom_scale FACTOR, joined by ';'; nothing: which are in force",
 )
 SIM_TIME = Service("sim/time", "sim", "pause, run, step N, speed FACTOR; nothing: how time passes now")
 

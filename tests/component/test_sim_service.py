@@ -19,7 +19,7 @@ from tests.component.rig import Rig
 from wire import topics
 from wire.bus import Arrival, Subscription
 from wire.memory_bus import MemoryBus
-from wire.messages import DiagnosticStatus, M, Point, SafetyStatus, TriggerResponse, planar_twist
+from wire.messages import DiagnosticStatus, LaserScan, M, Point, SafetyStatus, TriggerResponse, planar_twist
 from wire.topics import Topic
 
 STREAMS: tuple[Topic[Any], ...] = (
@@ -532,3 +532,79 @@ async def test_two_lidars_are_published_on_their_keys_in_their_frames_at_the_sca
             to_pillar = complex(0.9 - x_m, -0.9 - y_m)
             beam = np.argmin(np.abs(np.angle(np.exp(1j * angles_rad) / to_pillar)))
             assert scan.ranges[beam] == pytest.approx(abs(to_pillar) - 0.05, abs=0.01)
+
+
+def two_lidars() -> SimSection:
+    return SimSection(
+        lidars=(SimLidarSection(name="front", topic="scan"), SimLidarSection(name="rear", topic="scan_rear"))
+    )
+
+
+async def test_a_fault_of_one_lidar_leaves_the_other_one_as_it_is() -> None:
+    bench = Bench()
+    front, rear = bench.hear(topics.SCAN), bench.hear(topics.lidar_scan("scan_rear"))
+    async with bench.simulating(two_lidars(), faults=parse_faults("rear: rate 5; front: all_nan")):
+        await bench.pass_time(4.0)
+        assert (len(front.take()), len(rear.take())) == (pytest.approx(80, abs=1), pytest.approx(20, abs=1))
+        await bench.pass_time(0.1)
+        assert np.isnan(newest_ranges(front)).all()
+        assert (await bench.ask_faults("rear: silent")).message == "in force: rear: silent"
+        rear.take()
+        await bench.pass_time(2.0)
+        assert rear.take() == []
+        assert np.isfinite(newest_ranges(front)).any()
+        assert not (await bench.ask_faults("left: silent")).success
+
+
+def newest_ranges(scans: Subscription[LaserScan]) -> np.ndarray:
+    """The readings of the newest scan; one must have come since the last look."""
+    arrival = scans.latest()
+    assert arrival is not None
+    assert arrival.message is not None
+    return arrival.message.ranges
+
+
+async def test_frozen_and_zero_odometry_say_what_is_not_so_while_the_robot_drives() -> None:
+    bench = Bench()
+    odometry = bench.hear(topics.ODOM)
+    async with bench.simulating(faults=parse_faults("odom_zero")), bench.commanding(0.5):
+        await bench.pass_time(2.0)
+        said = [a.message for a in odometry.take() if a.message is not None]
+        assert len(said) == pytest.approx(100, abs=2)
+        assert {(m.twist.twist.linear.x, m.pose.pose.position.x) for m in said} == {(0.0, 0.0)}
+        assert bench.plant.true_pose.x_m > bench.plant.start_pose.x_m + 0.5
+        await bench.ask_faults("odom_freeze")
+        await bench.pass_time(1.0)
+        assert len({a.message.pose.pose.position.x for a in odometry.take() if a.message is not None}) <= 2
+        await bench.ask_faults("odom_scale 0.5")
+        await bench.pass_time(1.0)
+        assert newest(odometry).twist.twist.linear.x == pytest.approx(0.25, abs=0.02)
+
+
+async def test_dropouts_of_the_same_seed_are_the_same_and_in_their_share_of_the_scans() -> None:
+    async def missing(seed: int) -> list[bool]:
+        bench = Bench()
+        scans = bench.hear(topics.SCAN)
+        async with bench.simulating(SimSection(seed=seed), faults=parse_faults("dropout 0.3 0")):
+            pose = bench.plant.start_pose
+            bench.outsider.publisher(topics.OBSTACLE).put(Point(pose.x_m + 1.0, pose.y_m, 0.0))
+            await bench.pass_time(10.0)
+            return [bool(a.message.ranges[180] == 0.0) for a in scans.take() if a.message is not None]
+
+    first = await missing(1)
+    assert np.mean(first) == pytest.approx(0.3, abs=0.1)
+    assert first == await missing(1)
+    assert first != await missing(2)
+
+
+async def test_a_lidar_with_a_shorter_reach_says_so_in_its_longest_range() -> None:
+    bench = Bench()
+    scans = bench.hear(topics.SCAN)
+    async with bench.simulating(faults=parse_faults("reach 1.5")):
+        await bench.pass_time(0.5)
+        scan = newest(scans)
+        assert scan.range_max == pytest.approx(1.5)
+        assert scan.ranges[np.isfinite(scan.ranges)].max() <= 1.5
+        await bench.ask_faults("reach 100")
+        await bench.pass_time(0.2)
+        assert newest(scans).range_max == pytest.approx(12.0), "a fault makes no lidar better"

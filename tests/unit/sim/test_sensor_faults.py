@@ -1,16 +1,12 @@
-"""The sensors' faults: what may be asked for, and what becomes of the ranges."""
+"""The sensors' faults: what may be asked for, and how they are written."""
 
 import math
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.sensor_faults import NO_FAULTS, FaultError, Sector, SensorFaults, parse_faults, spoil
-
-ANGLES_RAD = np.deg2rad(np.arange(-180.0, 180.0))
-RANGES = np.full(360, 2.0, dtype=np.float32)
+from sim.sensor_faults import NO_FAULTS, FaultError, LidarFaults, Missing, Sector, SensorFaults, parse_faults
 
 
 @pytest.mark.parametrize(
@@ -25,6 +21,26 @@ RANGES = np.full(360, 2.0, dtype=np.float32)
         ("rate 2.5", SensorFaults(rate_hz=2.5)),
         ("rate 500", SensorFaults(rate_hz=500.0)),
         ("blocked -0.5 0.5", SensorFaults(blocked=(Sector(-0.5, 0.5),))),
+        ("blocked -0.5 0.5 nan", SensorFaults(blocked=(Sector(-0.5, 0.5),))),
+        ("blocked -0.5 0.5 0.0", SensorFaults(blocked=(Sector(-0.5, 0.5, 0.0),))),
+        ("blocked 0 1 -inf", SensorFaults(blocked=(Sector(0.0, 1.0, -math.inf),))),
+        ("dropout 0.1", SensorFaults(dropout=Missing(0.1, math.inf))),
+        ("dropout 1 0", SensorFaults(dropout=Missing(1.0, 0.0))),
+        ("beams 0.02", SensorFaults(beams=Missing(0.02, math.nan))),
+        ("beams 0.02 1000", SensorFaults(beams=Missing(0.02, 1000.0))),
+        ("stray 0.5", SensorFaults(stray=0.5)),
+        ("reach 0.6", SensorFaults(reach_m=0.6)),
+        ("odom_zero", SensorFaults(odom_zero=True)),
+        ("odom_freeze", SensorFaults(odom_freeze=True)),
+        ("odom_scale -0.9", SensorFaults(odom_scale=-0.9)),
+        ("rear:freeze", SensorFaults(only=(("rear", LidarFaults(freeze=True)),))),
+        (
+            "rear: dropout 0.1; stray 1; rear: blocked 0 1",
+            SensorFaults(
+                stray=1.0,
+                only=(("rear", LidarFaults(dropout=Missing(0.1, math.inf), blocked=(Sector(0.0, 1.0),))),),
+            ),
+        ),
         (
             "freeze; no_odom;blocked 0 1; blocked 2 -2; rate 5",
             SensorFaults(
@@ -54,6 +70,24 @@ def test_faults_read_as_they_are_written(text: str, faults: SensorFaults) -> Non
         ("blocked 1", "blocked 1"),
         ("blocked 1 1", "blocked 1 1"),
         ("blocked 0 inf", "blocked 0 inf"),
+        ("blocked 0 101", "blocked 0 101"),
+        ("blocked 0 1 -1", "blocked 0 1 -1"),
+        ("blocked 0 1 1001", "blocked 0 1 1001"),
+        ("blocked 0 1 free", "blocked 0 1 free"),
+        ("blocked 0 1 0 0", "blocked 0 1 0 0"),
+        ("dropout", "dropout"),
+        ("dropout 0", "dropout 0"),
+        ("dropout 1.1", "dropout 1.1"),
+        ("dropout nan", "dropout nan"),
+        ("beams 0.1 -1", "beams 0.1 -1"),
+        ("beams 0.1 0 0", "beams 0.1 0 0"),
+        ("stray 0", "stray 0"),
+        ("reach 0.09", "reach 0.09"),
+        ("reach inf", "reach inf"),
+        ("stray 1.1", "stray 1.1"),
+        ("odom_scale", "odom_scale"),
+        ("odom_scale 11", "odom_scale 11"),
+        ("odom_scale nan", "odom_scale nan"),
         ("blocked a b", "blocked a b"),
     ],
 )
@@ -63,67 +97,41 @@ def test_what_is_no_fault_is_named_with_the_forms_that_there_are(text: str, part
     assert str(refused.value).startswith(f"{part!r} is no sensor fault; there are: none, freeze, all_nan, ")
 
 
-angle_rad = st.integers(-60, 60).map(lambda tenths: tenths / 10)
+finite = st.floats(-100.0, 100.0)
+shares = st.floats(0.0, 1.0, exclude_min=True)
+codes_m = st.sampled_from([math.nan, math.inf, -math.inf, 0.0]) | st.floats(0.0, 1000.0)
+missing = st.none() | st.builds(Missing, shares, codes_m)
+of_a_lidar = {
+    "freeze": st.booleans(),
+    "all_nan": st.booleans(),
+    "silent": st.booleans(),
+    "blocked": st.lists(
+        st.builds(Sector, finite, finite, codes_m).filter(lambda s: s.start_rad != s.end_rad), max_size=3
+    ).map(tuple),
+    "dropout": missing,
+    "beams": missing,
+    "stray": st.just(0.0) | shares,
+    "rate_hz": st.none() | st.floats(0.01, 500.0),
+    "reach_m": st.none() | st.floats(0.1, 1000.0),
+}
+names = st.from_regex(r"[a-z][a-z0-9_]{0,5}", fullmatch=True)
 
 
 @given(
     st.builds(
         SensorFaults,
-        freeze=st.booleans(),
-        all_nan=st.booleans(),
-        silent=st.booleans(),
+        **of_a_lidar,
+        only=st.dictionaries(
+            names, st.builds(LidarFaults, **of_a_lidar).filter(lambda own: own != LidarFaults()), max_size=2
+        ).map(lambda only: tuple(only.items())),
         no_odom=st.booleans(),
-        rate_hz=st.none() | st.integers(1, 500).map(float),
-        blocked=st.lists(
-            st.tuples(angle_rad, angle_rad).filter(lambda s: s[0] != s[1]).map(lambda s: Sector(*s)),
-            max_size=3,
-        ).map(tuple),
+        odom_zero=st.booleans(),
+        odom_freeze=st.booleans(),
+        odom_scale=st.none() | st.floats(-10.0, 10.0),
     )
 )
 def test_what_is_in_force_is_said_as_it_may_be_asked_for(faults: SensorFaults) -> None:
     assert parse_faults(str(faults)) == faults
-
-
-def test_no_faults_change_nothing() -> None:
-    np.testing.assert_array_equal(spoil(NO_FAULTS, RANGES, ANGLES_RAD), RANGES)
-
-
-def test_all_nan_leaves_no_reading() -> None:
-    spoiled = spoil(parse_faults("all_nan; blocked 0 1"), RANGES, ANGLES_RAD)
-    assert spoiled.dtype == np.float32
-    assert np.isnan(spoiled).all()
-
-
-def blocked_deg(text: str) -> list[int]:
-    spoiled = spoil(parse_faults(text), RANGES, ANGLES_RAD)
-    assert spoiled.dtype == np.float32
-    assert np.all(np.isnan(spoiled) | (spoiled == 2.0))
-    return [round(math.degrees(angle)) for angle in ANGLES_RAD[np.isnan(spoiled)]]
-
-
-def test_a_blocked_sector_goes_counter_clockwise_and_its_edges_are_in_it() -> None:
-    quarter_rad = math.pi / 2
-    assert blocked_deg(f"blocked 0 {quarter_rad}") == list(range(91))
-    assert blocked_deg(f"blocked {quarter_rad} 0") == [*range(-180, 1), *range(90, 180)]
-
-
-def test_a_blocked_sector_may_lie_across_the_seam_behind() -> None:
-    assert blocked_deg("blocked 3.1 -3.1") == [-180, -179, -178, 178, 179]
-
-
-def test_a_sector_as_wide_as_a_turn_blocks_everything() -> None:
-    assert len(blocked_deg("blocked -4 4")) == 360
-
-
-def test_several_sectors_are_blocked_together() -> None:
-    assert blocked_deg("blocked -0.01 0.01; blocked 1.56 1.58") == [0, 90]
-
-
-def test_the_true_ranges_are_left_as_they_are() -> None:
-    ranges = RANGES.copy()
-    spoil(parse_faults("blocked -1 1"), ranges, ANGLES_RAD)
-    spoil(parse_faults("all_nan"), ranges, ANGLES_RAD)
-    np.testing.assert_array_equal(ranges, RANGES)
 
 
 def test_a_rate_is_refused_just_below_the_least() -> None:
@@ -132,3 +140,28 @@ def test_a_rate_is_refused_just_below_the_least() -> None:
     for rate in (math.nextafter(0.01, 0.0), 1e-322):
         with pytest.raises(FaultError, match="rate HZ"):
             parse_faults(f"rate {rate!r}")
+
+
+@pytest.mark.parametrize("text", ["rear: no_odom", "rear: frozen", "rear:", "rear: rear: freeze"])
+def test_what_is_no_fault_of_a_lidar_is_none_of_a_single_one(text: str) -> None:
+    with pytest.raises(FaultError, match="is no fault of a lidar"):
+        parse_faults(text)
+
+
+def test_a_lidar_that_there_is_not_is_refused_by_name() -> None:
+    assert parse_faults("rear: freeze", ["front", "rear"]).of("rear").freeze
+    with pytest.raises(FaultError, match="there is no lidar 'rear'; there are: lidar"):
+        parse_faults("rear: freeze", ["lidar"])
+
+
+def test_a_single_lidar_has_its_own_faults_and_those_of_all() -> None:
+    faults = parse_faults("blocked 0 1; rate 5; dropout 0.1; rear: freeze; rear: blocked 2 3; rear: rate 2")
+    assert faults.of("front") == LidarFaults(
+        blocked=(Sector(0.0, 1.0),), rate_hz=5.0, dropout=Missing(0.1, math.inf)
+    )
+    assert faults.of("rear") == LidarFaults(
+        freeze=True,
+        blocked=(Sector(0.0, 1.0), Sector(2.0, 3.0)),
+        rate_hz=2.0,
+        dropout=Missing(0.1, math.inf),
+    )

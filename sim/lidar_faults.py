@@ -1,0 +1,112 @@
+"""What a lidar with faults makes of what it sees. Pure but for a seeded generator: ranges in, ranges out."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.sensor_faults import LidarFaults, Sector
+
+Ranges = NDArray[np.float32]
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+EDGE_RAD = 1e-9
+"""A beam on a sector's very edge is in it, however its angle was rounded."""
+NEAR_M = 2.0
+"""Only an object that returns from nearer than this may be missing."""
+SAME_OBJECT_M = 0.15
+"""Two neighbouring beams whose ranges differ by no more than this have met the same object."""
+STRAY_M = 0.3
+"""A stray reading is so near to the hull, at most."""
+
+
+class FaultyLidar:
+    """One lidar and its faults.
+
+    Args:
+        angles_rad: (n,) the beams' directions in the lidar's frame, counter-clockwise.
+        way_out_m: (n,) how far each goes until it has left the robot's hull.
+        range_min_m: the shortest distance that it measures.
+        seed: of what happens by chance; the same seed and scans make the same faults.
+    """
+
+    def __init__(
+        self, angles_rad: Floats, way_out_m: Floats, range_min_m: float, seed: int | Sequence[int] = 0
+    ) -> None:
+        self._angles_rad, self._way_out_m, self._range_min_m = angles_rad, way_out_m, range_min_m
+        self._random = np.random.default_rng(seed)
+        self._frozen: Ranges | None = None
+
+    def thaw(self) -> None:
+        """Other faults are in force: what froze is no longer."""
+        self._frozen = None
+
+    def spoil(self, faults: LidarFaults, ranges: Ranges) -> Ranges:
+        """A scan with these faults; the first one after a freeze stays.
+
+        Args:
+            faults: those in force; what concerns the time of the scans is not done here.
+            ranges: (n,) in m; they are not changed.
+        """
+        if self._frozen is None:
+            ranges = self._seen(faults, ranges)
+            if not faults.freeze:
+                return ranges
+            self._frozen = ranges
+        return self._frozen
+
+    def _seen(self, faults: LidarFaults, ranges: Ranges) -> Ranges:
+        if faults.all_nan:
+            return np.full_like(ranges, np.nan)
+        ranges, random = ranges.copy(), self._random
+        if faults.reach_m is not None:
+            ranges[ranges > faults.reach_m] = math.inf
+        if faults.dropout is not None and random.random() < faults.dropout.share:
+            ranges[nearest_object(ranges, self._angles_rad)] = faults.dropout.code_m
+        if faults.beams is not None:
+            ranges[random.random(len(ranges)) < faults.beams.share] = faults.beams.code_m
+        if faults.stray > 0.0 and random.random() < faults.stray:
+            beam = int(random.integers(len(ranges)))
+            stray_m = self._way_out_m[beam] + random.uniform(0.0, STRAY_M)
+            ranges[beam] = np.fmin(ranges[beam], np.float32(max(stray_m, self._range_min_m)))
+        for sector in faults.blocked:
+            ranges[_behind(sector, self._angles_rad)] = sector.code_m
+        return ranges
+
+
+def nearest_object(ranges: Ranges, angles_rad: Floats) -> Mask:
+    """Which beams, shape (n,), have met what returned from nearest; none if nothing did from within `NEAR_M`.
+
+    An object is what neighbouring beams meet without a step in depth. What is too close to measure is met at 0.
+    """
+    distance_m = np.where(np.isnan(ranges), np.inf, np.maximum(ranges, 0.0))
+    nearest = int(np.argmin(distance_m))
+    near = distance_m < NEAR_M
+    if not near[nearest]:
+        return near
+    depth_m = np.where(near, distance_m, 0.0)
+    # Whether each beam has met the same as the one after it; the last one's is the first, in a full turn.
+    joined = near & np.roll(near, -1) & (np.abs(np.roll(depth_m, -1) - depth_m) <= SAME_OBJECT_M)
+    joined[-1] &= _is_full_turn(angles_rad)
+    things = np.concatenate(((0,), np.cumsum(~joined[:-1])))
+    if joined[-1]:
+        things[things == things[-1]] = things[0]
+    return things == things[nearest]
+
+
+def _is_full_turn(angles_rad: Floats) -> bool:
+    """Whether the first beam follows the last one as each follows the one before."""
+    count = len(angles_rad)
+    return count > 1 and math.isclose(
+        (angles_rad[-1] - angles_rad[0]) * count / (count - 1), math.tau, rel_tol=1e-6
+    )
+
+
+def _behind(sector: Sector, angles_rad: Floats) -> Mask:
+    """The beams in a sector; one that is as wide as a turn has all of them."""
+    width_rad = sector.end_rad - sector.start_rad
+    if width_rad < 0.0:
+        width_rad %= math.tau
+    return (angles_rad - sector.start_rad + EDGE_RAD) % math.tau <= width_rad + 2.0 * EDGE_RAD
