@@ -54,6 +54,9 @@ GRAZE_M = 0.001
 """What comes nearer by less than this, as a wall beside the robot does, does not come nearer; nor does what closes
 no faster than a deep reading may."""
 
+ON_HULL_M = 1e-9
+"""What is nearer to the hull than this has the normal of its side: from so short a way, rounding makes the direction."""
+
 NOTHING_M = 1e-300
 """Changes no distance but zero, which nobody can divide by."""
 
@@ -141,7 +144,7 @@ class ConvexPolygon:
         rows, inside_side, outside_side = np.arange(len(points)), height.argmax(axis=1), gaps.argmin(axis=1)
         gap: Floats = gaps[rows, outside_side]
         depth: Floats = height[rows, inside_side]  # below zero inside
-        inside = (depth < 0.0) | (gap == 0.0)
+        inside = (depth < 0.0) | (gap < ON_HULL_M)
         normals = outward[inside_side]
         (beyond,) = (~inside).nonzero()
         nearest_side, away_m = outside_side[beyond], gap[beyond]

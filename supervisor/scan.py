@@ -410,9 +410,10 @@ def unit_vectors(angle_rad: Floats) -> Floats:
 def run_inside(hull: Hull, mount: Mount, direction: Floats) -> Floats:
     """How far rays (2, n) from a lidar within the hull run inside of it [m]; zero for a lidar outside of it."""
     if hull.nearest(np.array([[mount.x_m, mount.y_m]]))[0][0] >= 0.0:
-        return np.zeros(direction.shape[1])
-    nothing = np.zeros(direction.shape[1])
-    return boundary_m(hull, mount, direction, nothing, nothing + 2.0 * hull.radius_m)
+        return np.zeros(len(direction[0]))
+    start: Floats = np.zeros(len(direction[0]))
+    end: Floats = start + 2.0 * hull.radius_m
+    return boundary_m(hull, mount, direction, start, end)
 
 
 def boundary_m(hull: Hull, mount: Mount, direction: Floats, inside_m: Floats, outside_m: Floats) -> Floats:

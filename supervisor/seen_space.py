@@ -148,11 +148,10 @@ def _holes(
     (missing,) = (view.free_m <= 0.0).nonzero()
     gap = np.searchsorted(seeing, missing) - 1  # -1, before the first that sees, is the last gap
     crossing = _Crossing(gaps.beams_hull.enters_m[missing], gaps.beams_hull.leaves_m[missing])
+    outside_m: Floats = np.full(len(gaps.outside[0]), hides_m.item(-1), dtype=np.float64)
     return [
         *_beside_the_hull(direction[:, missing], hides_m[gap], crossing, smallest_m),
-        *_beside_the_hull(
-            gaps.outside, np.full(gaps.outside.shape[1], hides_m[-1]), gaps.outside_hull, smallest_m
-        ),
+        *_beside_the_hull(gaps.outside, outside_m, gaps.outside_hull, smallest_m),
     ]
 
 
@@ -252,9 +251,10 @@ def _gaps(geometry: Geometry, mount: Mount, hull: Hull, smallest_m: float) -> _G
 
 def _crossing(hull: Hull, mount: Mount, direction: Floats) -> _Crossing:
     """Where rays (2, n) meet a convex hull: looked for in steps of `STEP_M`, then by halving."""
-    rays = direction.shape[1]
+    rays = len(direction[0])
     steps: Floats = np.arange(0.0, math.hypot(mount.x_m, mount.y_m) + hull.radius_m + STEP_M, STEP_M)
-    points = np.concatenate([along(mount, direction, np.full(rays, step)) for step in steps])
+    ones: Floats = np.ones(rays)
+    points = np.concatenate([along(mount, direction, step * ones) for step in steps.tolist()])
     within = (hull.nearest(points)[0] < 0.0).reshape(len(steps), rays)
     meets = within.any(axis=0)
     first, last = within.argmax(axis=0), len(steps) - 1 - within[::-1].argmax(axis=0)
