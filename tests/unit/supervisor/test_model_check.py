@@ -42,6 +42,7 @@ from supervisor.model import (
 )
 from supervisor.reckoning import Odometer, Pose
 from supervisor.safety import BARRIER_REASONS, WRITER_WINDOW_S, initial_state, step
+from supervisor.scan import Moment, ScanReading, read_scan
 
 TICK_S = 0.125
 LATE_S = 0.75
@@ -95,6 +96,10 @@ SCANS: dict[str, tuple[np.ndarray, np.ndarray]] = {
     "blind ahead": _pair(_ranges(ahead_m=math.nan)),
     "all NaN": _pair(_ranges(math.nan, math.nan)),
 }
+
+
+WHOLE = {id(ranges) for pair in SCANS.values() for ranges in pair if not np.isnan(ranges).any()}
+"""The scans of which every beam returns; the arrays of `SCANS` are the only ones."""
 
 
 @dataclass(frozen=True)
@@ -160,11 +165,11 @@ def _with_scans(events: list[Event]) -> list[Event]:
     return [replace(e, name=f"{e.name}, scan: {kind}", scan=kind) for e in events for kind in kinds]
 
 
-ONE_OPERATOR = [*_with_scans([_TIME[0], *_TELEOP]), *_TIME[1:], *_tokens("teleop"), *_STOPS]
+ONE_OPERATOR = [*_with_scans([_TIME[0], *_TELEOP[:2]]), *_TELEOP[2:], *_TIME[1:], *_tokens("teleop"), *_STOPS]
 TWO_SOURCES = [
     *_TIME[:2],
-    *_TELEOP,
-    *_commands("path", neutral=NEUTRAL, forward=FORWARD, invalid=None),
+    *_TELEOP[:3],
+    *_commands("path", neutral=NEUTRAL, forward=FORWARD),
     *_tokens("teleop"),
     *_tokens("path"),
     Event("both forward", (("teleop", FORWARD), ("path", FORWARD))),
@@ -172,7 +177,6 @@ TWO_SOURCES = [
     Event("teleop back, path forward", (("teleop", BACK), ("path", FORWARD))),
     Event("estop", estop=True),
     Event("reset", reset=True),
-    Event("no scan", scan=None),
     Event("both forward at an obstacle", (("teleop", FORWARD), ("path", FORWARD)), scan="obstacle ahead"),
     Event("path forward at an obstacle", (("path", FORWARD),), scan="obstacle ahead"),
 ]
@@ -231,8 +235,8 @@ def _latched(source: Source) -> str:
     return "barrier" if source.latched <= BARRIER_REASONS else "stopped"
 
 
-def _key(state: State, monitor: Monitor) -> Hashable:
-    """The state, as far as its future depends on it."""
+def _key(state: State, monitor: Monitor, *, rivals: bool) -> Hashable:
+    """The state, as far as its future depends on it; on when a writer was heard it does only if it has rivals."""
     assert state.now_s is not None
     now_s = state.now_s
     sources = tuple(
@@ -256,11 +260,15 @@ def _key(state: State, monitor: Monitor) -> Hashable:
             _age(now_s, scan.view.explained_s.item(0)),
         )
         # Of a stale scan, nothing counts but what it showed.
-        seen = (age, None if age == OLD_TICKS else (scan.problem, *explained), len(scan.around.points) > 0)
+        seen = (
+            age,
+            None if age == OLD_TICKS else (scan.problem is None, *explained),
+            len(scan.around.points) > 0,
+        )
     kept = (len(sight.earlier) > 0, len(state.memory.points) > 0)
     writers = frozenset(
         (writer.gid, heard, _age(now_s, writer.before_s, WINDOW_TICKS))
-        for writer in sight.writers
+        for writer in (sight.writers if rivals else ())
         if (heard := _age(now_s, writer.heard_s, WINDOW_TICKS)) < WINDOW_TICKS
     )
     slept = _age(now_s, state.resumed_s)
@@ -291,7 +299,10 @@ def _check(before: State, decision: Decision, monitor: Monitor, way: Callable[[]
         assert output == STANDSTILL, way()
     if StopReason.OBSTACLE in decision.causes:
         assert output == STANDSTILL, way()
-    if decision.reasons == (StopReason.OBSTACLE,) and before.output != STANDSTILL:
+    if any(
+        StopReason.OBSTACLE in source.latched - earlier.latched
+        for earlier, source in zip(before.sources, decision.sources, strict=True)
+    ):
         assert len(before.sights[0].earlier) or _showed_something(before), way()
     if output != STANDSTILL:
         assert decision.owner in monitor.neutral, way()
@@ -321,9 +332,36 @@ def _recovers(state: State) -> bool:
         now_s += TICK_S
         state, decision = step(state, now_s, event.inputs(now_s, state))
         assert decision.output == STANDSTILL
+        if all(source.armed for source in state.sources) and len(state.sights[0].writers) == 1:
+            break
     now_s += TICK_S
     state, decision = step(state, now_s, Event("", (("teleop", FORWARD),)).inputs(now_s, state))
     return decision.output == FORWARD
+
+
+@pytest.fixture(autouse=True)
+def _each_scan_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One of which every beam returns says the same after any other; that saves half of the time."""
+    read: dict[int, ScanReading] = {}
+
+    def read_once(
+        previous: ScanReading | None,
+        scan: LaserScan,
+        moment: Moment,
+        *robot: Any,  # noqa: ANN401 - passed on
+        in_the_open: bool,
+    ) -> ScanReading:
+        which = id(scan.ranges)
+        if which not in WHOLE:
+            return read_scan(previous, scan, moment, *robot, in_the_open=in_the_open)
+        if which not in read:
+            read[which] = read_scan(None, scan, moment, *robot, in_the_open=in_the_open)
+        known, times = read[which], np.full(BEAMS, moment.taken_s)
+        assert known.view is not None
+        view = known.view._replace(taken_s=moment.taken_s, explained_s=times, returned_s=times)
+        return known._replace(taken_s=moment.taken_s, period_s=moment.period_s, view=view)
+
+    monkeypatch.setattr("supervisor.safety.read_scan", read_once)
 
 
 @pytest.fixture(autouse=True)
@@ -341,12 +379,13 @@ def _the_robot_gets_nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("supervisor.reckoning.where", where)
 
 
-def explore(events: list[Event], visit: Callable[[State], None]) -> tuple[int, int]:
+def explore(events: list[Event], config: LawConfig, visit: Callable[[State], None]) -> tuple[int, int]:
     """Every reachable state times every event; returns the number of states and edges."""
-    state, _ = step(initial_state(CONFIG), 0.0, Inputs())
+    state, _ = step(initial_state(config), 0.0, Inputs())
     start = (state, Monitor())
     queue: deque[tuple[tuple[State, Monitor], tuple[Any, ...]]] = deque([(start, ())])
-    known = {_key(*start)}
+    rivals = any(STRANGER in event.writers for event in events)
+    known = {_key(*start, rivals=rivals)}
     edges = 0
     while queue:
         (state, monitor), way = queue.popleft()
@@ -358,7 +397,7 @@ def explore(events: list[Event], visit: Callable[[State], None]) -> tuple[int, i
             moved_on = monitor.after(event, decision)
             _check(state, decision, moved_on, lambda event=event, way=way: [*_names(way), event.name])
             edges += 1
-            key = _key(after, moved_on)
+            key = _key(after, moved_on, rivals=rivals)
             if key not in known:
                 known.add(key)
                 queue.append(((after, moved_on), (way, event.name)))
@@ -393,8 +432,10 @@ def test_every_reachable_state_keeps_the_promises_and_recovers(name: str, events
             reasons.update(source.latched)
         assert _recovers(state)
 
+    alone = all(source == "teleop" for event in events for source, _ in event.commands)
+    config = replace(CONFIG, sources=CONFIG.sources[:1]) if alone else CONFIG
     started_s = time.perf_counter()
-    states, edges = explore(events, visit)
+    states, edges = explore(events, config, visit)
     print(
         f"\n    checked: {name}: {states} states, {edges} edges, {len(reasons)} of {len(StopReason)} reasons, "
         f"{time.perf_counter() - started_s:.0f} s"
