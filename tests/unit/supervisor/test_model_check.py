@@ -414,17 +414,19 @@ def _names(way: tuple[Any, ...]) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("name", "events"),
+    ("name", "events", "reached"),
     [
-        ("one operator", ONE_OPERATOR),
-        ("two sources", TWO_SOURCES),
-        ("a base", BASE),
-        ("two writers", WRITERS),
+        ("one operator", ONE_OPERATOR, {StopReason.SCAN_INVALID, StopReason.SCAN_STALE, StopReason.OVERRUN}),
+        ("two sources", TWO_SOURCES, {StopReason.SOURCE_LOST, StopReason.OBSTACLE}),
+        ("a base", BASE, {StopReason.ODOM_STALE, StopReason.BASE_UNRESPONSIVE, StopReason.BASE_RUNAWAY}),
+        ("two writers", WRITERS, {StopReason.SENSOR_CONFLICT}),
     ],
 )
 @pytest.mark.proof
 @pytest.mark.timeout(600)
-def test_every_reachable_state_keeps_the_promises_and_recovers(name: str, events: list[Event]) -> None:
+def test_every_reachable_state_keeps_the_promises_and_recovers(
+    name: str, events: list[Event], reached: set[StopReason]
+) -> None:
     reasons: set[StopReason] = set()
 
     def visit(state: State) -> None:
@@ -441,3 +443,4 @@ def test_every_reachable_state_keeps_the_promises_and_recovers(name: str, events
         f"{time.perf_counter() - started_s:.0f} s"
     )
     assert states > 100
+    assert reached <= reasons
