@@ -40,11 +40,11 @@ class Robot:
     terminal: "pexpect.spawn[bytes] | None" = None
     bus: ZenohBus | None = None
 
-    def start(self, node: str) -> None:
-        """Start `supervisor` or `sim`."""
+    def start(self, node: str, *options: str) -> None:
+        """Start `supervisor` or `sim`, with these options besides."""
         with (self.logs / f"{node}.log").open("ab") as log:
             self.processes[node] = subprocess.Popen(
-                [sys.executable, "-m", node, "--endpoint", self.endpoint],
+                [sys.executable, "-m", node, "--endpoint", self.endpoint, *options],
                 stdout=log,
                 stderr=log,
                 env=os.environ | {"LIFELINE_STATE_DIR": str(self.logs)},
