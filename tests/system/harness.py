@@ -45,11 +45,11 @@ class Robot:
     def environment(self) -> dict[str, str]:
         return os.environ | {statedir.ENVIRONMENT: str(self.logs), processes.MARK: str(self.logs)}
 
-    def start(self, node: str) -> None:
-        """Start `supervisor` or `sim`."""
+    def start(self, node: str, *options: str) -> None:
+        """Start `supervisor` or `sim`, with these options besides."""
         with (self.logs / f"{node}.log").open("ab") as log:
             self.processes[node] = subprocess.Popen(
-                [sys.executable, "-m", node, "--endpoint", self.endpoint],
+                [sys.executable, "-m", node, "--endpoint", self.endpoint, *options],
                 stdout=log,
                 stderr=log,
                 env=self.environment,
