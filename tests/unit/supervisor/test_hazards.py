@@ -62,9 +62,7 @@ def test_a_fresh_scan_of_nothing_but_dropped_readings_is_not_clear(reading: floa
     for velocity in (NEUTRAL, NEUTRAL, motion, motion):
         now_s += TICK_S
         scan = laser_scan(full(reading), now_s)
-        state, decision = step(
-            state, now_s, Inputs((Command("teleop", velocity, now_s),), scans=(scan,))
-        )
+        state, decision = step(state, now_s, Inputs((Command("teleop", velocity, now_s),), scans=(scan,)))
         assert decision.output == STANDSTILL
     assert set(decision.reasons) & {StopReason.SCAN_INVALID, StopReason.OBSTACLE}
 
@@ -289,6 +287,7 @@ def test_a_stop_needs_no_command_to_happen() -> None:
     law.drive()
     law.ranges = ring(ahead_m=0.5)
     assert law.tick().output == STANDSTILL
+    law.tick()
     assert law.decision.reasons == (StopReason.OBSTACLE,)
 
 
