@@ -131,7 +131,7 @@ class _Trials:
         """Reset what the last run left, and move."""
         self._speed_m_s = 0.0
         await self._until(lambda status: _teleop(status, neutral=True))
-        reply = await self._bus.call(topics.SUPERVISOR_RESET)
+        reply = await self._bus.call(topics.SUPERVISOR_RESET, timeout_s=WAIT_S)
         if not reply.success:
             raise RuntimeError(f"the reset was refused: {reply.message}")
         while True:
