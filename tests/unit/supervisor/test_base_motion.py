@@ -9,6 +9,7 @@ from supervisor.base_motion import (
     LEAST_SHARE,
     MOST_SHARE,
     PATIENCE_S,
+    PROGRESS_SHARE,
     SLOW,
     Following,
     follow,
@@ -33,7 +34,7 @@ def after(
 
 
 def settled(velocity: Velocity) -> Following:
-    return Following(velocity, velocity, None, unresponsive=False)
+    return Following(velocity, velocity, None, STANDSTILL, unresponsive=False)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -111,9 +112,23 @@ def test_a_base_that_follows_in_between_has_its_patience_anew() -> None:
     assert not after(follows, FAST, STANDSTILL, now_s=0.6).unresponsive
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_base_that_comes_nearer_to_its_command_has_its_patience_anew(axis: int, sign: float) -> None:
+    commanded = Velocity(*(sign * c if a == axis else 0.0 for a, c in enumerate(FAST)))
+    lagging = after(settled(commanded), commanded, STANDSTILL, now_s=0.0)
+    gain = PROGRESS_SHARE * SLOW[axis]
+    for value, gains in ((0.9 * gain, False), (1.1 * gain, True), (-1.1 * gain, False)):
+        measured = Velocity(*(sign * value if a == axis else 0.0 for a in (0, 1)))
+        slow = after(lagging, commanded, measured, now_s=0.4)
+        assert slow.since_s == (0.4 if gains else 0.0)
+        assert slow.since == (measured if gains else STANDSTILL)
+        assert after(slow, commanded, measured, now_s=0.6).unresponsive is not gains
+
+
 @pytest.mark.parametrize("measured", [SLOW, Velocity(-0.1, -0.25)])
 def test_it_stays_unresponsive_until_it_is_commanded_zero_and_stands(measured: Velocity) -> None:
-    lost = Following(STANDSTILL, STANDSTILL, None, unresponsive=True)
+    lost = Following(STANDSTILL, STANDSTILL, None, STANDSTILL, unresponsive=True)
     assert after(lost, FAST, FAST).unresponsive
     assert after(lost, STANDSTILL, Velocity(0.11, 0.0)).unresponsive
     assert after(lost, STANDSTILL, Velocity(0.0, 0.26)).unresponsive
@@ -126,9 +141,9 @@ def test_too_fast_at_a_zero_command_is_left_to_the_runaway() -> None:
 
 
 def test_without_odometry_a_base_is_taken_to_follow() -> None:
-    lost = Following(FAST, FAST, 0.0, unresponsive=True)
+    lost = Following(FAST, FAST, 0.0, STANDSTILL, unresponsive=True)
     following = after(lost, FAST, None, now_s=10.0)
-    assert following == Following(FAST, FAST, None, unresponsive=False)
+    assert following == Following(FAST, FAST, None, STANDSTILL, unresponsive=False)
 
 
 @pytest.mark.parametrize("axis", [0, 1])
