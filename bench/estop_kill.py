@@ -95,6 +95,8 @@ class _Trials:
         """The epoch of the killed supervisor's status."""
         self._epoch: bytes | None = None
         self._since_kill: list[SafetyStatus] = []
+        self._moved: list[float] = []
+        """What was commanded to the base after the kill, other than zero [m/s]."""
         self.counts: Counter[str] = Counter()
 
     def feeds(self) -> list[Coroutine[None, None, None]]:
@@ -109,7 +111,8 @@ class _Trials:
         await self._drive()
         first = await self._press()
         self.counts[RECORDED] += not first.estop_record_problem
-        await asyncio.sleep(self._chance.uniform(0.0, KILL_WITHIN_S))
+        waited_s = self._chance.uniform(0.0, KILL_WITHIN_S)
+        await asyncio.sleep(waited_s)
         await self._supervisors.kill()
         self._former = self._epoch
         self._cmd_vel.take()
@@ -117,6 +120,11 @@ class _Trials:
         self._supervisors.start()
         latched = await self._stays_latched()
         self.counts[LATCHED if latched else RELEASED] += 1
+        if not latched:
+            print(
+                f"RELEASED: killed {1000 * waited_s:.1f} ms after a status with the record {first.estop_record_problem or 'written'}; "
+                f"then {[status.reasons for status in self._since_kill]}, {self._moved}; {self._supervisors.last_words()}"
+            )
         return latched
 
     async def _drive(self) -> None:
@@ -147,8 +155,10 @@ class _Trials:
         await self._until(lambda status: _teleop(status, neutral=False))
         await asyncio.sleep(DRIVE_S)
         await self._until(lambda _: True)
-        at_rest = all(a.message == zero_twist() for a in self._cmd_vel.take())
-        return at_rest and all(ESTOP in status.reasons for status in self._since_kill)
+        self._moved = [
+            a.message.linear.x for a in self._cmd_vel.take() if a.message and a.message != zero_twist()
+        ]
+        return not self._moved and all(ESTOP in status.reasons for status in self._since_kill)
 
     async def _until(self, condition: Callable[[SafetyStatus], bool]) -> SafetyStatus:
         """The first status of the present supervisor from now on for which this holds."""

@@ -2,8 +2,8 @@
 
 Two speeds bound what odometry may say of each axis: the *least*, which follows a rising command with the slowest
 acceleration that the base is known to have, and the *most*, which follows a falling command with the
-deceleration that it is trusted with. Odometry that stays outside of them for `PATIENCE_S` is a base that is
-blocked, switched off by its own emergency stop, slipping, or measured wrongly. It stays unresponsive until it
+deceleration that it is trusted with. Odometry that stays outside of them for `PATIENCE_S`, and comes no nearer
+to the command meanwhile, is a base that is blocked, switched off by its own emergency stop, slipping, or measured wrongly. It stays unresponsive until it
 is commanded zero and stands.
 """
 
@@ -22,6 +22,9 @@ MOST_SHARE = 1.3
 SLOW = Velocity(0.1, 0.25)
 """Below this, friction decides."""
 
+PROGRESS_SHARE = 0.2
+"""Of `SLOW`: what a base that follows gains at least within `PATIENCE_S`."""
+
 
 class Following(NamedTuple):
     """What is expected of the base, and since when it does something else."""
@@ -29,11 +32,13 @@ class Following(NamedTuple):
     least: Velocity
     most: Velocity
     since_s: float | None
-    """Since when odometry has been out of bounds; None: it is within."""
+    """Since when odometry has been out of bounds without coming nearer to the command; None: it is within."""
+    since: Velocity
+    """What odometry said then."""
     unresponsive: bool
 
 
-FOLLOWING = Following(STANDSTILL, STANDSTILL, None, unresponsive=False)
+FOLLOWING = Following(STANDSTILL, STANDSTILL, None, STANDSTILL, unresponsive=False)
 
 
 def follow(
@@ -65,17 +70,29 @@ def follow(
         _falls(following.most.angular_rad_s, commanded.angular_rad_s, deceleration.angular_rad_s * dt_s),
     )
     if measured is None:
-        return Following(least, most, None, unresponsive=False)
+        return Following(least, most, None, STANDSTILL, unresponsive=False)
     lags = (
         _lags(measured.linear_m_s, least.linear_m_s, SLOW.linear_m_s)
         or _lags(measured.angular_rad_s, least.angular_rad_s, SLOW.angular_rad_s)
         or abs(measured.linear_m_s) > MOST_SHARE * abs(most.linear_m_s) + SLOW.linear_m_s
         or abs(measured.angular_rad_s) > MOST_SHARE * abs(most.angular_rad_s) + SLOW.angular_rad_s
     )
-    since_s = (now_s if following.since_s is None else following.since_s) if lags else None
+    since_s, since = following.since_s, following.since
+    if not lags:
+        since_s = None
+    elif since_s is None or _gains(since, measured, commanded):
+        since_s, since = now_s, measured
     too_long = since_s is not None and now_s - since_s > PATIENCE_S and commanded != STANDSTILL
     stands = commanded == STANDSTILL and not moves(measured, SLOW)
-    return Following(least, most, since_s, too_long or (following.unresponsive and not stands))
+    return Following(least, most, since_s, since, too_long or (following.unresponsive and not stands))
+
+
+def _gains(since: Velocity, measured: Velocity, commanded: Velocity) -> bool:
+    """Whether the base has come nearer to its command, by more than noise: it is slow, but it follows."""
+    return any(
+        abs(wanted - before) - abs(wanted - now) > PROGRESS_SHARE * slow
+        for before, now, wanted, slow in zip(since, measured, commanded, SLOW, strict=True)
+    )
 
 
 def moves(velocity: Velocity, threshold: Velocity) -> bool:

@@ -11,6 +11,8 @@ The virtual campaign runs the same services on a virtual clock (docs/decisions/0
 
 scenario.py      what happens in a trial, drawn from its seed (pure)
 operator.py      a person at the keyboard's place
+machine.py       what outlives their supervisor
+writers.py       what a second lidar says (pure)
 world.py         the processes on their virtual network, each of which can die, hang and start again
 surroundings.py  how near the hull is to anything, and how much of that is its own doing
 injector.py      does to the world what the scenario says

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from deploy.faults import writers
 from wire import topics
 from wire.messages import (
     Bool,
@@ -33,6 +34,8 @@ ROGUE_KEYS = (topics.CMD_VEL.key, "*", "**", "c*", "cmd_vel/**")
 """Whatever matches cmd_vel."""
 MAX_OVERSIZED_BYTES = 3 << 20
 SPEED_M_S = 0.9
+STEADY_HZ, FLOOD_HZ = 20.0, 2000.0
+"""Of a second lidar's scans."""
 
 
 class Shot(NamedTuple):
@@ -125,6 +128,21 @@ def second_lidar(chance: random.Random) -> Iterator[Shot]:  # noqa: ARG001 - as 
         yield Shot(topics.SCAN.key, encode(_scan([math.nan] * 360)))
 
 
+def second_lidar_steady(chance: random.Random) -> Iterator[Shot]:
+    """Another client's plausible scans, as a lidar says them."""
+    yield from _free_space(chance, STEADY_HZ)
+
+
+def second_lidar_flood(chance: random.Random) -> Iterator[Shot]:
+    """The same, as fast as they go."""
+    yield from _free_space(chance, FLOOD_HZ)
+
+
+def _free_space(chance: random.Random, rate_hz: float) -> Iterator[Shot]:
+    for attachment in writers.attachments(chance, rate_hz):
+        yield Shot(topics.SCAN.key, encode(writers.free_scan(chance)), attachment)
+
+
 def estop(chance: random.Random) -> Iterator[Shot]:  # noqa: ARG001 - as every attack
     """An emergency stop, once."""
     yield Shot(topics.ESTOP.key, encode(Bool(data=True)))
@@ -141,6 +159,8 @@ ATTACKS: dict[str, tuple[Attack, float]] = {
     "flood": (flood, 10_000.0),
     "rogue_cmd_vel": (rogue_cmd_vel, 400.0),
     "second_lidar": (second_lidar, 20.0),
+    "second_lidar_steady": (second_lidar_steady, STEADY_HZ),
+    "second_lidar_flood": (second_lidar_flood, FLOOD_HZ),
     "estop": (estop, 50.0),
 }
 """Each attack, and how many messages it sends a second."""

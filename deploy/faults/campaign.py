@@ -25,6 +25,7 @@ MODULES = (
     "classes",
     "demands",
     "injector",
+    "machine",
     "measure",
     "operator",
     "promises",
@@ -33,6 +34,7 @@ MODULES = (
     "surroundings",
     "timeline",
     "trial",
+    "writers",
     "virtual",
     "world",
 )

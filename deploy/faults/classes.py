@@ -18,6 +18,14 @@ KILL_BOUND_S = 0.010
 LEASE_S = 0.4
 """How long a silent link is trusted."""
 
+ODOM_TIMEOUT_S = 0.3
+"""How old odometry may be while the robot drives."""
+FROZEN_BOUND_S = 1.0
+"""By then a robot that a fault finds moving has gone far enough for its scans to have changed."""
+
+ESTOP_BOUND_S = 2 * TICK_S
+"""From whoever presses to zero, over the network."""
+ODOM_BOUND_S = ODOM_TIMEOUT_S + TICK_S
 SILENT_BOUND_S = COMMAND_TIMEOUT_S + TICK_S
 BLIND_BOUND_S = SCAN_TIMEOUT_S + TICK_S
 HUNG_BASE_BOUND_S = BASE_TIMEOUT_S + TICK_S
@@ -29,6 +37,7 @@ class Group(StrEnum):
     TELEOP = "teleop"
     SUPERVISOR = "supervisor"
     SENSORS = "sim and sensors"
+    ESTOP = "e-stop"
     NETWORK = "network"
     WIRE = "wire"
     MACHINE = "machine"
@@ -55,6 +64,8 @@ class FaultClass:
     """Whether it can happen on the virtual clock."""
     real: bool = True
     """Whether it can happen to real processes without special rights."""
+    by_itself: bool = False
+    """Whether it has virtual trials of its own, with nothing else in them, and is no part of a pair."""
 
 
 def _teleop(
@@ -99,6 +110,50 @@ def _wire(
     return FaultClass(f"wire_{name}", Group.WIRE, does, target, detectors, None, promise, virtual)
 
 
+def _real_sensor(
+    name: str, does: str, detectors: tuple[str, ...], bound_s: float | None, promise: int
+) -> FaultClass:
+    return FaultClass(
+        f"sim_scan_{name}",
+        Group.SENSORS,
+        does,
+        "sim",
+        detectors,
+        bound_s,
+        promise,
+        virtual=True,
+        by_itself=True,
+    )
+
+
+def _second_writer(name: str, does: str) -> FaultClass:
+    return FaultClass(
+        f"wire_second_lidar_{name}",
+        Group.WIRE,
+        does,
+        "",
+        ("SENSOR_CONFLICT",),
+        BLIND_BOUND_S,
+        5,
+        virtual=True,
+        by_itself=True,
+    )
+
+
+def _estop(node: str) -> FaultClass:
+    return FaultClass(
+        f"estop_{node}_sigkill",
+        Group.ESTOP,
+        f"an e-stop, then SIGKILL of {node}: only a reset ends it",
+        node,
+        ("ESTOP",),
+        ESTOP_BOUND_S,
+        7,
+        virtual=True,
+        by_itself=True,
+    )
+
+
 def _machine(name: str, does: str, detectors: tuple[str, ...] = ()) -> FaultClass:
     return FaultClass(f"machine_{name}", Group.MACHINE, does, "", detectors, None, promise=8, virtual=False)
 
@@ -107,6 +162,7 @@ SILENT = ("COMMAND_TIMEOUT", "COMMAND_STALE")
 SILENT_OR_LOST = (*SILENT, "SOURCE_LOST")
 BASE_ALONE = ("base: SUPERVISOR_LOST", "base: COMMAND_TIMEOUT")
 UNSEEN = ("SCAN_STALE", "SCAN_INVALID")
+NOT_SEEN = ("OBSTACLE", "SCAN_BLIND")
 
 CLASSES = (
     _teleop("sigkill", "SIGKILL", ("SOURCE_LOST",), KILL_BOUND_S, 2, virtual=True),
@@ -140,6 +196,24 @@ CLASSES = (
     _sim("scan_silent", "no scans come", ("SCAN_STALE",), BLIND_BOUND_S),
     _sim("scan_rate", "scans come rarely", ("SCAN_STALE",), None),
     _sim("odom_gone", "no odometry comes", (), None, 6),
+    _real_sensor("dirt", "1 to 20° of NaN straight ahead, a pillar in it", NOT_SEEN, None, 6),
+    _real_sensor("dropout", "the nearest object is missing from 2 to 30 % of the scans", NOT_SEEN, None, 6),
+    _real_sensor("short", "it reaches 0.5 to 1 m, and says so", NOT_SEEN, None, 6),
+    _real_sensor("stray", "single false readings near the hull", (), None, 8),
+    _real_sensor(
+        "frozen_no_odom",
+        "the same scan again and again, and no odometry",
+        ("ODOM_STALE", "SCAN_INVALID"),
+        ODOM_BOUND_S,
+        5,
+    ),
+    _real_sensor(
+        "frozen_odom_zero",
+        "the same scan again and again, and odometry that stands still",
+        ("BASE_UNRESPONSIVE", "SCAN_INVALID"),
+        FROZEN_BOUND_S,
+        5,
+    ),
     _network("cut", "a link is cut for good", "teleop", SILENT_OR_LOST, SILENT_BOUND_S),
     _network("cut_base", "the sim's link is cut for good", "sim", ("SCAN_STALE",), BLIND_BOUND_S, 5),
     _network(
@@ -188,8 +262,27 @@ CLASSES = (
     _wire("rogue_cmd_vel", "a client writes cmd_vel itself", "", (), 1),
     _wire("second_teleop", "a second program with teleop's name", "teleop", (), 7),
     _wire("second_lidar", "another client's scans, all NaN", "", (), 8),
+    _second_writer(
+        "steady", "another client's scans of free space, 20 a second; the real lidar pauses for 0.6 s"
+    ),
+    _second_writer("flood", "the same for 1.5 s as fast as they go"),
     _wire("clock_step", "the sender's clock steps", "teleop", (), 7),
     _wire("estop", "an emergency stop, and a reset", "supervisor", ("ESTOP",), 7),
+    _estop("teleop"),
+    _estop("supervisor"),
+    _estop("sim"),
+    FaultClass(
+        "machine_suspend",
+        Group.MACHINE,
+        "the machine sleeps for a while, and its monotonic clock with it",
+        "",
+        ("OVERRUN",),
+        TICK_S,
+        7,
+        virtual=True,
+        real=False,
+        by_itself=True,
+    ),
     _machine("cpu_hogs", "eight processes that only compute"),
     _machine("memory", "little memory left"),
     _machine("disk", "a full disk"),
@@ -232,4 +325,9 @@ BY_NAME = {one.name: one for one in CLASSES}
 
 def virtual_classes() -> tuple[FaultClass, ...]:
     """Those that the virtual campaign draws from; pairs are made of them."""
-    return tuple(one for one in CLASSES if one.virtual and one.group is not Group.PAIR)
+    return tuple(one for one in CLASSES if one.virtual and not one.by_itself and one.group is not Group.PAIR)
+
+
+def classes_by_themselves() -> tuple[FaultClass, ...]:
+    """Those with virtual trials of their own."""
+    return tuple(one for one in CLASSES if one.virtual and one.by_itself)

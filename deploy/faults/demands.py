@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from deploy.faults.classes import (
     BASE_TIMEOUT_S,
     BLIND_BOUND_S,
+    BY_NAME,
     COMMAND_TIMEOUT_S,
     KILL_BOUND_S,
     SCAN_TIMEOUT_S,
@@ -58,6 +59,18 @@ SPEAKS_FOR_TELEOP = frozenset(
     }
 )
 """Commands under teleop's name that are not teleop's may keep it going."""
+BY_THEMSELVES: dict[str, Kind] = {
+    "sim_scan_stray": Kind.UNHINDERED,
+    "sim_scan_frozen_no_odom": Kind.STOPPED,
+    "sim_scan_frozen_odom_zero": Kind.STOPPED,
+    "wire_second_lidar_steady": Kind.NAMED,
+    "wire_second_lidar_flood": Kind.NAMED,
+    "estop_teleop_sigkill": Kind.ZERO,
+    "estop_supervisor_sigkill": Kind.ZERO,
+    "estop_sim_sigkill": Kind.ZERO,
+    "machine_suspend": Kind.NAMED,
+}
+"""What is asked for besides what every run is held to; of the others, that the hull keeps its distance."""
 MOVES_THE_ROBOT = frozenset({"sim_sigkill", "sim_sigstop", "sim_blocked"})
 """While the simulation stands, nothing brakes in it; a new one begins elsewhere."""
 
@@ -96,7 +109,7 @@ def demands(done: Sequence[Done], *, alone: bool) -> list[Demand]:
     found: list[Demand] = []
     for one in done:
         others = [other for other in done if other is not one and one.touches(other)]
-        found += _of(one, others, alone=alone)
+        found += [_by_itself(one)] if one.name in BY_THEMSELVES else _of(one, others, alone=alone)
     return [demand for demand in found if demand.from_s < demand.until_s]
 
 
@@ -138,6 +151,18 @@ def _of(one: Done, others: Sequence[Done], *, alone: bool) -> Iterable[Demand]:
             yield window(Kind.BRAKE, 4, KILL_BOUND_S)
         elif one.name in SILENCES_SUPERVISOR:
             yield window(Kind.BRAKE, 4, BASE_TIMEOUT_S + TICK_S)
+
+
+def _by_itself(one: Done) -> Demand:
+    """What a class with trials of its own asks for: a state from its bound on, or an event by then."""
+    known, kind = BY_NAME[one.name], BY_THEMSELVES[one.name]
+    from_s, until_s = one.at_s, one.until_s
+    bound_s = at_s + LEEWAY_S if (at_s := known.bound_s) is not None else 0.0
+    if kind is Kind.ZERO:
+        from_s += bound_s
+    elif kind is not Kind.UNHINDERED:
+        until_s = from_s + bound_s
+    return Demand(kind, known.promise, one.name, from_s, until_s, known.detectors)
 
 
 def tolerance_m(done: Sequence[Done]) -> float:

@@ -1,6 +1,7 @@
 """Does to a world what its scenario says, and remembers what was done when."""
 
 import asyncio
+import math
 from collections.abc import Awaitable, Callable
 from functools import partial
 from random import Random
@@ -8,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from deploy.faults import writers
 from deploy.faults.demands import Done
-from deploy.faults.scenario import MOVING_LIMIT_S, Planned
+from deploy.faults.scenario import MOVING_LIMIT_S, STRAIGHT_LIMIT_S, Planned
 from deploy.faults.seen import Asked
 from deploy.faults.world import RESTART_S, SOURCES, World
 from wire import topics
@@ -34,6 +36,12 @@ from wire.virtual_network import Conditions
 LEAST_M_S, MOST_M_S = 0.1, 0.9
 """A fault waits for a robot so fast, by its strength."""
 LOOK_S = 0.02
+PILLAR_AHEAD_M = (1.0, 2.2)
+"""From centre to centre."""
+PAUSE_AFTER_S, PAUSE_S = 0.6, 0.6
+FLOOD_S, MANY_HZ = 1.5, 100.0
+ESTOP_ALONE_S = 0.3
+"""How long after an e-stop a process dies, at most."""
 TELEOP_CMD_VEL = topics.source_cmd_vel(topics.TELEOP).key
 
 Parameters = dict[str, float | str]
@@ -58,7 +66,7 @@ class Injector:
         """Wait for its moment, do it, and undo it when its time is over."""
         world, loop = self._world, self._world.loop
         await asyncio.sleep(max(0.0, fault.at_s - loop.time()))
-        limit_s = loop.time() + MOVING_LIMIT_S
+        limit_s = loop.time() + (STRAIGHT_LIMIT_S if world.scenario.straight else MOVING_LIMIT_S)
         enough_m_s = LEAST_M_S + (MOST_M_S - LEAST_M_S) * fault.strength
         while world.speed_m_s < enough_m_s and loop.time() < limit_s:  # noqa: ASYNC110 - nothing tells it
             await asyncio.sleep(LOOK_S)
@@ -139,11 +147,44 @@ class Injector:
             end=f"{start_rad + 0.3 + 2.0 * fault.strength:.3f}",
             rate=f"{2.0 + 12.0 * fault.strength:.2f}",
         )
+        await self._spoil(fault, parameters, text)
+
+    async def _spoil(self, fault: Planned, parameters: Parameters, text: str) -> None:
         parameters["spec"] = text
         if not await self._ask_sim(text):
             raise NotDoneError(text)
         await asyncio.sleep(fault.lasts_s)
         await self._ask_sim("none")
+
+    async def in_the_way(self, fault: Planned, parameters: Parameters, *, spec: str) -> None:
+        """A fault of the lidar, and a pillar on the way straight ahead."""
+        self._put_pillar_ahead(parameters)
+        await self.sensors_by_strength(fault, parameters, spec=spec)
+
+    async def sensors_by_strength(self, fault: Planned, parameters: Parameters, *, spec: str) -> None:
+        """A fault of the lidar whose numbers follow from its strength."""
+        strength = fault.strength
+        half_rad = math.radians(0.5 + 9.5 * strength)
+        text = spec.format(
+            start=f"{-half_rad:.3f}",
+            end=f"{half_rad:.3f}",
+            share=f"{0.02 + 0.28 * strength:.3f}",
+            rate=20.0 if self._random.random() < 0.5 else 5.5,
+        )
+        await self._spoil(fault, parameters, text)
+
+    async def short_reach(self, fault: Planned, parameters: Parameters) -> None:
+        """It has been short from the beginning; now there is something on the way."""
+        parameters["spec"] = self._world.scenario.sensors
+        self._put_pillar_ahead(parameters)
+        await asyncio.sleep(fault.lasts_s)
+
+    def _put_pillar_ahead(self, parameters: Parameters) -> None:
+        pose = self._world.plant.true_pose
+        parameters["pillar_m"] = ahead_m = round(self._random.uniform(*PILLAR_AHEAD_M), 3)
+        x_m = pose.x_m + ahead_m * math.cos(pose.yaw_rad)
+        y_m = pose.y_m + ahead_m * math.sin(pose.yaw_rad)
+        self.say(topics.OBSTACLE.key, encode(Point(x_m, y_m, 0.0)), None)
 
     async def calm_sensors(self) -> None:
         """No faults, as soon as there is a sim to be told so."""
@@ -245,6 +286,29 @@ class Injector:
             self.say(topics.SCAN.key, encode(_scan(self._header())), None)
             await asyncio.sleep(0.05)
 
+    async def second_writer(self, fault: Planned, parameters: Parameters, *, rate_hz: float) -> None:
+        """Another client's scans of free space, a pillar ahead, and a real lidar that pauses once."""
+        self._put_pillar_ahead(parameters)
+        loop, now_s = self._world.loop, self._world.loop.time()
+        end_s = now_s + (fault.lasts_s if rate_hz < MANY_HZ else FLOOD_S)
+        pausing = asyncio.ensure_future(self._pause_lidar(now_s + PAUSE_AFTER_S))
+        try:
+            for attachment in writers.attachments(self._random, rate_hz):
+                if loop.time() >= end_s:
+                    break
+                scan = writers.free_scan(self._random, round(loop.time() * 1e9))
+                self.say(topics.SCAN.key, encode(scan), attachment)
+                await asyncio.sleep(1.0 / rate_hz)
+        finally:
+            pausing.cancel()
+        await self._ask_sim("none")
+
+    async def _pause_lidar(self, at_s: float) -> None:
+        await asyncio.sleep(at_s - self._world.loop.time())
+        await self._ask_sim("silent")
+        await asyncio.sleep(PAUSE_S)
+        await self._ask_sim("none")
+
     async def clock_step(self, fault: Planned, parameters: Parameters) -> None:
         name = self._random.choice((topics.TELEOP, topics.SIM))
         step_s = (fault.strength - 0.5) * self._random.choice((0.1, 1.0, 20.0))
@@ -255,6 +319,26 @@ class Injector:
 
     async def estop(self, _fault: Planned, _: Parameters) -> None:
         self.say(topics.ESTOP.key, encode(Bool(data=True)), None)
+
+    async def estop_and_sigkill(self, fault: Planned, _: Parameters, *, name: str) -> None:
+        """Pressed, and a process dies and starts again; nobody resets, and the operator asks on."""
+        world = self._world
+        world.may_reset = False
+        try:
+            self.say(topics.ESTOP.key, encode(Bool(data=True)), None)
+            await asyncio.sleep(fault.strength * ESTOP_ALONE_S)
+            world.kill(name)
+            await asyncio.sleep(RESTART_S)
+            world.start(name)
+            await asyncio.sleep(fault.lasts_s)
+        finally:
+            world.may_reset = True
+
+    async def suspend(self, fault: Planned, parameters: Parameters) -> None:
+        """The machine sleeps; when it wakes, everything looks as fresh as before."""
+        parameters["slept_s"] = slept_s = round(0.2 + 60.0 * fault.strength**2, 3)
+        self._world.machine.sleep(slept_s)
+        await asyncio.sleep(LOOK_S)
 
     # --- words
 
@@ -400,6 +484,12 @@ FAULTS: dict[str, Fault] = {
     "sim_scan_silent": partial(Injector.sensors, spec="silent"),
     "sim_scan_rate": partial(Injector.sensors, spec="rate {rate}"),
     "sim_odom_gone": partial(Injector.sensors, spec="no_odom"),
+    "sim_scan_dirt": partial(Injector.in_the_way, spec="blocked {start} {end}"),
+    "sim_scan_dropout": partial(Injector.in_the_way, spec="dropout {share}; rate {rate}"),
+    "sim_scan_short": Injector.short_reach,
+    "sim_scan_stray": partial(Injector.sensors_by_strength, spec="stray 0.04"),
+    "sim_scan_frozen_no_odom": partial(Injector.in_the_way, spec="freeze; no_odom"),
+    "sim_scan_frozen_odom_zero": partial(Injector.in_the_way, spec="freeze; odom_zero"),
     "net_cut": partial(Injector.cut, name=TELEOP),
     "net_cut_base": partial(Injector.cut, name=SIM),
     "net_healed": partial(Injector.healed, name=TELEOP),
@@ -424,7 +514,13 @@ FAULTS: dict[str, Fault] = {
     "wire_rogue_cmd_vel": Injector.rogue_cmd_vel,
     "wire_second_teleop": Injector.second_teleop,
     "wire_second_lidar": Injector.second_lidar,
+    "wire_second_lidar_steady": partial(Injector.second_writer, rate_hz=20.0),
+    "wire_second_lidar_flood": partial(Injector.second_writer, rate_hz=1000.0),
     "wire_clock_step": Injector.clock_step,
     "wire_estop": Injector.estop,
+    "estop_teleop_sigkill": partial(Injector.estop_and_sigkill, name=TELEOP),
+    "estop_supervisor_sigkill": partial(Injector.estop_and_sigkill, name=SUPERVISOR),
+    "estop_sim_sigkill": partial(Injector.estop_and_sigkill, name=SIM),
+    "machine_suspend": Injector.suspend,
 }
 """How each class of fault is done here."""

@@ -32,7 +32,8 @@ class Operator:
 
     async def run(self) -> None:
         while True:
-            self._act()
+            act = self._insist if self._world.scenario.straight and not self.is_patient else self._act
+            act()
             await asyncio.sleep(self._random.uniform(*LOOKS_S))
 
     def _act(self) -> None:
@@ -59,6 +60,18 @@ class Operator:
         self._ask(0.0, 0.0)
         if "ESTOP" in status.reasons and random.random() < 0.5:
             self._reset()
+
+    def _insist(self) -> None:
+        """Straight on: neutral where something stops it, and then the same again."""
+        random, status = self._random, self._world.status
+        is_stopped = status is not None and bool(status.reasons)
+        if is_stopped and random.random() >= self._stubbornness:
+            self._ask(0.0, 0.0)
+            if status is not None and "ESTOP" in status.reasons:
+                self._reset()
+        elif is_stopped or status is None or status.commanded.linear.x == 0.0:
+            self._ask(0.0, 0.0)  # keys that were pressed while it was stopped have come to nothing
+            self._ask(random.choice((1.0, 0.8, 0.6)), 0.0)
 
     @property
     def _is_neutral(self) -> bool:
@@ -95,7 +108,7 @@ class Operator:
             self._world.keyboard.press(key)
 
     def _reset(self) -> None:
-        if self._world.scenario.drivers is not Drivers.STUBBORN:
+        if self._world.may_reset and self._world.scenario.drivers is not Drivers.STUBBORN:
             self._press("r")
 
 
@@ -105,7 +118,7 @@ async def reset_from_outside(world: World) -> None:
     await bus.connect()
     while True:
         status: SafetyStatus | None = world.status
-        if status is not None and "ESTOP" in status.reasons:
+        if world.may_reset and status is not None and "ESTOP" in status.reasons:
             with suppress(NoReplyError):
                 await bus.call(topics.SUPERVISOR_RESET, timeout_s=0.5)
         await asyncio.sleep(0.4)

@@ -58,6 +58,12 @@ class Kind(StrEnum):
     """The base slows down from the window's beginning until it stands, and stands until its end."""
     DRIVABLE = "drivable"
     """At some moment of the window no stop holds."""
+    STOPPED = "stopped"
+    """At some moment of the window a stop holds."""
+    NAMED = "named"
+    """At some moment of the window one of the demand's reasons is among those of a stop."""
+    UNHINDERED = "unhindered"
+    """No stop for an obstacle lasts in the window where there is none."""
 
 
 class Demand(NamedTuple):
@@ -68,6 +74,7 @@ class Demand(NamedTuple):
     because: str
     from_s: float
     until_s: float
+    reasons: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +104,14 @@ def violations(seen: Seen, demands: Iterable[Demand] = (), bounds: Bounds | None
         *_moved_without_neutral(seen, bounds),
     ]
     for demand in demands:
-        check = {Kind.ZERO: _not_zero, Kind.BRAKE: _not_braked, Kind.DRIVABLE: _not_drivable}[demand.kind]
+        check = {
+            Kind.ZERO: _not_zero,
+            Kind.BRAKE: _not_braked,
+            Kind.DRIVABLE: _not_drivable,
+            Kind.STOPPED: _not_stopped,
+            Kind.NAMED: _not_named,
+            Kind.UNHINDERED: _hindered,
+        }[demand.kind]
         found += check(seen, demand, bounds)
     return sorted(found, key=lambda violation: (violation.time_s, violation.promise))
 
@@ -337,6 +351,59 @@ def _not_drivable(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violat
     if not any(not status.is_stopped for status in statuses):
         why = ", ".join(statuses[-1].reasons) if statuses else "no status came"
         yield Violation(demand.promise, demand.until_s, f"not drivable again ({why}): {demand.because}")
+
+
+# --- what a fault of a sensor must lead to, and what it must not
+
+
+def _in_force(seen: Seen, demand: Demand) -> list[Status]:
+    """The statuses of the window, with the one that held when it began."""
+    start = bisect_right(seen.statuses, demand.from_s, key=lambda status: status.arrival_s)
+    later = itertools.islice(seen.statuses, start, None)
+    return [
+        *seen.statuses[max(0, start - 1) : start],
+        *itertools.takewhile(lambda status: status.arrival_s <= demand.until_s, later),
+    ]
+
+
+def _not_stopped(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]:  # noqa: ARG001
+    if not any(status.is_stopped for status in _in_force(seen, demand)):
+        took = f"{1000 * (demand.until_s - demand.from_s):.0f} ms"
+        yield Violation(
+            demand.promise, demand.until_s, f"nothing stops the robot within {took}: {demand.because}"
+        )
+
+
+def _not_named(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]:  # noqa: ARG001
+    named = {reason for status in _in_force(seen, demand) for reason in status.reasons}
+    if named.isdisjoint(demand.reasons):
+        wanted, instead = " or ".join(demand.reasons), ", ".join(sorted(named)) or "no reason"
+        yield Violation(demand.promise, demand.until_s, f"{instead} instead of {wanted}: {demand.because}")
+
+
+def _hindered(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]:
+    """What one scan shows may limit for a moment; what stays needs something that is there."""
+    since_s: float | None = None
+    for status in _in_force(seen, demand):
+        if status.reasons != ("OBSTACLE",):
+            since_s = None
+        elif since_s is None:
+            since_s = max(status.arrival_s, demand.from_s)
+        elif status.arrival_s - since_s > MOMENT_S + ROUNDING:
+            motions = _motions_between(seen.motions, since_s, status.arrival_s)
+            clearance_m = min((motion.clearance_m for motion in motions), default=0.0)
+            if clearance_m > bounds.stop_distance_m + NOTHING_NEAR_M + ROUNDING:
+                sentence = (
+                    f"stopped for an obstacle with {clearance_m:.2f} m free all around: {demand.because}"
+                )
+                yield Violation(demand.promise, status.arrival_s, sentence)
+                return
+
+
+MOMENT_S = 0.12
+"""Two scans, and a status."""
+NOTHING_NEAR_M = 0.15
+"""So much farther than the stop distance is away from everything."""
 
 
 # --- windows of time

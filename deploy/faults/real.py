@@ -25,7 +25,7 @@ from deploy.faults.demands import (
     demands,
 )
 from deploy.faults.drawing import AFTER_S, BEFORE_S
-from deploy.faults.injectors.injection import Injection
+from deploy.faults.injectors.injection import Injection, Pillar
 from deploy.faults.injectors.plans import PAIR, draw_pair, plan
 from deploy.faults.measure import stop_after
 from deploy.faults.promises import Bounds, Demand, Kind, Violation, violations
@@ -54,6 +54,7 @@ QUIET_AFTER_LIFT_S = 0.5
 """And how long at least after whatever was asleep or cut off came back."""
 HARMLESS_QUIET_S = 0.2
 LOOK_S = 0.05
+SCANS_S = 0.2
 MOVES_LIMIT_S = 3.0
 SENDING_S = 0.03
 """From a key to whoever hears of it, and from there to here."""
@@ -78,6 +79,15 @@ class _Run:
     def stops(self) -> bool:
         """Whether at least one of the faults has to stop the robot."""
         return any(BY_NAME[name].bound_s is not None or injection.also for name, injection in self.faults)
+
+    @property
+    def pillar(self) -> Pillar:
+        """Those that want one in a place of its own are no part of a pair."""
+        return self.faults[0][1].pillar
+
+    @property
+    def is_straight(self) -> bool:
+        return self.pillar is not Pillar.BY_CHANCE
 
     @property
     def leeway_s(self) -> float:
@@ -126,7 +136,7 @@ async def run_trial(stage: Stage, name: str, seed: int, revision: str) -> tuple[
         await stage.settled()
     for _, injection in run.faults:
         await injection.prepare(stage)
-    await _drive(stage, chance)
+    await _drive(stage, run, chance)
     pids = {node: stage.pid(node) for node in NODES}
     load = os.getloadavg()[0]
     try:
@@ -146,7 +156,7 @@ async def run_trial(stage: Stage, name: str, seed: int, revision: str) -> tuple[
 # --- drive
 
 
-async def _drive(stage: Stage, chance: Random) -> None:
+async def _drive(stage: Stage, run: _Run, chance: Random) -> None:
     """Until the robot is fast enough, and nothing stops it.
 
     Raises:
@@ -159,14 +169,12 @@ async def _drive(stage: Stage, chance: Random) -> None:
         stage.is_ready = False
         await _let_go(stage)
         await stage.back_to_start()
-        if chance.random() < PILLAR_SHARE:
-            stage.put_pillar(
-                chance.uniform(*PILLAR_AHEAD_M), chance.uniform(-PILLAR_BESIDE_M, PILLAR_BESIDE_M)
-            )
+        _put_pillar(stage, run, chance)
         stage.observer.clear()
         presses = chance.randint(4, 10)
-        wanted_m_s = chance.uniform(FAULT_SPEED_M_S, 0.09 * presses)
-        stage.teleop.press("w" * presses + chance.choice(("", "", "a", "d", "aa", "dd")))
+        wanted_m_s = min(chance.uniform(FAULT_SPEED_M_S, 0.09 * presses), run.faults[0][1].top_speed_m_s)
+        turn = "" if run.is_straight else chance.choice(("", "", "a", "d", "aa", "dd"))
+        stage.teleop.press("w" * presses + turn)
         if not await stage.observer.until(
             lambda seen: bool(seen.motions) and seen.motions[-1].linear_m_s >= wanted_m_s,  # noqa: B023 - called at once
             DRIVE_LIMIT_S,
@@ -175,13 +183,25 @@ async def _drive(stage: Stage, chance: Random) -> None:
         until_s = time.monotonic() + chance.uniform(0.0, LAST_KEYS_S)
         while (left_s := until_s - time.monotonic()) > 0.0:
             await stage.observer.watch(min(left_s, chance.uniform(0.03, 0.15)))
-            stage.teleop.press(chance.choice("wwad"))
+            stage.teleop.press("w" if run.is_straight else chance.choice("wwad"))
         seen = stage.observer.look()
         if not seen.statuses[-1].is_stopped and seen.motions[-1].linear_m_s >= FAULT_SPEED_M_S:
             return
     status = stage.observer.status
     reasons = ", ".join(status.reasons) if status is not None else "no status"
     raise StageError(f"the robot does not drive by keys ({reasons})")
+
+
+def _put_pillar(stage: Stage, run: _Run, chance: Random) -> None:
+    """Beside the way or on it, as the fault wants it."""
+    match run.pillar:
+        case Pillar.BY_CHANCE if chance.random() < PILLAR_SHARE:
+            ahead_m = chance.uniform(*PILLAR_AHEAD_M)
+            stage.put_pillar(ahead_m, chance.uniform(-PILLAR_BESIDE_M, PILLAR_BESIDE_M))
+        case Pillar.AHEAD:
+            stage.put_pillar(chance.uniform(*PILLAR_AHEAD_M), 0.0)
+        case _:
+            pass
 
 
 async def _let_go(stage: Stage) -> None:
@@ -209,7 +229,7 @@ async def _break(stage: Stage, run: _Run, chance: Random) -> None:
         for (name, injection), pause_s in zip(run.faults, pauses_s, strict=True)
     ]
     caring = asyncio.ensure_future(_take_care(stage, run))
-    typing = asyncio.ensure_future(_go_on_typing(stage, chance)) if not run.stops else None
+    typing = asyncio.ensure_future(_go_on_typing(stage, run, chance)) if not run.stops else None
     try:
         await asyncio.gather(*tasks)
     finally:
@@ -260,11 +280,11 @@ async def _start_what_ended(stage: Stage, run: _Run) -> None:
     await stage.start_teleop()
 
 
-async def _go_on_typing(stage: Stage, chance: Random) -> None:
+async def _go_on_typing(stage: Stage, run: _Run, chance: Random) -> None:
     """Random commands, neutral among them, as long as nothing has to stop."""
     while True:
         await asyncio.sleep(chance.uniform(0.05, 0.3))
-        stage.teleop.press(chance.choice("wwadxs"))
+        stage.teleop.press(chance.choice(run.faults[0][1].keys))
 
 
 # --- watch
@@ -302,6 +322,9 @@ async def _recover(stage: Stage, run: _Run) -> bool:
         run.recovering_s = time.monotonic()
         neutral_s = await stage.neutral()
         await stage.back_to_start()
+        if run.is_straight:  # what stood right before it is gone with the next scans
+            await stage.observer.watch(SCANS_S)
+            await stage.neutral()
         await _move(stage)
     except StageError as error:
         if run.recovering_s == 0.0:

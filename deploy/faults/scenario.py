@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from random import Random
 
-from deploy.faults.classes import virtual_classes
+from deploy.faults.classes import classes_by_themselves, virtual_classes
 
 EPISODE_S = 7.1
 """From the first heartbeat to the mending of everything."""
@@ -13,9 +13,20 @@ RECOVERY_S = 2.5
 FIRST_FAULT_S = 0.8
 MOVING_LIMIT_S = 1.2
 """A fault waits this long for a robot that moves."""
+STRAIGHT_LIMIT_S = 3.0
+"""And this long where the operator does nothing but drive straight on."""
 
 PAIR_SHARE = 0.2
 PAIR_APART_S = 0.4
+
+
+BY_THEMSELVES_EVERY, BY_THEMSELVES_REST = 10, 7
+"""Seeds that end in 7 try the classes with trials of their own, one after the other. What the other seeds mean
+does not depend on how many such classes there are."""
+REACH_M = (0.5, 1.0)
+"""Of a short lidar. A few of its beams are missing as well: without a single return its scans would all be equal."""
+LONG_S = (3.0, 4.5)
+"""Long enough to reach the pillar, and to be re-armed and driven at it again."""
 
 
 class Scene(StrEnum):
@@ -63,6 +74,10 @@ class Scenario:
     pillars: tuple[float, ...]
     """When a pillar is put somewhere ahead of the robot; the next one takes the last one's place."""
     faults: tuple[Planned, ...]
+    sensors: str = "none"
+    """The sensors' faults from the beginning on."""
+    straight: bool = False
+    """Whether the robot begins with a free way ahead, and the operator drives straight on, whatever comes."""
 
     def stream(self, name: str) -> Random:
         """A source of chance of its own for each part: a change in one does not shift the others."""
@@ -71,6 +86,8 @@ class Scenario:
 
 def draw(seed: int) -> Scenario:
     """The scenario of a seed."""
+    if seed % BY_THEMSELVES_EVERY == BY_THEMSELVES_REST:
+        return _draw_by_itself(seed)
     random = Random(f"{seed} scenario")  # noqa: S311 - to be repeated is what it is for
     names = [one.name for one in virtual_classes()]
     faults: list[Planned] = []
@@ -89,6 +106,27 @@ def draw(seed: int) -> Scenario:
         stubbornness=random.choice((0.0, 0.3, 0.7, 1.0)),
         pillars=tuple(sorted(random.uniform(1.5, EPISODE_S) for _ in range(random.choice((0, 1, 1, 2))))),
         faults=tuple(faults),
+    )
+
+
+def _draw_by_itself(seed: int) -> Scenario:
+    """One fault, and nothing else."""
+    random = Random(f"{seed} by itself")  # noqa: S311 - as above
+    names = [one.name for one in classes_by_themselves()]
+    name = names[seed // BY_THEMSELVES_EVERY % len(names)]
+    at_s = FIRST_FAULT_S + random.uniform(0.0, 0.5)
+    short = f"reach {random.uniform(*REACH_M):.2f}; beams 0.02"
+    return Scenario(
+        seed,
+        scene=random.choice((Scene.WAREHOUSE, Scene.EMPTY)),
+        movers=False,
+        rectangular=random.random() < 0.25,
+        drivers=random.choices((Drivers.TELEOP, Drivers.STUBBORN), weights=(2, 1))[0],
+        stubbornness=random.choice((0.0, 0.3)),
+        pillars=(),
+        faults=(Planned(name, at_s, random.uniform(*LONG_S), random.random()),),
+        sensors=short if name == "sim_scan_short" else "none",
+        straight=True,
     )
 
 

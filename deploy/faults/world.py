@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from deploy.faults.machine import Machine
 from deploy.faults.measure import BaseReport
 from deploy.faults.scenario import Drivers, Scenario
 from deploy.faults.seen import Asked, Seen, Status
@@ -21,6 +22,7 @@ from sim.config import SimSection
 from sim.floorplan import Circle, FloorPlan
 from sim.plant import Plant
 from sim.scene import Build, Hull, build
+from sim.sensor_faults import parse_faults
 from sim.service import SimService
 from sim.snapshot import Snapshot
 from supervisor.config import FootprintSection, SupervisorSection
@@ -48,6 +50,9 @@ HEARTBEAT_S = 0.05
 RESTART_S = 0.3
 TRY_AGAIN_S = 0.3
 START_CLEARANCE_M = 0.5
+PLACES = 50
+"""So many places are tried before the robot begins at its usual start."""
+FREE_AHEAD_M, AHEAD_STEP_M = 4.0, 0.25
 HALF_LENGTH_M, HALF_WIDTH_M = 0.3, 0.2
 JOY = "joy"
 SOURCES = (topics.TELEOP, JOY)
@@ -169,6 +174,9 @@ class World:
         self.keyboard: Keyboard | None = None
         self.lives: dict[str, Life] = {}
         self._ended: list[Life] = []
+        self.may_reset = True
+        """Whether anybody resets an e-stop."""
+        self.machine = Machine()
         self.contacts = 0
         self.heard: deque[tuple[Twist, Stamp]] = deque(maxlen=100)
         """Teleop's last commands, for whoever wants to say them again."""
@@ -264,12 +272,13 @@ class World:
         self.kill(name)
 
     async def _supervisor(self, life: Life) -> None:
-        await SupervisorService(life.bus, self._config).run(life.stop)
+        await SupervisorService(life.bus, self._config, **self.machine.options()).run(life.stop)
         await life.bus.close()
 
     async def _sim(self, life: Life) -> None:
+        faults = parse_faults(self.scenario.sensors)
         await life.bus.connect()
-        await SimService(life.bus, SIM, self.plant).run(life.stop)
+        await SimService(life.bus, SIM, self.plant, faults=faults).run(life.stop)
         await life.bus.close()
 
     async def _teleop(self, life: Life) -> None:
@@ -311,16 +320,25 @@ class World:
         plant.restore(replace(self.stage.initial, noise=(noise,)))
         half_x_m, half_y_m = self.stage.half_size_m
         base = int(plant.model.jnt_qposadr[mj.joint_id(plant.model, "robot")])
-        for _ in range(50):
+        for _ in range(PLACES):
             x_m, y_m = random.uniform(-half_x_m, half_x_m), random.uniform(-half_y_m, half_y_m)
             yaw_rad = random.uniform(-math.pi, math.pi)
             if not self._has_room(x_m, y_m):
+                continue
+            if self.scenario.straight and not self._is_free_ahead(x_m, y_m, yaw_rad):
                 continue
             plant.data.qpos[base : base + 2] = x_m, y_m
             plant.data.qpos[base + 3 : base + 7] = math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2)
             mj.forward(plant.model, plant.data)
             break
         self._witness.start(self.loop.time())
+
+    def _is_free_ahead(self, x_m: float, y_m: float, yaw_rad: float) -> bool:
+        """Whether a hull that drives straight on from there has a long way to go."""
+        return all(
+            self._has_room(x_m + ahead_m * math.cos(yaw_rad), y_m + ahead_m * math.sin(yaw_rad))
+            for ahead_m in np.arange(AHEAD_STEP_M, FREE_AHEAD_M, AHEAD_STEP_M)
+        )
 
     def _has_room(self, x_m: float, y_m: float) -> bool:
         """Whether a hull there is clear of what stands, and of where movers set out."""

@@ -1,6 +1,7 @@
 """A robot in one event loop: the real services on a memory network, and a person at a keyboard's place."""
 
 import asyncio
+import itertools
 from collections.abc import AsyncGenerator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -78,7 +79,8 @@ class Rig:
         """A lidar at 20 Hz in a round room; the readings may be changed while it runs."""
         ranges = np.full(360, distance_m)
         publisher = MemoryBus(self.network).publisher(topics.SCAN)
-        async with self._every(0.05, lambda: publisher.put(laser_scan(ranges))):
+        jitter = itertools.cycle((0.0, 1e-4))  # no real scan repeats itself
+        async with self._every(0.05, lambda: publisher.put(laser_scan(ranges + next(jitter)))):
             yield ranges
 
     @asynccontextmanager

@@ -1,9 +1,20 @@
 """A fault that is about to happen to real processes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from enum import Enum, auto
 from random import Random
 
 from deploy.faults.stage import Route, Stage
+
+
+class Pillar(Enum):
+    """What stands in the way of a trial's drive."""
+
+    BY_CHANCE = auto()
+    AHEAD = auto()
+    """In the middle of a way that leads straight on."""
+    NONE = auto()
+    """And the way leads straight on."""
 
 
 class Injection:
@@ -21,6 +32,12 @@ class Injection:
     """Other classes of faults that it does as well, and whose bounds hold."""
     leeway_s = 0.0
     """What it makes a machine's scheduling slower by; told in the record."""
+
+    pillar = Pillar.BY_CHANCE
+    top_speed_m_s = 1.0
+    """A fault that is there from the beginning may not let it drive faster than this."""
+    keys: Sequence[str] = "wwadxs"
+    """What the operator types meanwhile, one of these again and again, unless something has to stop the robot."""
 
     def __init__(self, lasts_s: float = 0.0, **parameters: float | str) -> None:
         self.lasts_s = lasts_s

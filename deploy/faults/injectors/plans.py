@@ -4,7 +4,7 @@ from random import Random
 
 from deploy.faults import namespaces
 from deploy.faults.classes import CLASSES, FaultClass, Group
-from deploy.faults.injectors import machine, network, processes, sensors, wire
+from deploy.faults.injectors import estop, machine, network, processes, sensors, wire
 from deploy.faults.injectors.injection import Injection, Plan
 from deploy.faults.stage import Stage
 
@@ -13,12 +13,13 @@ PLANS: dict[str, Plan] = {
     **sensors.PLANS,
     **network.PLANS,
     **wire.PLANS,
+    **estop.PLANS,
     **machine.PLANS,
 }
 PAIR = "pair"
 NOT_IN_PAIRS = frozenset({Group.SUPERVISORD, Group.MACHINE, Group.PAIR})
 """Each takes the whole stage for itself."""
-ALONE = frozenset({"net_unplugged"})
+ALONE = frozenset({"net_unplugged", *(one.name for one in CLASSES if one.by_itself)})
 ONE_ATTACKER = "wire_"
 ONE_SENSOR = "sim_scan_"
 

@@ -1,13 +1,16 @@
 """Faults of the sim's sensors, which it plays on request."""
 
+import math
 import time
 from contextlib import suppress
 from random import Random
 
-from deploy.faults.injectors.injection import Injection, Plan, lasting
+from deploy.faults.injectors.injection import Injection, Pillar, Plan, lasting
 from deploy.faults.stage import ALIVE_LIMIT_S, Stage, StageError
 
 NONE = "none"
+FAULT_SPEED_M_S = 0.3
+"""The least at which a fault counts."""
 ASK_AGAIN_S = 0.1
 
 
@@ -35,6 +38,29 @@ class SensorFault(Injection):
         raise StageError(f"no sim was told within {ALIVE_LIMIT_S:g} s that its sensors are well again")
 
 
+class InTheWay(SensorFault):
+    """A fault of the lidar, and a pillar straight ahead; the operator re-arms and drives at it again."""
+
+    pillar = Pillar.AHEAD
+    keys = ("w", "w", "ww", "ww", "www", "wwww", "s")
+
+
+class FromTheBeginning(InTheWay):
+    """The robot sets off with it."""
+
+    top_speed_m_s = FAULT_SPEED_M_S
+
+    async def prepare(self, stage: Stage) -> None:
+        await stage.sensors(self._faults)
+
+
+class Unhindered(SensorFault):
+    """A fault of the lidar that must not stop a robot for long which has nothing before it."""
+
+    pillar = Pillar.NONE
+    keys = "w"
+
+
 def _always(faults: str) -> Plan:
     return lambda chance: SensorFault(faults, lasting(chance, 0.5, 1.0))
 
@@ -51,6 +77,27 @@ def _rate(chance: Random) -> Injection:
     return SensorFault(f"rate {chance.choice((1.0, 2.0, 3.0, 4.0, 5.0, 8.0)):g}", lasting(chance, 0.8, 1.5))
 
 
+def _dirt(chance: Random) -> Injection:
+    """1° to 20° straight ahead."""
+    half_rad = math.radians(chance.uniform(0.5, 10.0))
+    return InTheWay(f"blocked {-half_rad:.3f} {half_rad:.3f}", lasting(chance, 3.0, 4.0))
+
+
+def _dropout(chance: Random) -> Injection:
+    """At a fast lidar's rate, or a slow one's."""
+    faults = f"dropout {chance.uniform(0.02, 0.3):.3f}; rate {chance.choice((20.0, 5.5)):g}"
+    return InTheWay(faults, lasting(chance, 5.0, 6.0))
+
+
+def _short(chance: Random) -> Injection:
+    """A few beams are missing as well: without a single return its scans would all be equal."""
+    return FromTheBeginning(f"reach {chance.uniform(0.7, 1.0):.2f}; beams 0.02", lasting(chance, 3.0, 4.0))
+
+
+def _in_the_way(faults: str) -> Plan:
+    return lambda chance: InTheWay(faults, lasting(chance, 3.0, 4.0))
+
+
 PLANS: dict[str, Plan] = {
     "sim_scan_frozen": _always("freeze"),
     "sim_scan_nan": _always("all_nan"),
@@ -58,4 +105,11 @@ PLANS: dict[str, Plan] = {
     "sim_scan_silent": _always("silent"),
     "sim_scan_rate": _rate,
     "sim_odom_gone": _always("no_odom"),
+    "sim_scan_dirt": _dirt,
+    "sim_scan_dropout": _dropout,
+    "sim_scan_short": _short,
+    # Seldom enough that hardly ever two scans in a row have one.
+    "sim_scan_stray": lambda chance: Unhindered("stray 0.04", lasting(chance, 1.5, 2.0)),
+    "sim_scan_frozen_no_odom": _in_the_way("freeze; no_odom"),
+    "sim_scan_frozen_odom_zero": _in_the_way("freeze; odom_zero"),
 }

@@ -1,12 +1,16 @@
 """Faults on the wire itself: an attacker, or a sender whose clock steps."""
 
+from contextlib import suppress
 from random import Random
 
 from deploy.faults.attacker import SECOND
 from deploy.faults.attacks import ATTACKS
-from deploy.faults.injectors.injection import Injection, Plan, lasting
-from deploy.faults.stage import Stage
+from deploy.faults.injectors.injection import Injection, Pillar, Plan, lasting
+from deploy.faults.stage import Stage, StageError
 from wire import topics
+
+PAUSE_AFTER_S, PAUSE_S = 0.4, 0.6
+"""When the real lidar pauses, and for how long."""
 
 
 class Attacked(Injection):
@@ -24,6 +28,25 @@ class Attacked(Injection):
 
     async def lift(self, stage: Stage) -> None:
         self.parameters["sent"] = stage.end_attack()
+
+
+class SecondWriter(Attacked):
+    """Another client's scans of free space, a pillar straight ahead, and a real lidar that pauses once meanwhile."""
+
+    pillar = Pillar.AHEAD
+
+    async def do(self, stage: Stage) -> float:
+        at_s = await super().do(stage)
+        await stage.observer.watch(PAUSE_AFTER_S)
+        await stage.sensors("silent")
+        await stage.observer.watch(PAUSE_S)
+        await stage.sensors("none")
+        return at_s
+
+    async def lift(self, stage: Stage) -> None:
+        with suppress(StageError):
+            await stage.sensors("none")
+        await super().lift(stage)
 
 
 class ClockStep(Injection):
@@ -45,6 +68,10 @@ def _attacked(attack: str) -> Plan:
     return lambda chance: Attacked(attack, chance.randrange(1 << 31), lasting(chance, 0.5, 1.0))
 
 
+def _second_writer(attack: str, low_s: float, high_s: float) -> Plan:
+    return lambda chance: SecondWriter(attack, chance.randrange(1 << 31), lasting(chance, low_s, high_s))
+
+
 def _clock_step(chance: Random) -> Injection:
     by_s = chance.choice((-1, 1)) * chance.choice((0.05, 0.15, 0.3, 1.0, 3600.0))
     return ClockStep(by_s, lasting(chance, 0.5, 1.0))
@@ -52,5 +79,7 @@ def _clock_step(chance: Random) -> Injection:
 
 PLANS: dict[str, Plan] = {
     **{f"wire_{attack}": _attacked(attack) for attack in (*ATTACKS, SECOND)},
+    "wire_second_lidar_steady": _second_writer("second_lidar_steady", 3.0, 4.0),
+    "wire_second_lidar_flood": _second_writer("second_lidar_flood", 1.5, 1.6),
     "wire_clock_step": _clock_step,
 }

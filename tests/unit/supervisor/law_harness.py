@@ -26,6 +26,15 @@ BEAMS = 360
 CONFIG = SupervisorSection().law()
 SCAN_TIMEOUT_S = CONFIG.lidars[0].timeout_s
 
+CONFIRMED_S = 2 * TICK_S
+"""Two scans: the second confirms what the first one showed."""
+
+STANDING_S = 0.4
+"""From the speed of these tests, the base has come to rest by then."""
+
+UNSEEN_S = SCAN_TIMEOUT_S + 2 * TICK_S
+"""What no scan has explained for so long is no longer filled from earlier scans."""
+
 
 def with_lidar(config: LawConfig, **changes: object) -> LawConfig:
     """The same law with another first lidar."""

@@ -191,7 +191,7 @@ def test_without_a_valid_scan_nothing_says_that_the_obstacle_is_still_there(*, u
     approached(law)
     law.scanning = False
     if undecodable:
-        law.tick(("teleop", FORWARD), undecodable_scan=True)
+        law.tick(("teleop", FORWARD), undecodable_lidars=(0,))
         assert told(law.decision) == ({"SCAN_INVALID"}, {"OBSTACLE"})
     else:
         law.hold(0.3, ("teleop", FORWARD))

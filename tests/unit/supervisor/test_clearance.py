@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 from supervisor.clearance import (
     DEEP_M,
-    OUTLINE_SPACING_M,
     Barrier,
     Block,
     Circle,
     ConvexPolygon,
     Hull,
+    Kind,
     Surroundings,
     moved,
     permitted_closing_speed,
@@ -25,7 +25,7 @@ from supervisor.clearance import (
 
 CORNERS = ((0.3, -0.2), (0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2))
 RECTANGLE = ConvexPolygon(CORNERS)
-BARRIER = Barrier(stop_distance_m=0.3, deceleration_m_s2=1.5, reaction_s=0.1, blind_creep_m_s=0.0)
+BARRIER = Barrier(stop_distance_m=0.3, deceleration_m_s2=1.5, reaction_s=0.1, hidden_creep_m_s=0.0)
 HULLS = (Circle(0.25), RECTANGLE)
 
 coordinates = st.floats(-3.0, 3.0)
@@ -37,8 +37,28 @@ def one(x_m: float, y_m: float) -> np.ndarray:
 
 
 def seen(hull: Hull, points: np.ndarray) -> Surroundings:
-    """Points around a hull that sees everywhere."""
-    return survey(hull, points, blind=np.zeros(len(hull.outline()[0]), dtype=np.bool_))
+    """Points that the newest scan shows."""
+    return survey(hull, points, Kind.SEEN)
+
+
+def hidden(hull: Hull, points: np.ndarray) -> Surroundings:
+    """Places that no scan rules out."""
+    return survey(hull, points, Kind.HIDDEN)
+
+
+def outline(hull: Hull) -> np.ndarray:
+    """Points (n, 2) all around the hull, a micrometre outside of it, no more than 2 cm apart."""
+    if isinstance(hull, Circle):
+        angles = np.arange(0.0, 2 * math.pi, 0.05)
+        return (hull.radius_m + 1e-6) * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    along = np.linspace(0.0, 1.0, 31)[:, None]
+    front = np.array([0.3 + 1e-6, -0.2]) + along * (0.0, 0.4)
+    left = np.array([0.3, 0.2 + 1e-6]) - along * (0.6, 0.0)
+    return np.concatenate((front, left, -front, -left))
+
+
+def any_block(kind: Kind, per_linear: float = 1.0, per_angular: float = 0.0) -> Block:
+    return Block(per_linear, per_angular, kind, x_m=1.0, y_m=0.0)
 
 
 def test_clearance_of_a_circle_is_counted_from_its_rim() -> None:
@@ -99,7 +119,7 @@ def test_closing_speed_is_the_rate_at_which_the_clearance_falls(
     dt_s = 1e-6
     for hull in HULLS:
         before = seen(hull, one(x_m, y_m))
-        if before.nearest_m < 1e-3:
+        if before.nearest()[0] < 1e-3:
             continue
         closing = before.per_linear[0] * linear + before.per_angular[0] * angular
         moved_x, moved_y = x_m - linear * dt_s, y_m
@@ -109,7 +129,7 @@ def test_closing_speed_is_the_rate_at_which_the_clearance_falls(
             moved_x * math.sin(turn) + moved_y * math.cos(turn),
         )
         after = seen(hull, shifted)
-        assert (before.nearest_m - after.nearest_m) / dt_s == pytest.approx(closing, abs=1e-3)
+        assert (before.nearest()[0] - after.nearest()[0]) / dt_s == pytest.approx(closing, abs=1e-3)
 
 
 def test_the_permitted_speed_is_zero_up_to_the_stop_distance_and_above_it_beyond() -> None:
@@ -151,32 +171,40 @@ def test_turning_on_the_spot_stays_free_for_a_round_robot_and_not_for_a_corner()
 def test_no_points_permit_everything() -> None:
     around = seen(Circle(0.25), np.empty((0, 2)))
     assert permitted_scale(around, 1.0, 0.0, BARRIER) == (1.0, None)
-    assert math.isinf(around.nearest_m)
+    assert around.points.shape == (0, 2)
+    assert len(around.clearance_m) == len(around.per_linear) == len(around.per_angular) == 0
 
 
 @pytest.mark.parametrize("hull", HULLS, ids=["circle", "rectangle"])
-def test_the_outline_lies_on_the_hull_with_its_normals_outward(hull: Hull) -> None:
-    points, normals = hull.outline()
-    assert hull.nearest(points)[0] == pytest.approx(0.0, abs=1e-12)
-    distances, outward = hull.nearest(points + 0.1 * normals)
-    assert distances == pytest.approx(0.1)
-    assert outward == pytest.approx(normals)
-
-
-@pytest.mark.parametrize("hull", HULLS, ids=["circle", "rectangle"])
-def test_where_nobody_looks_nothing_moves_outward(hull: Hull) -> None:
-    blind = survey(hull, np.empty((0, 2)))
+def test_with_hidden_places_all_around_nothing_moves_outward(hull: Hull) -> None:
+    blind = hidden(hull, outline(hull))
     scale, block = permitted_scale(blind, 0.5, 0.0, BARRIER)
     assert scale == 0.0
     assert block is not None
-    assert block.blind
-    creeping = BARRIER._replace(blind_creep_m_s=0.1)
-    assert permitted_scale(blind, 0.5, 0.0, creeping)[0] == pytest.approx(0.2)
+    assert block.kind is Kind.HIDDEN
+    creeping = BARRIER._replace(hidden_creep_m_s=0.1)
+    assert permitted_scale(blind, 0.5, 0.0, creeping)[0] == pytest.approx(0.2, abs=1e-3)
 
 
-def test_a_round_robot_may_turn_on_the_spot_where_nobody_looks_and_a_corner_may_not() -> None:
-    assert permitted_scale(survey(Circle(0.25), np.empty((0, 2))), 0.0, 1.0, BARRIER) == (1.0, None)
-    assert permitted_scale(survey(RECTANGLE, np.empty((0, 2))), 0.0, 1.0, BARRIER)[0] == 0.0
+def test_with_a_creep_into_hidden_places_an_arc_is_slowed_to_it_and_not_stopped() -> None:
+    """The way ahead of an arc permits the creep as well, counted at the fastest point of the hull."""
+    creeping = BARRIER._replace(hidden_creep_m_s=0.3)
+    beside = hidden(Circle(0.25), one(0.05, 0.56))
+    assert permitted_scale(beside, 0.8, 0.0, BARRIER) == (1.0, None), "it lies beside a straight way"
+    slow, block = permitted_scale(beside, 0.8, 2.0, BARRIER)
+    assert block is not None
+    assert block.kind is Kind.HIDDEN
+    crept, _ = permitted_scale(beside, 0.8, 2.0, creeping)
+    assert slow < 0.2 < crept == pytest.approx(0.3 / (0.8 + 2.0 * 0.25))
+    inside = hidden(Circle(0.25), one(0.15, 0.5))
+    assert permitted_scale(inside, 0.16, 0.48, BARRIER)[0] == 0.0
+    assert permitted_scale(inside, 0.16, 0.48, creeping) == (1.0, None), "no faster than the creep"
+
+
+def test_a_round_robot_may_turn_on_the_spot_among_hidden_places_and_a_corner_may_not() -> None:
+    circle = Circle(0.25)
+    assert permitted_scale(hidden(circle, outline(circle)), 0.0, 1.0, BARRIER) == (1.0, None)
+    assert permitted_scale(hidden(RECTANGLE, outline(RECTANGLE)), 0.0, 1.0, BARRIER)[0] == 0.0
 
 
 @given(
@@ -187,25 +215,23 @@ def test_points_seen_from_the_moved_robot_are_where_they_were(
     points: list[tuple[float, float]], displacement: tuple[float, float, float]
 ) -> None:
     x_m, y_m, yaw_rad = displacement
-    before = seen(Circle(0.25), np.array(points))
+    before = np.array(points)
     after = moved(before, displacement)
     turn = np.array([[math.cos(yaw_rad), -math.sin(yaw_rad)], [math.sin(yaw_rad), math.cos(yaw_rad)]])
-    assert after.points @ turn.T + (x_m, y_m) == pytest.approx(before.points, abs=1e-9)
+    assert after @ turn.T + (x_m, y_m) == pytest.approx(before, abs=1e-9)
 
 
-def test_moving_keeps_what_is_blind() -> None:
-    blind = survey(Circle(0.25), one(1.0, 0.0))
-    after = moved(blind, (0.5, 0.0, 0.0))
-    assert after.nearest_m == pytest.approx(0.25)
-    assert len(after.blind_per_linear) == len(blind.blind_per_linear) > 0
+def test_points_come_nearer_by_what_the_robot_drives_toward_them() -> None:
+    assert moved(one(1.0, 0.2), (0.5, 0.0, 0.0)).tolist() == [[0.5, 0.2]]
+    assert moved(one(1.0, 0.0), (0.0, 0.0, math.pi / 2))[0] == pytest.approx([0.0, -1.0])
 
 
 def test_a_block_knows_what_approaches_it() -> None:
-    ahead = Block(1.0, 0.0, blind=False)
+    ahead = any_block(Kind.SEEN)
     assert ahead.is_approached_by(math.nextafter(0.001, 1.0), 0.0)
     assert not ahead.is_approached_by(0.001, 5.0)
-    assert Block(0.0, 0.5, blind=False).is_approached_by(0.0, 1.0)
-    assert not Block(0.0, 0.5, blind=False).is_approached_by(0.0, -1.0)
+    assert any_block(Kind.SEEN, 0.0, 0.5).is_approached_by(0.0, 1.0)
+    assert not any_block(Kind.SEEN, 0.0, 0.5).is_approached_by(0.0, -1.0)
     assert not ahead.is_approached_by(-1.0, 0.0)
 
 
@@ -214,11 +240,16 @@ def test_regular_polygons_of_any_size_are_hulls_with_outward_normals(count: int)
     """Also with corners in whole metres, as a configuration may give them."""
     angles = np.arange(count) * 2 * np.pi / count
     hull = ConvexPolygon(tuple((3.0 * math.cos(a) + 1.0, 2.0 * math.sin(a) - 0.5) for a in angles))
-    points, normals = hull.outline()
-    assert hull.nearest(points)[0] == pytest.approx(0.0, abs=1e-12)
-    assert hull.nearest(points + 0.01 * normals)[0] == pytest.approx(0.01)
+    start = np.array(hull.corners)
+    side = np.roll(start, -1, axis=0) - start
+    outward = np.stack([side[:, 1], -side[:, 0]], axis=1) / np.hypot(*side.T)[:, None]
+    middle = start + 0.4 * side
+    assert hull.nearest(middle)[0] == pytest.approx(0.0, abs=1e-12)
+    distances, normals = hull.nearest(middle + 0.01 * outward)
+    assert distances == pytest.approx(0.01)
+    assert normals == pytest.approx(outward)
     centre = np.array([1.0, -0.5])
-    assert hull.nearest(centre + 0.99 * (points - centre))[0].max() < 0.0
+    assert hull.nearest(centre + 0.99 * (middle - centre))[0].max() < 0.0
     assert hull.radius_m == pytest.approx(max(math.hypot(x, y) for x, y in hull.corners))
 
 
@@ -253,34 +284,12 @@ def test_a_small_convex_hull_is_not_taken_for_flat() -> None:
     assert tiny.nearest(one(1.0, 0.0))[0][0] == pytest.approx(0.97)
 
 
-def test_the_outline_of_a_circle_goes_round_once_in_even_steps() -> None:
-    for radius_m, count in ((0.05, 72), (0.5, math.ceil(2 * math.pi * 0.5 / 0.02))):
-        points, normals = Circle(radius_m).outline()
-        angles = np.unwrap(np.arctan2(normals[:, 1], normals[:, 0]))
-        assert len(points) == count
-        assert tuple(normals[0]) == (1.0, 0.0)
-        assert np.diff(angles) == pytest.approx(2 * math.pi / count)
-        assert points == pytest.approx(radius_m * normals)
-
-
-def test_the_outline_of_a_polygon_has_both_ends_of_each_side_and_no_wide_gap() -> None:
-    points, normals = ConvexPolygon(CORNERS).outline()
-    for x, y in CORNERS:
-        assert sum(np.hypot(points[:, 0] - x, points[:, 1] - y) < 1e-9) == 2
-    gaps = np.hypot(*np.diff(points, axis=0).T)
-    assert gaps.max() <= OUTLINE_SPACING_M + 1e-12
-    assert len(np.unique(normals.round(6), axis=0)) == 4
-    assert len(points) == len(normals) == 2 * (20 + 1) + 2 * (30 + 1)
-
-
 def test_closing_no_faster_than_the_tolerance_is_not_closing() -> None:
     near = seen(Circle(0.25), one(0.548, 0.0))
     assert permitted_scale(near, 0.01, 0.0, BARRIER) == (1.0, None)
     scale, block = permitted_scale(near, math.nextafter(0.01, 1.0), 0.0, BARRIER)
     assert scale == 0.0
-    assert block == Block(1.0, 0.0, blind=False)
-    assert block is not None
-    assert block.blind is False
+    assert block == Block(1.0, 0.0, Kind.SEEN, 0.548, 0.0)
 
 
 def test_deep_inside_the_stop_distance_hardly_anything_is_slow_enough() -> None:
@@ -292,12 +301,29 @@ def test_deep_inside_the_stop_distance_hardly_anything_is_slow_enough() -> None:
         assert permitted_scale(near, math.nextafter(tolerance_m_s, 1.0), 0.0, BARRIER)[0] == 0.0
 
 
-def test_blind_closing_no_faster_than_the_tolerance_is_not_closing() -> None:
-    blind = survey(Circle(0.25), np.empty((0, 2)))
-    assert permitted_scale(blind, 0.01, 0.0, BARRIER) == (1.0, None)
-    scale, block = permitted_scale(blind, math.nextafter(0.01, 1.0), 0.0, BARRIER)
-    assert scale == 0.0
-    assert block == Block(1.0, 0.0, blind=True)
+@pytest.mark.parametrize("creep_m_s", [0.0, 0.01, 0.2])
+def test_closing_on_a_hidden_place_no_faster_than_the_creep_or_the_tolerance_is_not_closing(
+    creep_m_s: float,
+) -> None:
+    """However deep inside the stop distance: a lidar that is blind there always has one at the hull."""
+    barrier = BARRIER._replace(hidden_creep_m_s=creep_m_s)
+    near = hidden(Circle(0.25), one(0.25, 0.0))
+    slow_m_s = max(0.01, creep_m_s)
+    assert permitted_scale(near, slow_m_s, 0.0, barrier) == (1.0, None)
+    scale, block = permitted_scale(near, 2.0 * slow_m_s, 0.0, barrier)
+    assert scale == pytest.approx(creep_m_s / (2.0 * slow_m_s))
+    assert block == Block(1.0, 0.0, Kind.HIDDEN, 0.25, 0.0)
+
+
+def test_a_remembered_point_limits_as_a_seen_one_does_and_says_what_it_is() -> None:
+    for point in (one(0.548, 0.0), one(0.7, 0.1), one(0.2, 0.6)):
+        for twist in ((0.5, 0.0), (0.9, 1.8)):
+            as_seen, block = permitted_scale(seen(Circle(0.25), point), *twist, BARRIER)
+            remembered = survey(Circle(0.25), point, Kind.REMEMBERED)
+            scale, other = permitted_scale(remembered, *twist, BARRIER)
+            assert scale == as_seen
+            assert (block is None) == (other is None)
+            assert block is None or other == block._replace(kind=Kind.REMEMBERED)
 
 
 def test_exactly_what_is_permitted_is_no_limit() -> None:
@@ -305,48 +331,45 @@ def test_exactly_what_is_permitted_is_no_limit() -> None:
     (permitted,) = permitted_closing_speed(far.clearance_m, BARRIER)
     assert permitted_scale(far, float(permitted), 0.0, BARRIER) == (1.0, None)
     assert permitted_scale(far, 1.01 * float(permitted), 0.0, BARRIER)[0] == pytest.approx(1 / 1.01)
-    creeping = BARRIER._replace(blind_creep_m_s=0.25)
-    blind = survey(Circle(0.25), np.empty((0, 2)))
+    creeping = BARRIER._replace(hidden_creep_m_s=0.25)
+    blind = hidden(Circle(0.25), one(0.25, 0.0))
     assert permitted_scale(blind, 0.25, 0.0, creeping) == (1.0, None)
     assert permitted_scale(blind, 0.5, 0.0, creeping)[0] == 0.5
 
 
-def test_of_a_seen_and_a_blind_limit_the_tighter_counts() -> None:
-    around = survey(Circle(0.25), one(0.6, 0.0))
-    seen_scale, _ = permitted_scale(seen(Circle(0.25), one(0.6, 0.0)), 0.5, 0.0, BARRIER)
-    assert 0.0 < seen_scale < 1.0
-    for creep_m_s, blind in ((0.4 * seen_scale, True), (0.6 * seen_scale, False)):
-        scale, block = permitted_scale(around, 0.5, 0.0, BARRIER._replace(blind_creep_m_s=creep_m_s))
-        assert block is not None
-        assert block.blind is blind
-        assert scale == pytest.approx(min(seen_scale, creep_m_s / 0.5))
+def test_of_where_it_was_and_where_it_is_by_now_the_tighter_limit_counts() -> None:
+    hull = Circle(0.25)
+    far, near = seen(hull, one(1.0, 0.0)), seen(hull, one(0.7, 0.0))
+    alone, block = permitted_scale(near, 1.0, 0.0, BARRIER)
+    assert permitted_scale(far, 1.0, 0.0, BARRIER)[0] > alone > 0.0
+    assert permitted_scale(far, 1.0, 0.0, BARRIER, near) == (alone, block)
+    assert permitted_scale(near, 1.0, 0.0, BARRIER, far) == (alone, block)
 
 
-def test_a_turn_into_the_blind_closes_on_the_side_that_it_turns_to() -> None:
-    points, normals = RECTANGLE.outline()
-    left_front = (normals[:, 1] > 0.9) & (points[:, 0] > 0.0)
-    blind = survey(RECTANGLE, np.empty((0, 2)), blind=left_front)
+def test_the_way_ahead_of_an_arc_begins_where_the_robot_is_by_now() -> None:
+    hull = Circle(0.25)
+    beside, passed = seen(hull, one(0.2, 0.6)), seen(hull, one(-0.3, 0.6))
+    assert permitted_scale(beside, 0.9, 1.8, BARRIER)[0] < 1.0
+    assert permitted_scale(beside, 0.9, 1.8, BARRIER, passed) == (1.0, None)
+
+
+def test_a_turn_among_hidden_places_closes_on_the_side_that_it_turns_to() -> None:
+    around = outline(RECTANGLE)
+    left_front = (around[:, 1] > 0.2) & (around[:, 0] > 0.0)
+    blind = hidden(RECTANGLE, around[left_front])
     scale, block = permitted_scale(blind, 0.0, 1.0, BARRIER)
     assert scale == 0.0
     assert block is not None
     assert block.is_approached_by(0.0, 1.0)
     assert not block.is_approached_by(0.0, -1.0)
-    assert permitted_scale(blind, 0.0, -1.0, BARRIER) == (1.0, None)
+    assert permitted_scale(blind, 0.0, -0.04, BARRIER) == (1.0, None)
 
 
-def test_no_points_are_told_as_such() -> None:
-    around = survey(Circle(0.25), np.empty((0, 2)))
-    assert around.points.shape == (0, 2)
-    assert around.nearest_m == math.inf
-    assert math.isnan(around.nearest_bearing_rad)
-
-
-def test_moving_keeps_both_rates_of_what_is_blind() -> None:
-    points, _ = RECTANGLE.outline()
-    before = survey(RECTANGLE, one(2.0, 0.0), blind=points[:, 0] > 0.29)
-    after = moved(before, (0.1, 0.0, 0.1))
-    assert after.blind_per_linear is before.blind_per_linear
-    assert after.blind_per_angular is before.blind_per_angular
+def test_the_nearest_point_is_named_by_its_clearance_and_its_bearing() -> None:
+    around = seen(RECTANGLE, np.array([[2.0, 0.0], [0.0, 0.5], [-3.0, 0.0]]))
+    clearance_m, bearing_rad = around.nearest()
+    assert clearance_m == pytest.approx(0.3)
+    assert bearing_rad == pytest.approx(math.pi / 2)
 
 
 def test_points_inside_and_outside_of_a_polygon_are_told_apart_in_one_go() -> None:
@@ -364,7 +387,7 @@ def test_a_pillar_beside_the_nose_limits_an_arc_toward_it_before_it_closes(hull:
     scale, block = permitted_scale(beside, 0.9, 1.8, BARRIER)
     assert 0.6 < scale < 0.8
     assert block is not None
-    assert not block.blind
+    assert block.kind is Kind.SEEN
     assert block.is_approached_by(0.9, 1.8)
     assert not block.is_approached_by(-0.9, -1.8)
     mirrored, _ = permitted_scale(seen(hull, one(0.2, -0.6)), 0.9, -1.8, BARRIER)
@@ -413,7 +436,7 @@ def test_reacting_and_braking_along_the_arc_never_enters_the_stop_distance(
     point = (0.25 + distance_m) * math.cos(bearing_rad), (0.25 + distance_m) * math.sin(bearing_rad)
     hull = Circle(0.25)
     around = seen(hull, one(*point))
-    if around.nearest_m < 0.32:
+    if around.nearest()[0] < 0.32:
         return
     scale, _ = permitted_scale(around, *velocity, barrier)
     linear, angular = velocity
@@ -458,7 +481,7 @@ def test_what_an_arc_is_permitted_is_known_to_the_fourth_digit(
     assert permitted == pytest.approx(scale, abs=2e-4)
     assert block is not None
     assert (block.per_linear, block.per_angular) == pytest.approx(rates, abs=2e-4)
-    assert block.blind is False
+    assert (block.kind, block.x_m, block.y_m) == (Kind.SEEN, *point)
 
 
 def test_the_least_turn_that_a_float_can_say_is_limited_as_a_slight_one_is() -> None:
@@ -480,14 +503,6 @@ def test_what_is_at_the_very_centre_of_a_round_hull_is_closed_on_by_driving_and_
     assert clearance.tolist() == [-0.25, 0.75]
     assert per_linear.tolist() == [1.0, 1.0]
     assert per_angular.tolist() == [0.0, 0.0]
-
-
-def test_where_an_obstacle_and_a_blind_side_ask_for_the_same_it_is_the_obstacle_that_is_told() -> None:
-    inside = survey(Circle(0.25), one(0.5, 0.0))
-    scale, block = permitted_scale(inside, 1.0, 0.0, BARRIER)
-    assert scale == 0.0
-    assert block is not None
-    assert not block.blind
 
 
 @pytest.mark.parametrize(

@@ -63,7 +63,7 @@ def test_a_fresh_scan_of_nothing_but_dropped_readings_is_not_clear(reading: floa
         now_s += TICK_S
         scan = laser_scan(full(reading), now_s)
         state, decision = step(
-            state, now_s, Inputs((Command("teleop", velocity, now_s),), scans=() if scan is None else (scan,))
+            state, now_s, Inputs((Command("teleop", velocity, now_s),), scans=(scan,))
         )
         assert decision.output == STANDSTILL
     assert set(decision.reasons) & {StopReason.SCAN_INVALID, StopReason.OBSTACLE}
@@ -123,9 +123,9 @@ def test_a_driver_without_sequences_is_seen_again_after_any_silence(silent_s: fl
             time_ns=round(arrival_s * 1e9),
         )
         scan = to_scan(Arrival(message, arrival_s, None), SCAN_TIMEOUT_S)
-        state, decision = step(state, arrival_s, Inputs(scans=() if scan is None else (scan,)))
+        state, decision = step(state, arrival_s, Inputs(scans=(scan,)))
         reasons = frozenset(decision.reasons)
-    assert state.scan_counts.sequence == 0
+    assert state.sights[0].counts.sequence == 0
     assert reasons
     assert StopReason.SCAN_STALE not in reasons
 
@@ -180,7 +180,7 @@ def test_a_nan_command_neither_keeps_the_reference_nor_refreshes_its_age(sensele
     [
         ({"estop": True}, StopReason.ESTOP),
         ({"liveliness": lost()}, StopReason.SOURCE_LOST),
-        ({"undecodable_scan": True}, StopReason.SCAN_INVALID),
+        ({"undecodable_lidars": (0,)}, StopReason.SCAN_INVALID),
     ],
 )
 def test_a_stop_is_zero_in_the_very_step_from_full_speed(

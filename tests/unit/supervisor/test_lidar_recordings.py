@@ -54,7 +54,7 @@ def _drive(recording: Recording, ranges: Ranges) -> Decision:
     state = initial_state(recording.config)
     now_s = START_S
     scan = recording.scan(ranges, now_s)
-    state, _ = step(state, now_s, Inputs(scans=() if scan is None else (scan,)))
+    state, _ = step(state, now_s, Inputs(scans=(scan,)))
     for velocity in (NEUTRAL, SLOW):
         now_s += TICK_S
         state, decision = step(state, now_s, Inputs(commands=(Command("teleop", velocity, now_s),)))

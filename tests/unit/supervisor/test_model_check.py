@@ -105,7 +105,7 @@ class Event:
         return Inputs(
             commands=tuple(Command(source, velocity, now_s) for source, velocity in self.commands),
             liveliness=self.liveliness,
-            scans=() if scan is None else (scan,),
+            scans=(scan,),
             odometry=None if self.odometry is None else Odometry(self.odometry, now_s),
             estop=self.estop,
             reset=self.reset,

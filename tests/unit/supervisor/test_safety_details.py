@@ -219,7 +219,7 @@ def test_a_scan_without_a_stamp_is_anothers_while_a_lidar_that_stamps_is_heard()
         law.now_s += 0.05
         noisy = walled + np.float32(1e-4 * (sequence % 2))
         scan = replace(laser_scan(noisy, law.now_s), sent=Sent(b"L", sequence, law.now_s))
-        law.step(Inputs(scans=() if scan is None else (scan,)))
+        law.step(Inputs(scans=(scan,)))
     assert law.decision.warning
     law.now_s += TICK_S
     clear = law.step(Inputs(scans=(laser_scan(ring(), law.now_s),)))
@@ -360,7 +360,7 @@ def test_an_unsteady_header_clock_is_borne_as_far_as_it_is_allowed(
             sent_tolerance_s=tolerance_s,
         )
         before = law.decision.scan_counts.accepted
-        accepted.append(law.step(Inputs(scans=() if scan is None else (scan,))).scan_counts.accepted > before)
+        accepted.append(law.step(Inputs(scans=(scan,))).scan_counts.accepted > before)
     assert all(accepted[10:30])
     assert accepted[30] is steady
     assert all(accepted[40:])
@@ -388,9 +388,10 @@ def test_the_first_scan_s_period_is_taken_for_the_longest() -> None:
     law = Law(scanning=False)
     law.now_s += TICK_S
     law.step(Inputs(scans=(laser_scan(ring(), law.now_s),)))
-    assert law.state.scan is not None
-    assert law.state.sights[0].scan.period_s == SCAN_TIMEOUT_S
-    assert law.state.scan.repeats == 0
+    scan = law.state.sights[0].scan
+    assert scan is not None
+    assert scan.period_s == SCAN_TIMEOUT_S
+    assert scan.repeats == 0
 
 
 def test_odometry_is_believed_up_to_twice_the_limits() -> None:
@@ -511,7 +512,7 @@ def test_a_senseless_scan_tells_its_problem() -> None:
     law.scanning = False
     law.now_s += TICK_S
     scan = LaserScan(ring(), -math.pi, 0.0, 0.05, 12.0, law.now_s)
-    assert "more than a turn" in law.step(Inputs(scans=() if scan is None else (scan,))).scan_problem
+    assert "more than a turn" in law.step(Inputs(scans=(scan,))).scan_problem
 
 
 @pytest.mark.parametrize("alive", [(), back()])
@@ -585,7 +586,7 @@ def test_a_scan_whose_last_angle_does_not_fit_proves_nothing() -> None:
     law = Law()
     law.now_s += TICK_S
     scan = replace(laser_scan(ring(), law.now_s), angle_max=1.0)
-    assert law.step(Inputs(scans=() if scan is None else (scan,))).reasons == (
+    assert law.step(Inputs(scans=(scan,))).reasons == (
         StopReason.SCAN_INVALID,
         StopReason.NO_COMMAND,
     )

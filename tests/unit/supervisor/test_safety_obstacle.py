@@ -7,7 +7,20 @@ import numpy as np
 import pytest
 
 from supervisor.model import STANDSTILL, Mode, StopReason, Velocity
-from tests.unit.supervisor.law_harness import BACK, CONFIG, FORWARD, NEUTRAL, SPIN, TICK_S, Law, ring
+from tests.unit.supervisor.law_harness import (
+    BACK,
+    CONFIG,
+    CONFIRMED_S,
+    FORWARD,
+    NEUTRAL,
+    SCAN_TIMEOUT_S,
+    SPIN,
+    STANDING_S,
+    TICK_S,
+    UNSEEN_S,
+    Law,
+    ring,
+)
 
 HULL_M = 0.25
 STOP_M = 0.30
@@ -19,14 +32,15 @@ def test_something_inside_30_cm_ahead_stops_a_closing_command_at_once() -> None:
     law.ranges = ring(ahead_m=HULL_M + STOP_M - 0.01)
     decision = law.tick(("teleop", FORWARD))
     assert decision.output == STANDSTILL
-    assert decision.reasons == (StopReason.OBSTACLE,)
+    assert decision.causes == (StopReason.OBSTACLE,)
+    assert law.tick(("teleop", FORWARD)).reasons == (StopReason.OBSTACLE,)
 
 
 def test_it_stays_stopped_when_the_obstacle_walks_away_until_neutral() -> None:
     law = Law()
     law.drive()
     law.ranges = ring(ahead_m=0.5)
-    law.tick(("teleop", FORWARD))
+    law.hold(CONFIRMED_S, ("teleop", FORWARD))
     law.ranges = ring()
     assert law.hold(3.0, ("teleop", FORWARD)).reasons == (StopReason.OBSTACLE,)
     law.tick(("teleop", NEUTRAL))
@@ -38,7 +52,7 @@ def test_a_motion_that_does_not_close_on_it_needs_no_neutral(escape: Velocity) -
     law = Law()
     law.drive()
     law.ranges = ring(ahead_m=0.5)
-    law.tick(("teleop", FORWARD))
+    assert law.hold(STANDING_S, ("teleop", FORWARD)).mode is Mode.STOPPED
     decision = law.tick(("teleop", escape))
     assert decision.output == escape
     assert decision.mode is Mode.DRIVING
@@ -57,23 +71,25 @@ def test_when_the_owner_is_stopped_nobody_else_drives_elsewhere_without_neutral(
 
 def test_an_arc_that_was_stopped_for_what_lies_ahead_of_it_stays_stopped_until_neutral() -> None:
     """What stops an arc need not be closed on yet; the same command must not pass for an escape from it."""
-    arc = Velocity(0.5, 2.0)
+    arc, stopped = Velocity(0.5, 2.0), 0
     for bearing in range(180, 300, 2):
         for distance_m in np.arange(0.551, 0.6, 0.004):
             law = Law()
             law.drive(arc)
             law.ranges[bearing] = distance_m
-            if law.tick(("teleop", arc)).mode is not Mode.STOPPED:
+            if law.hold(CONFIRMED_S, ("teleop", arc)).mode is not Mode.STOPPED:
                 continue
+            stopped += 1
             law.ranges = ring()
             assert law.tick(("teleop", arc)).output == STANDSTILL, (bearing, distance_m)
+    assert stopped > 50
 
 
 def test_the_escape_is_itself_guarded() -> None:
     law = Law()
     law.drive()
     law.ranges = ring(0.5)  # boxed in on all sides
-    law.tick(("teleop", FORWARD))
+    assert law.hold(STANDING_S, ("teleop", FORWARD)).mode is Mode.STOPPED
     assert law.tick(("teleop", BACK)).output == STANDSTILL
     assert law.tick(("teleop", SPIN)).output == SPIN
 
@@ -109,11 +125,28 @@ def test_a_reading_too_close_to_measure_is_an_obstacle() -> None:
         law = Law()
         law.drive()
         law.ranges = ring(ahead_m=reading)
+        assert law.tick(("teleop", FORWARD)).output == STANDSTILL
         assert law.tick(("teleop", FORWARD)).reasons == (StopReason.OBSTACLE,)
 
 
-def test_a_scan_that_sees_nothing_within_range_is_free() -> None:
+def test_a_lidar_on_which_nothing_has_ever_returned_proves_nothing() -> None:
     law = Law(room_m=math.inf)
+    assert law.drive().reasons == (StopReason.SCAN_INVALID, StopReason.NO_COMMAND)
+    assert "works_in_the_open" in law.decision.scan_problem
+    law.ranges[180] = 5.0
+    assert law.drive().output == FORWARD
+
+
+def test_a_lidar_that_has_seen_something_may_see_nothing_from_then_on() -> None:
+    law = Law(room_m=math.inf)
+    law.ranges[180] = 5.0
+    law.drive()
+    law.ranges = ring(math.inf)
+    assert law.tick(("teleop", FORWARD)).output == FORWARD
+
+
+def test_in_the_open_a_scan_that_sees_nothing_within_range_is_free() -> None:
+    law = Law(config=replace(CONFIG, works_in_the_open=True), room_m=math.inf)
     assert law.drive().output == FORWARD
     assert math.isinf(law.decision.nearest_m)
 
@@ -125,21 +158,33 @@ def test_a_scan_that_is_all_nan_proves_nothing() -> None:
     assert law.tick(("teleop", FORWARD)).reasons == (StopReason.SCAN_INVALID,)
 
 
-@pytest.mark.parametrize("reading", [math.nan])
-def test_no_motion_into_a_blocked_sector_and_any_other_stays_free(reading: float) -> None:
+def test_no_motion_into_a_blocked_sector_and_any_other_stays_free() -> None:
     law = Law()
     law.drive()
-    law.ranges = ring(ahead_m=reading)
-    assert law.tick(("teleop", FORWARD)).reasons == (StopReason.SCAN_BLIND,)
+    law.ranges = ring(ahead_m=math.nan)
+    assert law.hold(UNSEEN_S, ("teleop", FORWARD)).reasons == (StopReason.SCAN_BLIND,)
+    law.hold(STANDING_S, ("teleop", FORWARD))
     assert law.tick(("teleop", BACK)).output == BACK
+    law.hold(STANDING_S, ("teleop", NEUTRAL))
     assert law.tick(("teleop", SPIN)).output == SPIN
+
+
+def test_a_blocked_sector_is_filled_by_earlier_scans_for_one_timeout_and_no_longer() -> None:
+    law = Law(now_s=0.0)
+    law.drive()
+    law.ranges = ring(ahead_m=math.nan)
+    seen_s = law.now_s
+    while law.tick(("teleop", FORWARD)).output == FORWARD:
+        assert law.now_s - seen_s < 1.0
+    assert law.now_s - TICK_S - seen_s <= SCAN_TIMEOUT_S < law.now_s - seen_s
+    assert law.decision.reasons == (StopReason.SCAN_BLIND,), "latched at once"
 
 
 def test_a_sector_that_is_seen_again_does_not_set_the_robot_going() -> None:
     law = Law()
     law.drive()
     law.ranges = ring(ahead_m=math.nan)
-    law.tick(("teleop", FORWARD))
+    law.hold(UNSEEN_S, ("teleop", FORWARD))
     law.ranges = ring()
     assert law.hold(1.0, ("teleop", FORWARD)).output == STANDSTILL
     law.tick(("teleop", NEUTRAL))
@@ -149,6 +194,7 @@ def test_a_sector_that_is_seen_again_does_not_set_the_robot_going() -> None:
 def test_a_configured_creep_is_permitted_into_the_blind() -> None:
     law = Law(config=replace(CONFIG, blind_creep_m_s=0.1))
     law.ranges = ring(ahead_m=math.nan)
+    law.hold(UNSEEN_S)
     decision = law.drive()
     assert decision.mode is Mode.LIMITED
     assert decision.output.linear_m_s == pytest.approx(0.1)

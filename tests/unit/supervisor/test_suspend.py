@@ -5,10 +5,10 @@ import math
 import pytest
 
 from supervisor.model import Command, Inputs, Mode, StopReason
-from tests.unit.supervisor.law_harness import CONFIG, FORWARD, NEUTRAL, Law, odometry
+from tests.unit.supervisor.law_harness import CONFIG, FORWARD, NEUTRAL, SCAN_TIMEOUT_S, Law, odometry
 
 SLEPT_S = 3600.0
-HELD_S = max(CONFIG.command_timeout_s, CONFIG.scan_timeout_s)
+HELD_S = max(CONFIG.command_timeout_s, SCAN_TIMEOUT_S)
 
 
 def driving(now_s: float = 1000.0) -> Law:
@@ -56,7 +56,7 @@ def test_after_a_suspend_motion_alone_never_moves_and_neutral_arms() -> None:
 def test_what_comes_with_the_first_step_after_a_suspend_does_not_count() -> None:
     law = driving()
     resume(law, Command("teleop", NEUTRAL, law.now_s + 0.001), Command("teleop", FORWARD, law.now_s + 0.001))
-    assert law.state.scan is None, "a scan that was taken in with the suspend may be older than it"
+    assert law.state.sights[0].scan is None, "a scan that was taken in with the suspend may be older than it"
     (teleop,) = [s for s in law.decision.sources if s.config.name == "teleop"]
     assert teleop.neutral_s < law.now_s
     assert law.now_s - teleop.sent_s > SLEPT_S

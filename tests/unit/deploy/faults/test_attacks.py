@@ -84,3 +84,27 @@ def test_an_emergency_stop_is_said_once() -> None:
 def test_a_second_lidar_proves_nothing() -> None:
     scan = decode(_shots("second_lidar", count=1)[0].payload, LaserScan)
     assert all(math.isnan(value) for value in scan.ranges)
+
+
+@pytest.mark.parametrize("name", ["second_lidar_steady", "second_lidar_flood"])
+def test_a_plausible_second_lidar_sees_free_space_and_no_two_of_its_scans_are_equal(name: str) -> None:
+    shots = _shots(name, count=20)
+    scans = [decode(shot.payload, LaserScan) for shot in shots]
+    assert {shot.key for shot in shots} == {topics.SCAN.key}
+    assert all(
+        len(scan.ranges) == 360 and 4.9 < scan.ranges.min() < scan.ranges.max() < 5.1 for scan in scans
+    )
+    assert len({scan.ranges.tobytes() for scan in scans}) == 20
+
+
+def test_a_second_writer_stamps_its_scans_in_order_or_not_at_all() -> None:
+    kinds: set[bool] = set()
+    for seed in range(20):
+        stamps = [parse_stamp(shot.attachment) for shot in _shots("second_lidar_flood", seed, 5)]
+        found = [stamp for stamp in stamps if stamp is not None]
+        kinds.add(bool(found))
+        assert len(found) in {0, 5}
+        assert [stamp.sequence for stamp in found] == list(range(1, len(found) + 1))
+        assert [stamp.source_time_ns for stamp in found] == [n * 500_000 for n in range(1, len(found) + 1)]
+        assert len({stamp.gid for stamp in found}) <= 1
+    assert kinds == {True, False}

@@ -2,7 +2,7 @@
 
 import pytest
 
-from deploy.faults.classes import BY_NAME, virtual_classes
+from deploy.faults.classes import BY_NAME, classes_by_themselves, virtual_classes
 from deploy.faults.demands import LEEWAY_S, SLOW_S, TOLERANCE_M, Done, asked_age_s, demands, tolerance_m
 from deploy.faults.injector import FAULTS
 from deploy.faults.promises import Kind
@@ -74,7 +74,7 @@ def test_what_acts_late_comes_nearer() -> None:
 
 
 def test_every_virtual_class_can_be_done_and_is_in_the_table_once() -> None:
-    assert {one.name for one in virtual_classes()} == set(FAULTS)
+    assert {one.name for one in (*virtual_classes(), *classes_by_themselves())} == set(FAULTS)
     assert len(BY_NAME) == len(set(BY_NAME))
 
 
@@ -86,6 +86,50 @@ def test_a_seed_has_one_scenario_and_another_seed_another() -> None:
     assert all(scenario.faults for scenario in scenarios)
     drawn = {fault.name for scenario in scenarios for fault in scenario.faults}
     assert drawn == set(FAULTS), "every class has its turn"
+
+
+def test_seeds_that_end_in_7_try_each_class_with_trials_of_its_own_and_no_other_seed_does() -> None:
+    own = {one.name for one in classes_by_themselves()}
+    for seed in range(400):
+        scenario = draw(seed)
+        names = {fault.name for fault in scenario.faults}
+        assert scenario.straight == (seed % 10 == 7)
+        assert (len(names) == 1 and names <= own) if scenario.straight else names.isdisjoint(own)
+    assert {draw(10 * number + 7).faults[0].name for number in range(len(own))} == own
+    assert "reach" in next(
+        draw(s).sensors for s in range(7, 400, 10) if draw(s).faults[0].name == "sim_scan_short"
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "promise", "window_s", "reasons"),
+    [
+        ("sim_scan_frozen_no_odom", Kind.STOPPED, 5, (1.0, 1.32 + LEEWAY_S), ("ODOM_STALE", "SCAN_INVALID")),
+        (
+            "sim_scan_frozen_odom_zero",
+            Kind.STOPPED,
+            5,
+            (1.0, 2.0 + LEEWAY_S),
+            ("BASE_UNRESPONSIVE", "SCAN_INVALID"),
+        ),
+        ("wire_second_lidar_steady", Kind.NAMED, 5, (1.0, 1.27 + LEEWAY_S), ("SENSOR_CONFLICT",)),
+        ("wire_second_lidar_flood", Kind.NAMED, 5, (1.0, 1.27 + LEEWAY_S), ("SENSOR_CONFLICT",)),
+        ("machine_suspend", Kind.NAMED, 7, (1.0, 1.02 + LEEWAY_S), ("OVERRUN",)),
+        ("estop_sim_sigkill", Kind.ZERO, 7, (1.04 + LEEWAY_S, 4.0), ("ESTOP",)),
+        ("sim_scan_stray", Kind.UNHINDERED, 8, (1.0, 4.0), ()),
+    ],
+)
+def test_a_class_with_trials_of_its_own_asks_for_its_state_or_its_event(
+    name: str, kind: Kind, promise: int, window_s: tuple[float, float], reasons: tuple[str, ...]
+) -> None:
+    (demand,) = demands([Done(name, 1.0, 4.0)], alone=True)
+    assert (demand.kind, demand.promise, demand.reasons) == (kind, promise, reasons)
+    assert (demand.from_s, demand.until_s) == pytest.approx(window_s)
+
+
+@pytest.mark.parametrize("name", ["sim_scan_dirt", "sim_scan_dropout", "sim_scan_short"])
+def test_dirt_dropouts_and_a_short_reach_are_held_to_the_distance_alone(name: str) -> None:
+    assert demands([Done(name, 1.0, 4.0)], alone=True) == []
 
 
 def test_the_parts_of_a_trial_draw_from_streams_of_their_own() -> None:

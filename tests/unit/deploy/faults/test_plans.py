@@ -22,6 +22,8 @@ def test_a_pair_is_of_two_that_can_be_in_force_at_once() -> None:
         seen |= {first, second}
         assert first != second
         assert not {BY_NAME[first].group, BY_NAME[second].group} & NOT_IN_PAIRS
+        assert not BY_NAME[first].by_itself
+        assert not BY_NAME[second].by_itself
         for group in (Group.NETWORK, Group.WIRE):
             assert not BY_NAME[first].group is group is BY_NAME[second].group
     assert len(seen) > 30

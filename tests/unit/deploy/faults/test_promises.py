@@ -282,3 +282,65 @@ def test_violations_come_in_order_of_time_and_never_fail(samples: list[tuple[flo
     found = violations(seen, demands)
     assert [v.time_s for v in found] == sorted(v.time_s for v in found)
     assert any(v.promise == 1 for v in found) == any(abs(v) > 1 or abs(w) > 2 for _, v, w in samples)
+
+
+# --- what a fault of a sensor must lead to, and what it must not
+
+
+def demand(kind: Kind, *reasons: str) -> Demand:
+    return Demand(kind, 5, "a fault", 1.0, 2.0, reasons)
+
+
+@pytest.mark.parametrize(("stopped_s", "broken"), [(0.5, []), (1.0, []), (2.0, []), (2.01, [5])])
+def test_a_stop_counts_if_it_holds_in_the_window_or_begins_at_its_very_end(
+    stopped_s: float, broken: list[int]
+) -> None:
+    statuses = [Status(0.0, FREE), Status(stopped_s, ("SCAN_INVALID",)), Status(3.0, FREE)]
+    assert numbers(violations(Seen(statuses=statuses), [demand(Kind.STOPPED)])) == broken
+
+
+def test_a_stop_that_was_over_before_the_window_does_not_count() -> None:
+    statuses = [Status(0.0, ("OBSTACLE",)), Status(0.9, FREE), Status(1.5, FREE)]
+    (found,) = violations(Seen(statuses=statuses), [demand(Kind.STOPPED)])
+    assert found.sentence == "nothing stops the robot within 1000 ms: a fault"
+
+
+def test_one_of_the_reasons_has_to_be_named_in_the_window() -> None:
+    wanted = demand(Kind.NAMED, "SENSOR_CONFLICT", "OVERRUN")
+    named = [Status(1.5, ("OBSTACLE", "OVERRUN"))]
+    assert violations(Seen(statuses=named), [wanted]) == []
+    others = [Status(1.5, ("OBSTACLE",)), Status(2.01, ("OVERRUN",))]
+    (found,) = violations(Seen(statuses=others), [wanted])
+    assert found.sentence == "OBSTACLE instead of SENSOR_CONFLICT or OVERRUN: a fault"
+    (found,) = violations(Seen(), [wanted])
+    assert found.sentence.startswith("no reason instead of")
+
+
+def hindered(until_s: float, clearance_m: float, reason: str = "OBSTACLE") -> list[Violation]:
+    """Stopped from 1.2 s to then, with statuses every 20 ms, so far from everything."""
+    times_s = [0.02 * number for number in range(120)]
+    statuses = [Status(t, (reason,) if 1.2 <= t <= until_s + 1e-9 else FREE) for t in times_s]
+    motions = [Motion(t, 0.0, 0.0, 0.0, 0.0, clearance_m) for t in times_s]
+    return violations(Seen(statuses=statuses, motions=motions), [demand(Kind.UNHINDERED)])
+
+
+def test_a_stop_for_an_obstacle_may_last_a_moment_where_there_is_none_and_no_longer() -> None:
+    assert hindered(1.32, 0.5) == []
+    (found,) = hindered(1.34, 0.5)
+    assert found.sentence == "stopped for an obstacle with 0.50 m free all around: a fault"
+
+
+def test_what_is_near_or_stops_for_another_reason_is_no_hindrance() -> None:
+    assert hindered(2.0, 0.45) == []
+    assert hindered(2.0, 0.5, "SCAN_BLIND") == []
+
+
+def test_two_stops_of_a_moment_are_no_long_one() -> None:
+    statuses = [
+        Status(1.1, ("OBSTACLE",)),
+        Status(1.2, FREE),
+        Status(1.21, ("OBSTACLE",)),
+        Status(1.33, ("OBSTACLE",)),
+    ]
+    motions = [Motion(0.02 * n, 0.0, 0.0, 0.0, 0.0, 0.5) for n in range(120)]
+    assert violations(Seen(statuses=statuses, motions=motions), [demand(Kind.UNHINDERED)]) == []

@@ -1,5 +1,6 @@
 """Faults of the sim's sensors beside another fault, which may have taken the sim away."""
 
+import math
 from random import Random
 from types import SimpleNamespace
 from typing import Any, cast
@@ -7,7 +8,10 @@ from typing import Any, cast
 import pytest
 
 from deploy.faults.injectors import sensors
+from deploy.faults.injectors.injection import Pillar
+from deploy.faults.real import FAULT_SPEED_M_S
 from deploy.faults.stage import Stage, StageError
+from sim.sensor_faults import NO_FAULTS, parse_faults
 from wire import topics
 from wire.bus import NoReplyError
 
@@ -50,3 +54,41 @@ async def test_a_sim_that_does_not_answer_is_a_stage_that_did_not_do_it() -> Non
     stage = SimpleNamespace(observer=SimpleNamespace(bus=SimpleNamespace(call=call)))
     with pytest.raises(StageError, match="does not take the faults 'all_nan'"):
         await Stage.sensors(cast("Any", stage), "all_nan")
+
+
+REAL_SENSORS = [
+    "sim_scan_dirt",
+    "sim_scan_dropout",
+    "sim_scan_short",
+    "sim_scan_stray",
+    "sim_scan_frozen_no_odom",
+    "sim_scan_frozen_odom_zero",
+]
+
+
+@pytest.mark.parametrize("name", REAL_SENSORS)
+def test_what_a_plan_asks_the_sim_for_is_a_fault_that_it_has(name: str) -> None:
+    for seed in range(50):
+        injection = sensors.PLANS[name](Random(seed))
+        assert parse_faults(str(injection.parameters["faults"])) != NO_FAULTS
+        assert (injection.pillar is Pillar.NONE) == (name == "sim_scan_stray")
+
+
+def test_dirt_is_1_to_20_degrees_wide_and_straight_ahead() -> None:
+    widths_deg: list[float] = []
+    for seed in range(300):
+        text = str(sensors.PLANS["sim_scan_dirt"](Random(seed)).parameters["faults"])
+        (sector,) = parse_faults(text).blocked
+        assert sector.start_rad == -sector.end_rad
+        assert math.isnan(sector.code_m)
+        widths_deg.append(math.degrees(2.0 * sector.end_rad))
+    assert 0.9 < min(widths_deg) < 2.0
+    assert 19.0 < max(widths_deg) < 20.1
+
+
+async def test_a_robot_sets_off_with_a_short_lidar() -> None:
+    stage = StageOfASim(answers_from=1)
+    injection = sensors.PLANS["sim_scan_short"](Random(0))
+    await injection.prepare(cast("Any", stage))
+    assert stage.asked == [injection.parameters["faults"]]
+    assert injection.top_speed_m_s == FAULT_SPEED_M_S

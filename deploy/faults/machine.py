@@ -1,0 +1,37 @@
+"""What outlives a virtual supervisor's process: its machine's clocks, and its record of a pressed e-stop.
+
+A supervisor that does not take the one or the other is run without it, and does not keep the promises that need it.
+"""
+
+import importlib
+import inspect
+from typing import Any
+
+from supervisor.service import SupervisorService
+
+RECORD, SUSPEND = "estop_record", "suspended_s"
+TAKES = frozenset(inspect.signature(SupervisorService).parameters)
+"""What the supervisor of today can be given."""
+
+
+class Machine:
+    """One machine, on which supervisors come and go."""
+
+    def __init__(self) -> None:
+        self._slept_s = 0.0
+        record = importlib.import_module("supervisor.estop_record") if RECORD in TAKES else None
+        self._record: Any = None if record is None else record.MemoryRecord()
+
+    def sleep(self, duration_s: float) -> None:
+        """Be suspended: time passes, and the monotonic clock does not show it."""
+        self._slept_s += duration_s
+
+    def suspended_s(self) -> float:
+        """How long it slept since the last call [s]."""
+        slept_s, self._slept_s = self._slept_s, 0.0
+        return slept_s
+
+    def options(self) -> dict[str, Any]:
+        """For `SupervisorService`, as far as it takes them."""
+        options: dict[str, Any] = {RECORD: self._record, SUSPEND: self.suspended_s}
+        return {name: value for name, value in options.items() if name in TAKES}
