@@ -284,7 +284,9 @@ def _profile_row(name: str, profile: LidarProfile) -> Row:
     ]
     limited = profile.silence_limit_s < math.inf
     limit = (
-        f"{profile.silence_limit_s:g} s or {profile.silence_limit_m:g} m of travel, whichever lasts longer" if limited else "no limit"
+        f"{profile.silence_limit_s:g} s or {profile.silence_limit_m:g} m of travel, whichever lasts longer"
+        if limited
+        else "no limit"
     )
     timeout_s = TIMINGS[name].timeout_s if name in TIMINGS else DEFAULTS.scan_timeout_s
     start = "yes" if profile.trusts_silence_at_start else "no"
