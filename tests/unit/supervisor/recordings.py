@@ -321,6 +321,7 @@ class Replay:
         start_s = self.state.now_s
         lag_s, period_s = self.recording.header_lag_s, self.recording.period_s
         next_scan_s, flip = start_s + period_s, 0
+        accepted = self.decision.scan_counts.accepted
         # First each beam shows that it sees: of some sensors no silence is believed before that.
         proof = np.where(self.recording.returns(good), good, np.float32(5.0))
         now_s = start_s
@@ -329,7 +330,8 @@ class Replay:
             scan = None
             if now_s >= next_scan_s:
                 flip = 1 - flip
-                seen = proof if now_s - start_s < 2 * period_s else self.recording.noisy(good, flip)
+                shown = self.decision.scan_counts.accepted > accepted
+                seen = self.recording.noisy(good, flip) if shown else proof
                 scan = self.recording.scan(seen, now_s, now_s - lag_s)
                 next_scan_s += period_s
             self.step(now_s, scan, Odometry(NEUTRAL, now_s))
