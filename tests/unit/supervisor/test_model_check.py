@@ -95,7 +95,6 @@ SCANS: dict[str, tuple[np.ndarray, np.ndarray]] = {
     "blind ahead": _pair(_ranges(ahead_m=math.nan)),
     "all NaN": _pair(_ranges(math.nan, math.nan)),
 }
-KINDS = {id(ranges): kind for kind, pair in SCANS.items() for ranges in pair}
 
 
 @dataclass(frozen=True)
@@ -163,7 +162,7 @@ def _with_scans(events: list[Event]) -> list[Event]:
 
 ONE_OPERATOR = [*_with_scans([_TIME[0], *_TELEOP]), *_TIME[1:], *_tokens("teleop"), *_STOPS]
 TWO_SOURCES = [
-    *_TIME,
+    *_TIME[:2],
     *_TELEOP,
     *_commands("path", neutral=NEUTRAL, forward=FORWARD, invalid=None),
     *_tokens("teleop"),
@@ -178,8 +177,8 @@ TWO_SOURCES = [
     Event("path forward at an obstacle", (("path", FORWARD),), scan="obstacle ahead"),
 ]
 BASE = [
-    *_TIME,
-    *_TELEOP,
+    *_TIME[:2],
+    *_TELEOP[:2],
     *(
         replace(event, name=f"{event.name}, base {name}", odometry=velocity)
         for event in [Event("a tick"), *_TELEOP[:2]]
@@ -187,7 +186,7 @@ BASE = [
     ),
 ]
 WRITERS = [
-    *_TIME[:2],
+    _TIME[0],
     *_TELEOP[:2],
     *(
         replace(event, name=f"{event.name}, scan of {name}", writers=writers)
@@ -249,17 +248,16 @@ def _key(state: State, monitor: Monitor) -> Hashable:
         for source in state.sources
     )
     (sight,) = state.sights
-    scan, seen = sight.scan, None  # a stale scan is as good as none
+    scan, seen = sight.scan, None
     if scan is not None and scan.view is not None:
-        ahead_s, behind_s = scan.view.explained_s.item(BEAMS // 2), scan.view.explained_s.item(0)
-        seen = (
-            _age(now_s, scan.taken_s),
-            scan.problem,
-            KINDS[id(scan.ranges)],
-            _age(now_s, ahead_s),
-            _age(now_s, behind_s),
+        age = _age(now_s, scan.taken_s)
+        explained = (
+            _age(now_s, scan.view.explained_s.item(BEAMS // 2)),
+            _age(now_s, scan.view.explained_s.item(0)),
         )
-    kept = (len(sight.earlier) > 0, len(state.memory.points) > 0, state.looking)
+        # Of a stale scan, nothing counts but what it showed.
+        seen = (age, None if age == OLD_TICKS else (scan.problem, *explained), len(scan.around.points) > 0)
+    kept = (len(sight.earlier) > 0, len(state.memory.points) > 0)
     writers = frozenset(
         (writer.gid, heard, _age(now_s, writer.before_s, WINDOW_TICKS))
         for writer in sight.writers
