@@ -109,6 +109,25 @@ class Scripted:
         return STANDSTILL if stopped or now_s < self._from_s else self._wanted
 
 
+class Chaser:
+    """Drives at one place, ahead or astern, and after every stop again."""
+
+    def __init__(self, place: tuple[float, float], speed_m_s: float, *, spins: bool) -> None:
+        self._place, self._speed_m_s, self._spins = place, speed_m_s, spins
+
+    def asks(self, now_s: float, pose: Pose, twist: Velocity, *, stopped: bool) -> Velocity:  # noqa: ARG002
+        if stopped or now_s < SETTLE_S:
+            return STANDSTILL
+        x_m, y_m = self._place
+        bearing = math.remainder(math.atan2(y_m - pose.y_m, x_m - pose.x_m) - pose.yaw_rad, 2 * math.pi)
+        ahead = 1.0 if abs(bearing) < math.pi / 2 else -1.0
+        error = bearing if ahead > 0.0 else math.remainder(bearing - math.pi, 2 * math.pi)
+        turn = max(-FASTEST_RAD_S, min(FASTEST_RAD_S, 4.0 * error))
+        if self._spins and abs(error) > 0.1:
+            return Velocity(0.0, turn)
+        return Velocity(ahead * self._speed_m_s, turn if abs(error) > 0.02 else 0.0)
+
+
 class Stubborn:
     """Asks for one twist all the time after a first neutral, and never lets go."""
 
