@@ -16,6 +16,7 @@ import numpy.typing as npt
 from supervisor.config import FootprintSection, LidarSection, SupervisorSection
 from supervisor.messages import to_scan
 from supervisor.model import Command, Decision, Inputs, LaserScan, LawConfig, Odometry, State, Velocity
+from supervisor.near_memory import Remembered
 from supervisor.safety import initial_state, step
 from tests.unit.supervisor.law_harness import NEUTRAL, TICK_S
 from wire import messages as ros
@@ -318,6 +319,8 @@ class Replay:
     def recovery_s(self, good: Ranges, limit_s: float) -> float:
         """How long it takes with good scans, a base that stands and an operator until it drives again."""
         assert self.state.now_s is not None
+        # The scene is another one from here on: what is remembered of the one before is not in it.
+        self.state = self.state._replace(memory=Remembered(), places=())
         start_s = self.state.now_s
         lag_s, period_s = self.recording.header_lag_s, self.recording.period_s
         next_scan_s, flip = start_s + period_s, 0

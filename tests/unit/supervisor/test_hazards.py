@@ -121,6 +121,7 @@ def test_a_driver_without_sequences_is_seen_again_after_any_silence(silent_s: fl
             time_ns=round(arrival_s * 1e9),
         )
         scan = to_scan(Arrival(message, arrival_s, None), SCAN_TIMEOUT_S)
+        assert scan is not None
         state, decision = step(state, arrival_s, Inputs(scans=(scan,)))
         reasons = frozenset(decision.reasons)
     assert state.sights[0].counts.sequence == 0
