@@ -3,7 +3,6 @@
 import asyncio
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -15,6 +14,7 @@ from pathlib import Path
 import pexpect
 
 from deploy import processes, statedir
+from tests.system.ports import free_endpoint
 from wire import topics
 from wire.bus import Subscription
 from wire.messages import Odometry, SafetyStatus, Twist, header, planar_twist
@@ -23,12 +23,6 @@ from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
 PATIENCE_S = 20.0
 """How long a test waits for what must come, on a loaded machine."""
 POLL_S = 0.01
-
-
-def free_endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 @dataclass

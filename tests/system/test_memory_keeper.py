@@ -121,6 +121,7 @@ def until(condition: Callable[[], bool]) -> None:
         time.sleep(0.01)
 
 
+@pytest.mark.timed
 def test_a_large_process_that_is_killed_is_noticed_much_sooner_with_a_keeper() -> None:
     times_s: dict[bool, list[float]] = {True: [], False: []}
     for _ in range(KILLS):
