@@ -20,8 +20,8 @@ from typing import Any
 import pytest
 
 from deploy import processes, stack, supervisord
-from deploy.launch import free_loopback_endpoint
 from deploy.statedir import StateDir, project_root
+from tests.system.ports import free_endpoint
 from wire import topics
 from wire.bus import NoReplyError
 from wire.messages import Bool
@@ -73,7 +73,7 @@ class Robot:
 def robot() -> Generator[Robot]:
     """Not in pytest's own directory, which is too deep for a socket on some machines."""
     directory = Path(tempfile.mkdtemp(prefix="lifeline-test-")).resolve()
-    robot = Robot(StateDir(directory), free_loopback_endpoint())
+    robot = Robot(StateDir(directory), free_endpoint())
     yield robot
     stack.stop(robot.state)
     shutil.rmtree(directory)
