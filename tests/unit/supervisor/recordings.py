@@ -320,8 +320,8 @@ class Replay:
         """How long it takes with good scans, a base that stands and an operator until it drives again."""
         assert self.state.now_s is not None
         # The scene is another one from here on: what is remembered of the one before is not in it.
-        self.state = self.state._replace(memory=Remembered(), places=())
         start_s = self.state.now_s
+        self.state = self.state._replace(memory=Remembered(), places=())
         lag_s, period_s = self.recording.header_lag_s, self.recording.period_s
         next_scan_s, flip = start_s + period_s, 0
         accepted = self.decision.scan_counts.accepted

@@ -507,6 +507,7 @@ def test_the_replay_tells_the_phases_of_the_drive() -> None:
     assert [phase.first.mode for phase in found.phases] == [
         Mode.READY,
         Mode.DRIVING,
+        Mode.LIMITED,  # until a second scan confirms the obstacle
         Mode.STOPPED,
     ]
     assert found.phases[-1].first.reasons == (StopReason.OBSTACLE,)

@@ -96,7 +96,12 @@ def _hiding_places(lidar: Lidar, hull: Shape) -> list[Disc]:
     return [disc for _, disc in places]
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck), print_blob=True)
+@settings(
+    max_examples=60,
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much, HealthCheck.data_too_large],
+    print_blob=True,
+)
 @given(st.data())
 def test_an_object_that_hides_from_a_scan_is_not_approached(data: st.DataObject) -> None:
     hull = data.draw(hulls(), label="hull")
