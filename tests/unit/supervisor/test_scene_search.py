@@ -5,7 +5,7 @@ import pytest
 from bench.scenes.run import run
 from bench.scenes.scene import random_scene
 
-BLOCKS = 10
+BLOCKS = 5
 PER_BLOCK = 15
 
 REGRESSIONS: tuple[int, ...] = (28, 163, 171, 226, 231, 249, 276, 293)
