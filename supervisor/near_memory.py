@@ -61,15 +61,15 @@ def remember(earlier: Remembered, view: View, mount: Mount) -> Remembered:
     distance_m = np.hypot(away[:, 0], away[:, 1])
     asked = _beams_beside(view, np.arctan2(away[:, 1], away[:, 0]) - mount.yaw_rad)
     free_m = _ask(view, view.free_m, asked)
+    unexplained = view.explained_s < view.taken_s
+    if unexplained.any():
+        free_m[_ask(view, unexplained, asked)] = 0.0  # what earlier scans said says nothing new
     off_m = np.abs(free_m - distance_m[:, None]).min(axis=1)
     (left,) = (off_m > SAME_M).nonzero()  # nearly all are shown again
     if len(left) == 0:
         return Remembered()
     asked, free_m, distance_m, misses = asked[left], free_m[left], distance_m[left], misses[left]
     hit = _ask(view, view.hit, asked)
-    free_m[_ask(view, view.explained_s, asked) < view.taken_s] = (
-        0.0  # what earlier scans said says nothing new
-    )
     nearer_m, farther_m = distance_m - SAME_M, distance_m + SAME_M
     nearest_m = np.where(hit, free_m, math.inf).min(axis=1)
     farthest_m = np.where(hit, free_m, -math.inf).max(axis=1)

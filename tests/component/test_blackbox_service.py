@@ -110,6 +110,6 @@ async def test_bytes_that_are_no_message_are_recorded_as_what_the_law_was_told(w
         await rig.pass_time(2.5)
     document = read(writer.paths[0])
     told = [line["inputs"] for line in document.lines if "inputs" in line]
-    assert any(inputs["undecodable_scan"] for inputs in told)
+    assert any(inputs["undecodable_lidars"] for inputs in told)
     assert any(command["velocity"] is None for inputs in told for command in inputs["commands"])
     assert replay(document).difference is None

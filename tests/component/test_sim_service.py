@@ -153,7 +153,7 @@ async def test_a_paused_robot_is_a_stale_scan_to_the_supervisor_and_drives_only_
         clocks.take()
         await bench.pass_time(3.0)
         assert scans.take() == clocks.take() == []
-        assert bench.newest_status.reasons == ["SCAN_STALE"]
+        assert bench.newest_status.reasons == ["ODOM_STALE", "SCAN_STALE"]
         assert (bench.plant.time_s, bench.plant.true_pose) == (time_s, pose)
         assert status(diagnostics, "time").level == DiagnosticStatus.WARN
         assert (await bench.ask_time("run")).message.startswith("running at")

@@ -91,7 +91,11 @@ class Drive:
         return self.hold(seconds, FORWARD)
 
     def stop(self) -> Decision:
-        """Something stands 0.2 m before the hull."""
+        """Something stands 0.2 m before the hull, and a second scan confirms it."""
+        self._meet()
+        return self._meet()
+
+    def _meet(self) -> Decision:
         return self.step(
             Inputs(
                 commands=(Command("teleop", FORWARD, self.now_s + TICK_S),),
@@ -129,7 +133,7 @@ class Drive:
                 near_m = float(rng.uniform(0.4, 1.5)) if rng.random() < 0.1 else None
                 scan = self.scan(now_s, ahead_m=near_m)
                 scan.ranges[rng.random(360) < 0.03] = rng.choice([np.nan, np.inf, -np.inf, 0.0])
-                told["scan"] = scan
+                told["scans"] = (scan,)
             if rng.random() < 0.3:
                 moved = Velocity(self.state.output.linear_m_s + rng.normal(0.0, 0.001), 0.0)
                 told["odometry"] = Odometry(moved, now_s)

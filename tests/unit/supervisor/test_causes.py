@@ -16,6 +16,7 @@ from tests.unit.supervisor.law_harness import (
     FORWARD,
     NEUTRAL,
     SPIN,
+    UNSEEN_S,
     Law,
     back,
     lost,
@@ -202,6 +203,7 @@ def test_where_nobody_looks_is_a_cause_until_somebody_does() -> None:
     law = Law()
     law.ranges = ring()
     law.ranges[120:241] = np.nan
+    law.hold(UNSEEN_S)
     assert told(law.drive()) == ({"SCAN_BLIND"}, set())
     law.ranges = ring()
     law.hold(0.1, ("teleop", FORWARD))

@@ -55,9 +55,14 @@ def test_a_cause_is_explained_by_what_is_known_of_it(reason: StopReason, detail:
     assert detail_of(frozenset({reason}), scan_problem="all NaN", block_bearing_rad=LEFT_40) == detail
 
 
-@pytest.mark.parametrize("reason", StopReason)
+@pytest.mark.parametrize("reason", [r for r in StopReason if r is not StopReason.SENSOR_CONFLICT])
 def test_what_is_not_known_is_not_said(reason: StopReason) -> None:
     assert detail_of(frozenset({reason})) == ""
+
+
+def test_a_conflict_names_the_writers_of_each_lidar() -> None:
+    detail = detail_of(frozenset({StopReason.SENSOR_CONFLICT}), writers=("front: a and b", "rear: c and d"))
+    assert detail == "scans come from several writers: front: a and b; rear: c and d"
 
 
 def test_of_several_causes_the_most_restrictive_is_explained() -> None:

@@ -62,9 +62,7 @@ def test_a_fresh_scan_of_nothing_but_dropped_readings_is_not_clear(reading: floa
     for velocity in (NEUTRAL, NEUTRAL, motion, motion):
         now_s += TICK_S
         scan = laser_scan(full(reading), now_s)
-        state, decision = step(
-            state, now_s, Inputs((Command("teleop", velocity, now_s),), scans=(scan,))
-        )
+        state, decision = step(state, now_s, Inputs((Command("teleop", velocity, now_s),), scans=(scan,)))
         assert decision.output == STANDSTILL
     assert set(decision.reasons) & {StopReason.SCAN_INVALID, StopReason.OBSTACLE}
 
@@ -123,6 +121,7 @@ def test_a_driver_without_sequences_is_seen_again_after_any_silence(silent_s: fl
             time_ns=round(arrival_s * 1e9),
         )
         scan = to_scan(Arrival(message, arrival_s, None), SCAN_TIMEOUT_S)
+        assert scan is not None
         state, decision = step(state, arrival_s, Inputs(scans=(scan,)))
         reasons = frozenset(decision.reasons)
     assert state.sights[0].counts.sequence == 0
@@ -289,6 +288,7 @@ def test_a_stop_needs_no_command_to_happen() -> None:
     law.drive()
     law.ranges = ring(ahead_m=0.5)
     assert law.tick().output == STANDSTILL
+    law.tick()
     assert law.decision.reasons == (StopReason.OBSTACLE,)
 
 

@@ -5,7 +5,9 @@ The law is run itself, not a model of it; what is folded together are states who
 * times count as ages in whole ticks, up to the first that is beyond every timeout;
 * which reasons are latched on a source matters only as: none, only the barrier's (an escape clears them),
   or others (a neutral clears them);
-* counters are left out: no rule reads them.
+* counters are left out: no rule reads them;
+* the robot gets nowhere: where things are as it moves is tested elsewhere. What is near is straight ahead, so
+  of remembered and of earlier points it matters only whether there are any.
 
 Beside the law runs an independent monitor of the promise "no motion without neutral first".
 """
@@ -20,7 +22,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from supervisor.clearance import Surroundings
+from supervisor.base_motion import PATIENCE_S
 from supervisor.config import SupervisorSection
 from supervisor.model import (
     STANDSTILL,
@@ -38,34 +40,46 @@ from supervisor.model import (
     StopReason,
     Velocity,
 )
-from supervisor.safety import BARRIER_REASONS, initial_state, step
-from supervisor.scan import read_scan
+from supervisor.reckoning import Odometer, Pose
+from supervisor.safety import BARRIER_REASONS, WRITER_WINDOW_S, initial_state, step
 
 TICK_S = 0.125
 LATE_S = 0.75
+SLEPT_S = 3600.0
 OLD_TICKS = 2
 """An age of so many ticks is beyond every timeout."""
 
 BRAKED_TICKS = 4
 """After so many ticks of zero, braking has taken its time."""
 
+PATIENT_TICKS = round(PATIENCE_S / TICK_S) + 1
+"""A base that lags for so many ticks does not follow."""
+
+WINDOW_TICKS = round(WRITER_WINDOW_S / TICK_S) + 1
+"""Who was heard so many ticks ago does not publish any more."""
+
+_CONFIGURED = SupervisorSection().law()
+
 CONFIG: LawConfig = replace(
-    SupervisorSection().law(),
+    _CONFIGURED,
     sources=(SourceConfig("teleop", 2), SourceConfig("path", 1)),
     command_timeout_s=1.5 * TICK_S,
-    scan_timeout_s=1.5 * TICK_S,
+    lidars=(replace(_CONFIGURED.lidars[0], timeout_s=1.5 * TICK_S),),
+    odom_timeout_s=1.5 * TICK_S,
     overrun_s=2 * TICK_S,
     max_linear_m_s=1.0,
     deceleration_m_s2=10.0,
+    base_acceleration_m_s2=10.0,
 )
 
 FORWARD, BACK, NEUTRAL = Velocity(0.5, 0.0), Velocity(-0.5, 0.0), STANDSTILL
-BEAMS = 180
+BEAMS = 360
+LIDAR, STRANGER = b"lidar", b"stranger"
 
 
-def _ranges(ahead_m: float = 3.0, everywhere_m: float = 3.0) -> np.ndarray:
+def _ranges(ahead_m: float = 3.0, everywhere_m: float = 3.0, *, beside: int = 16) -> np.ndarray:
     ranges = np.full(BEAMS, everywhere_m, dtype=np.float32)
-    ranges[BEAMS // 2 - 8 : BEAMS // 2 + 8] = ahead_m
+    ranges[BEAMS // 2 - beside : BEAMS // 2 + beside + 1] = ahead_m
     return ranges
 
 
@@ -77,10 +91,10 @@ def _pair(ranges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 SCANS: dict[str, tuple[np.ndarray, np.ndarray]] = {
     "clear": _pair(_ranges()),
     "obstacle ahead": _pair(_ranges(ahead_m=0.5)),
+    "stray reading ahead": _pair(_ranges(ahead_m=0.5, beside=0)),
     "blind ahead": _pair(_ranges(ahead_m=math.nan)),
     "all NaN": _pair(_ranges(math.nan, math.nan)),
 }
-KINDS = {id(ranges): kind for kind, pair in SCANS.items() for ranges in pair}
 
 
 @dataclass(frozen=True)
@@ -94,21 +108,28 @@ class Event:
     estop: bool = False
     reset: bool = False
     late: bool = False
+    suspended: bool = False
     scan: str | None = "clear"
+    writers: tuple[bytes, ...] = (LIDAR,)
 
-    def inputs(self, now_s: float) -> Inputs:
-        scan = None
+    def inputs(self, now_s: float, state: State) -> Inputs:
+        last = state.sights[0].scan
+        scans: list[LaserScan] = []
         if self.scan is not None:
             increment = 2 * math.pi / BEAMS
-            ranges = SCANS[self.scan][round(now_s / TICK_S) % 2]
-            scan = LaserScan(ranges, -math.pi, increment, 0.05, 12.0, now_s)
+            one, other = SCANS[self.scan]
+            ranges = other if last is not None and last.ranges is one else one
+            for writer in self.writers:
+                scans.append(LaserScan(ranges, -math.pi, increment, 0.05, 12.0, now_s, writer=writer))
+                ranges = one if ranges is other else other
         return Inputs(
             commands=tuple(Command(source, velocity, now_s) for source, velocity in self.commands),
             liveliness=self.liveliness,
-            scans=(scan,),
+            scans=tuple(scans),
             odometry=None if self.odometry is None else Odometry(self.odometry, now_s),
             estop=self.estop,
             reset=self.reset,
+            suspended_s=SLEPT_S if self.suspended else 0.0,
         )
 
 
@@ -126,7 +147,7 @@ def _tokens(source: str) -> list[Event]:
 
 
 _TELEOP = _commands("teleop", neutral=NEUTRAL, forward=FORWARD, back=BACK, invalid=None)
-_TIME = [Event("a tick"), Event("a late tick", late=True)]
+_TIME = [Event("a tick"), Event("a late tick", late=True), Event("a suspend", suspended=True)]
 _STOPS = [
     Event("estop", estop=True),
     Event("reset", reset=True),
@@ -139,9 +160,9 @@ def _with_scans(events: list[Event]) -> list[Event]:
     return [replace(e, name=f"{e.name}, scan: {kind}", scan=kind) for e in events for kind in kinds]
 
 
-ONE_OPERATOR = [*_with_scans([_TIME[0], *_TELEOP]), _TIME[1], *_tokens("teleop"), *_STOPS]
+ONE_OPERATOR = [*_with_scans([_TIME[0], *_TELEOP]), *_TIME[1:], *_tokens("teleop"), *_STOPS]
 TWO_SOURCES = [
-    *_TIME,
+    *_TIME[:2],
     *_TELEOP,
     *_commands("path", neutral=NEUTRAL, forward=FORWARD, invalid=None),
     *_tokens("teleop"),
@@ -155,14 +176,25 @@ TWO_SOURCES = [
     Event("both forward at an obstacle", (("teleop", FORWARD), ("path", FORWARD)), scan="obstacle ahead"),
     Event("path forward at an obstacle", (("path", FORWARD),), scan="obstacle ahead"),
 ]
-RUNAWAY_BASE = [
-    *_TIME,
-    *_TELEOP,
+BASE = [
+    *_TIME[:2],
+    *_TELEOP[:2],
     *(
         replace(event, name=f"{event.name}, base {name}", odometry=velocity)
         for event in [Event("a tick"), *_TELEOP[:2]]
         for name, velocity in (("stands", STANDSTILL), ("moves", Velocity(0.4, 0.0)))
     ),
+]
+WRITERS = [
+    _TIME[0],
+    *_TELEOP[:2],
+    *(
+        replace(event, name=f"{event.name}, scan of {name}", writers=writers)
+        for event in [Event("a tick"), *_TELEOP[:2]]
+        for name, writers in (("a stranger", (STRANGER,)), ("both", (LIDAR, STRANGER)))
+    ),
+    Event("no scan", scan=None),
+    Event("forward without a scan", (("teleop", FORWARD),), scan=None),
 ]
 
 
@@ -172,6 +204,7 @@ class Monitor:
 
     neutral: frozenset[str] = frozenset()
     moving: bool = False
+    """It has moved since the last stop; where only a reading that nothing confirms keeps it, that is no stop."""
     barrier: bool = False
     """The last stop was the barrier's alone: a motion away from it does for its owner's neutral."""
 
@@ -179,15 +212,17 @@ class Monitor:
         said = frozenset(source for source, velocity in event.commands if velocity == NEUTRAL)
         if decision.mode is not Mode.STOPPED:
             escaped = {decision.owner} if self.barrier and decision.output == BACK else set[str]()
-            return Monitor(self.neutral | said | escaped, decision.output != STANDSTILL, self.barrier)
+            waits = decision.mode is Mode.LIMITED and decision.output == STANDSTILL
+            moving = self.moving if waits else decision.output != STANDSTILL
+            return Monitor(self.neutral | said | escaped, moving, self.barrier)
         barrier = all(reason in BARRIER_REASONS for reason in decision.reasons)
         ready = {s.config.name for s in decision.sources if s.armed}
         before = said if self.moving and barrier else self.neutral | said
         return Monitor(before & ready, moving=False, barrier=barrier)
 
 
-def _age(now_s: float, then_s: float) -> int:
-    return OLD_TICKS if math.isinf(then_s) else min(OLD_TICKS, round((now_s - then_s) / TICK_S))
+def _age(now_s: float, then_s: float, old: int = OLD_TICKS) -> int:
+    return old if math.isinf(then_s) else min(old, round((now_s - then_s) / TICK_S))
 
 
 def _latched(source: Source) -> str:
@@ -208,22 +243,41 @@ def _key(state: State, monitor: Monitor) -> Hashable:
             _age(now_s, source.sent_s),
             source.neutral_s > source.caused_s,
             _latched(source),
-            source.block,
+            None if source.block is None else (source.block.kind, source.block.per_linear > 0.0),
         )
         for source in state.sources
     )
-    scan, seen = state.scan, None  # a stale scan is as good as none
-    if scan is not None and (age := _age(now_s, scan.taken_s)) < OLD_TICKS:
-        seen = (age, scan.problem, KINDS[id(scan.ranges)])
+    (sight,) = state.sights
+    scan, seen = sight.scan, None
+    if scan is not None and scan.view is not None:
+        age = _age(now_s, scan.taken_s)
+        explained = (
+            _age(now_s, scan.view.explained_s.item(BEAMS // 2)),
+            _age(now_s, scan.view.explained_s.item(0)),
+        )
+        # Of a stale scan, nothing counts but what it showed.
+        seen = (age, None if age == OLD_TICKS else (scan.problem, *explained), len(scan.around.points) > 0)
+    kept = (len(sight.earlier) > 0, len(state.memory.points) > 0)
+    writers = frozenset(
+        (writer.gid, heard, _age(now_s, writer.before_s, WINDOW_TICKS))
+        for writer in sight.writers
+        if (heard := _age(now_s, writer.heard_s, WINDOW_TICKS)) < WINDOW_TICKS
+    )
+    slept = _age(now_s, state.resumed_s)
     base = None
     if state.odometry is not None:
         stopped_s = now_s if state.stopped_s is None else state.stopped_s
         base = (
             state.odometry.velocity,
+            _age(now_s, state.odometry.arrival_s),
+            state.following.least,
+            state.following.most,
+            None if state.following.since_s is None else _age(now_s, state.following.since_s, PATIENT_TICKS),
+            state.following.unresponsive,
             min(BRAKED_TICKS, round((now_s - stopped_s) / TICK_S)),
             min(BRAKED_TICKS, max(0, round((state.odometry.arrival_s - stopped_s) / TICK_S))),
         )
-    return (sources, state.owner, seen, state.estop, state.runaway, base, monitor)
+    return (sources, state.owner, seen, kept, writers, slept, state.estop, state.runaway, base, monitor)
 
 
 def _check(before: State, decision: Decision, monitor: Monitor, way: Callable[[], list[str]]) -> None:
@@ -235,12 +289,22 @@ def _check(before: State, decision: Decision, monitor: Monitor, way: Callable[[]
     assert (decision.mode is Mode.STOPPED) == bool(decision.reasons), way()
     if decision.reasons:
         assert output == STANDSTILL, way()
+    if StopReason.OBSTACLE in decision.causes:
+        assert output == STANDSTILL, way()
+    if decision.reasons == (StopReason.OBSTACLE,) and before.output != STANDSTILL:
+        assert len(before.sights[0].earlier) or _showed_something(before), way()
     if output != STANDSTILL:
         assert decision.owner in monitor.neutral, way()
         assert not before.estop, way()
         owner = next(s for s in decision.sources if s.config.name == decision.owner)
         assert owner.alive is not False, way()
         assert not owner.invalid, way()
+
+
+def _showed_something(state: State) -> bool:
+    """Whether the newest scan had a reading near the robot."""
+    scan = state.sights[0].scan
+    return scan is not None and len(scan.around.points) > 0
 
 
 def _recovers(state: State) -> bool:
@@ -252,29 +316,29 @@ def _recovers(state: State) -> bool:
     for event in (
         Event("", neutral, alive, odometry=STANDSTILL),
         Event("", neutral, odometry=STANDSTILL, reset=True),
-        Event("", neutral, odometry=STANDSTILL),
-        Event("", neutral, odometry=STANDSTILL),
+        *[Event("", neutral, odometry=STANDSTILL)] * (WINDOW_TICKS - 1),
     ):
         now_s += TICK_S
-        state, decision = step(state, now_s, event.inputs(now_s))
+        state, decision = step(state, now_s, event.inputs(now_s, state))
         assert decision.output == STANDSTILL
     now_s += TICK_S
-    state, decision = step(state, now_s, Event("", (("teleop", FORWARD),)).inputs(now_s))
+    state, decision = step(state, now_s, Event("", (("teleop", FORWARD),)).inputs(now_s, state))
     return decision.output == FORWARD
 
 
 @pytest.fixture(autouse=True)
-def _each_kind_of_scan_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The law reads a scan each time; here it is one of four, and half a minute is saved."""
-    read: dict[str, tuple[Surroundings, str | None, float]] = {}
+def _the_robot_gets_nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Odometry tells a velocity, and no pose: else there were a state for each."""
 
-    def read_once(ranges: np.ndarray, **geometry: Any) -> tuple[Surroundings, str | None, float]:  # noqa: ANN401 - passed on
-        kind = KINDS[id(ranges)]
-        if kind not in read:
-            read[kind] = read_scan(ranges, **geometry)
-        return read[kind]
+    def reckon(_odometer: Odometer, velocity: Velocity, now_s: float, _fastest: Velocity) -> Odometer:
+        return Odometer(velocity=velocity, at_s=now_s)
 
-    monkeypatch.setattr("supervisor.safety.read_scan", read_once)
+    def where(odometer: Odometer, _now_s: float) -> Pose:
+        return odometer.pose
+
+    monkeypatch.setattr("supervisor.safety.reckon", reckon)
+    monkeypatch.setattr("supervisor.safety.where", where)
+    monkeypatch.setattr("supervisor.reckoning.where", where)
 
 
 def explore(events: list[Event], visit: Callable[[State], None]) -> tuple[int, int]:
@@ -290,7 +354,7 @@ def explore(events: list[Event], visit: Callable[[State], None]) -> tuple[int, i
         assert state.now_s is not None
         for event in events:
             now_s = state.now_s + (LATE_S if event.late else TICK_S)
-            after, decision = step(state, now_s, event.inputs(now_s))
+            after, decision = step(state, now_s, event.inputs(now_s, state))
             moved_on = monitor.after(event, decision)
             _check(state, decision, moved_on, lambda event=event, way=way: [*_names(way), event.name])
             edges += 1
@@ -312,7 +376,12 @@ def _names(way: tuple[Any, ...]) -> list[str]:
 
 @pytest.mark.parametrize(
     ("name", "events"),
-    [("one operator", ONE_OPERATOR), ("two sources", TWO_SOURCES), ("a runaway base", RUNAWAY_BASE)],
+    [
+        ("one operator", ONE_OPERATOR),
+        ("two sources", TWO_SOURCES),
+        ("a base", BASE),
+        ("two writers", WRITERS),
+    ],
 )
 @pytest.mark.proof
 @pytest.mark.timeout(600)

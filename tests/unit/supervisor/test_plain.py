@@ -7,6 +7,7 @@ import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
+from functools import cache
 from types import NoneType, UnionType
 from typing import Any, Literal, NamedTuple, Union, cast, get_args, get_origin, get_type_hints
 
@@ -33,6 +34,7 @@ LEAVES: Mapping[Any, st.SearchStrategy[Any]] = {
 }
 
 
+@cache
 def values(hint: Any) -> st.SearchStrategy[Any]:  # noqa: ANN401 - a hint may be any object
     """Any value of a type hint, so that a field that the model gains is tried as well."""
     origin: Any = get_origin(hint)
@@ -47,7 +49,7 @@ def values(hint: Any) -> st.SearchStrategy[Any]:  # noqa: ANN401 - a hint may be
         return st.tuples(*[values(item) for item in arguments])
     if origin in {tuple, frozenset}:
         build = cast("Callable[[list[Any]], Any]", origin)
-        return st.lists(values(arguments[0]), max_size=3).map(build)
+        return st.lists(values(arguments[0]), max_size=2).map(build)
     if origin is np.ndarray:
         (dtype,) = get_args(arguments[1])
         return hnp.arrays(dtype, hnp.array_shapes(min_dims=1, max_dims=2, min_side=0, max_side=5))

@@ -11,11 +11,13 @@ from supervisor.safety import IMPLAUSIBLE_FACTOR, RUNAWAY_GRACE_S
 from tests.unit.supervisor.law_harness import (
     BACK,
     CONFIG,
+    CONFIRMED_S,
     FORWARD,
     NEUTRAL,
     SCAN_TIMEOUT_S,
     SPIN,
     TICK_S,
+    UNSEEN_S,
     Law,
     back,
     laser_scan,
@@ -132,11 +134,13 @@ def test_braking_time_counts_from_the_stop_and_not_from_the_one_before() -> None
 def test_a_motion_is_worth_moving_for_from_just_the_creep_speed() -> None:
     law = Law(config=replace(CONFIG, blind_creep_m_s=CONFIG.creep_m_s))
     law.ranges = ring(ahead_m=math.nan)
+    law.hold(UNSEEN_S)
     decision = law.drive(Velocity(0.5, 0.0))
     assert decision.output == Velocity(CONFIG.creep_m_s, 0.0)
     creep_m_s = math.nextafter(CONFIG.creep_m_s, 0.0)
     law = Law(config=replace(CONFIG, blind_creep_m_s=creep_m_s))
     law.ranges = ring(ahead_m=math.nan)
+    law.hold(UNSEEN_S)
     assert law.drive(Velocity(0.5, 0.0)).reasons == (StopReason.SCAN_BLIND,)
 
 
@@ -146,6 +150,7 @@ def test_a_slow_arc_is_worth_moving_for_by_the_speed_of_its_rim() -> None:
     for angular_rad_s, moves in ((0.0, False), (0.05, False), (0.6, True)):
         law = Law(config=config)
         law.ranges = ring(ahead_m=math.nan)
+        law.hold(UNSEEN_S)
         assert (law.drive(Velocity(0.1, angular_rad_s)).output != STANDSTILL) is moves
 
 
@@ -240,10 +245,11 @@ def test_a_flap_does_not_hide_another_cause() -> None:
 
 
 def sent_scan(law: Law, *, late_s: float = 0.0, sequence: int, ranges: np.ndarray | None = None) -> Inputs:
-    scan = laser_scan(law.ranges if ranges is None else ranges, law.now_s)
+    noisy = (law.ranges if ranges is None else ranges) + np.float32(1e-4 * (sequence % 2))
+    scan = laser_scan(noisy, law.now_s)
     return Inputs(
         commands=(Command("teleop", law.asked, law.now_s),),
-        scans=(replace(scan, sent=Sent(b"L", sequence, law.now_s - late_s + 77.0)),),
+        scans=(replace(scan, sent=Sent(b"L", sequence, law.now_s - late_s + 77.0), writer=b"L"),),
     )
 
 
@@ -292,7 +298,8 @@ def test_one_foreign_scan_does_not_blind_the_robot_for_good(
     """It was so: the lidar's own epoch had ended, and SCAN_STALE held until the lidar was started again."""
     law = law_with_stamped_scans
     law.now_s += TICK_S
-    law.step(Inputs(scans=(replace(laser_scan(law.ranges, law.now_s), sent=foreign),)))
+    scan = replace(laser_scan(law.ranges, law.now_s), sent=foreign, writer=foreign.epoch)
+    law.step(Inputs(scans=(scan,)))
     law.asked = NEUTRAL
     for sequence in range(31, 60):
         law.now_s += TICK_S
@@ -302,14 +309,21 @@ def test_one_foreign_scan_does_not_blind_the_robot_for_good(
     assert law.step(sent_scan(law, sequence=60)).output == FORWARD
 
 
-def test_of_two_lidars_that_speak_in_turn_the_first_is_heard(law_with_stamped_scans: Law) -> None:
+def test_of_two_lidars_that_speak_in_turn_the_first_is_heard_and_the_robot_stops(
+    law_with_stamped_scans: Law,
+) -> None:
     law = law_with_stamped_scans
     wall = ring(0.31)
     for sequence in range(31, 60):
         law.now_s += TICK_S
-        law.step(Inputs(scans=(replace(laser_scan(wall, law.now_s), sent=Sent(b"F", sequence, law.now_s)),)))
+        scan = replace(laser_scan(wall, law.now_s), sent=Sent(b"F", sequence, law.now_s), writer=b"F")
+        law.step(Inputs(scans=(scan,)))
         law.now_s += TICK_S
-        assert law.step(sent_scan(law, sequence=sequence)).output == FORWARD
+        decision = law.step(sent_scan(law, sequence=sequence))
+        assert decision.nearest_m == pytest.approx(2.75, abs=1e-3)
+        assert (decision.output == FORWARD) is (sequence == 31), "a stray message is nobody"
+    assert law.decision.reasons == (StopReason.SENSOR_CONFLICT,)
+    assert law.decision.detail == "scans come from several writers: lidar: F and L"
     assert law.decision.scan_counts.epoch == 29
 
 
@@ -321,7 +335,8 @@ def test_a_lidar_is_seen_again_after_another_one_took_its_place(law_with_stamped
     for sequence in range(1, 30):
         law.now_s += TICK_S
         sent = Sent(b"F", sequence, law.now_s)
-        law.step(Inputs(scans=(replace(laser_scan(law.ranges, law.now_s), sent=sent),)))
+        noisy = law.ranges + np.float32(1e-4 * (sequence % 2))
+        law.step(Inputs(scans=(replace(laser_scan(noisy, law.now_s), sent=sent, writer=b"F"),)))
     assert law.decision.scan_age_s == 0.0
     law.hold(0.3)
     for sequence in range(31, 60):
@@ -430,6 +445,9 @@ def test_a_moving_robot_stops_at_what_is_inside_the_stop_zone() -> None:
     )
     for _ in range(4):
         law.tick(("teleop", FORWARD), odometry=odometry(0.5, law.now_s + TICK_S))
+    assert law.decision.output == STANDSTILL
+    law.scanning = True
+    law.tick(("teleop", FORWARD), odometry=odometry(0.5, law.now_s + TICK_S))
     assert law.decision.reasons == (StopReason.OBSTACLE,)
 
 
@@ -551,7 +569,7 @@ def test_what_blocked_it_is_forgotten_with_its_stop() -> None:
         law.ranges = ring()
         law.drive()
         law.ranges = ring(ahead_m=0.5)
-        law.tick(("teleop", FORWARD))
+        law.hold(CONFIRMED_S, ("teleop", FORWARD))
         assert law.state.sources[0].block is not None
         law.tick(("teleop", release))
         assert law.state.sources[0].block is None
@@ -562,7 +580,7 @@ def test_a_stop_for_another_reason_takes_the_escape_away() -> None:
     law.tick(("teleop", NEUTRAL), ("path", NEUTRAL))
     law.tick(("path", FORWARD), ("teleop", NEUTRAL))
     law.ranges = ring(ahead_m=0.5)
-    law.tick(("path", FORWARD), ("teleop", NEUTRAL))
+    law.hold(CONFIRMED_S, ("path", FORWARD), ("teleop", NEUTRAL))
     assert law.decision.reasons == (StopReason.OBSTACLE,)
     law.ranges = ring()
     law.tick(("path", FORWARD), ("teleop", NEUTRAL))
@@ -604,5 +622,8 @@ def test_a_robot_pushed_at_something_near_may_not_help_with_its_wheels() -> None
         )
     )
     law.tick(("teleop", NEUTRAL), odometry=odometry(0.5, law.now_s + TICK_S))
-    decision = law.tick(("teleop", Velocity(0.5, 0.1)), odometry=odometry(0.5, law.now_s + TICK_S))
+    asked = ("teleop", Velocity(0.5, 0.1))
+    assert law.tick(asked, odometry=odometry(0.5, law.now_s + TICK_S)).output == STANDSTILL
+    law.ranges, law.scanning = ring(ahead_m=0.53), True
+    decision = law.tick(asked, odometry=odometry(0.5, law.now_s + TICK_S))
     assert decision.reasons == (StopReason.OBSTACLE,)

@@ -1,0 +1,247 @@
+"""Several lidars, and several writers of one lidar's scans."""
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+
+from supervisor.model import STANDSTILL, Command, Decision, Inputs, LawConfig, Mode, StopReason, Velocity
+from supervisor.safety import GID_BYTES, REMEMBERED_WRITERS, WRITER_WINDOW_S, initial_state, runs_out_s, step
+from supervisor.scan import LaserScan, Lidar, Mount
+from tests.unit.supervisor.law_harness import (
+    BACK,
+    CONFIG,
+    FORWARD,
+    NEUTRAL,
+    SCAN_TIMEOUT_S,
+    TICK_S,
+    laser_scan,
+    ring,
+)
+
+LIDAR = CONFIG.lidars[0]
+HALF = 0.5 * math.pi + math.radians(10)
+"""Each of the two lidars sees so far to both sides of its own direction."""
+
+
+def looking(name: str, yaw_rad: float, timeout_s: float = SCAN_TIMEOUT_S) -> Lidar:
+    """A lidar that sees half of the surroundings, a little more."""
+    mount = Mount(yaw_rad=yaw_rad, masked_rad=((HALF, -HALF),))
+    return Lidar(name, mount, LIDAR.profile, timeout_s, LIDAR.min_beams)
+
+
+TWO = replace(CONFIG, lidars=(looking("front", 0.0), looking("rear", math.pi)))
+
+
+@dataclass
+class Lidars:
+    """The law with scans of several lidars and writers at every tick."""
+
+    config: LawConfig = TWO
+    now_s: float = 1000.0
+    speaking: tuple[int, ...] = (0, 1)
+    writers: tuple[bytes, ...] = (b"only",)
+    ranges: dict[int, np.ndarray] = field(default_factory=dict[int, np.ndarray])
+
+    def __post_init__(self) -> None:
+        self.state = initial_state(self.config)
+        self.count = 0
+
+    def scan(self, place: int, writer: bytes) -> LaserScan:
+        self.count += 1
+        noisy = self.ranges.get(place, ring()) + np.float32(1e-5 * (self.count % 7))
+        return replace(laser_scan(noisy, self.now_s), lidar=place, writer=writer)
+
+    def tick(self, velocity: Velocity = NEUTRAL, **inputs: object) -> Decision:
+        self.now_s += TICK_S
+        scans = tuple(self.scan(place, writer) for place in self.speaking for writer in self.writers)
+        told = Inputs(commands=(Command("teleop", velocity, self.now_s),), scans=scans)
+        self.state, self.decision = step(self.state, self.now_s, replace(told, **inputs))  # type: ignore[arg-type]
+        return self.decision
+
+    def hold(self, seconds: float, velocity: Velocity = NEUTRAL) -> Decision:
+        for _ in range(round(seconds / TICK_S)):
+            self.tick(velocity)
+        return self.decision
+
+
+def one_lidar() -> Lidars:
+    return Lidars(config=CONFIG, speaking=(0,))
+
+
+# --- several lidars
+
+
+def test_two_lidars_see_together_what_each_alone_does_not() -> None:
+    law = Lidars()
+    law.hold(0.1)
+    assert law.tick(FORWARD).output == FORWARD
+    law.hold(0.5)
+    assert law.tick(BACK).output == BACK
+
+
+@pytest.mark.parametrize(("silent", "unseen", "seen"), [(0, FORWARD, BACK), (1, BACK, FORWARD)])
+def test_the_view_of_a_silent_lidar_is_unseen_and_the_other_s_is_not(
+    silent: int, unseen: Velocity, seen: Velocity
+) -> None:
+    law = Lidars()
+    law.hold(0.1)
+    assert law.hold(0.1, unseen).output == unseen
+    law.speaking = (1 - silent,)
+    assert law.hold(SCAN_TIMEOUT_S + 2 * TICK_S, unseen).output == STANDSTILL
+    assert law.decision.reasons == (StopReason.SCAN_BLIND,)
+    law.hold(0.5)
+    assert law.tick(seen).output == seen
+
+
+def test_a_lidar_that_never_spoke_has_seen_nothing() -> None:
+    law = Lidars(speaking=(0,))
+    law.hold(0.1)
+    assert law.tick(BACK).reasons == (StopReason.SCAN_BLIND,)
+
+
+def test_only_when_all_lidars_are_silent_the_scan_is_stale() -> None:
+    law = Lidars()
+    law.hold(0.1)
+    law.hold(0.1, FORWARD)
+    law.speaking = (0,)
+    law.hold(0.5, FORWARD)
+    assert law.decision.mode is Mode.DRIVING
+    law.speaking = ()
+    law.hold(SCAN_TIMEOUT_S + TICK_S, FORWARD)
+    assert law.decision.reasons == (StopReason.SCAN_STALE,)
+
+
+def test_each_lidar_has_its_own_timeout_and_the_motion_runs_out_with_the_first() -> None:
+    lidars = (looking("front", 0.0, timeout_s=0.5), looking("rear", math.pi, timeout_s=0.3))
+    law = Lidars(config=replace(CONFIG, lidars=lidars, command_timeout_s=2.0))
+    law.hold(0.1)
+    law.hold(0.1, Velocity(0.2, 0.0))
+    law.speaking = ()
+    heard_s = law.now_s
+    law.tick(Velocity(0.2, 0.0))
+    assert runs_out_s(law.state) == pytest.approx(heard_s + 0.3, abs=1e-5)
+
+
+def test_a_problem_names_its_lidar() -> None:
+    law = Lidars()
+    law.hold(0.1)
+    law.ranges = {1: np.empty(0, dtype=np.float32)}
+    law.tick()
+    assert law.decision.scan_problem == "rear: 0 beams, fewer than 90"
+    assert law.decision.mode is Mode.READY, "the other one still sees"
+    assert (
+        law.tick(undecodable_lidars=(1,), scans=(law.scan(0, b"only"),)).scan_problem == "rear: undecodable"
+    )
+    law.ranges = {0: np.empty(0, dtype=np.float32), 1: np.empty(0, dtype=np.float32)}
+    law.tick()
+    assert law.decision.scan_problem == "front: 0 beams, fewer than 90; rear: 0 beams, fewer than 90"
+    assert law.decision.reasons == (StopReason.SCAN_INVALID,)
+    assert law.decision.detail == law.decision.scan_problem
+
+
+def test_what_cannot_be_decoded_before_the_first_scan_leaves_nothing_seen() -> None:
+    law = Lidars(speaking=())
+    assert StopReason.SCAN_STALE in law.tick(undecodable_lidars=(0, 1)).reasons
+
+
+def test_the_nearest_thing_and_the_counts_are_those_of_all_lidars() -> None:
+    law = Lidars()
+    law.ranges = {1: ring(ahead_m=1.0)}
+    law.hold(0.1)
+    assert law.decision.nearest_m == pytest.approx(0.75, abs=1e-3)
+    assert abs(law.decision.nearest_bearing_rad) == pytest.approx(math.pi, abs=0.2)
+    assert law.decision.scan_counts.accepted == 10
+
+
+def test_where_a_memory_of_free_places_is_allowed_what_was_seen_lately_counts_as_free() -> None:
+    for memory_s, output in ((0.0, STANDSTILL), (1.0, BACK)):
+        law = Lidars(config=replace(TWO, unseen_memory_s=memory_s))
+        law.hold(0.2)
+        law.speaking = (0,)
+        law.hold(SCAN_TIMEOUT_S + 2 * TICK_S)
+        assert law.tick(BACK).output == output
+    assert law.hold(1.0).mode is Mode.READY
+    assert law.tick(BACK).output == STANDSTILL
+    assert all(law.now_s - past.view.taken_s < 1.1 for past in law.state.past)
+    assert len(law.state.past) < 15
+
+
+# --- several writers
+
+
+def gid(number: int) -> bytes:
+    return number.to_bytes(GID_BYTES, "big")
+
+
+def test_two_writers_of_one_lidar_stop_the_robot_and_are_both_named() -> None:
+    law = one_lidar()
+    law.hold(0.1)
+    law.hold(0.1, FORWARD)
+    law.writers = (b"only", b"other")
+    assert law.tick(FORWARD).output == FORWARD, "a stray message is nobody"
+    assert law.tick(FORWARD).reasons == (StopReason.SENSOR_CONFLICT,)
+    assert law.decision.detail == "scans come from several writers: lidar: only and other"
+
+
+@pytest.mark.parametrize("remaining", [b"only", b"other"])
+def test_either_writer_is_accepted_once_the_other_is_silent_and_the_robot_was_neutral(
+    remaining: bytes,
+) -> None:
+    law = one_lidar()
+    law.writers = (b"only", b"other")
+    law.hold(0.2)
+    assert StopReason.SENSOR_CONFLICT in law.decision.causes
+    law.writers = (remaining,)
+    window_s = max(WRITER_WINDOW_S, 2.5 * SCAN_TIMEOUT_S)
+    law.hold(window_s - 4 * TICK_S, FORWARD)
+    assert law.decision.causes == (StopReason.SENSOR_CONFLICT,)
+    law.hold(6 * TICK_S, FORWARD)
+    assert law.decision.causes == ()
+    assert StopReason.SENSOR_CONFLICT in law.decision.latched
+    assert law.decision.output == STANDSTILL
+    law.tick(NEUTRAL)
+    assert law.tick(FORWARD).output == FORWARD
+
+
+def test_the_conflict_of_one_lidar_names_that_lidar_and_the_gids_in_short() -> None:
+    law = Lidars()
+    for _ in range(3):
+        scans = (
+            law.scan(0, b"only"),
+            law.scan(1, gid(0xAABBCCDD << 96)),
+            law.scan(1, gid(0x11223344 << 96)),
+        )
+        law.tick(scans=scans)
+    assert law.decision.detail == "scans come from several writers: rear: 11223344 and aabbccdd"
+
+
+def test_a_writer_without_a_name_and_one_that_is_no_text_are_named() -> None:
+    law = one_lidar()
+    law.writers = (b"", b"\xff")
+    law.hold(0.1)
+    assert (
+        law.decision.detail == "scans come from several writers: lidar: no name and \N{REPLACEMENT CHARACTER}"
+    )
+
+
+def test_a_flood_of_writers_neither_fills_the_memory_nor_hides_a_conflict() -> None:
+    law = one_lidar()
+    law.writers = (b"only", b"other")
+    law.hold(0.2)
+    for number in range(0, 2000, 20):
+        law.writers = (b"only", b"other", *(gid(number + n) for n in range(REMEMBERED_WRITERS - 3)))
+        law.tick()
+        assert len(law.state.sights[0].writers) <= REMEMBERED_WRITERS
+        assert StopReason.SENSOR_CONFLICT in law.decision.causes
+    assert "only and other" in law.decision.detail
+
+
+def test_a_flood_of_writers_that_each_speak_once_does_not_stop_the_robot() -> None:
+    law = one_lidar()
+    law.hold(0.1)
+    for number in range(0, 1000, 10):
+        law.writers = (b"only", *(gid(number + n) for n in range(10)))
+        assert law.tick(FORWARD).output == FORWARD
+        assert len(law.state.sights[0].writers) <= REMEMBERED_WRITERS
