@@ -144,6 +144,8 @@ class ScanReading(NamedTuple):
     """The hull's way at the first of those."""
     return_share: float
     """Of the beams; of the last scan that was not blank, if this one is."""
+    has_returned: bool
+    """Something has returned to this lidar, now or at any time before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,7 +218,8 @@ def read_scan(
     view = _view(before, geometry, hit, readings.explained & rays.looking, distance_m, scan, moment, lidar)
     if not view.is_whole and not view.free_m.any():
         problem = "no reading that the profile explains"
-    elif len(hits) == 0 and not in_the_open and (previous is None or previous.return_share == 0.0):
+    has_returned = len(hits) > 0 or (previous is not None and previous.has_returned)
+    if problem is None and not (has_returned or in_the_open):
         problem = "nothing has returned yet; turn `works_in_the_open` on if that is as it should be"
     repeats, since_m = 0, moment.travelled_m
     if previous is not None:
@@ -251,6 +254,7 @@ def read_scan(
         repeats,
         since_m,
         share,
+        has_returned,
     )
 
 
@@ -272,6 +276,7 @@ def _of_no_use(
         0,
         moment.travelled_m,
         share,
+        previous is not None and previous.has_returned,
     )
 
 
