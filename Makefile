@@ -11,7 +11,7 @@ export UV_PYTHON_DOWNLOADS := never
 export UV := $(UV)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test unit virtual check bench docs picture mutation faults campaign
+.PHONY: help setup run test unit virtual system check bench docs picture mutation faults campaign
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -21,11 +21,11 @@ setup: $(STAMP) ## the environment alone: .venv from uv.lock
 run: $(STAMP) ## drive the robot by keyboard; without a terminal, play the demo
 	@if [ -t 0 ] && [ -t 1 ]; then exec .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
 
-test: check ## the checks, then every test; the pure modules must be covered to the last branch
-	$(MAKE) --no-print-directory --jobs=2 --output-sync=target unit virtual
-	.venv/bin/pytest tests/system
+test: $(STAMP) ## the checks and every test; the pure modules must be covered to the last branch
+	$(MAKE) --no-print-directory --jobs=2 --output-sync=target check unit virtual
+	$(MAKE) --no-print-directory system
 
-# Side by side: neither of the two looks at the real clock. Real processes do, and get the machine for themselves.
+# Side by side with the checks: none of the three looks at the real clock.
 unit:
 	.venv/bin/coverage run -m pytest tests/unit -m "not proof"
 	.venv/bin/coverage report
@@ -33,6 +33,11 @@ unit:
 virtual:
 	.venv/bin/pytest -s tests/unit -m proof
 	.venv/bin/pytest tests/component
+
+# Real processes: two tests at a time, then one at a time those that measure.
+system:
+	.venv/bin/pytest tests/system -m "not timed" --numprocesses=2 --dist=worksteal
+	.venv/bin/pytest tests/system -m timed
 
 check: $(STAMP) ## ruff, pyright and import-linter
 	.venv/bin/ruff check

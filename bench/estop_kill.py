@@ -34,6 +34,12 @@ WAIT_S = 60.0
 LOOK_S = 0.5
 DRIVE_S = 0.3
 """How long the next supervisor is asked for motion."""
+SLOW_DISK = """
+import os, runpy, time
+quick = os.fsync
+os.fsync = lambda file: (time.sleep({fsync_s}), quick(file))
+runpy.run_module("supervisor", run_name="__main__", alter_sys=True)
+"""
 RUNS = 300
 REPORT_EVERY = 25
 ESTOP = "ESTOP"
@@ -41,16 +47,17 @@ LATCHED, RELEASED, RECORDED = "latched", "RELEASED", "first status shows it reco
 
 
 class _Supervisors:
-    """One supervisor after another at one endpoint, with one state directory."""
+    """One supervisor after another at one endpoint, with one state directory, on a disk that is so slow."""
 
-    def __init__(self, endpoint: str, folder: Path) -> None:
+    def __init__(self, endpoint: str, folder: Path, fsync_s: float) -> None:
         self._endpoint, self._folder = endpoint, folder
+        self._program = ["-c", SLOW_DISK.format(fsync_s=fsync_s)] if fsync_s else ["-m", "supervisor"]
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self) -> None:
         with (self._folder / "supervisor.log").open("ab") as log:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "supervisor", "--endpoint", self._endpoint],
+                [sys.executable, *self._program, "--endpoint", self._endpoint],
                 stdout=log,
                 stderr=log,
                 env=os.environ | {"LIFELINE_STATE_DIR": str(self._folder)},
@@ -69,7 +76,7 @@ class _Supervisors:
 
     def last_words(self) -> str:
         """The end of their log."""
-        return (self._folder / "supervisor.log").read_text()[-2000:]
+        return (self._folder / "supervisor.log").read_text()[-600:]
 
     def end(self) -> None:
         if self._process is not None:
@@ -131,7 +138,7 @@ class _Trials:
         """Reset what the last run left, and move."""
         self._speed_m_s = 0.0
         await self._until(lambda status: _teleop(status, neutral=True))
-        reply = await self._bus.call(topics.SUPERVISOR_RESET)
+        reply = await self._bus.call(topics.SUPERVISOR_RESET, timeout_s=WAIT_S)
         if not reply.success:
             raise RuntimeError(f"the reset was refused: {reply.message}")
         while True:
@@ -192,7 +199,7 @@ def _teleop(status: SafetyStatus, *, neutral: bool) -> bool:
     )
 
 
-async def measure(runs: int, seed: int) -> Counter[str]:
+async def measure(runs: int, seed: int, fsync_s: float) -> Counter[str]:
     """How the runs ended.
 
     Raises:
@@ -200,7 +207,7 @@ async def measure(runs: int, seed: int) -> Counter[str]:
     """
     endpoint = free_loopback_endpoint()
     with tempfile.TemporaryDirectory() as folder:
-        supervisors = _Supervisors(endpoint, Path(folder))
+        supervisors = _Supervisors(endpoint, Path(folder), fsync_s)
         supervisors.start()
         try:
             async with client(endpoint) as bus:
@@ -225,8 +232,15 @@ def main() -> None:
     parser.add_argument(
         "--seed", type=int, default=1, help="of the moments of the kills (default: %(default)s)"
     )
+    parser.add_argument(
+        "--fsync-s",
+        type=float,
+        default=0.0,
+        metavar="SECONDS",
+        help="simulate a busy disk: let each fsync of the supervisor take so much longer",
+    )
     arguments = parser.parse_args()
-    counts = asyncio.run(measure(arguments.runs, arguments.seed))
+    counts = asyncio.run(measure(arguments.runs, arguments.seed, arguments.fsync_s))
     print(f"{counts[LATCHED]} of {arguments.runs} runs on real processes stay latched")
     print(f"{counts[RECORDED]} of the first statuses that showed ESTOP showed it as recorded")
     sys.exit(counts[LATCHED] != arguments.runs)

@@ -7,9 +7,11 @@ pid that the kernel has given to somebody else is not: the mark is read again be
 
 import itertools
 import os
+import select
 import signal
 import time
-from contextlib import suppress
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,13 +43,9 @@ def keepers(state_dir: Path) -> list[Process]:
 
 def send(process: Process, state_dir: Path, number: signal.Signals) -> None:
     """Signal a process, if it is still the one that was found."""
-    with suppress(ProcessLookupError, PermissionError):
-        handle = os.pidfd_open(process.pid)
-        try:
-            if _name(process.pid, state_dir) == process.name:
-                signal.pidfd_send_signal(handle, number)
-        finally:
-            os.close(handle)
+    with _handle(process, state_dir) as handle, suppress(ProcessLookupError, PermissionError):
+        if handle is not None:
+            signal.pidfd_send_signal(handle, number)
 
 
 def wait_for_none(state_dir: Path, limit_s: float) -> list[Process]:
@@ -66,9 +64,26 @@ def end_keepers(state_dir: Path, limit_s: float) -> list[Process]:
     deadline_s = time.monotonic() + limit_s
     while (left := keepers(state_dir)) and time.monotonic() < deadline_s:
         for keeper in left:
-            send(keeper, state_dir, signal.SIGKILL)
-        time.sleep(POLL_S)
+            with _handle(keeper, state_dir) as handle, suppress(ProcessLookupError, PermissionError):
+                if handle is not None:
+                    memory_keeper.expedite(keeper.pid)
+                    signal.pidfd_send_signal(handle, signal.SIGKILL)
+                    select.select([handle], [], [], max(0.0, deadline_s - time.monotonic()))
     return left
+
+
+@contextmanager
+def _handle(process: Process, state_dir: Path) -> Generator[int | None]:
+    """A pidfd of a process; None if it is not the one that was found any more."""
+    try:
+        handle = os.pidfd_open(process.pid)
+    except (ProcessLookupError, PermissionError):
+        yield None
+        return
+    try:
+        yield handle if _name(process.pid, state_dir) == process.name else None
+    finally:
+        os.close(handle)
 
 
 def _marked(state_dir: Path) -> list[Process]:

@@ -1,4 +1,4 @@
-"""Draws docs/images/barrier.png and braking.png: `python -m docs.draw_safety_law`.
+"""Draw the pictures of docs/safety-law.md: `python -m docs.draw_safety_law`.
 
 The curves are the law's own: `supervisor.clearance` computes them, with the defaults of `[supervisor]`.
 """
@@ -12,6 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Wedge
 
+from docs.draw_seen_space import draw_partial_view, draw_seen_space
+from docs.palette import DANGER, GOOD, GREY, INK, LIGHT, RING, ROBOT
 from supervisor.clearance import Barrier, permitted_closing_speed, permitted_scale, survey
 from supervisor.config import SupervisorSection
 
@@ -19,9 +21,6 @@ IMAGES = Path(__file__).parent / "images"
 DEFAULTS = SupervisorSection()
 HULL_M = 0.25
 STOP_M = DEFAULTS.stop_distance_m
-
-INK, GREY, LIGHT = "#20262e", "#7a8490", "#d9dee4"
-ROBOT, RING, DANGER, GOOD = "#3a6ea5", "#e8a33d", "#c8443c", "#3f8f5b"
 
 
 def draw_barrier(path: Path) -> None:
@@ -94,7 +93,7 @@ def _directions(axes: Axes) -> None:
     axes.plot(wall[:, 0], wall[:, 1], color=INK, lw=4, solid_capstyle="butt")
     axes.text(0.75, 0.0, "a wall at 0.45 m", rotation=270, va="center", color=INK, fontsize=10)
     hull = DEFAULTS.footprint.hull()
-    around = survey(hull, wall, blind=np.zeros(len(hull.outline()[0]), dtype=np.bool_))
+    around = survey(hull, wall)
     barrier = Barrier(STOP_M, DEFAULTS.deceleration_m_s2, 0.1, 0.0)
     for name, linear, angular, where in (
         ("forward", 1.0, 0.0, (0.39, 0.05)),
@@ -145,6 +144,8 @@ def main() -> None:
     mpl.rcParams.update({"font.size": 10, "axes.edgecolor": GREY, "text.color": INK, "axes.labelcolor": INK})
     draw_barrier(IMAGES / "barrier.png")
     draw_braking(IMAGES / "braking.png")
+    draw_seen_space(IMAGES / "seen-space.png")
+    draw_partial_view(IMAGES / "partial-view.png")
 
 
 if __name__ == "__main__":

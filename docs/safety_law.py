@@ -1,26 +1,34 @@
-"""Writes the parts of docs/safety-law.md that the code itself can tell: `python -m docs.safety_law`.
+"""Write the generated parts of docs/safety-law.md: `python -m docs.safety_law`.
 
 Between `<!-- NAME: generated -->` and `<!-- /NAME -->` stand
 
     reasons   the table of stop reasons; every StopReason must have a row in `REASONS`
     states    the state diagram, found by running the real law breadth first through `EVENTS`
-    numbers   the defaults that the text speaks of
+    numbers   the defaults behind the letters of the speed barrier
+    seen      the defaults of seen space and of the memory of near points
+    profiles  what each lidar profile means by "no return", and how long it trusts it
+    motions   what the examples in deploy/examples permit, found by running the law
 
 `--check` writes nothing and fails if a part is out of date; tests/unit/test_docs.py does the same.
 """
 
 import math
 import sys
+import tempfile
 from collections import deque
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
+from deploy.check import examine
+from deploy.check_motions import Permitted
 from docs import generated
+from supervisor.base_motion import PATIENCE_S
 from supervisor.config import SupervisorSection
+from supervisor.lidar import PROFILES, TIMINGS, LidarProfile
 from supervisor.model import (
     STANDSTILL,
     Command,
@@ -35,10 +43,14 @@ from supervisor.model import (
     StopReason,
     Velocity,
 )
-from supervisor.safety import BARRIER_REASONS, initial_state, step
+from supervisor.near_memory import MISSES
+from supervisor.safety import BARRIER_REASONS, SAME_PLACE_M, initial_state, step
 
 DOCUMENT = Path(__file__).parent / "safety-law.md"
 DEFAULTS = SupervisorSection()
+
+
+Row = tuple[str, ...]
 
 
 # --- the table of reasons
@@ -55,9 +67,10 @@ class Reason:
 
 REASONS: Mapping[StopReason, Reason] = {
     StopReason.ESTOP: Reason(
-        "`robot/estop` said true, or said something that cannot be read, or was flooded",
-        "a reset, refused while any live source asks for motion; then neutral",
-        "A press must outlive the one who pressed. farm-ng/tractor #82 and ubiquity_motor #42: a robot lurches when "
+        "`robot/estop` was true, unreadable or flooded; or a supervisor that starts finds the record of an earlier "
+        "e-stop, or cannot read it",
+        "a reset, refused while any live source requests motion; then neutral",
+        "An e-stop must outlive the process that sent it and the one that received it. farm-ng/tractor #82 and ubiquity_motor #42: a robot lurches when "
         "its e-stop is released. Husarion refuses a reset under command, and so do we.",
     ),
     StopReason.BASE_RUNAWAY: Reason(
@@ -66,48 +79,49 @@ REASONS: Mapping[StopReason, Reason] = {
         "A supervisor that trusts its own zero sees nothing when a wheel controller does not obey.",
     ),
     StopReason.OVERRUN: Reason(
-        f"the law itself ran later than {DEFAULTS.overrun_s:g} s after its last step",
-        "the next step on time, and neutral",
-        "While the supervisor hung, nobody watched. Nav2's collision_monitor does not run at all without a command "
+        f"the law ran later than {DEFAULTS.overrun_s:g} s after its last step, or the machine was suspended",
+        "the next step on time, after a suspend one timeout more, and neutral",
+        "While the supervisor hangs or the machine sleeps, nothing is supervised. Nav2's collision_monitor does not run at all without a command "
         "(navigation2 #4555).",
     ),
     StopReason.SENSOR_CONFLICT: Reason(
-        "two writers publish on one sensor's key; the status names both",
+        "each of two writers was heard twice within a moment on one lidar's key; the status names both",
         "one of them is silent, and neutral",
-        "Every bus delivers the newest sample, from any writer: two drivers, or a driver and a recording, then mix. "
+        "A subscriber gets the samples of every writer: those of two drivers, or of a driver and a recording, mix. "
         "ROS 2 counts the publishers of a topic, but no node stops because of the count.",
     ),
     StopReason.BASE_UNRESPONSIVE: Reason(
-        "odometry does not follow what was commanded, beyond what the base's ramps explain",
-        "standing still, and neutral",
+        f"odometry has not followed the command for {PATIENCE_S:g} s, beyond what the base's ramps explain",
+        "zero commanded, standstill, and neutral",
         "A base whose own e-stop is released while a command is active lurches: ubiquity_motor #42.",
     ),
     StopReason.ODOM_STALE: Reason(
-        "odometry was lost while driving, unless the configuration says that there is none",
+        f"odometry was heard, and the newest is older than {DEFAULTS.odom_timeout_s:g} s, unless `odometry = false`",
         "fresh odometry, and neutral",
-        "A frozen lidar shows itself only by the motion that odometry measures between two scans.",
+        "Without odometry the law cannot check that the base follows, nor where the robot is between two scans.",
     ),
     StopReason.SCAN_INVALID: Reason(
-        "the newest scan proves nothing: too few beams, impossible geometry, no sector with enough valid readings, "
-        "undecodable, frozen while the robot moves, or blank from one scan to the next",
+        "no lidar has a usable scan, and the newest is fresh but proves nothing: undecodable, too few beams, numbers "
+        "that contradict each other, no reading that the profile explains, the same scan while the robot moves, "
+        "blank from one scan to the next, or no return since the start",
         "a valid scan, and neutral",
         "Where out-of-range beams are dropped, a scan of NaN or zeros reads as clear (Nav2 `scan.cpp`).",
     ),
     StopReason.SCAN_STALE: Reason(
-        f"no scan yet, or the newest is older than {DEFAULTS.scan_timeout_s:g} s",
+        f"no lidar has a scan that is newer than its timeout ({DEFAULTS.scan_timeout_s:g} s by default)",
         "fresh scans, and neutral",
         "Nav2's collision_monitor waits 2.0 s, and looks only at the next command; a scan stamped in the future never "
         "goes stale there (`sourceValid()`).",
     ),
     StopReason.SOURCE_LOST: Reason(
-        "the source's liveliness token went, if only for a moment",
-        "it is back, and neutral",
+        "the source's liveliness token was deleted, even if it returned at once",
+        "the token is back, and neutral",
         "cmd_vel_mux sends nothing when its source falls silent (yujin_ocs #16), twist_mux nothing when it is locked "
-        "(PR #42): whether the robot stops is left to the next one in the chain. joystick_drivers #92: a lost "
-        "joystick repeats its last command for ever.",
+        "(PR #42): whether the robot stops depends on the next node. joystick_drivers #92: a lost joystick repeats its "
+        "last command without end.",
     ),
     StopReason.COMMAND_INVALID: Reason(
-        "the source's last command was undecodable, NaN, infinite, far beyond the limits, or asked for a motion "
+        "the source's last command was undecodable, NaN, infinite, far beyond the limits, or had components "
         "that a ground robot does not have",
         "a valid command, and neutral; a bad one never refreshes the age of the last good one",
         "diff_drive_controller keeps the reference from before a NaN, and the NaN refreshes its age.",
@@ -123,22 +137,23 @@ REASONS: Mapping[StopReason, Reason] = {
         f"the source's last good command is older than {DEFAULTS.command_timeout_s:g} s",
         "fresh commands, and neutral",
         "A process can be alive and hung: PX4 #20519 and #18346. The heartbeat must be the intent itself. "
-        "The anchors wait 0.25 s to 5 s.",
+        "The reference stacks wait 0.25 s to 5 s.",
     ),
     StopReason.NO_COMMAND: Reason(
-        "nobody has sent a command yet",
+        "no source has sent a command since start",
         "a first, neutral command",
-        "A program that starts with its stick pushed must not drive off. ArduPilot #6623: a latched override is "
+        "A program that starts with its stick pushed must not move the robot. ArduPilot #6623: a latched override is "
         "replayed on reconnect.",
     ),
     StopReason.SCAN_BLIND: Reason(
-        "the commanded motion goes where nothing is seen",
-        "neutral, or a command that goes elsewhere",
-        "Not seen is not free. A sensor that looks ahead says nothing about driving back.",
+        f"the barrier leaves less than {DEFAULTS.creep_m_s:g} m/s because of a hidden place: no scan rules out an "
+        "object there",
+        "neutral, or a command that does not close on it",
+        "Unseen is not free. A lidar that looks ahead proves nothing about driving back.",
     ),
     StopReason.OBSTACLE: Reason(
-        f"the speed barrier leaves less than {DEFAULTS.creep_m_s:g} m/s: something is at "
-        f"{DEFAULTS.stop_distance_m:.2f} m, and the command closes on it",
+        f"the barrier leaves less than {DEFAULTS.creep_m_s:g} m/s because of a point that two scans have shown: the "
+        f"command closes on something at {DEFAULTS.stop_distance_m:.2f} m",
         "neutral, or a command that does not close on it",
         "A plain stop zone traps the robot: navigation2 #3313, #3748, mowglinext #159 (414 s). A pure rotation can "
         "sweep a corner into something (navigation2 #3171): the barrier looks at the hull, not at the direction.",
@@ -158,7 +173,7 @@ def reasons_table(reasons: Mapping[StopReason, Reason] = REASONS) -> str:
     rows = ((reason, reasons[reason]) for reason in StopReason)
     return "\n".join(
         [
-            "| reason | when | cleared by | why it exists, and who lacks it |",
+            "| reason | when | cleared by | why it exists, and known failures without it |",
             "|---|---|---|---|",
             *(f"| `{name.value}` | {row.when} | {row.cleared} | {row.why} |" for name, row in rows),
         ]
@@ -185,8 +200,13 @@ def numbers_table() -> str:
             f"{d.transport_s:g} s",
             "`transport_s`",
         ),
-        ("", "slower than this is not worth moving for", f"{d.creep_m_s:g} m/s", "`creep_m_s`"),
-        ("", "a warning is shown below", f"{d.warning_distance_m:.2f} m", "`warning_distance_m`"),
+        ("", "minimum useful speed; below it the output is zero", f"{d.creep_m_s:g} m/s", "`creep_m_s`"),
+        (
+            "",
+            "clearance below which a warning is shown",
+            f"{d.warning_distance_m:.2f} m",
+            "`warning_distance_m`",
+        ),
         (
             "",
             "limits of a command",
@@ -194,13 +214,120 @@ def numbers_table() -> str:
             "`max_linear_m_s`, `max_angular_rad_s`",
         ),
     )
-    return "\n".join(
-        [
-            "| letter | what | default | in `[supervisor]` |",
-            "|---|---|---|---|",
-            *(f"| {' | '.join(row)} |" for row in rows),
-        ]
+    return _table(("letter", "what", "default", "in `[supervisor]`"), rows)
+
+
+def _table(head: Row, rows: Iterable[Row]) -> str:
+    lines = (head, ("---",) * len(head), *rows)
+    return (
+        "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+        .replace("| --- ", "|---")
+        .replace("--- |", "---|")
     )
+
+
+def seen_table() -> str:
+    """The defaults of seen space."""
+    d, law = DEFAULTS, DEFAULTS.law()
+    rows = (
+        ("`w`: diameter of the smallest obstacle", f"{d.smallest_obstacle_m:g} m", "`smallest_obstacle_m`"),
+        ("distance from the hull beyond which no point limits a motion", f"{law.reach_m:.2f} m", "computed"),
+        (
+            "how long seen space counts as free when it is out of view",
+            f"{d.unseen_memory_s:g} s",
+            "`unseen_memory_s`",
+        ),
+        (
+            "closing speed that is permitted on a hidden place",
+            f"{d.blind_creep_m_s:g} m/s",
+            "`blind_creep_m_s`",
+        ),
+        (
+            "whether a lidar without any return since the start is valid",
+            str(d.works_in_the_open).lower(),
+            "`works_in_the_open`",
+        ),
+        (
+            "scans in a row without a reading there, after which a remembered point is dropped",
+            f"{MISSES}",
+            "fixed",
+        ),
+        ("distance within which an earlier reading confirms a stop", f"{SAME_PLACE_M:g} m", "fixed"),
+    )
+    return _table(("what", "default", "in `[supervisor]`"), rows)
+
+
+def profiles_table() -> str:
+    """What each lidar profile takes for "no return"."""
+    return _table(
+        (
+            "profile",
+            "“no return”, beside +Inf and beyond `range_max`",
+            "trusted from the start",
+            "trusted without a return for",
+            "timeout",
+        ),
+        [_profile_row(name, profile) for name, profile in PROFILES.items()],
+    )
+
+
+def _profile_row(name: str, profile: LidarProfile) -> Row:
+    codes = [
+        text
+        for text, is_code in (
+            ("0.0", profile.zero_is_free),
+            ("NaN", profile.nan_is_free),
+            (f"below {profile.codes_below_m:g} m", profile.codes_below_m > 0.0),
+            *((f"{code:g}", True) for code in profile.free_codes_m),
+        )
+        if is_code
+    ]
+    limited = profile.silence_limit_s < math.inf
+    limit = (
+        f"{profile.silence_limit_s:g} s or {profile.silence_limit_m:g} m of travel, whichever lasts longer"
+        if limited
+        else "no limit"
+    )
+    timeout_s = TIMINGS[name].timeout_s if name in TIMINGS else DEFAULTS.scan_timeout_s
+    start = "yes" if profile.trusts_silence_at_start else "no"
+    return (f"`{name}`", ", ".join(codes) or "none", start, limit, f"{timeout_s:g} s")
+
+
+# --- what examples permit
+
+EXAMPLES = Path(__file__).parents[1] / "deploy" / "examples"
+
+
+def motions_table() -> str:
+    """What a robot with one front lidar may do, strict and with each of the two settings that permit more."""
+    text = (EXAMPLES / "amr_one_lidar.toml").read_text()
+    variants = {
+        "one lidar": text,
+        "one lidar, `unseen_memory_s = 5.0`": text.replace("unseen_memory_s = 0.0", "unseen_memory_s = 5.0"),
+        "one lidar, `blind_creep_m_s = 0.1`": text.replace("blind_creep_m_s = 0.0", "blind_creep_m_s = 0.1"),
+        "two lidars": (EXAMPLES / "amr_two_lidars.toml").read_text(),
+    }
+    rows: list[Row] = []
+    for name, variant in variants.items():
+        found = _examined(variant)
+        rows.append((name, "at rest", *(_permitted(p.at_rest) for p in found)))
+        rows.append(("", "after driving ahead", *(_permitted(p.after_driving) for p in found)))
+    motions = tuple(p.motion.name for p in _examined(text))
+    return _table(("lidars", "asked for", *motions), rows)
+
+
+def _examined(text: str) -> tuple[Permitted, ...]:
+    with tempfile.TemporaryDirectory() as directory:
+        file = Path(directory) / "robot.toml"
+        file.write_text(text)
+        return tuple(p for p in examine(file).motions if p.motion.name not in {"arc right", "turn right"})
+
+
+def _permitted(decision: Decision) -> str:
+    if decision.output == STANDSTILL:
+        return "no"
+    parts = ((decision.output.linear_m_s, "m/s"), (decision.output.angular_rad_s, "rad/s"))
+    return ", ".join(f"{abs(value):.2f} {unit}" for value, unit in parts if value)
 
 
 # --- the state diagram
@@ -210,7 +337,8 @@ TICK_S = 0.09
 SETTLE_TICKS = 4
 """After each event the world stays as it is for so long, which is beyond every timeout."""
 
-BEAMS = 180
+BEAMS = 360
+NOISE_M = 1e-3
 FORWARD, BACK = Velocity(0.5, 0.0), Velocity(-0.5, 0.0)
 CLEAR_M, NEAR_M, TOO_NEAR_M = 3.0, 0.65, 0.50
 """From the lidar, with a round hull of 0.25 m: far away, so that the barrier slows, so that it stops."""
@@ -231,7 +359,7 @@ class World:
 
 @dataclass(frozen=True)
 class Event:
-    """One thing that happens: the world as it is from now on, or something that the law is told once."""
+    """One thing that happens: the world as it is from now on, or a single input of the law."""
 
     name: str
     change: Callable[[World], World] = lambda world: world
@@ -269,9 +397,9 @@ EVENTS = (
 
 NODES = {
     "Estop": "STOPPED by e-stop",
-    "NobodyYet": "STOPPED, nobody has spoken",
+    "NobodyYet": "STOPPED, no command yet",
     "Cause": "STOPPED, a cause holds",
-    "Latched": "STOPPED, cause gone, waits for neutral",
+    "Latched": "STOPPED, cause over, waits for neutral",
     "Barrier": "STOPPED by the barrier",
     "Ready": "READY, at rest",
     "Driving": "DRIVING as commanded",
@@ -343,7 +471,7 @@ def _inputs(world: World, now_s: float, event: Event | None) -> Inputs:
     return Inputs(
         commands=(Command("teleop", world.velocity, now_s),) if world.speaking else (),
         liveliness=() if world.token is None else (Liveliness("teleop", world.token),),
-        scans=(None,) if world.ahead_m is None else (),
+        scans=() if world.ahead_m is None else (_scan(world.ahead_m, now_s),),
         estop=event is not None and event.estop,
         reset=event is not None and event.reset,
     )
@@ -351,7 +479,8 @@ def _inputs(world: World, now_s: float, event: Event | None) -> Inputs:
 
 def _scan(ahead_m: float, now_s: float) -> LaserScan:
     ranges = np.full(BEAMS, CLEAR_M, dtype=np.float32)
-    ranges[BEAMS // 2 - 8 : BEAMS // 2 + 8] = ahead_m
+    ranges[BEAMS // 2 - 16 : BEAMS // 2 + 16] = ahead_m
+    ranges += np.float32(NOISE_M * math.sin(now_s))  # no real scan repeats itself
     return LaserScan(ranges, -math.pi, 2 * math.pi / BEAMS, 0.05, 12.0, now_s)
 
 
@@ -366,7 +495,7 @@ def _key(state: State, world: World, decision: Decision) -> Hashable:
         source.velocity,
         source.armed,
         source.latched <= BARRIER_REASONS,
-        source.block,
+        None if source.block is None else (source.block.kind, round(source.block.per_linear)),
         source.caused_s == state.now_s,
         source.neutral_s > source.caused_s,
     )
@@ -426,6 +555,9 @@ def state_diagram() -> str:
 
 PARTS: generated.Parts = {
     "numbers": numbers_table,
+    "seen": seen_table,
+    "profiles": profiles_table,
+    "motions": motions_table,
     "states": state_diagram,
     "reasons": reasons_table,
 }

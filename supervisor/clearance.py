@@ -360,7 +360,8 @@ def _limit_of_the_way_ahead(
     share = (before - keep) / np.maximum(before - clearance[first], GRAZE_M)
     share = np.where(entered[first], share, np.inf)
     nearest = int(share.argmin())
-    tau_s = step_s * (first + share.item(nearest))
+    # What was within the tolerance at the pose before counts as entered there, but never in the past.
+    tau_s = step_s * max(0.0, first + share.item(nearest))
     scale = (math.sqrt(lost_s * lost_s + 2.0 * braking_s * tau_s) - lost_s) / braking_s
     if around.kind is Kind.HIDDEN:
         scale = max(scale, barrier.hidden_creep_m_s / fastest_m_s)

@@ -10,7 +10,8 @@ looked up, starts the supervisor latched: its content is for people, and damage 
 
 import fcntl
 import os
-from collections.abc import Generator
+import threading
+from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -62,7 +63,7 @@ def is_recorded(directory: Path, namespace: str) -> bool:
 
 
 class RecordFiles:
-    """The record of one namespace in one directory. Every call may block for as long as the disk does.
+    """The record of one namespace in one directory. Calls block for as long as the disk does, except `mark`.
 
     Args:
         directory: made if it is missing.
@@ -76,6 +77,8 @@ class RecordFiles:
         self._ready = self._latched.with_suffix(".ready")
         self._lock = self._latched.with_suffix(".lock")
         self._lock_file: int | None = None
+        self._naming = threading.Lock()
+        """Held while the record gets or loses its name, and never while the disk is synchronised."""
 
     def read(self) -> bool:
         """Whether the record exists.
@@ -92,6 +95,25 @@ class RecordFiles:
             return False
         return True
 
+    def mark(self, is_wanted: Callable[[], bool]) -> None:
+        """Make the record exist for every later process of this machine, but not yet durably: that takes microseconds.
+
+        It may be called on another thread while any other call waits for the disk.
+
+        Args:
+            is_wanted: asked at the last moment: no `clear` comes between it and the record.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        with self._naming:
+            if not is_wanted() or os.path.lexists(self._latched):
+                return
+            try:
+                self._ready.rename(self._latched)
+            except FileNotFoundError:
+                self._write(self._latched)
+
     def latch(self) -> None:
         """Make the record exist durably; one that exists already may not be on disk yet.
 
@@ -100,24 +122,26 @@ class RecordFiles:
         """
         with _saying(NOT_RECORDED):
             self._make_directory()
-            if not os.path.lexists(self._latched):
-                if not os.path.lexists(self._ready):
-                    self._write_ready()
-                self._ready.rename(self._latched)
+            self.mark(lambda: True)
             _synchronise(self._directory)
         # Last: a record too many is safe.
         with _saying(NOT_RECORDED):
             self._own()
 
-    def clear(self) -> None:
-        """Remove the record durably.
+    def clear(self, is_wanted: Callable[[], bool]) -> None:
+        """Remove the record durably, unless that is no longer wanted.
+
+        Args:
+            is_wanted: asked at the last moment: no `mark` comes between it and the removal.
 
         Raises:
-            RecordError: it may still exist at the next start.
+            RecordError: the record may still exist at the next start.
         """
         with _saying(NOT_CLEARED):
             self._own()
-            self._latched.unlink(missing_ok=True)
+            with self._naming:
+                if is_wanted():
+                    self._latched.unlink(missing_ok=True)
             _synchronise(self._directory)
 
     def prepare(self) -> None:
@@ -128,7 +152,8 @@ class RecordFiles:
         """
         with _saying(NOT_PREPARED):
             self._own()
-            self._write_ready()
+            self._write(self._ready, synchronised=True)
+            _synchronise(self._directory)
 
     def holds(self, *, latched: bool) -> bool:
         """Whether the record still exists as `latch` made it; or else, whether a press could still be recorded.
@@ -148,14 +173,14 @@ class RecordFiles:
             os.close(self._lock_file)
             self._lock_file = None
 
-    def _write_ready(self) -> None:
-        file = os.open(self._ready, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
+    def _write(self, path: Path, *, synchronised: bool = False) -> None:
+        file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
         try:
             os.write(file, self._content)
-            os.fsync(file)
+            if synchronised:
+                os.fsync(file)
         finally:
             os.close(file)
-        _synchronise(self._directory)
 
     def _make_directory(self) -> None:
         missing = [p for p in (self._directory, *self._directory.parents) if not p.exists()]

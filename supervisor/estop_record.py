@@ -1,9 +1,10 @@
 """The e-stop record: a pressed e-stop outlives the supervisor that heard it.
 
-`EstopRecord` keeps a record on a disk as it was last asked to, on a thread of its own: asking never blocks, whatever
-the disk does. A record survives SIGKILL as soon as it is renamed, and a power failure once its directory is
-synchronised; `problem` is empty only after both. A crash in between leaves the e-stop latched, or, if it was never
-shown as recorded, as it was before the press.
+`EstopRecord` keeps a record on a disk as it was last asked to, on threads of its own: asking never blocks, whatever
+the disk does. One thread marks a press, which takes microseconds and survives SIGKILL, also while the other one waits
+for the disk. That one makes the record survive a power failure too, and carries out resets; `problem` is empty only
+after that. A crash in between leaves the e-stop latched, or, if it was never shown as recorded, as it was before the
+press.
 """
 
 import logging
@@ -41,6 +42,11 @@ class Record(Protocol):
         ...
 
     @property
+    def is_marked(self) -> bool:
+        """Whether the last press survives SIGKILL, or cannot be recorded; true if a reset came last."""
+        ...
+
+    @property
     def problem(self) -> str:
         """Why a pressed e-stop would not outlive this process, or a reset would be lost; empty: neither is so."""
         ...
@@ -63,9 +69,11 @@ class Disk(Protocol):
 
     def read(self) -> bool: ...
 
+    def mark(self, is_wanted: Callable[[], bool]) -> None: ...
+
     def latch(self) -> None: ...
 
-    def clear(self) -> None: ...
+    def clear(self, is_wanted: Callable[[], bool]) -> None: ...
 
     def prepare(self) -> None: ...
 
@@ -106,7 +114,7 @@ class EstopRecord:
     """A record on a disk, kept by a thread.
 
     One thread carries out the requests, and of several only the newest: a press after a reset cannot be overtaken by
-    that reset. The loop and the thread exchange immutable values without a lock, so neither waits for the other.
+    that reset. The loop and the threads exchange immutable values without a lock, so the loop waits for neither.
     """
 
     def __init__(self, disk: Disk, *, period_s: float = PERIOD_S, read_limit_s: float = READ_LIMIT_S) -> None:
@@ -121,11 +129,15 @@ class EstopRecord:
         self._period_s = period_s
         # Its `put` never blocks: it takes no lock that a descheduled thread could hold.
         self._requests: queue.SimpleQueue[_Request | None] = queue.SimpleQueue()
+        self._presses: queue.SimpleQueue[int | None] = queue.SimpleQueue()
+        self._marked = 0
+        """The number of the last press that was marked, or could not be."""
         self._on_change: Callable[[], None] | None = None
         self._found = True
         self._was_read, self._ended = threading.Event(), threading.Event()
         self._done = _Done(0, "")
         threading.Thread(target=self._run, name="e-stop record", daemon=True).start()
+        threading.Thread(target=self._mark, name="e-stop mark", daemon=True).start()
         if not self._was_read.wait(read_limit_s):
             _log.warning("the e-stop record was not read within %g s, so the e-stop is latched", read_limit_s)
         self._latched_at_start = self._latched = self._found
@@ -141,6 +153,11 @@ class EstopRecord:
         return self._done.number != self._asked.number
 
     @property
+    def is_marked(self) -> bool:
+        asked = self._asked
+        return asked.wish is not _Wish.LATCHED or self._marked >= asked.number or not self.is_pending
+
+    @property
     def problem(self) -> str:
         done = self._done
         return done.problem if done.number == self._asked.number else _PENDING[self._asked.wish]
@@ -154,14 +171,25 @@ class EstopRecord:
             self._ask(_Wish.LATCHED if latched else _Wish.RESET)
 
     def close(self) -> None:
+        self._presses.put(None)
         self._requests.put(None)
         self._ended.wait(CLOSE_LIMIT_S)
 
     def _ask(self, wish: _Wish) -> None:
         self._asked = _Request(self._asked.number + 1, wish)
+        if wish is _Wish.LATCHED:
+            self._presses.put(self._asked.number)
         self._requests.put(self._asked)
 
-    # --- on the thread
+    # --- on the threads
+
+    def _mark(self) -> None:
+        """Mark each press at once, also while the other thread waits for the disk."""
+        while (number := self._presses.get()) is not None:
+            with suppress(Exception):  # the other thread finds the same, and reports it
+                self._disk.mark(self._wants_latched)
+            self._marked = number
+            self._announce()
 
     def _run(self) -> None:
         try:
@@ -180,6 +208,10 @@ class EstopRecord:
         with suppress(OSError):
             self._disk.close()
         self._ended.set()
+
+    def _wants_latched(self) -> bool:
+        """Whether the newest request is a press: it is known before either thread acts on it."""
+        return self._asked.wish is _Wish.LATCHED
 
     def _next(self, limit_s: float | None) -> tuple[_Request | None, bool]:
         """The newest request, None if there is none within `limit_s`, and whether `close` was called."""
@@ -210,7 +242,7 @@ class EstopRecord:
                 self._disk.latch()
             else:
                 if request.wish is _Wish.RESET:
-                    self._disk.clear()
+                    self._disk.clear(lambda: not self._wants_latched())
                     # A record that appears from now on was not reset.
                     request = request._replace(wish=_Wish.PREPARED)
                 self._disk.prepare()
@@ -219,9 +251,12 @@ class EstopRecord:
         if problem and problem != self._done.problem:
             _log.warning("%s", problem)
         self._done = _Done(request.number, problem)
+        self._announce()
+        return request
+
+    def _announce(self) -> None:
         if self._on_change is not None:
             self._on_change()
-        return request
 
 
 class MemoryRecord:
@@ -231,6 +266,7 @@ class MemoryRecord:
         self.latched = latched
         self.problem = problem
         self.is_pending = False
+        self.is_marked = True
         self._on_change: Callable[[], None] | None = None
 
     @property

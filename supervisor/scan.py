@@ -31,6 +31,12 @@ BLANK_DROP = 0.1
 """A scan with less than a tenth of the returns, right after one with returns on a tenth of its beams, is no
 scan. It stays so until returns come back: a lidar that has lost its light looks just the same."""
 
+LEAST_INCREMENT_RAD = 1e-6
+"""Of no lidar are neighbouring beams closer; a thousandth of what real ones have."""
+
+LEAST_M = 1e-6
+"""What is at the lidar itself is this far away: zero stands for a ray of which nothing is known."""
+
 HALVINGS = 40
 """Of a few metres: to far below a micrometre."""
 
@@ -138,6 +144,8 @@ class ScanReading(NamedTuple):
     """The hull's way at the first of those."""
     return_share: float
     """Of the beams; of the last scan that was not blank, if this one is."""
+    has_returned: bool
+    """Something has returned to this lidar, now or at any time before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,14 +211,15 @@ def read_scan(
     rays = rays_of(geometry, lidar.mount, hull)
     readings = explain(scan.ranges, scan.range_min, scan.range_max, lidar.profile)
     # Nothing can be inside the hull: what reads so is at its outline, in the direction of its beam.
-    distance_m = np.maximum(readings.distance_m, rays.hull_m)
+    distance_m = np.maximum(readings.distance_m, np.maximum(rays.hull_m, LEAST_M))
     hit = readings.hit & rays.looking
     (hits,) = hit.nonzero()
     share = len(hits) / geometry.beams
     view = _view(before, geometry, hit, readings.explained & rays.looking, distance_m, scan, moment, lidar)
     if not view.is_whole and not view.free_m.any():
         problem = "no reading that the profile explains"
-    elif len(hits) == 0 and not in_the_open and (previous is None or previous.return_share == 0.0):
+    has_returned = len(hits) > 0 or (previous is not None and previous.has_returned)
+    if problem is None and not (has_returned or in_the_open):
         problem = "nothing has returned yet; turn `works_in_the_open` on if that is as it should be"
     repeats, since_m = 0, moment.travelled_m
     if previous is not None:
@@ -245,6 +254,7 @@ def read_scan(
         repeats,
         since_m,
         share,
+        has_returned,
     )
 
 
@@ -266,6 +276,7 @@ def _of_no_use(
         0,
         moment.travelled_m,
         share,
+        previous is not None and previous.has_returned,
     )
 
 
@@ -381,7 +392,7 @@ def _contradiction(scan: LaserScan, min_beams: int) -> str | None:
         return f"{beams} beams, fewer than {min_beams}"
     if not all(map(math.isfinite, (scan.angle_min, increment, scan.range_min, scan.range_max))):
         return "geometry that is not finite"
-    if increment == 0.0 or abs(increment) * (beams - 1) > 2 * math.pi + 1e-3:
+    if abs(increment) < LEAST_INCREMENT_RAD or abs(increment) * (beams - 1) > 2 * math.pi + 1e-3:
         return f"{beams} beams of {increment:g} rad are more than a turn, or none"
     last = scan.angle_min + increment * (beams - 1)
     if scan.angle_max is not None and not abs(scan.angle_max - last) <= ANGLE_SLACK_BEAMS * abs(increment):

@@ -120,8 +120,6 @@ def hidden_places(
         parts.append((rays.direction[:, silent], view.free_m[silent]))
     if not (view.is_whole and gaps.is_round):
         parts.extend(_holes(view, rays.direction, gaps, smallest_m, far_m))
-    if not parts:
-        return NO_POINTS
     direction = np.concatenate([part[0] for part in parts], axis=1)
     distance_m = np.concatenate([part[1] for part in parts])
     lookouts = others()
@@ -191,13 +189,17 @@ def _sees_free(
     beam = ((np.arctan2(away_y, away_x) - lookout.yaw_rad - angle_min) / increment) % turn
     first = np.floor(beam).astype(np.int64)
     second = first + 1
+    fits_m: Floats = np.full(first.shape, hiding_distance_m(np.array(abs(increment)), smallest_m))
     if is_full_turn(lookout.geometry):
-        first, second = first % count, second % count
+        seam = second >= count
+        second[seam] = 0
+        fits_m[seam] = hiding_distance_m(
+            np.array(_seam_rad(lookout.geometry)).clip(abs(increment)), smallest_m
+        )
     inside = second < count
     ends_m = np.minimum(
         lookout.free_m[np.minimum(first, count - 1)], lookout.free_m[np.minimum(second, count - 1)]
     )
-    fits_m = float(hiding_distance_m(np.array(abs(increment)), smallest_m))
     return inside & (ends_m > distance_m + SEEN_MARGIN_M) & (distance_m < fits_m)
 
 
@@ -221,6 +223,11 @@ def lookout(view: View, mount: Mount, pose: Pose, from_pose: Pose) -> Lookout:
     )
 
 
+def _seam_rad(geometry: Geometry) -> float:
+    """Between the last beam and the first; of a full turn up to half an increment more than between two others."""
+    return 2 * math.pi - abs(geometry.increment) * (geometry.beams - 1)
+
+
 @lru_cache(maxsize=16)
 def _gaps(geometry: Geometry, mount: Mount, hull: Hull, smallest_m: float) -> _Gaps:
     count, angle_min, increment = geometry
@@ -230,9 +237,13 @@ def _gaps(geometry: Geometry, mount: Mount, hull: Hull, smallest_m: float) -> _G
         + angle_min
         + increment * (np.arange(count if full else count - 1, dtype=np.float64) + 0.5)
     )
+    width = np.full(len(middle), abs(increment))
+    if full:
+        middle[-1] += math.copysign(_seam_rad(geometry) - abs(increment), increment) / 2.0
+        width[-1] = max(_seam_rad(geometry), abs(increment))
     between = unit_vectors(middle)
-    nearest_m = float(hiding_distance_m(np.array(abs(increment)), smallest_m))
-    rest_rad = 0.0 if full else 2 * math.pi - abs(increment) * (count - 1)
+    fits_m = hiding_distance_m(width, smallest_m)
+    rest_rad = 0.0 if full else _seam_rad(geometry)
     number = max(1, math.ceil(rest_rad / OUTSIDE_SPACING_RAD)) - 1 if rest_rad else 0
     last = mount.yaw_rad + angle_min + increment * (count - 1)
     sign = math.copysign(1.0, increment)
@@ -240,8 +251,8 @@ def _gaps(geometry: Geometry, mount: Mount, hull: Hull, smallest_m: float) -> _G
     outside = unit_vectors(ahead)
     return _Gaps(
         full,
-        nearest_m,
-        np.maximum(nearest_m, _crossing(hull, mount, between).leaves_m),
+        float(fits_m.min()),
+        np.maximum(fits_m, _crossing(hull, mount, between).leaves_m),
         between,
         outside,
         _crossing(hull, mount, rays_of(geometry, mount, hull).direction),

@@ -25,7 +25,7 @@ _log = logging.getLogger(__name__)
 COMMAND_DEPTH = 32
 """Commands of one source kept between two steps; the newest of a flood, the whole of a hasty operator."""
 ESTOP_DEPTH = 32
-RESET_ON_DISK_S = 0.5
+RESET_ON_DISK_S = 0.3
 """How long the answer to a reset waits for the disk."""
 
 
@@ -182,24 +182,24 @@ class SupervisorService:
     def _publish_status(self, decision: Decision, now_s: float) -> None:
         """Publish a status when its time has come, and at once on a change.
 
-        While the record is being written, a change waits for it, for one tick at most: a status that shows an e-stop
-        and names no problem of its record then proves that the e-stop is on disk.
+        A press is shown once its record survives SIGKILL, at the next regular status at the latest; and one that is on
+        disk within a tick is never shown as one that is not.
         """
-        if not self._estop_record.is_pending:
+        record = self._estop_record
+        if not record.is_pending:
             self._recording_since_s = None
         elif self._recording_since_s is None:
             self._recording_since_s = now_s
-        problem = self._estop_record.problem
-        outline = (*_outline(decision), decision.causes, problem)
-        is_due = now_s >= self._next_status_s
-        if not is_due and outline == self._told:
+        outline = (*_outline(decision), decision.causes, record.problem)
+        if now_s < self._next_status_s and outline == self._told:
             return
         since_s = self._recording_since_s
-        if since_s is not None and now_s - since_s < self._tick_s and self._told is not None:
+        patience_s = self._tick_s if record.is_marked else self._status_s
+        if since_s is not None and now_s - since_s < patience_s and self._told is not None:
             return
         self._told = outline
         self._next_status_s = now_s + self._status_s
-        self._status.put(to_status(decision, now_s, problem))
+        self._status.put(to_status(decision, now_s, record.problem))
 
     async def _on_reset(self, _: str) -> TriggerResponse:
         waiting: asyncio.Future[Reply] = self._loop.create_future()

@@ -81,6 +81,7 @@ class MemoryKeeper:
         """For a process that ends by itself and has said so: nothing has to be noticed any more."""
         if self._pid is not None:
             with suppress(ProcessLookupError):
+                expedite(self._pid)
                 os.kill(self._pid, signal.SIGKILL)
 
     def _keep(self) -> None:
@@ -107,6 +108,12 @@ class MemoryKeeper:
             return  # a C library that has not got all of these
         finally:
             self._made.set()
+
+
+def expedite(pid: int) -> None:
+    """Let a keeper run like any other process, so that it ends at once also where the processor is busy."""
+    with suppress(OSError):
+        os.sched_setscheduler(pid, os.SCHED_OTHER, os.sched_param(0))
 
 
 def is_keeper(pid: int) -> bool:

@@ -12,7 +12,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Coroutine
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from typing import Any, NoReturn
 
 from wire.bus import BusError
@@ -34,10 +34,10 @@ def run_process(name: str, main: Main) -> NoReturn:
 
     `stop` is set by SIGTERM, SIGINT and SIGHUP; main then has `STOP_LIMIT_S` to come to its end.
     """
-    keeper = MemoryKeeper()
+    at_end = ExitStack()
     code = EXIT_FAILURE
     try:
-        code = asyncio.run(_supervised(main))
+        code = asyncio.run(_supervised(main, at_end))
     except BusError as error:
         print(f"{name}: {error}", file=sys.stderr)
     except Exception:  # noqa: BLE001 - the last stop before the process ends
@@ -47,11 +47,11 @@ def run_process(name: str, main: Main) -> NoReturn:
             logging.shutdown()
             sys.stdout.flush()
             sys.stderr.flush()
-        keeper.end()
+        at_end.close()
         os._exit(code)
 
 
-async def _supervised(main: Main) -> int:
+async def _supervised(main: Main, at_end: ExitStack) -> int:
     loop = asyncio.get_running_loop()
     stop = asyncio.Event()
     failed: asyncio.Future[int] = loop.create_future()
@@ -69,6 +69,8 @@ async def _supervised(main: Main) -> int:
     loop.set_exception_handler(on_unhandled)
     for number in STOP_SIGNALS:
         loop.add_signal_handler(number, on_signal)
+    # Not before the handlers: a signal that ends the process without them would leave the keeper behind.
+    at_end.callback(MemoryKeeper().end)
     running = asyncio.ensure_future(main(stop))
     await asyncio.wait({running, failed}, return_when=asyncio.FIRST_COMPLETED)
     if not running.done():

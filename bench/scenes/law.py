@@ -24,7 +24,12 @@ def config_of(scene: Scene) -> LawConfig:
         for number, lidar in enumerate(scene.lidars)
     )
     return replace(
-        SupervisorSection().law(), hull=scene.hull, lidars=lidars, odometry=scene.odometry_scale is not None
+        SupervisorSection().law(),
+        hull=scene.hull,
+        lidars=lidars,
+        odometry=scene.odometry_scale is not None,
+        base_acceleration_m_s2=scene.base.acceleration_m_s2,
+        base_angular_acceleration_rad_s2=scene.base.acceleration_m_s2 / scene.hull.radius_m,
     )
 
 

@@ -109,6 +109,52 @@ class Scripted:
         return STANDSTILL if stopped or now_s < self._from_s else self._wanted
 
 
+class Chaser:
+    """Drives at one place, ahead or astern, and after every stop again."""
+
+    def __init__(self, place: tuple[float, float], speed_m_s: float, *, spins: bool) -> None:
+        self._place, self._speed_m_s, self._spins = place, speed_m_s, spins
+
+    def asks(self, now_s: float, pose: Pose, twist: Velocity, *, stopped: bool) -> Velocity:  # noqa: ARG002
+        if stopped or now_s < SETTLE_S:
+            return STANDSTILL
+        x_m, y_m = self._place
+        bearing = math.remainder(math.atan2(y_m - pose.y_m, x_m - pose.x_m) - pose.yaw_rad, 2 * math.pi)
+        ahead = 1.0 if abs(bearing) < math.pi / 2 else -1.0
+        error = bearing if ahead > 0.0 else math.remainder(bearing - math.pi, 2 * math.pi)
+        turn = max(-FASTEST_RAD_S, min(FASTEST_RAD_S, 4.0 * error))
+        if self._spins and abs(error) > 0.1:
+            return Velocity(0.0, turn)
+        return Velocity(ahead * self._speed_m_s, turn if abs(error) > 0.02 else 0.0)
+
+
+class Stubborn:
+    """Asks for one twist all the time after a first neutral, and never lets go."""
+
+    def __init__(self, wanted: Velocity) -> None:
+        self._wanted = wanted
+
+    def asks(self, now_s: float, pose: Pose, twist: Velocity, *, stopped: bool) -> Velocity:  # noqa: ARG002
+        return STANDSTILL if now_s < SETTLE_S else self._wanted
+
+
+class Reverser:
+    """Drives at full speed ahead and astern, straight and on arcs, and reverses while the base still moves."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._rng = rng
+        self._wanted = Velocity(FASTEST_M_S, 0.0)
+        self._until_s = SETTLE_S + 0.8
+
+    def asks(self, now_s: float, pose: Pose, twist: Velocity, *, stopped: bool) -> Velocity:  # noqa: ARG002
+        if now_s >= self._until_s:
+            rng = self._rng
+            self._until_s = now_s + float(rng.uniform(0.2, 1.2))
+            turn = float(rng.choice([0.0, rng.uniform(-FASTEST_RAD_S, FASTEST_RAD_S)]))
+            self._wanted = Velocity(math.copysign(FASTEST_M_S, -self._wanted.linear_m_s), turn)
+        return STANDSTILL if stopped or now_s < SETTLE_S else self._wanted
+
+
 def _nearest_on_segment(x_m: float, y_m: float, start: list[float], end: list[float]) -> tuple[float, float]:
     side_x, side_y = end[0] - start[0], end[1] - start[1]
     square = side_x * side_x + side_y * side_y

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from bench.scenes.run import Outcome
 
 LISTED = 20
+GONE_M = 0.3
+"""A robot that has driven less has tried little."""
 
 
 @dataclass
@@ -17,7 +19,7 @@ class Tally:
     violations: int = 0
     contacts: int = 0
     least_m: float = math.inf
-    """The smallest clearance of the runs that started beyond the bound."""
+    """The smallest clearance, less the scene's own bound."""
     least_seed: int = -1
 
     def add(self, outcome: Outcome) -> None:
@@ -37,6 +39,8 @@ class Summary:
     tags: dict[str, Tally] = field(default_factory=dict[str, Tally])
     stops: Counter[str] = field(default_factory=Counter[str])
     skipped: int = 0
+    went: int = 0
+    """Scenes in which the robot drove farther than `GONE_M`."""
     travelled_m: float = 0.0
     driven_s: float = 0.0
     stopped_s: float = 0.0
@@ -47,6 +51,7 @@ class Summary:
         for tag in outcome.tags:
             self.tags.setdefault(tag, Tally()).add(outcome)
         self.stops.update(outcome.stops)
+        self.went += outcome.travelled_m > GONE_M
         self.travelled_m += outcome.travelled_m
         self.driven_s += outcome.duration_s
         self.stopped_s += outcome.stopped_s
@@ -60,7 +65,7 @@ class Summary:
             f"scenes      {total.runs} ({self.skipped} skipped), {self.driven_s:.0f} s of driving",
             f"violations  {total.violations}, of which {total.contacts} contacts",
             f"least margin {total.least_m * 1000:.1f} mm beyond the bound (seed {total.least_seed})",
-            f"driven      {self.travelled_m:.0f} m; stopped {self.stopped_s / max(self.driven_s, 1e-9):.1%} of the time",
+            f"driven      {self.travelled_m:.0f} m, more than {GONE_M} m in {self.went} scenes; stopped {self.stopped_s / max(self.driven_s, 1e-9):.1%} of the time",
             "stops       " + ", ".join(f"{reason} {count}" for reason, count in self.stops.most_common()),
             f"{'':24}{'scenes':>8}{'viol.':>8}{'contact':>8}{'least margin':>15}{'seed':>9}",
         ]

@@ -122,6 +122,20 @@ async def test_zero_does_not_wait_for_the_disk_and_the_status_waits_for_it_one_t
         assert recorded.message.estop_record_problem == ""
 
 
+async def test_a_press_that_would_not_survive_a_kill_yet_is_shown_with_the_next_regular_status() -> None:
+    rig, record = Rig(), SlowRecord()
+    async with robot(rig, record):
+        await rig.drive(0.5)
+        await rig.pass_time(0.005)
+        rig.status.take()
+        record.is_held, record.is_marked = True, False
+        pressed_s = press(rig)
+        await asyncio.sleep(0.3)
+        shown_s = [a.arrival_s for a in rig.status.take() if a.message and "ESTOP" in a.message.reasons]
+        assert shown_s[0] - pressed_s == pytest.approx(0.1, abs=TICK_S)
+        assert rig.output() == ZERO
+
+
 async def test_a_fast_disk_lets_the_first_status_show_a_recorded_estop() -> None:
     rig, record = Rig(), SlowRecord()
     async with robot(rig, record):

@@ -14,7 +14,9 @@ import pytest
 from deploy.errors import DeployError
 from deploy.faults import campaign as campaigns
 from deploy.faults import world
+from deploy.faults.classes import classes_by_themselves
 from deploy.faults.demands import may_be_locked_out
+from deploy.faults.scenario import draw
 from deploy.faults.trial import Trial, parse, read_trials
 from deploy.faults.virtual import run_trial
 from sim.config import SimSection
@@ -123,6 +125,24 @@ def test_a_teleop_whose_place_was_taken_while_it_hung_comes_back_by_itself(seed:
     trial = run_trial(seed)
     assert may_be_locked_out({fault.fault for fault in trial.faults})
     assert trial.violations == ()
+
+
+OWN_SEEDS = {draw(seed).faults[0].name: seed for seed in range(7, 10 * len(classes_by_themselves()), 10)}
+
+
+@pytest.mark.parametrize("name", OWN_SEEDS)
+def test_each_class_with_trials_of_its_own_keeps_every_promise(name: str) -> None:
+    for number in range(3):
+        seed = OWN_SEEDS[name] + 10 * len(OWN_SEEDS) * number
+        trial = run_trial(seed)
+        assert [fault.fault for fault in trial.faults] == [name]
+        assert trial.faults[0].speed_m_s > 0.1, "it moved, or nothing was tried"
+        assert trial.violations == (), f"lifeline faults --virtual --seed {seed}"
+
+
+@pytest.mark.parametrize("name", ["wire_second_lidar_steady", "sim_scan_dropout"])
+def test_what_happens_by_chance_within_a_trial_is_the_same_for_the_same_seed(name: str) -> None:
+    assert run_trial(OWN_SEEDS[name]).line() == run_trial(OWN_SEEDS[name]).line()
 
 
 # --- the command

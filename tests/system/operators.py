@@ -6,7 +6,6 @@ import os
 import pty
 import re
 import signal
-import socket
 import struct
 import subprocess
 import sys
@@ -20,6 +19,7 @@ from typing import Any
 import pyte
 import pytest
 
+from tests.system.ports import free_endpoint
 from wire import topics
 from wire.messages import SafetyStatus, TriggerResponse, Twist, header
 from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
@@ -41,12 +41,6 @@ async def until(condition: Callable[[], object], limit_s: float = LIMIT_S) -> fl
             pytest.fail(f"not within {limit_s} s")
         await asyncio.sleep(0.005)
     return time.monotonic() - start_s
-
-
-def free_endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 class Hub:

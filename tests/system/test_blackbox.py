@@ -36,6 +36,7 @@ async def drive_and_kill_teleop(subject: Robot) -> float:
     return subject.kill(topics.TELEOP)
 
 
+@pytest.mark.timed
 async def test_a_killed_teleop_leaves_a_file_whose_decisions_another_process_finds_the_same(
     tmp_path: Path,
 ) -> None:

@@ -3,9 +3,12 @@
 import subprocess
 import sys
 
+import pytest
+
 LIMIT_S = 100
 
 
+@pytest.mark.timed
 def test_the_demo_keeps_every_promise_it_checks() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "deploy.cli", "demo", "--quick"],

@@ -76,6 +76,7 @@ def campaign() -> Generator[Campaign]:
     shutil.rmtree(directory, ignore_errors=True)
 
 
+@pytest.mark.timed
 def test_one_fault_of_each_kind_is_done_measured_and_kept(campaign: Campaign) -> None:
     classes = "teleop_sigkill,supervisor_sigkill,sim_scan_nan,net_healed,wire_rogue_cmd_vel"
     code, said = campaign.run("--classes", classes, "--trials", "1", "--seed", "3")
@@ -117,6 +118,7 @@ def test_a_campaign_whose_time_is_over_before_every_class_was_tried_fails_and_na
     assert campaign.left() == []
 
 
+@pytest.mark.timed
 def test_a_campaign_that_is_interrupted_keeps_what_it_has_and_leaves_nothing_behind(
     campaign: Campaign,
 ) -> None:

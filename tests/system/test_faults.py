@@ -26,6 +26,7 @@ def say(text: str) -> None:
     print(f"\n    measured: {text}")
 
 
+@pytest.mark.timed
 async def test_ten_teleops_killed_at_speed_each_stop_the_robot_well_before_the_timeout(
     tmp_path: Path,
 ) -> None:
@@ -55,6 +56,7 @@ async def test_ten_teleops_killed_at_speed_each_stop_the_robot_well_before_the_t
     assert max(d for _, d in to_rest) < 0.2
 
 
+@pytest.mark.timed
 async def test_a_stopped_teleop_is_timed_out_and_moves_nothing_when_it_wakes_up(tmp_path: Path) -> None:
     async with robot(tmp_path) as subject:
         await subject.until(lambda: subject.status.owner == topics.TELEOP, "teleop's heartbeat")
@@ -141,6 +143,7 @@ async def test_a_stopped_supervisor_lets_the_base_brake_within_its_own_timeout(t
         await subject.never(lambda: abs(subject.speed_m_s) > 0.01, "it moved before neutral", 0.5)
 
 
+@pytest.mark.timed
 async def test_a_killed_sim_stops_everything_and_its_return_moves_nothing(tmp_path: Path) -> None:
     async with robot(tmp_path) as subject:
         await subject.until(lambda: subject.status.owner == topics.TELEOP, "teleop's heartbeat")
@@ -157,6 +160,7 @@ async def test_a_killed_sim_stops_everything_and_its_return_moves_nothing(tmp_pa
         await subject.drive()
 
 
+@pytest.mark.timed
 async def test_a_pillar_dropped_ahead_of_a_fast_robot_stops_it_short(tmp_path: Path) -> None:
     async with robot(tmp_path) as subject:
         await subject.until(lambda: subject.status.owner == topics.TELEOP, "teleop's heartbeat")
@@ -173,6 +177,7 @@ async def test_a_pillar_dropped_ahead_of_a_fast_robot_stops_it_short(tmp_path: P
         await back_out(subject)
 
 
+@pytest.mark.timed
 async def test_driven_straight_at_the_rack_it_stops_short_and_backs_out(tmp_path: Path) -> None:
     async with robot(tmp_path) as subject:
         await subject.until(lambda: subject.status.owner == topics.TELEOP, "teleop's heartbeat")

@@ -175,6 +175,7 @@ async def test_a_queue_of_the_kernel_that_overflows_stops_it(monkeypatch: pytest
 
 
 @needs_uinput
+@pytest.mark.timed
 async def test_motion_sensors_of_the_kernel_are_a_pulse(monkeypatch: pytest.MonkeyPatch) -> None:
     """While they speak, a stick held still drives on; when they fall silent, it stops within their limit."""
     monkeypatch.setattr(gamepad_device, "PULSE_PERIOD_S", 0.01)
@@ -219,6 +220,7 @@ def start_teleop(subject: Robot, config: str) -> None:
 
 
 @needs_uinput
+@pytest.mark.timed
 async def test_the_wheels_obey_the_stick_and_stop_for_the_button_and_the_plug(tmp_path: Path) -> None:
     async with robot(tmp_path, teleop=False) as subject:
         with virtual_pad() as pad:

@@ -68,6 +68,7 @@ async def at_rest(subject: Robot) -> None:
     await subject.until(lambda: abs(subject.speed_m_s) < 0.005, "standstill")
 
 
+@pytest.mark.timed
 async def test_a_square_is_driven_recorded_and_driven_again(tmp_path: Path) -> None:
     async with robot(tmp_path, teleop=False) as subject:
         recording = Recording(subject, tmp_path / "square.mcap")
@@ -123,6 +124,7 @@ async def test_the_operator_takes_over_and_enter_goes_on(tmp_path: Path) -> None
             terminal.close(force=True)
 
 
+@pytest.mark.timed
 async def test_whatever_ends_a_path_without_a_terminal_stops_the_robot(tmp_path: Path) -> None:
     async with robot(tmp_path, teleop=False) as subject:
         async with path(subject, "circle", "--radius", "0.6") as first:

@@ -65,6 +65,7 @@ def odometry_times_ns(file: Path) -> list[int]:
     return times_ns
 
 
+@pytest.mark.timed
 async def test_a_recorder_that_is_killed_or_has_no_room_loses_about_a_second_and_the_rest_can_be_read(
     tmp_path: Path,
 ) -> None:

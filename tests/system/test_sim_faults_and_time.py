@@ -55,6 +55,7 @@ async def test_each_fault_of_the_lidar_stops_a_moving_robot_for_the_right_reason
         await subject.drive("www", 0.3)
 
 
+@pytest.mark.timed
 async def test_a_fault_from_the_start_and_twice_the_speed_are_taken_from_the_command_line(
     tmp_path: Path,
 ) -> None:
@@ -90,6 +91,7 @@ async def test_a_fault_from_the_start_and_twice_the_speed_are_taken_from_the_com
         await subject.close()
 
 
+@pytest.mark.timed
 async def test_real_time_is_kept_and_a_stall_is_told(tmp_path: Path) -> None:
     async with robot(tmp_path, teleop=False) as subject:
         assert subject.bus is not None
@@ -139,6 +141,7 @@ async def test_a_paused_sim_is_stale_and_steps_and_runs_on_request(tmp_path: Pat
         await subject.drive()
 
 
+@pytest.mark.timed
 async def test_ten_times_too_fast_for_the_machine_the_base_still_brakes_when_its_supervisor_dies(
     tmp_path: Path,
 ) -> None:

@@ -61,6 +61,7 @@ async def until_ring(server: XServer, mode: Mode, subject: Robot) -> None:
     raise AssertionError(f"no ring of {mode}, only {seen} pixels; {subject.picture()}")
 
 
+@pytest.mark.timed
 async def test_the_window_shows_what_holds_keeps_the_pace_and_may_be_closed(tmp_path: Path) -> None:
     with x_server(tmp_path) as server:
         subject = Robot(free_endpoint(), tmp_path)

@@ -137,6 +137,7 @@ async def test_a_stranger_cannot_pose_as_the_supervisor() -> None:
             await watcher.close()
 
 
+@pytest.mark.timed
 async def test_a_killed_process_loses_its_token_within_milliseconds() -> None:
     async with hub_and_client() as (hub, _, config):
         changes = hub.watch_alive()

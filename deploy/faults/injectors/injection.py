@@ -34,8 +34,6 @@ class Injection:
     """What it makes a machine's scheduling slower by; told in the record."""
 
     pillar = Pillar.BY_CHANCE
-    top_speed_m_s = 1.0
-    """A fault that is there from the beginning may not let it drive faster than this."""
     keys: Sequence[str] = "wwadxs"
     """What the operator types meanwhile, one of these again and again, unless something has to stop the robot."""
 

@@ -109,6 +109,7 @@ def test_a_reset_starts_at_the_origin_from_wherever_the_wheels_are() -> None:
 TOUR = ((0.8, 0.0, 5.0), (0.3, 0.8, 4.0), (0.8, -0.1, 5.0), (-0.4, 0.2, 3.0))
 
 
+@pytest.mark.proof
 def test_its_covariance_is_as_large_as_its_error_is_over_many_robots() -> None:
     true = drive(Odometer(WHEELS, PERFECT), *TOUR)
     robots = np.random.default_rng(5)

@@ -104,3 +104,24 @@ def test_a_ring_that_would_be_made_of_nothing_is_drawn_before_the_first_scan_as_
     subject = scene()
     Overlay(subject, Circle(0.0, 0.0, 0.25), (LidarConfig(),)).update(0.0, 0.0, 0.0, Shown())
     assert subject.ngeom == 3 * SEGMENTS
+
+
+def test_the_points_of_two_lidars_lie_where_their_mounts_say() -> None:
+    front = LidarConfig(beams=2, span_rad=math.pi, x_m=0.3, y_m=0.2, yaw_rad=0.5 * math.pi)
+    rear = LidarConfig(beams=1, span_rad=1.0, x_m=-0.3, y_m=-0.2, yaw_rad=math.pi)
+    subject = scene(geoms_needed((front, rear)))
+    overlay = Overlay(subject, Rectangle(0.0, 0.0, 0.0, 0.3, 0.2), (front, rear))
+    ranges = (np.array((1.0, math.nan), np.float32), np.array((2.0,), np.float32))
+    overlay.update(1.0, 0.0, 0.5 * math.pi, Shown(ranges=ranges))
+    assert subject.ngeom == 3 * SEGMENTS + 2
+    places = [subject.geoms[3 * SEGMENTS + number].pos.tolist() for number in range(2)]
+    # The front one's first beam looks along the robot's x axis, which is the world's y axis now.
+    assert places[0] == pytest.approx([1.0 - 0.2, 0.3 + 1.0, front.height_m])
+    assert places[1] == pytest.approx([1.0 + 0.2, -0.3 - 2.0, rear.height_m])
+
+
+def test_before_a_lidar_s_first_scan_none_of_its_points_is_drawn() -> None:
+    subject = scene()
+    overlay = Overlay(subject, Circle(0.0, 0.0, 0.25), (LidarConfig(beams=2), LidarConfig(beams=2)))
+    overlay.update(0.0, 0.0, 0.0, Shown(ranges=(np.empty(0, np.float32), np.ones(2, np.float32))))
+    assert subject.ngeom == 3 * SEGMENTS + 2

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import threading
 from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,10 @@ def files(tmp_path: Path) -> Generator[RecordFiles]:
     files = RecordFiles(tmp_path / "state", ROBOT)
     yield files
     files.close()
+
+
+def still_wanted() -> bool:
+    return True
 
 
 def read_anew(directory: Path, namespace: str = ROBOT) -> bool:
@@ -47,7 +52,7 @@ def test_a_press_is_found_until_it_is_cleared(files: RecordFiles, tmp_path: Path
     assert read_anew(tmp_path / "state")
     assert is_recorded(tmp_path / "state", ROBOT)
     assert "reset the e-stop" in record_path(tmp_path / "state", ROBOT).read_text()
-    files.clear()
+    files.clear(still_wanted)
     files.close()
     assert not read_anew(tmp_path / "state")
 
@@ -56,16 +61,61 @@ def test_pressing_twice_and_clearing_twice_changes_nothing_more(files: RecordFil
     files.latch()
     files.latch()
     assert files.read()
-    files.clear()
-    files.clear()
+    files.clear(still_wanted)
+    files.clear(still_wanted)
     assert not files.read()
+
+
+def test_a_mark_is_found_by_the_next_process_with_and_without_a_prepared_file(
+    files: RecordFiles, tmp_path: Path
+) -> None:
+    files.prepare()
+    for _ in range(2):
+        files.mark(still_wanted)
+        files.mark(still_wanted)
+        files.close()
+        assert read_anew(tmp_path / "state")
+        assert "reset the e-stop" in record_path(tmp_path / "state", ROBOT).read_text()
+        files.clear(still_wanted)
+    assert not files.read()
+
+
+def test_a_mark_that_is_no_longer_wanted_leaves_nothing(files: RecordFiles) -> None:
+    files.prepare()
+    files.mark(lambda: False)
+    assert not files.read()
+
+
+def test_a_reset_that_is_no_longer_wanted_removes_nothing(files: RecordFiles) -> None:
+    files.latch()
+    files.clear(lambda: False)
+    assert files.read()
+
+
+def test_a_mark_does_not_wait_for_the_disk(files: RecordFiles, monkeypatch: pytest.MonkeyPatch) -> None:
+    files.prepare()
+    waits, goes_on = threading.Event(), threading.Event()
+
+    def slow(_: int) -> None:
+        waits.set()
+        assert goes_on.wait(20.0)
+
+    monkeypatch.setattr(os, "fsync", slow)
+    preparing = threading.Thread(target=files.prepare)
+    preparing.start()
+    assert waits.wait(20.0)
+    files.mark(still_wanted)
+    assert files.read()
+    goes_on.set()
+    preparing.join()
+    assert files.read()
 
 
 def test_each_namespace_has_a_record_of_its_own(files: RecordFiles, tmp_path: Path) -> None:
     files.latch()
     assert not read_anew(tmp_path / "state", "other")
     other = RecordFiles(tmp_path / "state", "other")
-    other.clear()
+    other.clear(still_wanted)
     other.close()
     assert files.read()
 
@@ -128,7 +178,7 @@ def test_a_directory_in_the_records_place_stays_latched_and_says_that_it_cannot_
     files = RecordFiles(tmp_path, ROBOT)
     files.latch()
     with pytest.raises(RecordError, match=r"the reset cannot be recorded.*Is a directory"):
-        files.clear()
+        files.clear(still_wanted)
     files.close()
     assert read_anew(tmp_path)
 
@@ -185,7 +235,7 @@ def test_a_second_supervisor_of_the_namespace_proves_nothing_and_clears_nothing(
         second.prepare()
     files.latch()
     with pytest.raises(RecordError, match="another supervisor holds"):
-        second.clear()
+        second.clear(still_wanted)
     assert files.read()
 
 
@@ -201,7 +251,7 @@ def test_the_lock_passes_to_the_next_process(files: RecordFiles, tmp_path: Path)
     files.latch()
     files.close()
     second = RecordFiles(tmp_path / "state", ROBOT)
-    second.clear()
+    second.clear(still_wanted)
     second.close()
 
 
@@ -267,7 +317,10 @@ def crashed(directory: Path, number: int, monkeypatch: pytest.MonkeyPatch) -> li
         crash_before(number, patched)
         try:
             for name in ("latch", "clear", "prepare", "latch"):
-                getattr(files, name)()
+                if name == "clear":
+                    files.clear(still_wanted)
+                else:
+                    getattr(files, name)()
                 finished.append(name)
         except Crash:
             pass

@@ -34,6 +34,7 @@ class FakeDisk:
         self.failing = ""
         self.attempts: list[str] = []
         self.closed = threading.Event()
+        self._naming = threading.Lock()
 
     def _change(self, what: str) -> None:
         self.attempts.append(what)
@@ -45,13 +46,24 @@ class FakeDisk:
         self._change("read")
         return self.latched
 
+    def mark(self, is_wanted: Callable[[], bool]) -> None:
+        """Whether the disk works or hangs: only a broken one refuses."""
+        if self.failing:
+            raise RecordError(self.failing)
+        with self._naming:
+            if is_wanted():
+                self.latched = True
+
     def latch(self) -> None:
         self._change("latch")
-        self.latched = True
+        with self._naming:
+            self.latched = True
 
-    def clear(self) -> None:
+    def clear(self, is_wanted: Callable[[], bool]) -> None:
         self._change("clear")
-        self.latched = False
+        with self._naming:
+            if is_wanted():
+                self.latched = False
 
     def prepare(self) -> None:
         self._change("prepare")
@@ -171,6 +183,42 @@ def test_a_press_during_the_writing_of_a_reset_is_written_after_it() -> None:
         disk.works.set()
         assert settled(record) == ""
         assert disk.latched
+
+
+def test_a_press_is_marked_while_the_disk_hangs() -> None:
+    disk = FakeDisk()
+    with recording(disk) as record:
+        assert settled(record) == ""
+        assert record.is_marked
+        disk.works.clear()
+        record.keep(latched=True)
+        until(lambda: record.is_marked)
+        assert disk.latched
+        assert record.problem == PRESS_PENDING, "it would not survive a power failure yet"
+        disk.works.set()
+        assert settled(record) == ""
+
+
+def test_a_press_that_was_marked_during_the_writing_of_a_reset_is_not_removed_by_it() -> None:
+    disk = FakeDisk(latched=True)
+    with recording(disk) as record:
+        assert settled(record) == ""
+        disk.works.clear()
+        record.keep(latched=False)
+        until(lambda: disk.attempts[-1] == "clear")
+        record.keep(latched=True)
+        until(lambda: record.is_marked)
+        removed: list[bool] = []
+        latch = disk.latch
+
+        def look() -> None:
+            removed.append(not disk.latched)
+            latch()
+
+        disk.latch = look
+        disk.works.set()
+        assert settled(record) == ""
+        assert removed == [False]
 
 
 def test_asking_for_the_same_again_touches_no_disk() -> None:

@@ -22,12 +22,13 @@ from supervisor.clearance import (
     Circle,
     ConvexPolygon,
     Hull,
+    Kind,
     permitted_closing_speed,
     permitted_scale,
     survey,
 )
 from supervisor.config import SupervisorSection
-from supervisor.lidar import PROFILES
+from supervisor.lidar import PROFILES, LidarProfile
 from supervisor.model import (
     STANDSTILL,
     Command,
@@ -43,9 +44,12 @@ from supervisor.model import (
     StopReason,
     Velocity,
 )
+from supervisor.reckoning import Pose
 from supervisor.safety import BARRIER_REASONS, initial_state, step
-from supervisor.scan import Mount, read_scan
+from supervisor.scan import Lidar, Moment, Mount, ScanReading, read_scan
+from supervisor.seen_space import hidden_places
 from tests.unit.supervisor.closed_loop import Outcome, drive_about
+from tests.unit.supervisor.law_harness import with_lidar
 from wire.freshness import JUMP, Sent, Track, Verdict, judge
 
 T = TypeVar("T")
@@ -123,7 +127,7 @@ def test_whatever_a_scan_says_the_view_of_it_is_finite_or_proves_nothing(
     ranges: Ranges,
     hull: Hull,
     mount: Mount,
-    profile: object,
+    profile: LidarProfile,
     angle_min: float,
     increment: float,
     range_min: float,
@@ -131,29 +135,32 @@ def test_whatever_a_scan_says_the_view_of_it_is_finite_or_proves_nothing(
 ) -> None:
     before = ranges.tobytes()
     ranges.flags.writeable = False
-    around, problem, share = read_scan(
-        ranges,
-        angle_min=angle_min,
-        angle_increment=increment,
-        range_min=range_min,
-        range_max=range_max,
-        mount=mount,
-        profile=profile,  # type: ignore[arg-type]
-        hull=hull,
-        stop_distance_m=0.3,
-        min_beams=90,
-        min_valid_share=0.5,
-    )
+    scan = LaserScan(ranges, angle_min, increment, range_min, range_max, 1.0)
+    lidar = Lidar("lidar", mount, profile, 0.25)
+    reading: ScanReading | None = None
+    for number in range(3):
+        moment = Moment(1.0 + 0.1 * number, 0.1, Pose(0.1 * number, 0.0, 0.02 * number), 0.1 * number)
+        reading = read_scan(reading, scan, moment, lidar, hull, 2.0, in_the_open=False)
+        _check_reading(reading, lidar, hull)
     assert ranges.tobytes() == before
-    assert 0.0 <= share <= 1.0
+
+
+def _check_reading(reading: ScanReading, lidar: Lidar, hull: Hull) -> None:
+    around, view = reading.around, reading.view
+    assert 0.0 <= reading.return_share <= 1.0
     for part in (around.points, around.clearance_m, around.per_linear, around.per_angular):
         assert np.isfinite(part).all()
-    if problem is not None:
-        assert len(around.points) == 0
-        assert len(around.blind_per_linear) == len(hull.outline()[0])
-    else:
-        assert len(ranges) >= 90
-        assert len(around.blind_per_linear) < len(hull.outline()[0]) or hull.radius_m > 0.0
+    assert (reading.problem is not None) == math.isnan(reading.nearest_m)
+    if reading.problem is not None:
+        return
+    assert len(reading.ranges) >= lidar.min_beams
+    assert view is not None
+    assert np.isfinite(view.free_m).all()
+    assert (view.free_m >= 0.0).all()
+    assert view.free_m.any()
+    hidden = hidden_places(view, lidar.mount, hull, 0.04, 2.0)
+    assert np.isfinite(hidden).all()
+    assert hull.nearest(hidden)[0].min(initial=0.0) > -1e-6, "nothing can be inside the hull"
 
 
 points = st.lists(st.tuples(st.floats(-4.0, 4.0), st.floats(-4.0, 4.0)), min_size=0, max_size=12).map(
@@ -168,7 +175,8 @@ points = st.lists(st.tuples(st.floats(-4.0, 4.0), st.floats(-4.0, 4.0)), min_siz
     linear=st.floats(-1.0, 1.0),
     angular=st.floats(-2.0, 2.0),
     reaction_s=st.floats(0.01, 1.0),
-    blind=st.booleans(),
+    kind=st.sampled_from(Kind),
+    creep_m_s=st.sampled_from([0.0, 0.1]),
 )
 def test_after_scaling_nothing_is_closed_on_faster_than_permitted(
     hull: Hull,
@@ -176,21 +184,22 @@ def test_after_scaling_nothing_is_closed_on_faster_than_permitted(
     linear: float,
     angular: float,
     reaction_s: float,
-    *,
-    blind: bool,
+    kind: Kind,
+    creep_m_s: float,
 ) -> None:
-    nowhere = np.full(len(hull.outline()[0]), blind)
-    view = survey(hull, around, blind=nowhere)
-    barrier = Barrier(0.3, 1.5, reaction_s, 0.0)
+    view = survey(hull, around, kind)
+    barrier = Barrier(0.3, 1.5, reaction_s, creep_m_s)
     scale, block = permitted_scale(view, linear, angular, barrier)
     assert 0.0 <= scale <= 1.0
     assert (scale < 1.0) == (block is not None)
     closing = scale * (view.per_linear * linear + view.per_angular * angular)
     permitted = permitted_closing_speed(view.clearance_m, barrier)
-    assert (closing <= np.maximum(permitted, CLOSING_TOLERANCE_M_S) + 1e-9).all()
+    anyhow_m_s = max(CLOSING_TOLERANCE_M_S, creep_m_s if kind is Kind.HIDDEN else 0.0)
+    assert (closing <= np.maximum(permitted, anyhow_m_s) + 1e-9).all()
     if block is not None:
+        assert block.kind is kind
+        assert [block.x_m, block.y_m] in around.tolist()
         assert block.is_approached_by(linear, angular)
-    if scale < 1.0 and block is not None and not block.blind:
         slower, _ = permitted_scale(view, scale * linear, scale * angular, barrier)
         # An arc's way ahead is looked at in poses, which lie elsewhere on the scaled one.
         enough = 1.0 - 1e-9 if angular == 0.0 else 0.8
@@ -369,6 +378,7 @@ EVENTS = [
     "lost path",
     "back path",
     "odometry",
+    "silent odometry",
     "runaway",
     "spike",
     "bad scan",
@@ -411,6 +421,8 @@ class Witness:
     driver: str | None = None
     blocked: tuple[str, Velocity] | None = None
     """Whom the barrier stopped, and what was commanded."""
+    odometry_s: float = math.inf
+    """When the base last said how it moves."""
 
     def see(self, now_s: float, inputs: Inputs, before: State, decision: Decision) -> None:
         config = self.config
@@ -418,8 +430,12 @@ class Witness:
             s.config.name: s.counts.accepted - b.counts.accepted
             for s, b in zip(decision.sources, before.sources, strict=True)
         }
+        if inputs.odometry is not None:
+            self.odometry_s = inputs.odometry.arrival_s
         shared = (
             decision.alarm
+            or StopReason.BASE_UNRESPONSIVE in decision.causes
+            or now_s - self.odometry_s > config.odom_timeout_s
             or bool(decision.scan_problem)
             or not decision.scan_age_s <= config.lidars[0].timeout_s
             or self.estop
@@ -464,6 +480,8 @@ class Witness:
             self.blocked = None
         elif decision.reasons and set(decision.reasons) <= BARRIER_REASONS and self.blocked is None:
             self.blocked = (decision.owner, decision.commanded)
+        elif not decision.reasons and (decision.owner, decision.commanded) != self.blocked:
+            self.blocked = None  # it goes elsewhere, if only as soon as it may
         self.driver = decision.owner if decision.output != STANDSTILL else None
 
 
@@ -489,8 +507,8 @@ def _check_decision(decision: Decision, config: LawConfig) -> None:
     if decision.mode in (Mode.STOPPED, Mode.READY):
         assert output == STANDSTILL
     else:
-        assert output != STANDSTILL
         assert (decision.mode is Mode.LIMITED) == (decision.scale < 1.0)
+        assert (output == STANDSTILL) == (decision.scale == 0.0)
     assert list(decision.reasons) == [reason for reason in StopReason if reason in decision.reasons]
     if output != STANDSTILL:
         owner = _source(decision, decision.owner)
@@ -527,6 +545,7 @@ class Life:
         self.now_s = 1000.0
         self.witness = Witness(config, now_s=1000.0)
         self.sequence, self.epoch, self.skew_s, self.count = 0, 0, 500.0, 0
+        self.has_odometry = False
 
     def live(
         self, gap_s: float, commands: list[tuple[str, Velocity | None]], scan: str, event: str
@@ -541,7 +560,7 @@ class Life:
                 for n, (source, velocity) in enumerate(commands)
             ),
             liveliness=_liveliness(event),
-            scans=(None,) if scan == "none" else (),
+            scans=() if scan == "none" else (self._scan(scan),),
             undecodable_lidars=(0,) if event == "bad scan" else (),
             odometry=self._odometry(event),
             strangers=("ghost",) if event == "stranger" else (),
@@ -575,12 +594,13 @@ class Life:
         return LaserScan(ranges, -math.pi, 2 * math.pi / 360, 0.05, 12.0, self.now_s)
 
     def _odometry(self, event: str) -> Odometry | None:
-        velocity = {
-            "odometry": self.state.output,
-            "runaway": Velocity(0.4, 0.2),
-            "spike": Velocity(31.0, 0.0),
-        }.get(event)
-        return None if velocity is None else Odometry(velocity, self.now_s)
+        """From its first message on at every step, until it falls silent."""
+        odd = {"runaway": Velocity(0.4, 0.2), "spike": Velocity(31.0, 0.0)}
+        if event in odd or event == "odometry":
+            self.has_odometry = True
+        elif event == "silent odometry":
+            self.has_odometry = False
+        return Odometry(odd.get(event, self.state.output), self.now_s) if self.has_odometry else None
 
 
 def _liveliness(event: str) -> tuple[Liveliness, ...]:

@@ -50,11 +50,15 @@ def _open(recording: Recording) -> list[Ranges]:
 
 
 def _drive(recording: Recording, ranges: Ranges) -> Decision:
-    """A robot at rest sees this scan, the operator is neutral, then asks for a slow motion ahead."""
+    """A robot at rest sees this scan twice, the operator is neutral, then asks for a slow motion ahead.
+
+    Before it, the lidar has shown on every beam that it sees; of some sensors nothing else is believed.
+    """
     state = initial_state(recording.config)
     now_s = START_S
-    scan = recording.scan(ranges, now_s)
-    state, _ = step(state, now_s, Inputs(scans=(scan,)))
+    for seen in (np.full(len(ranges), 5.0, dtype=np.float32), ranges, recording.noisy(ranges, 1)):
+        now_s += TICK_S
+        state, _ = step(state, now_s, Inputs(scans=(recording.scan(seen, now_s),)))
     for velocity in (NEUTRAL, SLOW):
         now_s += TICK_S
         state, decision = step(state, now_s, Inputs(commands=(Command("teleop", velocity, now_s),)))
@@ -155,8 +159,7 @@ def test_an_odometry_spike_neither_stops_it_for_good_nor_hides_what_is_ahead(
     hidden.motion = SLOW
     for n in range(1, 25):
         later_s = now_s + n * TICK_S
-        noisy = painted + np.float32(0.001 * (n % 2))
-        hidden.step(later_s, recording.scan(noisy, later_s, header_s + n * TICK_S))
+        hidden.step(later_s, recording.scan(recording.noisy(painted, n), later_s, header_s + n * TICK_S))
         assert hidden.decision.output == STANDSTILL
     replay.motion = SLOW
     assert replay.recovery_s(good, 3.0) < 2 * recording.config.lidars[0].timeout_s + 1.0
@@ -182,9 +185,9 @@ def _while_moving(recording: Recording, scans: Callable[[int], Ranges]) -> list[
 
 def test_a_recorded_scan_that_freezes_while_the_robot_moves_is_invalid(recording: Recording) -> None:
     good = _open(recording)[0]
-    moving = _while_moving(recording, lambda n: good + np.float32(0.001 * (n % 2)))
+    moving = _while_moving(recording, lambda n: recording.noisy(good, n))
     assert StopReason.SCAN_INVALID not in {reason for d in moving for reason in d.reasons}
-    frozen = _while_moving(recording, lambda n: good if n > 10 else good + np.float32(0.001 * (n % 2)))
+    frozen = _while_moving(recording, lambda n: good if n > 10 else recording.noisy(good, n))
     assert StopReason.SCAN_INVALID in frozen[-1].reasons
     assert frozen[-1].output == STANDSTILL
     assert "while the robot moves" in frozen[-1].scan_problem
@@ -196,7 +199,7 @@ def test_a_recorded_scan_that_goes_blank_at_once_is_invalid(recording: Recording
     for code in codes:
         blank = np.full(len(good), code, dtype=np.float32)
         decisions = _while_moving(
-            recording, lambda n, blank=blank: blank if n > 10 else good + np.float32(0.001 * (n % 2))
+            recording, lambda n, blank=blank: blank if n > 10 else recording.noisy(good, n)
         )
         assert StopReason.SCAN_INVALID not in decisions[10].reasons
         assert StopReason.SCAN_INVALID in decisions[-1].reasons

@@ -446,7 +446,8 @@ def test_a_moving_robot_stops_at_what_is_inside_the_stop_zone() -> None:
     for _ in range(4):
         law.tick(("teleop", FORWARD), odometry=odometry(0.5, law.now_s + TICK_S))
     assert law.decision.output == STANDSTILL
-    law.ranges, law.scanning = ring(ahead_m=0.52), True
+    assert law.decision.causes == (StopReason.OBSTACLE,)
+    law.scanning, law.ranges = True, ring(ahead_m=0.54)
     law.tick(("teleop", FORWARD), odometry=odometry(0.5, law.now_s + TICK_S))
     assert law.decision.reasons == (StopReason.OBSTACLE,)
 

@@ -10,6 +10,7 @@ from supervisor.clearance import Circle, ConvexPolygon, Hull
 from supervisor.lidar import PROFILES, LidarProfile
 from supervisor.reckoning import Pose
 from supervisor.scan import LaserScan, Lidar, Moment, Mount, ScanReading, read_scan
+from supervisor.seen_space import hidden_places
 
 BEAMS = 360
 BEAM_RAD = 2 * math.pi / BEAMS
@@ -151,6 +152,7 @@ def test_a_scan_that_is_all_nan_proves_nothing_at_all() -> None:
     [
         ({"angle_min": math.nan}, "geometry that is not finite"),
         ({"angle_increment": 0.0}, "360 beams of 0 rad are more than a turn, or none"),
+        ({"angle_increment": -9.9e-7}, "360 beams of -9.9e-07 rad are more than a turn, or none"),
         ({"angle_increment": math.inf}, "geometry that is not finite"),
         ({"angle_increment": 0.02}, "360 beams of 0.02 rad are more than a turn, or none"),
         ({"range_min": 12.0}, "range_min 12 m and range_max 12 m contradict each other"),
@@ -243,8 +245,7 @@ def test_a_room_left_by_and_by_may_end_in_an_open_field() -> None:
         scan = read(ranges, scan)
         assert scan.problem is None
     assert scan.return_share == 0.0
-    assert read(ranges, scan).problem == NEVER_RETURNED, "an empty scan excuses no empty one"
-    assert read(ranges, scan, in_the_open=True).problem is None
+    assert read(ranges, scan).problem is None, "something has returned before"
 
 
 def test_a_scan_that_proves_nothing_does_not_excuse_the_blank_one_after_it() -> None:
@@ -287,6 +288,18 @@ def test_what_is_too_close_stands_at_the_hull_in_the_direction_of_its_beam() -> 
         assert around.clearance_m == pytest.approx(0.0, abs=1e-9)
         assert around.per_linear.min() == pytest.approx(-1.0)
         assert around.per_linear.max() == pytest.approx(1.0)
+
+
+def test_a_reading_of_zero_at_a_lidar_outside_of_the_hull_is_known_to_be_there() -> None:
+    """Found by hypothesis: a fan that says so all over looked like one that knows nothing, and the law broke."""
+    fan = np.full(181, -math.inf, dtype=np.float32)
+    ahead = replace(LIDAR, mount=Mount(x_m=0.5))
+    reading = read(fan, lidar=ahead, fields={"angle_min": -math.pi / 2, "range_min": 0.0})
+    assert reading.problem is None
+    assert (free_m(reading) > 0.0).all()
+    assert reading.nearest_m == pytest.approx(0.25)
+    assert reading.view is not None
+    assert len(hidden_places(reading.view, ahead.mount, HULL, 0.04, 1.0)) > 0
 
 
 def test_a_lidar_outside_of_the_hull_sees_it_as_it_sees_anything() -> None:

@@ -9,7 +9,6 @@ import pytest
 
 from deploy.faults.injectors import sensors
 from deploy.faults.injectors.injection import Pillar
-from deploy.faults.real import FAULT_SPEED_M_S
 from deploy.faults.stage import Stage, StageError
 from sim.sensor_faults import NO_FAULTS, parse_faults
 from wire import topics
@@ -84,11 +83,3 @@ def test_dirt_is_1_to_20_degrees_wide_and_straight_ahead() -> None:
         widths_deg.append(math.degrees(2.0 * sector.end_rad))
     assert 0.9 < min(widths_deg) < 2.0
     assert 19.0 < max(widths_deg) < 20.1
-
-
-async def test_a_robot_sets_off_with_a_short_lidar() -> None:
-    stage = StageOfASim(answers_from=1)
-    injection = sensors.PLANS["sim_scan_short"](Random(0))
-    await injection.prepare(cast("Any", stage))
-    assert stage.asked == [injection.parameters["faults"]]
-    assert injection.top_speed_m_s == FAULT_SPEED_M_S

@@ -1,0 +1,63 @@
+"""Scenes with few objects, written by hand."""
+
+import math
+
+import numpy as np
+
+from bench.scenes.scene import TRUSTED_M_S2, BaseNumbers, Lidar, Scene
+from bench.scenes.world import Measure, Shape, World
+from supervisor.clearance import Circle
+
+Disc = tuple[float, float, float]
+"""x [m], y [m], radius [m]."""
+
+LIDAR = Lidar(
+    x_m=0.0,
+    y_m=0.0,
+    yaw_rad=0.0,
+    beams=360,
+    angle_min=-math.pi,
+    angle_increment=2 * math.pi / 360,
+    range_max=12.0,
+    rate_hz=20.0,
+    phase_s=0.01,
+)
+
+BASE = BaseNumbers("mixture", acceleration_m_s2=1.0, braking_m_s2=TRUSTED_M_S2)
+
+WALL_RADIUS_M = 0.05
+
+
+def plain_scene(
+    *discs: Disc,
+    hull: Shape | None = None,
+    lidars: tuple[Lidar, ...] = (LIDAR,),
+    base: BaseNumbers = BASE,
+    room_m: float | None = 4.0,
+    duration_s: float = 6.0,
+    seed: int = 0,
+) -> Scene:
+    """Discs around a robot at the origin that looks along x.
+
+    Args:
+        discs: the objects.
+        hull: the robot's; the default robot's, if not given.
+        lidars: one, or several.
+        base: how it follows its commands.
+        room_m: how far each of four walls is from the origin; None: there are none.
+        duration_s: of the run.
+        seed: of all that is random in it.
+    """
+    hull = hull or Circle(0.25)
+    centres = np.array([disc[:2] for disc in discs], dtype=np.float64).reshape(-1, 2)
+    radii = np.array([disc[2] for disc in discs], dtype=np.float64)
+    walls = np.empty((0, 2))
+    if room_m is not None:
+        walls = room_m * np.array(((1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0)))
+    world = World(
+        np.concatenate((centres, walls)),
+        np.concatenate((centres, np.roll(walls, -1, axis=0))),
+        np.concatenate((radii, np.full(len(walls), WALL_RADIUS_M))),
+    )
+    start_m = float(Measure(hull).clearances_m(world, 0.0, 0.0, 0.0).min())
+    return Scene(seed, hull, "plain", lidars, base, 1.0, world, 0.0, start_m, duration_s)

@@ -1,0 +1,155 @@
+"""What earlier scans showed near the robot, and what makes the law forget it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from supervisor.near_memory import (
+    BESIDE_RAD,
+    MISSES,
+    MOST_POINTS,
+    ONE_SURFACE_M,
+    SAME_M,
+    Remembered,
+    remember,
+)
+from supervisor.scan import Geometry, Mount
+from tests.unit.supervisor.views import BEAM_RAD, BEAMS, view_of
+
+AHEAD = BEAMS // 2
+BESIDE = slice(AHEAD - 2, AHEAD + 3)
+"""The beams that are asked about a point straight ahead."""
+
+NO_RETURN, UNKNOWN = math.inf, math.nan
+
+
+def room(distance_m: float = 3.0) -> np.ndarray:
+    return np.full(BEAMS, distance_m)
+
+
+def point(x_m: float = 1.0, y_m: float = 0.0, misses: int = 0) -> Remembered:
+    return Remembered(np.array([[x_m, y_m]]), np.array([misses], dtype=np.int64))
+
+
+def left(earlier: Remembered, readings: np.ndarray, mount: Mount | None = None) -> list[list[float]]:
+    return remember(earlier, view_of(readings), mount or Mount()).points.tolist()
+
+
+def test_without_earlier_points_there_is_nothing_to_remember() -> None:
+    assert left(Remembered(), room()) == []
+
+
+def test_a_point_is_dropped_at_once_when_every_beam_around_it_returns_from_behind() -> None:
+    behind, before = room(), room()
+    behind[BESIDE] = math.nextafter(1.0 + SAME_M, 2.0)
+    assert left(point(), behind) == []
+    before[BESIDE] = 3.0
+    before[AHEAD + 2] = NO_RETURN
+    assert left(point(), before) == [[1.0, 0.0]], "one beam did not return"
+
+
+def test_a_point_that_a_scan_shows_again_is_the_scan_s_own() -> None:
+    for distance_m in (1.0 - SAME_M + 1e-9, 1.0, 1.0 + SAME_M - 1e-9):
+        ranges = room()
+        ranges[AHEAD + 2] = distance_m
+        assert left(point(), ranges) == []
+    near, far = room(), room()
+    near[BESIDE] = 1.0 - SAME_M - 1e-9
+    assert left(point(), near) == [[1.0, 0.0]], "something else stands before it"
+    far[AHEAD + 3] = 1.0
+    far[BESIDE] = NO_RETURN
+    assert left(point(), far) == [[1.0, 0.0]], "that beam passes too far beside it"
+
+
+def test_a_surface_that_is_met_at_a_slant_shows_a_point_between_two_of_its_returns() -> None:
+    slant, gap = room(), room(NO_RETURN)
+    slant[BESIDE] = (0.82, 0.88, 1.08, 1.14, 1.2)
+    assert left(point(), slant) == []
+    gap[AHEAD - 2], gap[AHEAD + 2] = 0.8, math.nextafter(0.8 + ONE_SURFACE_M, 2.0)
+    assert left(point(), gap) == [[1.0, 0.0]], "two things, and the point is between them"
+
+
+def test_a_point_that_no_beam_covers_stays_for_any_number_of_scans() -> None:
+    for cover_m in (UNKNOWN, 0.5):
+        ranges = room()
+        ranges[AHEAD] = cover_m
+        memory = point()
+        for _ in range(10 * MISSES):
+            memory = remember(memory, view_of(ranges), Mount())
+        assert memory.points.tolist() == [[1.0, 0.0]]
+        assert memory.misses.tolist() == [0]
+
+
+def test_a_point_where_covering_beams_find_nothing_is_forgotten_after_so_many_scans_and_not_before() -> None:
+    ranges, memory = room(NO_RETURN), point()
+    for missed in range(1, MISSES):
+        memory = remember(memory, view_of(ranges), Mount())
+        assert memory.misses.tolist() == [missed]
+    assert remember(memory, view_of(ranges), Mount()).points.tolist() == []
+
+
+def test_a_scan_that_does_not_cover_a_point_neither_counts_nor_forgives_misses() -> None:
+    dirty = room(NO_RETURN)
+    dirty[AHEAD] = UNKNOWN
+    assert remember(point(misses=3), view_of(dirty), Mount()).misses.tolist() == [3]
+
+
+def test_what_a_ray_was_filled_with_disproves_nothing() -> None:
+    """An earlier scan's word on a direction is not a second look at it."""
+    view = view_of(room(NO_RETURN))
+    explained_s = view.explained_s.copy()
+    explained_s[AHEAD] = -0.05
+    filled = view._replace(explained_s=explained_s)
+    assert remember(point(misses=MISSES - 1), filled, Mount()).misses.tolist() == [MISSES - 1]
+
+
+def test_of_too_many_points_the_nearest_are_kept() -> None:
+    distance_m = np.linspace(0.5, 2.5, MOST_POINTS + 50)
+    points = np.stack([distance_m, np.zeros_like(distance_m)], axis=1)[::-1]
+    memory = Remembered(points, np.arange(len(points), dtype=np.int64) % 3)
+    kept = remember(memory, view_of(room(NO_RETURN)), Mount())
+    assert sorted(kept.points[:, 0].tolist()) == distance_m[:MOST_POINTS].tolist()
+    came = dict(zip(points[:, 0].tolist(), memory.misses.tolist(), strict=True))
+    for x_m, misses in zip(kept.points[:, 0].tolist(), kept.misses.tolist(), strict=True):
+        assert misses == came[x_m] + 1, "each keeps its own misses"
+
+
+@pytest.mark.parametrize("sign", [1, -1], ids=["counter-clockwise", "clockwise"])
+@pytest.mark.parametrize("bearing_rad", [-3.1, -2.0, -0.7, 0.0, 0.3, 1.57, 2.9, math.pi])
+def test_the_beams_beside_a_point_are_asked_whichever_way_the_scan_goes_round(
+    sign: int, bearing_rad: float
+) -> None:
+    geometry = Geometry(BEAMS, -sign * math.pi, sign * BEAM_RAD)
+    angles = geometry.angle_min + geometry.increment * np.arange(BEAMS)
+    off_rad = np.abs(np.arctan2(np.sin(angles - bearing_rad), np.cos(angles - bearing_rad)))
+    earlier = point(math.cos(bearing_rad), math.sin(bearing_rad))
+    shown = np.where(off_rad < 0.6 * BEAM_RAD, 1.0, NO_RETURN)
+    assert remember(earlier, view_of(shown, geometry), Mount()).points.tolist() == []
+    elsewhere = np.where(off_rad < BESIDE_RAD + BEAM_RAD, NO_RETURN, 1.0)
+    assert len(remember(earlier, view_of(elsewhere, geometry), Mount()).points) == 1
+
+
+@pytest.mark.parametrize("sign", [1, -1], ids=["counter-clockwise", "clockwise"])
+def test_beside_a_partial_view_a_point_is_not_covered(sign: int) -> None:
+    beams = 181
+    geometry = Geometry(beams, -sign * math.pi / 2, sign * BEAM_RAD)
+    view = view_of(np.full(beams, 3.0), geometry)
+    for bearing_deg in (91.0, 100.0, 180.0, -100.0, -91.0):
+        bearing_rad = math.radians(bearing_deg)
+        memory = point(math.cos(bearing_rad), math.sin(bearing_rad))
+        for _ in range(2 * MISSES):
+            memory = remember(memory, view, Mount())
+        assert len(memory.points) == 1, bearing_deg
+    inside = point(math.cos(1.5), math.sin(1.5))
+    assert remember(inside, view, Mount()).points.tolist() == []
+
+
+def test_points_are_looked_for_from_where_the_lidar_is_mounted() -> None:
+    mount = Mount(0.5, 0.0, math.pi / 2)
+    seen_ahead_of_the_base = AHEAD - BEAMS // 4
+    ranges = room(NO_RETURN)
+    ranges[seen_ahead_of_the_base] = 0.5
+    assert left(point(), ranges, mount) == []
+    ranges[seen_ahead_of_the_base] = 1.0
+    assert left(point(), ranges, mount) == [[1.0, 0.0]]

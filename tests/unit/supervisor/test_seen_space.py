@@ -1,0 +1,321 @@
+"""Where something may hide: what the beams do not rule out, and what other views do."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from supervisor.clearance import Circle, ConvexPolygon, Floats, Hull
+from supervisor.reckoning import Pose
+from supervisor.scan import Geometry, Mount, View, rays_of
+from supervisor.seen_space import Lookout, hidden_places, hiding_distance_m, lookout
+from tests.unit.supervisor.views import BEAM_RAD, BEAMS, view_of
+
+SMALLEST_M = 0.04
+HULL = Circle(0.25)
+RECTANGLE = ConvexPolygon(((0.3, -0.2), (0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2)))
+AHEAD = BEAMS // 2
+HERE = Pose(0.0, 0.0, 0.0)
+UNKNOWN, NO_RETURN = math.nan, math.inf
+
+
+def room(distance_m: float = 3.0) -> Floats:
+    return np.full(BEAMS, distance_m)
+
+
+def with_hole(beams: int, around: int = AHEAD, distance_m: float = 3.0) -> Floats:
+    """A room with so many beams that prove nothing around one of them."""
+    readings = room(distance_m)
+    readings[around - beams // 2 : around - beams // 2 + beams] = UNKNOWN
+    return readings
+
+
+def hidden(
+    view: View,
+    *others: Lookout,
+    hull: Hull = HULL,
+    mount: Mount | None = None,
+    reach_m: float = 1.5,
+) -> Floats:
+    return hidden_places(view, mount or Mount(), hull, SMALLEST_M, reach_m, lambda: others)
+
+
+def away_m(places: Floats) -> Floats:
+    """From the base frame's origin."""
+    return np.hypot(places[:, 0], places[:, 1])
+
+
+def bearing_deg(places: Floats) -> Floats:
+    return np.degrees(np.arctan2(places[:, 1], places[:, 0]))
+
+
+# --- one lidar
+
+
+@pytest.mark.parametrize("gap_deg", [0.25, 1.0, 4.0, 30.0, 120.0, 179.9])
+def test_from_the_hiding_distance_on_a_disc_fits_between_two_rays_and_not_before(gap_deg: float) -> None:
+    half_rad = math.radians(gap_deg) / 2
+    (nearest_m,) = hiding_distance_m(np.array([2 * half_rad]), SMALLEST_M).tolist()
+    centre_m = nearest_m + SMALLEST_M / 2
+    assert centre_m * math.sin(half_rad) == pytest.approx(SMALLEST_M / 2), "it touches both"
+
+
+def test_in_half_a_turn_and_more_something_hides_from_the_lidar_on() -> None:
+    assert hiding_distance_m(np.array([math.pi, 4.0, 2 * math.pi]), SMALLEST_M).tolist() == [0.0] * 3
+
+
+def test_a_view_without_a_hole_whose_beams_are_close_enough_hides_nothing_within_reach() -> None:
+    fits_m = float(hiding_distance_m(np.array(BEAM_RAD), SMALLEST_M))
+    reach_m = fits_m - HULL.radius_m
+    assert len(hidden(view_of(room()), reach_m=math.nextafter(reach_m, 0.0))) == 0
+    beyond = hidden(view_of(room()), reach_m=reach_m + 1e-9)
+    assert len(beyond) == BEAMS
+    assert away_m(beyond) == pytest.approx(fits_m)
+    assert np.sort(bearing_deg(beyond)) == pytest.approx(np.arange(-179.5, 180.0))
+
+
+def test_between_two_beams_that_return_from_nearer_nothing_hides() -> None:
+    fits_m = float(hiding_distance_m(np.array(BEAM_RAD), SMALLEST_M))
+    assert len(hidden(view_of(room(fits_m)), reach_m=3.0)) == 0
+    one_farther = room(fits_m)
+    one_farther[AHEAD] = 3.0
+    assert bearing_deg(hidden(view_of(one_farther), reach_m=3.0)) == pytest.approx([-0.5, 0.5])
+
+
+def test_a_coarse_lidar_hides_things_near_it_in_the_middle_between_its_beams() -> None:
+    coarse = view_of(np.full(90, 3.0), Geometry(90, -math.pi, math.radians(4.0)))
+    places = hidden(coarse)
+    assert len(places) == 90
+    assert away_m(places) == pytest.approx(0.553, abs=1e-3)
+    assert np.sort(bearing_deg(places)) == pytest.approx(np.arange(-178.0, 180.0, 4.0))
+    wide = hidden(coarse, hull=Circle(0.7))
+    assert away_m(wide) == pytest.approx(0.7), "nothing can be inside the hull"
+
+
+def test_the_gap_between_the_last_beam_and_the_first_counts_with_its_own_width() -> None:
+    """Drivers that leave half a beam out still go all around; the first law looked for that gap too far out."""
+    beams = 240
+    increment = 2 * math.pi / (beams + 0.49)
+    view = view_of(np.full(beams, 3.0), Geometry(beams, -math.pi, increment))
+    rest_rad = 2 * math.pi - (beams - 1) * increment
+    fits_m = float(hiding_distance_m(np.array(rest_rad), SMALLEST_M))
+    seam_deg = 180.0 - math.degrees(rest_rad) / 2
+    places = hidden(view)
+    nearest = away_m(places).argmin()
+    assert away_m(places)[nearest] == pytest.approx(fits_m)
+    assert bearing_deg(places)[nearest] % 360.0 == pytest.approx(seam_deg)
+    dirty = room()
+    dirty[:6], dirty[-5:] = UNKNOWN, UNKNOWN
+    helped = hidden(view_of(dirty), lookout(view, Mount(), HERE, HERE))
+    in_seam = np.abs(bearing_deg(helped) % 360.0 - seam_deg) < math.degrees(rest_rad) / 2 - 1e-6
+    assert in_seam.any()
+    assert away_m(helped[in_seam]).max() < fits_m
+    assert away_m(helped[~in_seam]).min() > fits_m
+
+
+def test_in_a_hole_something_hides_from_where_it_fits_between_its_edges() -> None:
+    small = Circle(0.1)
+    places = hidden(view_of(with_hole(11)), hull=small)
+    assert np.sort(bearing_deg(places)) == pytest.approx(np.arange(-5.0, 6.0))
+    fits_m = float(hiding_distance_m(np.array(12 * BEAM_RAD), SMALLEST_M))
+    assert away_m(places) == pytest.approx(fits_m)
+    assert away_m(hidden(view_of(with_hole(11)))) == pytest.approx(HULL.radius_m), "no nearer than the hull"
+
+
+def test_a_hole_across_the_first_beam_is_one_hole() -> None:
+    readings = room()
+    readings[:6], readings[-5:] = UNKNOWN, UNKNOWN
+    places = hidden(view_of(readings), hull=Circle(0.1))
+    assert len(places) == 11
+    assert away_m(places) == pytest.approx(
+        float(hiding_distance_m(np.array(12 * BEAM_RAD), SMALLEST_M)), abs=1e-9
+    )
+
+
+def test_nothing_hides_in_a_hole_whose_both_edges_return_from_nearer() -> None:
+    one_beam_m = float(hiding_distance_m(np.array(2 * BEAM_RAD), SMALLEST_M))
+    assert len(hidden(view_of(with_hole(1, distance_m=one_beam_m)))) == 0
+    deeper = with_hole(1, distance_m=one_beam_m)
+    deeper[AHEAD + 1] = one_beam_m + 0.01
+    assert away_m(hidden(view_of(deeper))) == pytest.approx(one_beam_m)
+    assert len(hidden(view_of(with_hole(1)), reach_m=one_beam_m - HULL.radius_m - 1e-6)) == 0
+
+
+def test_outside_of_a_fan_s_view_something_hides_at_the_hull_in_steps_of_two_degrees() -> None:
+    for sign in (1, -1):
+        fan = view_of(np.full(181, 3.0), Geometry(181, -sign * math.pi / 2, sign * BEAM_RAD))
+        places = hidden(fan)
+        assert away_m(places) == pytest.approx(HULL.radius_m)
+        bearings = np.sort(bearing_deg(places) % 360.0)
+        assert (bearings[0], bearings[-1]) == pytest.approx((92.0, 268.0))
+        assert np.diff(bearings).max() <= 2.0 + 1e-9
+
+
+@pytest.mark.parametrize(("range_max_m", "hides"), [(0.6, True), (1.74, True), (1.75, False)])
+def test_beyond_its_range_a_beam_without_a_return_proves_nothing(range_max_m: float, *, hides: bool) -> None:
+    readings = room(NO_RETURN)
+    readings[:AHEAD] = 0.5
+    places = hidden(view_of(readings, range_max_m=range_max_m))
+    assert len(places) == (BEAMS - AHEAD if hides else 0)
+    assert away_m(places) == pytest.approx(range_max_m)
+    assert (bearing_deg(places) > -1e-6).all(), "where something returns it is seen"
+
+
+# --- where the lidar is mounted
+
+
+def test_in_a_hole_of_a_lidar_off_the_centre_something_hides_at_the_hull_s_own_outline() -> None:
+    places = hidden(view_of(with_hole(41)), hull=RECTANGLE, mount=Mount(0.2, 0.1, 0.5))
+    assert RECTANGLE.nearest(places)[0] == pytest.approx(0.0, abs=1e-6)
+    assert len(places) == 41
+
+
+def test_a_lidar_on_the_hull_s_edge_sees_nothing_of_what_is_behind_the_hull() -> None:
+    fan = view_of(np.full(181, 3.0), Geometry(181, -math.pi / 2, BEAM_RAD))
+    places = hidden(fan, mount=Mount(x_m=0.25))
+    assert len(places) == 89
+    assert HULL.nearest(places)[0] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_behind_a_lidar_ahead_of_the_hull_something_may_stand_before_and_behind_the_hull() -> None:
+    fan = view_of(np.full(181, 3.0), Geometry(181, -math.pi / 2, BEAM_RAD))
+    places = hidden(fan, mount=Mount(x_m=0.6), reach_m=1.0)
+    clearance_m, _ = HULL.nearest(places)
+    before = away_m(places - (0.6, 0.0)) < 1e-9
+    assert before.any()
+    assert clearance_m[before] == pytest.approx(0.35)
+    assert clearance_m[~before] == pytest.approx(0.0, abs=1e-6)
+    assert places[~before, 0].max() < 0.25
+
+
+def test_between_a_lidar_and_a_hull_too_near_for_the_smallest_thing_nothing_stands() -> None:
+    readings = room()
+    readings[:21], readings[-20:] = UNKNOWN, UNKNOWN
+    fits_m = float(hiding_distance_m(np.array(42 * BEAM_RAD), SMALLEST_M))
+    assert fits_m < SMALLEST_M
+    for gap_m, stands in ((SMALLEST_M - 1e-6, False), (SMALLEST_M + 1e-6, True)):
+        places = hidden(view_of(readings), mount=Mount(x_m=0.25 + gap_m), reach_m=1.0)
+        straight_back = np.abs(places[:, 1]) < 1e-6
+        expected_m = [-0.25, *([0.25 + gap_m - fits_m] if stands else [])]
+        assert np.sort(places[straight_back, 0]) == pytest.approx(expected_m, abs=1e-6)
+
+
+# --- what other views have seen
+
+
+def other(readings: Floats, x_m: float = 0.0, y_m: float = 0.0, yaw_rad: float = 0.0) -> Lookout:
+    return lookout(view_of(readings), Mount(x_m, y_m, yaw_rad), HERE, HERE)
+
+
+def test_a_hole_that_another_lidar_sees_free_hides_nothing() -> None:
+    dirty = view_of(with_hole(11))
+    assert len(hidden(dirty)) == 11
+    assert len(hidden(dirty, other(room(), y_m=0.05, yaw_rad=2.0))) == 0
+
+
+def test_a_hole_is_followed_outward_to_the_last_point_that_another_lidar_sees_free() -> None:
+    places = hidden(view_of(with_hole(11)), other(room(1.0), x_m=-0.2))
+    assert len(places) == 11
+    assert (away_m(places) > 0.6).all()
+    assert (away_m(places) < 0.8 - 0.02).all(), "nearer than the other one's returns"
+
+
+def test_another_lidar_with_the_same_hole_changes_nothing() -> None:
+    dirty = view_of(with_hole(11))
+    assert hidden(dirty, other(with_hole(31))).tolist() == hidden(dirty).tolist()
+
+
+def test_a_point_between_two_beams_of_another_lidar_is_free_only_where_nothing_fits_between_them() -> None:
+    geometry = Geometry(90, -math.pi, math.radians(4.0))
+    coarse = lookout(view_of(np.full(90, 3.0), geometry), Mount(), HERE, HERE)
+    places = hidden(view_of(with_hole(11)), coarse)
+    assert len(places) == 11
+    assert away_m(places).max() < 0.553
+
+
+def test_beside_another_lidar_s_view_nothing_is_seen_free() -> None:
+    fan = view_of(np.full(181, 3.0), Geometry(181, -math.pi / 2, BEAM_RAD))
+    behind = view_of(with_hole(11, around=20))
+    assert len(hidden(behind, lookout(fan, Mount(), HERE, HERE))) == 11
+    assert len(hidden(behind, lookout(fan, Mount(yaw_rad=math.pi), HERE, HERE))) == 0
+
+
+def test_a_view_of_a_moment_ago_is_looked_at_from_where_the_robot_was() -> None:
+    clear, dirty = view_of(room()), view_of(with_hole(11))
+    passed = lookout(clear, Mount(0.1, 0.0, 0.2), Pose(1.0, 2.2, 0.5), Pose(1.0, 2.0, 0.5 + math.pi / 2))
+    assert (passed.x_m, passed.y_m) == pytest.approx(
+        (0.2 * math.cos(0.5), -0.2 * math.sin(0.5) - 0.1), abs=1e-9
+    )
+    assert passed.yaw_rad == pytest.approx(0.2 - math.pi / 2)
+    assert len(hidden(dirty, passed)) == 0
+    far = lookout(clear, Mount(), Pose(-9.0, 0.0, 0.0), HERE)
+    assert hidden(dirty, far).tolist() == hidden(dirty).tolist()
+
+
+def test_other_views_are_asked_for_only_where_something_hides() -> None:
+    def refuse() -> tuple[Lookout, ...]:
+        raise AssertionError("nothing hides")
+
+    assert len(hidden_places(view_of(room()), Mount(), HULL, SMALLEST_M, 1.5, refuse)) == 0
+
+
+# --- any lidar on any hull
+
+
+@st.composite
+def scenes(draw: st.DrawFn) -> tuple[View, Mount, Hull]:
+    """A lidar of any resolution and field of view, with holes, on a hull; rays through the hull are masked."""
+    hull: Hull = draw(st.sampled_from([HULL, RECTANGLE, Circle(0.1)]))
+    mount = Mount(draw(st.floats(-0.5, 0.5)), draw(st.floats(-0.5, 0.5)), draw(st.floats(-3.0, 3.0)))
+    beams = draw(st.sampled_from([24, 60, 90, 180, 360]))
+    spread = draw(st.sampled_from([1.0, 0.999, 0.98, 0.75, 0.5, 0.2]))
+    increment = draw(st.sampled_from([1, -1])) * spread * 2 * math.pi / beams
+    geometry = Geometry(beams, draw(st.floats(-math.pi, math.pi)), increment)
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    readings = np.repeat(rng.uniform(0.3, 3.0, 12), -(-beams // 12))[:beams]
+    readings[rng.random(beams) < draw(st.sampled_from([0.0, 0.3]))] = NO_RETURN
+    readings[rng.random(beams) < draw(st.sampled_from([0.0, 0.02, 0.2]))] = UNKNOWN
+    start, width = rng.integers(0, beams), draw(st.sampled_from([0.0, 0.05, 0.3]))
+    readings[start : start + round(width * beams)] = UNKNOWN
+    rays = rays_of(geometry, mount, hull)
+    readings = np.maximum(readings, rays.hull_m)  # nothing can be inside the hull
+    inside = float(hull.nearest(np.array([[mount.x_m, mount.y_m]]))[0][0]) < 0.0
+    steps = np.arange(0.0, 1.6, 0.01)
+    way = rays.direction.T[:, None, :] * steps[:, None] + (mount.x_m, mount.y_m)
+    through = (hull.nearest(way.reshape(-1, 2))[0].reshape(beams, -1) < 0.0).any(axis=1)
+    if not inside:
+        readings[through] = UNKNOWN
+    readings[0] = 1.0 if np.isnan(readings).all() else readings[0]
+    return view_of(readings, geometry, draw(st.sampled_from([0.6, 12.0]))), mount, hull
+
+
+@settings(deadline=None, derandomize=True, max_examples=60)
+@given(scene=scenes(), seed=st.integers(0, 2**32))
+def test_no_disc_that_touches_no_free_ray_is_nearer_to_the_hull_than_what_is_hidden_or_returns(
+    scene: tuple[View, Mount, Hull], seed: int
+) -> None:
+    """Discs of the smallest diameter at random places; half their diameter is what a place may be off sideways."""
+    view, mount, hull = scene
+    places = hidden_places(view, mount, hull, SMALLEST_M, 2.0)
+    rays = rays_of(view.geometry, mount, hull)
+    returns = rays.points(np.flatnonzero(view.hit), view.free_m)
+    known_m = hull.nearest(np.concatenate((places, returns)))[0].min(initial=2.0)
+    rng = np.random.default_rng(seed)
+    centres = rng.uniform(-1.2, 1.2, (1500, 2))
+    disc_m = hull.nearest(centres)[0] - SMALLEST_M / 2
+    nearer = centres[(disc_m >= 0.0) & (disc_m < known_m - SMALLEST_M / 2)]
+    touched = _gap_to_rays_m(nearer, rays.origin_m[:, 0], rays.direction, view.free_m) < SMALLEST_M / 2
+    assert touched.all(), nearer[~touched]
+
+
+def _gap_to_rays_m(points: Floats, origin_m: Floats, direction: Floats, free_m: Floats) -> Floats:
+    """(n,): from points (n, 2) to the nearest of the rays, each as far as it is free."""
+    known = free_m > 0.0
+    away = points - origin_m
+    along = np.clip(away @ direction[:, known], 0.0, free_m[known])
+    gaps: Floats = np.hypot(
+        away[:, :1] - along * direction[0, known], away[:, 1:] - along * direction[1, known]
+    )
+    return gaps.min(axis=1)

@@ -1,0 +1,31 @@
+"""Views of a lidar, made from what each beam says, without a scan."""
+
+import math
+
+import numpy as np
+
+from supervisor.reckoning import Pose
+from supervisor.scan import Geometry, View
+
+BEAMS = 360
+BEAM_RAD = 2 * math.pi / BEAMS
+GEOMETRY = Geometry(BEAMS, -math.pi, BEAM_RAD)
+
+
+def view_of(readings: np.ndarray, geometry: Geometry = GEOMETRY, range_max_m: float = 12.0) -> View:
+    """A view: a distance for each beam, infinite without a return, NaN where nothing is explained."""
+    hit, unknown = np.isfinite(readings), np.isnan(readings)
+    times = np.zeros(len(readings))
+    return View(
+        geometry=geometry,
+        taken_s=0.0,
+        pose=Pose(0.0, 0.0, 0.0),
+        free_m=np.where(hit, readings, np.where(unknown, 0.0, range_max_m)),
+        hit=hit,
+        is_whole=not unknown.any(),
+        range_max_m=range_max_m,
+        explained_s=np.where(unknown, -math.inf, 0.0),
+        facing_rad=0.0,
+        returned_s=times,
+        returned_m=times,
+    )
