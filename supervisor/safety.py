@@ -21,7 +21,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from supervisor.base_motion import follow
+from supervisor.base_motion import follow, moves
 from supervisor.clearance import Barrier, Block, Floats, Kind, moved, permitted_scale, survey
 from supervisor.explain import detail_of
 from supervisor.model import (
@@ -75,7 +75,6 @@ ROUNDING_S = 1e-6
 
 NONE: Reasons = frozenset()
 BARRIER_REASONS: Reasons = frozenset({StopReason.OBSTACLE, StopReason.SCAN_BLIND})
-SCAN_REASONS: Reasons = frozenset({StopReason.SCAN_INVALID, StopReason.SCAN_STALE})
 
 RELEASED_FACTOR = 5.0
 """A block is over when the barrier would permit this many times the minimum useful speed: readings are noisy."""
@@ -316,10 +315,7 @@ def _runs_away(state: State, now_s: float, odometry: Odometry | None) -> bool:
     config = state.config
     if odometry is None or state.stopped_s is None:
         return False
-    moving = (
-        abs(odometry.velocity.linear_m_s) > config.runaway_linear_m_s
-        or abs(odometry.velocity.angular_rad_s) > config.runaway_angular_rad_s
-    )
+    moving = moves(odometry.velocity, Velocity(config.runaway_linear_m_s, config.runaway_angular_rad_s))
     braking_s = config.max_linear_m_s / config.deceleration_m_s2 + RUNAWAY_GRACE_S
     return moving and min(now_s, odometry.arrival_s) - state.stopped_s > braking_s
 
@@ -698,6 +694,7 @@ def _explain(
     else:
         mode = Mode.DRIVING if scale == 1.0 else Mode.LIMITED
     scans = [sight.scan for sight in state.sights if sight.scan is not None]
+    scan_problem = _problems(state)
     nearest_m, bearing_rad = _nearest(state, scans)
     return Decision(
         mode=mode,
@@ -711,7 +708,7 @@ def _explain(
         warning=nearest_m < config.warning_distance_m,
         alarm=state.runaway,
         scan_age_s=max((now_s - scan.taken_s for scan in scans), default=math.nan),
-        scan_problem=_problems(state),
+        scan_problem=scan_problem,
         scan_counts=_scan_counts(state.sights),
         sources=state.sources,
         strangers=state.strangers,
@@ -720,9 +717,9 @@ def _explain(
         latched=_by_severity(reasons - causes),
         detail=detail_of(
             causes,
-            scan_problem=_problems(state),
+            scan_problem=scan_problem,
             block_bearing_rad=math.nan if block is None else math.atan2(block.y_m, block.x_m),
-            writers=_conflicts(state, now_s),
+            writers=_conflicts(state, now_s) if StopReason.SENSOR_CONFLICT in causes else (),
         ),
     )
 
