@@ -169,15 +169,10 @@ class Injector:
             start=f"{-half_rad:.3f}",
             end=f"{half_rad:.3f}",
             share=f"{0.02 + 0.28 * strength:.3f}",
+            reach=f"{0.5 + 0.5 * strength:.2f}",
             rate=20.0 if self._random.random() < 0.5 else 5.5,
         )
         await self._spoil(fault, parameters, text)
-
-    async def short_reach(self, fault: Planned, parameters: Parameters) -> None:
-        """It has been short from the beginning; now there is something on the way."""
-        parameters["spec"] = self._world.scenario.sensors
-        self._put_pillar_ahead(parameters)
-        await asyncio.sleep(fault.lasts_s)
 
     def _put_pillar_ahead(self, parameters: Parameters) -> None:
         pose = self._world.plant.true_pose
@@ -486,7 +481,7 @@ FAULTS: dict[str, Fault] = {
     "sim_odom_gone": partial(Injector.sensors, spec="no_odom"),
     "sim_scan_dirt": partial(Injector.in_the_way, spec="blocked {start} {end}"),
     "sim_scan_dropout": partial(Injector.in_the_way, spec="dropout {share}; rate {rate}"),
-    "sim_scan_short": Injector.short_reach,
+    "sim_scan_short": partial(Injector.in_the_way, spec="reach {reach}; beams 0.02"),
     "sim_scan_stray": partial(Injector.sensors_by_strength, spec="stray 0.04"),
     "sim_scan_frozen_no_odom": partial(Injector.in_the_way, spec="freeze; no_odom"),
     "sim_scan_frozen_odom_zero": partial(Injector.in_the_way, spec="freeze; odom_zero"),

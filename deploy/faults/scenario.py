@@ -23,8 +23,6 @@ PAIR_APART_S = 0.4
 BY_THEMSELVES_EVERY, BY_THEMSELVES_REST = 10, 7
 """Seeds that end in 7 try the classes with trials of their own, one after the other. What the other seeds mean
 does not depend on how many such classes there are."""
-REACH_M = (0.5, 1.0)
-"""Of a short lidar. A few of its beams are missing as well: without a single return its scans would all be equal."""
 LONG_S = (3.0, 4.5)
 """Long enough to reach the pillar, and to be re-armed and driven at it again."""
 
@@ -74,8 +72,6 @@ class Scenario:
     pillars: tuple[float, ...]
     """When a pillar is put somewhere ahead of the robot; the next one takes the last one's place."""
     faults: tuple[Planned, ...]
-    sensors: str = "none"
-    """The sensors' faults from the beginning on."""
     straight: bool = False
     """Whether the robot begins with a free way ahead, and the operator drives straight on, whatever comes."""
 
@@ -115,7 +111,6 @@ def _draw_by_itself(seed: int) -> Scenario:
     names = [one.name for one in classes_by_themselves()]
     name = names[seed // BY_THEMSELVES_EVERY % len(names)]
     at_s = FIRST_FAULT_S + random.uniform(0.0, 0.5)
-    short = f"reach {random.uniform(*REACH_M):.2f}; beams 0.02"
     return Scenario(
         seed,
         scene=random.choice((Scene.WAREHOUSE, Scene.EMPTY)),
@@ -125,7 +120,6 @@ def _draw_by_itself(seed: int) -> Scenario:
         stubbornness=random.choice((0.0, 0.3)),
         pillars=(),
         faults=(Planned(name, at_s, random.uniform(*LONG_S), random.random()),),
-        sensors=short if name == "sim_scan_short" else "none",
         straight=True,
     )
 

@@ -22,7 +22,6 @@ from sim.config import SimSection
 from sim.floorplan import Circle, FloorPlan
 from sim.plant import Plant
 from sim.scene import Build, Hull, build
-from sim.sensor_faults import parse_faults
 from sim.service import SimService
 from sim.snapshot import Snapshot
 from supervisor.config import FootprintSection, SupervisorSection
@@ -276,9 +275,8 @@ class World:
         await life.bus.close()
 
     async def _sim(self, life: Life) -> None:
-        faults = parse_faults(self.scenario.sensors)
         await life.bus.connect()
-        await SimService(life.bus, SIM, self.plant, faults=faults).run(life.stop)
+        await SimService(life.bus, SIM, self.plant).run(life.stop)
         await life.bus.close()
 
     async def _teleop(self, life: Life) -> None:

@@ -261,7 +261,21 @@ async def test_odometry_that_falls_silent_or_is_no_number_pauses_the_path(x_m: f
         await run.paused("the odometry is silent")
 
 
-async def test_a_robot_that_does_not_get_on_pauses_the_path() -> None:
+async def test_a_robot_whose_wheels_spin_on_the_spot_pauses_the_path() -> None:
+    rig = Rig()
+    odom = rig.outsider.publisher(topics.ODOM)
+
+    def spin() -> None:
+        odom.put(odometry((0.0, 0.0, 0.0), rig.output()))
+
+    async with rig.supervisor(), rig.lidar(), every(0.02, spin), driving(rig, here(square(1.0))) as run:
+        await run.until(lambda: run.listen() and not run.asks_for_nothing)
+        await rig.pass_time(HEADWAY_S - 0.2)
+        assert not run.asks_for_nothing
+        await run.paused("no headway for 3 s (nearest: 2.75 m")
+
+
+async def test_a_base_that_stands_whatever_it_is_told_pauses_the_path() -> None:
     rig = Rig()
     odom = rig.outsider.publisher(topics.ODOM)
 
@@ -269,10 +283,7 @@ async def test_a_robot_that_does_not_get_on_pauses_the_path() -> None:
         odom.put(odometry((0.0, 0.0, 0.0), (0.0, 0.0)))
 
     async with rig.supervisor(), rig.lidar(), every(0.02, stand), driving(rig, here(square(1.0))) as run:
-        await run.until(lambda: run.listen() and not run.asks_for_nothing)
-        await rig.pass_time(HEADWAY_S - 0.2)
-        assert not run.asks_for_nothing
-        await run.paused("no headway for 3 s (nearest: 2.75 m")
+        await run.paused("STOPPED: BASE_UNRESPONSIVE")
 
 
 async def test_a_supervisor_that_dies_pauses_the_path_and_a_new_one_does_not_set_it_going() -> None:
