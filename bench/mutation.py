@@ -16,8 +16,11 @@ MUTANTS = ROOT / "mutants"
 MUTMUT = [sys.executable, "-m", "mutmut"]
 
 EQUIVALENT = {
-    "inside = (depth <= 0.0) | (gap == 0.0)",
+    "inside = (depth <= 0.0) | (gap < ON_HULL_M)",
+    "inside = (depth < 0.0) | (gap <= ON_HULL_M)",
     "(near,) = (around.clearance_m <= keep_m + fastest_m_s * horizon_s).nonzero()",
+    "scale = 0.0 if present <= PRESENT_SHARE else scale",
+    "bool((np.hypot(s.earlier[:, 0] - block.x_m, s.earlier[:, 1] - block.y_m) <= SAME_PLACE_M).any())",
     "entered = clearance <= keep - GRAZE_M - DEEP_TOLERANCE_M_S * horizon_s",
 }
 """Lines of mutants that behave as the original does; pyproject.toml says why."""

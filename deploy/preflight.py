@@ -34,7 +34,7 @@ def check(launch: Launch) -> None:
     except (ConfigError, SceneError) as error:
         raise DeployError(str(error)) from error
     outline = outline_of(plant)
-    out_m = float(footprint.nearest(outline)[0].max())
+    out_m = float(footprint.clearance(outline).max())
     if out_m > SLACK_M:
         raise DeployError(
             f"the {config.hull} robot of [sim] sticks out of [supervisor.footprint] by {out_m:.2f} m, and would be "

@@ -26,6 +26,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
+from operator import itemgetter
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -64,8 +65,8 @@ NOTHING_M = 1e-300
 class Hull(Protocol):
     """The robot's outline in its base frame."""
 
-    def nearest(self, points: Floats) -> tuple[Floats, Floats]:
-        """Distances (n,) [m], negative inside, and outward unit normals (n, 2), for points (n, 2) [m]."""
+    def clearance(self, points: Floats) -> Floats:
+        """Distances (n,) [m] of points (n, 2) [m], negative inside."""
         ...
 
     def approach(self, points: Floats) -> tuple[Floats, Floats, Floats]:
@@ -88,13 +89,8 @@ class Circle:
 
     radius_m: float
 
-    def nearest(self, points: Floats) -> tuple[Floats, Floats]:
-        distances: Floats = np.hypot(points[:, 0], points[:, 1])
-        # At the very centre any direction will do, but it must be one.
-        central = distances == 0.0
-        length = distances + central
-        normals: Floats = np.array([(points[:, 0] + central) / length, points[:, 1] / length]).T
-        return distances - self.radius_m, normals
+    def clearance(self, points: Floats) -> Floats:
+        return np.hypot(points[:, 0], points[:, 1]) - self.radius_m
 
     def approach(self, points: Floats) -> tuple[Floats, Floats, Floats]:
         x_m = points[:, 0]
@@ -134,7 +130,11 @@ class ConvexPolygon:
     def _radius_m(self) -> float:
         return max(math.hypot(x, y) for x, y in self.corners)
 
+    def clearance(self, points: Floats) -> Floats:
+        return self.nearest(points)[0]
+
     def nearest(self, points: Floats) -> tuple[Floats, Floats]:
+        """Distances (n,) [m], negative inside, and outward unit normals (n, 2), of points (n, 2) [m]."""
         start, side, outward, squared = self._geometry
         x, y = points[:, 0, None] - start[:, 0], points[:, 1, None] - start[:, 1]  # (n, m)
         height: Floats = x * outward[:, 0] + y * outward[:, 1]  # signed distance from each side's line
@@ -158,7 +158,7 @@ class ConvexPolygon:
 
     def clearance_along(self, points: Floats, poses: Floats) -> Floats:
         seen = _seen_from(points, poses)
-        return self.nearest(seen.reshape(seen.size // 2, 2))[0].reshape(len(poses), len(points))
+        return self.clearance(seen.reshape(seen.size // 2, 2)).reshape(len(poses), len(points))
 
     @cached_property
     def _geometry(self) -> tuple[Floats, Floats, Floats, Floats]:
@@ -296,7 +296,7 @@ FREE: Limit = (1.0, None)
 
 
 def _tighter(one: Limit, other: Limit) -> Limit:
-    return other if other[0] < one[0] else one
+    return min(one, other, key=itemgetter(0))
 
 
 def _limit_of_closing(

@@ -57,39 +57,39 @@ def remember(earlier: Remembered, view: View, mount: Mount) -> Remembered:
     points, misses = earlier
     if len(points) == 0:
         return earlier
-    away: Floats = points - (mount.x_m, mount.y_m)
-    distance_m = np.hypot(away[:, 0], away[:, 1])
-    asked = _beams_beside(view, np.arctan2(away[:, 1], away[:, 0]) - mount.yaw_rad)
-    free_m = _ask(view, view.free_m, asked)
-    unexplained = view.explained_s < view.taken_s
-    if unexplained.any():
-        free_m[_ask(view, unexplained, asked)] = 0.0  # what earlier scans said says nothing new
-    off_m = np.abs(free_m - distance_m[:, None]).min(axis=1)
-    (left,) = (off_m > SAME_M).nonzero()  # nearly all are shown again
+    away_x, away_y = points[:, 0] - mount.x_m, points[:, 1] - mount.y_m
+    distance_m = np.hypot(away_x, away_y)
+    beam = _beam_of(view, np.arctan2(away_y, away_x) - mount.yaw_rad)
+    returns_m: Floats = view.free_m if view.hit.all() else np.where(view.hit, view.free_m, math.inf)
+    off_m = np.abs(_ask(view, returns_m, np.rint(beam).astype(np.int64)) - distance_m)
+    (left,) = (off_m > SAME_M).nonzero()  # nearly all are shown again by the very beam that points there
     if len(left) == 0:
         return Remembered()
-    asked, free_m, distance_m, misses = asked[left], free_m[left], distance_m[left], misses[left]
-    hit = _ask(view, view.hit, asked)
+    beside = BESIDE_RAD / abs(view.geometry.increment) * ASKED
+    asked = np.rint(beam[left, None] + beside).astype(np.int64)
+    distance_m, misses = distance_m[left], misses[left]
+    hit, free_m = _ask(view, view.hit, asked), _ask(view, view.free_m, asked)
+    free_m[_ask(view, view.explained_s < view.taken_s, asked)] = (
+        0.0  # what earlier scans said says nothing new
+    )
     nearer_m, farther_m = distance_m - SAME_M, distance_m + SAME_M
     nearest_m = np.where(hit, free_m, math.inf).min(axis=1)
     farthest_m = np.where(hit, free_m, -math.inf).max(axis=1)
-    shown = (nearest_m <= farther_m) & (farthest_m >= nearer_m) & (farthest_m - nearest_m < ONE_SURFACE_M)
+    again = (hit & (np.abs(free_m - distance_m[:, None]) <= SAME_M)).any(axis=1)
+    again |= (nearest_m <= farther_m) & (farthest_m >= nearer_m) & (farthest_m - nearest_m < ONE_SURFACE_M)
     uncovered = (free_m < nearer_m[:, None]).any(axis=1)
     passed = hit.all(axis=1) & (free_m > farther_m[:, None]).all(axis=1)
     misses = np.where(uncovered, misses, misses + 1)
-    (kept,) = (~shown & ~passed & (misses < MISSES)).nonzero()
+    (kept,) = (~again & ~passed & (misses < MISSES)).nonzero()
     if len(kept) > MOST_POINTS:
         kept = kept[np.argpartition(distance_m[kept], MOST_POINTS)[:MOST_POINTS]]
     return Remembered(points[left[kept]], misses[kept])
 
 
-def _beams_beside(view: View, bearing_rad: Floats) -> Counts:
-    """The beams (n, 5) that pass beside each of the bearings (n,) in the lidar's frame; some may be no beams."""
+def _beam_of(view: View, bearing_rad: Floats) -> Floats:
+    """The beam, and the part of the way to the next one, in which each bearing (n,) in the lidar's frame lies."""
     _, angle_min, increment = view.geometry
-    turn_rad = math.copysign(2 * math.pi, increment)
-    beam = ((bearing_rad - angle_min) % turn_rad) / increment
-    beams: Counts = np.rint(beam[:, None] + BESIDE_RAD / abs(increment) * ASKED).astype(np.int64)
-    return beams
+    return ((bearing_rad - angle_min) % math.copysign(2 * math.pi, increment)) / increment
 
 
 def _ask(view: View, values: npt.NDArray[Scalar], beams: Counts) -> npt.NDArray[Scalar]:

@@ -18,6 +18,7 @@ Unproven means stop. The law in four sentences:
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from operator import itemgetter
 
 import numpy as np
 
@@ -47,6 +48,7 @@ from supervisor.near_memory import Remembered, remember
 from supervisor.reckoning import STANDSTILL, Pose, Velocity, between, displacement, reckon, where
 from supervisor.scan import LaserScan, Lidar, Moment, ScanReading, View, read_scan
 from supervisor.seen_space import Lookout, hidden_places, lookout
+from supervisor.transition import is_on_another_arc, mixtures
 from wire.freshness import FALL_TOLERANCE_S, Verdict, judge
 
 IMPLAUSIBLE_FACTOR = 10.0
@@ -119,9 +121,8 @@ def runs_out_s(state: State) -> float:
     owner = _owning(state)
     assert owner is not None  # nothing moves without one
     config = state.config
-    scans_s = [
-        scan.taken_s + config.lidars[place].timeout_s for place, scan in _usable(state, state.now_s or 0.0)
-    ]
+    assert state.now_s is not None  # nor before the first step
+    scans_s = [scan.taken_s + config.lidars[place].timeout_s for place, scan in _usable(state, state.now_s)]
     return min(owner.sent_s + config.command_timeout_s, *scans_s) + ROUNDING_S
 
 
@@ -565,39 +566,15 @@ def _barrier(
     axis is judged together with what is asked for on the other; and a base that is too fast on the arc that it
     is still on brakes along that one first. Neither latches anything: the base only has to slow down.
     """
+    config = state.config
     scale, block = _permitted(state, now_s, usable, commanded, worth)
     has = state.following.most if state.odometry is None else state.odometer.velocity
-    for mixed in _mixtures(has, commanded, state.config.residual):
+    for mixed in mixtures(has, commanded, config.residual):
         scale = min(scale, _permitted(state, now_s, usable, mixed, worth)[0])
-    if _is_off(has, commanded, state.config):
-        present, _ = _permitted(state, now_s, usable, has, 0.0)
+    if is_on_another_arc(has, commanded, config.hull.radius_m, config.residual.linear_m_s):
+        present, _ = _permitted(state, now_s, usable, has, worth)
         scale = 0.0 if present < PRESENT_SHARE else scale
     return scale, block
-
-
-def _is_off(has: Velocity, commanded: Velocity, config: LawConfig) -> bool:
-    """Whether the base is on another arc than the commanded one, by more than noise."""
-    rim_m = config.hull.radius_m
-    across = has.linear_m_s * commanded.angular_rad_s - has.angular_rad_s * commanded.linear_m_s
-    length = math.hypot(commanded.linear_m_s, commanded.angular_rad_s * rim_m)
-    return abs(across) * rim_m > config.residual.linear_m_s * length
-
-
-def _mixtures(has: Velocity, commanded: Velocity, least: Velocity) -> list[Velocity]:
-    """The twists on the base's way to the commanded one in which a velocity is left that is to go."""
-    mixtures: list[Velocity] = []
-    if commanded.angular_rad_s != 0.0 and _is_left(has.linear_m_s, commanded.linear_m_s, least.linear_m_s):
-        mixtures.append(Velocity(has.linear_m_s, commanded.angular_rad_s))
-    if commanded.linear_m_s != 0.0 and _is_left(
-        has.angular_rad_s, commanded.angular_rad_s, least.angular_rad_s
-    ):
-        mixtures.append(Velocity(commanded.linear_m_s, has.angular_rad_s))
-    return mixtures
-
-
-def _is_left(has: float, wanted: float, least: float) -> bool:
-    """Whether a velocity is one that is to go, by more than noise."""
-    return abs(has) > least and (has * wanted < 0.0 or abs(has) > abs(wanted) + least)
 
 
 def _permitted(
@@ -609,20 +586,14 @@ def _permitted(
     that the robot is by now, and the more cautious of the two counts: odometry may be wrong. The way ahead
     on an arc begins where the robot is by now.
     """
-    config = state.config
-    scale, block, slowest_s = 1.0, None, 0.0
+    shown: list[tuple[Place, float]] = []
     for _, scan in usable:
         assert scan.view is not None  # a usable scan has one
-        reaction_s = now_s - scan.taken_s + scan.period_s + config.transport_s
-        slowest_s = max(slowest_s, reaction_s)
-        found = _permitted_among(state, now_s, twist, worth, Place(scan.view.pose, scan.around), reaction_s)
-        if found[0] < scale:
-            scale, block = found
-    for place in state.places:
-        found = _permitted_among(state, now_s, twist, worth, place, slowest_s)
-        if found[0] < scale:
-            scale, block = found
-    return scale, block
+        reaction_s = now_s - scan.taken_s + scan.period_s + state.config.transport_s
+        shown.append((Place(scan.view.pose, scan.around), reaction_s))
+    slowest_s = max(reaction_s for _, reaction_s in shown)
+    shown.extend((place, slowest_s) for place in state.places)
+    return min((_permitted_among(state, now_s, twist, worth, *one) for one in shown), key=itemgetter(0))
 
 
 def _permitted_among(

@@ -420,7 +420,7 @@ def unit_vectors(angle_rad: Floats) -> Floats:
 
 def run_inside(hull: Hull, mount: Mount, direction: Floats) -> Floats:
     """How far rays (2, n) from a lidar within the hull run inside of it [m]; zero for a lidar outside of it."""
-    if hull.nearest(np.array([[mount.x_m, mount.y_m]]))[0][0] >= 0.0:
+    if hull.clearance(np.array([[mount.x_m, mount.y_m]]))[0] >= 0.0:
         return np.zeros(len(direction[0]))
     start: Floats = np.zeros(len(direction[0]))
     end: Floats = start + 2.0 * hull.radius_m
@@ -432,7 +432,7 @@ def boundary_m(hull: Hull, mount: Mount, direction: Floats, inside_m: Floats, ou
     inner, outer = inside_m, outside_m
     for _ in range(HALVINGS):
         middle: Floats = (inner + outer) / 2.0
-        within = hull.nearest(along(mount, direction, middle))[0] < 0.0
+        within = hull.clearance(along(mount, direction, middle)) < 0.0
         inner, outer = inner + within * (middle - inner), outer - ~within * (outer - middle)
     return outer
 

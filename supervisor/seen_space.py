@@ -266,7 +266,7 @@ def _crossing(hull: Hull, mount: Mount, direction: Floats) -> _Crossing:
     steps: Floats = np.arange(0.0, math.hypot(mount.x_m, mount.y_m) + hull.radius_m + STEP_M, STEP_M)
     ones: Floats = np.ones(rays)
     points = np.concatenate([along(mount, direction, step * ones) for step in steps.tolist()])
-    within = (hull.nearest(points)[0] < 0.0).reshape(len(steps), rays)
+    within = (hull.clearance(points) < 0.0).reshape(len(steps), rays)
     meets = within.any(axis=0)
     first, last = within.argmax(axis=0), len(steps) - 1 - within[::-1].argmax(axis=0)
     enters_m = boundary_m(hull, mount, direction, steps[first], np.maximum(steps[first] - STEP_M, 0.0))

@@ -160,7 +160,7 @@ def _check_reading(reading: ScanReading, lidar: Lidar, hull: Hull) -> None:
     assert view.free_m.any()
     hidden = hidden_places(view, lidar.mount, hull, 0.04, 2.0)
     assert np.isfinite(hidden).all()
-    assert hull.nearest(hidden)[0].min(initial=0.0) > -1e-6, "nothing can be inside the hull"
+    assert hull.clearance(hidden).min(initial=0.0) > -1e-6, "nothing can be inside the hull"
 
 
 points = st.lists(st.tuples(st.floats(-4.0, 4.0), st.floats(-4.0, 4.0)), min_size=0, max_size=12).map(

@@ -62,6 +62,15 @@ def test_a_point_that_a_scan_shows_again_is_the_scan_s_own() -> None:
     assert left(point(), far) == [[1.0, 0.0]], "that beam passes too far beside it"
 
 
+def test_a_beam_that_ends_at_the_lidar_s_range_shows_nothing_there() -> None:
+    silent = view_of(room(NO_RETURN), range_max_m=1.0 + SAME_M / 2)
+    memory = point()
+    for _ in range(MISSES - 1):
+        memory = remember(memory, silent, Mount())
+        assert memory.points.tolist() == [[1.0, 0.0]]
+    assert len(remember(memory, silent, Mount()).points) == 0
+
+
 def test_a_surface_that_is_met_at_a_slant_shows_a_point_between_two_of_its_returns() -> None:
     slant, gap = room(), room(NO_RETURN)
     slant[BESIDE] = (0.82, 0.88, 1.08, 1.14, 1.2)

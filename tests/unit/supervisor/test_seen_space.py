@@ -168,7 +168,7 @@ def test_beyond_its_range_a_beam_without_a_return_proves_nothing(range_max_m: fl
 
 def test_in_a_hole_of_a_lidar_off_the_centre_something_hides_at_the_hull_s_own_outline() -> None:
     places = hidden(view_of(with_hole(41)), hull=RECTANGLE, mount=Mount(0.2, 0.1, 0.5))
-    assert RECTANGLE.nearest(places)[0] == pytest.approx(0.0, abs=1e-6)
+    assert RECTANGLE.clearance(places) == pytest.approx(0.0, abs=1e-6)
     assert len(places) == 41
 
 
@@ -176,13 +176,13 @@ def test_a_lidar_on_the_hull_s_edge_sees_nothing_of_what_is_behind_the_hull() ->
     fan = view_of(np.full(181, 3.0), Geometry(181, -math.pi / 2, BEAM_RAD))
     places = hidden(fan, mount=Mount(x_m=0.25))
     assert len(places) == 89
-    assert HULL.nearest(places)[0] == pytest.approx(0.0, abs=1e-6)
+    assert HULL.clearance(places) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_behind_a_lidar_ahead_of_the_hull_something_may_stand_before_and_behind_the_hull() -> None:
     fan = view_of(np.full(181, 3.0), Geometry(181, -math.pi / 2, BEAM_RAD))
     places = hidden(fan, mount=Mount(x_m=0.6), reach_m=1.0)
-    clearance_m, _ = HULL.nearest(places)
+    clearance_m = HULL.clearance(places)
     before = away_m(places - (0.6, 0.0)) < 1e-9
     assert before.any()
     assert clearance_m[before] == pytest.approx(0.35)
@@ -281,10 +281,10 @@ def scenes(draw: st.DrawFn) -> tuple[View, Mount, Hull]:
     readings[start : start + round(width * beams)] = UNKNOWN
     rays = rays_of(geometry, mount, hull)
     readings = np.maximum(readings, rays.hull_m)  # nothing can be inside the hull
-    inside = float(hull.nearest(np.array([[mount.x_m, mount.y_m]]))[0][0]) < 0.0
+    inside = float(hull.clearance(np.array([[mount.x_m, mount.y_m]]))[0]) < 0.0
     steps = np.arange(0.0, 1.6, 0.01)
     way = rays.direction.T[:, None, :] * steps[:, None] + (mount.x_m, mount.y_m)
-    through = (hull.nearest(way.reshape(-1, 2))[0].reshape(beams, -1) < 0.0).any(axis=1)
+    through = (hull.clearance(way.reshape(-1, 2)).reshape(beams, -1) < 0.0).any(axis=1)
     if not inside:
         readings[through] = UNKNOWN
     readings[0] = 1.0 if np.isnan(readings).all() else readings[0]
@@ -301,10 +301,10 @@ def test_no_disc_that_touches_no_free_ray_is_nearer_to_the_hull_than_what_is_hid
     places = hidden_places(view, mount, hull, SMALLEST_M, 2.0)
     rays = rays_of(view.geometry, mount, hull)
     returns = rays.points(np.flatnonzero(view.hit), view.free_m)
-    known_m = hull.nearest(np.concatenate((places, returns)))[0].min(initial=2.0)
+    known_m = hull.clearance(np.concatenate((places, returns))).min(initial=2.0)
     rng = np.random.default_rng(seed)
     centres = rng.uniform(-1.2, 1.2, (1500, 2))
-    disc_m = hull.nearest(centres)[0] - SMALLEST_M / 2
+    disc_m = hull.clearance(centres) - SMALLEST_M / 2
     nearer = centres[(disc_m >= 0.0) & (disc_m < known_m - SMALLEST_M / 2)]
     touched = _gap_to_rays_m(nearer, rays.origin_m[:, 0], rays.direction, view.free_m) < SMALLEST_M / 2
     assert touched.all(), nearer[~touched]
