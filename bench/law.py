@@ -26,8 +26,12 @@ GROWTH_STEPS = 2000
 CONFIG = SupervisorSection().law()
 
 TARGET_BEAMS = 360
-TARGET_US = 100.0
-"""For a step with a new scan, odometry and a command."""
+TARGET_US = 150.0
+"""For a step with a new scan, odometry and a command, in a row with others."""
+
+COLD_SLEEP_S = 0.014
+"""Between two real ticks the core sleeps, and its caches grow cold."""
+COLD_ROUNDS_SHARE = 2
 
 
 class Driver:
@@ -100,6 +104,10 @@ class Timing:
     tick_median_us: float
     tick_p99_us: float
     numpy_median_us: float
+    cold_median_us: float
+    """A scan step right after `COLD_SLEEP_S` of sleep."""
+    cold_numpy_us: float
+    """The plain numpy, likewise."""
     scan_to_numpy: float
     """The median of each round's own ratio: what slows the machine slows both."""
     per_beam_to_360: float
@@ -129,7 +137,7 @@ def time_steps(rounds: int) -> list[Timing]:
     drivers = {beams: Driver(beams) for beams in BEAMS}
     bounds = {beams: PlainNumpy(beams) for beams in BEAMS}
     taken: dict[tuple[int, str], list[float]] = {
-        (beams, kind): [] for beams in BEAMS for kind in ("scan", "tick", "numpy")
+        (beams, kind): [] for beams in BEAMS for kind in ("scan", "tick", "numpy", "cold", "cold numpy")
     }
     for number in range(-WARM_UP_ROUNDS, rounds):
         for (beams, driver), place in itertools.product(drivers.items(), range(BLOCK)):
@@ -144,6 +152,15 @@ def time_steps(rounds: int) -> list[Timing]:
                 taken[beams, "scan"].append(scan_us)
                 taken[beams, "tick"].append(tick_us)
                 taken[beams, "numpy"].append(numpy_us)
+    for _ in range(rounds // COLD_ROUNDS_SHARE):
+        for beams, driver in drivers.items():
+            inputs = driver.inputs(scan=True)
+            time.sleep(COLD_SLEEP_S)
+            taken[beams, "cold"].append(
+                _microseconds(lambda driver=driver, inputs=inputs: driver.step(inputs))
+            )
+            time.sleep(COLD_SLEEP_S)
+            taken[beams, "cold numpy"].append(_microseconds(bounds[beams].run))
     first = float(np.median(taken[BEAMS[0], "scan"])) / BEAMS[0]
     return [
         Timing(
@@ -153,6 +170,8 @@ def time_steps(rounds: int) -> list[Timing]:
             tick_median_us=float(np.median(taken[beams, "tick"])),
             tick_p99_us=float(np.percentile(taken[beams, "tick"], 99)),
             numpy_median_us=float(np.median(taken[beams, "numpy"])),
+            cold_median_us=float(np.median(taken[beams, "cold"])),
+            cold_numpy_us=float(np.median(taken[beams, "cold numpy"])),
             scan_to_numpy=float(np.median(np.divide(taken[beams, "scan"], taken[beams, "numpy"]))),
             per_beam_to_360=float(np.median(taken[beams, "scan"])) / beams / first,
         )

@@ -97,7 +97,18 @@ class Results:
 def _timing_sheet(timings: Iterable[law.Timing]) -> Sheet:
     return Sheet(
         "step() in µs, driving at a wall with the barrier active",
-        ("beams", "scan p50", "scan p99", "tick p50", "tick p99", "numpy p50", "scan / numpy", "per beam"),
+        (
+            "beams",
+            "scan p50",
+            "scan p99",
+            "tick p50",
+            "tick p99",
+            "numpy p50",
+            "scan / numpy",
+            "per beam",
+            "cold p50",
+            "cold numpy p50",
+        ),
         tuple(
             (
                 f"{t.beams:,}",
@@ -108,6 +119,8 @@ def _timing_sheet(timings: Iterable[law.Timing]) -> Sheet:
                 f"{t.numpy_median_us:.0f}",
                 f"{t.scan_to_numpy:.1f}",
                 f"{t.per_beam_to_360:.2f}",
+                f"{t.cold_median_us:.0f}",
+                f"{t.cold_numpy_us:.0f}",
             )
             for t in timings
         ),
@@ -126,6 +139,7 @@ def _timing_sheet(timings: Iterable[law.Timing]) -> Sheet:
                 "one size alone in a tight loop is quicker by about a tenth."
             ),
             "per beam: the time of a scan step for each beam, against that at 360; 1 is linear.",
+            f"cold: a scan step, and the plain numpy, right after {1000 * law.COLD_SLEEP_S:.0f} ms of sleep.",
         ),
     )
 
