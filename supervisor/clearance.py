@@ -365,8 +365,6 @@ def _limit_of_the_way_ahead(
     scale = (math.sqrt(lost_s * lost_s + 2.0 * braking_s * tau_s) - lost_s) / braking_s
     if around.kind is Kind.HIDDEN:
         scale = max(scale, barrier.hidden_creep_m_s / fastest_m_s)
-        if scale >= limit[0]:
-            return limit
 
     def block() -> Block:
         """It may not be closed on yet: what blocks is how it is closed on at the fastest on the way there."""
@@ -378,7 +376,7 @@ def _limit_of_the_way_ahead(
         worst = int((per_linear * linear_m_s + per_angular * angular_rad_s).argmax())
         return _block(around, near.item(nearest), per_linear.item(worst), per_angular.item(worst))
 
-    return scale, block
+    return _tighter(limit, (scale, block))
 
 
 def _along_arc(linear_m_s: float, angular_rad_s: float, step_s: float, count: int) -> Floats:

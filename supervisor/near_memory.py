@@ -42,7 +42,7 @@ class Remembered(NamedTuple):
 
     points: Floats = NO_POINTS
     """(n, 2) [m], in the base frame of the newest scan."""
-    misses: Counts = np.empty(0, dtype=np.int64)
+    misses: Floats = np.empty(0)
     """(n,): scans in a row that found nothing there."""
 
 

@@ -244,7 +244,7 @@ def _remember(
     if before is not None and before.view is not None and len(before.around.points):
         shown = moved(before.around.points, between(before.view.pose, view.pose))
         earlier = np.concatenate((earlier, shown))
-        misses = np.concatenate((misses, np.zeros(len(shown), dtype=np.int64)))
+        misses = np.concatenate((misses, np.zeros(len(shown))))
     return remember(Remembered(earlier, misses), view, lidar.mount), earlier
 
 

@@ -29,7 +29,7 @@ def room(distance_m: float = 3.0) -> np.ndarray:
 
 
 def point(x_m: float = 1.0, y_m: float = 0.0, misses: int = 0) -> Remembered:
-    return Remembered(np.array([[x_m, y_m]]), np.array([misses], dtype=np.int64))
+    return Remembered(np.array([[x_m, y_m]]), np.array([float(misses)]))
 
 
 def left(earlier: Remembered, readings: np.ndarray, mount: Mount | None = None) -> list[list[float]]:
@@ -116,7 +116,7 @@ def test_what_a_ray_was_filled_with_disproves_nothing() -> None:
 def test_of_too_many_points_the_nearest_are_kept() -> None:
     distance_m = np.linspace(0.5, 2.5, MOST_POINTS + 50)
     points = np.stack([distance_m, np.zeros_like(distance_m)], axis=1)[::-1]
-    memory = Remembered(points, np.arange(len(points), dtype=np.int64) % 3)
+    memory = Remembered(points, np.arange(len(points), dtype=np.float64) % 3)
     kept = remember(memory, view_of(room(NO_RETURN)), Mount())
     assert sorted(kept.points[:, 0].tolist()) == distance_m[:MOST_POINTS].tolist()
     came = dict(zip(points[:, 0].tolist(), memory.misses.tolist(), strict=True))

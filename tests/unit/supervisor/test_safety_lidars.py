@@ -16,6 +16,7 @@ from tests.unit.supervisor.law_harness import (
     NEUTRAL,
     SCAN_TIMEOUT_S,
     TICK_S,
+    Law,
     laser_scan,
     ring,
 )
@@ -166,6 +167,22 @@ def test_where_a_memory_of_free_places_is_allowed_what_was_seen_lately_counts_as
     assert law.tick(BACK).output == STANDSTILL
     assert all(law.now_s - past.view.taken_s < 1.1 for past in law.state.past)
     assert len(law.state.past) < 15
+
+
+def test_so_many_past_views_are_kept_as_cover_the_memory_evenly() -> None:
+    """In powers of two, so that no sum of times is rounded."""
+    law = Law(config=replace(CONFIG, unseen_memory_s=1.25), now_s=1024.0)
+    for number in range(1, 20):
+        law.now_s = 1024.0 + number / 16
+        law.step()
+    ages = [law.now_s - past.view.taken_s for past in law.state.past]
+    assert ages == [number / 16 for number in range(19, -1, -2)]
+    law.now_s = 1024.0 + 20 / 16
+    law.step()
+    assert law.state.past[0].view.taken_s == 1024.0, "what is exactly as old as the memory counts"
+    law.now_s = 1024.0 + 21 / 16
+    law.step()
+    assert law.state.past[0].view.taken_s > 1024.0
 
 
 # --- several writers

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from supervisor.model import STANDSTILL, Mode, StopReason, Velocity
+from supervisor.model import STANDSTILL, Mode, Odometry, StopReason, Velocity
 from tests.unit.supervisor.law_harness import (
     BACK,
     CONFIG,
@@ -234,3 +234,26 @@ def test_the_least_motion_that_a_float_can_say_is_decided_as_any_other(velocity:
     law = Law()
     law.drive()
     assert law.tick(("teleop", velocity)).output == velocity
+
+
+def test_what_one_scan_showed_stays_while_later_ones_show_nothing_at_all_in_its_direction() -> None:
+    """For longer than a timeout, so that no scan is filled from the one before it."""
+    law = Law()
+    law.hold(0.2, ("teleop", NEUTRAL))
+    law.ranges = ring(ahead_m=1.0)
+    law.hold(2 * TICK_S, ("teleop", NEUTRAL))
+    law.ranges = ring(ahead_m=math.nan)
+    for _ in range(20):
+        law.hold(UNSEEN_S, ("teleop", NEUTRAL))
+        assert law.decision.nearest_m == pytest.approx(0.75, abs=0.01)
+
+
+@pytest.mark.parametrize("twist", [Velocity(0.1, 0.0), Velocity(0.08, 0.05)])
+def test_a_creep_into_the_blind_goes_on_while_the_robot_moves_between_two_scans(twist: Velocity) -> None:
+    law = Law(config=replace(CONFIG, blind_creep_m_s=0.1))
+    law.ranges = ring(ahead_m=math.nan)
+    law.hold(UNSEEN_S)
+    law.drive(twist)
+    law.scanning = False
+    for _ in range(5):
+        assert law.tick(("teleop", twist), odometry=Odometry(twist, law.now_s + TICK_S)).output == twist
