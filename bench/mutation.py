@@ -20,6 +20,8 @@ EQUIVALENT = {
     "inside = (depth < 0.0) | (gap <= ON_HULL_M)",
     "(near,) = (around.clearance_m <= keep_m + fastest_m_s * horizon_s).nonzero()",
     "near = np.hypot(earlier[:, 0], earlier[:, 1]) <= config.hull.radius_m + config.reach_m",
+    "return state._replace(places=tuple(places), looking=None)",
+    "return state._replace(places=tuple(places), )",
     "scale = 0.0 if present <= PRESENT_SHARE else scale",
     "bool((np.hypot(s.earlier[:, 0] - block.x_m, s.earlier[:, 1] - block.y_m) <= SAME_PLACE_M).any())",
     "entered = clearance <= keep - GRAZE_M - DEEP_TOLERANCE_M_S * horizon_s",

@@ -71,7 +71,7 @@ def _scene(axes: Axes) -> None:
     last = _read(ranges, 2 * SPARSE.timeout_s, first)
     assert last.view is not None  # both scans are valid
     shown = first.around.points
-    kept = remember(Remembered(shown, np.zeros(len(shown), dtype=np.int64)), last.view, SPARSE.mount)
+    kept = remember(Remembered(shown, np.zeros(len(shown))), last.view, SPARSE.mount)
     hidden = hidden_places(last.view, SPARSE.mount, ROUND, SMALLEST_M, REACH_M)
     _rays(axes, last.view, SPARSE.mount, ROUND)
     axes.add_patch(Circle((0, 0), ROUND.radius_m, color=ROBOT, lw=0, zorder=3))

@@ -18,7 +18,7 @@ Unproven means stop. The law in four sentences:
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from operator import itemgetter
+from operator import attrgetter, itemgetter
 
 import numpy as np
 
@@ -140,7 +140,7 @@ def _resume(state: State, now_s: float, inputs: Inputs) -> tuple[State, Inputs]:
     sources = tuple(s._replace(sent_s=s.sent_s - inputs.suspended_s) for s in state.sources)
     sights = tuple(s._replace(scan=None) for s in state.sights)
     state = state._replace(sources=sources, sights=sights, past=(), odometry=None, resumed_s=now_s)
-    return state, replace(inputs, commands=(), scans=(), undecodable_lidars=(), odometry=None)
+    return state, replace(inputs, commands=(), scans=(), odometry=None)
 
 
 def _observe(state: State, now_s: float, inputs: Inputs) -> State:
@@ -200,20 +200,20 @@ def _see(state: State, scan: LaserScan) -> State:
     track, verdict, on_way_s = judge(
         sight.track, scan.sent, scan.arrival_s, lidar.timeout_s, tolerance_s, may_return=True
     )
-    counts, writers = sight.counts.add(verdict), _heard(sight.writers, scan)
-    if verdict is not Verdict.FRESH:
-        return _with_sight(state, place, Sight(sight.scan, track, counts, writers, sight.earlier))
     before, taken_s = sight.scan, scan.arrival_s - on_way_s
+    sight = sight._replace(track=track, counts=sight.counts.add(verdict), writers=_heard(sight.writers, scan))
+    if verdict is not Verdict.FRESH:
+        return _with_sight(state, place, sight)
     period_s = lidar.timeout_s if before is None else min(lidar.timeout_s, max(0.0, taken_s - before.taken_s))
     moment = Moment(taken_s, period_s, where(state.odometer, taken_s), state.way_m)
     reading = read_scan(
         before, scan, moment, lidar, config.hull, config.reach_m, in_the_open=config.works_in_the_open
     )
     if reading.problem is not None:
-        return _with_sight(state, place, Sight(reading, track, counts, writers, sight.earlier))
+        return _with_sight(state, place, sight._replace(scan=reading))
     memory, earlier = _remember(state, before, reading, lidar)
     assert reading.view is not None  # a reading without a problem has one
-    state = _with_sight(state, place, Sight(reading, track, counts, writers, earlier))
+    state = _with_sight(state, place, sight._replace(scan=reading, earlier=earlier))
     return state._replace(
         memory=memory, memory_pose=reading.view.pose, past=_keep_past(state, lidar, reading.view)
     )
@@ -221,13 +221,10 @@ def _see(state: State, scan: LaserScan) -> State:
 
 def _heard(writers: tuple[Writer, ...], scan: LaserScan) -> tuple[Writer, ...]:
     """Who publishes this lidar's scans, the latest first; those who spoke but once give way."""
-    known = next((w for w in writers if w.gid == scan.writer), None)
-    if known is not None and len(writers) == 1:
-        return (Writer(scan.writer, scan.arrival_s, known.heard_s),)
+    heard_s = next((w.heard_s for w in writers if w.gid == scan.writer), -math.inf)
     others = [w for w in writers if w.gid != scan.writer]
-    others.sort(key=lambda w: (w.before_s > -math.inf, w.heard_s), reverse=True)
-    newest = Writer(scan.writer, scan.arrival_s, -math.inf if known is None else known.heard_s)
-    return (newest, *others[: REMEMBERED_WRITERS - 1])
+    others.sort(key=attrgetter("before_s"), reverse=True)
+    return (Writer(scan.writer, scan.arrival_s, heard_s), *others[: REMEMBERED_WRITERS - 1])
 
 
 def _remember(
@@ -261,17 +258,20 @@ def _keep_past(state: State, lidar: Lidar, view: View) -> tuple[Past, ...]:
 
 
 Usable = Sequence[tuple[int, ScanReading]]
-"""The lidars that see, by their places, and what they show."""
+"""Newest scans, with the places of their lidars among the configured ones."""
 
 
 def _usable(state: State, now_s: float) -> Usable:
     """The lidars whose newest scan proves something, by their places, and that scan."""
+    return [(place, scan) for place, scan in _fresh(state, now_s) if scan.problem is None]
+
+
+def _fresh(state: State, now_s: float) -> Usable:
+    """The newest scans that are not too old, whatever they prove, and the places of their lidars."""
     return [
         (place, sight.scan)
-        for place, (sight, lidar) in enumerate(zip(state.sights, state.config.lidars, strict=True))
-        if sight.scan is not None
-        and sight.scan.problem is None
-        and now_s - sight.scan.taken_s <= lidar.timeout_s
+        for place, sight in enumerate(state.sights)
+        if sight.scan is not None and now_s - sight.scan.taken_s <= state.config.lidars[place].timeout_s
     ]
 
 
@@ -297,8 +297,6 @@ def _seek_hidden(state: State, usable: Usable, *, moved_on: bool) -> State:
         )
         if len(hidden):
             places.append(Place(view.pose, survey(config.hull, hidden, Kind.HIDDEN)))
-    if not places and not state.places and looking == state.looking:
-        return state
     return state._replace(places=tuple(places), looking=looking)
 
 
@@ -326,11 +324,7 @@ def _shared_causes(state: State, now_s: float, usable: Usable) -> Reasons:
     config = state.config
     causes: set[StopReason] = set()
     if not usable:
-        fresh = any(
-            sight.scan is not None and now_s - sight.scan.taken_s <= lidar.timeout_s
-            for sight, lidar in zip(state.sights, config.lidars, strict=True)
-        )
-        causes.add(StopReason.SCAN_INVALID if fresh else StopReason.SCAN_STALE)
+        causes.add(StopReason.SCAN_INVALID if _fresh(state, now_s) else StopReason.SCAN_STALE)
     if _conflicts(state, now_s):
         causes.add(StopReason.SENSOR_CONFLICT)
     late = state.now_s is not None and now_s - state.now_s > config.overrun_s
@@ -690,7 +684,7 @@ def _explain(
             causes,
             scan_problem=scan_problem,
             block_bearing_rad=math.nan if block is None else math.atan2(block.y_m, block.x_m),
-            writers=_conflicts(state, now_s) if StopReason.SENSOR_CONFLICT in causes else (),
+            writers=_conflicts(state, now_s),
         ),
     )
 
@@ -707,19 +701,18 @@ def _nearest(state: State, scans: list[ScanReading]) -> tuple[float, float]:
 def _scan_counts(sights: tuple[Sight, ...]) -> Counts:
     if len(sights) == 1:
         return sights[0].counts
-    return Counts(*(sum(of_each) for of_each in zip(*(sight.counts for sight in sights), strict=True)))
+    return Counts(*np.array([sight.counts for sight in sights]).sum(axis=0).tolist())
 
 
 def _problems(state: State) -> str:
     """What is wrong with the scans; of several lidars, by name."""
     problems = [
-        (lidar.name, sight.scan.problem)
-        for lidar, sight in zip(state.config.lidars, state.sights, strict=True)
+        (state.config.lidars[place].name, sight.scan.problem)
+        for place, sight in enumerate(state.sights)
         if sight.scan is not None and sight.scan.problem is not None
     ]
-    if len(state.sights) == 1:
-        return "".join(problem for _, problem in problems)
-    return "; ".join(f"{name}: {problem}" for name, problem in problems)
+    alone = len(state.sights) == 1
+    return "; ".join(problem if alone else f"{name}: {problem}" for name, problem in problems)
 
 
 def _by_severity(reasons: Reasons) -> tuple[StopReason, ...]:

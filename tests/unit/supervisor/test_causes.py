@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from supervisor.model import Decision, Inputs, Mode, SourceConfig, StopReason
+from supervisor.model import Decision, Inputs, Mode, SourceConfig, StopReason, Velocity
 from supervisor.safety import RELEASED_FACTOR
 from tests.unit.supervisor.law_harness import (
     BACK,
@@ -264,3 +264,31 @@ def test_a_step_without_inputs_still_says_what_holds() -> None:
     law.step(Inputs())
     law.now_s += 0.09
     assert told(law.step(Inputs())) == ({"SCAN_STALE", "COMMAND_TIMEOUT"}, set())
+
+
+@pytest.mark.parametrize(
+    ("beam", "motion", "words"),
+    [
+        (180, FORWARD, "something is too close ahead"),
+        (0, BACK, "something is too close behind"),
+        (210, FORWARD, "something is too close at 30° to the left"),
+    ],
+)
+def test_the_direction_of_what_the_barrier_stops_for_is_its_detail(
+    beam: int, motion: Velocity, words: str
+) -> None:
+    law = Law()
+    law.drive(motion)
+    law.ranges[np.arange(beam - 5, beam + 6) % 360] = 0.6
+    law.ranges[beam] = 0.5
+    assert law.tick(("teleop", motion)).detail == words
+    assert law.tick(("teleop", motion)).detail == words, "when it is latched, too"
+
+
+def test_what_the_barrier_stops_for_is_a_cause_beside_every_other() -> None:
+    law = Law()
+    law.drive()
+    law.ranges = ring(ahead_m=0.5)
+    law.hold(0.1, ("teleop", FORWARD))
+    decision = law.tick(("teleop", FORWARD), estop=True)
+    assert told(decision) == ({"ESTOP", "OBSTACLE"}, set())

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from supervisor.model import STANDSTILL, Command, Inputs, Mode, StopReason, Velocity
-from supervisor.safety import ROUNDING_S, runs_out_s
+from supervisor.safety import ROUNDING_S, initial_state, runs_out_s, step
 from tests.unit.supervisor.law_harness import (
     BACK,
     CONFIG,
@@ -33,6 +33,17 @@ def test_it_starts_stopped_because_nobody_has_spoken() -> None:
 def test_it_starts_stopped_because_nothing_has_been_seen() -> None:
     law = Law(scanning=False)
     assert StopReason.SCAN_STALE in law.decision.reasons
+
+
+def test_it_starts_with_the_estop_that_was_pressed_before() -> None:
+    for estop in (True, False):
+        _, decision = step(initial_state(CONFIG, estop=estop), 1000.0, Inputs())
+        assert (StopReason.ESTOP in decision.reasons) is estop
+
+
+def test_before_the_first_step_no_time_has_passed() -> None:
+    state, _ = step(initial_state(CONFIG), 1000.0, Inputs(odometry=odometry(1.0, 1000.0)))
+    assert state.way_m == 0.0
 
 
 def test_a_first_command_that_is_not_neutral_moves_nothing() -> None:

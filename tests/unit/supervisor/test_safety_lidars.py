@@ -114,6 +114,16 @@ def test_only_when_all_lidars_are_silent_the_scan_is_stale() -> None:
     assert law.decision.reasons == (StopReason.SCAN_STALE,)
 
 
+def test_the_view_of_a_lidar_is_unseen_once_its_timeout_is_over_also_while_no_scan_comes() -> None:
+    lidars = (looking("front", 0.0, timeout_s=0.5), looking("rear", math.pi, timeout_s=0.2))
+    law = Lidars(config=replace(CONFIG, lidars=lidars))
+    law.hold(0.1)
+    law.hold(0.1, BACK)
+    law.speaking = ()
+    assert law.hold(0.2, BACK).mode is Mode.DRIVING
+    assert law.hold(2 * TICK_S, BACK).reasons == (StopReason.SCAN_BLIND,)
+
+
 def test_each_lidar_has_its_own_timeout_and_the_motion_runs_out_with_the_first() -> None:
     lidars = (looking("front", 0.0, timeout_s=0.5), looking("rear", math.pi, timeout_s=0.3))
     law = Lidars(config=replace(CONFIG, lidars=lidars, command_timeout_s=2.0))
@@ -222,6 +232,18 @@ def test_either_writer_is_accepted_once_the_other_is_silent_and_the_robot_was_ne
     assert law.tick(FORWARD).output == FORWARD
 
 
+@pytest.mark.parametrize("is_over", [False, True])
+def test_a_writer_is_forgotten_just_after_the_time_in_which_it_must_be_heard_twice(*, is_over: bool) -> None:
+    """In powers of two, so that no difference of times is rounded."""
+    law = Lidars(config=replace(CONFIG, lidars=(replace(LIDAR, timeout_s=0.125),)), now_s=0.0, speaking=())
+    for now_s, writer in ((0.25, b"only"), (0.25, b"other"), (0.375, b"only"), (0.375, b"other")):
+        law.now_s = now_s
+        law.state, _ = step(law.state, now_s, Inputs(scans=(law.scan(0, writer),)))
+    now_s = 0.25 + WRITER_WINDOW_S
+    _, decision = step(law.state, math.nextafter(now_s, 1.0) if is_over else now_s, Inputs())
+    assert (StopReason.SENSOR_CONFLICT in decision.causes) is not is_over
+
+
 def test_the_conflict_of_one_lidar_names_that_lidar_and_the_gids_in_short() -> None:
     law = Lidars()
     for _ in range(3):
@@ -243,16 +265,18 @@ def test_a_writer_without_a_name_and_one_that_is_no_text_are_named() -> None:
     )
 
 
-def test_a_flood_of_writers_neither_fills_the_memory_nor_hides_a_conflict() -> None:
+@pytest.mark.parametrize("first", [0, 0xFF << 120])
+def test_a_flood_of_writers_neither_fills_the_memory_nor_hides_a_conflict(first: int) -> None:
     law = one_lidar()
     law.writers = (b"only", b"other")
     law.hold(0.2)
-    for number in range(0, 2000, 20):
+    for number in range(first, first + 2000, 20):
         law.writers = (b"only", b"other", *(gid(number + n) for n in range(REMEMBERED_WRITERS - 3)))
         law.tick()
         assert len(law.state.sights[0].writers) <= REMEMBERED_WRITERS
         assert StopReason.SENSOR_CONFLICT in law.decision.causes
     assert "only and other" in law.decision.detail
+    assert len(law.state.sights[0].writers) == REMEMBERED_WRITERS
 
 
 def test_a_flood_of_writers_that_each_speak_once_does_not_stop_the_robot() -> None:

@@ -19,6 +19,7 @@ from tests.unit.supervisor.law_harness import (
     TICK_S,
     UNSEEN_S,
     Law,
+    odometry,
     ring,
 )
 
@@ -34,6 +35,14 @@ def test_something_inside_30_cm_ahead_stops_a_closing_command_at_once() -> None:
     assert decision.output == STANDSTILL
     assert decision.causes == (StopReason.OBSTACLE,)
     assert law.tick(("teleop", FORWARD)).reasons == (StopReason.OBSTACLE,)
+
+
+def test_what_is_not_worth_moving_for_is_zero_from_the_first_scan_that_shows_it() -> None:
+    law = Law()
+    law.drive()
+    law.ranges = ring(ahead_m=HULL_M + STOP_M + 0.001)
+    decision = law.tick(("teleop", FORWARD))
+    assert (decision.mode, decision.output) == (Mode.LIMITED, STANDSTILL)
 
 
 def test_it_stays_stopped_when_the_obstacle_walks_away_until_neutral() -> None:
@@ -257,3 +266,13 @@ def test_a_creep_into_the_blind_goes_on_while_the_robot_moves_between_two_scans(
     law.scanning = False
     for _ in range(5):
         assert law.tick(("teleop", twist), odometry=Odometry(twist, law.now_s + TICK_S)).output == twist
+
+
+def test_what_is_remembered_comes_nearer_as_the_robot_drives() -> None:
+    law = Law()
+    law.ranges = ring(ahead_m=1.2)
+    law.tick(odometry=odometry(0.0, law.now_s + TICK_S))
+    law.ranges = ring(ahead_m=math.nan)
+    for _ in range(50):
+        law.tick(odometry=odometry(0.5, law.now_s + TICK_S))
+    assert law.decision.nearest_m == pytest.approx(0.45, abs=0.03)

@@ -1,11 +1,12 @@
 """A suspend of the machine: all that was heard before it looks fresh, and none of it may move the robot."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from supervisor.model import Command, Inputs, Mode, StopReason
-from tests.unit.supervisor.law_harness import CONFIG, FORWARD, NEUTRAL, SCAN_TIMEOUT_S, Law, odometry
+from tests.unit.supervisor.law_harness import CONFIG, FORWARD, NEUTRAL, SCAN_TIMEOUT_S, TICK_S, Law, odometry
 
 SLEPT_S = 3600.0
 HELD_S = max(CONFIG.command_timeout_s, SCAN_TIMEOUT_S)
@@ -95,6 +96,17 @@ def test_overrun_is_held_until_just_after_the_timeouts(is_over: bool) -> None:  
     law.now_s = math.nextafter(HELD_S, math.inf) if is_over else HELD_S
     law.step(Inputs(commands=(Command("teleop", NEUTRAL, law.now_s),)))
     assert (law.decision.mode is Mode.READY) is is_over
+
+
+def test_neither_odometry_nor_free_places_from_before_a_suspend_count() -> None:
+    law = Law(config=replace(CONFIG, unseen_memory_s=1.0))
+    law.tick(odometry=odometry(0.2, law.now_s + TICK_S))
+    assert law.state.past
+    law.now_s += 0.001
+    law.scanning = False
+    law.step(Inputs(odometry=odometry(0.5, law.now_s), undecodable_lidars=(0,), suspended_s=SLEPT_S))
+    assert law.state.past == ()
+    assert law.state.odometry is None
 
 
 def test_a_suspend_does_not_reset_an_estop() -> None:
