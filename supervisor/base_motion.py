@@ -3,8 +3,8 @@
 Two speeds bound what odometry may say of each axis: the *least*, which follows a rising command with the slowest
 acceleration that the base is known to have, and the *most*, which follows a falling command with the
 deceleration that it is trusted with. Odometry that stays outside of them for `PATIENCE_S`, and comes no nearer
-to the command meanwhile, is a base that is blocked, switched off by its own emergency stop, slipping, or measured wrongly. It stays unresponsive until it
-is commanded zero and stands.
+to the command meanwhile, is a base that is blocked, switched off by its own emergency stop, slipping, or measured
+wrongly. It stays unresponsive until it is commanded zero and stands.
 """
 
 import math
@@ -89,10 +89,13 @@ def follow(
 
 def _gains(since: Velocity, measured: Velocity, commanded: Velocity) -> bool:
     """Whether the base has come nearer to its command, by more than noise: it is slow, but it follows."""
-    return any(
-        abs(wanted - before) - abs(wanted - now) > PROGRESS_SHARE * slow
-        for before, now, wanted, slow in zip(since, measured, commanded, SLOW, strict=True)
+    return _nears(since.linear_m_s, measured.linear_m_s, commanded.linear_m_s, SLOW.linear_m_s) or _nears(
+        since.angular_rad_s, measured.angular_rad_s, commanded.angular_rad_s, SLOW.angular_rad_s
     )
+
+
+def _nears(before: float, now: float, wanted: float, slow: float) -> bool:
+    return abs(wanted - before) - abs(wanted - now) > PROGRESS_SHARE * slow
 
 
 def moves(velocity: Velocity, threshold: Velocity) -> bool:
@@ -118,4 +121,4 @@ def _falls(most: float, commanded: float, step: float) -> float:
 
 
 def _lags(measured: float, least: float, slow: float) -> bool:
-    return abs(least) > slow and math.copysign(measured, measured * least) < LEAST_SHARE * abs(least)
+    return abs(least) > slow and measured / least < LEAST_SHARE

@@ -96,4 +96,4 @@ def _ask(view: View, values: npt.NDArray[Scalar], beams: Counts) -> npt.NDArray[
     """What each of these beams says; beside the view nothing is free, and zero is said."""
     if is_full_turn(view.geometry):
         return values.take(beams, mode="wrap")
-    return np.concatenate((values, np.zeros(1, values.dtype))).take(beams, mode="clip")
+    return np.append(values, values.dtype.type(0)).take(beams, mode="clip")

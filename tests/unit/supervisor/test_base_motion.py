@@ -126,6 +126,23 @@ def test_a_base_that_comes_nearer_to_its_command_has_its_patience_anew(axis: int
         assert after(slow, commanded, measured, now_s=0.6).unresponsive is not gains
 
 
+@pytest.mark.parametrize(("turning_rad_s", "is_patient"), [(0.05, False), (math.nextafter(0.05, 1.0), True)])
+def test_coming_nearer_on_one_axis_counts_from_just_beyond_its_share(
+    turning_rad_s: float, *, is_patient: bool
+) -> None:
+    assert PROGRESS_SHARE * SLOW.angular_rad_s == 0.05
+    commanded = Velocity(0.5, turning_rad_s)
+    following = after(settled(commanded), commanded, STANDSTILL, now_s=0.0)
+    following = after(following, commanded, Velocity(0.0, turning_rad_s), now_s=PATIENCE_S)
+    assert following.since_s == (PATIENCE_S if is_patient else 0.0)
+
+
+def test_a_base_that_rolled_the_other_way_comes_nearer_by_standing() -> None:
+    commanded = Velocity(0.5, 0.0)
+    following = after(settled(commanded), commanded, Velocity(-0.3, 0.0), now_s=0.0)
+    assert after(following, commanded, STANDSTILL, now_s=PATIENCE_S).since_s == PATIENCE_S
+
+
 @pytest.mark.parametrize("measured", [SLOW, Velocity(-0.1, -0.25)])
 def test_it_stays_unresponsive_until_it_is_commanded_zero_and_stands(measured: Velocity) -> None:
     lost = Following(STANDSTILL, STANDSTILL, None, STANDSTILL, unresponsive=True)

@@ -292,3 +292,11 @@ def test_what_the_barrier_stops_for_is_a_cause_beside_every_other() -> None:
     law.hold(0.1, ("teleop", FORWARD))
     decision = law.tick(("teleop", FORWARD), estop=True)
     assert told(decision) == ({"ESTOP", "OBSTACLE"}, set())
+
+
+def test_of_two_things_that_stop_it_alike_what_is_seen_is_named_before_what_may_be_hidden() -> None:
+    law = Law()
+    law.ranges = ring(ahead_m=0.4)
+    law.ranges[200:230] = math.nan
+    law.hold(UNSEEN_S, ("teleop", NEUTRAL))
+    assert law.hold(0.1, ("teleop", FORWARD)).reasons == (StopReason.OBSTACLE,)

@@ -125,7 +125,7 @@ def test_of_too_many_points_the_nearest_are_kept() -> None:
 
 
 @pytest.mark.parametrize("sign", [1, -1], ids=["counter-clockwise", "clockwise"])
-@pytest.mark.parametrize("bearing_rad", [-3.1, -2.0, -0.7, 0.0, 0.3, 1.57, 2.9, math.pi])
+@pytest.mark.parametrize("bearing_rad", [-3.14, -3.1, -2.0, -0.7, 0.0, 0.3, 1.57, 2.9, 3.14, math.pi])
 def test_the_beams_beside_a_point_are_asked_whichever_way_the_scan_goes_round(
     sign: int, bearing_rad: float
 ) -> None:
@@ -162,3 +162,13 @@ def test_points_are_looked_for_from_where_the_lidar_is_mounted() -> None:
     assert left(point(), ranges, mount) == []
     ranges[seen_ahead_of_the_base] = 1.0
     assert left(point(), ranges, mount) == [[1.0, 0.0]]
+
+
+@pytest.mark.parametrize("yaw_rad", [-3.0, -1.0, 1.0, 3.0])
+@pytest.mark.parametrize("bearing_rad", [-3.0, -1.0, 1.0, 3.0])
+def test_a_point_is_found_however_the_lidar_is_turned(yaw_rad: float, bearing_rad: float) -> None:
+    angles = yaw_rad - math.pi + BEAM_RAD * np.arange(BEAMS)
+    off_rad = np.abs(np.arctan2(np.sin(angles - bearing_rad), np.cos(angles - bearing_rad)))
+    ranges = np.where(off_rad < 0.6 * BEAM_RAD, 1.0, NO_RETURN)
+    earlier = point(math.cos(bearing_rad), math.sin(bearing_rad))
+    assert left(earlier, ranges, Mount(yaw_rad=yaw_rad)) == []
