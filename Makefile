@@ -62,7 +62,7 @@ faults: $(STAMP) ## every class of fault three times on the real processes, and 
 campaign: $(STAMP) ## every class of fault 300 times on the real processes; hours, and it resumes
 	.venv/bin/lifeline faults --trials 300 --out docs/campaign/real.jsonl
 
-mutation: $(STAMP) ## mutate the law; every mutant must fail a test (three minutes)
+mutation: $(STAMP) ## mutate the law; every mutant must fail a test (twenty minutes)
 	.venv/bin/python -m bench.mutation
 
 picture: $(STAMP) ## render the warehouse and the animation of the README anew; a few minutes

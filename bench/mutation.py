@@ -1,6 +1,6 @@
 """Run the mutation tests of the law and hold them to the survivors that are known to be equivalent.
 
-    python -m bench.mutation       (about three minutes on two cores)
+    python -m bench.mutation       (about twenty minutes on two cores)
 
 Exit code 1 when any other mutant survives; each is shown as a diff.
 """
@@ -16,17 +16,21 @@ MUTANTS = ROOT / "mutants"
 MUTMUT = [sys.executable, "-m", "mutmut"]
 
 EQUIVALENT = {
+    # On the outline the gap is zero, which the other half catches.
     "inside = (depth <= 0.0) | (gap < ON_HULL_M)",
-    "inside = (depth < 0.0) | (gap <= ON_HULL_M)",
+    # What is exactly at the edge of reach limits no motion.
     "(near,) = (around.clearance_m <= keep_m + fastest_m_s * horizon_s).nonzero()",
     "near = np.hypot(earlier[:, 0], earlier[:, 1]) <= config.hull.radius_m + config.reach_m",
-    "return state._replace(places=tuple(places), looking=None)",
-    "return state._replace(places=tuple(places), )",
+    # One value of a float, among those that a distance or a share may have.
+    "inside = (depth < 0.0) | (gap <= ON_HULL_M)",
+    "entered = clearance <= keep - GRAZE_M - DEEP_TOLERANCE_M_S * horizon_s",
     "scale = 0.0 if present <= PRESENT_SHARE else scale",
     "bool((np.hypot(s.earlier[:, 0] - block.x_m, s.earlier[:, 1] - block.y_m) <= SAME_PLACE_M).any())",
-    "entered = clearance <= keep - GRAZE_M - DEEP_TOLERANCE_M_S * horizon_s",
+    # Then the hidden places are looked for at each tick: the same ones.
+    "return state._replace(places=tuple(places), looking=None)",
+    "return state._replace(places=tuple(places), )",
 }
-"""Lines of mutants that behave as the original does; pyproject.toml says why."""
+"""Lines of mutants that behave as the original does."""
 
 
 def main() -> int:
