@@ -8,7 +8,7 @@
     seen_space.py     where something may stand that no scan rules out
     near_memory.py    what earlier scans showed near the robot
     base_motion.py    whether the base follows its commands
-    transition.py     what a base goes through between two twists
+    transition.py     intermediate twists between the present and the commanded one
     reckoning.py      where the robot has gone since a scan
     lidar.py          what a reading means: REP 117 and its dialects
     plain.py          the law's types as JSON and back, exactly

@@ -164,6 +164,8 @@ def _cause(reason: str, status: SafetyStatus) -> str:
             return f"the lidar's scan proves nothing: {problem}"
         case _ if detail:
             return detail
+        case "ESTOP" if status.estop_record_problem:
+            return f"{_CAUSES[reason]}; {plain(status.estop_record_problem)}"
         case "SCAN_STALE" if math.isfinite(status.scan_age_s):
             return f"the newest scan is {status.scan_age_s:.1f} s old"
         case "COMMAND_TIMEOUT":

@@ -1,4 +1,4 @@
-"""What a base goes through on its way from one twist to another."""
+"""Intermediate twists between the present and the commanded one."""
 
 import pytest
 
@@ -12,15 +12,20 @@ NOISE = Velocity(0.0625, 0.25)
 @pytest.mark.parametrize(
     ("has", "wanted", "mixed"),
     [
-        pytest.param((0.5, 0.0), (-0.5, 1.0), [(0.5, 1.0)], id="forward is to go, a turn is asked for"),
+        pytest.param(
+            (0.5, 0.0),
+            (-0.5, 1.0),
+            [(0.5, 1.0)],
+            id="forward velocity opposes the command, a turn is commanded",
+        ),
         pytest.param((-0.5, 0.0), (0.5, -1.0), [(-0.5, -1.0)], id="the same mirrored"),
-        pytest.param((0.5, 0.0), (0.0, 0.5), [(0.5, 0.5)], id="a turn on the spot is asked for"),
-        pytest.param((0.0, 1.0), (0.5, 0.0), [(0.5, 1.0)], id="a turn is to go"),
-        pytest.param((0.0, -1.0), (2.0, 0.5), [(2.0, -1.0)], id="the other turn is asked for"),
-        pytest.param((1.0, -1.0), (0.5, 0.5), [(1.0, 0.5), (0.5, -1.0)], id="both are to go"),
-        pytest.param((0.5, 1.0), (0.5, 1.0), [], id="neither is to go"),
-        pytest.param((0.5, 1.0), (1.0, 2.0), [], id="more is asked for"),
-        pytest.param((0.5, 0.0), (-0.5, 0.0), [], id="back on the same line is no mixture"),
+        pytest.param((0.5, 0.0), (0.0, 0.5), [(0.5, 0.5)], id="a turn on the spot is commanded"),
+        pytest.param((0.0, 1.0), (0.5, 0.0), [(0.5, 1.0)], id="an excess turn"),
+        pytest.param((0.0, -1.0), (2.0, 0.5), [(2.0, -1.0)], id="the opposite turn is commanded"),
+        pytest.param((1.0, -1.0), (0.5, 0.5), [(1.0, 0.5), (0.5, -1.0)], id="excess on both axes"),
+        pytest.param((0.5, 1.0), (0.5, 1.0), [], id="no excess"),
+        pytest.param((0.5, 1.0), (1.0, 2.0), [], id="more is commanded"),
+        pytest.param((0.5, 0.0), (-0.5, 0.0), [], id="reversing on the same line is no mixture"),
         pytest.param((0.0, 1.0), (0.0, -1.0), [], id="nor is turning back on the spot"),
         pytest.param((0.5625, 0.0), (0.5, 1.0), [], id="faster by noise"),
         pytest.param((0.625, 0.0), (0.5, 1.0), [(0.625, 1.0)], id="faster by more"),
@@ -29,7 +34,7 @@ NOISE = Velocity(0.0625, 0.25)
         pytest.param((0.0, 0.25), (0.5, -1.0), [], id="noise in the other turn"),
     ],
 )
-def test_what_is_left_of_one_axis_is_mixed_with_what_is_asked_for_on_the_other(
+def test_excess_velocity_on_one_axis_is_combined_with_the_command_on_the_other(
     has: tuple[float, float], wanted: tuple[float, float], mixed: list[tuple[float, float]]
 ) -> None:
     assert mixtures(Velocity(*has), Velocity(*wanted), NOISE) == [Velocity(*one) for one in mixed]
@@ -41,14 +46,14 @@ def test_what_is_left_of_one_axis_is_mixed_with_what_is_asked_for_on_the_other(
         pytest.param((1.0, 1.0), (0.5, 0.5), False, id="the same arc, faster"),
         pytest.param((1.0, 1.0), (-0.5, -0.5), False, id="the same arc, backwards"),
         pytest.param((1.0, -1.0), (0.5, 0.5), True, id="the arc to the other side"),
-        pytest.param((0.0, 0.5), (1.0, 0.0), True, id="a turn, where straight on is asked for"),
+        pytest.param((0.0, 0.5), (1.0, 0.0), True, id="a turn, where straight on is commanded"),
         pytest.param((0.0, 0.25), (1.0, 0.0), False, id="a turn by noise"),
-        pytest.param((0.5, 0.0), (0.0, 1.0), True, id="straight on, where a turn is asked for"),
+        pytest.param((0.5, 0.0), (0.0, 1.0), True, id="straight on, where a turn is commanded"),
         pytest.param((0.0625, 0.0), (0.0, 1.0), False, id="straight on by noise"),
         pytest.param((0.0, 0.0), (1.0, 1.0), False, id="it stands"),
     ],
 )
-def test_a_base_is_on_another_arc_when_its_rim_moves_across_the_one_that_is_asked_for(
+def test_a_base_is_on_another_arc_when_its_rim_moves_across_the_commanded_one(
     has: tuple[float, float], wanted: tuple[float, float], *, is_other: bool
 ) -> None:
     assert is_on_another_arc(Velocity(*has), Velocity(*wanted), rim_m=0.25, negligible_m_s=0.0625) is is_other

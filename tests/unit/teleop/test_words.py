@@ -65,6 +65,11 @@ def test_no_two_stop_reasons_sound_the_same() -> None:
     assert len({said(stopped(reason)).what for reason in REASONS}) == len(REASONS)
 
 
+def test_an_estop_that_is_not_on_disk_says_so_in_ascii() -> None:
+    what = said(stopped("ESTOP", estop_record_problem="the disk is full\x1b[2J"))
+    assert what.what == f"{CAUSES['ESTOP']}; the disk is full?[2J"
+
+
 def test_a_stop_reason_that_is_new_is_told_by_its_name() -> None:
     what = said(stopped("FLOOD\x1b[2J"))
     assert what.what == "for a reason that this program does not know: FLOOD?[2J"
