@@ -108,16 +108,15 @@ def moves(velocity: Velocity, threshold: Velocity) -> bool:
 
 def _rises(least: float, commanded: float, step: float) -> float:
     """The signed speed that the slowest base has by now; it falls with the command at once."""
-    if least * commanded < 0.0:
-        least = 0.0
-    return math.copysign(min(abs(commanded), abs(least) + step), commanded)
+    along = max(0.0, math.copysign(least, least * commanded))
+    return math.copysign(min(abs(commanded), along + step), commanded)
 
 
 def _falls(most: float, commanded: float, step: float) -> float:
     """The signed speed that the base may still have; it rises with the command at once."""
-    if abs(commanded) >= abs(most) and most * commanded >= 0.0:
+    if most * (commanded - most) >= 0.0:
         return commanded
-    return max(commanded, most - step) if most > commanded else min(commanded, most + step)
+    return min(max(commanded, most - step), most + step)
 
 
 def _lags(measured: float, least: float, slow: float) -> bool:

@@ -60,9 +60,9 @@ def remember(earlier: Remembered, view: View, mount: Mount) -> Remembered:
     away_x, away_y = points[:, 0] - mount.x_m, points[:, 1] - mount.y_m
     distance_m = np.hypot(away_x, away_y)
     beam = _beam_of(view, np.arctan2(away_y, away_x) - mount.yaw_rad)
-    returns_m: Floats = view.free_m if view.hit.all() else np.where(view.hit, view.free_m, math.inf)
+    returns_m: Floats = np.where(view.hit, view.free_m, math.inf)
     off_m = np.abs(_ask(view, returns_m, np.rint(beam).astype(np.int64)) - distance_m)
-    (left,) = (off_m > SAME_M).nonzero()  # nearly all are shown again by the very beam that points there
+    (left,) = (off_m > SAME_M).nonzero()  # the beam that points there shows nearly all of them again
     if len(left) == 0:
         return Remembered()
     beside = BESIDE_RAD / abs(view.geometry.increment) * ASKED
@@ -72,15 +72,13 @@ def remember(earlier: Remembered, view: View, mount: Mount) -> Remembered:
     free_m[_ask(view, view.explained_s < view.taken_s, asked)] = (
         0.0  # what earlier scans said says nothing new
     )
-    nearer_m, farther_m = distance_m - SAME_M, distance_m + SAME_M
+    again = (hit & (np.abs(free_m - distance_m[:, None]) <= SAME_M)).any(axis=1)
     nearest_m = np.where(hit, free_m, math.inf).min(axis=1)
     farthest_m = np.where(hit, free_m, -math.inf).max(axis=1)
-    again = (hit & (np.abs(free_m - distance_m[:, None]) <= SAME_M)).any(axis=1)
-    again |= (nearest_m <= farther_m) & (farthest_m >= nearer_m) & (farthest_m - nearest_m < ONE_SURFACE_M)
-    uncovered = (free_m < nearer_m[:, None]).any(axis=1)
-    passed = hit.all(axis=1) & (free_m > farther_m[:, None]).all(axis=1)
-    misses = np.where(uncovered, misses, misses + 1)
-    (kept,) = (~again & ~passed & (misses < MISSES)).nonzero()
+    again |= (nearest_m < distance_m) & (farthest_m > distance_m) & (farthest_m - nearest_m < ONE_SURFACE_M)
+    covered = (free_m >= distance_m[:, None]).all(axis=1)
+    misses = np.where(covered, misses + 1, misses)
+    (kept,) = (~again & ~(covered & hit.all(axis=1)) & (misses < MISSES)).nonzero()
     if len(kept) > MOST_POINTS:
         kept = kept[np.argpartition(distance_m[kept], MOST_POINTS)[:MOST_POINTS]]
     return Remembered(points[left[kept]], misses[kept])

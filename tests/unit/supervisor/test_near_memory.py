@@ -155,13 +155,13 @@ def test_beside_a_partial_view_a_point_is_not_covered(sign: int) -> None:
 
 
 def test_points_are_looked_for_from_where_the_lidar_is_mounted() -> None:
-    mount = Mount(0.5, 0.0, math.pi / 2)
+    mount = Mount(0.5, 0.2, math.pi / 2)
     seen_ahead_of_the_base = AHEAD - BEAMS // 4
     ranges = room(NO_RETURN)
     ranges[seen_ahead_of_the_base] = 0.5
-    assert left(point(), ranges, mount) == []
+    assert left(point(1.0, 0.2), ranges, mount) == []
     ranges[seen_ahead_of_the_base] = 1.0
-    assert left(point(), ranges, mount) == [[1.0, 0.0]]
+    assert left(point(1.0, 0.2), ranges, mount) == [[1.0, 0.2]]
 
 
 @pytest.mark.parametrize("yaw_rad", [-3.0, -1.0, 1.0, 3.0])
@@ -172,3 +172,38 @@ def test_a_point_is_found_however_the_lidar_is_turned(yaw_rad: float, bearing_ra
     ranges = np.where(off_rad < 0.6 * BEAM_RAD, 1.0, NO_RETURN)
     earlier = point(math.cos(bearing_rad), math.sin(bearing_rad))
     assert left(earlier, ranges, Mount(yaw_rad=yaw_rad)) == []
+
+
+def test_each_of_several_points_has_its_own_fate() -> None:
+    """Ahead: shown by a beam beside it; left: passed by every beam; right: covered; behind: not covered."""
+    ranges = room()
+    ranges[AHEAD + 2] = 1.0
+    ranges[BEAMS // 4 - 2 : BEAMS // 4 + 3] = NO_RETURN
+    ranges[0] = UNKNOWN
+    earlier = Remembered(np.array([[1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [-1.0, 0.0]]), np.zeros(4))
+    assert [earlier.points[n].tolist() for n in range(4)][2:] == left(earlier, ranges)
+    assert remember(earlier, view_of(ranges), Mount()).misses.tolist() == [1.0, 0.0]
+
+
+def test_a_beam_that_ends_exactly_at_a_point_covers_it() -> None:
+    for range_max_m, misses in ((1.0, [1.0]), (math.nextafter(1.0, 0.0), [0.0])):
+        view = view_of(room(NO_RETURN), range_max_m=range_max_m)
+        assert remember(point(), view, Mount()).misses.tolist() == misses
+
+
+def test_a_return_beside_a_point_shows_it_up_to_just_that_distance() -> None:
+    """Near the lidar, where no difference of distances is rounded."""
+    assert 2 * SAME_M - SAME_M == SAME_M
+    for distance_m, shown in ((2 * SAME_M, True), (math.nextafter(2 * SAME_M, 1.0), False)):
+        ranges = room(NO_RETURN)
+        ranges[AHEAD + 1] = distance_m
+        assert (left(point(SAME_M), ranges) == []) is shown
+
+
+def test_two_returns_are_one_surface_only_while_they_differ_by_less() -> None:
+    nearest_m, farthest_m = 0.1, 0.5
+    assert farthest_m - nearest_m == ONE_SURFACE_M
+    for far_m, shown in ((math.nextafter(farthest_m, 0.0), True), (farthest_m, False)):
+        ranges = room(NO_RETURN)
+        ranges[AHEAD - 2], ranges[AHEAD + 2] = nearest_m, far_m
+        assert (left(point(0.3), ranges) == []) is shown
