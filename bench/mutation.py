@@ -23,6 +23,7 @@ EQUIVALENT = {
     "near = np.hypot(earlier[:, 0], earlier[:, 1]) <= config.hull.radius_m + config.reach_m",
     # All five beams are asked instead of one: that finds the same.
     "off_m = np.abs(_ask(view, returns_m, np.rint(beam).astype(np.int64)) + distance_m)",
+    "returns_m: Floats = np.where(None, view.free_m, math.inf)",
     "(left,) = (off_m >= SAME_M).nonzero()  # the beam that points there shows nearly all of them again",
     # The beams that are asked lie evenly to both sides.
     "asked = np.rint(beam[left, None] - beside).astype(np.int64)",

@@ -210,9 +210,6 @@ NO_POINTS: Floats = np.empty((0, 2))
 
 def survey(hull: Hull, points: Floats, kind: Kind = Kind.SEEN) -> Surroundings:
     """What points (n, 2) [m] in the base frame mean for motions of the hull."""
-    if len(points) == 0:
-        none = np.empty(0)
-        return Surroundings(hull, kind, points, none, none, none)
     return Surroundings(hull, kind, points, *hull.approach(points))
 
 

@@ -68,10 +68,9 @@ def remember(earlier: Remembered, view: View, mount: Mount) -> Remembered:
     beside = BESIDE_RAD / abs(view.geometry.increment) * ASKED
     asked = np.rint(beam[left, None] + beside).astype(np.int64)
     distance_m, misses = distance_m[left], misses[left]
-    hit, free_m = _ask(view, view.hit, asked), _ask(view, view.free_m, asked)
-    free_m[_ask(view, view.explained_s < view.taken_s, asked)] = (
-        0.0  # what earlier scans said says nothing new
-    )
+    hit = _ask(view, view.hit, asked)
+    filled = _ask(view, view.explained_s < view.taken_s, asked)  # what earlier scans said says nothing new
+    free_m = np.where(filled, 0.0, _ask(view, view.free_m, asked))
     again = (hit & (np.abs(free_m - distance_m[:, None]) <= SAME_M)).any(axis=1)
     nearest_m = np.where(hit, free_m, math.inf).min(axis=1)
     farthest_m = np.where(hit, free_m, -math.inf).max(axis=1)

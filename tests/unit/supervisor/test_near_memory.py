@@ -119,6 +119,8 @@ def test_of_too_many_points_the_nearest_are_kept() -> None:
     memory = Remembered(points, np.arange(len(points), dtype=np.float64) % 3)
     kept = remember(memory, view_of(room(NO_RETURN)), Mount())
     assert sorted(kept.points[:, 0].tolist()) == distance_m[:MOST_POINTS].tolist()
+    exactly = Remembered(points[-MOST_POINTS:], np.zeros(MOST_POINTS))
+    assert len(remember(exactly, view_of(room(NO_RETURN)), Mount()).points) == MOST_POINTS
     came = dict(zip(points[:, 0].tolist(), memory.misses.tolist(), strict=True))
     for x_m, misses in zip(kept.points[:, 0].tolist(), kept.misses.tolist(), strict=True):
         assert misses == came[x_m] + 1, "each keeps its own misses"
@@ -207,3 +209,11 @@ def test_two_returns_are_one_surface_only_while_they_differ_by_less() -> None:
         ranges = room(NO_RETURN)
         ranges[AHEAD - 2], ranges[AHEAD + 2] = nearest_m, far_m
         assert (left(point(0.3), ranges) == []) is shown
+
+
+def test_each_of_two_points_is_met_at_its_own_slant() -> None:
+    ranges = room()
+    ranges[BESIDE] = (0.82, 0.88, 1.08, 1.14, 1.2)
+    ranges[3 * BEAMS // 4 - 2 : 3 * BEAMS // 4 + 3] = (1.82, 1.88, 2.08, 2.14, 2.2)
+    earlier = Remembered(np.array([[1.0, 0.0], [0.0, 2.0]]), np.zeros(2))
+    assert left(earlier, ranges) == []
