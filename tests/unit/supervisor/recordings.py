@@ -197,31 +197,34 @@ class Recording:
         return scan
 
     def free_ahead_m(self, ranges: Ranges) -> float:
-        """How much room there is before the hull: by plain geometry from the raw readings, not by the law.
+        """How much room there is before the foremost quarter of the robot's length [m]."""
+        gap_m, x_m = self._readings_around(ranges)
+        ahead_m = 0.0 if self.robot.section.footprint.radius_m is not None else 0.2
+        return float(gap_m[x_m > ahead_m].min(initial=math.inf))
 
-        Of every reading that is a distance (and of what the sensor calls too close), the distance to the
-        nearest of a thousand points of the hull, if it lies before the foremost quarter of the robot's length.
+    def free_around_m(self, ranges: Ranges) -> float:
+        """How much room there is between the hull and the nearest reading in any direction [m]."""
+        return float(self._readings_around(ranges)[0].min(initial=math.inf))
+
+    def _readings_around(self, ranges: Ranges) -> tuple[Floats, Floats]:
+        """Each distance reading's gap to the hull and its x in the base frame [m]: plain geometry, without the law.
+
+        What the sensor calls too close counts as a distance.
         """
-        robot = self.robot
         angles = self.base_angles(ranges)
         lidar = self.config.lidars[0].mount
-        readings = ranges.astype(np.float64)
         masked = np.zeros(len(ranges), dtype=np.bool_)
         for start, end in lidar.masked_rad:
             own = self.angle_min + self.angle_increment * np.arange(len(ranges), dtype=np.float64)
             masked |= (own >= start) & (own <= end)
         seen = self.returns(ranges) & ~masked
-        distance = np.maximum(readings[seen], self.range_min)
+        distance = np.maximum(ranges[seen].astype(np.float64), self.range_min)
         x = lidar.x_m + distance * np.cos(angles[seen])
         y = lidar.y_m + distance * np.sin(angles[seen])
-        radius_m = robot.section.footprint.radius_m
+        radius_m = self.robot.section.footprint.radius_m
         if radius_m is not None:
-            gap = np.hypot(x, y) - radius_m
-            before = x > 0.0
-        else:
-            gap = np.hypot(np.maximum(np.abs(x) - 0.4, 0.0), np.maximum(np.abs(y) - 0.25, 0.0))
-            before = x > 0.2
-        return float(gap[before].min(initial=math.inf))
+            return np.hypot(x, y) - radius_m, x
+        return np.hypot(np.maximum(np.abs(x) - 0.4, 0.0), np.maximum(np.abs(y) - 0.25, 0.0)), x
 
 
 def load(robot: Robot) -> Recording:

@@ -49,8 +49,8 @@ def _open(recording: Recording) -> list[Ranges]:
     return [scan for scan in whole if recording.free_ahead_m(scan) >= OPEN_M]
 
 
-def _drive(recording: Recording, ranges: Ranges) -> Decision:
-    """A robot at rest sees this scan twice, the operator is neutral, then asks for a slow motion ahead.
+def _drive(recording: Recording, ranges: Ranges, motion: Velocity = SLOW) -> Decision:
+    """A robot at rest sees this scan twice, the operator is neutral, then asks for a motion.
 
     Before it, the lidar has shown on every beam that it sees; of some sensors nothing else is believed.
     """
@@ -59,7 +59,7 @@ def _drive(recording: Recording, ranges: Ranges) -> Decision:
     for seen in (np.full(len(ranges), 5.0, dtype=np.float32), ranges, recording.noisy(ranges, 1)):
         now_s += TICK_S
         state, _ = step(state, now_s, Inputs(scans=(recording.scan(seen, now_s),)))
-    for velocity in (NEUTRAL, SLOW):
+    for velocity in (NEUTRAL, motion):
         now_s += TICK_S
         state, decision = step(state, now_s, Inputs(commands=(Command("teleop", velocity, now_s),)))
     return decision
@@ -86,6 +86,42 @@ def test_a_standing_robot_in_an_open_place_may_drive(recording: Recording) -> No
     for ranges in places[:: max(1, len(places) // 40)]:
         decision = _drive(recording, ranges)
         assert decision.output == SLOW, (decision.reasons, decision.scan_problem, decision.nearest_m)
+
+
+@pytest.mark.parametrize(
+    ("name", "permitted_m_s"),
+    [
+        ("hokuyo768-right", 0.1),  # its corner lidar does not see before the other corner: it may only creep
+        ("hokuyo-urg04", 1.0),
+        ("sick-intel", 1.0),
+        ("neato-lds", 1.0),
+    ],
+)
+def test_with_nothing_within_1_m_no_scan_of_a_recording_stops_or_slows_the_robot(
+    name: str, permitted_m_s: float
+) -> None:
+    """In the other two recordings, something is within 1 m all the time."""
+    recording, beams = _load(name), _usual_beams(_load(name))
+    places = [r for r in recording.scans if len(r) == beams and recording.free_around_m(r) >= 1.0]
+    assert places
+    speeds_m_s = [_drive(recording, r, Velocity(1.0, 0.0)).output.linear_m_s for r in places]
+    print(f"{name}: {sum(v == 0.0 for v in speeds_m_s)} false stops in {len(places)} scans with 1 m of room")
+    assert speeds_m_s == pytest.approx([permitted_m_s] * len(places))
+
+
+def test_a_recorded_drive_of_a_neato_keeps_its_speed_for_99_percent_of_its_time() -> None:
+    """Commanded as odometry says that it drove, bumper contacts included."""
+    replay = Replay(_load("neato-lds"), NEUTRAL)
+    moving = slowed = 0
+    for _, decision in replay.run():
+        if decision.commanded != STANDSTILL:
+            moving += 1
+            slowed += bool(decision.reasons) or decision.scale < 1.0
+        if replay.state.odometry is not None:
+            replay.motion = replay.state.odometry.velocity
+    print(f"slowed or stopped in {slowed} of {moving} steps of a moving robot")
+    assert moving > 1000
+    assert slowed < 0.01 * moving
 
 
 def test_the_same_places_with_an_object_at_20_cm_ahead_do_not(recording: Recording) -> None:
