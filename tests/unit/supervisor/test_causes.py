@@ -300,3 +300,12 @@ def test_of_two_things_that_stop_it_alike_what_is_seen_is_named_before_what_may_
     law.ranges[200:230] = math.nan
     law.hold(UNSEEN_S, ("teleop", NEUTRAL))
     assert law.hold(0.1, ("teleop", FORWARD)).reasons == (StopReason.OBSTACLE,)
+
+
+def test_what_the_barrier_would_stop_for_is_no_cause_of_another_stop() -> None:
+    law = Law()
+    law.drive()
+    law.ranges = ring(ahead_m=0.5)
+    decision = law.tick(("teleop", FORWARD), estop=True)
+    assert told(decision) == ({"ESTOP"}, set())
+    assert law.tick(("teleop", FORWARD)).causes == (StopReason.ESTOP,)
