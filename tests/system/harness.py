@@ -15,6 +15,7 @@ import pexpect
 
 from deploy import processes, statedir
 from tests.system.ports import free_endpoint
+from tests.system.process_state import state_of
 from wire import topics
 from wire.bus import Subscription
 from wire.messages import Odometry, SafetyStatus, Twist, header, planar_twist
@@ -81,10 +82,13 @@ class Robot:
         return self.processes[node].pid
 
     def signal(self, node: str, number: signal.Signals) -> float:
-        """Send a signal, and return when, by the monotonic clock."""
+        """Send a signal, and return when, by the monotonic clock; after SIGSTOP, once the process has stopped."""
         pid = self.pid(node)
         sent_s = time.monotonic()
         os.kill(pid, number)
+        if number == signal.SIGSTOP:
+            while state_of(pid) != "T":
+                assert time.monotonic() < sent_s + PATIENCE_S, f"{node} has not stopped"
         return sent_s
 
     def kill(self, node: str) -> float:

@@ -19,6 +19,7 @@ from deploy import processes, stack
 from deploy.processes import MARK, Process
 from deploy.statedir import StateDir
 from tests.system.harness import free_endpoint
+from tests.system.process_state import state_of
 from wire.memory_keeper import KEEP_S, NAME, is_keeper
 
 LIMIT_S = 10.0
@@ -121,11 +122,6 @@ def keepers_of(pid: int) -> list[int]:
     return [child for child in children if is_keeper(child)]
 
 
-def state_of(pid: int) -> str:
-    """One letter, as ps shows it."""
-    return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
-
-
 def until(condition: Callable[[], bool]) -> None:
     deadline_s = time.monotonic() + LIMIT_S
     while not condition():
@@ -222,6 +218,8 @@ def test_a_stop_also_ends_the_keeper_of_a_process_that_was_killed_before(tmp_pat
 def test_a_stop_also_ends_the_keeper_of_a_process_that_only_sigkill_ends(tmp_path: Path) -> None:
     with running(mark=tmp_path) as one, handle(one.keeper) as pidfd:
         os.kill(one.process.pid, signal.SIGSTOP)
+        # A SIGTERM that came before the process has stopped would end it.
+        until(lambda: state_of(one.process.pid) == "T")
         stack.stop(StateDir(tmp_path))
         assert one.process.wait(LIMIT_S) == -signal.SIGKILL
         assert ends_within(pidfd, 0.0), "the stop has returned, and the keeper still runs"

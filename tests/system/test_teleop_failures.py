@@ -19,6 +19,7 @@ from tests.system.operators import (
     operator,
     until,
 )
+from tests.system.process_state import state_of
 
 BROKEN = """
 import asyncio
@@ -120,7 +121,7 @@ class Job:
 
     @property
     def is_stopped(self) -> bool:
-        return Path(f"/proc/{self.pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "T"
+        return state_of(self.pid) == "T"
 
 
 @pytest.mark.parametrize("how", ["Ctrl-Z", "kill -TSTP"])
