@@ -65,9 +65,28 @@ def follow(
         _rises(following.least.linear_m_s, commanded.linear_m_s, slowest.linear_m_s * dt_s),
         _rises(following.least.angular_rad_s, commanded.angular_rad_s, slowest.angular_rad_s * dt_s),
     )
+    before = following.most
+    # A base that goes straight from one twist to another takes as long on both axes as on the slower one.
+    takes_s = max(
+        _takes_s(
+            least.linear_m_s,
+            before.linear_m_s,
+            commanded.linear_m_s,
+            slowest.linear_m_s,
+            deceleration.linear_m_s,
+        ),
+        _takes_s(
+            least.angular_rad_s,
+            before.angular_rad_s,
+            commanded.angular_rad_s,
+            slowest.angular_rad_s,
+            deceleration.angular_rad_s,
+        ),
+    )
+    share = 1.0 if takes_s <= dt_s else dt_s / takes_s
     most = Velocity(
-        _falls(following.most.linear_m_s, commanded.linear_m_s, deceleration.linear_m_s * dt_s),
-        _falls(following.most.angular_rad_s, commanded.angular_rad_s, deceleration.angular_rad_s * dt_s),
+        _falls(before.linear_m_s, commanded.linear_m_s, share),
+        _falls(before.angular_rad_s, commanded.angular_rad_s, share),
     )
     if measured is None:
         return Following(least, most, None, STANDSTILL, unresponsive=False)
@@ -112,11 +131,17 @@ def _rises(least: float, commanded: float, step: float) -> float:
     return math.copysign(min(abs(commanded), along + step), commanded)
 
 
-def _falls(most: float, commanded: float, step: float) -> float:
+def _takes_s(least: float, most: float, commanded: float, slowest: float, deceleration: float) -> float:
+    """How long one axis may still take to its command; into the other direction, it brakes first."""
+    falls_s = abs(commanded - most) / deceleration
+    return falls_s if most * commanded < 0.0 else max(falls_s, abs(commanded - least) / slowest)
+
+
+def _falls(most: float, commanded: float, share: float) -> float:
     """The signed speed that the base may still have; it rises with the command at once."""
-    if most * (commanded - most) >= 0.0:
+    if share == 1.0 or most * (commanded - most) >= 0.0:
         return commanded
-    return min(max(commanded, most - step), most + step)
+    return most + share * (commanded - most)
 
 
 def _lags(measured: float, least: float, slow: float) -> bool:

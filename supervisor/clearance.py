@@ -40,7 +40,9 @@ CLOSING_TOLERANCE_M_S = 0.01
 
 DEEP_M = 0.005
 DEEP_TOLERANCE_M_S = 0.001
-"""So deep inside the stop distance hardly anything is: many slow steps must not add up."""
+DEEP_TOLERANCE_SHARE = 0.1
+"""So deep inside the stop distance hardly anything is closing: many slow steps must not add up, nor may a slow
+command come nearer, of which the tolerance is at most this share."""
 
 POSES = 6
 """The way ahead is looked at after so many even parts of it: 8 cm apart at 1 m/s, between which an arc strays by 1 mm."""
@@ -77,10 +79,30 @@ class Hull(Protocol):
         """Distances (m, n) [m] of points (n, 2) from the hull at each of the poses (m, 3): x [m], y [m], yaw [rad]."""
         ...
 
+    def crossing(self, x_m: float, y_m: float, direction: Floats) -> "Crossing":
+        """Where rays along unit vectors (2, n) from a point, inside or outside of the hull, meet the hull."""
+        ...
+
     @property
     def radius_m(self) -> float:
         """The farthest that any part of the hull is from the base frame's origin."""
         ...
+
+
+class Crossing(NamedTuple):
+    """Where rays (n,) meet the hull."""
+
+    enters_m: Floats
+    """(n,): zero where the ray begins inside, infinite where it misses the hull."""
+    leaves_m: Floats
+    """(n,): zero where it misses the hull."""
+
+
+def _between(enters_m: Floats, leaves_m: Floats) -> Crossing:
+    """A crossing from where lines enter and leave, of which only the part ahead counts."""
+    enters_m = np.maximum(enters_m, 0.0)
+    meets = enters_m < leaves_m
+    return Crossing(np.where(meets, enters_m, math.inf), np.where(meets, leaves_m, 0.0))
 
 
 @dataclass(frozen=True)
@@ -102,6 +124,12 @@ class Circle:
     def clearance_along(self, points: Floats, poses: Floats) -> Floats:
         offset_x, offset_y = points[:, 0] - poses[:, :1], points[:, 1] - poses[:, 1:2]
         return np.hypot(offset_x, offset_y) - self.radius_m
+
+    def crossing(self, x_m: float, y_m: float, direction: Floats) -> Crossing:
+        middle_m: Floats = -(x_m * direction[0] + y_m * direction[1])  # of the chord
+        aside_m = x_m * direction[1] - y_m * direction[0]
+        half_m = np.sqrt(np.maximum(self.radius_m**2 - aside_m**2, 0.0))
+        return _between(middle_m - half_m, middle_m + half_m)
 
 
 @dataclass(frozen=True)
@@ -159,6 +187,18 @@ class ConvexPolygon:
     def clearance_along(self, points: Floats, poses: Floats) -> Floats:
         seen = _seen_from(points, poses)
         return self.clearance(seen.reshape(seen.size // 2, 2)).reshape(len(poses), len(points))
+
+    def crossing(self, x_m: float, y_m: float, direction: Floats) -> Crossing:
+        start, _, outward, _ = self._geometry
+        depth_m = outward[:, 0] * (start[:, 0] - x_m) + outward[:, 1] * (start[:, 1] - y_m)  # (m,)
+        outwards: Floats = outward @ direction  # (m, n)
+        leaving, entering = outwards > NOTHING_M, outwards < -NOTHING_M
+        # A ray along a side's line is on one side of it throughout.
+        ends = np.broadcast_to(np.where(depth_m < 0.0, math.inf, -math.inf)[:, None], outwards.shape).copy()
+        np.divide(depth_m[:, None], outwards, out=ends, where=leaving | entering)
+        leaves_m: Floats = np.where(leaving, ends, math.inf).min(axis=0)
+        enters_m: Floats = np.where(leaving, -math.inf, ends).max(axis=0)
+        return _between(enters_m, leaves_m)
 
     @cached_property
     def _geometry(self) -> tuple[Floats, Floats, Floats, Floats]:
@@ -304,8 +344,10 @@ def _limit_of_closing(
     if around.kind is Kind.HIDDEN:
         tolerance = max(CLOSING_TOLERANCE_M_S, barrier.hidden_creep_m_s)
     else:
+        fastest_m_s = abs(linear_m_s) + abs(angular_rad_s) * around.hull.radius_m
+        deep_m_s = min(DEEP_TOLERANCE_M_S, DEEP_TOLERANCE_SHARE * fastest_m_s)
         deep = around.clearance_m < barrier.stop_distance_m - DEEP_M
-        tolerance = np.where(deep, DEEP_TOLERANCE_M_S, CLOSING_TOLERANCE_M_S)
+        tolerance = np.where(deep, deep_m_s, CLOSING_TOLERANCE_M_S)
     (closed_on,) = (closing > tolerance).nonzero()
     if len(closed_on) == 0:
         return FREE

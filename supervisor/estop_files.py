@@ -55,8 +55,8 @@ def is_recorded(directory: Path, namespace: str) -> bool:
     """Whether a record exists, or cannot be looked up."""
     try:
         record_path(directory, namespace).lstat()
-    except FileNotFoundError:
-        return False
+    except FileNotFoundError:  # nor is there a record where the link's disk is not mounted
+        return directory.is_symlink() and not directory.is_dir()
     except OSError:
         return True
     return True
@@ -92,6 +92,8 @@ class RecordFiles:
         try:
             self._latched.lstat()
         except FileNotFoundError:
+            if not self._directory.is_dir():  # it may be on a disk that is not mounted
+                raise
             return False
         return True
 

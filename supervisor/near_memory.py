@@ -60,21 +60,20 @@ def remember(earlier: Remembered, view: View, mount: Mount) -> Remembered:
     away_x, away_y = points[:, 0] - mount.x_m, points[:, 1] - mount.y_m
     distance_m = np.hypot(away_x, away_y)
     beam = _beam_of(view, np.arctan2(away_y, away_x) - mount.yaw_rad)
-    returns_m: Floats = np.where(view.hit, view.free_m, math.inf)
-    off_m = np.abs(_ask(view, returns_m, np.rint(beam).astype(np.int64)) - distance_m)
-    (left,) = (off_m > SAME_M).nonzero()  # the beam that points there shows nearly all of them again
+    asked = np.rint(beam[:, None] + BESIDE_RAD / abs(view.geometry.increment) * ASKED).astype(np.int64)
+    returns_m = _ask(view, np.where(view.hit, view.free_m, math.inf), asked, beside=math.inf)
+    off_m = np.abs(returns_m - distance_m[:, None]).min(axis=1)
+    (left,) = (off_m > SAME_M).nonzero()  # nearly all of them are shown again
     if len(left) == 0:
         return Remembered()
-    beside = BESIDE_RAD / abs(view.geometry.increment) * ASKED
-    asked = np.rint(beam[left, None] + beside).astype(np.int64)
-    distance_m, misses = distance_m[left], misses[left]
-    hit = _ask(view, view.hit, asked)
-    filled = _ask(view, view.explained_s < view.taken_s, asked)  # what earlier scans said says nothing new
-    free_m = np.where(filled, 0.0, _ask(view, view.free_m, asked))
-    again = (hit & (np.abs(free_m - distance_m[:, None]) <= SAME_M)).any(axis=1)
-    nearest_m = np.where(hit, free_m, math.inf).min(axis=1)
-    farthest_m = np.where(hit, free_m, -math.inf).max(axis=1)
-    again |= (nearest_m < distance_m) & (farthest_m > distance_m) & (farthest_m - nearest_m < ONE_SURFACE_M)
+    asked, returns_m, distance_m, misses = asked[left], returns_m[left], distance_m[left], misses[left]
+    hit = returns_m < math.inf
+    nearest_m, farthest_m = returns_m.min(axis=1), np.where(hit, returns_m, -math.inf).max(axis=1)
+    again = (nearest_m < distance_m) & (farthest_m > distance_m) & (farthest_m - nearest_m < ONE_SURFACE_M)
+    filled = _ask(
+        view, view.explained_s < view.taken_s, asked, beside=0.0
+    )  # what earlier scans said says nothing new
+    free_m = np.where(filled, 0.0, _ask(view, view.free_m, asked, beside=0.0))
     covered = (free_m >= distance_m[:, None]).all(axis=1)
     misses = np.where(covered, misses + 1, misses)
     (kept,) = (~again & ~(covered & hit.all(axis=1)) & (misses < MISSES)).nonzero()
@@ -89,8 +88,8 @@ def _beam_of(view: View, bearing_rad: Floats) -> Floats:
     return ((bearing_rad - angle_min) % math.copysign(2 * math.pi, increment)) / increment
 
 
-def _ask(view: View, values: npt.NDArray[Scalar], beams: Counts) -> npt.NDArray[Scalar]:
-    """What each of these beams says; beside the view nothing is free, and zero is said."""
+def _ask(view: View, values: npt.NDArray[Scalar], beams: Counts, *, beside: float) -> npt.NDArray[Scalar]:
+    """What each of these beams says; one beside the view says `beside`."""
     if is_full_turn(view.geometry):
         return values.take(beams, mode="wrap")
-    return np.append(values, values.dtype.type(0)).take(beams, mode="clip")
+    return np.append(values, values.dtype.type(beside)).take(beams, mode="clip")

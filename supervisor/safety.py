@@ -23,7 +23,7 @@ from operator import attrgetter, itemgetter
 import numpy as np
 
 from supervisor.base_motion import follow, moves
-from supervisor.clearance import Barrier, Block, Floats, Kind, moved, permitted_scale, survey
+from supervisor.clearance import NO_POINTS, Barrier, Block, Floats, Kind, moved, permitted_scale, survey
 from supervisor.explain import detail_of
 from supervisor.model import (
     SEVERITY,
@@ -48,7 +48,7 @@ from supervisor.near_memory import Remembered, remember
 from supervisor.reckoning import STANDSTILL, Pose, Velocity, between, displacement, reckon, where
 from supervisor.scan import LaserScan, Lidar, Moment, ScanReading, View, read_scan
 from supervisor.seen_space import Lookout, hidden_places, lookout
-from supervisor.transition import is_on_another_arc, mixtures
+from supervisor.transition import corners, is_on_another_arc, mixtures
 from wire.freshness import FALL_TOLERANCE_S, Verdict, judge
 
 IMPLAUSIBLE_FACTOR = 10.0
@@ -137,9 +137,14 @@ def _resume(state: State, now_s: float, inputs: Inputs) -> tuple[State, Inputs]:
     """
     if inputs.suspended_s <= state.config.overrun_s:
         return state, inputs
+    for place in range(len(state.sights)):
+        state = _keep_shown(state, place)
     sources = tuple(s._replace(sent_s=s.sent_s - inputs.suspended_s) for s in state.sources)
     sights = tuple(s._replace(scan=None) for s in state.sights)
-    state = state._replace(sources=sources, sights=sights, past=(), odometry=None, resumed_s=now_s)
+    odometry = state.odometry
+    if odometry is not None:  # who was heard once must be heard again
+        odometry = replace(odometry, arrival_s=odometry.arrival_s - inputs.suspended_s)
+    state = state._replace(sources=sources, sights=sights, past=(), odometry=odometry, resumed_s=now_s)
     return state, replace(inputs, commands=(), scans=(), odometry=None)
 
 
@@ -202,17 +207,21 @@ def _see(state: State, scan: LaserScan) -> State:
     )
     before, taken_s = sight.scan, scan.arrival_s - on_way_s
     sight = sight._replace(track=track, counts=sight.counts.add(verdict), writers=_heard(sight.writers, scan))
+    state = _with_sight(state, place, sight)
     if verdict is not Verdict.FRESH:
-        return _with_sight(state, place, sight)
+        return state
     period_s = lidar.timeout_s if before is None else min(lidar.timeout_s, max(0.0, taken_s - before.taken_s))
     moment = Moment(taken_s, period_s, where(state.odometer, taken_s), state.way_m)
     reading = read_scan(
         before, scan, moment, lidar, config.hull, config.reach_m, in_the_open=config.works_in_the_open
     )
+    if before is not None and reading.taken_s == before.taken_s:  # it only repeats the one before
+        return _with_sight(state, place, sight._replace(scan=reading))
+    state = _keep_shown(state, place)
     if reading.problem is not None:
         return _with_sight(state, place, sight._replace(scan=reading))
-    memory, earlier = _remember(state, before, reading, lidar)
     assert reading.view is not None  # a reading without a problem has one
+    memory, earlier = _remember(state, reading.view, lidar)
     state = _with_sight(state, place, sight._replace(scan=reading, earlier=earlier))
     return state._replace(
         memory=memory, memory_pose=reading.view.pose, past=_keep_past(state, lidar, reading.view)
@@ -227,21 +236,25 @@ def _heard(writers: tuple[Writer, ...], scan: LaserScan) -> tuple[Writer, ...]:
     return (Writer(scan.writer, scan.arrival_s, heard_s), *others[: REMEMBERED_WRITERS - 1])
 
 
-def _remember(
-    state: State, before: ScanReading | None, reading: ScanReading, lidar: Lidar
-) -> tuple[Remembered, Floats]:
+def _keep_shown(state: State, place: int) -> State:
+    """What a lidar showed last goes to the memory: nothing that follows may lose it, be it no scan at all."""
+    sight = state.sights[place]
+    if sight.scan is None or sight.scan.view is None or len(sight.scan.around.points) == 0:
+        return state
+    around = sight.scan.around
+    shown = moved(around.points, between(sight.scan.view.pose, state.memory_pose))
+    points, misses = state.memory
+    memory = Remembered(np.concatenate((points, shown)), np.concatenate((misses, np.zeros(len(shown)))))
+    kept = sight._replace(scan=sight.scan._replace(around=survey(around.hull, NO_POINTS)))
+    return _with_sight(state, place, kept)._replace(memory=memory)
+
+
+def _remember(state: State, view: View, lidar: Lidar) -> tuple[Remembered, Floats]:
     """What earlier scans showed near the robot and this one does not disprove; and all that they showed."""
-    config, view = state.config, reading.view
-    assert view is not None  # a reading without a problem has one
-    earlier, misses = state.memory
-    if len(earlier):
-        earlier = moved(earlier, between(state.memory_pose, view.pose))
-        near = np.hypot(earlier[:, 0], earlier[:, 1]) < config.hull.radius_m + config.reach_m
-        earlier, misses = earlier[near], misses[near]
-    if before is not None and before.view is not None and len(before.around.points):
-        shown = moved(before.around.points, between(before.view.pose, view.pose))
-        earlier = np.concatenate((earlier, shown))
-        misses = np.concatenate((misses, np.zeros(len(shown))))
+    config, (points, misses) = state.config, state.memory
+    earlier = moved(points, between(state.memory_pose, view.pose))
+    near = np.hypot(earlier[:, 0], earlier[:, 1]) < config.hull.radius_m + config.reach_m
+    earlier, misses = earlier[near], misses[near]
     return remember(Remembered(earlier, misses), view, lidar.mount), earlier
 
 
@@ -280,6 +293,8 @@ def _seek_hidden(state: State, usable: Usable, *, moved_on: bool) -> State:
     looking = tuple(place for place, _ in usable)
     if not moved_on and looking == state.looking:
         return state
+    for place in state.looking:
+        state = state if place in looking else _keep_shown(state, place)
     config, places = state.config, list[Place]()
     if len(state.memory.points):
         remembered = survey(config.hull, state.memory.points, Kind.REMEMBERED)
@@ -558,16 +573,22 @@ def _barrier(
 
     A base that still has another velocity goes through mixtures of both on its way. What it still has on one
     axis is judged together with what is asked for on the other; and a base that is too fast on the arc that it
-    is still on brakes along that one first. Neither latches anything: the base only has to slow down.
+    is still on brakes along that one first. Neither latches anything: the base only has to slow down. Without
+    odometry nothing shows how far the base follows on each axis: the twists at which one of them lags are judged too.
     """
-    config = state.config
+    config, following = state.config, state.following
     scale, block = _permitted(state, now_s, usable, commanded, worth)
-    has = state.following.most if state.odometry is None else state.odometer.velocity
-    for mixed in mixtures(has, commanded, config.residual):
-        scale = min(scale, _permitted(state, now_s, usable, mixed, worth)[0])
-    if is_on_another_arc(has, commanded, config.hull.radius_m, config.residual.linear_m_s):
-        present, _ = _permitted(state, now_s, usable, has, worth)
-        scale = 0.0 if present < PRESENT_SHARE else scale
+    may_have = [following.most]  # odometry may be stuck
+    if state.odometry is not None:
+        may_have.append(state.odometer.velocity)
+    if state.odometry is None or following.since_s is not None:
+        may_have.extend(corners(following.least, following.most))
+    for has in may_have:
+        for mixed in mixtures(has, commanded, config.residual):
+            scale = min(scale, _permitted(state, now_s, usable, mixed, worth)[0])
+        if is_on_another_arc(has, commanded, config.hull.radius_m, config.residual.linear_m_s):
+            present, _ = _permitted(state, now_s, usable, has, worth)
+            scale = 0.0 if present < PRESENT_SHARE else scale
     return scale, block
 
 

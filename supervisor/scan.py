@@ -26,6 +26,9 @@ FROZEN_REPEATS = 3
 FROZEN_TRAVEL_M = 0.02
 """So many identical scans in a row while the hull has moved so far: the sensor repeats itself."""
 
+REPEATED_TRAVEL_M = 0.005
+"""A scan that is the one before to the bit, although the hull has moved so far, shows nothing new."""
+
 BLANK_AFTER_SHARE = 0.1
 BLANK_DROP = 0.1
 """A scan with less than a tenth of the returns, right after one with returns on a tenth of its beams, is no
@@ -36,9 +39,6 @@ LEAST_INCREMENT_RAD = 1e-6
 
 LEAST_M = 1e-6
 """What is at the lidar itself is this far away: zero stands for a ray of which nothing is known."""
-
-HALVINGS = 40
-"""Of a few metres: to far below a micrometre."""
 
 ANGLE_SLACK_BEAMS = 2.0
 """Drivers count the last beam, the one after it, or round."""
@@ -222,21 +222,15 @@ def read_scan(
     if problem is None and not (has_returned or in_the_open):
         problem = "nothing has returned yet; turn `works_in_the_open` on if that is as it should be"
     repeats, since_m = 0, moment.travelled_m
-    if previous is not None:
+    if previous is not None and problem is None:
         if previous.ranges.tobytes() == scan.ranges.tobytes():
             repeats, since_m = previous.repeats + 1, previous.travelled_m
-        if (
-            problem is None
-            and share > 0.0
-            and repeats >= FROZEN_REPEATS
-            and moment.travelled_m - since_m > FROZEN_TRAVEL_M
-        ):
+        travel_m = moment.travelled_m - since_m
+        if share > 0.0 and repeats >= FROZEN_REPEATS and travel_m > FROZEN_TRAVEL_M:
             problem = f"the same {repeats + 1} times while the robot moves"
-        if (
-            problem is None
-            and previous.return_share >= BLANK_AFTER_SHARE
-            and share < BLANK_DROP * previous.return_share
-        ):
+        elif share > 0.0 and travel_m > REPEATED_TRAVEL_M and previous.problem is None:
+            return previous._replace(repeats=repeats)
+        elif previous.return_share >= BLANK_AFTER_SHARE and share < BLANK_DROP * previous.return_share:
             problem, share = "blank from one scan to the next", previous.return_share
     far_m = hull.radius_m + reach_m + math.hypot(lidar.mount.x_m, lidar.mount.y_m)
     around, nearest_m, bearing_rad = _within(far_m, hull, rays, distance_m, hits)
@@ -307,7 +301,7 @@ def _view(
     """How far each ray is free, and since when its beam is known to see."""
     profile, taken_s = lidar.profile, moment.taken_s
     if before is not None and before.geometry != geometry:
-        before = None
+        before = _resampled(before, geometry)
     if hit.all():
         times = np.full(geometry.beams, taken_s)
         ways = np.full(geometry.beams, moment.travelled_m)
@@ -363,6 +357,24 @@ def _view(
     )
 
 
+def _resampled(before: View, geometry: Geometry) -> View:
+    """A view as another geometry has it, beam by beam: some motors turn unevenly, and no two scans are alike."""
+    angle_rad = geometry.angle_min + geometry.increment * np.arange(geometry.beams)
+    beam = np.rint((angle_rad - before.geometry.angle_min) / before.geometry.increment).astype(np.int64)
+    if is_full_turn(before.geometry):
+        beam %= before.geometry.beams
+    inside = (beam >= 0) & (beam < before.geometry.beams)
+    beam = np.clip(beam, 0, before.geometry.beams - 1)
+    return before._replace(
+        geometry=geometry,
+        free_m=np.where(inside, before.free_m[beam], 0.0),
+        hit=inside & before.hit[beam],
+        explained_s=np.where(inside, before.explained_s[beam], -math.inf),
+        returned_s=np.where(inside, before.returned_s[beam], -math.inf),
+        returned_m=np.where(inside, before.returned_m[beam], -math.inf),
+    )
+
+
 def _turned(before: View, pose: Pose) -> tuple[float, Floats, Floats]:
     """What was known of each direction, beam by beam as the lidar faces now; and the yaw that this belongs to."""
     count, _, increment = before.geometry
@@ -410,36 +422,12 @@ def rays_of(geometry: Geometry, mount: Mount, hull: Hull) -> Rays:
     for start, end in mount.masked_rad:
         looking &= (angle - start) % (2 * math.pi) > (end - start) % (2 * math.pi)
     direction = unit_vectors(mount.yaw_rad + angle)
-    return Rays(np.array([[mount.x_m], [mount.y_m]]), direction, looking, run_inside(hull, mount, direction))
+    origin_m = np.array([[mount.x_m], [mount.y_m]])
+    is_inside = hull.clearance(origin_m.T).item() < 0.0
+    inside_m = hull.crossing(mount.x_m, mount.y_m, direction).leaves_m
+    return Rays(origin_m, direction, looking, inside_m if is_inside else np.zeros(geometry.beams))
 
 
 def unit_vectors(angle_rad: Floats) -> Floats:
     """The unit vectors (2, n) of directions (n,)."""
     return np.array([np.cos(angle_rad), np.sin(angle_rad)])
-
-
-def run_inside(hull: Hull, mount: Mount, direction: Floats) -> Floats:
-    """How far rays (2, n) from a lidar within the hull run inside of it [m]; zero for a lidar outside of it."""
-    if hull.clearance(np.array([[mount.x_m, mount.y_m]]))[0] >= 0.0:
-        return np.zeros(len(direction[0]))
-    start: Floats = np.zeros(len(direction[0]))
-    end: Floats = start + 2.0 * hull.radius_m
-    return boundary_m(hull, mount, direction, start, end)
-
-
-def boundary_m(hull: Hull, mount: Mount, direction: Floats, inside_m: Floats, outside_m: Floats) -> Floats:
-    """Where rays (2, n) cross the hull's outline, between distances (n,) inside and outside of it, by halving."""
-    inner, outer = inside_m, outside_m
-    for _ in range(HALVINGS):
-        middle: Floats = (inner + outer) / 2.0
-        within = hull.clearance(along(mount, direction, middle)) < 0.0
-        inner, outer = inner + within * (middle - inner), outer - ~within * (outer - middle)
-    return outer
-
-
-def along(mount: Mount, direction: Floats, distance_m: Floats) -> Floats:
-    """The points (n, 2) at distances (n,) on rays (2, n) from a lidar, in the base frame."""
-    points: Floats = np.array(
-        [mount.x_m + distance_m * direction[0], mount.y_m + distance_m * direction[1]]
-    ).T
-    return points

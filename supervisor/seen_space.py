@@ -21,9 +21,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from supervisor.clearance import NO_POINTS, Floats, Hull
+from supervisor.clearance import NO_POINTS, Crossing, Floats, Hull
 from supervisor.reckoning import Pose, between
-from supervisor.scan import Geometry, Mount, View, along, boundary_m, is_full_turn, rays_of, unit_vectors
+from supervisor.scan import Geometry, Mount, View, is_full_turn, rays_of, unit_vectors
 
 OUTSIDE_SPACING_RAD = math.radians(2.0)
 """Between two rays where no beam looks: 3.5 cm apart at one metre, less than the smallest obstacle by default."""
@@ -32,9 +32,6 @@ OUTWARD_M: Floats = np.array(
     [0.0, 0.04, 0.08, 0.12, 0.17, 0.22, 0.3, 0.38, 0.48, 0.6, 0.75, 0.95, 1.2, 1.5, 2.0]
 )
 """How far behind the nearest hidden place another view is asked."""
-
-STEP_M = 0.01
-"""A ray that is in the hull for less than this grazes a corner."""
 
 SEEN_MARGIN_M = 0.02
 """A ray that ends nearer than this behind a point does not prove it free: readings are noisy."""
@@ -48,15 +45,6 @@ class Lookout(NamedTuple):
     x_m: float
     y_m: float
     yaw_rad: float
-
-
-class _Crossing(NamedTuple):
-    """Where rays (n,) from a lidar, also one outside of the hull, meet the hull."""
-
-    enters_m: Floats
-    """(n,): zero where the lidar is inside, infinite where the ray misses the hull."""
-    leaves_m: Floats
-    """(n,): zero where the ray misses the hull."""
 
 
 @dataclass(frozen=True)
@@ -73,9 +61,9 @@ class _Gaps:
     """(2, n or n - 1): its direction."""
     outside: Floats
     """(2, o): directions between the last beam and the first."""
-    beams_hull: "_Crossing"
+    beams_hull: Crossing
     """Where the beams leave the hull."""
-    outside_hull: "_Crossing"
+    outside_hull: Crossing
     """Where the directions outside of the view do."""
 
 
@@ -145,7 +133,7 @@ def _holes(
     hides_m[hides_m >= np.minimum(edge_m, far_m)] = math.inf
     (missing,) = (view.free_m <= 0.0).nonzero()
     gap = np.searchsorted(seeing, missing) - 1  # -1, before the first that sees, is the last gap
-    crossing = _Crossing(gaps.beams_hull.enters_m[missing], gaps.beams_hull.leaves_m[missing])
+    crossing = Crossing(gaps.beams_hull.enters_m[missing], gaps.beams_hull.leaves_m[missing])
     outside_m: Floats = np.full(len(gaps.outside[0]), hides_m.item(-1), dtype=np.float64)
     return [
         *_beside_the_hull(direction[:, missing], hides_m[gap], crossing, smallest_m),
@@ -154,7 +142,7 @@ def _holes(
 
 
 def _beside_the_hull(
-    direction: Floats, hides_m: Floats, crossing: _Crossing, smallest_m: float
+    direction: Floats, hides_m: Floats, crossing: Crossing, smallest_m: float
 ) -> list[tuple[Floats, Floats]]:
     """Where something may hide on rays on which it may from `hides_m` on: behind the hull, and before it if it fits."""
     before = (hides_m < math.inf) & (crossing.enters_m >= np.maximum(hides_m, smallest_m))
@@ -252,24 +240,9 @@ def _gaps(geometry: Geometry, mount: Mount, hull: Hull, smallest_m: float) -> _G
     return _Gaps(
         full,
         float(fits_m.min()),
-        np.maximum(fits_m, _crossing(hull, mount, between).leaves_m),
+        np.maximum(fits_m, hull.crossing(mount.x_m, mount.y_m, between).leaves_m),
         between,
         outside,
-        _crossing(hull, mount, rays_of(geometry, mount, hull).direction),
-        _crossing(hull, mount, outside),
+        hull.crossing(mount.x_m, mount.y_m, rays_of(geometry, mount, hull).direction),
+        hull.crossing(mount.x_m, mount.y_m, outside),
     )
-
-
-def _crossing(hull: Hull, mount: Mount, direction: Floats) -> _Crossing:
-    """Where rays (2, n) meet a convex hull: looked for in steps of `STEP_M`, then by halving."""
-    rays = len(direction[0])
-    steps: Floats = np.arange(0.0, math.hypot(mount.x_m, mount.y_m) + hull.radius_m + STEP_M, STEP_M)
-    ones: Floats = np.ones(rays)
-    points = np.concatenate([along(mount, direction, step * ones) for step in steps.tolist()])
-    within = (hull.clearance(points) < 0.0).reshape(len(steps), rays)
-    meets = within.any(axis=0)
-    first, last = within.argmax(axis=0), len(steps) - 1 - within[::-1].argmax(axis=0)
-    enters_m = boundary_m(hull, mount, direction, steps[first], np.maximum(steps[first] - STEP_M, 0.0))
-    leaves_m = boundary_m(hull, mount, direction, steps[last], steps[last] + STEP_M)
-    enters_m = np.where(first == 0, 0.0, enters_m)
-    return _Crossing(np.where(meets, enters_m, math.inf), np.where(meets, leaves_m, 0.0))

@@ -23,6 +23,16 @@ def mixtures(has: Velocity, wanted: Velocity, negligible: Velocity) -> list[Velo
     return mixed
 
 
+def corners(least: Velocity, most: Velocity) -> list[Velocity]:
+    """Return the twists that a base may have whose axes follow their command each at a pace of its own.
+
+    Args:
+        least: what it has at least by now on each axis.
+        most: what it has at most.
+    """
+    return [Velocity(most.linear_m_s, least.angular_rad_s), Velocity(least.linear_m_s, most.angular_rad_s)]
+
+
 def _exceeds(has: float, wanted: float, negligible: float) -> bool:
     """Whether a velocity is faster than the commanded one, or opposed to it, by more than noise."""
     return abs(has) > negligible + max(0.0, math.copysign(wanted, has * wanted))

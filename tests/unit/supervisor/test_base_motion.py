@@ -53,10 +53,20 @@ def test_the_least_falls_with_the_command_at_once_and_starts_anew_in_the_other_d
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_most_rises_with_the_command_at_once_and_falls_with_the_trusted_deceleration(sign: float) -> None:
-    fast, slow = Velocity(sign * 0.5, sign * 2.0), Velocity(sign * 0.1, sign * 0.5)
+    fast, slow = Velocity(sign * 0.5, sign * 2.0), Velocity(sign * 0.1, sign * 0.4)
     assert after(FOLLOWING, fast, None).most == fast
     assert after(settled(fast), slow, None, dt_s=0.1).most == pytest.approx((sign * 0.35, sign * 1.4))
     assert after(settled(fast), slow, None, dt_s=10.0).most == slow
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_most_of_one_axis_falls_no_faster_than_the_other_axis_gets_to_its_command(sign: float) -> None:
+    """Found by a random scene: a base that goes straight from twist to twist brakes less while it takes up a turn."""
+    straight, arc = settled(Velocity(sign * 0.5, 0.0)), Velocity(sign * 0.2, sign * 1.5)
+    # The turn takes 1 s at 1.5 rad/s², of which 0.1 s are over; the speed alone would fall in 0.2 s.
+    assert after(straight, arc, None, dt_s=0.1).most == pytest.approx((sign * (0.5 - 0.3 / 9), sign * 1.5))
+    turning, ahead = settled(Velocity(0.0, sign * 1.5)), Velocity(sign * 0.5, sign * 0.5)
+    assert after(turning, ahead, None, dt_s=0.1).most == pytest.approx((sign * 0.5, sign * (1.5 - 1.0 / 9)))
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -288,10 +288,16 @@ def test_closing_no_faster_than_the_tolerance_is_not_closing() -> None:
 def test_deep_inside_the_stop_distance_hardly_anything_is_slow_enough() -> None:
     """Found by a random drive: 0.0099 m/s crept from 31 cm to 11 cm."""
     edge = Circle(0.25).radius_m + BARRIER.stop_distance_m - DEEP_M
-    for x_m, tolerance_m_s in ((edge + 1e-9, 0.01), (edge - 1e-9, 0.001)):
-        near = seen(Circle(0.25), one(x_m, 0.0))
-        assert permitted_scale(near, tolerance_m_s, 0.0, BARRIER) == (1.0, None)
-        assert permitted_scale(near, math.nextafter(tolerance_m_s, 1.0), 0.0, BARRIER)[0] == 0.0
+    # Past it, that which closes with a thousandth of the speed; towards it, nothing at all.
+    for x_m, y_m, speed_m_s in ((edge + 1e-9, 0.0, 0.01), (0.001 * edge, edge - 1e-5, 1.0)):
+        near = seen(Circle(0.25), one(x_m, y_m))
+        assert permitted_scale(near, speed_m_s * (1.0 - 1e-4), 0.0, BARRIER) == (1.0, None)
+        assert permitted_scale(near, speed_m_s * (1.0 + 1e-4), 0.0, BARRIER)[0] == 0.0
+    towards = seen(Circle(0.25), one(edge - 1e-9, 0.0))
+    for speed_m_s in (1e-6, 0.001, 0.01, 1.0):
+        assert permitted_scale(towards, speed_m_s, 0.0, BARRIER)[0] == 0.0
+    aside = seen(Circle(0.25), one(0.1 * edge, edge))
+    assert permitted_scale(aside, 0.001, 0.0, BARRIER)[0] == 1.0
 
 
 @pytest.mark.parametrize("creep_m_s", [0.0, 0.01, 0.2])
@@ -519,3 +525,56 @@ def test_exactly_at_the_depth_the_wider_tolerance_still_holds() -> None:
     deeper_m = math.nextafter(depth_m, 0.0)
     near = near._replace(clearance_m=np.array([deeper_m]))
     assert permitted_scale(near, 0.005, 0.0, BARRIER)[0] == 0.0
+
+
+# --- where rays meet the hull
+
+OUTLINES: dict[str, Hull] = {
+    "round": Circle(0.25),
+    "box": ConvexPolygon(((0.4, -0.2), (0.4, 0.2), (-0.4, 0.2), (-0.4, -0.2))),
+    "triangle": ConvexPolygon(((0.5, 0.0), (-0.2, 0.3), (-0.2, -0.3))),
+}
+
+
+@pytest.mark.parametrize("name", OUTLINES)
+@given(x_m=st.floats(-1.0, 1.0), y_m=st.floats(-1.0, 1.0), angle_rad=st.floats(-4.0, 4.0))
+def test_a_ray_is_inside_the_hull_exactly_between_where_it_enters_and_leaves(
+    name: str, x_m: float, y_m: float, angle_rad: float
+) -> None:
+    hull, direction = OUTLINES[name], np.array([[math.cos(angle_rad)], [math.sin(angle_rad)]])
+    enters_m, leaves_m = (ends.item() for ends in hull.crossing(x_m, y_m, direction))
+    along_m = np.linspace(0.0, 3.0, 301)
+    inside = hull.clearance(np.array([x_m, y_m]) + along_m[:, None] * direction.T) < -1e-9
+    assert not inside[(along_m < enters_m - 1e-6) | (along_m > leaves_m + 1e-6)].any()
+    assert (hull.clearance(np.array([x_m, y_m]) + along_m[:, None] * direction.T) < 1e-9)[
+        (along_m > enters_m + 1e-6) & (along_m < leaves_m - 1e-6)
+    ].all()
+    if enters_m == math.inf:
+        assert leaves_m == 0.0
+
+
+@pytest.mark.parametrize(
+    ("x_m", "y_m", "direction", "enters_m", "leaves_m"),
+    [
+        pytest.param(0.0, 0.0, (1.0, 0.0), 0.0, 0.4, id="from inside"),
+        pytest.param(-1.0, 0.1, (1.0, 0.0), 0.6, 1.4, id="through it"),
+        pytest.param(-1.0, 0.1, (-1.0, 0.0), math.inf, 0.0, id="away from it"),
+        pytest.param(-1.0, 0.3, (1.0, 0.0), math.inf, 0.0, id="past it"),
+        pytest.param(0.0, 1.0, (0.0, -1.0), 0.8, 1.2, id="across it"),
+        pytest.param(0.4, 0.0, (1.0, 0.0), math.inf, 0.0, id="from its edge outwards"),
+        pytest.param(0.4, 0.0, (-1.0, 0.0), 0.0, 0.8, id="from its edge inwards"),
+    ],
+)
+def test_where_a_ray_enters_and_leaves_a_box(
+    x_m: float, y_m: float, direction: tuple[float, float], enters_m: float, leaves_m: float
+) -> None:
+    crossing = OUTLINES["box"].crossing(x_m, y_m, np.array(direction)[:, None])
+    assert crossing.enters_m.item() == pytest.approx(enters_m)
+    assert crossing.leaves_m.item() == pytest.approx(leaves_m)
+
+
+def test_where_a_ray_enters_and_leaves_a_round_hull() -> None:
+    rays = np.array(((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0))).T
+    enters_m, leaves_m = Circle(0.25).crossing(-1.0, 0.15, rays)
+    assert enters_m.tolist() == pytest.approx([0.8, math.inf, math.inf])
+    assert leaves_m.tolist() == pytest.approx([1.2, 0.0, 0.0])

@@ -183,6 +183,16 @@ def test_a_directory_in_the_records_place_stays_latched_and_says_that_it_cannot_
     assert read_anew(tmp_path)
 
 
+def test_a_link_to_a_disk_that_is_not_mounted_proves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "state").symlink_to(tmp_path / "disk")
+    with pytest.raises(FileNotFoundError):
+        read_anew(tmp_path / "state")
+    assert is_recorded(tmp_path / "state", ROBOT)
+    (tmp_path / "disk").mkdir()
+    assert not read_anew(tmp_path / "state")
+    assert not is_recorded(tmp_path / "state", ROBOT)
+
+
 def test_a_state_directory_that_is_a_file_proves_nothing(tmp_path: Path) -> None:
     (tmp_path / "state").write_text("")
     with pytest.raises(NotADirectoryError):

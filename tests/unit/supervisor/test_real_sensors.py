@@ -37,6 +37,9 @@ from wire.freshness import Sent
 PILLAR_M = 0.05
 """Its radius."""
 
+HULL_M = 0.25
+"""The default robot's."""
+
 
 @pytest.mark.parametrize("speed_m_s", [0.5, 1.0])
 @pytest.mark.parametrize("half_rad", [0.085, 0.12])
@@ -125,6 +128,53 @@ def test_a_frozen_lidar_stops_the_robot_without_the_help_of_odometry(report: Rep
     assert moments[-1].twist == STANDSTILL
 
 
+@pytest.mark.parametrize("rate_hz", [5.0, 10.0, 20.0])
+@pytest.mark.parametrize("left_m", [0.5, 0.6, 0.7, 0.8])
+def test_a_lidar_that_freezes_near_a_pillar_does_not_make_it_seem_far(left_m: float, rate_hz: float) -> None:
+    """Each repeated scan once counted as a new one, until the third proved the lidar frozen."""
+    kept: list[Ranges] = []
+
+    def freeze(at_s: float, lidar: int, ranges: Ranges) -> Ranges:
+        if not kept or kept[0][180] > left_m + HULL_M:
+            kept[:] = [ranges]
+        return kept[0]
+
+    noisy = replace(LIDAR, noise_m=0.002, rate_hz=rate_hz)
+    scene = plain_scene((3.0, 0.0, 0.1), lidars=(noisy,))
+    outcome = run(scene, operator=Scripted(Velocity(1.0, 0.0)), spoil=freeze, stuck_s=math.inf)
+    assert outcome.travelled_m > 1.5
+    assert outcome.closest_m >= BOUND_M
+
+
+def test_a_command_of_a_millimetre_per_second_does_not_creep_up_to_a_pillar() -> None:
+    scene = plain_scene((HULL_M + 0.31 + PILLAR_M, 0.0, PILLAR_M), duration_s=60.0)
+    outcome = run(scene, operator=Scripted(Velocity(0.001, 0.0)), stuck_s=math.inf)
+    assert outcome.closest_m >= BOUND_M
+
+
+@pytest.mark.parametrize("rate_hz", [5.5, 20.0])
+@pytest.mark.parametrize("first", ["of too few beams", "blank"])
+def test_a_scan_that_proves_nothing_does_not_make_the_law_forget_a_pillar(first: str, rate_hz: float) -> None:
+    """The robot stands before it; one useless scan, five without the pillar; the operator drives on."""
+    since: list[float] = []
+
+    def spoil(at_s: float, lidar: int, ranges: Ranges) -> Ranges:
+        if at_s < 5.0:
+            return ranges
+        since.append(at_s)
+        if len(since) == 1:
+            return ranges[:10] if first == "of too few beams" else np.full_like(ranges, math.inf)
+        missing = len(since) <= 6
+        return np.where((ranges < 1.2) & missing, np.float32(math.inf), ranges)
+
+    scene = plain_scene(
+        (1.2, 0.0, PILLAR_M), lidars=(replace(LIDAR, noise_m=0.002, rate_hz=rate_hz),), duration_s=9.0
+    )
+    outcome = run(scene, operator=Scripted(Velocity(1.0, 0.0)), spoil=spoil, stuck_s=math.inf)
+    assert outcome.travelled_m > 0.4
+    assert outcome.closest_m >= BOUND_M
+
+
 @pytest.mark.parametrize("range_max", [0.6, 0.7])
 def test_a_robot_drives_only_as_fast_as_its_lidar_sees_far(range_max: float) -> None:
     short = replace(LIDAR, range_max=range_max)
@@ -147,6 +197,24 @@ def test_a_command_that_reverses_while_the_base_still_moves_brings_nothing_neare
     pillars = ((1.1, 0.0, 0.05), (0.7, 0.9, 0.05), (0.7, -0.9, 0.05), (-1.1, 0.3, 0.05), (-0.6, -0.9, 0.05))
     scene = plain_scene(*pillars, hull=rectangle(0.4, 0.4, 0.2), base=base, duration_s=8.0, seed=seed)
     outcome = run(scene, operator=Reverser(np.random.default_rng(seed)), stuck_s=math.inf)
+    assert outcome.travelled_m > 0.3
+    assert outcome.closest_m >= BOUND_M
+
+
+@pytest.mark.parametrize("every", [0, 2])
+@pytest.mark.parametrize("seed", [100, 114, 1013, 1019, 1033])
+def test_reversing_with_odometry_that_is_stuck_at_zero_brings_nothing_nearer(seed: int, every: int) -> None:
+    """Every second odometry may be true: two programs publish it."""
+    count = [0]
+
+    def stuck(now_s: float, twist: Velocity) -> Velocity:
+        count[0] += 1
+        return twist if every and count[0] % every == 0 else STANDSTILL
+
+    base = BaseNumbers("axis", acceleration_m_s2=2.0, braking_m_s2=TRUSTED_M_S2)
+    pillars = ((1.1, 0.0, 0.05), (0.7, 0.9, 0.05), (0.7, -0.9, 0.05), (-1.1, 0.3, 0.05), (-0.6, -0.9, 0.05))
+    scene = plain_scene(*pillars, hull=rectangle(0.4, 0.4, 0.2), base=base, duration_s=8.0, seed=seed)
+    outcome = run(scene, operator=Reverser(np.random.default_rng(seed)), report=stuck)
     assert outcome.travelled_m > 0.3
     assert outcome.closest_m >= BOUND_M
 

@@ -211,6 +211,18 @@ def test_a_repeated_scan_is_frozen_just_beyond_two_centimetres(travelled_m: floa
     assert (scan.problem is not None) is frozen
 
 
+@pytest.mark.parametrize(("travelled_m", "is_new"), [(0.005, True), (math.nextafter(0.005, 1.0), False)])
+def test_a_scan_that_repeats_the_one_before_while_the_robot_moves_shows_nothing_new(
+    travelled_m: float, *, is_new: bool
+) -> None:
+    first = read(full())
+    again = read(full(), first, taken_s=0.05, travelled_m=travelled_m)
+    assert again.problem is None
+    assert again.repeats == 1
+    assert (again.taken_s == 0.05) is is_new
+    assert (again.view is first.view) is not is_new
+
+
 def test_a_robot_at_rest_may_see_the_same_for_ever() -> None:
     scan = read(full())
     for _ in range(1000):
@@ -384,11 +396,36 @@ def test_a_fan_knows_nothing_of_what_turns_into_its_view() -> None:
     assert holes(right) == [0, 5]
 
 
-def test_with_another_geometry_nothing_that_was_known_before_counts() -> None:
-    before = read(full())
-    other = np.full(300, 2.0, dtype=np.float32)
-    other[40] = math.nan
-    assert holes(read(other, before, taken_s=0.05)) == [40]
+def test_a_lidar_whose_beams_vary_keeps_what_was_known_of_each_direction() -> None:
+    """Beam 40 of 300 looks where beam 48 of 360 did."""
+    known = full()
+    known[48] = 1.5
+    varied = np.full(300, 2.0, dtype=np.float32)
+    varied[40] = math.nan
+    fields = {"angle_increment": 2 * math.pi / 300}
+    scan = read(varied, read(known), taken_s=0.05, fields=fields)
+    assert free_m(scan)[40] == 1.5
+    assert holes(read(varied, scan, taken_s=0.05 + TIMEOUT_S, fields=fields)) == [40]
+
+
+def test_a_wider_fan_knows_nothing_of_what_it_sees_first() -> None:
+    fan = {"angle_min": -1.0, "angle_increment": 0.01}
+    narrow = read(np.full(150, 2.0, dtype=np.float32), fields=fan)
+    wide = np.full(200, 2.0, dtype=np.float32)
+    wide[[149, 150, 151]] = math.nan
+    assert holes(read(wide, narrow, taken_s=0.05, fields=fan)) == [150, 151]
+
+
+def test_a_beam_that_varies_is_believed_to_be_free_as_long_as_its_direction_had_a_return() -> None:
+    lidar = replace(LIDAR, profile=SILENT)
+    silent = np.full(300, 2.0, dtype=np.float32)
+    silent[40] = math.inf
+    fields = {"angle_increment": 2 * math.pi / 300}
+    for after_s, hidden in ((15.0, []), (15.1, [40])):
+        scan = read(
+            silent, read(full(), lidar=lidar), lidar=lidar, taken_s=after_s, travelled_m=9.0, fields=fields
+        )
+        assert holes(scan) == hidden
 
 
 # --- silence

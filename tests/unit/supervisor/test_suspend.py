@@ -69,7 +69,20 @@ def test_a_command_and_odometry_from_before_a_suspend_are_as_old_as_they_are() -
     resume(law)
     (teleop,) = [s for s in law.decision.sources if s.config.name == "teleop"]
     assert law.now_s - teleop.sent_s == pytest.approx(SLEPT_S + 0.001)
-    assert law.state.odometry is None
+    assert law.state.odometry is not None
+    assert law.now_s - law.state.odometry.arrival_s == pytest.approx(SLEPT_S + TICK_S + 0.001)
+
+
+def test_odometry_that_was_heard_before_a_suspend_must_be_heard_again() -> None:
+    law = driving()
+    law.tick(("teleop", FORWARD), odometry=odometry(0.5, law.now_s))
+    resume(law)
+    law.hold(1.0, ("teleop", NEUTRAL))
+    law.drive()
+    assert law.decision.causes == (StopReason.ODOM_STALE,)
+    assert law.decision.mode is Mode.STOPPED
+    law.tick(("teleop", NEUTRAL), odometry=odometry(0.0, law.now_s))
+    assert law.tick(("teleop", FORWARD)).mode is Mode.DRIVING
 
 
 def test_a_neutral_that_was_still_on_its_way_does_not_arm() -> None:
@@ -106,7 +119,8 @@ def test_neither_odometry_nor_free_places_from_before_a_suspend_count() -> None:
     law.scanning = False
     law.step(Inputs(odometry=odometry(0.5, law.now_s), undecodable_lidars=(0,), suspended_s=SLEPT_S))
     assert law.state.past == ()
-    assert law.state.odometry is None
+    assert law.state.odometry is not None
+    assert law.state.odometry.velocity == (0.2, 0.0), "what came with the suspend may be from before it"
 
 
 def test_a_suspend_does_not_reset_an_estop() -> None:
