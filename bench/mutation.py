@@ -1,8 +1,8 @@
-"""Run the mutation tests of the law and hold them to the survivors that are known to be equivalent.
+"""Run the mutation tests of the law, and fail if a mutant survives that is not known to be equivalent.
 
     python -m bench.mutation       (about twenty minutes on two cores)
 
-Exit code 1 when any other mutant survives; each is shown as a diff.
+Exit 1 if any other mutant survives, and print each of these as a diff.
 """
 
 import re

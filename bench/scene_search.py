@@ -3,7 +3,7 @@
     python -m bench.scene_search --seeds 0-20000 --jobs 2
     python -m bench.scene_search --replay 1234 --verbose --plot 1234.png
 
-Exit 1 if any scene violates its bound: 0.285 m, or 1.5 cm less than the clearance at the start.
+Exit 1 if any scene violates its bound: 0.285 m, or 1.5 cm less than the clearance at the start if that is less.
 """
 
 import argparse
@@ -37,11 +37,13 @@ def _parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--seeds", default="0-300", help="first and last + 1: 0-20000")
-    parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument(
+        "--seeds", default="0-300", help="run the seeds from FIRST to LAST - 1, such as 0-20000"
+    )
+    parser.add_argument("--jobs", type=int, default=1, help="use this many processes")
     parser.add_argument("--only", default="", help="run only scenes with this tag, such as 'dirt'")
     parser.add_argument(
-        "--noise-m", type=float, default=0.005, help="largest standard deviation of the noise"
+        "--noise-m", type=float, default=0.005, help="set the largest standard deviation of the range noise"
     )
     parser.add_argument(
         "--silent-dirt", action="store_true", help="let dirt read as the profile's 'no return'"

@@ -57,7 +57,7 @@ class Report(NamedTuple):
 
 
 def check(file: Path) -> int:
-    """Print the report on a file; 0: it has no risk, 1: it has.
+    """Print the report on a file; return 1 if a setting creates a risk, else 0.
 
     Raises:
         DeployError: the configuration is refused; the message names every fault.
@@ -129,9 +129,7 @@ def _print(console: Console, file: Path, report: Report) -> None:
     for lidar, seen in zip(report.config.all_lidars(), report.lidars, strict=True):
         if seen.assumed:
             keys = ", ".join(seen.assumed)
-            text = (
-                f"{lidar.name}: {keys} assumed; set them in its table, or the motions below are not its own"
-            )
+            text = f"{lidar.name}: assumed {keys}; set them in its table, or the motions below may be wrong"
             console.print(Text(text, style="yellow"), soft_wrap=True)
     way = report.stopping
     console.print(

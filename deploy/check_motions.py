@@ -99,16 +99,18 @@ class _Lidar:
 
 
 class _Robot:
-    """The law at its own tick, with scans as they come and a base that does at once what it is told."""
+    """The law at its own tick, with scans at their rate and a base that follows its command at once."""
 
     def __init__(self, config: SupervisorSection, views: tuple[View, ...]) -> None:
+        law = config.law()
         self._source = config.sources[0].name
         self._tick_s = 1.0 / config.tick_hz
         self._now_s = 1000.0
-        self._state = initial_state(config.law())
+        self._state = initial_state(law)
         self._lidars = [_Lidar(index, view, self._now_s) for index, view in enumerate(views)]
         self._moving = NEUTRAL
         self._has_odometry = config.odometry
+        self._braking_s = law.max_linear_m_s / law.deceleration_m_s2
         self._drive(NEUTRAL, SETTLE_S)
 
     def ask(self, velocity: Velocity) -> Decision:
@@ -117,7 +119,7 @@ class _Robot:
 
     def drive_and_stop(self, velocity: Velocity) -> "_Robot":
         self._drive(velocity, DRIVE_S)
-        self._drive(NEUTRAL, SETTLE_S / 2)
+        self._drive(NEUTRAL, self._braking_s + SETTLE_S / 2)
         return self
 
     def _drive(self, velocity: Velocity, seconds: float) -> None:

@@ -98,7 +98,7 @@ def _of_unseen_space(config: SupervisorSection) -> Iterator[Risk]:
     if config.unseen_memory_s > 0.0:
         yield Risk(
             f"unseen_memory_s = {config.unseen_memory_s:g}",
-            f"Someone may have walked into space that no beam has seen for {config.unseen_memory_s:g} s, and the robot "
+            f"A person may have entered space that was last seen up to {config.unseen_memory_s:g} s ago, and the robot "
             "may drive there.",
         )
     if config.smallest_obstacle_m > (default_m := SupervisorSection().smallest_obstacle_m):
@@ -113,7 +113,8 @@ def _of_base(config: SupervisorSection, base: BaseSection | None) -> Iterator[Ri
     if not config.odometry:
         yield Risk(
             "odometry = false",
-            "A base that runs away or does not follow is not noticed, and neither is a frozen scan while it is pushed.",
+            "A base that runs away or does not follow is not detected, and neither is a frozen scan while the base "
+            "moves without a command.",
         )
     if base is None:
         yield Risk(

@@ -99,7 +99,7 @@ def status(
     state_dir: StatePath = None,
     as_json: Annotated[bool, typer.Option("--json", help="for machines")] = False,
 ) -> None:
-    """One look. Exit code 0: running; 1: partly; 3: nothing runs."""
+    """Print the status once. Exit 0 if the stack runs, 1 if a part of it runs, 3 if nothing runs."""
 
     def run() -> int:
         from deploy.statedir import StateDir  # noqa: PLC0415
@@ -131,7 +131,8 @@ def demo(
 def check(*, file: Annotated[Path, typer.Argument(metavar="FILE", help="a robot.toml")]) -> None:
     """Check a configuration: its lidars, stopping distance, permitted motions and risks.
 
-    Exit code 0: valid, without a risk; 1: valid, but a setting creates a risk; 2: refused, with every fault.
+    Exit 0 if the file is valid without a risk, 1 if a setting creates a risk, 2 if the file is refused.
+    A file without [sim] always exits 1: nothing in it proves the deceleration.
     """
 
     def run() -> int:
@@ -146,7 +147,7 @@ def check(*, file: Annotated[Path, typer.Argument(metavar="FILE", help="a robot.
 def replay_decision(
     *, file: Annotated[Path, typer.Argument(metavar="FILE", help="a black box: blackbox/*.jsonl.gz")]
 ) -> None:
-    """Run the law once more over what led to a stop. Exit code 1: it decides otherwise than it did."""
+    """Run the law again over the recording of a stop. Exit 1 if any decision differs from the recording."""
 
     def run() -> int:
         from deploy.replay import replay_decision  # noqa: PLC0415
@@ -167,7 +168,7 @@ def faults(
             "--seed",
             min=0,
             metavar="K",
-            help="with --virtual, this one alone, told in full; else of each class's first trial",
+            help="with --virtual: run this seed alone and print every event; else: seed of each class's first trial",
         ),
     ] = None,
     out: Annotated[
@@ -189,7 +190,7 @@ def faults(
             "--minutes",
             min=0.1,
             metavar="M",
-            help="then no further real trial begins; a class without any is told, and exit code 1",
+            help="start no real trial after M minutes; exit 1 if a class was not tried",
         ),
     ] = None,
 ) -> None:
@@ -225,7 +226,7 @@ def fault_report(
     ],
     html: Annotated[Path, typer.Option("--html", metavar="OUT.html", help="the page to be written")],
 ) -> None:
-    """Make one page of a campaign: every fault, how soon it stopped, and what was broken."""
+    """Render campaign results as an HTML page."""
 
     def run() -> int:
         from deploy.faults.report import write_report  # noqa: PLC0415
@@ -249,7 +250,7 @@ def soak(
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, metavar="K", help="of the operator")] = 0,
 ) -> None:
-    """Drive about for hours. Exit code 1: something grew, or the robot stopped without a cause."""
+    """Soak test: report growth. Exit 1 if anything grew, or if the robot stopped without a cause."""
 
     def run() -> int:
         from deploy.soak.run import Orders  # noqa: PLC0415
@@ -373,7 +374,7 @@ def path_follow(
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
 ) -> None:
-    """Drive a recorded way again, backwards where it was driven backwards."""
+    """Replay a recorded path, reversing where it reversed."""
 
     def run() -> int:
         from deploy.path import absolute, drive, read_poses, relative  # noqa: PLC0415

@@ -248,7 +248,7 @@ def seen_table() -> str:
             "`works_in_the_open`",
         ),
         (
-            "scans in a row without a reading there, after which a remembered point is dropped",
+            "scans that cover the place without a reading, after which a remembered point is dropped",
             f"{MISSES}",
             "fixed",
         ),

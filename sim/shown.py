@@ -53,7 +53,7 @@ _WORDS = {
     "COMMAND_STALE": "commands come too late",
     "COMMAND_TIMEOUT": "no fresh command",
     "NO_COMMAND": "nobody has commanded yet",
-    "SCAN_BLIND": "nothing is seen there",
+    "SCAN_BLIND": "unseen space there",
     "OBSTACLE": "obstacle within 30 cm",
 }
 

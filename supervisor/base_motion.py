@@ -1,8 +1,8 @@
-"""Whether the base does what it is told, beyond what its ramps explain.
+"""Check whether the base follows its commands within the limits of its ramps.
 
-Two speeds bound what odometry may say of each axis: the *least*, which follows a rising command with the slowest
-acceleration that the base is known to have, and the *most*, which follows a falling command with the
-deceleration that it is trusted with. Odometry that stays outside of them for `PATIENCE_S`, and comes no nearer
+Two speeds bound what odometry may show on each axis: the *least*, which follows a rising command with the slowest
+acceleration of the base, and the *most*, which follows a falling command with the trusted deceleration, slowed so
+that both axes reach their command together. Odometry that stays outside of them for `PATIENCE_S`, and comes no nearer
 to the command meanwhile, is a base that is blocked, switched off by its own emergency stop, slipping, or measured
 wrongly. It stays unresponsive until it is commanded zero and stands.
 """

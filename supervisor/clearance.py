@@ -41,8 +41,8 @@ CLOSING_TOLERANCE_M_S = 0.01
 DEEP_M = 0.005
 DEEP_TOLERANCE_M_S = 0.001
 DEEP_TOLERANCE_SHARE = 0.1
-"""So deep inside the stop distance hardly anything is closing: many slow steps must not add up, nor may a slow
-command come nearer, of which the tolerance is at most this share."""
+"""Deeper than this inside the stop distance, closing counts above this speed, or above this share of the hull's
+commanded speed if that is less: many slow steps must not add up."""
 
 POSES = 6
 """The way ahead is looked at after so many even parts of it: 8 cm apart at 1 m/s, between which an arc strays by 1 mm."""
@@ -61,7 +61,7 @@ ON_HULL_M = 1e-9
 """What is nearer to the hull than this has the normal of its side: from so short a way, rounding makes the direction."""
 
 NOTHING_M = 1e-300
-"""Changes no distance but zero, which nobody can divide by."""
+"""Added to a divisor: changes no distance except zero."""
 
 
 class Hull(Protocol):
@@ -315,7 +315,7 @@ def permitted_scale(
         angular_rad_s: asked for, counter-clockwise.
         barrier: the numbers of this moment.
         here: the same, as seen from where odometry says that the robot is by now; None: from where it was.
-        worth: a share below this is not worth moving for; the point is named only then.
+        worth: the minimum useful share; the point is named only below it.
     """
     limit = _limit_of_closing(around, linear_m_s, angular_rad_s, barrier)
     if here is not None:
@@ -327,7 +327,7 @@ def permitted_scale(
 
 
 Limit = tuple[float, Callable[[], Block] | None]
-"""A share of the twist, 0 to 1, and the point that asks for it, for whoever wants to know."""
+"""A share of the twist, 0 to 1, and a function that returns the limiting point; None where nothing limits."""
 
 FREE: Limit = (1.0, None)
 

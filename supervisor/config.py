@@ -18,15 +18,15 @@ from wire.quantities import Acceleration, AngularAcceleration, Between, Distance
 
 # A rate at which the law is not late for anything that it bounds, and one that a process can keep.
 TickRate = Annotated[float, Between(10.0, 1000.0)]
-# Screens take a supervisor that is silent for a second for dead.
+# Displays treat a supervisor that is silent for one second as dead.
 StatusRate = Annotated[float, Between(1.0, 100.0)]
-# At 1 m/s, a command that is believed for 2 s drives 2 m after the operator's program has died.
+# At 1 m/s, a command timeout of 2 s lets the robot drive 2 m after the operator's program has hung.
 CommandTimeout = Annotated[float, Between(0.03, 2.0)]
 ScanTimeout = Annotated[float, Between(0.03, 3.0, "a slower lidar does not see what a robot runs into")]
 OdomTimeout = Annotated[float, Between(0.03, 2.0)]
-Overrun = Annotated[float, Between(0.02, 1.0, "a supervisor that hangs for longer protects nobody")]
+Overrun = Annotated[float, Between(0.02, 1.0, "nothing is supervised while the supervisor hangs")]
 Transport = Annotated[float, Between(0.001, 0.5)]
-Memory = Annotated[float, Between(0.0, 10.0, "people walk into space that was seen free longer ago")]
+Memory = Annotated[float, Between(0.0, 10.0, "a person may have entered space that was seen longer ago")]
 # Below 5 cm the errors of lidar, mount and braking are as large as the distance.
 StopDistance = Annotated[float, Between(0.05, 2.0)]
 WarningDistance = Annotated[float, Between(0.05, 5.0)]

@@ -60,7 +60,7 @@ class Record(Protocol):
         ...
 
     def close(self) -> None:
-        """Let the thread finish the newest request."""
+        """Let the threads finish the newest request."""
         ...
 
 
@@ -111,10 +111,11 @@ class _Done(NamedTuple):
 
 
 class EstopRecord:
-    """A record on a disk, kept by a thread.
+    """A record on a disk, kept by two threads.
 
-    One thread carries out the requests, and of several only the newest: a press after a reset cannot be overtaken by
-    that reset. The loop and the threads exchange immutable values without a lock, so the loop waits for neither.
+    The first thread marks presses. The second one carries out the requests, and of several only the newest: a reset
+    cannot overtake a later press. The loop and the threads exchange immutable values without a lock, so the loop
+    waits for neither.
     """
 
     def __init__(self, disk: Disk, *, period_s: float = PERIOD_S, read_limit_s: float = READ_LIMIT_S) -> None:

@@ -30,7 +30,7 @@ def detail_of(
         case StopReason.SCAN_INVALID:
             return scan_problem
         case StopReason.SCAN_BLIND if where:
-            return f"nothing is seen {where}"
+            return f"unseen space {where}"
         case StopReason.OBSTACLE if where:
             return f"something is too close {where}"
         case _:

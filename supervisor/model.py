@@ -1,4 +1,4 @@
-"""The words of the law: why it stops, what it is told, what it remembers, what it decides.
+"""The types of the law: stop reasons, configuration, inputs, state and decision.
 
 Times are seconds of the supervisor's own monotonic clock, velocities m/s and rad/s in the base frame.
 What the law remembers is made of named tuples: it takes a new one for each fact, at a third of the cost of a
@@ -78,13 +78,13 @@ class LawConfig:
     warning_distance_m: float
     deceleration_m_s2: float
     transport_s: float
-    """What the way from a scan to the wheels takes, beside its age and period."""
+    """Share of the reaction time beside the age and the period of a scan: transport and one tick."""
     creep_m_s: float
-    """A motion that the barrier leaves slower than this is not worth moving for."""
+    """Minimum useful speed: where the barrier permits less, the output is zero."""
     max_linear_m_s: float
     max_angular_rad_s: float
     blind_creep_m_s: float
-    """How fast the hull may move to where nobody looks."""
+    """How fast the hull may close on a place that no scan rules out."""
     runaway_linear_m_s: float
     runaway_angular_rad_s: float
     smallest_obstacle_m: float
@@ -129,7 +129,7 @@ class LawConfig:
         return Velocity(RESIDUAL_M_S, RESIDUAL_M_S / self.hull.radius_m)
 
 
-# --- what it is told
+# --- inputs
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """Memory of near points: what a scan showed near the robot stays there until a later scan disproves it.
 
-A point is dropped when every beam around its position returns from farther away, or when `MISSES` scans in a
-row cover its position and find nothing there. A scan that shows it again replaces it. While no beam covers
+A point is dropped when every beam around its position returns from farther away, or when `MISSES`
+scans that cover its position have found nothing there. A scan that shows it again replaces it. While no beam covers
 it, it stays: so no dropout opens the way to what was seen a moment ago.
 """
 
@@ -15,7 +15,7 @@ from supervisor.clearance import NO_POINTS, Floats
 from supervisor.scan import Mount, View, is_full_turn
 
 MISSES = 8
-"""Scans that find nothing at a point before it is forgotten. With 30 % dropouts one in 15,000 forgets wrongly."""
+"""Scans that find nothing at a point before it is dropped. With 30 % dropouts, 1 point in 15,000 is dropped wrongly."""
 
 MOST_POINTS = 256
 """The nearest of them are kept."""
@@ -43,7 +43,7 @@ class Remembered(NamedTuple):
     points: Floats = NO_POINTS
     """(n, 2) [m], in the base frame of the newest scan."""
     misses: Floats = np.empty(0)
-    """(n,): scans in a row that found nothing there."""
+    """(n,): scans that covered its position and found nothing there."""
 
 
 def remember(earlier: Remembered, view: View, mount: Mount) -> Remembered:

@@ -1,18 +1,18 @@
 """The safety law: step(state, now, inputs) -> (state, decision).
 
 Pure: no clock, no I/O, no asyncio, no logging. Time is an argument. The same function runs in the service,
-in the tests and in a replay. It is called at every tick, at once on each event, and when a permission runs out;
-it never waits.
+in the tests and in a replay. It is called at every tick, at once on an event that may stop the robot or show it
+something new, and when a permission expires; it never waits.
 
 Unproven means stop. The law in four sentences:
 
-1. A *cause* is what keeps a source from driving now: its own (silent, late, lost, invalid) or everybody's
-   (no valid scan, e-stop, overrun, a base that runs away).
-2. Every cause is *latched* on the source, and when the owner stops, on every source; all latches fall at a
-   neutral command that arrives after the causes went. A source without latches is *armed*.
-3. The armed source of the highest priority that asks for motion *owns* the wheels; if it dies, the robot
-   stops: nobody inherits.
-4. What the owner asks for passes through the speed barrier (clearance.py).
+1. A *cause* is what keeps a command source from driving now: its own (silent, late, lost, invalid), or a shared
+   one (no valid scan, e-stop, overrun, a base that does not follow).
+2. Every cause is *latched* on the source; when the owner stops, its causes are latched on every source. All latches
+   of a source clear at a *neutral* command that arrives after the causes ended. A source without latches is *armed*.
+3. The armed source of the highest priority that requests motion *owns* the wheels. If it dies, the robot stops:
+   control never passes to the next source.
+4. The owner's command passes through the speed barrier (clearance.py).
 """
 
 import math
@@ -52,10 +52,10 @@ from supervisor.transition import corners, is_on_another_arc, mixtures
 from wire.freshness import FALL_TOLERANCE_S, Verdict, judge
 
 IMPLAUSIBLE_FACTOR = 10.0
-"""A command this many times beyond the limits is not eager but broken."""
+"""A command this many times beyond the limits is invalid; one below that is clamped."""
 
 RUNAWAY_GRACE_S = 0.3
-"""Beyond the braking time: odometry's own way here, and a wheel's last rocking."""
+"""Allowed beyond the braking time: the delay of odometry, and the last rocking of a wheel."""
 
 SAME_PLACE_M = 0.15
 """A reading so near to an earlier one is of the same thing, also of one that walks."""
@@ -114,7 +114,7 @@ def step(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
 def runs_out_s(state: State) -> float:
     """When the present motion is no longer permitted if nothing new comes, by age; infinite while nothing moves.
 
-    Whoever calls `step` then need not wait for a tick in order to stop.
+    The caller steps at this time, and so stops without waiting for the next tick.
     """
     if state.output == STANDSTILL:
         return math.inf
@@ -509,17 +509,17 @@ def _latch(source: Source, now_s: float, causes: Reasons) -> Source:
 
 
 def _share_stop(source: Source, stopped: Source) -> Source:
-    """When the owner stops, nobody else may drive on, not even elsewhere, without being neutral first."""
+    """Latch the owner's stop on another source: it must send neutral before it may drive."""
     return source._replace(latched=source.latched | stopped.latched, caused_s=stopped.caused_s, block=None)
 
 
 def _owning(state: State) -> Source | None:
-    """The source that has the say; None: nobody had it yet."""
+    """The source that owns the wheels; None before the first owner."""
     return next((s for s in state.sources if s.config.name == state.owner), None)
 
 
 def _owner(owner: str, live: list[Source]) -> str:
-    """Who has the say: the armed source of the highest priority that asks for motion.
+    """The name of the owner: the armed source of the highest priority that requests motion.
 
     A neutral or dead owner stays until another live source asks, so that the status explains its stop.
     """
@@ -573,8 +573,9 @@ def _barrier(
 
     A base that still has another velocity goes through mixtures of both on its way. What it still has on one
     axis is judged together with what is asked for on the other; and a base that is too fast on the arc that it
-    is still on brakes along that one first. Neither latches anything: the base only has to slow down. Without
-    odometry nothing shows how far the base follows on each axis: the twists at which one of them lags are judged too.
+    is still on brakes along that one first. Neither latches anything: the base only has to slow down. Odometry may
+    be stuck, so the most that the base may have counts as well. Without odometry, or while the base is out of its
+    bounds, nothing shows how far each axis follows: the twists in which one axis lags are judged too.
     """
     config, following = state.config, state.following
     scale, block = _permitted(state, now_s, usable, commanded, worth)

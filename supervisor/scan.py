@@ -220,18 +220,18 @@ def read_scan(
         problem = "no reading that the profile explains"
     has_returned = len(hits) > 0 or (previous is not None and previous.has_returned)
     if problem is None and not (has_returned or in_the_open):
-        problem = "nothing has returned yet; turn `works_in_the_open` on if that is as it should be"
+        problem = "no return since the start; set works_in_the_open = true if that is normal here"
     repeats, since_m = 0, moment.travelled_m
     if previous is not None and problem is None:
         if previous.ranges.tobytes() == scan.ranges.tobytes():
             repeats, since_m = previous.repeats + 1, previous.travelled_m
         travel_m = moment.travelled_m - since_m
         if share > 0.0 and repeats >= FROZEN_REPEATS and travel_m > FROZEN_TRAVEL_M:
-            problem = f"the same {repeats + 1} times while the robot moves"
+            problem = f"the same scan {repeats + 1} times while the robot moves"
         elif share > 0.0 and travel_m > REPEATED_TRAVEL_M and previous.problem is None:
             return previous._replace(repeats=repeats)
         elif previous.return_share >= BLANK_AFTER_SHARE and share < BLANK_DROP * previous.return_share:
-            problem, share = "blank from one scan to the next", previous.return_share
+            problem, share = "nearly all returns disappeared from one scan to the next", previous.return_share
     far_m = hull.radius_m + reach_m + math.hypot(lidar.mount.x_m, lidar.mount.y_m)
     around, nearest_m, bearing_rad = _within(far_m, hull, rays, distance_m, hits)
     if problem is not None:
@@ -405,7 +405,7 @@ def _contradiction(scan: LaserScan, min_beams: int) -> str | None:
     if not all(map(math.isfinite, (scan.angle_min, increment, scan.range_min, scan.range_max))):
         return "geometry that is not finite"
     if abs(increment) < LEAST_INCREMENT_RAD or abs(increment) * (beams - 1) > 2 * math.pi + 1e-3:
-        return f"{beams} beams of {increment:g} rad are more than a turn, or none"
+        return f"{beams} beams of {increment:g} rad span more than a full turn, or no angle"
     last = scan.angle_min + increment * (beams - 1)
     if scan.angle_max is not None and not abs(scan.angle_max - last) <= ANGLE_SLACK_BEAMS * abs(increment):
         return f"{beams} beams of {increment:g} rad end at {last:g} rad, not at {scan.angle_max:g}"

@@ -62,13 +62,13 @@ class _Gaps:
     outside: Floats
     """(2, o): directions between the last beam and the first."""
     beams_hull: Crossing
-    """Where the beams leave the hull."""
+    """Where the beams enter and leave the hull."""
     outside_hull: Crossing
     """Where the directions outside of the view do."""
 
 
 def hiding_distance_m(gap_rad: Floats, smallest_m: float) -> Floats:
-    """From where a disc of diameter `smallest_m` fits between two rays, for each angle (n,) between them."""
+    """Distance [m] from which a disc of diameter `smallest_m` fits between two rays, for each of their angles (n,)."""
     half = np.minimum(gap_rad, math.pi) / 2.0
     return smallest_m / 2.0 * (1.0 / np.sin(half) - 1.0)
 

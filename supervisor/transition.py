@@ -24,7 +24,7 @@ def mixtures(has: Velocity, wanted: Velocity, negligible: Velocity) -> list[Velo
 
 
 def corners(least: Velocity, most: Velocity) -> list[Velocity]:
-    """Return the twists that a base may have whose axes follow their command each at a pace of its own.
+    """Return the twists in which one axis has followed its command least and the other most.
 
     Args:
         least: what it has at least by now on each axis.

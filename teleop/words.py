@@ -19,16 +19,16 @@ _DIRECTIONS = ("ahead", "ahead left", "left", "behind left", "behind", "behind r
 _CAUSES = {  # what holds now; the law's own detail is better, where there is one
     "ESTOP": "the emergency stop is latched",
     "BASE_RUNAWAY": "the base moves although zero is commanded",
-    "OVERRUN": "the supervisor itself was late; its machine has too much to do",
+    "OVERRUN": "the supervisor was late, or its machine was suspended",
     "SENSOR_CONFLICT": "two programs publish on one sensor's key",
     "BASE_UNRESPONSIVE": "the base does not follow its commands",
-    "ODOM_STALE": "odometry was lost while driving",
+    "ODOM_STALE": "odometry was lost",
     "SCAN_STALE": "no scan has come yet",
     "SOURCE_LOST": "the connection to WHO was lost",
     "COMMAND_INVALID": "WHO sent something that is no command",
     "COMMAND_STALE": "the commands of WHO come too late or out of order",
     "NO_COMMAND": "nobody has commanded anything yet",
-    "SCAN_BLIND": "nothing is seen where the motion would go",
+    "SCAN_BLIND": "the motion would enter unseen space",
     "": "the supervisor gives no reason",
 }
 _OVER = {  # what was, and is over
@@ -45,7 +45,7 @@ _OVER = {  # what was, and is over
     "COMMAND_STALE": "commands came too late or out of order",
     "COMMAND_TIMEOUT": "commands were missing for too long",
     "NO_COMMAND": "nobody had commanded anything",
-    "SCAN_BLIND": "the motion went where nothing was seen",
+    "SCAN_BLIND": "the motion would have entered unseen space",
     "OBSTACLE": "something was too close",
 }
 _STEPS = {

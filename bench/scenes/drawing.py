@@ -1,4 +1,4 @@
-"""One run, told around its worst moment: as lines of text, and as a picture."""
+"""Describe one run around its worst moment as text, and draw it as a picture."""
 
 import math
 from pathlib import Path

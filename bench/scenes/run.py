@@ -53,7 +53,7 @@ class Outcome:
 
 
 class Moment(NamedTuple):
-    """One tick, for whoever watches."""
+    """One tick, as `watch` gets it."""
 
     now_s: float
     pose: Pose

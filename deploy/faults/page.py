@@ -256,7 +256,7 @@ def _how_to_read() -> Iterator[str]:
         "what broke, to the base braking by itself. Counted are stops by a detector that is meant for the class; others "
         "stand beside it as <i>or first by</i>.</li>"
         "<li><b>beyond bound</b> knows no leeway. A trial breaks a promise only beyond a leeway: 5 ms on the virtual "
-        "clock, 50 ms and more (the record says how much) on a real machine, whose scheduler owes nobody a millisecond.</li>"
+        "clock, 50 ms and more (the record says how much) on a real machine, whose scheduler gives no timing guarantee.</li>"
         "<li><b>p99</b> needs 100 stops to be one; with fewer, look at the longest.</li>"
         "<li><b>way</b>: along the ground, from the fault to the standstill; from different speeds.</li>"
         "<li><b>smallest clearance, contacts</b>: of every trial with this fault, whoever moved. People and forklifts may "

@@ -204,7 +204,7 @@ def test_the_complete_example_has_no_risk() -> None:
             "smallest_obstacle_m = 0.1",
             "between 0.04 and 0.1 m wide",
         ),
-        ("[supervisor]\nodometry = false", "odometry = false", "is not noticed"),
+        ("[supervisor]\nodometry = false", "odometry = false", "is not detected"),
         ("[supervisor]\ndeceleration_m_s2 = 1.9", "deceleration_m_s2 = 1.9", "leaves no margin"),
     ],
 )

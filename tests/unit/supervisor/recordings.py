@@ -1,6 +1,7 @@
 """Real lidar recordings, each with the robot that it could have been made on, and the law driven over them.
 
-The recordings lie beside the repository and are not part of it: without them their tests are skipped.
+The recordings are not part of the repository: `LIFELINE_LIDAR_DATA` names their directory, else it is
+`shared/data/lidar` beside the repository. Where there is none, their tests are skipped.
 """
 
 import math

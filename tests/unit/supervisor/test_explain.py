@@ -45,7 +45,7 @@ def test_no_cause_has_no_detail() -> None:
 @pytest.mark.parametrize(
     ("reason", "detail"),
     [
-        (StopReason.SCAN_BLIND, "nothing is seen at 40° to the left"),
+        (StopReason.SCAN_BLIND, "unseen space at 40° to the left"),
         (StopReason.OBSTACLE, "something is too close at 40° to the left"),
         (StopReason.SCAN_INVALID, "all NaN"),
         (StopReason.SCAN_STALE, ""),

@@ -20,8 +20,8 @@ TIMEOUT_S = 0.24
 HULL = Circle(0.25)
 LIDAR = Lidar("lidar", Mount(), LidarProfile(), TIMEOUT_S)
 HERE = Pose(0.0, 0.0, 0.0)
-NEVER_RETURNED = "nothing has returned yet; turn `works_in_the_open` on if that is as it should be"
-BLANK = "blank from one scan to the next"
+NEVER_RETURNED = "no return since the start; set works_in_the_open = true if that is normal here"
+BLANK = "nearly all returns disappeared from one scan to the next"
 
 
 def read(
@@ -151,10 +151,10 @@ def test_a_scan_that_is_all_nan_proves_nothing_at_all() -> None:
     ("changes", "sentence"),
     [
         ({"angle_min": math.nan}, "geometry that is not finite"),
-        ({"angle_increment": 0.0}, "360 beams of 0 rad are more than a turn, or none"),
-        ({"angle_increment": -9.9e-7}, "360 beams of -9.9e-07 rad are more than a turn, or none"),
+        ({"angle_increment": 0.0}, "360 beams of 0 rad span more than a full turn, or no angle"),
+        ({"angle_increment": -9.9e-7}, "360 beams of -9.9e-07 rad span more than a full turn, or no angle"),
         ({"angle_increment": math.inf}, "geometry that is not finite"),
-        ({"angle_increment": 0.02}, "360 beams of 0.02 rad are more than a turn, or none"),
+        ({"angle_increment": 0.02}, "360 beams of 0.02 rad span more than a full turn, or no angle"),
         ({"range_min": 12.0}, "range_min 12 m and range_max 12 m contradict each other"),
         ({"range_min": -0.1}, "range_min -0.1 m and range_max 12 m contradict each other"),
         ({"range_max": math.nan}, "geometry that is not finite"),
@@ -198,7 +198,7 @@ def test_a_frozen_scan_is_noticed_once_the_robot_has_moved() -> None:
         scan = read(full(), scan, travelled_m=n * 0.0101)
         problems.append(scan.problem)
     assert problems[:2] == [None, None]
-    assert problems[2] == "the same 4 times while the robot moves"
+    assert problems[2] == "the same scan 4 times while the robot moves"
     assert math.isnan(scan.nearest_m)
     assert read(full(2.001), scan, travelled_m=1.0).problem is None
 

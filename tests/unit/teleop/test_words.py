@@ -22,10 +22,10 @@ def said(newest: SafetyStatus, **fields: object) -> News:
 CAUSES = {
     "ESTOP": "the emergency stop is latched",
     "BASE_RUNAWAY": "the base moves although zero is commanded",
-    "OVERRUN": "the supervisor itself was late; its machine has too much to do",
+    "OVERRUN": "the supervisor was late, or its machine was suspended",
     "SENSOR_CONFLICT": "two programs publish on one sensor's key",
     "BASE_UNRESPONSIVE": "the base does not follow its commands",
-    "ODOM_STALE": "odometry was lost while driving",
+    "ODOM_STALE": "odometry was lost",
     "SCAN_INVALID": "the lidar's scan proves nothing: all NaN",
     "SCAN_STALE": "the newest scan is 0.4 s old",
     "SOURCE_LOST": "the connection to teleop was lost",
@@ -33,7 +33,7 @@ CAUSES = {
     "COMMAND_STALE": "the commands of teleop come too late or out of order",
     "COMMAND_TIMEOUT": "teleop was silent for too long",
     "NO_COMMAND": "nobody has commanded anything yet",
-    "SCAN_BLIND": "nothing is seen where the motion would go",
+    "SCAN_BLIND": "the motion would enter unseen space",
     "OBSTACLE": "too close for this motion: 0.28 m ahead left",
 }
 STEPS = {
@@ -103,7 +103,7 @@ OVER = {
     "COMMAND_STALE": "commands came too late or out of order",
     "COMMAND_TIMEOUT": "commands were missing for too long",
     "NO_COMMAND": "nobody had commanded anything",
-    "SCAN_BLIND": "the motion went where nothing was seen",
+    "SCAN_BLIND": "the motion would have entered unseen space",
     "OBSTACLE": "something was too close",
 }
 
@@ -149,7 +149,7 @@ def test_neutral_after_a_stop_is_reached_as_the_control_says() -> None:
 @pytest.mark.parametrize(
     ("detail", "what"),
     [
-        ("nothing is seen at 40° to the left", "nothing is seen at 40 deg to the left"),
+        ("unseen space at 40° to the left", "unseen space at 40 deg to the left"),
         ("two writers on scan: a1b2…, c3d4…", "two writers on scan: a1b2.., c3d4.."),
         ("\x1b[2J", "?[2J"),
     ],
@@ -167,8 +167,8 @@ def test_an_invalid_scan_is_explained_by_the_law_or_by_its_problem() -> None:
 
 
 def test_a_robot_that_is_slowed_says_by_what_if_the_law_knows() -> None:
-    newest = status(SafetyStatus.LIMITED, scale=0.4, causes=["SCAN_BLIND"], detail="nothing is seen ahead")
-    assert said(newest).what == "slowed to 40%: nothing is seen ahead"
+    newest = status(SafetyStatus.LIMITED, scale=0.4, causes=["SCAN_BLIND"], detail="unseen space ahead")
+    assert said(newest).what == "slowed to 40%: unseen space ahead"
     assert said(replace(newest, causes=[])).what == "slowed to 40%"
 
 
