@@ -40,9 +40,7 @@ CLOSING_TOLERANCE_M_S = 0.01
 
 DEEP_M = 0.005
 DEEP_TOLERANCE_M_S = 0.001
-DEEP_TOLERANCE_SHARE = 0.1
-"""Deeper than this inside the stop distance, closing counts above this speed, or above this share of the hull's
-commanded speed if that is less: many slow steps must not add up."""
+"""Deeper than this inside the stop distance, closing counts above this speed: many slow steps must not add up."""
 
 POSES = 6
 """The way ahead is looked at after so many even parts of it: 8 cm apart at 1 m/s, between which an arc strays by 1 mm."""
@@ -344,10 +342,8 @@ def _limit_of_closing(
     if around.kind is Kind.HIDDEN:
         tolerance = max(CLOSING_TOLERANCE_M_S, barrier.hidden_creep_m_s)
     else:
-        fastest_m_s = abs(linear_m_s) + abs(angular_rad_s) * around.hull.radius_m
-        deep_m_s = min(DEEP_TOLERANCE_M_S, DEEP_TOLERANCE_SHARE * fastest_m_s)
         deep = around.clearance_m < barrier.stop_distance_m - DEEP_M
-        tolerance = np.where(deep, deep_m_s, CLOSING_TOLERANCE_M_S)
+        tolerance = np.where(deep, DEEP_TOLERANCE_M_S, CLOSING_TOLERANCE_M_S)
     (closed_on,) = (closing > tolerance).nonzero()
     if len(closed_on) == 0:
         return FREE

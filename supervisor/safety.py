@@ -48,7 +48,7 @@ from supervisor.near_memory import Remembered, remember
 from supervisor.reckoning import STANDSTILL, Pose, Velocity, between, displacement, reckon, where
 from supervisor.scan import LaserScan, Lidar, Moment, ScanReading, View, read_scan
 from supervisor.seen_space import Lookout, hidden_places, lookout
-from supervisor.transition import corners, is_on_another_arc, mixtures
+from supervisor.transition import corners, is_on_another_arc, lags, mixtures
 from wire.freshness import FALL_TOLERANCE_S, Verdict, judge
 
 IMPLAUSIBLE_FACTOR = 10.0
@@ -410,7 +410,7 @@ def _take_commands(state: State, now_s: float, inputs: Inputs, shared: Reasons) 
         own = _own_causes(source, now_s, state.config)
         if not own:
             live.append(name)
-        settled[name] = _latch(source, now_s, shared.union(own, passing.get(name, NONE)))
+        settled[name] = _latch(source, now_s, shared.union(own, passing.get(name, NONE)), state.config)
 
     before = _owning(state)
     if before is not None and before.armed and not settled[state.owner].armed:
@@ -493,7 +493,7 @@ def _own_causes(source: Source, now_s: float, config: LawConfig) -> Reasons:
     return frozenset(causes)
 
 
-def _latch(source: Source, now_s: float, causes: Reasons) -> Source:
+def _latch(source: Source, now_s: float, causes: Reasons, config: LawConfig) -> Source:
     """Latch the causes; without any, a neutral that came after the last of them lets all latches fall."""
     if causes:
         return source._replace(latched=source.latched | causes, caused_s=now_s)
@@ -502,7 +502,7 @@ def _latch(source: Source, now_s: float, causes: Reasons) -> Source:
     if (
         source.block is not None
         and source.velocity is not None
-        and not source.block.is_approached_by(*source.velocity)
+        and not source.block.is_approached_by(*_useful(source.velocity, config))
     ):
         return source._replace(latched=source.latched - BARRIER_REASONS, block=None)
     return source
@@ -543,10 +543,10 @@ def _decide(
     reasons = shared | ({StopReason.NO_COMMAND} if owner is None else owner.latched)
     commanded = STANDSTILL if owner is None or owner.velocity is None else owner.velocity
     causes = shared | ({StopReason.NO_COMMAND} if owner is None else _own_causes(owner, now_s, config))
-    scale, block = 1.0, None
+    scale, block, useful = 1.0, None, _useful(commanded, config)
     if not reasons and commanded != STANDSTILL:
         worth = config.creep_m_s / max(config.creep_m_s, _hull_speed(commanded, config))
-        scale, block = _barrier(state, now_s, usable, commanded, worth)
+        scale, block = _barrier(state, now_s, usable, useful, worth)
         scale = 0.0 if scale < worth else scale
         if block is not None and _is_confirmed(state, block):
             state = _stop_at(state, now_s, block, _reason_of(block))
@@ -554,7 +554,7 @@ def _decide(
     elif reasons & BARRIER_REASONS and usable and commanded != STANDSTILL:
         useful_m_s = RELEASED_FACTOR * config.creep_m_s
         worth = useful_m_s / max(useful_m_s, _hull_speed(commanded, config))
-        block = _barrier(state, now_s, usable, commanded, worth)[1]
+        block = _barrier(state, now_s, usable, useful, worth)[1]
     if block is not None:
         causes |= {_reason_of(block)}
     output = STANDSTILL
@@ -590,7 +590,12 @@ def _barrier(
         if is_on_another_arc(has, commanded, config.hull.radius_m, config.residual.linear_m_s):
             present, _ = _permitted(state, now_s, usable, has, worth)
             scale = 0.0 if present < PRESENT_SHARE else scale
-    return scale, block
+    has = following.least if state.odometry is None else state.odometer.velocity
+    next_ = Velocity(scale * commanded.linear_m_s, scale * commanded.angular_rad_s)
+    lagging = lags(has, next_, config.residual)
+    shares = [_permitted(state, now_s, usable, twist, worth / scale) for twist in lagging]
+    share, blocking = min(shares, key=itemgetter(0), default=(1.0, None))
+    return scale * share, block or blocking
 
 
 def _permitted(
@@ -642,6 +647,17 @@ def _is_confirmed(state: State, block: Block) -> bool:
 
 def _reason_of(block: Block) -> StopReason:
     return StopReason.SCAN_BLIND if block.kind is Kind.HIDDEN else StopReason.OBSTACLE
+
+
+def _useful(velocity: Velocity, config: LawConfig) -> Velocity:
+    """The velocity, or the slowest useful one in its direction: many slow commands must not add up."""
+    speed_m_s = _hull_speed(velocity, config)
+    if speed_m_s == 0.0 or speed_m_s >= config.creep_m_s:
+        return velocity
+    return Velocity(
+        config.creep_m_s * (velocity.linear_m_s / speed_m_s),
+        config.creep_m_s * (velocity.angular_rad_s / speed_m_s),
+    )
 
 
 def _hull_speed(velocity: Velocity, config: LawConfig) -> float:

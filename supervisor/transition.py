@@ -33,6 +33,24 @@ def corners(least: Velocity, most: Velocity) -> list[Velocity]:
     return [Velocity(most.linear_m_s, least.angular_rad_s), Velocity(least.linear_m_s, most.angular_rad_s)]
 
 
+def lags(has: Velocity, wanted: Velocity, negligible: Velocity) -> list[Velocity]:
+    """Return the twists of a base that already has the commanded velocity on one axis and lags on the other.
+
+    Args:
+        has: the base's present twist.
+        wanted: the twist that it is about to be given.
+        negligible: noise of each axis.
+    """
+    lagging: list[Velocity] = []
+    if wanted.linear_m_s != 0.0 and _exceeds(
+        wanted.angular_rad_s, has.angular_rad_s, negligible.angular_rad_s
+    ):
+        lagging.append(Velocity(wanted.linear_m_s, has.angular_rad_s))
+    if wanted.angular_rad_s != 0.0 and _exceeds(wanted.linear_m_s, has.linear_m_s, negligible.linear_m_s):
+        lagging.append(Velocity(has.linear_m_s, wanted.angular_rad_s))
+    return lagging
+
+
 def _exceeds(has: float, wanted: float, negligible: float) -> bool:
     """Whether a velocity is faster than the commanded one, or opposed to it, by more than noise."""
     return abs(has) > negligible + max(0.0, math.copysign(wanted, has * wanted))

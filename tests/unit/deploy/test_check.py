@@ -280,4 +280,4 @@ def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
 def test_the_exit_codes_are_in_the_help() -> None:
     output = " ".join(CliRunner().invoke(app, ["check", "--help"]).output.split())
     assert "Exit 0 if" in output
-    assert "2: refused" in output
+    assert "2 if the file is refused" in output

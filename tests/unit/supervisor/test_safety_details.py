@@ -531,7 +531,7 @@ def test_a_senseless_scan_tells_its_problem() -> None:
     law.scanning = False
     law.now_s += TICK_S
     scan = LaserScan(ring(), -math.pi, 0.0, 0.05, 12.0, law.now_s)
-    assert "more than a turn" in law.step(Inputs(scans=(scan,))).scan_problem
+    assert "more than a full turn" in law.step(Inputs(scans=(scan,))).scan_problem
 
 
 @pytest.mark.parametrize("alive", [(), back()])

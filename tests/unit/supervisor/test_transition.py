@@ -3,7 +3,7 @@
 import pytest
 
 from supervisor.reckoning import Velocity
-from supervisor.transition import corners, is_on_another_arc, mixtures
+from supervisor.transition import corners, is_on_another_arc, lags, mixtures
 
 NOISE = Velocity(0.0625, 0.25)
 """In powers of two: sums of them are exact."""
@@ -68,3 +68,27 @@ def test_the_length_of_both_axes_counts_in_what_is_across() -> None:
 
 def test_a_base_whose_axes_keep_their_own_pace_may_have_the_most_on_one_and_the_least_on_the_other() -> None:
     assert corners(least=Velocity(0.25, 0.5), most=Velocity(1.0, 2.0)) == [(1.0, 0.5), (0.25, 2.0)]
+
+
+@pytest.mark.parametrize(
+    ("has", "wanted", "lagging"),
+    [
+        pytest.param(
+            (0.0, 0.0), (0.5, 1.0), [(0.5, 0.0), (0.0, 1.0)], id="from standstill either axis may lag"
+        ),
+        pytest.param((0.5, 0.0), (0.5, 1.0), [(0.5, 0.0)], id="only the turn lags"),
+        pytest.param((0.0, 1.0), (0.5, 1.0), [(0.0, 1.0)], id="only the speed lags"),
+        pytest.param((-0.25, -0.5), (-0.5, -1.0), [(-0.5, -0.5), (-0.25, -1.0)], id="backwards"),
+        pytest.param((0.5, 1.0), (-0.5, -1.0), [(-0.5, 1.0), (0.5, -1.0)], id="the other way"),
+        pytest.param((0.5, 1.0), (0.5, 1.0), [], id="it follows"),
+        pytest.param((1.0, 2.0), (0.5, 1.0), [], id="it is faster"),
+        pytest.param((0.0, 0.0), (0.5, 0.0), [], id="a straight line has one axis"),
+        pytest.param((0.0, 0.0), (0.0, 1.0), [], id="so has a turn on the spot"),
+        pytest.param((0.4375, 0.75), (0.5, 1.0), [], id="slower by noise"),
+        pytest.param((0.375, 0.625), (0.5, 1.0), [(0.5, 0.625), (0.375, 1.0)], id="slower by more"),
+    ],
+)
+def test_a_base_that_lags_on_one_axis_has_the_command_on_the_other(
+    has: tuple[float, float], wanted: tuple[float, float], lagging: list[tuple[float, float]]
+) -> None:
+    assert lags(Velocity(*has), Velocity(*wanted), NOISE) == [Velocity(*one) for one in lagging]
