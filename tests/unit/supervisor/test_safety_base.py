@@ -3,9 +3,11 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from supervisor.base_motion import PATIENCE_S
+from supervisor.clearance import ConvexPolygon
 from supervisor.model import STANDSTILL, Decision, Inputs, LawConfig, Mode, Odometry, StopReason, Velocity
 from supervisor.safety import PRESENT_SHARE, initial_state, step
 from tests.unit.supervisor.law_harness import (
@@ -268,3 +270,27 @@ def test_the_first_step_and_a_scan_at_once_find_their_way() -> None:
     law.now_s += TICK_S
     law.step(Inputs(scans=(laser_scan(ring(), law.now_s), laser_scan(ring(2.9), law.now_s))))
     assert law.decision.scan_counts.accepted == 2
+
+
+# --- a base that lags on one axis
+
+BOX = ConvexPolygon(((0.4, -0.2), (0.4, 0.2), (-0.1, 0.2), (-0.1, -0.2)))
+
+
+@pytest.mark.parametrize(("measured", "moves"), [((0.0, 0.0), False), ((-0.24, -2.0), True)])
+def test_an_arc_is_permitted_only_if_a_base_that_takes_up_one_axis_first_comes_near_nothing(
+    measured: tuple[float, float], *, moves: bool
+) -> None:
+    """Found by a random scene. The turn takes the corner away from the pillar; backing alone closes on it."""
+    law, arc = Law(config=replace(CONFIG, hull=BOX)), Velocity(-0.24, -2.0)
+    ranges = ring()
+    ranges[180 + 135 : 180 + 138] = 0.495
+    law.tick(("teleop", NEUTRAL))
+    for number in range(3):
+        now_s = law.now_s + TICK_S
+        scan = laser_scan(ranges + np.float32(1e-4 * number), now_s)
+        law.tick(
+            ("teleop", arc), odometry=Odometry(Velocity(*measured), now_s), scans=(scan,) if number else ()
+        )
+    assert law.decision.scale == (1.0 if moves else 0.0)
+    assert law.decision.reasons == (() if moves else (StopReason.OBSTACLE,))
