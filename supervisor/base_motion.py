@@ -106,6 +106,24 @@ def follow(
     return Following(least, most, since_s, since, too_long or (following.unresponsive and not stands))
 
 
+def possible_twists(following: Following, measured: Velocity | None) -> list[Velocity]:
+    """The twists that the base may have by now.
+
+    Odometry may be stuck, so the most that the base may have counts as well. Without odometry, or while it is out of
+    bounds, nothing shows how far each axis follows: the least of one axis goes with the most of the other.
+
+    Args:
+        following: what is expected of the base.
+        measured: odometry's velocity; None: there is none.
+    """
+    least, most = following.least, following.most
+    twists = [most] if measured is None else [most, measured]
+    if measured is None or following.since_s is not None:
+        twists.append(Velocity(most.linear_m_s, least.angular_rad_s))
+        twists.append(Velocity(least.linear_m_s, most.angular_rad_s))
+    return twists
+
+
 def _gains(since: Velocity, measured: Velocity, commanded: Velocity) -> bool:
     """Whether the base has come nearer to its command, by more than noise: it is slow, but it follows."""
     return _nears(since.linear_m_s, measured.linear_m_s, commanded.linear_m_s, SLOW.linear_m_s) or _nears(

@@ -22,7 +22,7 @@ from operator import attrgetter, itemgetter
 
 import numpy as np
 
-from supervisor.base_motion import follow, moves
+from supervisor.base_motion import follow, moves, possible_twists
 from supervisor.clearance import NO_POINTS, Barrier, Block, Floats, Kind, moved, permitted_scale, survey
 from supervisor.explain import detail_of
 from supervisor.model import (
@@ -48,7 +48,7 @@ from supervisor.near_memory import Remembered, remember
 from supervisor.reckoning import STANDSTILL, Pose, Velocity, between, displacement, reckon, where
 from supervisor.scan import LaserScan, Lidar, Moment, ScanReading, View, read_scan
 from supervisor.seen_space import Lookout, hidden_places, lookout
-from supervisor.transition import corners, is_on_another_arc, lags, mixtures
+from supervisor.transition import is_on_another_arc, lags, mixtures
 from wire.freshness import FALL_TOLERANCE_S, Verdict, judge
 
 IMPLAUSIBLE_FACTOR = 10.0
@@ -573,27 +573,21 @@ def _barrier(
 
     A base that still has another velocity goes through mixtures of both on its way. What it still has on one
     axis is judged together with what is asked for on the other; and a base that is too fast on the arc that it
-    is still on brakes along that one first. Neither latches anything: the base only has to slow down. Odometry may
-    be stuck, so the most that the base may have counts as well. Without odometry, or while the base is out of its
-    bounds, nothing shows how far each axis follows: the twists in which one axis lags are judged too.
+    is still on brakes along that one first. Neither latches anything: the base only has to slow down. A
+    base may also take up one axis before the other: what such a twist closes on blocks.
     """
     config, following = state.config, state.following
     scale, block = _permitted(state, now_s, usable, commanded, worth)
-    may_have = [following.most]  # odometry may be stuck
-    if state.odometry is not None:
-        may_have.append(state.odometer.velocity)
-    if state.odometry is None or following.since_s is not None:
-        may_have.extend(corners(following.least, following.most))
-    for has in may_have:
+    measured = None if state.odometry is None else state.odometer.velocity
+    for has in possible_twists(following, measured):
         for mixed in mixtures(has, commanded, config.residual):
             scale = min(scale, _permitted(state, now_s, usable, mixed, worth)[0])
         if is_on_another_arc(has, commanded, config.hull.radius_m, config.residual.linear_m_s):
             present, _ = _permitted(state, now_s, usable, has, worth)
             scale = 0.0 if present < PRESENT_SHARE else scale
-    has = following.least if state.odometry is None else state.odometer.velocity
-    next_ = Velocity(scale * commanded.linear_m_s, scale * commanded.angular_rad_s)
-    lagging = lags(has, next_, config.residual)
-    shares = [_permitted(state, now_s, usable, twist, worth / scale) for twist in lagging]
+    passed = Velocity(scale * commanded.linear_m_s, scale * commanded.angular_rad_s)
+    lagging = lags(following.least if measured is None else measured, passed, config.residual)
+    shares = [_permitted(state, now_s, usable, twist, worth) for twist in lagging]
     share, blocking = min(shares, key=itemgetter(0), default=(1.0, None))
     return scale * share, block or blocking
 

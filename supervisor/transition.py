@@ -23,16 +23,6 @@ def mixtures(has: Velocity, wanted: Velocity, negligible: Velocity) -> list[Velo
     return mixed
 
 
-def corners(least: Velocity, most: Velocity) -> list[Velocity]:
-    """Return the twists in which one axis has followed its command least and the other most.
-
-    Args:
-        least: what it has at least by now on each axis.
-        most: what it has at most.
-    """
-    return [Velocity(most.linear_m_s, least.angular_rad_s), Velocity(least.linear_m_s, most.angular_rad_s)]
-
-
 def lags(has: Velocity, wanted: Velocity, negligible: Velocity) -> list[Velocity]:
     """Return the twists of a base that already has the commanded velocity on one axis and lags on the other.
 

@@ -14,6 +14,7 @@ from supervisor.base_motion import (
     Following,
     follow,
     moves,
+    possible_twists,
 )
 from supervisor.reckoning import STANDSTILL, Velocity
 
@@ -179,3 +180,17 @@ def test_a_velocity_moves_just_beyond_the_threshold_of_either_axis(axis: int, si
     for value, is_moving in ((SLOW[axis], False), (math.nextafter(SLOW[axis], 1.0), True)):
         velocity = Velocity(*(sign * value if a == axis else 0.0 for a in (0, 1)))
         assert moves(velocity, SLOW) is is_moving
+
+
+BETWEEN = Following(Velocity(0.25, 0.5), Velocity(1.0, 2.0), None, STANDSTILL, unresponsive=False)
+MOST, ONE_LAGS, OTHER_LAGS = Velocity(1.0, 2.0), Velocity(1.0, 0.5), Velocity(0.25, 2.0)
+
+
+def test_a_base_may_have_what_odometry_says_and_the_most_of_its_ramps() -> None:
+    assert possible_twists(BETWEEN, Velocity(0.5, 1.0)) == [MOST, Velocity(0.5, 1.0)]
+
+
+def test_without_odometry_or_out_of_bounds_one_axis_may_have_its_most_and_the_other_its_least() -> None:
+    assert possible_twists(BETWEEN, None) == [MOST, ONE_LAGS, OTHER_LAGS]
+    lagging = BETWEEN._replace(since_s=0.0)
+    assert possible_twists(lagging, STANDSTILL) == [MOST, STANDSTILL, ONE_LAGS, OTHER_LAGS]

@@ -555,6 +555,7 @@ def test_a_ray_is_inside_the_hull_exactly_between_where_it_enters_and_leaves(
         pytest.param(-1.0, 0.1, (-1.0, 0.0), math.inf, 0.0, id="away from it"),
         pytest.param(-1.0, 0.3, (1.0, 0.0), math.inf, 0.0, id="past it"),
         pytest.param(0.0, 1.0, (0.0, -1.0), 0.8, 1.2, id="across it"),
+        pytest.param(-1.0, 0.2, (1.0, 0.0), 0.6, 1.4, id="along its side"),
         pytest.param(0.4, 0.0, (1.0, 0.0), math.inf, 0.0, id="from its edge outwards"),
         pytest.param(0.4, 0.0, (-1.0, 0.0), 0.0, 0.8, id="from its edge inwards"),
     ],

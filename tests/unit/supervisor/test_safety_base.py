@@ -277,20 +277,34 @@ def test_the_first_step_and_a_scan_at_once_find_their_way() -> None:
 BOX = ConvexPolygon(((0.4, -0.2), (0.4, 0.2), (-0.1, 0.2), (-0.1, -0.2)))
 
 
-@pytest.mark.parametrize(("measured", "moves"), [((0.0, 0.0), False), ((-0.24, -2.0), True)])
-def test_an_arc_is_permitted_only_if_a_base_that_takes_up_one_axis_first_comes_near_nothing(
-    measured: tuple[float, float], *, moves: bool
-) -> None:
-    """Found by a random scene. The turn takes the corner away from the pillar; backing alone closes on it."""
-    law, arc = Law(config=replace(CONFIG, hull=BOX)), Velocity(-0.24, -2.0)
+ARC = Velocity(-0.24, -2.0)
+
+
+def backing_on_an_arc(measured: Velocity | None, pillar_m: float) -> Decision:
+    """The turn takes the corner away from a pillar; backing alone closes on it."""
+    law = Law(config=replace(CONFIG, hull=BOX))
     ranges = ring()
-    ranges[180 + 135 : 180 + 138] = 0.495
+    ranges[180 + 135 : 180 + 138] = pillar_m
     law.tick(("teleop", NEUTRAL))
     for number in range(3):
         now_s = law.now_s + TICK_S
-        scan = laser_scan(ranges + np.float32(1e-4 * number), now_s)
         law.tick(
-            ("teleop", arc), odometry=Odometry(Velocity(*measured), now_s), scans=(scan,) if number else ()
+            ("teleop", ARC),
+            odometry=None if measured is None else Odometry(measured, now_s),
+            scans=(laser_scan(ranges + np.float32(1e-4 * number), now_s),) if number else (),
         )
-    assert law.decision.scale == (1.0 if moves else 0.0)
-    assert law.decision.reasons == (() if moves else (StopReason.OBSTACLE,))
+    return law.decision
+
+
+def test_an_arc_is_stopped_if_a_base_that_takes_up_one_axis_first_would_close_on_something() -> None:
+    """Found by a random scene."""
+    decision = backing_on_an_arc(STANDSTILL, 0.495)
+    assert decision.output == STANDSTILL
+    assert decision.reasons == (StopReason.OBSTACLE,)
+    assert backing_on_an_arc(None, 0.495).output == STANDSTILL
+    assert backing_on_an_arc(ARC, 0.495).output == ARC
+
+
+def test_an_arc_is_slowed_as_far_as_a_base_that_takes_up_one_axis_first_must_be() -> None:
+    assert 0.2 < backing_on_an_arc(STANDSTILL, 0.51).scale < 0.6
+    assert backing_on_an_arc(STANDSTILL, 0.51).reasons == ()

@@ -3,7 +3,7 @@
 import pytest
 
 from supervisor.reckoning import Velocity
-from supervisor.transition import corners, is_on_another_arc, lags, mixtures
+from supervisor.transition import is_on_another_arc, lags, mixtures
 
 NOISE = Velocity(0.0625, 0.25)
 """In powers of two: sums of them are exact."""
@@ -64,10 +64,6 @@ def test_the_length_of_both_axes_counts_in_what_is_across() -> None:
     has, wanted = Velocity(0.25, 0.0), Velocity(0.75, 2.0)
     assert is_on_another_arc(has, wanted, rim_m=0.5, negligible_m_s=0.1999)
     assert not is_on_another_arc(has, wanted, rim_m=0.5, negligible_m_s=0.2001)
-
-
-def test_a_base_whose_axes_keep_their_own_pace_may_have_the_most_on_one_and_the_least_on_the_other() -> None:
-    assert corners(least=Velocity(0.25, 0.5), most=Velocity(1.0, 2.0)) == [(1.0, 0.5), (0.25, 2.0)]
 
 
 @pytest.mark.parametrize(
