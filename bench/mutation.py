@@ -21,16 +21,18 @@ EQUIVALENT = {
     # What is exactly at the edge of reach limits no motion.
     "(near,) = (around.clearance_m <= keep_m + fastest_m_s * horizon_s).nonzero()",
     "near = np.hypot(earlier[:, 0], earlier[:, 1]) <= config.hull.radius_m + config.reach_m",
-    # All five beams are asked instead of one: that finds the same.
-    "off_m = np.abs(_ask(view, returns_m, np.rint(beam).astype(np.int64)) + distance_m)",
-    "returns_m: Floats = np.where(None, view.free_m, math.inf)",
-    "(left,) = (off_m >= SAME_M).nonzero()  # the beam that points there shows nearly all of them again",
     # The beams that are asked lie evenly to both sides.
-    "asked = np.rint(beam[left, None] - beside).astype(np.int64)",
+    "asked = np.rint(beam[:, None] - BESIDE_RAD / abs(view.geometry.increment) * ASKED).astype(np.int64)",
     # A return at exactly the point's distance shows it again in any case.
-    "again |= (nearest_m <= distance_m) & (farthest_m > distance_m) & (farthest_m - nearest_m < ONE_SURFACE_M)",
-    "again |= (nearest_m < distance_m) & (farthest_m >= distance_m) & (farthest_m - nearest_m < ONE_SURFACE_M)",
+    "again = (nearest_m <= distance_m) & (farthest_m > distance_m) & (farthest_m - nearest_m < ONE_SURFACE_M)",
+    "again = (nearest_m < distance_m) & (farthest_m >= distance_m) & (farthest_m - nearest_m < ONE_SURFACE_M)",
+    # Two shares are equal only if both are zero or both are one: then either does.
+    "share, blocking = min(shares, key=None, default=(1.0, None))",
+    "share, blocking = min(shares, default=(1.0, None))",
     # One value of a float, among those that a distance or a share may have.
+    "(left,) = (off_m >= SAME_M).nonzero()  # nearly all of them are shown again",
+    "leaving, entering = outwards >= NOTHING_M, outwards < -NOTHING_M",
+    "leaving, entering = outwards > NOTHING_M, outwards <= -NOTHING_M",
     "inside = (depth < 0.0) | (gap <= ON_HULL_M)",
     "entered = clearance <= keep - GRAZE_M - DEEP_TOLERANCE_M_S * horizon_s",
     "scale = 0.0 if present <= PRESENT_SHARE else scale",

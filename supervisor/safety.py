@@ -239,7 +239,7 @@ def _heard(writers: tuple[Writer, ...], scan: LaserScan) -> tuple[Writer, ...]:
 def _keep_shown(state: State, place: int) -> State:
     """What a lidar showed last goes to the memory: nothing that follows may lose it, be it no scan at all."""
     sight = state.sights[place]
-    if sight.scan is None or sight.scan.view is None or len(sight.scan.around.points) == 0:
+    if sight.scan is None or sight.scan.view is None:
         return state
     around = sight.scan.around
     shown = moved(around.points, between(sight.scan.view.pose, state.memory_pose))

@@ -95,6 +95,10 @@ def test_a_lidar_that_falls_silent_keeps_what_it_showed_although_the_other_goes_
     lidars.hold(0.1, Velocity(0.1, 0.0))
     assert lidars.decision.output == STANDSTILL
     assert lidars.decision.causes == (StopReason.OBSTACLE,)
+    lidars.speaking = (0, 1)
+    lidars.ranges[0] = ring()
+    lidars.hold(0.5)
+    assert len(lidars.state.memory.points) == 0, "the wall has gone, as the first lidar sees again"
 
 
 def test_a_scan_that_repeats_itself_while_the_base_moves_makes_nothing_newer() -> None:
