@@ -48,7 +48,7 @@ from supervisor.near_memory import Remembered, remember
 from supervisor.reckoning import STANDSTILL, Pose, Velocity, between, displacement, reckon, where
 from supervisor.scan import LaserScan, Lidar, Moment, ScanReading, View, read_scan
 from supervisor.seen_space import Lookout, hidden_places, lookout
-from supervisor.transition import is_on_another_arc, lags, mixtures
+from supervisor.transition import at_least, is_on_another_arc, lags, mixtures
 from wire.freshness import FALL_TOLERANCE_S, Verdict, judge
 
 IMPLAUSIBLE_FACTOR = 10.0
@@ -502,7 +502,9 @@ def _latch(source: Source, now_s: float, causes: Reasons, config: LawConfig) -> 
     if (
         source.block is not None
         and source.velocity is not None
-        and not source.block.is_approached_by(*_useful(source.velocity, config))
+        and not source.block.is_approached_by(
+            *at_least(source.velocity, config.creep_m_s, config.hull.radius_m)
+        )
     ):
         return source._replace(latched=source.latched - BARRIER_REASONS, block=None)
     return source
@@ -543,7 +545,7 @@ def _decide(
     reasons = shared | ({StopReason.NO_COMMAND} if owner is None else owner.latched)
     commanded = STANDSTILL if owner is None or owner.velocity is None else owner.velocity
     causes = shared | ({StopReason.NO_COMMAND} if owner is None else _own_causes(owner, now_s, config))
-    scale, block, useful = 1.0, None, _useful(commanded, config)
+    scale, block, useful = 1.0, None, at_least(commanded, config.creep_m_s, config.hull.radius_m)
     if not reasons and commanded != STANDSTILL:
         worth = config.creep_m_s / max(config.creep_m_s, _hull_speed(commanded, config))
         scale, block = _barrier(state, now_s, usable, useful, worth)
@@ -641,17 +643,6 @@ def _is_confirmed(state: State, block: Block) -> bool:
 
 def _reason_of(block: Block) -> StopReason:
     return StopReason.SCAN_BLIND if block.kind is Kind.HIDDEN else StopReason.OBSTACLE
-
-
-def _useful(velocity: Velocity, config: LawConfig) -> Velocity:
-    """The velocity, or the slowest useful one in its direction: many slow commands must not add up."""
-    speed_m_s = _hull_speed(velocity, config)
-    if speed_m_s == 0.0 or speed_m_s >= config.creep_m_s:
-        return velocity
-    return Velocity(
-        config.creep_m_s * (velocity.linear_m_s / speed_m_s),
-        config.creep_m_s * (velocity.angular_rad_s / speed_m_s),
-    )
 
 
 def _hull_speed(velocity: Velocity, config: LawConfig) -> float:

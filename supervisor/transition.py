@@ -1,4 +1,4 @@
-"""Intermediate twists of a base that changes from its present twist to the commanded one."""
+"""Twists that are judged beside the commanded one: those on the way to it, and a faster one in its direction."""
 
 import math
 
@@ -39,6 +39,19 @@ def lags(has: Velocity, wanted: Velocity, negligible: Velocity) -> list[Velocity
     if wanted.angular_rad_s != 0.0 and _exceeds(wanted.linear_m_s, has.linear_m_s, negligible.linear_m_s):
         lagging.append(Velocity(has.linear_m_s, wanted.angular_rad_s))
     return lagging
+
+
+def at_least(velocity: Velocity, speed_m_s: float, rim_m: float) -> Velocity:
+    """Return the velocity, or one in its direction at which a point at `rim_m` may move at `speed_m_s`.
+
+    Many slow commands would add up otherwise: the barrier tolerates slow closing, because readings are noisy.
+    """
+    has_m_s = abs(velocity.linear_m_s) + abs(velocity.angular_rad_s) * rim_m
+    if has_m_s == 0.0 or has_m_s >= speed_m_s:
+        return velocity
+    return Velocity(
+        speed_m_s * (velocity.linear_m_s / has_m_s), speed_m_s * (velocity.angular_rad_s / has_m_s)
+    )
 
 
 def _exceeds(has: float, wanted: float, negligible: float) -> bool:

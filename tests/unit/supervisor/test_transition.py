@@ -3,7 +3,7 @@
 import pytest
 
 from supervisor.reckoning import Velocity
-from supervisor.transition import is_on_another_arc, lags, mixtures
+from supervisor.transition import at_least, is_on_another_arc, lags, mixtures
 
 NOISE = Velocity(0.0625, 0.25)
 """In powers of two: sums of them are exact."""
@@ -88,3 +88,26 @@ def test_a_base_that_lags_on_one_axis_has_the_command_on_the_other(
     has: tuple[float, float], wanted: tuple[float, float], lagging: list[tuple[float, float]]
 ) -> None:
     assert lags(Velocity(*has), Velocity(*wanted), NOISE) == [Velocity(*one) for one in lagging]
+
+
+@pytest.mark.parametrize(
+    ("slow", "raised"),
+    [
+        pytest.param((0.0625, 0.0), (0.25, 0.0), id="straight"),
+        pytest.param((0.0, -0.125), (0.0, -0.5), id="a turn"),
+        pytest.param((-0.03125, 0.0625), (-0.125, 0.25), id="an arc"),
+        pytest.param((5e-324, 0.0), (0.25, 0.0), id="the least that a float can say"),
+    ],
+)
+def test_a_slow_command_is_raised_in_its_direction(
+    slow: tuple[float, float], raised: tuple[float, float]
+) -> None:
+    assert at_least(Velocity(*slow), speed_m_s=0.25, rim_m=0.5) == Velocity(*raised)
+
+
+@pytest.mark.parametrize(
+    "fast", [(0.25, 0.0), (0.0, 0.5), (0.125, -0.25), (1.0, 1.0), (0.0, 0.0), (0.0, 5e-324)]
+)
+def test_a_command_that_is_fast_enough_or_moves_nothing_stays_as_it_is(fast: tuple[float, float]) -> None:
+    velocity = Velocity(*fast)
+    assert at_least(velocity, speed_m_s=0.25, rim_m=0.25 if fast == (0.0, 5e-324) else 0.5) is velocity
