@@ -26,6 +26,8 @@ EQUIVALENT = {
     # A return at exactly the point's distance shows it again in any case.
     "again = (nearest_m <= distance_m) & (farthest_m > distance_m) & (farthest_m - nearest_m < ONE_SURFACE_M)",
     "again = (nearest_m < distance_m) & (farthest_m >= distance_m) & (farthest_m - nearest_m < ONE_SURFACE_M)",
+    # NaN covers nothing either.
+    "free_m = _ask(view, proven_m, asked, beside=None)",
     # Two shares are equal only if both are zero or both are one: then either does.
     "share, blocking = min(shares, key=None, default=(1.0, None))",
     "share, blocking = min(shares, default=(1.0, None))",

@@ -70,8 +70,9 @@ def remember(earlier: Remembered, view: View, mount: Mount) -> Remembered:
     hit = returns_m < math.inf
     nearest_m, farthest_m = returns_m.min(axis=1), np.where(hit, returns_m, -math.inf).max(axis=1)
     again = (nearest_m < distance_m) & (farthest_m > distance_m) & (farthest_m - nearest_m < ONE_SURFACE_M)
-    filled = _ask(view, view.explained_s < view.taken_s, asked)  # what earlier scans said says nothing new
-    free_m = np.where(filled, 0.0, _ask(view, view.free_m, asked))
+    # What is filled in from earlier scans says nothing new.
+    proven_m = np.where(view.explained_s < view.taken_s, 0.0, view.free_m)
+    free_m = _ask(view, proven_m, asked, beside=0.0)
     covered = (free_m >= distance_m[:, None]).all(axis=1)
     misses = np.where(covered, misses + 1, misses)
     (kept,) = (~again & ~(covered & hit.all(axis=1)) & (misses < MISSES)).nonzero()
@@ -86,9 +87,7 @@ def _beam_of(view: View, bearing_rad: Floats) -> Floats:
     return ((bearing_rad - angle_min) % math.copysign(2 * math.pi, increment)) / increment
 
 
-def _ask(
-    view: View, values: npt.NDArray[Scalar], beams: Counts, *, beside: float = 0.0
-) -> npt.NDArray[Scalar]:
+def _ask(view: View, values: npt.NDArray[Scalar], beams: Counts, *, beside: float) -> npt.NDArray[Scalar]:
     """What each of these beams says; one beside the view says `beside`."""
     if is_full_turn(view.geometry):
         return values.take(beams, mode="wrap")
