@@ -6,7 +6,7 @@ it, it stays: so no dropout opens the way to what was seen a moment ago.
 """
 
 import math
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -31,8 +31,6 @@ ONE_SURFACE_M = 0.4
 
 ASKED: Floats = np.linspace(-1.0, 1.0, 5)
 """Which beams are asked, as shares of that angle."""
-
-Scalar = TypeVar("Scalar", bound=np.generic)
 
 Counts = npt.NDArray[np.int64]
 
@@ -87,8 +85,8 @@ def _beam_of(view: View, bearing_rad: Floats) -> Floats:
     return ((bearing_rad - angle_min) % math.copysign(2 * math.pi, increment)) / increment
 
 
-def _ask(view: View, values: npt.NDArray[Scalar], beams: Counts, *, beside: float) -> npt.NDArray[Scalar]:
+def _ask(view: View, values: Floats, beams: Counts, *, beside: float) -> Floats:
     """What each of these beams says; one beside the view says `beside`."""
     if is_full_turn(view.geometry):
         return values.take(beams, mode="wrap")
-    return np.append(values, values.dtype.type(beside)).take(beams, mode="clip")
+    return np.append(values, beside).take(beams, mode="clip")
