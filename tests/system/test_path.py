@@ -92,6 +92,7 @@ async def test_a_square_is_driven_recorded_and_driven_again(tmp_path: Path) -> N
     assert f"{counts[ODOM]:,}" in output
 
 
+@pytest.mark.timed  # a path whose program gets no processor for 0.2 s pauses, as it should
 async def test_the_operator_takes_over_and_enter_goes_on(tmp_path: Path) -> None:
     async with robot(tmp_path) as subject:
         await subject.until(lambda: subject.status.owner == topics.TELEOP, "teleop's heartbeat")
