@@ -80,8 +80,9 @@ def test_with_a_scan_timeout_ten_times_as_long_it_drives_blindly() -> None:
 def test_without_the_interlock_it_moves_without_a_neutral(monkeypatch: pytest.MonkeyPatch) -> None:
     latch: Any = safety._latch  # pyright: ignore[reportPrivateUsage]
 
-    def forget(source: Source, now_s: float, causes: safety.Reasons) -> Source:
-        latched: Source = latch(source, now_s, causes)
+    def forget(source: Source, *judged: object) -> Source:
+        latched: Source = latch(source, *judged)
+        causes = judged[1]
         return latched if causes else latched._replace(latched=safety.NONE, block=None)
 
     monkeypatch.setattr(safety, "_latch", forget)
