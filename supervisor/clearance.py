@@ -59,7 +59,7 @@ ON_HULL_M = 1e-9
 """What is nearer to the hull than this has the normal of its side: from so short a way, rounding makes the direction."""
 
 NOTHING_M = 1e-300
-"""Added to a divisor: changes no distance except zero."""
+"""Smaller than any distance that is not zero: no divisor may be smaller."""
 
 
 class Hull(Protocol):

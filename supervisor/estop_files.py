@@ -55,7 +55,7 @@ def is_recorded(directory: Path, namespace: str) -> bool:
     """Whether a record exists, or cannot be looked up."""
     try:
         record_path(directory, namespace).lstat()
-    except FileNotFoundError:  # nor is there a record where the link's disk is not mounted
+    except FileNotFoundError:  # behind a link whose disk is not mounted, a record cannot be looked up
         return directory.is_symlink() and not directory.is_dir()
     except OSError:
         return True

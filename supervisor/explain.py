@@ -21,12 +21,12 @@ def detail_of(
         causes: what holds now.
         scan_problem: why the newest scan proves nothing.
         block_bearing_rad: direction of what the barrier stops for, from the base frame; NaN: not known.
-        writers: for each lidar whose scans come from several writers, who they are.
+        writers: for each sensor whose samples come from several writers, who they are.
     """
     where = bearing_in_words(block_bearing_rad)
     match min(causes, key=SEVERITY.__getitem__, default=None):
         case StopReason.SENSOR_CONFLICT:
-            return f"scans come from several writers: {'; '.join(writers)}"
+            return f"samples come from several writers: {'; '.join(writers)}"
         case StopReason.SCAN_INVALID:
             return scan_problem
         case StopReason.SCAN_BLIND if where:

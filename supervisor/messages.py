@@ -34,10 +34,8 @@ def to_scan(arrival: Arrival[ros.LaserScan], header_tolerance_s: float, lidar: i
         return None
     stamp = scan.header.stamp
     sent, tolerance_s = None, None
-    writer = b"frame " + scan.header.frame_id.encode()[:32]
     if arrival.stamp is not None:
         sent = arrival.stamp.sent()
-        writer = sent.epoch
     elif stamp.sec or stamp.nanosec:
         # A header has no sequence; the arrival, which only goes on, stands for it, in microseconds.
         sequence = round(arrival.arrival_s * 1e6)
@@ -54,19 +52,24 @@ def to_scan(arrival: Arrival[ros.LaserScan], header_tolerance_s: float, lidar: i
         tolerance_s,
         scan.angle_max,
         lidar,
-        writer,
+        _writer_of(arrival, scan.header),
     )
 
 
+def _writer_of(arrival: Arrival[ros.LaserScan] | Arrival[ros.Odometry], header: ros.Header) -> bytes:
+    """Who sent a sensor's sample: the gid of its attachment, else its frame."""
+    return b"frame " + header.frame_id.encode()[:32] if arrival.stamp is None else arrival.stamp.gid
+
+
 def to_odometry(arrival: Arrival[ros.Odometry]) -> Odometry | None:
-    """The base's own velocity; None where it is not a number."""
+    """The base's own velocity, and who says so; None where it is not a number."""
     if arrival.message is None:
         return None
     twist = arrival.message.twist.twist
     velocity = Velocity(twist.linear.x, twist.angular.z)
     if not (math.isfinite(velocity.linear_m_s) and math.isfinite(velocity.angular_rad_s)):
         return None
-    return Odometry(velocity, arrival.arrival_s)
+    return Odometry(velocity, arrival.arrival_s, _writer_of(arrival, arrival.message.header))
 
 
 def to_twist(velocity: Velocity) -> ros.Twist:

@@ -158,6 +158,8 @@ class Odometry:
 
     velocity: Velocity
     arrival_s: float
+    writer: bytes = b""
+    """Who sent it: the gid of its attachment, else its frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,6 +172,9 @@ class Inputs:
     undecodable_lidars: tuple[int, ...] = ()
     """The lidars from which something came that is no scan."""
     odometry: Odometry | None = None
+    """The newest."""
+    odometry_writers: tuple[bytes, ...] = ()
+    """Who sent odometry, whether it is the newest or not."""
     strangers: tuple[str, ...] = ()
     """Sources outside the configuration that were heard."""
     estop: bool = False
@@ -234,7 +239,7 @@ class Source(NamedTuple):
 
 
 class Writer(NamedTuple):
-    """Who publishes scans of one lidar, and when that was last heard, and the time before."""
+    """Who publishes on one sensor's key, and when that was last heard, and the time before."""
 
     gid: bytes
     heard_s: float
@@ -287,6 +292,7 @@ class State(NamedTuple):
     looking: tuple[int, ...] = ()
     """The lidars whose scans those hidden places are from."""
     odometry: Odometry | None = None
+    odometry_writers: tuple[Writer, ...] = ()
     odometer: Odometer = Odometer()
     way_m: float = 0.0
     """How far any point of the hull has moved, measured or commanded, whichever was more."""

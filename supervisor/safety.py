@@ -145,7 +145,7 @@ def _resume(state: State, now_s: float, inputs: Inputs) -> tuple[State, Inputs]:
     if odometry is not None:  # who was heard once must be heard again
         odometry = replace(odometry, arrival_s=odometry.arrival_s - inputs.suspended_s)
     state = state._replace(sources=sources, sights=sights, past=(), odometry=odometry, resumed_s=now_s)
-    return state, replace(inputs, commands=(), scans=(), odometry=None)
+    return state, replace(inputs, commands=(), scans=(), odometry=None, odometry_writers=())
 
 
 def _observe(state: State, now_s: float, inputs: Inputs) -> State:
@@ -161,8 +161,13 @@ def _observe(state: State, now_s: float, inputs: Inputs) -> State:
     else:
         odometer = state.odometer
     measured_m_s = _hull_speed(odometer.velocity, config)
+    odometry_writers = state.odometry_writers
+    if config.odometry:
+        for gid in inputs.odometry_writers:
+            odometry_writers = _heard(odometry_writers, gid, now_s)
     state = state._replace(
         odometry=odometry,
+        odometry_writers=odometry_writers,
         odometer=odometer,
         way_m=state.way_m + dt_s * max(measured_m_s, _hull_speed(state.output, config)),
         following=follow(
@@ -206,7 +211,8 @@ def _see(state: State, scan: LaserScan) -> State:
         sight.track, scan.sent, scan.arrival_s, lidar.timeout_s, tolerance_s, may_return=True
     )
     before, taken_s = sight.scan, scan.arrival_s - on_way_s
-    sight = sight._replace(track=track, counts=sight.counts.add(verdict), writers=_heard(sight.writers, scan))
+    writers = _heard(sight.writers, scan.writer, scan.arrival_s)
+    sight = sight._replace(track=track, counts=sight.counts.add(verdict), writers=writers)
     state = _with_sight(state, place, sight)
     if verdict is not Verdict.FRESH:
         return state
@@ -228,12 +234,12 @@ def _see(state: State, scan: LaserScan) -> State:
     )
 
 
-def _heard(writers: tuple[Writer, ...], scan: LaserScan) -> tuple[Writer, ...]:
-    """Who publishes this lidar's scans, the latest first; those who spoke but once give way."""
-    heard_s = next((w.heard_s for w in writers if w.gid == scan.writer), -math.inf)
-    others = [w for w in writers if w.gid != scan.writer]
+def _heard(writers: tuple[Writer, ...], gid: bytes, arrival_s: float) -> tuple[Writer, ...]:
+    """Who publishes on a sensor's key, the latest first; those who spoke but once give way."""
+    heard_s = next((w.heard_s for w in writers if w.gid == gid), -math.inf)
+    others = [w for w in writers if w.gid != gid]
     others.sort(key=attrgetter("before_s"), reverse=True)
-    return (Writer(scan.writer, scan.arrival_s, heard_s), *others[: REMEMBERED_WRITERS - 1])
+    return (Writer(gid, arrival_s, heard_s), *others[: REMEMBERED_WRITERS - 1])
 
 
 def _keep_shown(state: State, place: int) -> State:
@@ -358,11 +364,16 @@ def _shared_causes(state: State, now_s: float, usable: Usable) -> Reasons:
 
 
 def _conflicts(state: State, now_s: float) -> tuple[str, ...]:
-    """For each lidar whose scans come from several writers, who they are."""
+    """For each sensor that several writers speak for, who they are."""
+    sensors = [
+        (lidar.name, sight.writers, lidar.timeout_s)
+        for lidar, sight in zip(state.config.lidars, state.sights, strict=True)
+    ]
+    sensors.append(("odometry", state.odometry_writers, state.config.odom_timeout_s))
     return tuple(
-        f"{lidar.name}: {' and '.join(sorted(_name_of(gid) for gid in speaking))}"
-        for place, lidar in enumerate(state.config.lidars)
-        if len(speaking := _speaking(state, place, now_s)) > 1
+        f"{name}: {' and '.join(sorted(_name_of(gid) for gid in speaking))}"
+        for name, writers, timeout_s in sensors
+        if len(writers) > 1 and len(speaking := _speaking(writers, timeout_s, now_s)) > 1
     )
 
 
@@ -371,12 +382,9 @@ def _name_of(gid: bytes) -> str:
     return gid.hex()[:8] if len(gid) == GID_BYTES else gid.decode(errors="replace") or "no name"
 
 
-def _speaking(state: State, place: int, now_s: float) -> list[bytes]:
-    """Who publishes a lidar's scans now: heard twice within a moment, so that a stray message is nobody."""
-    writers = state.sights[place].writers
-    if len(writers) < 2:
-        return []
-    since_s = now_s - max(WRITER_WINDOW_S, 2.5 * state.config.lidars[place].timeout_s)
+def _speaking(writers: tuple[Writer, ...], timeout_s: float, now_s: float) -> list[bytes]:
+    """Who publishes on a sensor's key now: heard twice within a moment, so that a stray message is nobody."""
+    since_s = now_s - max(WRITER_WINDOW_S, 2.5 * timeout_s)
     return [w.gid for w in writers if w.before_s >= since_s]
 
 
@@ -502,9 +510,7 @@ def _latch(source: Source, now_s: float, causes: Reasons, config: LawConfig) -> 
     if (
         source.block is not None
         and source.velocity is not None
-        and not source.block.is_approached_by(
-            *at_least(source.velocity, config.creep_m_s, config.hull.radius_m)
-        )
+        and not source.block.is_approached_by(*_useful(source.velocity, config))
     ):
         return source._replace(latched=source.latched - BARRIER_REASONS, block=None)
     return source
@@ -545,7 +551,7 @@ def _decide(
     reasons = shared | ({StopReason.NO_COMMAND} if owner is None else owner.latched)
     commanded = STANDSTILL if owner is None or owner.velocity is None else owner.velocity
     causes = shared | ({StopReason.NO_COMMAND} if owner is None else _own_causes(owner, now_s, config))
-    scale, block, useful = 1.0, None, at_least(commanded, config.creep_m_s, config.hull.radius_m)
+    scale, block, useful = 1.0, None, _useful(commanded, config)
     if not reasons and commanded != STANDSTILL:
         worth = config.creep_m_s / max(config.creep_m_s, _hull_speed(commanded, config))
         scale, block = _barrier(state, now_s, usable, useful, worth)
@@ -648,6 +654,11 @@ def _reason_of(block: Block) -> StopReason:
 def _hull_speed(velocity: Velocity, config: LawConfig) -> float:
     """How fast the fastest point of the hull may move, at most [m/s]."""
     return abs(velocity.linear_m_s) + abs(velocity.angular_rad_s) * config.hull.radius_m
+
+
+def _useful(velocity: Velocity, config: LawConfig) -> Velocity:
+    """The velocity, or the slowest useful one in its direction: a slower command is judged as if it asked for that."""
+    return at_least(velocity, config.creep_m_s, config.hull.radius_m)
 
 
 def _stop_at(state: State, now_s: float, block: Block, reason: StopReason) -> State:

@@ -361,18 +361,7 @@ def _resampled(before: View, geometry: Geometry) -> View:
     """A view as another geometry has it, beam by beam: some motors turn unevenly, and no two scans are alike."""
     angle_rad = geometry.angle_min + geometry.increment * np.arange(geometry.beams)
     beam = np.rint((angle_rad - before.geometry.angle_min) / before.geometry.increment).astype(np.int64)
-    if is_full_turn(before.geometry):
-        beam %= before.geometry.beams
-    inside = (beam >= 0) & (beam < before.geometry.beams)
-    beam = np.clip(beam, 0, before.geometry.beams - 1)
-    return before._replace(
-        geometry=geometry,
-        free_m=np.where(inside, before.free_m[beam], 0.0),
-        hit=inside & before.hit[beam],
-        explained_s=np.where(inside, before.explained_s[beam], -math.inf),
-        returned_s=np.where(inside, before.returned_s[beam], -math.inf),
-        returned_m=np.where(inside, before.returned_m[beam], -math.inf),
-    )
+    return _at_beams(before, beam)._replace(geometry=geometry)
 
 
 def _turned(before: View, pose: Pose) -> tuple[float, Floats, Floats]:
@@ -380,16 +369,24 @@ def _turned(before: View, pose: Pose) -> tuple[float, Floats, Floats]:
     count, _, increment = before.geometry
     shift = round((pose.yaw_rad - before.facing_rad) / increment)
     way = between(before.pose, pose)
-    known_m = np.maximum(before.free_m - math.hypot(way.x_m, way.y_m), 0.0)
-    if shift == 0:
-        return before.facing_rad, before.explained_s, known_m
-    from_beam = np.arange(count) + shift
-    if is_full_turn(before.geometry):
-        from_beam %= count
-    inside = (from_beam >= 0) & (from_beam < count)
-    from_beam = np.clip(from_beam, 0, count - 1)
-    known_s = np.where(inside, before.explained_s[from_beam], -math.inf)
-    return before.facing_rad + shift * increment, known_s, np.where(inside, known_m[from_beam], 0.0)
+    known = before if shift == 0 else _at_beams(before, np.arange(count) + shift)
+    known_m = np.maximum(known.free_m - math.hypot(way.x_m, way.y_m), 0.0)
+    return before.facing_rad + shift * increment, known.explained_s, known_m
+
+
+def _at_beams(view: View, beam: npt.NDArray[np.int64]) -> View:
+    """What a view proves, at these of its beams (n,), counted on around a full turn; beyond its ends, nothing."""
+    if is_full_turn(view.geometry):
+        beam = beam % view.geometry.beams
+    inside = (beam >= 0) & (beam < view.geometry.beams)
+    beam = np.clip(beam, 0, view.geometry.beams - 1)
+    return view._replace(
+        free_m=np.where(inside, view.free_m[beam], 0.0),
+        hit=inside & view.hit[beam],
+        explained_s=np.where(inside, view.explained_s[beam], -math.inf),
+        returned_s=np.where(inside, view.returned_s[beam], -math.inf),
+        returned_m=np.where(inside, view.returned_m[beam], -math.inf),
+    )
 
 
 def is_full_turn(geometry: Geometry) -> bool:

@@ -82,7 +82,9 @@ class SupervisorService:
             )
             for lidar in config.all_lidars()
         ]
-        self._odometry = bus.subscribe(topics.ODOM)  # read at the next tick: nothing urgent is in it
+        self._odometry = bus.subscribe(
+            topics.ODOM, per_writer=True
+        )  # read at the next tick: nothing urgent is in it
         self._estops = bus.subscribe(topics.ESTOP, depth=ESTOP_DEPTH, wake=self._wake)
         self._alive = bus.watch_alive(self._wake)
         self._sources = bus.hear_sources()  # read at the next step: a stranger moves nothing
@@ -144,13 +146,14 @@ class SupervisorService:
             scans.extend(scan for scan in heard if scan is not None)
             if arrivals and arrivals[-1].message is None:
                 undecodable.append(place)
-        odometry = self._odometry.take()
+        odometry = [heard for heard in map(to_odometry, self._odometry.take()) if heard is not None]
         return Inputs(
             commands=tuple(commands),
             liveliness=tuple(liveliness),
             scans=tuple(scans),
             undecodable_lidars=tuple(undecodable),
-            odometry=to_odometry(odometry[-1]) if odometry else None,
+            odometry=odometry[-1] if odometry else None,
+            odometry_writers=tuple(heard.writer for heard in odometry),
             strangers=tuple(name for name in self._sources.take() if name not in self._commands),
             estop=estop,
             reset=bool(self._resets),

@@ -80,7 +80,7 @@ class Rig:
         ranges = np.full(360, distance_m)
         publisher = MemoryBus(self.network).publisher(topics.SCAN)
         jitter = itertools.cycle((0.0, 1e-4))  # no real scan repeats itself
-        async with self._every(0.05, lambda: publisher.put(laser_scan(ranges + next(jitter)))):
+        async with self.every(0.05, lambda: publisher.put(laser_scan(ranges + next(jitter)))):
             yield ranges
 
     @asynccontextmanager
@@ -89,11 +89,11 @@ class Rig:
         bus = MemoryBus(self.network)
         bus.declare_alive(name)
         publisher: MemoryPublisher = bus.publisher(topics.source_cmd_vel(name))
-        async with self._every(0.05, lambda: publisher.put(planar_twist(*self.velocity))):
+        async with self.every(0.05, lambda: publisher.put(planar_twist(*self.velocity))):
             yield bus
 
     @asynccontextmanager
-    async def _every(self, period_s: float, act: object) -> AsyncGenerator[None]:
+    async def every(self, period_s: float, act: object) -> AsyncGenerator[None]:
         assert callable(act)
 
         async def repeat() -> None:

@@ -87,7 +87,7 @@ class Bench(Rig):
         bus = MemoryBus(self.network)
         bus.declare_alive(topics.SUPERVISOR)
         cmd_vel = bus.publisher(topics.CMD_VEL)
-        async with self._every(0.02, lambda: cmd_vel.put(planar_twist(linear_m_s, angular_rad_s))):
+        async with self.every(0.02, lambda: cmd_vel.put(planar_twist(linear_m_s, angular_rad_s))):
             yield bus
 
 

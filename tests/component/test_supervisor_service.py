@@ -12,7 +12,17 @@ from supervisor.model import Decision, Inputs, State
 from tests.component.rig import Rig
 from wire import topics
 from wire.memory_bus import MemoryBus
-from wire.messages import Bool, SafetyStatus, SourceStatus, Twist, Vector3, encode, planar_twist, zero_twist
+from wire.messages import (
+    Bool,
+    SafetyStatus,
+    SourceStatus,
+    Twist,
+    Vector3,
+    encode,
+    odometry,
+    planar_twist,
+    zero_twist,
+)
 from wire.virtual_loop import VirtualLoop
 
 ZERO = (0.0, 0.0)
@@ -299,3 +309,34 @@ async def test_a_supervisor_held_up_between_deciding_and_saying_so_tells_how_old
     assert said.stamp is not None
     assert said.arrival_s - said.stamp.sent().source_time_s == pytest.approx(held_up_s)
     assert then.message == planar_twist(0.0, 0.0)
+
+
+@pytest.mark.parametrize("flood_hz", [20.0, 1000.0])
+async def test_two_writers_of_odometry_are_a_conflict_until_one_is_silent_even_if_one_floods(
+    flood_hz: float,
+) -> None:
+    rig = Rig()
+    resting = odometry((0.0, 0.0, 0.0), ZERO)
+    wheels, other = (MemoryBus(rig.network).publisher(topics.ODOM) for _ in range(2))
+    async with rig.supervisor(), rig.lidar(), rig.source(), rig.every(0.05, lambda: wheels.put(resting)):
+        await rig.pass_time(1.0)
+        assert rig.newest_status.reasons == []
+        async with rig.every(1.0 / flood_hz, lambda: other.put(resting)):
+            await rig.pass_time(1.0)
+            assert rig.newest_status.causes == ["SENSOR_CONFLICT"]
+            assert rig.newest_status.detail.startswith("samples come from several writers: odometry: ")
+        await rig.pass_time(1.0)
+        assert rig.newest_status.causes == []
+
+
+async def test_odometry_that_is_not_finite_displaces_none_and_is_no_writer() -> None:
+    rig = Rig()
+    wheels, broken = (MemoryBus(rig.network).publisher(topics.ODOM) for _ in range(2))
+
+    def speak() -> None:
+        wheels.put(odometry((0.0, 0.0, 0.0), ZERO))
+        broken.put(odometry((0.0, 0.0, 0.0), (math.nan, 0.0)))
+
+    async with rig.supervisor(), rig.lidar(), rig.source(), rig.every(0.05, speak):
+        await rig.pass_time(1.0)
+        assert rig.newest_status.reasons == []

@@ -22,6 +22,7 @@ def test_what_a_document_points_to_exists(document: Path) -> None:
     assert [name for name in sorted(named) if f"def {name}(" not in tests] == []
 
 
+@pytest.mark.proof
 def test_the_generated_parts_of_the_safety_law_are_up_to_date() -> None:
     """`make docs` writes them anew."""
     text = safety_law.DOCUMENT.read_text()

@@ -424,6 +424,7 @@ def test_the_configuration_may_send_it_elsewhere(tmp_path: Path) -> None:
 # --- the replay
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("seed", range(6))
 def test_a_random_drive_is_replayed_to_the_bit_from_the_middle_of_it(seed: int) -> None:
     keeping = KeepingWriter()

@@ -62,7 +62,7 @@ def test_what_is_not_known_is_not_said(reason: StopReason) -> None:
 
 def test_a_conflict_names_the_writers_of_each_lidar() -> None:
     detail = detail_of(frozenset({StopReason.SENSOR_CONFLICT}), writers=("front: a and b", "rear: c and d"))
-    assert detail == "scans come from several writers: front: a and b; rear: c and d"
+    assert detail == "samples come from several writers: front: a and b; rear: c and d"
 
 
 def test_of_several_causes_the_most_restrictive_is_explained() -> None:

@@ -19,6 +19,8 @@ from tests.unit.supervisor import recordings
 from tests.unit.supervisor.law_harness import NEUTRAL, TICK_S, with_lidar
 from tests.unit.supervisor.recordings import ROBOTS, SLOW, START_S, Ranges, Recording, Replay
 
+pytestmark = pytest.mark.proof
+
 SPIKE = Velocity(31.0, 0.0)
 
 OPEN_M = 0.7

@@ -275,8 +275,6 @@ def test_the_first_step_and_a_scan_at_once_find_their_way() -> None:
 # --- a base that lags on one axis
 
 BOX = ConvexPolygon(((0.4, -0.2), (0.4, 0.2), (-0.1, 0.2), (-0.1, -0.2)))
-
-
 ARC = Velocity(-0.24, -2.0)
 
 

@@ -323,7 +323,7 @@ def test_of_two_lidars_that_speak_in_turn_the_first_is_heard_and_the_robot_stops
         assert decision.nearest_m == pytest.approx(2.75, abs=1e-3)
         assert (decision.output == FORWARD) is (sequence == 31), "a stray message is nobody"
     assert law.decision.reasons == (StopReason.SENSOR_CONFLICT,)
-    assert law.decision.detail == "scans come from several writers: lidar: F and L"
+    assert law.decision.detail == "samples come from several writers: lidar: F and L"
     assert law.decision.scan_counts.epoch == 29
 
 

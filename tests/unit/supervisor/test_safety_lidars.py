@@ -1,4 +1,4 @@
-"""Several lidars, and several writers of one lidar's scans."""
+"""Several lidars, and several writers of one sensor's samples."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -6,7 +6,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from supervisor.model import STANDSTILL, Command, Decision, Inputs, LawConfig, Mode, StopReason, Velocity
+from supervisor.model import (
+    STANDSTILL,
+    Command,
+    Decision,
+    Inputs,
+    LawConfig,
+    Mode,
+    Odometry,
+    StopReason,
+    Velocity,
+)
 from supervisor.safety import GID_BYTES, REMEMBERED_WRITERS, WRITER_WINDOW_S, initial_state, runs_out_s, step
 from supervisor.scan import LaserScan, Lidar, Mount
 from tests.unit.supervisor.law_harness import (
@@ -209,7 +219,7 @@ def test_two_writers_of_one_lidar_stop_the_robot_and_are_both_named() -> None:
     law.writers = (b"only", b"other")
     assert law.tick(FORWARD).output == FORWARD, "a stray message is nobody"
     assert law.tick(FORWARD).reasons == (StopReason.SENSOR_CONFLICT,)
-    assert law.decision.detail == "scans come from several writers: lidar: only and other"
+    assert law.decision.detail == "samples come from several writers: lidar: only and other"
 
 
 @pytest.mark.parametrize("remaining", [b"only", b"other"])
@@ -253,7 +263,31 @@ def test_the_conflict_of_one_lidar_names_that_lidar_and_the_gids_in_short() -> N
             law.scan(1, gid(0x11223344 << 96)),
         )
         law.tick(scans=scans)
-    assert law.decision.detail == "scans come from several writers: rear: 11223344 and aabbccdd"
+    assert law.decision.detail == "samples come from several writers: rear: 11223344 and aabbccdd"
+
+
+@pytest.mark.parametrize("is_over", [False, True])
+def test_two_writers_of_odometry_stop_the_robot_and_are_both_named(*, is_over: bool) -> None:
+    """In powers of two, so that no difference of times is rounded."""
+    config = replace(CONFIG, odom_timeout_s=0.25)
+    state = initial_state(config)
+    for now_s, writers in ((1.0, (b"wheels", b"filter")), (1.25, (b"filter",)), (1.25, (b"wheels",))):
+        odometry = Odometry(STANDSTILL, now_s)
+        state, decision = step(state, now_s, Inputs(odometry=odometry, odometry_writers=writers))
+        conflict = "samples come from several writers: odometry: filter and wheels"
+        is_heard_twice = now_s > 1.0 and writers == (b"wheels",)
+        assert (decision.detail == conflict) is is_heard_twice
+    now_s = 1.0 + 2.5 * config.odom_timeout_s
+    _, decision = step(state, math.nextafter(now_s, 2.0) if is_over else now_s, Inputs())
+    assert (StopReason.SENSOR_CONFLICT in decision.causes) is not is_over
+
+
+def test_where_odometry_is_ignored_its_writers_are_as_well() -> None:
+    state = initial_state(replace(CONFIG, odometry=False))
+    for now_s in (0.0, 0.1):
+        inputs = Inputs(odometry=Odometry(STANDSTILL, now_s), odometry_writers=(b"wheels", b"filter"))
+        state, decision = step(state, now_s, inputs)
+    assert StopReason.SENSOR_CONFLICT not in decision.causes
 
 
 def test_a_writer_without_a_name_and_one_that_is_no_text_are_named() -> None:
@@ -261,7 +295,8 @@ def test_a_writer_without_a_name_and_one_that_is_no_text_are_named() -> None:
     law.writers = (b"", b"\xff")
     law.hold(0.1)
     assert (
-        law.decision.detail == "scans come from several writers: lidar: no name and \N{REPLACEMENT CHARACTER}"
+        law.decision.detail
+        == "samples come from several writers: lidar: no name and \N{REPLACEMENT CHARACTER}"
     )
 
 

@@ -26,6 +26,7 @@ def quiet_logs(caplog: pytest.LogCaptureFixture) -> None:
         caplog.set_level(logging.CRITICAL, name)
 
 
+@pytest.mark.proof
 def test_nothing_raises_nothing_comes_out_beyond_the_limits_and_the_robot_stays_drivable() -> None:
     report = run(0, PAYLOADS, lambda _: None)
     assert report.all_findings == []
