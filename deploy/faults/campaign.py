@@ -1,6 +1,5 @@
 """Many seeds of the virtual campaign on several cores: progress, file, table, exit code."""
 
-import hashlib
 import os
 import signal
 import threading
@@ -16,30 +15,13 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from deploy import interrupts
 from deploy.errors import DeployError
+from deploy.faults.revision import revision
 from deploy.faults.table import print_table, story
 from deploy.faults.trial import Trial, parse, read_trials
 from deploy.faults.virtual import run_trial
 
-PACKAGES = ("sim", "supervisor", "teleop", "wire")
-MODULES = (
-    "classes",
-    "demands",
-    "injector",
-    "machine",
-    "measure",
-    "operator",
-    "promises",
-    "scenario",
-    "seen",
-    "surroundings",
-    "timeline",
-    "trial",
-    "writers",
-    "virtual",
-    "world",
-)
-"""The packages, and the modules of this one, that say what a seed does."""
-SUFFIXES = frozenset({".py", ".xml", ".toml", ".msg"})
+DECIDES = "deploy.faults.virtual"
+"""This module, with all that it imports, says what a seed does."""
 BATCH = 4
 """Seeds handed to a worker at once: so many a Ctrl-C may have to wait for."""
 AHEAD = 3
@@ -49,20 +31,9 @@ SHOWN_SEEDS = 20
 Say = Callable[[str], None]
 
 
-def revision() -> str:
-    """Of everything that decides what a seed does: equal code, equal trials."""
-    here = Path(__file__).parent
-    root = here.parents[1]
-    paths = [path for package in PACKAGES for path in (root / package).rglob("*") if path.suffix in SUFFIXES]
-    sha = hashlib.sha256()
-    for path in sorted([*paths, *(here / f"{module}.py" for module in MODULES)]):
-        sha.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
-    return sha.hexdigest()[:12]
-
-
 def replay(seed: int, say: Say) -> int:
     """One seed, told in full; 1 if it broke a promise."""
-    trial = run_trial(seed, revision(), with_timeline=True)
+    trial = run_trial(seed, revision(DECIDES), with_timeline=True)
     for line in story(trial):
         say(line)
     return int(bool(trial.violations))
@@ -80,7 +51,7 @@ def campaign(seeds: int, jobs: int, out: Path | None, say: Say) -> int:
     Raises:
         DeployError: the file cannot be used, or a trial could not be run.
     """
-    code = revision()
+    code = revision(DECIDES)
     trials = {trial.seed: trial for trial in _known(out, code) if trial.seed < seeds}
     if trials:
         say(f"{len(trials)} of {seeds} seeds are in {out} already")

@@ -16,6 +16,7 @@ from deploy.faults import campaign as campaigns
 from deploy.faults import world
 from deploy.faults.classes import classes_by_themselves
 from deploy.faults.demands import may_be_locked_out
+from deploy.faults.revision import revision
 from deploy.faults.scenario import draw
 from deploy.faults.trial import Trial, parse, read_trials
 from deploy.faults.virtual import run_trial
@@ -168,7 +169,7 @@ def test_a_campaign_keeps_its_trials_and_goes_on_where_it_ended(tmp_path: Path) 
 
 
 def test_a_violation_is_told_with_the_command_that_replays_it(tmp_path: Path) -> None:
-    line = run_trial(3, campaigns.revision()).line()
+    line = run_trial(3, revision(campaigns.DECIDES)).line()
     trial: dict[str, Any] = json.loads(line)
     trial["seed"] = 0
     trial["violations"] = [{"promise": 6, "time_s": 1.0, "sentence": "it came too near"}]
@@ -187,4 +188,4 @@ def test_a_replay_tells_the_story(tmp_path: Path) -> None:
     said = list[str]()
     assert campaigns.replay(3, said.append) == 0
     assert any("FAULT" in line for line in said)
-    assert parse(run_trial(3, campaigns.revision()).line()).digest in said[0]
+    assert parse(run_trial(3, revision(campaigns.DECIDES)).line()).digest in said[0]
