@@ -1,14 +1,17 @@
-"""How the simulation is, in the words of `diagnostic_msgs`: what the hull met, how time passes, what is wrong, who walks about."""
+"""How the simulation is, in the words of `diagnostic_msgs`: hull, time, sensors, movers, and why the base brakes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from sim.pace import Measured
 from sim.sensor_faults import NO_FAULTS, SensorFaults
+from sim.watchdog import BaseReason
 from wire.messages import DiagnosticArray, DiagnosticStatus, KeyValue, header
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 HARDWARE = "sim"
+BASE = f"{HARDWARE}: base"
+"""The name of the base's status; its value `reason` is a BaseReason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,6 +19,7 @@ class Health:
     """What is to be said.
 
     Attributes:
+        base: why the base drives as it does.
         touches: the hull has contact now.
         collisions: how often it came to one since the last reset.
         last_contact: with what, the last time.
@@ -27,6 +31,7 @@ class Health:
         movers: x, y [m] and yaw [rad] in the world of whoever goes about by itself.
     """
 
+    base: BaseReason
     touches: bool
     collisions: int
     last_contact: str | None
@@ -39,10 +44,21 @@ class Health:
 
 
 def to_diagnostics(health: Health) -> DiagnosticArray:
-    """One status for each subject, the same four each time."""
-    return DiagnosticArray(
-        header(""), [_hull(health), _time(health), _sensors(health.faults), _movers(health.movers)]
-    )
+    """One status for each subject, the same five each time."""
+    statuses = [
+        _hull(health),
+        _time(health),
+        _sensors(health.faults),
+        _movers(health.movers),
+        _base(health.base),
+    ]
+    return DiagnosticArray(header(""), statuses)
+
+
+def base_reason(message: DiagnosticArray) -> str | None:
+    """Why the base drives as it does, by its diagnostics; None: they do not say."""
+    told = (value for status in message.status if status.name == BASE for value in status.values)
+    return next((value.value for value in told if value.key == "reason"), None)
 
 
 def contact_sentence(health: Health) -> str:
@@ -62,6 +78,11 @@ def pace_sentence(speed: float, measured: Measured) -> str:
         f"cannot keep up: {measured.factor:.2f} times real time instead of {speed:g}; "
         f"{measured.lost_s:.2f} s of simulated time were skipped"
     )
+
+
+def _base(reason: BaseReason) -> DiagnosticStatus:
+    level, sentence = (OK, "follows cmd_vel") if reason is BaseReason.OK else (WARN, f"brakes: {reason}")
+    return _status("base", level, sentence, reason=reason)
 
 
 def _hull(health: Health) -> DiagnosticStatus:

@@ -96,7 +96,7 @@ class SimService:
         self._loop = asyncio.get_running_loop()
         self._wake = asyncio.Event()
         self._supervisor_changed_s = 0.0
-        self._reason: BaseReason | None = None
+        self._reason = BaseReason.NO_COMMAND
 
         dt_s = plant.timestep_s
         self._pace = Pace(dt_s, self._loop.time(), speed)
@@ -230,6 +230,7 @@ class SimService:
         if target.reason is not self._reason:
             self._reason = target.reason
             _log.info("base: %s", "follows cmd_vel" if target.reason is BaseReason.OK else target.reason)
+            self._diagnostics_out.put(to_diagnostics(self._health()))
         return target.linear_m_s, target.angular_rad_s
 
     def _step(self, twist_target: tuple[float, float], now_s: float) -> None:
@@ -287,6 +288,7 @@ class SimService:
     def _health(self) -> Health:
         plant, pace = self._plant, self._pace
         return Health(
+            base=self._reason,
             touches=plant.hull_contacts > 0,
             collisions=plant.collisions,
             last_contact=plant.last_contact,

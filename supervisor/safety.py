@@ -395,11 +395,11 @@ def _reset(state: State, inputs: Inputs, live: list[Source]) -> tuple[State, Rep
     if not state.estop:
         return state, Reply(success=True, message="there was no emergency stop to reset")
     if inputs.estop:
-        return state, Reply(success=False, message="refused: the emergency stop is being pressed")
+        return state, Reply(success=False, message="the emergency stop is being pressed")
     driving = [s.config.name for s in live if not s.neutral]
     if driving:
         names = ", ".join(driving)
-        return state, Reply(success=False, message=f"refused: {names} still asks for motion; stop it first")
+        return state, Reply(success=False, message=f"{names} still asks for motion; stop it first")
     return state._replace(estop=False), Reply(success=True, message="the emergency stop is reset")
 
 

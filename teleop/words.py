@@ -94,7 +94,7 @@ def news(view: View) -> News:
     status = view.status
     if status is None:
         endpoint = plain(view.endpoint)
-        step = "start the supervisor, or quit with Ctrl-C"
+        step = "wait for it, or start it; Ctrl-C quits"
         return News("WAITING", f"nothing heard from the supervisor at {endpoint}", step, Tone.CAUTION)
     if is_silent(view):
         what = f"silent for {view.status_age_s:.1f} s; the base brakes by itself"

@@ -353,7 +353,7 @@ async def _answer(query: zenoh.Query, handler: ServiceHandler) -> TriggerRespons
     try:
         text = "" if payload is None else decode(payload.to_bytes(), String).data
     except UndecodableError:
-        return TriggerResponse(success=False, message="refused: the request is no std_msgs/msg/String")
+        return TriggerResponse(success=False, message="the request is no std_msgs/msg/String")
     return await handler(text)
 
 

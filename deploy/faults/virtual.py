@@ -18,7 +18,7 @@ from deploy.faults.scenario import EPISODE_S, RECOVERY_S, Drivers, draw
 from deploy.faults.seen import Seen
 from deploy.faults.timeline import timeline
 from deploy.faults.trial import BrokenPromise, Injected, Trial
-from deploy.faults.world import BaseLog, World
+from deploy.faults.world import World
 from supervisor.config import SupervisorSection
 from wire import topics
 from wire.virtual_loop import VirtualLoop, VirtualTimeError
@@ -48,7 +48,7 @@ def run_trial(
     loop = VirtualLoop()
     world = World(loop, scenario, config)
     injector = Injector(world)
-    with _quiet(BaseLog(loop, world.base)), _collected_later():
+    with _quiet(), _collected_later():
         try:
             loop.run_until_complete(_play(world, injector))
         except VirtualTimeError as error:
@@ -184,21 +184,15 @@ LOGGERS = ("wire", "supervisor", "teleop", "sim")
 
 
 @contextmanager
-def _quiet(base: BaseLog) -> Generator[None]:
-    """The services' logs are for real runs; here only the base is listened to."""
-    sim = logging.getLogger("sim.service")
-    loggers = [*(logging.getLogger(name) for name in LOGGERS), sim]
-    levels, propagated = [logger.level for logger in loggers], sim.propagate
-    for logger in loggers[:-1]:
+def _quiet() -> Generator[None]:
+    """The services' logs are for real runs."""
+    loggers = [logging.getLogger(name) for name in LOGGERS]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
         logger.setLevel(logging.CRITICAL)
-    sim.setLevel(logging.INFO)
-    sim.propagate = False
-    sim.addHandler(base)
     try:
         yield
     finally:
-        sim.removeHandler(base)
-        sim.propagate = propagated
         for logger, level in zip(loggers, levels, strict=True):
             logger.setLevel(level)
 

@@ -1,7 +1,6 @@
 """The processes on their virtual network: the real services, each of which can end, hang and start again."""
 
 import asyncio
-import logging
 import math
 from collections import deque
 from collections.abc import Callable, Coroutine, Iterable
@@ -19,6 +18,7 @@ from deploy.faults.surroundings import Witness
 from deploy.samples import Command
 from sim import mj
 from sim.config import SimSection
+from sim.diagnostics import base_reason
 from sim.floorplan import Circle, FloorPlan
 from sim.plant import Plant
 from sim.scene import Build, Hull, build
@@ -367,22 +367,11 @@ class World:
                     now_s, tuple(message.reasons), message.owner, (commanded.linear.x, commanded.angular.z)
                 )
             )
+        elif key == topics.DIAGNOSTICS.key:
+            reason = base_reason(message)
+            if reason is not None and (not self.base or self.base[-1].reason != reason):
+                self.base.append(BaseReport(now_s, reason))
         elif (source := topics.source_of(key)) in SOURCES:
             self.seen.asked.append(Asked(now_s, source, message.linear.x, message.angular.z))
             if source == topics.TELEOP:
                 self.heard.append((message, stamp))
-
-
-class BaseLog(logging.Handler):
-    """Hears from the sim's log why the base brakes: nothing on the wire says so."""
-
-    def __init__(self, loop: VirtualLoop, reports: list[BaseReport]) -> None:
-        super().__init__()
-        self._loop, self._reports = loop, reports
-
-    def emit(self, record: logging.LogRecord) -> None:
-        if record.msg == "base: %s" and isinstance(record.args, tuple):
-            reason = str(record.args[0])
-            self._reports.append(
-                BaseReport(self._loop.time(), "OK" if reason == "follows cmd_vel" else reason)
-            )

@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from sim.config import SimSection
+from sim.diagnostics import base_reason
 from sim.lidar_config import SimLidarSection
 from sim.plant import Plant
 from sim.sensor_faults import NO_FAULTS, SensorFaults, parse_faults
 from sim.service import SimService
 from sim.shown import Mode, Shown
+from sim.watchdog import COMMAND_TIMEOUT_S, BaseReason
 from tests.component.rig import Rig
 from wire import topics
 from wire.bus import Arrival, Subscription
@@ -395,6 +397,18 @@ async def test_a_lidar_of_part_of_a_turn_says_where_its_beams_look() -> None:
     assert (scan.time_increment, scan.scan_time) == pytest.approx((0.0, 0.1))
     assert (scan.range_min, scan.range_max) == pytest.approx((0.1, 12.0))
     assert scan.ranges[135] == pytest.approx(9.1, abs=0.02)
+
+
+async def test_why_the_base_brakes_is_told_in_the_diagnostics_at_once() -> None:
+    bench = Bench()
+    diagnostics = bench.hear(topics.DIAGNOSTICS)
+    async with bench.simulating():
+        async with bench.commanding(0.5):
+            await bench.pass_time(0.5)
+            assert base_reason(newest(diagnostics)) == BaseReason.OK
+        diagnostics.take()
+        await bench.pass_time(COMMAND_TIMEOUT_S + 0.01)
+        assert base_reason(newest(diagnostics)) == BaseReason.COMMAND_TIMEOUT
 
 
 async def test_a_contact_of_the_hull_is_told_at_once_and_until_the_reset(

@@ -5,14 +5,16 @@ from dataclasses import replace
 
 import pytest
 
-from sim.diagnostics import Health, to_diagnostics
+from sim.diagnostics import Health, base_reason, to_diagnostics
 from sim.pace import Measured
 from sim.sensor_faults import NO_FAULTS, parse_faults
+from sim.watchdog import BaseReason
 from wire.messages import DiagnosticArray, DiagnosticStatus, decode, encode
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 WELL = Health(
+    base=BaseReason.OK,
     touches=False,
     collisions=0,
     last_contact=None,
@@ -39,12 +41,26 @@ def values(health: Health, subject: str) -> dict[str, str]:
 
 
 def test_a_robot_that_is_well_says_so_of_everything() -> None:
+    assert said(WELL, "base") == (OK, "follows cmd_vel")
     assert said(WELL, "hull") == (OK, "the hull has touched nothing since the last reset")
     assert said(WELL, "time") == (OK, "runs at 1 times real time")
     assert said(WELL, "sensors") == (OK, "no fault in force")
     assert said(WELL, "movers") == (OK, "nobody goes about")
     assert values(WELL, "hull") == {"touches": "false", "collisions": "0", "last_contact": ""}
     assert values(WELL, "sensors") == {"faults": "none"}
+
+
+@pytest.mark.parametrize("reason", BaseReason)
+def test_why_the_base_drives_as_it_does_comes_back_from_its_diagnostics(reason: BaseReason) -> None:
+    health = replace(WELL, base=reason)
+    assert base_reason(decode(encode(to_diagnostics(health)), DiagnosticArray)) == reason
+    if reason is not BaseReason.OK:
+        assert said(health, "base") == (WARN, f"brakes: {reason}")
+
+
+def test_diagnostics_of_others_give_no_reason_of_the_base() -> None:
+    others = [status for status in to_diagnostics(WELL).status if status.name != "sim: base"]
+    assert base_reason(replace(to_diagnostics(WELL), status=others)) is None
 
 
 @pytest.mark.parametrize(

@@ -544,10 +544,10 @@ def test_every_answer_to_a_reset_is_a_sentence(alive: tuple[object, ...]) -> Non
     law = Law()
     law.tick(("teleop", NEUTRAL), ("path", NEUTRAL), liveliness=alive)
     assert answer() == (True, "there was no emergency stop to reset")
-    assert answer(estop=True) == (False, "refused: the emergency stop is being pressed")
+    assert answer(estop=True) == (False, "the emergency stop is being pressed")
     assert answer(("teleop", FORWARD), ("path", FORWARD)) == (
         False,
-        "refused: teleop, path still asks for motion; stop it first",
+        "teleop, path still asks for motion; stop it first",
     )
     assert law.state.estop is True
     assert answer(("teleop", NEUTRAL), ("path", NEUTRAL)) == (True, "the emergency stop is reset")
