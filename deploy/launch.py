@@ -10,7 +10,7 @@ from deploy.errors import DeployError
 from deploy.processes import MARK
 from deploy.statedir import ENVIRONMENT as STATE_DIR
 from deploy.statedir import StateDir, read_json
-from wire.config import BusSection, ConfigError, read_toml, section
+from wire.config import BusSection, ConfigError, absolute, read_toml, section
 from wire.zenoh_bus import BusConfig
 
 DEFAULT_CONFIG = Path(__file__).resolve().parent / "robot.toml"
@@ -31,8 +31,8 @@ class Launch:
         Raises:
             DeployError: the file or the endpoint is refused.
         """
-        path = (config or DEFAULT_CONFIG).expanduser().resolve()
         try:
+            path = absolute(config or DEFAULT_CONFIG).resolve()
             document = read_toml(path)
             if endpoint is not None:
                 document["bus"] = {**document.get("bus", {}), "endpoint": endpoint}

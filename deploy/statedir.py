@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from deploy.errors import DeployError
+from wire.config import ConfigError, absolute
 
 ENVIRONMENT = "LIFELINE_STATE_DIR"
 DEFAULT_NAME = ".lifeline"
@@ -31,11 +32,16 @@ class StateDir:
 
     @classmethod
     def choose(cls, given: Path | None) -> "StateDir":
-        """The one given, else that of the environment, else `.lifeline/` in the project."""
+        """The one given, else that of the environment, else `.lifeline/` in the project.
+
+        Raises:
+            DeployError: it begins with `~` and a name that no user has.
+        """
         named = os.environ.get(ENVIRONMENT)
-        return cls(
-            (given or (Path(named) if named else project_root() / DEFAULT_NAME)).expanduser().resolve()
-        )
+        try:
+            return cls(absolute(given or (Path(named) if named else project_root() / DEFAULT_NAME)).resolve())
+        except ConfigError as error:
+            raise DeployError(f"{error}, with --state-dir or {ENVIRONMENT}") from error
 
     @property
     def socket(self) -> Path:
@@ -77,9 +83,23 @@ class StateDir:
             ) from error
 
     def forget(self) -> None:
-        """Remove what stands for a running stack; the logs stay."""
-        for path in (self.socket, self.pid_file, self.record):
-            path.unlink(missing_ok=True)
+        """Remove what stands for a running stack; the logs stay.
+
+        Raises:
+            DeployError: the directory is not writable.
+        """
+        try:
+            for path in (self.socket, self.pid_file, self.record):
+                path.unlink(missing_ok=True)
+        except OSError as error:
+            raise self.unwritable(error) from error
+
+    def unwritable(self, error: OSError) -> DeployError:
+        """What to say where nothing can be written."""
+        return DeployError(
+            f"cannot write in the state directory {self.path} ({error.strerror}): "
+            f"choose another with --state-dir or {ENVIRONMENT}"
+        )
 
     def last_lines(self, program: str, count: int = 8) -> str:
         """The end of a program's log, indented; empty where there is none."""
@@ -116,8 +136,13 @@ def locked(state: StateDir, command: str) -> Generator[None]:
 
     Raises:
         LockedError: another command holds it.
+        DeployError: the directory is not writable.
     """
-    with state.lock.open("a+") as file:
+    try:
+        lock = state.lock.open("a+")
+    except OSError as error:
+        raise state.unwritable(error) from error
+    with lock as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:

@@ -169,7 +169,7 @@ def read_layout(path: Path) -> Layout:
         LayoutError: The file cannot be read, is not TOML, or has a key or value that makes no sense; all of them are named.
     """
     try:
-        document = tomllib.loads(path.read_text())
+        document = tomllib.loads(path.read_text("utf-8-sig"))  # some editors begin a file with a BOM
     except OSError as error:
         raise LayoutError(f"it cannot be read: {error.strerror}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:

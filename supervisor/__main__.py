@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+from pathlib import Path
 
 from supervisor.blackbox import black_box
 from supervisor.config import SupervisorSection
@@ -18,9 +19,8 @@ from wire.zenoh_bus import open_bus
 _log = logging.getLogger("supervisor")
 
 
-def open_record(namespace: str) -> EstopRecord:
-    """The e-stop record of a namespace in the state directory; says so if the e-stop is latched."""
-    directory = state_directory()
+def open_record(directory: Path, namespace: str) -> EstopRecord:
+    """The e-stop record of a namespace in a state directory; says so if the e-stop is latched."""
     record = EstopRecord(RecordFiles(directory, namespace))
     if record.latched_at_start:
         _log.warning(
@@ -45,6 +45,7 @@ def main() -> None:
             models["sim"] = BaseSection
         sections = read_sections(document, models, fit_to_base)
         bus_section, config = sections[BusSection], sections[SupervisorSection]
+        recorder, directory = black_box(config), state_directory()
     except ConfigError as error:
         refuse("supervisor", error)
     log_to_stderr()
@@ -57,10 +58,8 @@ def main() -> None:
                     "%s is open to the network: anyone who reaches it may drive", bus_section.endpoint
                 )
             _log.info("listening on %s", bus_section.endpoint)
-            record = await asyncio.to_thread(open_record, bus_section.namespace)
-            await SupervisorService(bus, config, black_box(config), record, SuspendMeter().suspended_s).run(
-                stop
-            )
+            record = await asyncio.to_thread(open_record, directory, bus_section.namespace)
+            await SupervisorService(bus, config, recorder, record, SuspendMeter().suspended_s).run(stop)
         finally:
             await bus.close()
         return 0

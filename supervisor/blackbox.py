@@ -26,6 +26,7 @@ import numpy as np
 from supervisor.blackbox_file import LAW, Order, Steps, pack_state, pack_step, write
 from supervisor.config import SupervisorSection
 from supervisor.model import Decision, Inputs, LawConfig, Mode, State
+from wire.config import absolute
 
 _log = logging.getLogger(__name__)
 
@@ -218,7 +219,7 @@ class ThreadWriter:
     """
 
     def __init__(self, directory: Path, *, max_files: int, max_bytes: int = FILE_BYTES) -> None:
-        self._directory = directory.expanduser().absolute()
+        self._directory = absolute(directory)
         self._max_files = max_files
         self._max_bytes = max_bytes
         self._orders: queue.Queue[Order] = queue.Queue(QUEUE_DEPTH)

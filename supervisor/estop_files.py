@@ -15,6 +15,8 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from wire.config import absolute
+
 ENVIRONMENT = "LIFELINE_STATE_DIR"
 DEFAULT_NAME = ".lifeline"
 
@@ -41,7 +43,7 @@ def state_directory() -> Path:
     """
     named = os.environ.get(ENVIRONMENT)
     if named:
-        return Path(named).expanduser().absolute()
+        return absolute(Path(named))
     root = Path(__file__).resolve().parent.parent
     return (root if (root / "pyproject.toml").is_file() else Path.cwd()) / DEFAULT_NAME
 

@@ -144,6 +144,18 @@ class BaseSection(Section):
 S = TypeVar("S", bound=Section)
 
 
+def absolute(path: Path) -> Path:
+    """The path from the root on, with `~` and `~user` replaced.
+
+    Raises:
+        ConfigError: there is no such user.
+    """
+    try:
+        return path.expanduser().absolute()
+    except RuntimeError as error:
+        raise ConfigError(f"{path}: there is no user {path.parts[0]}; give the directory itself") from error
+
+
 def read_toml(path: Path | None) -> dict[str, Any]:
     """The file as a dictionary of sections; no file is an empty one: every key has a default.
 
@@ -153,7 +165,7 @@ def read_toml(path: Path | None) -> dict[str, Any]:
     if path is None:
         return {}
     try:
-        document = tomllib.loads(path.read_text())
+        document = tomllib.loads(path.read_text("utf-8-sig"))  # some editors begin a file with a BOM
     except OSError as error:
         raise ConfigError(
             f"cannot read the configuration {path}: {error.strerror}; deploy/robot.toml is a complete example"

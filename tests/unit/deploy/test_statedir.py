@@ -19,6 +19,30 @@ def test_an_option_goes_before_the_environment(tmp_path: Path, monkeypatch: pyte
     assert StateDir.choose(tmp_path / "given").path == tmp_path / "given"
 
 
+@pytest.mark.parametrize("is_option", [True, False])
+def test_the_home_of_nobody_is_refused_in_one_sentence(
+    *, is_option: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    named = "~no-such-user/state"
+    monkeypatch.setenv(ENVIRONMENT, named)
+    with pytest.raises(
+        DeployError, match="^~no-such-user/state: there is no user ~no-such-user; .*--state-dir"
+    ):
+        StateDir.choose(Path(named) if is_option else None)
+
+
+def test_a_directory_that_cannot_be_written_is_refused_with_a_way_out(tmp_path: Path) -> None:
+    state = StateDir(tmp_path / "is-not-there")
+    with (
+        pytest.raises(DeployError, match=r"cannot write .*is-not-there \(No such file.*--state-dir"),
+        locked(state, "up"),
+    ):
+        pass
+    state.record.mkdir(parents=True)
+    with pytest.raises(DeployError, match="cannot write in the state directory"):
+        state.forget()
+
+
 def test_it_is_for_this_user_only(tmp_path: Path) -> None:
     state = StateDir(tmp_path / "new")
     state.create()

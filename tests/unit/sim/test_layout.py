@@ -55,6 +55,12 @@ def test_a_fault_is_named_with_its_key_and_value(tmp_path: Path, text: str, why:
     assert why in str(refused.value)
 
 
+def test_a_layout_may_begin_with_a_byte_order_mark(tmp_path: Path) -> None:
+    path = tmp_path / "yard.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + (LAYOUTS / "warehouse.toml").read_bytes())
+    assert read_layout(path) == read_layout(LAYOUTS / "warehouse.toml")
+
+
 def test_all_faults_are_named_at_once(tmp_path: Path) -> None:
     with pytest.raises(LayoutError, match=r"hall is missing; roof: there is no such key"):
         _read(tmp_path, "roof = 1\n")

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from supervisor.config import SupervisorSection
-from wire.config import BusSection, ConfigError, is_loopback, read_toml, section
+from wire.config import BusSection, ConfigError, absolute, is_loopback, read_toml, section
 
 
 def refusal(document: dict[str, object], name: str = "supervisor") -> str:
@@ -61,6 +61,21 @@ def test_loopback_is_told_from_the_network() -> None:
     assert is_loopback("tcp/localhost:7447")
     assert not is_loopback("tcp/0.0.0.0:7447")
     assert not is_loopback("tcp/robot.local:7447")
+
+
+def test_a_file_may_begin_with_a_byte_order_mark(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_bytes(b"\xef\xbb\xbf[bus]\nlease_s = 2.0\n")
+    assert read_toml(path) == {"bus": {"lease_s": 2.0}}
+
+
+def test_the_home_of_nobody_is_no_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", "/home/somebody")
+    assert absolute(Path("a/b")) == tmp_path / "a/b"
+    assert absolute(Path("~/b")) == Path("/home/somebody/b")
+    with pytest.raises(ConfigError, match=r"^~no-such-user/b: there is no user ~no-such-user"):
+        absolute(Path("~no-such-user/b"))
 
 
 def test_a_missing_file_is_one_sentence(tmp_path: Path) -> None:
