@@ -26,7 +26,7 @@ def test_the_home_of_nobody_is_refused_in_one_sentence(
     named = "~no-such-user/state"
     monkeypatch.setenv(ENVIRONMENT, named)
     with pytest.raises(
-        DeployError, match="^~no-such-user/state: there is no user ~no-such-user; .*--state-dir"
+        DeployError, match=r"^~no-such-user/state: there is no user ~no-such-user; .*--state-dir"
     ):
         StateDir.choose(Path(named) if is_option else None)
 
