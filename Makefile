@@ -10,6 +10,9 @@ STAMP := .venv/.made-from-lock
 export UV_PYTHON_DOWNLOADS := never
 export UV := $(UV)
 
+# Where PYTHONDONTWRITEBYTECODE is set, each process would compile all of it anew: half a second.
+COMPILE := .venv/bin/python -m compileall -q wire supervisor teleop sim deploy bench tests
+
 .DEFAULT_GOAL := help
 .PHONY: help setup run test unit virtual system check bench docs picture mutation faults campaign
 
@@ -22,6 +25,7 @@ run: $(STAMP) ## drive the robot by keyboard; without a terminal, play the demo
 	@if [ -t 0 ] && [ -t 1 ]; then exec .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
 
 test: $(STAMP) ## the checks and every test; the pure modules must be covered to the last branch
+	$(COMPILE)
 	$(MAKE) --no-print-directory --jobs=2 --output-sync=target check unit virtual
 	$(MAKE) --no-print-directory system
 
@@ -73,8 +77,9 @@ $(STAMP): uv.lock pyproject.toml | $(OWN_UV)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
 	  echo "Lifeline needs Python 3.11 or newer; this is $$($(PYTHON) --version 2>&1)." \
 	    "Name a newer one: make PYTHON=python3.12" >&2; exit 1; }
-	$(UV) sync --locked --all-extras --python $(PYTHON)
+	$(UV) sync --locked --all-extras --compile-bytecode --python $(PYTHON)
 	@.venv/bin/python -c 'from deploy.supervisord import fetch, find_uv; fetch(find_uv(), print)'
+	$(COMPILE)
 	@touch $@
 
 .uv/bin/uv:
