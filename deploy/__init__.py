@@ -6,7 +6,7 @@ status.py          `lifeline status`: one look
 demo.py            `lifeline demo`: the promises of the design, measured on the running stack
 path.py            `lifeline path`: squares, circles, and what was recorded
 record.py          `lifeline record`; recording.py the file, written and read
-render.py          `lifeline render`; film.py its pictures; rehearsal.py robot, law and operator in simulated time
+render.py          `lifeline render`; picture.py what is wanted; film.py its pictures; rehearsal.py robot, law and operator in simulated time
 faults/            `lifeline faults`: everything broken at random moments, for real and in virtual time
 soak.py            `lifeline soak`: hours of it, and what grows
 check.py           `lifeline check`; check_motions.py what the law permits; check_risks.py what may happen

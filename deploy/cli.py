@@ -306,7 +306,7 @@ def render(
     """Draw the robot in its hall, without a screen."""
 
     def run() -> int:
-        from deploy.render import Wanted  # noqa: PLC0415
+        from deploy.picture import Wanted  # noqa: PLC0415
         from deploy.render import render as draw  # noqa: PLC0415
 
         _say(draw(Wanted(out, scene, hull, camera, size, seconds, fps, drive, caption)))

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from deploy.picture import Wanted
 from deploy.rehearsal import Operator, Rehearsal
-from deploy.render import Wanted
 from sim.caption import captioned
 from sim.floorplan import Circle, Rectangle
 from sim.lidar import LidarConfig

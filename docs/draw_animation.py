@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from deploy.film import FilmError, film
-from deploy.render import Wanted, parse_size
+from deploy.picture import Wanted, parse_size
 from sim.gl import NoGlError
 from sim.views import View
 

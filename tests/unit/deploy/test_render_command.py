@@ -12,8 +12,9 @@ from PIL import Image
 
 from deploy.errors import DeployError
 from deploy.film import supervisor_for
+from deploy.picture import Wanted, parse_size
 from deploy.rehearsal import Operator, Rehearsal
-from deploy.render import Wanted, parse_size, render
+from deploy.render import render
 from docs.draw_animation import WANTED
 from sim.gl import NoGlError, choose
 from sim.plant import Plant
