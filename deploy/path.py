@@ -28,7 +28,7 @@ from teleop.path.track import TrackError
 from teleop.path.trail import to_poses
 from wire import topics
 from wire.bus import Bus, Subscription
-from wire.config import ConfigError, read_toml, section
+from wire.config import BusSection, ConfigError, read_toml, section
 from wire.messages import Odometry, UndecodableError, decode
 from wire.process import run_process
 
@@ -203,10 +203,15 @@ def drive(plan: Plan, launch: Launch, speed_m_s: float) -> NoReturn:
         DeployError: the configuration is refused.
     """
     try:
-        teleop = section(read_toml(launch.config), "teleop", TeleopSection)
+        document = read_toml(launch.config)
+        teleop, bus = section(document, "teleop", TeleopSection), section(document, "bus", BusSection)
     except ConfigError as error:
         raise DeployError(str(error)) from error
-    run_process("lifeline", lambda stop: _drive(stop, plan, launch, speed_m_s, teleop))
+    run_process(
+        "lifeline",
+        lambda stop: _drive(stop, plan, launch, speed_m_s, teleop),
+        memory_keeper=bus.memory_keeper,
+    )
 
 
 async def _drive(

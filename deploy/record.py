@@ -167,7 +167,8 @@ def record(path: Path, launch: Launch) -> NoReturn:
     except ConfigError as error:
         raise RecordingError(str(error)) from error
     sources = [source.name for source in known.sources]
-    run_process("lifeline", lambda stop: _record(stop, path, launch, sources))
+    # Nobody waits for its death.
+    run_process("lifeline", lambda stop: _record(stop, path, launch, sources), memory_keeper=False)
 
 
 async def _record(stop: asyncio.Event, path: Path, launch: Launch, sources: list[str]) -> int:

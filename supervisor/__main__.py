@@ -64,7 +64,7 @@ def main() -> None:
             await bus.close()
         return 0
 
-    run_process("supervisor", run)
+    run_process("supervisor", run, memory_keeper=bus_section.memory_keeper)
 
 
 if __name__ == "__main__":

@@ -74,7 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         except GamepadError as error:
             refuse("teleop", error)
         options = replace(options, gamepad=gamepad)
-    run_process("teleop", lambda stop: _run(stop, options))
+    run_process("teleop", lambda stop: _run(stop, options), memory_keeper=options.bus.memory_keeper)
 
 
 async def _run(stop: asyncio.Event, options: Options) -> int:

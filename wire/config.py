@@ -100,6 +100,7 @@ class BusSection(Section):
     namespace: Name = "robot"
     # Zenoh's own default of 10 s is far too long for a robot; below 0.1 s a busy machine loses links.
     lease_s: Annotated[float, Between(0.1, 2.0)] = 0.4
+    memory_keeper: bool = True
 
     @field_validator("endpoint")
     @classmethod

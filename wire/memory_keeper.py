@@ -7,10 +7,11 @@ of the service puts off the end of that sleep, again and again. Once nobody does
 some seconds after all that had to be noticed was.
 
 The keeper runs no Python and allocates nothing. All that it ever does is one call of C's `getc_unlocked` on a
-timer; signals that can be blocked do not reach it.
+timer; signals that can be blocked do not reach it, nor does what is sent to its service's process group.
 """
 
 import ctypes
+import gc
 import os
 import signal
 import sys
@@ -36,8 +37,24 @@ _WALL = 0x40000000
 _IOFBF = 0
 """A stream with a buffer that is given: C allocates none then."""
 _BUFFER_BYTES = 64
+_SIGINFO_BYTES = 128
 _STACK_BYTES = 1 << 16
 _STACK_ALIGNMENT = 16
+
+
+_NEEDED = (
+    *(
+        "prctl",
+        "close_range",
+        "unshare",
+        "timerfd_create",
+        "timerfd_settime",
+        "fdopen",
+        "setvbuf",
+        "__fpurge",
+    ),
+    *("getc_unlocked", "clone", "waitid", "waitpid"),
+)
 
 
 class _Timer(ctypes.Structure):
@@ -68,10 +85,27 @@ class MemoryKeeper:
 
     def __init__(self) -> None:
         self._pid: int | None = None
-        self._made = threading.Event()
-        if sys.platform == "linux":
-            threading.Thread(target=self._keep, name=NAME, daemon=True).start()
-            self._made.wait()
+        self._over = False
+        if sys.platform != "linux":
+            return
+        libc = ctypes.CDLL(None)
+        try:
+            sleep = _sleep(libc)
+        except AttributeError:  # a C library that has not got all of these
+            return
+        if sleep is None:
+            return
+        made = threading.Event()
+        is_collecting = gc.isenabled()
+        gc.disable()
+        threading.Thread(target=self._keep, args=(libc, sleep, made), name=NAME, daemon=True).start()
+        made.wait()
+        if is_collecting:
+            gc.enable()
+        if self._pid is None:
+            os.close(sleep.descriptor)
+        else:
+            threading.Thread(target=self._put_off, args=(libc, sleep), name=NAME, daemon=True).start()
 
     @property
     def pid(self) -> int | None:
@@ -79,35 +113,43 @@ class MemoryKeeper:
 
     def end(self) -> None:
         """For a process that ends by itself and has said so: nothing has to be noticed any more."""
+        self._over = True
         if self._pid is not None:
             with suppress(ProcessLookupError):
                 expedite(self._pid)
                 os.kill(self._pid, signal.SIGKILL)
 
-    def _keep(self) -> None:
-        """Make the keeper, put its end off, and make another where it has ended, as while this process was stopped.
+    def _keep(self, libc: ctypes.CDLL, sleep: _Sleep, made: threading.Event) -> None:
+        """Make the keeper, and another one whenever it has ended, as while this process was stopped.
 
-        It runs on the stack here, and on this thread's thread-local storage: so this goes on as long as there is one.
+        The keeper runs on the stack here, and on this thread's thread-local storage: nothing may end this thread while
+        there is one. And this thread has files of its own: the cyclic collector must not run here, or it would close
+        what it frees in the wrong table. So all that it does while there is a keeper is to wait for its end, in C.
         """
         stack = ctypes.create_string_buffer(_STACK_BYTES)
-        libc = ctypes.CDLL(None)
+        ended = ctypes.create_string_buffer(_SIGINFO_BYTES)
         try:
-            sleep = _prepare(libc)
-            while sleep is not None:
-                # Once it is waited for, its pid may be anybody's: until then nobody else has it.
-                pid, self._pid = self._pid, None
-                timer = _Timer(s=KEEP_S)
-                libc.timerfd_settime(sleep.descriptor, 0, ctypes.byref(timer), None)
-                is_asleep = pid is not None and os.waitpid(pid, os.WNOHANG | _WALL) == (0, 0)
-                self._pid = pid if is_asleep else _clone(libc, stack, sleep)
-                if self._pid is None:
-                    return
-                self._made.set()
-                time.sleep(RENEW_S)
-        except AttributeError:
-            return  # a C library that has not got all of these
+            if _prepare(libc, sleep.descriptor):
+                self._pid = _clone(libc, stack, sleep)
         finally:
-            self._made.set()
+            made.set()
+        while self._pid is not None:
+            libc.waitid(os.P_PID, self._pid, ended, os.WEXITED | os.WNOWAIT | _WALL)
+            time.sleep(RENEW_S)  # whatever ends them one after another
+            is_collecting = gc.isenabled()
+            gc.disable()
+            # Once it is reaped, its pid may be anybody's: until then nobody else has it.
+            pid, self._pid = self._pid, None
+            libc.waitpid(pid, None, _WALL)
+            self._pid = None if self._over else _clone(libc, stack, sleep)
+            if is_collecting:
+                gc.enable()
+
+    def _put_off(self, libc: ctypes.CDLL, sleep: _Sleep) -> None:
+        """Put the keeper's end off for as long as this process runs."""
+        while not self._over:
+            _set(libc, sleep)
+            time.sleep(RENEW_S)
 
 
 def expedite(pid: int) -> None:
@@ -124,28 +166,51 @@ def is_keeper(pid: int) -> bool:
         return False
 
 
-def _prepare(libc: ctypes.CDLL) -> _Sleep | None:
-    """Make this thread what the keeper is to be a copy of: deaf to signals, and without a file or a directory.
+def _sleep(libc: ctypes.CDLL) -> _Sleep | None:
+    """What a keeper is to sleep on; None: this system has no such timer.
 
-    It must hold no socket open, and be in no file system's way. None: Linux is older than 5.9, or forbids it.
+    Raises:
+        AttributeError: the C library lacks something that a keeper needs.
     """
-    signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
-    libc.prctl(_PR_SET_NAME, NAME.encode())
-    # Not unshare(2), which a container may forbid.
-    if libc.close_range(0, ctypes.c_uint(_ALL_FILES), _CLOSE_RANGE_UNSHARE) != 0:
-        return None
-    if libc.unshare(_CLONE_FS) == 0:
-        os.chdir("/")
+    for name in _NEEDED:
+        getattr(libc, name)
     libc.fdopen.restype = ctypes.c_void_p
-    descriptor = libc.timerfd_create(time.CLOCK_MONOTONIC, 0)
+    descriptor = libc.timerfd_create(time.CLOCK_MONOTONIC, os.O_CLOEXEC)
+    if descriptor < 0:
+        return None
     stream = ctypes.c_void_p(libc.fdopen(descriptor, b"r"))
     buffer = ctypes.create_string_buffer(_BUFFER_BYTES)
     if not stream or libc.setvbuf(stream, buffer, _IOFBF, ctypes.c_size_t(_BUFFER_BYTES)) != 0:
+        os.close(descriptor)
         return None
     return _Sleep(descriptor, stream, buffer)
 
 
+def _set(libc: ctypes.CDLL, sleep: _Sleep) -> None:
+    """From now on it sleeps for `KEEP_S`."""
+    timer = _Timer(s=KEEP_S)
+    libc.timerfd_settime(sleep.descriptor, 0, ctypes.byref(timer), None)
+
+
+def _prepare(libc: ctypes.CDLL, descriptor: int) -> bool:
+    """Make this thread what the keeper is to be a copy of: deaf to signals, and without a directory or another file.
+
+    It must hold no socket open, and be in no file system's way. False: Linux is older than 5.9, or forbids it.
+    """
+    signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
+    libc.prctl(_PR_SET_NAME, NAME.encode())
+    # Not unshare(2), which a container may forbid.
+    if libc.close_range(descriptor + 1, ctypes.c_uint(_ALL_FILES), _CLOSE_RANGE_UNSHARE) != 0:
+        return False
+    if descriptor > 0 and libc.close_range(0, descriptor - 1, 0) != 0:
+        return False
+    if libc.unshare(_CLONE_FS) == 0:
+        os.chdir("/")
+    return True
+
+
 def _clone(libc: ctypes.CDLL, stack: "ctypes.Array[ctypes.c_char]", sleep: _Sleep) -> int | None:
+    _set(libc, sleep)
     libc.__fpurge(sleep.stream)  # noqa: SLF001 - so it is called in C; an earlier keeper read more than it took
     top = ctypes.addressof(stack) + len(stack)
     pid: int = libc.clone(
@@ -156,6 +221,9 @@ def _clone(libc: ctypes.CDLL, stack: "ctypes.Array[ctypes.c_char]", sleep: _Slee
     )
     if pid <= 0:
         return None
+    with suppress(OSError):
+        # Whoever stops the service's whole group, and kills the service then, does not leave a stopped keeper behind.
+        os.setpgid(pid, pid)
     with suppress(OSError):
         # Freeing yields to whoever has something to do.
         os.sched_setscheduler(pid, os.SCHED_IDLE, os.sched_param(0))

@@ -29,15 +29,18 @@ EXIT_FAILURE = 1
 Main = Callable[[asyncio.Event], Coroutine[Any, Any, int]]
 
 
-def run_process(name: str, main: Main) -> NoReturn:
+def run_process(name: str, main: Main, *, memory_keeper: bool = True) -> NoReturn:
     """Run `main(stop)` in a new event loop and end the process with the code that it returns.
 
-    `stop` is set by SIGTERM, SIGINT and SIGHUP; main then has `STOP_LIMIT_S` to come to its end.
+    Args:
+        name: the process's, for its last words.
+        main: `stop` is set by SIGTERM, SIGINT and SIGHUP; main then has `STOP_LIMIT_S` to come to its end.
+        memory_keeper: whether the process gets one (wire/memory_keeper.py).
     """
     at_end = ExitStack()
     code = EXIT_FAILURE
     try:
-        code = asyncio.run(_supervised(main, at_end))
+        code = asyncio.run(_supervised(main, at_end, memory_keeper=memory_keeper))
     except BusError as error:
         print(f"{name}: {error}", file=sys.stderr)
     except Exception:  # noqa: BLE001 - the last stop before the process ends
@@ -51,7 +54,7 @@ def run_process(name: str, main: Main) -> NoReturn:
         os._exit(code)
 
 
-async def _supervised(main: Main, at_end: ExitStack) -> int:
+async def _supervised(main: Main, at_end: ExitStack, *, memory_keeper: bool) -> int:
     loop = asyncio.get_running_loop()
     stop = asyncio.Event()
     failed: asyncio.Future[int] = loop.create_future()
@@ -70,7 +73,8 @@ async def _supervised(main: Main, at_end: ExitStack) -> int:
     for number in STOP_SIGNALS:
         loop.add_signal_handler(number, on_signal)
     # Not before the handlers: a signal that ends the process without them would leave the keeper behind.
-    at_end.callback(MemoryKeeper().end)
+    if memory_keeper:
+        at_end.callback(MemoryKeeper().end)
     running = asyncio.ensure_future(main(stop))
     await asyncio.wait({running, failed}, return_when=asyncio.FIRST_COMPLETED)
     if not running.done():

@@ -27,7 +27,7 @@ OBJECTS = 2_000_000
 """Some 50 MB of them."""
 KILLS = 7
 PROGRAM = """
-import os, socket, sys
+import gc, os, socket, sys, time
 from wire.memory_keeper import MemoryKeeper
 port, kept, objects = int(sys.argv[1]), sys.argv[2] == "kept", int(sys.argv[3])
 before = socket.create_connection(("127.0.0.1", port))
@@ -36,6 +36,19 @@ after = socket.create_connection(("127.0.0.1", port))
 held = [object() for _ in range(objects)]
 after.sendall(f"{keeper.pid if keeper else 0}".encode())
 while order := after.recv(1):
+    if order == b"G":
+        gc.disable()
+        gc.collect()
+        gc.set_threshold(1)
+        ours, theirs = socket.socketpair()
+        ours.settimeout(5.0)
+        knot = [theirs]
+        knot.append(knot)
+        receive, nothing = ours.recv_into, bytearray(1)
+        del theirs, knot
+        gc.enable()
+        receive(nothing)  # until another thread collects: nothing is allocated here
+        before.sendall(b"closed")
     if order == b"E":
         os._exit(0)
     if order == b"K":
@@ -72,12 +85,15 @@ class Running:
 
 
 @contextmanager
-def running(*, kept: bool = True, objects: int = 0, mark: Path | None = None) -> Generator[Running]:
+def running(
+    *, kept: bool = True, objects: int = 0, mark: Path | None = None, group: bool = False
+) -> Generator[Running]:
     environment = None if mark is None else {MARK: str(mark)}
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = str(server.getsockname()[1])
         arguments = [port, "kept" if kept else "", str(objects), "-m", "sim"]
-        process = subprocess.Popen([sys.executable, "-c", PROGRAM, *arguments], env=environment)
+        command = [sys.executable, "-c", PROGRAM, *arguments]
+        process = subprocess.Popen(command, env=environment, process_group=0 if group else None)
         try:
             server.settimeout(LIMIT_S)
             before, after = server.accept()[0], server.accept()[0]
@@ -176,6 +192,33 @@ def test_a_keeper_outlives_what_a_terminal_or_a_service_manager_sends_to_a_whole
         until(lambda: state_of(one.keeper) == "S")
 
 
+def test_a_service_that_is_stopped_with_its_group_and_then_killed_leaves_no_stopped_keeper() -> None:
+    with running(group=True) as one, handle(one.keeper) as pidfd:
+        os.killpg(one.process.pid, signal.SIGSTOP)
+        until(lambda: state_of(one.process.pid) == "T")
+        assert state_of(one.keeper) == "S"
+        one.kill_s()
+        assert ends_within(pidfd, KEEP_S + LIMIT_S)
+
+
+def test_a_service_that_was_stopped_for_longer_than_its_keeper_sleeps_gets_another() -> None:
+    with running() as one, handle(one.keeper) as pidfd:
+        one.process.send_signal(signal.SIGSTOP)
+        assert ends_within(pidfd, KEEP_S + LIMIT_S)
+        one.process.send_signal(signal.SIGCONT)
+        until(lambda: one.keepers not in ([], [one.keeper]))
+        (second,) = one.keepers
+        with handle(second) as new:
+            assert not ends_within(new, 1.5 * KEEP_S)
+
+
+def test_what_is_collected_in_any_thread_closes_in_the_table_of_the_process() -> None:
+    """The keeper's thread has files of its own: what the cyclic collector closed there stayed open here."""
+    with running() as one:
+        one.order(b"G")
+        assert one.connections[0].recv(20) == b"closed"
+
+
 def test_as_long_as_its_process_runs_the_keeper_stays() -> None:
     with running() as one, handle(one.keeper) as pidfd:
         assert not ends_within(pidfd, 1.5 * KEEP_S)
@@ -259,3 +302,27 @@ def test_each_service_has_a_keeper_and_takes_it_along_when_it_ends(service: str)
                 assert ends_within(pidfd, KEEP_S / 2)
         finally:
             process.kill()
+
+
+SERVICE = """
+import sys
+from wire.process import run_process
+
+async def main(stop):
+    print("up", flush=True)
+    await stop.wait()
+    return 0
+
+run_process("service", main, memory_keeper=sys.argv[1] == "kept")
+"""
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_a_service_has_a_keeper_unless_the_configuration_forbids_it(*, kept: bool) -> None:
+    command = [sys.executable, "-c", SERVICE, "kept" if kept else ""]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"up\n"
+        assert len(keepers_of(process.pid)) == kept
+        process.terminate()
+        assert process.wait(LIMIT_S) == 0
