@@ -12,7 +12,7 @@ from deploy.errors import DeployError
 from deploy.launch import Launch, check_endpoint_is_free
 from deploy.observe import observing
 from deploy.processes import Process
-from deploy.statedir import StateDir
+from deploy.statedir import StateDir, UnwritableError
 from wire import topics
 
 NODES: tuple[str, ...] = (topics.SUPERVISOR, topics.SIM)
@@ -151,7 +151,7 @@ def stop(state: StateDir) -> Stopped:
         raise DeployError(
             f"cannot stop {_listed(left)}: they may wait for the kernel; try `lifeline down` again"
         )
-    with suppress(OSError):
+    with suppress(UnwritableError):
         state.forget()
     return Stopped(tuple(sorted(p.name for p in found)), orphaned=bool(found) and not supervised)
 

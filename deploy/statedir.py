@@ -4,7 +4,7 @@ import fcntl
 import json
 import os
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -86,20 +86,13 @@ class StateDir:
         """Remove what stands for a running stack; the logs stay.
 
         Raises:
-            DeployError: the directory is not writable.
+            UnwritableError: nothing can be changed there.
         """
         try:
             for path in (self.socket, self.pid_file, self.record):
                 path.unlink(missing_ok=True)
         except OSError as error:
-            raise self.unwritable(error) from error
-
-    def unwritable(self, error: OSError) -> DeployError:
-        """What to say where nothing can be written."""
-        return DeployError(
-            f"cannot write in the state directory {self.path} ({error.strerror}): "
-            f"choose another with --state-dir or {ENVIRONMENT}"
-        )
+            raise UnwritableError(self, error) from error
 
     def last_lines(self, program: str, count: int = 8) -> str:
         """The end of a program's log, indented; empty where there is none."""
@@ -116,6 +109,16 @@ class Holder:
 
     pid: int
     command: str
+
+
+class UnwritableError(DeployError):
+    """The directory is not ours, read-only, or its disk is full."""
+
+    def __init__(self, state: StateDir, error: OSError) -> None:
+        super().__init__(
+            f"cannot write in the state directory {state.path} ({error.strerror}): "
+            f"choose another with --state-dir or {ENVIRONMENT}"
+        )
 
 
 class LockedError(DeployError):
@@ -136,24 +139,25 @@ def locked(state: StateDir, command: str) -> Generator[None]:
 
     Raises:
         LockedError: another command holds it.
-        DeployError: the directory is not writable.
+        UnwritableError: it cannot be locked.
     """
     try:
-        lock = state.lock.open("a+")
+        lock = state.lock.open("a+b", buffering=0)
     except OSError as error:
-        raise state.unwritable(error) from error
+        raise UnwritableError(state, error) from error
     with lock as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise LockedError(state, _holder(state)) from error
-        file.truncate(0)
-        file.write(json.dumps({"pid": os.getpid(), "command": command}))
-        file.flush()
+        with suppress(OSError):  # on a full disk, it is a lock all the same
+            file.truncate(0)
+            file.write(json.dumps({"pid": os.getpid(), "command": command}).encode())
         try:
             yield
         finally:
-            file.truncate(0)
+            with suppress(OSError):
+                file.truncate(0)
 
 
 def _holder(state: StateDir) -> Holder | None:

@@ -14,7 +14,7 @@ from deploy.errors import DeployError
 from deploy.estop import latched_sentence
 from deploy.launch import Launch
 from deploy.stack import Say
-from deploy.statedir import LockedError, StateDir, locked
+from deploy.statedir import LockedError, StateDir, UnwritableError, locked
 from teleop.terminal import RESTORE
 from wire import topics
 
@@ -98,8 +98,12 @@ def down(state: StateDir, say: Say) -> None:
     if not state.path.is_dir():
         say("nothing is running")
         return
-    asked = _end_the_command_at_work(state)
-    with locked(state, "down"):
+    asked = False
+    try:
+        asked = _end_the_command_at_work(state)
+        with locked(state, "down"):
+            stopped = stack.stop(state)
+    except UnwritableError:  # what runs must end, also where the disk is full
         stopped = stack.stop(state)
     if stopped.orphaned:
         say(f"supervisord had been killed; stopped what it left: {', '.join(stopped.names)}")

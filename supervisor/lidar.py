@@ -95,7 +95,7 @@ class Readings(NamedTuple):
     explained: Mask
     """A hit, or known to be free."""
     distance_m: Floats
-    """Where it hits: the reading, or `range_min` for what is too close. Elsewhere without meaning."""
+    """Where it hits: the reading, or zero for what is too close to be measured. Elsewhere without meaning."""
 
 
 def explain(
@@ -112,4 +112,5 @@ def explain(
         free |= (readings > 0.0) & (readings < profile.codes_below_m)
     for code in profile.free_codes_m:
         free |= np.abs(readings - code) < CODE_TOLERANCE_M
-    return Readings(hit & ~free, hit | free, np.maximum(readings, range_min))
+    # What is too close may be anywhere nearer than `range_min`.
+    return Readings(hit & ~free, hit | free, np.where(readings < range_min, 0.0, readings))

@@ -294,6 +294,8 @@ class State(NamedTuple):
     odometry: Odometry | None = None
     odometry_writers: tuple[Writer, ...] = ()
     odometer: Odometer = Odometer()
+    odometers: tuple[Odometer, ...] = ()
+    """Those of a moment ago: a scan shows where things were when it was taken."""
     way_m: float = 0.0
     """How far any point of the hull has moved, measured or commanded, whichever was more."""
     following: Following = FOLLOWING

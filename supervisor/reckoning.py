@@ -10,6 +10,9 @@ from typing import NamedTuple
 LONGEST_S = 0.25
 """How long a velocity is taken to hold when odometry falls silent."""
 
+RECALL_STEP_S = 0.01
+"""Of the odometry of a moment ago, so far apart is remembered: at 1 m/s, the robot has gone 1 cm."""
+
 NEGLIGIBLE = 1e-3
 """[m, rad] A move below this is not worth looking again."""
 
@@ -54,6 +57,20 @@ def reckon(odometer: Odometer, velocity: Velocity, now_s: float, fastest: Veloci
         and abs(velocity.angular_rad_s) <= fastest.angular_rad_s
     )
     return Odometer(where(odometer, now_s), velocity if believable else STANDSTILL, now_s)
+
+
+def remembered(earlier: tuple[Odometer, ...], odometer: Odometer, since_s: float) -> tuple[Odometer, ...]:
+    """The odometers since `since_s`, and this one."""
+    if earlier and odometer.at_s < earlier[-1].at_s + RECALL_STEP_S:
+        return earlier
+    return (*(one for one in earlier if one.at_s >= since_s), odometer)
+
+
+def back_then(earlier: tuple[Odometer, ...], odometer: Odometer, then_s: float) -> Pose:
+    """The pose at a time that may lie before the last odometry; at the earliest, that of the first one remembered."""
+    if odometer.at_s <= then_s or not earlier:
+        return where(odometer, then_s)
+    return where(next((one for one in reversed(earlier) if one.at_s <= then_s), earlier[0]), then_s)
 
 
 def displacement(odometer: Odometer, then: Pose, now_s: float) -> Pose | None:

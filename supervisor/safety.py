@@ -45,7 +45,16 @@ from supervisor.model import (
     Writer,
 )
 from supervisor.near_memory import Remembered, remember
-from supervisor.reckoning import STANDSTILL, Pose, Velocity, between, displacement, reckon, where
+from supervisor.reckoning import (
+    STANDSTILL,
+    Pose,
+    Velocity,
+    back_then,
+    between,
+    displacement,
+    reckon,
+    remembered,
+)
 from supervisor.scan import LaserScan, Lidar, Moment, ScanReading, View, read_scan
 from supervisor.seen_space import Lookout, hidden_places, lookout
 from supervisor.transition import at_least, is_on_another_arc, lags, mixtures
@@ -160,7 +169,11 @@ def _observe(state: State, now_s: float, inputs: Inputs) -> State:
         odometer = reckon(state.odometer, odometry.velocity, odometry.arrival_s, config.believable)
     else:
         odometer = state.odometer
-    measured_m_s = _hull_speed(odometer.velocity, config)
+    is_still = _has_braked(state, now_s) and not moves(odometer.velocity, config.residual)
+    measured_m_s = 0.0 if is_still else _hull_speed(odometer.velocity, config)
+    odometers = state.odometers
+    if odometer is not state.odometer:
+        odometers = remembered(odometers, state.odometer, now_s - _longest_timeout_s(config))
     odometry_writers = state.odometry_writers
     if config.odometry:
         for gid in inputs.odometry_writers:
@@ -169,6 +182,7 @@ def _observe(state: State, now_s: float, inputs: Inputs) -> State:
         odometry=odometry,
         odometry_writers=odometry_writers,
         odometer=odometer,
+        odometers=odometers,
         way_m=state.way_m + dt_s * max(measured_m_s, _hull_speed(state.output, config)),
         following=follow(
             state.following,
@@ -217,7 +231,8 @@ def _see(state: State, scan: LaserScan) -> State:
     if verdict is not Verdict.FRESH:
         return state
     period_s = lidar.timeout_s if before is None else min(lidar.timeout_s, max(0.0, taken_s - before.taken_s))
-    moment = Moment(taken_s, period_s, where(state.odometer, taken_s), state.way_m)
+    pose = back_then(state.odometers, state.odometer, taken_s)
+    moment = Moment(taken_s, period_s, pose, state.way_m)
     reading = read_scan(
         before, scan, moment, lidar, config.hull, config.reach_m, in_the_open=config.works_in_the_open
     )
@@ -333,11 +348,21 @@ def _lookouts(state: State, usable: Usable, pose: Pose) -> list[Lookout]:
 def _runs_away(state: State, now_s: float, odometry: Odometry | None) -> bool:
     """Zero has been commanded for longer than braking takes, and the base still moves."""
     config = state.config
-    if odometry is None or state.stopped_s is None:
+    if odometry is None:
         return False
     moving = moves(odometry.velocity, Velocity(config.runaway_linear_m_s, config.runaway_angular_rad_s))
+    return moving and _has_braked(state, min(now_s, odometry.arrival_s))
+
+
+def _has_braked(state: State, now_s: float) -> bool:
+    """Whether zero has been commanded for longer than braking takes."""
+    config = state.config
     braking_s = config.max_linear_m_s / config.deceleration_m_s2 + RUNAWAY_GRACE_S
-    return moving and min(now_s, odometry.arrival_s) - state.stopped_s > braking_s
+    return state.stopped_s is not None and now_s - state.stopped_s > braking_s
+
+
+def _longest_timeout_s(config: LawConfig) -> float:
+    return max(config.command_timeout_s, *(lidar.timeout_s for lidar in config.lidars))
 
 
 def _shared_causes(state: State, now_s: float, usable: Usable) -> Reasons:
@@ -349,8 +374,7 @@ def _shared_causes(state: State, now_s: float, usable: Usable) -> Reasons:
     if _conflicts(state, now_s):
         causes.add(StopReason.SENSOR_CONFLICT)
     late = state.now_s is not None and now_s - state.now_s > config.overrun_s
-    longest_s = max(config.command_timeout_s, *(lidar.timeout_s for lidar in config.lidars))
-    if late or now_s - state.resumed_s <= longest_s:
+    if late or now_s - state.resumed_s <= _longest_timeout_s(config):
         causes.add(StopReason.OVERRUN)
     if state.odometry is not None and now_s - state.odometry.arrival_s > config.odom_timeout_s:
         causes.add(StopReason.ODOM_STALE)

@@ -1,6 +1,9 @@
 """The only file of this package that knows how the law is configured and fed."""
 
+import math
 from dataclasses import replace
+
+import numpy as np
 
 import supervisor.scan
 from bench.scenes.scene import Lidar, Scene
@@ -9,9 +12,12 @@ from supervisor.config import SupervisorSection
 from supervisor.lidar import PROFILES
 from supervisor.model import Command, Decision, Inputs, LaserScan, LawConfig, Odometry, Velocity
 from supervisor.scan import Mount
+from wire.freshness import Sent
 
 SOURCE = "teleop"
-RANGE_MIN_M = 0.02
+EPOCH = bytes(16)
+LATE_FROM_S = 1.2
+"""The law takes the quickest scans of a stamped lidar as those that took no time."""
 
 TIMEOUT_PERIODS = 2.25
 SHORTEST_TIMEOUT_S = 0.24
@@ -60,14 +66,21 @@ def stops(decision: Decision) -> tuple[str, ...]:
     return tuple(reason.value for reason in decision.reasons)
 
 
+def on_way_s(lidar: Lidar, taken_s: float) -> float:
+    """How long a scan takes from the lidar to the law."""
+    return lidar.late_s if taken_s > LATE_FROM_S else 0.0
+
+
 def _scan(lidar: Lidar, number: int, taken_s: float, ranges: Ranges) -> LaserScan:
+    stamp = Sent(EPOCH, round(taken_s * 1e6), taken_s) if lidar.late_s else None
     return LaserScan(
-        ranges,
+        np.where(ranges < lidar.range_min, np.float32(-math.inf), ranges),
         lidar.angle_min,
         lidar.angle_increment,
-        RANGE_MIN_M,
+        lidar.range_min,
         lidar.range_max,
-        taken_s,
+        taken_s + on_way_s(lidar, taken_s),
+        stamp,
         lidar=number,
     )
 

@@ -99,6 +99,7 @@ def run(
         Eye(lidar, len(scene.world), [scene.seed, 2 + number]) for number, lidar in enumerate(scene.lidars)
     ]
     taken = [0] * len(eyes)
+    on_their_way: list[tuple[int, float, Ranges]] = []
     pose, now_s, command = Pose(0.0, 0.0, scene.yaw_rad), 0.0, STANDSTILL
     ledger = _Ledger(scene, measure)
     state, decision = step(
@@ -113,7 +114,6 @@ def run(
         mean = Velocity(
             (was.linear_m_s + twist.linear_m_s) / 2, (was.angular_rad_s + twist.angular_rad_s) / 2
         )
-        scans: list[tuple[int, float, Ranges]] = []
         for number, eye in enumerate(eyes):
             taken_s = eye.lidar.phase_s + taken[number] / eye.lidar.rate_hz
             if taken_s <= now_s + TICK_S:
@@ -121,10 +121,14 @@ def run(
                 ranges = eye.scan(scene.world, *advance(before, mean, taken_s - now_s))
                 arrived = ranges if spoil is None else spoil(taken_s, number, ranges)
                 if arrived is not None:
-                    scans.append((number, taken_s, arrived))
+                    on_their_way.append((number, taken_s, arrived))
         pose = advance(before, mean, TICK_S)
         ledger.note(now_s, before, mean)
         now_s += TICK_S
+        scans = [
+            scan for scan in on_their_way if scan[1] + law.on_way_s(scene.lidars[scan[0]], scan[1]) <= now_s
+        ]
+        on_their_way = on_their_way[len(scans) :]
         asked = operator.asks(now_s, pose, twist, stopped=bool(reasons))
         odometry = _odometry(scene, twist) if report is None else report(now_s, twist)
         # The base obeys what was decided a tick ago.

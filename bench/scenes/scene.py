@@ -58,6 +58,10 @@ class Lidar:
     """For each object, the share of scans in which it is missing: its beams read as "no return"."""
     stray: float = 0.0
     """Share of scans with one beam that reads too short."""
+    range_min: float = 0.02
+    """What is nearer reads as -Inf."""
+    late_s: float = 0.0
+    """How long each scan is on its way, as its stamp shows, once the first ones were quick."""
 
 
 @dataclass(frozen=True)

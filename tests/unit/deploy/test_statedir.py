@@ -1,11 +1,13 @@
 """The state directory: where it is, and that two commands keep off each other."""
 
+import fcntl
 from pathlib import Path
 
 import pytest
 
 from deploy.errors import DeployError
 from deploy.statedir import ENVIRONMENT, SOCKET_PATH_LIMIT, LockedError, StateDir, locked, project_root
+from deploy.up import down
 
 
 def test_the_default_is_in_the_project(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -41,6 +43,20 @@ def test_a_directory_that_cannot_be_written_is_refused_with_a_way_out(tmp_path: 
     state.record.mkdir(parents=True)
     with pytest.raises(DeployError, match="cannot write in the state directory"):
         state.forget()
+
+
+def test_on_a_full_disk_a_lock_is_a_lock_all_the_same(tmp_path: Path) -> None:
+    state = StateDir(tmp_path)
+    state.lock.symlink_to("/dev/full")
+    with locked(state, "down"), state.lock.open("ab") as other, pytest.raises(BlockingIOError):
+        fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def test_where_nothing_can_be_locked_down_looks_for_what_runs_all_the_same(tmp_path: Path) -> None:
+    state, said = StateDir(tmp_path), list[str]()
+    state.lock.mkdir()
+    down(state, said.append)
+    assert said == ["nothing is running"]
 
 
 def test_it_is_for_this_user_only(tmp_path: Path) -> None:

@@ -135,10 +135,10 @@ def test_the_bound_of_codes_is_itself_no_code() -> None:
 
 
 @pytest.mark.parametrize("reading", [-math.inf, -3.0, 0.0, 0.05, MIN_M])
-def test_what_is_too_close_is_at_range_min(reading: float) -> None:
+def test_what_is_too_close_to_be_measured_may_be_at_the_lidar_itself(reading: float) -> None:
     readings = explain(np.array([reading], dtype=np.float32), MIN_M, MAX_M, PROFILES["rep117"])
     assert readings.hit[0]
-    assert readings.distance_m[0] == MIN_M
+    assert readings.distance_m[0] == (MIN_M if reading == MIN_M else 0.0)
 
 
 def test_a_distance_is_kept_as_it_is() -> None:
@@ -156,7 +156,8 @@ def test_every_hit_has_a_finite_distance_within_the_range_and_the_input_is_left_
     before = ranges.copy()
     ranges.flags.writeable = False
     readings = explain(ranges, MIN_M, MAX_M, PROFILES[name])
-    assert (readings.distance_m[readings.hit] >= MIN_M).all()
+    found_m = readings.distance_m[readings.hit]
+    assert ((found_m == 0.0) | (found_m >= MIN_M)).all()
     assert (readings.distance_m[readings.hit] <= MAX_M).all()
     assert ranges.tobytes() == before.tobytes()
 

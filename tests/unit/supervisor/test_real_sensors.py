@@ -146,6 +146,56 @@ def test_a_lidar_that_freezes_near_a_pillar_does_not_make_it_seem_far(left_m: fl
     assert outcome.closest_m >= BOUND_M
 
 
+@pytest.mark.parametrize("range_min", [0.3, 0.35, 0.45, 0.8])
+def test_what_is_too_near_to_be_measured_is_not_taken_to_be_as_far_as_can_be_measured(
+    range_min: float,
+) -> None:
+    """The lidar is on the hull's front edge: nearer than `range_min` to it is well outside of the hull."""
+    front = replace(LIDAR, x_m=0.25, range_min=range_min)
+    scene = plain_scene(
+        (2.0, 0.0, PILLAR_M), hull=rectangle(0.25, 0.25, 0.2), lidars=(front,), duration_s=12.0
+    )
+    outcome = run(scene, operator=Scripted(Velocity(1.0, 0.0)), stuck_s=math.inf)
+    assert outcome.travelled_m > 0.5
+    assert outcome.closest_m >= BOUND_M
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "late_s", "profile"),
+    [(20.0, 0.1, "rep117"), (20.0, 0.18, "rep117"), (10.0, 0.1, "rplidar"), (5.5, 0.2, "rplidar")],
+)
+@pytest.mark.parametrize("wanted", [Velocity(1.0, 0.0), Velocity(1.0, 0.6), "reversing"])
+def test_a_scan_that_was_long_on_its_way_shows_where_things_were_when_it_was_taken(
+    rate_hz: float, late_s: float, profile: Profile, wanted: Velocity | Literal["reversing"]
+) -> None:
+    """It once counted from where the robot was when it arrived."""
+    late = replace(LIDAR, rate_hz=rate_hz, late_s=late_s, profile=profile)
+    base = BaseNumbers("axis", acceleration_m_s2=2.0, braking_m_s2=TRUSTED_M_S2)
+    pillars = ((2.0, 0.0, 0.05), (0.7, 0.9, 0.05), (0.7, -0.9, 0.05), (-1.1, 0.3, 0.05), (-0.6, -0.9, 0.05))
+    scene = plain_scene(*pillars, hull=rectangle(0.4, 0.4, 0.2), base=base, lidars=(late,), duration_s=10.0)
+    operator = Reverser(np.random.default_rng(1)) if wanted == "reversing" else Scripted(wanted, from_s=1.5)
+    outcome = run(scene, operator=operator, stuck_s=math.inf)
+    assert outcome.travelled_m > 0.3
+    assert outcome.closest_m >= BOUND_M
+
+
+@pytest.mark.parametrize(
+    "noise", [Velocity(0.0, 0.003), Velocity(1e-3, 0.0), Velocity(-1e-3, 0.0)], ids=["gyro", "ahead", "back"]
+)
+def test_a_lidar_without_noise_is_believed_after_a_long_rest_whatever_the_noise_of_odometry(
+    noise: Velocity,
+) -> None:
+    """The noise once added up to a way, on which every scan was the same: the robot never drove again."""
+
+    def report(now_s: float, twist: Velocity) -> Velocity:
+        return Velocity(twist.linear_m_s + noise.linear_m_s, twist.angular_rad_s + noise.angular_rad_s)
+
+    scene = plain_scene((3.0, 0.0, PILLAR_M), duration_s=33.0)
+    outcome = run(scene, operator=Scripted(Velocity(0.5, 0.0), from_s=30.0), report=report, stuck_s=math.inf)
+    assert outcome.travelled_m > 1.0
+    assert set(outcome.stops) <= {"NO_COMMAND", "SCAN_STALE"}
+
+
 def test_a_command_of_a_millimetre_per_second_does_not_creep_up_to_a_pillar() -> None:
     scene = plain_scene((HULL_M + 0.31 + PILLAR_M, 0.0, PILLAR_M), duration_s=60.0)
     outcome = run(scene, operator=Scripted(Velocity(0.001, 0.0)), stuck_s=math.inf)

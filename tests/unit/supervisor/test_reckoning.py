@@ -4,7 +4,18 @@ import math
 
 import pytest
 
-from supervisor.reckoning import LONGEST_S, STANDSTILL, Odometer, Pose, Velocity, displacement, reckon
+from supervisor.reckoning import (
+    LONGEST_S,
+    RECALL_STEP_S,
+    STANDSTILL,
+    Odometer,
+    Pose,
+    Velocity,
+    back_then,
+    displacement,
+    reckon,
+    remembered,
+)
 
 FASTEST = Velocity(2.0, 4.0)
 HERE = Pose(3.0, -2.0, 0.5)
@@ -69,3 +80,41 @@ def test_next_to_nothing_is_no_displacement(axis: int, sign: float) -> None:
     assert displacement(Odometer(Pose(*moved)), Pose(*then), 0.0) is not None
     moved[axis] = sign * math.nextafter(1e-3, 0.0)
     assert displacement(Odometer(Pose(*moved)), Pose(*then), 0.0) is None
+
+
+def odometers(*at_s: float) -> tuple[Odometer, ...]:
+    """At 1 m/s along x from zero on."""
+    return tuple(Odometer(Pose(time_s, 0.0, 0.0), Velocity(1.0, 0.0), time_s) for time_s in at_s)
+
+
+def test_what_is_remembered_reaches_back_to_the_time_that_is_asked_for() -> None:
+    before, newest = odometers(1.0, 1.125, 1.25), odometers(1.375)[0]
+    assert remembered(before, newest, 1.125) == (*before[1:], newest)
+    assert remembered(before, newest, math.nextafter(1.125, 2.0)) == (before[2], newest)
+    assert remembered((), newest, 0.0) == (newest,)
+
+
+def test_odometry_that_comes_very_often_is_remembered_now_and_then() -> None:
+    before = odometers(1.0)
+    just_later, later = odometers(math.nextafter(1.0 + RECALL_STEP_S, 0.0), 1.0 + RECALL_STEP_S)
+    assert remembered(before, just_later, 0.0) == before
+    assert remembered(before, later, 0.0) == (*before, later)
+
+
+@pytest.mark.parametrize(
+    ("then_s", "x_m"),
+    [(1.0, 1.0), (1.1, 1.1), (1.125, 1.125), (1.2, 1.2), (1.25, 1.25), (1.3, 1.3), (0.5, 1.0)],
+)
+def test_a_pose_of_the_past_is_where_the_velocity_of_then_had_brought_it(then_s: float, x_m: float) -> None:
+    earlier, newest = odometers(1.0, 1.125), odometers(1.25)[0]
+    assert back_then(earlier, newest, then_s).x_m == pytest.approx(x_m)
+
+
+def test_without_a_past_it_is_where_it_is() -> None:
+    assert back_then((), odometers(1.25)[0], 1.0).x_m == 1.25
+
+
+def test_the_last_odometer_counts_from_its_own_time_on() -> None:
+    earlier = (Odometer(Pose(0.0, 0.0, 0.0), Velocity(1.0, 0.0), 1.0),)
+    assert back_then(earlier, Odometer(Pose(5.0, 0.0, 0.0), STANDSTILL, 1.5), 1.5).x_m == 5.0
+    assert back_then(earlier, Odometer(Pose(5.0, 0.0, 0.0), STANDSTILL, 1.5), 1.4).x_m == pytest.approx(0.25)
