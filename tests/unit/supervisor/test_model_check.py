@@ -374,8 +374,11 @@ def _the_robot_gets_nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
     def where(odometer: Odometer, _now_s: float) -> Pose:
         return odometer.pose
 
+    def remembered(*_: object) -> tuple[Odometer, ...]:
+        return ()
+
     monkeypatch.setattr("supervisor.safety.reckon", reckon)
-    monkeypatch.setattr("supervisor.safety.where", where)
+    monkeypatch.setattr("supervisor.safety.remembered", remembered)
     monkeypatch.setattr("supervisor.reckoning.where", where)
 
 
