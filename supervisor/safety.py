@@ -154,7 +154,7 @@ def _resume(state: State, now_s: float, inputs: Inputs) -> tuple[State, Inputs]:
     if odometry is not None:  # who was heard once must be heard again
         odometry = replace(odometry, arrival_s=odometry.arrival_s - inputs.suspended_s)
     state = state._replace(sources=sources, sights=sights, past=(), odometry=odometry, resumed_s=now_s)
-    return state, replace(inputs, commands=(), scans=(), odometry=None, odometry_writers=())
+    return state, replace(inputs, commands=(), scans=(), odometry=None)
 
 
 def _observe(state: State, now_s: float, inputs: Inputs) -> State:
@@ -390,14 +390,14 @@ def _shared_causes(state: State, now_s: float, usable: Usable) -> Reasons:
 def _conflicts(state: State, now_s: float) -> tuple[str, ...]:
     """For each sensor that several writers speak for, who they are."""
     sensors = [
-        (lidar.name, sight.writers, lidar.timeout_s)
-        for lidar, sight in zip(state.config.lidars, state.sights, strict=True)
+        (lidar.name, state.sights[place].writers, lidar.timeout_s)
+        for place, lidar in enumerate(state.config.lidars)
     ]
     sensors.append(("odometry", state.odometry_writers, state.config.odom_timeout_s))
     return tuple(
         f"{name}: {' and '.join(sorted(_name_of(gid) for gid in speaking))}"
         for name, writers, timeout_s in sensors
-        if len(writers) > 1 and len(speaking := _speaking(writers, timeout_s, now_s)) > 1
+        if len(speaking := _speaking(writers, timeout_s, now_s)) > 1
     )
 
 

@@ -22,6 +22,7 @@ from tests.unit.supervisor.law_harness import (
     odometry,
     ring,
 )
+from wire.freshness import Sent
 
 
 def tick(law: Law, command: Velocity, measured: Velocity) -> Decision:
@@ -306,3 +307,36 @@ def test_an_arc_is_stopped_if_a_base_that_takes_up_one_axis_first_would_close_on
 def test_an_arc_is_slowed_as_far_as_a_base_that_takes_up_one_axis_first_must_be() -> None:
     assert 0.2 < backing_on_an_arc(STANDSTILL, 0.51).scale < 0.6
     assert backing_on_an_arc(STANDSTILL, 0.51).reasons == ()
+
+
+# --- where it has been
+
+
+def test_the_noise_of_odometry_at_rest_is_no_travel_but_a_push_is() -> None:
+    law = Law()
+    for _ in range(100):
+        tick(law, NEUTRAL, Velocity(0.001, -0.001))
+    way_m = law.state.way_m
+    for _ in range(50):
+        tick(law, NEUTRAL, Velocity(0.001, -0.001))
+    assert law.state.way_m == way_m
+    for _ in range(10):
+        tick(law, NEUTRAL, Velocity(0.2, 0.0))
+    assert law.state.way_m - way_m == pytest.approx(0.2 * 10 * TICK_S)
+
+
+def test_a_scan_that_was_long_on_its_way_belongs_where_the_robot_was() -> None:
+    """At 0.5 m/s with odometry at 50 Hz: the first scans are quick, the last one took 0.15 s."""
+    state, now_s = initial_state(CONFIG), 1000.0
+    for number in range(1, 61):
+        now_s = 1000.0 + number * TICK_S
+        late_s = 0.15 if number == 60 else 0.0
+        sent = Sent(b"lidar", number, now_s - late_s)
+        scans = (replace(laser_scan(ring(3.0 + 1e-3 * number), now_s), sent=sent),)
+        inputs = Inputs(odometry=odometry(0.5, now_s), scans=() if 50 <= number < 60 else scans)
+        state, _ = step(state, now_s, inputs)
+    reading = state.sights[0].scan
+    assert reading is not None
+    assert reading.view is not None
+    assert reading.taken_s == pytest.approx(now_s - 0.15)
+    assert state.odometer.pose.x_m - reading.view.pose.x_m == pytest.approx(0.5 * 0.15, abs=1e-3)
