@@ -105,7 +105,9 @@ def hidden_places(
         parts.append((gaps.between[:, open_], gaps.between_m[open_]))
     if view.range_max_m < far_m:
         (silent,) = (known & ~view.hit).nonzero()
-        parts.append((rays.direction[:, silent], view.free_m[silent]))
+        ends_m, enters_m = view.free_m[silent], gaps.beams_hull.enters_m[silent]
+        outside_m = np.where(ends_m > enters_m, np.maximum(ends_m, gaps.beams_hull.leaves_m[silent]), ends_m)
+        parts.append((rays.direction[:, silent], outside_m))
     if not (view.is_whole and gaps.is_round):
         parts.extend(_holes(view, rays.direction, gaps, smallest_m, far_m))
     direction = np.concatenate([part[0] for part in parts], axis=1)

@@ -163,6 +163,15 @@ def test_beyond_its_range_a_beam_without_a_return_proves_nothing(range_max_m: fl
     assert (bearing_deg(places) > -1e-6).all(), "where something returns it is seen"
 
 
+@pytest.mark.parametrize("lidar_x_m", [0.0, 0.4])
+def test_a_range_that_ends_inside_the_hull_proves_nothing_beyond_the_hull_s_outline(lidar_x_m: float) -> None:
+    readings = room(NO_RETURN)
+    readings[AHEAD] = 0.2
+    places = hidden(view_of(readings, range_max_m=0.2), mount=Mount(x_m=lidar_x_m))
+    assert len(places) == BEAMS - 1
+    assert HULL.clearance(places).min() == pytest.approx(0.0, abs=1e-9)
+
+
 # --- where the lidar is mounted
 
 
