@@ -59,9 +59,9 @@ docs: $(STAMP) ## write the generated parts and the drawings of docs/ anew
 	.venv/bin/python -m docs.crash_safety
 	.venv/bin/python -m docs.draw_crash_safety
 
-faults: $(STAMP) ## every class of fault three times on the real processes, and 2,000 virtual lives; a quarter of an hour
+faults: $(STAMP) ## every class of fault three times on the real processes, and 1,000 virtual lives; a quarter of an hour
 	.venv/bin/lifeline faults --trials 3 --minutes 8
-	.venv/bin/lifeline faults --virtual --seeds 2000
+	.venv/bin/lifeline faults --virtual --seeds 1000
 
 campaign: $(STAMP) ## every class of fault 300 times on the real processes; hours, and it resumes
 	.venv/bin/lifeline faults --trials 300 --out docs/campaign/real.jsonl
