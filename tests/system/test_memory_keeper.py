@@ -133,9 +133,17 @@ def ends_within(pidfd: int, limit_s: float) -> bool:
 
 def keepers_of(pid: int) -> list[int]:
     """Among a process's children, whichever of its threads made them."""
-    tasks = Path(f"/proc/{pid}/task").iterdir()
-    children = [int(child) for task in tasks for child in (task / "children").read_text().split()]
-    return [child for child in children if is_keeper(child)]
+    everyone = [int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdecimal()]
+    return [child for child in everyone if parent_of(child) == pid and is_keeper(child)]
+
+
+def parent_of(pid: int) -> int | None:
+    """None for a process that has ended."""
+    try:
+        stat = Path(f"/proc/{pid}/stat").read_text()
+    except (FileNotFoundError, ProcessLookupError):
+        return None
+    return int(stat.rpartition(")")[2].split()[1])
 
 
 def until(condition: Callable[[], bool]) -> None:

@@ -143,6 +143,6 @@ async def test_who_looks_on_commands_nothing_but_the_emergency_stop() -> None:
             assert set(h.velocities[seen:]) == {(0.1, 0.0)}
             viewer.type(b"q")
             assert await viewer.ended() == (0, "")
-            assert viewer.is_restored
+            await until(lambda: viewer.is_restored)
         assert h.sees_teleop()
         assert op.process.poll() is None
