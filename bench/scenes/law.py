@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 import supervisor.scan
-from bench.scenes.scene import Lidar, Scene
+from bench.scenes.scene import Lidar, Scene, timeout_s
 from bench.scenes.sensing import Ranges
 from supervisor.config import SupervisorSection
 from supervisor.lidar import PROFILES
@@ -19,14 +19,13 @@ EPOCH = bytes(16)
 LATE_FROM_S = 1.2
 """The law takes the quickest scans of a stamped lidar as those that took no time."""
 
-TIMEOUT_PERIODS = 2.25
-SHORTEST_TIMEOUT_S = 0.24
-
 
 def config_of(scene: Scene) -> LawConfig:
     """The default configuration with the scene's hull and lidars."""
     lidars = tuple(
-        supervisor.scan.Lidar(f"lidar{number}", _mount(lidar), PROFILES[lidar.profile], _timeout_s(lidar))
+        supervisor.scan.Lidar(
+            f"lidar{number}", _mount(lidar), PROFILES[lidar.profile], timeout_s(lidar.rate_hz)
+        )
         for number, lidar in enumerate(scene.lidars)
     )
     return replace(
@@ -74,7 +73,7 @@ def on_way_s(lidar: Lidar, taken_s: float) -> float:
 def _scan(lidar: Lidar, number: int, taken_s: float, ranges: Ranges) -> LaserScan:
     stamp = Sent(EPOCH, round(taken_s * 1e6), taken_s) if lidar.late_s else None
     return LaserScan(
-        np.where(ranges < lidar.range_min, np.float32(-math.inf), ranges),
+        np.where((ranges > 0.0) & (ranges < lidar.range_min), np.float32(-math.inf), ranges),
         lidar.angle_min,
         lidar.angle_increment,
         lidar.range_min,
@@ -87,7 +86,3 @@ def _scan(lidar: Lidar, number: int, taken_s: float, ranges: Ranges) -> LaserSca
 
 def _mount(lidar: Lidar) -> Mount:
     return Mount(lidar.x_m, lidar.y_m, lidar.yaw_rad)
-
-
-def _timeout_s(lidar: Lidar) -> float:
-    return max(SHORTEST_TIMEOUT_S, TIMEOUT_PERIODS / lidar.rate_hz)

@@ -1,7 +1,7 @@
 """A random scene from a seed: the same seed is always the same scene."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -25,6 +25,11 @@ START_M = 0.35
 """Clearance at the start, except in scenes that start near something."""
 
 ROUND_CORNERS = 12
+
+TIMEOUT_PERIODS = 2.25
+SHORTEST_TIMEOUT_S = 0.24
+LATEST_PERIODS = 1.1
+"""Of the timeout, so much is left when a late scan arrives: the next one comes before the robot must stop."""
 
 Profile = Literal["rep117", "rplidar", "neato_xv"]
 
@@ -115,6 +120,8 @@ class Scene:
             "object dropouts": any(lidar.object_dropout for lidar in self.lidars),
             "stray readings": any(lidar.stray for lidar in self.lidars),
             "noise": any(lidar.noise_m for lidar in self.lidars),
+            "late scans": any(lidar.late_s for lidar in self.lidars),
+            "sees nothing near (> 5 cm)": first.range_min > 0.05,
             "odometry scaled": self.odometry_scale not in (None, 1.0),
             "no odometry": self.odometry_scale is None,
             "near start": self.start_m < START_M,
@@ -137,6 +144,7 @@ def random_scene(seed: int, *, noise_m: float = 0.005, silent_dirt: bool = False
     rng = np.random.default_rng([seed, 0])
     hull, shape = _random_hull(rng)
     lidars = _random_lidars(rng, hull, noise_m=noise_m, silent_dirt=silent_dirt)
+    lidars = _late_or_short_sighted(np.random.default_rng([seed, 4]), lidars)
     base = BaseNumbers(
         "mixture" if rng.random() < 0.5 else "axis",
         float(rng.uniform(0.5, 2.0)),
@@ -233,6 +241,20 @@ def _random_range_m(rng: np.random.Generator) -> float:
     if rng.random() < 0.2:
         return float(rng.uniform(0.6, 2.0))
     return float(rng.choice([3.5, 5.6, 8.0, 12.0, 30.0]))
+
+
+def timeout_s(rate_hz: float) -> float:
+    """After how long the law takes a scan of such a lidar for too old."""
+    return max(SHORTEST_TIMEOUT_S, TIMEOUT_PERIODS / rate_hz)
+
+
+def _late_or_short_sighted(rng: np.random.Generator, lidars: tuple[Lidar, ...]) -> tuple[Lidar, ...]:
+    """Some lidars' scans are long on their way; some lidars measure nothing that is near."""
+    rate_hz = lidars[0].rate_hz
+    latest_s = timeout_s(rate_hz) - LATEST_PERIODS / rate_hz
+    late_s = float(rng.uniform(0.0, latest_s)) if rng.random() < 0.2 else 0.0
+    range_min = float(rng.uniform(0.05, 0.3)) if rng.random() < 0.2 else lidars[0].range_min
+    return tuple(replace(lidar, late_s=late_s, range_min=range_min) for lidar in lidars)
 
 
 class _Faults:

@@ -92,6 +92,7 @@ def test_random_scenes_have_what_they_promise() -> None:
     assert {"hull round", "hull round off-centre", "hull rectangle", "hull long"} < tags
     assert {"hull rectangle off-centre", "two lidars", "partial view", "dirt", "object dropouts"} < tags
     assert {"beam dropouts", "stray readings", "noise", "no odometry", "short range (< 2 m)"} < tags
+    assert {"late scans", "sees nothing near (> 5 cm)"} < tags
     assert min(lidar.beams for scene in scenes for lidar in scene.lidars) >= 90
     assert max(lidar.beams for scene in scenes for lidar in scene.lidars) > 1900
     assert min(float(scene.world.radii.min()) for scene in scenes) >= SMALLEST_M / 2
