@@ -52,7 +52,7 @@ _WORDS = {
     "COMMAND_INVALID": "a command made no sense",
     "COMMAND_STALE": "commands come too late",
     "COMMAND_TIMEOUT": "no fresh command",
-    "NO_COMMAND": "nobody has commanded yet",
+    "NO_COMMAND": "nobody commands it",
     "SCAN_BLIND": "unseen space there",
     "OBSTACLE": "obstacle within 30 cm",
 }

@@ -4,8 +4,9 @@ Every step is packed into bytes at once (some microseconds), and each second beg
 law had: a replay starts at any of them and is bit-exact. The memory is bounded by time and by bytes, so also
 by count: no step is smaller than `STEP_OVERHEAD_BYTES`.
 
-A stop is a change from any other mode to STOPPED, once the robot has moved. The file is written `TAIL_S` later,
-so that one sees the braking. Whatever goes wrong here is told once in the log, and supervision goes on.
+A stop is a change from any other mode to STOPPED while the robot moves, or is told to; one at rest writes nothing.
+The file is written `TAIL_S` later, so that it shows the braking. Whatever goes wrong here is logged once, and
+supervision goes on.
 """
 
 import logging
@@ -23,9 +24,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from supervisor.base_motion import moves
 from supervisor.blackbox_file import LAW, Order, Steps, pack_state, pack_step, write
 from supervisor.config import SupervisorSection
-from supervisor.model import Decision, Inputs, LawConfig, Mode, State
+from supervisor.model import SEVERITY, STANDSTILL, Decision, Inputs, LawConfig, Mode, State
 from wire.config import absolute
 
 _log = logging.getLogger(__name__)
@@ -82,7 +84,8 @@ class _Segment:
 class _Stop:
     """A stop whose tail is still being recorded."""
 
-    name: str
+    moment: str
+    """Of its first, as the file's name has it."""
     first_s: float
     due_s: float
     stops: list[dict[str, Any]]
@@ -106,7 +109,6 @@ class BlackBox:
         """The last time and the count of steps of segments that memory had no room for."""
         self._free = False
         """The last decision was another than STOPPED."""
-        self._moved = False
         self._stop: _Stop | None = None
         self._broken = False
 
@@ -150,10 +152,9 @@ class BlackBox:
 
         if decision.mode is not Mode.STOPPED:
             self._free = True
-            self._moved = self._moved or decision.mode is not Mode.READY
         elif self._free:
             self._free = False
-            if self._moved:
+            if state.output != STANDSTILL or moves(state.odometer.velocity, state.config.residual):
                 self._on_stop(now_s, decision)
         if self._stop is not None and (now_s >= self._stop.due_s or self._stop.room <= 0):
             self._submit(self._stop)
@@ -192,7 +193,7 @@ class BlackBox:
             self._stop.stops.append(told)
             self._stop.due_s = min(now_s + TAIL_S, self._stop.first_s + TAIL_LIMIT_S)
             return
-        name = f"{moment:%Y%m%dT%H%M%S}.{moment.microsecond // 1000:03}Z-{next(iter(reasons), 'STOPPED')}"
+        name = f"{moment:%Y%m%dT%H%M%S}.{moment.microsecond // 1000:03}Z"
         self._stop = _Stop(name, now_s, now_s + TAIL_S, [told], MEMORY_BYTES // 2)
 
     def _submit(self, stop: _Stop) -> None:
@@ -209,7 +210,10 @@ class BlackBox:
             "config": self._law,
         }
         segments = [(s.state, s.steps) for s in self._segments]
-        self._writer.submit(Order(stop.name, header, segments))
+        most_severe = min(
+            (reason for told in stop.stops for reason in told["reasons"]), key=SEVERITY.__getitem__
+        )
+        self._writer.submit(Order(f"{stop.moment}-{most_severe}", header, segments))
 
 
 class ThreadWriter:

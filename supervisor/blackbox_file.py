@@ -23,14 +23,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
-from supervisor.model import Decision, Inputs, LawConfig, State
+from supervisor.model import Decision, Inputs, LawConfig, State, StopReason
 from supervisor.plain import codec, record_codec
 
 FORMAT = "lifeline black box"
 VERSION = 1
 SUFFIX = ".jsonl.gz"
-OURS = re.compile(r"\d{8}T\d{6}\.\d{3}Z-[A-Z_]+(-\d+)?\.jsonl\.gz")
+OURS = re.compile(r"\d{8}T\d{6}\.\d{3}Z-(?P<reason>[A-Z_]+)(-\d+)?\.jsonl\.gz")
 """Only these are ever deleted."""
+
+ROUTINE = {StopReason.NO_COMMAND, StopReason.SCAN_BLIND, StopReason.OBSTACLE}
+"""Stops that ordinary driving has: their files are deleted before any other."""
 
 COMPRESSION = 6
 MARSHAL_VERSION = 2
@@ -96,7 +99,7 @@ def _unpack(packed: bytes) -> Any:  # noqa: ANN401 - what was packed
 def write(
     order: Order, directory: Path, *, max_files: int, max_bytes: int, pause: Pause = lambda: None
 ) -> Path:
-    """Write a black box under its final name, whole or not at all; then delete the oldest beyond `max_files`.
+    """Write a black box under its final name, whole or not at all; then delete those beyond `max_files`.
 
     `pause` is called after each line, the longest that this holds the interpreter at a time.
 
@@ -188,9 +191,13 @@ def _runs(pid: int) -> bool:
 
 
 def _delete_oldest(directory: Path, newest: Path, max_files: int) -> None:
-    """Never the one just written, also where the wall clock has gone back."""
-    others = [p for p in directory.iterdir() if OURS.fullmatch(p.name) and p != newest]
-    for path in sorted(others, key=lambda p: p.name)[: max(0, len(others) + 1 - max_files)]:
+    """Routine stops first; never the one just written, also where the wall clock has gone back."""
+    others = [
+        (name["reason"] not in ROUTINE, path)
+        for path in directory.iterdir()
+        if path != newest and (name := OURS.fullmatch(path.name))
+    ]
+    for _, path in sorted(others)[: max(0, len(others) + 1 - max_files)]:
         with suppress(OSError):
             path.unlink()
 

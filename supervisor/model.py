@@ -209,7 +209,7 @@ class Source(NamedTuple):
     config: SourceConfig
     track: Track = Track()
     velocity: Velocity | None = None
-    """Its last accepted command, clamped to the limits; None before the first."""
+    """Its last accepted command, clamped to the limits; None before the first, and once it has left at rest."""
     sent_s: float = -math.inf
     """When that command was sent, by our clock: its arrival less its time on the way."""
     neutral_s: float = -math.inf

@@ -456,17 +456,21 @@ def _hear(state: State, inputs: Inputs) -> tuple[dict[str, Source], dict[str, li
     """What came from each source, and which causes came with it: what is mended within the same step was there."""
     sources = {s.config.name: s for s in state.sources}
     passing: dict[str, list[StopReason]] = {}
-    for change in inputs.liveliness:
-        if change.source in sources:
-            sources[change.source] = sources[change.source]._replace(alive=change.alive)
-            if not change.alive:
-                passing.setdefault(change.source, []).append(StopReason.SOURCE_LOST)
     for command in inputs.commands:
         if command.source in sources:
             source = _accept(sources[command.source], command, state.config)
             sources[command.source] = source
             if source.invalid:
                 passing.setdefault(command.source, []).append(StopReason.COMMAND_INVALID)
+    for change in inputs.liveliness:  # after the commands: who leaves says zero first
+        if change.source in sources:
+            source = sources[change.source]._replace(alive=change.alive)
+            if not change.alive:
+                if source.neutral and not source.invalid:
+                    source = source._replace(velocity=None)
+                else:
+                    passing.setdefault(change.source, []).append(StopReason.SOURCE_LOST)
+            sources[change.source] = source
     return sources, passing
 
 
@@ -513,7 +517,7 @@ def _clamp(value: float, limit: float) -> float:
 def _own_causes(source: Source, now_s: float, config: LawConfig) -> Reasons:
     """What keeps this source alone from driving now."""
     causes: set[StopReason] = set()
-    if source.alive is False:
+    if source.alive is False and source.velocity is not None:
         causes.add(StopReason.SOURCE_LOST)
     if source.invalid:
         causes.add(StopReason.COMMAND_INVALID)

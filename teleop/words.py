@@ -27,7 +27,7 @@ _CAUSES = {  # what holds now; the law's own detail is better, where there is on
     "SOURCE_LOST": "the connection to WHO was lost",
     "COMMAND_INVALID": "WHO sent something that is no command",
     "COMMAND_STALE": "the commands of WHO come too late or out of order",
-    "NO_COMMAND": "nobody has commanded anything yet",
+    "NO_COMMAND": "nobody commands the robot",
     "SCAN_BLIND": "the motion would enter unseen space",
     "": "the supervisor gives no reason",
 }
@@ -44,7 +44,7 @@ _OVER = {  # what was, and is over
     "COMMAND_INVALID": "a command was invalid",
     "COMMAND_STALE": "commands came too late or out of order",
     "COMMAND_TIMEOUT": "commands were missing for too long",
-    "NO_COMMAND": "nobody had commanded anything",
+    "NO_COMMAND": "nobody commanded the robot",
     "SCAN_BLIND": "the motion would have entered unseen space",
     "OBSTACLE": "something was too close",
 }

@@ -160,18 +160,20 @@ def _machine(name: str, does: str, detectors: tuple[str, ...] = ()) -> FaultClas
 
 SILENT = ("COMMAND_TIMEOUT", "COMMAND_STALE")
 SILENT_OR_LOST = (*SILENT, "SOURCE_LOST")
+GONE = ("SOURCE_LOST", "NO_COMMAND")
+"""A source that says zero before it leaves has not been lost."""
 BASE_ALONE = ("base: SUPERVISOR_LOST", "base: COMMAND_TIMEOUT")
 UNSEEN = ("SCAN_STALE", "SCAN_INVALID")
 NOT_SEEN = ("OBSTACLE", "SCAN_BLIND")
 
 CLASSES = (
-    _teleop("sigkill", "SIGKILL", ("SOURCE_LOST",), KILL_BOUND_S, 2, virtual=True),
-    _teleop("sigterm", "SIGTERM: it ends itself", ("SOURCE_LOST",), KILL_BOUND_S, 2, virtual=True),
+    _teleop("sigkill", "SIGKILL", GONE, KILL_BOUND_S, 2, virtual=True),
+    _teleop("sigterm", "SIGTERM: it ends itself", GONE, KILL_BOUND_S, 2, virtual=True),
     _teleop("sigstop", "SIGSTOP, and SIGCONT a while later", SILENT_OR_LOST, SILENT_BOUND_S, 3, virtual=True),
     _teleop("blocked", "its event loop runs nothing for a while", SILENT, SILENT_BOUND_S, 3, virtual=True),
-    _teleop("exception", "an exception that nobody catches", ("SOURCE_LOST",), None, 2, virtual=False),
-    _teleop("hang_up", "its terminal is closed", ("SOURCE_LOST",), None, 2, virtual=False),
-    _teleop("end_of_input", "its keys end", ("SOURCE_LOST",), KILL_BOUND_S, 2, virtual=True),
+    _teleop("exception", "an exception that nobody catches", GONE, None, 2, virtual=False),
+    _teleop("hang_up", "its terminal is closed", GONE, None, 2, virtual=False),
+    _teleop("end_of_input", "its keys end", GONE, KILL_BOUND_S, 2, virtual=True),
     _teleop("gil", "a thread of it holds the interpreter's lock", SILENT, SILENT_BOUND_S, 3, virtual=True),
     _supervisor("sigkill", "SIGKILL, and a restart", BASE_ALONE, KILL_BOUND_S),
     _supervisor("sigstop", "SIGSTOP, and SIGCONT a while later", BASE_ALONE, HUNG_BASE_BOUND_S),

@@ -28,7 +28,7 @@ from supervisor.blackbox import (
 )
 from supervisor.blackbox_file import LAW, VERSION, BlackBoxError, Document, Order, read, write
 from supervisor.config import SupervisorSection
-from supervisor.model import Command, Inputs, Mode, StopReason, Velocity
+from supervisor.model import Command, Inputs, Mode, Odometry, StopReason, Velocity
 from supervisor.safety import initial_state, step
 from tests.unit.supervisor.black_boxes import NOON_UTC_S, Drive, KeepingWriter, WriterAtOnce
 from tests.unit.supervisor.law_harness import CONFIG, FORWARD, NEUTRAL, TICK_S, lost
@@ -102,12 +102,34 @@ def test_a_stop_is_written_with_the_two_seconds_after_it(drive: Drive, writer: W
     assert len(steps) == document.header["steps"]
 
 
-def test_a_stop_out_of_ready_is_written_once_it_has_moved(drive: Drive, writer: WriterAtOnce) -> None:
+@pytest.mark.parametrize("reason", ["left", "e-stop"])
+def test_a_stop_at_rest_is_not_written(drive: Drive, writer: WriterAtOnce, reason: str) -> None:
     drive.drive()
     assert drive.hold(1.0).mode is Mode.READY
-    drive.step(Inputs(liveliness=lost()))
+    decision = drive.step(Inputs(liveliness=lost()) if reason == "left" else Inputs(estop=True))
+    assert decision.mode is Mode.STOPPED
     drive.hold(TAIL_S + TICK_S)
-    assert [path.name[21:] for path in writer.paths] == ["SOURCE_LOST.jsonl.gz"]
+    drive.box.close()
+    assert writer.paths == []
+
+
+def test_a_stop_while_the_robot_still_brakes_is_written(drive: Drive, writer: WriterAtOnce) -> None:
+    drive.drive()
+    drive.step(Inputs(commands=(Command("teleop", NEUTRAL, drive.now_s + TICK_S),)))
+    rolling = Odometry(FORWARD, drive.now_s + TICK_S)
+    assert drive.step(Inputs(odometry=rolling)).mode is Mode.READY
+    drive.step(Inputs(estop=True))
+    drive.hold(TAIL_S + TICK_S)
+    assert [path.name[21:] for path in writer.paths] == ["ESTOP.jsonl.gz"]
+
+
+def test_a_file_with_several_stops_is_named_after_the_most_severe(drive: Drive, writer: WriterAtOnce) -> None:
+    drive.drive()
+    drive.stop()
+    drive.drive()
+    drive.step(Inputs(estop=True))
+    drive.hold(TAIL_S + TICK_S)
+    assert [path.name[21:] for path in writer.paths] == ["ESTOP.jsonl.gz"]
 
 
 def test_a_stop_that_lasts_is_written_once(drive: Drive, writer: WriterAtOnce) -> None:
@@ -280,6 +302,16 @@ def test_only_the_newest_files_are_kept_and_what_is_not_ours_is_left_alone(tmp_p
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         *(f"20260704T12000{second}.000Z-ESTOP.jsonl.gz" for second in (2, 3, 4)),
         notes.name,
+    ]
+
+
+def test_files_of_routine_stops_give_way_to_all_others(tmp_path: Path) -> None:
+    order = an_order()
+    reasons = ("SOURCE_LOST", "OBSTACLE", "OVERRUN", "NO_COMMAND", "SCAN_BLIND", "OBSTACLE")
+    for second, reason in enumerate(reasons):
+        put(replace(order, name=f"20260704T12000{second}.000Z-{reason}"), tmp_path, max_files=3)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        f"20260704T12000{second}.000Z-{reasons[second]}.jsonl.gz" for second in (0, 2, 5)
     ]
 
 

@@ -77,6 +77,28 @@ def test_a_lost_token_is_a_cause_until_it_is_back() -> None:
     assert told(law.tick(("teleop", FORWARD), liveliness=back())) == (set(), {"SOURCE_LOST"})
 
 
+def test_a_source_that_says_zero_and_leaves_is_not_lost() -> None:
+    law = Law()
+    law.drive()
+    assert told(law.tick(("teleop", NEUTRAL), liveliness=lost())) == ({"NO_COMMAND"}, set())
+    assert law.tick().mode is Mode.STOPPED
+    assert law.tick(("teleop", NEUTRAL), liveliness=back()).mode is Mode.READY
+
+
+def test_a_source_that_has_left_and_speaks_without_its_token_is_lost() -> None:
+    law = Law()
+    law.drive()
+    law.tick(("teleop", NEUTRAL), liveliness=lost())
+    assert told(law.tick(("teleop", NEUTRAL))) == ({"SOURCE_LOST"}, {"NO_COMMAND"})
+
+
+def test_an_invalid_command_is_no_farewell() -> None:
+    law = Law()
+    law.drive()
+    law.tick(("teleop", NEUTRAL))
+    assert "SOURCE_LOST" in told(law.tick(("teleop", None), liveliness=lost()))[0]
+
+
 def test_what_is_mended_within_one_step_is_latched_at_once() -> None:
     law = Law()
     law.drive()

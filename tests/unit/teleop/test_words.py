@@ -32,7 +32,7 @@ CAUSES = {
     "COMMAND_INVALID": "teleop sent something that is no command",
     "COMMAND_STALE": "the commands of teleop come too late or out of order",
     "COMMAND_TIMEOUT": "teleop was silent for too long",
-    "NO_COMMAND": "nobody has commanded anything yet",
+    "NO_COMMAND": "nobody commands the robot",
     "SCAN_BLIND": "the motion would enter unseen space",
     "OBSTACLE": "too close for this motion: 0.28 m ahead left",
 }
@@ -102,7 +102,7 @@ OVER = {
     "COMMAND_INVALID": "a command was invalid",
     "COMMAND_STALE": "commands came too late or out of order",
     "COMMAND_TIMEOUT": "commands were missing for too long",
-    "NO_COMMAND": "nobody had commanded anything",
+    "NO_COMMAND": "nobody commanded the robot",
     "SCAN_BLIND": "the motion would have entered unseen space",
     "OBSTACLE": "something was too close",
 }
