@@ -21,6 +21,7 @@ from teleop.keys import KeyDecoder, ReportKind
 from teleop.pilot import KeyEvent
 from teleop.pulse import Pulse
 from teleop.screen import FrameWriter
+from teleop.terminal_guard import Modes, TerminalGuard
 from teleop.view import Line, Tone
 
 READ_BYTES = 1024
@@ -43,8 +44,8 @@ _KITTY_FLAGS = 1 | 2 | 4 | 8
 _KITTY_NEEDED = 2 | 8
 _PUSH, _POP = f"\x1b[>{_KITTY_FLAGS}u\x1b[?u", "\x1b[<u"
 RESTORE = _POP + _HOLD_LEAVE + _LEAVE
-"""What a teleop that was killed could not say any more; `lifeline up` says it. On the screen of a shell, which
-keeps keyboard flags of its own, it changes nothing."""
+"""What a teleop that was killed could not say any more. On the screen of a shell, which keeps keyboard flags of its
+own, it changes nothing."""
 _COLOURS = {Tone.GOOD: "\x1b[32m", Tone.CAUTION: "\x1b[1;33m", Tone.STOP: "\x1b[1;31m"}
 _NO_COLOUR = "\x1b[0m"
 _CLEAR = "\r\x1b[K"
@@ -79,7 +80,7 @@ class Terminal:
         self._wake, self._on_releases = wake, on_releases
         self._decoder = KeyDecoder()
         self._ended = False
-        self._suspended = False
+        self._has_terminal = False
         self._typed: list[KeyEvent] = []
         """Keys that came as signals."""
         self._backlog = b""
@@ -93,10 +94,13 @@ class Terminal:
         self._loop = asyncio.get_running_loop()
         self._saved = termios.tcgetattr(0)
         self._out = _open_output()
+        ending = RESTORE if self._face.is_full else "\r\n"
+        self._guard = TerminalGuard(self._out, self._saved, _cbreak(self._saved), ending)
         try:
             self._begin()
         except BaseException:
             self._restore()
+            self._guard.close()
             raise
         return self
 
@@ -104,6 +108,7 @@ class Terminal:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._leave()
+        self._guard.close()
         os.close(self._out)
 
     @property
@@ -157,10 +162,8 @@ class Terminal:
         All of the job, not this process alone: whoever started it waits for it, and would hold the terminal.
         """
         self._leave()
-        self._suspended = True
         signal.signal(signal.SIGTSTP, signal.SIG_DFL)
         os.kill(0, signal.SIGTSTP)
-        self._suspended = False
         self._begin()
 
     # --- keys
@@ -206,6 +209,8 @@ class Terminal:
         signal.signal(signal.SIGQUIT, self._on_quit)
 
     def _enter(self) -> None:
+        self._has_terminal = True
+        self._guard.tell(has_terminal=True)
         with suppress(termios.error):  # the terminal is gone: the next read tells
             termios.tcsetattr(0, termios.TCSANOW, _cbreak(self._saved))
         if not self._face.is_full:
@@ -216,7 +221,7 @@ class Terminal:
 
     def _on_continue(self) -> None:
         """Stopped from outside, without a word, and continued: whoever had the terminal may have changed it."""
-        if not self._suspended:
+        if self._has_terminal:
             if self._has_pushed:
                 self._write(_POP)
             self._face.forget()
@@ -228,6 +233,7 @@ class Terminal:
         os._exit(128 + signal.SIGQUIT)
 
     def _leave(self) -> None:
+        self._has_terminal = False
         with suppress(OSError):
             self._loop.remove_reader(0)
         for number in (signal.SIGTSTP, signal.SIGCONT, signal.SIGWINCH):
@@ -243,6 +249,7 @@ class Terminal:
         self._write_for_certain(ending)
         self._await_answers()
         self._restore()
+        self._guard.tell(has_terminal=False)
 
     def _await_answers(self) -> None:
         """What the terminal still has to say is ours, not the shell's."""
@@ -369,7 +376,7 @@ def _open_output() -> int:
         return os.dup(1)
 
 
-def _cbreak(saved: list[int | list[bytes | int]]) -> list[int | list[bytes | int]]:
+def _cbreak(saved: Modes) -> Modes:
     r"""Keys at once and without echo; Ctrl-C, Ctrl-Z and Ctrl-\ stay signals, Ctrl-S must not freeze the picture."""
     iflag, oflag, cflag, lflag, ispeed, ospeed, cc = saved
     assert isinstance(iflag, int)

@@ -210,7 +210,7 @@ class Operator:
         if private == ">":
             self.kitty_flags.append(int(number) & self.kitty)
         elif private == "<":
-            self.kitty_flags.pop()
+            del self.kitty_flags[-1:]
         else:
             self.type(f"\x1b[?{(self.kitty_flags or [0])[-1]}u".encode())
 

@@ -19,7 +19,7 @@ from deploy import processes, stack
 from deploy.processes import MARK, Process
 from deploy.statedir import StateDir
 from tests.system.harness import free_endpoint
-from tests.system.process_state import state_of
+from tests.system.process_state import children_of, state_of
 from wire.memory_keeper import KEEP_S, NAME, is_keeper
 
 LIMIT_S = 10.0
@@ -133,17 +133,7 @@ def ends_within(pidfd: int, limit_s: float) -> bool:
 
 def keepers_of(pid: int) -> list[int]:
     """Among a process's children, whichever of its threads made them."""
-    everyone = [int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdecimal()]
-    return [child for child in everyone if parent_of(child) == pid and is_keeper(child)]
-
-
-def parent_of(pid: int) -> int | None:
-    """None for a process that has ended."""
-    try:
-        stat = Path(f"/proc/{pid}/stat").read_text()
-    except (FileNotFoundError, ProcessLookupError):
-        return None
-    return int(stat.rpartition(")")[2].split()[1])
+    return [child for child in children_of(pid) if is_keeper(child)]
 
 
 def until(condition: Callable[[], bool]) -> None:

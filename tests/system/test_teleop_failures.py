@@ -3,8 +3,12 @@
 import asyncio
 import itertools
 import os
+import select
 import signal
 import sys
+import termios
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -19,7 +23,9 @@ from tests.system.operators import (
     operator,
     until,
 )
-from tests.system.process_state import state_of
+from tests.system.process_state import children_of, state_of
+
+ALL_KITTY_FLAGS = 31
 
 BROKEN = """
 import asyncio
@@ -115,9 +121,7 @@ class Job:
 
     @property
     def pid(self) -> int:
-        shell = self.terminal.process.pid
-        children = Path(f"/proc/{shell}/task/{shell}/children").read_text().split()
-        return int(children[0]) if children else 0
+        return next(iter(children_of(self.terminal.process.pid)), 0)
 
     @property
     def is_stopped(self) -> bool:
@@ -140,7 +144,7 @@ async def test_suspended_it_leaves_the_shell_a_terminal_and_comes_back_neutral(h
                 os.kill(job.pid, signal.SIGTSTP)
             await until(lambda: job.is_stopped)
             await until(lambda: h.asks(*ZERO) and not h.sees_teleop())
-            assert not op.modes_on & {"1049", "1004"}
+            await until(lambda: not op.modes_on & {"1049", "1004"})
             op.type(b"echo it is the $((6*7)) shell\n")
             await until(lambda: "it is the 42 shell" in op.picture)
             op.type(b"fg\n")
@@ -153,6 +157,60 @@ async def test_suspended_it_leaves_the_shell_a_terminal_and_comes_back_neutral(h
             await until(lambda: "over=0" in op.picture)
         finally:
             op.close()
+
+
+async def test_a_kill_while_it_is_suspended_leaves_the_shell_its_terminal() -> None:
+    endpoint = free_endpoint()
+    async with hub(endpoint) as h:
+        job = Job(endpoint)
+        op = job.terminal
+        try:
+            await until(h.is_ready, 2 * LIMIT_S)
+            op.type(b"\x1a")
+            await until(lambda: job.is_stopped)
+            op.type(b"echo it is the $((6*7)) shell\n")
+            await until(lambda: "it is the 42 shell" in op.picture)
+            with guard_of(job.pid) as has_ended:
+                left = op.output.count("\x1b[?1049l")
+                op.type(b"kill -9 %1\n")
+                await until(has_ended)
+            op.type(b"echo still the $((6*7)) shell\n")
+            await until(lambda: "still the 42 shell" in op.picture)
+            assert op.output.count("\x1b[?1049l") == left
+        finally:
+            op.close()
+
+
+@contextmanager
+def guard_of(pid: int) -> Generator[Callable[[], bool]]:
+    """Whether the process that guards teleop's terminal has ended."""
+    (guard,) = [p for p in children_of(pid) if b"terminal_guard" in Path(f"/proc/{p}/cmdline").read_bytes()]
+    pidfd = os.pidfd_open(guard)
+    try:
+        yield lambda: bool(select.select([pidfd], [], [], 0)[0])
+    finally:
+        os.close(pidfd)
+
+
+@pytest.mark.parametrize("options", [(), ("--plain",), ("--mode", "hold")], ids=["screen", "plain", "hold"])
+async def test_a_kill_leaves_the_terminal_as_it_was(options: tuple[str, ...]) -> None:
+    endpoint = free_endpoint()
+    async with hub(endpoint) as h, operator(endpoint, *options, kitty=ALL_KITTY_FLAGS) as op:
+        await until(lambda: h.is_ready() and bool(op.kitty_flags) == ("hold" in options))
+        assert not op.is_restored
+        op.process.kill()
+        await until(lambda: op.is_restored)
+
+
+async def test_after_a_kill_the_guard_leaves_alone_modes_that_somebody_else_has_set() -> None:
+    async with driving() as (_, op):
+        modes = termios.tcgetattr(op.slave)
+        modes[3] |= termios.ECHO
+        termios.tcsetattr(op.slave, termios.TCSANOW, modes)
+        with guard_of(op.process.pid) as has_ended:
+            op.process.kill()
+            await until(has_ended)
+        assert termios.tcgetattr(op.slave)[3] == modes[3]
 
 
 async def test_ctrl_c_in_its_first_moments_ends_it_quietly() -> None:
