@@ -1,0 +1,45 @@
+"""A command source of your own: drives gently to and fro, 3 s each way.
+
+    python examples/command_source.py [ENDPOINT]
+
+The supervisor must know its name: docs/how-to/command-source.md.
+"""
+
+import asyncio
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+
+from wire import topics
+from wire.messages import planar_twist
+from wire.zenoh_bus import DEFAULT_ENDPOINT, BusConfig, open_bus
+
+SOURCE = "patrol"
+PERIOD_S = 0.05
+"""Well below the supervisor's `command_timeout_s` (0.2 s): a late command stops the robot."""
+
+
+def speeds_m_s() -> Iterator[float]:
+    """Neutral first: only a neutral command arms a source. Then to and fro."""
+    yield from [0.0] * 20
+    while True:
+        yield from [0.1] * 60
+        yield from [-0.1] * 60
+
+
+async def main() -> None:
+    bus = await open_bus(BusConfig(sys.argv[1] if len(sys.argv) > 1 else DEFAULT_ENDPOINT), "client")
+    commands = bus.publisher(topics.source_cmd_vel(SOURCE))
+    bus.declare_alive(SOURCE)  # its loss stops the robot within milliseconds
+    try:
+        for speed_m_s in speeds_m_s():
+            commands.put(planar_twist(speed_m_s, 0.0))
+            await asyncio.sleep(PERIOD_S)
+    finally:
+        commands.put(planar_twist(0.0, 0.0))  # a source that leaves at rest is not lost
+        await bus.close()
+
+
+if __name__ == "__main__":
+    with suppress(KeyboardInterrupt):
+        asyncio.run(main())
