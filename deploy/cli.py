@@ -132,7 +132,7 @@ def check(*, file: Annotated[Path, typer.Argument(metavar="FILE", help="a robot.
     """Check a configuration: its lidars, stopping distance, permitted motions and risks.
 
     Exit 0 if the file is valid without a risk, 1 if a setting creates a risk, 2 if the file is refused.
-    A file without [sim] always exits 1: nothing in it proves the deceleration.
+    A file without a sim section always exits 1: nothing in it proves the deceleration.
     """
 
     def run() -> int:

@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -47,9 +48,11 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool) -> int:
                 if latched is not None:
                     say(latched)
                 if detach:
+                    drive = shlex.join(launch.command(topics.TELEOP))
                     say(
                         f"running at {launch.bus.endpoint}; look with `lifeline status`, end with `lifeline down`"
                     )
+                    say(f"drive with `{drive}`")
                     keep = True
                     return 0
                 return _teleop_here(state, launch, say)

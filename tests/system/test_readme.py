@@ -84,7 +84,7 @@ def keys_of(line: str) -> Sequence[str]:
 
 
 async def test_the_recipe_does_what_its_comments_say() -> None:
-    up, drive, kill, status, again, down = recipe()
+    up, drive, _, kill, status, again, down = recipe()
     with tempfile.TemporaryDirectory() as directory:
         async with shell(Path(directory)) as one:
             await one.run(up, until_says="running at .*down", limit_s=START_LIMIT_S)
@@ -93,7 +93,7 @@ async def test_the_recipe_does_what_its_comments_say() -> None:
                 one.type(key.encode())
             await until(lambda: "DRIVING" in one.picture and "+0.50" in one.picture)
 
-            one.elsewhere(kill.partition("#")[0])
+            one.elsewhere(kill)
             await until(lambda: not one.modes_on & {"1049", "1004"})
             await one.run("stty -a", until_says=r"(?s)\sicanon\s.*\secho\s")
             await one.run(status, until_says="SOURCE_LOST")
