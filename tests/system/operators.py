@@ -2,6 +2,7 @@
 
 import asyncio
 import fcntl
+import itertools
 import os
 import pty
 import re
@@ -24,10 +25,13 @@ from wire import topics
 from wire.messages import SafetyStatus, TriggerResponse, Twist, header
 from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
 
-LIMIT_S = 8.0
+LIMIT_S = 20.0
+"""How long a test waits for what must come, on a loaded machine."""
 ROOT = Path(__file__).parents[2]
 ZERO = (0.0, 0.0)
 ALL_MODES = tuple[Any, ...]
+TELEOP = ("-m", "teleop")
+PATIENT = ("-m", "tests.system.patient_teleop")
 
 SEQUENCE = re.compile(rb"\x1b\[([<>?=]?)([0-9;]*)([@-~])")
 UNFINISHED = re.compile(rb"\x1b(\[[<>?=0-9;]*)?\Z")
@@ -54,6 +58,7 @@ class Hub:
         self._status = bus.publisher(topics.STATUS)
         self._alive: set[str] = set()
         self._twists: list[Twist] = []
+        self._arrivals_s: list[float] = []
         bus.serve(topics.SUPERVISOR_RESET, self._refuse)
 
     async def _refuse(self, _: str) -> TriggerResponse:
@@ -61,8 +66,16 @@ class Hub:
 
     @property
     def velocities(self) -> list[tuple[float, float]]:
-        self._twists += [a.message for a in self._commands.take() if a.message is not None]
+        for arrival in self._commands.take():
+            if arrival.message is not None:
+                self._twists.append(arrival.message)
+                self._arrivals_s.append(arrival.arrival_s)
         return [(twist.linear.x, twist.angular.z) for twist in self._twists]
+
+    @property
+    def gaps_s(self) -> list[float]:
+        """From each velocity to the next."""
+        return [after - before for before, after in itertools.pairwise(self._arrivals_s)]
 
     def asks(self, linear_m_s: float, angular_rad_s: float) -> bool:
         return self.velocities[-1:] == [(linear_m_s, angular_rad_s)]
@@ -122,6 +135,8 @@ class Operator:
         self.endpoint = ""
         self.output = ""
         self.bells = 0
+        self.answered = 0
+        """How often it said how it is."""
         self._pending = b""
         self._screens = [pyte.Screen(100, 30), pyte.Screen(100, 30)]
         self._streams = [pyte.ByteStream(screen) for screen in self._screens]
@@ -202,6 +217,7 @@ class Operator:
             self._on_kitty(private, number)
         elif (number, final) == ("5", "n") and self.answers:
             self.type(b"\x1b[0n")
+            self.answered += 1
         return final in "un"
 
     def _on_kitty(self, private: str, number: str) -> None:
@@ -253,7 +269,7 @@ class Operator:
 async def operator(
     endpoint: str,
     *arguments: str,
-    command: tuple[str, ...] = ("-m", "teleop"),
+    command: tuple[str, ...] = PATIENT,
     term: str = "xterm-256color",
     kitty: int | None = None,
     answers: bool = False,
@@ -269,10 +285,15 @@ async def operator(
 
 
 @asynccontextmanager
-async def driving(*arguments: str, answers: bool = False) -> AsyncGenerator[tuple[Hub, Operator]]:
+async def driving(
+    *arguments: str, command: tuple[str, ...] = PATIENT, answers: bool = False
+) -> AsyncGenerator[tuple[Hub, Operator]]:
     """A teleop that is connected and asks for 0.1 m/s."""
     endpoint = free_endpoint()
-    async with hub(endpoint) as h, operator(endpoint, *arguments, answers=answers) as op:
+    async with (
+        hub(endpoint) as h,
+        operator(endpoint, *arguments, command=command, answers=answers) as op,
+    ):
         await until(h.is_ready)
         op.type(b"w")
         await until(lambda: h.asks(0.1, 0.0))

@@ -1,8 +1,9 @@
 """`python -m teleop --mode hold`, `--view-only` and the dashboard, on terminals that can more and less."""
 
 import asyncio
+from collections.abc import Callable
 
-from tests.system.operators import ZERO, Hub, Operator, driving, free_endpoint, hub, operator, until
+from tests.system.operators import LIMIT_S, ZERO, Hub, Operator, driving, free_endpoint, hub, operator, until
 from wire import topics
 from wire.messages import SafetyStatus, odometry
 from wire.zenoh_bus import BusConfig, open_bus
@@ -16,13 +17,14 @@ def is_moving(h: Hub) -> bool:
     return h.velocities[-1:] not in ([], [ZERO])
 
 
-async def hold_down(op: Operator, key: bytes, for_s: float) -> None:
-    """A key as a terminal without releases sends it."""
+async def hold_down(op: Operator, key: bytes, condition: Callable[[], bool]) -> None:
+    """A key as a terminal without releases sends it, until something is seen."""
     op.type(key)
     await asyncio.sleep(INITIAL_DELAY_S)
-    for _ in range(round((for_s - INITIAL_DELAY_S) / INTERVAL_S)):
-        op.type(key)
-        await asyncio.sleep(INTERVAL_S)
+    async with asyncio.timeout(LIMIT_S):
+        while not condition():
+            op.type(key)
+            await asyncio.sleep(INTERVAL_S)
 
 
 async def test_holding_where_the_terminal_reports_releases() -> None:
@@ -76,7 +78,7 @@ async def test_holding_where_the_terminal_reports_no_releases() -> None:
         await asyncio.sleep(0.4)
         assert set(h.velocities) == {ZERO}
         seen = len(h.velocities)
-        await hold_down(op, b"i", 1.0)
+        await hold_down(op, b"i", lambda: h.asks(0.5, 0.0))
         await until(lambda: h.asks(*ZERO))
         moved = [velocity for velocity in h.velocities[seen:] if velocity != ZERO]
         assert max(linear for linear, _ in moved) == 0.5
@@ -112,20 +114,31 @@ async def test_an_answer_that_comes_late_is_still_an_answer() -> None:
 
 async def test_the_dashboard_shows_what_it_hears_resizes_and_rings() -> None:
     async with driving() as (h, op):
-        async with asyncio.timeout(5):
+        async with asyncio.timeout(LIMIT_S):
             robot = await open_bus(BusConfig(op.endpoint), "client")
         try:
-            h.tell(
-                SafetyStatus.DRIVING, nearest_m=0.44, nearest_bearing_rad=0.0, warning=True, owner="teleop"
-            )
-            robot.publisher(topics.ODOM).put(odometry((1.25, -0.5, 0.0), (0.1, 0.0)))
-            await until(lambda: all(word in op.picture for word in ("DRIVING", "0.44", "+1.25")))
+            odom = robot.publisher(topics.ODOM)
+
+            def is_shown() -> bool:
+                """What is told is told again and again: after half a second it is shown as old."""
+                h.tell(
+                    SafetyStatus.DRIVING,
+                    nearest_m=0.44,
+                    nearest_bearing_rad=0.0,
+                    warning=True,
+                    owner="teleop",
+                )
+                odom.put(odometry((1.25, -0.5, 0.0), (0.1, 0.0)))
+                return all(word in op.picture for word in ("DRIVING", "0.44", "+1.25"))
+
+            await until(is_shown)
             assert op.bells == 1
             op.type(b"3")
             await until(lambda: "3 of 5" in op.picture)
             op.resize(80, 24)
-            h.tell(SafetyStatus.STOPPED, "OBSTACLE")
-            await until(lambda: "STOPPED" in op.picture.splitlines()[0])
+            await until(
+                lambda: h.tell(SafetyStatus.STOPPED, "OBSTACLE") or "STOPPED" in op.picture.splitlines()[0]
+            )
             assert max(len(line.rstrip()) for line in op.picture.splitlines()) <= 80
         finally:
             await robot.close()

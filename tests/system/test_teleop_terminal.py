@@ -5,6 +5,7 @@ import fcntl
 import os
 import pty
 import signal
+import statistics
 import subprocess
 import sys
 import termios
@@ -30,8 +31,9 @@ async def test_keys_arrive_as_twists_and_the_heartbeat_repeats_them() -> None:
         op.type(b"wa")
         await until(lambda: h.asks(0.2, 0.2))
         seen = len(h.velocities)
-        took_s = await until(lambda: len(h.velocities) >= seen + 20)
-        assert 0.8 < took_s < 2.0
+        await until(lambda: len(h.velocities) >= seen + 20)
+        # The median: a busy machine delivers some of them late.
+        assert 0.04 < statistics.median(h.gaps_s[seen:]) < 0.1
         assert set(h.velocities[seen:]) == {(0.2, 0.2)}
         op.type(b"s")
         await until(lambda: h.asks(*ZERO))
@@ -49,10 +51,13 @@ async def test_cursor_keys_do_not_drive_and_a_stray_escape_does_not_hide_the_eme
 
 async def test_the_line_shows_what_the_supervisor_says_and_a_reset_its_answer() -> None:
     async with driving("--plain") as (h, op):
-        assert "SPACE" in op.output
-        assert "waiting for the supervisor" in op.output
-        h.tell(SafetyStatus.STOPPED, "COMMAND_TIMEOUT")
-        await until(lambda: "STOPPED: COMMAND_TIMEOUT - press s to re-arm" in op.output)
+        await until(lambda: "SPACE" in op.output and "waiting for the supervisor" in op.output)
+        await until(
+            lambda: (
+                h.tell(SafetyStatus.STOPPED, "COMMAND_TIMEOUT")
+                or "STOPPED: COMMAND_TIMEOUT - press s to re-arm" in op.output
+            )
+        )
         await until(lambda: "supervisor: silent for" in op.output)
         op.type(b"r")
         await until(lambda: "reset refused: joy is not neutral" in op.output)
@@ -65,8 +70,7 @@ async def test_a_key_to_quit_leaves_zero_no_token_and_the_terminal_as_it_was(key
         op.type(key)
         assert await op.ended() == (0, "")
         await until(h.is_left)
-        await until(lambda: op.is_restored)
-        assert "ended; the last command was zero" in op.picture
+        await until(lambda: op.is_restored and "ended; the last command was zero" in op.picture)
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
@@ -112,15 +116,14 @@ async def test_a_terminal_that_takes_no_output_stops_the_robot_and_can_still_be_
 async def test_a_kill_withdraws_the_token() -> None:
     async with driving() as (h, op):
         op.process.kill()
-        await until(lambda: not h.sees_teleop(), 1.0)
+        await until(lambda: not h.sees_teleop())
 
 
 async def test_a_dumb_terminal_gets_no_control_sequences() -> None:
     endpoint = free_endpoint()
     async with hub(endpoint) as h, operator(endpoint, term="dumb") as op:
         await until(h.sees_teleop)
-        h.tell(SafetyStatus.READY)
-        await until(lambda: "READY" in op.output)
+        await until(lambda: h.tell(SafetyStatus.READY) or "READY" in op.output)
         op.type(b"q")
         await op.ended()
         assert "\x1b" not in op.output
@@ -147,7 +150,7 @@ async def test_it_can_be_ended_while_it_waits_for_the_hub(key: bytes) -> None:
     async with operator(endpoint) as op:
         await until(lambda: "waiting for the supervisor" in op.picture)
         op.type(key)
-        assert await op.ended(2.0) == (0, "")
+        assert await op.ended() == (0, "")
         assert op.modes() == op.modes_before
 
 
@@ -156,7 +159,7 @@ async def test_a_hang_up_ends_it_while_it_waits_for_the_hub() -> None:
     async with operator(endpoint) as op:
         await until(lambda: "waiting for the supervisor" in op.picture)
         op.hang_up()
-        assert await op.ended(2.0) == (0, "")
+        assert await op.ended() == (0, "")
 
 
 async def run(*arguments: str, stdin: int, stdout: int = subprocess.PIPE) -> tuple[int | None, str]:
