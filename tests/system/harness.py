@@ -51,11 +51,11 @@ class Robot:
                 env=self.environment,
             )
 
-    def start_teleop(self) -> None:
+    def start_teleop(self, module: str = topics.TELEOP) -> None:
         """Start the real keyboard teleop in a terminal of its own."""
         self.terminal = pexpect.spawn(
             sys.executable,
-            ["-m", "teleop", "--endpoint", self.endpoint],
+            ["-m", module, "--endpoint", self.endpoint],
             dimensions=(24, 100),
             env=self.environment,
         )
@@ -96,10 +96,18 @@ class Robot:
         killed_s = self.signal(node, signal.SIGKILL)
         if node in self.processes:
             self.processes.pop(node).wait(PATIENCE_S)
-        elif self.terminal is not None:
+        else:
+            self._close_terminal()
+        return killed_s
+
+    def _close_terminal(self) -> None:
+        """Kill and reap first: pexpect itself gives a process a tenth of a second to die of SIGKILL, and raises then."""
+        if self.terminal is not None:
+            if self.terminal.isalive():
+                self.terminal.kill(signal.SIGKILL)
+                self.terminal.wait()
             self.terminal.close(force=True)
             self.terminal = None
-        return killed_s
 
     async def observe(self) -> None:
         """Open the observer's own session; the hub must be on its way."""
@@ -158,6 +166,19 @@ class Robot:
     async def ready(self) -> None:
         await self.until(lambda: self.status.mode == SafetyStatus.READY, "READY")
 
+    async def press(self, keys: str, condition: Callable[[], bool], what: str) -> None:
+        """Type the keys, and see what they do; keys that come while teleop is held up are void, and typed again."""
+        for left in reversed(range(DRIVE_TRIES)):
+            self.type(keys)
+            try:
+                await self.until(condition, what, PATIENCE_S / DRIVE_TRIES)
+            except AssertionError as error:
+                if not left:
+                    raise
+                print(f"typing again: {error}")
+            else:
+                return
+
     async def drive(self, keys: str = "wwwww", speed_m_s: float = 0.5) -> None:
         """Re-arm with `s`, type the keys, and see the robot move.
 
@@ -206,8 +227,7 @@ class Robot:
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait(5)
-        if self.terminal is not None:
-            self.terminal.close(force=True)
+        self._close_terminal()
         if self.bus is not None:
             await self.bus.close()
         assert processes.end_keepers(self.logs, PATIENCE_S) == []

@@ -39,8 +39,7 @@ async def nothing_moves(subject: Robot) -> None:
     subject.type("s")
     await subject.until(lambda: _heard(subject.status, neutral=True), "a neutral teleop")
     subject.outputs.clear()
-    subject.type("www")
-    await subject.until(lambda: _heard(subject.status, neutral=False), "a teleop that asks for motion")
+    await subject.press("www", lambda: _heard(subject.status, neutral=False), "a teleop that asks for motion")
     await subject.never(lambda: ESTOP not in subject.status.reasons, "released without a reset", TRY_S)
     assert subject.outputs
     assert all(is_zero(twist) for _, twist in subject.outputs)
@@ -64,8 +63,7 @@ async def test_a_killed_supervisor_comes_back_with_the_estop_latched_until_the_o
             await restart_supervisor(subject)
             assert ESTOP in subject.status.reasons
             await nothing_moves(subject)
-            subject.type("r")
-            await subject.until(lambda: ESTOP not in subject.status.reasons, "a reset")
+            await subject.press("r", lambda: ESTOP not in subject.status.reasons, "a reset")
             await subject.until(lambda: not subject.status.estop_record_problem, "a recorded reset")
         await restart_supervisor(subject)
         await subject.drive()

@@ -15,10 +15,10 @@ from pathlib import Path
 import pytest
 
 from deploy.faults.writers import free_scan
-from tests.system.harness import Robot, free_endpoint, robot
+from tests.system.harness import PATIENCE_S, Robot, free_endpoint, robot
 from wire import topics
 from wire.bus import Subscription
-from wire.messages import LaserScan, Odometry, Point
+from wire.messages import LaserScan, Odometry, Point, SafetyStatus
 from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
 
 pytestmark = pytest.mark.timeout(120)
@@ -51,12 +51,25 @@ class Approach:
                 self.least_m = min(self.least_m, self.now_m)
         return False
 
-    async def until_within(self, distance_m: float) -> None:
+    async def until_within(self, distance_m: float, keys: str) -> None:
+        """Where a busy machine stopped the robot on the way, the operator starts again."""
+        subject, end_s = self.subject, time.monotonic() + 2 * PATIENCE_S
+        at_rest = (SafetyStatus.STOPPED, SafetyStatus.READY)
+
         def is_near() -> bool:
             self.look()
             return self.now_m <= distance_m
 
-        await self.subject.until(is_near, f"{distance_m} m to the pillar")
+        while not is_near():
+            await subject.until(
+                lambda: is_near() or subject.status.mode in at_rest,
+                f"{distance_m} m to the pillar",
+            )
+            if not is_near():
+                assert time.monotonic() < end_s, subject.picture()
+                subject.type("s")
+                await subject.ready()
+                await subject.press(keys, lambda: subject.status.mode != SafetyStatus.READY, "motion")
 
     async def drive_on(self, for_s: float, keys: str = "ww") -> None:
         """The operator re-arms where the robot was stopped, and asks for the same again."""
@@ -95,7 +108,7 @@ async def test_driven_at_1_m_s_at_a_pillar_within_14_degrees_of_dirt_the_hull_ke
 ) -> None:
     async with robot(tmp_path) as subject, approach(subject) as way:
         await subject.drive("w" * 10, 1.0)
-        await way.until_within(1.5)
+        await way.until_within(1.5, "w" * 10)
         await ask_faults(subject, "blocked -0.12 0.12")
         await way.drive_on(AT_PILLAR_S)
         assert way.least_m >= LEAST_M
@@ -106,7 +119,7 @@ async def test_driven_at_0_8_m_s_with_a_frozen_lidar_and_no_odometry_the_robot_s
 ) -> None:
     async with robot(tmp_path) as subject, approach(subject) as way:
         await subject.drive("w" * 8, 0.8)
-        await way.until_within(2.0)
+        await way.until_within(2.0, "w" * 8)
         said: set[str] = set()
         await ask_faults(subject, "freeze; no_odom")
 
@@ -193,7 +206,7 @@ async def test_a_second_writer_of_scan_stops_the_robot_by_name_and_when_it_ends_
     """And the real lidar pauses once meanwhile: it must not be refused for ever after."""
     async with robot(tmp_path) as subject, foreign_client(subject) as foreigner, approach(subject) as way:
         await subject.drive("w" * 5, 0.5)
-        await way.until_within(2.5)
+        await way.until_within(2.5, "w" * 5)
         said: set[str] = set()
 
         def is_told() -> bool:
