@@ -15,12 +15,13 @@ import pytest
 from tests.system.harness import free_endpoint
 from tests.system.rogue import open_rogue
 from wire import topics
-from wire.bus import BusError, NoReplyError
-from wire.messages import TriggerResponse, encode, planar_twist
+from wire.bus import Arrival, BusError, NoReplyError
+from wire.messages import TriggerResponse, Twist, encode, planar_twist
 from wire.stamp import Stamper
 from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
 
-WITHIN_S = 5.0
+WITHIN_S = 20.0
+"""How long a test waits for what must come, on a loaded machine."""
 STUBBORN = Path(__file__).with_name("stubborn_source.py")
 
 
@@ -47,15 +48,19 @@ async def test_a_message_crosses_with_its_stamp_and_is_stamped_on_arrival() -> N
     async with hub_and_client() as (hub, client, _):
         commands = hub.subscribe(topics.source_cmd_vel("teleop"), depth=100)
         publisher = client.publisher(topics.source_cmd_vel("teleop"))
-        arrivals, sent_s = commands.take(), 0.0
-        deadline_s = time.monotonic() + WITHIN_S
-        while not arrivals and time.monotonic() < deadline_s:
-            sent_s = time.monotonic()
-            publisher.put(planar_twist(0.5, 0.1))
-            await asyncio.sleep(0.02)
-            arrivals = commands.take()
+        arrivals: list[Arrival[Twist]] = []
+
+        def came(twist: Twist) -> bool:
+            arrivals[:] = [arrival for arrival in commands.take() if arrival.message == twist]
+            return bool(arrivals)
+
+        await until(
+            lambda: publisher.put(planar_twist(0.0, 0.0)) or came(planar_twist(0.0, 0.0)), "the first one"
+        )
+        sent_s = time.monotonic()
+        publisher.put(planar_twist(0.5, 0.1))
+        await until(lambda: came(planar_twist(0.5, 0.1)), "the message")
         (arrival,) = arrivals
-        assert arrival.message == planar_twist(0.5, 0.1)
         assert arrival.stamp is not None
         assert sent_s <= arrival.stamp.source_time_ns * 1e-9 <= arrival.arrival_s <= time.monotonic()
 
