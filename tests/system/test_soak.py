@@ -29,7 +29,7 @@ def place() -> Iterator[Path]:
 def test_a_short_soak_drives_writes_and_draws(tmp_path: Path, place: Path) -> None:
     out, plot = tmp_path / "soak.jsonl", tmp_path / "soak.svg"
     done = subprocess.run(
-        [*COMMAND, "--hours", "0.0031", "--out", str(out), "--plot", str(plot)],
+        [*COMMAND, "--hours", "0.0042", "--out", str(out), "--plot", str(plot)],
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
@@ -46,7 +46,7 @@ def test_a_short_soak_drives_writes_and_draws(tmp_path: Path, place: Path) -> No
     # A machine under load may stop the robot, and is told so.
     assert done.returncode == int(bool(sample.false_stops)), told
     assert origin is not None
-    assert origin.command.startswith("lifeline soak --hours 0.0031 --out soak.jsonl")
+    assert origin.command.startswith("lifeline soak --hours 0.0042 --out soak.jsonl")
     assert ET.parse(plot).getroot().tag.endswith("svg")
     assert_nothing_is_left(place)
 
