@@ -359,6 +359,13 @@ def test_a_full_disk_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.M
 # --- the thread
 
 
+@pytest.fixture
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The end waits for the writer as long as a busy machine takes."""
+    monkeypatch.setattr(blackbox, "CLOSE_LIMIT_S", 30.0)
+
+
+@pytest.mark.usefixtures("patient")
 def test_the_thread_writes_and_says_where(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
     thread_writer = ThreadWriter(tmp_path / "a" / "b", max_files=20)
@@ -369,6 +376,7 @@ def test_the_thread_writes_and_says_where(tmp_path: Path, caplog: pytest.LogCapt
     assert replay(read(path)).difference is None
 
 
+@pytest.mark.usefixtures("patient")
 def test_a_directory_that_cannot_be_is_told_once_and_again_after_a_success(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -386,6 +394,7 @@ def test_a_directory_that_cannot_be_is_told_once_and_again_after_a_success(
     assert [record.levelname for record in caplog.records] == ["WARNING", "INFO"]
 
 
+@pytest.mark.usefixtures("patient")
 def test_orders_that_come_faster_than_they_are_written_are_left_out(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
