@@ -238,12 +238,15 @@ def is_zero(twist: Twist) -> bool:
 
 
 @asynccontextmanager
-async def robot(tmp_path: Path, *nodes: str, teleop: bool = True) -> AsyncGenerator[Robot]:
+async def robot(
+    tmp_path: Path, *nodes: str, teleop: bool = True, config: Path | None = None
+) -> AsyncGenerator[Robot]:
     """A robot whose nodes start in the given order (default: supervisor, sim), and everything ended after."""
+    options = [] if config is None else ["--config", str(config)]
     subject = Robot(free_endpoint(), tmp_path)
     try:
         for node in nodes or (topics.SUPERVISOR, topics.SIM):
-            subject.start(node)
+            subject.start(node, *options)
         await subject.observe()
         if teleop:
             subject.start_teleop()
