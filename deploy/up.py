@@ -17,6 +17,7 @@ from deploy.launch import Launch
 from deploy.stack import Say
 from deploy.statedir import LockedError, StateDir, UnwritableError, locked
 from teleop.terminal import RESTORE
+from teleop.terminal_guard import BY_PARENT
 from wire import topics
 
 END_LIMIT_S = 20.0
@@ -69,7 +70,7 @@ def _teleop_here(state: StateDir, launch: Launch, say: Say) -> int:
     """Run teleop in the foreground, and leave the terminal as it was."""
     terminal = sys.stdin.fileno()
     before = termios.tcgetattr(terminal)
-    mark = {processes.MARK: str(state.path)}
+    mark = {processes.MARK: str(state.path), BY_PARENT: "1"}
     child = subprocess.Popen(launch.command(topics.TELEOP), env=os.environ | mark)
     try:
         code = child.wait()

@@ -21,7 +21,7 @@ from teleop.keys import KeyDecoder, ReportKind
 from teleop.pilot import KeyEvent
 from teleop.pulse import Pulse
 from teleop.screen import FrameWriter
-from teleop.terminal_guard import Modes, TerminalGuard
+from teleop.terminal_guard import BY_PARENT, Modes, TerminalGuard
 from teleop.view import Line, Tone
 
 READ_BYTES = 1024
@@ -81,6 +81,7 @@ class Terminal:
         self._decoder = KeyDecoder()
         self._ended = False
         self._has_terminal = False
+        self._guard: TerminalGuard | None = None
         self._typed: list[KeyEvent] = []
         """Keys that came as signals."""
         self._backlog = b""
@@ -94,13 +95,13 @@ class Terminal:
         self._loop = asyncio.get_running_loop()
         self._saved = termios.tcgetattr(0)
         self._out = _open_output()
-        ending = RESTORE if self._face.is_full else "\r\n"
-        self._guard = TerminalGuard(self._out, self._saved, _cbreak(self._saved), ending)
+        if BY_PARENT not in os.environ:
+            ending = RESTORE if self._face.is_full else "\r\n"
+            self._guard = TerminalGuard(self._out, self._saved, _cbreak(self._saved), ending)
         try:
             self._begin()
         except BaseException:
             self._restore()
-            self._guard.close()
             raise
         return self
 
@@ -108,7 +109,6 @@ class Terminal:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._leave()
-        self._guard.close()
         os.close(self._out)
 
     @property
@@ -210,7 +210,8 @@ class Terminal:
 
     def _enter(self) -> None:
         self._has_terminal = True
-        self._guard.tell(has_terminal=True)
+        if self._guard is not None:
+            self._guard.tell(has_terminal=True)
         with suppress(termios.error):  # the terminal is gone: the next read tells
             termios.tcsetattr(0, termios.TCSANOW, _cbreak(self._saved))
         if not self._face.is_full:
@@ -249,7 +250,8 @@ class Terminal:
         self._write_for_certain(ending)
         self._await_answers()
         self._restore()
-        self._guard.tell(has_terminal=False)
+        if self._guard is not None:
+            self._guard.tell(has_terminal=False)
 
     def _await_answers(self) -> None:
         """What the terminal still has to say is ours, not the shell's."""

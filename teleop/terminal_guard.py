@@ -13,6 +13,9 @@ import termios
 from collections.abc import Sequence
 from contextlib import suppress
 
+BY_PARENT = "LIFELINE_PARENT_RESTORES_TERMINAL"
+"""Set in the environment of a teleop whose parent restores the terminal itself: two of them would move the cursor twice."""
+
 Modes = list[int | list[bytes | int]]
 """As termios has them."""
 
@@ -31,7 +34,7 @@ class TerminalGuard:
 
     def __init__(self, terminal: int, before: Modes, ours: Modes, ending: str) -> None:
         command = [sys.executable, "-I", "-S", __file__, _spelled(before), _spelled(ours), ending]
-        read, self._write = os.pipe()
+        read, self._write = os.pipe()  # open until this process ends
         try:
             # Without our environment: what marks the processes of a stack must not be found in this one.
             self._process = subprocess.Popen(
@@ -46,11 +49,6 @@ class TerminalGuard:
         """Whether teleop has the terminal from now on."""
         with suppress(BrokenPipeError):
             os.write(self._write, _HAS_IT if has_terminal else _HAS_IT_NOT)
-
-    def close(self) -> None:
-        """The second process ends, and changes nothing."""
-        self.tell(has_terminal=False)
-        os.close(self._write)
 
 
 def _spelled(modes: Modes) -> str:
