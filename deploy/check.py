@@ -17,7 +17,7 @@ from supervisor.config import SupervisorSection
 from supervisor.lidar_config import FULL_TURN_SLACK_RAD, NamedLidarSection
 from supervisor.model import Decision
 from wire import topics
-from wire.config import ConfigError, read_toml
+from wire.config import BusSection, ConfigError, read_toml
 
 EXIT_RISKS = 1
 
@@ -85,7 +85,7 @@ def examine(file: Path) -> Report:
         lidars,
         stopping(config, views),
         tuple(permitted_motions(config, views)),
-        tuple(risks(config, sim)),
+        tuple(risks(config, sim, sections[BusSection])),
     )
 
 
@@ -143,6 +143,7 @@ def _print(console: Console, file: Path, report: Report) -> None:
     console.print(_motion_table(report.motions))
     if report.risks:
         console.print(_risk_table(report.risks))
+        console.print("The configuration is valid. The exit code is 1 because of these risks.")
     else:
         console.print(Text("No setting creates a risk that the defaults do not have.", style="green"))
 

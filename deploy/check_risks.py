@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from supervisor.config import SupervisorSection
 from supervisor.lidar_config import NamedLidarSection
-from wire.config import BaseSection
+from wire.config import BaseSection, BusSection, is_loopback
 
 NO_MARGIN_SHARE = 0.9
 """A base trusted with more than this share of its braking has no margin for load, slope and floor."""
@@ -19,18 +19,38 @@ class Risk(NamedTuple):
     sentence: str
 
 
-def risks(config: SupervisorSection, base: BaseSection | None) -> Iterator[Risk]:
+def risks(config: SupervisorSection, base: BaseSection | None, bus: BusSection) -> Iterator[Risk]:
     """Every risk of a configuration that is valid.
 
     Args:
         config: of the supervisor.
         base: what is known of the base; None: a real one, whose numbers are not in the file.
+        bus: where the processes meet.
     """
+    yield from _of_bus(bus)
+    yield from _of_stop_distance(config)
     yield from _of_timeouts(config, base)
     for lidar in config.all_lidars():
         yield from _of_lidar(config, lidar)
     yield from _of_unseen_space(config)
     yield from _of_base(config, base)
+
+
+def _of_bus(bus: BusSection) -> Iterator[Risk]:
+    if not is_loopback(bus.endpoint) and bus.endpoint.startswith("tcp/"):
+        yield Risk(
+            f'[bus] endpoint = "{bus.endpoint}"',
+            "Whoever reaches this port may speak as a command source or as a sensor, and read everything.",
+        )
+
+
+def _of_stop_distance(config: SupervisorSection) -> Iterator[Risk]:
+    if config.stop_distance_m < (default_m := SupervisorSection().stop_distance_m):
+        yield Risk(
+            f"stop_distance_m = {config.stop_distance_m:g}",
+            f"The hull may come within {config.stop_distance_m:g} m of a person instead of {default_m:g} m, and errors of "
+            "the sensors and of the base take their share of that.",
+        )
 
 
 def _of_timeouts(config: SupervisorSection, base: BaseSection | None) -> Iterator[Risk]:

@@ -56,8 +56,8 @@ def fit_to_simulation(sections: Sections) -> Iterator[Conflict]:
             value, of_sim = getattr(lidar, key), getattr(carried, key)
             if abs(value - of_sim) > MOUNT_TOLERANCE:
                 message = (
-                    f"is {of_sim:g} of the lidar that [sim] has on {lidar.topic}: the robot would see everything in "
-                    "another place than it is; set the same mount in both"
+                    f"but the simulated robot has its lidar on {lidar.topic} at {of_sim:g}, so everything would be seen in "
+                    "the wrong place: give [sim] the same mount, or start a real robot with `python -m supervisor --config FILE`"
                 )
                 yield Conflict((*path, key), value, message)
         if carried.beams < lidar.min_beams:

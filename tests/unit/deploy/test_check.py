@@ -181,10 +181,22 @@ def test_the_complete_example_has_no_risk() -> None:
     assert examine(DEFAULT_CONFIG).risks == ()
 
 
+@pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:7448", "tcp/localhost:7447", "tls/0.0.0.0:7447"])
+def test_an_endpoint_on_this_machine_or_behind_tls_is_no_risk(tmp_path: Path, endpoint: str) -> None:
+    plain = report(tmp_path, "").risks
+    assert report(tmp_path, f'[bus]\nendpoint = "{endpoint}"').risks == plain
+
+
 @pytest.mark.parametrize(
     ("text", "setting", "risk"),
     [
         ("[supervisor]\ncommand_timeout_s = 0.5", "command_timeout_s = 0.5", "0.50 m after the operator's"),
+        (
+            '[bus]\nendpoint = "tcp/0.0.0.0:7447"',
+            '[bus] endpoint = "tcp/0.0.0.0:7447"',
+            "Whoever reaches this port",
+        ),
+        ("[supervisor]\nstop_distance_m = 0.2", "stop_distance_m = 0.2", "within 0.2 m of a person"),
         ("[supervisor]\noverrun_s = 0.2", "overrun_s = 0.2", "0.20 m while the supervisor hangs"),
         ("[supervisor]\nodom_timeout_s = 0.4", "odom_timeout_s = 0.4", "0.40 m on the last odometry"),
         ("[sim]\ncommand_timeout_s = 0.3", "[sim] command_timeout_s = 0.3", "0.30 m after the supervisor"),
