@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Polygon
+from matplotlib.lines import Line2D
+from matplotlib.patches import Arc, Circle, Patch, Polygon
 
 from docs.palette import GOOD, HIDDEN, INK, LIGHT, REMEMBERED, ROBOT
 from supervisor import clearance
@@ -75,7 +76,9 @@ def _scene(axes: Axes) -> None:
     hidden = hidden_places(last.view, SPARSE.mount, ROUND, SMALLEST_M, REACH_M)
     _rays(axes, last.view, SPARSE.mount, ROUND)
     axes.add_patch(Circle((0, 0), ROUND.radius_m, color=ROBOT, lw=0, zorder=3))
-    axes.text(0, 0, "hull", color="white", ha="center", va="center", zorder=4)
+    axes.text(-0.05, 0.12, "hull", color="white", ha="center", va="center", zorder=4)
+    _forward(axes, (0.02, 0.0))
+    axes.plot(0, 0, "o", color="white", mec=INK, ms=6, zorder=6)
     seen = last.around.points
     axes.plot(seen[:, 0], seen[:, 1], "o", color=INK, ms=4)
     axes.plot(hidden[:, 0], hidden[:, 1], "o", color=HIDDEN, ms=4, zorder=5)
@@ -87,11 +90,18 @@ def _scene(axes: Axes) -> None:
     disc_m = hides_m + SMALLEST_M / 2
     centre = (disc_m * math.cos(dirt), disc_m * math.sin(dirt))
     axes.add_patch(Circle(centre, SMALLEST_M / 2, fill=False, color=HIDDEN, lw=1.2))
+    axes.plot(
+        [0, hides_m * math.cos(dirt)], [0, hides_m * math.sin(dirt)], "--", color=HIDDEN, lw=1.0, zorder=5
+    )
+    sides = (math.degrees(dirt - edge / 2), math.degrees(dirt + edge / 2))
+    axes.add_patch(Arc((0, 0), 2.1, 2.1, theta1=sides[0], theta2=sides[1], color=HIDDEN, lw=1.2))
+    axes.text(1.14 * math.cos(dirt), 1.14 * math.sin(dirt), "δ", color=HIDDEN, ha="center", va="center")
     _note(
         axes,
-        f"narrow hole, δ = {math.degrees(edge):.0f}°:\n{100 * SMALLEST_M:.0f} cm fit from r(δ) = {hides_m:.2f} m",
+        f"narrow hole, δ = {math.degrees(edge):.0f}°: a disc of\n"
+        f"w = {100 * SMALLEST_M:.0f} cm fits from r = {hides_m:.2f} m (dashed)",
         centre,
-        (1.2, -1.72),
+        (1.1, -1.72),
         HIDDEN,
     )
     point = kept.points[0]
@@ -102,7 +112,18 @@ def _scene(axes: Axes) -> None:
     axes.set_ylim(-1.9, 1.4)
     axes.set_aspect("equal")
     axes.axis("off")
-    axes.set_title("what one scan proves (120 beams, short range)", color=INK, fontsize=11)
+    axes.set_title(
+        f"what one scan proves (120 beams, short range, w = {100 * SMALLEST_M:.0f} cm)",
+        color=INK,
+        fontsize=11,
+    )
+
+
+def _forward(axes: Axes, start: tuple[float, float]) -> None:
+    """An arrow on the hull: ahead is to the right."""
+    x_m, y_m = start
+    arrow = {"arrowstyle": "-|>", "color": "white", "lw": 2.0}
+    axes.annotate("", (x_m + 0.24, y_m), start, zorder=5, arrowprops=arrow)
 
 
 def _free_area(axes: Axes, view: View, mount: Mount, hull: Hull) -> None:
@@ -170,7 +191,7 @@ def _speed_by_hole(axes: Axes) -> None:
     holes_rad = increment * np.arange(1, 150, 2)
     for smallest_m, color in ((0.02, "#86a5c8"), (DEFAULTS.smallest_obstacle_m, ROBOT), (0.10, "#13273f")):
         speed = [permitted_ahead_m_s(float(hole), smallest_m) for hole in holes_rad]
-        axes.plot(np.degrees(holes_rad), speed, color=color, lw=2.0, label=f"{100 * smallest_m:.0f} cm")
+        axes.plot(np.degrees(holes_rad), speed, color=color, lw=2.0, label=f"w = {100 * smallest_m:.0f} cm")
     axes.legend(title="smallest_obstacle_m", frameon=False)
     axes.set_xlabel("δ: width of a hole straight ahead [°]")
     axes.set_ylabel("permitted speed straight ahead [m/s]")
@@ -178,12 +199,12 @@ def _speed_by_hole(axes: Axes) -> None:
     axes.set_xlim(0.0, 15.0)
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(color=LIGHT, lw=0.6)
-    axes.set_title("less seen, less speed (round hull of 0.25 m, T = 0.1 s)", color=INK, fontsize=11)
+    axes.set_title("less seen, less speed (round hull, radius 0.25 m; T = 0.1 s)", color=INK, fontsize=11)
 
 
 def draw_partial_view(path: Path) -> None:
     """The hidden places of the example with one front lidar, and what a second lidar leaves of them."""
-    figure = Figure(figsize=(11, 4.6), layout="constrained")
+    figure = Figure(figsize=(11, 4.8), layout="constrained")
     left, right = figure.subplots(1, 2)
     _partial_view(
         left, EXAMPLES / "amr_one_lidar.toml", "one front lidar: hidden places at the sides and behind"
@@ -191,7 +212,18 @@ def draw_partial_view(path: Path) -> None:
     _partial_view(
         right,
         EXAMPLES / "amr_two_lidars.toml",
-        "two lidars at opposite corners: hidden places only at the walls",
+        "two lidars at opposite corners: only in front of walls",
+    )
+    figure.legend(
+        handles=[
+            Patch(color=GOOD, alpha=0.13, label="seen free by one lidar"),
+            Patch(color=GOOD, alpha=0.25, label="by both"),
+            Line2D([], [], marker="o", ls="", color=HIDDEN, ms=5, label="hidden place"),
+            Line2D([], [], marker="o", ls="", color="white", mec=INK, ms=7, label="lidar"),
+        ],
+        loc="outside lower center",
+        ncols=4,
+        frameon=False,
     )
     figure.savefig(path, dpi=150)
 
@@ -236,9 +268,7 @@ def _partial_view(axes: Axes, file: Path, title: str) -> None:
     axes.plot(hidden[:, 0], hidden[:, 1], "o", color=HIDDEN, ms=5, zorder=5)
     for lidar in lidars:
         axes.plot(lidar.mount.x_m, lidar.mount.y_m, "o", color="white", mec=INK, ms=7, zorder=6)
-    axes.annotate(
-        "", (0.25, 0), (-0.05, 0), zorder=6, arrowprops={"arrowstyle": "-|>", "color": "white", "lw": 2.0}
-    )
+    _forward(axes, (-0.05, 0.0))
     axes.add_patch(Polygon(ROOM, fill=False, color=INK, lw=3))
     axes.set_xlim(-1.45, 1.45)
     axes.set_ylim(-1.05, 1.05)
