@@ -94,7 +94,9 @@ def test_a_lidar_that_the_simulated_robot_carries_elsewhere_is_refused(key: str,
 
 def test_a_lidar_off_the_axis_is_refused_for_the_simulated_robot_whose_lidar_is_on_it() -> None:
     document = {"supervisor": {"lidar": {"x_m": 0.1}}}
-    assert "supervisor.lidar.x_m = 0.1: but the simulated robot has its lidar on scan at 0" in refusal(document)
+    assert "supervisor.lidar.x_m = 0.1: but the simulated robot has its lidar on scan at 0" in refusal(
+        document
+    )
     assert read_robot(document, simulated=False)
 
 
