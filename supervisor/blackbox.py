@@ -4,7 +4,7 @@ Every step is packed into bytes at once (some microseconds), and each second beg
 law had: a replay starts at any of them and is bit-exact. The memory is bounded by time and by bytes, so also
 by count: no step is smaller than `STEP_OVERHEAD_BYTES`.
 
-A stop is a change from any other mode to STOPPED while the robot moves, or is told to; one at rest writes nothing.
+A stop is a change from any other mode to STOPPED while the robot may move; one at rest writes nothing.
 The file is written `TAIL_S` later, so that it shows the braking. Whatever goes wrong here is logged once, and
 supervision goes on.
 """
@@ -27,7 +27,7 @@ import numpy as np
 from supervisor.base_motion import moves
 from supervisor.blackbox_file import LAW, Order, Steps, pack_state, pack_step, write
 from supervisor.config import SupervisorSection
-from supervisor.model import SEVERITY, STANDSTILL, Decision, Inputs, LawConfig, Mode, State
+from supervisor.model import SEVERITY, Decision, Inputs, LawConfig, Mode, State
 from wire.config import absolute
 
 _log = logging.getLogger(__name__)
@@ -154,7 +154,7 @@ class BlackBox:
             self._free = True
         elif self._free:
             self._free = False
-            if state.output != STANDSTILL or moves(state.odometer.velocity, state.config.residual):
+            if _may_move(state):
                 self._on_stop(now_s, decision)
         if self._stop is not None and (now_s >= self._stop.due_s or self._stop.room <= 0):
             self._submit(self._stop)
@@ -214,6 +214,12 @@ class BlackBox:
             (reason for told in stop.stops for reason in told["reasons"]), key=SEVERITY.__getitem__
         )
         self._writer.submit(Order(f"{stop.moment}-{most_severe}", header, segments))
+
+
+def _may_move(state: State) -> bool:
+    """Whether the robot is told to move, moves by its odometry, or may still brake."""
+    velocities = (state.output, state.odometer.velocity, state.following.most)
+    return any(moves(velocity, state.config.residual) for velocity in velocities)
 
 
 class ThreadWriter:

@@ -123,6 +123,18 @@ def test_a_stop_while_the_robot_still_brakes_is_written(drive: Drive, writer: Wr
     assert [path.name[21:] for path in writer.paths] == ["ESTOP.jsonl.gz"]
 
 
+def test_a_stop_while_a_base_without_odometry_still_brakes_is_written(
+    drive: Drive, writer: WriterAtOnce
+) -> None:
+    """Its command has been zero for some steps: only its ramps tell that it moves."""
+    drive.drive()
+    for _ in range(5):
+        assert drive.step(Inputs(commands=(Command("teleop", NEUTRAL, drive.now_s),))).mode is Mode.READY
+    drive.step(Inputs(estop=True))
+    drive.hold(TAIL_S + TICK_S)
+    assert [path.name[21:] for path in writer.paths] == ["ESTOP.jsonl.gz"]
+
+
 def test_a_file_with_several_stops_is_named_after_the_most_severe(drive: Drive, writer: WriterAtOnce) -> None:
     drive.drive()
     drive.stop()
