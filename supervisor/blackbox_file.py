@@ -137,7 +137,7 @@ def write(
     directory.mkdir(parents=True, exist_ok=True)
     _delete_abandoned(directory)
     path = _store(directory, order.name, [_member([dumps(header)]), *members[first:], _member([dumps(end)])])
-    _delete_oldest(directory, path, max_files)
+    _delete_least_worth(directory, path, max_files)
     return path
 
 
@@ -190,7 +190,7 @@ def _runs(pid: int) -> bool:
     return pid != os.getpid()
 
 
-def _delete_oldest(directory: Path, newest: Path, max_files: int) -> None:
+def _delete_least_worth(directory: Path, newest: Path, max_files: int) -> None:
     """Routine stops first; never the one just written, also where the wall clock has gone back."""
     others = [
         (name["reason"] not in ROUTINE, path)

@@ -64,9 +64,8 @@ def _modes(spelled: str) -> Modes:
 
 
 def _main(before: str, ours: str, ending: str) -> None:
-    signal.signal(
-        signal.SIGTTOU, signal.SIG_IGN
-    )  # whoever has the foreground by now, the terminal is restored
+    # The terminal is restored even if another process group has the foreground by now.
+    signal.signal(signal.SIGTTOU, signal.SIG_IGN)
     last = _HAS_IT_NOT
     while told := os.read(0, 1):
         last = told

@@ -6,10 +6,11 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import AsyncGenerator, Callable
+from collections.abc import AsyncGenerator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
 import pexpect
 
@@ -25,6 +26,8 @@ PATIENCE_S = 20.0
 """How long a test waits for what must come, on a loaded machine."""
 POLL_S = 0.01
 DRIVE_TRIES = 4
+
+T = TypeVar("T")
 
 
 @dataclass
@@ -168,36 +171,32 @@ class Robot:
 
     async def press(self, keys: str, condition: Callable[[], bool], what: str) -> None:
         """Type the keys, and see what they do; keys that come while teleop is held up are void, and typed again."""
-        for left in reversed(range(DRIVE_TRIES)):
+
+        async def attempt() -> None:
             self.type(keys)
-            try:
-                await self.until(condition, what, PATIENCE_S / DRIVE_TRIES)
-            except AssertionError as error:
-                if not left:
-                    raise
-                print(f"typing again: {error}")
-            else:
-                return
+            await self.until(condition, what, PATIENCE_S / DRIVE_TRIES)
+
+        await patiently(attempt)
 
     async def drive(self, keys: str = "wwwww", speed_m_s: float = 0.5) -> None:
         """Re-arm with `s`, type the keys, and see the robot move.
 
         Where the machine is busy a process may find itself late, and stop. Then the operator starts again.
         """
-        for left in reversed(range(DRIVE_TRIES)):
+
+        async def attempt() -> None:
             self.type("s")
             await self.ready()
             self.type(keys)
-            try:
-                await self.until(
-                    lambda: self.speed_m_s > 0.95 * speed_m_s, f"{speed_m_s} m/s", PATIENCE_S / DRIVE_TRIES
-                )
-            except AssertionError as error:
-                if not left:
-                    raise
-                print(f"driving again: {error}")
-            else:
-                return
+            await self.until_it_drives(speed_m_s)
+
+        await patiently(attempt)
+
+    async def until_it_drives(self, speed_m_s: float) -> None:
+        """See at least 95 % of that speed, within the time of one attempt."""
+        await self.until(
+            lambda: self.speed_m_s > 0.95 * speed_m_s, f"{speed_m_s} m/s", PATIENCE_S / DRIVE_TRIES
+        )
 
     def first_zero_after(self, time_s: float) -> float:
         """When the first zero came on cmd_vel after that time."""
@@ -231,6 +230,16 @@ class Robot:
         if self.bus is not None:
             await self.bus.close()
         assert processes.end_keepers(self.logs, PATIENCE_S) == []
+
+
+async def patiently(attempt: Callable[[], Awaitable[T]]) -> T:
+    """What an attempt returns; one that does not see what it waits for is repeated, and the last one's error is raised."""
+    for _ in range(DRIVE_TRIES - 1):
+        try:
+            return await attempt()
+        except AssertionError as error:
+            print(f"again: {error}")
+    return await attempt()
 
 
 def is_zero(twist: Twist) -> bool:

@@ -4,16 +4,15 @@ import re
 import signal
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 import pytest
 
-from deploy.statedir import project_root
-from tests.system.harness import PATIENCE_S, Robot
-from tests.system.ports import free_endpoint
+from tests.system.harness import PATIENCE_S, robot
+from tests.system.operators import ROOT
 from wire import topics
 
-ROOT = project_root()
 PAGE = ROOT / "docs/how-to/command-source.md"
 
 pytestmark = pytest.mark.timeout(120)
@@ -22,12 +21,8 @@ pytestmark = pytest.mark.timeout(120)
 async def test_a_command_source_drives_to_and_fro_and_is_lost_when_it_is_killed(tmp_path: Path) -> None:
     config = tmp_path / "robot.toml"
     (fragment,) = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.DOTALL)
-    config.write_text(re.sub(r"(?m)^   ", "", fragment))
-    subject = Robot(free_endpoint(), tmp_path)
-    try:
-        subject.start(topics.SUPERVISOR, "--config", str(config))
-        subject.start(topics.SIM)
-        await subject.observe()
+    config.write_text(textwrap.dedent(fragment))
+    async with robot(tmp_path, teleop=False, config=config) as subject:
         command = [sys.executable, "examples/command_source.py", subject.endpoint]
         with subprocess.Popen(command, cwd=ROOT) as source:
             try:
@@ -38,15 +33,10 @@ async def test_a_command_source_drives_to_and_fro_and_is_lost_when_it_is_killed(
                 await subject.until(lambda: "SOURCE_LOST" in subject.status.reasons, "the lost source")
             finally:
                 source.kill()
-    finally:
-        await subject.close()
 
 
 async def test_a_command_source_that_is_ended_leaves_at_rest_and_says_nothing(tmp_path: Path) -> None:
-    subject = Robot(free_endpoint(), tmp_path)
-    try:
-        subject.start(topics.SUPERVISOR)
-        await subject.observe()
+    async with robot(tmp_path, topics.SUPERVISOR, teleop=False) as subject:
         command = [sys.executable, "examples/command_source.py", subject.endpoint]
         with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as source:
             try:
@@ -58,5 +48,3 @@ async def test_a_command_source_that_is_ended_leaves_at_rest_and_says_nothing(tm
                 assert (source.returncode, errors) == (0, "")
             finally:
                 source.kill()
-    finally:
-        await subject.close()

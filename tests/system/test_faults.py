@@ -15,7 +15,7 @@ from typing import IO
 
 import pytest
 
-from tests.system.harness import DRIVE_TRIES, PATIENCE_S, Robot, free_endpoint, is_zero, robot
+from tests.system.harness import Robot, free_endpoint, is_zero, patiently, robot
 from tests.system.rogue import open_rogue
 from wire import topics
 from wire.messages import Point, SafetyStatus, encode, planar_twist
@@ -94,26 +94,26 @@ async def test_a_source_that_wakes_up_still_asking_for_motion_gets_none(tmp_path
 
 async def driving_source(subject: Robot) -> IO[bytes]:
     """What keeps the source `source` at 0.5 m/s. One that a busy machine stopped never lets go: then another drives."""
-    for left in reversed(range(DRIVE_TRIES)):
+
+    async def attempt() -> IO[bytes]:
         source = subprocess.Popen(
             [sys.executable, Path(__file__).with_name("stubborn_source.py"), subject.endpoint],
             stdin=subprocess.PIPE,
         )
         subject.processes["source"] = source
         assert source.stdin is not None
-        await subject.ready()
-        source.stdin.write(b"drive\n")
-        source.stdin.flush()
         try:
-            await subject.until(lambda: subject.speed_m_s > 0.45, "0.5 m/s", PATIENCE_S / DRIVE_TRIES)
+            await subject.ready()
+            source.stdin.write(b"drive\n")
+            source.stdin.flush()
+            await subject.until_it_drives(0.5)
         except AssertionError:
-            if not left:
-                raise
             source.stdin.close()
             subject.kill("source")
-        else:
-            return source.stdin
-    raise AssertionError
+            raise
+        return source.stdin
+
+    return await patiently(attempt)
 
 
 async def test_a_killed_supervisor_lets_the_base_brake_and_its_return_moves_nothing(tmp_path: Path) -> None:

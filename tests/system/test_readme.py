@@ -1,7 +1,7 @@
 """The recipe of the README, typed key by key in namespaces of its own: another robot here is neither seen nor killed."""
 
-import os
 import re
+import shlex
 import shutil
 import subprocess
 import tempfile
@@ -61,16 +61,9 @@ class Shell(Operator):
 
 @asynccontextmanager
 async def shell(state_dir: Path) -> AsyncGenerator[Shell]:
-    os.environ[ENVIRONMENT] = str(state_dir)
-    try:
-        made = Shell(
-            *NAMESPACES,
-            "sh",
-            "-c",
-            f"ip link set lo up; exec env PS1={PROMPT!r} bash --norc --noprofile -i 2>&1",
-        )
-    finally:
-        del os.environ[ENVIRONMENT]
+    environment = shlex.join([f"PS1={PROMPT}", f"{ENVIRONMENT}={state_dir}"])
+    bash = f"ip link set lo up; exec env {environment} bash --norc --noprofile -i 2>&1"
+    made = Shell(*NAMESPACES, "sh", "-c", bash)
     try:
         await made.prompt()
         yield made

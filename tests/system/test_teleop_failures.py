@@ -8,8 +8,8 @@ import shlex
 import signal
 import sys
 import termios
-from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from collections.abc import AsyncGenerator, Callable, Generator
+from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
 
 import pytest
@@ -145,58 +145,59 @@ class Job:
         return state_of(self.pid) == "T"
 
 
-@pytest.mark.parametrize("how", ["Ctrl-Z", "kill -TSTP"])
-async def test_suspended_it_leaves_the_shell_a_terminal_and_comes_back_neutral(how: str) -> None:
+@asynccontextmanager
+async def ready_job() -> AsyncGenerator[tuple[Hub, Job]]:
+    """A job and the hub that it has found."""
     endpoint = free_endpoint()
     async with hub(endpoint) as h:
         job = Job(endpoint)
-        op = job.terminal
         try:
             await until(h.is_ready, 2 * LIMIT_S)
-            op.type(b"ww")
-            await until(lambda: h.asks(0.2, 0.0))
-            if how == "Ctrl-Z":
-                op.type(b"\x1a")
-            else:
-                os.kill(job.pid, signal.SIGTSTP)
-            await until(lambda: job.is_stopped)
-            await until(lambda: h.asks(*ZERO) and not h.sees_teleop())
-            await until(lambda: not op.modes_on & {"1049", "1004"})
-            op.type(b"echo it is the $((6*7)) shell\n")
-            await until(lambda: "it is the 42 shell" in op.picture)
-            op.type(b"fg\n")
-            await until(lambda: h.is_ready() and "back again: the setpoint is zero" in op.picture)
-            op.type(b"w")
-            await until(lambda: h.asks(0.1, 0.0))
-            op.type(b"q")
-            await until(h.is_left)
-            await until(lambda: job.pid == 0)  # before its end it drops what is typed
-            op.type(b"echo over=$?\n")
-            await until(lambda: "over=0" in op.picture)
+            yield h, job
         finally:
-            op.close()
+            job.terminal.close()
+
+
+@pytest.mark.parametrize("how", ["Ctrl-Z", "kill -TSTP"])
+async def test_suspended_it_leaves_the_shell_a_terminal_and_comes_back_neutral(how: str) -> None:
+    async with ready_job() as (h, job):
+        op = job.terminal
+        op.type(b"ww")
+        await until(lambda: h.asks(0.2, 0.0))
+        if how == "Ctrl-Z":
+            op.type(b"\x1a")
+        else:
+            os.kill(job.pid, signal.SIGTSTP)
+        await until(lambda: job.is_stopped)
+        await until(lambda: h.asks(*ZERO) and not h.sees_teleop())
+        await until(lambda: not op.modes_on & {"1049", "1004"})
+        op.type(b"echo it is the $((6*7)) shell\n")
+        await until(lambda: "it is the 42 shell" in op.picture)
+        op.type(b"fg\n")
+        await until(lambda: h.is_ready() and "back again: the setpoint is zero" in op.picture)
+        op.type(b"w")
+        await until(lambda: h.asks(0.1, 0.0))
+        op.type(b"q")
+        await until(h.is_left)
+        await until(lambda: job.pid == 0)  # before its end it drops what is typed
+        op.type(b"echo over=$?\n")
+        await until(lambda: "over=0" in op.picture)
 
 
 async def test_a_kill_while_it_is_suspended_leaves_the_shell_its_terminal() -> None:
-    endpoint = free_endpoint()
-    async with hub(endpoint) as h:
-        job = Job(endpoint)
+    async with ready_job() as (_, job):
         op = job.terminal
-        try:
-            await until(h.is_ready, 2 * LIMIT_S)
-            op.type(b"\x1a")
-            await until(lambda: job.is_stopped)
-            op.type(b"echo it is the $((6*7)) shell\n")
-            await until(lambda: "it is the 42 shell" in op.picture)
-            with guard_of(job.pid) as has_ended:
-                left = op.output.count("\x1b[?1049l")
-                op.type(b"kill -9 %1\n")
-                await until(has_ended)
-            op.type(b"echo still the $((6*7)) shell\n")
-            await until(lambda: "still the 42 shell" in op.picture)
-            assert op.output.count("\x1b[?1049l") == left
-        finally:
-            op.close()
+        op.type(b"\x1a")
+        await until(lambda: job.is_stopped)
+        op.type(b"echo it is the $((6*7)) shell\n")
+        await until(lambda: "it is the 42 shell" in op.picture)
+        with guard_of(job.pid) as has_ended:
+            left = op.output.count("\x1b[?1049l")
+            op.type(b"kill -9 %1\n")
+            await until(has_ended)
+        op.type(b"echo still the $((6*7)) shell\n")
+        await until(lambda: "still the 42 shell" in op.picture)
+        assert op.output.count("\x1b[?1049l") == left
 
 
 @contextmanager
