@@ -25,7 +25,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from functools import cached_property
+from functools import cached_property, lru_cache
 from operator import itemgetter
 from typing import NamedTuple, Protocol
 
@@ -249,6 +249,12 @@ NO_POINTS: Floats = np.empty((0, 2))
 def survey(hull: Hull, points: Floats, kind: Kind = Kind.SEEN) -> Surroundings:
     """What points (n, 2) [m] in the base frame mean for motions of the hull."""
     return Surroundings(hull, kind, points, *hull.approach(points))
+
+
+@lru_cache(maxsize=16)
+def nothing_around(hull: Hull) -> Surroundings:
+    """Of no points at all."""
+    return survey(hull, NO_POINTS)
 
 
 def _rates(points: Floats, normals: Floats) -> tuple[Floats, Floats]:

@@ -19,11 +19,22 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from operator import attrgetter, itemgetter
+from typing import NamedTuple
 
 import numpy as np
 
 from supervisor.base_motion import follow, moves, possible_twists
-from supervisor.clearance import NO_POINTS, Barrier, Block, Floats, Kind, moved, permitted_scale, survey
+from supervisor.clearance import (
+    Barrier,
+    Block,
+    Floats,
+    Kind,
+    Surroundings,
+    moved,
+    nothing_around,
+    permitted_scale,
+    survey,
+)
 from supervisor.explain import detail_of
 from supervisor.model import (
     SEVERITY,
@@ -227,9 +238,8 @@ def _see(state: State, scan: LaserScan) -> State:
     before, taken_s = sight.scan, scan.arrival_s - on_way_s
     writers = _heard(sight.writers, scan.writer, scan.arrival_s)
     sight = sight._replace(track=track, counts=sight.counts.add(verdict), writers=writers)
-    state = _with_sight(state, place, sight)
     if verdict is not Verdict.FRESH:
-        return state
+        return _with_sight(state, place, sight)
     period_s = lidar.timeout_s if before is None else min(lidar.timeout_s, max(0.0, taken_s - before.taken_s))
     pose = back_then(state.odometers, state.odometer, taken_s)
     moment = Moment(taken_s, period_s, pose, state.way_m)
@@ -262,11 +272,13 @@ def _keep_shown(state: State, place: int) -> State:
     sight = state.sights[place]
     if sight.scan is None or sight.scan.view is None:
         return state
-    around = sight.scan.around
-    shown = moved(around.points, between(sight.scan.view.pose, state.memory_pose))
+    around, pose = sight.scan.around, sight.scan.view.pose
+    shown = (
+        around.points if pose == state.memory_pose else moved(around.points, between(pose, state.memory_pose))
+    )
     points, misses = state.memory
     memory = Remembered(np.concatenate((points, shown)), np.concatenate((misses, np.zeros(len(shown)))))
-    kept = sight._replace(scan=sight.scan._replace(around=survey(around.hull, NO_POINTS)))
+    kept = sight._replace(scan=sight.scan._replace(around=nothing_around(around.hull)))
     return _with_sight(state, place, kept)._replace(memory=memory)
 
 
@@ -582,7 +594,7 @@ def _decide(
     scale, block, useful = 1.0, None, _useful(commanded, config)
     if not reasons and commanded != STANDSTILL:
         worth = config.creep_m_s / max(config.creep_m_s, _hull_speed(commanded, config))
-        scale, block = _barrier(state, now_s, usable, useful, worth)
+        scale, block = _barrier(state, _seen_by_now(state, now_s, usable), useful, worth)
         scale = 0.0 if scale < worth else scale
         if block is not None and _is_confirmed(state, block):
             state = _stop_at(state, now_s, block, _reason_of(block))
@@ -590,7 +602,7 @@ def _decide(
     elif reasons & BARRIER_REASONS and usable and commanded != STANDSTILL:
         useful_m_s = RELEASED_FACTOR * config.creep_m_s
         worth = useful_m_s / max(useful_m_s, _hull_speed(commanded, config))
-        block = _barrier(state, now_s, usable, useful, worth)[1]
+        block = _barrier(state, _seen_by_now(state, now_s, usable), useful, worth)[1]
     if block is not None:
         causes |= {_reason_of(block)}
     output = STANDSTILL
@@ -602,41 +614,18 @@ def _decide(
     return state, _explain(state, now_s, reasons, causes, block, commanded, scale, reply)
 
 
-def _barrier(
-    state: State, now_s: float, usable: Usable, commanded: Velocity, worth: float
-) -> tuple[float, Block | None]:
-    """The share of the commanded twist that the surroundings permit, and what blocks if that is below `worth`.
+class Seen(NamedTuple):
+    """What one place shows, at one moment."""
 
-    A base that still has another velocity goes through mixtures of both on its way. What it still has on one
-    axis is judged together with what is asked for on the other; and a base that is too fast on the arc that it
-    is still on brakes along that one first. Neither latches anything: the base only has to slow down. A
-    base may also take up one axis before the other: what such a twist closes on blocks.
-    """
-    config, following = state.config, state.following
-    scale, block = _permitted(state, now_s, usable, commanded, worth)
-    measured = None if state.odometry is None else state.odometer.velocity
-    for has in possible_twists(following, measured):
-        for mixed in mixtures(has, commanded, config.residual):
-            scale = min(scale, _permitted(state, now_s, usable, mixed, worth)[0])
-        if is_on_another_arc(has, commanded, config.hull.radius_m, config.residual.linear_m_s):
-            present, _ = _permitted(state, now_s, usable, has, worth)
-            scale = 0.0 if present < PRESENT_SHARE else scale
-    passed = Velocity(scale * commanded.linear_m_s, scale * commanded.angular_rad_s)
-    lagging = lags(following.least if measured is None else measured, passed, config.residual)
-    shares = [_permitted(state, now_s, usable, twist, worth) for twist in lagging]
-    share, blocking = min(shares, key=itemgetter(0), default=(1.0, None))
-    return scale * share, block or blocking
+    around: Surroundings
+    """As it was shown."""
+    here: Surroundings | None
+    """As seen from where odometry says that the robot is by now; None: it has hardly moved."""
+    barrier: Barrier
 
 
-def _permitted(
-    state: State, now_s: float, usable: Usable, twist: Velocity, worth: float
-) -> tuple[float, Block | None]:
-    """The share of a twist that everything around permits, and what blocks it.
-
-    A scan shows where things were when it was taken. They are also looked at from where odometry says
-    that the robot is by now, and the more cautious of the two counts: odometry may be wrong. The way ahead
-    on an arc begins where the robot is by now.
-    """
+def _seen_by_now(state: State, now_s: float, usable: Usable) -> list[Seen]:
+    """Everything around: what the scans show, what is remembered, and what may be hidden."""
     shown: list[tuple[Place, float]] = []
     for _, scan in usable:
         assert scan.view is not None  # a usable scan has one
@@ -644,12 +633,10 @@ def _permitted(
         shown.append((Place(scan.view.pose, scan.around), reaction_s))
     slowest_s = max(reaction_s for _, reaction_s in shown)
     shown.extend((place, slowest_s) for place in state.places)
-    return min((_permitted_among(state, now_s, twist, worth, *one) for one in shown), key=itemgetter(0))
+    return [_seen(state, now_s, place, reaction_s) for place, reaction_s in shown]
 
 
-def _permitted_among(
-    state: State, now_s: float, twist: Velocity, worth: float, place: Place, reaction_s: float
-) -> tuple[float, Block | None]:
+def _seen(state: State, now_s: float, place: Place, reaction_s: float) -> Seen:
     config, around = state.config, place.around
     barrier = Barrier(
         stop_distance_m=config.stop_distance_m,
@@ -659,7 +646,44 @@ def _permitted_among(
     )
     way = displacement(state.odometer, place.pose, now_s)
     here = None if way is None else survey(around.hull, moved(around.points, way), around.kind)
-    return permitted_scale(around, *twist, barrier, here, worth=worth)
+    return Seen(around, here, barrier)
+
+
+def _barrier(
+    state: State, seen: Sequence[Seen], commanded: Velocity, worth: float
+) -> tuple[float, Block | None]:
+    """The share of the commanded twist that the surroundings permit, and what blocks if that is below `worth`.
+
+    A base that still has another velocity goes through mixtures of both on its way. What it still has on one
+    axis is judged together with what is asked for on the other; and a base that is too fast on the arc that it
+    is still on brakes along that one first. Neither latches anything: the base only has to slow down. A
+    base may also take up one axis before the other: what such a twist closes on blocks.
+    """
+    config, following = state.config, state.following
+    scale, block = _permitted(seen, commanded, worth)
+    measured = None if state.odometry is None else state.odometer.velocity
+    for has in possible_twists(following, measured):
+        for mixed in mixtures(has, commanded, config.residual):
+            scale = min(scale, _permitted(seen, mixed, worth)[0])
+        if is_on_another_arc(has, commanded, config.hull.radius_m, config.residual.linear_m_s):
+            present, _ = _permitted(seen, has, worth)
+            scale = 0.0 if present < PRESENT_SHARE else scale
+    passed = Velocity(scale * commanded.linear_m_s, scale * commanded.angular_rad_s)
+    lagging = lags(following.least if measured is None else measured, passed, config.residual)
+    shares = [_permitted(seen, twist, worth) for twist in lagging]
+    share, blocking = min(shares, key=itemgetter(0), default=(1.0, None))
+    return scale * share, block or blocking
+
+
+def _permitted(seen: Sequence[Seen], twist: Velocity, worth: float) -> tuple[float, Block | None]:
+    """The share of a twist that everything around permits, and what blocks it.
+
+    A scan shows where things were when it was taken. They are also looked at from where odometry says
+    that the robot is by now, and the more cautious of the two counts: odometry may be wrong. The way ahead
+    on an arc begins where the robot is by now.
+    """
+    shares = (permitted_scale(s.around, *twist, s.barrier, s.here, worth=worth) for s in seen)
+    return min(shares, key=itemgetter(0))
 
 
 def _is_confirmed(state: State, block: Block) -> bool:
@@ -746,7 +770,7 @@ def _explain(
             causes,
             scan_problem=scan_problem,
             block_bearing_rad=math.nan if block is None else math.atan2(block.y_m, block.x_m),
-            writers=_conflicts(state, now_s),
+            writers=_conflicts(state, now_s) if StopReason.SENSOR_CONFLICT in causes else (),
         ),
     )
 

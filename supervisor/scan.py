@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from supervisor.clearance import NO_POINTS, Floats, Hull, Mask, Surroundings, survey
+from supervisor.clearance import Floats, Hull, Mask, Surroundings, nothing_around, survey
 from supervisor.lidar import LidarProfile, explain
 from supervisor.reckoning import Pose, between
 from wire.freshness import Sent
@@ -257,13 +257,12 @@ def _of_no_use(
 ) -> ScanReading:
     """A scan that is none: what the one before proved of each beam stays."""
     view, share = (None, 0.0) if previous is None else (previous.view, previous.return_share)
-    nothing = survey(hull, NO_POINTS)
     return ScanReading(
         moment.taken_s,
         moment.period_s,
         problem,
         view,
-        nothing,
+        nothing_around(hull),
         math.nan,
         math.nan,
         scan.ranges,
