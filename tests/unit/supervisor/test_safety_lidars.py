@@ -176,6 +176,20 @@ def test_the_nearest_thing_and_the_counts_are_those_of_all_lidars() -> None:
     assert law.decision.scan_counts.accepted == 10
 
 
+def test_what_a_lidar_showed_before_it_went_blank_stays_where_it_was_while_the_other_one_goes_on() -> None:
+    law = Lidars()
+    law.ranges = {0: ring(ahead_m=1.0)}
+    law.hold(0.1)
+    law.speaking = (1,)
+    for _ in range(10):
+        law.tick(odometry=Odometry(Velocity(0.5, 0.0), law.now_s + TICK_S))
+    blank = replace(law.scan(0, b"only"), ranges=np.full(len(ring()), np.nan, dtype=np.float32))
+    law.tick(scans=(blank,), odometry=Odometry(STANDSTILL, law.now_s + TICK_S))
+    assert law.decision.scan_problem.startswith("front: nearly all returns disappeared")
+    # As the other one's last scan has it: nine ticks after the robot set off.
+    assert law.decision.nearest_m == pytest.approx(0.75 - 9 * TICK_S * 0.5, abs=1e-3)
+
+
 def test_where_a_memory_of_free_places_is_allowed_what_was_seen_lately_counts_as_free() -> None:
     for memory_s, output in ((0.0, STANDSTILL), (1.0, BACK)):
         law = Lidars(config=replace(TWO, unseen_memory_s=memory_s))
