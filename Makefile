@@ -53,11 +53,11 @@ bench: $(STAMP) ## time and memory of the law, supervisor, teleop and sim; about
 	.venv/bin/python -m bench
 
 docs: $(STAMP) ## write the generated parts and the drawings of docs/ anew
-	.venv/bin/python -m docs.safety_law
-	.venv/bin/python -m docs.draw_safety_law
-	.venv/bin/python -m docs.draw_dashboard
-	.venv/bin/python -m docs.crash_safety
-	.venv/bin/python -m docs.draw_crash_safety
+	.venv/bin/python -m docs.generate.safety_law
+	.venv/bin/python -m docs.generate.draw_safety_law
+	.venv/bin/python -m docs.generate.draw_dashboard
+	.venv/bin/python -m docs.generate.crash_safety
+	.venv/bin/python -m docs.generate.draw_crash_safety
 
 faults: $(STAMP) ## every class of fault three times on the real processes, and 1,000 virtual lives; a quarter of an hour
 	.venv/bin/lifeline faults --trials 3 --minutes 8
@@ -71,14 +71,14 @@ mutation: $(STAMP) ## mutate the law; every mutant must fail a test (twenty minu
 
 picture: $(STAMP) ## render the warehouse and the animation of the README anew; a few minutes
 	.venv/bin/python -m sim.render --out docs/images/warehouse.png
-	.venv/bin/python -m docs.draw_animation
+	.venv/bin/python -m docs.generate.draw_animation
 
 $(STAMP): uv.lock pyproject.toml | $(OWN_UV)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
 	  echo "Lifeline needs Python 3.11 or newer; this is $$($(PYTHON) --version 2>&1)." \
 	    "Name a newer one: make PYTHON=python3.12" >&2; exit 1; }
 	$(UV) sync --locked --all-extras --compile-bytecode --python $(PYTHON)
-	@.venv/bin/python -c 'from deploy.supervisord import fetch, find_uv; fetch(find_uv(), print)'
+	@.venv/bin/python -c 'from deploy.stack.supervisord import fetch, find_uv; fetch(find_uv(), print)'
 	$(COMPILE)
 	@touch $@
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from bench import scenery
 from bench.feed import BEAMS, ODOM_HZ, SCAN_HZ, at_rate, client, feeding, scan
 from bench.terminal import end
-from deploy.launch import free_loopback_endpoint
+from deploy.stack.launch import free_loopback_endpoint
 from wire import topics
 from wire.bus import Arrival, wait_until
 from wire.messages import Bool, SafetyStatus, odometry, planar_twist, zero_twist

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from bench import scenery
 from bench.terminal import end
-from deploy.launch import free_loopback_endpoint
+from deploy.stack.launch import free_loopback_endpoint
 from wire.bus import BusError
 from wire.messages import LaserScan, SafetyStatus, laser_scan
 from wire.zenoh_bus import BusConfig, ZenohBus, open_bus

@@ -10,8 +10,8 @@ from rich.text import Text
 
 from deploy.check_motions import Permitted, View, permitted_motions
 from deploy.check_risks import Risk, risks
-from deploy.errors import DeployError
-from deploy.robot_file import read_robot
+from deploy.stack.errors import DeployError
+from deploy.stack.robot_file import read_robot
 from sim.config import SimSection
 from supervisor.config import SupervisorSection
 from supervisor.lidar_config import FULL_TURN_SLACK_RAD, NamedLidarSection

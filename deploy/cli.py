@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from deploy.errors import EXIT_REFUSED, DeployError
+from deploy.stack.errors import EXIT_REFUSED, DeployError
 
 if TYPE_CHECKING:
-    from deploy.launch import Launch
+    from deploy.stack.launch import Launch
 
 app = typer.Typer(
     name="lifeline",
@@ -67,8 +67,8 @@ def up(
 
     def run() -> int:
         from deploy import up as command  # noqa: PLC0415
-        from deploy.launch import Launch  # noqa: PLC0415
-        from deploy.statedir import StateDir  # noqa: PLC0415
+        from deploy.stack.launch import Launch  # noqa: PLC0415
+        from deploy.stack.statedir import StateDir  # noqa: PLC0415
 
         sim_options = {None: "", True: "--viewer", False: "--no-viewer"}[viewer]
         launch = Launch.read(config, endpoint, sim_options=sim_options)
@@ -83,7 +83,7 @@ def down(*, state_dir: StatePath = None) -> None:
 
     def run() -> int:
         from deploy import up as command  # noqa: PLC0415
-        from deploy.statedir import StateDir  # noqa: PLC0415
+        from deploy.stack.statedir import StateDir  # noqa: PLC0415
 
         command.down(StateDir.choose(state_dir), _say)
         return 0
@@ -102,7 +102,7 @@ def status(
     """Print the status once. Exit 0 if the stack runs, 1 if a part of it runs, 3 if nothing runs."""
 
     def run() -> int:
-        from deploy.statedir import StateDir  # noqa: PLC0415
+        from deploy.stack.statedir import StateDir  # noqa: PLC0415
         from deploy.status import show_status  # noqa: PLC0415
 
         launch = _running(config, endpoint, state_dir)
@@ -200,15 +200,15 @@ def faults(
     """
 
     def run() -> int:
-        from deploy.faults.origin import signed  # noqa: PLC0415
+        from deploy.campaign.provenance import signed  # noqa: PLC0415
 
         if not virtual:
-            from deploy.faults import rounds  # noqa: PLC0415
+            from deploy.campaign.real import runner  # noqa: PLC0415
 
             wanted = tuple(name.strip() for name in classes.split(",") if name.strip())
             with signed(out):
-                return rounds.run(rounds.Orders(trials, wanted, seed or 0, out, minutes))
-        from deploy.faults.campaign import campaign, default_jobs, replay  # noqa: PLC0415
+                return runner.run(runner.Orders(trials, wanted, seed or 0, out, minutes))
+        from deploy.campaign.simulated.runner import campaign, default_jobs, replay  # noqa: PLC0415
 
         if seed is not None:
             return replay(seed, _say)
@@ -229,7 +229,7 @@ def fault_report(
     """Render campaign results as an HTML page."""
 
     def run() -> int:
-        from deploy.faults.report import write_report  # noqa: PLC0415
+        from deploy.campaign.report.report import write_report  # noqa: PLC0415
 
         _say(write_report(files, html))
         return 0
@@ -253,8 +253,8 @@ def soak(
     """Soak test: report growth. Exit 1 if anything grew, or if the robot stopped without a cause."""
 
     def run() -> int:
-        from deploy.soak.run import Orders  # noqa: PLC0415
-        from deploy.soak.run import soak as drive_about  # noqa: PLC0415
+        from deploy.campaign.soak.run import Orders  # noqa: PLC0415
+        from deploy.campaign.soak.run import soak as drive_about  # noqa: PLC0415
 
         return drive_about(Orders(hours, out, plot, seed), _say)
 
@@ -388,8 +388,8 @@ def path_follow(
 
 def _running(config: Path | None, endpoint: str | None, state_dir: Path | None) -> "Launch":
     """How to reach the robot: as the command line says, else the one that runs, else the configuration."""
-    from deploy.launch import Launch  # noqa: PLC0415
-    from deploy.statedir import StateDir  # noqa: PLC0415
+    from deploy.stack.launch import Launch  # noqa: PLC0415
+    from deploy.stack.statedir import StateDir  # noqa: PLC0415
 
     running = Launch.running(StateDir.choose(state_dir)) if config is None and endpoint is None else None
     return running or Launch.read(config, endpoint)

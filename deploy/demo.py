@@ -16,14 +16,14 @@ from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from deploy import interrupts, processes, stack
-from deploy.errors import DeployError
-from deploy.keyboard import TypedTeleop, typing
-from deploy.launch import Launch, free_loopback_endpoint
-from deploy.observe import Motion, Observer, Record, State, observing
-from deploy.samples import Command
-from deploy.stack import Say
-from deploy.statedir import StateDir, locked
+from deploy.stack import bringup, interrupts, processes
+from deploy.stack.bringup import Say
+from deploy.stack.errors import DeployError
+from deploy.stack.keyboard import TypedTeleop, typing
+from deploy.stack.launch import Launch, free_loopback_endpoint
+from deploy.stack.observe import Motion, Observer, Record, State, observing
+from deploy.stack.samples import Command
+from deploy.stack.statedir import StateDir, locked
 from deploy.status import MODES
 from deploy.verdict import Outcome, Verdict, judged, print_verdicts, summary, timed, worst
 from wire import topics
@@ -104,7 +104,7 @@ def play(say: Say, *, quick: bool, viewer: bool) -> int:
             try:
                 try:
                     say("starting sim and supervisor")
-                    stack.start(state, launch, say)
+                    bringup.start(state, launch, say)
                     asyncio.run(_play(state, launch, say, verdicts, repetitions=3 if quick else 5))
                 except StoryError as error:
                     broken_off = error
@@ -113,7 +113,7 @@ def play(say: Say, *, quick: bool, viewer: bool) -> int:
             finally:
                 with suppress(OSError):
                     say("taking everything down")
-                stack.stop(state)
+                bringup.stop(state)
     if verdicts:
         print_verdicts(verdicts)
     if broken_off is not None:
@@ -127,7 +127,7 @@ async def _play(
     state: StateDir, launch: Launch, say: Say, verdicts: list[Verdict], *, repetitions: int
 ) -> None:
     """Every chapter in turn; what is measured goes to `verdicts`."""
-    await stack.wait_until_alive(state, launch, say)
+    await bringup.wait_until_alive(state, launch, say)
     try:
         async with asyncio.timeout(PLAY_LIMIT_S), observing(launch.bus, CONNECT_LIMIT_S) as observer:
             stage = _Stage(state, launch, observer, say)

@@ -1,7 +1,7 @@
 """What a person needs to know of an e-stop that outlived the last run."""
 
-from deploy.launch import Launch
-from deploy.statedir import StateDir
+from deploy.stack.launch import Launch
+from deploy.stack.statedir import StateDir
 from supervisor.estop_files import is_recorded
 from wire import topics
 

@@ -12,11 +12,11 @@ from typing import NamedTuple, NoReturn
 
 import numpy as np
 
-from deploy.errors import EXIT_NOT_RUNNING, EXIT_REFUSED, DeployError
-from deploy.launch import Launch
-from deploy.reach import NotRunningError, reach
 from deploy.recording import Recorded, RecordingReader
-from deploy.statusline import StatusLine
+from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED, DeployError
+from deploy.stack.launch import Launch
+from deploy.stack.reach import NotRunningError, reach
+from deploy.stack.statusline import StatusLine
 from teleop.config import TeleopSection
 from teleop.holder import HeldError, about_this_process
 from teleop.path.legs import Path, to_path

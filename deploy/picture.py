@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from deploy.errors import DeployError
+from deploy.stack.errors import DeployError
 
 
 class Wanted(NamedTuple):

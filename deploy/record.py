@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
 
-from deploy.errors import EXIT_NOT_RUNNING, EXIT_REFUSED
-from deploy.launch import Launch
-from deploy.reach import NotRunningError, reach
 from deploy.recording import Recorded, RecordingError, RecordingWriter, exists
-from deploy.statusline import StatusLine
+from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED
+from deploy.stack.launch import Launch
+from deploy.stack.reach import NotRunningError, reach
+from deploy.stack.statusline import StatusLine
 from supervisor.config import SupervisorSection
 from wire import topics
 from wire.bus import Bus, RawArrival, Subscription, wait_until

@@ -13,7 +13,7 @@ from mcap.records import Channel, Chunk, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, Writer
 
-from deploy.errors import DeployError
+from deploy.stack.errors import DeployError
 from wire.messages import definition
 
 MAGIC = b"\x89MCAP0\r\n"

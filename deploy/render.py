@@ -1,8 +1,8 @@
 """`lifeline render`: a picture or an animation of the robot in a hall, under the real safety law, without a screen."""
 
-from deploy.errors import DeployError
-from deploy.interrupts import interrupts
 from deploy.picture import Wanted, parse_size
+from deploy.stack.errors import DeployError
+from deploy.stack.interrupts import interrupts
 from sim.gl import NoGlError, choose
 
 MIN_S, MAX_S = 0.1, 120.0

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from deploy.errors import DeployError
+from deploy.stack.errors import DeployError
 from supervisor.blackbox_file import DECISION, INPUTS, STATE, BlackBoxError, Document, dumps, read
 from supervisor.model import STANDSTILL, Decision, Inputs, Mode, Reply, State, Velocity
 from supervisor.safety import step

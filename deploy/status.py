@@ -11,12 +11,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from deploy import supervisord
-from deploy.errors import EXIT_NOT_RUNNING
 from deploy.estop import RESET, latched_sentence
-from deploy.launch import Launch
-from deploy.observe import Motion, State, observing
-from deploy.statedir import StateDir
+from deploy.stack import supervisord
+from deploy.stack.errors import EXIT_NOT_RUNNING
+from deploy.stack.launch import Launch
+from deploy.stack.observe import Motion, State, observing
+from deploy.stack.statedir import StateDir
 from wire import topics
 from wire.messages import SafetyStatus
 

@@ -10,12 +10,12 @@ import termios
 import time
 from contextlib import suppress
 
-from deploy import interrupts, processes, stack
-from deploy.errors import DeployError
 from deploy.estop import latched_sentence
-from deploy.launch import Launch
-from deploy.stack import Say
-from deploy.statedir import LockedError, StateDir, UnwritableError, locked
+from deploy.stack import bringup, interrupts, processes
+from deploy.stack.bringup import Say
+from deploy.stack.errors import DeployError
+from deploy.stack.launch import Launch
+from deploy.stack.statedir import LockedError, StateDir, UnwritableError, locked
 from teleop.terminal import RESTORE
 from teleop.terminal_guard import BY_PARENT
 from wire import topics
@@ -40,11 +40,11 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool) -> int:
     state.create()
     keep = False
     with interrupts.interrupts(), locked(state, "up"):
-        stack.check_nothing_runs(state)
+        bringup.check_nothing_runs(state)
         try:
             try:
-                stack.start(state, launch, say)
-                asyncio.run(stack.wait_until_alive(state, launch, say))
+                bringup.start(state, launch, say)
+                asyncio.run(bringup.wait_until_alive(state, launch, say))
                 latched = latched_sentence(state, launch)
                 if latched is not None:
                     say(latched)
@@ -61,7 +61,7 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool) -> int:
                 interrupts.ignore()
         finally:
             if not keep:
-                stack.stop(state)
+                bringup.stop(state)
                 with suppress(OSError):  # the terminal may be gone
                     say("everything is down")
 
@@ -106,9 +106,9 @@ def down(state: StateDir, say: Say) -> None:
     try:
         asked = _end_the_command_at_work(state)
         with locked(state, "down"):
-            stopped = stack.stop(state)
+            stopped = bringup.stop(state)
     except UnwritableError:  # what runs must end, also where the disk is full
-        stopped = stack.stop(state)
+        stopped = bringup.stop(state)
     if stopped.orphaned:
         say(f"supervisord had been killed; stopped what it left: {', '.join(stopped.names)}")
     elif stopped.names or asked:

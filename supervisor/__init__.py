@@ -11,7 +11,7 @@
     transition.py     intermediate twists between the present and the commanded one
     reckoning.py      where the robot has gone since a scan
     lidar.py          what a reading means: REP 117 and its dialects
-    plain.py          the law's types as JSON and back, exactly
+    law_codec.py      the law's types as JSON and back, exactly
     config.py         [supervisor] of robot.toml
     lidar_config.py   its lidars
     fit.py            its numbers against those of the base, [sim]

@@ -6,7 +6,7 @@
     …
     {"end": true, "steps": 4812}                 nothing is missing
 
-`plain.py` says how values are spelled. Every second is a gzip member of its own: the oldest are left out
+`law_codec.py` says how values are spelled. Every second is a gzip member of its own: the oldest are left out
 where the file would become too large.
 """
 
@@ -23,8 +23,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
+from supervisor.law_codec import codec, record_codec
 from supervisor.model import Decision, Inputs, LawConfig, State, StopReason
-from supervisor.plain import codec, record_codec
 
 FORMAT = "lifeline black box"
 VERSION = 1

@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deploy.errors import DeployError
-from deploy.faults import campaign as campaigns
-from deploy.faults import world
-from deploy.faults.classes import classes_by_themselves
-from deploy.faults.demands import may_be_locked_out
-from deploy.faults.revision import revision
-from deploy.faults.scenario import draw
-from deploy.faults.trial import Trial, parse, read_trials
-from deploy.faults.virtual import run_trial
+from deploy.campaign.classes import classes_by_themselves
+from deploy.campaign.demands import may_be_locked_out
+from deploy.campaign.simulated import runner as campaigns
+from deploy.campaign.simulated import world
+from deploy.campaign.simulated.revision import revision
+from deploy.campaign.simulated.scenario import draw
+from deploy.campaign.simulated.trial_run import run_trial
+from deploy.campaign.trial import Trial, parse, read_trials
+from deploy.stack.errors import DeployError
 from sim.config import SimSection
 from supervisor import safety
 from supervisor.config import SupervisorSection
@@ -48,7 +48,7 @@ def test_a_seed_is_the_same_alone_in_a_row_and_in_another_process(tmp_path: Path
     """Hash seeds differ between the processes: nothing may depend on the order of a set."""
     alone = [run_trial(seed, "r").line() for seed in (5, 3, 5)]
     assert alone[0] == alone[2]
-    script = "import sys; from deploy.faults.campaign import run_batch; print(*run_batch([4, 3, 5], 'r'), sep='\\n')"
+    script = "import sys; from deploy.campaign.simulated.runner import run_batch; print(*run_batch([4, 3, 5], 'r'), sep='\\n')"
     for hash_seed in ("1", "2"):
         printed = subprocess.run(
             [sys.executable, "-c", script],

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from deploy.faults.seen import Motion
-from deploy.faults.surroundings import FAR_M, Witness
+from deploy.campaign.seen import Motion
+from deploy.campaign.simulated.clearance_witness import FAR_M, Witness
 from sim.plant import Plant
 from sim.scene import Build, build
 

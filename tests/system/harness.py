@@ -14,7 +14,7 @@ from typing import TypeVar
 
 import pexpect
 
-from deploy import processes, statedir
+from deploy.stack import processes, statedir
 from tests.system.ports import free_endpoint
 from tests.system.process_state import state_of
 from wire import topics

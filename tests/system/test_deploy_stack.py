@@ -19,8 +19,8 @@ from typing import Any
 
 import pytest
 
-from deploy import processes, stack, supervisord
-from deploy.statedir import StateDir, project_root
+from deploy.stack import bringup, processes, supervisord
+from deploy.stack.statedir import StateDir, project_root
 from tests.system.ports import free_endpoint
 from wire import topics
 from wire.bus import NoReplyError
@@ -90,7 +90,7 @@ def robot() -> Generator[Robot]:
     directory = Path(tempfile.mkdtemp(prefix="lifeline-test-")).resolve()
     robot = Robot(StateDir(directory), free_endpoint())
     yield robot
-    stack.stop(robot.state)
+    bringup.stop(robot.state)
     shutil.rmtree(directory)
 
 

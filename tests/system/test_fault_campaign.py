@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from deploy.faults.report import write_report
-from deploy.faults.trial import read_trials
+from deploy.campaign.report.report import write_report
+from deploy.campaign.trial import read_trials
 
 pytestmark = pytest.mark.timeout(150)
 

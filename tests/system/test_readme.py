@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from deploy.statedir import ENVIRONMENT
+from deploy.stack.statedir import ENVIRONMENT
 from tests.system.operators import ROOT, Operator, until
 from tests.system.process_state import children_of
 

@@ -12,8 +12,8 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from deploy.processes import MARK
-from deploy.soak.sample import read_samples
+from deploy.campaign.soak.sample import read_samples
+from deploy.stack.processes import MARK
 
 LIMIT_S = 90
 COMMAND = [sys.executable, "-m", "deploy.cli", "soak"]
@@ -38,15 +38,15 @@ def test_a_short_soak_drives_writes_and_draws(tmp_path: Path, place: Path) -> No
         env=os.environ | {"TMPDIR": str(place)},
     )
     told = done.stdout + done.stderr
-    (sample,), origin = read_samples(out)
+    (sample,), provenance = read_samples(out)
     assert set(sample.processes) == {"sim", "supervisor", "supervisord", "teleop"}, told
     assert sample.driven_m > 0.05, told
     assert sample.ticks.samples > 100, told
     assert "too few samples to tell its growth" in told
     # A machine under load may stop the robot, and is told so.
     assert done.returncode == int(bool(sample.false_stops)), told
-    assert origin is not None
-    assert origin.command.startswith("lifeline soak --hours 0.0042 --out soak.jsonl")
+    assert provenance is not None
+    assert provenance.command.startswith("lifeline soak --hours 0.0042 --out soak.jsonl")
     assert ET.parse(plot).getroot().tag.endswith("svg")
     assert_nothing_is_left(place)
 

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from deploy.faults.figures import Campaign, campaigns
-from deploy.faults.trial import BrokenPromise, Injected, Origin, Trial
-from deploy.soak.heard import Gaps
-from deploy.soak.sample import Sample
-from deploy.soak.usage import Usage
-from docs import crash_safety
+from deploy.campaign.report.figures import Campaign, campaigns
+from deploy.campaign.soak.heard import Gaps
+from deploy.campaign.soak.sample import Sample
+from deploy.campaign.soak.usage import Usage
+from deploy.campaign.trial import BrokenPromise, Injected, Provenance, Trial
+from docs.generate import crash_safety
 
 
 def campaign() -> Campaign:
@@ -57,7 +57,7 @@ def test_the_answer_has_the_figures_and_hides_no_broken_promise() -> None:
         "1 of them",
     ):
         assert words in text
-    assert "does not say" in text, "there is no origin"
+    assert "does not say" in text, "there is no provenance"
 
 
 def test_the_table_has_a_row_and_what_was_broken_in_one_line() -> None:
@@ -81,7 +81,7 @@ def test_a_part_without_a_place_in_the_document_is_refused() -> None:
 
 def test_the_committed_results_are_where_the_document_says() -> None:
     assert {path.parent for path in crash_safety.RESULTS.values()} == {
-        Path(crash_safety.__file__).parent / "campaign"
+        Path(crash_safety.__file__).parents[1] / "campaign"
     }
 
 
@@ -105,6 +105,6 @@ def test_the_soak_is_told_with_what_grew_and_what_stopped_without_a_cause() -> N
     assert "unknown command" in good
     assert "| supervisor | 52.9 MB | +7.87 % | 20 | 9 |" in good, "over 50 of the 60 minutes"
     assert "FAILED: supervisor: memory grew by" in good
-    bad = crash_safety.soaked([*samples[:-1], sample(3600.0, "OVERRUN")], Origin(command="lifeline soak"))
+    bad = crash_safety.soaked([*samples[:-1], sample(3600.0, "OVERRUN")], Provenance(command="lifeline soak"))
     assert "**1 stop without a cause**" in bad
     assert "FAILED: false stops: OVERRUN" in bad

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from docs import safety_law
+from docs.generate import safety_law
 from supervisor.model import StopReason
 
 ROOT = Path(__file__).parents[2]

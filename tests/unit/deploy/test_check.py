@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 from deploy.check import Report, examine, stopping
 from deploy.check_motions import MOTIONS, Permitted
 from deploy.cli import app
-from deploy.errors import DeployError
-from deploy.launch import DEFAULT_CONFIG
+from deploy.stack.errors import DeployError
+from deploy.stack.launch import DEFAULT_CONFIG
 from supervisor.model import STANDSTILL, StopReason, Velocity
 
 EXAMPLES = {path.stem: path for path in (DEFAULT_CONFIG.parent / "examples").glob("*.toml")}

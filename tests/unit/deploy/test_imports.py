@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from deploy.statedir import project_root
+from deploy.stack.statedir import project_root
 
 
 def _python(code: str, cwd: Path) -> str:

@@ -8,7 +8,6 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from deploy.cli import app
-from deploy.errors import DeployError
 from deploy.path import (
     START_LIMIT_M,
     TruthSample,
@@ -19,6 +18,7 @@ from deploy.path import (
     true_distances_m,
 )
 from deploy.recording import Recorded, RecordingWriter
+from deploy.stack.errors import DeployError
 from teleop.path.legs import Path, to_path
 from teleop.path.pose import PathError, Pose, Poses, placed
 from teleop.path.service import Drive, Ending, Sample

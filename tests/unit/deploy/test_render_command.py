@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from deploy.errors import DeployError
 from deploy.film import supervisor_for
 from deploy.picture import Wanted, parse_size
 from deploy.rehearsal import Operator, Rehearsal
 from deploy.render import render
-from docs.draw_animation import WANTED
+from deploy.stack.errors import DeployError
+from docs.generate.draw_animation import WANTED
 from sim.gl import NoGlError, choose
 from sim.plant import Plant
 from sim.scene import Build, Hull
@@ -78,7 +78,7 @@ def test_a_rehearsal_is_the_same_each_time() -> None:
 
 
 def test_the_animation_of_the_readme_still_tells_its_story() -> None:
-    """The robot follows someone, slows, rests at 30 cm and backs out; `python -m docs.draw_animation` films it."""
+    """The robot follows someone, slows, rests at 30 cm and backs out; `python -m docs.generate.draw_animation` films it."""
     plant = Plant(WANTED.scene, options=Build(moving=True))
     rehearsal = Rehearsal(plant, Operator(), supervisor_for(plant))
     moments = list(rehearsal.play(WANTED.seconds, 10.0))

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from pydantic import BaseModel
 
-from deploy.launch import DEFAULT_CONFIG
+from deploy.stack.launch import DEFAULT_CONFIG
 from sim.config import SimSection
 from supervisor.config import SupervisorSection
 from teleop.config import TeleopSection

@@ -15,13 +15,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deploy.faults.trial import Origin
-from deploy.soak.hand import LET_GO_S, WEDGED_STOPS, Hand
-from deploy.soak.heard import Gaps, Stops, Stream
-from deploy.soak.judge import judge, theil_sen, warm_up_s
-from deploy.soak.plot import svg
-from deploy.soak.sample import Sample, read_samples
-from deploy.soak.usage import Usage, usage
+from deploy.campaign.soak.hand import LET_GO_S, WEDGED_STOPS, Hand
+from deploy.campaign.soak.heard import Gaps, Stops, Stream
+from deploy.campaign.soak.judge import judge, theil_sen, warm_up_s
+from deploy.campaign.soak.plot import svg
+from deploy.campaign.soak.sample import Sample, read_samples
+from deploy.campaign.soak.usage import Usage, usage
+from deploy.campaign.trial import Provenance
 from wire.messages import SafetyStatus, header
 from wire.stamp import Stamp
 
@@ -239,13 +239,13 @@ def test_a_file_is_read_as_it_was_written_with_where_it_comes_from(tmp_path: Pat
         sample(10.0),
         replace(sample(20.0, false_stops=("OVERRUN",)), ticks=GAPS._replace(p50_ms=math.nan)),
     ]
-    origin = Origin(command="lifeline soak", commit="abc")
-    text = "".join(f"{line}\n" for line in (*(one.to_json() for one in written), origin.line()))
+    provenance = Provenance(command="lifeline soak", commit="abc")
+    text = "".join(f"{line}\n" for line in (*(one.to_json() for one in written), provenance.line()))
     path = tmp_path / f"soak{suffix}"
     path.write_bytes(gzip.compress(text.encode()) if suffix.endswith("gz") else text.encode())
-    found, found_origin = read_samples(path)
+    found, found_provenance = read_samples(path)
     assert [one.to_json() for one in found] == [one.to_json() for one in written]
-    assert (found[0], found_origin) == (written[0], origin)
+    assert (found[0], found_provenance) == (written[0], provenance)
     assert math.isnan(found[1].ticks.p50_ms)
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from rich.console import Console
 
-from deploy.observe import State
+from deploy.stack.observe import State
 from deploy.status import Look, table
 from wire.messages import SafetyStatus, header
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deploy.launch import DEFAULT_CONFIG
+from deploy.stack.launch import DEFAULT_CONFIG
 from teleop.footprint import robot_of
 from teleop.view import Robot
 

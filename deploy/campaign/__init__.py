@@ -1,0 +1,16 @@
+"""The fault campaign: every class of fault, at random moments, with the promises checked on every sample.
+
+classes.py     the table of faults: what is done, to which process, what must notice it, and how soon
+demands.py     what must follow from a fault, and when (pure)
+attacks.py     what a client says that keeps no rules (pure); writers.py what a second lidar says (pure)
+seen.py        what is seen of a run from outside: commands, statuses, the true motion
+promises.py    the promises of the design, checked on what was seen (pure)
+measure.py     what each stop was like: detector, times, distance (pure)
+timeline.py    the samples of it that a picture is drawn from (pure)
+trial.py       the record of one trial, and its line of JSON
+provenance.py  where and when a campaign ran
+simulated/     the same services on a virtual clock (docs/decisions/0017)
+real/          real processes over real Zenoh, with the operator's keys typed into teleop's terminal
+report/        the figures of a campaign, as tables and as a page
+soak/          `lifeline soak`: hours of driving, and what grows
+"""

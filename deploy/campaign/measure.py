@@ -1,0 +1,100 @@
+"""What a fault led to: who noticed, how soon zero was commanded, where the robot came to stand. Pure."""
+
+import itertools
+import math
+from bisect import bisect_left
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from deploy.campaign.seen import Motion, Seen
+
+NOTICED_WITHIN_S = 2.0
+"""A stop that begins later than this is no consequence of a fault."""
+MOVING_M_S = 0.05
+STILL_S = 0.1
+"""Standing for so long is standing, and not swinging back."""
+
+
+BASE = "base: "
+"""Before the name of a reason of the base's own."""
+
+
+class BaseReport(NamedTuple):
+    """The base's own reason to stop, when it changed."""
+
+    time_s: float
+    reason: str
+    """`OK`: it follows cmd_vel."""
+
+
+class Stop(NamedTuple):
+    """A stop after a fault; None where there was none, or where the robot did not move before."""
+
+    detector: str | None
+    speed_m_s: float
+    to_zero_s: float | None
+    """To zero on cmd_vel; where the base stops by itself, to that."""
+    to_standstill_s: float | None
+    distance_m: float | None
+
+
+def stop_after(
+    seen: Seen, fault_s: float, base: Sequence[BaseReport] = (), within_s: float = NOTICED_WITHIN_S
+) -> Stop:
+    """What became of a robot after a fault.
+
+    Args:
+        seen: the whole run.
+        fault_s: when it happened.
+        base: the base's own reasons, as they changed.
+        within_s: a stop that begins later than this is no consequence of it.
+    """
+    start = bisect_left(seen.motions, fault_s, key=lambda motion: motion.time_s)
+    before = seen.motions[start - 1] if start else None
+    speed_m_s = 0.0 if before is None else abs(before.linear_m_s)
+    noticed_s, detector = _noticed(seen, fault_s, fault_s + within_s, base)
+    if detector is None:
+        return Stop(None, speed_m_s, None, None, None)
+    to_zero_s = noticed_s - fault_s if detector.startswith(BASE) else _to_zero_s(seen, fault_s)
+    was_moving = speed_m_s >= MOVING_M_S
+    rest = _rest(seen.motions[start:]) if was_moving else None
+    if before is None or rest is None or rest.time_s - fault_s > 2 * NOTICED_WITHIN_S:
+        return Stop(detector, speed_m_s, to_zero_s, None, None)
+    way = [before, *itertools.takewhile(lambda m: m.time_s <= rest.time_s, seen.motions[start:])]
+    distance_m = sum(math.dist((a.x_m, a.y_m), (b.x_m, b.y_m)) for a, b in itertools.pairwise(way))
+    return Stop(detector, speed_m_s, to_zero_s, rest.time_s - fault_s, distance_m)
+
+
+def _noticed(
+    seen: Seen, fault_s: float, until_s: float, base: Sequence[BaseReport]
+) -> tuple[float, str | None]:
+    """When who stopped a robot that was free to drive until then: whichever came first."""
+    start = bisect_left(seen.statuses, fault_s, key=lambda status: status.arrival_s)
+    if start > 0 and seen.statuses[start - 1].is_stopped:
+        return math.nan, None
+    stops = [(s.arrival_s, s.reasons[0]) for s in seen.statuses[start:] if s.is_stopped][:1]
+    braked = [one for one in base if one.time_s >= fault_s and one.reason != "OK"][:1]
+    stops += [(one.time_s, BASE + one.reason) for one in braked]
+    return min((stop for stop in stops if stop[0] <= until_s), default=(math.nan, None))
+
+
+def _to_zero_s(seen: Seen, fault_s: float) -> float | None:
+    """To the first zero, of a motion that was commanded until then."""
+    start = bisect_left(seen.commands, fault_s, key=lambda command: command.arrival_s)
+    if start == 0 or seen.commands[start - 1].is_zero:
+        return None
+    zero = next((c for c in itertools.islice(seen.commands, start, None) if c.is_zero), None)
+    return None if zero is None else zero.arrival_s - fault_s
+
+
+def _rest(motions: Sequence[Motion]) -> Motion | None:
+    """The first sample of a standstill that lasts."""
+    first: Motion | None = None
+    for motion in motions:
+        if not motion.is_still:
+            first = None
+        elif first is None:
+            first = motion
+        elif motion.time_s - first.time_s >= STILL_S:
+            return first
+    return None

@@ -1,0 +1,427 @@
+"""The promises of the design's section 4, checked on every sample of a run. Pure.
+
+What follows from a fault is told by the one who did it, as `Demand`s: from when to when zero must be
+commanded, the base must brake, or the robot must have become drivable again.
+"""
+
+import itertools
+import math
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+from deploy.campaign.seen import Asked, Motion, Seen, Status
+from deploy.stack.samples import Command
+
+BARRIER_REASONS = frozenset({"OBSTACLE", "SCAN_BLIND"})
+"""Stops that also a command which goes elsewhere ends: nobody has to carry a robot out of its stop zone."""
+
+ROUNDING = 1e-9
+SURPRISE_S = 1.5
+"""What moved towards the robot by itself this long ago may still be why it comes too near."""
+NOTICED_M = 0.001
+"""Between two samples, things that move by less do not move."""
+SUDDEN_M = 0.05
+"""Between two samples nobody walks so far: something was put there."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """The numbers of the promises."""
+
+    max_linear_m_s: float = 1.0
+    max_angular_rad_s: float = 2.0
+    stop_distance_m: float = 0.30
+    tolerance_m: float = 0.01
+    """By so much the hull may come nearer than the stop distance."""
+    trusted_braking_m_s2: float = 1.5
+    trusted_braking_rad_s2: float = 6.0
+    reaction_s: float = 0.30
+    """From something that moves by itself to brakes that act on it: two scans and their way."""
+    hull_radius_m: float = 0.25
+    status_leeway_s: float = 0.0
+    """A command and the status that explains it are two messages: how far apart they may arrive."""
+    neutral_leeway_s: float = 0.0
+    """A neutral command that was sent this shortly before a stop counts as sent after it."""
+    asked_age_s: float = math.inf
+    """How old the wish behind a motion may be; infinity: nobody knows what was asked for when."""
+
+
+class Kind(StrEnum):
+    """What a fault demands."""
+
+    ZERO = "zero"
+    """Every command in the window is zero."""
+    BRAKE = "brake"
+    """The base slows down from the window's beginning until it stands, and stands until its end."""
+    DRIVABLE = "drivable"
+    """At some moment of the window no stop holds."""
+    STOPPED = "stopped"
+    """At some moment of the window a stop holds."""
+    NAMED = "named"
+    """At some moment of the window one of the demand's reasons is among those of a stop."""
+    UNHINDERED = "unhindered"
+    """No stop for an obstacle lasts in the window where there is none."""
+
+
+class Demand(NamedTuple):
+    """What must hold in a window of time because of a fault."""
+
+    kind: Kind
+    promise: int
+    because: str
+    from_s: float
+    until_s: float
+    reasons: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """A promise that was broken."""
+
+    promise: int
+    time_s: float
+    sentence: str
+
+
+def violations(seen: Seen, demands: Iterable[Demand] = (), bounds: Bounds | None = None) -> list[Violation]:
+    """Every promise that was broken, each at most once for each occasion, in order of time.
+
+    Args:
+        seen: the whole run.
+        demands: what its faults ask for.
+        bounds: the numbers of the promises.
+    """
+    bounds = bounds or Bounds()
+    found = [
+        *_beyond_limits(seen.commands, bounds),
+        *_motion_despite_a_stop(seen, bounds),
+        *_moved_unasked(seen, bounds),
+        *_set_off_unasked(seen, bounds),
+        *_came_too_near(seen.motions, bounds),
+        *_moved_without_neutral(seen, bounds),
+    ]
+    for demand in demands:
+        check = {
+            Kind.ZERO: _not_zero,
+            Kind.BRAKE: _not_braked,
+            Kind.DRIVABLE: _not_drivable,
+            Kind.STOPPED: _not_stopped,
+            Kind.NAMED: _not_named,
+            Kind.UNHINDERED: _hindered,
+        }[demand.kind]
+        found += check(seen, demand, bounds)
+    return sorted(found, key=lambda violation: (violation.time_s, violation.promise))
+
+
+# --- 1: cmd_vel
+
+
+def _beyond_limits(commands: Sequence[Command], bounds: Bounds) -> Iterator[Violation]:
+    for command in commands:
+        linear, angular = command.linear_m_s, command.angular_rad_s
+        if not (
+            abs(linear) <= bounds.max_linear_m_s + ROUNDING
+            and abs(angular) <= bounds.max_angular_rad_s + ROUNDING
+        ):
+            sentence = f"cmd_vel asks for {linear:g} m/s, {angular:g} rad/s: beyond the limits"
+            yield Violation(1, command.arrival_s, sentence)
+            return  # whatever follows is the same fault
+
+
+def _motion_despite_a_stop(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
+    """Between two statuses of which the first stops, nothing moves; the second comes with a change, or in order."""
+    for status, following in itertools.pairwise(seen.statuses):
+        if not status.is_stopped:
+            continue
+        window = (status.arrival_s + bounds.status_leeway_s, following.arrival_s - bounds.status_leeway_s)
+        for command in _between(seen.commands, *window):
+            if not command.is_zero:
+                yield Violation(
+                    1,
+                    command.arrival_s,
+                    f"cmd_vel is {command.linear_m_s:.3f} m/s, {command.angular_rad_s:.3f} rad/s "
+                    f"despite {', '.join(status.reasons)}",
+                )
+                break
+
+
+# --- 2, 3, 5: zero in time
+
+
+def _not_zero(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]:  # noqa: ARG001
+    for command in _between(seen.commands, demand.from_s, demand.until_s):
+        if not command.is_zero:
+            yield Violation(
+                demand.promise,
+                command.arrival_s,
+                f"cmd_vel is still {command.linear_m_s:.3f} m/s, {command.angular_rad_s:.3f} rad/s "
+                f"{1000 * (command.arrival_s - demand.from_s):.0f} ms too late: {demand.because}",
+            )
+            return
+
+
+def _moved_unasked(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
+    """Whatever happened on the way: behind every motion there is somebody who asked for one a moment ago."""
+    if math.isinf(bounds.asked_age_s):
+        return
+    wishes = _wishes_s(seen.asked)
+    told = False
+    for command in seen.commands:
+        age_s = _age_s(wishes, command.arrival_s)
+        is_late = not command.is_zero and age_s > bounds.asked_age_s
+        if is_late and not told:
+            sentence = f"the robot moves by a wish that is {age_s:.3f} s old"
+            yield Violation(3, command.arrival_s, sentence)
+        told = is_late
+
+
+def _set_off_unasked(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
+    """The same at the wheels, which may take what the network kept for a command of now."""
+    wishes = _wishes_s(seen.asked)
+    for (_, before), (at_s, is_driven) in itertools.pairwise(seen.driven):
+        age_s = _age_s(wishes, at_s)
+        if is_driven and not before and age_s > bounds.asked_age_s:
+            yield Violation(3, at_s, f"the base sets off by a wish that is {age_s:.3f} s old")
+
+
+def _wishes_s(asked: Sequence[Asked]) -> list[float]:
+    """When somebody asked for motion."""
+    return [one.sent_s for one in asked if not one.is_neutral]
+
+
+def _age_s(wishes_s: Sequence[float], at_s: float) -> float:
+    """Of the last wish before; infinity: there was none."""
+    index = bisect_right(wishes_s, at_s)
+    return at_s - wishes_s[index - 1] if index else math.inf
+
+
+# --- 4: the base by itself
+
+
+def _not_braked(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]:
+    """Each axis loses its speed at the trusted rate at least; both brake in the same time, so the longer one counts."""
+    within = list(_motions_between(seen.motions, demand.from_s, demand.until_s))
+    if not within:
+        return
+    first = within[0]
+    braking_s = max(
+        abs(first.linear_m_s) / bounds.trusted_braking_m_s2,
+        abs(first.angular_rad_s) / bounds.trusted_braking_rad_s2,
+    )
+    for motion in within:
+        left = max(0.0, 1.0 - (motion.time_s - first.time_s) / braking_s) if braking_s > 0.0 else 0.0
+        if (
+            abs(motion.linear_m_s) > left * abs(first.linear_m_s) + BRAKING_TOLERANCE_M_S
+            or abs(motion.angular_rad_s) > left * abs(first.angular_rad_s) + BRAKING_TOLERANCE_RAD_S
+        ):
+            yield Violation(
+                demand.promise,
+                motion.time_s,
+                f"the base moves at {motion.linear_m_s:.3f} m/s, {motion.angular_rad_s:.3f} rad/s "
+                f"{1000 * (motion.time_s - demand.from_s):.0f} ms after it had to brake: {demand.because}",
+            )
+            return
+
+
+BRAKING_TOLERANCE_M_S = 0.05
+BRAKING_TOLERANCE_RAD_S = 0.25
+"""The wheels follow the drive's ramp a little late, and rock as they stop."""
+
+
+# --- 6: distance
+
+
+def _came_too_near(motions: Sequence[Motion], bounds: Bounds) -> Iterator[Violation]:
+    """Within the stop distance, own motion may only be what braking takes from a surprise.
+
+    What moves by itself may come as near as it likes, and so may what is put where nobody could stop in time;
+    what counts is how much nearer the robot brought itself since it was within the stop distance, less what it
+    moved away again.
+    """
+    surprised_s = excused_until_s = -math.inf
+    own_m = allowed_m = 0.0
+    inside = told = False
+    for before, motion in itertools.pairwise(motions):
+        by_itself_m = before.clearance_m - motion.clearance_m - motion.own_approach_m
+        if by_itself_m > NOTICED_M or motion.appeared_m < bounds.stop_distance_m + _stopping_m(
+            motion, bounds
+        ):
+            surprised_s = motion.time_s
+        if motion.clearance_m >= bounds.stop_distance_m:
+            inside = told = False
+            continue
+        if not inside:
+            inside, own_m, allowed_m = True, 0.0, bounds.tolerance_m
+            excused_until_s = -math.inf
+            is_surprised = motion.time_s - surprised_s < SURPRISE_S
+        else:
+            # What passes by turns a way that led out into one that leads in: each new approach is judged from its start.
+            begins = own_m == 0.0 < motion.own_approach_m
+            is_surprised = by_itself_m > SUDDEN_M or (begins and motion.time_s - surprised_s < SURPRISE_S)
+        if is_surprised:
+            allowed_m = max(allowed_m, own_m + bounds.tolerance_m + _stopping_m(before, bounds))
+            excused_until_s = motion.time_s + SURPRISE_S
+        elif motion.time_s > excused_until_s > 0.0:
+            excused_until_s, allowed_m = -math.inf, own_m + bounds.tolerance_m
+        own_m = max(0.0, own_m + motion.own_approach_m)
+        too_near = own_m > allowed_m and motion.clearance_m < bounds.stop_distance_m - bounds.tolerance_m
+        if too_near and not told:
+            told = True
+            touching = ", touching" if motion.is_touching else ""
+            yield Violation(
+                6,
+                motion.time_s,
+                f"the hull came within {100 * motion.clearance_m:.1f} cm{touching}, "
+                f"{100 * own_m:.1f} cm of it by its own motion",
+            )
+
+
+def _stopping_m(motion: Motion, bounds: Bounds) -> float:
+    speed_m_s = abs(motion.linear_m_s) + bounds.hull_radius_m * abs(motion.angular_rad_s)
+    return speed_m_s * bounds.reaction_s + speed_m_s**2 / (2.0 * bounds.trusted_braking_m_s2)
+
+
+# --- 7: neutral first
+
+
+def _moved_without_neutral(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
+    """After a stop that is more than the barrier's, whoever moves the robot has been neutral since it began."""
+    for since_s, reasons, released in _stops(seen.statuses):
+        neutral_s = _first_neutral_s(seen.asked, released.owner, since_s - bounds.neutral_leeway_s)
+        if neutral_s <= released.arrival_s:
+            continue
+        for command in _from(seen.commands, released.arrival_s):
+            if command.arrival_s > neutral_s:
+                break
+            if not command.is_zero:
+                yield Violation(
+                    7,
+                    command.arrival_s,
+                    f"{released.owner or 'nobody'} moves the robot after {', '.join(reasons)} "
+                    "without a neutral command first",
+                )
+                break
+
+
+def _stops(statuses: Sequence[Status]) -> Iterator[tuple[float, tuple[str, ...], Status]]:
+    """Each stop that asks for a neutral: since when, why, and the status that ends it.
+
+    A stop of a robot that was free to drive concerns every source. A reason that comes up while it stands
+    concerns the source that the status speaks of: another one may show reasons of its own.
+    """
+    everybody: tuple[float, tuple[str, ...]] | None = None
+    own: dict[str, tuple[float, tuple[str, ...]]] = {}
+    before = Status(-math.inf, ())
+    for status in statuses:
+        if not status.is_stopped:
+            stops = [stop for stop in (everybody, own.pop(status.owner, None)) if stop is not None]
+            if stops:
+                yield *max(stops), status
+            everybody = None
+        elif not BARRIER_REASONS.issuperset(status.reasons):
+            stop = (status.arrival_s, status.reasons)
+            if not before.is_stopped:
+                everybody = stop
+            elif status.owner == before.owner and not set(status.reasons).issubset(before.reasons):
+                own[status.owner] = stop
+        before = status
+
+
+def _first_neutral_s(asked: Sequence[Asked], source: str, since_s: float) -> float:
+    """When the source was first neutral from then on; infinity: never."""
+    start = bisect_left(asked, since_s, key=lambda one: one.sent_s)
+    return next(
+        (
+            one.sent_s
+            for one in itertools.islice(asked, start, None)
+            if one.source == source and one.is_neutral
+        ),
+        math.inf,
+    )
+
+
+# --- 8: drivable again
+
+
+def _not_drivable(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]:  # noqa: ARG001
+    statuses = [s for s in seen.statuses if demand.from_s <= s.arrival_s <= demand.until_s]
+    if not any(not status.is_stopped for status in statuses):
+        why = ", ".join(statuses[-1].reasons) if statuses else "no status came"
+        yield Violation(demand.promise, demand.until_s, f"not drivable again ({why}): {demand.because}")
+
+
+# --- what a fault of a sensor must lead to, and what it must not
+
+
+def _in_force(seen: Seen, demand: Demand) -> list[Status]:
+    """The statuses of the window, with the one that held when it began."""
+    start = bisect_right(seen.statuses, demand.from_s, key=lambda status: status.arrival_s)
+    later = itertools.islice(seen.statuses, start, None)
+    return [
+        *seen.statuses[max(0, start - 1) : start],
+        *itertools.takewhile(lambda status: status.arrival_s <= demand.until_s, later),
+    ]
+
+
+def _not_stopped(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]:  # noqa: ARG001
+    if not any(status.is_stopped for status in _in_force(seen, demand)):
+        took = f"{1000 * (demand.until_s - demand.from_s):.0f} ms"
+        yield Violation(
+            demand.promise, demand.until_s, f"nothing stops the robot within {took}: {demand.because}"
+        )
+
+
+def _not_named(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]:  # noqa: ARG001
+    named = {reason for status in _in_force(seen, demand) for reason in status.reasons}
+    if named.isdisjoint(demand.reasons):
+        wanted, instead = " or ".join(demand.reasons), ", ".join(sorted(named)) or "no reason"
+        yield Violation(demand.promise, demand.until_s, f"{instead} instead of {wanted}: {demand.because}")
+
+
+def _hindered(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]:
+    """What one scan shows may limit for a moment; what stays needs something that is there."""
+    since_s: float | None = None
+    for status in _in_force(seen, demand):
+        if status.reasons != ("OBSTACLE",):
+            since_s = None
+        elif since_s is None:
+            since_s = max(status.arrival_s, demand.from_s)
+        elif status.arrival_s - since_s > MOMENT_S + ROUNDING:
+            motions = _motions_between(seen.motions, since_s, status.arrival_s)
+            clearance_m = min((motion.clearance_m for motion in motions), default=0.0)
+            if clearance_m > bounds.stop_distance_m + NOTHING_NEAR_M + ROUNDING:
+                sentence = (
+                    f"stopped for an obstacle with {clearance_m:.2f} m free all around: {demand.because}"
+                )
+                yield Violation(demand.promise, status.arrival_s, sentence)
+                return
+
+
+MOMENT_S = 0.12
+"""Two scans, and a status."""
+NOTHING_NEAR_M = 0.15
+"""So much farther than the stop distance is away from everything."""
+
+
+# --- windows of time
+
+
+def _between(commands: Sequence[Command], after_s: float, before_s: float) -> Iterator[Command]:
+    """Those strictly within."""
+    for command in _from(commands, after_s, inclusive=False):
+        if command.arrival_s >= before_s:
+            return
+        yield command
+
+
+def _from(commands: Sequence[Command], time_s: float, *, inclusive: bool = True) -> Iterator[Command]:
+    find = bisect_left if inclusive else bisect_right
+    return itertools.islice(commands, find(commands, time_s, key=lambda c: c.arrival_s), None)
+
+
+def _motions_between(motions: Sequence[Motion], from_s: float, until_s: float) -> Iterator[Motion]:
+    start = bisect_left(motions, from_s, key=lambda motion: motion.time_s)
+    return itertools.takewhile(lambda motion: motion.time_s < until_s, itertools.islice(motions, start, None))

@@ -1,0 +1,87 @@
+"""Where and when a campaign ran: a line in its file, behind the trials that it made."""
+
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+from deploy.campaign.trial import Provenance
+from deploy.stack.errors import DeployError
+
+GIT_LIMIT_S = 10.0
+
+
+def provenance_of(arguments: Sequence[str]) -> Provenance:
+    """Of what begins here and now.
+
+    Args:
+        arguments: of the command line, without the program; of absolute paths the last part is kept.
+    """
+    words = [Path(word).name if word.startswith("/") else word for word in arguments]
+    return Provenance(
+        command=" ".join(("lifeline", *words)),
+        date=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        machine=machine(),
+        commit=commit(),
+    )
+
+
+def machine() -> str:
+    """What matters of this machine, without its name."""
+    return (
+        f"{os.cpu_count()} cores ({platform.machine()}), load average {os.getloadavg()[0]:.1f}, "
+        f"{platform.system()}, Python {platform.python_version()}, eclipse-zenoh {version('eclipse-zenoh')}"
+    )
+
+
+def commit() -> str:
+    """Of the code, and whether files differ from it; empty where git does not know."""
+    root = Path(__file__).parents[2]
+    try:
+        found, changes = (
+            subprocess.run(
+                ["git", "-C", str(root), *words],  # noqa: S607 - whichever git there is
+                capture_output=True,
+                text=True,
+                check=True,
+                timeout=GIT_LIMIT_S,
+            ).stdout.strip()
+            for words in (("rev-parse", "--short", "HEAD"), ("status", "--porcelain", "--untracked-files=no"))
+        )
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return f"{found}, with changes that are not committed" if changes else found
+
+
+@contextmanager
+def signed(out: Path | None) -> Generator[None]:
+    """Whatever is added to the file meanwhile gets a provenance behind it, also when it is interrupted."""
+    if out is None:
+        yield
+        return
+    begun, before = provenance_of(sys.argv[1:]), _size(out)
+    try:
+        yield
+    finally:
+        if _size(out) > before:
+            _sign(out, begun)
+
+
+def _sign(out: Path, begun: Provenance) -> None:
+    try:
+        with out.open("a") as file:
+            file.write(begun.line() + "\n")
+    except OSError as error:
+        raise DeployError(f"cannot write {out}: {error.strerror}") from error
+
+
+def _size(out: Path) -> int:
+    try:
+        return out.stat().st_size
+    except OSError:
+        return 0

@@ -1,0 +1,104 @@
+"""A network namespace for teleop, joined to this machine by a pair of virtual cables that can be unplugged.
+
+What the proxy only plays is real here: the kernel's own TCP on a link that is down, with its retransmissions
+and their growing pauses. It takes root and `ip` of iproute2.
+"""
+
+import os
+import shutil
+import subprocess
+from contextlib import suppress
+
+from deploy.stack.errors import DeployError
+
+COMMAND_LIMIT_S = 10.0
+
+
+def why_not() -> str | None:
+    """In a sentence why there can be no namespace here; None where there can."""
+    if os.geteuid() != 0:
+        return "network namespaces need root"
+    if shutil.which("ip") is None:
+        return "network namespaces need `ip` of iproute2"
+    try:
+        with_cable = Cable(os.getpid(), subnet=250)
+    except DeployError as error:
+        return str(error)
+    with_cable.close()
+    return None
+
+
+class Cable:
+    """A namespace and its cable. It is closed in any case, or it outlives this process.
+
+    Args:
+        number: makes its names unique on this machine.
+        subnet: the third number of its addresses, 10.213.SUBNET.0/30.
+
+    Raises:
+        DeployError: the kernel does not let us; nothing is left behind.
+    """
+
+    def __init__(self, number: int, *, subnet: int) -> None:
+        self._number = number
+        self.name, self._here, self._there = _names(number)
+        self.host = f"10.213.{subnet}.1"
+        address = f"10.213.{subnet}.2"
+        try:
+            _ip("netns", "add", self.name)
+            _ip(
+                *("link", "add", self._here, "type", "veth"),
+                *("peer", "name", self._there, "netns", self.name),
+            )
+            _ip("addr", "add", f"{self.host}/30", "dev", self._here)
+            _ip("link", "set", self._here, "up")
+            _ip("-n", self.name, "addr", "add", f"{address}/30", "dev", self._there)
+            _ip("-n", self.name, "link", "set", "lo", "up")
+            self.plug()
+        except DeployError:
+            self.close()
+            raise
+
+    @property
+    def prefix(self) -> tuple[str, ...]:
+        """What makes a command run in it, under its own process id."""
+        return ("ip", "netns", "exec", self.name)
+
+    def unplug(self) -> None:
+        # On the far side: the near address stays this machine's, and what listens there goes on.
+        _ip("-n", self.name, "link", "set", self._there, "down")
+
+    def plug(self) -> None:
+        _ip("-n", self.name, "link", "set", self._there, "up")
+
+    def close(self) -> None:
+        remove(self._number)
+
+
+def remove(number: int) -> None:
+    """Take away a namespace and its cable, if they are there."""
+    name, here, _ = _names(number)
+    with suppress(DeployError):
+        _ip("link", "del", here)
+    with suppress(DeployError):
+        _ip("netns", "del", name)
+
+
+def _names(number: int) -> tuple[str, str, str]:
+    """Of the namespace and of the cable's two ends."""
+    return f"lifeline-{number}", f"lf{number}h", f"lf{number}t"
+
+
+def _ip(*arguments: str) -> None:
+    try:
+        done = subprocess.run(
+            ["ip", *arguments],  # noqa: S607 - the system's
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=COMMAND_LIMIT_S,
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise DeployError(f"cannot run ip: {error}") from error
+    if done.returncode != 0:
+        raise DeployError(f"`ip {' '.join(arguments)}` failed: {done.stderr.strip()}")

@@ -1,0 +1,49 @@
+"""Takes a stage down whose campaign was killed: `python -m deploy.campaign.real.rig.janitor DIRECTORY NUMBER`.
+
+It waits for the end of its stdin, which the kernel brings about whatever becomes of the campaign, and does
+nothing where the campaign has cleaned up itself.
+"""
+
+import shutil
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+from deploy.campaign.real.rig import cable
+from deploy.stack import bringup, processes
+from deploy.stack.errors import DeployError
+from deploy.stack.statedir import StateDir
+
+STATE = "state"
+
+
+def sweep(directory: Path, number: int) -> None:
+    """End every process of a stage, and remove its mount, its namespace and its directory.
+
+    Args:
+        directory: of the stage.
+        number: of its namespace.
+    """
+    state = StateDir(directory / STATE)
+    for process in processes.of(state.path):
+        processes.send(process, state.path, signal.SIGCONT)
+    with suppress(DeployError):
+        bringup.stop(state)
+    cable.remove(number)
+    if state.path.is_mount():
+        # Lazily: a log that is still open somewhere must not keep the mount.
+        subprocess.run(["umount", "-l", str(state.path)], capture_output=True, check=False)  # noqa: S607 - the system's
+    shutil.rmtree(directory, ignore_errors=True)
+
+
+def main() -> None:
+    directory, number = Path(sys.argv[1]), int(sys.argv[2])
+    sys.stdin.buffer.read()
+    if directory.exists():
+        sweep(directory, number)
+
+
+if __name__ == "__main__":
+    main()

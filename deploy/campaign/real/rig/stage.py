@@ -1,0 +1,459 @@
+"""The stage of the real campaign: the whole robot as it is run, an operator at a terminal, and who watches.
+
+sim and supervisor run under supervisord as with `lifeline up`, with faults in them (faulty_process.py); teleop sits at
+terminals of its own. The state directory is a small disk where the rights allow one, so that it can be filled. Everything
+is taken down at the end, whatever happened.
+"""
+
+import asyncio
+import os
+import signal
+import stat
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+from deploy.campaign.real.rig import faulty_process
+from deploy.campaign.real.rig.cable import Cable
+from deploy.campaign.real.rig.helper_process import HelperProcess
+from deploy.campaign.real.rig.janitor import STATE, sweep
+from deploy.campaign.real.rig.links import Links
+from deploy.campaign.real.rig.observer import Observer
+from deploy.campaign.real.rig.wheels import WheelPipe
+from deploy.campaign.seen import Seen
+from deploy.stack import bringup, processes, supervisord
+from deploy.stack.errors import DeployError
+from deploy.stack.keyboard import TypedTeleop
+from deploy.stack.launch import DEFAULT_CONFIG, Launch, free_loopback_endpoint
+from deploy.stack.statedir import StateDir
+from wire import topics
+from wire.bus import BusError, NoReplyError
+from wire.messages import Point
+from wire.zenoh_bus import ZenohBus, open_bus
+
+NODES = (topics.SUPERVISOR, topics.SIM)
+DISK_BYTES = 96 << 20
+"""Of the state directory: more than logs and black boxes take."""
+OPEN_LIMIT_S = 10.0
+ALIVE_LIMIT_S = 15.0
+"""Of everything that restarts by itself: supervisord waits up to some seconds."""
+RESET_LIMIT_S = 5.0
+READY_LIMIT_S = 5.0
+START_M = (-4.5, 0.0)
+"""Of the robot in the warehouse, facing along x."""
+PRESS_AGAIN_S = 0.4
+"""An operator who sees no effect presses again."""
+CALL_LIMIT_S = 1.0
+SETTLE_POLL_S = 0.1
+
+
+class Route(StrEnum):
+    """How a process reaches the hub."""
+
+    DIRECT = "direct"
+    PROXY = "proxy"
+    CABLE = "cable"
+    """From a network namespace of its own; teleop only."""
+
+
+class StageError(DeployError):
+    """The robot did not do what has to come before a fault, or after one."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArmedLaunch(Launch):
+    """The processes of a `Launch`, with faults in them."""
+
+    directory: Path = Path()
+
+    def environment(self, state: StateDir) -> dict[str, str]:
+        faulty = {
+            "LIFELINE_PYTHON": str(self.directory / "python"),
+            faulty_process.DIRECTORY: str(self.directory),
+        }
+        # zero-argument super() does not work in a dataclass with slots
+        return Launch.environment(self, state) | faulty
+
+    def command(self, module: str) -> list[str]:
+        python, _, *rest = Launch.command(self, module)
+        return [python, "-m", "deploy.campaign.real.rig.faulty_process", "-m", *rest]
+
+
+class Stage:
+    """Built by `open`, ended by `close` in any case."""
+
+    def __init__(self) -> None:
+        self.directory = Path(tempfile.mkdtemp(prefix="lifeline-faults-")).resolve()
+        self.state = StateDir(self.directory / STATE)
+        self.state.create()
+        self._janitor: subprocess.Popen[bytes] | None = None
+        self._has_disk = False
+        self._wheels: WheelPipe | None = None
+        self._bus: ZenohBus | None = None
+        self._links: Links | None = None
+        self._cable: Cable | None = None
+        self._cable_link: Links | None = None
+        self._attacker: HelperProcess | None = None
+        self._watch: Observer | None = None
+        self._teleop: TypedTeleop | None = None
+        self.is_ready = False
+        """Whether it has just been seen to drive."""
+        self.routes = {topics.TELEOP: Route.DIRECT, topics.SIM: Route.DIRECT}
+        launch = Launch.read(DEFAULT_CONFIG, free_loopback_endpoint(), sim_options="--no-viewer")
+        self.launch = ArmedLaunch(launch.config, launch.bus, launch.sim_options, self.directory)
+
+    @property
+    def observer(self) -> Observer:
+        assert self._watch is not None
+        return self._watch
+
+    @property
+    def teleop(self) -> TypedTeleop:
+        assert self._teleop is not None
+        return self._teleop
+
+    @property
+    def attacker(self) -> HelperProcess:
+        """Started when first needed."""
+        if self._attacker is None:
+            bus = self.launch.bus
+            self._attacker = HelperProcess(
+                "deploy.campaign.real.rig.attacker", bus.endpoint, bus.namespace, environment=self.environment
+            )
+            self._attacker.answer()
+        return self._attacker
+
+    @property
+    def links(self) -> Links:
+        if self._links is None:
+            names = (topics.TELEOP, topics.SIM)
+            self._links = Links(self.launch.bus.endpoint, names, environment=self.environment)
+        return self._links
+
+    @property
+    def cable(self) -> Cable:
+        assert self._cable is not None
+        return self._cable
+
+    @property
+    def has_disk(self) -> bool:
+        """Whether the state directory is a disk of its own."""
+        return self._has_disk
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """By which whatever is left behind is found."""
+        return {processes.MARK: str(self.state.path)}
+
+    # --- up and down
+
+    async def open(self) -> None:
+        """Everything up, teleop neutral.
+
+        Raises:
+            DeployError: it cannot be brought up.
+        """
+        self._hire_janitor()
+        self._mount_disk()
+        self._wheels = WheelPipe(self.directory / faulty_process.WHEELS)
+        python = self.directory / "python"
+        python.write_text(
+            f'#!/bin/sh\nexec "{sys.executable}" -m deploy.campaign.real.rig.faulty_process "$@"\n'
+        )
+        python.chmod(stat.S_IRWXU)
+        await self._start_stack()
+        try:
+            async with asyncio.timeout(OPEN_LIMIT_S):
+                self._bus = await open_bus(self.launch.bus, "client")
+        except (TimeoutError, BusError) as error:
+            raise StageError(f"the campaign's observer cannot connect: {error}") from error
+        self._watch = Observer(self._bus, self._wheels)
+        await self.start_teleop()
+
+    async def close(self) -> None:
+        """Take everything down. Never raises for what is gone already."""
+        if self._watch is not None:
+            self._watch.close()
+        if self._teleop is not None:
+            await self._teleop.close()
+        if self._bus is not None:
+            await self._bus.close()
+        self.discard()
+
+    def discard(self) -> None:
+        """What `close` does without an event loop; again and again if need be."""
+        for child in (self._attacker, self._links, self._cable_link):
+            if child is not None:
+                with suppress(OSError, DeployError):
+                    child.close()
+        self._attacker = self._links = self._cable_link = None
+        if self._wheels is not None:
+            self._wheels.close()
+            self._wheels = None
+        self._cable = None
+        sweep(self.directory, os.getpid())
+        if self._janitor is not None:
+            self._janitor.communicate()
+            self._janitor = None
+
+    async def restart_stack(self) -> None:
+        """All of it anew, for a state that is known again."""
+        await self.stop_teleop()
+        for name in (topics.TELEOP, topics.SIM):
+            if self._links is not None:
+                self._links.heal(name)
+        for path in self.directory.glob(f"{faulty_process.CRASH}-*"):
+            path.unlink()
+        bringup.stop(self.state)
+        await self._start_stack()
+        await self.start_teleop()
+
+    async def restart_supervisord(self) -> None:
+        bringup.stop(self.state)
+        await self._start_stack()
+
+    async def _start_stack(self) -> None:
+        bringup.start(self.state, self.launch, lambda _: None)
+        await bringup.wait_until_alive(self.state, self.launch, lambda _: None)
+
+    def _hire_janitor(self) -> None:
+        """Whatever becomes of this process, somebody cleans up after it."""
+        self._janitor = subprocess.Popen(
+            [sys.executable, "-m", "deploy.campaign.real.rig.janitor", str(self.directory), str(os.getpid())],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+
+    def _mount_disk(self) -> None:
+        if os.geteuid() != 0:
+            return
+        done = subprocess.run(
+            ["mount", "-t", "tmpfs", "-o", f"size={DISK_BYTES},mode=700", "lifeline", str(self.state.path)],  # noqa: S607 - the system's
+            capture_output=True,
+            check=False,
+        )
+        self._has_disk = done.returncode == 0
+
+    # --- routes
+
+    async def route(self, *, teleop: Route, sim: Route) -> None:
+        """See to it that each process reaches the hub on this way; one that does not is started again."""
+        if self.routes != {topics.TELEOP: teleop, topics.SIM: sim}:
+            self.is_ready = False
+        if self.routes[topics.SIM] is not sim:
+            self._set_route(sim)
+            self.routes[topics.SIM] = sim
+            self.observer.alive.discard(topics.SIM)
+            self.signal(topics.SIM, signal.SIGTERM)
+            await self.alive()
+        if self.routes[topics.TELEOP] is not teleop:
+            await self.stop_teleop()
+            self.routes[topics.TELEOP] = teleop
+        if self._teleop is None:
+            await self.start_teleop()
+
+    def _set_route(self, sim: Route) -> None:
+        path = self.directory / f"{faulty_process.ROUTE}-{topics.SIM}"
+        if sim is Route.PROXY:
+            path.write_text(self.links.endpoints[topics.SIM])
+        else:
+            path.unlink(missing_ok=True)
+
+    def _teleop_way(self) -> tuple[tuple[str, ...], str]:
+        """What teleop's command begins with, and the endpoint that it connects to."""
+        match self.routes[topics.TELEOP]:
+            case Route.DIRECT:
+                return (), self.launch.bus.endpoint
+            case Route.PROXY:
+                return (), self.links.endpoints[topics.TELEOP]
+            case Route.CABLE:
+                if self._cable is None:
+                    self._cable = Cable(os.getpid(), subnet=os.getpid() % 250)
+                if self._cable_link is None:
+                    self._cable_link = Links(
+                        self.launch.bus.endpoint,
+                        (topics.TELEOP,),
+                        environment=self.environment,
+                        host=self._cable.host,
+                    )
+                return self._cable.prefix, self._cable_link.endpoints[topics.TELEOP]
+
+    # --- processes
+
+    async def start_teleop(self) -> None:
+        """A new teleop on new terminals; it need not be alive yet when this returns."""
+        if self._teleop is not None:
+            await self.stop_teleop()
+        prefix, endpoint = self._teleop_way()
+        command = self.launch.command(topics.TELEOP)
+        command[command.index("--endpoint") + 1] = endpoint
+        if self._watch is not None:
+            self.observer.look()
+            self.observer.alive.discard(topics.TELEOP)
+        environment = os.environ | self.environment | {faulty_process.DIRECTORY: str(self.directory)}
+        self._teleop = TypedTeleop([*prefix, *command], dict(environment))
+
+    async def stop_teleop(self) -> None:
+        if self._teleop is not None:
+            desk, self._teleop = self._teleop, None
+            await desk.close()
+
+    def pid(self, node: str) -> int:
+        """The process id of a node, or of supervisord.
+
+        Raises:
+            StageError: it does not run.
+        """
+        if node == topics.TELEOP:
+            return self.teleop.pid
+        for process in processes.of(self.state.path):
+            if process.name == node:
+                return process.pid
+        raise StageError(f"{node} does not run")
+
+    def signal(self, node: str, number: signal.Signals) -> float:
+        """Signal a node, or supervisord; returns the time just before."""
+        pid = self.pid(node)
+        now_s = time.monotonic()
+        with suppress(ProcessLookupError):
+            os.kill(pid, number)
+        return now_s
+
+    def order(self, node: str, order: str) -> float:
+        """Set a fault off inside a node; returns the time just before."""
+        (self.directory / f"{faulty_process.ORDER}-{node}").write_text(order)
+        return self.signal(node, signal.SIGUSR1)
+
+    def crash_loop(self, node: str, *, ends: bool) -> None:
+        """Whether it ends as it starts."""
+        path = self.directory / f"{faulty_process.CRASH}-{node}"
+        path.touch() if ends else path.unlink(missing_ok=True)
+
+    def attack(self, name: str, seed: int, for_s: float) -> float:
+        """Set the attacker on; returns the time just before."""
+        attacker = self.attacker
+        now_s = time.monotonic()
+        attacker.order({"attack": name, "seed": seed, "for_s": for_s})
+        return now_s
+
+    def end_attack(self) -> int:
+        """Returns how many messages were sent."""
+        return int(self.attacker.order({"attack": "stop"}))
+
+    async def settled(self) -> None:
+        """Wait until supervisord takes its programs for running: one that dies sooner is started again ever later.
+
+        Raises:
+            StageError: it does not.
+        """
+        deadline_s = time.monotonic() + ALIVE_LIMIT_S
+        while (programs := supervisord.programs(self.state)) is not None:
+            waiting = [program.name for program in programs if program.state != "RUNNING"]
+            if not waiting:
+                return
+            if time.monotonic() > deadline_s:
+                raise StageError(f"not running within {ALIVE_LIMIT_S:g} s: {', '.join(waiting)}")
+            await self.observer.watch(SETTLE_POLL_S)
+
+    async def alive(self, *more: str) -> None:
+        """Wait until sim and supervisor are there, by their tokens and by what they say.
+
+        Raises:
+            StageError: they do not come.
+        """
+        wanted = {*NODES, *more}
+        since_s = time.monotonic()
+
+        def are_there(seen: Seen) -> bool:
+            return (
+                self.observer.alive >= wanted
+                and _last_s([s.arrival_s for s in seen.statuses[-1:]]) > since_s
+                and _last_s([m.time_s for m in seen.motions[-1:]]) > since_s
+            )
+
+        if not await self.observer.until(are_there, ALIVE_LIMIT_S):
+            missing = wanted - self.observer.alive
+            raise StageError(
+                f"not alive within {ALIVE_LIMIT_S:g} s: {', '.join(sorted(missing)) or 'they say nothing'}"
+            )
+
+    # --- the operator
+
+    async def neutral(self) -> float:
+        """Let go until the supervisor would let the robot drive; returns how long that took [s].
+
+        Raises:
+            StageError: it does not, although everything is there.
+        """
+        began_s = time.monotonic()
+        deadline_s = began_s + READY_LIMIT_S
+        while time.monotonic() < deadline_s:
+            self.press_neutral()
+            pressed_s = time.monotonic()
+            if await self.observer.until(lambda seen: _is_free(seen, pressed_s), PRESS_AGAIN_S):  # noqa: B023 - called at once
+                return time.monotonic() - began_s
+        status = self.observer.status
+        reasons = ", ".join(status.reasons) if status is not None else "no status came"
+        ended = "" if self.teleop.running else f"; teleop has ended: {self.teleop.last_lines}"
+        raise StageError(f"not ready to drive {READY_LIMIT_S:g} s after neutral ({reasons}){ended}")
+
+    def press_neutral(self) -> None:
+        """`s`, and a reset where only that helps."""
+        status = self.observer.status
+        is_latched = status is not None and "ESTOP" in status.reasons
+        self.teleop.press("sr" if is_latched else "s")
+
+    async def back_to_start(self) -> None:
+        """The robot at rest at its start, with at least 4 m of free aisle ahead, and no pillar anywhere.
+
+        Raises:
+            StageError: the sim does not do it.
+        """
+        bus = self.observer.bus
+        bus.publisher(topics.OBSTACLE).put(Point(0.0, 0.0, -1.0))
+        deadline_s = time.monotonic() + RESET_LIMIT_S
+        while True:
+            try:
+                response = await bus.call(topics.SIM_RESET, timeout_s=CALL_LIMIT_S)
+                break
+            except NoReplyError as error:
+                if time.monotonic() > deadline_s:
+                    raise StageError(f"the sim did not reset: {error}") from error
+        if not response.success:
+            raise StageError(f"the sim did not reset: {response.message}")
+
+    def put_pillar(self, ahead_m: float, left_m: float) -> None:
+        """In the way of a robot at its start."""
+        x_m, y_m = START_M
+        self.observer.bus.publisher(topics.OBSTACLE).put(Point(x_m + ahead_m, y_m + left_m, 0.0))
+
+    async def sensors(self, faults: str) -> float:
+        """Ask the sim for these faults; returns the time just before.
+
+        Raises:
+            StageError: it refuses, or does not answer.
+        """
+        now_s = time.monotonic()
+        try:
+            response = await self.observer.bus.call(topics.SIM_FAULTS, faults, timeout_s=CALL_LIMIT_S)
+        except NoReplyError as error:
+            raise StageError(f"the sim does not take the faults {faults!r}: {error}") from error
+        if not response.success:
+            raise StageError(f"the sim refuses the faults {faults!r}: {response.message}")
+        return now_s
+
+
+def _is_free(seen: Seen, since_s: float) -> bool:
+    """A fresh status that names no reason to stop."""
+    return bool(seen.statuses) and seen.statuses[-1].arrival_s > since_s and not seen.statuses[-1].is_stopped
+
+
+def _last_s(times_s: list[float]) -> float:
+    return times_s[-1] if times_s else 0.0

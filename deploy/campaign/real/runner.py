@@ -1,0 +1,305 @@
+"""The real campaign: every class of faults in turn, round after round, on real processes.
+
+Each trial's line is in the file before the next one begins. A campaign that was broken off goes on where it
+was: what the file holds of a class and seed is not done again.
+"""
+
+import asyncio
+import itertools
+import logging
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from random import Random
+from typing import TextIO
+
+from rich.console import Console
+
+from deploy.campaign.classes import BY_NAME, Group
+from deploy.campaign.real.injectors.plans import real_classes, why_not
+from deploy.campaign.real.progress import Progressing
+from deploy.campaign.real.rig.stage import Route, Stage, StageError
+from deploy.campaign.real.trial_run import planned, routes, run_trial
+from deploy.campaign.report.figures import time_in
+from deploy.campaign.report.summary import class_of, print_summary
+from deploy.campaign.trial import Trial, read_trials
+from deploy.stack import interrupts
+from deploy.stack.errors import DeployError
+
+REVISION = "1"
+"""Of this campaign: with it goes up what a seed means."""
+WIDTH = 130
+SWITCH_S = 0.0005
+"""Between threads: the observer's stamps must not wait for a table."""
+TOLD_FIRST = 4
+"""Trials of a class that keep their timeline whatever came of them: the typical one is much like one of these."""
+STAGE_TRIES = 3
+"""A trial that does not come to its fault is tried again on a stage that is built anew."""
+
+
+@dataclass(frozen=True, slots=True)
+class Orders:
+    """What is wanted.
+
+    Attributes:
+        trials: of each class.
+        classes: names; none: all.
+        seed: of each class's first trial; the next have the next ones.
+        out: the file; None: nothing is kept.
+        minutes: after so long no further trial begins, in the middle of a round or not; None: all of them.
+    """
+
+    trials: int
+    classes: tuple[str, ...] = ()
+    seed: int = 0
+    out: Path | None = None
+    minutes: float | None = None
+
+
+def chosen(classes: Sequence[str]) -> tuple[str, ...]:
+    """The names of the classes that are wanted; a name that ends with `*` means all that begin so.
+
+    Raises:
+        DeployError: there is none of a name.
+    """
+    known = [one.name for one in real_classes()]
+    if not classes:
+        return tuple(known)
+    found: dict[str, None] = {}
+    for wanted in classes:
+        matching = [
+            name for name in known if name == wanted or (wanted[-1:] == "*" and name.startswith(wanted[:-1]))
+        ]
+        if not matching:
+            raise DeployError(f"there is no class {wanted!r} of faults; there are {', '.join(known)}")
+        found.update(dict.fromkeys(matching))
+    return tuple(found)
+
+
+def schedule(orders: Orders, names: Sequence[str], there: Sequence[Trial]) -> list[tuple[str, int]]:
+    """Class and seed of each trial to come, in an order of its own in each round.
+
+    Within a round those come together that need the same ways to the hub: a change starts a process anew.
+    """
+    done = {(class_of(trial), trial.seed) for trial in there}
+    found: list[tuple[str, int]] = []
+    for number in range(orders.trials):
+        seed = orders.seed + number
+        chance = Random(f"{seed} round")  # noqa: S311 - to be repeated is what it is for
+        turn = [(name, seed) for name in names if (name, seed) not in done]
+        chance.shuffle(turn)
+        turn.sort(key=lambda one: _place(*one), reverse=number % 2 == 1)
+        found += turn
+    return found
+
+
+def _place(name: str, seed: int) -> tuple[int, int]:
+    teleop, sim = routes(planned(name, seed))
+    order = list(Route)
+    return len(order) * order.index(sim) + order.index(teleop), int(BY_NAME[name].group is Group.SUPERVISORD)
+
+
+class Made:
+    """What a campaign has come to so far, and which of its trials keep their timeline.
+
+    Args:
+        there: the trials that the file held before.
+
+    Attributes:
+        trials: those that were made now.
+        impossible: classes that this machine cannot have.
+    """
+
+    def __init__(self, there: Iterable[Trial]) -> None:
+        self.trials: list[Trial] = []
+        self.impossible: list[str] = []
+        self._told: Counter[str] = Counter()
+        self._longest_s: dict[str, float] = {}
+        for trial in there:
+            self._count(trial)
+
+    def add(self, trial: Trial) -> Trial:
+        """Take a trial in; returns it as it goes into the file.
+
+        A timeline stays with the first trials of a class, with each that took longer than all before it, and
+        with those that broke a promise: enough to show a typical one and the worst, also after thousands.
+        """
+        name = class_of(trial)
+        is_worst = (time_in(trial, name) or 0.0) > self._longest_s.get(name, 0.0)
+        if self._told[name] >= TOLD_FIRST and not is_worst and not trial.violations:
+            trial = trial.model_copy(update={"timeline": ()})
+        self._count(trial)
+        self.trials.append(trial)
+        return trial
+
+    def _count(self, trial: Trial) -> None:
+        name = class_of(trial)
+        self._told[name] += bool(trial.timeline)
+        self._longest_s[name] = max(self._longest_s.get(name, 0.0), time_in(trial, name) or 0.0)
+
+
+def run(orders: Orders) -> int:
+    """0: every promise was kept; 1: one was broken, or a class has had no trial; what this machine cannot do is none.
+
+    Raises:
+        DeployError: the orders make no sense, or the robot cannot be brought up.
+    """
+    names = chosen(orders.classes)
+    there = _read(orders.out)
+    console = Console(width=None if sys.stdout.isatty() else WIDTH)
+    plan = schedule(orders, names, there)
+    made = Made(there)
+    interrupted = _run_plan(orders, plan, made, console) if plan else None
+    wanted = set(names)
+    everything = [*(one for one in there if class_of(one) in wanted), *made.trials]
+    if everything:
+        print_summary(console, everything)
+    _say_what_became(console, orders, everything)
+    missing, without = untried(orders, [name for name in names if name not in made.impossible], everything)
+    _say_what_is_missing(console, missing, without)
+    if interrupted is not None:
+        raise interrupted
+    return int(bool(without) or any(trial.violations for trial in everything))
+
+
+def _run_plan(
+    orders: Orders, plan: Sequence[tuple[str, int]], made: Made, console: Console
+) -> KeyboardInterrupt | None:
+    """Every trial of the plan, on a stage of its own; returns the interrupt that broke it off."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(SWITCH_S)
+    # The observer hears every attack; it is no news that this is garbage.
+    logging.getLogger("wire").setLevel(logging.CRITICAL)
+    stage = Stage()
+    try:
+        with interrupts.interrupts():
+            try:
+                try:
+                    asyncio.run(_play(stage, orders, plan, made, console))
+                finally:
+                    interrupts.ignore()
+            except KeyboardInterrupt as error:
+                return error
+            finally:
+                stage.discard()
+    finally:
+        sys.setswitchinterval(before)
+    return None
+
+
+def _say_what_became(console: Console, orders: Orders, trials: Sequence[Trial]) -> None:
+    broken = sum(bool(trial.violations) for trial in trials)
+    where = f" in {orders.out}" if orders.out is not None else ""
+    console.print(
+        f"{len(trials)} trials{where}: "
+        + (f"{broken} with a broken promise" if broken else "every promise was kept"),
+        highlight=False,
+    )
+
+
+def untried(orders: Orders, names: Sequence[str], trials: Iterable[Trial]) -> tuple[int, list[str]]:
+    """How many of the wanted trials are not there, and the classes that have had none of theirs."""
+    wanted = range(orders.seed, orders.seed + orders.trials)
+    there = {(class_of(trial), trial.seed) for trial in trials if trial.seed in wanted}
+    tried = {name for name, _ in there}
+    missing = sum((name, seed) not in there for name in names for seed in wanted)
+    return missing, [name for name in names if name not in tried]
+
+
+def _say_what_is_missing(console: Console, missing: int, without: Sequence[str]) -> None:
+    what = f"nothing is known of {', '.join(without)}" if without else "every class has had one at least"
+    if missing:
+        console.print(f"{missing} trials were not made: {what}", highlight=False, soft_wrap=True)
+
+
+def _read(out: Path | None) -> list[Trial]:
+    if out is None or not out.exists():
+        return []
+    _mend(out)
+    return [trial for trial in read_trials(out) if trial.mode == "real" and trial.revision == REVISION]
+
+
+def _mend(out: Path) -> None:
+    """Cut off the line that a killed campaign did not finish."""
+    try:
+        data = out.read_bytes()
+        if data and not data.endswith(b"\n"):
+            out.write_bytes(data[: data.rfind(b"\n") + 1])
+    except OSError as error:
+        raise DeployError(f"cannot use {out} for --out: {error.strerror}") from error
+
+
+def _open(out: Path) -> TextIO:
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        return out.open("a")
+    except OSError as error:
+        raise DeployError(f"cannot write {out}: {error.strerror}") from error
+
+
+async def _play(
+    stage: Stage,
+    orders: Orders,
+    plan: Sequence[tuple[str, int]],
+    made: Made,
+    console: Console,
+) -> None:
+    end_s = None if orders.minutes is None else time.monotonic() + 60.0 * orders.minutes
+    file = None if orders.out is None else _open(orders.out)
+    try:
+        console.print("starting supervisord, supervisor, sim and teleop")
+        await stage.open()
+        made.impossible = _what_cannot_be(stage, dict.fromkeys(name for name, _ in plan), console)
+        plan = [(name, seed) for name, seed in plan if name not in made.impossible]
+        counts = itertools.count(1)
+        progress = Progressing(console, len(plan))
+        with progress.shown():
+            for name, seed in plan:
+                if end_s is not None and time.monotonic() > end_s:
+                    break
+                progress.begin(name, next(counts))
+                trial = made.add(await _trial(stage, name, seed, progress))
+                if file is not None:
+                    file.write(trial.line() + "\n")
+                    file.flush()
+                for broken in trial.violations:
+                    progress.say(f"{name}, seed {seed}: promise {broken.promise}: {broken.sentence}")
+                progress.end(broken=bool(trial.violations))
+    finally:
+        if file is not None:
+            file.close()
+        await stage.close()
+
+
+def _what_cannot_be(stage: Stage, names: Iterable[str], console: Console) -> list[str]:
+    """The classes that this machine cannot have."""
+    found: list[str] = []
+    for name in names:
+        if (reason := why_not(name, stage)) is not None:
+            found.append(name)
+            console.print(f"{name} is skipped: {reason}", highlight=False)
+    return found
+
+
+async def _trial(stage: Stage, name: str, seed: int, progress: Progressing) -> Trial:
+    """One trial, and a stage that is drivable after it.
+
+    Raises:
+        DeployError: it never comes to its fault.
+    """
+    for number in itertools.count(1):
+        try:
+            trial, is_drivable = await run_trial(stage, name, seed, REVISION)
+        except StageError as error:
+            if number == STAGE_TRIES:
+                raise
+            progress.say(f"{name}, seed {seed}: {error}; building the stage anew")
+        else:
+            if not is_drivable:
+                await stage.restart_stack()
+            return trial
+        await stage.restart_stack()
+    raise AssertionError("the tries are endless")

@@ -1,0 +1,346 @@
+"""What the trials of a campaign come to, class by class: what a report says of them. Pure."""
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from deploy.campaign.classes import BY_NAME, CLASSES
+from deploy.campaign.demands import LEEWAY_S, MOVES_THE_ROBOT
+from deploy.campaign.report.statistics import quantile, upper_rate
+from deploy.campaign.trial import BrokenPromise, Injected, Provenance, Trial
+
+PAIR = "pair"
+APART_S = 2.0
+"""What happened within this of something else says nothing of its own class: it counts as a pair."""
+BASE = "base: "
+TOLD_KEPT = 40
+"""Trials with a timeline that are remembered for each class, to choose a typical one from."""
+ROUNDING_S = 1e-9
+
+PROMISES = {
+    1: "cmd_vel is never outside the limits, never NaN, and zero while a stop reason holds",
+    2: "teleop dead: zero within 10 ms",
+    3: "teleop hung or cut off: zero within 0.2 s and one tick",
+    4: "supervisor dead: the base brakes within 10 ms; hung: within 0.15 s and a step",
+    5: "scan gone or senseless: zero within 0.25 s and one tick",
+    6: "by its own motion the hull never comes nearer than 0.29 m, and never touches",
+    7: "after every stop no motion without a neutral command",
+    8: "whatever was killed, it becomes drivable again by the operator's neutral alone",
+}
+
+
+class Case(NamedTuple):
+    """One fault of one trial."""
+
+    seed: int
+    detector: str | None
+    stop_s: float | None
+    """See `stop_s`."""
+    wheels_s: float | None
+    """To the drive being asked for zero; measured in real trials."""
+    standstill_s: float | None
+    distance_m: float | None
+
+
+class Broken(NamedTuple):
+    """A promise that was broken, and how to see it again."""
+
+    classes: tuple[str, ...]
+    seed: int
+    promise: BrokenPromise
+    command: str
+
+
+class Spread(NamedTuple):
+    """Of one time or length."""
+
+    number: int
+    median: float
+    p99: float
+    p999: float
+    worst: float
+
+
+@dataclass(frozen=True)
+class ClassFigures:
+    """One class of faults over all trials of a campaign."""
+
+    name: str
+    bound_s: float | None
+    count: int
+    """How often it was done."""
+    stops: tuple[Case, ...]
+    """Those that led to a stop by a detector that is meant for it, the quickest first."""
+    detectors: tuple[tuple[str, int], ...]
+    """Who fired first in `stops`, the most frequent first."""
+    others: tuple[tuple[str, int, float], ...]
+    """Stops by another detector: which, how often, the longest time [s], NaN if none was measured."""
+    leeway_s: float
+    """What a single trial may take beyond the bound before it counts as broken."""
+    clearance_m: float
+    """The smallest of the trials that it was in."""
+    contacts: int
+    """Of those trials, whoever moved."""
+    trials: int
+    broken: int
+    """Of `trials`, those that broke a promise."""
+    told: tuple[Trial, ...]
+    """Trials with a timeline, some of them."""
+
+    @property
+    def stop(self) -> Spread | None:
+        return spread([case.stop_s for case in self.stops])
+
+    @property
+    def wheels(self) -> Spread | None:
+        return spread([case.wheels_s for case in self.stops])
+
+    @property
+    def standstill(self) -> Spread | None:
+        return None if self.is_stood_still else spread([case.standstill_s for case in self.stops])
+
+    @property
+    def distance(self) -> Spread | None:
+        return None if self.is_stood_still else spread([case.distance_m for case in self.stops])
+
+    @property
+    def is_stood_still(self) -> bool:
+        """Whether the fault holds the simulated world itself: then its motion says nothing of a robot's."""
+        return self.name in MOVES_THE_ROBOT
+
+    @property
+    def timed(self) -> list[Case]:
+        """Those whose time was measured, the quickest first."""
+        return [case for case in self.stops if case.stop_s is not None]
+
+    @property
+    def late(self) -> int:
+        """How many took longer than the bound, without any leeway."""
+        if self.bound_s is None:
+            return 0
+        return sum(case.stop_s > self.bound_s + ROUNDING_S for case in self.timed if case.stop_s is not None)
+
+    @property
+    def typical(self) -> Case | None:
+        """The median one."""
+        timed = self.timed
+        return timed[(len(timed) - 1) // 2] if timed else None
+
+    @property
+    def worst(self) -> Case | None:
+        timed = self.timed
+        return timed[-1] if timed else None
+
+    def told_near(self, stop_s: float) -> Trial | None:
+        """Of the trials with a timeline, the one that took most nearly so long."""
+        mode_times = [(one, time_in(one, self.name)) for one in self.told]
+        timed = [(abs(time_s - stop_s), one.seed, one) for one, time_s in mode_times if time_s is not None]
+        return min(timed, key=lambda entry: entry[:2])[2] if timed else None
+
+
+@dataclass
+class _Gathered:
+    """One class, while trials come."""
+
+    cases: list[Case] = field(default_factory=list[Case])
+    leeway_s: float = 0.0
+    clearance_m: float = math.inf
+    contacts: int = 0
+    trials: int = 0
+    broken: int = 0
+    told: list[Trial] = field(default_factory=list[Trial])
+
+    def add(self, case: Case, one: Injected) -> None:
+        self.cases.append(case)
+        leeway_s = one.parameters.get("leeway_s", LEEWAY_S)
+        self.leeway_s = max(self.leeway_s, leeway_s if isinstance(leeway_s, float) else LEEWAY_S)
+
+    def was_in(self, trial: Trial, name: str) -> None:
+        self.trials += 1
+        self.clearance_m = min(self.clearance_m, trial.smallest_clearance_m)
+        self.contacts += trial.contacts
+        self.broken += bool(trial.violations)
+        if trial.timeline:
+            self.told.append(trial)
+            if len(self.told) > TOLD_KEPT:
+                # The longest one stays; of the others, the earliest.
+                keeps = max(range(len(self.told)), key=lambda n: time_in(self.told[n], name) or 0.0)
+                del self.told[-2 if keeps == TOLD_KEPT else -1]
+
+    def figures(self, name: str, mode: str) -> ClassFigures:
+        known = BY_NAME.get(name)
+        expected = known.detectors if known is not None else ()
+        stopped = [case for case in self.cases if case.detector is not None]
+        if mode == "real" and known is not None and known.bound_s is not None:
+            # Nobody lets go there while a stop is due: a zero is a stop, whoever said first why.
+            stopped = [case for case in self.cases if case.detector is not None or case.stop_s is not None]
+        meant = [case for case in stopped if not expected or case.detector in expected]
+        others: dict[str, list[Case]] = {}
+        for case in stopped:
+            if expected and case.detector not in expected:
+                others.setdefault(case.detector or "no reason seen", []).append(case)
+        return ClassFigures(
+            name,
+            None if known is None else known.bound_s,
+            len(self.cases),
+            tuple(sorted(meant, key=lambda case: math.inf if case.stop_s is None else case.stop_s)),
+            tuple(Counter(case.detector or "no reason seen" for case in meant).most_common()),
+            tuple((detector, len(cases), _longest_s(cases)) for detector, cases in sorted(others.items())),
+            self.leeway_s,
+            self.clearance_m,
+            self.contacts,
+            self.trials,
+            self.broken,
+            tuple(self.told),
+        )
+
+
+@dataclass
+class Campaign:
+    """The trials of one mode that one code made."""
+
+    mode: str
+    revision: str
+    provenances: list[Provenance] = field(default_factory=list[Provenance])
+    trials: int = 0
+    duration_s: float = 0.0
+    contacts: int = 0
+    broken_trials: int = 0
+    broken: list[Broken] = field(default_factory=list[Broken])
+    _gathered: dict[str, _Gathered] = field(default_factory=dict[str, _Gathered])
+    unsigned: bool = False
+    """Whether there are trials since the last provenance."""
+
+    def add(self, trial: Trial) -> None:
+        self.trials += 1
+        self.unsigned = True
+        self.duration_s += trial.duration_s
+        self.contacts += trial.contacts
+        self.broken_trials += bool(trial.violations)
+        named = list(classes_in(trial))
+        names = tuple(dict.fromkeys(name for name, _ in named))
+        self.broken += [Broken(names, trial.seed, one, replay(trial)) for one in trial.violations]
+        for name, one in named:
+            self._gathered.setdefault(name, _Gathered()).add(_case(trial, one), one)
+        for name in names:
+            self._gathered[name].was_in(trial, name)
+
+    def sign(self, provenance: Provenance) -> None:
+        """What was added since the last provenance is of this one."""
+        if self.unsigned and provenance not in self.provenances:
+            self.provenances.append(provenance)
+        self.unsigned = False
+
+    @property
+    def rate(self) -> float:
+        """What the rate of trials that break a promise can be at most, with 95 % confidence."""
+        return upper_rate(self.trials, self.broken_trials)
+
+    def classes(self) -> list[ClassFigures]:
+        """In the order of the table of classes."""
+        order = {one.name: number for number, one in enumerate(CLASSES)}
+        names = sorted(self._gathered, key=lambda name: (order.get(name, len(order)), name))
+        return [self._gathered[name].figures(name, self.mode) for name in names]
+
+    @property
+    def bounded(self) -> Spread | None:
+        """The stops of all classes that have a bound, each fault alone."""
+        bounded = (one for one in self.classes() if one.bound_s is not None)
+        return spread([case.stop_s for one in bounded for case in one.stops])
+
+    def find(self, name: str) -> ClassFigures | None:
+        """One class; None: it never happened."""
+        return self._gathered[name].figures(name, self.mode) if name in self._gathered else None
+
+
+def spread(values: Sequence[float | None]) -> Spread | None:
+    """Of those that were measured; None where none was."""
+    ordered = sorted(value for value in values if value is not None)
+    if not ordered:
+        return None
+    return Spread(
+        len(ordered),
+        quantile(ordered, 0.5),
+        quantile(ordered, 0.99),
+        quantile(ordered, 0.999),
+        ordered[-1],
+    )
+
+
+def campaigns(records: Iterable[Trial | Provenance]) -> tuple[list[Campaign], int]:
+    """The campaigns of a file: of each mode that of the newest code, and how many trials of older code there are.
+
+    A file may be added to by code that has changed meanwhile; figures of different code do not belong together.
+    """
+    found: dict[tuple[str, str], Campaign] = {}
+    newest: dict[str, str] = {}
+    for record in records:
+        if isinstance(record, Provenance):
+            for one in found.values():
+                one.sign(record)
+            continue
+        key = (record.mode, record.revision)
+        newest[record.mode] = record.revision
+        found.setdefault(key, Campaign(*key)).add(record)
+    kept = [found[mode, newest[mode]] for mode in sorted(newest)]
+    return kept, sum(one.trials for one in found.values()) - sum(one.trials for one in kept)
+
+
+def stop_s(mode: str, one: Injected) -> float | None:
+    """From the fault to zero on cmd_vel; for what only the base can notice, to the base's own braking.
+
+    A dead supervisor says no zero, and a hung one a late one: in a real trial the wheels tell, in a virtual one
+    the record has the base's time already.
+    """
+    known = BY_NAME.get(one.fault)
+    if mode == "real" and known is not None and any(name.startswith(BASE) for name in known.detectors):
+        wheels_s = one.parameters.get("to_wheels_s")
+        return wheels_s if isinstance(wheels_s, float) else None
+    return one.to_zero_s
+
+
+def replay(trial: Trial) -> str:
+    """The command that does this trial again."""
+    if trial.mode == "virtual":
+        return f"lifeline faults --virtual --seed {trial.seed}"
+    first = trial.faults[0] if trial.faults else None
+    name = "" if first is None else PAIR if PAIR in first.parameters or len(trial.faults) > 1 else first.fault
+    return f"lifeline faults --classes {name} --trials 1 --seed {trial.seed}"
+
+
+def classes_in(trial: Trial) -> Iterator[tuple[str, Injected]]:
+    """Each fault of a trial with the class that it says something of."""
+    for one in trial.faults:
+        is_alone = PAIR not in one.parameters and all(
+            abs(one.time_s - other.time_s) > APART_S for other in trial.faults if other is not one
+        )
+        yield (one.fault if is_alone else PAIR), one
+
+
+def _case(trial: Trial, one: Injected) -> Case:
+    wheels_s = one.parameters.get("to_wheels_s")
+    return Case(
+        trial.seed,
+        one.detector,
+        stop_s(trial.mode, one),
+        wheels_s if isinstance(wheels_s, float) else None,
+        one.to_standstill_s,
+        one.distance_m,
+    )
+
+
+def time_in(trial: Trial, name: str) -> float | None:
+    """How long the slowest stop of a class took in a trial; None: none was measured."""
+    times_s = [stop_s(trial.mode, one) for class_, one in classes_in(trial) if class_ == name]
+    return max((time_s for time_s in times_s if time_s is not None), default=None)
+
+
+def fault_of(trial: Trial, name: str) -> Injected | None:
+    """The first fault of a class in a trial."""
+    return next((one for class_, one in classes_in(trial) if class_ == name), None)
+
+
+def _longest_s(cases: Sequence[Case]) -> float:
+    return max((case.stop_s for case in cases if case.stop_s is not None), default=math.nan)

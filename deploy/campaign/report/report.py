@@ -1,0 +1,44 @@
+"""`lifeline fault-report`: from files of trials to one page."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from deploy.campaign.report.figures import Campaign, campaigns
+from deploy.campaign.report.page import page
+from deploy.campaign.trial import Provenance, Trial, read_records
+from deploy.stack.errors import DeployError
+
+
+def read_campaigns(files: Sequence[Path]) -> tuple[list[Campaign], int]:
+    """What the files hold, and how many trials of older code are left out.
+
+    Raises:
+        DeployError: a file cannot be read or is damaged, or there is no trial in any.
+    """
+    found, left_out = campaigns(_records(files))
+    if not found:
+        names = ", ".join(str(file) for file in files)
+        raise DeployError(f"there is no trial in {names}: `lifeline faults --out FILE.jsonl` makes some")
+    return found, left_out
+
+
+def write_report(files: Sequence[Path], out: Path) -> str:
+    """Write the page; returns a sentence for the operator.
+
+    Raises:
+        DeployError: as above, or the page cannot be written.
+    """
+    found, left_out = read_campaigns(files)
+    text = page([file.name for file in files], found, left_out)
+    try:
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise DeployError(f"cannot write {out}: {error.strerror}") from error
+    trials, broken = sum(one.trials for one in found), sum(one.broken_trials for one in found)
+    verdict = f"{broken:,} broke a promise" if broken else "every promise was kept"
+    return f"{out}: {trials:,} trials, {verdict}"
+
+
+def _records(files: Sequence[Path]) -> Iterator[Trial | Provenance]:
+    for file in files:
+        yield from read_records(file)

@@ -1,0 +1,172 @@
+"""Many seeds of the virtual campaign on several cores: progress, file, table, exit code."""
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from contextlib import ExitStack
+from itertools import islice
+from multiprocessing import get_context, parent_process
+from pathlib import Path
+from typing import IO
+
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from deploy.campaign.report.table import print_table, story
+from deploy.campaign.simulated.revision import revision
+from deploy.campaign.simulated.trial_run import run_trial
+from deploy.campaign.trial import Trial, parse, read_trials
+from deploy.stack import interrupts
+from deploy.stack.errors import DeployError
+
+DECIDES = "deploy.campaign.simulated.trial_run"
+"""This module, with all that it imports, says what a seed does."""
+BATCH = 4
+"""Seeds handed to a worker at once: so many a Ctrl-C may have to wait for."""
+AHEAD = 3
+"""Batches waiting for each worker."""
+SHOWN_SEEDS = 20
+
+Say = Callable[[str], None]
+
+
+def replay(seed: int, say: Say) -> int:
+    """One seed, told in full; 1 if it broke a promise."""
+    trial = run_trial(seed, revision(DECIDES), with_timeline=True)
+    for line in story(trial):
+        say(line)
+    return int(bool(trial.violations))
+
+
+def campaign(seeds: int, jobs: int, out: Path | None, say: Say) -> int:
+    """The seeds from 0 on; 1 if any broke a promise, 130 if it was interrupted and none did.
+
+    Args:
+        seeds: how many.
+        jobs: processes that work on them.
+        out: a line for each trial is added here; those that are there already are not run again.
+        say: takes a sentence for the operator.
+
+    Raises:
+        DeployError: the file cannot be used, or a trial could not be run.
+    """
+    code = revision(DECIDES)
+    trials = {trial.seed: trial for trial in _known(out, code) if trial.seed < seeds}
+    if trials:
+        say(f"{len(trials)} of {seeds} seeds are in {out} already")
+    missing = [seed for seed in range(seeds) if seed not in trials]
+    interrupted = False
+    with ExitStack() as stack:
+        stack.enter_context(interrupts.interrupts())
+        file = None if out is None else stack.enter_context(_appending(out))
+        try:
+            for line in _lines(missing, jobs, code):
+                if file is not None:
+                    file.write(line + "\n")
+                    file.flush()
+                trial = parse(line)
+                trials[trial.seed] = trial
+        except KeyboardInterrupt:
+            interrupted = True
+            say("interrupted: what has been run counts")
+    done = [trials[seed] for seed in sorted(trials)]
+    print_table(done)
+    broken = [trial for trial in done if trial.violations]
+    for trial in broken[:SHOWN_SEEDS]:
+        first = trial.violations[0]
+        say(f"promise {first.promise} at {first.time_s:.2f} s: {first.sentence}")
+        say(f"  replay: lifeline faults --virtual --seed {trial.seed}")
+    hours = sum(trial.duration_s for trial in done) / 3600
+    say(f"{len(done)} seeds, {hours:.1f} virtual hours: {len(broken)} broke a promise")
+    return 1 if broken else 130 if interrupted else 0
+
+
+def default_jobs() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _known(out: Path | None, code: str) -> Iterator[Trial]:
+    """The virtual trials of a file that the code of now would run just so."""
+    if out is None or not out.exists():
+        return iter(())
+    return (trial for trial in read_trials(out) if trial.mode == "virtual" and trial.revision == code)
+
+
+def _appending(out: Path) -> IO[str]:
+    """The file, its incomplete last line cut off."""
+    try:
+        file = out.open("a+")
+        file.seek(0)
+        text = file.read()
+        if text and not text.endswith("\n"):
+            file.truncate(len(text.rpartition("\n")[0].encode()) + ("\n" in text))
+    except (OSError, UnicodeDecodeError) as error:
+        raise DeployError(f"cannot write the trials to {out}: {error}") from error
+    return file
+
+
+def _lines(seeds: Sequence[int], jobs: int, code: str) -> Iterator[str]:
+    """A line for each seed, as they come."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[broken]} broke a promise"),
+    )
+    if not seeds:
+        return
+    # Spawned, not forked: a child must not inherit this process's threads half way.
+    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_begin_work)
+    try:
+        with Progress(*columns, transient=True) as progress:
+            task = progress.add_task("virtual faults", total=len(seeds), broken=0)
+            broken = 0
+            left = iter(seeds)
+            running: set[Future[list[str]]] = set()
+            while True:
+                while len(running) < AHEAD * jobs and (batch := list(islice(left, BATCH))):
+                    running.add(pool.submit(run_batch, batch, code))
+                if not running:
+                    return
+                finished, running = wait(running, return_when=FIRST_COMPLETED)
+                for future in finished:
+                    for line in future.result():
+                        broken += '"violations":' in line
+                        progress.update(task, advance=1, broken=broken)
+                        yield line
+    finally:
+        pool.shutdown(cancel_futures=True)  # a batch that runs comes to its end
+
+
+def run_batch(seeds: Sequence[int], code: str) -> list[str]:
+    """Some trials, as lines; in a worker.
+
+    Raises:
+        DeployError: naming the seed.
+    """
+    return [_run(seed, code).line() for seed in seeds]
+
+
+def _run(seed: int, code: str) -> Trial:
+    try:
+        return run_trial(seed, code)
+    except Exception as error:
+        raise DeployError(
+            f"seed {seed} could not be run: {type(error).__name__}: {error}; "
+            f"see it with `lifeline faults --virtual --seed {seed}`"
+        ) from error
+
+
+def _begin_work() -> None:
+    """Ctrl-C reaches the whole group: the campaign's own process decides what becomes of it, or its end does."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

@@ -1,0 +1,79 @@
+"""What is written down each ten seconds."""
+
+import json
+import math
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from deploy.campaign.soak.heard import Gaps
+from deploy.campaign.soak.usage import Usage
+from deploy.campaign.trial import PROVENANCE_BEGINS, Provenance, parse_provenance, whole_lines
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One line of the file."""
+
+    time_s: float
+    """Since the soak began."""
+    processes: dict[str, Usage]
+    ticks: Gaps
+    """Of cmd_vel: its gaps, as an independent subscriber hears it."""
+    heartbeat: Gaps
+    """Of teleop: how much later than 50 ms after the one before."""
+    lost: dict[str, int]
+    """Of each topic, by its sequence."""
+    false_stops: tuple[str, ...]
+    obstacle_stops: int
+    """Since the soak began, as are the two that follow."""
+    black_boxes: int
+    driven_m: float
+    load: float
+    """Of the machine, over the last minute."""
+
+    def to_json(self) -> str:
+        gaps = {"ticks": _spelled(self.ticks), "heartbeat": _spelled(self.heartbeat)}
+        return json.dumps({"kind": "sample", **asdict(self), **gaps})
+
+
+def _spelled(gaps: Gaps) -> dict[str, float | None]:
+    """JSON has no NaN."""
+    return {name: None if math.isnan(value) else value for name, value in gaps._asdict().items()}
+
+
+def read_samples(path: Path) -> tuple[list[Sample], Provenance | None]:
+    """The samples of a soak's file, compressed or not, and where they come from; None: it does not say.
+
+    Raises:
+        DeployError: it cannot be read, or its provenance is none.
+        ValueError: a line is none of a soak.
+    """
+    samples: list[Sample] = []
+    provenance = None
+    for line in whole_lines(path, "a soak"):
+        if line.startswith(PROVENANCE_BEGINS):
+            provenance = parse_provenance(line)
+        else:
+            samples.append(_read(json.loads(line)))
+    return samples, provenance
+
+
+def _read(fields: dict[str, Any]) -> Sample:
+    try:
+        del fields["kind"]
+        read: dict[str, Any] = {
+            **fields,
+            "processes": {name: Usage(**used) for name, used in fields["processes"].items()},
+            "ticks": _gaps(fields["ticks"]),
+            "heartbeat": _gaps(fields["heartbeat"]),
+            "false_stops": tuple(fields["false_stops"]),
+        }
+        return Sample(**read)
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"not a sample of a soak: {error}") from error
+
+
+def _gaps(fields: dict[str, float | None]) -> Gaps:
+    read: dict[str, Any] = {name: math.nan if value is None else value for name, value in fields.items()}
+    return Gaps(**read)

@@ -1,0 +1,176 @@
+"""The record of one trial, and its line of JSON: written by the campaigns, read by resumes and reports.
+
+A line holds no time of day and no name of a machine: the same seed makes the same line, byte for byte. Where
+and when a campaign ran stands in a line of its own, its provenance, behind the trials that it made.
+"""
+
+import gzip
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from deploy.stack.errors import DeployError
+
+FORMAT = 1
+"""A line of another format is refused; it goes up with every change that a reader must know of."""
+
+Seconds = Annotated[float, Field(allow_inf_nan=False)]
+Number = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class BrokenPromise(_Record):
+    """A promise that was not kept, in a sentence; `promise` is its number in the design."""
+
+    promise: Annotated[int, Field(ge=1, le=8)]
+    time_s: Seconds
+    sentence: str
+
+
+class Injected(_Record):
+    """A fault, and the stop that it led to; what did not happen or could not be seen is None."""
+
+    fault: str
+    """The name of its class."""
+    time_s: Seconds
+    """Since the beginning of the trial."""
+    parameters: dict[str, Number | str] = {}
+    detector: str | None = None
+    """The stop reason that fired first, or the base's (`base: SUPERVISOR_LOST`)."""
+    speed_m_s: Number = 0.0
+    """Of the robot when it happened."""
+    to_zero_s: Seconds | None = None
+    """To the first zero on cmd_vel; where the base stops by itself, to that."""
+    to_standstill_s: Seconds | None = None
+    distance_m: Number | None = None
+    """The way to the standstill."""
+
+
+class Sample(_Record):
+    """One moment of a timeline: velocities as (m/s, rad/s)."""
+
+    time_s: Seconds
+    commanded: tuple[Number, Number]
+    """What the owner asks for."""
+    permitted: tuple[Number, Number]
+    """What went out on cmd_vel."""
+    true: tuple[Number, Number]
+    """How the robot moves."""
+    clearance_m: Number
+    reasons: tuple[str, ...] = ()
+
+
+class Trial(_Record):
+    """One trial: what was done, and what came of it."""
+
+    format: Literal[1] = FORMAT
+    mode: Literal["virtual", "real"]
+    revision: str
+    """Of the campaign: the same seed means the same trial only within one."""
+    seed: int
+    duration_s: Seconds
+    faults: tuple[Injected, ...]
+    """In order of time."""
+    smallest_clearance_m: Number
+    contacts: int
+    """How often the hull came to touch something, whoever moved."""
+    violations: tuple[BrokenPromise, ...] = ()
+    digest: str = ""
+    """Of all that was seen: equal runs have equal digests."""
+    timeline: tuple[Sample, ...] = ()
+
+    def line(self) -> str:
+        """One line of JSON, without its end; defaults are left out."""
+        return self.model_dump_json(exclude_defaults=True)[:-1] + f',"format":{self.format}}}'
+
+
+class Provenance(_Record):
+    """Where the trials before it in a file come from; empty: nobody knows."""
+
+    origin: Literal[1] = 1
+    command: str = ""
+    date: str = ""
+    machine: str = ""
+    commit: str = ""
+
+    def line(self) -> str:
+        """One line of JSON, without its end."""
+        return self.model_dump_json()
+
+
+PROVENANCE_BEGINS = '{"origin":'
+
+
+def parse(line: str) -> Trial:
+    """The trial of a line.
+
+    Raises:
+        DeployError: it is none, or of another format; in one sentence.
+    """
+    try:
+        return Trial.model_validate_json(line)
+    except ValidationError as error:
+        raise DeployError(_complaint("a trial", error)) from error
+
+
+def parse_provenance(line: str) -> Provenance:
+    """The provenance of a line.
+
+    Raises:
+        DeployError: as above.
+    """
+    try:
+        return Provenance.model_validate_json(line)
+    except ValidationError as error:
+        raise DeployError(_complaint("a provenance", error)) from error
+
+
+def _complaint(what: str, error: ValidationError) -> str:
+    fault = error.errors(include_url=False)[0]
+    where = ".".join(str(part) for part in fault["loc"]) or "the line"
+    return f"not {what} of format {FORMAT}: {where}: {fault['msg'].lower()}"
+
+
+def read_trials(path: Path) -> Iterator[Trial]:
+    """The trials of a file, without their provenances; else as `read_records`."""
+    return (one for one in read_records(path) if isinstance(one, Trial))
+
+
+def read_records(path: Path) -> Iterator[Trial | Provenance]:
+    """The trials and provenances of a file, one by one. A name that ends with `.gz` is a compressed file's.
+
+    An incomplete last line, as a killed campaign leaves it, is passed over.
+
+    Raises:
+        DeployError: the file cannot be read, or a line is neither; naming file and line.
+    """
+    for number, line in enumerate(whole_lines(path, "the trials"), 1):
+        yield _record(line, path, number)
+
+
+def whole_lines(path: Path, what: str) -> Iterator[str]:
+    """The lines of a file, compressed or not, but for an incomplete last one.
+
+    Raises:
+        DeployError: it cannot be read; in a sentence that says what was to be found there.
+    """
+    try:
+        with gzip.open(path, "rb") if path.suffix == ".gz" else path.open("rb") as file:
+            for line in file:
+                if line.endswith(b"\n"):
+                    yield line.decode()
+    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
+        raise DeployError(f"cannot read {what} in {path}: {error}") from error
+
+
+def _record(line: str, path: Path, number: int) -> Trial | Provenance:
+    try:
+        return parse_provenance(line) if line.startswith(PROVENANCE_BEGINS) else parse(line)
+    except DeployError as error:
+        raise DeployError(f"{path}:{number}: {error}; choose another --out, or remove the line") from error

@@ -1,0 +1,139 @@
+"""The real teleop on pseudo-terminals that can be hung up, and a hand that types."""
+
+import asyncio
+import fcntl
+import os
+import pty
+import re
+import signal
+import struct
+import subprocess
+import termios
+import time
+from collections.abc import AsyncGenerator
+from contextlib import asynccontextmanager, suppress
+
+from deploy.stack.launch import Launch
+from wire import topics
+
+ROWS, COLUMNS = 24, 100
+SCREEN_BYTES = 4096
+END_LIMIT_S = 4.0
+ESCAPE = re.compile(r"\x1b(\[[0-?]*[ -/]*[@-~]|[@-Z\\-_])")
+
+
+class TypedTeleop:
+    """A teleop process. Its keys and its screen are two terminals, so that one can go without the other.
+
+    Spawned, not forked: a fork would inherit our Zenoh session.
+
+    Args:
+        command: teleop's.
+        environment: all of it.
+    """
+
+    def __init__(self, command: list[str], environment: dict[str, str]) -> None:
+        self._loop = asyncio.get_running_loop()
+        self.screen = b""
+        """The last of what it drew."""
+        self._keys, keys_slave = pty.openpty()
+        self._display, display_slave = pty.openpty()
+        self._masters = [self._keys, self._display]
+        try:
+            fcntl.ioctl(display_slave, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, COLUMNS, 0, 0))
+            self._child = subprocess.Popen(
+                command,
+                stdin=keys_slave,
+                stdout=display_slave,
+                stderr=display_slave,
+                start_new_session=True,
+                env=environment | {"TERM": "xterm-256color"},
+            )
+        except OSError:
+            for descriptor in self._masters:
+                os.close(descriptor)
+            raise
+        finally:
+            os.close(keys_slave)
+            os.close(display_slave)
+        os.set_blocking(self._keys, False)
+        os.set_blocking(self._display, False)
+        self._loop.add_reader(self._display, self._on_output)
+
+    @property
+    def pid(self) -> int:
+        return self._child.pid
+
+    @property
+    def running(self) -> bool:
+        return self._child.poll() is None
+
+    @property
+    def last_lines(self) -> str:
+        """The last that it said, without colours and cursor movements."""
+        text = ESCAPE.sub("", self.screen.decode(errors="replace"))
+        return (
+            " | ".join([line.strip() for line in text.splitlines() if line.strip()][-3:]) or "it said nothing"
+        )
+
+    def press(self, keys: str) -> None:
+        """Type, one key after the other."""
+        with suppress(OSError):
+            os.write(self._keys, keys.encode())
+
+    def send(self, number: signal.Signals) -> float:
+        """Signal the process; returns the time just before."""
+        now_s = time.monotonic()
+        with suppress(ProcessLookupError):
+            self._child.send_signal(number)
+        return now_s
+
+    def end_input(self) -> float:
+        """The keys' terminal goes, the screen stays; returns the time just before."""
+        now_s = time.monotonic()
+        self._shut(self._keys)
+        return now_s
+
+    def hang_up(self) -> float:
+        """Both go, as when the window is closed: the kernel sends SIGHUP; returns the time just before."""
+        now_s = time.monotonic()
+        self._shut(self._display)
+        self._shut(self._keys)
+        return now_s
+
+    async def close(self) -> None:
+        """End the process, also a stopped one, and its terminals."""
+        self.send(signal.SIGTERM)
+        self.send(signal.SIGCONT)
+        try:
+            with suppress(subprocess.TimeoutExpired):
+                await asyncio.to_thread(self._child.wait, END_LIMIT_S)
+        finally:
+            self._child.kill()
+            self._child.wait()
+            self._shut(self._display)
+            self._shut(self._keys)
+
+    def _shut(self, descriptor: int) -> None:
+        if descriptor in self._masters:
+            self._masters.remove(descriptor)
+            self._loop.remove_reader(descriptor)
+            os.close(descriptor)
+
+    def _on_output(self) -> None:
+        try:
+            self.screen = (self.screen + os.read(self._display, SCREEN_BYTES))[-SCREEN_BYTES:]
+        except BlockingIOError:
+            return
+        except OSError:  # EIO: the other side is closed
+            self._loop.remove_reader(self._display)
+
+
+@asynccontextmanager
+async def typing(launch: Launch, environment: dict[str, str]) -> AsyncGenerator[TypedTeleop]:
+    """A teleop for a while."""
+    teleop = TypedTeleop(launch.command(topics.TELEOP), os.environ | environment)
+    try:
+        yield teleop
+    finally:
+        await teleop.close()

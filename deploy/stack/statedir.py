@@ -1,0 +1,177 @@
+"""The state directory: everything that a running stack leaves on disk, and the lock that keeps two apart."""
+
+import fcntl
+import json
+import os
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+from deploy.stack.errors import DeployError
+from wire.config import ConfigError, absolute
+
+ENVIRONMENT = "LIFELINE_STATE_DIR"
+DEFAULT_NAME = ".lifeline"
+SOCKET_PATH_LIMIT = 99
+"""Bytes. The kernel takes 107, and supervisord first binds to the path with a dot and its pid behind it."""
+
+
+def project_root() -> Path:
+    """The repository that this package lies in, or the current directory where it was installed elsewhere."""
+    root = Path(__file__).resolve().parents[2]
+    return root if (root / "pyproject.toml").is_file() else Path.cwd()
+
+
+@dataclass(frozen=True, slots=True)
+class StateDir:
+    """The paths in one state directory, which is absolute."""
+
+    path: Path
+
+    @classmethod
+    def choose(cls, given: Path | None) -> "StateDir":
+        """The one given, else that of the environment, else `.lifeline/` in the project.
+
+        Raises:
+            DeployError: it begins with `~` and a name that no user has.
+        """
+        named = os.environ.get(ENVIRONMENT)
+        try:
+            return cls(absolute(given or (Path(named) if named else project_root() / DEFAULT_NAME)).resolve())
+        except ConfigError as error:
+            raise DeployError(f"{error}, with --state-dir or {ENVIRONMENT}") from error
+
+    @property
+    def socket(self) -> Path:
+        return self.path / "supervisord.sock"
+
+    @property
+    def pid_file(self) -> Path:
+        return self.path / "supervisord.pid"
+
+    @property
+    def record(self) -> Path:
+        return self.path / "stack.json"
+
+    @property
+    def lock(self) -> Path:
+        return self.path / "lock"
+
+    def log(self, program: str) -> Path:
+        return self.path / f"{program}.log"
+
+    def create(self) -> None:
+        """Make the directory, for this user only.
+
+        Raises:
+            DeployError: it cannot be made, or is too deep for a socket.
+        """
+        length = len(os.fsencode(self.socket))
+        if length > SOCKET_PATH_LIMIT:
+            raise DeployError(
+                f"the state directory {self.path} is too deep for a socket ({length} bytes, at most "
+                f"{SOCKET_PATH_LIMIT}): choose a shorter one with --state-dir or {ENVIRONMENT}"
+            )
+        try:
+            self.path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        except OSError as error:
+            raise DeployError(
+                f"cannot make the state directory {self.path} ({error.strerror}): "
+                f"choose another with --state-dir or {ENVIRONMENT}"
+            ) from error
+
+    def forget(self) -> None:
+        """Remove what stands for a running stack; the logs stay.
+
+        Raises:
+            UnwritableError: nothing can be changed there.
+        """
+        try:
+            for path in (self.socket, self.pid_file, self.record):
+                path.unlink(missing_ok=True)
+        except OSError as error:
+            raise UnwritableError(self, error) from error
+
+    def last_lines(self, program: str, count: int = 8) -> str:
+        """The end of a program's log, indented; empty where there is none."""
+        try:
+            text = self.log(program).read_text(errors="replace")
+        except OSError:
+            return ""
+        return "\n".join(f"    {line}" for line in text.splitlines()[-count:])
+
+
+@dataclass(frozen=True, slots=True)
+class Holder:
+    """Who holds the lock of a state directory."""
+
+    pid: int
+    command: str
+
+
+class UnwritableError(DeployError):
+    """The directory is not ours, read-only, or its disk is full."""
+
+    def __init__(self, state: StateDir, error: OSError) -> None:
+        super().__init__(
+            f"cannot write in the state directory {state.path} ({error.strerror}): "
+            f"choose another with --state-dir or {ENVIRONMENT}"
+        )
+
+
+class LockedError(DeployError):
+    """Another command is at work on this state directory."""
+
+    def __init__(self, state: StateDir, holder: Holder | None) -> None:
+        who = f"`lifeline {holder.command}` (pid {holder.pid})" if holder else "another `lifeline`"
+        super().__init__(
+            f"{who} is at work in {state.path}: let it end, stop it with `lifeline down`, "
+            "or choose another directory with --state-dir"
+        )
+        self.holder = holder
+
+
+@contextmanager
+def locked(state: StateDir, command: str) -> Generator[None]:
+    """Keep every other command off this state directory; the kernel lets go when this process dies.
+
+    Raises:
+        LockedError: another command holds it.
+        UnwritableError: it cannot be locked.
+    """
+    try:
+        lock = state.lock.open("a+b", buffering=0)
+    except OSError as error:
+        raise UnwritableError(state, error) from error
+    with lock as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise LockedError(state, _holder(state)) from error
+        with suppress(OSError):  # on a full disk, it is a lock all the same
+            file.truncate(0)
+            file.write(json.dumps({"pid": os.getpid(), "command": command}).encode())
+        try:
+            yield
+        finally:
+            with suppress(OSError):
+                file.truncate(0)
+
+
+def _holder(state: StateDir) -> Holder | None:
+    record = read_json(state.lock)
+    try:
+        return Holder(int(record["pid"]), str(record["command"]))
+    except (KeyError, TypeError, ValueError):
+        return None
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """The object in a file; an empty one where there is none."""
+    try:
+        document: object = json.loads(path.read_text())
+    except (OSError, ValueError):
+        return {}
+    return cast("dict[str, Any]", document) if isinstance(document, dict) else {}

@@ -1,0 +1,230 @@
+"""Writes the parts of docs/crash-safety.md that a campaign measured: `python -m docs.generate.crash_safety`.
+
+Between `<!-- NAME: generated -->` and `<!-- /NAME -->` stand
+
+    answer    how soon a robot stops whose teleop is killed
+    real      the table of the campaign with real processes: docs/campaign/real.jsonl
+    virtual   that of the campaign on a virtual clock: docs/campaign/virtual.jsonl.gz
+    soak      what an hour of driving took: docs/campaign/soak.jsonl.gz
+
+`--check` writes nothing and fails if a part is out of date; tests/unit/test_crash_safety.py does the same.
+"""
+
+import sys
+from collections.abc import Iterator, Sequence
+from functools import cache
+from pathlib import Path
+
+from deploy.campaign.classes import BY_NAME
+from deploy.campaign.report.figures import Campaign, ClassFigures, Spread
+from deploy.campaign.report.page import FEW, percent, verdict
+from deploy.campaign.report.report import read_campaigns
+from deploy.campaign.report.statistics import upper_rate
+from deploy.campaign.soak.judge import judge, warm_up_s
+from deploy.campaign.soak.sample import Sample, read_samples
+from deploy.campaign.trial import Provenance
+from deploy.stack.errors import DeployError
+from docs.generate import sections
+
+DOCUMENT = Path(__file__).parents[1] / "crash-safety.md"
+RESULTS = {
+    "real": Path(__file__).parents[1] / "campaign" / "real.jsonl",
+    "virtual": Path(__file__).parents[1] / "campaign" / "virtual.jsonl.gz",
+}
+SOAK = Path(__file__).parents[1] / "campaign" / "soak.jsonl.gz"
+COMMANDS = {
+    "real": "lifeline faults --out docs/campaign/real.jsonl",
+    "virtual": "lifeline faults --virtual --out virtual.jsonl",
+}
+
+
+@cache
+def result(mode: str) -> Campaign | None:
+    """The committed campaign of a mode; None: there is none.
+
+    Raises:
+        DeployError: its file is damaged, or holds another mode.
+    """
+    path = RESULTS[mode]
+    if not path.exists():
+        return None
+    found, _ = read_campaigns([path])
+    for one in found:
+        if one.mode == mode:
+            return one
+    raise DeployError(f"{path} holds no {mode} trials")
+
+
+# --- the answer
+
+
+def answer(campaign: Campaign | None) -> str:
+    """A killed teleop in one paragraph."""
+    found = None if campaign is None else campaign.find("teleop_sigkill")
+    if campaign is None or found is None or found.stop is None:
+        return _missing("real")
+    reasons = ", ".join(f"`{name}` {count} times" for name, count in found.detectors)
+    lines = [
+        f"**Measured** with {found.stop.number:,} kills (SIGKILL) of a real teleop while the robot drove:",
+        "",
+        (
+            f"* zero on `cmd_vel` after {_times(found.stop)}; {found.late} of {found.stop.number} took longer than "
+            f"{1000 * (found.bound_s or 0.0):.0f} ms. Noticed by {reasons}."
+        ),
+    ]
+    if found.wheels is not None:
+        lines.append(f"* the wheels are asked for zero after {_times(found.wheels)}.")
+    if found.standstill is not None and found.distance is not None:
+        lines.append(
+            f"* the robot stands after {found.standstill.median:.2f} s (median), {found.standstill.worst:.2f} s at most, "
+            f"and {100 * found.distance.worst:.0f} cm at most from where it was."
+        )
+    broken = f"{found.broken} of them" if found.broken else "none"
+    lines.append(f"* promises broken: {broken} ({_at_most(found)}).")
+    return "\n".join([*lines, "", *_origin(campaign)])
+
+
+def _times(found: Spread) -> str:
+    p99 = f"{1000 * found.p99:.1f} ms (p99), " if found.number >= FEW else ""
+    return f"{1000 * found.median:.1f} ms (median), {p99}{1000 * found.worst:.1f} ms (longest)"
+
+
+def _at_most(found: ClassFigures) -> str:
+    return f"with 95 % confidence at most {percent(upper_rate(found.trials, found.broken))} of such trials break one"
+
+
+# --- the tables
+
+
+def table(mode: str, campaign: Campaign | None) -> str:
+    """Every class of a campaign, and what was broken."""
+    if campaign is None:
+        return _missing(mode)
+    lines = [
+        *_origin(campaign),
+        "",
+        verdict(campaign),
+        "",
+        "| fault | what is done | n | noticed by | bound | p50 | p99 | longest | late | way | nearest | broken |",
+        "|---|---|--:|---|--:|--:|--:|--:|--:|--:|--:|--:|",
+        *(_row(one) for one in campaign.classes()),
+    ]
+    if campaign.broken:
+        lines += ["", "Broken promises:", ""]
+        lines += [
+            f"* promise {one.promise.promise}, {_safe(', '.join(one.classes))}: {_safe(one.promise.sentence)} (`{one.command}`)"
+            for one in campaign.broken[:20]
+        ]
+    return "\n".join(lines)
+
+
+def _row(one: ClassFigures) -> str:
+    known, stop, distance = BY_NAME.get(one.name), one.stop, one.distance
+    target = f" ({known.target})" if known is not None and known.target else ""
+    cells = (
+        f"`{one.name}`",
+        "" if known is None else f"{known.does}{target}",
+        f"{one.count:,}",
+        _detectors(one),
+        "" if one.bound_s is None else f"{1000 * one.bound_s:.0f}",
+        "" if stop is None else f"{1000 * stop.median:.1f}",
+        "" if stop is None or stop.number < FEW else f"{1000 * stop.p99:.1f}",
+        "" if stop is None else f"{1000 * stop.worst:.1f}",
+        "" if stop is None or one.bound_s is None else f"{one.late} of {stop.number}",
+        "" if distance is None else f"{100 * distance.worst:.0f}",
+        f"{100 * one.clearance_m:.1f}",
+        f"**{one.broken}**" if one.broken else "0",
+    )
+    return f"| {' | '.join(cells)} |"
+
+
+def _detectors(one: ClassFigures) -> str:
+    meant = ", ".join(f"`{name}` {count:,}" for name, count in one.detectors)
+    others = sum(count for _, count, _ in one.others)
+    return meant + (f"{'; ' if meant else ''}others first {others:,}" if others else "")
+
+
+def _safe(text: str) -> str:
+    return " ".join(text.split()).replace("|", "/").replace("<", "‹").replace(">", "›")[:300]
+
+
+def _origin(campaign: Campaign) -> Iterator[str]:
+    """Where it comes from; what the file does not say is said to be missing."""
+    for provenance in campaign.provenances:
+        yield from _signature(provenance)
+    if campaign.unsigned or not campaign.provenances:
+        yield "The file does not say which command made these trials, when, where and from which commit."
+
+
+def _signature(provenance: Provenance) -> Iterator[str]:
+    yield f"`{provenance.command or 'unknown command'}`, {provenance.date or 'unknown date'}, {provenance.machine or 'unknown machine'}, "
+    yield f"commit {provenance.commit or 'unknown'}."
+
+
+# --- the soak
+
+
+def soaked(samples: Sequence[Sample], provenance: Provenance | None) -> str:
+    """What an operator's driving about took of each process, and what stopped without a cause."""
+    last, judgement = samples[-1], judge(samples)
+    growths = {(growth.process, growth.measure): growth for growth in judgement.growths}
+    false = sum(len(sample.false_stops) for sample in samples)
+    gaps_ms = sorted(sample.ticks.p99_ms for sample in samples)
+    lines = [
+        *_signature(provenance or Provenance()),
+        "",
+        (
+            f"{last.time_s / 60:.0f} minutes, {last.driven_m:.0f} m, {last.obstacle_stops} stops at obstacles, {last.black_boxes} black boxes; "
+            f"**{false or 'no'} {'stops' if false > 1 else 'stop'} without a cause**, {sum(sum(s.lost.values()) for s in samples)} samples lost. "
+            f"Gaps of `cmd_vel`, p99 of ten seconds: {gaps_ms[len(gaps_ms) // 2]:.1f} ms (median), {gaps_ms[-1]:.1f} ms (worst)."
+        ),
+        "",
+        f"| process | memory (RSS) | growth after {warm_up_s(last.time_s) / 60:.0f} min | descriptors | threads |",
+        "|---|--:|--:|--:|--:|",
+    ]
+    for name in last.processes:
+        memory = growths[name, "memory"]
+        lines.append(
+            f"| {name} | {memory.level / 1e6:.1f} MB | {memory.percent:+.2f} % | "
+            f"{growths[name, 'descriptors'].level:g} | {growths[name, 'threads'].level:g} |"
+        )
+    lines += ["", *(f"* FAILED: {_safe(fault)}" for fault in judgement.faults)]
+    return "\n".join(lines).rstrip()
+
+
+def _missing(mode: str) -> str:
+    return (
+        f"There is no result in the repository yet: `{COMMANDS[mode]}` makes one, `make docs` writes it here."
+    )
+
+
+# --- the document
+
+PARTS: sections.Parts = {
+    "answer": lambda: answer(result("real")),
+    "real": lambda: table("real", result("real")),
+    "virtual": lambda: table("virtual", result("virtual")),
+    "soak": lambda: soaked(*read_samples(SOAK)),
+}
+
+
+def regenerated(text: str) -> str:
+    """The document with each part written anew.
+
+    Raises:
+        ValueError: a part has no place in the document.
+        DeployError: a result is damaged.
+    """
+    return sections.regenerated(text, PARTS, "docs/crash-safety.md")
+
+
+def main() -> int:
+    try:
+        return sections.main("python -m docs.generate.crash_safety", DOCUMENT, regenerated)
+    except DeployError as error:
+        print(f"docs/generate/crash_safety.py: {error}", file=sys.stderr)
+        return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,159 @@
+"""Draws docs/images/stop_times.png, soak.svg and sigkill.png: `python -m docs.generate.draw_crash_safety`.
+
+The first two from the committed results; the last from a run of the same services on the virtual clock,
+which is the same for the same code.
+"""
+
+import asyncio
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from deploy.campaign.classes import CLASSES
+from deploy.campaign.report.figures import ClassFigures
+from deploy.campaign.seen import Seen
+from deploy.campaign.simulated.scenario import Drivers, Scenario, Scene
+from deploy.campaign.simulated.world import World
+from deploy.campaign.soak.plot import svg
+from deploy.campaign.soak.sample import read_samples
+from docs.generate.crash_safety import SOAK, result
+from wire import topics
+from wire.virtual_loop import VirtualLoop
+
+IMAGES = Path(__file__).parents[1] / "images"
+INK, GREY, LIGHT = "#20262e", "#7a8490", "#d9dee4"
+BLUE, AMBER, RED = "#3a6ea5", "#e8a33d", "#c8443c"
+TITLES = {"real": "real processes", "virtual": "virtual clock"}
+
+# Teleop is ready by then, and as fast as it will be when it is killed.
+NEUTRAL_S, DRIVE_S, KILL_S, AGAIN_S, END_S = 1.5, 1.7, 3.313, 3.913, 6.0
+PRESSES = 7
+
+
+def draw_stop_times(path: Path) -> None:
+    """A dot for each stop, a line for each bound; classes without a bound are not drawn."""
+    found = {mode: campaign for mode in TITLES if (campaign := result(mode)) is not None}
+    classes = {
+        mode: [one for one in campaign.classes() if one.bound_s is not None and one.timed]
+        for mode, campaign in found.items()
+    }
+    drawn = {one.name for ones in classes.values() for one in ones}
+    names = [one.name for one in CLASSES if one.name in drawn]
+    figure = Figure(figsize=(10, 1.2 + 0.27 * max(4, len(names))), layout="constrained")
+    for number, (mode, ones) in enumerate(classes.items(), 1):
+        axes = figure.add_subplot(1, len(classes), number)
+        _dots(axes, names, ones)
+        axes.set_title(f"{TITLES[mode]}, {sum(len(one.timed) for one in ones):,} stops", fontsize=11)
+        if number > 1:
+            axes.set_yticklabels([])
+    figure.savefig(path, dpi=130, metadata={"Software": None})
+
+
+def _dots(axes: Axes, names: Sequence[str], classes: Sequence[ClassFigures]) -> None:
+    for one in classes:
+        row = names.index(one.name)
+        times_ms = [1000 * max(case.stop_s, 1e-4) for case in one.timed if case.stop_s is not None]
+        # Spread by rank and not by chance: the same picture every time.
+        heights = [row + 0.3 * ((7 * rank) % 11 - 5) / 5 for rank in range(len(times_ms))]
+        axes.plot(times_ms, heights, ".", color=BLUE, ms=5, alpha=0.6, mew=0)
+        bound_ms = 1000 * (one.bound_s or 0.0)
+        axes.plot([bound_ms, bound_ms], [row - 0.42, row + 0.42], color=RED, lw=1.8)
+    axes.set_xscale("log")
+    axes.set_xlim(0.08, 2000)
+    axes.set_xticks((0.1, 1, 10, 100, 1000), ("0.1", "1", "10", "100", "1000"))
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.set_yticks(range(len(names)), names, fontsize=8)
+    axes.set_xlabel("from the fault to zero [ms]; red: the bound")
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(axis="x", color=LIGHT, lw=0.6)
+
+
+def killed() -> Seen:
+    """A teleop driven by keys, killed at speed, started again with nobody at its keys."""
+    loop = VirtualLoop()
+    world = World(loop, Scenario(2, Scene.EMPTY, False, False, Drivers.TELEOP, 0.0, (), ()))  # noqa: FBT003 - as drawn
+    logging.getLogger("sim").setLevel(logging.ERROR)
+
+    async def play() -> None:
+        world.start_all()
+        watching = asyncio.ensure_future(world.watch())
+        await asyncio.sleep(NEUTRAL_S)
+        _press(world, "s")
+        await asyncio.sleep(DRIVE_S - NEUTRAL_S)
+        _press(world, "w" * PRESSES)
+        await asyncio.sleep(KILL_S - DRIVE_S)
+        world.kill(topics.TELEOP)
+        await asyncio.sleep(AGAIN_S - KILL_S)
+        world.start(topics.TELEOP)
+        await asyncio.sleep(END_S - AGAIN_S)
+        watching.cancel()
+
+    loop.run_until_complete(play())
+    world.end()
+    loop.close()
+    return world.seen
+
+
+def _press(world: World, keys: str) -> None:
+    assert world.keyboard is not None
+    world.keyboard.press(keys)
+
+
+def draw_sigkill(path: Path, seen: Seen) -> None:
+    """The whole story, and its first milliseconds."""
+    figure = Figure(figsize=(10, 4.0), layout="constrained")
+    whole, near = figure.subplots(1, 2, width_ratios=(3, 2))
+    for axes, begin_s, end_s, scale in ((whole, -0.4, 2.2, 1.0), (near, -0.06, 0.02, 1000.0)):
+        asked = [(a.sent_s - KILL_S, a.linear_m_s) for a in seen.asked]
+        commands = [(c.arrival_s - KILL_S, c.linear_m_s) for c in seen.commands]
+        motions = [(m.time_s - KILL_S, m.linear_m_s) for m in seen.motions]
+        axes.plot(*_scaled(asked, scale), "o", color=GREY, ms=5, mfc="none", label="teleop asks for")
+        axes.plot(
+            *_scaled(commands, scale), ".-", drawstyle="steps-post", color=BLUE, lw=1.6, ms=4, label="cmd_vel"
+        )
+        axes.plot(*_scaled(motions, scale), color=AMBER, lw=2.4, label="the robot's speed")
+        axes.axvline(0.0, color=RED, lw=1.6)
+        axes.set_xlim(begin_s * scale, end_s * scale)
+        axes.set_ylim(-0.05, 0.82)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.grid(color=LIGHT, lw=0.6)
+    zero_s = (
+        next(c.arrival_s for c in seen.commands if c.arrival_s >= KILL_S and c.linear_m_s == 0.0) - KILL_S
+    )
+    whole.text(0.015, 0.77, "SIGKILL", color=RED, fontsize=10)
+    whole.axvline(AGAIN_S - KILL_S, color=GREY, lw=1.2, ls=(0, (4, 3)))
+    whole.text(
+        AGAIN_S - KILL_S + 0.015, 0.77, "started again:\nnothing moves", color=INK, fontsize=9, va="top"
+    )
+    near.text(1000 * zero_s + 1.5, 0.1, f"zero after\n{1000 * zero_s:.1f} ms", color=INK, fontsize=9)
+    whole.set_xlabel("time since the kill [s]")
+    near.set_xlabel("time since the kill [ms]")
+    whole.set_ylabel("forward speed [m/s]")
+    whole.legend(loc="center right", fontsize=9, frameon=False)
+    figure.savefig(path, dpi=130, metadata={"Software": None})
+
+
+def draw_soak(path: Path) -> None:
+    """As `lifeline soak --plot` draws it."""
+    samples, _ = read_samples(SOAK)
+    path.write_text(svg(samples, f"lifeline soak, {samples[-1].time_s / 60:.0f} min"))
+
+
+def _scaled(points: Sequence[tuple[float, float]], scale: float) -> tuple[list[float], list[float]]:
+    return [scale * time_s for time_s, _ in points], [speed for _, speed in points]
+
+
+def main() -> None:
+    mpl.rcParams.update({"font.size": 10, "axes.edgecolor": GREY, "text.color": INK, "axes.labelcolor": INK})
+    if any(result(mode) is not None for mode in TITLES):
+        draw_stop_times(IMAGES / "stop_times.png")
+    draw_soak(IMAGES / "soak.svg")
+    draw_sigkill(IMAGES / "sigkill.png", killed())
+
+
+if __name__ == "__main__":
+    main()

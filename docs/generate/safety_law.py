@@ -1,0 +1,577 @@
+"""Write the generated parts of docs/safety-law.md: `python -m docs.generate.safety_law`.
+
+Between `<!-- NAME: generated -->` and `<!-- /NAME -->` stand
+
+    reasons   the table of stop reasons; every StopReason must have a row in `REASONS`
+    states    the state diagram, found by running the real law breadth first through `EVENTS`
+    numbers   the defaults behind the letters of the speed barrier
+    seen      the defaults of seen space and of the memory of near points
+    profiles  what each lidar profile means by "no return", and how long it trusts it
+    motions   what the examples in deploy/examples permit, found by running the law
+
+`--check` writes nothing and fails if a part is out of date; tests/unit/test_docs.py does the same.
+"""
+
+import math
+import sys
+import tempfile
+from collections import deque
+from collections.abc import Callable, Hashable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from deploy.check import examine
+from deploy.check_motions import Permitted
+from docs.generate import sections
+from supervisor.base_motion import PATIENCE_S
+from supervisor.config import SupervisorSection
+from supervisor.lidar import PROFILES, TIMINGS, LidarProfile
+from supervisor.model import (
+    STANDSTILL,
+    Command,
+    Decision,
+    Inputs,
+    LaserScan,
+    LawConfig,
+    Liveliness,
+    Mode,
+    SourceConfig,
+    State,
+    StopReason,
+    Velocity,
+)
+from supervisor.near_memory import MISSES
+from supervisor.safety import BARRIER_REASONS, SAME_PLACE_M, initial_state, step
+
+DOCUMENT = Path(__file__).parents[1] / "safety-law.md"
+DEFAULTS = SupervisorSection()
+
+
+Row = tuple[str, ...]
+
+
+# --- the table of reasons
+
+
+@dataclass(frozen=True)
+class Reason:
+    """One row: when the law stops for it, how it is cleared, and why it exists."""
+
+    when: str
+    cleared: str
+    why: str
+
+
+REASONS: Mapping[StopReason, Reason] = {
+    StopReason.ESTOP: Reason(
+        "`robot/estop` was true, unreadable or flooded; or a supervisor that starts finds the record of an earlier "
+        "e-stop, or cannot read it",
+        "a reset, refused while any live source requests motion; then neutral",
+        "An e-stop must outlive the process that sent it and the one that received it. farm-ng/tractor #82 and ubiquity_motor #42: a robot lurches when "
+        "its e-stop is released. Husarion refuses a reset under command, and so do we.",
+    ),
+    StopReason.BASE_RUNAWAY: Reason(
+        "zero was commanded for longer than braking takes, and odometry still shows motion; raises the alarm",
+        "standing still, and neutral",
+        "A supervisor that trusts its own zero sees nothing when a wheel controller does not obey.",
+    ),
+    StopReason.OVERRUN: Reason(
+        f"the law ran later than {DEFAULTS.overrun_s:g} s after its last step, or the machine was suspended",
+        "the next step on time, after a suspend one timeout more, and neutral",
+        "While the supervisor hangs or the machine sleeps, nothing is supervised. Nav2's collision_monitor does not run at all without a command "
+        "(navigation2 #4555).",
+    ),
+    StopReason.SENSOR_CONFLICT: Reason(
+        "each of two writers was heard twice within a moment on one sensor's key; the status names both",
+        "one of them is silent, and neutral",
+        "A subscriber gets the samples of every writer: those of two drivers, or of a driver and a recording, mix. "
+        "ROS 2 counts the publishers of a topic, but no node stops because of the count.",
+    ),
+    StopReason.BASE_UNRESPONSIVE: Reason(
+        f"odometry has not followed the command for {PATIENCE_S:g} s, beyond what the base's ramps explain",
+        "zero commanded, standstill, and neutral",
+        "A base whose own e-stop is released while a command is active lurches: ubiquity_motor #42.",
+    ),
+    StopReason.ODOM_STALE: Reason(
+        f"odometry was heard, and the newest is older than {DEFAULTS.odom_timeout_s:g} s, unless `odometry = false`",
+        "fresh odometry, and neutral",
+        "Without odometry the law cannot check that the base follows, nor where the robot is between two scans.",
+    ),
+    StopReason.SCAN_INVALID: Reason(
+        "no lidar has a usable scan, and the newest is fresh but proves nothing: undecodable, too few beams, numbers "
+        "that contradict each other, no reading that the profile explains, the same scan while the robot moves, "
+        "blank from one scan to the next, or no return since the start",
+        "a valid scan, and neutral",
+        "Where out-of-range beams are dropped, a scan of NaN or zeros reads as clear (Nav2 `scan.cpp`).",
+    ),
+    StopReason.SCAN_STALE: Reason(
+        f"no lidar has a scan that is newer than its timeout ({DEFAULTS.scan_timeout_s:g} s by default)",
+        "fresh scans, and neutral",
+        "Nav2's collision_monitor waits 2.0 s, and looks only at the next command; a scan stamped in the future never "
+        "goes stale there (`sourceValid()`).",
+    ),
+    StopReason.SOURCE_LOST: Reason(
+        "the source's liveliness token was deleted, even if it returned at once, and its last command was not zero; or "
+        "commands come without the token",
+        "the token is back, and neutral",
+        "cmd_vel_mux sends nothing when its source falls silent (yujin_ocs #16), twist_mux nothing when it is locked "
+        "(PR #42): whether the robot stops depends on the next node. joystick_drivers #92: a lost joystick repeats its "
+        "last command without end.",
+    ),
+    StopReason.COMMAND_INVALID: Reason(
+        "the source's last command was undecodable, NaN, infinite, far beyond the limits, or had components "
+        "that a ground robot does not have",
+        "a valid command, and neutral; a bad one never refreshes the age of the last good one",
+        "diff_drive_controller keeps the reference from before a NaN, and the NaN refreshes its age.",
+    ),
+    StopReason.COMMAND_STALE: Reason(
+        f"commands arrive, but late, replayed, out of order or from another epoch, and no good one for "
+        f"{DEFAULTS.command_timeout_s:g} s",
+        "fresh commands, and neutral",
+        "A network that stalls delivers its backlog in one burst: teleop_twist_joy #27, “ghost commands”. "
+        "pr2_controllers #320 asks for an expiry of each command.",
+    ),
+    StopReason.COMMAND_TIMEOUT: Reason(
+        f"the source's last good command is older than {DEFAULTS.command_timeout_s:g} s",
+        "fresh commands, and neutral",
+        "A process can be alive and hung: PX4 #20519 and #18346. The heartbeat must be the intent itself. "
+        "The reference stacks wait 0.25 s to 5 s.",
+    ),
+    StopReason.NO_COMMAND: Reason(
+        "no source has sent a command since start, or the one that drove has commanded zero and left",
+        "a first, neutral command",
+        "A program that starts with its stick pushed must not move the robot. ArduPilot #6623: a latched override is "
+        "replayed on reconnect.",
+    ),
+    StopReason.SCAN_BLIND: Reason(
+        f"the barrier leaves less than {DEFAULTS.creep_m_s:g} m/s because of a hidden place: no scan rules out an "
+        "object there",
+        "neutral, or a command that does not close on it",
+        "Unseen is not free. A lidar that looks ahead proves nothing about driving back.",
+    ),
+    StopReason.OBSTACLE: Reason(
+        f"the barrier leaves less than {DEFAULTS.creep_m_s:g} m/s because of a point that two scans have shown: the "
+        f"command closes on something at {DEFAULTS.stop_distance_m:.2f} m",
+        "neutral, or a command that does not close on it",
+        "A plain stop zone traps the robot: navigation2 #3313, #3748, mowglinext #159 (414 s). A pure rotation can "
+        "sweep a corner into something (navigation2 #3171): the barrier looks at the hull, not at the direction.",
+    ),
+}
+
+
+def reasons_table(reasons: Mapping[StopReason, Reason] = REASONS) -> str:
+    """The most restrictive first.
+
+    Raises:
+        ValueError: a StopReason has no row.
+    """
+    missing = [reason.name for reason in StopReason if reason not in reasons]
+    if missing:
+        raise ValueError(f"docs/generate/safety_law.py: REASONS has no row for {', '.join(missing)}")
+    rows = ((reason, reasons[reason]) for reason in StopReason)
+    return "\n".join(
+        [
+            "| reason | when | cleared by | why it exists, and known failures without it |",
+            "|---|---|---|---|",
+            *(f"| `{name.value}` | {row.when} | {row.cleared} | {row.why} |" for name, row in rows),
+        ]
+    )
+
+
+# --- the numbers
+
+
+def numbers_table() -> str:
+    """The defaults behind the letters of the formula."""
+    d = DEFAULTS
+    rows = (
+        ("`d`", "stop distance", f"{d.stop_distance_m:.2f} m", "`stop_distance_m`"),
+        (
+            "`a`",
+            "deceleration that the base is trusted with",
+            f"{d.deceleration_m_s2:g} m/s²",
+            "`deceleration_m_s2`",
+        ),
+        (
+            "",
+            "share of `T` for transport and one tick",
+            f"{d.transport_s:g} s",
+            "`transport_s`",
+        ),
+        ("", "minimum useful speed; below it the output is zero", f"{d.creep_m_s:g} m/s", "`creep_m_s`"),
+        (
+            "",
+            "clearance below which a warning is shown",
+            f"{d.warning_distance_m:.2f} m",
+            "`warning_distance_m`",
+        ),
+        (
+            "",
+            "limits of a command",
+            f"{d.max_linear_m_s:g} m/s, {d.max_angular_rad_s:g} rad/s",
+            "`max_linear_m_s`, `max_angular_rad_s`",
+        ),
+    )
+    return _table(("letter", "what", "default", "in `[supervisor]`"), rows)
+
+
+def _table(head: Row, rows: Iterable[Row]) -> str:
+    lines = (head, ("---",) * len(head), *rows)
+    return (
+        "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+        .replace("| --- ", "|---")
+        .replace("--- |", "---|")
+    )
+
+
+def seen_table() -> str:
+    """The defaults of seen space."""
+    d, law = DEFAULTS, DEFAULTS.law()
+    rows = (
+        ("`w`: diameter of the smallest obstacle", f"{d.smallest_obstacle_m:g} m", "`smallest_obstacle_m`"),
+        ("distance from the hull beyond which no point limits a motion", f"{law.reach_m:.2f} m", "computed"),
+        (
+            "how long seen space counts as free when it is out of view",
+            f"{d.unseen_memory_s:g} s",
+            "`unseen_memory_s`",
+        ),
+        (
+            "closing speed that is permitted on a hidden place",
+            f"{d.blind_creep_m_s:g} m/s",
+            "`blind_creep_m_s`",
+        ),
+        (
+            "whether a lidar without any return since the start is valid",
+            str(d.works_in_the_open).lower(),
+            "`works_in_the_open`",
+        ),
+        (
+            "scans that cover the place without a reading, after which a remembered point is dropped",
+            f"{MISSES}",
+            "fixed",
+        ),
+        ("distance within which an earlier reading confirms a stop", f"{SAME_PLACE_M:g} m", "fixed"),
+    )
+    return _table(("what", "default", "in `[supervisor]`"), rows)
+
+
+def profiles_table() -> str:
+    """What each lidar profile takes for "no return"."""
+    return _table(
+        (
+            "profile",
+            "“no return”, beside +Inf and beyond `range_max`",
+            "trusted from the start",
+            "trusted without a return for",
+            "timeout",
+        ),
+        [_profile_row(name, profile) for name, profile in PROFILES.items()],
+    )
+
+
+def _profile_row(name: str, profile: LidarProfile) -> Row:
+    codes = [
+        text
+        for text, is_code in (
+            ("0.0", profile.zero_is_free),
+            ("NaN", profile.nan_is_free),
+            (f"below {profile.codes_below_m:g} m", profile.codes_below_m > 0.0),
+            *((f"{code:g}", True) for code in profile.free_codes_m),
+        )
+        if is_code
+    ]
+    limited = profile.silence_limit_s < math.inf
+    limit = (
+        f"{profile.silence_limit_s:g} s or {profile.silence_limit_m:g} m of travel, whichever lasts longer"
+        if limited
+        else "no limit"
+    )
+    timeout_s = TIMINGS[name].timeout_s if name in TIMINGS else DEFAULTS.scan_timeout_s
+    start = "yes" if profile.trusts_silence_at_start else "no"
+    return (f"`{name}`", ", ".join(codes) or "none", start, limit, f"{timeout_s:g} s")
+
+
+# --- what examples permit
+
+EXAMPLES = Path(__file__).parents[2] / "deploy" / "examples"
+
+
+def motions_table() -> str:
+    """What a robot with one front lidar may do, strict and with each of the two settings that permit more."""
+    text = (EXAMPLES / "amr_one_lidar.toml").read_text()
+    variants = {
+        "one lidar": text,
+        "one lidar, `unseen_memory_s = 5.0`": text.replace("unseen_memory_s = 0.0", "unseen_memory_s = 5.0"),
+        "one lidar, `blind_creep_m_s = 0.1`": text.replace("blind_creep_m_s = 0.0", "blind_creep_m_s = 0.1"),
+        "two lidars": (EXAMPLES / "amr_two_lidars.toml").read_text(),
+    }
+    rows: list[Row] = []
+    for name, variant in variants.items():
+        found = _examined(variant)
+        rows.append((name, "at rest", *(_permitted(p.at_rest) for p in found)))
+        rows.append(("", "after driving ahead", *(_permitted(p.after_driving) for p in found)))
+    motions = tuple(p.motion.name for p in _examined(text))
+    return _table(("lidars", "asked for", *motions), rows)
+
+
+def _examined(text: str) -> tuple[Permitted, ...]:
+    with tempfile.TemporaryDirectory() as directory:
+        file = Path(directory) / "robot.toml"
+        file.write_text(text)
+        return tuple(p for p in examine(file).motions if p.motion.name not in {"arc right", "turn right"})
+
+
+def _permitted(decision: Decision) -> str:
+    if decision.output == STANDSTILL:
+        return "no"
+    parts = ((decision.output.linear_m_s, "m/s"), (decision.output.angular_rad_s, "rad/s"))
+    return ", ".join(f"{abs(value):.2f} {unit}" for value, unit in parts if value)
+
+
+# --- the state diagram
+
+TICK_S = 0.09
+"""As long as two steps may lie apart without an overrun, so that few of them outlast every timeout."""
+SETTLE_TICKS = 4
+"""After each event the world stays as it is for so long, which is beyond every timeout."""
+
+BEAMS = 360
+NOISE_M = 1e-3
+FORWARD, BACK = Velocity(0.5, 0.0), Velocity(-0.5, 0.0)
+CLEAR_M, NEAR_M, TOO_NEAR_M = 3.0, 0.65, 0.50
+"""From the lidar, with a round hull of 0.25 m: far away, so that the barrier slows, so that it stops."""
+CONFIG: LawConfig = replace(DEFAULTS.law(), sources=(SourceConfig("teleop", 1),))
+
+
+@dataclass(frozen=True)
+class World:
+    """What goes on until an event changes it. At first: nothing."""
+
+    speaking: bool = False
+    velocity: Velocity | None = None
+    """What the operator's program sends at each tick while it speaks; None: what cannot be read."""
+    token: bool | None = None
+    ahead_m: float | None = None
+    """Where the lidar sees something ahead; None: there are no scans."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """One thing that happens: the world as it is from now on, or a single input of the law."""
+
+    name: str
+    change: Callable[[World], World] = lambda world: world
+    happens_in: Callable[[World], bool] = lambda _: True
+    estop: bool = False
+    reset: bool = False
+    late: bool = False
+
+
+def _command(name: str, velocity: Velocity | None) -> Event:
+    return Event(name, lambda world: replace(world, velocity=velocity, speaking=True))
+
+
+def _scene(name: str, ahead_m: float | None) -> Event:
+    return Event(name, lambda world: replace(world, ahead_m=ahead_m), lambda world: world.ahead_m is not None)
+
+
+EVENTS = (
+    _command("neutral", STANDSTILL),
+    _command("forward", FORWARD),
+    _command("back", BACK),
+    _command("bad command", None),
+    Event("silence", lambda world: replace(world, speaking=False), lambda world: world.speaking),
+    Event("token lost", lambda world: replace(world, token=False), lambda world: world.token is not False),
+    Event("token back", lambda world: replace(world, token=True), lambda world: world.token is False),
+    _scene("scans stop", None),
+    Event("scans back", lambda world: replace(world, ahead_m=CLEAR_M), lambda world: world.ahead_m is None),
+    _scene("way clear", CLEAR_M),
+    _scene("obstacle near", NEAR_M),
+    _scene("obstacle too near", TOO_NEAR_M),
+    Event("late tick", late=True),
+    Event("e-stop", estop=True),
+    Event("reset", reset=True),
+)
+
+NODES = {
+    "Estop": "STOPPED by e-stop",
+    "NobodyYet": "STOPPED, no command yet",
+    "Cause": "STOPPED, a cause holds",
+    "Latched": "STOPPED, cause over, waits for neutral",
+    "Barrier": "STOPPED by the barrier",
+    "Ready": "READY, at rest",
+    "Driving": "DRIVING as commanded",
+    "Limited": "LIMITED by the barrier",
+}
+WORDS = {
+    "a cause comes": frozenset({"bad command", "silence", "token lost", "scans stop"}),
+    "the cause goes": frozenset({"token back", "scans back"}),
+    "motion": frozenset({"forward", "back"}),
+}
+"""One word for events that lead the same way."""
+
+Edges = dict[tuple[str, str], set[str]]
+"""(from, to): the names of the events that lead there."""
+
+
+def node_of(state: State, decision: Decision) -> str:
+    """Which node of the picture this is."""
+    if state.estop:
+        return "Estop"
+    if decision.mode is not Mode.STOPPED:
+        return decision.mode.name.capitalize()
+    reasons = set(decision.reasons)
+    (source,) = state.sources
+    if source.velocity is None and reasons <= {StopReason.NO_COMMAND, StopReason.SCAN_STALE}:
+        return "NobodyYet"
+    if reasons <= BARRIER_REASONS:
+        return "Barrier"
+    return "Cause" if source.caused_s == state.now_s else "Latched"
+
+
+@cache
+def transitions() -> Edges:
+    """Every edge of the picture, found breadth first from the initial state; not those from a node to itself."""
+    start = _settle(initial_state(CONFIG), World(), 0.0, None)
+    queue = deque([start])
+    known = {_key(*start)}
+    edges: Edges = {}
+    while queue:
+        state, world, decision = queue.popleft()
+        assert state.now_s is not None
+        for event in EVENTS:
+            if not event.happens_in(world):
+                continue
+            after = _settle(state, event.change(world), state.now_s, event)
+            before_node, after_node = node_of(state, decision), node_of(after[0], after[2])
+            if before_node != after_node:
+                edges.setdefault((before_node, after_node), set()).add(event.name)
+            key = _key(*after)
+            if key not in known:
+                known.add(key)
+                queue.append(after)
+    return edges
+
+
+def _settle(state: State, world: World, now_s: float, event: Event | None) -> tuple[State, World, Decision]:
+    """The event, and the world as it is from then on for `SETTLE_TICKS`."""
+    if event is not None and event.late:
+        now_s += 2 * CONFIG.overrun_s
+    now_s += TICK_S
+    state, decision = step(state, now_s, _inputs(world, now_s, event))
+    for _ in range(SETTLE_TICKS - 1):
+        now_s += TICK_S
+        state, decision = step(state, now_s, _inputs(world, now_s, None))
+    return state, world, decision
+
+
+def _inputs(world: World, now_s: float, event: Event | None) -> Inputs:
+    return Inputs(
+        commands=(Command("teleop", world.velocity, now_s),) if world.speaking else (),
+        liveliness=() if world.token is None else (Liveliness("teleop", world.token),),
+        scans=() if world.ahead_m is None else (_scan(world.ahead_m, now_s),),
+        estop=event is not None and event.estop,
+        reset=event is not None and event.reset,
+    )
+
+
+def _scan(ahead_m: float, now_s: float) -> LaserScan:
+    ranges = np.full(BEAMS, CLEAR_M, dtype=np.float32)
+    ranges[BEAMS // 2 - 16 : BEAMS // 2 + 16] = ahead_m
+    ranges += np.float32(NOISE_M * math.sin(now_s))  # no real scan repeats itself
+    return LaserScan(ranges, -math.pi, 2 * math.pi / BEAMS, 0.05, 12.0, now_s)
+
+
+def _key(state: State, world: World, decision: Decision) -> Hashable:
+    """The settled state, as far as its future depends on it: every age is now, or beyond every timeout."""
+    (source,) = state.sources
+    return (
+        world,
+        node_of(state, decision),
+        state.owner,
+        source.invalid,
+        source.velocity,
+        source.armed,
+        source.latched <= BARRIER_REASONS,
+        None if source.block is None else (source.block.kind, round(source.block.per_linear)),
+        source.caused_s == state.now_s,
+        source.neutral_s > source.caused_s,
+    )
+
+
+def _from_everywhere(edges: Edges) -> dict[str, str]:
+    """Events that lead to one and the same node from every other: drawn once, as a sentence."""
+    found: dict[str, str] = {}
+    for target in NODES:
+        others = [edges.get((node, target), set[str]()) for node in NODES if node != target]
+        found.update(dict.fromkeys(set[str].intersection(*others), target))
+    return found
+
+
+def _label(events: set[str]) -> str:
+    """The events in their order, or one word for several."""
+    words: list[str] = []
+    for word, meant in WORDS.items():
+        if meant <= events:
+            events = events - meant
+            words.append(word)
+    return ", ".join([*(event.name for event in EVENTS if event.name in events), *words])
+
+
+def state_diagram() -> str:
+    """Mermaid's `stateDiagram-v2`, flat; what leaves a node as it is, is left out.
+
+    Raises:
+        ValueError: the law never reaches a node of the picture.
+    """
+    edges = transitions()
+    missing = NODES.keys() - {node for edge in edges for node in edge}
+    if missing:
+        raise ValueError(f"docs/generate/safety_law.py: never reached: {', '.join(sorted(missing))}")
+    everywhere = _from_everywhere(edges)
+    lines = ["```mermaid", "stateDiagram-v2"]
+    lines += [f'    state "{text}" as {node}' for node, text in NODES.items()]
+    lines.append("    [*] --> NobodyYet")
+    places = list(NODES)
+    for before, after in sorted(edges, key=lambda edge: (places.index(edge[0]), places.index(edge[1]))):
+        events = {e for e in edges[before, after] if everywhere.get(e) != after}
+        if events:
+            lines.append(f"    {before} --> {after} : {_label(events)}")
+    lines += ["```", ""]
+    lines += [
+        f"* Not drawn: from every other state, *{event}* leads to *{NODES[target]}*."
+        for event, target in everywhere.items()
+    ]
+    lines += [
+        f"* *{word}*: {', '.join(event.name for event in EVENTS if event.name in meant)}."
+        for word, meant in WORDS.items()
+    ]
+    return "\n".join(lines)
+
+
+# --- the document
+
+PARTS: sections.Parts = {
+    "numbers": numbers_table,
+    "seen": seen_table,
+    "profiles": profiles_table,
+    "motions": motions_table,
+    "states": state_diagram,
+    "reasons": reasons_table,
+}
+
+
+def regenerated(text: str) -> str:
+    """The document with each part written anew.
+
+    Raises:
+        ValueError: a part has no place in the document, or a StopReason no row.
+    """
+    return sections.regenerated(text, PARTS, "docs/safety-law.md")
+
+
+if __name__ == "__main__":
+    sys.exit(sections.main("python -m docs.generate.safety_law", DOCUMENT, regenerated))

@@ -1,0 +1,50 @@
+"""A signal ends a command once, and never the taking down after it."""
+
+import os
+import signal
+from collections.abc import Iterator
+
+import pytest
+
+from deploy.stack import interrupts
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_ignored() -> Iterator[None]:
+    """Whatever started these tests may ignore a signal: nohup does, and a shell for what it runs in the background."""
+    before = {number: signal.signal(number, signal.default_int_handler) for number in interrupts.SIGNALS}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.parametrize("number", interrupts.SIGNALS)
+def test_the_first_signal_is_raised_and_the_next_ones_are_not(number: signal.Signals) -> None:
+    with interrupts.interrupts():
+        with pytest.raises(interrupts.Interrupted) as raised:
+            os.kill(os.getpid(), number)
+        assert raised.value.exit_code == 128 + number
+        for further in interrupts.SIGNALS:
+            os.kill(os.getpid(), further)
+
+
+def test_nothing_disturbs_the_end_of_a_command() -> None:
+    with interrupts.interrupts():
+        interrupts.ignore()
+        os.kill(os.getpid(), signal.SIGTERM)
+
+
+def test_the_handlers_are_given_back() -> None:
+    before = [signal.getsignal(number) for number in interrupts.SIGNALS]
+    with interrupts.interrupts():
+        interrupts.ignore()
+    assert [signal.getsignal(number) for number in interrupts.SIGNALS] == before
+
+
+def test_a_hangup_that_nohup_ignores_stays_ignored() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with interrupts.interrupts():
+            os.kill(os.getpid(), signal.SIGHUP)
+    finally:
+        signal.signal(signal.SIGHUP, before)

@@ -1,0 +1,72 @@
+"""What is checked before anything starts."""
+
+import json
+import socket
+from pathlib import Path
+
+import pytest
+
+from deploy.stack.errors import DeployError
+from deploy.stack.launch import DEFAULT_CONFIG, Launch, check_endpoint_is_free, free_loopback_endpoint
+from deploy.stack.statedir import StateDir
+from deploy.stack.supervisord import find_uv
+
+
+def test_without_a_file_the_example_is_the_configuration() -> None:
+    launch = Launch.read(None, None)
+    assert launch.config == DEFAULT_CONFIG
+    assert launch.bus.endpoint == "tcp/127.0.0.1:7447"
+
+
+def test_an_endpoint_given_here_takes_the_place_of_the_files(tmp_path: Path) -> None:
+    config = tmp_path / "robot.toml"
+    config.write_text('[bus]\nendpoint = "tcp/127.0.0.1:1111"\nnamespace = "r2"\n')
+    launch = Launch.read(config, "tcp/127.0.0.1:2222")
+    assert (launch.bus.endpoint, launch.bus.namespace) == ("tcp/127.0.0.1:2222", "r2")
+
+
+def test_a_wrong_endpoint_is_refused() -> None:
+    with pytest.raises(DeployError, match=r"bus\.endpoint = 'nonsense': expected PROTOCOL/HOST:PORT"):
+        Launch.read(None, "nonsense")
+
+
+def test_a_stack_is_found_again_by_its_record(tmp_path: Path) -> None:
+    state = StateDir(tmp_path)
+    assert Launch.running(state) is None
+    launch = Launch.read(None, "tcp/127.0.0.1:2222")
+    state.record.write_text(json.dumps(launch.to_record()))
+    assert Launch.running(state) == launch
+
+
+def test_a_free_endpoint_is_free() -> None:
+    check_endpoint_is_free(free_loopback_endpoint())
+
+
+def test_a_port_in_use_is_told_with_a_way_out() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        with pytest.raises(DeployError, match=f"port {port} on 127.0.0.1 is in use .* --endpoint"):
+            check_endpoint_is_free(f"tcp/127.0.0.1:{port}")
+
+
+def test_an_address_of_another_machine_is_told() -> None:
+    with pytest.raises(DeployError, match=r"cannot listen on tcp/192\.0\.2\.1:7447"):
+        check_endpoint_is_free("tcp/192.0.2.1:7447")
+
+
+def test_a_missing_uv_is_told_with_a_way_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("UV", raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr("deploy.stack.supervisord.project_root", lambda: tmp_path)
+    with pytest.raises(DeployError, match=r"uv is missing, .* `make setup` fetches it"):
+        find_uv()
+
+
+def test_the_uv_of_make_setup_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("UV", raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr("deploy.stack.supervisord.project_root", lambda: tmp_path)
+    uv = tmp_path / ".uv" / "bin" / "uv"
+    uv.parent.mkdir(parents=True)
+    uv.touch(mode=0o755)
+    assert find_uv() == str(uv)

@@ -1,0 +1,64 @@
+"""Nothing starts that would fail, or be unsafe, once it runs."""
+
+from pathlib import Path
+
+import pytest
+
+from deploy.stack.errors import DeployError
+from deploy.stack.launch import DEFAULT_CONFIG, Launch
+from deploy.stack.preflight import check
+from sim.scene import MODELS
+
+
+def launch(directory: Path, text: str) -> Launch:
+    path = directory / "robot.toml"
+    path.write_text(text)
+    return Launch.read(path, None)
+
+
+RECTANGLE = '[sim]\nhull = "rectangular"\n[supervisor.footprint]\n'
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        DEFAULT_CONFIG.read_text(),
+        RECTANGLE + "corners_m = [[0.3, 0.2], [-0.3, 0.2], [-0.3, -0.2], [0.3, -0.2]]",
+        RECTANGLE + "radius_m = 0.361",
+        "[supervisor.footprint]\nradius_m = 0.4",
+    ],
+)
+def test_a_footprint_around_the_whole_robot_is_accepted(tmp_path: Path, text: str) -> None:
+    check(launch(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    ("text", "remedy"),
+    [
+        ('[sim]\nhull = "rectangular"', "corners_m = [[0.3, 0.2], [-0.3, 0.2], [-0.3, -0.2], [0.3, -0.2]]"),
+        (RECTANGLE + "corners_m = [[0.2, 0.3], [-0.2, 0.3], [-0.2, -0.3], [0.2, -0.3]]", "sticks out"),
+        (RECTANGLE + "radius_m = 0.355", "sticks out"),
+        ("[supervisor.footprint]\nradius_m = 0.24", "by 0.01 m, .*set radius_m = 0.25"),
+    ],
+)
+def test_a_robot_that_sticks_out_of_its_footprint_is_refused(tmp_path: Path, text: str, remedy: str) -> None:
+    with pytest.raises(DeployError, match=remedy.replace("[", r"\[")):
+        check(launch(tmp_path, text))
+
+
+def test_a_fault_in_any_section_is_refused_before_anything_starts(tmp_path: Path) -> None:
+    for text, key in (
+        ("[sim]\npayload_kg = -1.0", "sim.payload_kg"),
+        ("[teleop]\nlevel = 6", "teleop.level"),
+        ("[supervisor]\ntick_hz = 0.0", "supervisor.tick_hz"),
+        ('[sim]\nscene = "attic"', "attic"),
+    ):
+        with pytest.raises(DeployError, match=key):
+            check(launch(tmp_path, text))
+
+
+def test_a_scene_is_looked_for_beside_the_configuration(tmp_path: Path) -> None:
+    with pytest.raises(DeployError, match=r"mine\.toml"):
+        check(launch(tmp_path, '[sim]\nscene = "mine.toml"'))
+    (tmp_path / "mine.toml").write_text((MODELS.parent / "layouts" / "empty.toml").read_text())
+    check(launch(tmp_path, '[sim]\nscene = "mine.toml"'))

@@ -1,0 +1,72 @@
+"""Only what carries the mark of a state directory, and is one of our programs, is ever signalled."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+from deploy.stack import processes
+from deploy.stack.processes import MARK, Process
+
+SLEEP = "import time; time.sleep(60)"
+
+
+@contextmanager
+def _running(arguments: list[str], mark: Path | None) -> Generator[subprocess.Popen[bytes]]:
+    environment = {k: v for k, v in os.environ.items() if k != MARK}
+    if mark is not None:
+        environment[MARK] = str(mark)
+    child = subprocess.Popen([sys.executable, "-c", SLEEP, *arguments], env=environment)
+    try:
+        # Until exec, the child's environment is ours.
+        deadline_s = time.monotonic() + 5
+        while SLEEP.encode() not in Path(f"/proc/{child.pid}/cmdline").read_bytes():
+            assert time.monotonic() < deadline_s
+        yield child
+    finally:
+        child.kill()
+        child.wait()
+
+
+def test_a_marked_program_of_ours_is_found_by_its_name(tmp_path: Path) -> None:
+    with _running(["-m", "sim"], tmp_path) as child:
+        assert processes.of(tmp_path) == [Process(child.pid, "sim")]
+
+
+def test_a_marked_process_that_is_no_program_of_ours_is_left_alone(tmp_path: Path) -> None:
+    with _running([], tmp_path):
+        assert processes.of(tmp_path) == []
+
+
+def test_a_program_of_another_state_directory_is_left_alone(tmp_path: Path) -> None:
+    with _running(["-m", "sim"], tmp_path / "other"), _running(["-m", "sim"], None):
+        assert processes.of(tmp_path) == []
+
+
+def test_a_signal_goes_to_the_process_that_was_found(tmp_path: Path) -> None:
+    with _running(["-m", "sim"], tmp_path) as child:
+        processes.send(Process(child.pid, "sim"), tmp_path, signal.SIGKILL)
+        assert child.wait(5) == -signal.SIGKILL
+        assert processes.wait_for_none(tmp_path, 5) == []
+
+
+def test_a_pid_that_is_somebody_elses_by_now_gets_no_signal(tmp_path: Path) -> None:
+    with _running(["-m", "sim"], tmp_path / "other") as child:
+        processes.send(Process(child.pid, "sim"), tmp_path, signal.SIGKILL)
+        assert child.poll() is None
+
+
+def test_a_process_that_has_ended_gets_no_signal(tmp_path: Path) -> None:
+    with _running(["-m", "sim"], tmp_path) as child:
+        child.kill()
+        child.wait()
+        processes.send(Process(child.pid, "sim"), tmp_path, signal.SIGTERM)
+
+
+def test_a_process_that_does_not_end_is_told_after_the_limit(tmp_path: Path) -> None:
+    with _running(["-m", "sim"], tmp_path) as child:
+        assert processes.wait_for_none(tmp_path, 0.01) == [Process(child.pid, "sim")]

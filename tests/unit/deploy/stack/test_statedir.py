@@ -1,0 +1,113 @@
+"""The state directory: where it is, and that two commands keep off each other."""
+
+import fcntl
+from pathlib import Path
+
+import pytest
+
+from deploy.stack.errors import DeployError
+from deploy.stack.statedir import ENVIRONMENT, SOCKET_PATH_LIMIT, LockedError, StateDir, locked, project_root
+from deploy.up import down
+
+
+def test_the_default_is_in_the_project(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(ENVIRONMENT, raising=False)
+    assert StateDir.choose(None).path == project_root() / ".lifeline"
+
+
+def test_an_option_goes_before_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(ENVIRONMENT, str(tmp_path / "named"))
+    assert StateDir.choose(None).path == tmp_path / "named"
+    assert StateDir.choose(tmp_path / "given").path == tmp_path / "given"
+
+
+@pytest.mark.parametrize("is_option", [True, False])
+def test_the_home_of_nobody_is_refused_in_one_sentence(
+    *, is_option: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    named = "~no-such-user/state"
+    monkeypatch.setenv(ENVIRONMENT, named)
+    with pytest.raises(
+        DeployError, match=r"^~no-such-user/state: there is no user ~no-such-user; .*--state-dir"
+    ):
+        StateDir.choose(Path(named) if is_option else None)
+
+
+def test_a_directory_that_cannot_be_written_is_refused_with_a_way_out(tmp_path: Path) -> None:
+    state = StateDir(tmp_path / "is-not-there")
+    with (
+        pytest.raises(DeployError, match=r"cannot write .*is-not-there \(No such file.*--state-dir"),
+        locked(state, "up"),
+    ):
+        pass
+    state.record.mkdir(parents=True)
+    with pytest.raises(DeployError, match="cannot write in the state directory"):
+        state.forget()
+
+
+def test_on_a_full_disk_a_lock_is_a_lock_all_the_same(tmp_path: Path) -> None:
+    state = StateDir(tmp_path)
+    state.lock.symlink_to("/dev/full")
+    with locked(state, "down"), state.lock.open("ab") as other, pytest.raises(BlockingIOError):
+        fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def test_where_nothing_can_be_locked_down_looks_for_what_runs_all_the_same(tmp_path: Path) -> None:
+    state, said = StateDir(tmp_path), list[str]()
+    state.lock.mkdir()
+    down(state, said.append)
+    assert said == ["nothing is running"]
+
+
+def test_it_is_for_this_user_only(tmp_path: Path) -> None:
+    state = StateDir(tmp_path / "new")
+    state.create()
+    assert state.path.stat().st_mode & 0o777 == 0o700
+
+
+def _of_socket_length(length: int) -> StateDir:
+    """A state directory whose socket's path has so many bytes; nothing is made."""
+    rest = length - len("//supervisord.sock")
+    return StateDir(Path("/" + "d" * rest))
+
+
+def test_a_socket_path_just_too_long_is_refused_with_a_way_out() -> None:
+    state = _of_socket_length(SOCKET_PATH_LIMIT + 1)
+    with pytest.raises(DeployError, match=r"too deep for a socket .* choose a shorter one with --state-dir"):
+        state.create()
+
+
+def test_a_socket_path_just_short_enough_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[Path] = []
+
+    def mkdir(path: Path, **_: object) -> None:
+        made.append(path)
+
+    monkeypatch.setattr(Path, "mkdir", mkdir)
+    state = _of_socket_length(SOCKET_PATH_LIMIT)
+    state.create()
+    assert made == [state.path]
+
+
+def test_a_second_command_is_refused_and_told_who_is_at_work(tmp_path: Path) -> None:
+    state = StateDir(tmp_path)
+    sentence = r"`lifeline up` \(pid \d+\) is at work in .*`lifeline down`"
+    with locked(state, "up"), pytest.raises(LockedError, match=sentence), locked(state, "up"):
+        pass
+    with locked(state, "down"):
+        pass
+
+
+def test_a_lock_without_a_readable_holder_is_a_lock_all_the_same(tmp_path: Path) -> None:
+    state = StateDir(tmp_path)
+    with locked(state, "up"):
+        state.lock.write_text("[]")
+        with pytest.raises(LockedError, match="another `lifeline` is at work"), locked(state, "up"):
+            pass
+
+
+def test_the_last_lines_of_a_log_are_told_and_a_missing_log_is_empty(tmp_path: Path) -> None:
+    state = StateDir(tmp_path)
+    state.log("sim").write_text("".join(f"line {i}\n" for i in range(20)))
+    assert state.last_lines("sim", 2) == "    line 18\n    line 19"
+    assert state.last_lines("supervisor") == ""
