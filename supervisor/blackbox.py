@@ -4,7 +4,8 @@ Every step is packed into bytes at once (some microseconds), and each second beg
 law had: a replay starts at any of them and is bit-exact. The memory is bounded by time and by bytes, so also
 by count: no step is smaller than `STEP_OVERHEAD_BYTES`.
 
-A stop is a change from any other mode to STOPPED while the robot may move; one at rest writes nothing.
+A stop is a reason that the owner of the wheels did not have before, while the robot may move: also a second reason,
+such as a base that runs away after it was stopped. A reason at rest writes nothing.
 The file is written `TAIL_S` later, so that it shows the braking. Whatever goes wrong here is logged once, and
 supervision goes on.
 """
@@ -16,7 +17,7 @@ import queue
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -27,7 +28,7 @@ import numpy as np
 from supervisor.base_motion import moves
 from supervisor.blackbox_file import LAW, Order, Steps, pack_state, pack_step, write
 from supervisor.config import SupervisorSection
-from supervisor.model import SEVERITY, Decision, Inputs, LawConfig, Mode, State
+from supervisor.model import SEVERITY, STANDSTILL, Decision, Inputs, LawConfig, Mode, State, StopReason
 from wire.config import absolute
 
 _log = logging.getLogger(__name__)
@@ -92,6 +93,10 @@ class _Stop:
     room: int
     """Bytes until its own past would have to give way to its tail."""
 
+    @property
+    def most_severe(self) -> StopReason:
+        return min((reason for told in self.stops for reason in told["reasons"]), key=SEVERITY.__getitem__)
+
 
 class BlackBox:
     """Records one supervisor. Every call is of its event loop."""
@@ -109,6 +114,8 @@ class BlackBox:
         """The last time and the count of steps of segments that memory had no room for."""
         self._free = False
         """The last decision was another than STOPPED."""
+        self._without_owner: frozenset[StopReason] = frozenset()
+        """The reasons of the last step in which nobody owned the wheels."""
         self._stop: _Stop | None = None
         self._broken = False
 
@@ -150,14 +157,20 @@ class BlackBox:
         segment.last_s = now_s
         self._grow(segment, len(step) + STEP_OVERHEAD_BYTES)
 
-        if decision.mode is not Mode.STOPPED:
-            self._free = True
-        elif self._free:
-            self._free = False
-            if _may_move(state):
-                self._on_stop(now_s, decision)
+        was_free, self._free = self._free, decision.mode is not Mode.STOPPED
+        new = frozenset(decision.reasons) - self._known(state, decision)
+        if new and _may_move(state, inputs):
+            self._on_stop(now_s, [reason for reason in decision.reasons if reason in new], was_free=was_free)
         if self._stop is not None and (now_s >= self._stop.due_s or self._stop.room <= 0):
             self._submit(self._stop)
+
+    def _known(self, state: State, decision: Decision) -> frozenset[StopReason]:
+        """The reasons that the owner of the wheels already had before this step, also as a source that waited."""
+        owner = next((s for s in state.sources if s.config.name == decision.owner), None)
+        if owner is not None:
+            return owner.latched
+        known, self._without_owner = self._without_owner, frozenset(decision.reasons)
+        return known
 
     def _begin(self, now_s: float, state: State) -> _Segment:
         """A new segment; what is older than the window, or too much, goes."""
@@ -185,13 +198,18 @@ class BlackBox:
         if self._stop is not None:
             self._stop.room -= size
 
-    def _on_stop(self, now_s: float, decision: Decision) -> None:
+    def _on_stop(self, now_s: float, reasons: Sequence[StopReason], *, was_free: bool) -> None:
         moment = datetime.fromtimestamp(self._utc(), UTC)
-        reasons = [reason.name for reason in decision.reasons]
-        told = {"now_s": now_s, "utc": moment.isoformat(timespec="milliseconds"), "reasons": reasons}
+        told = {
+            "now_s": now_s,
+            "utc": moment.isoformat(timespec="milliseconds"),
+            "reasons": [reason.name for reason in reasons],
+        }
         if self._stop is not None:
+            # What only follows from a worse reason, as silence from a death, has nothing of its own to show.
+            if was_free or SEVERITY[reasons[0]] < SEVERITY[self._stop.most_severe]:
+                self._stop.due_s = min(now_s + TAIL_S, self._stop.first_s + TAIL_LIMIT_S)
             self._stop.stops.append(told)
-            self._stop.due_s = min(now_s + TAIL_S, self._stop.first_s + TAIL_LIMIT_S)
             return
         name = f"{moment:%Y%m%dT%H%M%S}.{moment.microsecond // 1000:03}Z"
         self._stop = _Stop(name, now_s, now_s + TAIL_S, [told], MEMORY_BYTES // 2)
@@ -210,16 +228,17 @@ class BlackBox:
             "config": self._law,
         }
         segments = [(s.state, s.steps) for s in self._segments]
-        most_severe = min(
-            (reason for told in stop.stops for reason in told["reasons"]), key=SEVERITY.__getitem__
-        )
-        self._writer.submit(Order(f"{stop.moment}-{most_severe}", header, segments))
+        self._writer.submit(Order(f"{stop.moment}-{stop.most_severe}", header, segments))
 
 
-def _may_move(state: State) -> bool:
-    """Whether the robot is told to move, moves by its odometry, or may still brake."""
-    velocities = (state.output, state.odometer.velocity, state.following.most)
-    return any(moves(velocity, state.config.residual) for velocity in velocities)
+def _may_move(state: State, inputs: Inputs) -> bool:
+    """Whether the robot was told to move, however slowly, or moves by its odometry, or may still brake."""
+    velocities = [state.odometer.velocity, state.following.most]
+    if inputs.odometry is not None:
+        velocities.append(inputs.odometry.velocity)
+    return state.output != STANDSTILL or any(
+        moves(velocity, state.config.residual) for velocity in velocities
+    )
 
 
 class ThreadWriter:

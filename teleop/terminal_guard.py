@@ -1,15 +1,18 @@
 """Restore the terminal of a teleop that was killed: a process that is killed cannot do it itself.
 
 A second process waits for the end of teleop, in a process group of its own, so that no key ends or stops it. If teleop
-still had the terminal, it leaves the picture, and sets the modes back unless somebody else has changed them since. Run
-as a program, this file needs nothing but the standard library, so that it starts within milliseconds.
+still had the terminal, it leaves the picture, and sets the modes back unless another program has changed them since.
+A program in the foreground that was started after teleop has a picture and modes of its own: nothing is touched then.
+Run as a program, this file needs nothing but the standard library, so that it starts within milliseconds.
 """
 
 import os
+import select
 import signal
 import subprocess
 import sys
 import termios
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 
@@ -20,6 +23,9 @@ Modes = list[int | list[bytes | int]]
 """As termios has them."""
 
 _HAS_IT, _HAS_IT_NOT = b"1", b"0"
+
+_READ_LIMIT_S = 60.0
+"""The end of the picture waits for so long where nobody reads the terminal."""
 
 
 class TerminalGuard:
@@ -64,16 +70,45 @@ def _modes(spelled: str) -> Modes:
 
 
 def _main(before: str, ours: str, ending: str) -> None:
-    # The terminal is restored even if another process group has the foreground by now.
-    signal.signal(signal.SIGTTOU, signal.SIG_IGN)
+    # The terminal is restored even if another process group has the foreground by now, and if this one was stopped.
+    for number in (signal.SIGTTOU, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
     last = _HAS_IT_NOT
     while told := os.read(0, 1):
         last = told
-    if last == _HAS_IT_NOT:
+    if last == _HAS_IT_NOT or _started_ticks(_foreground()) > _started_ticks(os.getpid()):
         return
     if _spelled(termios.tcgetattr(1)) == ours:
         termios.tcsetattr(1, termios.TCSANOW, _modes(before))
-    os.write(1, ending.encode())
+    _write(ending.encode())
+
+
+def _foreground() -> int:
+    """The process group in the foreground; 0 where the terminal is not the one that controls this process."""
+    try:
+        return os.tcgetpgrp(1)
+    except OSError:
+        return 0
+
+
+def _started_ticks(pid: int) -> int:
+    """When a process was started, in the kernel's ticks since boot; 0 where there is none."""
+    try:
+        stat = os.open(f"/proc/{pid}/stat", os.O_RDONLY)
+    except OSError:
+        return 0
+    try:
+        return int(os.read(stat, 4096).rpartition(b")")[2].split()[19])
+    finally:
+        os.close(stat)
+
+
+def _write(text: bytes) -> None:
+    """The descriptor is teleop's as well, and does not block: a terminal that takes nothing now may do so soon."""
+    deadline_s = time.monotonic() + _READ_LIMIT_S
+    while text and select.select([], [1], [], max(0.0, deadline_s - time.monotonic()))[1]:
+        with suppress(BlockingIOError):
+            text = text[os.write(1, text) :]
 
 
 def main(arguments: Sequence[str]) -> None:

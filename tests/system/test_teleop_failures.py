@@ -9,11 +9,12 @@ import signal
 import sys
 import termios
 from collections.abc import AsyncGenerator, Callable, Generator
-from contextlib import asynccontextmanager, contextmanager
+from contextlib import asynccontextmanager, contextmanager, suppress
 from pathlib import Path
 
 import pytest
 
+from teleop.view import Control
 from tests.system.operators import (
     LIMIT_S,
     PATIENT,
@@ -132,6 +133,7 @@ class Job:
     """A teleop that an interactive shell has started."""
 
     def __init__(self, endpoint: str) -> None:
+        self.endpoint = endpoint
         self.terminal = Operator("bash", "--norc", "--noprofile", "-i")
         self.terminal.type(shlex.join([sys.executable, *PATIENT, "--endpoint", endpoint]).encode() + b"\n")
 
@@ -200,10 +202,33 @@ async def test_a_kill_while_it_is_suspended_leaves_the_shell_its_terminal() -> N
         assert op.output.count("\x1b[?1049l") == left
 
 
+async def test_the_guard_of_a_stopped_teleop_leaves_alone_a_program_that_was_started_since() -> None:
+    """Its modes look like teleop's: it is a teleop as well."""
+    async with ready_job() as (_, job):
+        op, first = job.terminal, job.pid
+        os.kill(first, signal.SIGSTOP)
+        await until(lambda: job.is_stopped)
+        op.type(b"echo it is the $((6*7)) shell\n")
+        await until(lambda: "it is the 42 shell" in op.picture)
+        second = [sys.executable, *TELEOP, "--view-only", "--endpoint", job.endpoint]
+        op.type(shlex.join(second).encode() + b"\n")
+        await until(lambda: Control.VIEW_ONLY.value in op.picture, 2 * LIMIT_S)
+        with guard_of(first) as has_ended:
+            os.kill(first, signal.SIGKILL)
+            await until(has_ended)
+        op.type(b"q")
+        await until(lambda: job.pid == 0)
+
+
+def guards_of(pid: int) -> list[int]:
+    """The processes that guard teleop's terminal: one, or none."""
+    return [p for p in children_of(pid) if b"terminal_guard" in Path(f"/proc/{p}/cmdline").read_bytes()]
+
+
 @contextmanager
 def guard_of(pid: int) -> Generator[Callable[[], bool]]:
     """Whether the process that guards teleop's terminal has ended."""
-    (guard,) = [p for p in children_of(pid) if b"terminal_guard" in Path(f"/proc/{p}/cmdline").read_bytes()]
+    (guard,) = guards_of(pid)
     pidfd = os.pidfd_open(guard)
     try:
         yield lambda: bool(select.select([pidfd], [], [], 0)[0])
@@ -218,6 +243,29 @@ async def test_a_kill_leaves_the_terminal_as_it_was(options: tuple[str, ...]) ->
         await until(lambda: h.is_ready() and bool(op.kitty_flags) == ("hold" in options))
         assert not op.is_restored
         op.process.kill()
+        await until(lambda: op.is_restored)
+
+
+async def test_a_guard_that_was_stopped_restores_the_terminal_all_the_same() -> None:
+    """The kernel lets it go on when teleop ends: with SIGHUP first, as to every stopped group that nobody looks after."""
+    async with driving() as (_, op):
+        (guard,) = guards_of(op.process.pid)
+        os.kill(guard, signal.SIGSTOP)
+        await until(lambda: state_of(guard) == "T")
+        op.process.kill()
+        await until(lambda: op.is_restored)
+
+
+async def test_a_terminal_that_nobody_reads_when_teleop_is_killed_is_restored_once_somebody_does() -> None:
+    async with driving() as (_, op):
+        op.look(at=False)
+        os.set_blocking(op.slave, False)
+        with suppress(BlockingIOError):
+            while True:
+                os.write(op.slave, b" ")
+        op.process.kill()
+        await until(lambda: termios.tcgetattr(op.slave)[3] & termios.ICANON)
+        op.look(at=True)
         await until(lambda: op.is_restored)
 
 

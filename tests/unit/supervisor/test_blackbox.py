@@ -119,8 +119,57 @@ def test_a_stop_while_the_robot_still_brakes_is_written(drive: Drive, writer: Wr
     rolling = Odometry(FORWARD, drive.now_s + TICK_S)
     assert drive.step(Inputs(odometry=rolling)).mode is Mode.READY
     drive.step(Inputs(estop=True))
+    drive.hold(TAIL_S + TICK_S)  # odometry that falls silent meanwhile is less severe
+    assert [path.name[21:] for path in writer.paths] == ["ESTOP.jsonl.gz"]
+
+
+def test_a_second_reason_while_the_robot_still_brakes_belongs_to_the_file_and_may_name_it(
+    drive: Drive, writer: WriterAtOnce
+) -> None:
+    drive.drive()
+    drive.step(Inputs(liveliness=lost()))
+    drive.step(Inputs(estop=True))
+    drive.hold(2 * TAIL_S)
+    (path,) = writer.paths
+    assert path.name[21:] == "ESTOP.jsonl.gz"
+    assert [told["reasons"] for told in read(path).header["stops"]] == [["SOURCE_LOST"], ["ESTOP"]]
+
+
+@pytest.mark.parametrize("stopped", [False, True])
+def test_a_base_that_runs_away_from_rest_is_written(
+    drive: Drive, writer: WriterAtOnce, *, stopped: bool
+) -> None:
+    drive.drive()
+    drive.hold(2.0, NEUTRAL)
+    if stopped:
+        drive.step(Inputs(estop=True))
+    still = Odometry(NEUTRAL, drive.now_s + TICK_S)
+    drive.step(Inputs(odometry=still))
+    drive.hold(0.2, NEUTRAL)
+    assert drive.step(Inputs(odometry=Odometry(FORWARD, drive.now_s + TICK_S))).alarm
+    drive.hold(2 * TAIL_S, NEUTRAL)
+    assert [path.name[21:] for path in writer.paths] == ["BASE_RUNAWAY.jsonl.gz"]
+
+
+def test_a_stop_at_the_slowest_speed_is_written(drive: Drive, writer: WriterAtOnce) -> None:
+    drive.hold(1.0)
+    drive.hold(1.0, Velocity(CONFIG.creep_m_s, 0.0))
+    drive.step(Inputs(estop=True))
     drive.hold(TAIL_S + TICK_S)
     assert [path.name[21:] for path in writer.paths] == ["ESTOP.jsonl.gz"]
+
+
+def test_a_source_that_waits_with_an_old_reason_writes_nothing_when_the_owner_lets_go(
+    drive: Drive, writer: WriterAtOnce
+) -> None:
+    drive.drive()
+    for velocity in (FORWARD, NEUTRAL):
+        arrival_s = drive.now_s + TICK_S
+        pushed = Command("joy", FORWARD, arrival_s)
+        decision = drive.step(Inputs(commands=(Command("teleop", velocity, arrival_s), pushed)))
+    assert (decision.owner, decision.mode) == ("joy", Mode.STOPPED)
+    drive.hold(2 * TAIL_S, NEUTRAL)
+    assert writer.paths == []
 
 
 def test_a_stop_while_a_base_without_odometry_still_brakes_is_written(
