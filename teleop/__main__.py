@@ -262,8 +262,8 @@ def _parser() -> argparse.ArgumentParser:
         description="Drive the robot by keyboard or gamepad. The supervisor decides what the robot does of it, and stops\n"
         "it when this program ends or hangs.",
         epilog=f"{keys}\n\n"
-        "After every stop the robot waits for a neutral command (s, or keys let go): nothing moves\n"
-        "before, except away from an obstacle that stopped it.\n"
+        "After every stop the robot moves only after a neutral command (s, or all keys released).\n"
+        "Exception: it may drive away from what the speed barrier stopped it for.\n"
         "exit code: 0 after q, Ctrl-C or SIGTERM, 1 after an error, 2 for a wrong configuration, no terminal,\n"
         "or a source that another program holds",
         formatter_class=argparse.RawDescriptionHelpFormatter,

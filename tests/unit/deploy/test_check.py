@@ -194,7 +194,7 @@ def test_an_endpoint_on_this_machine_or_behind_tls_is_no_risk(tmp_path: Path, en
         (
             '[bus]\nendpoint = "tcp/0.0.0.0:7447"',
             '[bus] endpoint = "tcp/0.0.0.0:7447"',
-            "Whoever reaches this port",
+            "Any client that can connect",
         ),
         ("[supervisor]\nstop_distance_m = 0.2", "stop_distance_m = 0.2", "within 0.2 m of a person"),
         ("[supervisor]\noverrun_s = 0.2", "overrun_s = 0.2", "0.20 m while the supervisor hangs"),
