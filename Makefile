@@ -59,7 +59,7 @@ docs: $(STAMP) ## write the generated parts and the drawings of docs/ anew
 	.venv/bin/python -m docs.generate.crash_safety
 	.venv/bin/python -m docs.generate.draw_crash_safety
 
-faults: $(STAMP) ## every class of fault three times on the real processes, and 1,000 virtual lives; a quarter of an hour
+faults: $(STAMP) ## every class of fault three times on the real processes, and 1,000 trials in virtual time; a quarter of an hour
 	.venv/bin/lifeline faults --trials 3 --minutes 8
 	.venv/bin/lifeline faults --virtual --seeds 1000
 

@@ -40,7 +40,7 @@ def _of_bus(bus: BusSection) -> Iterator[Risk]:
     if not is_loopback(bus.endpoint) and bus.endpoint.startswith("tcp/"):
         yield Risk(
             f'[bus] endpoint = "{bus.endpoint}"',
-            "Any client that can connect to this port can publish commands and sensor data, and can read every message.",
+            "Any client that can connect to this port can publish commands and sensor data, and read every message.",
         )
 
 
@@ -48,8 +48,8 @@ def _of_stop_distance(config: SupervisorSection) -> Iterator[Risk]:
     if config.stop_distance_m < (default_m := SupervisorSection().stop_distance_m):
         yield Risk(
             f"stop_distance_m = {config.stop_distance_m:g}",
-            f"The hull may come within {config.stop_distance_m:g} m of a person instead of {default_m:g} m; sensor "
-            "and base errors reduce this distance further.",
+            f"The hull may come within {config.stop_distance_m:g} m of a person instead of {default_m:g} m; sensor and "
+            "base errors reduce this distance further.",
         )
 
 

@@ -175,7 +175,7 @@ class _Stage:
             return
         seen = self.observer.seen
         now = seen.states[-1].status if seen.states else None
-        reasons = f" (it is {MODES[now.mode]}: {now.why() or 'nothing holds it'})" if now else ""
+        reasons = f" (it is {MODES[now.mode]}: {now.why() or 'no stop reason'})" if now else ""
         ended = (
             f"; teleop has ended: {teleop.last_lines}" if teleop is not None and not teleop.running else ""
         )

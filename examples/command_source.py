@@ -1,4 +1,4 @@
-"""A command source of your own: drives gently to and fro, 3 s each way.
+"""A command source of your own: drive slowly forward and back, 3 s each way, at 0.1 m/s.
 
     python examples/command_source.py [ENDPOINT]
 
@@ -20,7 +20,7 @@ PERIOD_S = 0.05
 
 
 def speeds_m_s() -> Iterator[float]:
-    """Neutral first: only a neutral command arms a source. Then to and fro."""
+    """Zero first, because only a neutral command arms a source; then forward and back."""
     yield from [0.0] * 20
     while True:
         yield from [0.1] * 60

@@ -86,7 +86,7 @@ class _Stop:
     """A stop whose tail is still being recorded."""
 
     moment: str
-    """Of its first, as the file's name has it."""
+    """UTC time of the first stop, as in the file's name."""
     first_s: float
     due_s: float
     stops: list[dict[str, Any]]
@@ -232,7 +232,7 @@ class BlackBox:
 
 
 def _may_move(state: State, inputs: Inputs) -> bool:
-    """Whether the robot was told to move, however slowly, or moves by its odometry, or may still brake."""
+    """Whether the robot is commanded to move, however slowly, moves according to odometry, or may still be braking."""
     velocities = [state.odometer.velocity, state.following.most]
     if inputs.odometry is not None:
         velocities.append(inputs.odometry.velocity)

@@ -33,7 +33,7 @@ OURS = re.compile(r"\d{8}T\d{6}\.\d{3}Z-(?P<reason>[A-Z_]+)(-\d+)?\.jsonl\.gz")
 """Only these are ever deleted."""
 
 ROUTINE = {StopReason.NO_COMMAND, StopReason.SCAN_BLIND, StopReason.OBSTACLE}
-"""Stops that ordinary driving has: their files are deleted before any other."""
+"""Stops that occur in ordinary driving: their files are deleted before any other."""
 
 COMPRESSION = 6
 MARSHAL_VERSION = 2
@@ -191,7 +191,7 @@ def _runs(pid: int) -> bool:
 
 
 def _delete_least_worth(directory: Path, newest: Path, max_files: int) -> None:
-    """Routine stops first; never the one just written, also where the wall clock has gone back."""
+    """Delete files of routine stops first, and never the newest one, even if the wall clock was set back."""
     others = [
         (name["reason"] not in ROUTINE, path)
         for path in directory.iterdir()

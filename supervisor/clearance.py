@@ -253,7 +253,7 @@ def survey(hull: Hull, points: Floats, kind: Kind = Kind.SEEN) -> Surroundings:
 
 @lru_cache(maxsize=16)
 def nothing_around(hull: Hull) -> Surroundings:
-    """Of no points at all."""
+    """The surroundings of a hull without any points."""
     return survey(hull, NO_POINTS)
 
 

@@ -474,7 +474,7 @@ def _hear(state: State, inputs: Inputs) -> tuple[dict[str, Source], dict[str, li
             sources[command.source] = source
             if source.invalid:
                 passing.setdefault(command.source, []).append(StopReason.COMMAND_INVALID)
-    for change in inputs.liveliness:  # after the commands: who leaves says zero first
+    for change in inputs.liveliness:  # after the commands: a source that leaves sends zero first
         if change.source in sources:
             source = sources[change.source]._replace(alive=change.alive)
             if not change.alive:
@@ -615,17 +615,17 @@ def _decide(
 
 
 class Seen(NamedTuple):
-    """What one place shows, at one moment."""
+    """The points known from one place, at one moment."""
 
     around: Surroundings
-    """As it was shown."""
+    """In the frame of the pose from which they were seen."""
     here: Surroundings | None
-    """As seen from where odometry says that the robot is by now; None: it has hardly moved."""
+    """In the frame of the present pose by odometry; None if the robot has hardly moved since."""
     barrier: Barrier
 
 
 def _seen_by_now(state: State, now_s: float, usable: Usable) -> list[Seen]:
-    """Everything around: what the scans show, what is remembered, and what may be hidden."""
+    """Return all known points: seen, remembered and hidden."""
     shown: list[tuple[Place, float]] = []
     for _, scan in usable:
         assert scan.view is not None  # a usable scan has one

@@ -44,8 +44,8 @@ _KITTY_FLAGS = 1 | 2 | 4 | 8
 _KITTY_NEEDED = 2 | 8
 _PUSH, _POP = f"\x1b[>{_KITTY_FLAGS}u\x1b[?u", "\x1b[<u"
 RESTORE = _POP + _HOLD_LEAVE + _LEAVE
-"""What a teleop that was killed could not say any more. On the screen of a shell, which keeps keyboard flags of its
-own, it changes nothing."""
+"""Sequences that restore the terminal after teleop was killed.
+Without effect on a shell's main screen, which has its own keyboard flags."""
 _COLOURS = {Tone.GOOD: "\x1b[32m", Tone.CAUTION: "\x1b[1;33m", Tone.STOP: "\x1b[1;31m"}
 _NO_COLOUR = "\x1b[0m"
 _CLEAR = "\r\x1b[K"

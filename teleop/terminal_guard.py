@@ -1,9 +1,9 @@
 """Restore the terminal of a teleop that was killed: a process that is killed cannot do it itself.
 
 A second process waits for the end of teleop, in a process group of its own, so that no key ends or stops it. If teleop
-still had the terminal, it leaves the picture, and sets the modes back unless another program has changed them since.
-A program in the foreground that was started after teleop has a picture and modes of its own: nothing is touched then.
-Run as a program, this file needs nothing but the standard library, so that it starts within milliseconds.
+had not restored the terminal, the process leaves the alternate screen, and restores the modes unless another program
+has changed them since. It changes nothing if the program in the foreground was started after it: that program has a
+screen and modes of its own. This file imports only the standard library, so that it starts within milliseconds.
 """
 
 import os
@@ -17,10 +17,10 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 BY_PARENT = "LIFELINE_PARENT_RESTORES_TERMINAL"
-"""Set in the environment of a teleop whose parent restores the terminal itself: two of them would move the cursor twice."""
+"""Set in the environment of a teleop whose parent restores the terminal: restoring it twice moves the cursor twice."""
 
 Modes = list[int | list[bytes | int]]
-"""As termios has them."""
+"""Terminal attributes as `termios.tcgetattr` returns them."""
 
 _HAS_IT, _HAS_IT_NOT = b"1", b"0"
 
@@ -35,7 +35,7 @@ class TerminalGuard:
         terminal: a descriptor of the terminal, open for writing.
         before: the modes to restore.
         ours: the modes that teleop sets.
-        ending: what leaves the picture.
+        ending: the characters to write at the end, such as those that leave the alternate screen.
     """
 
     def __init__(self, terminal: int, before: Modes, ours: Modes, ending: str) -> None:
@@ -46,13 +46,13 @@ class TerminalGuard:
             self._process = subprocess.Popen(
                 command, stdin=read, stdout=terminal, stderr=subprocess.DEVNULL, env={}, process_group=0
             )
-        except OSError:  # a terminal that stays raw after SIGKILL is no reason not to drive
+        except OSError:  # teleop works without it; only a SIGKILL leaves the terminal in cbreak mode
             pass
         finally:
             os.close(read)
 
     def tell(self, *, has_terminal: bool) -> None:
-        """Whether teleop has the terminal from now on."""
+        """Report whether teleop uses the terminal from now on."""
         with suppress(BrokenPipeError):
             os.write(self._write, _HAS_IT if has_terminal else _HAS_IT_NOT)
 

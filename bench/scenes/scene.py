@@ -29,7 +29,7 @@ ROUND_CORNERS = 12
 TIMEOUT_PERIODS = 2.25
 SHORTEST_TIMEOUT_S = 0.24
 LATEST_PERIODS = 1.1
-"""Of the timeout, so much is left when a late scan arrives: the next one comes before the robot must stop."""
+"""In scan periods: how much of the timeout is left when the latest scan arrives: the next one arrives in time."""
 
 Profile = Literal["rep117", "rplidar", "neato_xv"]
 
@@ -244,12 +244,12 @@ def _random_range_m(rng: np.random.Generator) -> float:
 
 
 def timeout_s(rate_hz: float) -> float:
-    """After how long the law takes a scan of such a lidar for too old."""
+    """The age in s at which the law rejects a scan of a lidar with this rate in Hz."""
     return max(SHORTEST_TIMEOUT_S, TIMEOUT_PERIODS / rate_hz)
 
 
 def _late_or_short_sighted(rng: np.random.Generator, lidars: tuple[Lidar, ...]) -> tuple[Lidar, ...]:
-    """Some lidars' scans are long on their way; some lidars measure nothing that is near."""
+    """Sometimes delay the scans of all lidars, and sometimes give all of them a larger `range_min`."""
     rate_hz = lidars[0].rate_hz
     latest_s = timeout_s(rate_hz) - LATEST_PERIODS / rate_hz
     late_s = float(rng.uniform(0.0, latest_s)) if rng.random() < 0.2 else 0.0

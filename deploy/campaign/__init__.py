@@ -2,8 +2,8 @@
 
 classes.py     the table of faults: what is done, to which process, what must notice it, and how soon
 demands.py     what must follow from a fault, and when (pure)
-attacks.py     what a client says that keeps no rules (pure); writers.py what a second lidar says (pure)
-seen.py        what is seen of a run from outside: commands, statuses, the true motion
+attacks.py     messages of a client that ignores the protocol (pure); writers.py scans of a second lidar (pure)
+seen.py        observations of a run from outside: commands, statuses, the true motion
 promises.py    the promises of the design, checked on what was seen (pure)
 measure.py     what each stop was like: detector, times, distance (pure)
 timeline.py    the samples of it that a picture is drawn from (pure)
@@ -12,5 +12,5 @@ provenance.py  where and when a campaign ran
 simulated/     the same services on a virtual clock (docs/decisions/0017)
 real/          real processes over real Zenoh, with the operator's keys typed into teleop's terminal
 report/        the figures of a campaign, as tables and as a page
-soak/          `lifeline soak`: hours of driving, and what grows
+soak/          `lifeline soak`: soak test, growth of memory, descriptors and latency
 """

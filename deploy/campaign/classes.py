@@ -161,7 +161,7 @@ def _machine(name: str, does: str, detectors: tuple[str, ...] = ()) -> FaultClas
 SILENT = ("COMMAND_TIMEOUT", "COMMAND_STALE")
 SILENT_OR_LOST = (*SILENT, "SOURCE_LOST")
 GONE = ("SOURCE_LOST", "NO_COMMAND")
-"""A source that says zero before it leaves has not been lost."""
+"""Which of the two depends on whether the source sent zero before its token was deleted."""
 BASE_ALONE = ("base: SUPERVISOR_LOST", "base: COMMAND_TIMEOUT")
 UNSEEN = ("SCAN_STALE", "SCAN_INVALID")
 NOT_SEEN = ("OBSTACLE", "SCAN_BLIND")

@@ -60,7 +60,7 @@ def commit() -> str:
 
 @contextmanager
 def signed(out: Path | None) -> Generator[None]:
-    """Whatever is added to the file meanwhile gets a provenance behind it, also when it is interrupted."""
+    """Append a provenance line after the trials that the block adds to the file, even if the block is interrupted."""
     if out is None:
         yield
         return

@@ -1,7 +1,7 @@
 """The record of one trial, and its line of JSON: written by the campaigns, read by resumes and reports.
 
 A line holds no time of day and no name of a machine: the same seed makes the same line, byte for byte. Where
-and when a campaign ran stands in a line of its own, its provenance, behind the trials that it made.
+and when a campaign ran is recorded in a separate line, its provenance, after its trials.
 """
 
 import gzip
@@ -120,7 +120,7 @@ def parse(line: str) -> Trial:
 
 
 def parse_provenance(line: str) -> Provenance:
-    """The provenance of a line.
+    """Parse a provenance line.
 
     Raises:
         DeployError: as above.
@@ -138,7 +138,7 @@ def _complaint(what: str, error: ValidationError) -> str:
 
 
 def read_trials(path: Path) -> Iterator[Trial]:
-    """The trials of a file, without their provenances; else as `read_records`."""
+    """Read the trials of a file and skip provenance lines; otherwise like `read_records`."""
     return (one for one in read_records(path) if isinstance(one, Trial))
 
 

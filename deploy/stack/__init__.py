@@ -9,9 +9,9 @@ processes.py    which processes belong to a state directory, and signals to them
 statedir.py     the state directory: its files, its lock
 keyboard.py     the real teleop on a pseudo-terminal, and a hand that types
 observe.py      what a client of the wire sees, with the time of each arrival
-samples.py      what the robot is told and does, as several commands see it (pure)
-reach.py        a client's way onto the wire, for commands that stay there until Ctrl-C
+samples.py      samples of commands and motion, shared by several commands (pure)
+reach.py        connect a client to the hub, for commands that run until Ctrl-C
 statusline.py   one line that changes in place, on a terminal
 interrupts.py   SIGINT, SIGTERM and SIGHUP as one exception, once
-errors.py       what is told in one sentence and ends with exit code 2
+errors.py       errors that are reported in one sentence; exit code 2 or 3
 """

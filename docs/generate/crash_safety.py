@@ -73,7 +73,7 @@ def answer(campaign: Campaign | None) -> str:
         ),
     ]
     if found.wheels is not None:
-        lines.append(f"* the wheels are asked for zero after {_times(found.wheels)}.")
+        lines.append(f"* zero wheel command after {_times(found.wheels)}.")
     if found.standstill is not None and found.distance is not None:
         lines.append(
             f"* the robot stands after {found.standstill.median:.2f} s (median), {found.standstill.worst:.2f} s at most, "
@@ -81,7 +81,7 @@ def answer(campaign: Campaign | None) -> str:
         )
     broken = f"{found.broken} of them" if found.broken else "none"
     lines.append(f"* promises broken: {broken} ({_at_most(found)}).")
-    return "\n".join([*lines, "", *_origin(campaign)])
+    return "\n".join([*lines, "", *_origin(campaign)]).rstrip()
 
 
 def _times(found: Spread) -> str:
@@ -90,7 +90,7 @@ def _times(found: Spread) -> str:
 
 
 def _at_most(found: ClassFigures) -> str:
-    return f"with 95 % confidence at most {percent(upper_rate(found.trials, found.broken))} of such trials break one"
+    return f"failure rate ≤ {percent(upper_rate(found.trials, found.broken))}, 95 % upper bound"
 
 
 # --- the tables
@@ -102,7 +102,6 @@ def table(mode: str, campaign: Campaign | None) -> str:
         return _missing(mode)
     lines = [
         *_origin(campaign),
-        "",
         verdict(campaign),
         "",
         "| fault | what is done | n | noticed by | bound | p50 | p99 | longest | late | way | nearest | broken |",
@@ -154,11 +153,14 @@ def _origin(campaign: Campaign) -> Iterator[str]:
         yield from _signature(provenance)
     if campaign.unsigned or not campaign.provenances:
         yield "The file does not say which command made these trials, when, where and from which commit."
+        yield ""
 
 
 def _signature(provenance: Provenance) -> Iterator[str]:
-    yield f"`{provenance.command or 'unknown command'}`, {provenance.date or 'unknown date'}, {provenance.machine or 'unknown machine'}, "
+    yield f"`{provenance.command or 'unknown command'}`,"
+    yield f"{provenance.date or 'unknown date'}, {provenance.machine or 'unknown machine'},"
     yield f"commit {provenance.commit or 'unknown'}."
+    yield ""
 
 
 # --- the soak
@@ -172,7 +174,6 @@ def soaked(samples: Sequence[Sample], provenance: Provenance | None) -> str:
     gaps_ms = sorted(sample.ticks.p99_ms for sample in samples)
     lines = [
         *_signature(provenance or Provenance()),
-        "",
         (
             f"{last.time_s / 60:.0f} minutes, {last.driven_m:.0f} m, {last.obstacle_stops} stops at obstacles, {last.black_boxes} black boxes; "
             f"**{false or 'no'} {'stops' if false > 1 else 'stop'} without a cause**, {sum(sum(s.lost.values()) for s in samples)} samples lost. "

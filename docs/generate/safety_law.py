@@ -114,8 +114,8 @@ REASONS: Mapping[StopReason, Reason] = {
         "goes stale there (`sourceValid()`).",
     ),
     StopReason.SOURCE_LOST: Reason(
-        "the source's liveliness token was deleted, even if it returned at once, and its last command was not a valid zero; "
-        "or a source that has left sends commands without declaring its token again",
+        "the source's liveliness token was deleted, even if it returned at once, and its last command was not a valid "
+        "zero; or a source that has left sends commands without declaring its token again",
         "the token is back, and neutral",
         "cmd_vel_mux sends nothing when its source falls silent (yujin_ocs #16), twist_mux nothing when it is locked "
         "(PR #42): whether the robot stops depends on the next node. joystick_drivers #92: a lost joystick repeats its "
@@ -141,7 +141,8 @@ REASONS: Mapping[StopReason, Reason] = {
         "The reference stacks wait 0.25 s to 5 s.",
     ),
     StopReason.NO_COMMAND: Reason(
-        "the source has sent no command since start, or it commanded zero and then deleted its liveliness token: it has left",
+        "the source has sent no command since start, or it commanded zero and then deleted its liveliness token "
+        "(it has left)",
         "a first, neutral command",
         "A program that starts with its stick pushed must not move the robot. ArduPilot #6623: a latched override is "
         "replayed on reconnect.",

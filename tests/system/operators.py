@@ -136,7 +136,7 @@ class Operator:
         self.output = ""
         self.bells = 0
         self.answered = 0
-        """How often it said how it is."""
+        """How many status requests of the program the terminal has answered."""
         self._pending = b""
         self._screens = [pyte.Screen(100, 30), pyte.Screen(100, 30)]
         self._streams = [pyte.ByteStream(screen) for screen in self._screens]

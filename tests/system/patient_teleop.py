@@ -1,7 +1,7 @@
-"""`python -m teleop` that takes only a long pause for a hang.
+"""`python -m teleop` with a hang limit of 10 s.
 
-A beat that is 0.15 s late is a hang, and lets go of everything; on a busy machine that may happen to any process. For
-tests of something else.
+Teleop treats a heartbeat that is 0.15 s late as a hang and returns to zero. A busy machine can delay any process that
+long, so tests of other behaviour use this program.
 """
 
 import runpy

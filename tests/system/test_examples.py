@@ -18,7 +18,7 @@ PAGE = ROOT / "docs/how-to/command-source.md"
 pytestmark = pytest.mark.timeout(120)
 
 
-async def test_a_command_source_drives_to_and_fro_and_is_lost_when_it_is_killed(tmp_path: Path) -> None:
+async def test_a_command_source_drives_forward_and_back_and_is_lost_when_it_is_killed(tmp_path: Path) -> None:
     config = tmp_path / "robot.toml"
     (fragment,) = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.DOTALL)
     config.write_text(textwrap.dedent(fragment))
@@ -35,14 +35,14 @@ async def test_a_command_source_drives_to_and_fro_and_is_lost_when_it_is_killed(
                 source.kill()
 
 
-async def test_a_command_source_that_is_ended_leaves_at_rest_and_says_nothing(tmp_path: Path) -> None:
+async def test_a_command_source_that_receives_sigint_exits_with_0_and_without_an_error(
+    tmp_path: Path,
+) -> None:
     async with robot(tmp_path, topics.SUPERVISOR, teleop=False) as subject:
         command = [sys.executable, "examples/command_source.py", subject.endpoint]
         with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as source:
             try:
-                await subject.until(
-                    lambda: "patrol" in subject.status.unknown_sources, "a source without a name"
-                )
+                await subject.until(lambda: "patrol" in subject.status.unknown_sources, "an unknown source")
                 source.send_signal(signal.SIGINT)
                 _, errors = source.communicate(timeout=PATIENCE_S)
                 assert (source.returncode, errors) == (0, "")

@@ -93,7 +93,10 @@ async def test_a_source_that_wakes_up_still_asking_for_motion_gets_none(tmp_path
 
 
 async def driving_source(subject: Robot) -> IO[bytes]:
-    """What keeps the source `source` at 0.5 m/s. One that a busy machine stopped never lets go: then another drives."""
+    """Start a source that keeps 0.5 m/s, and return its stdin.
+
+    It never sends zero after a stop: if a busy machine stops it, a new one is started.
+    """
 
     async def attempt() -> IO[bytes]:
         source = subprocess.Popen(

@@ -120,7 +120,7 @@ async def test_the_dashboard_shows_what_it_hears_resizes_and_rings() -> None:
             odom = robot.publisher(topics.ODOM)
 
             def is_shown() -> bool:
-                """What is told is told again and again: after half a second it is shown as old."""
+                """Publish repeatedly: after half a second the dashboard shows a value as old."""
                 h.tell(
                     SafetyStatus.DRIVING,
                     nearest_m=0.44,

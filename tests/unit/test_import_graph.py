@@ -40,12 +40,12 @@ def cycle(arrows: Arrows) -> list[str]:
     return []
 
 
-def test_no_file_imports_itself_by_way_of_others(files: Arrows) -> None:
+def test_file_imports_have_no_cycle(files: Arrows) -> None:
     assert len(files) > 150
     assert cycle(files) == []
 
 
-def test_no_folder_imports_itself_by_way_of_others(folders: Arrows) -> None:
+def test_folder_imports_have_no_cycle(folders: Arrows) -> None:
     assert {"wire", "deploy.stack", "deploy.campaign"} <= folders["deploy.campaign.real.rig"]
     assert cycle(folders) == []
 

@@ -3,6 +3,6 @@
 runner.py       many trials: order, file, resume, exit code; progress.py how far it is
 trial_run.py    one trial: drive, break, watch, recover, judge
 times.py        from the fault to a zero that lasts (pure)
-injectors/      how each fault is done
+injectors/      one injector for each kind of fault
 rig/            the robot under test, who watches it, and what can be done to it
 """

@@ -348,10 +348,10 @@ async def _recover(stage: Stage, run: _Run) -> bool:
 
 
 async def _move(stage: Stage) -> None:
-    """See that it drives.
+    """Press w until the robot is commanded to move.
 
-    Pressed again as a person would: while what a flood has left still arrives, somebody else speaks as teleop, and
-    teleop lets go.
+    Keys are pressed repeatedly, as a person would: while the rest of a flood still arrives, another client publishes as
+    teleop, and teleop returns to zero.
 
     Raises:
         StageError: it does not drive within `MOVES_LIMIT_S`.
@@ -368,7 +368,7 @@ async def _move(stage: Stage) -> None:
             PRESS_AGAIN_S,
         ):
             return
-    raise StageError("it is ready to drive, and does not")
+    raise StageError(f"the robot is ready, but no motion was commanded within {MOVES_LIMIT_S:g} s")
 
 
 def _complain_of_deaths(stage: Stage, run: _Run, pids: dict[str, int]) -> None:

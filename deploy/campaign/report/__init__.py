@@ -1,4 +1,4 @@
-"""What the trials of a campaign come to.
+"""Statistics, tables and the HTML page of a campaign.
 
 report.py      `lifeline fault-report`: files in, a page out
 figures.py     the numbers of each class (pure); statistics.py what they need (pure)

@@ -74,8 +74,8 @@ def verdict(one: Campaign) -> str:
     lasted = f"{hours:.1f} h" if hours >= 1 else f"{one.duration_s / 60:.1f} min"
     found = f"{one.broken_trials:,}" if one.broken_trials else "none"
     return (
-        f"{one.trials:,} trials, {lasted} of driving and breaking; {found} broke a promise. With 95 % confidence "
-        f"a trial like these breaks one in at most {percent(one.rate)} of all cases.{_bounded(one.bounded)}"
+        f"{one.trials:,} trials, {lasted} in total; {found} broke a promise: failure rate ≤ {percent(one.rate)} "
+        f"(95 % upper bound).{_bounded(one.bounded)}"
     )
 
 
@@ -85,8 +85,8 @@ def _bounded(stops: Spread | None) -> str:
         return ""
     p99, p999, worst = (f"{1000 * time_s:.1f} ms" for time_s in (stops.p99, stops.p999, stops.worst))
     return (
-        f" Over all faults with a bound, each alone, the robot was stopped {stops.number:,} times: in 99 % of them "
-        f"within {p99}, in 99.9 % within {p999}, always within {worst}."
+        f" Over all single faults with a bound, the robot was stopped {stops.number:,} times: 99 % of the stops took "
+        f"at most {p99}, 99.9 % at most {p999}, and the slowest {worst}."
     )
 
 

@@ -1,4 +1,4 @@
-"""Does to a world what its scenario says, and remembers what was done when."""
+"""Apply the scenario's faults to the simulated processes, and record when each was applied."""
 
 import asyncio
 import math

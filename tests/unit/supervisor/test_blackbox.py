@@ -175,7 +175,7 @@ def test_a_source_that_waits_with_an_old_reason_writes_nothing_when_the_owner_le
 def test_a_stop_while_a_base_without_odometry_still_brakes_is_written(
     drive: Drive, writer: WriterAtOnce
 ) -> None:
-    """Its command has been zero for some steps: only its ramps tell that it moves."""
+    """The command has been zero for some steps: only the base's ramps show that it may still move."""
     drive.drive()
     for _ in range(5):
         assert drive.step(Inputs(commands=(Command("teleop", NEUTRAL, drive.now_s),))).mode is Mode.READY
@@ -366,7 +366,7 @@ def test_only_the_newest_files_are_kept_and_what_is_not_ours_is_left_alone(tmp_p
     ]
 
 
-def test_files_of_routine_stops_give_way_to_all_others(tmp_path: Path) -> None:
+def test_files_of_routine_stops_are_deleted_before_all_others(tmp_path: Path) -> None:
     order = an_order()
     reasons = ("SOURCE_LOST", "OBSTACLE", "OVERRUN", "NO_COMMAND", "SCAN_BLIND", "OBSTACLE")
     for second, reason in enumerate(reasons):

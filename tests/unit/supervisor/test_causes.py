@@ -92,7 +92,7 @@ def test_a_source_that_has_left_and_speaks_without_its_token_is_lost() -> None:
     assert told(law.tick(("teleop", NEUTRAL))) == ({"SOURCE_LOST"}, {"NO_COMMAND"})
 
 
-def test_an_invalid_command_is_no_farewell() -> None:
+def test_a_source_whose_last_command_was_invalid_is_lost_when_its_token_goes() -> None:
     law = Law()
     law.drive()
     law.tick(("teleop", NEUTRAL))

@@ -1,4 +1,4 @@
-"""A client of the hub that keeps none of our rules: `python -m deploy.campaign.real.rig.attacker ENDPOINT NAMESPACE`.
+"""Zenoh client that ignores the protocol: `python -m deploy.campaign.real.rig.attacker ENDPOINT NAMESPACE`.
 
 It takes orders on stdin, one JSON object a line, and answers each with a line once it is under way:
 

@@ -1,4 +1,4 @@
-"""`python -m deploy.campaign.real.rig.faulty_process -m NODE …`: one of our processes with faults in it, which a signal sets off.
+"""`python -m deploy.campaign.real.rig.faulty_process -m NODE …`: run a node in which a signal triggers faults.
 
 The process itself knows nothing of it: it is imported and run as by `python -m NODE …`. On SIGUSR1 the main
 thread reads the order in `$LIFELINE_FAULTS_DIR/order-NODE`:

@@ -144,8 +144,8 @@ def test_the_page_tells_how_soon_it_stopped_over_all_faults_with_a_bound_each_al
     unbounded = trial(fault("net_delayed", zero_s=0.5, detector="COMMAND_TIMEOUT"), seed=700)
     pair = trial(fault(zero_s=0.9), fault("teleop_sigstop", zero_s=0.9), seed=800)
     assert (
-        "Over all faults with a bound, each alone, the robot was stopped 122 times: in 99 % of them within 25.0 ms, "
-        "in 99.9 % within 200.0 ms, always within 200.0 ms."
+        "Over all single faults with a bound, the robot was stopped 122 times: 99 % of the stops took at most 25.0 ms, "
+        "99.9 % at most 200.0 ms, and the slowest 200.0 ms."
     ) in page_of(tmp_path, *quick, slow, hung, unbounded, pair, PROVENANCE)
     assert "with a bound" not in page_of(tmp_path, *quick[:90], unbounded, PROVENANCE), "too few for a p99"
 
