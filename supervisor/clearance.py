@@ -11,13 +11,14 @@ hull's nearest point, and a commanded twist (v [m/s], ω [rad/s]):
 with the stop distance d, the deceleration a that the base is trusted with, and the reaction time T: κ is
 the speed from which reacting for T and then braking with a ends exactly at d (v·T + v²/2a = c - d).
 
-On an arc the closing speed grows while the hull turns. So the same is asked of the way ahead: if the hull,
-at the full twist, would come within d of something after the time τ, then a share s of the twist that
-reacts and brakes along the same arc must end before it:
+The closing speed of now is not all. On an arc it grows while the hull turns. And the base brakes with a
+along its way, not along n: a wall at a slant comes nearer for longer than κ assumes. So the same is asked of
+the way ahead: if the hull, at the full twist, would come within d of something after the time τ, then a share
+s of the twist that reacts and brakes along the same way must end before it:
 
     s·T + s²·V/2a <= τ        with V = max(|v|, |ω|·radius), what the base has to brake
 
-which for a straight line is the formula above. The twist is scaled as a whole, so that an arc keeps its
+which straight towards a wall is the formula above. The twist is scaled as a whole, so that an arc keeps its
 shape; what closes on nothing near is not slowed.
 """
 
@@ -69,6 +70,10 @@ class Hull(Protocol):
         """Distances (n,) [m] of points (n, 2) [m], negative inside."""
         ...
 
+    def nearest(self, points: Floats) -> tuple[Floats, Floats]:
+        """Distances (n,) [m], negative inside, and outward unit normals (n, 2) of the hull, of points (n, 2) [m]."""
+        ...
+
     def approach(self, points: Floats) -> tuple[Floats, Floats, Floats]:
         """Distances (n,) [m], and the closing speeds (n,) [m/s] for each m/s of forward velocity and rad/s of turn rate."""
         ...
@@ -112,12 +117,15 @@ class Circle:
     def clearance(self, points: Floats) -> Floats:
         return np.hypot(points[:, 0], points[:, 1]) - self.radius_m
 
+    def nearest(self, points: Floats) -> tuple[Floats, Floats]:
+        distances: Floats = np.hypot(points[:, 0], points[:, 1])
+        # What is at its very centre, driving ahead comes nearer to.
+        normals = (points + np.array((NOTHING_M, 0.0))) / (distances + NOTHING_M)[:, None]
+        return distances - self.radius_m, normals
+
     def approach(self, points: Floats) -> tuple[Floats, Floats, Floats]:
-        x_m = points[:, 0]
-        distances: Floats = np.hypot(x_m, points[:, 1])
-        # Turning brings a round hull no nearer to anything; what is at its very centre, driving ahead does.
-        linear: Floats = (x_m + NOTHING_M) / (distances + NOTHING_M)
-        return distances - self.radius_m, linear, np.zeros(len(points))
+        clearance, normals = self.nearest(points)
+        return clearance, normals[:, 0], np.zeros(len(points))  # turning a round hull comes nearer to nothing
 
     def clearance_along(self, points: Floats, poses: Floats) -> Floats:
         offset_x, offset_y = points[:, 0] - poses[:, :1], points[:, 1] - poses[:, 1:2]
@@ -160,7 +168,6 @@ class ConvexPolygon:
         return self.nearest(points)[0]
 
     def nearest(self, points: Floats) -> tuple[Floats, Floats]:
-        """Distances (n,) [m], negative inside, and outward unit normals (n, 2), of points (n, 2) [m]."""
         start, side, outward, squared = self._geometry
         x, y = points[:, 0, None] - start[:, 0], points[:, 1, None] - start[:, 1]  # (n, m)
         height: Floats = x * outward[:, 0] + y * outward[:, 1]  # signed distance from each side's line
@@ -219,7 +226,7 @@ class Kind(Enum):
     REMEMBERED = "remembered"
     """A reading of an earlier scan that no later one has disproved."""
     HIDDEN = "hidden"
-    """The nearest place that no scan rules out: something may stand there."""
+    """A place that no scan rules out: something may stand there."""
 
 
 class Surroundings(NamedTuple):
@@ -324,7 +331,7 @@ def permitted_scale(
     limit = _limit_of_closing(around, linear_m_s, angular_rad_s, barrier)
     if here is not None:
         limit = _tighter(limit, _limit_of_closing(here, linear_m_s, angular_rad_s, barrier))
-    if angular_rad_s != 0.0:  # on a straight line the closing speed says it all
+    if linear_m_s or angular_rad_s:
         limit = _limit_of_the_way_ahead(here or around, linear_m_s, angular_rad_s, barrier, limit)
     scale, block = limit
     return scale, block() if block is not None and scale < worth else None
@@ -377,12 +384,12 @@ def _limit_of_the_way_ahead(
     barrier: Barrier,
     limit: Limit,
 ) -> Limit:
-    """What braking along the arc asks for, where that is less than the limit that holds already."""
+    """What braking along the way asks for, where that is less than the limit that holds already."""
     hull, lost_s = around.hull, barrier.reaction_s
     braking_s = max(abs(linear_m_s), abs(angular_rad_s) * hull.radius_m) / barrier.deceleration_m_s2
     horizon_s = limit[0] * (lost_s + limit[0] * braking_s / 2.0)
     fastest_m_s = abs(linear_m_s) + abs(angular_rad_s) * hull.radius_m
-    keep_m = barrier.stop_distance_m + STRAY_M
+    keep_m = barrier.stop_distance_m + (STRAY_M if angular_rad_s else 0.0)
     (near,) = (around.clearance_m < keep_m + fastest_m_s * horizon_s).nonzero()
     if len(near) == 0:
         return limit

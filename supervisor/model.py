@@ -109,6 +109,11 @@ class LawConfig:
         return self.stop_distance_m + fastest_m_s * reaction_s + braking_m + 0.05
 
     @cached_property
+    def longest_timeout_s(self) -> float:
+        """What is older than this counts no more, be it a command or a scan."""
+        return max(self.command_timeout_s, *(lidar.timeout_s for lidar in self.lidars))
+
+    @cached_property
     def believable(self) -> Velocity:
         """Odometry beyond this is a spike."""
         return Velocity(2.0 * self.max_linear_m_s, 2.0 * self.max_angular_rad_s)

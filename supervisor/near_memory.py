@@ -58,13 +58,20 @@ def remember(earlier: Remembered, view: View, mount: Mount) -> Remembered:
     away_x, away_y = points[:, 0] - mount.x_m, points[:, 1] - mount.y_m
     distance_m = np.hypot(away_x, away_y)
     beam = _beam_of(view, np.arctan2(away_y, away_x) - mount.yaw_rad)
-    asked = np.rint(beam[:, None] + BESIDE_RAD / abs(view.geometry.increment) * ASKED).astype(np.int64)
-    returns_m = _ask(view, np.where(view.hit, view.free_m, math.inf), asked, beside=math.inf)
-    off_m = np.abs(returns_m - distance_m[:, None]).min(axis=1)
-    (left,) = (off_m > SAME_M).nonzero()  # nearly all of them are shown again
+    returning_m = np.where(view.hit, view.free_m, math.inf)
+    # Nearly all of them are shown again, most of them by their own beam.
+    ahead_m = _ask(view, returning_m, np.rint(beam).astype(np.int64), beside=math.inf)
+    (left,) = (np.abs(ahead_m - distance_m) > SAME_M).nonzero()
     if len(left) == 0:
         return Remembered()
-    asked, returns_m, distance_m, misses = asked[left], returns_m[left], distance_m[left], misses[left]
+    beams_beside = BESIDE_RAD / abs(view.geometry.increment) * ASKED
+    asked = np.rint(beam[left, None] + beams_beside).astype(np.int64)
+    returns_m = _ask(view, returning_m, asked, beside=math.inf)
+    (other,) = (np.abs(returns_m - distance_m[left, None]).min(axis=1) > SAME_M).nonzero()
+    if len(other) == 0:
+        return Remembered()
+    left, asked, returns_m = left[other], asked[other], returns_m[other]
+    distance_m, misses = distance_m[left], misses[left]
     hit = returns_m < math.inf
     nearest_m, farthest_m = returns_m.min(axis=1), np.where(hit, returns_m, -math.inf).max(axis=1)
     again = (nearest_m < distance_m) & (farthest_m > distance_m) & (farthest_m - nearest_m < ONE_SURFACE_M)

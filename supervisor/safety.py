@@ -184,7 +184,7 @@ def _observe(state: State, now_s: float, inputs: Inputs) -> State:
     measured_m_s = 0.0 if is_still else _hull_speed(odometer.velocity, config)
     odometers = state.odometers
     if odometer is not state.odometer:
-        odometers = remembered(odometers, state.odometer, now_s - _longest_timeout_s(config))
+        odometers = remembered(odometers, state.odometer, now_s - config.longest_timeout_s)
     odometry_writers = state.odometry_writers
     if config.odometry:
         for gid in inputs.odometry_writers:
@@ -224,7 +224,11 @@ def _spoil(state: State, place: int) -> State:
 
 
 def _with_sight(state: State, place: int, sight: Sight) -> State:
-    return state._replace(sights=(*state.sights[:place], sight, *state.sights[place + 1 :]))
+    return state._replace(sights=_exchanged(state, place, sight))
+
+
+def _exchanged(state: State, place: int, sight: Sight) -> tuple[Sight, ...]:
+    return (*state.sights[:place], sight, *state.sights[place + 1 :])
 
 
 def _see(state: State, scan: LaserScan) -> State:
@@ -248,14 +252,16 @@ def _see(state: State, scan: LaserScan) -> State:
     )
     if before is not None and reading.taken_s == before.taken_s:  # it only repeats the one before
         return _with_sight(state, place, sight._replace(scan=reading))
-    state = _keep_shown(state, place)
+    memory = _with_shown(state, before)
     if reading.problem is not None:
-        return _with_sight(state, place, sight._replace(scan=reading))
+        return state._replace(sights=_exchanged(state, place, sight._replace(scan=reading)), memory=memory)
     assert reading.view is not None  # a reading without a problem has one
-    memory, earlier = _remember(state, reading.view, lidar)
-    state = _with_sight(state, place, sight._replace(scan=reading, earlier=earlier))
+    memory, earlier = _remember(state, memory, reading.view, lidar)
     return state._replace(
-        memory=memory, memory_pose=reading.view.pose, past=_keep_past(state, lidar, reading.view)
+        sights=_exchanged(state, place, sight._replace(scan=reading, earlier=earlier)),
+        memory=memory,
+        memory_pose=reading.view.pose,
+        past=_keep_past(state, lidar, reading.view),
     )
 
 
@@ -270,21 +276,26 @@ def _heard(writers: tuple[Writer, ...], gid: bytes, arrival_s: float) -> tuple[W
 def _keep_shown(state: State, place: int) -> State:
     """What a lidar showed last goes to the memory: nothing that follows may lose it, be it no scan at all."""
     sight = state.sights[place]
-    if sight.scan is None or sight.scan.view is None:
+    if sight.scan is None:
         return state
-    around, pose = sight.scan.around, sight.scan.view.pose
-    shown = (
-        around.points if pose == state.memory_pose else moved(around.points, between(pose, state.memory_pose))
-    )
+    kept = sight._replace(scan=sight.scan._replace(around=nothing_around(state.config.hull)))
+    return _with_sight(state, place, kept)._replace(memory=_with_shown(state, sight.scan))
+
+
+def _with_shown(state: State, scan: ScanReading | None) -> Remembered:
+    """The memory with what a scan shows."""
+    if scan is None or scan.view is None:
+        return state.memory
+    shown, pose = scan.around.points, scan.view.pose
+    if pose != state.memory_pose:
+        shown = moved(shown, between(pose, state.memory_pose))
     points, misses = state.memory
-    memory = Remembered(np.concatenate((points, shown)), np.concatenate((misses, np.zeros(len(shown)))))
-    kept = sight._replace(scan=sight.scan._replace(around=nothing_around(around.hull)))
-    return _with_sight(state, place, kept)._replace(memory=memory)
+    return Remembered(np.concatenate((points, shown)), np.concatenate((misses, np.zeros(len(shown)))))
 
 
-def _remember(state: State, view: View, lidar: Lidar) -> tuple[Remembered, Floats]:
+def _remember(state: State, shown: Remembered, view: View, lidar: Lidar) -> tuple[Remembered, Floats]:
     """What earlier scans showed near the robot and this one does not disprove; and all that they showed."""
-    config, (points, misses) = state.config, state.memory
+    config, (points, misses) = state.config, shown
     earlier = moved(points, between(state.memory_pose, view.pose))
     near = np.hypot(earlier[:, 0], earlier[:, 1]) < config.hull.radius_m + config.reach_m
     earlier, misses = earlier[near], misses[near]
@@ -373,10 +384,6 @@ def _has_braked(state: State, now_s: float) -> bool:
     return state.stopped_s is not None and now_s - state.stopped_s > braking_s
 
 
-def _longest_timeout_s(config: LawConfig) -> float:
-    return max(config.command_timeout_s, *(lidar.timeout_s for lidar in config.lidars))
-
-
 def _shared_causes(state: State, now_s: float, usable: Usable) -> Reasons:
     """What keeps every source from driving now. Taken before a reset: what it releases is a cause once more."""
     config = state.config
@@ -386,7 +393,7 @@ def _shared_causes(state: State, now_s: float, usable: Usable) -> Reasons:
     if _conflicts(state, now_s):
         causes.add(StopReason.SENSOR_CONFLICT)
     late = state.now_s is not None and now_s - state.now_s > config.overrun_s
-    if late or now_s - state.resumed_s <= _longest_timeout_s(config):
+    if late or now_s - state.resumed_s <= config.longest_timeout_s:
         causes.add(StopReason.OVERRUN)
     if state.odometry is not None and now_s - state.odometry.arrival_s > config.odom_timeout_s:
         causes.add(StopReason.ODOM_STALE)
@@ -493,13 +500,14 @@ def _accept(source: Source, command: Command, config: LawConfig) -> Source:
         counts = source.counts._replace(invalid=source.counts.invalid + 1)
         return source._replace(stamped=stamped, invalid=True, counts=counts)
     track, verdict, on_way_s = judge(source.track, command.sent, command.arrival_s, config.command_timeout_s)
-    stamped = stamped or (verdict is Verdict.EPOCH and source.stamped)
-    source = source._replace(stamped=stamped, track=track, counts=source.counts.add(verdict))
-    if verdict is Verdict.UNPROVEN:
-        return source
+    stamped, counts = stamped or (verdict is Verdict.EPOCH and source.stamped), source.counts.add(verdict)
     if verdict is not Verdict.FRESH:
-        return source._replace(refused_s=command.arrival_s)
+        refused_s = source.refused_s if verdict is Verdict.UNPROVEN else command.arrival_s
+        return source._replace(stamped=stamped, track=track, counts=counts, refused_s=refused_s)
     return source._replace(
+        stamped=stamped,
+        track=track,
+        counts=counts,
         velocity=velocity,
         sent_s=command.arrival_s - on_way_s,
         neutral_s=command.arrival_s if velocity == STANDSTILL else source.neutral_s,

@@ -6,8 +6,10 @@ Between two neighbouring rays that are free, δ apart, a disc of the smallest di
 
 outward from the lidar: it touches both rays. A hole in the view, be it dirt, a sector where no beam looks or a
 coarse lidar, is the same gap between its two last rays, only wider; from half a turn on, r is zero. Beyond
-`range_max` nothing is proven either. The *hidden places* are the nearest points where such a disc may stand.
-The barrier treats them as it treats a return, so that less speed is permitted as less is seen.
+`range_max` nothing is proven either. The *hidden places* are where such a disc may stand: the nearest place on
+each ray, and places along both edges of each hole. Others need not be looked at: the closing speed is the same
+for all points on one normal of the hull, and on it these come first. The barrier treats hidden places as it
+treats a return, so that less speed is permitted as less is seen.
 
 Other lidars, and scans of the last `unseen_memory_s`, may have seen what this one does not: each hidden place
 is followed outward along its ray to the first point that none of them has seen free.
@@ -20,10 +22,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from supervisor.clearance import NO_POINTS, Crossing, Floats, Hull
+from supervisor.clearance import NO_POINTS, NOTHING_M, Crossing, Floats, Hull
 from supervisor.reckoning import Pose, between
-from supervisor.scan import Geometry, Mount, View, is_full_turn, rays_of, unit_vectors
+from supervisor.scan import Geometry, Mount, Rays, View, is_full_turn, rays_of, unit_vectors
 
 OUTSIDE_SPACING_RAD = math.radians(2.0)
 """Between two rays where no beam looks: 3.5 cm apart at one metre, less than the smallest obstacle by default."""
@@ -32,6 +35,9 @@ OUTWARD_M: Floats = np.array(
     [0.0, 0.04, 0.08, 0.12, 0.17, 0.22, 0.3, 0.38, 0.48, 0.6, 0.75, 0.95, 1.2, 1.5, 2.0]
 )
 """How far behind the nearest hidden place another view is asked."""
+
+ALONG_EDGE_M: Floats = np.concatenate((np.arange(0.0, 1.0, 0.04), np.arange(1.0, 2.6, 0.1)))
+"""Where along an edge of a hole, from where a disc fits, discs are placed."""
 
 SEEN_MARGIN_M = 0.02
 """A ray that ends nearer than this behind a point does not prove it free: readings are noisy."""
@@ -67,6 +73,17 @@ class _Gaps:
     """Where the directions outside of the view do."""
 
 
+class _Holes(NamedTuple):
+    """The gaps between neighbouring rays that see (m,), the last one from the last such ray to the first."""
+
+    seeing: npt.NDArray[np.intp]
+    """(m,): the beams that see."""
+    width_rad: Floats
+    """(m,): from each of them to the next."""
+    hides_m: Floats
+    """(m,): from where something fits between them, by their distance from the lidar; infinite where nothing does."""
+
+
 def hiding_distance_m(gap_rad: Floats, smallest_m: float) -> Floats:
     """Distance [m] from which a disc of diameter `smallest_m` fits between two rays, for each of their angles (n,)."""
     half = np.minimum(gap_rad, math.pi) / 2.0
@@ -81,7 +98,7 @@ def hidden_places(
     reach_m: float,
     others: Callable[[], Sequence[Lookout]] = tuple,
 ) -> Floats:
-    """The nearest places (m, 2) [m] that no view rules out, in the base frame of the view's scan.
+    """Places (m, 2) [m] that no view rules out, the nearest ones, in the base frame of the view's scan.
 
     Args:
         view: of the lidar that is asked first.
@@ -109,38 +126,71 @@ def hidden_places(
         outside_m = np.where(ends_m > enters_m, np.maximum(ends_m, gaps.beams_hull.leaves_m[silent]), ends_m)
         parts.append((rays.direction[:, silent], outside_m))
     if not (view.is_whole and gaps.is_round):
-        parts.extend(_holes(view, rays.direction, gaps, smallest_m, far_m))
+        holes = _holes(view, smallest_m, far_m)
+        parts.extend(_into_the_holes(holes, view, rays.direction, gaps, smallest_m))
+        parts.append(_along_the_edges(holes, view, rays, hull, smallest_m, far_m))
     direction = np.concatenate([part[0] for part in parts], axis=1)
     distance_m = np.concatenate([part[1] for part in parts])
     lookouts = others()
     if lookouts:
-        direction, distance_m = _behind_what_others_see(direction, distance_m, mount, lookouts, smallest_m)
+        seen = _behind_what_others_see(direction, distance_m, mount, lookouts, smallest_m, far_m)
+        direction, distance_m = seen
     places: Floats = (direction * distance_m + rays.origin_m).T
     return places
 
 
-def _holes(
-    view: View, direction: Floats, gaps: _Gaps, smallest_m: float, far_m: float
-) -> list[tuple[Floats, Floats]]:
-    """Rays into the gaps that are wider than from beam to beam, and how far out something may begin on each."""
-    increment = view.geometry.increment
+def _holes(view: View, smallest_m: float, far_m: float) -> _Holes:
+    step_rad = abs(view.geometry.increment)
     (seeing,) = (view.free_m > 0.0).nonzero()
-    step_rad = abs(increment)
-    width = np.empty(len(seeing))
-    width[:-1] = (seeing[1:] - seeing[:-1]) * step_rad
-    width[-1] = max(2 * math.pi - (seeing[-1] - seeing[0]) * step_rad, 0.0)
+    width_rad = np.empty(len(seeing))
+    width_rad[:-1] = (seeing[1:] - seeing[:-1]) * step_rad
+    width_rad[-1] = max(2 * math.pi - (seeing[-1] - seeing[0]) * step_rad, 0.0)
     edge_m = np.maximum(view.free_m[seeing], np.roll(view.free_m[seeing], -1))
-    hides_m = hiding_distance_m(np.maximum(width, step_rad), smallest_m)
+    hides_m = hiding_distance_m(np.maximum(width_rad, step_rad), smallest_m)
     # What is seen on both sides of a gap is nearer than anything that could hide in it.
     hides_m[hides_m >= np.minimum(edge_m, far_m)] = math.inf
+    return _Holes(seeing, width_rad, hides_m)
+
+
+def _into_the_holes(
+    holes: _Holes, view: View, direction: Floats, gaps: _Gaps, smallest_m: float
+) -> list[tuple[Floats, Floats]]:
+    """Rays into the gaps that are wider than from beam to beam, and how far out something may begin on each."""
     (missing,) = (view.free_m <= 0.0).nonzero()
-    gap = np.searchsorted(seeing, missing) - 1  # -1, before the first that sees, is the last gap
+    gap = np.searchsorted(holes.seeing, missing) - 1  # -1, before the first that sees, is the last gap
     crossing = Crossing(gaps.beams_hull.enters_m[missing], gaps.beams_hull.leaves_m[missing])
-    outside_m: Floats = np.full(len(gaps.outside[0]), hides_m.item(-1), dtype=np.float64)
+    outside_m: Floats = np.full(len(gaps.outside[0]), holes.hides_m.item(-1), dtype=np.float64)
     return [
-        *_beside_the_hull(direction[:, missing], hides_m[gap], crossing, smallest_m),
+        *_beside_the_hull(direction[:, missing], holes.hides_m[gap], crossing, smallest_m),
         *_beside_the_hull(gaps.outside, outside_m, gaps.outside_hull, smallest_m),
     ]
+
+
+def _along_the_edges(
+    holes: _Holes, view: View, rays: Rays, hull: Hull, smallest_m: float, far_m: float
+) -> tuple[Floats, Floats]:
+    """Of each disc that touches an edge of a hole from within, the point that is nearest to the hull.
+
+    The nearest place on a ray may lie beside the hull, where no straight motion closes on it, while what is farther
+    out on the same ray lies ahead of a corner.
+    """
+    step_rad, radius_m = abs(view.geometry.increment), smallest_m / 2.0
+    (wide,) = ((holes.hides_m < math.inf) & (holes.width_rad > 1.5 * step_rad)).nonzero()
+    first, last = holes.seeing[wide], holes.seeing[(wide + 1) % len(holes.seeing)]
+    edge = rays.direction[:, np.concatenate((first, last))]
+    turn = math.copysign(1.0, view.geometry.increment) * np.repeat((1.0, -1.0), len(wide))
+    inward = turn * np.array((-edge[1], edge[0]))
+    half_rad = np.minimum(holes.width_rad[wide], math.pi) / 2.0
+    begins_m = radius_m / np.tan(half_rad)  # where the disc touches both edges
+    along_m = np.tile(begins_m, 2)[:, None] + ALONG_EDGE_M
+    ray, step = (along_m < far_m).nonzero()
+    centre: Floats = (edge[:, ray] * along_m[ray, step] + inward[:, ray] * radius_m + rays.origin_m).T
+    away_m, normal = hull.nearest(centre)
+    fits = away_m > radius_m / 2.0  # what overlaps the hull more than that is the robot itself
+    toward_hull_m = np.minimum(away_m[fits], radius_m)
+    offset = (centre[fits] - toward_hull_m[:, None] * normal[fits]).T - rays.origin_m
+    distance_m: Floats = np.hypot(offset[0], offset[1])
+    return offset / np.maximum(distance_m, NOTHING_M), distance_m
 
 
 def _beside_the_hull(
@@ -154,12 +204,18 @@ def _beside_the_hull(
 
 
 def _behind_what_others_see(
-    direction: Floats, distance_m: Floats, mount: Mount, others: Sequence[Lookout], smallest_m: float
+    direction: Floats,
+    distance_m: Floats,
+    mount: Mount,
+    others: Sequence[Lookout],
+    smallest_m: float,
+    far_m: float,
 ) -> tuple[Floats, Floats]:
-    """Each ray from the last point that others have seen free; those that are free throughout are left out."""
+    """Each ray from the last point that others have seen free; those that are free as far as `far_m` are left out."""
     along_m = distance_m[:, None] + OUTWARD_M
     x_m, y_m = mount.x_m + direction[0][:, None] * along_m, mount.y_m + direction[1][:, None] * along_m
     free = np.zeros(along_m.shape, dtype=np.bool_)
+    free[:, 1:] = along_m[:, :-1] > far_m
     for lookout in others:
         free |= _sees_free(lookout, x_m, y_m, smallest_m)
     hides = ~free.all(axis=1)

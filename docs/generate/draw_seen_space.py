@@ -74,6 +74,7 @@ def _scene(axes: Axes) -> None:
     shown = first.around.points
     kept = remember(Remembered(shown, np.zeros(len(shown))), last.view, SPARSE.mount)
     hidden = hidden_places(last.view, SPARSE.mount, ROUND, SMALLEST_M, REACH_M)
+    hidden = hidden[np.hypot(hidden[:, 0], hidden[:, 1]) < RANGE_M + 0.01]
     _rays(axes, last.view, SPARSE.mount, ROUND)
     axes.add_patch(Circle((0, 0), ROUND.radius_m, color=ROBOT, lw=0, zorder=3))
     axes.text(-0.05, 0.12, "hull", color="white", ha="center", va="center", zorder=4)
@@ -94,8 +95,8 @@ def _scene(axes: Axes) -> None:
         [0, hides_m * math.cos(dirt)], [0, hides_m * math.sin(dirt)], "--", color=HIDDEN, lw=1.0, zorder=5
     )
     sides = (math.degrees(dirt - edge / 2), math.degrees(dirt + edge / 2))
-    axes.add_patch(Arc((0, 0), 2.1, 2.1, theta1=sides[0], theta2=sides[1], color=HIDDEN, lw=1.2))
-    axes.text(1.14 * math.cos(dirt), 1.14 * math.sin(dirt), "δ", color=HIDDEN, ha="center", va="center")
+    axes.add_patch(Arc((0, 0), 3.04, 3.04, theta1=sides[0], theta2=sides[1], color=HIDDEN, lw=1.2))
+    axes.text(1.6 * math.cos(dirt), 1.6 * math.sin(dirt), "δ", color=HIDDEN, ha="center", va="center")
     _note(
         axes,
         f"narrow hole, δ = {math.degrees(edge):.0f}°: a disc of\n"
@@ -106,7 +107,7 @@ def _scene(axes: Axes) -> None:
     )
     point = kept.points[0]
     _note(axes, "remembered: no beam\nhas disproved it", (point[0], point[1]), (0.62, 0.42), REMEMBERED)
-    _note(axes, "wide hole: hidden\nplaces at the hull", (-0.2, -0.17), (-1.12, -0.62), HIDDEN)
+    _note(axes, "wide hole: hidden places\nat the hull and its edges", (-0.2, -0.17), (-1.25, -0.62), HIDDEN)
     _note(axes, "no return: free up to\nrange_max, then hidden", (0.0, -RANGE_M), (-1.1, -1.72), HIDDEN)
     axes.set_xlim(-1.75, 1.75)
     axes.set_ylim(-1.9, 1.4)
@@ -264,6 +265,7 @@ def _partial_view(axes: Axes, file: Path, title: str) -> None:
     hidden = hidden_places(
         views[0], lidars[0].mount, hull, config.smallest_obstacle_m, REACH_M, lambda: others
     )
+    hidden = hidden[(np.abs(hidden) < ROOM[0]).all(axis=1)]
     axes.add_patch(Polygon(np.array(hull.corners), color=ROBOT, lw=0, zorder=3))
     axes.plot(hidden[:, 0], hidden[:, 1], "o", color=HIDDEN, ms=5, zorder=5)
     for lidar in lidars:

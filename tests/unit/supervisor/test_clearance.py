@@ -442,6 +442,20 @@ def test_reacting_and_braking_along_the_arc_never_enters_the_stop_distance(
     assert gaps.min() > barrier.stop_distance_m - 0.002
 
 
+@pytest.mark.parametrize("clearance_m", [0.32, 0.4, 0.5, 0.6])
+@pytest.mark.parametrize("linear_m_s", [1.0, -1.0])
+def test_for_a_wall_at_a_slant_the_base_brakes_along_its_way(linear_m_s: float, clearance_m: float) -> None:
+    """The closing speed falls with 0.71·a only, so that the closing speed of now permits 1.4 times the kinetic energy."""
+    diamond = ConvexPolygon(((0.3, 0.0), (0.0, 0.3), (-0.3, 0.0), (0.0, -0.3)))
+    foot = math.copysign(0.15 + clearance_m * math.sqrt(0.5), linear_m_s)
+    along = np.linspace(-0.5, 0.5, 21)
+    wall = np.column_stack((foot + along, abs(foot) - math.copysign(1.0, linear_m_s) * along))
+    scale, _ = permitted_scale(seen(diamond, wall), linear_m_s, 0.0, BARRIER)
+    way_m = scale * BARRIER.reaction_s + scale**2 / (2.0 * BARRIER.deceleration_m_s2)
+    left_m = diamond.clearance(wall - (way_m * linear_m_s, 0.0)).min()
+    assert BARRIER.stop_distance_m - 0.002 < left_m < BARRIER.stop_distance_m + 0.02
+
+
 LONG = ((2.0, -0.4), (2.0, 0.4), (-2.0, 0.4), (-2.0, -0.4))
 
 
@@ -514,7 +528,7 @@ def test_what_an_arc_comes_near_only_after_it_has_come_to_rest_limits_nothing(
 
 def test_exactly_at_the_depth_the_wider_tolerance_still_holds() -> None:
     depth_m = BARRIER.stop_distance_m - DEEP_M
-    near = seen(Circle(0.25), one(0.5, 0.0))._replace(clearance_m=np.array([depth_m]))
+    near = seen(Circle(0.25), one(0.25 + depth_m, 0.0))._replace(clearance_m=np.array([depth_m]))
     assert permitted_scale(near, 0.005, 0.0, BARRIER) == (1.0, None)
     deeper_m = math.nextafter(depth_m, 0.0)
     near = near._replace(clearance_m=np.array([deeper_m]))

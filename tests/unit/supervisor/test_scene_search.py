@@ -8,7 +8,25 @@ from bench.scenes.scene import random_scene
 BLOCKS = 5
 PER_BLOCK = 15
 
-REGRESSIONS: tuple[int, ...] = (4, 6, 25, 28, 151, 171, 231, 235, 257, 276, 293, 1584, 3263, 3498, 7431)
+REGRESSIONS: tuple[int, ...] = (
+    4,
+    6,
+    25,
+    28,
+    151,
+    171,
+    231,
+    235,
+    257,
+    276,
+    293,
+    1584,
+    3263,
+    3498,
+    7431,
+    13636,
+    14519,
+)
 """Seeds of scenes that once ended with a violation; `--replay SEED --verbose --plot FILE` shows one."""
 
 pytestmark = [pytest.mark.proof, pytest.mark.timeout(600)]

@@ -1,13 +1,15 @@
 """Where something may hide: what the beams do not rule out, and what other views do."""
 
 import math
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from supervisor.clearance import Circle, ConvexPolygon, Floats, Hull
+from supervisor import seen_space
+from supervisor.clearance import Barrier, Circle, ConvexPolygon, Floats, Hull, Kind, permitted_scale, survey
 from supervisor.reckoning import Pose
 from supervisor.scan import Geometry, Mount, View, rays_of
 from supervisor.seen_space import Lookout, hidden_places, hiding_distance_m, lookout
@@ -39,7 +41,9 @@ def hidden(
     mount: Mount | None = None,
     reach_m: float = 1.5,
 ) -> Floats:
-    return hidden_places(view, mount or Mount(), hull, SMALLEST_M, reach_m, lambda: others)
+    """On the rays alone; what hides along the edges of holes is tested below."""
+    with patch.object(seen_space, "ALONG_EDGE_M", np.empty(0)):
+        return hidden_places(view, mount or Mount(), hull, SMALLEST_M, reach_m, lambda: others)
 
 
 def away_m(places: Floats) -> Floats:
@@ -222,6 +226,8 @@ def test_a_hole_that_another_lidar_sees_free_hides_nothing() -> None:
     dirty = view_of(with_hole(11))
     assert len(hidden(dirty)) == 11
     assert len(hidden(dirty, other(room(), y_m=0.05, yaw_rad=2.0))) == 0
+    everywhere = hidden_places(dirty, Mount(), HULL, SMALLEST_M, 1.5, lambda: [other(room())])
+    assert len(everywhere) == 0, "what is hidden beyond the reach limits nothing"
 
 
 def test_a_hole_is_followed_outward_to_the_last_point_that_another_lidar_sees_free() -> None:
@@ -317,6 +323,97 @@ def test_no_disc_that_touches_no_free_ray_is_nearer_to_the_hull_than_what_is_hid
     nearer = centres[(disc_m >= 0.0) & (disc_m < known_m - SMALLEST_M / 2)]
     touched = _gap_to_rays_m(nearer, rays.origin_m[:, 0], rays.direction, view.free_m) < SMALLEST_M / 2
     assert touched.all(), nearer[~touched]
+
+
+# --- along the edges of holes
+
+
+def along_edges(view: View, hull: Hull = HULL, mount: Mount | None = None) -> Floats:
+    """Of the hidden places those that are not the nearest on a ray."""
+    places = hidden_places(view, mount or Mount(), hull, SMALLEST_M, 1.5)
+    on_rays = {tuple(place) for place in hidden(view, hull=hull, mount=mount).tolist()}
+    return np.array([place for place in places.tolist() if tuple(place) not in on_rays])
+
+
+def gap_to_rays_m(view: View, points: Floats, mount: Mount | None = None) -> Floats:
+    rays = rays_of(view.geometry, mount or Mount(), HULL)
+    return _gap_to_rays_m(points, rays.origin_m[:, 0], rays.direction, view.free_m)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("beams", [11, 150, 200])
+def test_along_both_edges_of_a_hole_hide_discs_that_touch_them_from_within(beams: int, sign: int) -> None:
+    view = view_of(with_hole(beams), Geometry(BEAMS, -sign * math.pi, sign * BEAM_RAD))
+    places = along_edges(view)
+    assert (places[:, 1] > 0.0).any()
+    assert (places[:, 1] < 0.0).any()
+    discs = (
+        places * (1.0 + SMALLEST_M / 2 / away_m(places))[:, None]
+    )  # beyond the point nearest to a round hull
+    whole = HULL.clearance(places) > 1e-9  # a disc that overlaps the hull is cut off there
+    assert gap_to_rays_m(view, discs[whole]) == pytest.approx(SMALLEST_M / 2, abs=1e-9)
+    # From 4 cm to 4 cm, out to where nothing limits a motion: 1.75 m.
+    for side in (1.0, -1.0):
+        out_m = np.sort(away_m(discs[whole & (side * places[:, 1] > 0.0)]))
+        assert np.diff(out_m).max() < 0.11
+        assert out_m[-1] > 1.65
+
+
+def test_a_disc_that_touches_both_edges_of_a_hole_is_the_first_along_each() -> None:
+    small = Circle(0.1)
+    places = along_edges(view_of(with_hole(11)), small)
+    fits_m = float(hiding_distance_m(np.array(12 * BEAM_RAD), SMALLEST_M))
+    nearest = np.sort(away_m(places))[:2]
+    assert nearest == pytest.approx([fits_m, fits_m])
+    first = places[away_m(places) < fits_m + 1e-6]
+    assert first[:, 1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_no_disc_along_an_edge_is_looked_for_inside_the_hull() -> None:
+    fan = view_of(np.full(181, 3.0), Geometry(181, -math.pi / 2, BEAM_RAD))
+    places = along_edges(fan, RECTANGLE, Mount(-0.1, 0.05))
+    assert len(places)
+    assert RECTANGLE.clearance(places).min() >= -1e-9
+
+
+def test_what_hides_behind_a_corner_limits_backing_though_what_is_nearest_on_its_ray_is_beside_the_hull() -> (
+    None
+):
+    """A robot with one lidar of 210° backed straight past something just outside its view."""
+    box = ConvexPolygon(((0.21, -0.226), (0.21, 0.226), (-0.21, 0.226), (-0.21, -0.226)))
+    mount = Mount(0.186, 0.029, 1.846)
+    view = view_of(np.full(641, 3.0), Geometry(641, -1.8355, 0.005736))
+    barrier = Barrier(0.3, 1.5, 0.1, 0.0)
+    on_rays = survey(box, hidden(view, hull=box, mount=mount), Kind.HIDDEN)
+    everywhere = survey(box, hidden_places(view, mount, box, SMALLEST_M, 1.5), Kind.HIDDEN)
+    assert permitted_scale(on_rays, -0.5, 0.0, barrier) == (1.0, None)
+    scale, block = permitted_scale(everywhere, -0.5, 0.0, barrier)
+    assert scale < 0.5
+    assert block is not None
+    assert (block.x_m, block.y_m) < (-0.21, 0.0)
+
+
+@settings(max_examples=40)
+@given(scene=scenes(), seed=st.integers(0, 2**32))
+def test_no_disc_that_touches_no_free_ray_is_approached_faster_than_the_hidden_places_permit(
+    scene: tuple[View, Mount, Hull], seed: int
+) -> None:
+    view, mount, hull = scene
+    smallest_m, barrier = 0.1, Barrier(0.3, 1.5, 0.15, 0.0)
+    rays = rays_of(view.geometry, mount, hull)
+    returns = rays.points(np.flatnonzero(view.hit), view.free_m)
+    hides = survey(hull, hidden_places(view, mount, hull, smallest_m, 2.0), Kind.HIDDEN)
+    known = (hides, survey(hull, returns))
+    centres = np.random.default_rng(seed).uniform(-1.6, 1.6, (1500, 2))
+    away, normals = hull.nearest(centres)
+    free = away > smallest_m / 2
+    free &= _gap_to_rays_m(centres, rays.origin_m[:, 0], rays.direction, view.free_m) >= smallest_m / 2
+    discs = survey(hull, (centres - smallest_m / 2 * normals)[free])
+    for twist in ((1.0, 0.0), (-1.0, 0.0), (0.8, 0.8), (-0.8, 0.8), (0.0, 1.5)):
+        permitted = min(permitted_scale(around, *twist, barrier)[0] for around in known)
+        asked, block = permitted_scale(discs, *twist, barrier, worth=1.0)
+        # Places are 4 cm and 2° apart.
+        assert permitted <= asked + 0.02, (twist, block)
 
 
 def _gap_to_rays_m(points: Floats, origin_m: Floats, direction: Floats, free_m: Floats) -> Floats:
