@@ -10,8 +10,9 @@ from sim.pace import Every
 from sim.plant import Plant
 from sim.shown import Mode, Shown
 from supervisor.config import SupervisorSection
-from supervisor.model import Command, Decision, Inputs, LaserScan, Liveliness, Odometry, StopReason, Velocity
+from supervisor.model import Command, Decision, Inputs, LaserScan, Liveliness, Odometry, Velocity
 from supervisor.safety import initial_state, step
+from wire.reasons import StopReason
 
 SOURCE = "teleop"
 STANDSTILL = Velocity(0.0, 0.0)

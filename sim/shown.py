@@ -6,6 +6,7 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from sim.lidar import Ranges
+from wire.reasons import words_of
 
 STOP_DISTANCE_M = 0.30
 WARNING_DISTANCE_M = 0.50
@@ -37,24 +38,6 @@ COLOURS: dict[Mode, Rgb] = {
     Mode.DRIVING: (0.10, 0.80, 0.30),
     Mode.LIMITED: (1.00, 0.58, 0.05),
     Mode.ALONE: (0.60, 0.64, 0.68),
-}
-
-_WORDS = {
-    "ESTOP": "emergency stop",
-    "BASE_RUNAWAY": "the base moves by itself",
-    "OVERRUN": "the supervisor was late",
-    "SENSOR_CONFLICT": "two writers on one sensor's key",
-    "BASE_UNRESPONSIVE": "the base does not follow",
-    "ODOM_STALE": "no odometry",
-    "SCAN_INVALID": "the lidar's scans prove nothing",
-    "SCAN_STALE": "no fresh scan",
-    "SOURCE_LOST": "the operator's program is gone",
-    "COMMAND_INVALID": "a command made no sense",
-    "COMMAND_STALE": "commands come too late",
-    "COMMAND_TIMEOUT": "no fresh command",
-    "NO_COMMAND": "nobody commands it",
-    "SCAN_BLIND": "unseen space there",
-    "OBSTACLE": "obstacle within 30 cm",
 }
 
 
@@ -96,5 +79,6 @@ class Shown(NamedTuple):
 
 def in_words(reasons: Sequence[str]) -> str:
     """As a person says it, in ASCII: what comes from the network draws nothing else."""
-    said = [_WORDS.get(reason, reason.lower().replace("_", " ")) for reason in reasons]
+    known = [(reason, words_of(reason)) for reason in reasons]
+    said = [reason.lower().replace("_", " ") if words is None else words.caption for reason, words in known]
     return ", ".join(said).encode("ascii", "replace").decode()[:120]

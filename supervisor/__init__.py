@@ -1,7 +1,8 @@
 """The safety supervisor: the only writer of `cmd_vel`.
 
     safety.py         the law: step(state, now, inputs) -> (state, decision). Start here
-    model.py          its words: stop reasons, inputs, state, decision
+    stop_rules.py     its table: who raises each stop reason, what it latches, what clears it
+    model.py          its types: configuration, inputs, state, decision
     explain.py        what is known of a cause beyond its name
     clearance.py      the speed barrier: how fast toward what, for any hull
     scan.py           what one lidar's scans prove, beam by beam

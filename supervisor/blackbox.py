@@ -28,8 +28,9 @@ import numpy as np
 from supervisor.base_motion import moves
 from supervisor.blackbox_file import LAW, Order, Steps, pack_state, pack_step, write
 from supervisor.config import SupervisorSection
-from supervisor.model import SEVERITY, STANDSTILL, Decision, Inputs, LawConfig, Mode, State, StopReason
+from supervisor.model import STANDSTILL, Decision, Inputs, LawConfig, Mode, State
 from wire.config import absolute
+from wire.reasons import SEVERITY, StopReason
 
 _log = logging.getLogger(__name__)
 

@@ -24,16 +24,14 @@ from pathlib import Path
 from typing import Any, cast
 
 from supervisor.law_codec import codec, record_codec
-from supervisor.model import Decision, Inputs, LawConfig, State, StopReason
+from supervisor.model import Decision, Inputs, LawConfig, State
+from supervisor.stop_rules import ROUTINE
 
 FORMAT = "lifeline black box"
 VERSION = 1
 SUFFIX = ".jsonl.gz"
 OURS = re.compile(r"\d{8}T\d{6}\.\d{3}Z-(?P<reason>[A-Z_]+)(-\d+)?\.jsonl\.gz")
 """Only these are ever deleted."""
-
-ROUTINE = {StopReason.NO_COMMAND, StopReason.SCAN_BLIND, StopReason.OBSTACLE}
-"""Stops that occur in ordinary driving: their files are deleted before any other."""
 
 COMPRESSION = 6
 MARSHAL_VERSION = 2

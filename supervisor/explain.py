@@ -2,7 +2,8 @@
 
 import math
 
-from supervisor.model import SEVERITY, Reasons, StopReason
+from supervisor.model import Reasons
+from wire.reasons import SEVERITY, StopReason
 
 AHEAD_DEG = 10
 """Within so much of straight ahead or behind, a direction has no side."""

@@ -1,4 +1,4 @@
-"""The types of the law: stop reasons, configuration, inputs, state and decision.
+"""The types of the law: configuration, inputs, state and decision.
 
 Times are seconds of the supervisor's own monotonic clock, velocities m/s and rad/s in the base frame.
 What the law remembers is made of named tuples: it takes a new one for each fact, at a third of the cost of a
@@ -7,7 +7,7 @@ frozen dataclass.
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum, StrEnum
+from enum import IntEnum
 from functools import cached_property
 from typing import NamedTuple
 
@@ -17,29 +17,7 @@ from supervisor.near_memory import Remembered
 from supervisor.reckoning import STANDSTILL, Odometer, Pose, Velocity
 from supervisor.scan import LaserScan, Lidar, ScanReading, View
 from wire.freshness import Sent, Track, Verdict
-
-
-class StopReason(StrEnum):
-    """Why the robot stands; the most restrictive first, in the order that the status names them."""
-
-    ESTOP = "ESTOP"
-    BASE_RUNAWAY = "BASE_RUNAWAY"
-    OVERRUN = "OVERRUN"
-    SENSOR_CONFLICT = "SENSOR_CONFLICT"
-    BASE_UNRESPONSIVE = "BASE_UNRESPONSIVE"
-    ODOM_STALE = "ODOM_STALE"
-    SCAN_INVALID = "SCAN_INVALID"
-    SCAN_STALE = "SCAN_STALE"
-    SOURCE_LOST = "SOURCE_LOST"
-    COMMAND_INVALID = "COMMAND_INVALID"
-    COMMAND_STALE = "COMMAND_STALE"
-    COMMAND_TIMEOUT = "COMMAND_TIMEOUT"
-    NO_COMMAND = "NO_COMMAND"
-    SCAN_BLIND = "SCAN_BLIND"
-    OBSTACLE = "OBSTACLE"
-
-
-SEVERITY = {reason: rank for rank, reason in enumerate(StopReason)}
+from wire.reasons import StopReason
 
 Reasons = frozenset[StopReason]
 

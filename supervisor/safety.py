@@ -37,7 +37,6 @@ from supervisor.clearance import (
 )
 from supervisor.explain import detail_of
 from supervisor.model import (
-    SEVERITY,
     Command,
     Counts,
     Decision,
@@ -52,7 +51,6 @@ from supervisor.model import (
     Sight,
     Source,
     State,
-    StopReason,
     Writer,
 )
 from supervisor.near_memory import Remembered, remember
@@ -68,8 +66,10 @@ from supervisor.reckoning import (
 )
 from supervisor.scan import LaserScan, Lidar, Moment, ScanReading, View, read_scan
 from supervisor.seen_space import Lookout, hidden_places, lookout
+from supervisor.stop_rules import RaisedBy, raised_by
 from supervisor.transition import at_least, is_on_another_arc, lags, mixtures
 from wire.freshness import FALL_TOLERANCE_S, Verdict, judge
+from wire.reasons import SEVERITY, StopReason
 
 IMPLAUSIBLE_FACTOR = 10.0
 """A command this many times beyond the limits is invalid; one below that is clamped."""
@@ -96,7 +96,7 @@ ROUNDING_S = 1e-6
 """More than what sums and differences of times are rounded by."""
 
 NONE: Reasons = frozenset()
-BARRIER_REASONS: Reasons = frozenset({StopReason.OBSTACLE, StopReason.SCAN_BLIND})
+BARRIER_REASONS = raised_by(RaisedBy.BARRIER)
 
 RELEASED_FACTOR = 5.0
 """A block is over when the barrier would permit this many times the minimum useful speed: readings are noisy."""

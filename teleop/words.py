@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from teleop.view import Control, Tone, View, plain
 from wire.messages import SafetyStatus, SourceStatus
+from wire.reasons import words_of
 
 SILENT_AFTER_S = 0.5
 """A stream that has not been renewed for this long says nothing about now; the slowest has 10 Hz."""
@@ -15,56 +16,6 @@ LATE_S = 0.15
 """A source whose last command is older than this is still silent; it sends 20 in a second."""
 
 _DIRECTIONS = ("ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right")
-
-_CAUSES = {  # what holds now; the law's own detail is better, where there is one
-    "ESTOP": "the emergency stop is latched",
-    "BASE_RUNAWAY": "the base moves although zero is commanded",
-    "OVERRUN": "the supervisor was late, or its machine was suspended",
-    "SENSOR_CONFLICT": "two programs publish on one sensor's key",
-    "BASE_UNRESPONSIVE": "the base does not follow its commands",
-    "ODOM_STALE": "odometry was lost",
-    "SCAN_STALE": "no scan has come yet",
-    "SOURCE_LOST": "the connection to WHO was lost",
-    "COMMAND_INVALID": "WHO sent something that is no command",
-    "COMMAND_STALE": "the commands of WHO come too late or out of order",
-    "NO_COMMAND": "nobody commands the robot",
-    "SCAN_BLIND": "the motion would enter unseen space",
-    "": "the supervisor gives no reason",
-}
-_OVER = {  # what was, and is over
-    "ESTOP": "the emergency stop was pressed, and has been reset",
-    "BASE_RUNAWAY": "the base moved although zero was commanded",
-    "OVERRUN": "the supervisor was late",
-    "SENSOR_CONFLICT": "two programs published on one sensor's key",
-    "BASE_UNRESPONSIVE": "the base did not follow its commands",
-    "ODOM_STALE": "no odometry came",
-    "SCAN_INVALID": "the lidar's scans proved nothing",
-    "SCAN_STALE": "no fresh scan came",
-    "SOURCE_LOST": "the connection to a command source was lost",
-    "COMMAND_INVALID": "a command was invalid",
-    "COMMAND_STALE": "commands came too late or out of order",
-    "COMMAND_TIMEOUT": "commands were missing for too long",
-    "NO_COMMAND": "nobody commanded the robot",
-    "SCAN_BLIND": "the motion would have entered unseen space",
-    "OBSTACLE": "something was too close",
-}
-_STEPS = {
-    "ESTOP": "NEUTRAL, then r to reset",
-    "NO_COMMAND": "NEUTRAL to arm",
-    "OBSTACLE": "NEUTRAL, or drive away from it",
-    "SCAN_STALE": "wait for the lidar, NEUTRAL",
-    "SCAN_INVALID": "check the lidar, NEUTRAL",
-    "SCAN_BLIND": "NEUTRAL, or drive where the lidar sees",
-    "SENSOR_CONFLICT": "end one of the two programs, NEUTRAL",
-    "BASE_UNRESPONSIVE": "check the base and its own stop, NEUTRAL",
-    "ODOM_STALE": "wait for odometry, NEUTRAL",
-    "COMMAND_TIMEOUT": "NEUTRAL to re-arm",
-    "COMMAND_STALE": "NEUTRAL to re-arm",
-    "SOURCE_LOST": "NEUTRAL to re-arm",
-    "COMMAND_INVALID": "NEUTRAL to re-arm",
-    "OVERRUN": "NEUTRAL to re-arm",
-    "": "NEUTRAL to re-arm",
-}
 
 
 class News(NamedTuple):
@@ -115,13 +66,14 @@ def news(view: View) -> News:
 
 def next_step(view: View, reason: str) -> str:
     """What the operator can do about a stop reason, in a few words."""
-    if reason == "BASE_RUNAWAY":
-        return "cut the robot's power"
-    if view.control is Control.VIEW_ONLY:
+    if view.control is Control.VIEW_ONLY and reason != "BASE_RUNAWAY":
         return "the operator must reset it" if reason == "ESTOP" else "the operator must re-arm"
     if reason == "ESTOP" and view.is_neutral:  # its reset is refused while a source asks for motion
         return "press r to reset"
-    return _STEPS.get(reason, "remove the cause, NEUTRAL").replace("NEUTRAL", view.neutral_hint)
+    words = words_of(reason)
+    unknown = "remove the cause, NEUTRAL" if reason else "NEUTRAL to re-arm"
+    step = unknown if words is None else words.step
+    return step.replace("NEUTRAL", view.neutral_hint)
 
 
 def step_after(view: View, *, short: bool = False) -> str:
@@ -148,7 +100,8 @@ def _stopped(view: View, status: SafetyStatus) -> News:
     causes, over = (tuple(map(plain, names)) for names in status.causes_and_latched())
     alarm = "ALARM: " if status.alarm else ""
     if over and not causes:
-        what = _OVER.get(over[0], f"it was {over[0]}")
+        words = words_of(over[0])
+        what = f"it was {over[0]}" if words is None else words.over
         return News("STOPPED", f"{alarm}{what}. Over now", step_after(view), Tone.STOP, causes, over)
     first = causes[0] if causes else ""
     return News("STOPPED", alarm + _cause(first, status), next_step(view, first), Tone.STOP, causes, over)
@@ -156,25 +109,28 @@ def _stopped(view: View, status: SafetyStatus) -> News:
 
 def _cause(reason: str, status: SafetyStatus) -> str:
     """The sentence of a stop reason."""
+    words = words_of(reason)
+    if words is None:
+        unknown = f"for a reason that this program does not know: {reason}"
+        return _detail(status) or (unknown if reason else "the supervisor gives no reason")
     who = plain(status.owner) or "a source"
-    detail = _detail(status)
+    now, detail = words.now.replace("WHO", who), _detail(status)
     match reason:
         case "SCAN_INVALID":
             problem = detail or plain(status.scan_problem) or "no usable beams"
-            return f"the lidar's scan proves nothing: {problem}"
+            return f"{now}: {problem}"
         case _ if detail:
             return detail
         case "ESTOP" if status.estop_record_problem:
-            return f"{_CAUSES[reason]}; {plain(status.estop_record_problem)}"
+            return f"{now}; {plain(status.estop_record_problem)}"
         case "SCAN_STALE" if math.isfinite(status.scan_age_s):
             return f"the newest scan is {status.scan_age_s:.1f} s old"
-        case "COMMAND_TIMEOUT":
-            return _silence(who, _source(status, status.owner))
+        case "COMMAND_TIMEOUT" if (silent_s := _silent_s(status)) > LATE_S:
+            return f"{who} silent for {silent_s:.1f} s"
         case "OBSTACLE":
-            return f"too close for this motion{_where(status)}"
+            return f"{now}{_where(status)}"
         case _:
-            unknown = f"for a reason that this program does not know: {reason}"
-            return _CAUSES.get(reason, unknown).replace("WHO", who)
+            return now
 
 
 def _detail(status: SafetyStatus) -> str:
@@ -182,10 +138,10 @@ def _detail(status: SafetyStatus) -> str:
     return plain(status.detail.replace("°", " deg").replace("…", ".."))
 
 
-def _silence(who: str, source: SourceStatus | None) -> str:
-    if source is not None and source.age_s > LATE_S:
-        return f"{who} silent for {source.age_s:.1f} s"
-    return f"{who} was silent for too long"
+def _silent_s(status: SafetyStatus) -> float:
+    """How old the owner's last command is; NaN: not known."""
+    owner = _source(status, status.owner)
+    return math.nan if owner is None else owner.age_s
 
 
 def _where(status: SafetyStatus) -> str:

@@ -3,6 +3,7 @@
 topics.py       every key, with its message type, writer and rate (one table)
 messages.py     the messages and their CDR bytes (rosbags); msg/ says what they are made of
 ros.py          those of them that are ROS 2's own
+reasons.py      why the robot stands, by name and in words for every screen
 stamp.py        the attachment of each sample: sequence, source time, epoch
 freshness.py    how old a command is by it, whatever the network did (pure)
 bus.py          the Bus that services use, and the inbox between threads

@@ -40,11 +40,12 @@ from supervisor.model import (
     Mode,
     SourceConfig,
     State,
-    StopReason,
     Velocity,
 )
 from supervisor.near_memory import MISSES
 from supervisor.safety import BARRIER_REASONS, SAME_PLACE_M, initial_state, step
+from supervisor.stop_rules import STOP_RULES, RaisedBy, cleared_by
+from wire.reasons import StopReason
 
 DOCUMENT = Path(__file__).parents[1] / "safety-law.md"
 DEFAULTS = SupervisorSection()
@@ -58,10 +59,9 @@ Row = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Reason:
-    """One row: when the law stops for it, how it is cleared, and why it exists."""
+    """What the page says of a row beside the table of the law: when it holds, and why it exists."""
 
     when: str
-    cleared: str
     why: str
 
 
@@ -69,54 +69,45 @@ REASONS: Mapping[StopReason, Reason] = {
     StopReason.ESTOP: Reason(
         "`robot/estop` was true, unreadable or flooded; or a supervisor that starts finds the record of an earlier "
         "e-stop, or cannot read it",
-        "a reset, refused while any live source requests motion; then neutral",
         "An e-stop must outlive the process that sent it and the one that received it. farm-ng/tractor #82 and ubiquity_motor #42: a robot lurches when "
         "its e-stop is released. Husarion refuses a reset under command, and so do we.",
     ),
     StopReason.BASE_RUNAWAY: Reason(
         "zero was commanded for longer than braking takes, and odometry still shows motion; raises the alarm",
-        "standing still, and neutral",
         "A supervisor that trusts its own zero sees nothing when a wheel controller does not obey.",
     ),
     StopReason.OVERRUN: Reason(
         f"the law ran later than {DEFAULTS.overrun_s:g} s after its last step, or the machine was suspended",
-        "the next step on time, after a suspend one timeout more, and neutral",
         "While the supervisor hangs or the machine sleeps, nothing is supervised. Nav2's collision_monitor does not run at all without a command "
         "(navigation2 #4555).",
     ),
     StopReason.SENSOR_CONFLICT: Reason(
         "each of two writers was heard twice within a moment on one sensor's key; the status names both",
-        "one of them is silent, and neutral",
         "A subscriber gets the samples of every writer: those of two drivers, or of a driver and a recording, mix. "
         "ROS 2 counts the publishers of a topic, but no node stops because of the count.",
     ),
     StopReason.BASE_UNRESPONSIVE: Reason(
         f"odometry has not followed the command for {PATIENCE_S:g} s, beyond what the base's ramps explain",
-        "zero commanded, standstill, and neutral",
         "A base whose own e-stop is released while a command is active lurches: ubiquity_motor #42.",
     ),
     StopReason.ODOM_STALE: Reason(
         f"odometry was heard, and the newest is older than {DEFAULTS.odom_timeout_s:g} s, unless `odometry = false`",
-        "fresh odometry, and neutral",
         "Without odometry the law cannot check that the base follows, nor where the robot is between two scans.",
     ),
     StopReason.SCAN_INVALID: Reason(
         "no lidar has a usable scan, and the newest is fresh but proves nothing: undecodable, too few beams, numbers "
         "that contradict each other, no reading that the profile explains, the same scan while the robot moves, "
         "blank from one scan to the next, or no return since the start",
-        "a valid scan, and neutral",
         "Where out-of-range beams are dropped, a scan of NaN or zeros reads as clear (Nav2 `scan.cpp`).",
     ),
     StopReason.SCAN_STALE: Reason(
         f"no lidar has a scan that is newer than its timeout ({DEFAULTS.scan_timeout_s:g} s by default)",
-        "fresh scans, and neutral",
         "Nav2's collision_monitor waits 2.0 s, and looks only at the next command; a scan stamped in the future never "
         "goes stale there (`sourceValid()`).",
     ),
     StopReason.SOURCE_LOST: Reason(
         "the source's liveliness token was deleted, even if it returned at once, and its last command was not a valid "
         "zero; or a source that has left sends commands without declaring its token again",
-        "the token is back, and neutral",
         "cmd_vel_mux sends nothing when its source falls silent (yujin_ocs #16), twist_mux nothing when it is locked "
         "(PR #42): whether the robot stops depends on the next node. joystick_drivers #92: a lost joystick repeats its "
         "last command without end.",
@@ -124,39 +115,33 @@ REASONS: Mapping[StopReason, Reason] = {
     StopReason.COMMAND_INVALID: Reason(
         "the source's last command was undecodable, NaN, infinite, far beyond the limits, or had components "
         "that a ground robot does not have",
-        "a valid command, and neutral; a bad one never refreshes the age of the last good one",
         "diff_drive_controller keeps the reference from before a NaN, and the NaN refreshes its age.",
     ),
     StopReason.COMMAND_STALE: Reason(
         f"commands arrive, but late, replayed, out of order or from another epoch, and no good one for "
         f"{DEFAULTS.command_timeout_s:g} s",
-        "fresh commands, and neutral",
         "A network that stalls delivers its backlog in one burst: teleop_twist_joy #27, “ghost commands”. "
         "pr2_controllers #320 asks for an expiry of each command.",
     ),
     StopReason.COMMAND_TIMEOUT: Reason(
         f"the source's last good command is older than {DEFAULTS.command_timeout_s:g} s",
-        "fresh commands, and neutral",
         "A process can be alive and hung: PX4 #20519 and #18346. The heartbeat must be the intent itself. "
         "The reference stacks wait 0.25 s to 5 s.",
     ),
     StopReason.NO_COMMAND: Reason(
         "the source has sent no command since start, or it commanded zero and then deleted its liveliness token "
         "(it has left)",
-        "a first, neutral command",
         "A program that starts with its stick pushed must not move the robot. ArduPilot #6623: a latched override is "
         "replayed on reconnect.",
     ),
     StopReason.SCAN_BLIND: Reason(
         f"the barrier leaves less than {DEFAULTS.creep_m_s:g} m/s because of a hidden place: no scan rules out an "
         "object there",
-        "neutral, or a command that does not close on it",
         "Unseen is not free. A lidar that looks ahead proves nothing about driving back.",
     ),
     StopReason.OBSTACLE: Reason(
         f"the barrier leaves less than {DEFAULTS.creep_m_s:g} m/s because of a point that two scans have shown: the "
         f"command closes on something at {DEFAULTS.stop_distance_m:.2f} m",
-        "neutral, or a command that does not close on it",
         "A plain stop zone traps the robot: navigation2 #3313, #3748, mowglinext #159 (414 s). A pure rotation can "
         "sweep a corner into something (navigation2 #3171): the barrier looks at the hull, not at the direction.",
     ),
@@ -169,15 +154,20 @@ def reasons_table(reasons: Mapping[StopReason, Reason] = REASONS) -> str:
     Raises:
         ValueError: a StopReason has no row.
     """
+    whose = {RaisedBy.EVERYTHING_SHARED: "shared", RaisedBy.SOURCE: "source", RaisedBy.BARRIER: "barrier"}
     missing = [reason.name for reason in StopReason if reason not in reasons]
     if missing:
         raise ValueError(f"docs/generate/safety_law.py: REASONS has no row for {', '.join(missing)}")
     rows = ((reason, reasons[reason]) for reason in StopReason)
     return "\n".join(
         [
-            "| reason | when | cleared by | why it exists, and known failures without it |",
-            "|---|---|---|---|",
-            *(f"| `{name.value}` | {row.when} | {row.cleared} | {row.why} |" for name, row in rows),
+            "| reason | raised by | when | cleared by | why it exists, and known failures without it |",
+            "|---|---|---|---|---|",
+            *(
+                f"| `{name.value}` | {whose[STOP_RULES[name].raised_by]} | {row.when}"
+                f" | {cleared_by(STOP_RULES[name])} | {row.why} |"
+                for name, row in rows
+            ),
         ]
     )
 

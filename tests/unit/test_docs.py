@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from docs.generate import safety_law
-from supervisor.model import StopReason
+from wire.reasons import StopReason
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])

@@ -11,7 +11,8 @@ from deploy.check_motions import MOTIONS, Permitted
 from deploy.cli import app
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import DEFAULT_CONFIG
-from supervisor.model import STANDSTILL, StopReason, Velocity
+from supervisor.model import STANDSTILL, Velocity
+from wire.reasons import StopReason
 
 EXAMPLES = {path.stem: path for path in (DEFAULT_CONFIG.parent / "examples").glob("*.toml")}
 QUARTER = math.pi / 2

@@ -18,7 +18,7 @@ from sim.render import Pixels, Studio
 from sim.scene import Build, Hull
 from sim.shown import COLOURS, STOP_DISTANCE_M, WARNING_DISTANCE_M, Mode, Shown, in_words
 from sim.views import FIELD_OF_VIEW_RAD, NAMES, View, ViewError, camera, view_of
-from supervisor.model import StopReason
+from wire.reasons import StopReason
 
 WIDTH, HEIGHT = 192, 144
 

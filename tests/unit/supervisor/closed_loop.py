@@ -14,10 +14,11 @@ import numpy.typing as npt
 
 from supervisor.clearance import Circle, ConvexPolygon
 from supervisor.config import SupervisorSection
-from supervisor.model import STANDSTILL, Command, Inputs, LaserScan, Odometry, Pose, StopReason, Velocity
+from supervisor.model import STANDSTILL, Command, Inputs, LaserScan, Odometry, Pose, Velocity
 from supervisor.safety import initial_state, step
 from supervisor.scan import Mount
 from tests.unit.supervisor.law_harness import TICK_S, with_lidar
+from wire.reasons import StopReason
 
 Floats = npt.NDArray[np.float64]
 

@@ -28,10 +28,11 @@ from supervisor.blackbox import (
 )
 from supervisor.blackbox_file import LAW, VERSION, BlackBoxError, Document, Order, read, write
 from supervisor.config import SupervisorSection
-from supervisor.model import Command, Inputs, Mode, Odometry, StopReason, Velocity
+from supervisor.model import Command, Inputs, Mode, Odometry, Velocity
 from supervisor.safety import initial_state, step
 from tests.unit.supervisor.black_boxes import NOON_UTC_S, Drive, KeepingWriter, WriterAtOnce
 from tests.unit.supervisor.law_harness import CONFIG, FORWARD, NEUTRAL, TICK_S, lost
+from wire.reasons import StopReason
 
 WINDOW_S = 60.0
 

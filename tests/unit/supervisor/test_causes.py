@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from supervisor.model import Decision, Inputs, Mode, SourceConfig, StopReason, Velocity
+from supervisor.model import Decision, Inputs, Mode, SourceConfig, Velocity
 from supervisor.safety import RELEASED_FACTOR
 from tests.unit.supervisor.law_harness import (
     BACK,
@@ -23,6 +23,7 @@ from tests.unit.supervisor.law_harness import (
     odometry,
     ring,
 )
+from wire.reasons import StopReason
 
 HULL_M = 0.25
 """From the lidar to the hull."""

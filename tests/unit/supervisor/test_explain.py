@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from supervisor.explain import bearing_in_words, detail_of
-from supervisor.model import StopReason
+from wire.reasons import StopReason
 
 LEFT_40 = math.radians(40)
 

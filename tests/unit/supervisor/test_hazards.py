@@ -21,7 +21,7 @@ import pytest
 from supervisor.clearance import ConvexPolygon
 from supervisor.config import SupervisorSection
 from supervisor.messages import HEADER_EPOCH, to_scan
-from supervisor.model import STANDSTILL, Command, Inputs, Mode, StopReason, Velocity
+from supervisor.model import STANDSTILL, Command, Inputs, Mode, Velocity
 from supervisor.safety import initial_state, step
 from tests.unit.supervisor.law_harness import (
     BACK,
@@ -42,6 +42,7 @@ from tests.unit.supervisor.law_harness import (
 from wire import messages as ros
 from wire.bus import Arrival
 from wire.freshness import Sent
+from wire.reasons import StopReason
 
 FULL_SPEED = Velocity(1.0, 2.0)
 

@@ -19,8 +19,9 @@ from hypothesis.extra import numpy as hnp
 
 from supervisor.clearance import Circle, ConvexPolygon, Hull
 from supervisor.law_codec import Codec, codec, record_codec
-from supervisor.model import Decision, Inputs, LaserScan, LawConfig, Mode, State, StopReason, Velocity
+from supervisor.model import Decision, Inputs, LaserScan, LawConfig, Mode, State, Velocity
 from tests.unit.supervisor.law_harness import CONFIG, laser_scan, ring
+from wire.reasons import StopReason
 
 HULLS = (Circle(0.25), ConvexPolygon(((0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2))))
 LEAVES: Mapping[Any, st.SearchStrategy[Any]] = {

@@ -41,7 +41,6 @@ from supervisor.model import (
     Odometry,
     Source,
     State,
-    StopReason,
     Velocity,
 )
 from supervisor.reckoning import Pose
@@ -51,6 +50,7 @@ from supervisor.seen_space import hidden_places
 from tests.unit.supervisor.closed_loop import Outcome, drive_about
 from tests.unit.supervisor.law_harness import with_lidar
 from wire.freshness import JUMP, Sent, Track, Verdict, judge
+from wire.reasons import StopReason
 
 T = TypeVar("T")
 Ranges = npt.NDArray[np.float32]

@@ -13,11 +13,12 @@ import pytest
 
 from supervisor.config import LidarSection, SupervisorSection
 from supervisor.lidar import PROFILES
-from supervisor.model import STANDSTILL, Command, Decision, Inputs, LawConfig, Odometry, StopReason, Velocity
+from supervisor.model import STANDSTILL, Command, Decision, Inputs, LawConfig, Odometry, Velocity
 from supervisor.safety import initial_state, step
 from tests.unit.supervisor import recordings
 from tests.unit.supervisor.law_harness import NEUTRAL, TICK_S, with_lidar
 from tests.unit.supervisor.recordings import ROBOTS, SLOW, START_S, Ranges, Recording, Replay
+from wire.reasons import StopReason
 
 pytestmark = pytest.mark.proof
 

@@ -37,12 +37,12 @@ from supervisor.model import (
     Source,
     SourceConfig,
     State,
-    StopReason,
     Velocity,
 )
 from supervisor.reckoning import Odometer, Pose
 from supervisor.safety import BARRIER_REASONS, WRITER_WINDOW_S, initial_state, step
 from supervisor.scan import Moment, ScanReading, read_scan
+from wire.reasons import StopReason
 
 TICK_S = 0.125
 LATE_S = 0.75

@@ -19,20 +19,10 @@ from bench.scenes.run import TICK_S, Moment, Outcome, Report, advance, run
 from bench.scenes.scene import BOUND_M, TRUSTED_M_S2, BaseNumbers, Profile, rectangle
 from bench.scenes.sensing import Eye, Ranges
 from bench.scenes.world import Measure
-from supervisor.model import (
-    STANDSTILL,
-    Command,
-    Decision,
-    Inputs,
-    LaserScan,
-    Mode,
-    Odometry,
-    Pose,
-    StopReason,
-    Velocity,
-)
+from supervisor.model import STANDSTILL, Command, Decision, Inputs, LaserScan, Mode, Odometry, Pose, Velocity
 from supervisor.safety import initial_state, step
 from wire.freshness import Sent
+from wire.reasons import StopReason
 
 PILLAR_M = 0.05
 """Its radius."""

@@ -8,7 +8,7 @@ import pytest
 
 from supervisor.base_motion import PATIENCE_S
 from supervisor.clearance import ConvexPolygon
-from supervisor.model import STANDSTILL, Decision, Inputs, LawConfig, Mode, Odometry, StopReason, Velocity
+from supervisor.model import STANDSTILL, Decision, Inputs, LawConfig, Mode, Odometry, Velocity
 from supervisor.safety import PRESENT_SHARE, initial_state, step
 from tests.unit.supervisor.law_harness import (
     BACK,
@@ -23,6 +23,7 @@ from tests.unit.supervisor.law_harness import (
     ring,
 )
 from wire.freshness import Sent
+from wire.reasons import StopReason
 
 
 def tick(law: Law, command: Velocity, measured: Velocity) -> Decision:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from supervisor.model import STANDSTILL, Command, Inputs, LaserScan, Mode, StopReason, Velocity
+from supervisor.model import STANDSTILL, Command, Inputs, LaserScan, Mode, Velocity
 from supervisor.safety import IMPLAUSIBLE_FACTOR, RUNAWAY_GRACE_S
 from tests.unit.supervisor.law_harness import (
     BACK,
@@ -26,6 +26,7 @@ from tests.unit.supervisor.law_harness import (
     ring,
 )
 from wire.freshness import Sent
+from wire.reasons import StopReason
 
 
 def at_zero() -> Law:

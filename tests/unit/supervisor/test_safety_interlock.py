@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from supervisor.model import STANDSTILL, Command, Inputs, Mode, StopReason, Velocity
+from supervisor.model import STANDSTILL, Command, Inputs, Mode, Velocity
 from supervisor.safety import ROUNDING_S, initial_state, runs_out_s, step
 from tests.unit.supervisor.law_harness import (
     BACK,
@@ -21,6 +21,7 @@ from tests.unit.supervisor.law_harness import (
     ring,
 )
 from wire.freshness import Sent
+from wire.reasons import StopReason
 
 
 def test_it_starts_stopped_because_nobody_has_spoken() -> None:

@@ -6,17 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from supervisor.model import (
-    STANDSTILL,
-    Command,
-    Decision,
-    Inputs,
-    LawConfig,
-    Mode,
-    Odometry,
-    StopReason,
-    Velocity,
-)
+from supervisor.model import STANDSTILL, Command, Decision, Inputs, LawConfig, Mode, Odometry, Velocity
 from supervisor.safety import GID_BYTES, REMEMBERED_WRITERS, WRITER_WINDOW_S, initial_state, runs_out_s, step
 from supervisor.scan import LaserScan, Lidar, Mount
 from tests.unit.supervisor.law_harness import (
@@ -30,6 +20,7 @@ from tests.unit.supervisor.law_harness import (
     laser_scan,
     ring,
 )
+from wire.reasons import StopReason
 
 LIDAR = CONFIG.lidars[0]
 HALF = 0.5 * math.pi + math.radians(10)

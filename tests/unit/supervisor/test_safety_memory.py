@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from supervisor.model import STANDSTILL, Inputs, Odometry, StopReason, Velocity
+from supervisor.model import STANDSTILL, Inputs, Odometry, Velocity
 from supervisor.safety import initial_state, step
 from supervisor.scan import LaserScan
 from tests.unit.supervisor.law_harness import CONFIG, FORWARD, NEUTRAL, TICK_S, Law, laser_scan, ring
 from tests.unit.supervisor.test_safety_lidars import TWO, Lidars
+from wire.reasons import StopReason
 
 AHEAD_M = 0.6
 """From the lidar to a wall of 21 beams."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from supervisor.model import STANDSTILL, Mode, Odometry, StopReason, Velocity
+from supervisor.model import STANDSTILL, Mode, Odometry, Velocity
 from tests.unit.supervisor.law_harness import (
     BACK,
     CONFIG,
@@ -22,6 +22,7 @@ from tests.unit.supervisor.law_harness import (
     odometry,
     ring,
 )
+from wire.reasons import StopReason
 
 HULL_M = 0.25
 STOP_M = 0.30

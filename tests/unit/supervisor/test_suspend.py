@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from supervisor.model import Command, Inputs, Mode, StopReason
+from supervisor.model import Command, Inputs, Mode
 from tests.unit.supervisor.law_harness import CONFIG, FORWARD, NEUTRAL, SCAN_TIMEOUT_S, TICK_S, Law, odometry
+from wire.reasons import StopReason
 
 SLEPT_S = 3600.0
 HELD_S = max(CONFIG.command_timeout_s, SCAN_TIMEOUT_S)

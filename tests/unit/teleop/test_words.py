@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from supervisor.model import StopReason
 from teleop.pilot import NEUTRAL
 from teleop.view import Control, Tone, View
 from teleop.words import LATE_S, SILENT_AFTER_S, News, direction, news, next_step
 from tests.unit.teleop.views import REASONS, driving, over, source, status, stopped
 from wire.messages import SafetyStatus
+from wire.reasons import StopReason
 
 
 def said(newest: SafetyStatus, **fields: object) -> News:

@@ -1,0 +1,71 @@
+"""The table of the law: for each stop reason who raises it, what it latches, and what clears it.
+
+`safety.py` decides when a reason holds; tests/unit/supervisor/test_stop_rules.py holds it to this table, row by row.
+"""
+
+from collections.abc import Mapping
+from enum import Enum
+from typing import NamedTuple
+
+from wire.reasons import StopReason
+
+
+class RaisedBy(Enum):
+    """Where a reason comes from; what it latches and what clears it follow from that."""
+
+    EVERYTHING_SHARED = "what all sources share"
+    """Sensors, base, supervisor, e-stop. Latched on every source; cleared by a neutral after the cause has ended."""
+    SOURCE = "the source's own commands and liveliness"
+    """Latched on that source, and on every source if it owns the wheels; cleared likewise."""
+    BARRIER = "the owner's command, at the speed barrier"
+    """Latched on every source; cleared by a neutral, or by a command of the owner that does not close on the place."""
+
+
+class StopRule(NamedTuple):
+    """One row of the table."""
+
+    raised_by: RaisedBy
+    ends: str
+    """What ends the cause; only then does a neutral clear it."""
+    routine: bool = False
+    """It occurs in ordinary driving."""
+
+
+STOP_RULES: Mapping[StopReason, StopRule] = {
+    StopReason.ESTOP: StopRule(
+        RaisedBy.EVERYTHING_SHARED, "a reset, which is refused while a live source requests motion"
+    ),
+    StopReason.BASE_RUNAWAY: StopRule(RaisedBy.EVERYTHING_SHARED, "standstill"),
+    StopReason.OVERRUN: StopRule(
+        RaisedBy.EVERYTHING_SHARED, "the next step on time; after a suspend, one timeout more"
+    ),
+    StopReason.SENSOR_CONFLICT: StopRule(RaisedBy.EVERYTHING_SHARED, "one of the two writers is silent"),
+    StopReason.BASE_UNRESPONSIVE: StopRule(RaisedBy.EVERYTHING_SHARED, "zero commanded, and standstill"),
+    StopReason.ODOM_STALE: StopRule(RaisedBy.EVERYTHING_SHARED, "fresh odometry"),
+    StopReason.SCAN_INVALID: StopRule(RaisedBy.EVERYTHING_SHARED, "a valid scan"),
+    StopReason.SCAN_STALE: StopRule(RaisedBy.EVERYTHING_SHARED, "a fresh scan"),
+    StopReason.SOURCE_LOST: StopRule(RaisedBy.SOURCE, "the token is back"),
+    StopReason.COMMAND_INVALID: StopRule(
+        RaisedBy.SOURCE, "a valid command; an invalid one never refreshes the age of the last good one"
+    ),
+    StopReason.COMMAND_STALE: StopRule(RaisedBy.SOURCE, "fresh commands"),
+    StopReason.COMMAND_TIMEOUT: StopRule(RaisedBy.SOURCE, "fresh commands"),
+    StopReason.NO_COMMAND: StopRule(RaisedBy.SOURCE, "a first command", routine=True),
+    StopReason.SCAN_BLIND: StopRule(RaisedBy.BARRIER, "a command that does not close on it", routine=True),
+    StopReason.OBSTACLE: StopRule(RaisedBy.BARRIER, "a command that does not close on it", routine=True),
+}
+
+
+def raised_by(origin: RaisedBy) -> frozenset[StopReason]:
+    """All reasons from one origin."""
+    return frozenset(reason for reason, rule in STOP_RULES.items() if rule.raised_by is origin)
+
+
+def cleared_by(rule: StopRule) -> str:
+    """What clears a latched reason, as a sentence's end."""
+    if rule.raised_by is RaisedBy.BARRIER:
+        return f"neutral, or {rule.ends}"
+    return f"{rule.ends}; then neutral"
+
+
+ROUTINE = frozenset(reason for reason, rule in STOP_RULES.items() if rule.routine)

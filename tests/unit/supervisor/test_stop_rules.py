@@ -1,0 +1,293 @@
+"""The law keeps to its table: who is latched by each stop reason, and what clears it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from supervisor.model import Command, Decision, Inputs, SourceConfig, Velocity
+from supervisor.stop_rules import STOP_RULES, RaisedBy, StopRule, cleared_by
+from tests.unit.supervisor.law_harness import (
+    BACK,
+    CONFIG,
+    FORWARD,
+    NEUTRAL,
+    TICK_S,
+    Law,
+    back,
+    lost,
+    odometry,
+    ring,
+)
+from wire.freshness import Sent
+from wire.reasons import StopReason
+
+CLEAR = ring()
+BLIND = np.where(np.abs(np.arange(360) - 180) < 20, np.float32("nan"), CLEAR)
+
+
+class Stage(Law):
+    """Two sources speak at every tick, unless told otherwise: teleop, of which the courses tell, and another one."""
+
+    def __init__(self, *, teleop: Velocity, other: Velocity, first: str) -> None:
+        self.first: dict[StopReason, set[str]] = {}
+        self.teleop: Velocity | None = NEUTRAL
+        self.other, self.speaks = NEUTRAL, True
+        sources = tuple(SourceConfig(name, 100 if name == first else 10) for name in ("teleop", "other"))
+        super().__init__(replace(CONFIG, sources=sources))
+        self.go(2)
+        self.first.clear()
+        self.teleop, self.other = teleop, other
+        self.go(2)
+        assert self.decision.output == FORWARD
+        assert not self.first
+
+    def go(self, ticks: int = 1, **inputs: object) -> None:
+        for _ in range(ticks):
+            self.now_s += TICK_S
+            commands = [Command("other", self.other, self.now_s)]
+            if self.speaks:
+                commands.append(Command("teleop", self.teleop, self.now_s))
+            self.step(Inputs(commands=tuple(commands), **inputs))  # type: ignore[arg-type]
+
+    def step(self, inputs: Inputs | None = None) -> Decision:
+        decision = super().step(inputs)
+        for reason in StopReason:
+            if latched := self.latched(reason):
+                self.first.setdefault(reason, latched)
+        return decision
+
+    def latched(self, reason: StopReason) -> set[str]:
+        """The sources on which it is latched."""
+        return {source.config.name for source in self.decision.sources if reason in source.latched}
+
+
+# --- what happens
+
+
+def press(law: Stage) -> None:
+    law.go(estop=True)
+
+
+def reset(law: Stage) -> None:
+    law.teleop = NEUTRAL
+    law.go()
+    law.speaks = False
+    law.go(reset=True)
+    law.go()
+
+
+def run_away(law: Stage) -> None:
+    law.teleop = NEUTRAL
+    while not law.latched(StopReason.BASE_RUNAWAY):
+        law.go(odometry=odometry(0.4, law.now_s + TICK_S))
+
+
+def halt(law: Stage) -> None:
+    law.teleop = FORWARD
+    law.go(odometry=odometry(0.0, law.now_s + TICK_S))
+
+
+def hang(law: Stage) -> None:
+    law.now_s += 0.13
+    law.go()
+
+
+def two_writers(law: Stage) -> None:
+    while not law.latched(StopReason.SENSOR_CONFLICT):
+        law.go(odometry=odometry(0.5, law.now_s + TICK_S), odometry_writers=(b"one", b"another"))
+
+
+def one_writer(law: Stage) -> None:
+    for _ in range(100):
+        law.go(
+            odometry=odometry(law.decision.output.linear_m_s, law.now_s + TICK_S), odometry_writers=(b"one",)
+        )
+
+
+def stand_still_under_command(law: Stage) -> None:
+    while not law.latched(StopReason.BASE_UNRESPONSIVE):
+        law.go(odometry=odometry(0.0, law.now_s + TICK_S))
+
+
+def rest(law: Stage) -> None:
+    law.go(5, odometry=odometry(0.0, law.now_s + TICK_S))
+
+
+def lose_odometry(law: Stage) -> None:
+    law.go(odometry=odometry(0.5, law.now_s))
+    while not law.latched(StopReason.ODOM_STALE):
+        law.go()
+
+
+def odometry_again(law: Stage) -> None:
+    law.go(odometry=odometry(0.0, law.now_s + TICK_S))
+
+
+def contradict(law: Stage) -> None:
+    law.ranges = np.full(360, np.nan, dtype=np.float32)
+    law.go(20)
+
+
+def see(law: Stage) -> None:
+    law.ranges, law.scanning = CLEAR, True
+    law.go(2)
+
+
+def stop_scanning(law: Stage) -> None:
+    law.scanning = False
+    law.go(20)
+
+
+def vanish(law: Stage) -> None:
+    law.speaks = False
+    law.go(liveliness=lost())
+
+
+def return_(law: Stage) -> None:
+    law.speaks = True
+    law.go(liveliness=back())
+
+
+def garble(law: Stage) -> None:
+    law.teleop = None
+    law.go()
+
+
+def speak(law: Stage) -> None:
+    law.speaks, law.teleop = True, FORWARD
+    law.go(2)
+
+
+def replay(law: Stage) -> None:
+    law.speaks = False
+    for _ in range(40):
+        law.now_s += TICK_S
+        sent = Sent(b"A", 7, law.now_s)
+        law.step(
+            Inputs(
+                commands=(Command("other", law.other, law.now_s), Command("teleop", FORWARD, law.now_s, sent))
+            )
+        )
+
+
+def fall_silent(law: Stage) -> None:
+    law.speaks = False
+    law.go(15)
+
+
+def leave(law: Stage) -> None:
+    law.teleop = NEUTRAL
+    law.go()
+    law.speaks = False
+    law.go(liveliness=lost())
+
+
+def come_back_driving(law: Stage) -> None:
+    law.teleop, law.speaks = FORWARD, True
+    law.go(liveliness=back())
+
+
+def meet_something(law: Stage) -> None:
+    law.ranges = ring(ahead_m=0.5)
+    law.go(2)
+
+
+def meet_the_unseen(law: Stage) -> None:
+    law.ranges = BLIND
+    law.go(20)
+
+
+def drive_away(law: Stage) -> None:
+    law.teleop = BACK
+    law.go()
+
+
+@dataclass(frozen=True)
+class Course:
+    """How a reason comes, and how its cause ends without a neutral command."""
+
+    comes: Callable[[Stage], None]
+    ends: Callable[[Stage], None]
+
+
+COURSES = {
+    StopReason.ESTOP: Course(press, reset),
+    StopReason.BASE_RUNAWAY: Course(run_away, halt),
+    StopReason.OVERRUN: Course(hang, speak),
+    StopReason.SENSOR_CONFLICT: Course(two_writers, one_writer),
+    StopReason.BASE_UNRESPONSIVE: Course(stand_still_under_command, rest),
+    StopReason.ODOM_STALE: Course(lose_odometry, odometry_again),
+    StopReason.SCAN_INVALID: Course(contradict, see),
+    StopReason.SCAN_STALE: Course(stop_scanning, see),
+    StopReason.SOURCE_LOST: Course(vanish, return_),
+    StopReason.COMMAND_INVALID: Course(garble, speak),
+    StopReason.COMMAND_STALE: Course(replay, speak),
+    StopReason.COMMAND_TIMEOUT: Course(fall_silent, speak),
+    StopReason.NO_COMMAND: Course(leave, come_back_driving),
+    StopReason.SCAN_BLIND: Course(meet_the_unseen, drive_away),
+    StopReason.OBSTACLE: Course(meet_something, drive_away),
+}
+
+
+def test_every_reason_has_a_row_and_a_course() -> None:
+    assert list(STOP_RULES) == list(StopReason)
+    assert list(COURSES) == list(StopReason)
+
+
+@pytest.mark.parametrize("reason", StopReason)
+def test_a_stop_of_the_driving_source_is_latched_on_all_and_cleared_as_the_table_says(
+    reason: StopReason,
+) -> None:
+    law, course = Stage(teleop=FORWARD, other=NEUTRAL, first="teleop"), COURSES[reason]
+    course.comes(law)
+    assert law.first[reason] == {"teleop", "other"}
+    # The status tells the owner's own causes, and another live source takes its place.
+    assert STOP_RULES[reason].raised_by is RaisedBy.SOURCE or reason in law.decision.causes
+    law.teleop = FORWARD
+    course.ends(law)
+    assert reason not in law.decision.causes
+    if STOP_RULES[reason].raised_by is RaisedBy.BARRIER:
+        assert not law.latched(reason)
+        assert law.decision.output == BACK
+        return
+    assert "teleop" in law.latched(reason), "the cause has ended, and no neutral has come"
+    assert law.decision.output == NEUTRAL
+    law.speaks, law.teleop = True, NEUTRAL
+    law.go()
+    assert not law.latched(reason)
+
+
+@pytest.mark.parametrize(
+    "reason",
+    [
+        StopReason.ESTOP,
+        StopReason.BASE_RUNAWAY,
+        StopReason.SENSOR_CONFLICT,
+        StopReason.ODOM_STALE,
+        StopReason.SCAN_INVALID,
+        StopReason.SCAN_STALE,
+        StopReason.SOURCE_LOST,
+    ],
+)
+def test_while_a_cause_holds_neutral_clears_nothing(reason: StopReason) -> None:
+    """The others end with the next step, with zero, or with a valid command."""
+    law = Stage(teleop=FORWARD, other=NEUTRAL, first="teleop")
+    COURSES[reason].comes(law)
+    law.speaks, law.teleop = True, NEUTRAL
+    law.go(2)
+    assert "teleop" in law.latched(reason)
+
+
+@pytest.mark.parametrize("reason", [r for r, rule in STOP_RULES.items() if rule.raised_by is RaisedBy.SOURCE])
+def test_what_a_source_raises_that_does_not_own_the_wheels_is_latched_on_it_alone(reason: StopReason) -> None:
+    law = Stage(teleop=FORWARD, other=FORWARD, first="other")
+    COURSES[reason].comes(law)
+    assert law.first[reason] == {"teleop"}
+    assert law.decision.output == FORWARD
+
+
+def test_the_page_says_what_clears_a_stop() -> None:
+    assert cleared_by(StopRule(RaisedBy.SOURCE, "fresh commands")) == "fresh commands; then neutral"
+    assert cleared_by(StopRule(RaisedBy.BARRIER, "a turn")) == "neutral, or a turn"

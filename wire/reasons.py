@@ -1,0 +1,142 @@
+"""Why the robot stands: each stop reason by the name that SafetyStatus gives it, and in words for every screen."""
+
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import NamedTuple
+
+
+class StopReason(StrEnum):
+    """The most restrictive first, in the order that the status names them."""
+
+    ESTOP = "ESTOP"
+    BASE_RUNAWAY = "BASE_RUNAWAY"
+    OVERRUN = "OVERRUN"
+    SENSOR_CONFLICT = "SENSOR_CONFLICT"
+    BASE_UNRESPONSIVE = "BASE_UNRESPONSIVE"
+    ODOM_STALE = "ODOM_STALE"
+    SCAN_INVALID = "SCAN_INVALID"
+    SCAN_STALE = "SCAN_STALE"
+    SOURCE_LOST = "SOURCE_LOST"
+    COMMAND_INVALID = "COMMAND_INVALID"
+    COMMAND_STALE = "COMMAND_STALE"
+    COMMAND_TIMEOUT = "COMMAND_TIMEOUT"
+    NO_COMMAND = "NO_COMMAND"
+    SCAN_BLIND = "SCAN_BLIND"
+    OBSTACLE = "OBSTACLE"
+
+
+SEVERITY = {reason: rank for rank, reason in enumerate(StopReason)}
+
+
+class Words(NamedTuple):
+    """One stop reason as an operator reads it."""
+
+    now: str
+    """While it holds; WHO stands for the command source."""
+    over: str
+    """When only a neutral command is missing."""
+    caption: str
+    """In as few words as a picture has room for."""
+    step: str
+    """What to do next; NEUTRAL stands for how the display says that."""
+
+
+WORDS: Mapping[StopReason, Words] = {
+    StopReason.ESTOP: Words(
+        now="the emergency stop is latched",
+        over="the emergency stop was pressed, and has been reset",
+        caption="emergency stop",
+        step="NEUTRAL, then r to reset",
+    ),
+    StopReason.BASE_RUNAWAY: Words(
+        now="the base moves although zero is commanded",
+        over="the base moved although zero was commanded",
+        caption="the base moves by itself",
+        step="cut the robot's power",
+    ),
+    StopReason.OVERRUN: Words(
+        now="the supervisor was late, or its machine was suspended",
+        over="the supervisor was late",
+        caption="the supervisor was late",
+        step="NEUTRAL to re-arm",
+    ),
+    StopReason.SENSOR_CONFLICT: Words(
+        now="two programs publish on one sensor's key",
+        over="two programs published on one sensor's key",
+        caption="two writers on one sensor's key",
+        step="end one of the two programs, NEUTRAL",
+    ),
+    StopReason.BASE_UNRESPONSIVE: Words(
+        now="the base does not follow its commands",
+        over="the base did not follow its commands",
+        caption="the base does not follow",
+        step="check the base and its own stop, NEUTRAL",
+    ),
+    StopReason.ODOM_STALE: Words(
+        now="odometry was lost",
+        over="no odometry came",
+        caption="no odometry",
+        step="wait for odometry, NEUTRAL",
+    ),
+    StopReason.SCAN_INVALID: Words(
+        now="the lidar's scan proves nothing",
+        over="the lidar's scans proved nothing",
+        caption="the lidar's scans prove nothing",
+        step="check the lidar, NEUTRAL",
+    ),
+    StopReason.SCAN_STALE: Words(
+        now="no scan has come yet",
+        over="no fresh scan came",
+        caption="no fresh scan",
+        step="wait for the lidar, NEUTRAL",
+    ),
+    StopReason.SOURCE_LOST: Words(
+        now="the connection to WHO was lost",
+        over="the connection to a command source was lost",
+        caption="the operator's program is gone",
+        step="NEUTRAL to re-arm",
+    ),
+    StopReason.COMMAND_INVALID: Words(
+        now="WHO sent something that is no command",
+        over="a command was invalid",
+        caption="a command made no sense",
+        step="NEUTRAL to re-arm",
+    ),
+    StopReason.COMMAND_STALE: Words(
+        now="the commands of WHO come too late or out of order",
+        over="commands came too late or out of order",
+        caption="commands come too late",
+        step="NEUTRAL to re-arm",
+    ),
+    StopReason.COMMAND_TIMEOUT: Words(
+        now="WHO was silent for too long",
+        over="commands were missing for too long",
+        caption="no fresh command",
+        step="NEUTRAL to re-arm",
+    ),
+    StopReason.NO_COMMAND: Words(
+        now="nobody commands the robot",
+        over="nobody commanded the robot",
+        caption="nobody commands it",
+        step="NEUTRAL to arm",
+    ),
+    StopReason.SCAN_BLIND: Words(
+        now="the motion would enter unseen space",
+        over="the motion would have entered unseen space",
+        caption="unseen space there",
+        step="NEUTRAL, or drive where the lidar sees",
+    ),
+    StopReason.OBSTACLE: Words(
+        now="too close for this motion",
+        over="something was too close",
+        caption="obstacle within 30 cm",
+        step="NEUTRAL, or drive away from it",
+    ),
+}
+
+_BY_NAME = {str(reason): words for reason, words in WORDS.items()}
+
+
+def words_of(name: str) -> Words | None:
+    """The words for a name that came over the wire; None for one that this version does not know."""
+    return _BY_NAME.get(name)
