@@ -1,5 +1,6 @@
 """The examples, run as their how-to pages say."""
 
+import asyncio
 import re
 import signal
 import subprocess
@@ -48,3 +49,42 @@ async def test_a_command_source_that_receives_sigint_exits_with_0_and_without_an
                 assert (source.returncode, errors) == (0, "")
             finally:
                 source.kill()
+
+
+async def test_the_profile_finder_tells_what_each_profile_explains(tmp_path: Path) -> None:
+    async with robot(tmp_path, teleop=False) as subject:
+        await subject.until(lambda: subject.status.scan_age_s < 1.0, "scans")
+        assert subject.bus is not None
+        assert (await subject.bus.call(topics.SIM_FAULTS, "blocked -0.5 0.5", timeout_s=5.0)).success
+        answer = await _printed("examples/lidar_profile.py", subject.endpoint)
+        lines = dict(line.split(maxsplit=1) for line in answer.splitlines())
+        assert lines["neato_xv"] == "explains 100.00%"
+        assert lines["rep117"].endswith("but not NaN")
+        assert "no scan came on scan_rear" in await _printed(
+            "examples/lidar_profile.py", subject.endpoint, "scan_rear", returns=1
+        )
+
+
+async def test_the_teller_of_stops_says_each_in_words(tmp_path: Path) -> None:
+    async with robot(tmp_path, topics.SUPERVISOR, teleop=False) as subject:
+        command = [sys.executable, "examples/why_stopped.py", subject.endpoint]
+        with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as teller:
+            try:
+                assert teller.stdout is not None
+                line = await asyncio.to_thread(teller.stdout.readline)
+                assert "SCAN_STALE: no fresh scan came (cleared by: a fresh scan; then neutral)" in line
+                teller.send_signal(signal.SIGINT)
+                await asyncio.to_thread(teller.communicate, timeout=PATIENCE_S)
+                assert teller.returncode == 0
+            finally:
+                teller.kill()
+
+
+async def _printed(*command: str, returns: int = 0) -> str:
+    """What an example prints, on both streams."""
+    example = await asyncio.create_subprocess_exec(
+        sys.executable, *command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+    )
+    output, _ = await asyncio.wait_for(example.communicate(), PATIENCE_S)
+    assert example.returncode == returns, output.decode()
+    return output.decode()

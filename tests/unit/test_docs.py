@@ -1,11 +1,14 @@
 """What the documents say of the code must be what the code says."""
 
 import re
+import textwrap
+import tomllib
 from pathlib import Path
 
 import pytest
 
 from docs.generate import safety_law
+from supervisor.config import SupervisorSection
 from wire.reasons import StopReason
 
 ROOT = Path(__file__).parents[2]
@@ -48,3 +51,16 @@ def test_the_picture_stays_small_and_nothing_but_neutral_or_a_way_out_sets_the_r
     into_motion = {before for before, after in edges if after in moving and before not in moving}
     assert into_motion == {"Ready", "Barrier"}
     assert edges["Barrier", "Driving"] == {"back"}
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs/how-to").glob("*.md")), ids=lambda page: page.stem)
+def test_each_configuration_on_a_how_to_page_is_one_that_the_supervisor_accepts(page: Path) -> None:
+    for fragment in re.findall(r"```toml\n(.*?)```", page.read_text(), re.DOTALL):
+        SupervisorSection.model_validate(tomllib.loads(textwrap.dedent(fragment))["supervisor"])
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs/how-to").glob("*.md")), ids=lambda page: page.stem)
+def test_each_program_on_a_how_to_page_exists(page: Path) -> None:
+    for program in re.findall(r"(?:python|bash) ((?:examples|bench|deploy)/\S+\.\w+)", page.read_text()):
+        assert (ROOT / program).is_file(), program
+    assert page.name in (ROOT / "docs/README.md").read_text()
