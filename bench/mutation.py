@@ -22,7 +22,10 @@ EQUIVALENT = {
     "(near,) = (around.clearance_m <= keep_m + fastest_m_s * horizon_s).nonzero()",
     "near = np.hypot(earlier[:, 0], earlier[:, 1]) <= config.hull.radius_m + config.reach_m",
     # The beams that are asked lie evenly to both sides.
-    "asked = np.rint(beam[:, None] - BESIDE_RAD / abs(view.geometry.increment) * ASKED).astype(np.int64)",
+    "asked = np.rint(beam[left, None] - beams_beside).astype(np.int64)",
+    # What its own beam shows, the beams beside it show as well: this only saves time.
+    "(left,) = (np.abs(ahead_m + distance_m) > SAME_M).nonzero()",
+    "(left,) = (np.abs(ahead_m - distance_m) >= SAME_M).nonzero()",
     # A return at exactly the point's distance shows it again in any case.
     "again = (nearest_m <= distance_m) & (farthest_m > distance_m) & (farthest_m - nearest_m < ONE_SURFACE_M)",
     "again = (nearest_m < distance_m) & (farthest_m >= distance_m) & (farthest_m - nearest_m < ONE_SURFACE_M)",
@@ -32,7 +35,7 @@ EQUIVALENT = {
     "share, blocking = min(shares, key=None, default=(1.0, None))",
     "share, blocking = min(shares, default=(1.0, None))",
     # One value of a float, among those that a distance or a share may have.
-    "(left,) = (off_m >= SAME_M).nonzero()  # nearly all of them are shown again",
+    "(other,) = (np.abs(returns_m - distance_m[left, None]).min(axis=1) >= SAME_M).nonzero()",
     "leaving, entering = outwards >= NOTHING_M, outwards < -NOTHING_M",
     "leaving, entering = outwards > NOTHING_M, outwards <= -NOTHING_M",
     "inside = (depth < 0.0) | (gap <= ON_HULL_M)",

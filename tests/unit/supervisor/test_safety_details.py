@@ -200,6 +200,21 @@ def test_each_source_s_state_is_told() -> None:
     assert law.state.sources[0].invalid is False
 
 
+def test_commands_whose_clock_is_not_proven_yet_refuse_nothing() -> None:
+    """A source that stamps has said nothing yet: it is silent, not late."""
+    law = Law()
+    law.drive()
+    law.tick(("teleop", FORWARD))
+    accepted = law.state.sources[0].counts.accepted
+    assert accepted == 3
+    law.hold(CONFIG.command_timeout_s)
+    for _ in range(3):
+        law.now_s += TICK_S
+        law.step(Inputs(commands=(law.stamped(FORWARD, sent_s=law.now_s),)))
+    assert law.decision.reasons == (StopReason.COMMAND_TIMEOUT,)
+    assert law.state.sources[0].counts.accepted == accepted
+
+
 def test_a_command_without_a_stamp_is_anothers_while_somebody_who_stamps_is_heard() -> None:
     law = Law()
     for _ in range(20):
