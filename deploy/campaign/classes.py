@@ -291,7 +291,7 @@ CLASSES = (
     FaultClass(
         "supervisord_sigkill",
         Group.SUPERVISORD,
-        "SIGKILL: its children live on",
+        "SIGKILL: its children live on; a new one replaces them 0.5 s later",
         "",
         (),
         None,
