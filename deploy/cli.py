@@ -23,6 +23,19 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+
+@app.callback(invoke_without_command=True)
+def lifeline(
+    *,
+    version: Annotated[bool, typer.Option("--version", help="print the version, and leave")] = False,
+) -> None:
+    if version:
+        from importlib.metadata import version as version_of  # noqa: PLC0415
+
+        print(f"lifeline {version_of('lifeline')}")
+        raise typer.Exit
+
+
 path_app = typer.Typer(
     help="Let the robot drive along a path. Any stop, and any key of teleop, pauses it; Enter goes on.",
     no_args_is_help=True,

@@ -259,7 +259,7 @@ def report(done: Drive, truth: Sequence[TruthSample]) -> list[str]:
     """What a person wants to know of a drive."""
     how = {
         Ending.DONE: "the path is driven",
-        Ending.STOPPED: f"stopped: {done.reason}",
+        Ending.STOPPED: f"ended early, {done.reason}",
         Ending.INTERRUPTED: "interrupted",
     }[done.ending]
     if done.path is None:

@@ -189,13 +189,20 @@ def _runs(pid: int) -> bool:
 
 
 def _delete_least_worth(directory: Path, newest: Path, max_files: int) -> None:
-    """Delete files of routine stops first, and never the newest one, even if the wall clock was set back."""
+    """Delete files of routine stops first, and never the newest one, even if the wall clock was set back.
+
+    The file of a routine stop makes no other file go: one more than `max_files` is kept then.
+    """
     others = [
         (name["reason"] not in ROUTINE, path)
         for path in directory.iterdir()
         if path != newest and (name := OURS.fullmatch(path.name))
     ]
-    for _, path in sorted(others)[: max(0, len(others) + 1 - max_files)]:
+    own = OURS.fullmatch(newest.name)
+    is_routine = own is not None and own["reason"] in ROUTINE
+    for is_incident, path in sorted(others)[: max(0, len(others) + 1 - max_files)]:
+        if is_incident and is_routine:
+            break
         with suppress(OSError):
             path.unlink()
 

@@ -150,7 +150,7 @@ async def test_whatever_ends_a_path_without_a_terminal_stops_the_robot(tmp_path:
             subject.bus.publisher(topics.ESTOP).put(Bool(data=True))
             code, output, errors = await ended(last)
             assert (code, errors) == (1, "")
-            assert "stopped: STOPPED: ESTOP" in output
+            assert "ended early, STOPPED: ESTOP" in output
             await at_rest(subject)
     say(
         f"zero on cmd_vel {to_zero_s * 1e3:.1f} ms after SIGINT, {killed_to_zero_s * 1e3:.1f} ms after SIGKILL"

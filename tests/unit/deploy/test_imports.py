@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -24,3 +25,8 @@ def test_the_commands_help_loads_neither_zenoh_nor_pydantic_nor_numpy(tmp_path: 
 def test_our_names_are_ours_from_any_directory(name: str, tmp_path: Path) -> None:
     found = _python(f"import {name}; print({name}.__file__)", tmp_path)
     assert Path(found) == project_root() / name / "__init__.py"
+
+
+def test_the_command_tells_its_version(tmp_path: Path) -> None:
+    code = "import sys; sys.argv = ['lifeline', '--version']; from deploy.cli import app; app()"
+    assert _python(code, tmp_path) == f"lifeline {version('lifeline')}"

@@ -156,7 +156,7 @@ def test_the_report_of_a_path_that_was_stopped_or_never_began() -> None:
     drive = straight_drive(off_m=1.2)
     drive.ending, drive.reason, drive.done_m = Ending.STOPPED, "STOPPED: ESTOP", 0.5
     assert report(drive, []) == [
-        "stopped: STOPPED: ESTOP: 0.50 of 2.00 m in 5.0 s of driving",
+        "ended early, STOPPED: ESTOP: 0.50 of 2.00 m in 5.0 s of driving",
         "off the path, by odometry: 1.20 m rms, 1.20 m at most, of 100 samples",
     ]
     assert report(Drive(), []) == ["interrupted; the robot did not move"]

@@ -377,6 +377,24 @@ def test_files_of_routine_stops_are_deleted_before_all_others(tmp_path: Path) ->
     ]
 
 
+def test_the_file_of_a_routine_stop_makes_no_incident_go(tmp_path: Path) -> None:
+    order = an_order()
+    names = [
+        f"20260704T12000{second}.000Z-{reason}"
+        for second, reason in enumerate(("ESTOP", "ESTOP", "OBSTACLE", "OBSTACLE"))
+    ]
+    for name in names:
+        put(replace(order, name=name), tmp_path, max_files=2)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        f"{name}.jsonl.gz" for name in (*names[:2], names[3])
+    ]
+    put(replace(order, name="20260704T120005.000Z-ESTOP"), tmp_path, max_files=2)
+    assert [path.name[13:] for path in sorted(tmp_path.iterdir())] == [
+        "01.000Z-ESTOP.jsonl.gz",
+        "05.000Z-ESTOP.jsonl.gz",
+    ]
+
+
 def test_the_file_just_written_is_kept_also_when_the_wall_clock_has_gone_back(tmp_path: Path) -> None:
     order = an_order()
     for name in ("20260704T120000.000Z-ESTOP", "20200101T000000.000Z-ESTOP"):
