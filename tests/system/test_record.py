@@ -76,7 +76,7 @@ async def test_a_recorder_that_is_killed_or_has_no_room_loses_about_a_second_and
             await full.flushed()
             limit = size_of(full.file) + 20_000
             resource.prlimit(full.process.pid, resource.RLIMIT_FSIZE, (limit, limit))
-            await killed.flushed(2)
+            await killed.flushed(3)  # two whole seconds between the first and the last
             seen = len(subject.travel)
             await subject.until(lambda: len(subject.travel) > seen + 40, "most of the next second")
             killed_ns = time.time_ns()
