@@ -1,8 +1,8 @@
-"""A command source of your own: drive slowly forward and back, 3 s each way, at 0.1 m/s.
+"""An example of a command source: drive forward and back at 0.1 m/s, 3 s each way.
 
     python examples/command_source.py [ENDPOINT]
 
-The supervisor must know its name: docs/how-to/command-source.md.
+The supervisor must know the source's name: docs/how-to/command-source.md says how.
 """
 
 import asyncio
@@ -16,11 +16,11 @@ from wire.zenoh_bus import DEFAULT_ENDPOINT, BusConfig, open_bus
 
 SOURCE = "patrol"
 PERIOD_S = 0.05
-"""Well below the supervisor's `command_timeout_s` (0.2 s): a late command stops the robot."""
+"""Well below the supervisor's `command_timeout_s` (0.2 s): an older command stops the robot."""
 
 
 def speeds_m_s() -> Iterator[float]:
-    """Zero first, because only a neutral command arms a source; then forward and back."""
+    """Yield zero first, because only a neutral command arms a source; then forward and back."""
     yield from [0.0] * 20
     while True:
         yield from [0.1] * 60
@@ -30,13 +30,13 @@ def speeds_m_s() -> Iterator[float]:
 async def main() -> None:
     bus = await open_bus(BusConfig(sys.argv[1] if len(sys.argv) > 1 else DEFAULT_ENDPOINT), "client")
     commands = bus.publisher(topics.source_cmd_vel(SOURCE))
-    bus.declare_alive(SOURCE)  # its loss stops the robot within milliseconds
+    bus.declare_alive(SOURCE)  # if this process dies, the robot stops within milliseconds
     try:
         for speed_m_s in speeds_m_s():
             commands.put(planar_twist(speed_m_s, 0.0))
             await asyncio.sleep(PERIOD_S)
     finally:
-        commands.put(planar_twist(0.0, 0.0))  # a source that leaves at rest is not lost
+        commands.put(planar_twist(0.0, 0.0))  # zero before leaving: the source is not reported as lost
         await bus.close()
 
 

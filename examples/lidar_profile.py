@@ -1,8 +1,8 @@
-"""Which profile fits a lidar: the share of its readings that each profile explains, from 5 s of scans.
+"""Find the profile that fits a lidar: print the share of 5 s of readings that each profile explains.
 
     python examples/lidar_profile.py [ENDPOINT [KEY]]
 
-docs/how-to/lidar-profile.md says what to do with the answer.
+docs/how-to/lidar-profile.md says how to choose by the output.
 """
 
 import asyncio
@@ -34,7 +34,7 @@ async def main(endpoint: str = DEFAULT_ENDPOINT, key: str = topics.SCAN.key) -> 
 
 
 def judge(scans: list[LaserScan], profile: LidarProfile) -> str:
-    """How much of the scans the profile explains, and the readings that it does not."""
+    """The share of the readings that the profile explains, and the three most frequent that it does not."""
     unexplained: Counter[float] = Counter()
     for scan in scans:
         readings = np.asarray(scan.ranges)

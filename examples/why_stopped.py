@@ -1,4 +1,4 @@
-"""Tell each stop of the robot in words: why it stands, and what clears it. Ctrl-C quits.
+"""Print each stop of the robot in words: the reasons, and what clears them. Ctrl-C quits.
 
 python examples/why_stopped.py [ENDPOINT]
 """
@@ -31,7 +31,7 @@ async def main() -> None:
 
 
 def in_words(name: str) -> str:
-    """A stop reason, and what clears it; by its name alone where this version does not know it."""
+    """A stop reason and what clears it; the name alone if this version does not know it."""
     with suppress(ValueError):
         reason = StopReason(name)
         return f"{name}: {WORDS[reason].over} (cleared by: {cleared_by(STOP_RULES[reason])})"

@@ -11,15 +11,15 @@ hull's nearest point, and a commanded twist (v [m/s], ω [rad/s]):
 with the stop distance d, the deceleration a that the base is trusted with, and the reaction time T: κ is
 the speed from which reacting for T and then braking with a ends exactly at d (v·T + v²/2a = c - d).
 
-The closing speed of now is not all. On an arc it grows while the hull turns. And the base brakes with a
-along its way, not along n: a wall at a slant comes nearer for longer than κ assumes. So the same is asked of
-the way ahead: if the hull, at the full twist, would come within d of something after the time τ, then a share
-s of the twist that reacts and brakes along the same way must end before it:
+The present closing speed is not enough. On an arc it grows while the hull turns. Besides, the base brakes
+with a along its way, not along n: a wall at a slant comes nearer for longer than κ assumes. Therefore the
+way ahead is checked too: if the hull, at the full twist, would come within d of a point after the time τ,
+then the share s of the twist, reacting and braking along the same way, must end before that:
 
-    s·T + s²·V/2a <= τ        with V = max(|v|, |ω|·radius), what the base has to brake
+    s·T + s²·V/2a <= τ        with V = max(|v|, |ω|·radius), the speed that the base has to brake
 
-which straight towards a wall is the formula above. The twist is scaled as a whole, so that an arc keeps its
-shape; what closes on nothing near is not slowed.
+Straight toward a wall, this is the formula above. The twist is scaled as a whole, so that an arc keeps its
+shape. A twist that closes on nothing near is not slowed.
 """
 
 import math
@@ -44,13 +44,13 @@ DEEP_TOLERANCE_M_S = 0.001
 """Deeper than this inside the stop distance, closing counts above this speed: many slow steps must not add up."""
 
 POSES = 6
-"""The way ahead is looked at after so many even parts of it: 8 cm apart at 1 m/s, between which an arc strays by 1 mm."""
+"""The way ahead is checked in this many even steps: 8 cm each at 1 m/s, in which an arc strays by 1 mm."""
 
 MOMENTS = 8
-"""A corner sweeps past something between two of those poses: what it closes on is looked for so much more finely."""
+"""A corner may sweep past a point between two of those poses: its closing speed is sought in finer steps."""
 
 STRAY_M = 0.01
-"""A base on its way from one arc to another is on neither: the way ahead keeps so much more distance."""
+"""A base that changes from one arc to another is on neither: on arcs, the way ahead keeps more distance."""
 
 GRAZE_M = 0.001
 """What comes nearer by less than this, as a wall beside the robot does, does not come nearer; nor does what closes
@@ -119,13 +119,13 @@ class Circle:
 
     def nearest(self, points: Floats) -> tuple[Floats, Floats]:
         distances: Floats = np.hypot(points[:, 0], points[:, 1])
-        # What is at its very centre, driving ahead comes nearer to.
+        # A point at the very centre gets a normal ahead: driving ahead closes on it.
         normals = (points + np.array((NOTHING_M, 0.0))) / (distances + NOTHING_M)[:, None]
         return distances - self.radius_m, normals
 
     def approach(self, points: Floats) -> tuple[Floats, Floats, Floats]:
         clearance, normals = self.nearest(points)
-        return clearance, normals[:, 0], np.zeros(len(points))  # turning a round hull comes nearer to nothing
+        return clearance, normals[:, 0], np.zeros(len(points))  # turning a round hull closes on nothing
 
     def clearance_along(self, points: Floats, poses: Floats) -> Floats:
         offset_x, offset_y = points[:, 0] - poses[:, :1], points[:, 1] - poses[:, 1:2]
@@ -384,7 +384,7 @@ def _limit_of_the_way_ahead(
     barrier: Barrier,
     limit: Limit,
 ) -> Limit:
-    """What braking along the way asks for, where that is less than the limit that holds already."""
+    """The limit from braking along the way, or the present limit if that is lower."""
     hull, lost_s = around.hull, barrier.reaction_s
     braking_s = max(abs(linear_m_s), abs(angular_rad_s) * hull.radius_m) / barrier.deceleration_m_s2
     horizon_s = limit[0] * (lost_s + limit[0] * braking_s / 2.0)
@@ -404,7 +404,7 @@ def _limit_of_the_way_ahead(
         return limit
     first = soonest // len(near)
     before = now if first == 0 else clearance[first - 1]
-    # Between two poses it is taken to come nearer evenly.
+    # Between two poses, the distance is taken to fall linearly.
     share = (before - keep) / np.maximum(before - clearance[first], GRAZE_M)
     share = np.where(entered[first], share, np.inf)
     nearest = int(share.argmin())
@@ -415,7 +415,7 @@ def _limit_of_the_way_ahead(
         scale = max(scale, barrier.hidden_creep_m_s / fastest_m_s)
 
     def block() -> Block:
-        """It may not be closed on yet: what blocks is how it is closed on at the fastest on the way there."""
+        """Take the rates where the hull closes on the point fastest: it may not close on it yet."""
         count = MOMENTS * (first + 1)
         moments = _seen_from(
             points[[nearest]], _along_arc(linear_m_s, angular_rad_s, step_s / MOMENTS, count)

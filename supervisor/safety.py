@@ -688,7 +688,7 @@ def _permitted(seen: Sequence[Seen], twist: Velocity, worth: float) -> tuple[flo
 
     A scan shows where things were when it was taken. They are also looked at from where odometry says
     that the robot is by now, and the more cautious of the two counts: odometry may be wrong. The way ahead
-    on an arc begins where the robot is by now.
+    begins where the robot is by now.
     """
     shares = (permitted_scale(s.around, *twist, s.barrier, s.here, worth=worth) for s in seen)
     return min(shares, key=itemgetter(0))

@@ -4,12 +4,14 @@ Between two neighbouring rays that are free, δ apart, a disc of the smallest di
 
     r(δ) = w/2 · (1 / sin(δ/2) - 1)
 
-outward from the lidar: it touches both rays. A hole in the view, be it dirt, a sector where no beam looks or a
-coarse lidar, is the same gap between its two last rays, only wider; from half a turn on, r is zero. Beyond
-`range_max` nothing is proven either. The *hidden places* are where such a disc may stand: the nearest place on
-each ray, and places along both edges of each hole. Others need not be looked at: the closing speed is the same
-for all points on one normal of the hull, and on it these come first. The barrier treats hidden places as it
-treats a return, so that less speed is permitted as less is seen.
+outward from the lidar: it touches both rays. A hole in the view (dirt, a sector without beams) is such a gap
+too, only wider: δ is then the angle between the rays at its two edges. From half a turn on, r is zero. Beyond
+`range_max` nothing is proven either.
+
+The *hidden places* are points of such discs: the nearest place on each ray, and places along both edges of
+each hole. No other places need checking: the closing speed is the same for all points on one normal of the
+hull, and these are the first that a normal meets. The barrier treats a hidden place as it treats a return, so
+the less is seen, the lower the permitted speed.
 
 Other lidars, and scans of the last `unseen_memory_s`, may have seen what this one does not: each hidden place
 is followed outward along its ray to the first point that none of them has seen free.
@@ -37,7 +39,7 @@ OUTWARD_M: Floats = np.array(
 """How far behind the nearest hidden place another view is asked."""
 
 ALONG_EDGE_M: Floats = np.concatenate((np.arange(0.0, 1.0, 0.04), np.arange(1.0, 2.6, 0.1)))
-"""Where along an edge of a hole, from where a disc fits, discs are placed."""
+"""Distances along an edge of a hole at which discs are placed, counted from where the first disc fits."""
 
 SEEN_MARGIN_M = 0.02
 """A ray that ends nearer than this behind a point does not prove it free: readings are noisy."""
@@ -74,14 +76,14 @@ class _Gaps:
 
 
 class _Holes(NamedTuple):
-    """The gaps between neighbouring rays that see (m,), the last one from the last such ray to the first."""
+    """The gaps between neighbouring beams that see (m,); the last one is from the last beam to the first."""
 
     seeing: npt.NDArray[np.intp]
-    """(m,): the beams that see."""
+    """(m,): the beams that see; gap i begins at beam i of these."""
     width_rad: Floats
-    """(m,): from each of them to the next."""
+    """(m,): the angle of each gap."""
     hides_m: Floats
-    """(m,): from where something fits between them, by their distance from the lidar; infinite where nothing does."""
+    """(m,): distance from the lidar from which a disc fits into the gap; infinite where none does."""
 
 
 def hiding_distance_m(gap_rad: Floats, smallest_m: float) -> Floats:
@@ -98,7 +100,7 @@ def hidden_places(
     reach_m: float,
     others: Callable[[], Sequence[Lookout]] = tuple,
 ) -> Floats:
-    """Places (m, 2) [m] that no view rules out, the nearest ones, in the base frame of the view's scan.
+    """Find hidden places (m, 2) [m], which no view rules out, in the base frame of the view's scan.
 
     Args:
         view: of the lidar that is asked first.
@@ -155,9 +157,9 @@ def _holes(view: View, smallest_m: float, far_m: float) -> _Holes:
 def _into_the_holes(
     holes: _Holes, view: View, direction: Floats, gaps: _Gaps, smallest_m: float
 ) -> list[tuple[Floats, Floats]]:
-    """Rays into the gaps that are wider than from beam to beam, and how far out something may begin on each."""
+    """Hidden places on rays into the holes: parts of directions (2, n) and distances (n,) from the lidar."""
     (missing,) = (view.free_m <= 0.0).nonzero()
-    gap = np.searchsorted(holes.seeing, missing) - 1  # -1, before the first that sees, is the last gap
+    gap = np.searchsorted(holes.seeing, missing) - 1  # -1, before the first beam that sees: the last gap
     crossing = Crossing(gaps.beams_hull.enters_m[missing], gaps.beams_hull.leaves_m[missing])
     outside_m: Floats = np.full(len(gaps.outside[0]), holes.hides_m.item(-1), dtype=np.float64)
     return [
@@ -169,10 +171,12 @@ def _into_the_holes(
 def _along_the_edges(
     holes: _Holes, view: View, rays: Rays, hull: Hull, smallest_m: float, far_m: float
 ) -> tuple[Floats, Floats]:
-    """Of each disc that touches an edge of a hole from within, the point that is nearest to the hull.
+    """Hidden places along both edges of each hole: directions (2, n), distances (n,) from the lidar.
 
-    The nearest place on a ray may lie beside the hull, where no straight motion closes on it, while what is farther
-    out on the same ray lies ahead of a corner.
+    Discs are placed inside the hole so that they touch its edge. Of each disc, the point nearest to the
+    hull is a hidden place. The nearest place on a ray is not enough: it may lie beside the hull, where
+    no straight motion closes on it, while a place farther out on the same ray lies ahead of a corner of
+    the hull.
     """
     step_rad, radius_m = abs(view.geometry.increment), smallest_m / 2.0
     (wide,) = ((holes.hides_m < math.inf) & (holes.width_rad > 1.5 * step_rad)).nonzero()
@@ -186,7 +190,7 @@ def _along_the_edges(
     ray, step = (along_m < far_m).nonzero()
     centre: Floats = (edge[:, ray] * along_m[ray, step] + inward[:, ray] * radius_m + rays.origin_m).T
     away_m, normal = hull.nearest(centre)
-    fits = away_m > radius_m / 2.0  # what overlaps the hull more than that is the robot itself
+    fits = away_m > radius_m / 2.0  # a disc that overlaps the hull by more than half its radius is not placed
     toward_hull_m = np.minimum(away_m[fits], radius_m)
     offset = (centre[fits] - toward_hull_m[:, None] * normal[fits]).T - rays.origin_m
     distance_m: Floats = np.hypot(offset[0], offset[1])

@@ -1,6 +1,6 @@
-"""The table of the law: for each stop reason who raises it, what it latches, and what clears it.
+"""The table of the law: where each stop reason comes from, where it is latched, and what clears it.
 
-`safety.py` decides when a reason holds; tests/unit/supervisor/test_stop_rules.py holds it to this table, row by row.
+`safety.py` decides when a reason holds. tests/unit/supervisor/test_stop_rules.py checks it against each row.
 """
 
 from collections.abc import Mapping
@@ -11,14 +11,23 @@ from wire.reasons import StopReason
 
 
 class RaisedBy(Enum):
-    """Where a reason comes from; what it latches and what clears it follow from that."""
+    """Where a reason comes from; this decides on which sources it is latched, and how that is cleared."""
 
     EVERYTHING_SHARED = "what all sources share"
-    """Sensors, base, supervisor, e-stop. Latched on every source; cleared by a neutral after the cause has ended."""
+    """Sensors, base, supervisor, e-stop. Latched on every source.
+
+    Cleared by a neutral after the cause has ended.
+    """
     SOURCE = "the source's own commands and liveliness"
-    """Latched on that source, and on every source if it owns the wheels; cleared likewise."""
+    """Latched on that source, and on every source if it owns the wheels.
+
+    Cleared by a neutral after the cause has ended.
+    """
     BARRIER = "the owner's command, at the speed barrier"
-    """Latched on every source; cleared by a neutral, or by a command of the owner that does not close on the place."""
+    """Latched on every source.
+
+    Cleared by a neutral; on the owner, also by a command that does not close on the place.
+    """
 
 
 class StopRule(NamedTuple):
@@ -26,9 +35,12 @@ class StopRule(NamedTuple):
 
     raised_by: RaisedBy
     ends: str
-    """What ends the cause; only then does a neutral clear it."""
+    """What ends the cause; only then does a neutral clear the latch.
+
+    Of the barrier: what clears the latch without a neutral.
+    """
     routine: bool = False
-    """It occurs in ordinary driving."""
+    """Whether it is part of ordinary driving: the black box deletes files of such stops first."""
 
 
 STOP_RULES: Mapping[StopReason, StopRule] = {
@@ -39,15 +51,13 @@ STOP_RULES: Mapping[StopReason, StopRule] = {
     StopReason.OVERRUN: StopRule(
         RaisedBy.EVERYTHING_SHARED, "the next step on time; after a suspend, one timeout more"
     ),
-    StopReason.SENSOR_CONFLICT: StopRule(RaisedBy.EVERYTHING_SHARED, "one of the two writers is silent"),
+    StopReason.SENSOR_CONFLICT: StopRule(RaisedBy.EVERYTHING_SHARED, "silence of one of the two writers"),
     StopReason.BASE_UNRESPONSIVE: StopRule(RaisedBy.EVERYTHING_SHARED, "zero commanded, and standstill"),
     StopReason.ODOM_STALE: StopRule(RaisedBy.EVERYTHING_SHARED, "fresh odometry"),
     StopReason.SCAN_INVALID: StopRule(RaisedBy.EVERYTHING_SHARED, "a valid scan"),
     StopReason.SCAN_STALE: StopRule(RaisedBy.EVERYTHING_SHARED, "a fresh scan"),
-    StopReason.SOURCE_LOST: StopRule(RaisedBy.SOURCE, "the token is back"),
-    StopReason.COMMAND_INVALID: StopRule(
-        RaisedBy.SOURCE, "a valid command; an invalid one never refreshes the age of the last good one"
-    ),
+    StopReason.SOURCE_LOST: StopRule(RaisedBy.SOURCE, "the return of the token"),
+    StopReason.COMMAND_INVALID: StopRule(RaisedBy.SOURCE, "a valid command"),
     StopReason.COMMAND_STALE: StopRule(RaisedBy.SOURCE, "fresh commands"),
     StopReason.COMMAND_TIMEOUT: StopRule(RaisedBy.SOURCE, "fresh commands"),
     StopReason.NO_COMMAND: StopRule(RaisedBy.SOURCE, "a first command", routine=True),
@@ -57,12 +67,12 @@ STOP_RULES: Mapping[StopReason, StopRule] = {
 
 
 def raised_by(origin: RaisedBy) -> frozenset[StopReason]:
-    """All reasons from one origin."""
+    """The reasons from one origin."""
     return frozenset(reason for reason, rule in STOP_RULES.items() if rule.raised_by is origin)
 
 
 def cleared_by(rule: StopRule) -> str:
-    """What clears a latched reason, as a sentence's end."""
+    """What clears a latched reason, as a phrase that completes "cleared by"."""
     if rule.raised_by is RaisedBy.BARRIER:
         return f"neutral, or {rule.ends}"
     return f"{rule.ends}; then neutral"

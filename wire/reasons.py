@@ -1,4 +1,4 @@
-"""Why the robot stands: each stop reason by the name that SafetyStatus gives it, and in words for every screen."""
+"""The stop reasons: their names in SafetyStatus, and their words on every screen."""
 
 from collections.abc import Mapping
 from enum import StrEnum
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class StopReason(StrEnum):
-    """The most restrictive first, in the order that the status names them."""
+    """Why the robot is stopped. The most restrictive first; the status names them in this order."""
 
     ESTOP = "ESTOP"
     BASE_RUNAWAY = "BASE_RUNAWAY"
@@ -29,16 +29,16 @@ SEVERITY = {reason: rank for rank, reason in enumerate(StopReason)}
 
 
 class Words(NamedTuple):
-    """One stop reason as an operator reads it."""
+    """The words for one stop reason."""
 
     now: str
-    """While it holds; WHO stands for the command source."""
+    """While the cause holds; WHO stands for the command source."""
     over: str
-    """When only a neutral command is missing."""
+    """When the cause has ended, and only a neutral command is missing."""
     caption: str
-    """In as few words as a picture has room for."""
+    """A short form, for pictures and videos."""
     step: str
-    """What to do next; NEUTRAL stands for how the display says that."""
+    """What to do next; NEUTRAL stands for how the display asks for a neutral command."""
 
 
 WORDS: Mapping[StopReason, Words] = {
@@ -138,5 +138,5 @@ _BY_NAME = {str(reason): words for reason, words in WORDS.items()}
 
 
 def words_of(name: str) -> Words | None:
-    """The words for a name that came over the wire; None for one that this version does not know."""
+    """The words for a name from a status; None for a name that this version does not know."""
     return _BY_NAME.get(name)

@@ -59,7 +59,7 @@ Row = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Reason:
-    """What the page says of a row beside the table of the law: when it holds, and why it exists."""
+    """What the page adds to a row of the table of the law: when the reason holds, and why it exists."""
 
     when: str
     why: str
@@ -115,7 +115,8 @@ REASONS: Mapping[StopReason, Reason] = {
     StopReason.COMMAND_INVALID: Reason(
         "the source's last command was undecodable, NaN, infinite, far beyond the limits, or had components "
         "that a ground robot does not have",
-        "diff_drive_controller keeps the reference from before a NaN, and the NaN refreshes its age.",
+        "An invalid command must not refresh the age of the last good one: diff_drive_controller keeps the "
+        "reference from before a NaN, and the NaN refreshes its age.",
     ),
     StopReason.COMMAND_STALE: Reason(
         f"commands arrive, but late, replayed, out of order or from another epoch, and no good one for "

@@ -41,7 +41,7 @@ def hidden(
     mount: Mount | None = None,
     reach_m: float = 1.5,
 ) -> Floats:
-    """On the rays alone; what hides along the edges of holes is tested below."""
+    """The hidden places on the rays alone; those along the edges of holes are tested below."""
     with patch.object(seen_space, "ALONG_EDGE_M", np.empty(0)):
         return hidden_places(view, mount or Mount(), hull, SMALLEST_M, reach_m, lambda: others)
 
@@ -329,7 +329,7 @@ def test_no_disc_that_touches_no_free_ray_is_nearer_to_the_hull_than_what_is_hid
 
 
 def along_edges(view: View, hull: Hull = HULL, mount: Mount | None = None) -> Floats:
-    """Of the hidden places those that are not the nearest on a ray."""
+    """The hidden places without those that are the nearest on a ray."""
     places = hidden_places(view, mount or Mount(), hull, SMALLEST_M, 1.5)
     on_rays = {tuple(place) for place in hidden(view, hull=hull, mount=mount).tolist()}
     return np.array([place for place in places.tolist() if tuple(place) not in on_rays])
@@ -342,7 +342,7 @@ def gap_to_rays_m(view: View, points: Floats, mount: Mount | None = None) -> Flo
 
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("beams", [11, 150, 200])
-def test_along_both_edges_of_a_hole_hide_discs_that_touch_them_from_within(beams: int, sign: int) -> None:
+def test_hidden_places_along_edges_of_a_hole_are_of_discs_that_touch_them(beams: int, sign: int) -> None:
     view = view_of(with_hole(beams), Geometry(BEAMS, -sign * math.pi, sign * BEAM_RAD))
     places = along_edges(view)
     assert (places[:, 1] > 0.0).any()
@@ -352,14 +352,14 @@ def test_along_both_edges_of_a_hole_hide_discs_that_touch_them_from_within(beams
     )  # beyond the point nearest to a round hull
     whole = HULL.clearance(places) > 1e-9  # a disc that overlaps the hull is cut off there
     assert gap_to_rays_m(view, discs[whole]) == pytest.approx(SMALLEST_M / 2, abs=1e-9)
-    # From 4 cm to 4 cm, out to where nothing limits a motion: 1.75 m.
+    # At most 10 cm apart, out to where no point limits a motion: 1.75 m.
     for side in (1.0, -1.0):
         out_m = np.sort(away_m(discs[whole & (side * places[:, 1] > 0.0)]))
         assert np.diff(out_m).max() < 0.11
         assert out_m[-1] > 1.65
 
 
-def test_a_disc_that_touches_both_edges_of_a_hole_is_the_first_along_each() -> None:
+def test_the_first_disc_along_each_edge_touches_both_edges_of_the_hole() -> None:
     small = Circle(0.1)
     places = along_edges(view_of(with_hole(11)), small)
     fits_m = float(hiding_distance_m(np.array(12 * BEAM_RAD), SMALLEST_M))
@@ -369,17 +369,15 @@ def test_a_disc_that_touches_both_edges_of_a_hole_is_the_first_along_each() -> N
     assert first[:, 1] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_no_disc_along_an_edge_is_looked_for_inside_the_hull() -> None:
+def test_no_hidden_place_along_an_edge_lies_inside_the_hull() -> None:
     fan = view_of(np.full(181, 3.0), Geometry(181, -math.pi / 2, BEAM_RAD))
     places = along_edges(fan, RECTANGLE, Mount(-0.1, 0.05))
     assert len(places)
     assert RECTANGLE.clearance(places).min() >= -1e-9
 
 
-def test_what_hides_behind_a_corner_limits_backing_though_what_is_nearest_on_its_ray_is_beside_the_hull() -> (
-    None
-):
-    """A robot with one lidar of 210° backed straight past something just outside its view."""
+def test_a_hidden_place_behind_a_corner_limits_backing_where_the_nearest_on_its_ray_does_not() -> None:
+    """A robot with one lidar of 210° once backed straight past an object just outside its view."""
     box = ConvexPolygon(((0.21, -0.226), (0.21, 0.226), (-0.21, 0.226), (-0.21, -0.226)))
     mount = Mount(0.186, 0.029, 1.846)
     view = view_of(np.full(641, 3.0), Geometry(641, -1.8355, 0.005736))

@@ -1,4 +1,4 @@
-"""The law keeps to its table: who is latched by each stop reason, and what clears it."""
+"""The law follows its table: on which sources each stop reason is latched, and what clears it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -28,7 +28,13 @@ BLIND = np.where(np.abs(np.arange(360) - 180) < 20, np.float32("nan"), CLEAR)
 
 
 class Stage(Law):
-    """Two sources speak at every tick, unless told otherwise: teleop, of which the courses tell, and another one."""
+    """Two sources command at every tick: `other`, and `teleop`, which the courses change or silence.
+
+    Args:
+        teleop: commanded by `teleop` after arming.
+        other: commanded by `other` after arming.
+        first: the source with the higher priority.
+    """
 
     def __init__(self, *, teleop: Velocity, other: Velocity, first: str) -> None:
         self.first: dict[StopReason, set[str]] = {}
@@ -206,7 +212,7 @@ def drive_away(law: Stage) -> None:
 
 @dataclass(frozen=True)
 class Course:
-    """How a reason comes, and how its cause ends without a neutral command."""
+    """How a reason is raised, and how its cause ends without a neutral command."""
 
     comes: Callable[[Stage], None]
     ends: Callable[[Stage], None]
@@ -237,13 +243,13 @@ def test_every_reason_has_a_row_and_a_course() -> None:
 
 
 @pytest.mark.parametrize("reason", StopReason)
-def test_a_stop_of_the_driving_source_is_latched_on_all_and_cleared_as_the_table_says(
+def test_a_stop_of_the_owner_is_latched_on_every_source_and_cleared_as_the_table_says(
     reason: StopReason,
 ) -> None:
     law, course = Stage(teleop=FORWARD, other=NEUTRAL, first="teleop"), COURSES[reason]
     course.comes(law)
     assert law.first[reason] == {"teleop", "other"}
-    # The status tells the owner's own causes, and another live source takes its place.
+    # The status names the owner's own causes only, and the other live source has become the owner.
     assert STOP_RULES[reason].raised_by is RaisedBy.SOURCE or reason in law.decision.causes
     law.teleop = FORWARD
     course.ends(law)
@@ -271,8 +277,8 @@ def test_a_stop_of_the_driving_source_is_latched_on_all_and_cleared_as_the_table
         StopReason.SOURCE_LOST,
     ],
 )
-def test_while_a_cause_holds_neutral_clears_nothing(reason: StopReason) -> None:
-    """The others end with the next step, with zero, or with a valid command."""
+def test_neutral_clears_nothing_while_the_cause_holds(reason: StopReason) -> None:
+    """Without those reasons whose cause ends with the next step, with zero, or with a valid command."""
     law = Stage(teleop=FORWARD, other=NEUTRAL, first="teleop")
     COURSES[reason].comes(law)
     law.speaks, law.teleop = True, NEUTRAL
@@ -281,13 +287,13 @@ def test_while_a_cause_holds_neutral_clears_nothing(reason: StopReason) -> None:
 
 
 @pytest.mark.parametrize("reason", [r for r, rule in STOP_RULES.items() if rule.raised_by is RaisedBy.SOURCE])
-def test_what_a_source_raises_that_does_not_own_the_wheels_is_latched_on_it_alone(reason: StopReason) -> None:
+def test_a_reason_of_a_source_that_is_not_the_owner_is_latched_on_it_alone(reason: StopReason) -> None:
     law = Stage(teleop=FORWARD, other=FORWARD, first="other")
     COURSES[reason].comes(law)
     assert law.first[reason] == {"teleop"}
     assert law.decision.output == FORWARD
 
 
-def test_the_page_says_what_clears_a_stop() -> None:
+def test_what_clears_a_reason_is_put_into_words() -> None:
     assert cleared_by(StopRule(RaisedBy.SOURCE, "fresh commands")) == "fresh commands; then neutral"
     assert cleared_by(StopRule(RaisedBy.BARRIER, "a turn")) == "neutral, or a turn"
