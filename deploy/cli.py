@@ -27,7 +27,7 @@ app = typer.Typer(
 @app.callback(invoke_without_command=True)
 def lifeline(
     *,
-    version: Annotated[bool, typer.Option("--version", help="print the version, and leave")] = False,
+    version: Annotated[bool, typer.Option("--version", help="show the version and exit")] = False,
 ) -> None:
     if version:
         from importlib.metadata import version as version_of  # noqa: PLC0415
@@ -209,7 +209,7 @@ def faults(
 ) -> None:
     """Break everything at random moments, and check every promise.
 
-    Exit code 1: one was broken, or a class of faults was not tried for want of time.
+    Exit code 1: one was broken, or a class of faults was not tried because time ran out.
     """
 
     def run() -> int:

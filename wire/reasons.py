@@ -64,13 +64,13 @@ WORDS: Mapping[StopReason, Words] = {
         now="two programs publish on one sensor's key",
         over="two programs published on one sensor's key",
         caption="two writers on one sensor's key",
-        step="end one of the two programs, NEUTRAL",
+        step="stop one of the two programs, NEUTRAL",
     ),
     StopReason.BASE_UNRESPONSIVE: Words(
         now="the base does not follow its commands",
         over="the base did not follow its commands",
         caption="the base does not follow",
-        step="check the base and its own stop, NEUTRAL",
+        step="check the base and its e-stop, NEUTRAL",
     ),
     StopReason.ODOM_STALE: Words(
         now="odometry was lost",
@@ -93,13 +93,13 @@ WORDS: Mapping[StopReason, Words] = {
     StopReason.SOURCE_LOST: Words(
         now="the connection to WHO was lost",
         over="the connection to a command source was lost",
-        caption="the operator's program is gone",
+        caption="command source lost",
         step="NEUTRAL to re-arm",
     ),
     StopReason.COMMAND_INVALID: Words(
-        now="WHO sent something that is no command",
+        now="WHO sent an invalid command",
         over="a command was invalid",
-        caption="a command made no sense",
+        caption="invalid command",
         step="NEUTRAL to re-arm",
     ),
     StopReason.COMMAND_STALE: Words(
@@ -115,21 +115,21 @@ WORDS: Mapping[StopReason, Words] = {
         step="NEUTRAL to re-arm",
     ),
     StopReason.NO_COMMAND: Words(
-        now="nobody commands the robot",
-        over="nobody commanded the robot",
-        caption="nobody commands it",
+        now="no source commands the robot",
+        over="no source commanded the robot",
+        caption="no command source",
         step="NEUTRAL to arm",
     ),
     StopReason.SCAN_BLIND: Words(
         now="the motion would enter unseen space",
         over="the motion would have entered unseen space",
-        caption="unseen space there",
+        caption="would enter unseen space",
         step="NEUTRAL, or drive where the lidar sees",
     ),
     StopReason.OBSTACLE: Words(
         now="too close for this motion",
         over="something was too close",
-        caption="obstacle within 30 cm",
+        caption="obstacle too close",
         step="NEUTRAL, or drive away from it",
     ),
 }

@@ -56,7 +56,7 @@ def test_a_driven_robot_slows_rests_at_thirty_centimetres_says_why_and_backs_out
     assert modes == [Mode.READY, Mode.DRIVING, Mode.LIMITED, Mode.STOPPED, Mode.DRIVING, Mode.READY]
     resting = [number for number, shown in enumerate(moments) if shown.mode is Mode.STOPPED]
     assert {shown.reasons for shown in moments} == {(), ("OBSTACLE",)}
-    assert moments[resting[-1]].why == "obstacle within 30 cm"
+    assert moments[resting[-1]].why == "obstacle too close"
     assert gaps_m[resting[-1]] == pytest.approx(0.30, abs=0.02)
     assert min(gaps_m) > 0.29
     assert gaps_m[-1] > 0.6

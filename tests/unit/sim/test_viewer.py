@@ -17,7 +17,7 @@ def test_the_window_says_mode_speed_and_what_is_nearest() -> None:
 def test_a_robot_that_stands_says_why_in_words() -> None:
     left, right = words(Shown(Mode.STOPPED, ("OBSTACLE",), 0.0, 0.30))
     assert left.split("\n")[1] == "why"
-    assert right.split("\n")[1] == "obstacle within 30 cm"
+    assert right.split("\n")[1] == "obstacle too close"
 
 
 def test_a_robot_whose_causes_are_over_says_that_it_waits_for_neutral() -> None:
