@@ -42,9 +42,6 @@ ObstacleWidth = Annotated[float, Between(0.005, 0.5)]
 HullRadius = Annotated[float, Between(0.05, 5.0, "in m")]
 Pair = Annotated[tuple[Distance, Distance], Field(strict=False)]  # TOML knows lists only
 
-MOUNT_REACH_M = 1.0
-"""How far outside the hull's radius a lidar may be: on a boom, but not by mistake of the unit."""
-
 PERIODS_IN_TIMEOUT = 1.5
 """A timeout below this many periods stops the robot for every scan that is a little late."""
 
@@ -169,9 +166,9 @@ class SupervisorSection(Section):
         if self.lidars is not None and "lidar" in self.model_fields_set:
             message = "give either [supervisor.lidar] or [[supervisor.lidars]]: move its keys into the list"
             yield Conflict(("lidar",), None, message)
-        reach_m = self.footprint.hull().radius_m + MOUNT_REACH_M
+        hull = self.footprint.hull()
         for path, lidar in self._lidars_with_paths():
-            for key, value, message in lidar.contradictions(self.stop_distance_m, reach_m):
+            for key, value, message in lidar.contradictions(self.stop_distance_m, hull):
                 yield Conflict((*path, *key), value, message)
             period_s = lidar.usual_period_s()
             if period_s is not None:

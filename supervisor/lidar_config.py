@@ -4,8 +4,10 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, Literal, Self
 
+import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
+from supervisor.clearance import Hull
 from supervisor.lidar import PROFILES, TIMINGS, LidarProfile, SensorTiming
 from supervisor.scan import Mount
 from wire import topics
@@ -19,6 +21,9 @@ Timeout = Annotated[float, Between(0.03, 3.0, "a slower lidar does not see what 
 Period = Annotated[float, Between(0.002, 2.0)]
 # Fewer show no surroundings; more than 4,096 no planar lidar has.
 MinBeams = Annotated[int, Between(12, 4096)]
+OUTSIDE_M = 0.02
+"""A mount is measured to a centimetre or two. From farther outside, a lidar looks past the hull into the shadows of what
+it sees, and the law does not search these (docs/decisions/0039)."""
 FULL_TURN_SLACK_RAD = 1e-3
 """Nobody writes pi in full."""
 Sector = Annotated[tuple[Angle, Angle], Field(strict=False)]
@@ -84,19 +89,19 @@ class LidarSection(Section):
         timing = self.timing()
         return self.period_s if self.period_s is not None or timing is None else timing.usual_period_s
 
-    def contradictions(self, stop_distance_m: float, reach_m: float) -> Iterator[Conflict]:
+    def contradictions(self, stop_distance_m: float, hull: Hull) -> Iterator[Conflict]:
         """What does not fit to the robot.
 
         Args:
             stop_distance_m: of the robot's hull.
-            reach_m: how far from the robot's centre a lidar may be mounted.
+            hull: its outline.
         """
-        away_m = math.hypot(self.x_m, self.y_m)
-        if away_m > reach_m:
+        outside_m = hull.clearance(np.array([[self.x_m, self.y_m]])).item()
+        if outside_m > OUTSIDE_M:
             key = "x_m" if abs(self.x_m) >= abs(self.y_m) else "y_m"
             message = (
-                f"puts the lidar {away_m:.2f} m from the robot's centre, where the footprint allows {reach_m:.2f} m: "
-                "correct the mount, or the footprint"
+                f"puts the lidar {outside_m:.2f} m outside the footprint, but it is part of the robot: correct the mount, "
+                "or make the footprint include the lidar"
             )
             yield Conflict((key,), getattr(self, key), message)
         if self.own is not None and self.own.codes_below_m >= stop_distance_m:

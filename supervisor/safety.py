@@ -344,26 +344,41 @@ def _seek_hidden(state: State, usable: Usable, *, moved_on: bool) -> State:
         remembered = survey(config.hull, state.memory.points, Kind.REMEMBERED)
         places.append(Place(state.memory_pose, remembered))
     if usable:
-        first, view = config.lidars[usable[0][0]], usable[0][1].view
-        assert view is not None  # a usable scan has one
-        hidden = hidden_places(
-            view,
-            first.mount,
-            config.hull,
-            config.smallest_obstacle_m,
-            config.reach_m,
-            lambda: _lookouts(state, usable, view.pose),
-        )
+        newest = max((scan.view for _, scan in usable if scan.view is not None), key=attrgetter("taken_s"))
+        parts = [_hidden_from(state, place, scan, usable, newest.pose) for place, scan in usable]
+        hidden = parts[0] if len(parts) == 1 else np.concatenate(parts)
         if len(hidden):
-            places.append(Place(view.pose, survey(config.hull, hidden, Kind.HIDDEN)))
+            places.append(Place(newest.pose, survey(config.hull, hidden, Kind.HIDDEN)))
     return state._replace(places=tuple(places), looking=looking)
 
 
-def _lookouts(state: State, usable: Usable, pose: Pose) -> list[Lookout]:
-    """The views that may have seen what the first lidar does not."""
+def _hidden_from(state: State, place: int, scan: ScanReading, usable: Usable, pose: Pose) -> Floats:
+    """What one lidar does not see and no other one does either, in the frame of a pose.
+
+    What no lidar sees is bounded by what each of them sees: one after the other is asked.
+    """
+    config, view = state.config, scan.view
+    assert view is not None  # a usable scan has one
+    others = [one for one in usable if one[0] != place]
+    hidden = hidden_places(
+        view,
+        config.lidars[place].mount,
+        config.hull,
+        config.smallest_obstacle_m,
+        config.reach_m,
+        lambda: _lookouts(state, others, view.pose),
+    )
+    if view.pose == pose:
+        return hidden
+    hidden = moved(hidden, between(view.pose, pose))
+    return hidden[config.hull.clearance(hidden) > 0.0]  # where the hull is by then, nothing else is
+
+
+def _lookouts(state: State, others: Usable, pose: Pose) -> list[Lookout]:
+    """The views that may have seen what one lidar does not: those of the others, and of a moment ago."""
     lidars = state.config.lidars
     mounts = {lidar.name: lidar.mount for lidar in lidars}
-    now = [(lidars[place].mount, scan.view) for place, scan in usable[1:]]
+    now = [(lidars[place].mount, scan.view) for place, scan in others]
     past = [(mounts[p.lidar], p.view) for p in state.past]
     return [lookout(view, mount, view.pose, pose) for mount, view in (*now, *past) if view is not None]
 

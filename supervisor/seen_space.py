@@ -38,7 +38,7 @@ OUTWARD_M: Floats = np.array(
 )
 """How far behind the nearest hidden place another view is asked."""
 
-ALONG_EDGE_M: Floats = np.concatenate((np.arange(0.0, 1.0, 0.04), np.arange(1.0, 2.6, 0.1)))
+ALONG_EDGE_M: Floats = np.concatenate((np.arange(0.0, 1.0, 0.04), np.arange(1.0, 20.0, 0.1)))
 """Distances along an edge of a hole at which discs are placed, counted from where the first disc fits."""
 
 SEEN_MARGIN_M = 0.02

@@ -261,10 +261,13 @@ def _partial_view(axes: Axes, file: Path, title: str) -> None:
         assert reading.view is not None  # every beam returns
         views.append(reading.view)
         _free_area(axes, reading.view, lidar.mount, hull)
-    others = [lookout(v, lidar.mount, HERE, HERE) for v, lidar in zip(views[1:], lidars[1:], strict=True)]
-    hidden = hidden_places(
-        views[0], lidars[0].mount, hull, config.smallest_obstacle_m, REACH_M, lambda: others
-    )
+    lookouts = [lookout(v, lidar.mount, HERE, HERE) for v, lidar in zip(views, lidars, strict=True)]
+    parts: list[Floats] = []
+    for view, lidar, own in zip(views, lidars, lookouts, strict=True):
+        others = tuple(one for one in lookouts if one is not own)
+        smallest_m = config.smallest_obstacle_m
+        parts.append(hidden_places(view, lidar.mount, hull, smallest_m, REACH_M, lambda given=others: given))
+    hidden = np.concatenate(parts)
     hidden = hidden[(np.abs(hidden) < ROOM[0]).all(axis=1)]
     axes.add_patch(Polygon(np.array(hull.corners), color=ROBOT, lw=0, zorder=3))
     axes.plot(hidden[:, 0], hidden[:, 1], "o", color=HIDDEN, ms=5, zorder=5)

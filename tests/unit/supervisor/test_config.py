@@ -74,11 +74,11 @@ def test_a_threshold_is_below_the_speed_limit(key: str, limit: str, most: float)
     assert load(**{**small, key: math.nextafter(most, 0.0), limit: most})
 
 
-def test_a_lidar_may_be_a_metre_outside_the_hull_but_no_farther() -> None:
-    assert load(footprint={"radius_m": 0.25}, lidar={"x_m": -1.25})
-    message = refusal(footprint={"radius_m": 0.25}, lidar={"x_m": math.nextafter(-1.25, -2.0)})
-    assert "supervisor.lidar.x_m" in message
-    assert "the footprint allows 1.25 m" in message
+def test_a_lidar_is_part_of_the_robot_and_within_its_footprint() -> None:
+    assert load(footprint={"radius_m": 0.25}, lidar={"x_m": -0.265})
+    message = refusal(footprint={"radius_m": 0.25}, lidar={"x_m": -0.28})
+    assert "supervisor.lidar.x_m = -0.28: puts the lidar 0.03 m outside the footprint" in message
+    assert "make the footprint include the lidar" in message
     assert "supervisor.lidars.1.y_m = 5.0" in refusal(**listed(FRONT, {**REAR, "x_m": 0.1, "y_m": 5.0}))
 
 
@@ -167,7 +167,7 @@ def test_one_lidar_is_called_lidar_and_is_on_scan() -> None:
 
 
 def test_several_lidars_are_listed_with_their_own_timeouts() -> None:
-    config = load(**listed({**FRONT, "profile": "sick_lms"}, {**REAR, "profile": "rplidar", "x_m": -0.3}))
+    config = load(**listed({**FRONT, "profile": "sick_lms"}, {**REAR, "profile": "rplidar", "x_m": -0.2}))
     assert [(lidar.name, lidar.topic) for lidar in config.all_lidars()] == [
         ("front", "scan"),
         ("rear", "scan_rear"),

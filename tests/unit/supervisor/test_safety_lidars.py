@@ -5,10 +5,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from supervisor.clearance import Barrier, ConvexPolygon, permitted_scale, survey
 from supervisor.model import STANDSTILL, Command, Decision, Inputs, LawConfig, Mode, Odometry, Velocity
 from supervisor.safety import GID_BYTES, REMEMBERED_WRITERS, WRITER_WINDOW_S, initial_state, runs_out_s, step
-from supervisor.scan import LaserScan, Lidar, Mount
+from supervisor.scan import LaserScan, Lidar, Mount, rays_of
 from tests.unit.supervisor.law_harness import (
     BACK,
     CONFIG,
@@ -20,6 +23,7 @@ from tests.unit.supervisor.law_harness import (
     laser_scan,
     ring,
 )
+from tests.unit.supervisor.views import gap_to_rays_m
 from wire.reasons import StopReason
 
 LIDAR = CONFIG.lidars[0]
@@ -326,3 +330,57 @@ def test_a_flood_of_writers_that_each_speak_once_does_not_stop_the_robot() -> No
         law.writers = (b"only", *(gid(number + n) for n in range(10)))
         assert law.tick(FORWARD).output == FORWARD
         assert len(law.state.sights[0].writers) <= REMEMBERED_WRITERS
+
+
+# --- what two lidars together do not see
+
+
+def partial_lidar(
+    rng: np.random.Generator, hull: ConvexPolygon, name: str
+) -> tuple[Lidar, np.ndarray, float]:
+    """A lidar somewhere in the hull, with a limited view and holes; its readings, and its increment."""
+    x_m, y_m = hull.corners[0]
+    mount = Mount(rng.uniform(-x_m, x_m), rng.uniform(y_m, -y_m), rng.uniform(-3.0, 3.0))
+    beams = int(rng.choice([90, 180, 360]))
+    increment = 2 * math.pi * float(rng.choice([1.0, 0.75, 0.6])) / beams
+    ranges = np.full(beams, 5.0, dtype=np.float32)
+    for _ in range(rng.integers(0, 3)):
+        first, count = rng.integers(beams), max(1, round(float(rng.choice([0.02, 0.1, 0.3])) * beams))
+        ranges[(first + np.arange(count)) % beams] = np.nan
+    return Lidar(name, mount, LIDAR.profile, SCAN_TIMEOUT_S, 12), ranges, increment
+
+
+@settings(max_examples=60)
+@given(seed=st.integers(0, 2**32))
+def test_no_disc_that_neither_lidar_rules_out_is_approached_faster_than_the_law_permits(seed: int) -> None:
+    """Only the first lidar was asked what it does not see: the second one's pockets behind a corner were overlooked."""
+    rng = np.random.default_rng(seed)
+    half_x, half_y = rng.uniform(0.2, 0.9), rng.uniform(0.12, 0.4)
+    hull = ConvexPolygon(((half_x, -half_y), (half_x, half_y), (-half_x, half_y), (-half_x, -half_y)))
+    equipped = [partial_lidar(rng, hull, name) for name in ("one", "two")]
+    smallest_m, barrier = 0.1, Barrier(0.3, 1.5, 0.15, 0.0)
+    config = replace(
+        CONFIG, hull=hull, lidars=tuple(lidar for lidar, _, _ in equipped), smallest_obstacle_m=smallest_m
+    )
+    scans = tuple(
+        LaserScan(ranges, -increment * (len(ranges) - 1) / 2, increment, 0.01, 12.0, 0.0, lidar=place)
+        for place, (_, ranges, increment) in enumerate(equipped)
+    )
+    state, _ = step(initial_state(config), 0.0, Inputs(scans=scans))
+    known = [place.around for place in state.places]
+    centres = rng.uniform(-1.0, 1.0, (1500, 2)) * (hull.radius_m + 1.3)
+    away_m, normals = hull.nearest(centres)
+    free = away_m > smallest_m / 2
+    for sight in state.sights:
+        assert sight.scan is not None
+        known.append(sight.scan.around)
+    for lidar, sight in zip(config.lidars, state.sights, strict=True):
+        assert sight.scan is not None
+        if sight.scan.view is not None and sight.scan.problem is None:
+            rays, free_m = rays_of(sight.scan.view.geometry, lidar.mount, hull), sight.scan.view.free_m
+            free &= gap_to_rays_m(centres, rays.origin_m[:, 0], rays.direction, free_m) >= smallest_m / 2
+    discs = survey(hull, (centres - smallest_m / 2 * normals)[free])
+    for twist in ((1.0, 0.0), (-1.0, 0.0), (0.8, 0.8), (-0.8, 0.8), (0.0, 2.0), (0.0, -2.0)):
+        permitted = min(permitted_scale(around, *twist, barrier)[0] for around in known)
+        asked, block = permitted_scale(discs, *twist, barrier, worth=1.0)
+        assert permitted <= asked + 0.03, (twist, block)

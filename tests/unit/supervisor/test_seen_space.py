@@ -13,7 +13,7 @@ from supervisor.clearance import Barrier, Circle, ConvexPolygon, Floats, Hull, K
 from supervisor.reckoning import Pose
 from supervisor.scan import Geometry, Mount, View, rays_of
 from supervisor.seen_space import Lookout, hidden_places, hiding_distance_m, lookout
-from tests.unit.supervisor.views import BEAM_RAD, BEAMS, view_of
+from tests.unit.supervisor.views import BEAM_RAD, BEAMS, gap_to_rays_m, view_of
 
 SMALLEST_M = 0.04
 HULL = Circle(0.25)
@@ -321,7 +321,7 @@ def test_no_disc_that_touches_no_free_ray_is_nearer_to_the_hull_than_what_is_hid
     centres = rng.uniform(-1.2, 1.2, (1500, 2))
     disc_m = hull.clearance(centres) - SMALLEST_M / 2
     nearer = centres[(disc_m >= 0.0) & (disc_m < known_m - SMALLEST_M / 2)]
-    touched = _gap_to_rays_m(nearer, rays.origin_m[:, 0], rays.direction, view.free_m) < SMALLEST_M / 2
+    touched = gap_to_rays_m(nearer, rays.origin_m[:, 0], rays.direction, view.free_m) < SMALLEST_M / 2
     assert touched.all(), nearer[~touched]
 
 
@@ -335,9 +335,9 @@ def along_edges(view: View, hull: Hull = HULL, mount: Mount | None = None) -> Fl
     return np.array([place for place in places.tolist() if tuple(place) not in on_rays])
 
 
-def gap_to_rays_m(view: View, points: Floats, mount: Mount | None = None) -> Floats:
+def gap_in_view_m(view: View, points: Floats, mount: Mount | None = None) -> Floats:
     rays = rays_of(view.geometry, mount or Mount(), HULL)
-    return _gap_to_rays_m(points, rays.origin_m[:, 0], rays.direction, view.free_m)
+    return gap_to_rays_m(points, rays.origin_m[:, 0], rays.direction, view.free_m)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -351,7 +351,7 @@ def test_hidden_places_along_edges_of_a_hole_are_of_discs_that_touch_them(beams:
         places * (1.0 + SMALLEST_M / 2 / away_m(places))[:, None]
     )  # beyond the point nearest to a round hull
     whole = HULL.clearance(places) > 1e-9  # a disc that overlaps the hull is cut off there
-    assert gap_to_rays_m(view, discs[whole]) == pytest.approx(SMALLEST_M / 2, abs=1e-9)
+    assert gap_in_view_m(view, discs[whole]) == pytest.approx(SMALLEST_M / 2, abs=1e-9)
     # At most 10 cm apart, out to where no point limits a motion: 1.75 m.
     for side in (1.0, -1.0):
         out_m = np.sort(away_m(discs[whole & (side * places[:, 1] > 0.0)]))
@@ -391,6 +391,15 @@ def test_a_hidden_place_behind_a_corner_limits_backing_where_the_nearest_on_its_
     assert (block.x_m, block.y_m) < (-0.21, 0.0)
 
 
+def test_the_edges_of_a_hole_are_followed_past_the_end_of_a_long_hull() -> None:
+    """They ended 2.6 m from the lidar: a hull of 3 m passed something behind it at 10 cm."""
+    long = ConvexPolygon(((0.2, -0.3), (0.2, 0.3), (-3.8, 0.3), (-3.8, -0.3)))
+    view = view_of(np.full(181, 9.0), Geometry(181, -math.pi / 2, BEAM_RAD))
+    mount = Mount(0.1, 0.0, -0.05)
+    places = hidden_places(view, mount, long, SMALLEST_M, 1.5)
+    assert away_m(places - (mount.x_m, mount.y_m)).max() > long.radius_m + 1.5
+
+
 @settings(max_examples=40)
 @given(scene=scenes(), seed=st.integers(0, 2**32))
 def test_no_disc_that_touches_no_free_ray_is_approached_faster_than_the_hidden_places_permit(
@@ -405,21 +414,10 @@ def test_no_disc_that_touches_no_free_ray_is_approached_faster_than_the_hidden_p
     centres = np.random.default_rng(seed).uniform(-1.6, 1.6, (1500, 2))
     away, normals = hull.nearest(centres)
     free = away > smallest_m / 2
-    free &= _gap_to_rays_m(centres, rays.origin_m[:, 0], rays.direction, view.free_m) >= smallest_m / 2
+    free &= gap_to_rays_m(centres, rays.origin_m[:, 0], rays.direction, view.free_m) >= smallest_m / 2
     discs = survey(hull, (centres - smallest_m / 2 * normals)[free])
     for twist in ((1.0, 0.0), (-1.0, 0.0), (0.8, 0.8), (-0.8, 0.8), (0.0, 1.5)):
         permitted = min(permitted_scale(around, *twist, barrier)[0] for around in known)
         asked, block = permitted_scale(discs, *twist, barrier, worth=1.0)
         # Places are 4 cm and 2° apart.
         assert permitted <= asked + 0.02, (twist, block)
-
-
-def _gap_to_rays_m(points: Floats, origin_m: Floats, direction: Floats, free_m: Floats) -> Floats:
-    """(n,): from points (n, 2) to the nearest of the rays, each as far as it is free."""
-    known = free_m > 0.0
-    away = points - origin_m
-    along = np.clip(away @ direction[:, known], 0.0, free_m[known])
-    gaps: Floats = np.hypot(
-        away[:, :1] - along * direction[0, known], away[:, 1:] - along * direction[1, known]
-    )
-    return gaps.min(axis=1)

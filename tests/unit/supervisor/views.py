@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from supervisor.clearance import Floats
 from supervisor.reckoning import Pose
 from supervisor.scan import Geometry, View
 
@@ -29,3 +30,14 @@ def view_of(readings: np.ndarray, geometry: Geometry = GEOMETRY, range_max_m: fl
         returned_s=times,
         returned_m=times,
     )
+
+
+def gap_to_rays_m(points: Floats, origin_m: Floats, direction: Floats, free_m: Floats) -> Floats:
+    """(n,): from points (n, 2) to the nearest of the rays, each as far as it is free."""
+    known = free_m > 0.0
+    away = points - origin_m
+    along = np.clip(away @ direction[:, known], 0.0, free_m[known])
+    gaps: Floats = np.hypot(
+        away[:, :1] - along * direction[0, known], away[:, 1:] - along * direction[1, known]
+    )
+    return gaps.min(axis=1)
