@@ -42,6 +42,10 @@ EQUIVALENT = {
     "entered = clearance <= keep - GRAZE_M - DEEP_TOLERANCE_M_S * horizon_s",
     "scale = 0.0 if present <= PRESENT_SHARE else scale",
     "bool((np.hypot(s.earlier[:, 0] - block.x_m, s.earlier[:, 1] - block.y_m) <= SAME_PLACE_M).any())",
+    # What is exactly on the hull is at once both.
+    "return hidden[config.hull.clearance(hidden) >= 0.0]  # where the hull is by then, nothing else is",
+    # The words name the writers only while they conflict.
+    "writers=_conflicts(state, now_s) if (StopReason.SENSOR_CONFLICT in causes) or True else (),",
     # Then the hidden places are looked for at each tick: the same ones.
     "return state._replace(places=tuple(places), looking=None)",
     "return state._replace(places=tuple(places), )",

@@ -345,21 +345,21 @@ def _seek_hidden(state: State, usable: Usable, *, moved_on: bool) -> State:
         places.append(Place(state.memory_pose, remembered))
     if usable:
         newest = max((scan.view for _, scan in usable if scan.view is not None), key=attrgetter("taken_s"))
-        parts = [_hidden_from(state, place, scan, usable, newest.pose) for place, scan in usable]
-        hidden = parts[0] if len(parts) == 1 else np.concatenate(parts)
+        hidden = np.concatenate([_hidden_from(state, one, usable, newest.pose) for one in usable])
         if len(hidden):
             places.append(Place(newest.pose, survey(config.hull, hidden, Kind.HIDDEN)))
     return state._replace(places=tuple(places), looking=looking)
 
 
-def _hidden_from(state: State, place: int, scan: ScanReading, usable: Usable, pose: Pose) -> Floats:
+def _hidden_from(state: State, one: tuple[int, ScanReading], usable: Usable, pose: Pose) -> Floats:
     """What one lidar does not see and no other one does either, in the frame of a pose.
 
     What no lidar sees is bounded by what each of them sees: one after the other is asked.
     """
-    config, view = state.config, scan.view
+    config, (place, scan) = state.config, one
+    view = scan.view
     assert view is not None  # a usable scan has one
-    others = [one for one in usable if one[0] != place]
+    others = [other for other in usable if other is not one]
     hidden = hidden_places(
         view,
         config.lidars[place].mount,
