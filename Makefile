@@ -14,7 +14,7 @@ export UV := $(UV)
 COMPILE := .venv/bin/python -m compileall -q wire supervisor teleop sim deploy bench tests
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test unit virtual system check bench docs picture mutation faults campaign
+.PHONY: help setup run test unit system proof proofs coverage check bench docs picture mutation faults campaign
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -24,24 +24,29 @@ setup: $(STAMP) ## the environment alone: .venv from uv.lock
 run: $(STAMP) ## drive the robot by keyboard; without a terminal, play the demo
 	@if [ -t 0 ] && [ -t 1 ]; then exec .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
 
-test: $(STAMP) ## the checks and every test; the pure modules must be covered to the last branch
+test: $(STAMP) ## the checks and the tests, with real processes; what each commit must pass
 	$(COMPILE)
-	$(MAKE) --no-print-directory --jobs=2 --output-sync=target check unit virtual
-	$(MAKE) --no-print-directory system
+	$(MAKE) --no-print-directory check unit system
 
-# Side by side with the checks: none of the three looks at the real clock.
+# No test here looks at the real clock: as many at a time as there are cores.
 unit:
+	.venv/bin/pytest tests/unit tests/component -m "not proof" --numprocesses=auto --dist=worksteal
+
+# Real processes: some tests at a time, then one at a time those that measure.
+system:
+	.venv/bin/pytest tests/system -m "not timed" --numprocesses=2 --dist=worksteal --durations=10
+	.venv/bin/pytest tests/system -m timed --durations=10
+
+proof: $(STAMP) ## the law's proofs, and whether the unit tests reach every branch of the pure modules (a quarter of an hour)
+	$(COMPILE)
+	$(MAKE) --no-print-directory --jobs=2 --output-sync=target proofs coverage
+
+proofs:
+	.venv/bin/pytest -s tests/unit -m proof --durations=10
+
+coverage:
 	.venv/bin/coverage run -m pytest tests/unit -m "not proof"
 	.venv/bin/coverage report
-
-virtual:
-	.venv/bin/pytest -s tests/unit -m proof
-	.venv/bin/pytest tests/component
-
-# Real processes: two tests at a time, then one at a time those that measure.
-system:
-	.venv/bin/pytest tests/system -m "not timed" --numprocesses=2 --dist=worksteal
-	.venv/bin/pytest tests/system -m timed
 
 check: $(STAMP) ## ruff, pyright and import-linter
 	.venv/bin/ruff check
