@@ -11,7 +11,7 @@ export UV_PYTHON_DOWNLOADS := never
 export UV := $(UV)
 
 # Where PYTHONDONTWRITEBYTECODE is set, each process would compile all of it anew: half a second.
-COMPILE := .venv/bin/python -m compileall -q wire supervisor teleop sim deploy bench tests
+COMPILE := .venv/bin/python -m compileall -q wire supervisor teleop sim virtual deploy bench tests
 
 .DEFAULT_GOAL := help
 .PHONY: help setup run test unit virtual system check bench docs picture mutation faults campaign

@@ -13,10 +13,10 @@ from sim.config import SimSection
 from sim.pace import Ask, Pause, Run, TimeRequestError, parse_time_request
 from sim.plant import Plant
 from sim.service import SimService
+from virtual.loop import VirtualLoop
+from virtual.memory_bus import MemoryBus, MemoryNetwork
 from wire import topics
-from wire.memory_bus import MemoryBus, MemoryNetwork
 from wire.messages import planar_twist
-from wire.virtual_loop import VirtualLoop
 
 SIM_PAYLOADS = 4000
 BURST = 100
