@@ -67,7 +67,7 @@ campaign: $(STAMP) ## every class of fault 300 times on the real processes; hour
 	.venv/bin/lifeline faults --trials 300 --out docs/campaign/real.jsonl
 
 mutation: $(STAMP) ## mutate the law; every mutant must fail a test (twenty minutes)
-	.venv/bin/python -m bench.mutation
+	.venv/bin/python -m tests.mutation
 
 picture: $(STAMP) ## render the warehouse and the animation of the README anew; a few minutes
 	.venv/bin/python -m sim.render --out docs/images/warehouse.png

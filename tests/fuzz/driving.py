@@ -17,13 +17,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bench.fuzz import payloads
-from bench.fuzz.decoding import Finding
-from bench.fuzz.warned import Warned, warned
 from supervisor.blackbox import MEMORY_BYTES, BlackBox
 from supervisor.blackbox_file import Order
 from supervisor.config import SupervisorSection
 from supervisor.service import SupervisorService
+from tests.fuzz import payloads
+from tests.fuzz.decoding import Finding
+from tests.fuzz.warned import Warned, warned
 from virtual.loop import VirtualLoop
 from virtual.memory_bus import MemoryBus, MemoryNetwork, MemoryToken
 from wire import topics
