@@ -11,7 +11,7 @@ export UV_PYTHON_DOWNLOADS := never
 export UV := $(UV)
 
 # Where PYTHONDONTWRITEBYTECODE is set, each process would compile all of it anew: half a second.
-COMPILE := .venv/bin/python -m compileall -q wire supervisor teleop sim deploy bench tests
+COMPILE := .venv/bin/python -m compileall -q wire supervisor teleop sim virtual deploy bench tests
 
 .DEFAULT_GOAL := help
 .PHONY: help setup run test unit system proof proofs coverage check bench docs picture mutation faults campaign
@@ -72,7 +72,7 @@ campaign: $(STAMP) ## every class of fault 300 times on the real processes; hour
 	.venv/bin/lifeline faults --trials 300 --out docs/campaign/real.jsonl
 
 mutation: $(STAMP) ## mutate the law; every mutant must fail a test (twenty minutes)
-	.venv/bin/python -m bench.mutation
+	.venv/bin/python -m tests.mutation
 
 picture: $(STAMP) ## render the warehouse and the animation of the README anew; a few minutes
 	.venv/bin/python -m sim.render --out docs/images/warehouse.png

@@ -11,5 +11,5 @@ report.py      the results as a terminal's table, as markdown, as JSON lines
 __main__.py    python -m bench
 
 estop_kill.py  press the e-stop, kill the supervisor, and count the runs that stay latched
-black_box.py   what the black box costs; mutation.py and fuzz/ are no benchmarks: `make mutation`, `python -m bench.fuzz`
+black_box.py   what the black box costs
 """

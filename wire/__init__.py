@@ -8,8 +8,6 @@ stamp.py        the attachment of each sample: sequence, source time, epoch
 freshness.py    how old a command is by it, whatever the network did (pure)
 bus.py          the Bus that services use, and the inbox between threads
 zenoh_bus.py    the Bus over Zenoh: the one file that imports it
-memory_bus.py   the same Bus inside one event loop, for the component tests
-virtual_network.py, virtual_loop.py    and on a simulated network and clock, for the fault campaign
 config.py       robot.toml, read strictly
 quantities.py   the bounds of its numbers
 command_line.py what the processes' command lines share

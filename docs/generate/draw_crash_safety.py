@@ -21,8 +21,8 @@ from deploy.campaign.simulated.world import World
 from deploy.campaign.soak.plot import svg
 from deploy.campaign.soak.sample import read_samples
 from docs.generate.crash_safety import SOAK, result
+from virtual.loop import VirtualLoop
 from wire import topics
-from wire.virtual_loop import VirtualLoop
 
 IMAGES = Path(__file__).parents[1] / "images"
 INK, GREY, LIGHT = "#20262e", "#7a8490", "#d9dee4"

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 
 import pytest
 
-from wire.virtual_loop import VirtualLoop
+from virtual.loop import VirtualLoop
 
 
 def pytest_asyncio_loop_factories(

@@ -15,9 +15,9 @@ from supervisor.blackbox import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import Record
 from supervisor.service import SupervisorService
+from virtual.memory_bus import MemoryBus, MemoryNetwork, MemoryPublisher
 from wire import messages, topics
 from wire.bus import Subscription
-from wire.memory_bus import MemoryBus, MemoryNetwork, MemoryPublisher
 from wire.messages import LaserScan, Odometry, SafetyStatus, Twist, header, planar_twist
 from wire.suspend import never_suspended
 

@@ -8,8 +8,8 @@ import pytest
 
 from supervisor.estop_record import PRESS_PENDING, RESET_PENDING, MemoryRecord
 from tests.component.rig import Rig
+from virtual.memory_bus import MemoryBus
 from wire import topics
-from wire.memory_bus import MemoryBus
 from wire.messages import Bool, SafetyStatus, planar_twist
 
 ZERO = (0.0, 0.0)

@@ -21,9 +21,9 @@ from teleop.pilot import KeyEvent
 from teleop.service import HANG_S, Setup, Teleop
 from teleop.view import Control, Line
 from tests.unit.teleop.pads import LAYOUT, REPORT, TL, XBOX360, FakeDevice, Y, button, load_pad, stick
+from virtual.memory_bus import MemoryBus, MemoryNetwork
 from wire import topics
 from wire.bus import Subscription
-from wire.memory_bus import MemoryBus, MemoryNetwork
 from wire.messages import Bool, Twist
 
 SOURCE = "joy"

@@ -19,10 +19,10 @@ from teleop.path.service import ARM_LIMIT_S, HEADWAY_S, Drive, Ending, PathServi
 from teleop.path.shapes import square
 from teleop.path.track import TrackError
 from tests.component.rig import Rig
+from virtual.loop import VirtualLoop
+from virtual.memory_bus import MemoryBus
 from wire import topics
-from wire.memory_bus import MemoryBus
 from wire.messages import Bool, Point, SafetyStatus, SourceStatus, header, odometry, planar_twist
-from wire.virtual_loop import VirtualLoop
 
 CMD_VEL = topics.source_cmd_vel("path")
 BEAT_S = 0.05

@@ -4,8 +4,8 @@ import pytest
 
 from sim.plant import Plant
 from tests.component.rig import Rig
+from virtual.memory_bus import MemoryBus
 from wire import topics
-from wire.memory_bus import MemoryBus
 from wire.messages import Point, SafetyStatus, planar_twist
 
 STOP_DISTANCE_M = 0.30

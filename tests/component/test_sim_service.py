@@ -18,9 +18,9 @@ from sim.service import SimService
 from sim.shown import Mode, Shown
 from sim.watchdog import COMMAND_TIMEOUT_S, BaseReason
 from tests.component.rig import Rig
+from virtual.memory_bus import MemoryBus
 from wire import topics
 from wire.bus import Arrival, Subscription
-from wire.memory_bus import MemoryBus
 from wire.messages import DiagnosticStatus, LaserScan, M, Point, SafetyStatus, TriggerResponse, planar_twist
 from wire.topics import Topic
 

@@ -10,8 +10,9 @@ import pytest
 from supervisor import service
 from supervisor.model import Decision, Inputs, State
 from tests.component.rig import Rig
+from virtual.loop import VirtualLoop
+from virtual.memory_bus import MemoryBus
 from wire import topics
-from wire.memory_bus import MemoryBus
 from wire.messages import (
     Bool,
     SafetyStatus,
@@ -23,7 +24,6 @@ from wire.messages import (
     planar_twist,
     zero_twist,
 )
-from wire.virtual_loop import VirtualLoop
 
 ZERO = (0.0, 0.0)
 PRESSED, RELEASED = Bool(data=True), Bool(data=False)

@@ -18,11 +18,11 @@ from teleop.ramp import Ramp
 from teleop.service import MIN_GAP_S, SCREEN_LIMIT_S, Setup, Teleop
 from teleop.setpoint import Setpoint
 from teleop.view import Control, Line
+from virtual.loop import VirtualLoop
+from virtual.memory_bus import MemoryBus, MemoryNetwork
 from wire import topics
-from wire.memory_bus import MemoryBus, MemoryNetwork
 from wire.messages import Bool, SafetyStatus, SourceStatus, TriggerResponse, Twist, decode, header
 from wire.stamp import parse_stamp
-from wire.virtual_loop import VirtualLoop
 
 CMD_VEL = topics.source_cmd_vel("teleop")
 PERIOD_S = 0.05

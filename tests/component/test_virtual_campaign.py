@@ -25,8 +25,8 @@ from supervisor import safety
 from supervisor.config import SupervisorSection
 from supervisor.model import Source
 from tests.component.rig import Rig, laser_scan
+from virtual.memory_bus import MemoryBus
 from wire import topics
-from wire.memory_bus import MemoryBus
 
 ROOT = Path(__file__).parents[2]
 FEW = (8, 11, 3, 5, 0, 1, 2, 4, 6, 7, 9, 10)

@@ -14,6 +14,7 @@ from deploy.campaign.demands import Done
 from deploy.campaign.seen import Asked
 from deploy.campaign.simulated.scenario import MOVING_LIMIT_S, STRAIGHT_LIMIT_S, Planned
 from deploy.campaign.simulated.world import RESTART_S, SOURCES, World
+from virtual.network import Conditions
 from wire import topics
 from wire.bus import NoReplyError
 from wire.messages import (
@@ -31,7 +32,6 @@ from wire.messages import (
     zero_twist,
 )
 from wire.stamp import Stamp
-from wire.virtual_network import Conditions
 
 LEAST_M_S, MOST_M_S = 0.1, 0.9
 """A fault waits for a robot so fast, by its strength."""

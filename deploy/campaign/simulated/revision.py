@@ -10,8 +10,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[3]
-PACKAGES = ("deploy", "sim", "supervisor", "teleop", "wire")
-DATA_PACKAGES = ("sim", "supervisor", "teleop", "wire")
+PACKAGES = ("deploy", "sim", "supervisor", "teleop", "virtual", "wire")
+DATA_PACKAGES = ("sim", "supervisor", "teleop", "virtual", "wire")
 DATA_SUFFIXES = frozenset({".xml", ".toml", ".msg"})
 """Files that these packages read: layouts, models, message definitions."""
 

@@ -20,8 +20,8 @@ from deploy.campaign.simulated.world import World
 from deploy.campaign.timeline import timeline
 from deploy.campaign.trial import BrokenPromise, Injected, Trial
 from supervisor.config import SupervisorSection
+from virtual.loop import VirtualLoop, VirtualTimeError
 from wire import topics
-from wire.virtual_loop import VirtualLoop, VirtualTimeError
 
 AGAIN_S = 0.2
 FREE_S = 0.6

@@ -33,12 +33,12 @@ from teleop.ramp import Ramp
 from teleop.service import Setup, Teleop
 from teleop.setpoint import Setpoint
 from teleop.view import Control, Line, View
+from virtual.loop import VirtualLoop, VirtualProcess
+from virtual.network import VirtualBus, VirtualNetwork
 from wire import topics
 from wire.bus import wait_until
 from wire.messages import SafetyStatus, Twist, planar_twist
 from wire.stamp import Stamp
-from wire.virtual_loop import VirtualLoop, VirtualProcess
-from wire.virtual_network import VirtualBus, VirtualNetwork
 
 SIM = SimSection(imu_hz=1.0)
 """Nobody on board listens to the inertial unit; all else is as it comes."""
@@ -231,7 +231,7 @@ class World:
             life.stop.set()
 
     def hold(self, name: str, *, deaf: bool = False, stopped: bool = False) -> Life | None:
-        """Let nothing of a process run; see `virtual_network` for the ways."""
+        """Let nothing of a process run; see `virtual/network.py` for the ways."""
         life = self.lives.get(name)
         if life is not None:
             life.process.hold()

@@ -12,8 +12,8 @@ from typer.testing import CliRunner, Result
 from deploy.cli import app
 from deploy.record import MAX_STRANGERS, Recorder, Report
 from deploy.recording import Recorded, RecordingError, RecordingReader, RecordingWriter
+from virtual.memory_bus import MemoryBus, MemoryNetwork
 from wire import topics
-from wire.memory_bus import MemoryBus, MemoryNetwork
 from wire.messages import Odometry, SafetyStatus, Twist, decode, encode, header, odometry, planar_twist
 from wire.stamp import Stamp
 

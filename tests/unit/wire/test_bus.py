@@ -6,9 +6,9 @@ import threading
 
 import pytest
 
+from virtual.memory_bus import MemoryBus, MemoryNetwork
 from wire import topics
 from wire.bus import Inbox, Subscription
-from wire.memory_bus import MemoryBus, MemoryNetwork
 from wire.messages import Twist, encode, planar_twist
 from wire.stamp import Stamper
 

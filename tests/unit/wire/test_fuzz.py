@@ -1,4 +1,4 @@
-"""What a stranger may send, some ten thousand times; `python -m bench.fuzz` feeds a million."""
+"""What a stranger may send, some ten thousand times; `python -m tests.fuzz` feeds a million."""
 
 import logging
 import struct
@@ -6,13 +6,13 @@ from collections.abc import Callable
 
 import pytest
 
-from bench.fuzz import payloads
-from bench.fuzz.decoding import Tally, case, fuzz_decoders
-from bench.fuzz.driving import scene
-from bench.fuzz.places import places
-from bench.fuzz.run import run
 from supervisor import service
 from supervisor.model import Velocity
+from tests.fuzz import payloads
+from tests.fuzz.decoding import Tally, case, fuzz_decoders
+from tests.fuzz.driving import scene
+from tests.fuzz.places import places
+from tests.fuzz.run import run
 from wire import bus
 from wire.messages import LaserScan, TriggerResponse, Twist, decode, planar_twist
 

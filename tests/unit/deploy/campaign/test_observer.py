@@ -10,8 +10,8 @@ import pytest
 from deploy.campaign.classes import BASE_TIMEOUT_S
 from deploy.campaign.real.rig.observer import Observer
 from deploy.campaign.real.rig.wheels import WheelPipe
+from virtual.memory_bus import MemoryBus, MemoryNetwork
 from wire import topics
-from wire.memory_bus import MemoryBus, MemoryNetwork
 from wire.messages import encode, planar_twist
 from wire.stamp import Stamp
 

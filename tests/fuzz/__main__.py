@@ -1,19 +1,19 @@
-"""`python -m bench.fuzz`: exit code 1 where anything was found. A million payloads take about four minutes."""
+"""`python -m tests.fuzz`: exit code 1 where anything was found. A million payloads take about four minutes."""
 
 import argparse
 import logging
 import re
 import sys
 
-from bench.fuzz.decoding import Finding, Most
-from bench.fuzz.run import Progress, Report, decode_one, drive, run, to_sim_of
+from tests.fuzz.decoding import Finding, Most
+from tests.fuzz.run import Progress, Report, decode_one, drive, run, to_sim_of
 
 SHOWN_CHARACTERS = 4000
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(
-        prog="python -m bench.fuzz",
+        prog="python -m tests.fuzz",
         description="Feed payloads that a stranger may send to the decoders, the supervisor, the sim and the dashboard.",
         epilog="exit code: 1 where something was raised, came out beyond its limits, or took too much",
     )

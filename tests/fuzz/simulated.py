@@ -6,17 +6,17 @@ from collections import deque
 from contextlib import suppress
 from random import Random
 
-from bench.fuzz import payloads
-from bench.fuzz.decoding import Finding
-from bench.fuzz.warned import Warned, warned
 from sim.config import SimSection
 from sim.pace import Ask, Pause, Run, TimeRequestError, parse_time_request
 from sim.plant import Plant
 from sim.service import SimService
+from tests.fuzz import payloads
+from tests.fuzz.decoding import Finding
+from tests.fuzz.warned import Warned, warned
+from virtual.loop import VirtualLoop
+from virtual.memory_bus import MemoryBus, MemoryNetwork
 from wire import topics
-from wire.memory_bus import MemoryBus, MemoryNetwork
 from wire.messages import planar_twist
-from wire.virtual_loop import VirtualLoop
 
 SIM_PAYLOADS = 4000
 BURST = 100

@@ -21,6 +21,7 @@ from functools import partial
 from random import Random
 from typing import Any
 
+from virtual.loop import VirtualLoop, VirtualProcess
 from wire import topics
 from wire.bus import (
     SOURCES_DEPTH,
@@ -33,7 +34,6 @@ from wire.bus import (
 from wire.messages import M, TriggerResponse, encode
 from wire.stamp import Stamp, Stamper
 from wire.topics import Service, Topic
-from wire.virtual_loop import VirtualLoop, VirtualProcess
 
 HOP_S = 0.000_15
 """One way over loopback."""

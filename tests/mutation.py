@@ -1,6 +1,6 @@
 """Run the mutation tests of the law, and fail if a mutant survives that is not known to be equivalent.
 
-    python -m bench.mutation       (about twenty minutes on two cores)
+    python -m tests.mutation       (about twenty minutes on two cores)
 
 Exit 1 if any other mutant survives, and print each of these as a diff.
 """

@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from wire.virtual_loop import VirtualLoop, VirtualProcess, VirtualTimeError
+from virtual.loop import VirtualLoop, VirtualProcess, VirtualTimeError
 
 
 def beats(loop: VirtualLoop, process: VirtualProcess, period_s: float) -> list[float]:

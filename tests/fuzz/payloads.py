@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from bench.fuzz.places import Place, places
+from tests.fuzz.places import Place, places
 from wire.messages import (
     MAX_PAYLOAD_BYTES,
     MAX_SEQUENCE_LENGTH,

@@ -6,11 +6,11 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from bench.fuzz import payloads
-from bench.fuzz.decoding import Finding, Tally, fuzz_decoders
-from bench.fuzz.driving import SCENE_PAYLOADS, scene
-from bench.fuzz.simulated import SIM_PAYLOADS, simulate
-from bench.fuzz.warned import Warned, warned
+from tests.fuzz import payloads
+from tests.fuzz.decoding import Finding, Tally, fuzz_decoders
+from tests.fuzz.driving import SCENE_PAYLOADS, scene
+from tests.fuzz.simulated import SIM_PAYLOADS, simulate
+from tests.fuzz.warned import Warned, warned
 
 DRIVING_SHARE = 0.12
 BATCH = 10_000
@@ -108,7 +108,7 @@ async def _numbers(report: Report, numbers: range) -> None:
 
 
 def _replay(seed: int, what: str, which: object) -> str:
-    return f"python -m bench.fuzz --seed {seed} --{what} {which}"
+    return f"python -m tests.fuzz --seed {seed} --{what} {which}"
 
 
 def _rss_bytes() -> int:

@@ -1,4 +1,4 @@
-"""`python -m bench.fuzz`: what a stranger may send, a million of it, against everything that takes something in.
+"""`python -m tests.fuzz`: what a stranger may send, a million of it, against everything that takes something in.
 
 places.py      where the floats, integers and lengths of an encoded message are
 payloads.py    valid messages, and what becomes of them: the same for the same seed and number

@@ -17,15 +17,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bench.fuzz import payloads
-from bench.fuzz.decoding import Finding
-from bench.fuzz.warned import Warned, warned
 from supervisor.blackbox import MEMORY_BYTES, BlackBox
 from supervisor.blackbox_file import Order
 from supervisor.config import SupervisorSection
 from supervisor.service import SupervisorService
+from tests.fuzz import payloads
+from tests.fuzz.decoding import Finding
+from tests.fuzz.warned import Warned, warned
+from virtual.loop import VirtualLoop
+from virtual.memory_bus import MemoryBus, MemoryNetwork, MemoryToken
 from wire import topics
-from wire.memory_bus import MemoryBus, MemoryNetwork, MemoryToken
 from wire.messages import (
     Bool,
     LaserScan,
@@ -39,7 +40,6 @@ from wire.messages import (
     odometry,
     planar_twist,
 )
-from wire.virtual_loop import VirtualLoop
 
 SCENE_PAYLOADS = 2000
 BURST = (1, 60)

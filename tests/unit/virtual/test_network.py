@@ -6,11 +6,11 @@ from random import Random
 
 import pytest
 
+from virtual.loop import VirtualLoop, VirtualProcess
+from virtual.network import HOP_S, VirtualBus, VirtualNetwork
 from wire import topics
 from wire.bus import Inbox, LivelinessChange, NoReplyError, Subscription
 from wire.messages import Bool, TriggerResponse, Twist, planar_twist
-from wire.virtual_loop import VirtualLoop, VirtualProcess
-from wire.virtual_network import HOP_S, VirtualBus, VirtualNetwork
 
 COMMANDS = topics.source_cmd_vel("teleop")
 LEASE_S = 0.4

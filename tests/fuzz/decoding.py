@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Any, NamedTuple, cast
 
-from bench.fuzz import payloads
 from sim.pace import TimeRequestError, parse_time_request
 from sim.sensor_faults import FaultError, parse_faults
 from sim.shown import Mode
@@ -18,6 +17,7 @@ from supervisor.messages import to_command, to_odometry, to_scan
 from teleop.dashboard import render_dashboard
 from teleop.display import render
 from teleop.view import Odom, Scan, View
+from tests.fuzz import payloads
 from wire.bus import Arrival, Subscription
 from wire.messages import (
     APPENDED_FROM,
