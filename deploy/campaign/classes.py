@@ -5,7 +5,9 @@ itself. Where there is none the robot may drive on: the fault has to be harmless
 """
 
 from dataclasses import dataclass
-from enum import StrEnum
+from enum import Flag, StrEnum, auto
+
+from deploy.campaign.promises import Kind
 
 TICK_S = 0.02
 """The supervisor's."""
@@ -45,6 +47,28 @@ class Group(StrEnum):
     PAIR = "pairs"
 
 
+class Effect(Flag):
+    """What a fault does to those who drive and those who watch; `demands.py` derives from it what must follow."""
+
+    NONE = 0
+    TELEOP_ENDS = auto()
+    TELEOP_SILENT = auto()
+    BLIND = auto()
+    """No valid scan comes."""
+    SUPERVISOR_ENDS = auto()
+    SUPERVISOR_SILENT = auto()
+    SENSOR = auto()
+    """The simulated sensors show something else. They have one fault at a time: the next one replaces it."""
+    STANDSTILL = auto()
+    """The simulation stands still, so nothing brakes in it; a new one begins elsewhere."""
+    BASE_HOLDS = auto()
+    """The base holds its last command until its own timeout."""
+    SPEAKS_AS_TELEOP = auto()
+    """Commands under teleop's name that teleop did not send may keep it going."""
+    TAKES_OVER = auto()
+    """Whoever speaks as teleop may end teleop's epoch."""
+
+
 @dataclass(frozen=True, slots=True)
 class FaultClass:
     """One class of faults."""
@@ -66,26 +90,61 @@ class FaultClass:
     """Whether it can happen to real processes without special rights."""
     by_itself: bool = False
     """Whether it has virtual trials of its own, with nothing else in them, and is no part of a pair."""
+    effect: Effect = Effect.NONE
+    demands: Kind | None = None
+    """What it demands by its bound in trials of its own, beside what every run is held to."""
 
 
 def _teleop(
-    name: str, does: str, detectors: tuple[str, ...], bound_s: float | None, promise: int, *, virtual: bool
-) -> FaultClass:
-    return FaultClass(f"teleop_{name}", Group.TELEOP, does, "teleop", detectors, bound_s, promise, virtual)
-
-
-def _supervisor(
-    name: str, does: str, detectors: tuple[str, ...], bound_s: float | None, promise: int = 4
+    name: str,
+    does: str,
+    effect: Effect,
+    detectors: tuple[str, ...],
+    bound_s: float | None,
+    promise: int,
+    *,
+    virtual: bool,
 ) -> FaultClass:
     return FaultClass(
-        f"supervisor_{name}", Group.SUPERVISOR, does, "supervisor", detectors, bound_s, promise, virtual=True
+        f"teleop_{name}",
+        Group.TELEOP,
+        does,
+        "teleop",
+        detectors,
+        bound_s,
+        promise,
+        virtual,
+        effect=effect,
+    )
+
+
+def _supervisor(name: str, does: str, effect: Effect, bound_s: float | None, promise: int = 4) -> FaultClass:
+    return FaultClass(
+        f"supervisor_{name}",
+        Group.SUPERVISOR,
+        does,
+        "supervisor",
+        BASE_ALONE,
+        bound_s,
+        promise,
+        virtual=True,
+        effect=effect,
     )
 
 
 def _sim(
-    name: str, does: str, detectors: tuple[str, ...], bound_s: float | None, promise: int = 5
+    name: str,
+    does: str,
+    effect: Effect,
+    detectors: tuple[str, ...],
+    bound_s: float | None,
+    promise: int = 5,
+    *,
+    virtual: bool = True,
 ) -> FaultClass:
-    return FaultClass(f"sim_{name}", Group.SENSORS, does, "sim", detectors, bound_s, promise, virtual=True)
+    return FaultClass(
+        f"sim_{name}", Group.SENSORS, does, "sim", detectors, bound_s, promise, virtual, effect=effect
+    )
 
 
 def _network(
@@ -96,22 +155,45 @@ def _network(
     bound_s: float | None,
     promise: int = 3,
     *,
+    effect: Effect = Effect.NONE,
+    virtual: bool = True,
     real: bool = True,
 ) -> FaultClass:
     """Not real: what TCP does not do."""
     return FaultClass(
-        f"net_{name}", Group.NETWORK, does, target, detectors, bound_s, promise, virtual=True, real=real
+        f"net_{name}",
+        Group.NETWORK,
+        does,
+        target,
+        detectors,
+        bound_s,
+        promise,
+        virtual,
+        real=real,
+        effect=effect,
     )
 
 
 def _wire(
-    name: str, does: str, target: str, detectors: tuple[str, ...], promise: int, *, virtual: bool = True
+    name: str,
+    does: str,
+    target: str,
+    detectors: tuple[str, ...],
+    promise: int,
+    effect: Effect = Effect.NONE,
 ) -> FaultClass:
-    return FaultClass(f"wire_{name}", Group.WIRE, does, target, detectors, None, promise, virtual)
+    return FaultClass(
+        f"wire_{name}", Group.WIRE, does, target, detectors, None, promise, virtual=True, effect=effect
+    )
 
 
 def _real_sensor(
-    name: str, does: str, detectors: tuple[str, ...], bound_s: float | None, promise: int
+    name: str,
+    does: str,
+    detectors: tuple[str, ...],
+    bound_s: float | None,
+    promise: int,
+    demands: Kind | None = None,
 ) -> FaultClass:
     return FaultClass(
         f"sim_scan_{name}",
@@ -123,6 +205,8 @@ def _real_sensor(
         promise,
         virtual=True,
         by_itself=True,
+        effect=Effect.SENSOR,
+        demands=demands,
     )
 
 
@@ -137,6 +221,7 @@ def _second_writer(name: str, does: str) -> FaultClass:
         5,
         virtual=True,
         by_itself=True,
+        demands=Kind.NAMED,
     )
 
 
@@ -151,6 +236,7 @@ def _estop(node: str) -> FaultClass:
         7,
         virtual=True,
         by_itself=True,
+        demands=Kind.ZERO,
     )
 
 
@@ -166,48 +252,82 @@ BASE_ALONE = ("base: SUPERVISOR_LOST", "base: COMMAND_TIMEOUT")
 UNSEEN = ("SCAN_STALE", "SCAN_INVALID")
 NOT_SEEN = ("OBSTACLE", "SCAN_BLIND")
 
+CUT = Effect.TELEOP_SILENT
+CUT_BASE = Effect.BLIND | Effect.BASE_HOLDS
+HUNG = Effect.SUPERVISOR_SILENT | Effect.BASE_HOLDS
+STANDS = Effect.BLIND | Effect.STANDSTILL
+BLINDED = Effect.BLIND | Effect.SENSOR
+FOREIGN = Effect.SPEAKS_AS_TELEOP
+
 CLASSES = (
-    _teleop("sigkill", "SIGKILL", GONE, KILL_BOUND_S, 2, virtual=True),
-    _teleop("sigterm", "SIGTERM: it ends itself", GONE, KILL_BOUND_S, 2, virtual=True),
-    _teleop("sigstop", "SIGSTOP, and SIGCONT a while later", SILENT_OR_LOST, SILENT_BOUND_S, 3, virtual=True),
-    _teleop("blocked", "its event loop runs nothing for a while", SILENT, SILENT_BOUND_S, 3, virtual=True),
-    _teleop("exception", "an exception that nobody catches", GONE, None, 2, virtual=False),
-    _teleop("hang_up", "its terminal is closed", GONE, None, 2, virtual=False),
-    _teleop("end_of_input", "its keys end", GONE, KILL_BOUND_S, 2, virtual=True),
-    _teleop("gil", "a thread of it holds the interpreter's lock", SILENT, SILENT_BOUND_S, 3, virtual=True),
-    _supervisor("sigkill", "SIGKILL, and a restart", BASE_ALONE, KILL_BOUND_S),
-    _supervisor("sigstop", "SIGSTOP, and SIGCONT a while later", BASE_ALONE, HUNG_BASE_BOUND_S),
-    _supervisor("blocked", "its event loop runs nothing for a while", BASE_ALONE, HUNG_BASE_BOUND_S),
-    _supervisor("and_teleop_sigkill", "SIGKILL of it and of teleop at once", BASE_ALONE, KILL_BOUND_S),
-    _supervisor("restart", "it ends itself and starts anew", BASE_ALONE, KILL_BOUND_S),
-    _sim("sigkill", "SIGKILL, and a restart", ("SCAN_STALE",), BLIND_BOUND_S),
-    _sim("sigstop", "SIGSTOP, and SIGCONT a while later", ("SCAN_STALE",), BLIND_BOUND_S),
-    FaultClass(
-        "sim_blocked",
-        Group.SENSORS,
+    _teleop("sigkill", "SIGKILL", Effect.TELEOP_ENDS, GONE, KILL_BOUND_S, 2, virtual=True),
+    _teleop("sigterm", "SIGTERM: it ends itself", Effect.TELEOP_ENDS, GONE, KILL_BOUND_S, 2, virtual=True),
+    _teleop(
+        "sigstop",
+        "SIGSTOP, and SIGCONT a while later",
+        Effect.TELEOP_SILENT,
+        SILENT_OR_LOST,
+        SILENT_BOUND_S,
+        3,
+        virtual=True,
+    ),
+    _teleop(
+        "blocked",
         "its event loop runs nothing for a while",
-        "sim",
+        Effect.TELEOP_SILENT,
+        SILENT,
+        SILENT_BOUND_S,
+        3,
+        virtual=True,
+    ),
+    _teleop(
+        "exception", "an exception that nobody catches", Effect.TELEOP_SILENT, GONE, None, 2, virtual=False
+    ),
+    _teleop("hang_up", "its terminal is closed", Effect.TELEOP_SILENT, GONE, None, 2, virtual=False),
+    _teleop("end_of_input", "its keys end", Effect.TELEOP_ENDS, GONE, KILL_BOUND_S, 2, virtual=True),
+    _teleop(
+        "gil",
+        "a thread of it holds the interpreter's lock",
+        Effect.TELEOP_SILENT,
+        SILENT,
+        SILENT_BOUND_S,
+        3,
+        virtual=True,
+    ),
+    _supervisor("sigkill", "SIGKILL, and a restart", Effect.SUPERVISOR_ENDS, KILL_BOUND_S),
+    _supervisor("sigstop", "SIGSTOP, and SIGCONT a while later", HUNG, HUNG_BASE_BOUND_S),
+    _supervisor("blocked", "its event loop runs nothing for a while", HUNG, HUNG_BASE_BOUND_S),
+    _supervisor(
+        "and_teleop_sigkill", "SIGKILL of it and of teleop at once", Effect.SUPERVISOR_ENDS, KILL_BOUND_S
+    ),
+    _supervisor("restart", "it ends itself and starts anew", Effect.SUPERVISOR_ENDS, KILL_BOUND_S),
+    _sim("sigkill", "SIGKILL, and a restart", STANDS, ("SCAN_STALE",), BLIND_BOUND_S),
+    _sim("sigstop", "SIGSTOP, and SIGCONT a while later", STANDS, ("SCAN_STALE",), BLIND_BOUND_S),
+    _sim(
+        "blocked",
+        "its event loop runs nothing for a while",
+        STANDS,
         ("SCAN_STALE",),
         BLIND_BOUND_S,
-        5,
         virtual=False,
     ),
-    _sim("scan_frozen", "the same scan comes again and again", ("SCAN_INVALID",), None),
-    _sim("scan_nan", "every beam reads NaN", ("SCAN_INVALID",), BLIND_BOUND_S),
-    _sim("scan_blocked", "dirt on the lidar's window", ("SCAN_BLIND", "SCAN_INVALID"), None),
-    _sim("scan_silent", "no scans come", ("SCAN_STALE",), BLIND_BOUND_S),
-    _sim("scan_rate", "scans come rarely", ("SCAN_STALE",), None),
-    _sim("odom_gone", "no odometry comes", (), None, 6),
+    _sim("scan_frozen", "the same scan comes again and again", Effect.SENSOR, ("SCAN_INVALID",), None),
+    _sim("scan_nan", "every beam reads NaN", BLINDED, ("SCAN_INVALID",), BLIND_BOUND_S),
+    _sim("scan_blocked", "dirt on the lidar's window", Effect.SENSOR, ("SCAN_BLIND", "SCAN_INVALID"), None),
+    _sim("scan_silent", "no scans come", BLINDED, ("SCAN_STALE",), BLIND_BOUND_S),
+    _sim("scan_rate", "scans come rarely", Effect.SENSOR, ("SCAN_STALE",), None),
+    _sim("odom_gone", "no odometry comes", Effect.SENSOR, (), None, 6),
     _real_sensor("dirt", "1 to 20° of NaN straight ahead, a pillar in it", NOT_SEEN, None, 6),
     _real_sensor("dropout", "the nearest object is missing from 2 to 30 % of the scans", NOT_SEEN, None, 6),
     _real_sensor("short", "it reaches 0.5 to 1 m, and says so", NOT_SEEN, None, 6),
-    _real_sensor("stray", "single false readings near the hull", (), None, 8),
+    _real_sensor("stray", "single false readings near the hull", (), None, 8, Kind.UNHINDERED),
     _real_sensor(
         "frozen_no_odom",
         "the same scan again and again, and no odometry",
         ("ODOM_STALE", "SCAN_INVALID"),
         ODOM_BOUND_S,
         5,
+        Kind.STOPPED,
     ),
     _real_sensor(
         "frozen_odom_zero",
@@ -215,23 +335,56 @@ CLASSES = (
         ("BASE_UNRESPONSIVE", "SCAN_INVALID"),
         FROZEN_BOUND_S,
         5,
+        Kind.STOPPED,
     ),
-    _network("cut", "a link is cut for good", "teleop", SILENT_OR_LOST, SILENT_BOUND_S),
-    _network("cut_base", "the sim's link is cut for good", "sim", ("SCAN_STALE",), BLIND_BOUND_S, 5),
+    _network("cut", "a link is cut for good", "teleop", SILENT_OR_LOST, SILENT_BOUND_S, effect=CUT),
+    _network(
+        "cut_base",
+        "the sim's link is cut for good",
+        "sim",
+        ("SCAN_STALE",),
+        BLIND_BOUND_S,
+        5,
+        effect=CUT_BASE,
+    ),
     _network(
         "healed",
         "a link is cut and healed: its backlog comes at once",
         "teleop",
         SILENT_OR_LOST,
         SILENT_BOUND_S,
+        effect=CUT,
     ),
-    _network("healed_base", "the same for the sim's link", "sim", ("SCAN_STALE",), BLIND_BOUND_S, 5),
+    _network(
+        "healed_base",
+        "the same for the sim's link",
+        "sim",
+        ("SCAN_STALE",),
+        BLIND_BOUND_S,
+        5,
+        effect=CUT_BASE,
+    ),
     _network("delayed", "everything takes 50 to 500 ms longer, unsteadily", "teleop", (), None),
     _network("delayed_base", "the same for the sim's link", "sim", (), None, 6),
     _network("up_only", "nothing reaches teleop any more", "teleop", ("SOURCE_LOST",), None, 8),
-    _network("down_only", "nothing of teleop arrives any more", "teleop", SILENT_OR_LOST, SILENT_BOUND_S),
-    _network("base_deaf", "nothing reaches the sim any more", "sim", (), None, 4),
-    _network("base_mute", "nothing of the sim arrives any more", "sim", ("SCAN_STALE",), BLIND_BOUND_S, 5),
+    _network(
+        "down_only",
+        "nothing of teleop arrives any more",
+        "teleop",
+        SILENT_OR_LOST,
+        SILENT_BOUND_S,
+        effect=CUT,
+    ),
+    _network("base_deaf", "nothing reaches the sim any more", "sim", (), None, 4, effect=HUNG),
+    _network(
+        "base_mute",
+        "nothing of the sim arrives any more",
+        "sim",
+        ("SCAN_STALE",),
+        BLIND_BOUND_S,
+        5,
+        effect=Effect.BLIND,
+    ),
     _network("lossy", "messages get lost one by one", "teleop", (), None, 7, real=False),
     _network("reordered", "messages overtake each other", "teleop", (), None, 7, real=False),
     _network(
@@ -241,28 +394,37 @@ CLASSES = (
         ("SOURCE_LOST",),
         KILL_BOUND_S,
         7,
+        effect=Effect.TELEOP_ENDS,
         real=False,
     ),
-    FaultClass(
-        "net_unplugged",
-        Group.NETWORK,
+    _network(
+        "unplugged",
         "teleop's cable is pulled out and put back",
         "teleop",
         SILENT_OR_LOST,
         SILENT_BOUND_S,
-        3,
+        effect=CUT,
         virtual=False,
     ),
-    _wire("malformed", "random bytes on every key", "", (), 1),
-    _wire("truncated", "messages that end too early", "", (), 1),
+    _wire("malformed", "random bytes on every key", "", (), 1, FOREIGN),
+    _wire("truncated", "messages that end too early", "", (), 1, FOREIGN),
     _wire("oversized", "payloads beyond any message's size", "", (), 1),
-    _wire("wrong_type", "another type's messages", "", (), 1),
+    _wire("wrong_type", "another type's messages", "", (), 1, FOREIGN),
     _wire("not_finite", "NaN and infinite values", "", (), 1),
     _wire("huge", "values that no robot reaches", "", (), 1),
-    _wire("attachments", "attachments of other layouts, times and epochs", "", (), 7),
-    _wire("flood", "a thousand messages in a burst", "", (), 1),
+    _wire(
+        "attachments",
+        "attachments of other layouts, times and epochs",
+        "",
+        (),
+        7,
+        FOREIGN | Effect.TAKES_OVER,
+    ),
+    _wire("flood", "a thousand messages in a burst", "", (), 1, FOREIGN),
     _wire("rogue_cmd_vel", "a client writes cmd_vel itself", "", (), 1),
-    _wire("second_teleop", "a second program with teleop's name", "teleop", (), 7),
+    _wire(
+        "second_teleop", "a second program with teleop's name", "teleop", (), 7, FOREIGN | Effect.TAKES_OVER
+    ),
     _wire("second_lidar", "another client's scans, all NaN", "", (), 8),
     _second_writer(
         "steady", "another client's scans of free space, 20 a second; the real lidar pauses for 0.6 s"
@@ -284,6 +446,7 @@ CLASSES = (
         virtual=True,
         real=False,
         by_itself=True,
+        demands=Kind.NAMED,
     ),
     _machine("cpu_hogs", "eight processes that only compute"),
     _machine("memory", "little memory left"),

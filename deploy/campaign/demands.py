@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from deploy.campaign.classes import (
     BASE_TIMEOUT_S,
@@ -12,6 +13,7 @@ from deploy.campaign.classes import (
     SCAN_TIMEOUT_S,
     SILENT_BOUND_S,
     TICK_S,
+    Effect,
 )
 from deploy.campaign.promises import Demand, Kind
 
@@ -20,68 +22,29 @@ LEEWAY_S = 0.005
 SLOW_S = 1.0
 """What two faults at once may add: delays, and a backlog that is sent again."""
 
-ENDS_TELEOP = frozenset({"teleop_sigkill", "teleop_sigterm", "teleop_end_of_input", "net_flapping"})
-SILENCES_TELEOP = frozenset(
-    {
-        "teleop_sigstop",
-        "teleop_blocked",
-        "teleop_gil",
-        "teleop_exception",
-        "teleop_hang_up",
-        "net_cut",
-        "net_healed",
-        "net_unplugged",
-        "net_down_only",
-    }
-)
-BLINDS = frozenset(
-    {
-        "sim_sigkill",
-        "sim_sigstop",
-        "sim_blocked",
-        "sim_scan_nan",
-        "sim_scan_silent",
-        "net_cut_base",
-        "net_healed_base",
-        "net_base_mute",
-    }
-)
-ENDS_SUPERVISOR = frozenset({"supervisor_sigkill", "supervisor_restart", "supervisor_and_teleop_sigkill"})
-SILENCES_SUPERVISOR = frozenset({"supervisor_sigstop", "supervisor_blocked", "net_base_deaf"})
-SPEAKS_FOR_TELEOP = frozenset(
-    {
-        "wire_second_teleop",
-        "wire_attachments",
-        "wire_flood",
-        "wire_wrong_type",
-        "wire_truncated",
-        "wire_malformed",
-    }
-)
-"""Commands under teleop's name that are not teleop's may keep it going."""
-BY_THEMSELVES: dict[str, Kind] = {
-    "sim_scan_stray": Kind.UNHINDERED,
-    "sim_scan_frozen_no_odom": Kind.STOPPED,
-    "sim_scan_frozen_odom_zero": Kind.STOPPED,
-    "wire_second_lidar_steady": Kind.NAMED,
-    "wire_second_lidar_flood": Kind.NAMED,
-    "estop_teleop_sigkill": Kind.ZERO,
-    "estop_supervisor_sigkill": Kind.ZERO,
-    "estop_sim_sigkill": Kind.ZERO,
-    "machine_suspend": Kind.NAMED,
-}
-"""What is asked for besides what every run is held to; of the others, that the hull keeps its distance."""
-MOVES_THE_ROBOT = frozenset({"sim_sigkill", "sim_sigstop", "sim_blocked"})
-"""While the simulation stands, nothing brakes in it; a new one begins elsewhere."""
-
-
-MAY_TAKE_OVER = frozenset({"wire_second_teleop", "wire_attachments"})
-HOLDS_A_COMMAND = SILENCES_SUPERVISOR | {"net_cut_base", "net_healed_base"}
 TOLERANCE_M = 0.01
 HELD_M = 0.03
 """What 0.15 s more at the speed that the barrier permits come to, less what the base brakes better than trusted."""
 BARRIER_M_S = 0.5
 """As fast as the barrier lets it drive where 0.25 s count."""
+
+
+class _Window(NamedTuple):
+    """What must hold from a bound after a fault on."""
+
+    kind: Kind
+    promise: int
+    bound_s: float
+
+
+FOLLOWS = {
+    Effect.BLIND: _Window(Kind.ZERO, 5, BLIND_BOUND_S),
+    Effect.TELEOP_ENDS: _Window(Kind.ZERO, 2, KILL_BOUND_S),
+    Effect.TELEOP_SILENT: _Window(Kind.ZERO, 3, SILENT_BOUND_S),
+    Effect.SUPERVISOR_ENDS: _Window(Kind.BRAKE, 4, KILL_BOUND_S),
+    Effect.SUPERVISOR_SILENT: _Window(Kind.BRAKE, 4, BASE_TIMEOUT_S + TICK_S),
+}
+"""What each effect demands, unless another fault prevents it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +56,10 @@ class Done:
     until_s: float
     """When it ended: woken, healed, started again."""
     parameters: Mapping[str, float | str] = field(default_factory=dict[str, float | str])
+
+    @property
+    def effect(self) -> Effect:
+        return BY_NAME[self.name].effect
 
     def touches(self, other: "Done") -> bool:
         """Whether the two, or what follows from them, may be in force at once."""
@@ -109,7 +76,8 @@ def demands(done: Sequence[Done], *, alone: bool) -> list[Demand]:
     found: list[Demand] = []
     for one in done:
         others = [other for other in done if other is not one and one.touches(other)]
-        found += [_by_itself(one)] if one.name in BY_THEMSELVES else _of(one, others, alone=alone)
+        kind = BY_NAME[one.name].demands
+        found += [_by_itself(one, kind)] if kind is not None else _of(one, others, alone=alone)
     return [demand for demand in found if demand.from_s < demand.until_s]
 
 
@@ -119,43 +87,38 @@ def may_be_locked_out(names: Collection[str]) -> bool:
     Who speaks as teleop while something else silences it, or with a copy of its epoch, may end that epoch. Teleop
     notices, and begins another; a source without manners has to be started anew.
     """
-    return len(names) > 1 and not MAY_TAKE_OVER.isdisjoint(names)
-
-
-def _is_of_a_sensor(one: Done) -> bool:
-    return one.name.startswith("sim_scan_") or one.name == "sim_odom_gone"
+    return len(names) > 1 and any(Effect.TAKES_OVER in BY_NAME[name].effect for name in names)
 
 
 def _of(one: Done, others: Sequence[Done], *, alone: bool) -> Iterable[Demand]:
-    names = {other.name for other in others}
+    beside = Effect.NONE
+    for other in others:
+        beside |= other.effect
     slow_s = LEEWAY_S + (SLOW_S if others else 0.0)
     # Whatever ends meanwhile may mend this one too: start the same process, heal the same link.
     until_s = min((other.until_s for other in others if other.until_s > one.at_s), default=one.until_s)
     until_s = min(until_s, one.until_s)
-    if _is_of_a_sensor(one):  # it has one fault at a time: the next one takes its place
-        next_s = (other.at_s for other in others if _is_of_a_sensor(other) and other.at_s >= one.at_s)
+    if Effect.SENSOR in one.effect:
+        next_s = (other.at_s for other in others if Effect.SENSOR in other.effect and other.at_s >= one.at_s)
         until_s = min([until_s, *next_s])
-
-    def window(kind: Kind, promise: int, bound_s: float) -> Demand:
-        return Demand(kind, promise, one.name, one.at_s + bound_s + slow_s, until_s)
-
-    if one.name in BLINDS and not names & MOVES_THE_ROBOT:
-        yield window(Kind.ZERO, 5, BLIND_BOUND_S)
-    if alone and not names & SPEAKS_FOR_TELEOP:
-        if one.name in ENDS_TELEOP:
-            yield window(Kind.ZERO, 2, KILL_BOUND_S)
-        elif one.name in SILENCES_TELEOP:
-            yield window(Kind.ZERO, 3, SILENT_BOUND_S)
-    if not names & MOVES_THE_ROBOT:
-        if one.name in ENDS_SUPERVISOR:
-            yield window(Kind.BRAKE, 4, KILL_BOUND_S)
-        elif one.name in SILENCES_SUPERVISOR:
-            yield window(Kind.BRAKE, 4, BASE_TIMEOUT_S + TICK_S)
+    for effect in one.effect & _shown(beside, alone=alone):
+        kind, promise, bound_s = FOLLOWS[effect]
+        yield Demand(kind, promise, one.name, one.at_s + bound_s + slow_s, until_s)
 
 
-def _by_itself(one: Done) -> Demand:
+def _shown(beside: Effect, *, alone: bool) -> Effect:
+    """The effects whose consequences show, beside what else is done."""
+    shown = Effect.NONE
+    if Effect.STANDSTILL not in beside:
+        shown |= Effect.BLIND | Effect.SUPERVISOR_ENDS | Effect.SUPERVISOR_SILENT
+    if alone and Effect.SPEAKS_AS_TELEOP not in beside:
+        shown |= Effect.TELEOP_ENDS | Effect.TELEOP_SILENT
+    return shown
+
+
+def _by_itself(one: Done, kind: Kind) -> Demand:
     """What a class with trials of its own asks for: a state from its bound on, or an event by then."""
-    known, kind = BY_NAME[one.name], BY_THEMSELVES[one.name]
+    known = BY_NAME[one.name]
     from_s, until_s = one.at_s, one.until_s
     bound_s = at_s + LEEWAY_S if (at_s := known.bound_s) is not None else 0.0
     if kind is Kind.ZERO:
@@ -171,8 +134,7 @@ def tolerance_m(done: Sequence[Done]) -> float:
     The law reckons with its own reaction, not with one that comes late: of a supervisor that hangs, the base
     holds the last command for its timeout; and over a delayed link, each command acts that much later.
     """
-    names = {one.name for one in done}
-    late_m = HELD_M if names & HOLDS_A_COMMAND else 0.0
+    late_m = HELD_M if any(Effect.BASE_HOLDS in one.effect for one in done) else 0.0
     delays_s = [float(one.parameters.get("delay_s", 0.0)) for one in done if one.name == "net_delayed_base"]
     # A longer delay shows in the scans, which come the same way, as an age that stops the robot.
     return TOLERANCE_M + max(late_m, BARRIER_M_S * min(max(delays_s, default=0.0), SCAN_TIMEOUT_S))

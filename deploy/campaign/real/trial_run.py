@@ -16,10 +16,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from random import Random
 
-from deploy.campaign.classes import BY_NAME, KILL_BOUND_S, Group
+from deploy.campaign.classes import BY_NAME, KILL_BOUND_S, Effect, Group
 from deploy.campaign.demands import (
-    ENDS_SUPERVISOR,
-    SILENCES_SUPERVISOR,
     Done,
     asked_age_s,
     demands,
@@ -470,9 +468,10 @@ def _shifted(one: Done, began_s: float, run: _Run, injection: Injection) -> Done
 
 def _base_bound_s(name: str) -> float | None:
     """By when the wheels must be asked for zero where nobody but the base itself is left to do it."""
-    if name in ENDS_SUPERVISOR:
+    effect = BY_NAME[name].effect
+    if Effect.SUPERVISOR_ENDS in effect:
         return KILL_BOUND_S
-    if name in SILENCES_SUPERVISOR:
+    if Effect.SUPERVISOR_SILENT in effect:
         return BY_NAME[name].bound_s or BY_NAME["supervisor_blocked"].bound_s
     return None
 

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from deploy.campaign.classes import BY_NAME, CLASSES
-from deploy.campaign.demands import LEEWAY_S, MOVES_THE_ROBOT
+from deploy.campaign.classes import BY_NAME, CLASSES, Effect
+from deploy.campaign.demands import LEEWAY_S
 from deploy.campaign.report.statistics import quantile, upper_rate
 from deploy.campaign.trial import BrokenPromise, Injected, Provenance, Trial
 
@@ -108,7 +108,7 @@ class ClassFigures:
     @property
     def is_stood_still(self) -> bool:
         """Whether the fault holds the simulated world itself: then its motion says nothing of a robot's."""
-        return self.name in MOVES_THE_ROBOT
+        return self.name in BY_NAME and Effect.STANDSTILL in BY_NAME[self.name].effect
 
     @property
     def timed(self) -> list[Case]:
