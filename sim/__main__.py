@@ -6,11 +6,11 @@ import logging
 import sys
 from collections.abc import Callable
 
+from sim.build import SceneError
 from sim.config import SimSection
 from sim.layout import known
 from sim.pace import TimeRequestError, parse_speed
 from sim.plant import Plant
-from sim.scene import SceneError
 from sim.sensor_faults import FORMS, FaultError, parse_faults
 from sim.service import SimService
 from sim.shown import Shown
