@@ -8,6 +8,7 @@ scene.py      the world: a layout or an MJCF file, a robot in it; build.py what 
               hall.py builds a layout; room.py what has room (pure)
 layout.py     layout files, read strictly; layouts/ the three that come along
 movers.py     people and forklifts on their ways (pure)
+program.py    the program of `python -m sim`
 service.py    the asyncio shell; messages.py and diagnostics.py what it says
 pace.py       which step is due when: real time, a multiple, a pause (pure)
 encoders.py   odometry that drifts; imu.py the inertial unit (pure)
