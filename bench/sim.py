@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim import mj
+from sim.build import Build
 from sim.config import SimSection
 from sim.lidar import SOLID_GROUP
 from sim.plant import Plant
-from sim.scene import Build
 
 SCENES = (("warehouse", False), ("warehouse", True), ("aisle", True), ("empty", True))
 LEG_S = 10

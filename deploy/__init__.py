@@ -1,7 +1,7 @@
 """The operator's side: one file for each command of `lifeline`, and the files of the configuration.
 
 cli.py             the command `lifeline`: its options, and nothing else
-up.py              `lifeline up` and `down`: the stack, with teleop in this terminal; estop.py reports an e-stop that is still latched
+up.py              `lifeline up`: the stack, with teleop in this terminal; down.py ends it; estop.py reports an e-stop that is still latched
 status.py          `lifeline status`: print the status once
 demo.py            `lifeline demo`: the promises of the design, measured on the running stack; verdict.py one promise, bound and measurement
 path.py            `lifeline path`: squares, circles, and what was recorded

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from deploy.stack.errors import EXIT_REFUSED, DeployError
+from wire.extras import how_to_install, missing_extra, require
 
 if TYPE_CHECKING:
     from deploy.stack.launch import Launch
@@ -95,7 +96,7 @@ def down(*, state_dir: StatePath = None) -> None:
     """Stop everything that belongs to the state directory."""
 
     def run() -> int:
-        from deploy import up as command  # noqa: PLC0415
+        from deploy import down as command  # noqa: PLC0415
         from deploy.stack.statedir import StateDir  # noqa: PLC0415
 
         command.down(StateDir.choose(state_dir), _say)
@@ -319,6 +320,7 @@ def render(
     """Draw the robot in its hall, without a screen."""
 
     def run() -> int:
+        require("sim")  # before the drawing is set up, which must precede MuJoCo's import
         from deploy.picture import Wanted  # noqa: PLC0415
         from deploy.render import render as draw  # noqa: PLC0415
 
@@ -418,6 +420,12 @@ def _exit_with(run: Callable[[], int]) -> NoReturn:
         code = run()
     except DeployError as error:
         print(f"lifeline: {error}", file=sys.stderr)
+        code = EXIT_REFUSED
+    except ModuleNotFoundError as error:
+        extra = missing_extra(error)
+        if extra is None:
+            raise
+        print(f"lifeline: this needs the simulation: {how_to_install(extra)}", file=sys.stderr)
         code = EXIT_REFUSED
     except KeyboardInterrupt as interrupt:
         code = getattr(interrupt, "exit_code", 130)

@@ -16,14 +16,14 @@ from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from deploy.stack import bringup, interrupts, processes
-from deploy.stack.bringup import Say
+from deploy.stack import bringup, interrupts, processes, takedown
 from deploy.stack.errors import DeployError
 from deploy.stack.keyboard import TypedTeleop, typing
 from deploy.stack.launch import Launch, free_loopback_endpoint
 from deploy.stack.observe import Motion, Observer, Record, State, observing
 from deploy.stack.samples import Command
 from deploy.stack.statedir import StateDir, locked
+from deploy.stack.takedown import Say
 from deploy.status import MODES
 from deploy.verdict import Outcome, Verdict, judged, print_verdicts, summary, timed, worst
 from wire import topics
@@ -113,7 +113,7 @@ def play(say: Say, *, quick: bool, viewer: bool) -> int:
             finally:
                 with suppress(OSError):
                     say("taking everything down")
-                bringup.stop(state)
+                takedown.stop(state)
     if verdicts:
         print_verdicts(verdicts)
     if broken_off is not None:

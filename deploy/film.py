@@ -8,12 +8,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from deploy.picture import Wanted
 from deploy.rehearsal import Operator, Rehearsal
+from sim.build import Build, Hull, SceneError
 from sim.caption import captioned
 from sim.floorplan import Circle, Rectangle
-from sim.lidar import LidarConfig
+from sim.lidar_geometry import LidarConfig
 from sim.plant import Plant
 from sim.render import Pixels, Studio
-from sim.scene import Build, Hull, SceneError
 from sim.video import OutputError, refuse_bad_output, write
 from sim.views import View, ViewError, view_of
 from supervisor.config import FootprintSection, SupervisorSection

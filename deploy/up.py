@@ -1,4 +1,4 @@
-"""`lifeline up`: the stack, with teleop in this terminal; and `lifeline down`."""
+"""`lifeline up`: the stack, with teleop in this terminal."""
 
 import asyncio
 import os
@@ -7,21 +7,18 @@ import signal
 import subprocess
 import sys
 import termios
-import time
 from contextlib import suppress
 
 from deploy.estop import latched_sentence
-from deploy.stack import bringup, interrupts, processes
-from deploy.stack.bringup import Say
+from deploy.stack import bringup, interrupts, processes, takedown
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
-from deploy.stack.statedir import LockedError, StateDir, UnwritableError, locked
+from deploy.stack.statedir import StateDir, locked
+from deploy.stack.takedown import Say
 from teleop.terminal import RESTORE
 from teleop.terminal_guard import BY_PARENT
 from wire import topics
 
-END_LIMIT_S = 20.0
-"""How long `down` waits for an `up` to take everything down: its slowest way, and a little."""
 TELEOP_LIMIT_S = 4.0
 """Longer than the 3 s in which teleop ends by itself."""
 
@@ -61,7 +58,7 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool) -> int:
                 interrupts.ignore()
         finally:
             if not keep:
-                bringup.stop(state)
+                takedown.stop(state)
                 with suppress(OSError):  # the terminal may be gone
                     say("everything is down")
 
@@ -91,46 +88,3 @@ def _teleop_here(state: StateDir, launch: Launch, say: Say) -> int:
         signal.signal(signal.SIGTTOU, signal.SIG_IGN)
         with suppress(termios.error):
             termios.tcsetattr(terminal, termios.TCSADRAIN, before)
-
-
-def down(state: StateDir, say: Say) -> None:
-    """Stop everything of a state directory; nothing there is fine as well.
-
-    Raises:
-        DeployError: something does not end.
-    """
-    if not state.path.is_dir():
-        say("nothing is running")
-        return
-    asked = False
-    try:
-        asked = _end_the_command_at_work(state)
-        with locked(state, "down"):
-            stopped = bringup.stop(state)
-    except UnwritableError:  # what runs must end, also where the disk is full
-        stopped = bringup.stop(state)
-    if stopped.orphaned:
-        say(f"supervisord had been killed; stopped what it left: {', '.join(stopped.names)}")
-    elif stopped.names or asked:
-        say("everything is down")
-    else:
-        say("nothing is running")
-
-
-def _end_the_command_at_work(state: StateDir) -> bool:
-    """Ask an `up` or a demo in another terminal to end, and wait for it; whether there was one."""
-    deadline_s = time.monotonic() + END_LIMIT_S
-    asked = False
-    while True:
-        try:
-            with locked(state, "down"):
-                return asked
-        except LockedError as error:
-            if time.monotonic() > deadline_s:
-                raise
-            holder = error.holder
-            if not asked and holder is not None and holder.command != "down":
-                asked = True
-                with suppress(ProcessLookupError, PermissionError):
-                    os.kill(holder.pid, signal.SIGTERM)
-        time.sleep(processes.POLL_S)

@@ -7,12 +7,12 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
+from sim.build import DEFAULT, MAX_PAYLOAD_KG, MAX_SLIP, Build, Hull
 from sim.drive import DriveLimits
 from sim.encoders import MAX_ERROR, EncoderConfig
 from sim.imu import ImuConfig
-from sim.lidar import LidarConfig
 from sim.lidar_config import MAX_LIDARS, SimLidarSection, conflicts_of_lidars
-from sim.scene import DEFAULT, MAX_PAYLOAD_KG, MAX_SLIP, Build, Hull
+from sim.lidar_geometry import LidarConfig
 from wire.config import BaseSection, Conflict
 from wire.quantities import Beams, Between, Range, Seed, Speed, TurnRate
 

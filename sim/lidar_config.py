@@ -6,7 +6,7 @@ from typing import Annotated, Self
 
 from pydantic import AfterValidator, model_validator
 
-from sim.lidar import LidarConfig
+from sim.lidar_geometry import LidarConfig
 from wire import topics
 from wire.config import Conflict, Name, Section
 from wire.quantities import Angle, Beams, Between

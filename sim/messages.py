@@ -5,7 +5,8 @@ import numpy as np
 from sim.drive import Twist
 from sim.encoders import Reckoning
 from sim.imu import ImuConfig, Motion
-from sim.lidar import LidarConfig, Ranges
+from sim.lidar import Ranges
+from sim.lidar_geometry import LidarConfig
 from sim.plant import Pose
 from wire.messages import (
     Clock,

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from sim import mj
 from sim.floorplan import Circle, Outline
-from sim.lidar import LidarConfig, Ranges
+from sim.lidar import Ranges
+from sim.lidar_geometry import LidarConfig
 from sim.shown import COLOURS, STOP_DISTANCE_M, WARNING_DISTANCE_M, Shown
 
 Floats = NDArray[np.float64]

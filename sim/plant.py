@@ -12,12 +12,14 @@ from typing import NamedTuple
 import numpy as np
 
 from sim import mj
+from sim.build import DEFAULT, Build
 from sim.drive import Drive, DriveLimits, Twist, WheelGeometry
 from sim.floorplan import Circle, Floats, FloorPlan, Outline, Rectangle, Standing, survey, way_out_m
-from sim.lidar import Lidar, LidarConfig, Ranges
+from sim.lidar import Lidar, Ranges
+from sim.lidar_geometry import LidarConfig
 from sim.movers import Mover, Placed
 from sim.room import is_inside
-from sim.scene import DEFAULT, PARKED_Z_M, Build, build, pose_of
+from sim.scene import PARKED_Z_M, build, pose_of
 from sim.snapshot import Snapshot, SnapshotError
 
 TICK_STEPS = 10
@@ -235,7 +237,7 @@ class Plant:
             self._steps_to_tick -= some
 
     def scan(self, number: int = 0) -> Ranges:
-        """A lidar's ranges now, in m, shape (beams,); see `lidar.LidarConfig` for the angles."""
+        """A lidar's ranges now, in m, shape (beams,); see `lidar_geometry.LidarConfig` for the angles."""
         self._catch_up()
         return self._lidars[number].scan(self.data, *self.true_pose)
 

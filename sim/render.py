@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim import mj
+from sim.build import Build, SceneError
 from sim.gl import NoGlError, choose, open_context
 from sim.overlay import Overlay, geoms_needed
 from sim.plant import Plant
-from sim.scene import Build, SceneError
 from sim.shown import Mode, Shown
 from sim.video import OutputError, refuse_bad_output, write
 from sim.views import View, camera, fit

@@ -6,10 +6,10 @@ Nothing of a world that is refused is left behind: everything is checked before 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
 
 from sim import hall, mj
+from sim.build import DEFAULT, Build, Hull, SceneError
 from sim.floorplan import Circle, FloorPlan, Outline, Rectangle, Standing, outline_of, survey
 from sim.layout import LAYOUTS, known, read_layout
 from sim.lidar import SOLID_GROUP
@@ -17,11 +17,6 @@ from sim.movers import Mover
 from sim.room import RoomError, check_start, check_things, check_way
 
 MODELS = Path(__file__).with_name("models")
-DEFAULT = "warehouse"
-
-MAX_PAYLOAD_KG = 100.0
-MAX_SLIP = 0.95
-
 PARKED_Z_M = -100.0
 """Where the pillar waits while it is away."""
 
@@ -39,45 +34,6 @@ _PARTS = {
 
 _ATTACHED = "lifeline~"
 """Put before the names of what is attached, and taken away again."""
-
-
-class SceneError(ValueError):
-    """The scene is refused; the message says why, and what can be done."""
-
-
-class Hull(StrEnum):
-    """The robot's shape from above."""
-
-    ROUND = "round"
-    RECTANGULAR = "rectangular"
-
-
-@dataclass(frozen=True, slots=True)
-class Build:
-    """What may differ between two robots, and between two days of one hall.
-
-    Attributes:
-        hull: round, 0.5 m across, or rectangular, 0.6 m × 0.4 m. A scene that has a robot of its own keeps its hull.
-        payload_kg: Carried in the hull, 0 to 100 kg.
-        wheel_slip: The share of the wheels' grip that is gone, 0 to 0.95: they spin and slide where it is not enough.
-        moving: Whether people and forklifts are about, if the layout has any.
-        scenery: Whether a layout has also what only the eye sees; it costs time and changes nothing else.
-
-    Raises:
-        SceneError: A value makes no sense, by name.
-    """
-
-    hull: Hull = Hull.ROUND
-    payload_kg: float = 0.0
-    wheel_slip: float = 0.0
-    moving: bool = False
-    scenery: bool = False
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.payload_kg <= MAX_PAYLOAD_KG:
-            raise SceneError(f"payload_kg must be from 0 to {MAX_PAYLOAD_KG:g}, not {self.payload_kg}.")
-        if not 0.0 <= self.wheel_slip <= MAX_SLIP:
-            raise SceneError(f"wheel_slip must be from 0 to {MAX_SLIP:g}, not {self.wheel_slip}.")
 
 
 @dataclass(frozen=True, slots=True)

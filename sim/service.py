@@ -17,8 +17,9 @@ from sim.config import SimSection
 from sim.diagnostics import Health, contact_sentence, pace_sentence, to_diagnostics
 from sim.encoders import Odometer
 from sim.imu import Imu
-from sim.lidar import LidarConfig, Ranges
+from sim.lidar import Ranges
 from sim.lidar_faults import FaultyLidar
+from sim.lidar_geometry import LidarConfig
 from sim.messages import to_clock, to_imu, to_odometry, to_scan, to_truth
 from sim.odometry_faults import FaultyOdometry
 from sim.pace import Ask, Every, Measured, Pace, Pause, Run, Speed, Step, TimeRequestError, parse_time_request

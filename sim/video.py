@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from wire.extras import how_to_install
+
 Pixels = NDArray[np.uint8]
 """RGB, shape (height, width, 3)."""
 
@@ -106,7 +108,7 @@ def _av() -> Any:  # noqa: ANN401 - optional, so it is not there for the type ch
         return importlib.import_module("av")
     except ImportError as error:
         raise OutputError(
-            "An .mp4 needs PyAV: install it with `pip install av`, or write a .webp instead."
+            f"An .mp4 needs PyAV: {how_to_install('video')}, or write a .webp instead."
         ) from error
 
 

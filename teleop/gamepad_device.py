@@ -14,6 +14,7 @@ from teleop.gamepad import Axis, Gamepad, Layout, PadEvent, PadState
 from teleop.gamepad_config import GamepadSection
 from teleop.gamepad_find import DEVICES, SYSFS, Described, GamepadError, Needed, find_gamepad, find_sensors
 from teleop.setpoint import LEVELS
+from wire.extras import how_to_install
 
 RETRY_PERIOD_S = 0.5
 """How often an unplugged pad is looked for."""
@@ -294,7 +295,7 @@ def _evdev() -> tuple[Opener, dict[str, int]]:
         import evdev  # noqa: PLC0415 - an optional package
     except ImportError:
         raise GamepadError(
-            "a gamepad needs Linux and the package evdev: pip install 'lifeline[gamepad]'"
+            f"a gamepad needs Linux and the package evdev: {how_to_install('gamepad')}"
         ) from None
 
     def opener(path: Path) -> Device:

@@ -11,6 +11,7 @@ zenoh_bus.py    the Bus over Zenoh: the one file that imports it
 config.py       robot.toml, read strictly
 quantities.py   the bounds of its numbers
 command_line.py what the processes' command lines share
+extras.py       the extras of an installation, and how to install a missing one
 process.py      a process that always ends: signals, exceptions, a bounded close
 memory_keeper.py    and whose end its peers see at once
 """

@@ -1,6 +1,7 @@
 """The running robot as one thing: what several commands need to start, find, observe and end it.
 
-bringup.py      sim and supervisor: start, wait until alive, stop
+bringup.py      sim and supervisor: start, wait until alive
+takedown.py     end whatever runs of a state directory
 preflight.py    the configuration and the scene, and whether they fit together, before anything starts
 robot_file.py   every section of a robot.toml, against each other
 launch.py       what the children are started with, checked before anything starts

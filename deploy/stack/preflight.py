@@ -7,10 +7,10 @@ import numpy as np
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.robot_file import read_robot
+from sim.build import SceneError
 from sim.config import SimSection
 from sim.floorplan import Circle
 from sim.plant import Plant
-from sim.scene import SceneError
 from supervisor.clearance import Floats
 from supervisor.config import SupervisorSection
 from wire.config import ConfigError, read_toml

@@ -6,8 +6,9 @@ import pytest
 
 from deploy.campaign.seen import Motion
 from deploy.campaign.simulated.clearance_witness import FAR_M, Witness
+from sim.build import Build
 from sim.plant import Plant
-from sim.scene import Build, build
+from sim.scene import build
 
 SAMPLE_STEPS = 10
 SPEED_M_S = 0.8

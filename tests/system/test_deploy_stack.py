@@ -19,7 +19,7 @@ from typing import Any
 
 import pytest
 
-from deploy.stack import bringup, processes, supervisord
+from deploy.stack import processes, supervisord, takedown
 from deploy.stack.statedir import StateDir, project_root
 from tests.system.ports import free_endpoint
 from wire import topics
@@ -90,7 +90,7 @@ def robot() -> Generator[Robot]:
     directory = Path(tempfile.mkdtemp(prefix="lifeline-test-")).resolve()
     robot = Robot(StateDir(directory), free_endpoint())
     yield robot
-    bringup.stop(robot.state)
+    takedown.stop(robot.state)
     shutil.rmtree(directory)
 
 

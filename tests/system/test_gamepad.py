@@ -279,9 +279,8 @@ def test_without_a_gamepad_one_sentence_says_so_before_anything_starts(tmp_path:
 def test_without_the_package_one_sentence_says_how_to_get_it(tmp_path: Path) -> None:
     (tmp_path / "evdev.py").write_text("raise ImportError\n")
     said, code = sentence_of(["--mode", "gamepad"], {"PYTHONPATH": str(tmp_path)})
-    assert said.strip() == (
-        "teleop: a gamepad needs Linux and the package evdev: pip install 'lifeline[gamepad]'"
-    )
+    assert said.startswith("teleop: a gamepad needs Linux and the package evdev: install lifeline[gamepad]")
+    assert said.count("\n") == 1
     assert code == EXIT_USAGE
 
 

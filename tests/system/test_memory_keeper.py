@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from deploy.stack import bringup, processes
+from deploy.stack import processes, takedown
 from deploy.stack.processes import MARK, Process
 from deploy.stack.statedir import StateDir
 from tests.system.harness import free_endpoint
@@ -260,7 +260,7 @@ def test_a_stop_also_ends_the_keeper_of_a_process_that_was_killed_before(tmp_pat
         one.process.kill()
         one.process.wait(LIMIT_S)
         assert outlives(pidfd, ended_s), "it must outlive its process"
-        bringup.stop(StateDir(tmp_path))
+        takedown.stop(StateDir(tmp_path))
         assert ends_within(pidfd, 0.0), "the stop has returned, and the keeper still runs"
 
 
@@ -269,14 +269,14 @@ def test_a_stop_also_ends_the_keeper_of_a_process_that_only_sigkill_ends(tmp_pat
         os.kill(one.process.pid, signal.SIGSTOP)
         # A SIGTERM that came before the process has stopped would end it.
         until(lambda: state_of(one.process.pid) == "T")
-        bringup.stop(StateDir(tmp_path))
+        takedown.stop(StateDir(tmp_path))
         assert one.process.wait(LIMIT_S) == -signal.SIGKILL
         assert ends_within(pidfd, 0.0), "the stop has returned, and the keeper still runs"
 
 
 def test_a_stop_leaves_the_keeper_of_another_state_directory_alone(tmp_path: Path) -> None:
     with running(mark=tmp_path / "other") as one, handle(one.keeper) as pidfd:
-        bringup.stop(StateDir(tmp_path))
+        takedown.stop(StateDir(tmp_path))
         assert not ends_within(pidfd, 0.0)
 
 
@@ -286,7 +286,7 @@ def test_a_stop_ends_a_keeper_also_where_the_processor_is_busy(tmp_path: Path) -
     with running(mark=tmp_path, objects=OBJECTS) as one, handle(one.keeper) as pidfd, busy():
         one.process.kill()
         one.process.wait(LIMIT_S)
-        bringup.stop(StateDir(tmp_path))
+        takedown.stop(StateDir(tmp_path))
         assert ends_within(pidfd, 0.0), "the stop has returned, and the keeper still runs"
 
 

@@ -17,11 +17,12 @@ from deploy.campaign.simulated.machine import Machine
 from deploy.campaign.simulated.scenario import Drivers, Scenario
 from deploy.stack.samples import Command
 from sim import mj
+from sim.build import Build, Hull
 from sim.config import SimSection
 from sim.diagnostics import base_reason
 from sim.floorplan import Circle, FloorPlan
 from sim.plant import Plant
-from sim.scene import Build, Hull, build
+from sim.scene import build
 from sim.service import SimService
 from sim.snapshot import Snapshot
 from supervisor.config import FootprintSection, SupervisorSection

@@ -19,13 +19,13 @@ from deploy.campaign.soak.judge import JUDGED_S, Judgement, judge
 from deploy.campaign.soak.plot import svg
 from deploy.campaign.soak.sample import Sample
 from deploy.campaign.soak.usage import Usage, usage
-from deploy.stack import bringup, interrupts, processes
-from deploy.stack.bringup import Say
+from deploy.stack import bringup, interrupts, processes, takedown
 from deploy.stack.errors import DeployError
 from deploy.stack.keyboard import TypedTeleop, typing
 from deploy.stack.launch import Launch, free_loopback_endpoint
 from deploy.stack.statedir import StateDir, locked
 from deploy.stack.statusline import StatusLine
+from deploy.stack.takedown import Say
 from wire import topics
 from wire.bus import Bus, NoReplyError, Subscription
 from wire.messages import Odometry, SafetyStatus
@@ -121,7 +121,7 @@ def _soak(orders: Orders, log: _Log, say: Say) -> None:
                 finally:
                     interrupts.ignore()
             finally:
-                bringup.stop(state)
+                takedown.stop(state)
 
 
 async def _drive(orders: Orders, state: StateDir, launch: Launch, log: _Log, say: Say) -> None:

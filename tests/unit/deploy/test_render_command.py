@@ -16,9 +16,9 @@ from deploy.rehearsal import Operator, Rehearsal
 from deploy.render import render
 from deploy.stack.errors import DeployError
 from docs.generate.draw_animation import WANTED
+from sim.build import Build, Hull
 from sim.gl import NoGlError, choose
 from sim.plant import Plant
-from sim.scene import Build, Hull
 from sim.shown import Mode, Shown
 
 ROOT = Path(__file__).parents[3]

@@ -7,7 +7,7 @@ import pytest
 from sim.config import SimSection
 from sim.encoders import EncoderConfig
 from sim.imu import ImuConfig
-from sim.lidar import LidarConfig
+from sim.lidar_geometry import LidarConfig
 from wire.config import ConfigError, section
 
 

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim import mj
-from sim.lidar import Lidar, LidarConfig, Ranges
+from sim.lidar import Lidar, Ranges
+from sim.lidar_geometry import LidarConfig
 
 AHEAD = 180
 LEFT = 270

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from sim.config import SimSection
-from sim.lidar import LidarConfig
 from sim.lidar_config import MAX_LIDARS
+from sim.lidar_geometry import LidarConfig
 from wire.config import ConfigError, section
 
 DIAGONAL = """

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from sim import mj
 from sim.floorplan import Circle, FloorPlan, Outline, Rectangle, Standing
-from sim.lidar import LidarConfig
+from sim.lidar_geometry import LidarConfig
 from sim.overlay import MAX_POINTS, SEGMENTS, Overlay, gaps_m, geoms_needed, offset_outline
 from sim.shown import COLOURS, Mode, Shown
 

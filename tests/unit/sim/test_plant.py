@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from sim import mj
+from sim.build import Build, Hull
 from sim.encoders import PERFECT, Odometer
-from sim.lidar import LidarConfig
+from sim.lidar_geometry import LidarConfig
 from sim.movers import BODIES, MoverKind
 from sim.plant import Plant, Pose
-from sim.scene import Build, Hull
 
 AHEAD = 180
 END_RACK_X_M = 4.6
@@ -483,10 +483,10 @@ def test_movers_are_solid_within_the_floor_that_they_take() -> None:
 
 _STORY = """
 import hashlib, sys
-from sim.lidar import LidarConfig
+from sim.lidar_geometry import LidarConfig
 from sim.encoders import PERFECT, Odometer
 from sim.plant import Plant
-from sim.scene import Build, Hull
+from sim.build import Build, Hull
 plant = Plant("empty", None, (LidarConfig(noise_std_m=0.01),), 5, Build(Hull.RECTANGULAR, 20.0, 0.8, moving=True))
 digest = hashlib.sha256()
 for target in ((1.0, 0.0), (0.4, 1.5), (0.0, 0.0), (-0.5, -0.5)):

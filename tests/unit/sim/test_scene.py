@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from sim import mj
+from sim.build import Build, Hull, SceneError
 from sim.config import SimSection
 from sim.plant import Plant
-from sim.scene import MODELS, Build, Hull, SceneError, build
+from sim.scene import MODELS, build
 
 YARD = """<mujoco><compiler angle="degree"/><default><geom friction="0.4" density="7"/></default><worldbody>
   <geom name="ground" type="plane" size="9 9 1"/>

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import pytest
 
-from sim.lidar import LidarConfig
+from sim.build import Build, Hull
+from sim.lidar_geometry import LidarConfig
 from sim.plant import Plant
-from sim.scene import Build, Hull
 from sim.snapshot import Snapshot, SnapshotError
 
 NOISY = LidarConfig(noise_std_m=0.01)

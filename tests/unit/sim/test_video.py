@@ -119,7 +119,7 @@ def test_without_pyav_an_mp4_is_refused_with_what_to_do(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "av", None)  # how Python marks what cannot be imported
-    with pytest.raises(OutputError, match=r"An \.mp4 needs PyAV: .*pip install av.*\.webp"):
+    with pytest.raises(OutputError, match=r"An \.mp4 needs PyAV: install lifeline\[video\].*\.webp"):
         refuse_bad_output(tmp_path / "film.mp4", 64, 64, 1)
     refuse_bad_output(tmp_path / "film.webp", 64, 64, 1)
 

@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from deploy.campaign.real.rig import cable
-from deploy.stack import bringup, processes
+from deploy.stack import processes, takedown
 from deploy.stack.errors import DeployError
 from deploy.stack.statedir import StateDir
 
@@ -30,7 +30,7 @@ def sweep(directory: Path, number: int) -> None:
     for process in processes.of(state.path):
         processes.send(process, state.path, signal.SIGCONT)
     with suppress(DeployError):
-        bringup.stop(state)
+        takedown.stop(state)
     cable.remove(number)
     if state.path.is_mount():
         # Lazily: a log that is still open somewhere must not keep the mount.

@@ -26,7 +26,7 @@ from deploy.campaign.real.rig.links import Links
 from deploy.campaign.real.rig.observer import Observer
 from deploy.campaign.real.rig.wheels import WheelPipe
 from deploy.campaign.seen import Seen
-from deploy.stack import bringup, processes, supervisord
+from deploy.stack import bringup, processes, supervisord, takedown
 from deploy.stack.errors import DeployError
 from deploy.stack.keyboard import TypedTeleop
 from deploy.stack.launch import DEFAULT_CONFIG, Launch, free_loopback_endpoint
@@ -209,12 +209,12 @@ class Stage:
                 self._links.heal(name)
         for path in self.directory.glob(f"{faulty_process.CRASH}-*"):
             path.unlink()
-        bringup.stop(self.state)
+        takedown.stop(self.state)
         await self._start_stack()
         await self.start_teleop()
 
     async def restart_supervisord(self) -> None:
-        bringup.stop(self.state)
+        takedown.stop(self.state)
         await self._start_stack()
 
     async def _start_stack(self) -> None:

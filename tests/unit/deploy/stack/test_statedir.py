@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from deploy.down import down
 from deploy.stack.errors import DeployError
 from deploy.stack.statedir import ENVIRONMENT, SOCKET_PATH_LIMIT, LockedError, StateDir, locked, project_root
-from deploy.up import down
 
 
 def test_the_default_is_in_the_project(monkeypatch: pytest.MonkeyPatch) -> None:

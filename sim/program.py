@@ -1,0 +1,124 @@
+"""The program of `python -m sim`: the simulated warehouse robot."""
+
+import argparse
+import asyncio
+import logging
+import sys
+from collections.abc import Callable
+
+from sim.build import SceneError
+from sim.config import SimSection
+from sim.layout import known
+from sim.pace import TimeRequestError, parse_speed
+from sim.plant import Plant
+from sim.sensor_faults import FORMS, FaultError, parse_faults
+from sim.service import SimService
+from sim.shown import Shown
+from sim.viewer import NoDisplayError, has_display, open_viewer
+from wire.command_line import log_to_stderr, read_document, refuse, service_parser
+from wire.config import BusSection, ConfigError, section
+from wire.process import run_process
+from wire.suspend import SuspendMeter
+from wire.zenoh_bus import open_bus
+
+_log = logging.getLogger("sim")
+
+
+def main() -> None:
+    parser = service_parser(
+        "sim",
+        description="A differential-drive robot in a MuJoCo warehouse: it follows cmd_vel, publishes scan, "
+        "odom and imu, and brakes by itself when the supervisor falls silent.",
+        epilog="exit code: 0 after SIGTERM or Ctrl-C, 1 after an error, 2 for a wrong configuration",
+    )
+    parser.add_argument(
+        "--viewer",
+        action=argparse.BooleanOptionalAction,
+        help="MuJoCo's window (default: where there is a display); the simulation goes on when it is closed",
+    )
+    parser.add_argument(
+        "--speed",
+        metavar="N",
+        default="1",
+        help="simulated seconds in each second, 0.1 to 100 (default: 1); above 1 the supervisor, which lives in "
+        "real time, reacts that much later",
+    )
+    parser.add_argument(
+        "--faults",
+        metavar="SPEC",
+        default="none",
+        help=f"of the sensors, from the start: {FORMS} (default: none)",
+    )
+    parser.add_argument(
+        "--scene", metavar="NAME|FILE", help=f"{', '.join(known())}, a layout (.toml) or an MJCF file (.xml)"
+    )
+    parser.add_argument(
+        "--hull", help="round, or rectangular: then [supervisor.footprint] needs its corners_m"
+    )
+    parser.add_argument("--payload-kg", type=float, metavar="KG", help="carried by the robot, 0 to 100")
+    parser.add_argument(
+        "--wheel-slip", type=float, metavar="SHARE", help="of the grip that is gone, 0 to 0.95"
+    )
+    parser.add_argument(
+        "--moving", action=argparse.BooleanOptionalAction, help="people and forklifts are about"
+    )
+    parser.add_argument("--seed", type=int, help="of all noise")
+    arguments = parser.parse_args()
+    try:
+        document = read_document(arguments)
+        document["sim"] = {**document.get("sim", {}), **_asked(arguments)}
+        bus_section = section(document, "bus", BusSection)
+        config = section(document, "sim", SimSection)
+        names = [lidar.name for lidar in config.lidar_configs()]
+        speed, faults = parse_speed(arguments.speed), parse_faults(arguments.faults, names)
+        wants_window = has_display() if arguments.viewer is None else bool(arguments.viewer)
+        options = config.build(scenery=wants_window)
+        scene = config.scene if arguments.scene else config.scene_beside(arguments.config)
+        plant = Plant(scene, config.limits(), config.lidar_configs(), config.seed, options)
+        window = _open_window(plant, asked_for=arguments.viewer is not None) if wants_window else None
+    except (ConfigError, TimeRequestError, FaultError, NoDisplayError, SceneError) as error:
+        refuse("sim", error)
+    log_to_stderr()
+
+    async def run(stop: asyncio.Event) -> int:
+        def on_wait() -> None:
+            _log.info("waiting for the supervisor at %s", bus_section.endpoint)
+
+        opening = asyncio.ensure_future(open_bus(bus_section.to_bus_config(), "client", on_wait=on_wait))
+        stopping = asyncio.ensure_future(stop.wait())
+        await asyncio.wait({opening, stopping}, return_when=asyncio.FIRST_COMPLETED)
+        if not opening.done():
+            return 0
+        bus = opening.result()
+        try:
+            _log.info("connected to %s", bus_section.endpoint)
+            service = SimService(
+                bus, config, plant, window, speed=speed, faults=faults, suspended_s=SuspendMeter().suspended_s
+            )
+            await service.run(stop)
+        finally:
+            await bus.close()
+        return 0
+
+    run_process("sim", run, memory_keeper=bus_section.memory_keeper)
+
+
+def _open_window(plant: Plant, *, asked_for: bool) -> Callable[[Shown], None] | None:
+    """The window, or none and a warning where nobody asked for one: a robot does not stay away for want of a picture.
+
+    Raises:
+        NoDisplayError: It was asked for, and cannot be had.
+    """
+    try:
+        return open_viewer(plant)
+    except NoDisplayError as error:
+        if asked_for:
+            raise NoDisplayError(f"{error}; leave out --viewer, or use --no-viewer") from error
+        print(f"sim: {error}: the simulation goes on without one", file=sys.stderr)
+        return None
+
+
+def _asked(arguments: argparse.Namespace) -> dict[str, object]:
+    """The keys of [sim] that the command line overrides."""
+    keys = ("scene", "hull", "payload_kg", "wheel_slip", "moving", "seed")
+    return {key: value for key in keys if (value := getattr(arguments, key)) is not None}
