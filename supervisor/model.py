@@ -120,10 +120,10 @@ class Command:
 
     source: str
     velocity: Velocity | None
-    """None: undecodable, or with components that a ground robot does not have."""
+    """None if undecodable, or with components that a ground robot does not have."""
     arrival_s: float
     sent: Sent | None = None
-    """None: the source sends no attachment."""
+    """None if the source sends no attachment."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,15 +154,15 @@ class Inputs:
     undecodable_lidars: tuple[int, ...] = ()
     """Indices of the lidars from which an undecodable message arrived."""
     odometry: Odometry | None = None
-    """The newest."""
+    """The newest sample."""
     odometry_writers: tuple[bytes, ...] = ()
-    """Who sent odometry, whether it is the newest or not."""
+    """Senders of all odometry samples."""
     strangers: tuple[str, ...] = ()
-    """Sources outside the configuration that were heard."""
+    """Sources that sent commands but are not configured."""
     estop: bool = False
     reset: bool = False
     suspended_s: float = 0.0
-    """How long the machine slept since the last step: time that `now_s` does not show."""
+    """How long the machine was suspended since the last step; `now_s` does not include this time."""
 
 
 # --- state
@@ -197,18 +197,18 @@ class Source(NamedTuple):
     neutral_s: float = -math.inf
     """When its last accepted neutral command arrived."""
     refused_s: float = -math.inf
-    """When a command of it was last refused as not fresh."""
+    """When one of its commands was last refused as not fresh."""
     stamped: bool = False
     alive: bool | None = None
-    """None: it never had a token."""
+    """Whether its liveliness token exists; None if it never had one."""
     invalid: bool = False
-    """Its last command was no command."""
+    """Whether its last command was invalid."""
     latched: Reasons = frozenset({StopReason.NO_COMMAND})
-    """Every stop since it was last neutral. Armed means: none."""
+    """Latched stop reasons; the source is armed if there are none."""
     caused_s: float = -math.inf
-    """The last step at which something kept it from driving: only a neutral after that arms."""
+    """Time of the last step at which a cause prevented it from driving; only a later neutral arms it."""
     block: Block | None = None
-    """What it was driving at when OBSTACLE was latched."""
+    """The point that it was approaching when the barrier latched a stop."""
     counts: Counts = Counts()
 
     @property
@@ -277,18 +277,18 @@ class State(NamedTuple):
     odometry_writers: tuple[Writer, ...] = ()
     odometer: Odometer = Odometer()
     odometers: tuple[Odometer, ...] = ()
-    """Those of a moment ago: a scan shows where things were when it was taken."""
+    """Recent odometers, for the robot's pose at the time a scan was taken."""
     way_m: float = 0.0
-    """How far any point of the hull has moved, measured or commanded, whichever was more."""
+    """Upper bound of the distance that any point of the hull has moved, measured or commanded."""
     following: Following = FOLLOWING
     estop: bool = False
     output: Velocity = STANDSTILL
     stopped_s: float | None = None
-    """Since when zero is commanded; None while driving."""
+    """Since when zero has been commanded; None while driving."""
     runaway: bool = False
     strangers: tuple[str, ...] = ()
     resumed_s: float = -math.inf
-    """When the machine was last found to have been suspended."""
+    """When a suspend of the machine was last detected."""
 
 
 # --- decision
