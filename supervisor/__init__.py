@@ -1,26 +1,26 @@
 """The safety supervisor: the only writer of `cmd_vel`.
 
     safety.py         the law: step(state, now, inputs) -> (state, decision). Start here
-    stop_rules.py     its table: who raises each stop reason, what it latches, what clears it
+    stop_rules.py     table of stop reasons: what raises each, what it latches, what clears it
     model.py          its types: configuration, inputs, state, decision
-    explain.py        what is known of a cause beyond its name
-    clearance.py      the speed barrier: how fast toward what, for any hull
-    scan.py           what one lidar's scans prove, beam by beam
-    seen_space.py     where something may stand that no scan rules out
-    near_memory.py    what earlier scans showed near the robot
+    explain.py        texts with the details of a cause
+    clearance.py      the speed barrier: permitted speed toward obstacles, for any hull
+    scan.py           interpretation of one lidar's scans: returns and free space, by beam
+    seen_space.py     hidden places, where an obstacle may stand that no scan shows
+    near_memory.py    memory of near returns in earlier scans
     base_motion.py    whether the base follows its commands
     transition.py     intermediate twists between the present and the commanded one
-    reckoning.py      where the robot has gone since a scan
-    lidar.py          what a reading means: REP 117 and its dialects
+    reckoning.py      dead reckoning since a scan
+    lidar.py          meaning of lidar readings: REP 117 and the conventions of real sensors
     law_codec.py      the law's types as JSON and back, exactly
     config.py         [supervisor] of robot.toml
-    lidar_config.py   its lidars
-    fit.py            its numbers against those of the base, [sim]
-    estop_record.py   a pressed e-stop on disk, written beside the loop
-    estop_files.py    its files
+    lidar_config.py   [supervisor.lidar] and [[supervisor.lidars]]
+    fit.py            consistency of [supervisor] with the base in [sim]
+    estop_record.py   record of a pressed e-stop, written on threads beside the loop
+    estop_files.py    the files of this record
     messages.py       wire messages -> inputs, decision -> wire messages
-    blackbox.py       the last minute of inputs and decisions, for a file at every stop
-    blackbox_file.py  that file
+    blackbox.py       recording of the last minute, written to a file at every stop
+    blackbox_file.py  format of this file
     service.py        the asyncio shell: bytes in, one step, bytes out
 
 All but the last nine are pure: no clock, no I/O, no asyncio, no logging.

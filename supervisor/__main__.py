@@ -20,11 +20,11 @@ _log = logging.getLogger("supervisor")
 
 
 def open_record(directory: Path, namespace: str) -> EstopRecord:
-    """The e-stop record of a namespace in a state directory; says so if the e-stop is latched."""
+    """Open the e-stop record of a namespace in a state directory, and log a warning if the e-stop is latched."""
     record = EstopRecord(RecordFiles(directory, namespace))
     if record.latched_at_start:
         _log.warning(
-            "the e-stop is latched since before this start (%s): it takes a reset, key r in teleop",
+            "the e-stop is still latched from before this start (%s): reset it with key r in teleop",
             record_path(directory, namespace),
         )
     return record
@@ -41,7 +41,7 @@ def main() -> None:
     try:
         document = read_document(arguments)
         models: dict[str, type[Section]] = {"bus": BusSection, "supervisor": SupervisorSection}
-        if "sim" in document:  # the base that these numbers are for
+        if "sim" in document:  # the base that this supervisor is configured for
             models["sim"] = BaseSection
         sections = read_sections(document, models, fit_to_base)
         bus_section, config = sections[BusSection], sections[SupervisorSection]
@@ -55,7 +55,8 @@ def main() -> None:
         try:
             if not is_loopback(bus_section.endpoint):
                 _log.warning(
-                    "%s is open to the network: anyone who reaches it may drive", bus_section.endpoint
+                    "%s is open to the network: anyone who can reach it can drive the robot",
+                    bus_section.endpoint,
                 )
             _log.info("listening on %s", bus_section.endpoint)
             record = await asyncio.to_thread(open_record, directory, bus_section.namespace)

@@ -1,10 +1,10 @@
 """Check whether the base follows its commands within the limits of its ramps.
 
-Two speeds bound what odometry may show on each axis: the *least*, which follows a rising command with the slowest
-acceleration of the base, and the *most*, which follows a falling command with the trusted deceleration, slowed so
-that both axes reach their command together. Odometry that stays outside of them for `PATIENCE_S`, and comes no nearer
-to the command meanwhile, is a base that is blocked, switched off by its own emergency stop, slipping, or measured
-wrongly. It stays unresponsive until it is commanded zero and stands.
+Two speeds bound the velocity that odometry may show on each axis. The *least* follows a rising command with the
+slowest acceleration of the base. The *most* follows a falling command with the trusted deceleration, slowed so
+that both axes reach their command together. The base is unresponsive if odometry stays outside these bounds for
+`PATIENCE_S` without approaching the command: the base is blocked, switched off by its own emergency stop, slipping, or
+measured wrongly. It stays unresponsive until zero is commanded and it stands still.
 """
 
 import math
@@ -13,28 +13,28 @@ from typing import NamedTuple
 from supervisor.reckoning import STANDSTILL, Velocity
 
 PATIENCE_S = 0.5
-"""How long the base may lag: its dead time, and odometry's way."""
+"""How long the base may lag; covers its dead time and the latency of odometry."""
 
 LEAST_SHARE = 0.5
 MOST_SHARE = 1.3
-"""Wheels slip, payloads weigh: so far from what is expected the base still follows."""
+"""The base still follows at these shares of the expected speeds; covers wheel slip and payload."""
 
 SLOW = Velocity(0.1, 0.25)
-"""Below this, friction decides."""
+"""Speeds below which friction dominates; smaller deviations are ignored."""
 
 PROGRESS_SHARE = 0.2
-"""Of `SLOW`: what a base that follows gains at least within `PATIENCE_S`."""
+"""Minimum progress toward the command within `PATIENCE_S`, as a share of `SLOW`."""
 
 
 class Following(NamedTuple):
-    """What is expected of the base, and since when it does something else."""
+    """The expected bounds of the base's velocity, and since when odometry has been outside them."""
 
     least: Velocity
     most: Velocity
     since_s: float | None
-    """Since when odometry has been out of bounds without coming nearer to the command; None: it is within."""
+    """Since when odometry has been out of bounds without approaching the command; None while it is within bounds."""
     since: Velocity
-    """What odometry said then."""
+    """The measured velocity at `since_s`."""
     unresponsive: bool
 
 
@@ -50,23 +50,23 @@ def follow(
     slowest: Velocity,
     deceleration: Velocity,
 ) -> Following:
-    """Take note of what has been commanded for `dt_s`, and of what odometry says.
+    """Update the expected bounds with the last command, and compare odometry with them.
 
     Args:
-        following: until now.
-        commanded: the velocity of that time.
-        measured: odometry's; None: there is none.
+        following: the result of the last call.
+        commanded: the velocity that was commanded for the last `dt_s`.
+        measured: the velocity by odometry; None without odometry.
         now_s: the time.
-        dt_s: since the last call.
+        dt_s: the time since the last call.
         slowest: the least acceleration of the base [m/s², rad/s²].
-        deceleration: the one that the base is trusted with, likewise.
+        deceleration: the trusted deceleration of the base [m/s², rad/s²].
     """
     least = Velocity(
         _rises(following.least.linear_m_s, commanded.linear_m_s, slowest.linear_m_s * dt_s),
         _rises(following.least.angular_rad_s, commanded.angular_rad_s, slowest.angular_rad_s * dt_s),
     )
     before = following.most
-    # A base that goes straight from one twist to another takes as long on both axes as on the slower one.
+    # A base that changes both axes in proportion needs as long on each axis as on the slower one.
     takes_s = max(
         _takes_s(
             least.linear_m_s,
@@ -107,14 +107,14 @@ def follow(
 
 
 def possible_twists(following: Following, measured: Velocity | None) -> list[Velocity]:
-    """The twists that the base may have by now.
+    """Return the twists that the base may have now.
 
-    Odometry may be stuck, so the most that the base may have counts as well. Without odometry, or while it is out of
-    bounds, nothing shows how far each axis follows: the least of one axis goes with the most of the other.
+    They include the upper bound, because odometry may be stuck. Without odometry, or while it is out of bounds, the
+    axes may follow differently, so they include the least of each axis combined with the most of the other.
 
     Args:
-        following: what is expected of the base.
-        measured: odometry's velocity; None: there is none.
+        following: the expected bounds.
+        measured: the velocity by odometry; None without odometry.
     """
     least, most = following.least, following.most
     twists = [most] if measured is None else [most, measured]
@@ -125,7 +125,7 @@ def possible_twists(following: Following, measured: Velocity | None) -> list[Vel
 
 
 def _gains(since: Velocity, measured: Velocity, commanded: Velocity) -> bool:
-    """Whether the base has come nearer to its command, by more than noise: it is slow, but it follows."""
+    """Return whether the base has approached its command by more than noise: it then follows, although slowly."""
     return _nears(since.linear_m_s, measured.linear_m_s, commanded.linear_m_s, SLOW.linear_m_s) or _nears(
         since.angular_rad_s, measured.angular_rad_s, commanded.angular_rad_s, SLOW.angular_rad_s
     )
@@ -136,7 +136,7 @@ def _nears(before: float, now: float, wanted: float, slow: float) -> bool:
 
 
 def moves(velocity: Velocity, threshold: Velocity) -> bool:
-    """Whether a velocity exceeds a threshold on either axis."""
+    """Return whether a velocity exceeds a threshold on either axis."""
     return (
         abs(velocity.linear_m_s) > threshold.linear_m_s
         or abs(velocity.angular_rad_s) > threshold.angular_rad_s
@@ -144,19 +144,19 @@ def moves(velocity: Velocity, threshold: Velocity) -> bool:
 
 
 def _rises(least: float, commanded: float, step: float) -> float:
-    """The signed speed that the slowest base has by now; it falls with the command at once."""
+    """Return the signed speed that the slowest base has reached; it follows a falling command at once."""
     along = max(0.0, math.copysign(least, least * commanded))
     return math.copysign(min(abs(commanded), along + step), commanded)
 
 
 def _takes_s(least: float, most: float, commanded: float, slowest: float, deceleration: float) -> float:
-    """How long one axis may still take to its command; into the other direction, it brakes first."""
+    """Return the longest time [s] until one axis reaches its command; on a reversal, only the deceleration counts."""
     falls_s = abs(commanded - most) / deceleration
     return falls_s if most * commanded < 0.0 else max(falls_s, abs(commanded - least) / slowest)
 
 
 def _falls(most: float, commanded: float, share: float) -> float:
-    """The signed speed that the base may still have; it rises with the command at once."""
+    """Return the highest signed speed that the base may still have; it follows a rising command at once."""
     if share == 1.0 or most * (commanded - most) >= 0.0:
         return commanded
     return most + share * (commanded - most)

@@ -1,13 +1,13 @@
-"""The black box: the last minute of the law's inputs and decisions, in a file at every stop.
+"""The black box: writes the last minute of the law's inputs and decisions to a file at every stop.
 
-Every step is packed into bytes at once (some microseconds), and each second begins with the state that the
-law had: a replay starts at any of them and is bit-exact. The memory is bounded by time and by bytes, so also
-by count: no step is smaller than `STEP_OVERHEAD_BYTES`.
+Every step is packed into bytes immediately, which takes some microseconds. Each second begins with the law's state,
+so that a replay can start at any second and is bit-exact. The memory is bounded by time and by bytes, and therefore
+also by count: no step is smaller than `STEP_OVERHEAD_BYTES`.
 
-A stop is a reason that the owner of the wheels did not have before, while the robot may move: also a second reason,
-such as a base that runs away after it was stopped. A reason at rest writes nothing.
-The file is written `TAIL_S` later, so that it shows the braking. Whatever goes wrong here is logged once, and
-supervision goes on.
+A stop is a new reason of the owner of the wheels while the robot may move. A second reason counts as well, such as a
+base that runs away after it was stopped. A reason at rest writes no file.
+The file is written `TAIL_S` later, so that it shows the braking. An error in the black box is logged once, and
+supervision continues.
 """
 
 import logging
@@ -37,30 +37,30 @@ _log = logging.getLogger(__name__)
 ENVIRONMENT = "LIFELINE_STATE_DIR"
 
 TAIL_S = 2.0
-"""What follows a stop in its file; a new stop within it belongs to the same file."""
+"""Recorded time after a stop; a new stop within this time goes to the same file."""
 TAIL_LIMIT_S = 10.0
-"""After the first of several such stops the file is written all the same."""
+"""Maximum time from the first of several such stops to the writing of the file."""
 SEGMENT_S = 1.0
 SEGMENT_BYTES = 1 << 20
 MEMORY_BYTES = 12 << 20
-"""60 s of 360 beams take 5 MB; of a flood, or of a far larger lidar, less than 60 s are kept."""
+"""60 s of scans with 360 beams take 5 MB; with a message flood or a far larger lidar, less than 60 s are kept."""
 FILE_BYTES = 20_000_000
 STEP_OVERHEAD_BYTES = 48
-"""A bytes object's own, and its place in a list, until its second is over."""
+"""Overhead of a bytes object and its list entry, until its second ends."""
 
 QUEUE_DEPTH = 2
 PAUSE_S = 0.0002
-"""After each line: a file of 60 s takes some 3 s."""
+"""Pause after each line; a file of 60 s takes about 3 s."""
 CLOSE_LIMIT_S = 1.0
 
 
 class Writer(Protocol):
-    """Writes black boxes; neither call blocks for long."""
+    """Interface of a black box writer; no call blocks for long."""
 
     def submit(self, order: Order) -> None: ...
 
     def close(self) -> None:
-        """Let nothing that was submitted be lost."""
+        """Write everything that was submitted."""
         ...
 
 
@@ -69,7 +69,7 @@ class _Segment:
     first_s: float
     state: bytes
     growing: list[bytes] = field(default_factory=list[bytes])
-    """Its packed steps, until it ends."""
+    """Its packed steps, until the segment ends."""
     last_s: float = 0.0
     size: int = 0
     _ended: Steps | None = None
@@ -92,7 +92,7 @@ class _Stop:
     due_s: float
     stops: list[dict[str, Any]]
     room: int
-    """Bytes until its own past would have to give way to its tail."""
+    """Bytes that the tail may take before the oldest part of its file must be dropped."""
 
     @property
     def most_severe(self) -> StopReason:
@@ -100,7 +100,7 @@ class _Stop:
 
 
 class BlackBox:
-    """Records one supervisor. Every call is of its event loop."""
+    """Records the steps of one supervisor. All methods are called on its event loop."""
 
     def __init__(
         self, law: LawConfig, writer: Writer, *, window_s: float, utc: Callable[[], float] = time.time
@@ -112,27 +112,27 @@ class BlackBox:
         self._segments: deque[_Segment] = deque()
         self._size = 0
         self._cut: deque[tuple[float, int]] = deque()
-        """The last time and the count of steps of segments that memory had no room for."""
+        """For each segment dropped for lack of memory: its last time and its number of steps."""
         self._free = False
-        """The last decision was another than STOPPED."""
+        """Whether the last decision was not STOPPED."""
         self._without_owner: frozenset[StopReason] = frozenset()
-        """The reasons of the last step in which nobody owned the wheels."""
+        """The reasons of the last step without an owner of the wheels."""
         self._stop: _Stop | None = None
         self._broken = False
 
     @property
     def size(self) -> int:
-        """Bytes in memory."""
+        """Size of the recording in memory, in bytes."""
         return self._size
 
     def record(self, now_s: float, inputs: Inputs, state: State, decision: Decision) -> None:
-        """Take in one step; never raises.
+        """Record one step; never raises.
 
         Args:
-            now_s: the step's time.
-            inputs: what it was told.
-            state: what the law remembered before it.
-            decision: what it decided.
+            now_s: the time of the step.
+            inputs: the inputs of the step.
+            state: the state before the step.
+            decision: the decision of the step.
         """
         if self._broken:
             return
@@ -141,10 +141,10 @@ class BlackBox:
         except Exception:  # noqa: BLE001 - a recorder must not stop what it records
             self._broken = True
             self._segments.clear()
-            _log.exception("the black box records no more; supervision goes on")
+            _log.exception("the black box has stopped recording; supervision continues")
 
     def close(self) -> None:
-        """Write what waits for its tail; ends within about a second."""
+        """Write a pending file without waiting for the rest of its tail; takes about a second at most."""
         if self._stop is not None and not self._broken:
             self._submit(self._stop)
         self._writer.close()
@@ -166,7 +166,7 @@ class BlackBox:
             self._submit(self._stop)
 
     def _known(self, state: State, decision: Decision) -> frozenset[StopReason]:
-        """The reasons that the owner of the wheels already had before this step, also as a source that waited."""
+        """Return the reasons that the owner of the wheels had before this step, even if it was not the owner then."""
         owner = next((s for s in state.sources if s.config.name == decision.owner), None)
         if owner is not None:
             return owner.latched
@@ -174,7 +174,7 @@ class BlackBox:
         return known
 
     def _begin(self, now_s: float, state: State) -> _Segment:
-        """A new segment; what is older than the window, or too much, goes."""
+        """Begin a new segment; drop segments that are older than the window or exceed the memory limit."""
         if self._segments:
             self._segments[-1].end()
         segment = _Segment(now_s, pack_state(state))
@@ -207,7 +207,7 @@ class BlackBox:
             "reasons": [reason.name for reason in reasons],
         }
         if self._stop is not None:
-            # What only follows from a worse reason, as silence from a death, has nothing of its own to show.
+            # A consequence of a more severe reason, such as the silence of a dead source, needs no file of its own.
             if was_free or SEVERITY[reasons[0]] < SEVERITY[self._stop.most_severe]:
                 self._stop.due_s = min(now_s + TAIL_S, self._stop.first_s + TAIL_LIMIT_S)
             self._stop.stops.append(told)
@@ -233,7 +233,7 @@ class BlackBox:
 
 
 def _may_move(state: State, inputs: Inputs) -> bool:
-    """Whether the robot is commanded to move, however slowly, moves according to odometry, or may still be braking."""
+    """Return whether the robot is commanded to move, moves according to odometry, or may still be braking."""
     velocities = [state.odometer.velocity, state.following.most]
     if inputs.odometry is not None:
         velocities.append(inputs.odometry.velocity)
@@ -243,9 +243,9 @@ def _may_move(state: State, inputs: Inputs) -> bool:
 
 
 class ThreadWriter:
-    """Writes black boxes on a thread that pauses after each line, so that no tick waits for more than one.
+    """Writes black boxes on a thread that pauses after each line, so that a tick waits for one line at most.
 
-    A process of its own makes ticks later: docs/decisions/0011.
+    A separate process delays ticks more: docs/decisions/0011.
     """
 
     def __init__(self, directory: Path, *, max_files: int, max_bytes: int = FILE_BYTES) -> None:
@@ -261,14 +261,14 @@ class ThreadWriter:
         try:
             self._orders.put_nowait(order)
         except queue.Full:
-            self._warn(f"{order.name} is left out, because two others still wait")
+            self._warn(f"{order.name} is not written, because two others are still waiting")
             return
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name="black box", daemon=True)
             self._thread.start()
 
     def close(self) -> None:
-        """Write the rest without a pause, for at most `CLOSE_LIMIT_S`."""
+        """Write the remaining files without pauses, for at most `CLOSE_LIMIT_S`."""
         self._hurry.set()
         with self._orders.all_tasks_done:
             self._orders.all_tasks_done.wait_for(
@@ -286,7 +286,7 @@ class ThreadWriter:
                     max_bytes=self._max_bytes,
                     pause=lambda: self._hurry.wait(PAUSE_S),
                 )
-            except Exception as error:  # noqa: BLE001 - whatever it is, supervision goes on
+            except Exception as error:  # noqa: BLE001 - supervision must continue after any error
                 self._warn(str(error))
             else:
                 self._warned = False
@@ -295,20 +295,20 @@ class ThreadWriter:
                 self._orders.task_done()
 
     def _warn(self, sentence: str) -> None:
-        """Once, until one is written again."""
+        """Log the problem once, until a file is written again."""
         if not self._warned:
             self._warned = True
-            _log.warning("no black box: %s; supervision goes on", sentence)
+            _log.warning("no black box: %s; supervision continues", sentence)
 
 
 def default_directory() -> Path:
-    """Where black boxes go that no configuration sends elsewhere."""
+    """Return the default directory of black boxes."""
     state_dir = os.environ.get(ENVIRONMENT)
     return Path(state_dir or ".lifeline") / "blackbox"
 
 
 def black_box(config: SupervisorSection) -> BlackBox:
-    """The black box that a configuration asks for."""
+    """Return the black box for a configuration."""
     directory = default_directory() if config.black_box_dir is None else Path(config.black_box_dir)
     writer = ThreadWriter(directory, max_files=config.black_box_files)
     return BlackBox(config.law(), writer, window_s=config.black_box_s)

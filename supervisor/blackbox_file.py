@@ -1,13 +1,13 @@
-"""A black box on disk, `20260704T101530.123Z-OBSTACLE.jsonl.gz`: gzip, and within it one JSON object for each line.
+"""A black box on disk, `20260704T101530.123Z-OBSTACLE.jsonl.gz`: gzip with one JSON object per line.
 
     {"format": "lifeline black box", "version": 1, "stops": […], "config": {…}, …}   the header
-    {"state": {…}}                               what the law remembered before the next step; one each second
+    {"state": {…}}                               the law's state before the next step; one each second
     {"now_s": …, "inputs": {…}, "decision": {…}} a step of the law
     …
-    {"end": true, "steps": 4812}                 nothing is missing
+    {"end": true, "steps": 4812}                 the file is complete
 
-`law_codec.py` says how values are spelled. Every second is a gzip member of its own: the oldest are left out
-where the file would become too large.
+`law_codec.py` defines the encoding of values. Each second is a separate gzip member. The oldest members are left out
+if the file would become too large.
 """
 
 import gzip
@@ -31,19 +31,19 @@ FORMAT = "lifeline black box"
 VERSION = 1
 SUFFIX = ".jsonl.gz"
 OURS = re.compile(r"\d{8}T\d{6}\.\d{3}Z-(?P<reason>[A-Z_]+)(-\d+)?\.jsonl\.gz")
-"""Only these are ever deleted."""
+"""Names of the files that may be deleted; no other file ever is."""
 
 COMPRESSION = 6
 MARSHAL_VERSION = 2
-"""No references: floats in binary, and nothing to look up."""
+"""Version 2: binary floats without object references."""
 
 LAW, STATE, INPUTS = codec(LawConfig), codec(State), codec(Inputs)
 DECISION = record_codec(Decision, without=("sources",))
-"""The sources are the state's own: they are compared with every state that is recorded."""
+"""Without the sources: they are part of the state and are compared with each recorded state."""
 
 
 class Steps:
-    """Packed steps, one behind the other in one block: thousands of small ones would leave the heap ragged."""
+    """Packed steps in one block of memory; thousands of small blocks would fragment the heap."""
 
     def __init__(self, packed: Sequence[bytes]) -> None:
         self._block = b"".join(packed)
@@ -60,14 +60,14 @@ class Steps:
 
 
 Segment = tuple[bytes, Steps]
-"""A packed state, and the packed steps from it on."""
+"""A packed state and the packed steps that follow it."""
 
 Pause = Callable[[], object]
 
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """What is to be written."""
+    """A black box to be written."""
 
     name: str
     """Without the suffix."""
@@ -76,7 +76,7 @@ class Order:
 
 
 class BlackBoxError(Exception):
-    """This file cannot be replayed; one sentence says why."""
+    """The file cannot be replayed; the message says why."""
 
 
 # --- writing
@@ -90,19 +90,19 @@ def pack_step(now_s: float, inputs: Inputs, decision: Decision) -> bytes:
     return marshal.dumps((now_s, INPUTS.pack(inputs), DECISION.pack(decision)), MARSHAL_VERSION)
 
 
-def _unpack(packed: bytes) -> Any:  # noqa: ANN401 - what was packed
+def _unpack(packed: bytes) -> Any:  # noqa: ANN401 - any packed value
     return marshal.loads(packed)  # noqa: S302 - our own bytes, which have never left this process
 
 
 def write(
     order: Order, directory: Path, *, max_files: int, max_bytes: int, pause: Pause = lambda: None
 ) -> Path:
-    """Write a black box under its final name, whole or not at all; then delete those beyond `max_files`.
+    """Write a black box atomically under its final name; then delete the files beyond `max_files`.
 
-    `pause` is called after each line, the longest that this holds the interpreter at a time.
+    `pause` is called after each line, so that the interpreter is held for one line at a time.
 
     Raises:
-        OSError: it cannot be written; nothing is left behind.
+        OSError: the file cannot be written; no partial file remains.
     """
 
     def lines(segment: Segment) -> Iterable[str]:
@@ -140,7 +140,7 @@ def write(
 
 
 def dumps(document: Any) -> str:  # noqa: ANN401 - any JSON
-    """One line of a black box, without its end."""
+    """Return one line of a black box, without the newline."""
     return json.dumps(document, allow_nan=False, separators=(",", ":"))
 
 
@@ -169,7 +169,7 @@ def _store(directory: Path, name: str, members: Iterable[bytes]) -> Path:
 
 
 def _delete_abandoned(directory: Path) -> None:
-    """What a supervisor that was killed has left."""
+    """Delete the temporary files of killed supervisors."""
     for temporary in directory.glob(f".*{SUFFIX}.*.tmp"):
         pid = temporary.name.split(".")[-2]
         if pid.isdecimal() and not _runs(int(pid)):
@@ -178,7 +178,7 @@ def _delete_abandoned(directory: Path) -> None:
 
 
 def _runs(pid: int) -> bool:
-    """Whether a process runs that is not this one, which writes one file after the other."""
+    """Return whether another process with this id runs; this process writes one file at a time."""
     try:
         os.kill(pid, 0)
     except (ProcessLookupError, OverflowError):
@@ -189,9 +189,9 @@ def _runs(pid: int) -> bool:
 
 
 def _delete_least_worth(directory: Path, newest: Path, max_files: int) -> None:
-    """Delete files of routine stops first, and never the newest one, even if the wall clock was set back.
+    """Delete files of routine stops first, and never the newest file, even if the wall clock was set back.
 
-    The file of a routine stop makes no other file go: one more than `max_files` is kept then.
+    A new file of a routine stop never displaces a file of another stop: then `max_files` + 1 files are kept.
     """
     others = [
         (name["reason"] not in ROUTINE, path)
@@ -212,18 +212,18 @@ def _delete_least_worth(directory: Path, newest: Path, max_files: int) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A black box as JSON has it."""
+    """A black box as decoded JSON."""
 
     header: dict[str, Any]
     lines: Sequence[dict[str, Any]]
-    """States and steps."""
+    """Its states and steps, in order."""
 
 
 def read(path: Path) -> Document:
-    """A black box, whole.
+    """Read a complete black box.
 
     Raises:
-        BlackBoxError: it cannot be read, is none, is of a newer version, or its end is missing.
+        BlackBoxError: the file cannot be read, is not a black box, has a newer version, or is truncated.
     """
     try:
         file = gzip.open(path, "rt", encoding="utf-8")  # noqa: SIM115 - closed below; only this line's errors
@@ -239,7 +239,7 @@ def read(path: Path) -> Document:
             raise BlackBoxError(_no_black_box(path, None))
         if version > VERSION:
             raise BlackBoxError(
-                f"{path} is of version {version}, and this Lifeline reads up to {VERSION}: replay it with a newer one"
+                f"{path} has version {version}, and this Lifeline reads up to {VERSION}: replay it with a newer Lifeline"
             )
         lines: list[dict[str, Any]] = []
         try:
@@ -255,7 +255,7 @@ def read(path: Path) -> Document:
 def _object(line: str) -> dict[str, Any]:
     document: object = json.loads(line)
     if not isinstance(document, dict):
-        raise ValueError("a line is no JSON object")  # noqa: TRY004 - a fault of the file
+        raise ValueError("a line is not a JSON object")  # noqa: TRY004 - a fault of the file
     return cast("dict[str, Any]", document)
 
 

@@ -8,18 +8,18 @@ hull's nearest point, and a commanded twist (v [m/s], ω [rad/s]):
                      κ(c) = -a·T + sqrt((a·T)² + 2·a·(c - d))          beyond
     scale            s = min(1, min over points with k > k_tol of κ(c)/k)
 
-with the stop distance d, the deceleration a that the base is trusted with, and the reaction time T: κ is
-the speed from which reacting for T and then braking with a ends exactly at d (v·T + v²/2a = c - d).
+with the stop distance d, the trusted deceleration a of the base, and the reaction time T. κ is the speed from
+which the base, after reacting for T and braking with a, stops exactly at d (v·T + v²/2a = c - d).
 
-The present closing speed is not enough. On an arc it grows while the hull turns. Besides, the base brakes
-with a along its way, not along n: a wall at a slant comes nearer for longer than κ assumes. Therefore the
-way ahead is checked too: if the hull, at the full twist, would come within d of a point after the time τ,
-then the share s of the twist, reacting and braking along the same way, must end before that:
+The present closing speed is not enough. On an arc, it grows while the hull turns. The base also brakes with a
+along its path, not along n, so it closes on a slanted wall for longer than κ assumes. Therefore the path ahead
+is checked too: if the hull at the full twist would come within d of a point after the time τ, then the robot at
+the share s of the twist must stop before that point, with reaction and braking along the same path:
 
     s·T + s²·V/2a <= τ        with V = max(|v|, |ω|·radius), the speed that the base has to brake
 
-Straight toward a wall, this is the formula above. The twist is scaled as a whole, so that an arc keeps its
-shape. A twist that closes on nothing near is not slowed.
+Straight toward a wall, this equals the formula above. The twist is scaled as a whole, so that an arc keeps its
+shape. A twist that closes on no near point is not slowed.
 """
 
 import math
@@ -37,72 +37,80 @@ Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 CLOSING_TOLERANCE_M_S = 0.01
-"""Closing more slowly than this is not closing: readings are noisy."""
+"""A slower closing speed counts as zero: readings are noisy."""
 
 DEEP_M = 0.005
 DEEP_TOLERANCE_M_S = 0.001
-"""Deeper than this inside the stop distance, closing counts above this speed: many slow steps must not add up."""
+"""For a point deeper than this inside the stop distance, closing counts above this lower speed: many slow steps must
+not add up."""
 
 POSES = 6
-"""The way ahead is checked in this many even steps: 8 cm each at 1 m/s, in which an arc strays by 1 mm."""
+"""The path ahead is checked at this many evenly spaced poses: 8 cm apart at 1 m/s, where an arc deviates from its chord
+by 1 mm."""
 
 MOMENTS = 8
-"""A corner may sweep past a point between two of those poses: its closing speed is sought in finer steps."""
+"""Substeps per pose for the closing speed: a corner may sweep past a point between two poses."""
 
 STRAY_M = 0.01
-"""A base that changes from one arc to another is on neither: on arcs, the way ahead keeps more distance."""
+"""Extra distance for the path ahead on an arc: a base that changes from one arc to another follows neither exactly."""
 
 GRAZE_M = 0.001
-"""What comes nearer by less than this, as a wall beside the robot does, does not come nearer; nor does what closes
-no faster than a deep reading may."""
+"""Minimum decrease of a distance that counts as coming nearer; a wall beside the robot stays below it. A point that
+closes no faster than `DEEP_TOLERANCE_M_S` does not count either."""
 
 ON_HULL_M = 1e-9
-"""What is nearer to the hull than this has the normal of its side: from so short a way, rounding makes the direction."""
+"""A point nearer to the hull than this gets the normal of the hull's side: over so short a distance, rounding errors
+would determine the direction."""
 
 NOTHING_M = 1e-300
-"""Smaller than any distance that is not zero: no divisor may be smaller."""
+"""Smallest permitted divisor, smaller than any real distance."""
 
 
 class Hull(Protocol):
     """The robot's outline in its base frame."""
 
     def clearance(self, points: Floats) -> Floats:
-        """Distances (n,) [m] of points (n, 2) [m], negative inside."""
+        """Return the distances (n,) [m] of points (n, 2) [m] from the hull, negative inside."""
         ...
 
     def nearest(self, points: Floats) -> tuple[Floats, Floats]:
-        """Distances (n,) [m], negative inside, and outward unit normals (n, 2) of the hull, of points (n, 2) [m]."""
+        """Return the distances (n,) [m] of points (n, 2) [m], negative inside, and the hull's outward unit normals (n, 2)."""
         ...
 
     def approach(self, points: Floats) -> tuple[Floats, Floats, Floats]:
-        """Distances (n,) [m], and the closing speeds (n,) [m/s] for each m/s of forward velocity and rad/s of turn rate."""
+        """Return distances and closing speeds of points (n, 2) [m].
+
+        Returns:
+            distances (n,) [m], negative inside; closing speeds (n,) [m/s] for each m/s of forward velocity; closing
+            speeds (n,) [m/s] for each rad/s of turn rate.
+        """
         ...
 
     def clearance_along(self, points: Floats, poses: Floats) -> Floats:
-        """Distances (m, n) [m] of points (n, 2) from the hull at each of the poses (m, 3): x [m], y [m], yaw [rad]."""
+        """Return the distances (m, n) [m] of points (n, 2) from the hull at each pose (m, 3): x [m], y [m], yaw [rad]."""
         ...
 
     def crossing(self, x_m: float, y_m: float, direction: Floats) -> "Crossing":
-        """Where rays along unit vectors (2, n) from a point, inside or outside of the hull, meet the hull."""
+        """Return where the rays from a point along unit vectors (2, n) meet the hull; the point may be inside it."""
         ...
 
     @property
     def radius_m(self) -> float:
-        """The farthest that any part of the hull is from the base frame's origin."""
+        """Largest distance of any part of the hull from the base frame's origin."""
         ...
 
 
 class Crossing(NamedTuple):
-    """Where rays (n,) meet the hull."""
+    """Distances at which n rays meet the hull, from their origin."""
 
     enters_m: Floats
-    """(n,): zero where the ray begins inside, infinite where it misses the hull."""
+    """(n,): zero if the ray begins inside the hull, infinite if it misses the hull."""
     leaves_m: Floats
-    """(n,): zero where it misses the hull."""
+    """(n,): zero if the ray misses the hull."""
 
 
 def _between(enters_m: Floats, leaves_m: Floats) -> Crossing:
-    """A crossing from where lines enter and leave, of which only the part ahead counts."""
+    """Return the crossing of rays, given where their lines enter and leave; parts behind the origin are cut off."""
     enters_m = np.maximum(enters_m, 0.0)
     meets = enters_m < leaves_m
     return Crossing(np.where(meets, enters_m, math.inf), np.where(meets, leaves_m, 0.0))
@@ -110,7 +118,7 @@ def _between(enters_m: Floats, leaves_m: Floats) -> Crossing:
 
 @dataclass(frozen=True)
 class Circle:
-    """A round hull about the base frame's origin."""
+    """A circular hull around the base frame's origin."""
 
     radius_m: float
 
@@ -119,13 +127,13 @@ class Circle:
 
     def nearest(self, points: Floats) -> tuple[Floats, Floats]:
         distances: Floats = np.hypot(points[:, 0], points[:, 1])
-        # A point at the very centre gets a normal ahead: driving ahead closes on it.
+        # A point at the centre gets a normal in the forward direction: driving forward closes on it.
         normals = (points + np.array((NOTHING_M, 0.0))) / (distances + NOTHING_M)[:, None]
         return distances - self.radius_m, normals
 
     def approach(self, points: Floats) -> tuple[Floats, Floats, Floats]:
         clearance, normals = self.nearest(points)
-        return clearance, normals[:, 0], np.zeros(len(points))  # turning a round hull closes on nothing
+        return clearance, normals[:, 0], np.zeros(len(points))  # rotating a circle closes on no point
 
     def clearance_along(self, points: Floats, poses: Floats) -> Floats:
         offset_x, offset_y = points[:, 0] - poses[:, :1], points[:, 1] - poses[:, 1:2]
@@ -151,7 +159,7 @@ class ConvexPolygon:
         start, side = self._sides()
         offset = start[:, None, :] - start[None, :, :]
         outside = offset[:, :, 0] * side[:, 1] - offset[:, :, 1] * side[:, 0]  # (corners, sides)
-        # Of a side's line only its own two ends lie on it, and nothing beyond it.
+        # Only the two ends of a side lie on its line, and no corner lies beyond it.
         ends = np.eye(len(start), dtype=np.bool_)
         if not np.array_equal(outside.round(9) >= 0.0, ends | np.roll(ends, 1, axis=0)):
             raise ValueError("the polygon must be convex, its corners counter-clockwise")
@@ -198,7 +206,7 @@ class ConvexPolygon:
         depth_m = outward[:, 0] * (start[:, 0] - x_m) + outward[:, 1] * (start[:, 1] - y_m)  # (m,)
         outwards: Floats = outward @ direction  # (m, n)
         leaving, entering = outwards > NOTHING_M, outwards < -NOTHING_M
-        # A ray along a side's line is on one side of it throughout.
+        # A ray parallel to a side stays on one side of the side's line.
         ends = np.broadcast_to(np.where(depth_m < 0.0, math.inf, -math.inf)[:, None], outwards.shape).copy()
         np.divide(depth_m[:, None], outwards, out=ends, where=leaving | entering)
         leaves_m: Floats = np.where(leaving, ends, math.inf).min(axis=0)
@@ -207,44 +215,44 @@ class ConvexPolygon:
 
     @cached_property
     def _geometry(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Each side's start (m, 2), its way to its end (m, 2), its outward normal (m, 2), its length squared (m,)."""
+        """For each side: start (m, 2), vector to its end (m, 2), outward unit normal (m, 2), squared length (m,)."""
         start, side = self._sides()
         length = np.hypot(side[:, 0], side[:, 1])
         return start, side, np.array([side[:, 1], -side[:, 0]]).T / length[:, None], length**2
 
     def _sides(self) -> tuple[Floats, Floats]:
-        """Each side's start (m, 2) and its way to its end (m, 2)."""
+        """Return the start (m, 2) of each side and the vector to its end (m, 2)."""
         start: Floats = np.array(self.corners)
         return start, np.roll(start, -1, axis=0) - start
 
 
 class Kind(Enum):
-    """What is known of a point."""
+    """Why a point counts as occupied."""
 
     SEEN = "seen"
-    """A reading of the newest scan."""
+    """A return in the newest scan."""
     REMEMBERED = "remembered"
-    """A reading of an earlier scan that no later one has disproved."""
+    """A return in an earlier scan that no later scan has disproved."""
     HIDDEN = "hidden"
-    """A place that no scan rules out: something may stand there."""
+    """A place that no scan proves free: an obstacle may stand there."""
 
 
 class Surroundings(NamedTuple):
-    """Points of one kind around the hull, with what the closing speed needs, computed once for each scan."""
+    """Points of one kind around the hull, with their clearances and closing rates; computed once for each scan."""
 
     hull: Hull
     kind: Kind
     points: Floats
     """(n, 2) [m], base frame."""
     clearance_m: Floats
-    """(n,): hull to point."""
+    """(n,) [m]: distance from the hull, negative inside."""
     per_linear: Floats
     """(n,): closing speed [m/s] for each m/s of forward velocity."""
     per_angular: Floats
     """(n,): closing speed [m/s] for each rad/s of turn rate."""
 
     def nearest(self) -> tuple[float, float]:
-        """Clearance of the nearest point [m] and its bearing from the base frame's origin [rad]."""
+        """Return the clearance of the nearest point [m] and its bearing from the base frame's origin [rad]."""
         first = int(self.clearance_m.argmin())
         x_m, y_m = self.points[first].tolist()
         return self.clearance_m.item(first), math.atan2(y_m, x_m)
@@ -254,23 +262,28 @@ NO_POINTS: Floats = np.empty((0, 2))
 
 
 def survey(hull: Hull, points: Floats, kind: Kind = Kind.SEEN) -> Surroundings:
-    """What points (n, 2) [m] in the base frame mean for motions of the hull."""
+    """Return points (n, 2) [m] in the base frame as surroundings, with their clearances and closing rates."""
     return Surroundings(hull, kind, points, *hull.approach(points))
 
 
 @lru_cache(maxsize=16)
 def nothing_around(hull: Hull) -> Surroundings:
-    """The surroundings of a hull without any points."""
+    """Return the surroundings of a hull without any points."""
     return survey(hull, NO_POINTS)
 
 
 def _rates(points: Floats, normals: Floats) -> tuple[Floats, Floats]:
-    """Closing speeds for each unit of forward velocity and of turn rate."""
+    """Return the closing speeds (n,) for each unit of forward velocity and of turn rate."""
     return normals[:, 0], normals[:, 1] * points[:, 0] - normals[:, 0] * points[:, 1]
 
 
 def moved(points: Floats, displacement: tuple[float, float, float]) -> Floats:
-    """Points (n, 2) as seen after the robot has moved by (x [m], y [m], yaw [rad]) in the old base frame."""
+    """Transform points (n, 2) [m] into the base frame after the robot has moved.
+
+    Args:
+        points: in the old base frame.
+        displacement: of the robot in the old base frame: x [m], y [m], yaw [rad].
+    """
     x_m, y_m, yaw_rad = displacement
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
     there: Floats = (points - (x_m, y_m)) @ np.array(((cos, -sin), (sin, cos)))
@@ -278,13 +291,13 @@ def moved(points: Floats, displacement: tuple[float, float, float]) -> Floats:
 
 
 class Block(NamedTuple):
-    """The point that limits a motion, by its closing speed per unit of each velocity."""
+    """The point that limits a motion, and its closing speed per unit of each velocity."""
 
     per_linear: float
     per_angular: float
     kind: Kind
     x_m: float
-    """Of the point, in the base frame."""
+    """Position of the point in the base frame."""
     y_m: float
 
     def is_approached_by(self, linear_m_s: float, angular_rad_s: float) -> bool:
@@ -293,17 +306,17 @@ class Block(NamedTuple):
 
 
 class Barrier(NamedTuple):
-    """The numbers of the barrier at one moment."""
+    """Parameters of the barrier for one step."""
 
     stop_distance_m: float
     deceleration_m_s2: float
     reaction_s: float
     hidden_creep_m_s: float
-    """How fast the hull may close on a place that no scan rules out, however near it is."""
+    """Closing speed that is always permitted toward a hidden place, whatever its distance."""
 
 
 def permitted_closing_speed(clearance_m: Floats, barrier: Barrier) -> Floats:
-    """κ(c) for each clearance (n,): the closing speed [m/s] that still comes to rest at the stop distance."""
+    """Return κ(c) [m/s] for clearances (n,) [m]: the highest closing speed from which the base stops in time."""
     margin = np.maximum(clearance_m - barrier.stop_distance_m, 0.0)
     lost = barrier.deceleration_m_s2 * barrier.reaction_s
     return np.sqrt(lost * lost + 2.0 * barrier.deceleration_m_s2 * margin) - lost
@@ -318,15 +331,15 @@ def permitted_scale(
     *,
     worth: float = math.inf,
 ) -> tuple[float, Block | None]:
-    """The share of a twist that is permitted, 0 to 1, and the point that limits it; None where none does.
+    """Return the permitted share of a twist, 0 to 1, and the point that limits it; None if no point does.
 
     Args:
-        around: as the scan shows it.
-        linear_m_s: asked for.
-        angular_rad_s: asked for, counter-clockwise.
-        barrier: the numbers of this moment.
-        here: the same, as seen from where odometry says that the robot is by now; None: from where it was.
-        worth: the minimum useful share; the point is named only below it.
+        around: the points in the base frame in which they were seen.
+        linear_m_s: the requested forward velocity.
+        angular_rad_s: the requested turn rate, counter-clockwise.
+        barrier: the parameters of this step.
+        here: the same points in the present base frame by odometry; None if the robot has hardly moved.
+        worth: the minimum useful share; the point is returned only if the permitted share is lower.
     """
     limit = _limit_of_closing(around, linear_m_s, angular_rad_s, barrier)
     if here is not None:
@@ -338,7 +351,7 @@ def permitted_scale(
 
 
 Limit = tuple[float, Callable[[], Block] | None]
-"""A share of the twist, 0 to 1, and a function that returns the limiting point; None where nothing limits."""
+"""A share of the twist, 0 to 1, and a function that returns the limiting point; None if no point limits."""
 
 FREE: Limit = (1.0, None)
 
@@ -384,7 +397,7 @@ def _limit_of_the_way_ahead(
     barrier: Barrier,
     limit: Limit,
 ) -> Limit:
-    """The limit from braking along the way, or the present limit if that is lower."""
+    """Return the limit from braking along the path ahead, or `limit` if that is lower."""
     hull, lost_s = around.hull, barrier.reaction_s
     braking_s = max(abs(linear_m_s), abs(angular_rad_s) * hull.radius_m) / barrier.deceleration_m_s2
     horizon_s = limit[0] * (lost_s + limit[0] * braking_s / 2.0)
@@ -404,18 +417,18 @@ def _limit_of_the_way_ahead(
         return limit
     first = soonest // len(near)
     before = now if first == 0 else clearance[first - 1]
-    # Between two poses, the distance is taken to fall linearly.
+    # The distance is assumed to fall linearly between two poses.
     share = (before - keep) / np.maximum(before - clearance[first], GRAZE_M)
     share = np.where(entered[first], share, np.inf)
     nearest = int(share.argmin())
-    # What was within the tolerance at the pose before counts as entered there, but never in the past.
+    # A point within the tolerance at the previous pose counts as entered there, but never before the present.
     tau_s = step_s * max(0.0, first + share.item(nearest))
     scale = (math.sqrt(lost_s * lost_s + 2.0 * braking_s * tau_s) - lost_s) / braking_s
     if around.kind is Kind.HIDDEN:
         scale = max(scale, barrier.hidden_creep_m_s / fastest_m_s)
 
     def block() -> Block:
-        """Take the rates where the hull closes on the point fastest: it may not close on it yet."""
+        """Return the point with the rates at which the hull closes on it fastest along the path."""
         count = MOMENTS * (first + 1)
         moments = _seen_from(
             points[[nearest]], _along_arc(linear_m_s, angular_rad_s, step_s / MOMENTS, count)
@@ -428,7 +441,7 @@ def _limit_of_the_way_ahead(
 
 
 def _along_arc(linear_m_s: float, angular_rad_s: float, step_s: float, count: int) -> Floats:
-    """The poses (count, 3) after each step of time at a twist: x [m], y [m], yaw [rad]."""
+    """Return the poses (count, 3) after each time step at a constant twist: x [m], y [m], yaw [rad]."""
     poses: list[tuple[float, float, float]] = []
     for number in range(1, count + 1):
         time_s = number * step_s
@@ -439,7 +452,7 @@ def _along_arc(linear_m_s: float, angular_rad_s: float, step_s: float, count: in
 
 
 def _seen_from(points: Floats, poses: Floats) -> Floats:
-    """Points (n, 2) as seen from each of the poses (m, 3): (m, n, 2)."""
+    """Transform points (n, 2) into the frame of each pose (m, 3); returns (m, n, 2)."""
     cos, sin = np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
     offset_x, offset_y = points[:, 0] - poses[:, :1], points[:, 1] - poses[:, 1:2]
     return np.stack([cos * offset_x + sin * offset_y, cos * offset_y - sin * offset_x], axis=2)

@@ -1,4 +1,4 @@
-"""`[supervisor]` of robot.toml, checked whole before anything starts.
+"""The section `[supervisor]` of robot.toml, checked completely before any process starts.
 
 lidar_config.py has the lidars; fit.py compares these numbers with those of the base.
 """
@@ -16,11 +16,11 @@ from wire import topics
 from wire.config import Conflict, FreeName, Section
 from wire.quantities import Acceleration, AngularAcceleration, Between, Distance, Speed, TurnRate
 
-# A rate at which the law is not late for anything that it bounds, and one that a process can keep.
+# Fast enough for every timeout and distance of the law, and slow enough for a process to keep.
 TickRate = Annotated[float, Between(10.0, 1000.0)]
 # Displays treat a supervisor that is silent for one second as dead.
 StatusRate = Annotated[float, Between(1.0, 100.0)]
-# At 1 m/s, a command timeout of 2 s lets the robot drive 2 m after the operator's program has hung.
+# At 1 m/s, a command timeout of 2 s lets the robot drive 2 m after the operator's program hangs.
 CommandTimeout = Annotated[float, Between(0.03, 2.0)]
 ScanTimeout = Annotated[float, Between(0.03, 3.0, "a slower lidar does not see what a robot runs into")]
 OdomTimeout = Annotated[float, Between(0.03, 2.0)]
@@ -30,20 +30,20 @@ Memory = Annotated[float, Between(0.0, 10.0, "a person may have entered space th
 # Below 5 cm the errors of lidar, mount and braking are as large as the distance.
 StopDistance = Annotated[float, Between(0.05, 2.0)]
 WarningDistance = Annotated[float, Between(0.05, 5.0)]
-# More than 10 m/s² is beyond the grip of a tyre; less than 0.1 needs 5 m to stop from 1 m/s.
+# More than 10 m/s² exceeds the grip of a tyre; with 0.1 m/s², stopping from 1 m/s takes 5 m.
 Deceleration = Annotated[float, Between(0.1, 10.0)]
 MinimumSpeed = Annotated[float, Between(0.001, 0.1)]
-# Faster than this is no creep: the base could not stop within the width of a hand.
+# From a higher creep speed, the base could not stop within a hand's width.
 BlindCreep = Annotated[float, Between(0.0, 0.2)]
 RunawaySpeed = Annotated[float, Between(0.01, 0.5)]
 RunawayTurnRate = Annotated[float, Between(0.01, 1.0)]
 # A thread is 5 mm, a person's body 50 cm.
 ObstacleWidth = Annotated[float, Between(0.005, 0.5)]
 HullRadius = Annotated[float, Between(0.05, 5.0, "in m")]
-Pair = Annotated[tuple[Distance, Distance], Field(strict=False)]  # TOML knows lists only
+Pair = Annotated[tuple[Distance, Distance], Field(strict=False)]  # TOML has only lists
 
 PERIODS_IN_TIMEOUT = 1.5
-"""A timeout below this many periods stops the robot for every scan that is a little late."""
+"""Minimum timeout in periods: with a shorter timeout, every slightly late scan stops the robot."""
 
 
 class SourceSection(Section):
@@ -54,7 +54,7 @@ class SourceSection(Section):
 
 
 class FootprintSection(Section):
-    """The robot's hull: a circle by its radius, or a convex polygon by its corners."""
+    """The robot's hull: a circle given by its radius, or a convex polygon given by its corners."""
 
     radius_m: HullRadius | None = None
     corners_m: Annotated[list[Pair], Field(max_length=64)] | None = None
@@ -74,13 +74,13 @@ class FootprintSection(Section):
 
 
 class SupervisorSection(Section):
-    """Every number of the safety law and of its service."""
+    """All parameters of the safety law and of the supervisor process."""
 
     tick_hz: TickRate = 50.0
     status_hz: StatusRate = 10.0
     command_timeout_s: CommandTimeout = 0.2
     scan_timeout_s: ScanTimeout = 0.24
-    """Of a lidar that has no timeout of its own; where it is not given, a sensor's profile knows better."""
+    """Timeout of a lidar without its own `timeout_s`; if not given, the timeout of the sensor's profile applies."""
     overrun_s: Overrun = 0.1
     stop_distance_m: StopDistance = 0.30
     warning_distance_m: WarningDistance = 0.50
@@ -107,7 +107,7 @@ class SupervisorSection(Section):
     lidars: (
         Annotated[tuple[NamedLidarSection, ...], Field(min_length=1, max_length=4, strict=False)] | None
     ) = None
-    """Instead of `lidar`, if there are several."""
+    """Replaces `lidar` if there are several lidars."""
     sources: Annotated[tuple[SourceSection, ...], Field(min_length=1, max_length=16, strict=False)] = (
         SourceSection(name="teleop", priority=100),
         SourceSection(name="joy", priority=90),
@@ -115,14 +115,14 @@ class SupervisorSection(Section):
     )
 
     def all_lidars(self) -> tuple[NamedLidarSection, ...]:
-        """Every lidar, with its name and topic; the one of `[supervisor.lidar]` is `lidar`, on `scan`."""
+        """Return all lidars with name and topic; `[supervisor.lidar]` has the name `lidar` and the topic `scan`."""
         if self.lidars is not None:
             return self.lidars
         one = {key: getattr(self.lidar, key) for key in LidarSection.model_fields}
         return (NamedLidarSection.model_construct(name="lidar", topic=topics.SCAN.key, **one),)
 
     def scan_timeout_of(self, lidar: LidarSection) -> float:
-        """How old its newest scan may be [s]: by its own key, else the section's, else its sensor's profile."""
+        """Return a lidar's scan timeout [s]: its own, else the section's if given, else its profile's."""
         if lidar.timeout_s is not None:
             return lidar.timeout_s
         timing = lidar.timing()
@@ -181,9 +181,9 @@ class SupervisorSection(Section):
     def conflicts_of_period(
         self, path: tuple[str | int, ...], lidar: LidarSection, period_s: float
     ) -> Iterator[Conflict]:
-        """A lidar's timeout against the time between two of its scans."""
+        """Yield a conflict if a lidar's timeout is too short for the time between two of its scans."""
         timeout_s, least_s = self.scan_timeout_of(lidar), PERIODS_IN_TIMEOUT * period_s
-        if timeout_s < least_s - 1e-9:  # what a product is rounded by
+        if timeout_s < least_s - 1e-9:  # rounding error of the product
             where = ("scan_timeout_s",) if lidar.timeout_s is None else (*path, "timeout_s")
             timing = lidar.timing()
             otherwise = (
@@ -221,7 +221,7 @@ class SupervisorSection(Section):
                 yield Conflict(where, lidar.topic, "only the first lidar may be on this topic: list it first")
 
     def law(self) -> LawConfig:
-        """The numbers as the pure core takes them."""
+        """Return the configuration of the pure law."""
         return LawConfig(
             sources=tuple(SourceConfig(s.name, s.priority) for s in self.sources),
             hull=self.footprint.hull(),

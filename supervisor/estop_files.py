@@ -4,8 +4,8 @@
     estop-robot.ready     the same file before a press; recording a press renames it, which needs no free space
     estop-robot.lock      held by the one supervisor that may clear the record
 
-Only the absence of the record proves that no e-stop was latched. Whatever else has its name, or keeps it from being
-looked up, starts the supervisor latched: its content is for people, and damage to it changes nothing.
+Only the absence of the record proves that no e-stop was latched. The supervisor starts latched if anything else has
+the record's name, or if the record cannot be looked up. The content is only for people; damage to it has no effect.
 """
 
 import fcntl
@@ -32,14 +32,14 @@ NOT_CLEARED = "the reset cannot be recorded, so the next supervisor starts latch
 
 
 class RecordError(Exception):
-    """The record cannot be read or written; the sentence says why."""
+    """The record cannot be read or written; the message says why."""
 
 
 def state_directory() -> Path:
-    """The directory in `$LIFELINE_STATE_DIR`, else `.lifeline` in the project.
+    """Return the directory in `$LIFELINE_STATE_DIR`, else `.lifeline` in the project.
 
-    The working directory plays no part in an installation from source: a supervisor that is started elsewhere must
-    find the record.
+    In an installation from source, the working directory has no influence: a supervisor that is started in another
+    directory must find the record.
     """
     named = os.environ.get(ENVIRONMENT)
     if named:
@@ -49,15 +49,15 @@ def state_directory() -> Path:
 
 
 def record_path(directory: Path, namespace: str) -> Path:
-    """The file that exists while the e-stop of a namespace is latched."""
+    """Return the path of the file that exists while the e-stop of a namespace is latched."""
     return directory / f"estop-{namespace}.latched"
 
 
 def is_recorded(directory: Path, namespace: str) -> bool:
-    """Whether a record exists, or cannot be looked up."""
+    """Return whether a record exists or cannot be looked up."""
     try:
         record_path(directory, namespace).lstat()
-    except FileNotFoundError:  # behind a link whose disk is not mounted, a record cannot be looked up
+    except FileNotFoundError:  # a link to a disk that is not mounted raises this too
         return directory.is_symlink() and not directory.is_dir()
     except OSError:
         return True
@@ -65,11 +65,11 @@ def is_recorded(directory: Path, namespace: str) -> bool:
 
 
 class RecordFiles:
-    """The record of one namespace in one directory. Calls block for as long as the disk does, except `mark`.
+    """The record of one namespace in one directory. All calls except `mark` may block on the disk.
 
     Args:
-        directory: made if it is missing.
-        namespace: of the robot; each has a record of its own.
+        directory: created if it is missing.
+        namespace: the robot's namespace; each has its own record.
     """
 
     def __init__(self, directory: Path, namespace: str) -> None:
@@ -80,32 +80,32 @@ class RecordFiles:
         self._lock = self._latched.with_suffix(".lock")
         self._lock_file: int | None = None
         self._naming = threading.Lock()
-        """Held while the record gets or loses its name, and never while the disk is synchronised."""
+        """Held while the record is renamed or removed, and never while the disk is synchronised."""
 
     def read(self) -> bool:
-        """Whether the record exists.
+        """Return whether the record exists.
 
         Raises:
             RecordError: another supervisor may be about to write it.
             OSError: it cannot be looked up.
         """
-        with suppress(OSError):  # a directory that takes no lock can still be read
+        with suppress(OSError):  # a directory in which no lock can be created can still be read
             self._own()
         try:
             self._latched.lstat()
         except FileNotFoundError:
-            if not self._directory.is_dir():  # it may be on a disk that is not mounted
+            if not self._directory.is_dir():  # the disk may not be mounted
                 raise
             return False
         return True
 
     def mark(self, is_wanted: Callable[[], bool]) -> None:
-        """Make the record exist for every later process of this machine, but not yet durably: that takes microseconds.
+        """Create the record for all later processes of this machine, in microseconds, but not yet durably.
 
         It may be called on another thread while any other call waits for the disk.
 
         Args:
-            is_wanted: asked at the last moment: no `clear` comes between it and the record.
+            is_wanted: called last: no `clear` can happen between this call and the creation.
 
         Raises:
             OSError: it cannot be written.
@@ -119,7 +119,7 @@ class RecordFiles:
                 self._write(self._latched)
 
     def latch(self) -> None:
-        """Make the record exist durably; one that exists already may not be on disk yet.
+        """Create the record durably; an existing record may not be on disk yet.
 
         Raises:
             RecordError: it cannot be written, or another supervisor may clear it.
@@ -128,15 +128,15 @@ class RecordFiles:
             self._make_directory()
             self.mark(lambda: True)
             _synchronise(self._directory)
-        # Last: a record too many is safe.
+        # Check the lock last: a superfluous record is safe.
         with _saying(NOT_RECORDED):
             self._own()
 
     def clear(self, is_wanted: Callable[[], bool]) -> None:
-        """Remove the record durably, unless that is no longer wanted.
+        """Remove the record durably, unless the removal is no longer wanted.
 
         Args:
-            is_wanted: asked at the last moment: no `mark` comes between it and the removal.
+            is_wanted: called last: no `mark` can happen between this call and the removal.
 
         Raises:
             RecordError: the record may still exist at the next start.
@@ -149,7 +149,7 @@ class RecordFiles:
             _synchronise(self._directory)
 
     def prepare(self) -> None:
-        """Write what a press only has to rename.
+        """Write the file that recording a press only renames.
 
         Raises:
             RecordError: a press could not be recorded either.
@@ -160,10 +160,14 @@ class RecordFiles:
             _synchronise(self._directory)
 
     def holds(self, *, latched: bool) -> bool:
-        """Whether the record still exists as `latch` made it; or else, whether a press could still be recorded.
+        """Return whether the files are still as this object left them.
+
+        Args:
+            latched: if true, check that the record exists as `latch` created it; else, that a press could still be
+                recorded.
 
         Raises:
-            OSError: that cannot be looked up.
+            OSError: the files cannot be looked up.
         """
         if not self._is_own():
             return False
@@ -172,7 +176,7 @@ class RecordFiles:
         return os.path.lexists(self._ready) and os.access(self._directory, os.W_OK)
 
     def close(self) -> None:
-        """Release the lock; the end of the process does so as well."""
+        """Release the lock; the end of the process also releases it."""
         if self._lock_file is not None:
             os.close(self._lock_file)
             self._lock_file = None
@@ -193,7 +197,7 @@ class RecordFiles:
             _synchronise(made.parent)
 
     def _own(self) -> None:
-        """Hold the lock, so that no other supervisor's reset clears the record."""
+        """Acquire the lock, so that no other supervisor's reset clears the record."""
         if self._is_own():
             return
         self.close()
@@ -212,7 +216,7 @@ class RecordFiles:
         self._lock_file = file
 
     def _is_own(self) -> bool:
-        """Whether the lock is held, and is the file that another supervisor would lock."""
+        """Return whether the lock is held on the file that another supervisor would lock."""
         if self._lock_file is None:
             return False
         try:
@@ -222,7 +226,7 @@ class RecordFiles:
 
 
 def _synchronise(directory: Path) -> None:
-    """Let the entries of a directory survive a power failure."""
+    """Synchronise the entries of a directory to disk, so that they survive a power failure."""
     file = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         os.fsync(file)
@@ -232,7 +236,7 @@ def _synchronise(directory: Path) -> None:
 
 @contextmanager
 def _saying(what: str) -> Generator[None]:
-    """Turn what the system refuses into one sentence."""
+    """Convert an error of the system into a `RecordError` with a one-sentence message."""
     try:
         yield
     except OSError as error:

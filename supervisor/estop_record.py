@@ -1,10 +1,10 @@
-"""The e-stop record: a pressed e-stop outlives the supervisor that heard it.
+"""The e-stop record: a pressed e-stop survives the end of the supervisor.
 
-`EstopRecord` keeps a record on a disk as it was last asked to, on threads of its own: asking never blocks, whatever
-the disk does. One thread marks a press, which takes microseconds and survives SIGKILL, also while the other one waits
-for the disk. That one makes the record survive a power failure too, and carries out resets; `problem` is empty only
-after that. A crash in between leaves the e-stop latched, or, if it was never shown as recorded, as it was before the
-press.
+`EstopRecord` carries out the newest request for a record on disk, on two threads, so that a request never blocks.
+The first thread marks a press within microseconds, even while the second thread waits for the disk; a marked press
+survives SIGKILL. The second thread makes the record survive a power failure as well, and carries out resets; `problem`
+is empty only after that. A crash in between leaves the e-stop latched. Only a press that was never shown as
+recorded may be lost.
 """
 
 import logging
@@ -18,7 +18,7 @@ from typing import NamedTuple, Protocol
 _log = logging.getLogger(__name__)
 
 PERIOD_S = 1.0
-"""How often the disk is looked at: what failed is tried again, and what was deleted is written again."""
+"""Period of the disk check: a failed request is retried, and a deleted file is written again."""
 READ_LIMIT_S = 1.0
 CLOSE_LIMIT_S = 0.5
 
@@ -29,7 +29,7 @@ NO_DISK = "this supervisor keeps no record of the e-stop on a disk"
 
 
 class Record(Protocol):
-    """What the supervisor's service needs. No call blocks, except `close` for `CLOSE_LIMIT_S`."""
+    """Interface to the supervisor's service. No call blocks, except `close` for `CLOSE_LIMIT_S`."""
 
     @property
     def latched_at_start(self) -> bool:
@@ -48,11 +48,11 @@ class Record(Protocol):
 
     @property
     def problem(self) -> str:
-        """Why a pressed e-stop would not outlive this process, or a reset would be lost; empty: neither is so."""
+        """Why a press or a reset would not survive the end of this process; empty if both would."""
         ...
 
     def watch(self, on_change: Callable[[], None]) -> None:
-        """Call `on_change`, on any thread, when `problem` or `is_pending` has changed."""
+        """Call `on_change`, on any thread, whenever `problem` or `is_pending` has changed."""
         ...
 
     def keep(self, *, latched: bool) -> None:
@@ -65,7 +65,7 @@ class Record(Protocol):
 
 
 class Disk(Protocol):
-    """Where a record lies; `RecordFiles` says what each call does. All of them may block, and raise."""
+    """Interface to the storage of a record, documented in `RecordFiles`. Every call may block and may raise."""
 
     def read(self) -> bool: ...
 
@@ -83,10 +83,10 @@ class Disk(Protocol):
 
 
 class _Wish(Enum):
-    """What the disk is asked for."""
+    """The wanted state of the record on disk."""
 
     PREPARED = auto()
-    """Nothing is latched. This clears no record: only a reset does."""
+    """A press can be recorded. This does not clear an existing record; only a reset does."""
     LATCHED = auto()
     RESET = auto()
 
@@ -104,7 +104,7 @@ class _Request(NamedTuple):
 
 
 class _Done(NamedTuple):
-    """What became of a request."""
+    """The result of a request."""
 
     number: int
     problem: str
@@ -113,18 +113,18 @@ class _Done(NamedTuple):
 class EstopRecord:
     """A record on a disk, kept by two threads.
 
-    The first thread marks presses. The second one carries out the requests, and of several only the newest: a reset
-    cannot overtake a later press. The loop and the threads exchange immutable values without a lock, so the loop
-    waits for neither.
+    The first thread marks presses. The second thread carries out only the newest request, so that a reset cannot
+    overtake a later press. The event loop and the threads exchange immutable values without a lock, so the loop never
+    waits for a thread.
     """
 
     def __init__(self, disk: Disk, *, period_s: float = PERIOD_S, read_limit_s: float = READ_LIMIT_S) -> None:
-        """Read the record, for `read_limit_s` at most: after that it counts as one that cannot be read.
+        """Read the record for `read_limit_s` at most; after that, the record counts as unreadable.
 
         Args:
-            disk: where the record lies.
-            period_s: how often the disk is looked at.
-            read_limit_s: how long this may block.
+            disk: the storage of the record.
+            period_s: the period of the disk check.
+            read_limit_s: the maximum time for which this call blocks.
         """
         self._disk = disk
         self._period_s = period_s
@@ -132,7 +132,7 @@ class EstopRecord:
         self._requests: queue.SimpleQueue[_Request | None] = queue.SimpleQueue()
         self._presses: queue.SimpleQueue[int | None] = queue.SimpleQueue()
         self._marked = 0
-        """The number of the last press that was marked, or could not be."""
+        """The number of the last press that was marked, or could not be marked."""
         self._on_change: Callable[[], None] | None = None
         self._found = True
         self._was_read, self._ended = threading.Event(), threading.Event()
@@ -182,12 +182,12 @@ class EstopRecord:
             self._presses.put(self._asked.number)
         self._requests.put(self._asked)
 
-    # --- on the threads
+    # --- called on the threads
 
     def _mark(self) -> None:
-        """Mark each press at once, also while the other thread waits for the disk."""
+        """Mark each press immediately, even while the other thread waits for the disk."""
         while (number := self._presses.get()) is not None:
-            with suppress(Exception):  # the other thread finds the same, and reports it
+            with suppress(Exception):  # the other thread gets the same error and reports it
                 self._disk.mark(self._wants_latched)
             self._marked = number
             self._announce()
@@ -195,7 +195,7 @@ class EstopRecord:
     def _run(self) -> None:
         try:
             self._found = self._disk.read()
-        except Exception as error:  # noqa: BLE001 - whatever it is, nothing is proven
+        except Exception as error:  # noqa: BLE001 - after any error, nothing is proven
             _log.warning("the e-stop record cannot be read, so the e-stop is latched: %s", error)
         self._was_read.set()
         request: _Request | None = None
@@ -211,11 +211,11 @@ class EstopRecord:
         self._ended.set()
 
     def _wants_latched(self) -> bool:
-        """Whether the newest request is a press: it is known before either thread acts on it."""
+        """Return whether the newest request is a press, even if no thread has handled it yet."""
         return self._asked.wish is _Wish.LATCHED
 
     def _next(self, limit_s: float | None) -> tuple[_Request | None, bool]:
-        """The newest request, None if there is none within `limit_s`, and whether `close` was called."""
+        """Wait for requests; return the newest (None if none arrives within `limit_s`) and whether `close` was called."""
         newest, is_closing = None, False
         try:
             request = self._requests.get(timeout=limit_s)
@@ -229,14 +229,14 @@ class EstopRecord:
             return newest, is_closing
 
     def _is_well(self, request: _Request) -> bool:
-        """Whether the last attempt succeeded and the disk has not changed since."""
+        """Return whether the last attempt succeeded and the disk has not changed since."""
         try:
             return not self._done.problem and self._disk.holds(latched=request.wish is _Wish.LATCHED)
         except OSError:
             return False
 
     def _carry_out(self, request: _Request) -> _Request:
-        """Try a request; returns what is left to do should it have to be done again."""
+        """Try a request, and return the request that a later retry must carry out."""
         problem = ""
         try:
             if request.wish is _Wish.LATCHED:
@@ -244,10 +244,10 @@ class EstopRecord:
             else:
                 if request.wish is _Wish.RESET:
                     self._disk.clear(lambda: not self._wants_latched())
-                    # A record that appears from now on was not reset.
+                    # A record that appears after this was not reset.
                     request = request._replace(wish=_Wish.PREPARED)
                 self._disk.prepare()
-        except Exception as error:  # noqa: BLE001 - supervision goes on, and the status names it
+        except Exception as error:  # noqa: BLE001 - supervision continues, and the status reports the error
             problem = str(error) or type(error).__name__
         if problem and problem != self._done.problem:
             _log.warning("%s", problem)
@@ -261,7 +261,7 @@ class EstopRecord:
 
 
 class MemoryRecord:
-    """A record without a disk, for as long as the object lives: for a supervisor in a test or a simulation."""
+    """A record in memory, for a supervisor in a test or a simulation."""
 
     def __init__(self, *, latched: bool = False, problem: str = NO_DISK) -> None:
         self.latched = latched
@@ -281,4 +281,4 @@ class MemoryRecord:
         self.latched = latched
 
     def close(self) -> None:
-        """There is nothing to finish."""
+        """Do nothing: there is no pending request."""

@@ -1,4 +1,4 @@
-"""The law's words about a cause: what is known of it beyond its name. Pure."""
+"""Texts with the details of a stop cause. Pure."""
 
 import math
 
@@ -6,7 +6,7 @@ from supervisor.model import Reasons
 from wire.reasons import SEVERITY, StopReason
 
 AHEAD_DEG = 10
-"""Within so much of straight ahead or behind, a direction has no side."""
+"""Directions within this angle of straight ahead or behind are named "ahead" or "behind"."""
 
 
 def detail_of(
@@ -16,13 +16,13 @@ def detail_of(
     block_bearing_rad: float = math.nan,
     writers: tuple[str, ...] = (),
 ) -> str:
-    """Part of a sentence about the most restrictive cause; empty where nothing more is known.
+    """Return part of a sentence with the details of the most severe cause; empty if there are none.
 
     Args:
-        causes: what holds now.
+        causes: the causes that hold now.
         scan_problem: why the newest scan proves nothing.
-        block_bearing_rad: direction of what the barrier stops for, from the base frame; NaN: not known.
-        writers: for each sensor whose samples come from several writers, who they are.
+        block_bearing_rad: bearing of the blocking point in the base frame; NaN if there is none.
+        writers: for each sensor with several active writers, its name and theirs.
     """
     where = bearing_in_words(block_bearing_rad)
     match min(causes, key=SEVERITY.__getitem__, default=None):
@@ -39,7 +39,11 @@ def detail_of(
 
 
 def bearing_in_words(bearing_rad: float) -> str:
-    """A direction from the base frame, counter-clockwise from ahead: "ahead", "at 40° to the left"; NaN: empty."""
+    """Return a bearing in the base frame as text, such as "ahead" or "at 40° to the left"; empty for NaN.
+
+    Args:
+        bearing_rad: counter-clockwise from straight ahead.
+    """
     if not math.isfinite(bearing_rad):
         return ""
     degrees = round(math.degrees(math.remainder(bearing_rad, math.tau)))

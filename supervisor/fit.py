@@ -1,4 +1,4 @@
-"""What the supervisor trusts the base with, against what `[sim]` of the same file says that the base does."""
+"""Check that `[supervisor]` trusts the base only with what `[sim]` of the same file says that it can do."""
 
 from collections.abc import Iterator
 
@@ -9,7 +9,7 @@ TICKS_IN_BASE_TIMEOUT = 2.0
 
 
 def fit_to_base(sections: Sections) -> Iterator[Conflict]:
-    """Every number of `[supervisor]` and `[sim]` that the other makes unsafe, or useless."""
+    """Yield a conflict for each value of `[supervisor]` that is unsafe or useless with the values of `[sim]`."""
     config, base = sections.get(SupervisorSection), sections.get(BaseSection)
     if config is None or base is None:
         return
@@ -25,7 +25,7 @@ def _motion(config: SupervisorSection, base: BaseSection) -> Iterator[Conflict]:
     trusted = config.deceleration_m_s2
     if trusted > base.braking_m_s2:
         yield _more_than(config, "deceleration_m_s2", "braking_m_s2", base.braking_m_s2)
-    # On an arc, the rim of the hull must stop as soon as its centre.
+    # On an arc, the rim of the hull must stop as fast as its centre.
     rim = base.angular_braking_rad_s2 * (radius_m := config.footprint.hull().radius_m)
     if trusted > rim:
         message = (

@@ -1,17 +1,17 @@
-"""The law's own types as plain values, and back from JSON: exact, and driven by their type hints alone.
+"""Exact conversion of the law's types to plain values and JSON, and back, derived from their type hints.
 
-A field that the model gains or loses needs no line here. `pack` turns an object into nested lists of numbers,
-strings and bytes, fast enough for every step and fit for marshal; `spell` turns these into JSON, which has names
-and takes its time; `read` builds the object again from that JSON:
+A new or removed field of the model needs no change here. `pack` converts an object to nested lists of numbers,
+strings and bytes for marshal, fast enough for every step. `spell` converts these to JSON with field names, which is
+slower. `read` builds the object again from that JSON:
 
     float                      a number, or "NaN", "Infinity", "-Infinity"
     bytes                      base64
     array                      {"dtype": "<f4", "shape": [360], "base64": "…"}, its memory in C order
     enum                       its name
     tuple, frozenset           a list
-    frozen dataclass, tuple    an object by field; {"type": "Circle", …} where the hint leaves the class open
+    frozen dataclass, tuple    an object by field; {"type": "Circle", …} if the hint does not determine the class
 
-Every float comes back with its very bits, but for those within a NaN.
+Every float is restored bit for bit, except for the payload of a NaN.
 """
 
 import base64
@@ -34,12 +34,12 @@ Convert = Callable[[Any], Any]
 
 
 class Codec(NamedTuple):
-    """How one type is packed, spelled and read. None of the three is called with None."""
+    """Functions that pack, spell and read one type. None of them is called with None."""
 
     pack: Convert
     spell: Convert
     read: Convert
-    """Raises ValueError where the JSON is not this type's."""
+    """Raises ValueError if the JSON does not fit the type."""
 
 
 def _same(value: object) -> object:
@@ -48,10 +48,10 @@ def _same(value: object) -> object:
 
 @cache
 def codec(hint: Any) -> Codec:  # noqa: ANN401 - a hint may be any object
-    """The codec of a type hint.
+    """Return the codec of a type hint.
 
     Raises:
-        TypeError: such a type has no codec yet.
+        TypeError: the type has no codec yet.
     """
     origin, arguments = get_origin(hint), get_args(hint)
     if origin is None and isinstance(hint, type):
@@ -83,7 +83,7 @@ def _class_codec(cls: type[Any]) -> Codec:
 
 
 def _implementations(protocol: type[Any]) -> list[type[Any]]:
-    """The dataclasses beside a protocol that have all that it asks for."""
+    """Return the dataclasses in the protocol's module that have all of its members."""
     asked = {name for name in vars(protocol) if not name.startswith("_")}
     beside = vars(sys.modules[protocol.__module__]).values()
     return [
@@ -94,7 +94,7 @@ def _implementations(protocol: type[Any]) -> list[type[Any]]:
 
 
 def record_codec(cls: type[Any], *, without: Iterable[str] = ()) -> Codec:
-    """The codec of a frozen dataclass or NamedTuple, but for some of its fields."""
+    """Return the codec of a frozen dataclass or NamedTuple, without the given fields."""
     names = [f.name for f in fields(cls)] if is_dataclass(cls) else list(cls._fields)
     names = [name for name in names if name not in without]
     hints = get_type_hints(cls)
@@ -131,14 +131,14 @@ def record_codec(cls: type[Any], *, without: Iterable[str] = ()) -> Codec:
 
 
 def _getter(names: list[str]) -> Callable[[Any], tuple[Any, ...]]:
-    """These attributes of an object; with one name alone, attrgetter gives no tuple."""
+    """Return a function that gets these attributes as a tuple, even for a single name, unlike attrgetter."""
     if len(names) > 1:
         return attrgetter(*names)
     return lambda value: tuple(getattr(value, name) for name in names)
 
 
 def _one_of(options: Iterable[type[Any]]) -> Codec:
-    """A class that the hint leaves open: its name goes with it."""
+    """Return the codec of a hint that allows several classes; the class name is stored with the object."""
     codecs = {option.__name__: record_codec(option) for option in options}
 
     def pack(value: object) -> list[Any]:
@@ -166,7 +166,7 @@ def _list(build: Callable[[Iterable[Any]], Any], item: Codec) -> Codec:
         return [_maybe(item.pack, value) for value in values]
 
     def pack_set(values: Iterable[Any]) -> list[Any]:
-        return sorted(pack(values))  # a set's own order differs from run to run
+        return sorted(pack(values))  # the order of a set differs between runs
 
     def spell(values: list[Any]) -> list[Any]:
         return [_maybe(item.spell, value) for value in values]
@@ -178,7 +178,7 @@ def _list(build: Callable[[Iterable[Any]], Any], item: Codec) -> Codec:
 
 
 def _row(hints: tuple[Any, ...]) -> Codec:
-    """A tuple of so many items, each of its own type."""
+    """Return the codec of a tuple of fixed length, with one type for each item."""
     codecs = [codec(hint) for hint in hints]
 
     def pack(values: tuple[Any, ...]) -> list[Any]:
@@ -194,19 +194,19 @@ def _row(hints: tuple[Any, ...]) -> Codec:
     return Codec(pack, spell, read)
 
 
-def _maybe(convert: Convert, value: object) -> Any:  # noqa: ANN401 - what the conversion makes of it
+def _maybe(convert: Convert, value: object) -> Any:  # noqa: ANN401 - the result of any conversion
     return None if value is None else convert(value)
 
 
-# --- the leaves
+# --- scalars, bytes, arrays and enums
 
 
 def _reader(kind: type[T]) -> Callable[[object], T]:
-    """The value itself, if it is of this kind; True is no number."""
+    """Return a function that checks that a value is of this type, else raises ValueError; True is not a number."""
 
     def read(value: object) -> T:
         if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
-            raise ValueError(f"{value!r:.60} is no {kind.__name__}")
+            raise ValueError(f"{value!r:.60} is not of type {kind.__name__}")
         return value
 
     return read
@@ -225,7 +225,7 @@ _NOT_FINITE: Mapping[str, float] = {
 
 
 def _spell_float(value: float | bytes) -> float | str:
-    # A numpy float64 is a float to the type checker, and a buffer to marshal.
+    # The type checker sees a numpy float64 as a float, but marshal packs it as a buffer.
     number = float(struct.unpack("=d", value)[0] if isinstance(value, bytes) else value)
     if math.isfinite(number):
         return number
@@ -236,7 +236,7 @@ def _read_float(value: object) -> float:
     if isinstance(value, str) and value in _NOT_FINITE:
         return _NOT_FINITE[value]
     if isinstance(value, bool) or not isinstance(value, float | int):
-        raise ValueError(f"{value!r:.60} is no number")  # noqa: TRY004 - the file is wrong, not the caller
+        raise ValueError(f"{value!r:.60} is not a number")  # noqa: TRY004 - the file is wrong, not the caller
     return float(value)
 
 

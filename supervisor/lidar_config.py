@@ -1,4 +1,4 @@
-"""`[supervisor.lidar]` and `[[supervisor.lidars]]` of robot.toml: mounts, readings and timing of the lidars."""
+"""The sections `[supervisor.lidar]` and `[[supervisor.lidars]]` of robot.toml: mounts, readings, timing of lidars."""
 
 import math
 from collections.abc import Iterator
@@ -14,18 +14,18 @@ from wire import topics
 from wire.config import TAKEN_NAMES, Conflict, Name, Section
 from wire.quantities import Angle, Beams, Between, Distance, Range
 
-# Codes are some mm or cm; a profile that takes more for codes is blind to what is right before it.
+# Codes are a few mm or cm; a profile with larger codes would miss obstacles right in front of the lidar.
 CodeLimit = Annotated[float, Between(0.0, 0.5)]
 FreeCode = Annotated[float, Between(0.001, 200.0)]
 Timeout = Annotated[float, Between(0.03, 3.0, "a slower lidar does not see what a robot runs into")]
 Period = Annotated[float, Between(0.002, 2.0)]
-# Fewer show no surroundings; more than 4,096 no planar lidar has.
+# Fewer beams cannot show the surroundings; no planar lidar has more than 4,096.
 MinBeams = Annotated[int, Between(12, 4096)]
 OUTSIDE_M = 0.02
-"""A mount is measured to a centimetre or two. From farther outside, a lidar looks past the hull into the shadows of what
-it sees, and the law does not search these (docs/decisions/0039)."""
+"""Accepted distance of a mount outside the footprint; a mount is measured to a centimetre or two. From farther outside,
+a lidar would look past the hull, and the law does not search the shadows of objects there (docs/decisions/0039)."""
 FULL_TURN_SLACK_RAD = 1e-3
-"""Nobody writes pi in full."""
+"""Tolerance for a full turn that is written as a rounded multiple of pi."""
 Sector = Annotated[tuple[Angle, Angle], Field(strict=False)]
 
 
@@ -36,7 +36,7 @@ def _is_a_sensors_topic(topic: str) -> str:
 
 
 class ReadingsSection(Section):
-    """What the readings of a sensor of one's own mean; +Inf and beyond range_max are always free."""
+    """Meaning of the readings of a sensor without a profile; +Inf and readings beyond range_max are always free."""
 
     nan_is_free: bool = False
     zero_is_free: bool = False
@@ -45,7 +45,7 @@ class ReadingsSection(Section):
 
 
 class LidarSection(Section):
-    """Where the lidar is mounted, what its readings mean, and what is asked of its scans."""
+    """Mount of a lidar, meaning of its readings, and requirements on its scans."""
 
     profile: Literal["rep117", "rplidar", "neato_xv", "hokuyo_urg", "sick_lms", "own"] = "rep117"
     own: ReadingsSection | None = None
@@ -56,19 +56,19 @@ class LidarSection(Section):
     masked_rad: Annotated[tuple[Sector, ...], Field(max_length=16, strict=False)] = ()
     min_beams: MinBeams = 90
     timeout_s: Timeout | None = None
-    """None: `scan_timeout_s` where that is given, else the profile's."""
+    """None: `scan_timeout_s` if given, else the profile's timeout."""
     period_s: Period | None = None
-    """Between two scans; None: what is usual for the profile."""
+    """Time between two scans; None: the profile's usual period."""
 
     view_rad: Sector | None = None
-    """Its first and its last beam, in its own frame; with the next two for `lifeline check`, not for the law."""
+    """Angles of the first and the last beam in its own frame; used, like the next two, by `lifeline check` only."""
     beams: Beams | None = None
     range_max_m: Range | None = None
 
     @model_validator(mode="after")
     def _knows_its_readings(self) -> Self:
         if (self.profile == "own") != (self.own is not None):
-            raise ValueError('profile = "own" and the table `own` go together')
+            raise ValueError('profile = "own" requires the table `own`, and the table requires this profile')
         return self
 
     def mount(self) -> Mount:
@@ -81,20 +81,20 @@ class LidarSection(Section):
         return LidarProfile(own.nan_is_free, own.zero_is_free, own.codes_below_m, own.free_codes_m)
 
     def timing(self) -> SensorTiming | None:
-        """Of the sensor that the profile names; None where it names none."""
+        """Timing of the sensor that the profile names; None if it does not name a sensor."""
         return TIMINGS.get(self.profile)
 
     def usual_period_s(self) -> float | None:
-        """Between two of its scans, as the configuration or the profile has it; None where neither does."""
+        """Scan period from the configuration, else from the profile; None if neither has one."""
         timing = self.timing()
         return self.period_s if self.period_s is not None or timing is None else timing.usual_period_s
 
     def contradictions(self, stop_distance_m: float, hull: Hull) -> Iterator[Conflict]:
-        """What does not fit to the robot.
+        """Yield a conflict for each value that does not fit the robot.
 
         Args:
-            stop_distance_m: of the robot's hull.
-            hull: its outline.
+            stop_distance_m: the stop distance of the robot's hull.
+            hull: the robot's outline.
         """
         outside_m = hull.clearance(np.array([[self.x_m, self.y_m]])).item()
         if outside_m > OUTSIDE_M:
@@ -122,7 +122,7 @@ class LidarSection(Section):
 
 
 class NamedLidarSection(LidarSection):
-    """One of several lidars."""
+    """Section of one of several lidars, with its name and topic."""
 
     name: Name
     topic: Annotated[Name, AfterValidator(_is_a_sensors_topic)]

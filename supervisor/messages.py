@@ -1,4 +1,4 @@
-"""Between the wire and the law: messages -> inputs, decision -> messages. No decision is taken here."""
+"""Convert wire messages to the law's inputs, and decisions to wire messages. No decision is made here."""
 
 import math
 
@@ -8,7 +8,7 @@ from wire.bus import Arrival
 from wire.freshness import Sent
 
 HEADER_EPOCH = b"header"
-"""Scans whose only stamp is their header's belong to this one."""
+"""Epoch of scans whose only stamp is in their header."""
 
 
 def to_command(source: str, arrival: Arrival[ros.Twist]) -> Command:
@@ -20,7 +20,7 @@ def to_command(source: str, arrival: Arrival[ros.Twist]) -> Command:
 
 
 def _planar(twist: ros.Twist) -> Velocity | None:
-    """A ground robot's velocity; None where the Twist asks for what it cannot do. NaN is not zero."""
+    """Return the planar velocity; None if the Twist has other components that are not zero, NaN included."""
     others = (twist.linear.y, twist.linear.z, twist.angular.x, twist.angular.y)
     if any(value != 0.0 for value in others):
         return None
@@ -28,7 +28,13 @@ def _planar(twist: ros.Twist) -> Velocity | None:
 
 
 def to_scan(arrival: Arrival[ros.LaserScan], header_tolerance_s: float, lidar: int = 0) -> LaserScan | None:
-    """The scan, with when it was taken by its attachment, or else by its header's unsteadier clock."""
+    """Return the scan with the stamp of its attachment, else of its header; None if it is undecodable.
+
+    Args:
+        arrival: the received message.
+        header_tolerance_s: tolerance for the clock of the header's stamp.
+        lidar: index of the lidar in the configuration.
+    """
     scan = arrival.message
     if scan is None:
         return None
@@ -37,7 +43,7 @@ def to_scan(arrival: Arrival[ros.LaserScan], header_tolerance_s: float, lidar: i
     if arrival.stamp is not None:
         sent = arrival.stamp.sent()
     elif stamp.sec or stamp.nanosec:
-        # A header has no sequence; the arrival, which only goes on, stands for it, in microseconds.
+        # A header has no sequence number: the arrival time in microseconds, which only increases, replaces it.
         sequence = round(arrival.arrival_s * 1e6)
         sent = Sent(HEADER_EPOCH, sequence, stamp.sec + stamp.nanosec * 1e-9)
         tolerance_s = header_tolerance_s
@@ -57,12 +63,12 @@ def to_scan(arrival: Arrival[ros.LaserScan], header_tolerance_s: float, lidar: i
 
 
 def _writer_of(arrival: Arrival[ros.LaserScan] | Arrival[ros.Odometry], header: ros.Header) -> bytes:
-    """Who sent a sensor's sample: the gid of its attachment, else its frame."""
+    """Return the identity of a sample's sender: the gid of the attachment, else the frame id."""
     return b"frame " + header.frame_id.encode()[:32] if arrival.stamp is None else arrival.stamp.gid
 
 
 def to_odometry(arrival: Arrival[ros.Odometry]) -> Odometry | None:
-    """The base's own velocity, and who says so; None where it is not a number."""
+    """Return the base's velocity with its arrival time and sender; None if it is not finite."""
     if arrival.message is None:
         return None
     twist = arrival.message.twist.twist

@@ -1,8 +1,7 @@
 """The types of the law: configuration, inputs, state and decision.
 
 Times are seconds of the supervisor's own monotonic clock, velocities m/s and rad/s in the base frame.
-What the law remembers is made of named tuples: it takes a new one for each fact, at a third of the cost of a
-frozen dataclass.
+The state consists of named tuples, because the law replaces them often: they cost a third of a frozen dataclass.
 """
 
 import math
@@ -23,7 +22,7 @@ Reasons = frozenset[StopReason]
 
 
 class Mode(IntEnum):
-    """What the robot does; the numbers are SafetyStatus's."""
+    """Mode of the robot; the numbers are those of SafetyStatus."""
 
     STOPPED = 0
     READY = 1
@@ -36,7 +35,7 @@ RESIDUAL_M_S = 0.05
 
 @dataclass(frozen=True, slots=True)
 class SourceConfig:
-    """A command source; the live one of the highest priority that asks for motion owns the wheels."""
+    """Configuration of a command source; of the live sources that request motion, the highest priority owns the wheels."""
 
     name: str
     priority: int
@@ -44,7 +43,7 @@ class SourceConfig:
 
 @dataclass(frozen=True)
 class LawConfig:
-    """The numbers of the law. `config.py` refuses what makes no sense before one of these exists."""
+    """The configuration of the law; `config.py` checks all values before it is created."""
 
     sources: tuple[SourceConfig, ...]
     hull: Hull
@@ -56,31 +55,31 @@ class LawConfig:
     warning_distance_m: float
     deceleration_m_s2: float
     transport_s: float
-    """Share of the reaction time beside the age and the period of a scan: transport and one tick."""
+    """Part of the reaction time in addition to a scan's age and period: transport and one tick."""
     creep_m_s: float
-    """Minimum useful speed: where the barrier permits less, the output is zero."""
+    """Minimum useful speed: if the barrier permits less, the output is zero."""
     max_linear_m_s: float
     max_angular_rad_s: float
     blind_creep_m_s: float
-    """How fast the hull may close on a place that no scan rules out."""
+    """Closing speed of the hull that is always permitted toward a hidden place."""
     runaway_linear_m_s: float
     runaway_angular_rad_s: float
     smallest_obstacle_m: float
-    """The diameter of the smallest thing that must be seen."""
+    """Diameter of the smallest obstacle that must be detected."""
     unseen_memory_s: float
-    """For so long a place counts as free that was seen free."""
+    """How long a place counts as free after it was seen free."""
     works_in_the_open: bool
-    """A lidar on which nothing has ever returned is believed."""
+    """Whether to accept scans of a lidar that has not had any return since the start."""
     odometry: bool
-    """The base says how it moves; else the law goes by its own commands."""
+    """Whether the base publishes odometry; if not, the law uses its own commands."""
     odom_timeout_s: float
     base_acceleration_m_s2: float
-    """The base gains at least so much speed when it is asked to."""
+    """Least acceleration of the base toward its command."""
     base_angular_acceleration_rad_s2: float
 
     @cached_property
     def reach_m(self) -> float:
-        """What is farther than this from the hull limits no motion, whatever the age of a scan that still counts."""
+        """Distance from the hull beyond which a point limits no motion, at any permitted age of its scan."""
         fastest_m_s = self.max_linear_m_s + self.max_angular_rad_s * self.hull.radius_m
         reaction_s = 2.0 * max(lidar.timeout_s for lidar in self.lidars) + self.transport_s
         braking_m = fastest_m_s * fastest_m_s / (2.0 * self.deceleration_m_s2)
@@ -88,12 +87,12 @@ class LawConfig:
 
     @cached_property
     def longest_timeout_s(self) -> float:
-        """What is older than this counts no more, be it a command or a scan."""
+        """Longest timeout of commands and scans: older ones are not used."""
         return max(self.command_timeout_s, *(lidar.timeout_s for lidar in self.lidars))
 
     @cached_property
     def believable(self) -> Velocity:
-        """Odometry beyond this is a spike."""
+        """Fastest plausible velocity; faster odometry is a spike."""
         return Velocity(2.0 * self.max_linear_m_s, 2.0 * self.max_angular_rad_s)
 
     @cached_property
@@ -103,12 +102,12 @@ class LawConfig:
 
     @cached_property
     def trusted(self) -> Velocity:
-        """The deceleration that the base is trusted with [m/s², rad/s²]: the barrier's."""
+        """The trusted deceleration of the base [m/s², rad/s²], as the barrier uses it."""
         return Velocity(self.deceleration_m_s2, self.deceleration_m_s2 / self.hull.radius_m)
 
     @cached_property
     def residual(self) -> Velocity:
-        """A base that is slower than this counts as standing [m/s, rad/s]."""
+        """Noise of odometry [m/s, rad/s]: a slower base counts as standing still."""
         return Velocity(RESIDUAL_M_S, RESIDUAL_M_S / self.hull.radius_m)
 
 
@@ -117,19 +116,19 @@ class LawConfig:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A command that arrived from a source."""
+    """A received command of a source."""
 
     source: str
     velocity: Velocity | None
-    """None: undecodable, or with components that a ground robot does not have."""
+    """None if undecodable, or with components that a ground robot does not have."""
     arrival_s: float
     sent: Sent | None = None
-    """None: the source sends no attachment."""
+    """None if the source sends no attachment."""
 
 
 @dataclass(frozen=True, slots=True)
 class Liveliness:
-    """A source's token appeared or went."""
+    """A source's liveliness token appeared or disappeared."""
 
     source: str
     alive: bool
@@ -137,40 +136,40 @@ class Liveliness:
 
 @dataclass(frozen=True, slots=True)
 class Odometry:
-    """What the base says of its own motion."""
+    """The base's velocity by its own measurement."""
 
     velocity: Velocity
     arrival_s: float
     writer: bytes = b""
-    """Who sent it: the gid of its attachment, else its frame."""
+    """Identity of the sender: the gid of the attachment, else the frame id."""
 
 
 @dataclass(frozen=True, slots=True)
 class Inputs:
-    """What came since the last step, each kind in order of arrival."""
+    """Everything received since the last step, each kind in order of arrival."""
 
     commands: tuple[Command, ...] = ()
     liveliness: tuple[Liveliness, ...] = ()
     scans: tuple[LaserScan, ...] = ()
     undecodable_lidars: tuple[int, ...] = ()
-    """The lidars from which something came that is no scan."""
+    """Indices of the lidars from which an undecodable message arrived."""
     odometry: Odometry | None = None
-    """The newest."""
+    """The newest sample."""
     odometry_writers: tuple[bytes, ...] = ()
-    """Who sent odometry, whether it is the newest or not."""
+    """Senders of all odometry samples."""
     strangers: tuple[str, ...] = ()
-    """Sources outside the configuration that were heard."""
+    """Sources that sent commands but are not configured."""
     estop: bool = False
     reset: bool = False
     suspended_s: float = 0.0
-    """How long the machine slept since the last step: time that `now_s` does not show."""
+    """How long the machine was suspended since the last step; `now_s` does not include this time."""
 
 
-# --- what it remembers
+# --- state
 
 
 class Counts(NamedTuple):
-    """Commands of one source, by what became of them."""
+    """Numbers of a source's commands, or of a lidar's scans, by verdict."""
 
     accepted: int = 0
     late: int = 0
@@ -187,29 +186,29 @@ class Counts(NamedTuple):
 
 
 class Source(NamedTuple):
-    """One command source, as far as it is known."""
+    """State of one command source."""
 
     config: SourceConfig
     track: Track = Track()
     velocity: Velocity | None = None
-    """Its last accepted command, clamped to the limits; None before the first, and once it has left at rest."""
+    """Its last accepted command, clamped to the limits; None before the first, and after the source left while neutral."""
     sent_s: float = -math.inf
-    """When that command was sent, by our clock: its arrival less its time on the way."""
+    """When that command was sent, by the local clock: arrival time minus transport time."""
     neutral_s: float = -math.inf
     """When its last accepted neutral command arrived."""
     refused_s: float = -math.inf
-    """When a command of it was last refused as not fresh."""
+    """When one of its commands was last refused as not fresh."""
     stamped: bool = False
     alive: bool | None = None
-    """None: it never had a token."""
+    """Whether its liveliness token exists; None if it never had one."""
     invalid: bool = False
-    """Its last command was no command."""
+    """Whether its last command was invalid."""
     latched: Reasons = frozenset({StopReason.NO_COMMAND})
-    """Every stop since it was last neutral. Armed means: none."""
+    """Latched stop reasons; the source is armed if there are none."""
     caused_s: float = -math.inf
-    """The last step at which something kept it from driving: only a neutral after that arms."""
+    """Time of the last step at which a cause prevented it from driving; only a later neutral arms it."""
     block: Block | None = None
-    """What it was driving at when OBSTACLE was latched."""
+    """The point that it was approaching when the barrier latched a stop."""
     counts: Counts = Counts()
 
     @property
@@ -222,7 +221,7 @@ class Source(NamedTuple):
 
 
 class Writer(NamedTuple):
-    """Who publishes on one sensor's key, and when that was last heard, and the time before."""
+    """A writer on one sensor's key, with the times at which it was last heard and heard before that."""
 
     gid: bytes
     heard_s: float
@@ -230,32 +229,32 @@ class Writer(NamedTuple):
 
 
 class Past(NamedTuple):
-    """A view of a moment ago, for places that are out of view by now."""
+    """A recent view of one lidar, for places that are no longer in view."""
 
     lidar: str
     view: View
 
 
 class Sight(NamedTuple):
-    """One lidar, as far as it is known."""
+    """State of one lidar."""
 
     scan: ScanReading | None = None
     track: Track = Track()
     counts: Counts = Counts()
     writers: tuple[Writer, ...] = ()
     earlier: Floats = NO_POINTS
-    """Near points of the scans before the newest, in its base frame, whether it shows them again or not."""
+    """(n, 2) [m]: near points of the scans before the newest, in the newest scan's base frame; it may show them again."""
 
 
 class Place(NamedTuple):
-    """Points that belong to no single scan, and the odometer's pose that they are given in."""
+    """Points that do not belong to a single scan, and the odometer pose that is their frame."""
 
     pose: Pose
     around: Surroundings
 
 
 class State(NamedTuple):
-    """All that the law remembers between two steps."""
+    """Everything that the law remembers between two steps."""
 
     config: LawConfig
     sources: tuple[Source, ...]
@@ -267,32 +266,32 @@ class State(NamedTuple):
     memory: Remembered = Remembered()
     """Near points of earlier scans."""
     memory_pose: Pose = Odometer().pose
-    """The odometer's pose that these are given in."""
+    """The odometer pose that is the frame of `memory`."""
     past: tuple[Past, ...] = ()
     """Views of the last `unseen_memory_s`."""
     places: tuple[Place, ...] = ()
-    """What is remembered, and what may be hidden."""
+    """The remembered points and the hidden places."""
     looking: tuple[int, ...] = ()
-    """The lidars whose scans those hidden places are from."""
+    """Indices of the lidars from whose scans the hidden places were computed."""
     odometry: Odometry | None = None
     odometry_writers: tuple[Writer, ...] = ()
     odometer: Odometer = Odometer()
     odometers: tuple[Odometer, ...] = ()
-    """Those of a moment ago: a scan shows where things were when it was taken."""
+    """Recent odometers, for the robot's pose at the time a scan was taken."""
     way_m: float = 0.0
-    """How far any point of the hull has moved, measured or commanded, whichever was more."""
+    """Upper bound of the distance that any point of the hull has moved, measured or commanded."""
     following: Following = FOLLOWING
     estop: bool = False
     output: Velocity = STANDSTILL
     stopped_s: float | None = None
-    """Since when zero is commanded; None while driving."""
+    """Since when zero has been commanded; None while driving."""
     runaway: bool = False
     strangers: tuple[str, ...] = ()
     resumed_s: float = -math.inf
-    """When the machine was last found to have been suspended."""
+    """When a suspend of the machine was last detected."""
 
 
-# --- what it decides
+# --- decision
 
 
 @dataclass(frozen=True, slots=True)
@@ -304,7 +303,7 @@ class Reply:
 
 
 class Decision(NamedTuple):
-    """What goes to the wheels now, and everything that explains it."""
+    """The velocity for the wheels, and everything that explains it."""
 
     mode: Mode
     output: Velocity
@@ -323,8 +322,8 @@ class Decision(NamedTuple):
     strangers: tuple[str, ...]
     reset_reply: Reply | None = None
     causes: tuple[StopReason, ...] = ()
-    """Stop reasons that hold now, the most restrictive first; may limit the motion without a stop."""
+    """Stop reasons that hold now, most severe first; they may limit the motion without a stop."""
     latched: tuple[StopReason, ...] = ()
-    """Stop reasons that are over; the owner's neutral command is missing."""
+    """Stop reasons whose causes have ended, but that the owner has not yet cleared with a neutral command."""
     detail: str = ""
-    """What is known of the first cause beyond its name, as part of a sentence; empty: nothing."""
+    """Details of the first cause, as part of a sentence; empty if there are none."""

@@ -1,8 +1,8 @@
-"""Memory of near points: what a scan showed near the robot stays there until a later scan disproves it.
+"""Memory of near points: a return near the robot is remembered until a later scan disproves it.
 
-A point is dropped when every beam around its position returns from farther away, or when `MISSES`
-scans that cover its position have found nothing there. A scan that shows it again replaces it. While no beam covers
-it, it stays: so no dropout opens the way to what was seen a moment ago.
+A point is dropped when every beam around its position has a return farther away, or when `MISSES` scans have
+covered its position without a return there. A new return at its position replaces it. A point that no beam covers
+is kept, so that a dropout does not permit motion toward an obstacle that was just seen.
 """
 
 import math
@@ -15,22 +15,23 @@ from supervisor.clearance import NO_POINTS, Floats
 from supervisor.scan import Mount, View, is_full_turn
 
 MISSES = 8
-"""Scans that find nothing at a point before it is dropped. With 30 % dropouts, 1 point in 15,000 is dropped wrongly."""
+"""A point is dropped after this many scans without a return there. With 30 % dropouts, 1 point in 15,000 is dropped
+wrongly."""
 
 MOST_POINTS = 256
-"""The nearest of them are kept."""
+"""Maximum number of remembered points; the nearest are kept."""
 
 BESIDE_RAD = 0.03
-"""The beams to both sides of a point within this are asked about it, 3 cm at one metre: odometry is not exact."""
+"""The beams within this angle to both sides of a point are checked, 3 cm at one metre: odometry is not exact."""
 
 SAME_M = 0.06
-"""A return so near to a point is that point: noise, odometry, and a surface that is met at a slant."""
+"""A return within this distance of a point is the same point; covers noise, odometry error and slanted surfaces."""
 
 ONE_SURFACE_M = 0.4
-"""Returns around a point that differ by less are one surface, met at a slant."""
+"""Returns around a point whose ranges differ by less than this belong to one slanted surface."""
 
 ASKED: Floats = np.linspace(-1.0, 1.0, 5)
-"""Which beams are asked, as shares of that angle."""
+"""The beams that are checked, as shares of `BESIDE_RAD`."""
 
 Counts = npt.NDArray[np.int64]
 
@@ -41,16 +42,16 @@ class Remembered(NamedTuple):
     points: Floats = NO_POINTS
     """(n, 2) [m], in the base frame of the newest scan."""
     misses: Floats = np.empty(0)
-    """(n,): scans that covered its position and found nothing there."""
+    """(n,): number of scans that covered the point's position without a return there."""
 
 
 def remember(earlier: Remembered, view: View, mount: Mount) -> Remembered:
-    """What is left of earlier points after a new scan.
+    """Return the earlier points that a new scan neither replaces nor disproves.
 
     Args:
-        earlier: points of all earlier scans, in the base frame of the new one.
-        view: the new scan's.
-        mount: of its lidar.
+        earlier: points of all earlier scans, in the base frame of the new scan.
+        view: the view of the new scan.
+        mount: the mount of its lidar.
     """
     points, misses = earlier
     if len(points) == 0:
@@ -59,7 +60,7 @@ def remember(earlier: Remembered, view: View, mount: Mount) -> Remembered:
     distance_m = np.hypot(away_x, away_y)
     beam = _beam_of(view, np.arctan2(away_y, away_x) - mount.yaw_rad)
     returning_m = np.where(view.hit, view.free_m, math.inf)
-    # Nearly all of them are shown again, most of them by their own beam.
+    # Fast path: the new scan shows nearly all points again, most of them with the beam in their direction.
     ahead_m = _ask(view, returning_m, np.rint(beam).astype(np.int64), beside=math.inf)
     (left,) = (np.abs(ahead_m - distance_m) > SAME_M).nonzero()
     if len(left) == 0:
@@ -75,7 +76,7 @@ def remember(earlier: Remembered, view: View, mount: Mount) -> Remembered:
     hit = returns_m < math.inf
     nearest_m, farthest_m = returns_m.min(axis=1), np.where(hit, returns_m, -math.inf).max(axis=1)
     again = (nearest_m < distance_m) & (farthest_m > distance_m) & (farthest_m - nearest_m < ONE_SURFACE_M)
-    # What is filled in from earlier scans says nothing new.
+    # Directions filled in from earlier scans are no new evidence.
     proven_m = np.where(view.explained_s < view.taken_s, 0.0, view.free_m)
     free_m = _ask(view, proven_m, asked, beside=0.0)
     covered = (free_m >= distance_m[:, None]).all(axis=1)
@@ -87,13 +88,13 @@ def remember(earlier: Remembered, view: View, mount: Mount) -> Remembered:
 
 
 def _beam_of(view: View, bearing_rad: Floats) -> Floats:
-    """The beam, and the part of the way to the next one, in which each bearing (n,) in the lidar's frame lies."""
+    """Return the fractional beam index (n,) of each bearing (n,) [rad] in the lidar's frame."""
     _, angle_min, increment = view.geometry
     return ((bearing_rad - angle_min) % math.copysign(2 * math.pi, increment)) / increment
 
 
 def _ask(view: View, values: Floats, beams: Counts, *, beside: float) -> Floats:
-    """What each of these beams says; one beside the view says `beside`."""
+    """Return the values at the given beam indices; an index outside the view gives `beside`."""
     if is_full_turn(view.geometry):
         return values.take(beams, mode="wrap")
     return np.append(values, beside).take(beams, mode="clip")

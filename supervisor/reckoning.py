@@ -1,24 +1,24 @@
-"""Where the robot has gone, by odometry's velocity; for what a scan showed a moment ago.
+"""Dead reckoning from odometry's velocity, to move the points of recent scans into the present base frame.
 
-Only differences count: the odometer starts anywhere and drifts. A velocity that the base cannot have is a
-spike, and nothing is reckoned with it.
+Only pose differences are used: the origin is arbitrary and the pose drifts. A velocity that the base cannot reach is
+a spike and is replaced by zero.
 """
 
 import math
 from typing import NamedTuple
 
 LONGEST_S = 0.25
-"""How long a velocity is taken to hold when odometry falls silent."""
+"""Longest time for which the last velocity is extrapolated when odometry falls silent."""
 
 RECALL_STEP_S = 0.01
-"""Of the odometry of a moment ago, so far apart is remembered: at 1 m/s, the robot has gone 1 cm."""
+"""Minimum time between two remembered odometers: 1 cm of travel at 1 m/s."""
 
 NEGLIGIBLE = 1e-3
-"""[m, rad] A move below this is not worth looking again."""
+"""[m, rad] A displacement below this on every axis is ignored."""
 
 
 class Velocity(NamedTuple):
-    """A planar twist."""
+    """A planar twist in the base frame."""
 
     linear_m_s: float
     angular_rad_s: float
@@ -36,7 +36,7 @@ class Pose(NamedTuple):
 
 
 class Odometer(NamedTuple):
-    """Dead reckoning since the start, up to the last odometry."""
+    """Dead-reckoned pose and velocity at the last odometry message."""
 
     pose: Pose = Pose(0.0, 0.0, 0.0)
     velocity: Velocity = STANDSTILL
@@ -44,13 +44,13 @@ class Odometer(NamedTuple):
 
 
 def reckon(odometer: Odometer, velocity: Velocity, now_s: float, fastest: Velocity) -> Odometer:
-    """The odometer after the velocity that has held until now, and with the one that holds from now on.
+    """Integrate the odometer's velocity up to now, and return the odometer with the new velocity.
 
     Args:
-        odometer: at the last odometry.
-        velocity: what odometry says now.
-        now_s: when it arrived.
-        fastest: what the base can do; a velocity beyond it is a spike and counts as none.
+        odometer: the odometer at the previous odometry message.
+        velocity: the newly measured velocity.
+        now_s: its arrival time.
+        fastest: the fastest plausible velocity; a faster one is a spike and counts as zero.
     """
     believable = (
         abs(velocity.linear_m_s) <= fastest.linear_m_s
@@ -60,34 +60,40 @@ def reckon(odometer: Odometer, velocity: Velocity, now_s: float, fastest: Veloci
 
 
 def remembered(earlier: tuple[Odometer, ...], odometer: Odometer, since_s: float) -> tuple[Odometer, ...]:
-    """The odometers since `since_s`, and this one."""
+    """Append an odometer to the earlier ones and drop those before `since_s`.
+
+    Returns the earlier ones unchanged if the odometer is less than `RECALL_STEP_S` newer than the last of them.
+    """
     if earlier and odometer.at_s < earlier[-1].at_s + RECALL_STEP_S:
         return earlier
     return (*(one for one in earlier if one.at_s >= since_s), odometer)
 
 
 def back_then(earlier: tuple[Odometer, ...], odometer: Odometer, then_s: float) -> Pose:
-    """The pose at a time that may lie before the last odometry; at the earliest, that of the first one remembered."""
+    """Return the pose at `then_s`, which may be before the last odometry.
+
+    For times before the first remembered odometer, that odometer's pose is returned.
+    """
     if odometer.at_s <= then_s or not earlier:
         return where(odometer, then_s)
     return where(next((one for one in reversed(earlier) if one.at_s <= then_s), earlier[0]), then_s)
 
 
 def displacement(odometer: Odometer, then: Pose, now_s: float) -> Pose | None:
-    """How the robot has moved since it was at `then`, in its frame of then; None for next to nothing."""
+    """Return the robot's displacement since the pose `then`, in the frame of `then`; None if it is negligible."""
     way = between(then, where(odometer, now_s))
     return None if max(abs(way.x_m), abs(way.y_m), abs(way.yaw_rad)) < NEGLIGIBLE else way
 
 
 def between(then: Pose, now: Pose) -> Pose:
-    """The pose `now` in the frame of the pose `then`."""
+    """Return the pose `now` in the frame of the pose `then`."""
     x_m, y_m = now.x_m - then.x_m, now.y_m - then.y_m
     cos, sin = math.cos(then.yaw_rad), math.sin(then.yaw_rad)
     return Pose(cos * x_m + sin * y_m, cos * y_m - sin * x_m, now.yaw_rad - then.yaw_rad)
 
 
 def where(odometer: Odometer, now_s: float) -> Pose:
-    """The pose by now, if the last velocity holds: an arc, taken at its middle heading."""
+    """Return the pose at `now_s`, extrapolated with the last velocity along the mean heading of the arc."""
     dt_s = _held(odometer, now_s)
     pose, velocity = odometer.pose, odometer.velocity
     heading_rad = pose.yaw_rad + velocity.angular_rad_s * dt_s / 2

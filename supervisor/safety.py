@@ -1,17 +1,17 @@
 """The safety law: step(state, now, inputs) -> (state, decision).
 
 Pure: no clock, no I/O, no asyncio, no logging. Time is an argument. The same function runs in the service,
-in the tests and in a replay. It is called at every tick, at once on an event that may stop the robot or show it
-something new, and when a permission expires; it never waits.
+in the tests and in a replay. It is called at every tick, immediately on an event that may stop the robot or bring new
+information, and when a permission expires. It never waits.
 
-Unproven means stop. The law in four sentences:
+Unproven means stop. The law in four rules:
 
-1. A *cause* is what keeps a command source from driving now: its own (silent, late, lost, invalid), or a shared
-   one (no valid scan, e-stop, overrun, a base that does not follow).
+1. A *cause* prevents a command source from driving now. It is the source's own (silent, late, lost, invalid) or
+   shared by all sources (no valid scan, e-stop, overrun, a base that does not follow).
 2. Every cause is *latched* on the source; when the owner stops, its causes are latched on every source. All latches
    of a source clear at a *neutral* command that arrives after the causes ended. A source without latches is *armed*.
-3. The armed source of the highest priority that requests motion *owns* the wheels. If it dies, the robot stops:
-   control never passes to the next source.
+3. The armed source of the highest priority that requests motion *owns* the wheels. If it dies, the robot stops;
+   control does not pass to the next source.
 4. The owner's command passes through the speed barrier (clearance.py).
 """
 
@@ -72,54 +72,55 @@ from wire.freshness import FALL_TOLERANCE_S, Verdict, judge
 from wire.reasons import SEVERITY, StopReason
 
 IMPLAUSIBLE_FACTOR = 10.0
-"""A command this many times beyond the limits is invalid; one below that is clamped."""
+"""A command above the limits by more than this factor is invalid; a smaller one is clamped."""
 
 RUNAWAY_GRACE_S = 0.3
-"""Allowed beyond the braking time: the delay of odometry, and the last rocking of a wheel."""
+"""Grace after the braking time, for the delay of odometry and the residual rocking of the wheels."""
 
 SAME_PLACE_M = 0.15
-"""A reading so near to an earlier one is of the same thing, also of one that walks."""
+"""A return within this distance of an earlier one is from the same object; covers a walking person."""
 
 WRITER_WINDOW_S = 0.5
-"""Who was heard twice within this time publishes; longer for slow lidars."""
+"""A writer that was heard twice within this time is an active publisher; the window is longer for slow lidars."""
 
 REMEMBERED_WRITERS = 8
 GID_BYTES = 16
 PAST_VIEWS = 10
 
 PRESENT_SHARE = 0.95
-"""A base is too fast on its present arc when less of its velocity is permitted: odometry is noisy."""
+"""The base is too fast on its present arc if a smaller share of its velocity is permitted; below 1, because odometry is
+noisy."""
 
 REMEMBERED_STRANGERS = 8
 
 ROUNDING_S = 1e-6
-"""More than what sums and differences of times are rounded by."""
+"""Larger than the rounding error of sums and differences of times."""
 
 NONE: Reasons = frozenset()
 BARRIER_REASONS = raised_by(RaisedBy.BARRIER)
 
 RELEASED_FACTOR = 5.0
-"""A block is over when the barrier would permit this many times the minimum useful speed: readings are noisy."""
+"""Hysteresis: a block ends when the barrier would permit this many times the minimum useful speed; readings are noisy."""
 
 
 def initial_state(config: LawConfig, *, estop: bool = False) -> State:
-    """Stopped: nobody has spoken, nothing has been seen.
+    """Return the state at the start: stopped, without any command or scan.
 
     Args:
-        config: the numbers of the law.
-        estop: whether an e-stop was pressed before and not reset.
+        config: the law's configuration.
+        estop: whether an earlier e-stop has not been reset.
     """
     sources = tuple(Source(source) for source in sorted(config.sources, key=lambda s: (-s.priority, s.name)))
     return State(config, sources, sights=tuple(Sight() for _ in config.lidars), estop=estop)
 
 
 def step(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
-    """Take in what came, and decide what goes to the wheels.
+    """Process the inputs and decide the velocity of the wheels.
 
     Args:
-        state: what was remembered after the last step.
-        now_s: the supervisor's monotonic clock, never before the last step's.
-        inputs: what came since; arrivals are not after `now_s`.
+        state: the state after the last step.
+        now_s: the supervisor's monotonic clock, not before the last step's time.
+        inputs: everything received since the last step; arrival times are not after `now_s`.
     """
     state, inputs = _resume(state, now_s, inputs)
     state = _observe(state, now_s, inputs)
@@ -132,28 +133,28 @@ def step(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
 
 
 def runs_out_s(state: State) -> float:
-    """When the present motion is no longer permitted if nothing new comes, by age; infinite while nothing moves.
+    """Return the time at which the present motion expires if nothing new arrives; infinite while zero is commanded.
 
-    The caller steps at this time, and so stops without waiting for the next tick.
+    The caller calls `step` at this time, so that the robot stops without waiting for the next tick.
     """
     if state.output == STANDSTILL:
         return math.inf
     owner = _owning(state)
-    assert owner is not None  # nothing moves without one
+    assert owner is not None  # without an owner, zero is commanded
     config = state.config
-    assert state.now_s is not None  # nor before the first step
+    assert state.now_s is not None  # zero is commanded before the first step
     scans_s = [scan.taken_s + config.lidars[place].timeout_s for place, scan in _usable(state, state.now_s)]
     return min(owner.sent_s + config.command_timeout_s, *scans_s) + ROUNDING_S
 
 
-# --- what everybody shares
+# --- inputs and causes that all sources share
 
 
 def _resume(state: State, now_s: float, inputs: Inputs) -> tuple[State, Inputs]:
-    """After a suspend, forget what was heard before it, however fresh it looks by the monotonic clock.
+    """After a suspend, discard everything received before it: the monotonic clock does not show its true age.
 
-    What came with this step may be from before as well. What is still on its way comes within the timeouts, for which
-    OVERRUN stays a cause: only a neutral command that arrives after that arms.
+    The inputs of this step may be from before the suspend as well. Older messages still in transit arrive within the
+    timeouts. OVERRUN therefore stays a cause for the longest timeout, and only a neutral command after that arms.
     """
     if inputs.suspended_s <= state.config.overrun_s:
         return state, inputs
@@ -162,21 +163,21 @@ def _resume(state: State, now_s: float, inputs: Inputs) -> tuple[State, Inputs]:
     sources = tuple(s._replace(sent_s=s.sent_s - inputs.suspended_s) for s in state.sources)
     sights = tuple(s._replace(scan=None) for s in state.sights)
     odometry = state.odometry
-    if odometry is not None:  # who was heard once must be heard again
+    if odometry is not None:  # odometry that was received before the suspend is required again after it
         odometry = replace(odometry, arrival_s=odometry.arrival_s - inputs.suspended_s)
     state = state._replace(sources=sources, sights=sights, past=(), odometry=odometry, resumed_s=now_s)
     return state, replace(inputs, commands=(), scans=(), odometry=None)
 
 
 def _observe(state: State, now_s: float, inputs: Inputs) -> State:
-    """Take in odometry, scans, e-stop, and who else speaks."""
+    """Process odometry, scans, the e-stop and unknown sources."""
     config = state.config
     odometry = state.odometry if inputs.odometry is None or not config.odometry else inputs.odometry
     dt_s = 0.0 if state.now_s is None else now_s - state.now_s
-    if odometry is None:  # the base does not say how it moves: it is taken at its command
+    if odometry is None:  # without odometry, the base is assumed to move as commanded
         odometer = reckon(state.odometer, state.output, now_s, config.believable)
     elif inputs.odometry is not None:
-        # A spike is no motion there, but it stays to be seen as one.
+        # A spike counts as zero here; `state.odometry` keeps it for the runaway check.
         odometer = reckon(state.odometer, odometry.velocity, odometry.arrival_s, config.believable)
     else:
         odometer = state.odometer
@@ -216,7 +217,7 @@ def _observe(state: State, now_s: float, inputs: Inputs) -> State:
 
 
 def _spoil(state: State, place: int) -> State:
-    """Something came from a lidar that is no scan."""
+    """Mark a lidar's newest scan as invalid, because an undecodable message arrived on its key."""
     sight = state.sights[place]
     if sight.scan is None:
         return state
@@ -232,7 +233,7 @@ def _exchanged(state: State, place: int, sight: Sight) -> tuple[Sight, ...]:
 
 
 def _see(state: State, scan: LaserScan) -> State:
-    """Take in a scan; one that is late, replayed or older than the one before counts as none."""
+    """Process a scan; a scan that is late, replayed or older than the previous one is discarded."""
     config, place = state.config, scan.lidar
     lidar, sight = config.lidars[place], state.sights[place]
     tolerance_s = FALL_TOLERANCE_S if scan.sent_tolerance_s is None else scan.sent_tolerance_s
@@ -250,7 +251,7 @@ def _see(state: State, scan: LaserScan) -> State:
     reading = read_scan(
         before, scan, moment, lidar, config.hull, config.reach_m, in_the_open=config.works_in_the_open
     )
-    if before is not None and reading.taken_s == before.taken_s:  # it only repeats the one before
+    if before is not None and reading.taken_s == before.taken_s:  # it is identical to the previous scan
         return _with_sight(state, place, sight._replace(scan=reading))
     memory = _with_shown(state, before)
     if reading.problem is not None:
@@ -266,7 +267,10 @@ def _see(state: State, scan: LaserScan) -> State:
 
 
 def _heard(writers: tuple[Writer, ...], gid: bytes, arrival_s: float) -> tuple[Writer, ...]:
-    """Who publishes on a sensor's key, the latest first; those who spoke but once give way."""
+    """Record that a writer was heard, and return the writers on a sensor's key, the latest first.
+
+    Beyond `REMEMBERED_WRITERS`, writers that were heard only once are dropped first.
+    """
     heard_s = next((w.heard_s for w in writers if w.gid == gid), -math.inf)
     others = [w for w in writers if w.gid != gid]
     others.sort(key=attrgetter("before_s"), reverse=True)
@@ -274,7 +278,7 @@ def _heard(writers: tuple[Writer, ...], gid: bytes, arrival_s: float) -> tuple[W
 
 
 def _keep_shown(state: State, place: int) -> State:
-    """What a lidar showed last goes to the memory: nothing that follows may lose it, be it no scan at all."""
+    """Move the returns of a lidar's newest scan to the memory, so that they survive the loss of the scan."""
     sight = state.sights[place]
     if sight.scan is None:
         return state
@@ -283,7 +287,7 @@ def _keep_shown(state: State, place: int) -> State:
 
 
 def _with_shown(state: State, scan: ScanReading | None) -> Remembered:
-    """The memory with what a scan shows."""
+    """Return the memory with the returns of a scan added."""
     if scan is None or scan.view is None:
         return state.memory
     shown, pose = scan.around.points, scan.view.pose
@@ -294,7 +298,12 @@ def _with_shown(state: State, scan: ScanReading | None) -> Remembered:
 
 
 def _remember(state: State, shown: Remembered, view: View, lidar: Lidar) -> tuple[Remembered, Floats]:
-    """What earlier scans showed near the robot and this one does not disprove; and all that they showed."""
+    """Update the memory with a new view.
+
+    Returns:
+        the near points that the view neither replaces nor disproves; and all near points (n, 2) [m] before the
+        update, in the base frame of the view.
+    """
     config, (points, misses) = state.config, shown
     earlier = moved(points, between(state.memory_pose, view.pose))
     near = np.hypot(earlier[:, 0], earlier[:, 1]) < config.hull.radius_m + config.reach_m
@@ -303,7 +312,7 @@ def _remember(state: State, shown: Remembered, view: View, lidar: Lidar) -> tupl
 
 
 def _keep_past(state: State, lidar: Lidar, view: View) -> tuple[Past, ...]:
-    """The views of the last `unseen_memory_s`, of each lidar about `PAST_VIEWS`."""
+    """Return the views of the last `unseen_memory_s`, about `PAST_VIEWS` of each lidar."""
     memory_s = state.config.unseen_memory_s
     if memory_s == 0.0:
         return ()
@@ -315,16 +324,16 @@ def _keep_past(state: State, lidar: Lidar, view: View) -> tuple[Past, ...]:
 
 
 Usable = Sequence[tuple[int, ScanReading]]
-"""Newest scans, with the places of their lidars among the configured ones."""
+"""Pairs of a lidar's index in the configuration and its newest scan."""
 
 
 def _usable(state: State, now_s: float) -> Usable:
-    """The lidars whose newest scan proves something, by their places, and that scan."""
+    """Return the newest scans that are valid and not too old, with the indices of their lidars."""
     return [(place, scan) for place, scan in _fresh(state, now_s) if scan.problem is None]
 
 
 def _fresh(state: State, now_s: float) -> Usable:
-    """The newest scans that are not too old, whatever they prove, and the places of their lidars."""
+    """Return the newest scans that are not too old, valid or not, with the indices of their lidars."""
     return [
         (place, sight.scan)
         for place, sight in enumerate(state.sights)
@@ -333,7 +342,7 @@ def _fresh(state: State, now_s: float) -> Usable:
 
 
 def _seek_hidden(state: State, usable: Usable, *, moved_on: bool) -> State:
-    """Where something may stand that no lidar sees; a lidar that has fallen silent sees nothing."""
+    """Update the remembered points and hidden places; a lidar without a usable scan proves no space free."""
     looking = tuple(place for place, _ in usable)
     if not moved_on and looking == state.looking:
         return state
@@ -352,9 +361,9 @@ def _seek_hidden(state: State, usable: Usable, *, moved_on: bool) -> State:
 
 
 def _hidden_from(state: State, one: tuple[int, ScanReading], usable: Usable, pose: Pose) -> Floats:
-    """What one lidar does not see and no other one does either, in the frame of a pose.
+    """Return the hidden places (n, 2) [m] of one lidar that no other view proves free, in the frame of `pose`.
 
-    What no lidar sees is bounded by what each of them sees: one after the other is asked.
+    Each lidar is checked in turn, because the space that no lidar sees borders on the views of several lidars.
     """
     config, (place, scan) = state.config, one
     view = scan.view
@@ -371,11 +380,11 @@ def _hidden_from(state: State, one: tuple[int, ScanReading], usable: Usable, pos
     if view.pose == pose:
         return hidden
     hidden = moved(hidden, between(view.pose, pose))
-    return hidden[config.hull.clearance(hidden) > 0.0]  # where the hull is by then, nothing else is
+    return hidden[config.hull.clearance(hidden) > 0.0]  # no object can be inside the hull
 
 
 def _lookouts(state: State, others: Usable, pose: Pose) -> list[Lookout]:
-    """The views that may have seen what one lidar does not: those of the others, and of a moment ago."""
+    """Return the views that may prove one lidar's hidden places free: those of other lidars, and recent ones."""
     lidars = state.config.lidars
     mounts = {lidar.name: lidar.mount for lidar in lidars}
     now = [(lidars[place].mount, scan.view) for place, scan in others]
@@ -384,7 +393,7 @@ def _lookouts(state: State, others: Usable, pose: Pose) -> list[Lookout]:
 
 
 def _runs_away(state: State, now_s: float, odometry: Odometry | None) -> bool:
-    """Zero has been commanded for longer than braking takes, and the base still moves."""
+    """Return whether the base still moves although zero has been commanded for longer than braking takes."""
     config = state.config
     if odometry is None:
         return False
@@ -393,14 +402,17 @@ def _runs_away(state: State, now_s: float, odometry: Odometry | None) -> bool:
 
 
 def _has_braked(state: State, now_s: float) -> bool:
-    """Whether zero has been commanded for longer than braking takes."""
+    """Return whether zero has been commanded for longer than braking takes."""
     config = state.config
     braking_s = config.max_linear_m_s / config.deceleration_m_s2 + RUNAWAY_GRACE_S
     return state.stopped_s is not None and now_s - state.stopped_s > braking_s
 
 
 def _shared_causes(state: State, now_s: float, usable: Usable) -> Reasons:
-    """What keeps every source from driving now. Taken before a reset: what it releases is a cause once more."""
+    """Return the causes that prevent every source from driving now.
+
+    They are determined before a reset, so a released e-stop is still a cause in the step of the reset.
+    """
     config = state.config
     causes: set[StopReason] = set()
     if not usable:
@@ -422,7 +434,7 @@ def _shared_causes(state: State, now_s: float, usable: Usable) -> Reasons:
 
 
 def _conflicts(state: State, now_s: float) -> tuple[str, ...]:
-    """For each sensor that several writers speak for, who they are."""
+    """Return a text for each sensor with several active writers: its name and theirs."""
     sensors = [
         (lidar.name, state.sights[place].writers, lidar.timeout_s)
         for place, lidar in enumerate(state.config.lidars)
@@ -436,18 +448,18 @@ def _conflicts(state: State, now_s: float) -> tuple[str, ...]:
 
 
 def _name_of(gid: bytes) -> str:
-    """A writer, as a person can tell it from another."""
+    """Return a readable name of a writer: a short hexadecimal gid, or the frame id."""
     return gid.hex()[:8] if len(gid) == GID_BYTES else gid.decode(errors="replace") or "no name"
 
 
 def _speaking(writers: tuple[Writer, ...], timeout_s: float, now_s: float) -> list[bytes]:
-    """Who publishes on a sensor's key now: heard twice within a moment, so that a stray message is nobody."""
+    """Return the active writers on a sensor's key: those heard twice within the window, so not after a stray message."""
     since_s = now_s - max(WRITER_WINDOW_S, 2.5 * timeout_s)
     return [w.gid for w in writers if w.before_s >= since_s]
 
 
 def _reset(state: State, inputs: Inputs, live: list[Source]) -> tuple[State, Reply | None]:
-    """Release the e-stop, if nobody would drive off: a reset moves nothing."""
+    """Release the e-stop unless a live source requests motion: a reset must not move the robot."""
     if not inputs.reset:
         return state, None
     if not state.estop:
@@ -465,9 +477,12 @@ def _reset(state: State, inputs: Inputs, live: list[Source]) -> tuple[State, Rep
 
 
 def _take_commands(state: State, now_s: float, inputs: Inputs, shared: Reasons) -> tuple[State, list[Source]]:
-    """Every source's commands, causes and latches; when the owner stops, everybody's latches; who owns now.
+    """Process commands and liveliness; update the causes, the latches and the owner.
 
-    Beside the state: the live sources, those without a cause of their own.
+    When the owner stops, its latches are copied to all sources.
+
+    Returns:
+        the new state, and the live sources: those without a cause of their own.
     """
     sources, passing = _hear(state, inputs)
     settled: dict[str, Source] = {}
@@ -487,7 +502,11 @@ def _take_commands(state: State, now_s: float, inputs: Inputs, shared: Reasons) 
 
 
 def _hear(state: State, inputs: Inputs) -> tuple[dict[str, Source], dict[str, list[StopReason]]]:
-    """What came from each source, and which causes came with it: what is mended within the same step was there."""
+    """Process the commands and liveliness changes of each source.
+
+    Returns:
+        the sources by name; and by source, the causes that occurred in this step, even if they have ended since.
+    """
     sources = {s.config.name: s for s in state.sources}
     passing: dict[str, list[StopReason]] = {}
     for command in inputs.commands:
@@ -496,7 +515,7 @@ def _hear(state: State, inputs: Inputs) -> tuple[dict[str, Source], dict[str, li
             sources[command.source] = source
             if source.invalid:
                 passing.setdefault(command.source, []).append(StopReason.COMMAND_INVALID)
-    for change in inputs.liveliness:  # after the commands: a source that leaves sends zero first
+    for change in inputs.liveliness:  # after the commands, because a source sends zero before it leaves
         if change.source in sources:
             source = sources[change.source]._replace(alive=change.alive)
             if not change.alive:
@@ -509,7 +528,7 @@ def _hear(state: State, inputs: Inputs) -> tuple[dict[str, Source], dict[str, li
 
 
 def _accept(source: Source, command: Command, config: LawConfig) -> Source:
-    """Take note of a command: a refused one never refreshes the age of the last good one."""
+    """Process one command; a refused command does not refresh the age of the last accepted one."""
     stamped, velocity = command.sent is not None, _plausible(command.velocity, config)
     if velocity is None:
         counts = source.counts._replace(invalid=source.counts.invalid + 1)
@@ -531,7 +550,7 @@ def _accept(source: Source, command: Command, config: LawConfig) -> Source:
 
 
 def _plausible(velocity: Velocity | None, config: LawConfig) -> Velocity | None:
-    """The command clamped to the limits; None where it is no command at all."""
+    """Return the velocity clamped to the limits; None if it is missing, not finite or implausibly large."""
     if velocity is None or not (math.isfinite(velocity.linear_m_s) and math.isfinite(velocity.angular_rad_s)):
         return None
     if (
@@ -550,7 +569,7 @@ def _clamp(value: float, limit: float) -> float:
 
 
 def _own_causes(source: Source, now_s: float, config: LawConfig) -> Reasons:
-    """What keeps this source alone from driving now."""
+    """Return the causes that prevent this source alone from driving now."""
     causes: set[StopReason] = set()
     if source.alive is False and source.velocity is not None:
         causes.add(StopReason.SOURCE_LOST)
@@ -565,7 +584,7 @@ def _own_causes(source: Source, now_s: float, config: LawConfig) -> Reasons:
 
 
 def _latch(source: Source, now_s: float, causes: Reasons, config: LawConfig) -> Source:
-    """Latch the causes; without any, a neutral that came after the last of them lets all latches fall."""
+    """Latch the causes; without causes, clear all latches if a neutral command arrived after the last cause."""
     if causes:
         return source._replace(latched=source.latched | causes, caused_s=now_s)
     if source.neutral_s > source.caused_s:
@@ -580,19 +599,19 @@ def _latch(source: Source, now_s: float, causes: Reasons, config: LawConfig) -> 
 
 
 def _share_stop(source: Source, stopped: Source) -> Source:
-    """Latch the owner's stop on another source: it must send neutral before it may drive."""
+    """Latch the owner's stop on another source, which must then send neutral before it can drive."""
     return source._replace(latched=source.latched | stopped.latched, caused_s=stopped.caused_s, block=None)
 
 
 def _owning(state: State) -> Source | None:
-    """The source that owns the wheels; None before the first owner."""
+    """Return the source that owns the wheels; None before the first owner."""
     return next((s for s in state.sources if s.config.name == state.owner), None)
 
 
 def _owner(owner: str, live: list[Source]) -> str:
-    """The name of the owner: the armed source of the highest priority that requests motion.
+    """Return the name of the owner: the armed source of the highest priority that requests motion.
 
-    A neutral or dead owner stays until another live source asks, so that the status explains its stop.
+    A neutral or dead owner stays until another live source requests motion, so that the status explains its stop.
     """
     asking = [s for s in live if not s.neutral]
     if asking:
@@ -608,7 +627,7 @@ def _owner(owner: str, live: list[Source]) -> str:
 def _decide(
     state: State, now_s: float, shared: Reasons, usable: Usable, reply: Reply | None
 ) -> tuple[State, Decision]:
-    """What the owner may do now."""
+    """Decide the output velocity, with the stop reasons of the owner."""
     config = state.config
     owner = _owning(state)
     reasons = shared | ({StopReason.NO_COMMAND} if owner is None else owner.latched)
@@ -638,12 +657,12 @@ def _decide(
 
 
 class Seen(NamedTuple):
-    """The points known from one place, at one moment."""
+    """Points that were seen from one pose, and the barrier that applies to them."""
 
     around: Surroundings
-    """In the frame of the pose from which they were seen."""
+    """The points in the base frame at the pose from which they were seen."""
     here: Surroundings | None
-    """In the frame of the present pose by odometry; None if the robot has hardly moved since."""
+    """The points in the present base frame by odometry; None if the robot has hardly moved since."""
     barrier: Barrier
 
 
@@ -675,12 +694,12 @@ def _seen(state: State, now_s: float, place: Place, reaction_s: float) -> Seen:
 def _barrier(
     state: State, seen: Sequence[Seen], commanded: Velocity, worth: float
 ) -> tuple[float, Block | None]:
-    """The share of the commanded twist that the surroundings permit, and what blocks if that is below `worth`.
+    """Return the permitted share of the commanded twist, and the blocking point if the share is below `worth`.
 
-    A base that still has another velocity goes through mixtures of both on its way. What it still has on one
-    axis is judged together with what is asked for on the other; and a base that is too fast on the arc that it
-    is still on brakes along that one first. Neither latches anything: the base only has to slow down. A
-    base may also take up one axis before the other: what such a twist closes on blocks.
+    A base with another velocity passes through mixtures of both twists. Excess velocity on one axis is therefore
+    checked together with the commanded velocity on the other. A base that is too fast on its present arc must brake
+    along that arc first. Neither check latches a stop, because the base only has to slow down. The base may also
+    reach its command on one axis before the other; a point that such a twist closes on does block.
     """
     config, following = state.config, state.following
     scale, block = _permitted(seen, commanded, worth)
@@ -699,20 +718,20 @@ def _barrier(
 
 
 def _permitted(seen: Sequence[Seen], twist: Velocity, worth: float) -> tuple[float, Block | None]:
-    """The share of a twist that everything around permits, and what blocks it.
+    """Return the share of a twist that all points permit, and the blocking point.
 
-    A scan shows where things were when it was taken. They are also looked at from where odometry says
-    that the robot is by now, and the more cautious of the two counts: odometry may be wrong. The way ahead
-    begins where the robot is by now.
+    A scan shows where objects were when it was taken. The points are also transformed into the present base frame by
+    odometry. The lower of the two shares counts, because odometry may be wrong. The path ahead begins at the
+    present pose.
     """
     shares = (permitted_scale(s.around, *twist, s.barrier, s.here, worth=worth) for s in seen)
     return min(shares, key=itemgetter(0))
 
 
 def _is_confirmed(state: State, block: Block) -> bool:
-    """Whether more than one reading of one scan blocks.
+    """Return whether the block is confirmed, so that it latches: a hidden place, or a return near an earlier one.
 
-    A stray reading, of dust or rain, stops the robot while it is there, and latches nothing.
+    A single stray return, from dust or rain, stops the robot while it is present, but latches nothing.
     """
     if block.kind is not Kind.SEEN:
         return block.kind is Kind.HIDDEN
@@ -727,17 +746,17 @@ def _reason_of(block: Block) -> StopReason:
 
 
 def _hull_speed(velocity: Velocity, config: LawConfig) -> float:
-    """How fast the fastest point of the hull may move, at most [m/s]."""
+    """Return an upper bound of the speed of any point of the hull [m/s]."""
     return abs(velocity.linear_m_s) + abs(velocity.angular_rad_s) * config.hull.radius_m
 
 
 def _useful(velocity: Velocity, config: LawConfig) -> Velocity:
-    """The velocity, or the slowest useful one in its direction: a slower command is judged as if it asked for that."""
+    """Return the velocity, scaled up to the minimum useful speed if it is slower."""
     return at_least(velocity, config.creep_m_s, config.hull.radius_m)
 
 
 def _stop_at(state: State, now_s: float, block: Block, reason: StopReason) -> State:
-    """Latch the barrier's stop on every source; what the owner drove at stays known until it drives elsewhere."""
+    """Latch the barrier's stop on every source; the owner also keeps the block until a command does not approach it."""
     return state._replace(
         sources=tuple(
             s._replace(
@@ -799,7 +818,7 @@ def _explain(
 
 
 def _nearest(state: State, scans: list[ScanReading]) -> tuple[float, float]:
-    """Clearance and bearing of the nearest thing that is seen or remembered."""
+    """Return clearance [m] and bearing [rad] of the nearest seen or remembered point; NaN without a valid scan."""
     found = [(scan.nearest_m, scan.nearest_bearing_rad) for scan in scans if scan.problem is None]
     if not found:
         return math.nan, math.nan
@@ -814,7 +833,7 @@ def _scan_counts(sights: tuple[Sight, ...]) -> Counts:
 
 
 def _problems(state: State) -> str:
-    """What is wrong with the scans; of several lidars, by name."""
+    """Return why the newest scans prove nothing; with several lidars, each problem follows the lidar's name."""
     problems = [
         (state.config.lidars[place].name, sight.scan.problem)
         for place, sight in enumerate(state.sights)

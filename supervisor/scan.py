@@ -1,12 +1,12 @@
-"""What one lidar's scans prove: where something is, and how far each ray is free.
+"""Interpretation of one lidar's scans: where returns are, and how far each ray is proven free.
 
-A beam proves its ray free up to its return, and shows an object there. A beam without a return proves its ray
-free up to `range_max` and nothing beyond; that is weak evidence, which dirt gives as well, so a profile may
-count it only for beams that have lately shown that they can see. A reading that the profile does not explain
-proves nothing: for one timeout the scans before it speak for its direction, then it is a hole.
+A beam with a return proves its ray free up to the return and shows an object there. A beam without a return proves
+its ray free up to `range_max`. This is weak evidence, because a dirty beam has no return either. A profile may
+therefore accept it only for beams that had a return recently. A reading that the profile does not explain proves
+nothing: earlier scans stand in for its direction for one timeout; after that, the direction is a hole.
 
-A scan whose numbers contradict each other, that repeats itself while the robot moves, that goes blank from
-one to the next, or that came before anything ever returned, proves nothing at all.
+A scan proves nothing if its numbers contradict each other, if it repeats while the robot moves, if nearly all
+returns vanish from one scan to the next, or if the lidar has not had any return since the start.
 """
 
 import math
@@ -24,128 +24,133 @@ from wire.freshness import Sent
 
 FROZEN_REPEATS = 3
 FROZEN_TRAVEL_M = 0.02
-"""So many identical scans in a row while the hull has moved so far: the sensor repeats itself."""
+"""A lidar is frozen if this many scans repeat an earlier one bit for bit while the hull moves by more than this."""
 
 REPEATED_TRAVEL_M = 0.005
-"""A scan that is the one before to the bit, although the hull has moved so far, shows nothing new."""
+"""A scan that is identical to the previous one although the hull has moved by more than this is not new information."""
 
 BLANK_AFTER_SHARE = 0.1
 BLANK_DROP = 0.1
-"""A scan with less than a tenth of the returns, right after one with returns on a tenth of its beams, is no
-scan. It stays so until returns come back: a lidar that has lost its light looks just the same."""
+"""A scan is invalid if it has less than a tenth of the returns of the previous scan, and that scan had returns on at
+least a tenth of its beams. Scans stay invalid until the returns come back: a lidar with a failed laser looks the same."""
 
 LEAST_INCREMENT_RAD = 1e-6
-"""Of no lidar are neighbouring beams closer; a thousandth of what real ones have."""
+"""Smallest accepted angle between neighbouring beams: a thousandth of that of real lidars."""
 
 LEAST_M = 1e-6
-"""What is at the lidar itself is this far away: zero stands for a ray of which nothing is known."""
+"""Smallest distance of a return: a distance of zero denotes a ray that is not proven free."""
 
 ANGLE_SLACK_BEAMS = 2.0
-"""Drivers count the last beam, the one after it, or round."""
+"""Accepted error of `angle_max`, in beams: drivers report the angle of the last beam, of the beam after it, or round."""
 
 Ranges = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """Where a lidar sits on the robot, and what it sees of the robot itself."""
+    """The pose of a lidar in the base frame, and the sectors in which it sees the robot itself."""
 
     x_m: float = 0.0
     y_m: float = 0.0
     yaw_rad: float = 0.0
     masked_rad: tuple[tuple[float, float], ...] = ()
-    """Sectors (from, to) in the lidar's frame, counter-clockwise, that show the robot: nothing is seen there."""
+    """Sectors (from, to) in the lidar's frame, counter-clockwise, that show the robot; readings there are ignored."""
 
 
 @dataclass(frozen=True, slots=True)
 class Lidar:
-    """One lidar of the configuration."""
+    """Configuration of one lidar."""
 
     name: str
     mount: Mount
     profile: LidarProfile
     timeout_s: float
-    """An older scan proves nothing."""
+    """Maximum age of a usable scan."""
     min_beams: int = 90
 
 
 class Geometry(NamedTuple):
-    """Where the beams of a scan point, in the lidar's frame [rad]."""
+    """The angles of a scan's beams in the lidar's frame [rad]."""
 
     beams: int
     angle_min: float
     increment: float
-    """From beam to beam [rad]; negative for a clockwise scan."""
+    """Angle between neighbouring beams [rad]; negative for a clockwise scan."""
 
 
 @dataclass(frozen=True)
 class Rays:
-    """The beams of a geometry on the robot; what depends on these alone."""
+    """The n beams of a scan geometry in the base frame; depends only on geometry, mount and hull."""
 
     origin_m: Floats
-    """(2, 1): of the lidar in the base frame."""
+    """(2, 1): position of the lidar in the base frame."""
     direction: Floats
     """(2, n): unit vectors in the base frame."""
     looking: Mask
-    """Not masked."""
+    """(n,): whether the beam lies outside the masked sectors."""
     hull_m: Floats
-    """How far each beam runs inside the hull [m]; zero where the lidar is outside of it."""
+    """(n,): length of each beam inside the hull [m]; zero if the lidar is outside the hull."""
 
     def points(self, beams: npt.NDArray[np.intp], distance_m: Floats) -> Floats:
-        """Where some of the beams (m,) end, in the base frame: (m, 2), for the distances (n,) of all."""
+        """Return the end points (m, 2) [m] of the selected beams in the base frame.
+
+        Args:
+            beams: (m,) indices of the beams.
+            distance_m: (n,) distances along all beams.
+        """
         ends: Floats = (self.direction.take(beams, axis=1) * distance_m.take(beams) + self.origin_m).T
         return ends
 
 
 class View(NamedTuple):
-    """What the last valid scan of a lidar proves, beam by beam."""
+    """Free space, and evidence for it, by beam, from the last valid scan of a lidar and earlier ones."""
 
     geometry: Geometry
     taken_s: float
     pose: Pose
-    """The odometer's when the scan was taken."""
+    """The odometer pose at which the scan was taken."""
     free_m: Floats
-    """(n,): so far each ray is free; 0: it is not known to be."""
+    """(n,): distance up to which each ray is proven free; 0 if it is not."""
     hit: Mask
-    """Something returned."""
+    """(n,): whether the beam has a return."""
     is_whole: bool
-    """All of them are free for some way."""
+    """Whether every ray is proven free for some distance."""
     range_max_m: float
     explained_s: Floats
-    """(n,): when a reading last explained this direction, seen from `facing_rad`."""
+    """(n,): time of the last explained reading in this direction; directions are relative to `facing_rad`."""
     facing_rad: float
-    """The odometer's yaw that the directions of `explained_s` belong to."""
+    """The odometer yaw that the directions of `explained_s` are relative to."""
     returned_s: Floats
-    """(n,): when this beam last had a return."""
+    """(n,): time of this beam's last return."""
     returned_m: Floats
-    """(n,): how far the robot had travelled then."""
+    """(n,): distance that the robot had travelled at that time."""
 
 
 class ScanReading(NamedTuple):
     """The newest scan of a lidar, as the law uses it."""
 
     taken_s: float
-    """When, by our clock: its arrival less its time on the way."""
+    """When the scan was taken, by the local clock: arrival time minus transport time."""
     period_s: float
-    """Between it and the one before; the scan timeout for the first one."""
+    """Time since the previous scan; the scan timeout for the first scan."""
     problem: str | None
-    """Why it proves nothing; None for a valid scan."""
+    """Why the scan proves nothing; None for a valid scan."""
     view: View | None
     """None before the first valid scan."""
     around: Surroundings
-    """Its returns within reach, in the base frame of its time."""
+    """The returns within reach, in the base frame at `taken_s`."""
     nearest_m: float
-    """From the hull to the nearest return; infinite where there is none, NaN where the scan proves nothing."""
+    """Distance from the hull to the nearest return; infinite without returns, NaN if the scan proves nothing."""
     nearest_bearing_rad: float
     ranges: Ranges
     repeats: int
-    """How many scans right before it were the same to the bit."""
+    """How many consecutive scans before this one were identical to it, bit for bit."""
     travelled_m: float
-    """The hull's way at the first of those."""
+    """Distance that the hull had travelled at the first of these scans."""
     return_share: float
-    """Of the beams; of the last scan that was not blank, if this one is."""
+    """Share of the beams with a return; if this scan is blank, that of the last scan that was not."""
     has_returned: bool
-    """Something has returned to this lidar, now or at any time before."""
+    """Whether this lidar has had any return since the start."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,14 +160,14 @@ class Moment:
     taken_s: float
     period_s: float
     pose: Pose
-    """The odometer's."""
+    """The odometer pose."""
     travelled_m: float
-    """How far any point of the hull has moved since the start, measured or commanded, whichever is more."""
+    """Upper bound of the distance that any point of the hull has moved since the start, measured or commanded."""
 
 
 @dataclass(frozen=True, slots=True)
 class LaserScan:
-    """A scan that arrived: sensor_msgs/LaserScan's fields, in its own frame."""
+    """A received scan: the fields of sensor_msgs/LaserScan, in the lidar's frame."""
 
     ranges: Ranges
     angle_min: float
@@ -171,15 +176,15 @@ class LaserScan:
     range_max: float
     arrival_s: float
     sent: Sent | None = None
-    """From its attachment, else from its header; None where neither says when it was taken."""
+    """The stamp of its attachment, else of its header; None if neither has one."""
     sent_tolerance_s: float | None = None
-    """How unsteady the sender's clock may be; None: as steady as a command's."""
+    """Tolerance for an unsteady clock of the sender; None: the same as for commands."""
     angle_max: float | None = None
-    """What the sender takes for the last beam's angle; None: it does not say."""
+    """The angle of the last beam as the sender reports it; None if not reported."""
     lidar: int = 0
-    """Its place among the configured lidars."""
+    """Index of the lidar in the configuration."""
     writer: bytes = b""
-    """Who sent it: the gid of its attachment, else its frame."""
+    """Identity of the sender: the gid of the attachment, else the frame id."""
 
 
 def read_scan(
@@ -192,16 +197,16 @@ def read_scan(
     *,
     in_the_open: bool,
 ) -> ScanReading:
-    """What a scan proves, in the light of the one before.
+    """Check a scan and return it as a `ScanReading`, with the free space that it proves.
 
     Args:
-        previous: the last reading of the same lidar.
-        scan: as it came.
+        previous: the last reading of the same lidar; None before the first.
+        scan: the scan as received.
         moment: when and where it was taken.
-        lidar: its configuration.
+        lidar: the configuration of its lidar.
         hull: the robot's outline.
-        reach_m: no return farther than this from the hull can limit a motion.
-        in_the_open: whether a lidar on which nothing has ever returned is believed.
+        reach_m: a return farther than this from the hull limits no motion.
+        in_the_open: whether to accept scans of a lidar that has not had any return since the start.
     """
     problem = _contradiction(scan, lidar.min_beams)
     before = None if previous is None else previous.view
@@ -210,7 +215,7 @@ def read_scan(
     geometry = Geometry(len(scan.ranges), scan.angle_min, scan.angle_increment)
     rays = rays_of(geometry, lidar.mount, hull)
     readings = explain(scan.ranges, scan.range_min, scan.range_max, lidar.profile)
-    # Nothing can be inside the hull: what reads so is at its outline, in the direction of its beam.
+    # No object can be inside the hull: a return inside it is moved outward along its beam to the outline.
     distance_m = np.maximum(readings.distance_m, np.maximum(rays.hull_m, LEAST_M))
     hit = readings.hit & rays.looking
     (hits,) = hit.nonzero()
@@ -255,7 +260,7 @@ def read_scan(
 def _of_no_use(
     previous: ScanReading | None, scan: LaserScan, moment: Moment, problem: str, hull: Hull
 ) -> ScanReading:
-    """A scan that is none: what the one before proved of each beam stays."""
+    """Return the reading of an invalid scan; it keeps the previous view."""
     view, share = (None, 0.0) if previous is None else (previous.view, previous.return_share)
     return ScanReading(
         moment.taken_s,
@@ -276,7 +281,10 @@ def _of_no_use(
 def _within(
     far_m: float, hull: Hull, rays: Rays, distance_m: Floats, hits: npt.NDArray[np.intp]
 ) -> tuple[Surroundings, float, float]:
-    """What returns from nearer than `far_m`, and clearance and bearing of the nearest return of all."""
+    """Return the returns nearer than `far_m` to the lidar, and clearance [m] and bearing [rad] of the nearest return.
+
+    If no return is nearer than `far_m`, the nearest of all returns counts.
+    """
     far = distance_m.take(hits)
     near = hits[far < far_m]
     around = survey(hull, rays.points(near, distance_m))
@@ -297,7 +305,7 @@ def _view(
     moment: Moment,
     lidar: Lidar,
 ) -> View:
-    """How far each ray is free, and since when its beam is known to see."""
+    """Return the view: how far each ray is proven free, and when each beam last had a return."""
     profile, taken_s = lidar.profile, moment.taken_s
     if before is not None and before.geometry != geometry:
         before = _resampled(before, geometry)
@@ -357,14 +365,19 @@ def _view(
 
 
 def _resampled(before: View, geometry: Geometry) -> View:
-    """A view as another geometry has it, beam by beam: some motors turn unevenly, and no two scans are alike."""
+    """Resample a view to another scan geometry: lidars with uneven rotation send a new geometry with every scan."""
     angle_rad = geometry.angle_min + geometry.increment * np.arange(geometry.beams)
     beam = np.rint((angle_rad - before.geometry.angle_min) / before.geometry.increment).astype(np.int64)
     return _at_beams(before, beam)._replace(geometry=geometry)
 
 
 def _turned(before: View, pose: Pose) -> tuple[float, Floats, Floats]:
-    """What was known of each direction, beam by beam as the lidar faces now; and the yaw that this belongs to."""
+    """Return the earlier knowledge of each direction, aligned with the beams at the present pose.
+
+    Returns:
+        the odometer yaw [rad] that the directions are relative to; the times (n,) of the last explained readings; the
+        distances (n,) [m] up to which the rays are still proven free.
+    """
     count, _, increment = before.geometry
     shift = round((pose.yaw_rad - before.facing_rad) / increment)
     way = between(before.pose, pose)
@@ -374,7 +387,10 @@ def _turned(before: View, pose: Pose) -> tuple[float, Floats, Floats]:
 
 
 def _at_beams(view: View, beam: npt.NDArray[np.int64]) -> View:
-    """What a view proves, at these of its beams (n,), counted on around a full turn; beyond its ends, nothing."""
+    """Return the view at the given beam indices (n,).
+
+    Indices wrap around in a full turn; otherwise an index outside the view gives a beam that proves nothing.
+    """
     if is_full_turn(view.geometry):
         beam = beam % view.geometry.beams
     inside = (beam >= 0) & (beam < view.geometry.beams)
@@ -389,12 +405,12 @@ def _at_beams(view: View, beam: npt.NDArray[np.int64]) -> View:
 
 
 def is_full_turn(geometry: Geometry) -> bool:
-    """Whether the last beam is as near to the first one as to the one before it."""
+    """Return whether the beams cover a full turn, so that the last beam is the first beam's neighbour."""
     return abs(geometry.increment) * (geometry.beams + 0.5) >= 2 * math.pi
 
 
 def _contradiction(scan: LaserScan, min_beams: int) -> str | None:
-    """Why numbers that do not fit together describe no scan."""
+    """Return why the scan's numbers contradict each other or the configuration; None if they do not."""
     beams, increment = len(scan.ranges), scan.angle_increment
     if beams < min_beams:
         return f"{beams} beams, fewer than {min_beams}"
@@ -412,7 +428,7 @@ def _contradiction(scan: LaserScan, min_beams: int) -> str | None:
 
 @lru_cache(maxsize=16)
 def rays_of(geometry: Geometry, mount: Mount, hull: Hull) -> Rays:
-    """The beams of a geometry on the robot."""
+    """Return the beams of a scan geometry in the base frame."""
     angle: Floats = geometry.angle_min + geometry.increment * np.arange(geometry.beams, dtype=np.float64)
     looking = np.ones(geometry.beams, dtype=np.bool_)
     for start, end in mount.masked_rad:
@@ -425,5 +441,5 @@ def rays_of(geometry: Geometry, mount: Mount, hull: Hull) -> Rays:
 
 
 def unit_vectors(angle_rad: Floats) -> Floats:
-    """The unit vectors (2, n) of directions (n,)."""
+    """Return the unit vectors (2, n) of angles (n,) [rad]."""
     return np.array([np.cos(angle_rad), np.sin(angle_rad)])

@@ -1,20 +1,20 @@
-"""Seen space: what the scans rule out is free, and everything else counts as occupied.
+"""Seen space: space that the scans prove free is free; all other space counts as occupied.
 
-Between two neighbouring rays that are free, δ apart, a disc of the smallest diameter w fits from
+A disc of the smallest obstacle diameter w fits between two neighbouring free rays at the angle δ, touching both,
+at distances from the lidar of at least
 
     r(δ) = w/2 · (1 / sin(δ/2) - 1)
 
-outward from the lidar: it touches both rays. A hole in the view (dirt, a sector without beams) is such a gap
-too, only wider: δ is then the angle between the rays at its two edges. From half a turn on, r is zero. Beyond
-`range_max` nothing is proven either.
+A hole in the view (dirt, a sector without beams) is a wider gap: δ is then the angle between the rays at its two
+edges. For δ of half a turn or more, r is zero. No space beyond `range_max` is proven free.
 
 The *hidden places* are points of such discs: the nearest place on each ray, and places along both edges of
 each hole. No other places need checking: the closing speed is the same for all points on one normal of the
-hull, and these are the first that a normal meets. The barrier treats a hidden place as it treats a return, so
-the less is seen, the lower the permitted speed.
+hull, and the hidden places are the first points that a normal meets. The barrier treats a hidden place like a
+return. The permitted speed therefore falls as less space is seen.
 
-Other lidars, and scans of the last `unseen_memory_s`, may have seen what this one does not: each hidden place
-is followed outward along its ray to the first point that none of them has seen free.
+Other lidars, and the scans of the last `unseen_memory_s`, may have seen places that are hidden from this lidar.
+Each hidden place is moved outward along its ray to the first point that none of them has proven free.
 """
 
 import math
@@ -31,22 +31,23 @@ from supervisor.reckoning import Pose, between
 from supervisor.scan import Geometry, Mount, Rays, View, is_full_turn, rays_of, unit_vectors
 
 OUTSIDE_SPACING_RAD = math.radians(2.0)
-"""Between two rays where no beam looks: 3.5 cm apart at one metre, less than the smallest obstacle by default."""
+"""Angle between the rays that are checked outside the field of view: 3.5 cm at one metre, which is less than the
+default smallest obstacle."""
 
 OUTWARD_M: Floats = np.array(
     [0.0, 0.04, 0.08, 0.12, 0.17, 0.22, 0.3, 0.38, 0.48, 0.6, 0.75, 0.95, 1.2, 1.5, 2.0]
 )
-"""How far behind the nearest hidden place another view is asked."""
+"""Distances behind the nearest hidden place at which the other views are checked."""
 
 ALONG_EDGE_M: Floats = np.concatenate((np.arange(0.0, 1.0, 0.04), np.arange(1.0, 20.0, 0.1)))
-"""Distances along an edge of a hole at which discs are placed, counted from where the first disc fits."""
+"""Distances along an edge of a hole at which discs are placed, measured from the first disc that fits."""
 
 SEEN_MARGIN_M = 0.02
-"""A ray that ends nearer than this behind a point does not prove it free: readings are noisy."""
+"""A ray proves a point free only if it ends more than this behind the point: readings are noisy."""
 
 
 class Lookout(NamedTuple):
-    """A view, and where its lidar was, in the base frame of the view that it helps."""
+    """Another view that may prove a hidden place free, with the pose of its lidar in the base frame of the first view."""
 
     geometry: Geometry
     free_m: Floats
@@ -57,37 +58,42 @@ class Lookout(NamedTuple):
 
 @dataclass(frozen=True)
 class _Gaps:
-    """The rays along which something may hide, for one geometry on the robot."""
+    """Directions and distances of possible hidden places that depend only on scan geometry, mount and hull."""
 
     is_round: bool
-    """The beams go all around."""
+    """Whether the beams cover a full turn."""
     nearest_m: float
-    """From where something fits between two neighbouring beams."""
+    """Smallest distance from the lidar [m] at which the smallest obstacle fits between two neighbouring beams."""
     between_m: Floats
-    """(n or n - 1,): where a hidden place is nearest between two neighbouring beams."""
+    """(n or n - 1,): distance [m] of the nearest hidden place between each pair of neighbouring beams."""
     between: Floats
-    """(2, n or n - 1): its direction."""
+    """(2, n or n - 1): unit vectors to these places in the base frame."""
     outside: Floats
-    """(2, o): directions between the last beam and the first."""
+    """(2, o): unit vectors in the sector between the last beam and the first, in the base frame."""
     beams_hull: Crossing
-    """Where the beams enter and leave the hull."""
+    """Distances at which the beams enter and leave the hull."""
     outside_hull: Crossing
-    """Where the directions outside of the view do."""
+    """Distances at which the rays along `outside` enter and leave the hull."""
 
 
 class _Holes(NamedTuple):
-    """The gaps between neighbouring beams that see (m,); the last one is from the last beam to the first."""
+    """The m gaps between successive beams that prove free space; the last gap runs from the last such beam to the first."""
 
     seeing: npt.NDArray[np.intp]
-    """(m,): the beams that see; gap i begins at beam i of these."""
+    """(m,): indices of the beams that prove free space; gap i begins at the i-th of them."""
     width_rad: Floats
     """(m,): the angle of each gap."""
     hides_m: Floats
-    """(m,): distance from the lidar from which a disc fits into the gap; infinite where none does."""
+    """(m,): smallest distance from the lidar [m] at which a disc fits into the gap; infinite where none fits."""
 
 
 def hiding_distance_m(gap_rad: Floats, smallest_m: float) -> Floats:
-    """Distance [m] from which a disc of diameter `smallest_m` fits between two rays, for each of their angles (n,)."""
+    """Return the smallest distances (n,) [m] at which a disc of diameter `smallest_m` fits between two rays.
+
+    Args:
+        gap_rad: (n,) angles between the two rays.
+        smallest_m: the disc's diameter.
+    """
     half = np.minimum(gap_rad, math.pi) / 2.0
     return smallest_m / 2.0 * (1.0 / np.sin(half) - 1.0)
 
@@ -100,15 +106,15 @@ def hidden_places(
     reach_m: float,
     others: Callable[[], Sequence[Lookout]] = tuple,
 ) -> Floats:
-    """Find hidden places (m, 2) [m], which no view rules out, in the base frame of the view's scan.
+    """Return the hidden places (m, 2) [m] that no view proves free, in the base frame of the view's scan.
 
     Args:
-        view: of the lidar that is asked first.
-        mount: where it is.
+        view: the view of the lidar whose hidden places are wanted.
+        mount: the mount of this lidar.
         hull: the robot's outline.
         smallest_m: the diameter of the smallest obstacle.
-        reach_m: what is farther than this from the hull limits no motion.
-        others: gives the views that may have seen what this one does not; asked only where that matters.
+        reach_m: a place farther than this from the hull limits no motion.
+        others: returns the other views that may prove these places free; called only if there may be such places.
     """
     gaps = _gaps(view.geometry, mount, hull, smallest_m)
     far_m = hull.radius_m + reach_m + math.hypot(mount.x_m, mount.y_m)
@@ -149,7 +155,7 @@ def _holes(view: View, smallest_m: float, far_m: float) -> _Holes:
     width_rad[-1] = max(2 * math.pi - (seeing[-1] - seeing[0]) * step_rad, 0.0)
     edge_m = np.maximum(view.free_m[seeing], np.roll(view.free_m[seeing], -1))
     hides_m = hiding_distance_m(np.maximum(width_rad, step_rad), smallest_m)
-    # What is seen on both sides of a gap is nearer than anything that could hide in it.
+    # A disc that fits only beyond both rays' ends, or out of reach, needs no check.
     hides_m[hides_m >= np.minimum(edge_m, far_m)] = math.inf
     return _Holes(seeing, width_rad, hides_m)
 
@@ -157,9 +163,9 @@ def _holes(view: View, smallest_m: float, far_m: float) -> _Holes:
 def _into_the_holes(
     holes: _Holes, view: View, direction: Floats, gaps: _Gaps, smallest_m: float
 ) -> list[tuple[Floats, Floats]]:
-    """Hidden places on rays into the holes: parts of directions (2, n) and distances (n,) from the lidar."""
+    """Return the hidden places on rays into the holes, as parts of directions (2, n) and distances (n,) [m]."""
     (missing,) = (view.free_m <= 0.0).nonzero()
-    gap = np.searchsorted(holes.seeing, missing) - 1  # -1, before the first beam that sees: the last gap
+    gap = np.searchsorted(holes.seeing, missing) - 1  # -1, before the first seeing beam, selects the last gap
     crossing = Crossing(gaps.beams_hull.enters_m[missing], gaps.beams_hull.leaves_m[missing])
     outside_m: Floats = np.full(len(gaps.outside[0]), holes.hides_m.item(-1), dtype=np.float64)
     return [
@@ -171,9 +177,9 @@ def _into_the_holes(
 def _along_the_edges(
     holes: _Holes, view: View, rays: Rays, hull: Hull, smallest_m: float, far_m: float
 ) -> tuple[Floats, Floats]:
-    """Hidden places along both edges of each hole: directions (2, n), distances (n,) from the lidar.
+    """Return the hidden places along both edges of each hole: directions (2, n) and distances (n,) [m] from the lidar.
 
-    Discs are placed inside the hole so that they touch its edge. Of each disc, the point nearest to the
+    Discs are placed inside the hole so that they touch its edge. The point of each disc that is nearest to the
     hull is a hidden place. The nearest place on a ray is not enough: it may lie beside the hull, where
     no straight motion closes on it, while a place farther out on the same ray lies ahead of a corner of
     the hull.
@@ -185,7 +191,7 @@ def _along_the_edges(
     turn = math.copysign(1.0, view.geometry.increment) * np.repeat((1.0, -1.0), len(wide))
     inward = turn * np.array((-edge[1], edge[0]))
     half_rad = np.minimum(holes.width_rad[wide], math.pi) / 2.0
-    begins_m = radius_m / np.tan(half_rad)  # where the disc touches both edges
+    begins_m = radius_m / np.tan(half_rad)  # here the disc touches both edges
     along_m = np.tile(begins_m, 2)[:, None] + ALONG_EDGE_M
     ray, step = (along_m < far_m).nonzero()
     centre: Floats = (edge[:, ray] * along_m[ray, step] + inward[:, ray] * radius_m + rays.origin_m).T
@@ -200,7 +206,17 @@ def _along_the_edges(
 def _beside_the_hull(
     direction: Floats, hides_m: Floats, crossing: Crossing, smallest_m: float
 ) -> list[tuple[Floats, Floats]]:
-    """Where something may hide on rays on which it may from `hides_m` on: behind the hull, and before it if it fits."""
+    """Return the nearest hidden places on rays, in front of the hull and behind it.
+
+    A ray from a lidar outside the hull may cross the hull. An obstacle may stand between lidar and hull if it fits
+    there, and behind the hull.
+
+    Args:
+        direction: (2, n) unit vectors of the rays.
+        hides_m: (n,) distances from the lidar beyond which an obstacle may hide; infinite where none can.
+        crossing: the rays' crossings of the hull.
+        smallest_m: the diameter of the smallest obstacle.
+    """
     before = (hides_m < math.inf) & (crossing.enters_m >= np.maximum(hides_m, smallest_m))
     behind = (hides_m < math.inf) & (crossing.enters_m < math.inf)
     behind_m = np.maximum(hides_m, crossing.leaves_m)
@@ -215,7 +231,21 @@ def _behind_what_others_see(
     smallest_m: float,
     far_m: float,
 ) -> tuple[Floats, Floats]:
-    """Each ray from the last point that others have seen free; those that are free as far as `far_m` are left out."""
+    """Move hidden places outward to the last point that the other views prove free.
+
+    Rays that the other views prove free as far as `far_m` are dropped.
+
+    Args:
+        direction: (2, n) unit vectors from the lidar.
+        distance_m: (n,) distances of the hidden places from the lidar.
+        mount: the lidar's mount.
+        others: the other views.
+        smallest_m: the diameter of the smallest obstacle.
+        far_m: a place farther than this from the lidar limits no motion.
+
+    Returns:
+        the directions (2, k) and distances (k,) of the remaining hidden places.
+    """
     along_m = distance_m[:, None] + OUTWARD_M
     x_m, y_m = mount.x_m + direction[0][:, None] * along_m, mount.y_m + direction[1][:, None] * along_m
     free = np.zeros(along_m.shape, dtype=np.bool_)
@@ -231,7 +261,10 @@ def _behind_what_others_see(
 def _sees_free(
     lookout: Lookout, x_m: Floats, y_m: Floats, smallest_m: float
 ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
-    """Whether a view proves each point free: both beams beside it end behind it, and nothing fits between them."""
+    """Return whether a view proves each point (x, y) free.
+
+    It does if both neighbouring beams end behind the point and the smallest obstacle does not fit between them.
+    """
     count, angle_min, increment = lookout.geometry
     away_x, away_y = x_m - lookout.x_m, y_m - lookout.y_m
     distance_m = np.hypot(away_x, away_y)
@@ -254,13 +287,13 @@ def _sees_free(
 
 
 def lookout(view: View, mount: Mount, pose: Pose, from_pose: Pose) -> Lookout:
-    """A view, as it helps another one.
+    """Return a view as a `Lookout` for another view.
 
     Args:
-        view: the one that helps.
-        mount: of its lidar.
-        pose: the odometer's when its scan was taken.
-        from_pose: the odometer's when the scan of the view that is helped was taken.
+        view: the view that may prove places free.
+        mount: the mount of its lidar.
+        pose: the odometer pose at which its scan was taken.
+        from_pose: the odometer pose at which the scan of the other view was taken.
     """
     base = between(from_pose, pose)
     cos, sin = math.cos(base.yaw_rad), math.sin(base.yaw_rad)
@@ -274,7 +307,7 @@ def lookout(view: View, mount: Mount, pose: Pose, from_pose: Pose) -> Lookout:
 
 
 def _seam_rad(geometry: Geometry) -> float:
-    """Between the last beam and the first; of a full turn up to half an increment more than between two others."""
+    """Return the angle between the last beam and the first; in a full turn at most 1.5 increments."""
     return 2 * math.pi - abs(geometry.increment) * (geometry.beams - 1)
 
 

@@ -1,7 +1,7 @@
-"""The asyncio shell of the law: gather what came, one step, publish what was decided.
+"""The asyncio shell of the law: gather the inputs, run one step, publish the decision.
 
-It has a timer of its own and never waits for a message in order to notice that none came. Nothing in the
-loop blocks: publishing drops rather than waits, and a slow asker of a reset waits on its own thread.
+It runs on its own timer, so that it notices missing messages without waiting for one. Nothing blocks the loop:
+publishing drops samples instead of waiting, and the caller of a reset waits on its own thread.
 """
 
 import asyncio
@@ -23,21 +23,21 @@ from wire.suspend import never_suspended
 _log = logging.getLogger(__name__)
 
 COMMAND_DEPTH = 32
-"""Commands of one source kept between two steps; the newest of a flood, the whole of a hasty operator."""
+"""Commands of one source kept between two steps; only a flood exceeds it, and then the newest are kept."""
 ESTOP_DEPTH = 32
 RESET_ON_DISK_S = 0.3
-"""How long the answer to a reset waits for the disk."""
+"""Maximum time for which the reply to a reset waits for the disk."""
 
 
 class SupervisorService:
     """One supervisor on one Bus.
 
     Args:
-        bus: where it speaks.
+        bus: the bus for all messages.
         config: `[supervisor]`.
-        black_box: takes in every step; None: nothing is recorded.
-        estop_record: keeps a pressed e-stop; None: it ends with this process.
-        suspended_s: how long the machine slept since the last call [s].
+        black_box: records every step; None disables recording.
+        estop_record: keeps a pressed e-stop across restarts; None: it is lost when this process ends.
+        suspended_s: returns how long the machine was suspended since the last call [s].
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class SupervisorService:
         self._estop_overflowed = 0
         self._last: Decision | None = None
         self._told: tuple[object, ...] | None = None
-        """The outline of the last status."""
+        """The outline of the last published status."""
         self._next_status_s = 0.0
         self._recording_since_s: float | None = None
         self._record_changed = asyncio.Event()
@@ -69,7 +69,7 @@ class SupervisorService:
 
         names = [source.name for source in config.sources]
         self._commands = {
-            # A heartbeat that says the same again extends a permission; that can wait for the next tick.
+            # An unchanged heartbeat only extends a permission; that can wait for the next tick.
             name: bus.subscribe(
                 topics.source_cmd_vel(name), depth=COMMAND_DEPTH, wake=self._wake, repeats_wake=False
             )
@@ -82,18 +82,16 @@ class SupervisorService:
             )
             for lidar in config.all_lidars()
         ]
-        self._odometry = bus.subscribe(
-            topics.ODOM, per_writer=True
-        )  # read at the next tick: nothing urgent is in it
+        self._odometry = bus.subscribe(topics.ODOM, per_writer=True)  # read at the next tick: not urgent
         self._estops = bus.subscribe(topics.ESTOP, depth=ESTOP_DEPTH, wake=self._wake)
         self._alive = bus.watch_alive(self._wake)
-        self._sources = bus.hear_sources()  # read at the next step: a stranger moves nothing
+        self._sources = bus.hear_sources()  # read at the next step: an unknown source cannot move the robot
         self._cmd_vel = bus.publisher(topics.CMD_VEL)
         self._status = bus.publisher(topics.STATUS)
         bus.serve(topics.SUPERVISOR_RESET, self._on_reset)
 
     async def run(self, stop: asyncio.Event) -> None:
-        """Supervise until `stop` is set; then command zero and leave."""
+        """Supervise until `stop` is set; then command zero and return."""
         token = self._bus.declare_alive(topics.SUPERVISOR)
         stopping = asyncio.ensure_future(stop.wait())
         stopping.add_done_callback(lambda _: self._wake.set())
@@ -120,7 +118,7 @@ class SupervisorService:
                 self._black_box.close()
 
     def _gather(self) -> Inputs:
-        """Everything that came since the last step."""
+        """Return everything received since the last step."""
         self._wake.clear()
         estops = self._estops.take()
         # A flood on this key may hide a press, and a garbled message may be one: unproven means stop.
@@ -157,7 +155,7 @@ class SupervisorService:
             strangers=tuple(name for name in self._sources.take() if name not in self._commands),
             estop=estop,
             reset=bool(self._resets),
-            # Last: what was taken before may be from before the suspend.
+            # Evaluated last, so that it covers a suspend while the other inputs were gathered.
             suspended_s=self._suspended_s(),
         )
 
@@ -165,7 +163,7 @@ class SupervisorService:
         last = self._last
         if on_tick or last is None or decision.output != last.output:
             self._cmd_vel.put(to_twist(decision.output), now_s)
-        # After cmd_vel, and without waiting: the robot stops at the same moment whatever the disk does.
+        # After cmd_vel and without waiting: the disk cannot delay the stop.
         self._estop_record.keep(latched=self._state.estop)
         if last is None or _outline(decision) != _outline(last):
             _log.info(
@@ -183,10 +181,10 @@ class SupervisorService:
             self._resets.clear()
 
     def _publish_status(self, decision: Decision, now_s: float) -> None:
-        """Publish a status when its time has come, and at once on a change.
+        """Publish a status when it is due, and immediately on a change.
 
-        A press is shown once its record survives SIGKILL, at the next regular status at the latest; and one that is on
-        disk within a tick is never shown as one that is not.
+        A press is published once its record survives SIGKILL, and at the latest with the next regular status. A press
+        that reaches the disk within a tick is never shown as not recorded.
         """
         record = self._estop_record
         if not record.is_pending:
@@ -226,12 +224,12 @@ class SupervisorService:
                     await self._record_changed.wait()
 
     def _on_record(self) -> None:
-        """The record has changed: called on its thread."""
+        """Handle a change of the e-stop record; called on the record's thread."""
         with suppress(RuntimeError):  # the loop has closed
             self._loop.call_soon_threadsafe(self._wake.set)
             self._loop.call_soon_threadsafe(self._record_changed.set)
 
 
 def _outline(decision: Decision) -> tuple[object, ...]:
-    """What a person would want to know at once."""
+    """Return the parts of a decision whose change is published immediately."""
     return (decision.mode, decision.reasons, decision.owner, decision.warning, decision.alarm)

@@ -1,4 +1,4 @@
-"""The table of the law: where each stop reason comes from, where it is latched, and what clears it.
+"""The table of stop rules: where each stop reason comes from, where it is latched, and what clears it.
 
 `safety.py` decides when a reason holds. tests/unit/supervisor/test_stop_rules.py checks it against each row.
 """
@@ -11,7 +11,7 @@ from wire.reasons import StopReason
 
 
 class RaisedBy(Enum):
-    """Where a reason comes from; this decides on which sources it is latched, and how that is cleared."""
+    """The origin of a reason; it determines on which sources the reason is latched, and how the latch is cleared."""
 
     EVERYTHING_SHARED = "what all sources share"
     """Sensors, base, supervisor, e-stop. Latched on every source.
@@ -26,7 +26,7 @@ class RaisedBy(Enum):
     BARRIER = "the owner's command, at the speed barrier"
     """Latched on every source.
 
-    Cleared by a neutral; on the owner, also by a command that does not close on the place.
+    Cleared by a neutral; on the owner, also by a command that does not close on the blocking point.
     """
 
 
@@ -35,12 +35,12 @@ class StopRule(NamedTuple):
 
     raised_by: RaisedBy
     ends: str
-    """What ends the cause; only then does a neutral clear the latch.
+    """The event that ends the cause; only after it does a neutral clear the latch.
 
-    Of the barrier: what clears the latch without a neutral.
+    For reasons of the barrier: the event that clears the latch without a neutral.
     """
     routine: bool = False
-    """Whether it is part of ordinary driving: the black box deletes files of such stops first."""
+    """Whether the stop is part of ordinary driving: the black box deletes files of such stops first."""
 
 
 STOP_RULES: Mapping[StopReason, StopRule] = {
@@ -67,12 +67,12 @@ STOP_RULES: Mapping[StopReason, StopRule] = {
 
 
 def raised_by(origin: RaisedBy) -> frozenset[StopReason]:
-    """The reasons from one origin."""
+    """Return the reasons of one origin."""
     return frozenset(reason for reason, rule in STOP_RULES.items() if rule.raised_by is origin)
 
 
 def cleared_by(rule: StopRule) -> str:
-    """What clears a latched reason, as a phrase that completes "cleared by"."""
+    """Return what clears a latched reason, as a phrase that completes "cleared by"."""
     if rule.raised_by is RaisedBy.BARRIER:
         return f"neutral, or {rule.ends}"
     return f"{rule.ends}; then neutral"

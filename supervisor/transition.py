@@ -1,4 +1,4 @@
-"""Twists that are judged beside the commanded one: those on the way to it, and a faster one in its direction."""
+"""Twists that are checked besides the commanded twist: intermediate ones, and a faster one in its direction."""
 
 import math
 
@@ -11,7 +11,7 @@ def mixtures(has: Velocity, wanted: Velocity, negligible: Velocity) -> list[Velo
     Args:
         has: the base's present twist.
         wanted: the commanded twist.
-        negligible: noise of each axis.
+        negligible: the noise of odometry on each axis.
     """
     mixed: list[Velocity] = []
     if wanted.angular_rad_s != 0.0 and _exceeds(has.linear_m_s, wanted.linear_m_s, negligible.linear_m_s):
@@ -28,8 +28,8 @@ def lags(has: Velocity, wanted: Velocity, negligible: Velocity) -> list[Velocity
 
     Args:
         has: the base's present twist.
-        wanted: the twist that it is about to be given.
-        negligible: noise of each axis.
+        wanted: the twist that is about to be commanded.
+        negligible: the noise of odometry on each axis.
     """
     lagging: list[Velocity] = []
     if wanted.linear_m_s != 0.0 and _exceeds(
@@ -42,9 +42,9 @@ def lags(has: Velocity, wanted: Velocity, negligible: Velocity) -> list[Velocity
 
 
 def at_least(velocity: Velocity, speed_m_s: float, rim_m: float) -> Velocity:
-    """Return the velocity, or one in its direction at which a point at `rim_m` may move at `speed_m_s`.
+    """Scale a velocity up, if needed, so that a point at `rim_m` may move at `speed_m_s`; zero stays zero.
 
-    Many slow commands would add up otherwise: the barrier tolerates slow closing, because readings are noisy.
+    The barrier tolerates slow closing because readings are noisy. Without this, many slow commands would add up.
     """
     has_m_s = abs(velocity.linear_m_s) + abs(velocity.angular_rad_s) * rim_m
     if has_m_s == 0.0 or has_m_s >= speed_m_s:
@@ -55,12 +55,12 @@ def at_least(velocity: Velocity, speed_m_s: float, rim_m: float) -> Velocity:
 
 
 def _exceeds(has: float, wanted: float, negligible: float) -> bool:
-    """Whether a velocity is faster than the commanded one, or opposed to it, by more than noise."""
+    """Return whether a velocity is faster than the commanded one, or opposed to it, by more than noise."""
     return abs(has) > negligible + max(0.0, math.copysign(wanted, has * wanted))
 
 
 def is_on_another_arc(has: Velocity, wanted: Velocity, rim_m: float, negligible_m_s: float) -> bool:
-    """Whether a point at `rim_m` from the base's centre moves across the commanded arc by more than noise."""
+    """Return whether a point at `rim_m` from the base's centre moves across the commanded arc by more than noise."""
     across = has.linear_m_s * wanted.angular_rad_s - has.angular_rad_s * wanted.linear_m_s
     length_m_s = math.hypot(wanted.linear_m_s, wanted.angular_rad_s * rim_m)
     return abs(across) * rim_m > negligible_m_s * length_m_s

@@ -43,7 +43,7 @@ EQUIVALENT = {
     "scale = 0.0 if present <= PRESENT_SHARE else scale",
     "bool((np.hypot(s.earlier[:, 0] - block.x_m, s.earlier[:, 1] - block.y_m) <= SAME_PLACE_M).any())",
     # What is exactly on the hull is at once both.
-    "return hidden[config.hull.clearance(hidden) >= 0.0]  # where the hull is by then, nothing else is",
+    "return hidden[config.hull.clearance(hidden) >= 0.0]  # no object can be inside the hull",
     # The words name the writers only while they conflict.
     "writers=_conflicts(state, now_s) if (StopReason.SENSOR_CONFLICT in causes) or True else (),",
     # Then the hidden places are looked for at each tick: the same ones.

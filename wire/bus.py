@@ -1,6 +1,6 @@
-"""The Bus that the services speak to, and the inbox that carries samples from its threads into asyncio.
+"""The Bus that the services use, and the inbox that passes samples from the network's threads to asyncio.
 
-A service owns one `asyncio.Event`, passes it to every subscription as `wake`, and takes what arrived:
+A service owns one `asyncio.Event`, passes it to every subscription as `wake`, and takes the arrivals:
 
     wake = asyncio.Event()
     scans = bus.subscribe(topics.SCAN, wake=wake)
@@ -9,8 +9,8 @@ A service owns one `asyncio.Event`, passes it to every subscription as `wake`, a
         wake.clear()
         for arrival in scans.take(): ...
 
-Arrivals are stamped on the network's thread with the loop's own monotonic clock, so that a sample
-which waited for a busy loop does not look fresh.
+Arrivals are stamped on the network's thread with the loop's monotonic clock, so that a sample
+that waited for a busy loop does not look fresh.
 """
 
 import asyncio
@@ -29,13 +29,13 @@ from wire.topics import Service, Topic
 _log = logging.getLogger(__name__)
 
 REPORT_PERIOD_S = 1.0
-"""At most one log line in this time for undecodable payloads of one key."""
+"""Minimum time between two log lines about undecodable payloads of one key."""
 
 SOURCES_DEPTH = 64
-"""Names of command sources kept between two looks."""
+"""Maximum number of command source names kept between two takes."""
 
 ServiceHandler = Callable[[str], Awaitable[TriggerResponse]]
-"""Told the query's text (empty where it has none); what it returns is the answer."""
+"""Called with the text of the query (empty if it has none); returns the response."""
 
 
 class BusError(Exception):
@@ -43,11 +43,11 @@ class BusError(Exception):
 
 
 class NoReplyError(BusError):
-    """Nobody answered a query in time."""
+    """No reply to a query arrived in time."""
 
 
 class RawArrival(NamedTuple):
-    """One sample as it came, for whoever keeps bytes."""
+    """One sample as received bytes, for recorders."""
 
     payload: bytes
     attachment: bytes | None
@@ -56,17 +56,17 @@ class RawArrival(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Arrival(Generic[M]):
-    """One sample, with when it came by the loop's clock [s] and what its sender says of it."""
+    """One decoded sample, with its arrival time by the loop's clock [s] and its sender's stamp."""
 
     message: M | None
-    """None: the payload was not a message of the topic's type."""
+    """None if the payload was not a message of the topic's type."""
     arrival_s: float
     stamp: Stamp | None
 
 
 @dataclass(frozen=True, slots=True)
 class LivelinessChange:
-    """A node's token appeared or went. Every change is told, also those that cancel out at once."""
+    """A node's liveliness token appeared or disappeared. All changes are reported, even those that cancel each other."""
 
     node: str
     alive: bool
@@ -74,7 +74,7 @@ class LivelinessChange:
 
 
 async def wait_until(wake: asyncio.Event, time_s: float) -> None:
-    """Until something came, or the loop's time has come: a service owns its timer and waits for no message."""
+    """Wait until `wake` is set or the loop's clock reaches `time_s`, so that a service never depends on a message."""
     try:
         async with asyncio.timeout_at(time_s):
             await wake.wait()
@@ -83,7 +83,7 @@ async def wait_until(wake: asyncio.Event, time_s: float) -> None:
 
 
 async def woken_by(wake: asyncio.Event, time_s: float) -> None:
-    """As `wait_until`, for whoever waits many times a second: the time sets `wake` as well, and raises nothing inside."""
+    """Wait like `wait_until`, but cheaper: at `time_s` a timer sets `wake`, so no timeout exception is raised."""
     timer = asyncio.get_running_loop().call_at(time_s, wake.set)
     try:
         await wake.wait()
@@ -98,9 +98,9 @@ class Inbox(Generic[T]):
     """A bounded queue from any thread into one event loop.
 
     Args:
-        depth: how many items it holds; of more, the oldest give way.
+        depth: the maximum number of items; beyond it, the oldest are dropped.
         wake: set when an item arrives.
-        kept: what holds the items instead, and decides which give way.
+        kept: storage that is used instead of one of `depth` items, and that decides which items are dropped.
     """
 
     def __init__(self, depth: int, wake: asyncio.Event | None, kept: Kept[T] | None = None) -> None:
@@ -110,20 +110,20 @@ class Inbox(Generic[T]):
         self._woken = False
         self._lock = threading.Lock()
         self.overflowed = 0
-        """How many items had to give way since the start."""
+        """Number of items dropped since the start."""
 
     def push(self, item: T, *, wakes: bool = True) -> None:
-        """Hand an item over and wake the loop; never blocks, never raises, safe on any thread."""
+        """Add an item and wake the loop; never blocks, never raises, safe on any thread."""
         with self._lock:
             self.overflowed += self._kept.add(item)
             if self._wake is None or self._woken or not wakes:
                 return
             self._woken = True
-        with suppress(RuntimeError):  # the loop has closed: nobody is left to wake
+        with suppress(RuntimeError):  # the loop has closed
             self._loop.call_soon_threadsafe(self._wake.set)
 
     def take(self) -> list[T]:
-        """Everything since the last take, oldest first."""
+        """Remove and return all items since the last take, oldest first."""
         if not len(self._kept):
             return []
         with self._lock:
@@ -133,7 +133,7 @@ class Inbox(Generic[T]):
 
 
 class Subscription(Generic[M]):
-    """What arrived on one topic. Payloads are decoded here, in the loop, not on the network's thread."""
+    """The samples of one topic. Payloads are decoded here, in the event loop, not on the network's thread."""
 
     def __init__(
         self,
@@ -156,25 +156,25 @@ class Subscription(Generic[M]):
 
     @property
     def overflowed(self) -> int:
-        """How many samples gave way to newer ones before they were taken."""
+        """Number of samples dropped before they were taken."""
         return self._inbox.overflowed
 
     def push(self, payload: bytes, attachment: bytes | None, arrival_s: float) -> None:
-        """For the Bus: a sample arrived."""
+        """Add a sample; called by the Bus."""
         wakes = self._repeats_wake or payload != self._last_payload
         self._last_payload = payload
         self._inbox.push(RawArrival(payload, attachment, arrival_s), wakes=wakes)
 
     def take(self) -> list[Arrival[M]]:
-        """Every sample since the last take that is kept, oldest first."""
+        """Remove and return the kept samples since the last take, oldest first."""
         return [self._decode(*item) for item in self._inbox.take()]
 
     def take_raw(self) -> list[RawArrival]:
-        """As `take`, but the bytes as they came."""
+        """Like `take`, but return the received bytes."""
         return self._inbox.take()
 
     def latest(self) -> Arrival[M] | None:
-        """The newest decodable sample since the last take; None where there is none."""
+        """Take all samples and return the newest decodable one; None if there is none."""
         return next((a for a in reversed(self.take()) if a.message is not None), None)
 
     def _decode(self, payload: bytes, attachment: bytes | None, arrival_s: float) -> Arrival[M]:
@@ -196,7 +196,7 @@ class Subscription(Generic[M]):
 
 
 def _writer(arrival: RawArrival) -> bytes | None:
-    """The run of a writer that sent a sample; all that send no stamp count as one."""
+    """Return the epoch of a sample's writer; all writers without stamps count as one."""
     stamp = parse_stamp(arrival.attachment)
     return None if stamp is None else stamp.gid
 
@@ -209,25 +209,25 @@ M_contra = TypeVar("M_contra", bound=Message, contravariant=True)
 
 
 class Publisher(Protocol[M_contra]):
-    """Sends one topic's messages, each with the next stamp of this run. Never blocks, never raises on a dead link."""
+    """Publishes one topic's messages, each with the next stamp of this run; never blocks or raises on a dead link."""
 
     def put(self, message: M_contra, true_at_s: float | None = None) -> None:
         """Send a message.
 
         Args:
-            message: what to say.
-            true_at_s: when it was true, by the loop's clock; None: now. Who is held up between deciding and saying
-                so says something old, and its stamp has to show that.
+            message: the message.
+            true_at_s: the time of its content by the loop's clock; None: now. If the sender is delayed between decision
+                and sending, the stamp must show the age.
         """
         ...
 
     def begin_anew(self) -> None:
-        """Speak as a new run of the source from now on: with a new epoch."""
+        """Begin a new run of the source: later messages have a new epoch."""
         ...
 
 
 class Token(Protocol):
-    """A liveliness token: it stands until it is withdrawn or its process ends."""
+    """A liveliness token; it exists until it is withdrawn or its process ends."""
 
     def withdraw(self) -> None: ...
 
@@ -246,40 +246,40 @@ class Bus(Protocol):
         repeats_wake: bool = True,
         per_writer: bool = False,
     ) -> Subscription[M]:
-        """Take part in a topic.
+        """Subscribe to a topic.
 
         Args:
-            topic: what to hear.
-            depth: how many samples are kept until they are taken; of more, the oldest give way.
+            topic: the topic.
+            depth: the maximum number of samples kept until they are taken; beyond it, the oldest are dropped.
             wake: set when a sample arrives.
-            repeats_wake: whether also a sample with the same payload as the one before it sets `wake`.
-            per_writer: keep the newest sample of each writer instead (wire/newest.py), whatever `depth` is, so that a
-                flood displaces no other writer's sample. A writer is the epoch in its samples' stamps.
+            repeats_wake: whether a sample with the same payload as the previous one also sets `wake`.
+            per_writer: ignore `depth` and keep the newest sample of each writer (wire/newest.py), so that a flood does
+                not displace other writers' samples. Writers are distinguished by the epoch in their stamps.
         """
         ...
 
     def hear_sources(self) -> Inbox[str]:
-        """The name of every command source that speaks, each time that it does."""
+        """Return an inbox that receives the name of a command source for each of its commands."""
         ...
 
     def declare_alive(self, node: str) -> Token: ...
 
     def watch_alive(self, wake: asyncio.Event | None = None) -> Inbox[LivelinessChange]:
-        """Every change of any node's token, from those that stand now."""
+        """Return an inbox for all changes of the nodes' tokens; existing tokens are reported first."""
         ...
 
     def serve(self, service: Service, handler: ServiceHandler) -> None:
-        """Answer a service's queries with what the handler, run in this loop, returns."""
+        """Answer a service's queries with the handler's responses; the handler runs in this event loop."""
         ...
 
     async def call(self, service: Service, text: str = "", *, timeout_s: float = 1.0) -> TriggerResponse:
-        """Ask a service, with a text where it takes one.
+        """Call a service, with a text if it takes one.
 
         Raises:
-            NoReplyError: nobody answered within `timeout_s`.
+            NoReplyError: no reply arrived within `timeout_s`.
         """
         ...
 
     async def close(self) -> None:
-        """Withdraw everything and leave; ends within about a second whatever the peers do."""
+        """Withdraw all declarations and close; takes about a second at most, whatever the peers do."""
         ...

@@ -1,4 +1,4 @@
-"""What the commands of the three processes share: their options, their logs, and how they refuse."""
+"""Shared parts of the three processes' command lines: options, logging, and refusal with a message."""
 
 import argparse
 import logging
@@ -13,7 +13,7 @@ EXIT_USAGE = 2
 
 
 def service_parser(node: str, **options: Any) -> argparse.ArgumentParser:  # noqa: ANN401 - ArgumentParser's own
-    """The parser of `python -m <node>`, with `--config` and `--endpoint`."""
+    """Return the parser of `python -m <node>`, with `--config` and `--endpoint`."""
     parser = argparse.ArgumentParser(prog=f"python -m {node}", **options)
     parser.add_argument("--config", type=Path, metavar="FILE", help="robot.toml; without it, the defaults")
     parser.add_argument(
@@ -25,7 +25,7 @@ def service_parser(node: str, **options: Any) -> argparse.ArgumentParser:  # noq
 
 
 def read_document(arguments: argparse.Namespace) -> dict[str, Any]:
-    """The configuration file of a command line, with the endpoint that it may name instead.
+    """Read the configuration file of a command line; its `--endpoint` replaces the file's.
 
     Raises:
         ConfigError: the file cannot be read.
@@ -36,7 +36,7 @@ def read_document(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def override(document: dict[str, Any], section: str, key: str, value: str | None) -> None:
-    """Let a command line's value stand before the file's; a section that is no table is refused later."""
+    """Replace a value of the file by the command line's; a section that is not a table is refused later."""
     values = document.setdefault(section, {})
     if value is not None and isinstance(values, dict):
         values[key] = value
@@ -47,6 +47,6 @@ def log_to_stderr() -> None:
 
 
 def refuse(node: str, sentence: object) -> NoReturn:
-    """End before anything has started, with one sentence."""
+    """Print one sentence to stderr and exit, before anything has started."""
     print(f"{node}: {sentence}", file=sys.stderr)
     sys.exit(EXIT_USAGE)

@@ -1,9 +1,9 @@
-"""robot.toml: one file for the whole robot, one section for each process, read strictly.
+"""robot.toml: one file for the whole robot, with one section for each process, strictly checked.
 
-A wrong key, type or number is refused before anything starts, those of all sections at once, each with its
-path, its value and what is allowed. Nothing is switched off by a magic value: every number has bounds
-(quantities.py). Numbers that are valid by themselves are then compared with each other: within a section by
-its `conflicts`, between sections by the functions that `read_sections` is given.
+A wrong key, type or number is refused before any process starts. The message lists the faults of all sections, each
+with its path, its value and the allowed values. No magic value disables a check: every number has bounds
+(quantities.py). Values that are valid individually are then compared with each other: within a section by its method
+`conflicts`, between sections by the functions passed to `read_sections`.
 """
 
 import ipaddress
@@ -31,22 +31,22 @@ from wire.zenoh_bus import DEFAULT_ENDPOINT, BusConfig
 SECTIONS = ("bus", "supervisor", "teleop", "sim")
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=32)]
-"""One chunk of a key: a namespace, a node, a command source."""
+"""One chunk of a key: the name of a namespace, a node or a command source."""
 
 
 class ConfigError(Exception):
-    """The configuration is refused; the message names every fault in it."""
+    """The configuration is refused; the message lists all faults."""
 
 
 class Conflict(NamedTuple):
-    """Keys that are valid by themselves, and contradict each other."""
+    """A contradiction between values that are valid individually."""
 
     path: tuple[str | int, ...]
-    """Of the key that has to change, below its section."""
+    """Path of the key to change, relative to its section."""
     value: object
-    """None: there is no single one to name."""
+    """Value of this key; None if no single value is at fault."""
     message: str
-    """What is allowed, and what to do."""
+    """The allowed values, and what to do."""
 
 
 class Section(BaseModel):
@@ -55,7 +55,7 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
     def conflicts(self) -> Iterator[Conflict]:
-        """Every contradiction between keys that are valid by themselves."""
+        """Yield every contradiction between values that are valid individually."""
         return iter(())
 
     @model_validator(mode="after")
@@ -87,7 +87,7 @@ TAKEN_NAMES = frozenset(
         if not (first := entry.key.partition("/")[0]).startswith("<")
     }
 )
-"""The first parts of the wire's keys, and its nodes: a source or a sensor of such a name would shadow them."""
+"""The first chunks of the wire's keys, and the nodes: a source or sensor with such a name would shadow them."""
 
 FreeName = Annotated[Name, AfterValidator(_is_not_taken)]
 """A name that shadows no node and no topic: a command source, or a further lidar's topic."""
@@ -115,7 +115,7 @@ class BusSection(Section):
 
 
 def is_loopback(endpoint: str) -> bool:
-    """Whether an endpoint stays on this machine."""
+    """Return whether an endpoint is reachable only from this machine."""
     host = endpoint.split("/", 1)[1].rsplit(":", 1)[0].strip("[]")
     try:
         return ipaddress.ip_address(host).is_loopback
@@ -124,9 +124,9 @@ def is_loopback(endpoint: str) -> bool:
 
 
 class BaseSection(Section):
-    """What `[sim]` says of the base and its sensors that the others' numbers must fit to.
+    """The values of `[sim]` for the base and its sensors that other sections must fit.
 
-    Read by itself, it ignores the other keys of `[sim]`.
+    If read alone, this model ignores the other keys of `[sim]`.
     """
 
     model_config = ConfigDict(extra="ignore")
@@ -146,7 +146,7 @@ S = TypeVar("S", bound=Section)
 
 
 def absolute(path: Path) -> Path:
-    """The path from the root on, with `~` and `~user` replaced.
+    """Return the absolute path, with `~` and `~user` replaced.
 
     Raises:
         ConfigError: there is no such user.
@@ -158,15 +158,15 @@ def absolute(path: Path) -> Path:
 
 
 def read_toml(path: Path | None) -> dict[str, Any]:
-    """The file as a dictionary of sections; no file is an empty one: every key has a default.
+    """Read the file as a dictionary of sections; None gives an empty dictionary, because every key has a default.
 
     Raises:
-        ConfigError: the file is not there, is not TOML, or has a section that nobody reads.
+        ConfigError: the file cannot be read, is not TOML, or has an unknown section.
     """
     if path is None:
         return {}
     try:
-        document = tomllib.loads(path.read_text("utf-8-sig"))  # some editors begin a file with a BOM
+        document = tomllib.loads(path.read_text("utf-8-sig"))  # some editors write a BOM
     except OSError as error:
         raise ConfigError(
             f"cannot read the configuration {path}: {error.strerror}; deploy/robot.toml is a complete example"
@@ -183,13 +183,13 @@ def read_toml(path: Path | None) -> dict[str, Any]:
 
 
 class Sections:
-    """The sections of one document that are valid by themselves."""
+    """The sections of one document that are valid individually."""
 
     def __init__(self, valid: Mapping[str, Section]) -> None:
         self._valid = valid
 
     def get(self, model: type[S]) -> S | None:
-        """The section of this model, or of one derived from it; None where it is refused, or was not read."""
+        """Return the section of this model, or of a derived one; None if it was refused or not read."""
         return next((section for section in self._valid.values() if isinstance(section, model)), None)
 
     def __getitem__(self, model: type[S]) -> S:
@@ -200,14 +200,14 @@ class Sections:
 
 
 Fit = Callable[[Sections], Iterable[Conflict]]
-"""Compares sections with each other; the path of a conflict begins with the section's name."""
+"""A function that compares sections with each other; the path of a conflict begins with the section's name."""
 
 
 def read_sections(document: dict[str, Any], models: Mapping[str, type[Section]], *fits: Fit) -> Sections:
-    """Several sections of the document, checked by themselves and against each other.
+    """Read several sections of the document, and check them individually and against each other.
 
     Raises:
-        ConfigError: naming every faulty key of all these sections with its value and what is allowed.
+        ConfigError: lists all faulty keys of these sections with their values and the allowed values.
     """
     valid: dict[str, Section] = {}
     lines: list[str] = []
@@ -227,10 +227,10 @@ def read_sections(document: dict[str, Any], models: Mapping[str, type[Section]],
 
 
 def section(document: dict[str, Any], name: str, model: type[S]) -> S:
-    """One section of the document, checked.
+    """Read and check one section of the document.
 
     Raises:
-        ConfigError: naming every faulty key with its value and what is allowed.
+        ConfigError: lists all faulty keys with their values and the allowed values.
     """
     return read_sections(document, {name: model})[model]
 

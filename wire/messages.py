@@ -1,7 +1,7 @@
-"""The messages: ROS 2 types, and their CDR bytes by rosbags.
+"""The messages: ROS 2 types, encoded as CDR by rosbags.
 
-A payload from the network is never trusted: `decode` raises `UndecodableError` and nothing else,
-whatever the bytes are, and refuses sizes that no message of ours has.
+A payload from the network is never trusted. For any bytes, `decode` raises no other error than `UndecodableError`. It
+also refuses payloads larger than any message of Lifeline.
 """
 
 import math
@@ -82,7 +82,7 @@ class UndecodableError(ValueError):
 
 
 class Message(Protocol):
-    """Any message type of the store: a dataclass that knows its ROS name."""
+    """Any message type of the type store: a dataclass with its ROS type name."""
 
     __msgtype__: ClassVar[str]
 
@@ -95,13 +95,13 @@ def zero_twist() -> Twist:
 
 
 def planar_twist(linear_m_s: float, angular_rad_s: float) -> Twist:
-    """A ground robot's Twist: forward velocity [m/s] and turn rate [rad/s, counter-clockwise], all else zero."""
+    """Return a Twist with forward velocity [m/s] and turn rate [rad/s, counter-clockwise], all other components zero."""
     return Twist(Vector3(linear_m_s, 0.0, 0.0), Vector3(0.0, 0.0, angular_rad_s))
 
 
 @dataclass
 class SourceStatus:
-    """`lifeline_msgs/msg/SourceStatus`; msg/SourceStatus.msg says what each field means."""
+    """`lifeline_msgs/msg/SourceStatus`; msg/SourceStatus.msg documents the fields."""
 
     UNKNOWN: ClassVar[int] = 0
     ALIVE: ClassVar[int] = 1
@@ -125,7 +125,7 @@ class SourceStatus:
 
 @dataclass
 class SafetyStatus:
-    """`lifeline_msgs/msg/SafetyStatus`; msg/SafetyStatus.msg says what each field means."""
+    """`lifeline_msgs/msg/SafetyStatus`; msg/SafetyStatus.msg documents the fields."""
 
     STOPPED: ClassVar[int] = 0
     READY: ClassVar[int] = 1
@@ -156,23 +156,23 @@ class SafetyStatus:
     __msgtype__: ClassVar[str] = "lifeline_msgs/msg/SafetyStatus"
 
     def causes_and_latched(self) -> tuple[list[str], list[str]]:
-        """The reasons that hold now, and those that are over but latched.
+        """Return the reasons that hold now, and those that are over but latched.
 
-        An older supervisor does not tell them apart: then all reasons are taken to hold.
+        An older supervisor does not distinguish them; then all reasons are treated as holding now.
         """
         if self.causes or self.latched:
             return self.causes, self.latched
         return self.reasons, []
 
     def why(self) -> str:
-        """The stop reasons by their names, marked where they are over: "SCAN_STALE, OVERRUN (over)"."""
+        """Return the names of the stop reasons as text, with a mark if over: "SCAN_STALE, OVERRUN (over)"."""
         causes, latched = self.causes_and_latched()
         return ", ".join([*causes, *(f"{name} (over)" for name in latched)])
 
 
 @dataclass
 class TriggerResponse:
-    """`std_srvs/srv/Trigger` response: whether it was done, and a sentence for the person who asked."""
+    """`std_srvs/srv/Trigger` response: whether the request succeeded, and a sentence for the operator."""
 
     success: bool
     message: str
@@ -183,23 +183,23 @@ _TYPES: tuple[type[Message], ...] = (*ros.TYPES, SourceStatus, SafetyStatus, Tri
 
 
 def _definitions() -> Typesdict:
-    """What the types are made of: from .msg files, and the Trigger service's answer."""
+    """Return the definitions of the types: those in .msg files, and the Trigger service's response."""
     folder = Path(__file__).with_name("msg")
     definitions = get_types_from_msg((folder / "ros.msg").read_text(), Bool.__msgtype__)
     for name in ("SourceStatus", "SafetyStatus"):
         definitions |= get_types_from_msg((folder / f"{name}.msg").read_text(), f"lifeline_msgs/msg/{name}")
-    # The parser knows messages only; a service's response is one under another name.
+    # The parser supports only messages; a service's response is a message with another type name.
     (trigger,) = get_types_from_msg("bool success\nstring message", "std_srvs/msg/Trigger").values()
     definitions[TriggerResponse.__msgtype__] = trigger
     return definitions
 
 
 APPENDED_FROM = {SafetyStatus.__msgtype__: "causes"}
-"""The first field that a type has gained since it was first recorded; a message without those fields still decodes."""
+"""By type, the first field that was appended after the first recordings; a message without these fields still decodes."""
 
 
 def _before_growth(definitions: Typesdict) -> Typesdict:
-    """The types as they were before fields were appended."""
+    """Return the definitions of the types before fields were appended."""
     before = dict(definitions)
     for name, first in APPENDED_FROM.items():
         constants, fields = definitions[name]
@@ -208,7 +208,7 @@ def _before_growth(definitions: Typesdict) -> Typesdict:
 
 
 def _typestore(definitions: Typesdict) -> Typestore:
-    """Of our types alone, and of our classes for them, which a type checker knows."""
+    """Return a type store with only Lifeline's types, and with classes that a type checker knows."""
     store = Typestore(max_sequence_length=MAX_SEQUENCE_LENGTH)
     for message_type in _TYPES:
         name = message_type.__msgtype__
@@ -222,21 +222,21 @@ _old_store = _typestore(_before_growth(_definitions()))
 
 
 def encode(message: Message) -> bytes:
-    """The message as little-endian CDR with its 4-byte encapsulation header."""
+    """Return the message as little-endian CDR with a 4-byte encapsulation header."""
     return bytes(_store.serialize_cdr(message, message.__msgtype__))
 
 
 def decode(payload: bytes, message_type: type[M]) -> M:
-    """The message in `payload`; fields that were appended to its type after it was sent have their defaults.
+    """Decode a payload; fields that it lacks because they were appended to the type later have their defaults.
 
     Raises:
-        UndecodableError: the bytes are not a `message_type`, or more than 1 MiB.
+        UndecodableError: the bytes are not a `message_type`, or exceed 1 MiB.
     """
     if len(payload) > MAX_PAYLOAD_BYTES:
         raise UndecodableError(f"{len(payload)} bytes are more than any {message_type.__msgtype__} has")
     try:
         return cast("M", _store.deserialize_cdr(payload, message_type.__msgtype__))
-    except Exception as error:  # generated code raises whatever the bytes provoke
+    except Exception as error:  # generated code may raise any exception on invalid bytes
         if message_type.__msgtype__ in APPENDED_FROM:
             with suppress(Exception):
                 return cast("M", _old_store.deserialize_cdr(payload, message_type.__msgtype__))
@@ -244,16 +244,16 @@ def decode(payload: bytes, message_type: type[M]) -> M:
 
 
 class Definition(NamedTuple):
-    """What a recording says of a message type, so that whoever reads it needs none of our files."""
+    """The definition of a message type in a recording, so that the recording can be read without Lifeline's files."""
 
     text: str
-    """Its .msg file and those of all types in it, as rosbag2 joins them (`ros2msg`)."""
+    """Its .msg file and those of all nested types, joined as in rosbag2 (`ros2msg`)."""
     hash: str
     """Its type hash (RIHS01)."""
 
 
 def definition(type_name: str) -> Definition:
-    """The definition of a type such as `geometry_msgs/msg/Twist`.
+    """Return the definition of a type such as `geometry_msgs/msg/Twist`.
 
     Raises:
         TypesysError: there is no such type.
@@ -262,7 +262,7 @@ def definition(type_name: str) -> Definition:
 
 
 def header(frame_id: str, time_ns: int | None = None) -> Header:
-    """A header stamped with the wall clock, for people and recordings; no safety rule reads it."""
+    """Return a header stamped with `time_ns`, else with the wall clock; for people and recordings, not for safety rules."""
     seconds, nanoseconds = divmod(time.time_ns() if time_ns is None else time_ns, 1_000_000_000)
     return Header(Time(seconds, nanoseconds), frame_id)
 
@@ -276,15 +276,15 @@ def laser_scan(
     period_s: float,
     time_ns: int | None = None,
 ) -> LaserScan:
-    """A scan in `lidar`, all of it taken at one moment.
+    """Return a scan in the frame `lidar`, with all readings taken at the same time.
 
     Args:
         ranges: (n,) readings [m], counter-clockwise.
-        angle_min_rad: of the first beam.
-        angle_increment_rad: from beam to beam; None: they share a full turn.
+        angle_min_rad: the angle of the first beam.
+        angle_increment_rad: the angle between neighbouring beams; None: the beams are spread over a full turn.
         range_m: the shortest and the longest measurable distance.
-        period_s: from scan to scan.
-        time_ns: of the header; None: now.
+        period_s: the time between two scans.
+        time_ns: the stamp of the header; None: now.
     """
     increment_rad = math.tau / max(1, len(ranges)) if angle_increment_rad is None else angle_increment_rad
     return LaserScan(
@@ -302,7 +302,7 @@ def laser_scan(
 
 
 def yaw_of(orientation: Quaternion) -> float:
-    """The heading [rad], counter-clockwise in (-π, π]."""
+    """Return the yaw [rad] of an orientation, counter-clockwise, in (-π, π]."""
     q = orientation
     return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
 
@@ -310,7 +310,7 @@ def yaw_of(orientation: Quaternion) -> float:
 def odometry(
     pose: tuple[float, float, float], velocity: tuple[float, float], *, time_ns: int | None = None
 ) -> Odometry:
-    """Planar odometry: pose (x [m], y [m], yaw [rad]) in `odom`, velocity (v [m/s], ω [rad/s]) in `base_link`."""
+    """Return planar odometry: pose (x [m], y [m], yaw [rad]) in `odom`, velocity (v [m/s], ω [rad/s]) in `base_link`."""
     x_m, y_m, yaw_rad = pose
     quaternion = Quaternion(0.0, 0.0, math.sin(yaw_rad / 2), math.cos(yaw_rad / 2))
     return Odometry(

@@ -1,9 +1,9 @@
-"""What an inbox keeps between two takes: the newest samples, or the newest sample of each writer.
+"""Storage of an inbox between two takes: the newest samples, or the newest sample of each writer.
 
-With one place for all writers of a key, a flood by one of them displaces every other writer's sample. With a place
-for each writer, it displaces its own samples only. The number of places is bounded, and a flood may use a new writer's
-name in every sample. A writer that was taken before therefore keeps its place for as long as it is heard, and
-samples of unknown writers give way. A writer that copies another one's name shares its place.
+If all writers of a key share one place, a flood by one of them displaces every other writer's sample. If each writer
+has a place, a flood displaces only its own samples. The number of places is bounded, and a flood may use a new writer
+name in every sample. Therefore a writer whose sample was taken before keeps its place while it is heard, and samples
+of unknown writers are dropped. A writer that copies another writer's name shares its place.
 """
 
 from collections import deque
@@ -11,32 +11,32 @@ from collections.abc import Callable, Hashable
 from typing import Generic, Protocol, TypeVar
 
 PLACES = 8
-"""Writers of one key that are kept apart."""
+"""Maximum number of writers of one key with a place of their own."""
 KEEPS_PLACE_S = 2.0
-"""How long a silent writer keeps its place: longer than the pauses of a real sensor."""
+"""How long a silent writer keeps its place; longer than the pauses of a real sensor."""
 
 T = TypeVar("T")
 
 
 class Kept(Protocol[T]):
-    """Items between two takes. Not safe for threads: the inbox holds its lock."""
+    """Interface to the items between two takes. Not thread-safe: the inbox holds a lock during every call."""
 
     def add(self, item: T) -> int:
-        """Keep an item; returns how many had to give way, this one included."""
+        """Keep an item; return how many items were dropped, this one included."""
         ...
 
     def take(self) -> list[T]:
-        """Everything that is kept, oldest first; nothing is kept afterwards."""
+        """Remove and return all items, oldest first."""
         ...
 
     def __len__(self) -> int: ...
 
 
 class Newest(Generic[T]):
-    """The newest items, whoever wrote them.
+    """The newest items of all writers together.
 
     Args:
-        depth: how many.
+        depth: the maximum number of items.
     """
 
     def __init__(self, depth: int) -> None:
@@ -61,17 +61,17 @@ class NewestOfEachWriter(Generic[T]):
     """The newest item of each of `PLACES` writers.
 
     Args:
-        writer_of: who wrote an item.
-        arrival_s_of: when it arrived [s]; it never goes back.
+        writer_of: returns the writer of an item.
+        arrival_s_of: returns the arrival time of an item [s]; it never decreases.
     """
 
     def __init__(self, writer_of: Callable[[T], Hashable], arrival_s_of: Callable[[T], float]) -> None:
         self._writer_of = writer_of
         self._arrival_s_of = arrival_s_of
         self._items: dict[Hashable, T] = {}
-        """By writer, in the order of arrival."""
+        """Items by writer, in the order of arrival."""
         self._known: dict[Hashable, float] = {}
-        """The writers that have a place, and when each was last heard. Never more than `PLACES`."""
+        """The writers with a place, and when each was last heard; at most `PLACES`."""
 
     def __len__(self) -> int:
         return len(self._items)
@@ -87,7 +87,7 @@ class NewestOfEachWriter(Generic[T]):
             self._items[writer] = item
             return 0
         if writer in self._known:
-            # There are no more known writers than places: one of the others is unknown.
+            # There are at most as many known writers as places, so one of the stored writers is unknown.
             del self._items[next(other for other in reversed(self._items) if other not in self._known)]
             self._items[writer] = item
         return 1
@@ -100,7 +100,7 @@ class NewestOfEachWriter(Generic[T]):
         return items
 
     def _give_places(self, now_s: float) -> None:
-        """Places that have become free go to the writers of this take, in the order of arrival."""
+        """Give free places to the writers of this take, in the order of arrival."""
         self._known = {w: heard_s for w, heard_s in self._known.items() if now_s - heard_s <= KEEPS_PLACE_S}
         for writer, item in self._items.items():
             if len(self._known) < PLACES:

@@ -1,4 +1,4 @@
-"""The stop reasons: their names in SafetyStatus, and their words on every screen."""
+"""The stop reasons: their names in SafetyStatus, and their texts on every screen."""
 
 from collections.abc import Mapping
 from enum import StrEnum
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class StopReason(StrEnum):
-    """Why the robot is stopped. The most restrictive first; the status names them in this order."""
+    """Why the robot is stopped, most severe first; the status lists the reasons in this order."""
 
     ESTOP = "ESTOP"
     BASE_RUNAWAY = "BASE_RUNAWAY"
@@ -29,12 +29,12 @@ SEVERITY = {reason: rank for rank, reason in enumerate(StopReason)}
 
 
 class Words(NamedTuple):
-    """The words for one stop reason."""
+    """The texts for one stop reason."""
 
     now: str
-    """While the cause holds; WHO stands for the command source."""
+    """Text while the cause holds; WHO stands for the command source."""
     over: str
-    """When the cause has ended, and only a neutral command is missing."""
+    """Text after the cause has ended, while a neutral command is still required."""
     caption: str
     """A short form, for pictures and videos."""
     step: str
@@ -138,5 +138,5 @@ _BY_NAME = {str(reason): words for reason, words in WORDS.items()}
 
 
 def words_of(name: str) -> Words | None:
-    """The words for a name from a status; None for a name that this version does not know."""
+    """Return the texts for a reason's name in a status; None if this version does not know the name."""
     return _BY_NAME.get(name)

@@ -99,7 +99,7 @@ async def test_a_directory_that_cannot_be_written_to_stops_nothing(
         assert rig.output() == (0.5, 0.0)
         black_box.close()
         assert [r.message for r in caplog.records if r.levelname == "WARNING"] == [
-            f"no black box: [Errno 17] File exists: '{directory}'; supervision goes on"
+            f"no black box: [Errno 17] File exists: '{directory}'; supervision continues"
         ]
 
 

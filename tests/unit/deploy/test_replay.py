@@ -155,7 +155,7 @@ def test_a_damaged_file_is_refused(recording: Path) -> None:
 
 def test_a_newer_version_is_refused(recording: Path) -> None:
     rewrite(recording, lambda lines: lines[0].update(version=VERSION + 1))
-    assert_refused(recording, f"is of version {VERSION + 1}", "replay it with a newer one")
+    assert_refused(recording, f"has version {VERSION + 1}", "replay it with a newer Lifeline")
 
 
 def test_a_field_that_this_law_does_not_know_is_named(recording: Path) -> None:

@@ -322,7 +322,7 @@ def test_what_it_cannot_record_is_told_once_and_supervision_goes_on(
     for _ in range(3):
         drive.box.record(drive.now_s, Inputs(estop=strange), drive.state, decision)
     assert len(caplog.records) == 1
-    assert "records no more" in caplog.text
+    assert "stopped recording" in caplog.text
     drive.stop()
     drive.box.close()
     assert writer.paths == []
