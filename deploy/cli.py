@@ -57,7 +57,7 @@ StatePath = Annotated[
     typer.Option(
         "--state-dir",
         metavar="DIR",
-        help="socket, pid file and logs of a running stack; without it, $LIFELINE_STATE_DIR or .lifeline",
+        help="socket, pid file and logs of a running stack; without it, $LIFELINE_STATE_DIR, else .lifeline in the checkout or ~/.local/state/lifeline",
     ),
 ]
 Speed = Annotated[float, typer.Option("--speed", min=0.05, max=1.0, metavar="V", help="at most, in m/s")]

@@ -6,13 +6,14 @@ from pathlib import Path
 
 from supervisor.blackbox import black_box
 from supervisor.config import SupervisorSection
-from supervisor.estop_files import RecordFiles, record_path, state_directory
+from supervisor.estop_files import RecordFiles, record_path
 from supervisor.estop_record import EstopRecord
 from supervisor.fit import fit_to_base
 from supervisor.service import SupervisorService
 from wire.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.config import BaseSection, BusSection, ConfigError, Section, is_loopback, read_sections
 from wire.process import run_process
+from wire.state_directory import state_directory
 from wire.suspend import SuspendMeter
 from wire.zenoh_bus import open_bus
 

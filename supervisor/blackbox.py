@@ -11,7 +11,6 @@ supervision continues.
 """
 
 import logging
-import os
 import platform
 import queue
 import threading
@@ -31,10 +30,9 @@ from supervisor.config import SupervisorSection
 from supervisor.model import STANDSTILL, Decision, Inputs, LawConfig, Mode, State
 from wire.config import absolute
 from wire.reasons import SEVERITY, StopReason
+from wire.state_directory import state_directory
 
 _log = logging.getLogger(__name__)
-
-ENVIRONMENT = "LIFELINE_STATE_DIR"
 
 TAIL_S = 2.0
 """Recorded time after a stop; a new stop within this time goes to the same file."""
@@ -301,14 +299,8 @@ class ThreadWriter:
             _log.warning("no black box: %s; supervision continues", sentence)
 
 
-def default_directory() -> Path:
-    """Return the default directory of black boxes."""
-    state_dir = os.environ.get(ENVIRONMENT)
-    return Path(state_dir or ".lifeline") / "blackbox"
-
-
 def black_box(config: SupervisorSection) -> BlackBox:
     """Return the black box for a configuration."""
-    directory = default_directory() if config.black_box_dir is None else Path(config.black_box_dir)
+    directory = state_directory() / "blackbox" if config.black_box_dir is None else Path(config.black_box_dir)
     writer = ThreadWriter(directory, max_files=config.black_box_files)
     return BlackBox(config.law(), writer, window_s=config.black_box_s)

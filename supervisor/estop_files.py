@@ -15,11 +15,6 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from wire.config import absolute
-
-ENVIRONMENT = "LIFELINE_STATE_DIR"
-DEFAULT_NAME = ".lifeline"
-
 CONTENT = """\
 The e-stop of {namespace} was pressed. While this file exists, the supervisor starts with the e-stop latched.
 To clear it, start the robot, release the controls, and reset the e-stop: key r in teleop, or the service
@@ -33,19 +28,6 @@ NOT_CLEARED = "the reset cannot be recorded, so the next supervisor starts latch
 
 class RecordError(Exception):
     """The record cannot be read or written; the message says why."""
-
-
-def state_directory() -> Path:
-    """Return the directory in `$LIFELINE_STATE_DIR`, else `.lifeline` in the project.
-
-    In an installation from source, the working directory has no influence: a supervisor that is started in another
-    directory must find the record.
-    """
-    named = os.environ.get(ENVIRONMENT)
-    if named:
-        return absolute(Path(named))
-    root = Path(__file__).resolve().parent.parent
-    return (root if (root / "pyproject.toml").is_file() else Path.cwd()) / DEFAULT_NAME
 
 
 def record_path(directory: Path, namespace: str) -> Path:

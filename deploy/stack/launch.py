@@ -8,9 +8,9 @@ from pathlib import Path
 
 from deploy.stack.errors import DeployError
 from deploy.stack.processes import MARK
-from deploy.stack.statedir import ENVIRONMENT as STATE_DIR
 from deploy.stack.statedir import StateDir, read_json
 from wire.config import BusSection, ConfigError, absolute, read_toml, section
+from wire.state_directory import ENVIRONMENT
 from wire.zenoh_bus import BusConfig
 
 DEFAULT_CONFIG = Path(__file__).resolve().parents[1] / "robot.toml"
@@ -63,7 +63,7 @@ class Launch:
         """What supervisord.conf takes from the environment."""
         return {
             MARK: str(state.path),
-            STATE_DIR: str(state.path),  # where the supervisor puts its black boxes
+            ENVIRONMENT: str(state.path),  # where the supervisor puts its black boxes
             "LIFELINE_PYTHON": sys.executable,
             "LIFELINE_CONFIG": str(self.config),
             "LIFELINE_ENDPOINT": self.bus.endpoint,

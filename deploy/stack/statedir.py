@@ -11,17 +11,10 @@ from typing import Any, cast
 
 from deploy.stack.errors import DeployError
 from wire.config import ConfigError, absolute
+from wire.state_directory import ENVIRONMENT, state_directory
 
-ENVIRONMENT = "LIFELINE_STATE_DIR"
-DEFAULT_NAME = ".lifeline"
 SOCKET_PATH_LIMIT = 99
 """Bytes. The kernel takes 107, and supervisord first binds to the path with a dot and its pid behind it."""
-
-
-def project_root() -> Path:
-    """The repository that this package lies in, or the current directory where it was installed elsewhere."""
-    root = Path(__file__).resolve().parents[2]
-    return root if (root / "pyproject.toml").is_file() else Path.cwd()
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,14 +25,13 @@ class StateDir:
 
     @classmethod
     def choose(cls, given: Path | None) -> "StateDir":
-        """The one given, else that of the environment, else `.lifeline/` in the project.
+        """Return the given directory, else the default of `wire/state_directory.py`.
 
         Raises:
             DeployError: it begins with `~` and a name that no user has.
         """
-        named = os.environ.get(ENVIRONMENT)
         try:
-            return cls(absolute(given or (Path(named) if named else project_root() / DEFAULT_NAME)).resolve())
+            return cls((absolute(given) if given else state_directory()).resolve())
         except ConfigError as error:
             raise DeployError(f"{error}, with --state-dir or {ENVIRONMENT}") from error
 

@@ -19,7 +19,8 @@ from typing import Any, cast
 
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
-from deploy.stack.statedir import StateDir, project_root
+from deploy.stack.statedir import StateDir
+from wire.state_directory import checkout
 
 REQUIREMENT = "supervisor==4.3.0"
 CONFIGURATION = Path(__file__).resolve().parents[1] / "supervisord.conf"
@@ -46,7 +47,8 @@ def find_uv() -> str:
     Raises:
         DeployError: there is none.
     """
-    candidates = (os.environ.get("UV"), "uv", str(project_root() / ".uv" / "bin" / "uv"))
+    root = checkout()
+    candidates = (os.environ.get("UV"), "uv", str(root / ".uv" / "bin" / "uv") if root else None)
     for candidate in candidates:
         found = shutil.which(candidate) if candidate else None
         if found is not None:

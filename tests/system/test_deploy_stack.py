@@ -20,7 +20,7 @@ from typing import Any
 import pytest
 
 from deploy.stack import processes, supervisord, takedown
-from deploy.stack.statedir import StateDir, project_root
+from deploy.stack.statedir import StateDir
 from tests.system.ports import free_endpoint
 from wire import topics
 from wire.bus import NoReplyError
@@ -188,14 +188,15 @@ def test_a_missing_configuration_is_one_sentence(robot: Robot) -> None:
 def test_a_missing_uv_is_one_sentence(robot: Robot, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("UV", str(tmp_path / "uv"))
     monkeypatch.setenv("PATH", str(tmp_path))
-    if (Path(supervisord.project_root()) / ".uv" / "bin" / "uv").exists():
+    root = supervisord.checkout()
+    if root and (root / ".uv" / "bin" / "uv").exists():
         pytest.skip("`make setup` fetched one, which is found")
     _refused(robot.run("up", "--detach"), r"uv is missing.*`make setup`")
 
 
 def test_a_python_path_with_this_project_in_it_is_not_supervisords(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its import name is `supervisor`, and so is ours."""
-    monkeypatch.setenv("PYTHONPATH", str(project_root()))
+    monkeypatch.setenv("PYTHONPATH", str(supervisord.checkout()))
     said: list[str] = []
     supervisord.fetch(supervisord.find_uv(), said.append)
     assert said == [], "it was there, and runs"

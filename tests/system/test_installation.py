@@ -14,10 +14,11 @@ from pathlib import Path
 import pytest
 
 from deploy.stack.errors import EXIT_REFUSED
-from deploy.stack.statedir import ENVIRONMENT
 from deploy.stack.supervisord import find_uv
+from supervisor.estop_files import record_path
 from tests.system.operators import ROOT, Operator, until
 from tests.system.ports import free_endpoint
+from wire.state_directory import ENVIRONMENT
 
 PACKAGES = ("wire", "supervisor", "teleop", "sim", "deploy")
 BUILD_LIMIT_S = 60.0
@@ -27,7 +28,7 @@ START_LIMIT_S = 20.0
 STATUS_PARTLY = 1
 """Exit code of `lifeline status` where only a part of the stack runs."""
 
-OF_THE_CHECKOUT = ("PYTHONPATH", "VIRTUAL_ENV")
+OF_THE_CHECKOUT = ("PYTHONPATH", "VIRTUAL_ENV", ENVIRONMENT)
 """Variables that would lead an installed Lifeline back to the checkout or its environment."""
 
 pytestmark = pytest.mark.timeout(180)
@@ -44,7 +45,7 @@ class Installed:
     @property
     def environment(self) -> dict[str, str]:
         kept = {key: value for key, value in os.environ.items() if key not in OF_THE_CHECKOUT}
-        return kept | {"UV": find_uv(), ENVIRONMENT: str(self.directory / "state")}
+        return kept | {"UV": find_uv(), "XDG_STATE_HOME": str(self.directory / "state")}
 
     def lifeline(self, *arguments: str, limit_s: float = COMMAND_LIMIT_S) -> subprocess.CompletedProcess[str]:
         return self.run(str(self.python.with_name("lifeline")), *arguments, limit_s=limit_s)
@@ -188,6 +189,21 @@ async def test_installed_without_extras_the_supervisor_serves_and_teleop_reaches
             await until(lambda: "SCAN_STALE" in operator.picture)
         finally:
             operator.close()
+
+
+def test_an_installed_supervisor_finds_the_record_of_an_estop_from_any_working_directory(
+    plain: Installed,
+) -> None:
+    record = record_path(plain.directory / "state" / "lifeline", "robot")
+    record.parent.mkdir(parents=True, exist_ok=True)
+    record.touch()
+    endpoint = free_endpoint()
+    try:
+        with plain.supervisor(endpoint):
+            status = plain.lifeline("status", "--endpoint", endpoint)
+    finally:
+        record.unlink()
+    assert "ESTOP" in status.stdout, status.stdout + status.stderr
 
 
 @pytest.mark.parametrize("example", ["robot.toml", "examples/turtlebot4.toml"])

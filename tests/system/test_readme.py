@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from deploy.stack.statedir import ENVIRONMENT
 from tests.system.operators import ROOT, Operator, until
 from tests.system.process_state import children_of
+from wire.state_directory import ENVIRONMENT
 
 NAMESPACES = ("unshare", "--net", "--pid", "--fork", "--mount-proc", "--kill-child")
 START_LIMIT_S = 60.0

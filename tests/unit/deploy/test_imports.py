@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from deploy.stack.statedir import project_root
+from wire.state_directory import checkout
 
 
 def _python(code: str, cwd: Path) -> str:
@@ -24,7 +24,9 @@ def test_the_commands_help_loads_neither_zenoh_nor_pydantic_nor_numpy(tmp_path: 
 @pytest.mark.parametrize("name", ["supervisor", "teleop", "sim", "virtual", "wire", "deploy"])
 def test_our_names_are_ours_from_any_directory(name: str, tmp_path: Path) -> None:
     found = _python(f"import {name}; print({name}.__file__)", tmp_path)
-    assert Path(found) == project_root() / name / "__init__.py"
+    root = checkout()
+    assert root is not None
+    assert Path(found) == root / name / "__init__.py"
 
 
 def test_the_command_tells_its_version(tmp_path: Path) -> None:

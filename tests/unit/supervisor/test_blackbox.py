@@ -24,7 +24,6 @@ from supervisor.blackbox import (
     TAIL_S,
     BlackBox,
     ThreadWriter,
-    default_directory,
 )
 from supervisor.blackbox_file import LAW, VERSION, BlackBoxError, Document, Order, read, write
 from supervisor.config import SupervisorSection
@@ -33,6 +32,7 @@ from supervisor.safety import initial_state, step
 from tests.unit.supervisor.black_boxes import NOON_UTC_S, Drive, KeepingWriter, WriterAtOnce
 from tests.unit.supervisor.law_harness import CONFIG, FORWARD, NEUTRAL, TICK_S, lost
 from wire.reasons import StopReason
+from wire.state_directory import ENVIRONMENT
 
 WINDOW_S = 60.0
 
@@ -521,15 +521,15 @@ def test_the_end_waits_for_the_writer_but_not_for_ever(
 # --- where it goes
 
 
-def test_it_goes_into_the_state_directory(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv(blackbox.ENVIRONMENT, raising=False)
-    assert default_directory() == Path(".lifeline/blackbox")
-    monkeypatch.setenv(blackbox.ENVIRONMENT, "/run/robot")
-    assert default_directory() == Path("/run/robot/blackbox")
-
-
-def test_the_configuration_may_send_it_elsewhere(tmp_path: Path) -> None:
-    config = SupervisorSection(black_box_dir=str(tmp_path / "there"), black_box_s=1.0, black_box_files=1)
+@pytest.mark.parametrize("is_configured", [False, True])
+def test_it_goes_into_the_state_directory_or_where_the_configuration_sends_it(
+    *, is_configured: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(ENVIRONMENT, str(tmp_path))
+    there = tmp_path / ("there" if is_configured else "blackbox")
+    config = SupervisorSection(
+        black_box_dir=str(there) if is_configured else None, black_box_s=1.0, black_box_files=1
+    )
     drive = Drive(blackbox.black_box(config))
     for _ in range(2):
         drive.hold(3.0)
@@ -537,7 +537,7 @@ def test_the_configuration_may_send_it_elsewhere(tmp_path: Path) -> None:
         drive.stop()
         drive.hold(TAIL_S + TICK_S)
     drive.box.close()
-    (path,) = (tmp_path / "there").iterdir()
+    (path,) = there.iterdir()
     header = read(path).header
     assert 3.0 < header["last_s"] - header["first_s"] < 4.2
 

@@ -9,8 +9,7 @@ from typing import Any
 
 import pytest
 
-from supervisor import estop_files
-from supervisor.estop_files import RecordError, RecordFiles, is_recorded, record_path, state_directory
+from supervisor.estop_files import RecordError, RecordFiles, is_recorded, record_path
 
 ROBOT = "robot"
 
@@ -379,17 +378,3 @@ def test_a_press_is_on_disk_only_after_its_rename_was_synchronised(
     done.clear()
     files.latch()
     assert done == ["state"], "a record that was found may not be on disk yet"
-
-
-def test_the_state_directory_is_the_environments_or_the_projects(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setenv(estop_files.ENVIRONMENT, str(tmp_path))
-    assert state_directory() == tmp_path
-    monkeypatch.setenv(estop_files.ENVIRONMENT, "")
-    monkeypatch.chdir(tmp_path)
-    project = state_directory()
-    assert project.name == ".lifeline"
-    assert (project.parent / "pyproject.toml").is_file(), "wherever the supervisor is started"
-    monkeypatch.setattr(estop_files, "__file__", str(tmp_path / "supervisor" / "estop_files.py"))
-    assert state_directory() == tmp_path / ".lifeline"

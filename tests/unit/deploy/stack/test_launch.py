@@ -57,7 +57,7 @@ def test_an_address_of_another_machine_is_told() -> None:
 def test_a_missing_uv_is_told_with_a_way_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("UV", raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr("deploy.stack.supervisord.project_root", lambda: tmp_path)
+    monkeypatch.setattr("deploy.stack.supervisord.checkout", lambda: tmp_path)
     with pytest.raises(DeployError, match=r"uv is missing, .* `make setup` fetches it"):
         find_uv()
 
@@ -65,7 +65,7 @@ def test_a_missing_uv_is_told_with_a_way_out(tmp_path: Path, monkeypatch: pytest
 def test_the_uv_of_make_setup_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("UV", raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr("deploy.stack.supervisord.project_root", lambda: tmp_path)
+    monkeypatch.setattr("deploy.stack.supervisord.checkout", lambda: tmp_path)
     uv = tmp_path / ".uv" / "bin" / "uv"
     uv.parent.mkdir(parents=True)
     uv.touch(mode=0o755)

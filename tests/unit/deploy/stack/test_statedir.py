@@ -7,12 +7,13 @@ import pytest
 
 from deploy.down import down
 from deploy.stack.errors import DeployError
-from deploy.stack.statedir import ENVIRONMENT, SOCKET_PATH_LIMIT, LockedError, StateDir, locked, project_root
+from deploy.stack.statedir import SOCKET_PATH_LIMIT, LockedError, StateDir, locked
+from wire.state_directory import ENVIRONMENT, state_directory
 
 
-def test_the_default_is_in_the_project(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_an_option_it_is_where_the_supervisor_looks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(ENVIRONMENT, raising=False)
-    assert StateDir.choose(None).path == project_root() / ".lifeline"
+    assert StateDir.choose(None).path == state_directory()
 
 
 def test_an_option_goes_before_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
