@@ -20,7 +20,7 @@ from tests.system.operators import ROOT, Operator, until
 from tests.system.ports import free_endpoint
 from wire.state_directory import ENVIRONMENT
 
-PACKAGES = ("wire", "supervisor", "teleop", "sim", "deploy")
+PACKAGES = ("wire", "supervisor", "teleop", "sim", "virtual", "deploy")
 BUILD_LIMIT_S = 60.0
 COMMAND_LIMIT_S = 30.0
 DEMO_LIMIT_S = 80.0
