@@ -1,7 +1,7 @@
-"""A planar lidar on the robot: a fan of ranges around its own axis, in the order and with the special values of ROS.
+"""A planar lidar on the robot, with beam order and special values as in ROS.
 
-The beams are counter-clockwise in the lidar's own frame; those of a full turn start straight behind it. By REP 117, +inf is a miss, -inf is
-something too close to measure and NaN is a beam that gave no measurement. There is no noise unless it is asked for.
+The beams are counter-clockwise in the lidar's frame; a full turn starts straight behind the lidar. By REP 117, +inf is
+no return, -inf is an object too close to measure, and NaN is no measurement. By default there is no noise.
 """
 
 import math
@@ -16,34 +16,34 @@ from sim import mj
 
 Ranges = NDArray[np.float32]
 
-# The models put whatever stands in the beams' plane, and nothing of the robot, into this geom group.
+# In the models, this geom group has all objects in the plane of the beams, without the robot.
 SOLID_GROUP = 1
 
 MAX_BEAMS = 65_536
-"""As many as one message may carry."""
+"""Maximum number of beams in one message."""
 
 
 @dataclass(frozen=True, slots=True)
 class LidarConfig:
-    """A lidar's place, geometry and errors.
+    """A lidar's mount, geometry and errors.
 
     Attributes:
-        beams: Beams of one scan, spread over the span.
-        span_rad: Angle of view, centred on the lidar's axis. The first and the last beam are on its edges; those of a full turn,
-            whose edges are one, are one increment apart.
-        height_m: The plane of the beams above the floor.
-        range_min_m: What is closer is too close to measure.
-        range_max_m: What is farther is missed.
+        beams: Number of beams in a scan, spread over the span.
+        span_rad: Field of view, centred on the lidar's axis. The first and the last beam are on its edges; in a full
+            turn, they are one increment apart.
+        height_m: Height of the plane of the beams above the floor.
+        range_min_m: Closer objects are too close to measure.
+        range_max_m: Objects farther away give no return.
         noise_std_m: Standard deviation of each range.
-        dropout: Share of the beams that give no measurement, others in each scan.
-        x_m: Where it is mounted, ahead of the robot's centre.
-        y_m: And to the left of it.
-        yaw_rad: Where its axis points, counter-clockwise from straight ahead.
+        dropout: Share of the beams without a measurement, chosen anew for each scan.
+        x_m: Mount, forward of the robot's centre.
+        y_m: Mount, to the left of the robot's centre.
+        yaw_rad: Direction of its axis, counter-clockwise from straight ahead.
         name: Its frame.
         topic: The relative key of its scans.
 
     Raises:
-        ValueError: A value makes no sense, by name.
+        ValueError: A value is invalid; the message names it.
     """
 
     beams: int = 360
@@ -87,12 +87,12 @@ class LidarConfig:
 
     @property
     def angle_max_rad(self) -> float:
-        """The last beam's angle; one increment short of a full turn."""
+        """Angle of the last beam; in a full turn, one increment before the first beam."""
         return self.angle_min_rad + (self.beams - 1) * self.angle_increment_rad
 
     @property
     def angles_rad(self) -> NDArray[np.float64]:
-        """Every beam's angle, shape (beams,)."""
+        """Return the angles of all beams in the lidar's frame, shape (beams,)."""
         return self.angle_min_rad + self.angle_increment_rad * np.arange(self.beams, dtype=np.float64)
 
     @property
@@ -101,12 +101,12 @@ class LidarConfig:
 
 
 class Lidar:
-    """Casts the beams into a MuJoCo world.
+    """Simulates a lidar by ray casting in a MuJoCo world.
 
     Args:
         model: The world.
         config: The lidar's geometry and errors.
-        seed: Of noise and dropout; the same seed makes the same scans.
+        seed: Seed of noise and dropout; the same seed gives the same scans.
     """
 
     def __init__(
@@ -127,7 +127,7 @@ class Lidar:
 
     @property
     def noise_state(self) -> Mapping[str, Any]:
-        """The generator's state, for a snapshot; setting it repeats the noise from there."""
+        """State of the noise generator, for a snapshot; setting it repeats the noise that followed."""
         return self._random.bit_generator.state
 
     @noise_state.setter
@@ -135,7 +135,7 @@ class Lidar:
         self._random.bit_generator.state = state
 
     def scan(self, data: mj.Data, x_m: float, y_m: float, yaw_rad: float) -> Ranges:
-        """The ranges seen while the robot is at a pose of the world, in m, shape (beams,), a new array each time."""
+        """Return the ranges [m] with the robot at a pose in the world, shape (beams,), in a new array."""
         config = self.config
         cos_robot, sin_robot = math.cos(yaw_rad), math.sin(yaw_rad)
         self._origin[0] = x_m + cos_robot * config.x_m - sin_robot * config.y_m
