@@ -77,9 +77,9 @@ class FaultyLidar:
 
 
 def nearest_object(ranges: Ranges, angles_rad: Floats) -> Mask:
-    """Which beams, shape (n,), have met what returned from nearest; none if nothing did from within `NEAR_M`.
+    """Return a mask (n,) of the beams that hit the nearest object; all false if none is within `NEAR_M`.
 
-    An object is what neighbouring beams meet without a step in depth. What is too close to measure is met at 0.
+    An object consists of neighbouring beams without a step in range. An object too close to measure has the range 0.
     """
     distance_m = np.where(np.isnan(ranges), np.inf, np.maximum(ranges, 0.0))
     nearest = int(np.argmin(distance_m))
@@ -87,7 +87,7 @@ def nearest_object(ranges: Ranges, angles_rad: Floats) -> Mask:
     if not near[nearest]:
         return near
     depth_m = np.where(near, distance_m, 0.0)
-    # Whether each beam has met the same as the one after it; the last one's is the first, in a full turn.
+    # Whether each beam hits the same object as the next beam; in a full turn, the first beam follows the last.
     joined = near & np.roll(near, -1) & (np.abs(np.roll(depth_m, -1) - depth_m) <= SAME_OBJECT_M)
     joined[-1] &= _is_full_turn(angles_rad)
     things = np.concatenate(((0,), np.cumsum(~joined[:-1])))
