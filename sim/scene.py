@@ -199,7 +199,7 @@ def _equip(spec: mj.Spec, options: Build) -> None:
                 raise RoomError(f"its robot has no {kind} named {name!r}; see models/robot_round.xml")
     hull = spec.geom("hull")
     if hull.type not in (mj.Shape.BOX, mj.Shape.CYLINDER) or any(hull.pos[:2]):
-        raise RoomError("its robot's hull is no cylinder or box in the middle of the robot")
+        raise RoomError("its robot's hull is not a cylinder or box in the middle of the robot")
     if options.payload_kg:
         if not math.isfinite(hull.mass):
             raise RoomError("its robot's hull has no mass of its own, so nothing can be put into it")
