@@ -45,13 +45,13 @@ class Button(IntEnum):
 
 
 class Axis(NamedTuple):
-    """Where an axis is, and its calibration: EVIOCGABS, in the axis's own units."""
+    """Position and calibration of an axis: EVIOCGABS, in units of the axis."""
 
     value: int
     minimum: int
     maximum: int
     flat: int = 0
-    """What the driver says is noise, on each side of the centre."""
+    """Noise on each side of the centre according to the driver."""
 
 
 class PadState(NamedTuple):

@@ -39,7 +39,7 @@ class Described(NamedTuple):
     axes: int
     buttons: int
     properties: int
-    """Bitmap of the properties: bit n is set if the device has code n."""
+    """Like `axes` and `buttons` a bitmap: bit n is set if the device has code n."""
 
     def has(self, needed: Needed) -> bool:
         return _covers(self.axes, needed.axes) and _covers(self.buttons, needed.buttons)
