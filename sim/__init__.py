@@ -1,21 +1,21 @@
-"""The robot, simulated: a MuJoCo warehouse behind the keys that a real base would serve.
+"""The simulated robot: a MuJoCo warehouse with the same keys as a real base.
 
-watchdog.py   the base's own last line of defence (pure: time is an argument)
+watchdog.py   the base's own command watchdog (pure: time is an argument)
 drive.py      limits and ramp of the twist, and the wheels' geometry (pure)
-plant.py      the robot in its world: step it, ask where it is, what it sees, what it touches; save it and go back
-snapshot.py   a moment of it, as a value and as bytes
-scene.py      the world: a layout or an MJCF file, a robot in it; build.py what may differ between two robots (pure);
-              hall.py builds a layout; room.py what has room (pure)
-layout.py     layout files, read strictly; layouts/ the three that come along
-movers.py     people and forklifts on their ways (pure)
+plant.py      the robot in its world: stepping, pose, sensors, contacts, save and restore
+snapshot.py   a saved state of the plant, as a value and as bytes
+scene.py      the world with a robot, from a layout or MJCF file; hall.py builds layouts; room.py checks for overlaps (pure);
+              build.py the options of robot and scene (pure)
+layout.py     layout files, strictly checked; layouts/ the three included ones
+movers.py     people and forklifts on fixed paths (pure)
 program.py    the program of `python -m sim`
-service.py    the asyncio shell; messages.py and diagnostics.py what it says
-pace.py       which step is due when: real time, a multiple, a pause (pure)
-encoders.py   odometry that drifts; imu.py the inertial unit (pure)
-sensor_faults.py what can be wrong; lidar_faults.py and odometry_faults.py do it (pure)
-lidar.py      the beams; lidar_geometry.py where a lidar is and what it measures (pure); lidar_config.py several of them; floorplan.py the exact distances from the hull (pure but for reading the model)
-mj.py         MuJoCo with types, the one file that imports it
-render.py     pictures without a screen; gl.py what draws them; views.py from where; caption.py and video.py words and files
-viewer.py     MuJoCo's window; overlay.py what is drawn around the robot; shown.py what is known of it (pure)
-models/       in MJCF: two robots on one drive train, and what halls are made of
+service.py    the asyncio shell; messages.py and diagnostics.py its messages
+pace.py       due times of the physics steps: real time, a multiple, a pause (pure)
+encoders.py   odometry with drift; imu.py the inertial measurement unit (pure)
+sensor_faults.py parsing of sensor faults; lidar_faults.py and odometry_faults.py apply them (pure)
+lidar.py      lidar scans; lidar_geometry.py mount, angles and ranges of a lidar (pure); lidar_config.py several lidars; floorplan.py exact distances from the hull (pure except for reading the model)
+mj.py         MuJoCo with types, the only file that imports it
+render.py     pictures without a display; gl.py the GL context; views.py cameras; caption.py and video.py captions and files
+viewer.py     MuJoCo's window; overlay.py geoms drawn around the robot; shown.py the displayed state (pure)
+models/       MJCF models: two robots with the same drive train, and parts of halls
 """

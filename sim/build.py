@@ -10,11 +10,11 @@ MAX_SLIP = 0.95
 
 
 class SceneError(ValueError):
-    """The scene is refused; the message says why, and what can be done."""
+    """The scene is refused; the message says why, and what to do."""
 
 
 class Hull(StrEnum):
-    """The robot's shape from above."""
+    """Shape of the robot from above."""
 
     ROUND = "round"
     RECTANGULAR = "rectangular"
@@ -22,17 +22,17 @@ class Hull(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Build:
-    """What may differ between two robots, and between two days of one hall.
+    """Options of the robot and the scene.
 
     Attributes:
-        hull: round, 0.5 m across, or rectangular, 0.6 m × 0.4 m. A scene that has a robot of its own keeps its hull.
-        payload_kg: Carried in the hull, 0 to 100 kg.
-        wheel_slip: The share of the wheels' grip that is gone, 0 to 0.95: they spin and slide where it is not enough.
-        moving: Whether people and forklifts are about, if the layout has any.
-        scenery: Whether a layout has also what only the eye sees; it costs time and changes nothing else.
+        hull: round, 0.5 m in diameter, or rectangular, 0.6 m × 0.4 m. A scene with its own robot keeps that hull.
+        payload_kg: Payload in the hull, 0 to 100 kg.
+        wheel_slip: Lost share of the wheels' grip, 0 to 0.95; with too little grip, the wheels spin and slide.
+        moving: Whether the people and forklifts of the layout are present.
+        scenery: Whether to add purely visual elements; they take time and have no other effect.
 
     Raises:
-        SceneError: A value makes no sense, by name.
+        SceneError: A value is invalid; the message names it.
     """
 
     hull: Hull = Hull.ROUND

@@ -1,4 +1,4 @@
-"""Words on a picture: the mode and why, how fast the robot is, how near the nearest thing."""
+"""Caption of a picture: mode, stop reason, speed, and distance of the nearest object."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,11 @@ _LIGHT_MODES = (Mode.LIMITED, Mode.DRIVING, Mode.ALONE)
 
 
 def captioned(pixels: Pixels, shown: Shown) -> Pixels:
-    """The picture with a panel along its lower edge; where the picture is too narrow, what matters least goes first.
+    """Return the picture with a panel along its lower edge; in a narrow picture, the least important texts are omitted.
 
     Args:
-        pixels: RGB, shape (height, width, 3); left as it is.
-        shown: What is said.
+        pixels: RGB, shape (height, width, 3); not modified.
+        shown: The values to show.
     """
     picture = Image.fromarray(pixels).convert("RGBA")
     layer = Image.new("RGBA", picture.size, (0, 0, 0, 0))
@@ -36,7 +36,7 @@ def captioned(pixels: Pixels, shown: Shown) -> Pixels:
     places: list[tuple[float, str, tuple[int, ...]]] = []
     x = badge_right + 1.5 * pad
     for number, (text, ink) in enumerate(texts):
-        # Digits change: a place of its own for each keeps the line from trembling.
+        # Fields of fixed width keep the line still while digits change.
         width = max(font.getlength(text), font.getlength(("-0.00 m/s", "nearest 0.00 m", "")[number]))
         if not text or x + width + pad > picture.width - margin:
             break

@@ -16,7 +16,7 @@ from sim.lidar_geometry import LidarConfig
 from wire.config import BaseSection, Conflict
 from wire.quantities import Beams, Between, Range, Seed, Speed, TurnRate
 
-# There are 500 physics steps in a second; every 10 s is no rate at all.
+# From one sample in 10 s, which is useless, to the rate of the physics steps, 500 Hz.
 Rate = Annotated[float, Between(0.1, 500.0, "in Hz")]
 Share = Annotated[float, Between(0.0, 1.0)]
 Error = Annotated[float, Between(-MAX_ERROR, MAX_ERROR)]
@@ -25,9 +25,9 @@ Span = Annotated[float, Between(0.01, math.tau, "in rad: at most a full turn")]
 
 
 class SimSection(BaseSection):
-    """The simulated base, its sensors with their errors, and the rates of what it publishes.
+    """The simulated base, its sensors with their errors, and the rates of its topics.
 
-    The keys that the supervisor's numbers must fit to are in `BaseSection`.
+    The keys that the supervisor's numbers must fit are in `BaseSection`.
     """
 
     model_config = ConfigDict(extra="forbid")
@@ -50,7 +50,7 @@ class SimSection(BaseSection):
         Annotated[tuple[SimLidarSection, ...], Field(min_length=1, max_length=MAX_LIDARS, strict=False)]
         | None
     ) = None
-    """Instead of the one that the keys before describe."""
+    """Replaces the single lidar of the keys above."""
     encoder_ticks: Annotated[int, Between(1, 1_000_000)] = 16384
     odom_left_error: Error = 0.001
     odom_right_error: Error = 0.0005
@@ -70,7 +70,7 @@ class SimSection(BaseSection):
             yield from conflicts_of_lidars(self.lidars)
 
     def scene_beside(self, config: Path | None) -> str:
-        """The scene; a file that is not named from the root is looked for beside the configuration file."""
+        """Return the scene; a relative file name is relative to the directory of the configuration file."""
         if config is None or Path(self.scene).suffix == "":
             return self.scene
         return str(config.resolve().parent / self.scene)
@@ -89,13 +89,13 @@ class SimSection(BaseSection):
         )
 
     def lidar_configs(self) -> tuple[LidarConfig, ...]:
-        """Each lidar; the first one publishes on `scan`."""
+        """Return the configuration of each lidar; the first one publishes on `scan`."""
         if self.lidars is not None:
             return tuple(lidar.lidar() for lidar in self.lidars)
         return (self.lidar(),)
 
     def lidar(self) -> LidarConfig:
-        """The one lidar of a robot without `[[sim.lidars]]`."""
+        """Return the single lidar of a robot without `[[sim.lidars]]`."""
         return LidarConfig(
             beams=self.lidar_beams,
             span_rad=self.lidar_span_rad,

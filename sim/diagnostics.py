@@ -1,4 +1,4 @@
-"""How the simulation is, in the words of `diagnostic_msgs`: hull, time, sensors, movers, and why the base brakes."""
+"""Status of the simulation as `diagnostic_msgs`: base, hull, time, sensors and movers."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,19 +16,19 @@ BASE = f"{HARDWARE}: base"
 
 @dataclass(frozen=True, slots=True)
 class Health:
-    """What is to be said.
+    """The values to report.
 
     Attributes:
-        base: why the base drives as it does.
-        touches: the hull has contact now.
-        collisions: how often it came to one since the last reset.
-        last_contact: with what, the last time.
-        time_s: simulated.
-        speed: simulated seconds in each second, as asked for.
-        paused: no time passes.
+        base: the result of the base's watchdog.
+        touches: whether the hull has contact now.
+        collisions: number of collisions since the last reset.
+        last_contact: the object of the last contact.
+        time_s: simulated time.
+        speed: requested simulated seconds per second.
+        paused: whether the simulation is paused.
         measured: the pace since the last report.
-        faults: of the sensors, in force.
-        movers: x, y [m] and yaw [rad] in the world of whoever goes about by itself.
+        faults: the active sensor faults.
+        movers: x, y [m] and yaw [rad] of the movers in the world frame, by name.
     """
 
     base: BaseReason
@@ -44,7 +44,7 @@ class Health:
 
 
 def to_diagnostics(health: Health) -> DiagnosticArray:
-    """One status for each subject, the same five each time."""
+    """Return the diagnostics: one status for each of the same five subjects."""
     statuses = [
         _hull(health),
         _time(health),
@@ -56,13 +56,13 @@ def to_diagnostics(health: Health) -> DiagnosticArray:
 
 
 def base_reason(message: DiagnosticArray) -> str | None:
-    """Why the base drives as it does, by its diagnostics; None: they do not say."""
+    """Return the BaseReason in a diagnostics message; None if it has none."""
     told = (value for status in message.status if status.name == BASE for value in status.values)
     return next((value.value for value in told if value.key == "reason"), None)
 
 
 def contact_sentence(health: Health) -> str:
-    """What the hull touches, or has touched since the last reset."""
+    """Return a sentence about the present contact of the hull, or the contacts since the last reset."""
     what = health.last_contact or "something"
     if health.touches:
         return f"the hull touches {what}"
@@ -73,7 +73,7 @@ def contact_sentence(health: Health) -> str:
 
 
 def pace_sentence(speed: float, measured: Measured) -> str:
-    """That simulated time was lost, and what became of the speed."""
+    """Return a sentence about the lost simulated time and the achieved speed."""
     return (
         f"cannot keep up: {measured.factor:.2f} times real time instead of {speed:g}; "
         f"{measured.lost_s:.2f} s of simulated time were skipped"

@@ -1,6 +1,6 @@
-"""The base's drive: how fast the wheels may follow a commanded twist.
+"""The base's drive: limits and ramp of the commanded twist, and the geometry of the wheels.
 
-Pure: no clock and no simulator. The body frame has x ahead and y left; ω is positive counter-clockwise.
+Pure: no clock and no simulator. In the body frame, x points forward and y left; ω is positive counter-clockwise.
 """
 
 import math
@@ -20,9 +20,9 @@ STANDSTILL = Twist(0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class DriveLimits:
-    """What the base can do, all magnitudes.
+    """Limits of the base, as magnitudes.
 
-    The turn limits are four times the linear ones: at the rim of the 0.25 m hull they mean the same in m/s².
+    The angular limits are four times the linear limits: at the rim of the 0.25 m hull, both are the same in m/s².
 
     Raises:
         ValueError: A limit is not positive and finite.
@@ -54,7 +54,7 @@ class WheelGeometry:
         _require_positive(self)
 
     def wheel_speeds(self, twist: Twist) -> tuple[float, float]:
-        """The (left, right) wheel speeds in rad/s that make the twist."""
+        """Return the (left, right) wheel speeds in rad/s for a twist."""
         half_difference_m_s = 0.5 * self.track_m * twist.angular_rad_s
         return (
             (twist.linear_m_s - half_difference_m_s) / self.radius_m,
@@ -62,7 +62,7 @@ class WheelGeometry:
         )
 
     def twist(self, left: float, right: float) -> Twist:
-        """The twist of (left, right) wheel speeds in rad/s; of angles in rad, the displacement in m and rad."""
+        """Return the twist for (left, right) wheel speeds in rad/s, or the displacement in m and rad for angles in rad."""
         left_m, right_m = left * self.radius_m, right * self.radius_m
         return Twist(0.5 * (left_m + right_m), (right_m - left_m) / self.track_m)
 
@@ -70,9 +70,9 @@ class WheelGeometry:
 class Drive:
     """Ramps the twist toward the commanded one.
 
-    Each axis speeds up at its acceleration and slows down at its braking limit, which also holds on the way to zero
-    before a change of sign. When both axes brake, they take the same time: a robot that is stopped on an arc stays
-    on this arc, which is what a supervisor that scales a twist down relies on.
+    Each axis speeds up at its acceleration limit and slows down at its braking limit. Before a change of sign, the axis
+    brakes to zero. When both axes brake, they take the same time, so that a robot that is stopped on an arc stays on
+    this arc. A supervisor that scales a twist down relies on this.
     """
 
     def __init__(self, limits: DriveLimits | None = None) -> None:
@@ -81,17 +81,17 @@ class Drive:
 
     @property
     def twist(self) -> Twist:
-        """The twist that the wheels are asked for now."""
+        """The present output of the ramp."""
         return self._twist
 
     def reset(self, twist: Twist = STANDSTILL) -> None:
-        """Forgets the way so far: the ramp goes on from this twist."""
+        """Restart the ramp from this twist."""
         self._twist = twist
 
     def step(self, target: tuple[float, float], dt_s: float) -> Twist:
-        """Moves on by `dt_s` toward the target (v in m/s, ω in rad/s), clamped to the limits.
+        """Advance by `dt_s` toward the target (v in m/s, ω in rad/s), clamped to the limits.
 
-        A target that is not finite proves nothing, so it means standstill.
+        A target that is not finite counts as standstill.
         """
         limits = self.limits
         v, omega = self._twist
@@ -108,7 +108,7 @@ class Drive:
             v_time_s = abs(v_target - v) / v_braking
             omega_time_s = abs(omega_target - omega) / omega_braking
             longer_s = max(v_time_s, omega_time_s)
-            if min(v_time_s, omega_time_s) > 0.0:  # the least velocities that a float can say take none
+            if min(v_time_s, omega_time_s) > 0.0:  # braking from the smallest floats takes zero time
                 v_braking *= v_time_s / longer_s
                 omega_braking *= omega_time_s / longer_s
         self._twist = Twist(
@@ -123,12 +123,12 @@ def _clamp(value: float, magnitude: float) -> float:
 
 
 def _slows_down(value: float, target: float) -> bool:
-    """Whether the way from value to target only loses magnitude, and some of it."""
+    """Return whether the target has a smaller magnitude than the value, and not the opposite sign."""
     return value != target and value * target >= 0.0 and abs(target) < abs(value)
 
 
 def _ramp(value: float, target: float, acceleration: float, braking: float, dt_s: float) -> float:
-    """One axis after `dt_s`: braking to the slowest value on the way, then speeding up in the time that is left."""
+    """Return one axis after `dt_s`: brake to the slowest value between both, then speed up in the remaining time."""
     slowest = min(value, target, key=abs) if value * target >= 0.0 else 0.0
     fall = abs(value - slowest)
     if braking * dt_s < fall:

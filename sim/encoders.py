@@ -1,7 +1,7 @@
-"""Odometry as a real base has it: two wheel encoders and a geometry that is never quite right.
+"""Wheel odometry with errors: two encoders and slightly wrong wheel geometry.
 
-Pure but for a seeded generator. The pose drifts away from the true one as it does on a robot: by what each wheel is
-smaller than the base takes it for, by what the track is, by what the floor does to every metre, and by whole ticks.
+Pure except for a seeded generator. As on a real robot, the pose drifts because of errors of the wheel radii and the
+track, noise that grows with the distance, and the resolution of the encoders.
 """
 
 import math
@@ -20,17 +20,17 @@ MAX_ERROR = 0.2
 
 @dataclass(frozen=True, slots=True)
 class EncoderConfig:
-    """What the encoders count, and what the base has wrong.
+    """Resolution of the encoders, and errors of the base's wheel geometry.
 
     Attributes:
-        ticks: of one turn of a wheel.
-        left_error: the share by which the base takes the left wheel for larger than it is.
-        right_error: likewise.
-        track_error: the share by which it takes the wheels for farther apart than they are.
-        noise_m: standard deviation of what a wheel has counted after 1 m; it grows with the root of the way.
+        ticks: encoder ticks per wheel turn.
+        left_error: relative error of the assumed left wheel radius; positive if assumed too large.
+        right_error: the same for the right wheel.
+        track_error: relative error of the assumed track; positive if assumed too wide.
+        noise_m: standard deviation of a wheel's counted distance after 1 m; grows with the root of the distance.
 
     Raises:
-        ValueError: A value makes no sense, by name.
+        ValueError: A value is invalid; the message names it.
     """
 
     ticks: int = 16384
@@ -55,7 +55,7 @@ PERFECT = EncoderConfig(left_error=0.0, right_error=0.0, track_error=0.0, noise_
 
 
 class Reckoning(NamedTuple):
-    """A pose in the frame of the last reset, the mean twist since the reading before, and how sure both are."""
+    """A pose in the frame of the last reset and the mean twist since the previous reading, with their covariances."""
 
     x_m: float
     y_m: float
@@ -73,8 +73,8 @@ class Odometer:
 
     Args:
         wheels: the true geometry.
-        config: what is wrong with the base's idea of it.
-        seed: of the noise; the same seed and way make the same odometry.
+        config: the errors of the geometry that the base assumes.
+        seed: the seed of the noise; the same seed and path give the same odometry.
     """
 
     def __init__(self, wheels: WheelGeometry, config: EncoderConfig | None = None, seed: int = 0) -> None:
@@ -89,18 +89,18 @@ class Odometer:
         self.reset(0.0, 0.0)
 
     def reset(self, left_rad: float, right_rad: float) -> None:
-        """Starts anew at the origin, with the wheels at these angles."""
+        """Restart at the origin, with the wheels at these angles."""
         self._left, self._right = self._count(left_rad), self._count(right_rad)
         self._x_m = self._y_m = self._yaw_rad = 0.0
         self._sensitivity = np.zeros((3, 3))
         self._random_covariance = np.zeros((3, 3))
 
     def read(self, left_rad: float, right_rad: float, elapsed_s: float) -> Reckoning:
-        """Adds the way since the last reading, as an arc taken at its middle heading.
+        """Add the displacement since the last reading, along the mean heading of the arc.
 
         Args:
-            left_rad: the wheel's angle, counted over all turns.
-            right_rad: likewise.
+            left_rad: the angle of the left wheel, counted over all turns.
+            right_rad: the angle of the right wheel, counted over all turns.
             elapsed_s: the time since the last reading, above zero.
         """
         left, right = self._count(left_rad), self._count(right_rad)
@@ -134,10 +134,10 @@ class Odometer:
         return way_m + self._random.normal(0.0, self.config.noise_m * math.sqrt(abs(way_m)))
 
     def _doubt(self, left_m: float, right_m: float, turn_rad: float, heading_rad: float) -> None:
-        """How the errors reach the pose, to first order: the systematic ones add up, the random ones' variances.
+        """Propagate the errors to the pose, to first order: systematic errors add up, as do variances of random errors.
 
-        Kelly, Linearized error propagation in odometry, IJRR 23 (2004). The size of the systematic errors is known
-        here, as it is for a base after its calibration.
+        Source: Kelly, Linearized error propagation in odometry, IJRR 23 (2004). The systematic errors are known here,
+        as for a calibrated base.
         """
         forward_m = 0.5 * (left_m + right_m)
         cos, sin = math.cos(heading_rad), math.sin(heading_rad)

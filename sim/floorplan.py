@@ -1,7 +1,7 @@
-"""The world as seen from above: exact distances from a hull to whatever stands at its height.
+"""Floor plan of the world: exact distances from a hull to the objects at its height.
 
-Every solid of our models is an upright box, cylinder or sphere, so its outline is a rectangle or a circle and no ray
-fan can miss a corner.
+Every solid in the models is an upright box, cylinder or sphere, so its outline is a rectangle or a circle. Exact
+distances miss no corner, unlike a fan of rays.
 """
 
 import math
@@ -36,7 +36,7 @@ class Rectangle(NamedTuple):
     half_y_m: float
 
     def corners_m(self) -> list[tuple[float, float]]:
-        """Its four corners, counter-clockwise."""
+        """Return the four corners, counter-clockwise."""
         cos_yaw, sin_yaw = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         return [
             (self.x_m + u * cos_yaw - v * sin_yaw, self.y_m + u * sin_yaw + v * cos_yaw)
@@ -53,14 +53,14 @@ Outline = Circle | Rectangle
 
 
 class Standing(NamedTuple):
-    """Something that stands on the floor."""
+    """A named object on the floor, with its outline."""
 
     name: str
     outline: Outline
 
 
 class Nearest(NamedTuple):
-    """What is nearest to a hull: how far in m, negative by how deep the two overlap, and its name."""
+    """The object nearest to a hull: its distance in m, negative by the depth of an overlap, and its name."""
 
     distance_m: float
     name: str
@@ -70,16 +70,16 @@ NOTHING = Nearest(math.inf, "")
 
 
 def way_out_m(hull: Outline, x_m: float, y_m: float, angles_rad: Floats) -> Floats:
-    """How far rays from a point go until they have left a hull that is centred on the origin, shape (n,).
+    """Return the distances [m] at which rays from a point leave a hull, shape (n,).
 
     Args:
-        hull: Its pose does not matter.
-        x_m: Of the point, in the hull's frame.
-        y_m: Likewise.
-        angles_rad: (n,) where the rays go, in that frame.
+        hull: The hull; its pose is ignored.
+        x_m: Position of the point, in the hull's frame.
+        y_m: Position of the point, in the hull's frame.
+        angles_rad: (n,) directions of the rays, in the hull's frame.
 
     Returns:
-        0 for a ray that does not meet the hull.
+        The distances; 0 for a ray that misses the hull.
     """
     cos, sin = np.cos(angles_rad), np.sin(angles_rad)
     if isinstance(hull, Circle):
@@ -90,14 +90,14 @@ def way_out_m(hull: Outline, x_m: float, y_m: float, angles_rad: Floats) -> Floa
     for at_m, slope, half_m in ((x_m, cos, hull.half_x_m), (y_m, sin, hull.half_y_m)):
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             edges_m = np.stack(((-half_m - at_m) / slope, (half_m - at_m) / slope))
-        # A ray on an edge, and along it: 0 / 0.
+        # A ray along an edge gives 0 / 0.
         enter_m = np.maximum(enter_m, np.where(np.isnan(edges_m), -math.inf, edges_m).min(axis=0))
         leave_m = np.minimum(leave_m, np.where(np.isnan(edges_m), math.inf, edges_m).max(axis=0))
     return np.where(enter_m <= leave_m, np.maximum(0.0, leave_m), 0.0)
 
 
 class FloorPlan:
-    """Outlines in the world frame that a hull can meet."""
+    """Outlines of objects in the world frame, for distances to a hull."""
 
     def __init__(self, standing: Iterable[Standing]) -> None:
         boxes: list[tuple[float, ...]] = []
@@ -117,7 +117,7 @@ class FloorPlan:
         self._circles = np.array(circles, dtype=np.float64).reshape(-1, 3).T.copy()
 
     def nearest(self, hull: Outline) -> Nearest:
-        """What is nearest to the hull; `NOTHING` on an empty floor."""
+        """Return the object nearest to the hull; `NOTHING` on an empty floor."""
         if not self._names:
             return NOTHING
         distances_m = self.distances_m(hull)
@@ -125,11 +125,11 @@ class FloorPlan:
         return Nearest(float(distances_m[index]), self._names[index])
 
     def overlapping(self, hull: Outline, by_m: float) -> list[str]:
-        """The names of all that overlap the hull by more than this."""
+        """Return the names of all objects that overlap the hull by more than `by_m`."""
         return [self._names[index] for index in np.flatnonzero(self.distances_m(hull) < -by_m)]
 
     def distances_m(self, hull: Outline) -> Floats:
-        """The distance to each outline, shape (outlines,), boxes before circles; negative where it overlaps."""
+        """Return the distances [m] to all outlines, shape (outlines,), rectangles before circles; negative if they overlap."""
         boxes, (x, y, radius) = self._boxes, self._circles
         if isinstance(hull, Circle):
             to_boxes = _to_rectangle(hull.x_m, hull.y_m, boxes) - hull.radius_m
@@ -143,7 +143,7 @@ class FloorPlan:
 
 
 def survey(model: mj.Model, data: mj.Data, geoms: Iterable[int]) -> tuple[list[Standing], list[int]]:
-    """The outlines of geoms at the poses of the last step, and the geoms that have none: tilted or of another shape."""
+    """Return the outlines of geoms at the poses of the last step, and the geoms without one: tilted or of another shape."""
     standing: list[Standing] = []
     others: list[int] = []
     for geom in geoms:
@@ -156,7 +156,7 @@ def survey(model: mj.Model, data: mj.Data, geoms: Iterable[int]) -> tuple[list[S
 
 
 def outline_of(model: mj.Model, data: mj.Data, geom: int) -> Outline | None:
-    """What a geom looks like from above, if that is a circle or a rectangle."""
+    """Return the outline of a geom from above if it is a circle or a rectangle, else None."""
     x_m, y_m, _ = data.geom_xpos[geom].tolist()
     rotation = data.geom_xmat[geom].tolist()
     half_x_m, half_y_m, _ = model.geom_size[geom].tolist()
@@ -170,7 +170,7 @@ def outline_of(model: mj.Model, data: mj.Data, geom: int) -> Outline | None:
 
 
 def _to_rectangle(x_m: float | Floats, y_m: float | Floats, rectangles: Floats) -> Floats:
-    """From points to rectangles, negative inside; the shapes are broadcast."""
+    """Return the distances from points to rectangles, negative inside; the shapes are broadcast."""
     x, y, cos_yaw, sin_yaw, half_x, half_y = rectangles
     dx, dy = x_m - x, y_m - y
     beyond_x = np.abs(cos_yaw * dx + sin_yaw * dy) - half_x
@@ -180,10 +180,10 @@ def _to_rectangle(x_m: float | Floats, y_m: float | Floats, rectangles: Floats) 
 
 
 def _between_rectangles(own: Floats, others: Floats) -> Floats:
-    """From one rectangle, shape (6, 1), to others, shape (6, n).
+    """Return the distances from one rectangle, shape (6, 1), to others, shape (6, n).
 
-    Two convex outlines that are apart are nearest at a corner of one of them; two that overlap do so by the least
-    that any of their four axes shows (the separating axis theorem).
+    The nearest points of two separate convex outlines include a corner of one of them. The depth of an overlap is the
+    smallest overlap along any of the four axes (separating axis theorem).
     """
     x, y, cos_yaw, sin_yaw, half_x, half_y = others
     own_x, own_y, own_cos, own_sin, own_half_x, own_half_y = own
@@ -210,7 +210,7 @@ def _between_rectangles(own: Floats, others: Floats) -> Floats:
 
 
 def _corners(rectangles: Floats) -> tuple[Floats, Floats]:
-    """The x and y of the corners of n rectangles, each of shape (4, n)."""
+    """Return the x and y coordinates of the corners of n rectangles, each of shape (4, n)."""
     x, y, cos_yaw, sin_yaw, half_x, half_y = rectangles
     u, v = _CORNER_X * half_x, _CORNER_Y * half_y
     return x + u * cos_yaw - v * sin_yaw, y + u * sin_yaw + v * cos_yaw

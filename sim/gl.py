@@ -1,6 +1,6 @@
-"""What draws without a screen: EGL where it works, else OSMesa. MUJOCO_GL (egl, osmesa, glfw) chooses otherwise.
+"""GL context for rendering without a display: EGL if it works, else OSMesa; MUJOCO_GL (egl, osmesa, glfw) overrides.
 
-Choose before MuJoCo is imported: with a MUJOCO_GL that this machine does not have, its import fails.
+Call `choose` before MuJoCo is imported: its import fails if MUJOCO_GL names a backend that the machine does not have.
 """
 
 import ctypes
@@ -15,14 +15,14 @@ WHAT_TO_DO = "install what is needed: apt install libegl1 libegl-mesa0"
 
 
 class NoGlError(Exception):
-    """This machine cannot draw without a screen; the message says why, and what can be done."""
+    """This machine cannot render without a display; the message says why, and what to do."""
 
 
 def choose(environment: Mapping[str, str] = os.environ) -> str:
-    """Which of MuJoCo's ways to draw to take: `egl`, `osmesa` or `glfw`; nothing where it has one of its own.
+    """Return MuJoCo's GL backend: `egl`, `osmesa` or `glfw`; empty where MuJoCo uses the system's own.
 
     Raises:
-        NoGlError: There is none here, or not the one that MUJOCO_GL asks for.
+        NoGlError: There is no backend, or not the one in MUJOCO_GL.
     """
     if sys.platform != "linux":
         return ""
@@ -43,23 +43,23 @@ def choose(environment: Mapping[str, str] = os.environ) -> str:
 
 
 def open_context(width: int, height: int) -> Any:  # noqa: ANN401 - MuJoCo has no types
-    """A current GL context.
+    """Create a GL context of this size in pixels and make it current.
 
     Raises:
-        NoGlError: There is none.
+        NoGlError: No context can be created.
     """
     name = choose()
     try:
         module = f"mujoco.{name}" if name else "mujoco.rendering.classic.gl_context"
         context = importlib.import_module(module).GLContext(width, height)
         context.make_current()
-    except Exception as error:  # each loader fails with an exception of its own
+    except Exception as error:  # each loader raises another type of exception
         raise NoGlError(f"{name or 'OpenGL'} does not work here ({error}); {WHAT_TO_DO}") from error
     return context
 
 
 def _has_egl_device() -> bool:
-    """Whether EGL finds a device to draw on, be it the processor: its library alone draws nothing."""
+    """Return whether EGL finds a device to render with, possibly the CPU; the library alone is not enough."""
     name = ctypes.util.find_library("EGL")
     if name is None:
         return False

@@ -1,4 +1,4 @@
-"""A hall built from its layout, as a MuJoCo spec: floor, walls, racks, goods and paint; the robot comes later."""
+"""Build a hall from its layout as a MuJoCo spec: floor, walls, racks, goods and paint, without the robot."""
 
 import math
 import random
@@ -42,7 +42,7 @@ _LOADS = {
 
 
 def spec_of(layout: Layout) -> mj.Spec:
-    """The hall, with a site named `robot_start`; every solid is named as a person would call it."""
+    """Return the hall as a MuJoCo spec with a site named `robot_start`; all solids have readable names."""
     builder = _Builder(layout)
     builder.shell()
     for racks in layout.racks:
@@ -56,7 +56,7 @@ def spec_of(layout: Layout) -> mj.Spec:
 
 
 def attach(spec: mj.Spec, path: Path, name: str, place_m: Sequence[float], yaw_rad: float = 0.0) -> None:
-    """Adds the one body of a model file under a name of its own; its first solid is called the same."""
+    """Add the only body of a model file under `name`; its first solid gets the same name."""
     child = mj.load_spec(path)
     frame = spec.worldbody.add_frame(pos=place_m, quat=_quat(yaw_rad))
     body = frame.attach_body(child.body(path.stem), f"{name}/", "")
@@ -75,7 +75,7 @@ class _Builder:
         self._solid, self._goods = self.spec.find_default("solid"), self.spec.find_default("goods")
 
     def shell(self) -> None:
-        """Floor, walls with a painted band, doors, and where the robot starts."""
+        """Add the floor, the walls with a painted band, the doors and the robot's start."""
         layout, spec = self._layout, self.spec
         (size_x_m, size_y_m), height_m = layout.hall.size_m, layout.hall.wall_m
         x_m, y_m = 0.5 * size_x_m, 0.5 * size_y_m
@@ -150,7 +150,7 @@ class _Builder:
         self._add_goods((0.28, half_y_m - 0.03, high_m), (-0.26, 0, top_m + high_m), top, body)
 
     def things(self) -> None:
-        """What is the same wherever it stands: barrels, columns, docks and lamps."""
+        """Add barrels, columns, docks and lamps."""
         layout = self._layout
         for number, barrel in enumerate(layout.barrels, 1):
             self._world.add_geom(
@@ -189,7 +189,7 @@ class _Builder:
             self._add_goods((half_m, 0.5 * line.width_m, _PAINT_M), place_m, line.colour, yaw_deg=yaw_deg)
 
     def _fill(self, body: object, shelf_m: float, filled: float) -> None:
-        """Boxes side by side on one shelf, some with another on top."""
+        """Add boxes side by side on one shelf, some with another box on top."""
         pick, half_depth_m = self._random, _SHELF_HALF_M[1]
         x_m = -_SHELF_HALF_M[0]
         while True:
@@ -210,7 +210,7 @@ class _Builder:
             x_m += 2 * half_x_m + self._half(0.02, 0.12)
 
     def _add_layers(self, body: object, bottom_m: float, load_m: float) -> None:
-        """The seams between layers of cartons."""
+        """Add the seams between layers of cartons."""
         half_x_m, half_y_m = _PALLET_M
         layers = max(2, round(load_m / 0.3))
         for layer in range(1, layers):
@@ -234,7 +234,7 @@ class _Builder:
         material: str,
         thin_m: float,
     ) -> None:
-        """A panel on the wall towards (u, v)."""
+        """Add a panel to the wall in the direction (u, v)."""
         x_m, y_m = (0.5 * size for size in self._layout.hall.size_m)
         size_m = (thin_m, half_width_m, half_height_m) if u else (half_width_m, thin_m, half_height_m)
         place_m = (u * x_m, at_m, z_m) if u else (at_m, v * y_m, z_m)

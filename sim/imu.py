@@ -1,4 +1,4 @@
-"""What an inertial measurement unit makes of the body's motion. Pure but for a seeded generator."""
+"""An inertial measurement unit with noise. Pure except for a seeded generator."""
 
 import math
 from dataclasses import dataclass
@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 Axes = tuple[float, float, float]
-"""Along x ahead, y left, z up of the sensor."""
+"""Components along the sensor's axes: x forward, y left, z up."""
 
 
 @dataclass(frozen=True, slots=True)
 class ImuConfig:
-    """The noise of each reading, as a standard deviation on each axis.
+    """Noise of each reading, as standard deviation on each axis.
 
     Raises:
         ValueError: A value is negative or not finite.
@@ -29,7 +29,7 @@ class ImuConfig:
 
 
 class Motion(NamedTuple):
-    """One reading."""
+    """One reading of the unit."""
 
     gyro_rad_s: Axes
     accel_m_s2: Axes
@@ -45,7 +45,7 @@ class Imu:
         self._scale = np.repeat((self.config.gyro_noise_rad_s, self.config.accel_noise_m_s2), 3)
 
     def read(self, gyro_rad_s: Axes, accel_m_s2: Axes) -> Motion:
-        """What the sensor says of this true motion."""
+        """Return the sensor's reading for a true motion."""
         noise = (self._scale * self._random.standard_normal(6)).tolist()
         gx, gy, gz = gyro_rad_s
         ax, ay, az = accel_m_s2

@@ -1,6 +1,7 @@
-"""What stands where in a hall: a TOML file, read strictly. No geometry is made here; `scene` builds from it.
+"""Layout of a hall: a strictly checked TOML file. This module creates no geometry; `scene` builds the hall.
 
-Lengths in m, yaw in degrees, counter-clockwise from x. The hall's middle is the origin; its walls stand outside its size.
+Lengths are in m, yaw in degrees, counter-clockwise from x. The origin is the centre of the hall. The walls stand outside
+its size.
 """
 
 import tomllib
@@ -16,18 +17,18 @@ LAYOUTS = Path(__file__).with_name("layouts")
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Place = Annotated[list[Finite], Field(min_length=2, max_length=2)]
-"""x and y."""
+"""x and y [m]."""
 
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 _-]*$", max_length=32)]
 
 
 _A_LIST = Field(strict=False)
-"""TOML knows no tuples."""
+"""TOML has no tuples."""
 
 
 class LayoutError(ValueError):
-    """The layout is refused; the message says why, and what can be done."""
+    """The layout is refused; the message says why, and what to do."""
 
 
 class Section(BaseModel):
@@ -37,14 +38,14 @@ class Section(BaseModel):
 
 
 class Hall(Section):
-    """The floor between the walls, along x and y."""
+    """Size of the floor between the walls, along x and y."""
 
     size_m: Annotated[list[Annotated[float, Field(ge=2, le=200)]], Field(min_length=2, max_length=2)]
     wall_m: Positive = 3.0
 
 
 class Start(Section):
-    """Where the robot stands at first, and after a reset."""
+    """The robot's pose at the start and after a reset."""
 
     x_m: Finite = 0.0
     y_m: Finite = 0.0
@@ -52,7 +53,7 @@ class Start(Section):
 
 
 class Thing(Section):
-    """Something at a place."""
+    """An object at a place."""
 
     x_m: Finite
     y_m: Finite
@@ -60,23 +61,23 @@ class Thing(Section):
 
 
 class Racks(Thing):
-    """A row of bays of 2.7 m × 0.9 m, side by side; the place is the row's middle."""
+    """A row of rack bays of 2.7 m × 0.9 m; the place is the centre of the row."""
 
     name: Name
     bays: Annotated[int, Field(ge=1, le=20)] = 1
     filled: Annotated[float, Field(ge=0, le=1)] = 0.9
-    """How much of the shelves has goods on it."""
+    """Share of the shelves with goods."""
 
 
 class Pallet(Thing):
-    """1.2 m × 0.8 m."""
+    """A pallet of 1.2 m × 0.8 m."""
 
     load: Literal["carton", "crate", "wrap", "stack"] = "carton"
     load_m: Annotated[float, Field(ge=0.3, le=2.0)] = 0.8
 
 
 class Barrel(Section):
-    """0.58 m across."""
+    """A barrel with a diameter of 0.58 m."""
 
     x_m: Finite
     y_m: Finite
@@ -93,7 +94,7 @@ class Door(Section):
 
 
 class Line(Section):
-    """Paint on the floor."""
+    """A line painted on the floor."""
 
     from_m: Place
     to_m: Place
@@ -103,7 +104,7 @@ class Line(Section):
 
 
 class MoverSection(Section):
-    """Someone or something that moves by itself."""
+    """A person or forklift that moves along waypoints."""
 
     name: Name
     kind: Literal["person", "forklift"]
@@ -133,7 +134,7 @@ class MoverSection(Section):
 
 
 class Layout(Section):
-    """One hall and what is in it."""
+    """One hall and its contents."""
 
     hall: Hall
     start: Start = Start()
@@ -158,18 +159,18 @@ class Layout(Section):
 
 
 def known() -> list[str]:
-    """The layouts that come with the simulation."""
+    """Return the names of the included layouts."""
     return sorted(path.stem for path in LAYOUTS.glob("*.toml"))
 
 
 def read_layout(path: Path) -> Layout:
-    """Reads a layout file.
+    """Read a layout file.
 
     Raises:
-        LayoutError: The file cannot be read, is not TOML, or has a key or value that makes no sense; all of them are named.
+        LayoutError: The file cannot be read, is not TOML, or has invalid keys or values; the message names all of them.
     """
     try:
-        document = tomllib.loads(path.read_text("utf-8-sig"))  # some editors begin a file with a BOM
+        document = tomllib.loads(path.read_text("utf-8-sig"))  # some editors write a BOM
     except OSError as error:
         raise LayoutError(f"it cannot be read: {error.strerror}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:

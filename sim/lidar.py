@@ -1,7 +1,7 @@
-"""A planar lidar on the robot: a fan of ranges around its own axis, in the order and with the special values of ROS.
+"""A planar lidar on the robot, with beam order and special values as in ROS.
 
-The beams are counter-clockwise in the lidar's own frame; those of a full turn start straight behind it. By REP 117, +inf is a miss, -inf is
-something too close to measure and NaN is a beam that gave no measurement. There is no noise unless it is asked for.
+The beams are counter-clockwise in the lidar's frame; a full turn starts straight behind the lidar. By REP 117, +inf is
+no return, -inf is an object too close to measure, and NaN is no measurement. By default there is no noise.
 """
 
 import math
@@ -16,17 +16,17 @@ from sim.lidar_geometry import LidarConfig
 
 Ranges = NDArray[np.float32]
 
-# The models put whatever stands in the beams' plane, and nothing of the robot, into this geom group.
+# In the models, this geom group has all objects in the plane of the beams, without the robot.
 SOLID_GROUP = 1
 
 
 class Lidar:
-    """Casts the beams into a MuJoCo world.
+    """Simulates a lidar by ray casting in a MuJoCo world.
 
     Args:
         model: The world.
         config: The lidar's geometry and errors.
-        seed: Of noise and dropout; the same seed makes the same scans.
+        seed: Seed of noise and dropout; the same seed gives the same scans.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class Lidar:
 
     @property
     def noise_state(self) -> Mapping[str, Any]:
-        """The generator's state, for a snapshot; setting it repeats the noise from there."""
+        """State of the noise generator, for a snapshot; setting it repeats the noise that followed."""
         return self._random.bit_generator.state
 
     @noise_state.setter
@@ -55,7 +55,7 @@ class Lidar:
         self._random.bit_generator.state = state
 
     def scan(self, data: mj.Data, x_m: float, y_m: float, yaw_rad: float) -> Ranges:
-        """The ranges seen while the robot is at a pose of the world, in m, shape (beams,), a new array each time."""
+        """Return the ranges [m] with the robot at a pose in the world, shape (beams,), in a new array."""
         config = self.config
         cos_robot, sin_robot = math.cos(yaw_rad), math.sin(yaw_rad)
         self._origin[0] = x_m + cos_robot * config.x_m - sin_robot * config.y_m

@@ -1,4 +1,4 @@
-"""`[[sim.lidars]]` of robot.toml: each lidar of a robot that has several, or one that is not on its axis."""
+"""The section `[[sim.lidars]]` of robot.toml, for a robot with several lidars or with a lidar off its axis."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -13,7 +13,7 @@ from wire.quantities import Angle, Beams, Between
 
 MAX_LIDARS = 4
 MAX_MOUNT_M = 2.0
-"""From the robot's centre, along each axis; our largest hull reaches 0.36 m."""
+"""Maximum distance from the robot's centre along each axis; the largest hull in the models reaches 0.36 m."""
 MAX_RANGE_M = 1000.0
 
 
@@ -62,7 +62,7 @@ class SimLidarSection(Section):
 
 
 def conflicts_of_lidars(lidars: Sequence[SimLidarSection]) -> Iterator[Conflict]:
-    """Why they cannot be told apart, or the first one is not where everybody looks for it."""
+    """Yield a conflict if two lidars share a name or topic, or if the first lidar is not on the topic `scan`."""
     if lidars[0].topic != topics.SCAN.key:
         message = f'the first lidar\'s topic must be "{topics.SCAN.key}"'
         yield Conflict(("lidars", 0, "topic"), lidars[0].topic, message)

@@ -1,4 +1,4 @@
-"""What a lidar with faults makes of what it sees. Pure but for a seeded generator: ranges in, ranges out."""
+"""Apply sensor faults to a lidar's ranges. Pure except for a seeded generator: ranges in, ranges out."""
 
 import math
 from collections.abc import Sequence
@@ -13,23 +13,23 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 EDGE_RAD = 1e-9
-"""A beam on a sector's very edge is in it, however its angle was rounded."""
+"""Tolerance for rounding, so that a beam exactly on a sector's edge is inside the sector."""
 NEAR_M = 2.0
-"""Only an object that returns from nearer than this may be missing."""
+"""Only an object nearer than this can be missing."""
 SAME_OBJECT_M = 0.15
-"""Two neighbouring beams whose ranges differ by no more than this have met the same object."""
+"""Two neighbouring beams whose ranges differ by no more than this hit the same object."""
 STRAY_M = 0.3
-"""A stray reading is so near to the hull, at most."""
+"""Maximum distance of a stray reading from the hull."""
 
 
 class FaultyLidar:
     """One lidar and its faults.
 
     Args:
-        angles_rad: (n,) the beams' directions in the lidar's frame, counter-clockwise.
-        way_out_m: (n,) how far each goes until it has left the robot's hull.
+        angles_rad: (n,) angles of the beams in the lidar's frame, counter-clockwise.
+        way_out_m: (n,) distance at which each beam leaves the robot's hull.
         range_min_m: the shortest distance that it measures.
-        seed: of what happens by chance; the same seed and scans make the same faults.
+        seed: seed of random faults; the same seed and scans give the same faults.
     """
 
     def __init__(
@@ -40,15 +40,15 @@ class FaultyLidar:
         self._frozen: Ranges | None = None
 
     def thaw(self) -> None:
-        """Other faults are in force: what froze is no longer."""
+        """Discard the frozen scan, because other faults are now active."""
         self._frozen = None
 
     def spoil(self, faults: LidarFaults, ranges: Ranges) -> Ranges:
-        """A scan with these faults; the first one after a freeze stays.
+        """Return a scan with these faults; with a freeze, the first scan is repeated.
 
         Args:
-            faults: those in force; what concerns the time of the scans is not done here.
-            ranges: (n,) in m; they are not changed.
+            faults: the active faults; those that concern the timing of scans are not applied here.
+            ranges: (n,) in m; not modified.
         """
         if self._frozen is None:
             ranges = self._seen(faults, ranges)
@@ -77,9 +77,9 @@ class FaultyLidar:
 
 
 def nearest_object(ranges: Ranges, angles_rad: Floats) -> Mask:
-    """Which beams, shape (n,), have met what returned from nearest; none if nothing did from within `NEAR_M`.
+    """Return a mask (n,) of the beams that hit the nearest object; all false if none is within `NEAR_M`.
 
-    An object is what neighbouring beams meet without a step in depth. What is too close to measure is met at 0.
+    An object consists of neighbouring beams without a step in range. An object too close to measure has the range 0.
     """
     distance_m = np.where(np.isnan(ranges), np.inf, np.maximum(ranges, 0.0))
     nearest = int(np.argmin(distance_m))
@@ -87,7 +87,7 @@ def nearest_object(ranges: Ranges, angles_rad: Floats) -> Mask:
     if not near[nearest]:
         return near
     depth_m = np.where(near, distance_m, 0.0)
-    # Whether each beam has met the same as the one after it; the last one's is the first, in a full turn.
+    # Whether each beam hits the same object as the next beam; in a full turn, the first beam follows the last.
     joined = near & np.roll(near, -1) & (np.abs(np.roll(depth_m, -1) - depth_m) <= SAME_OBJECT_M)
     joined[-1] &= _is_full_turn(angles_rad)
     things = np.concatenate(((0,), np.cumsum(~joined[:-1])))
@@ -97,7 +97,7 @@ def nearest_object(ranges: Ranges, angles_rad: Floats) -> Mask:
 
 
 def _is_full_turn(angles_rad: Floats) -> bool:
-    """Whether the first beam follows the last one as each follows the one before."""
+    """Return whether the beams cover a full turn, so that the first beam is next to the last."""
     count = len(angles_rad)
     return count > 1 and math.isclose(
         (angles_rad[-1] - angles_rad[0]) * count / (count - 1), math.tau, rel_tol=1e-6
@@ -105,7 +105,7 @@ def _is_full_turn(angles_rad: Floats) -> bool:
 
 
 def _behind(sector: Sector, angles_rad: Floats) -> Mask:
-    """The beams in a sector; one that is as wide as a turn has all of them."""
+    """Return a mask of the beams in a sector; a sector as wide as a full turn contains all beams."""
     width_rad = sector.end_rad - sector.start_rad
     if width_rad < 0.0:
         width_rad %= math.tau

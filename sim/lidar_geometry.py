@@ -7,30 +7,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 MAX_BEAMS = 65_536
-"""As many as one message may carry."""
+"""Maximum number of beams in one message."""
 
 
 @dataclass(frozen=True, slots=True)
 class LidarConfig:
-    """A lidar's place, geometry and errors.
+    """A lidar's mount, geometry and errors.
 
     Attributes:
-        beams: Beams of one scan, spread over the span.
-        span_rad: Angle of view, centred on the lidar's axis. The first and the last beam are on its edges; those of a full turn,
-            whose edges are one, are one increment apart.
-        height_m: The plane of the beams above the floor.
-        range_min_m: What is closer is too close to measure.
-        range_max_m: What is farther is missed.
+        beams: Number of beams in a scan, spread over the span.
+        span_rad: Field of view, centred on the lidar's axis. The first and the last beam are on its edges; in a full
+            turn, they are one increment apart.
+        height_m: Height of the plane of the beams above the floor.
+        range_min_m: Closer objects are too close to measure.
+        range_max_m: Objects farther away give no return.
         noise_std_m: Standard deviation of each range.
-        dropout: Share of the beams that give no measurement, others in each scan.
-        x_m: Where it is mounted, ahead of the robot's centre.
-        y_m: And to the left of it.
-        yaw_rad: Where its axis points, counter-clockwise from straight ahead.
+        dropout: Share of the beams without a measurement, chosen anew for each scan.
+        x_m: Mount, forward of the robot's centre.
+        y_m: Mount, to the left of the robot's centre.
+        yaw_rad: Direction of its axis, counter-clockwise from straight ahead.
         name: Its frame.
         topic: The relative key of its scans.
 
     Raises:
-        ValueError: A value makes no sense, by name.
+        ValueError: A value is invalid; the message names it.
     """
 
     beams: int = 360
@@ -74,12 +74,12 @@ class LidarConfig:
 
     @property
     def angle_max_rad(self) -> float:
-        """The last beam's angle; one increment short of a full turn."""
+        """Angle of the last beam; in a full turn, one increment before the first beam."""
         return self.angle_min_rad + (self.beams - 1) * self.angle_increment_rad
 
     @property
     def angles_rad(self) -> NDArray[np.float64]:
-        """Every beam's angle, shape (beams,)."""
+        """Return the angles of all beams in the lidar's frame, shape (beams,)."""
         return self.angle_min_rad + self.angle_increment_rad * np.arange(self.beams, dtype=np.float64)
 
     @property

@@ -1,4 +1,4 @@
-"""From the robot's state to the messages of a real base. Headers carry the wall clock, for people and recordings."""
+"""Convert the robot's state to the messages of a real base. Headers have wall-clock stamps, for people and recordings."""
 
 import numpy as np
 
@@ -22,21 +22,21 @@ from wire.messages import (
 )
 
 PLANAR = (0, 1, 5)
-"""x, y and yaw among x, y, z, roll, pitch, yaw."""
+"""Indices of x, y and yaw among x, y, z, roll, pitch, yaw."""
 SPEEDS = (0, 5)
-"""v and ω among the six of a twist."""
+"""Indices of v and ω among the six components of a twist."""
 HELD_BY_THE_FLOOR = 1e-6
-"""The variance of what a planar robot does not do; zero would read as unknown."""
+"""Variance of the components that are zero for a planar robot; zero would mean unknown."""
 
 
 def to_scan(ranges: Ranges, lidar: LidarConfig, period_s: float, reach_m: float | None = None) -> LaserScan:
-    """A scan that was taken at one moment, `period_s` of simulated time after the one before, in the lidar's frame.
+    """Return a scan in the lidar's frame, with all readings taken at the same time.
 
     Args:
         ranges: (beams,) in m.
-        lidar: which took it.
-        period_s: as above.
-        reach_m: the longest range of now; None: the configured one.
+        lidar: the lidar's configuration.
+        period_s: simulated time since the previous scan.
+        reach_m: the present maximum range; None: the configured one.
     """
     message = laser_scan(
         ranges,
@@ -50,7 +50,7 @@ def to_scan(ranges: Ranges, lidar: LidarConfig, period_s: float, reach_m: float 
 
 
 def to_odometry(reckoning: Reckoning) -> Odometry:
-    """Wheel odometry: the pose in `odom`, the twist in `base_link`."""
+    """Return wheel odometry: the pose in `odom`, the twist in `base_link`."""
     message = odometry(reckoning[:3], reckoning[3:5])
     message.pose.covariance = _covariance(reckoning.pose_covariance, PLANAR)
     message.twist.covariance = _covariance(reckoning.twist_covariance, SPEEDS)
@@ -58,14 +58,14 @@ def to_odometry(reckoning: Reckoning) -> Odometry:
 
 
 def to_truth(pose: Pose, velocity: Twist) -> Odometry:
-    """Where the robot is in the world, and how it moves; its covariances are zero because it is so."""
+    """Return the robot's true pose in the world and its true velocity; covariances are zero because they are exact."""
     message = odometry(pose, velocity)
     message.header.frame_id = "world"
     return message
 
 
 def to_imu(motion: Motion, config: ImuConfig) -> Imu:
-    """Rates and specific force in the frame `imu`; no orientation, which the first covariance says with -1."""
+    """Return rates and specific force in the frame `imu`, without orientation: its first covariance element is -1."""
     unknown = np.zeros(9)
     unknown[0] = -1.0
     return Imu(
@@ -80,13 +80,13 @@ def to_imu(motion: Motion, config: ImuConfig) -> Imu:
 
 
 def to_clock(time_s: float) -> Clock:
-    """Simulated time."""
+    """Return simulated time as a message."""
     seconds, nanoseconds = divmod(round(time_s * 1e9), 1_000_000_000)
     return Clock(Time(seconds, nanoseconds))
 
 
 def _covariance(known: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
-    """(36,) row by row, from the covariance of some of the axes."""
+    """Return the 6 × 6 covariance, row by row as (36,), from the covariance of some of the axes."""
     full = np.diag(np.full(6, HELD_BY_THE_FLOOR))
     full[np.ix_(axes, axes)] = known
     return full.reshape(-1)

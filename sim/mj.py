@@ -1,6 +1,6 @@
-"""MuJoCo, with types: the one file that imports it, because it ships none that a strict checker can read.
+"""MuJoCo with types: the only file that imports it, because MuJoCo has no types that a strict checker can read.
 
-Shapes are MuJoCo's: nq positions, nv velocities, nu controls; lengths in m, angles in rad, world frame.
+Array shapes are MuJoCo's: nq positions, nv velocities, nu controls; lengths in m, angles in rad, world frame.
 """
 
 import importlib
@@ -19,24 +19,24 @@ Ints = NDArray[np.int32]
 
 
 class Shape(IntEnum):
-    """The geom types that we build with."""
+    """The geom types in use."""
 
     PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
     SPHERE = int(mujoco.mjtGeom.mjGEOM_SPHERE)
     ELLIPSOID = int(mujoco.mjtGeom.mjGEOM_ELLIPSOID)
     CYLINDER = int(mujoco.mjtGeom.mjGEOM_CYLINDER)
     BOX = int(mujoco.mjtGeom.mjGEOM_BOX)
-    TRIANGLE = int(mujoco.mjtGeom.mjGEOM_TRIANGLE)  # to be looked at only
+    TRIANGLE = int(mujoco.mjtGeom.mjGEOM_TRIANGLE)  # visual only
 
 
 FAR_M = 100.0
-"""Distances beyond this are of no interest."""
+"""Distances beyond this are not computed."""
 
 ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
 
 
 class Model(Protocol):
-    """What we use of `mujoco.MjModel`."""
+    """The attributes of `mujoco.MjModel` in use."""
 
     ngeom: int
     nbody: int
@@ -67,11 +67,11 @@ class Model(Protocol):
 
 
 Camera = Any
-"""An `MjvCamera`, or the name of one of a model's own."""
+"""An `MjvCamera`, or the name of a camera in the model."""
 
 
 class Data(Protocol):
-    """What we use of `mujoco.MjData`; its arrays are views that stay valid, so keep them."""
+    """The attributes of `mujoco.MjData` in use; its arrays are views that stay valid and can be kept."""
 
     time: float
     qpos: Floats
@@ -86,23 +86,23 @@ class Data(Protocol):
 
 
 Spec = Any
-"""A `mujoco.MjSpec`: a model that can still be changed."""
+"""A `mujoco.MjSpec`: a model before compilation."""
 
 
 def load_spec(path: Path) -> Spec:
-    """Reads an MJCF file, with what it includes.
+    """Read an MJCF file and the files that it includes.
 
     Raises:
-        ValueError: The file is no valid MJCF.
+        ValueError: The file is not valid MJCF.
     """
     return mujoco.MjSpec.from_file(str(path))
 
 
 def compile_spec(spec: Spec) -> Model:
-    """Makes the model that can be simulated.
+    """Compile a spec to a model that can be simulated.
 
     Raises:
-        ValueError: What is in the spec does not fit together.
+        ValueError: The spec is inconsistent.
     """
     try:
         return spec.compile()
@@ -111,12 +111,12 @@ def compile_spec(spec: Spec) -> Model:
 
 
 def one_line(error: Exception) -> str:
-    """What an exception says, without its line breaks."""
+    """Return the message of an exception without line breaks."""
     return " ".join(str(error).split()).removeprefix("Error: ")
 
 
 def load_string(xml: str) -> Model:
-    """Compiles MJCF text, for tests."""
+    """Compile MJCF text, for tests."""
     return mujoco.MjModel.from_xml_string(xml)
 
 
@@ -145,7 +145,7 @@ def sensor_id(model: Model, name: str) -> int:
 
 
 def geom_label(model: Model, geom: int) -> str:
-    """What a person calls a geom: by its own name, or by its body's, or by its number."""
+    """Return a readable name of a geom: its own name, else its body's, else its number."""
     for kind, index in (("geom", geom), ("body", int(model.geom_bodyid[geom]))):
         name: str | None = mujoco.mj_id2name(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), index)
         if name and name != "world":
@@ -161,7 +161,7 @@ def _id(model: Model, kind: str, name: str) -> int:
 
 
 def reset(model: Model, data: Data) -> None:
-    """Back to the first keyframe, or to the model's own poses where there is none."""
+    """Reset the data to the first keyframe, or to the model's default poses if there is none."""
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
     else:
@@ -169,12 +169,12 @@ def reset(model: Model, data: Data) -> None:
 
 
 def forward(model: Model, data: Data) -> None:
-    """Makes everything derived (poses, contacts, sensors) agree with the positions."""
+    """Update all derived quantities (poses, contacts, sensors) from the positions."""
     mujoco.mj_forward(model, data)
 
 
 def kinematics(model: Model, data: Data) -> None:
-    """Makes the poses of bodies and geoms agree with the positions."""
+    """Update the poses of bodies and geoms from the positions."""
     mujoco.mj_kinematics(model, data)
 
 
@@ -182,14 +182,14 @@ _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 
 
 def get_state(model: Model, data: Data) -> Floats:
-    """All that the next step depends on: time, positions, velocities, controls, mocap poses, warm start."""
+    """Return the full integration state: time, positions, velocities, controls, mocap poses, warm start."""
     state = np.empty(mujoco.mj_stateSize(model, _STATE))
     mujoco.mj_getState(model, data, state, _STATE)
     return state
 
 
 def set_state(model: Model, data: Data, state: Floats) -> None:
-    """Puts back what `get_state` gave, and makes the poses of bodies and geoms agree with it."""
+    """Restore a state from `get_state`, and update the poses of bodies and geoms."""
     mujoco.mj_setState(model, data, state, _STATE)
     mujoco.mj_kinematics(model, data)
 
@@ -200,13 +200,13 @@ geom_distance = mujoco.mj_geomDistance
 
 
 def reach_m(model: Model, data: Data) -> float:
-    """How far along x or y the solid things reach from the origin; what is far below the floor does not count."""
+    """Return the largest extent [m] of the solids along x or y from the origin, without those far below the floor."""
     near = (np.abs(data.geom_xpos[:, 2]) < FAR_M / 2) & (model.geom_rbound < FAR_M)
     return float((np.abs(data.geom_xpos[near, :2]) + model.geom_rbound[near, None]).max(initial=1.0))
 
 
 def camera_names(model: Model) -> list[str]:
-    """The cameras that a model brings."""
+    """Return the names of the model's cameras."""
     names = (mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_CAMERA, camera) for camera in range(model.ncam))
     return [name for name in names if name]
 
@@ -214,7 +214,7 @@ def camera_names(model: Model) -> list[str]:
 def free_camera(
     look_at_m: tuple[float, float, float], distance_m: float, azimuth_deg: float, elevation_deg: float
 ) -> Camera:
-    """A camera that looks at a point of the world."""
+    """Return a camera that looks at a point in the world."""
     camera = mujoco.MjvCamera()
     camera.lookat[:] = look_at_m
     camera.distance, camera.azimuth, camera.elevation = distance_m, azimuth_deg, elevation_deg
@@ -222,7 +222,7 @@ def free_camera(
 
 
 def fixed_camera(model: Model, name: str) -> Camera:
-    """One of a model's own cameras."""
+    """Return a camera of the model."""
     camera = mujoco.MjvCamera()
     camera.type = int(mujoco.mjtCamera.mjCAMERA_FIXED)
     camera.fixedcamid = _id(model, "camera", name)
@@ -230,7 +230,7 @@ def fixed_camera(model: Model, name: str) -> Camera:
 
 
 def add_geom(scene: Any, shape: Shape, size: Floats, emission: float) -> None:  # noqa: ANN401 - untyped there
-    """Appends something to be looked at to an `MjvScene`; it casts no shadow."""
+    """Append a visual geom without shadow to an `MjvScene`."""
     geom = scene.geoms[scene.ngeom]
     mujoco.mjv_initGeom(geom, shape, size, np.zeros(3), np.eye(3).ravel(), np.ones(4, np.float32))
     geom.emission, geom.castshadow = emission, False
@@ -238,23 +238,23 @@ def add_geom(scene: Any, shape: Shape, size: Floats, emission: float) -> None:  
 
 
 class GeomArrays:
-    """The geoms of an `MjvScene` as arrays, for writing: one by one takes a hundred times as long.
+    """The geoms of an `MjvScene` as writable arrays; writing them one by one takes a hundred times as long.
 
-    MuJoCo keeps them side by side in one block for as long as the scene lives.
+    MuJoCo keeps them contiguous in memory during the lifetime of the scene.
 
     Args:
         scene: The scene.
         first: The first geom.
-        count: How many.
+        count: Number of geoms.
 
     Attributes:
-        pos: In m, world frame, shape (count, 3).
-        mat: Frames, shape (count, 3, 3).
-        rgba: 0 to 1, shape (count, 4).
+        pos: Positions in m, world frame, shape (count, 3).
+        mat: Rotation matrices, shape (count, 3, 3).
+        rgba: Colours, 0 to 1, shape (count, 4).
     """
 
     def __init__(self, scene: Any, first: int, count: int) -> None:  # noqa: ANN401 - untyped there
-        self._scene = scene  # whose memory this is
+        self._scene = scene  # keeps the memory alive
         geom, following = (
             scene.geoms[first],
             scene.geoms[first + 1 if first + 1 < scene.maxgeom else first - 1],

@@ -1,7 +1,7 @@
-"""People and forklifts that go their ways by themselves. Pure: where one is follows from how long it has walked.
+"""People and forklifts that move along waypoints. Pure: the position is a function of the time in motion.
 
-A way leads through waypoints, at a constant speed, with a pause at each. A loop goes on from the last waypoint to the
-first; any other way goes there and back: a person turns round for it, a forklift backs up.
+A path leads through waypoints at a constant speed, with a pause at each. A loop continues from the last waypoint to the
+first. Any other path is traversed back and forth: a person turns around, a forklift reverses.
 """
 
 import bisect
@@ -21,20 +21,20 @@ _TURN_STEP_RAD = math.radians(15.0)
 
 
 class MoverKind(StrEnum):
-    """Each has a model of this name."""
+    """Kind of a mover; each kind has a model of the same name."""
 
     PERSON = "person"
     FORKLIFT = "forklift"
 
 
 class Body(NamedTuple):
-    """How much floor a kind takes, in its own frame: from its rear to its front, and to either side."""
+    """Footprint of a kind in its own frame: x of its rear and of its front, and half its width."""
 
     rear_m: float
     front_m: float
     half_width_m: float
     yields_m: float
-    """How far ahead it looks by default."""
+    """Default distance ahead within which it waits for an obstacle."""
 
 
 BODIES = {
@@ -44,7 +44,7 @@ BODIES = {
 
 
 class Placed(NamedTuple):
-    """Where a mover is in the world, and which way it goes: 1 ahead, -1 backwards, 0 while it stands."""
+    """Pose of a mover in the world, and its direction of motion: 1 forward, -1 backward, 0 at rest."""
 
     x_m: float
     y_m: float
@@ -53,7 +53,7 @@ class Placed(NamedTuple):
 
 
 class _Leg(NamedTuple):
-    """A piece of the way: either a straight line at constant yaw, or a turn on the spot."""
+    """A segment of the path: either a straight line at constant yaw, or a turn on the spot."""
 
     from_m: Point
     to_m: Point
@@ -65,10 +65,10 @@ class _Leg(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """Through which places a mover goes, and how fast.
+    """The waypoints and the speed of a mover.
 
     Raises:
-        ValueError: There are less than two waypoints, two in a row at the same place, or a speed or pause makes no sense.
+        ValueError: There are fewer than two waypoints, two successive ones are equal, or a speed or pause is invalid.
     """
 
     waypoints_m: tuple[Point, ...]
@@ -91,12 +91,12 @@ class Way:
             raise ValueError(f"dwell_s must be finite and not negative, not {self.dwell_s}.")
 
     def _stops(self) -> list[Point]:
-        """The places of one round; it ends where it began."""
+        """Return the waypoints of one round; the last equals the first."""
         there = list(self.waypoints_m)
         return [*there, there[0]] if self.loop else [*there, *there[-2::-1]]
 
     def legs(self) -> list[_Leg]:
-        """One round, beginning at the first waypoint on the way to the second."""
+        """Return the segments of one round, beginning at the first waypoint toward the second."""
         lines: list[_Leg] = []
         stops = self._stops()
         for number, (a, b) in enumerate(itertools.pairwise(stops)):
@@ -113,16 +113,16 @@ class Way:
 
 
 class Mover:
-    """One thing on its way.
+    """A person or forklift on its path.
 
     Args:
-        name: By which contacts and errors call it.
-        kind: What it is.
-        way: Where it goes.
-        yields_m: It waits while something is this close ahead of it; None if it never waits.
+        name: Its name in contacts and errors.
+        kind: Person or forklift.
+        way: Its path.
+        yields_m: It waits while an obstacle is this close ahead; None: it never waits.
 
     Attributes:
-        period_s: How long one round takes when nothing is in the way.
+        period_s: Duration of one round without waiting.
     """
 
     def __init__(self, name: str, kind: MoverKind, way: Way, yields_m: float | None) -> None:
@@ -134,7 +134,7 @@ class Mover:
         self._reach_m = math.hypot(max(body.front_m, -body.rear_m), body.half_width_m) + (yields_m or 0.0)
 
     def placed(self, walked_s: float) -> Placed:
-        """Where it is after so much time on its way; waiting does not count."""
+        """Return its pose after this time in motion, excluding waiting."""
         since_s = walked_s % self.period_s
         index = bisect.bisect_right(self._ends_s, since_s)
         (x_m, y_m), (to_x_m, to_y_m), duration_s, yaw_rad, turn_rad, way = self._legs[index]
@@ -144,7 +144,7 @@ class Mover:
         )
 
     def swept(self) -> Iterator[Rectangle]:
-        """All the floor that it takes in one round: exactly on a straight line, every 15° in a turn."""
+        """Yield rectangles that cover its footprint during one round: exact on straight lines, every 15° in turns."""
         for end_s, leg in zip(self._ends_s, self._legs, strict=True):
             begin_s = end_s - leg.duration_s
             if leg.way:
@@ -159,18 +159,18 @@ class Mover:
                     yield self.footprint(self.placed(begin_s + leg.duration_s * piece / pieces))
 
     def footprint(self, placed: Placed) -> Rectangle:
-        """The floor that it takes."""
+        """Return its footprint at a pose."""
         return _rectangle(placed, *BODIES[self.kind][:3])
 
     def may_be_hindered(self, placed: Placed, x_m: float, y_m: float, radius_m: float) -> bool:
-        """Whether something within this circle might be ahead of it: quick, and never a wrong no."""
+        """Return whether an object within this circle may be in its way; a fast check without false negatives."""
         if self.yields_m is None or placed.way == 0:
             return False
         dx_m, dy_m, reach_m = x_m - placed.x_m, y_m - placed.y_m, self._reach_m + radius_m
         return dx_m * dx_m + dy_m * dy_m < reach_m * reach_m
 
     def looked_at(self, placed: Placed) -> Rectangle:
-        """The floor from its middle to where it looks ahead: what is in there is in its way."""
+        """Return the area from its centre to `yields_m` ahead; an object in this area is in its way."""
         rear_m, front_m, half_width_m, _ = BODIES[self.kind]
         yields_m = self.yields_m or 0.0
         if placed.way > 0:

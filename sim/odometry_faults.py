@@ -1,4 +1,4 @@
-"""What odometry with faults says of the way. Pure."""
+"""Apply sensor faults to odometry. Pure."""
 
 import math
 
@@ -10,27 +10,27 @@ Pose = tuple[float, float, float]
 
 
 class FaultyOdometry:
-    """Wheel odometry and its faults: ways that it counted wrongly stay in the pose when they are over."""
+    """Wheel odometry with faults; errors of the pose remain after a fault ends."""
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
-        """The odometry itself starts anew, at its origin."""
+        """Restart at the origin, together with the odometry itself."""
         self._counted: Pose = START
         self._said: Pose = START
         self._frozen: Reckoning | None = None
 
     def spoil(self, faults: SensorFaults, true: Reckoning) -> Reckoning | None:
-        """What is said in place of a reading; None: nothing.
+        """Return the reading with these faults; None if no odometry is sent.
 
         Args:
-            faults: those in force.
-            true: what the wheels counted.
+            faults: the active faults.
+            true: the reading without faults.
         """
         factor = 0.0 if faults.odom_zero else 1.0 if faults.odom_scale is None else faults.odom_scale
         if factor == 1.0 and self._said == self._counted:
-            self._said = true[:3]  # bit for bit, as long as nothing was ever wrong
+            self._said = true[:3]  # bit for bit equal as long as no fault was ever active
         else:
             self._said = _moved(self._said, self._counted, true[:3], factor)
         self._counted = true[:3]
@@ -50,7 +50,7 @@ class FaultyOdometry:
 
 
 def _moved(said: Pose, before: Pose, after: Pose, factor: float) -> Pose:
-    """A pose, moved by so many times the way and the turn between two others, as seen from the first of them."""
+    """Return the pose `said`, moved by `factor` times the displacement from `before` to `after`."""
     dx_m, dy_m, turn_rad = after[0] - before[0], after[1] - before[1], after[2] - before[2]
     angle_rad = said[2] - before[2]
     cos, sin = factor * math.cos(angle_rad), factor * math.sin(angle_rad)

@@ -1,7 +1,7 @@
-"""What is drawn into the scene around the robot: how near is too near, and what the lidars see.
+"""Overlay around the robot in the scene: stop zone, warning ring, and lidar points.
 
-The zone in which the supervisor stops has the hull's shape and the colour of the mode: green while the robot drives,
-amber while it is slowed, red while it stands. A thin ring around it is where the supervisor warns.
+The stop zone has the shape of the hull and the colour of the mode: green while the robot drives, amber while it is
+slowed, red while it is stopped. A thin ring around it shows the warning distance.
 """
 
 import math
@@ -21,31 +21,31 @@ Floats = NDArray[np.float64]
 
 SEGMENTS = 64
 _ZONE_Z_M, _RING_Z_M = 0.0035, 0.0045
-"""Above the paint on the floor, which is 2 mm thick."""
+"""Heights of zone and ring, above the paint on the floor, which is 2 mm thick."""
 _RING_HALF_M, _THIN_HALF_M, _HEIGHT_HALF_M = 0.011, 0.006, 0.0005
 _ZONE_ALPHA, _THIN_SHARE = 0.18, 0.8
 _LIT = 0.65
-"""The hall's lamps add this much of the colour again."""
+"""Share of the colour that the hall's lamps add."""
 _POINT_M = 0.016
 _FAR_RGB = (0.20, 0.95, 1.00)
 _NEAR_RGB = (1.00, 0.58, 0.05)
 _TOUCHING_RGB = (1.00, 0.10, 0.10)
 MAX_POINTS = 1024
-"""Of a lidar with more beams every second, or every third, and so on, is drawn."""
+"""Maximum number of points drawn for a lidar; with more beams, every second or third beam is drawn, and so on."""
 _TOLERANCE_M = 0.02
-"""A point this little beyond the stop distance is drawn as at it: the robot rests there."""
+"""A point beyond the stop distance by less than this is drawn as inside, because a stopped robot rests there."""
 
 
 def offset_outline(hull: Outline, distance_m: float, segments: int = SEGMENTS) -> Floats:
-    """Points all around a hull, each so far away from it, counter-clockwise, in the hull's frame.
+    """Return points around a hull at a constant distance, counter-clockwise, in the hull's frame.
 
     Args:
-        hull: Where it is does not matter.
-        distance_m: From the hull, outwards.
-        segments: How many points; a multiple of 4.
+        hull: The hull; its pose is ignored.
+        distance_m: Distance of the points from the hull.
+        segments: Number of points; a multiple of 4.
 
     Returns:
-        Shape (segments, 2).
+        The points [m], shape (segments, 2).
     """
     if isinstance(hull, Circle):
         angles_rad = math.tau * np.arange(segments) / segments
@@ -61,7 +61,7 @@ def offset_outline(hull: Outline, distance_m: float, segments: int = SEGMENTS) -
 
 
 def gaps_m(hull: Outline, points_m: Floats) -> Floats:
-    """How far points are from a hull, shape (n,); they are in its frame, shape (n, 2), and outside of it."""
+    """Return the distances (n,) [m] of points (n, 2) in the hull's frame from the hull; the points must be outside it."""
     if isinstance(hull, Circle):
         return np.hypot(points_m[:, 0], points_m[:, 1]) - hull.radius_m
     beyond_m = np.maximum(np.abs(points_m) - (hull.half_x_m, hull.half_y_m), 0.0)
@@ -69,14 +69,14 @@ def gaps_m(hull: Outline, points_m: Floats) -> Floats:
 
 
 class Overlay:
-    """Geoms of ours in a MuJoCo scene, after those that are in it when this is made.
+    """Geoms appended to a MuJoCo scene.
 
-    They are made once and moved with whole arrays: 0.1 ms for each frame, so a window costs the physics nothing.
+    They are created once and moved with array operations, which takes 0.1 ms per frame and does not slow the physics.
 
     Args:
-        scene: An `MjvScene` with room for `geoms_needed` more.
-        hull: The robot's; where it is does not matter.
-        lidars: Whose ranges will be shown.
+        scene: An `MjvScene` with room for `geoms_needed` more geoms.
+        hull: The robot's hull; its pose is ignored.
+        lidars: The lidars whose ranges are shown.
     """
 
     def __init__(self, scene: Any, hull: Outline, lidars: Sequence[LidarConfig]) -> None:  # noqa: ANN401 - untyped there
@@ -104,7 +104,7 @@ class Overlay:
         self._before_points = first + marks
 
     def update(self, x_m: float, y_m: float, yaw_rad: float, shown: Shown) -> None:
-        """Draws one moment, the robot being at this pose of the world."""
+        """Update the geoms for a pose of the robot in the world."""
         cos_yaw, sin_yaw = math.cos(yaw_rad), math.sin(yaw_rad)
         turn = np.array(((cos_yaw, -sin_yaw, 0.0), (sin_yaw, cos_yaw, 0.0), (0.0, 0.0, 1.0)))
         here_m = np.array((x_m, y_m, 0.0))
@@ -120,7 +120,7 @@ class Overlay:
         self._scene.ngeom = self._before_points + hits
 
     def _draw_points(self, first: int, fan: "_Fan", ranges: Ranges, turn: Floats, here_m: Floats) -> int:
-        """Puts a point where each beam of a lidar met something, from this point on; how many did."""
+        """Place a point at each return of a lidar, starting with the geom `first`; return the number of points."""
         ranges = ranges[:: fan.every]
         seen = np.flatnonzero(np.isfinite(ranges))
         own_m = fan.at_m[:2] + ranges[seen, None].astype(np.float64) * fan.beams[seen]
@@ -137,13 +137,13 @@ class Overlay:
 
 
 class _Fan(NamedTuple):
-    """Those beams of a lidar that are drawn, in the robot's frame."""
+    """The beams of a lidar that are drawn, in the robot's frame."""
 
     every: int
     beams: Floats
     """(n, 2) unit vectors."""
     at_m: Floats
-    """(3,) where the lidar is."""
+    """(3,): position of the lidar."""
 
 
 def _fan(lidar: LidarConfig) -> _Fan:
@@ -154,12 +154,12 @@ def _fan(lidar: LidarConfig) -> _Fan:
 
 
 def geoms_needed(lidars: Sequence[LidarConfig]) -> int:
-    """How much room a scene must have for an overlay."""
+    """Return the number of geoms that an overlay needs."""
     return 3 * SEGMENTS + sum(min(lidar.beams, MAX_POINTS) for lidar in lidars)
 
 
 def _zone(outline_m: Floats) -> tuple[Floats, Floats, Floats]:
-    """A fan of triangles from the middle: their places, frames and sizes. A triangle's sides are its frame's x and y."""
+    """Return a fan of triangles around the centre: positions, frames, sizes. Two sides of a triangle are its x and y axes."""
     ahead_m = np.roll(outline_m, -1, axis=0)
     turns = np.zeros((SEGMENTS, 3, 3))
     turns[:, :2, 0], turns[:, :2, 1], turns[:, 2, 2] = outline_m, ahead_m, 1.0
@@ -167,7 +167,7 @@ def _zone(outline_m: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _ring(outline_m: Floats, half_width_m: float) -> tuple[Floats, Floats, Floats]:
-    """Straight pieces from point to point: their places, frames and half sizes."""
+    """Return straight pieces from point to point: positions, frames and half sizes."""
     ahead_m = np.roll(outline_m, -1, axis=0)
     along_m = ahead_m - outline_m
     lengths_m = np.hypot(along_m[:, 0], along_m[:, 1])

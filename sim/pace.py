@@ -1,7 +1,7 @@
-"""Which physics step is due when: real time, a multiple of it, or a pause.
+"""Due times of the physics steps: in real time, at a multiple of it, or paused.
 
-Pure: time is an argument, in seconds of any one monotonic clock that goes on whatever the simulation does. The
-robot with its sensors lives in simulated time; whoever commands it, and the base's own watchdog, in the other.
+Pure: time is an argument, in seconds of any monotonic clock that is independent of the simulation. The robot and its
+sensors run in simulated time; its commands and the base's watchdog run in real time.
 """
 
 import math
@@ -11,38 +11,38 @@ MIN_SPEED, MAX_SPEED = 0.1, 100.0
 MAX_SINGLE_STEPS = 100_000
 
 MAX_CATCH_UP_S = 0.1
-"""A process that was held up makes up for this much; the rest of the time has not happened."""
+"""Maximum time that a delayed process catches up; the remaining delay is skipped in simulated time."""
 
 _ROUNDING_S = 1e-9
-"""A timer that comes at a step's very time finds it due."""
+"""Tolerance so that a step is due at exactly its due time."""
 
 _FORMS = f"pause, run, step N (1 to {MAX_SINGLE_STEPS}), speed FACTOR ({MIN_SPEED:g} to {MAX_SPEED:g})"
 
 
 class TimeRequestError(ValueError):
-    """What is wanted of time cannot be; the message says what can."""
+    """The request cannot be fulfilled; the message lists the possible ones."""
 
 
 class Ask(NamedTuple):
-    """How does time pass now?"""
+    """Ask for the present pace."""
 
 
 class Pause(NamedTuple):
-    """Let no time pass."""
+    """Pause the simulation."""
 
 
 class Run(NamedTuple):
-    """Let time pass again."""
+    """Continue the simulation."""
 
 
 class Step(NamedTuple):
-    """Make so many physics steps of a paused simulation."""
+    """Make a number of physics steps of a paused simulation."""
 
     steps: int
 
 
 class Speed(NamedTuple):
-    """Let so much simulated time pass in each second."""
+    """Set the simulated seconds per second."""
 
     factor: float
 
@@ -51,10 +51,10 @@ TimeRequest = Ask | Pause | Run | Step | Speed
 
 
 def parse_time_request(text: str) -> TimeRequest:
-    """What one line asks for; an empty one only asks.
+    """Parse one line as a request; an empty line asks for the present pace.
 
     Raises:
-        TimeRequestError: it is none of the forms, or its number is out of bounds.
+        TimeRequestError: the line has none of the forms, or its number is out of bounds.
     """
     match text.split():
         case []:
@@ -72,10 +72,10 @@ def parse_time_request(text: str) -> TimeRequest:
 
 
 def parse_speed(text: str) -> float:
-    """A speed as a person writes it.
+    """Parse a speed.
 
     Raises:
-        TimeRequestError: it is no number, or out of bounds.
+        TimeRequestError: the text is not a number, or out of bounds.
     """
     try:
         factor = float(text)
@@ -89,20 +89,20 @@ def parse_speed(text: str) -> float:
 
 
 class Measured(NamedTuple):
-    """What became of the pace since the last look."""
+    """The achieved pace since the last measurement."""
 
     factor: float
     """Simulated time over real time; NaN if no time has passed."""
     lost_s: float
-    """Simulated time that was due and never came."""
+    """Simulated time that was due and skipped."""
 
 
 class Pace:
-    """Turns the time that passes into steps that are due.
+    """Converts elapsed time to physics steps that are due.
 
     Args:
         timestep_s: The simulated time of one step.
-        now_s: When it starts; the first step is due one step later.
+        now_s: The start time; the first step is due one step later.
         speed: Simulated seconds in each second.
     """
 
@@ -121,42 +121,42 @@ class Pace:
 
     @property
     def paused(self) -> bool:
-        """No time passes by itself; single steps may be on their way."""
+        """Whether the simulation is paused; single steps may still be due."""
         return self._paused
 
     @property
     def single_steps(self) -> int:
-        """How many of the steps that were asked for in a pause are still to come."""
+        """Number of requested single steps that are still to be made."""
         return self._single_steps
 
     @property
     def is_due(self) -> bool:
-        """Whether the next step is due, by the time that `elapse` was told last."""
+        """Whether the next step is due at the time of the last `elapse`."""
         if self._paused:
             return self._single_steps > 0
         return self._owed_s >= self._timestep_s - _ROUNDING_S
 
     @property
     def due_s(self) -> float:
-        """When the next step will be due; +inf while there is none."""
+        """Return the time at which the next step is due; +inf if there is none."""
         if self._paused:
             return self._now_s if self._single_steps else math.inf
         return self._now_s + (self._timestep_s - self._owed_s) / self._speed
 
     def elapse(self, now_s: float) -> float:
-        """Takes in that time has passed; returns the simulated time that was too much to catch up with, in s."""
+        """Advance to `now_s`; return the simulated time in s that is skipped because it was too much to catch up."""
         elapsed_s, self._now_s = now_s - self._now_s, now_s
         if self._paused:
             return 0.0
         self._owed_s += elapsed_s * self._speed
-        # A step that is on its way counts for nothing here: in slow motion it may be long.
+        # The step in progress does not count as delay: in slow motion it may take long.
         too_much_s = max(0.0, self._owed_s - MAX_CATCH_UP_S * self._speed - self._timestep_s)
         self._owed_s -= too_much_s
         self._lost_s += too_much_s
         return too_much_s
 
     def stepped(self) -> None:
-        """One step was made."""
+        """Record that one step was made."""
         self._steps += 1
         if self._paused:
             self._single_steps -= 1
@@ -164,22 +164,22 @@ class Pace:
             self._owed_s -= self._timestep_s
 
     def pause(self, now_s: float) -> None:
-        """Lets no more time pass; single steps that are not made yet will not be."""
+        """Pause; discard single steps that are not made yet."""
         self.elapse(now_s)
         self._paused = True
         self._single_steps = 0
 
     def run(self, now_s: float) -> None:
-        """Lets time pass from now on."""
+        """Continue in time from `now_s` on."""
         self.elapse(now_s)
         self._paused = False
         self._single_steps = 0
 
     def step(self, steps: int) -> None:
-        """Makes so many steps due at once.
+        """Make a number of steps due immediately.
 
         Raises:
-            TimeRequestError: time passes by itself, or earlier steps are still on their way.
+            TimeRequestError: the simulation is not paused, or earlier single steps are still to be made.
         """
         if not self._paused:
             raise TimeRequestError("single steps need a paused simulation: ask for pause first")
@@ -188,12 +188,12 @@ class Pace:
         self._single_steps = steps
 
     def set_speed(self, now_s: float, speed: float) -> None:
-        """Passes time at another speed from now on."""
+        """Change the speed from `now_s` on."""
         self.elapse(now_s)
         self._speed = speed
 
     def measure(self, now_s: float) -> Measured:
-        """How fast it really went since the last measurement."""
+        """Return the achieved pace since the last measurement, and start a new one."""
         elapsed_s = now_s - self._mark_s
         factor = self._steps * self._timestep_s / elapsed_s if elapsed_s > 0.0 else math.nan
         measured = Measured(factor, self._lost_s)
@@ -202,10 +202,10 @@ class Pace:
 
 
 class Every:
-    """Which physics steps a sensor's samples come after.
+    """Selects the physics steps after which a sensor is sampled.
 
     Args:
-        rate_hz: Samples in a second of simulated time; at most one after each step.
+        rate_hz: Samples per second of simulated time; at most one after each step.
         timestep_s: The simulated time of one step.
     """
 
@@ -225,19 +225,19 @@ class Every:
         self._period = max(1.0, 1.0 / (rate_hz * self._timestep_s))
 
     def period_s(self, speed: float = 1.0) -> float:
-        """Simulated time from one sample to the next."""
+        """Return the simulated time between two samples."""
         return self._steps(speed) * self._timestep_s
 
     def due(self, step: int, speed: float = 1.0) -> bool:
-        """Whether a sample comes after this step; steps count from 1 and each is asked about once.
+        """Return whether to sample after this step; steps count from 1, and this is called once for each.
 
-        In slow motion samples come at their rate by the real clock, not more rarely: whoever supervises the
-        robot lives in real time, and a scan that is 0.25 s old proves nothing to it.
+        In slow motion, samples keep their rate in real time, because the supervisor runs in real time and does not
+        accept a scan that is 0.25 s old.
         """
         due = self._last + self._steps(speed)
         if step < due - 1e-6:
             return False
-        # The fraction is kept, so that the mean rate is exact; after a change of rate it starts anew.
+        # The fraction is kept, so that the mean rate is exact; it is reset after a change of rate.
         self._last = due if step - due < 1.0 else float(step)
         return True
 
@@ -246,5 +246,5 @@ class Every:
 
 
 def _is_count(text: str) -> bool:
-    """Python refuses to read numbers of thousands of digits."""
+    """Return whether a text is a count, of few digits because Python refuses to parse thousands of them."""
     return text.isdecimal() and len(text) <= len(str(MAX_SINGLE_STEPS))

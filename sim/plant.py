@@ -1,6 +1,6 @@
-"""The robot in its world: MuJoCo, and nothing else. No network, no clock, no waiting.
+"""The robot in its world: MuJoCo only, without network, clock or waiting.
 
-Who steps it decides what time it is. The same calls make the same trajectory, bit for bit.
+The caller controls the simulated time. The same calls give the same trajectory, bit for bit.
 """
 
 import hashlib
@@ -23,14 +23,14 @@ from sim.scene import PARKED_Z_M, build, pose_of
 from sim.snapshot import Snapshot, SnapshotError
 
 TICK_STEPS = 10
-"""Every so many steps whoever moves moves: in 20 ms nobody comes farther than 3 cm."""
+"""Number of steps between two updates of the movers: in 20 ms, they move by 3 cm at most."""
 
 ONE_LIDAR = (LidarConfig(),)
 Axes = tuple[float, float, float]
 
 
 class Pose(NamedTuple):
-    """Where a robot's centre is and where its front points; yaw in (-π, π], counter-clockwise from x."""
+    """Pose of a robot's centre in the world; yaw in (-π, π], counter-clockwise from x."""
 
     x_m: float
     y_m: float
@@ -38,24 +38,24 @@ class Pose(NamedTuple):
 
 
 class Plant:
-    """A differential-drive robot with its lidars, what stands and moves around it, and one pillar to put in its way.
+    """A differential-drive robot with lidars in a scene with static and moving objects, and one movable pillar.
 
     Args:
         scene: A layout's name, a layout file or an MJCF file; see `scene.build`.
-        limits: What the base's drive can do.
-        lidars: Where they are mounted, and their geometry.
-        seed: Of the lidars' noise, if they have any.
-        options: The robot's hull, payload and grip, and whether anything moves.
+        limits: Limits of the base's drive.
+        lidars: Mounts and geometry of the lidars.
+        seed: Seed of the lidars' noise.
+        options: The robot's hull, payload and grip, and whether there are movers.
 
     Attributes:
-        model: MuJoCo's model of it all.
+        model: MuJoCo's model of robot and scene.
         data: MuJoCo's state.
-        hull_radius_m: Of the smallest circle around the hull.
-        size_m: Of the floor between the walls along x and y, around the origin; None where nobody knows of walls.
-        start_pose: Where the robot stands at first and after a reset.
+        hull_radius_m: Radius of the smallest circle around the hull.
+        size_m: Size of the floor between the walls along x and y, around the origin; None if the walls are unknown.
+        start_pose: The robot's pose at the start and after a reset.
 
     Raises:
-        SceneError: There is no such scene, or something is wrong with it.
+        SceneError: The scene does not exist or is invalid.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class Plant:
         self.model = model = world.model
         self.data = data = mj.make_data(model)
         self._drive = Drive(limits)
-        # The first one's noise is that of a robot with no other.
+        # The first lidar has the same noise as the only lidar of another robot.
         self._lidars = [Lidar(model, one, (seed, n) if n else seed) for n, one in enumerate(lidars)]
 
         self._qpos, self._qvel, self._ctrl, self._sensors = data.qpos, data.qvel, data.ctrl, data.sensordata
@@ -105,7 +105,7 @@ class Plant:
         self._floor_plan = FloorPlan(world.standing)
         self._moving_geoms = [geom for geom in world.moving_geoms if geom != pillar]
         self._odd_geoms = world.odd_geoms
-        # MuJoCo's poses are those of the last step's beginning; those of mocap bodies and of what stands do not care.
+        # MuJoCo's poses are those at the beginning of the last step; mocap and static bodies are not affected.
         self._lags = bool(self._odd_geoms) or any(
             model.body_mocapid[model.geom_bodyid[geom]] < 0 for geom in self._moving_geoms
         )
@@ -136,12 +136,12 @@ class Plant:
 
     @property
     def lidar(self) -> LidarConfig:
-        """The first one."""
+        """Configuration of the first lidar."""
         return self._lidars[0].config
 
     @property
     def time_s(self) -> float:
-        """Simulated time since the construction; a reset does not turn it back."""
+        """Simulated time since construction; a reset does not change it."""
         return self.data.time
 
     @property
@@ -158,23 +158,23 @@ class Plant:
 
     @property
     def drive_twist(self) -> Twist:
-        """The twist that the drive's ramp asks of the wheels now."""
+        """The present output of the drive's ramp."""
         return self._drive.twist
 
     @property
     def wheel_angles_rad(self) -> tuple[float, float]:
-        """How far the left and the right wheel have turned since the last reset, counted over all turns."""
+        """Angles of the left and the right wheel since the last reset, counted over all turns."""
         return self._qpos.item(self._left_qpos), self._qpos.item(self._right_qpos)
 
     @property
     def wheel_twist(self) -> Twist:
-        """The twist that the wheels turn at now: the true one, as long as they do not slip."""
+        """The twist from the wheel speeds; equal to the true twist if the wheels do not slip."""
         return self.wheels.twist(self._qvel.item(self._left_qvel), self._qvel.item(self._right_qvel))
 
     def imu(self) -> tuple[Axes, Axes]:
-        """What an ideal inertial unit between the wheels feels, in the robot's frame: rad/s, and m/s² with gravity.
+        """Readings of an ideal inertial unit between the wheels, in the robot's frame: rates [rad/s], specific force [m/s²].
 
-        As of the beginning of the last step, whose forces it feels. At rest the second is (0, 0, 9.81).
+        They are those at the beginning of the last step. At rest, the specific force is (0, 0, 9.81).
         """
         gx, gy, gz = self._sensors[self._gyro_adr : self._gyro_adr + 3].tolist()
         ax, ay, az = self._sensors[self._accelerometer_adr : self._accelerometer_adr + 3].tolist()
@@ -182,39 +182,39 @@ class Plant:
 
     @property
     def outline(self) -> Outline:
-        """The hull as seen from above, in the world."""
+        """Outline of the hull from above, in the world frame."""
         x_m, y_m, yaw_rad = self.true_pose
         return self._hull_at(x_m, y_m, yaw_rad)
 
     @property
     def hull_contacts(self) -> int:
-        """Contact points of the hull with anything, after the last step; the floor is not among them."""
+        """Number of contact points of the hull after the last step, without the floor."""
         return int(self._sensors[self._contacts_adr])
 
     @property
     def collisions(self) -> int:
-        """How often since the last reset the hull went from touching nothing to touching something; a bounce counts anew."""
+        """Number of times since the last reset that the hull came into contact with an object; each bounce counts."""
         return self._collisions
 
     @property
     def last_contact(self) -> str | None:
-        """What the hull met at the last of these collisions; None if there was none."""
+        """The object of the last collision; None if there was none."""
         return self._last_contact
 
     @property
     def pillar(self) -> tuple[float, float] | None:
-        """The pillar's (x, y) in the world in m, or None while it is away."""
+        """Position (x, y) of the pillar in the world in m; None while it is removed."""
         return self._pillar
 
     @property
     def movers(self) -> dict[str, Pose]:
-        """Where people and forklifts are."""
+        """Poses of people and forklifts in the world, by name."""
         return {
             mover.name: Pose(*placed[:3]) for mover, placed in zip(self._movers, self._placed, strict=True)
         }
 
     def step(self, twist_target: tuple[float, float], n_steps: int = 1) -> None:
-        """Moves time on by n_steps of `timestep_s`, the drive following the target (v in m/s, ω in rad/s)."""
+        """Advance by n_steps of `timestep_s` while the drive follows the target (v in m/s, ω in rad/s)."""
         # The inner loop runs 500 times for each simulated second, so names are looked up before it.
         model, data, step, reading, contacts = (
             self.model,
@@ -237,17 +237,17 @@ class Plant:
             self._steps_to_tick -= some
 
     def scan(self, number: int = 0) -> Ranges:
-        """A lidar's ranges now, in m, shape (beams,); see `lidar_geometry.LidarConfig` for the angles."""
+        """Return a lidar's present ranges in m, shape (beams,); see `lidar_geometry.LidarConfig` for the angles."""
         self._catch_up()
         return self._lidars[number].scan(self.data, *self.true_pose)
 
     def way_out_m(self, number: int = 0) -> Floats:
-        """How far each beam of a lidar goes until it has left the hull, shape (beams,)."""
+        """Return the distance [m] at which each beam of a lidar leaves the hull, shape (beams,)."""
         lidar = self._lidars[number].config
         return way_out_m(self.outline, lidar.x_m, lidar.y_m, lidar.angles_rad + lidar.yaw_rad)
 
     def clearance_m(self) -> float:
-        """The smallest distance from the hull to anything else, along the floor; ≤ 0 when it touches."""
+        """Return the smallest horizontal distance from the hull to any other object; ≤ 0 on contact."""
         hull = self.outline
         distance_m = self._floor_plan.nearest(hull).distance_m
         present, odd = self._present()
@@ -258,10 +258,10 @@ class Plant:
         return distance_m
 
     def place_pillar(self, x_m: float, y_m: float) -> None:
-        """Puts the pillar at a place of the world.
+        """Put the pillar at a place in the world.
 
         Raises:
-            ValueError: The place is not finite, not in the hall, or taken; the pillar stays where it was.
+            ValueError: The place is not finite, outside the hall, or occupied; the pillar is not moved.
         """
         if not (math.isfinite(x_m) and math.isfinite(y_m)):
             raise ValueError(f"The pillar needs a finite place, not ({x_m}, {y_m}).")
@@ -276,15 +276,17 @@ class Plant:
         self._move_pillar(x_m, y_m, self._pillar_half_height_m)
 
     def remove_pillar(self) -> None:
-        """Takes the pillar out of the world; nothing happens if it is not there."""
+        """Remove the pillar from the world, if it is there."""
         self._pillar = None
         self._move_pillar(0.0, 0.0, PARKED_Z_M)
 
     def reset(self) -> None:
-        """Puts the robot at rest at its start, wheel angles and collisions at zero; time and whoever moves go on, the pillar stays.
+        """Put the robot at rest at its start and set wheel angles and collisions to zero.
+
+        Time, movers and pillar are not affected.
 
         Raises:
-            ValueError: Something stands on the start; the robot stays where it was.
+            ValueError: An object stands on the start; the robot is not moved.
         """
         in_the_way = FloorPlan(self._taken()).nearest(self._hull_at(*self.start_pose))
         if in_the_way.distance_m <= 0.0:
@@ -302,7 +304,7 @@ class Plant:
         self._last_contact = None
 
     def save(self) -> Snapshot:
-        """This moment; see `restore`."""
+        """Return a snapshot of the present state for `restore`."""
         return Snapshot(
             world=self._world,
             physics=mj.get_state(self.model, self.data).tobytes(),
@@ -318,10 +320,10 @@ class Plant:
         )
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Goes back to a moment of this plant, or of another with the same world and lidars: all goes on bit for bit as it did there.
+        """Restore a snapshot of this plant, or of another with the same world and lidars; the future is then the same.
 
         Raises:
-            SnapshotError: It is of another world; nothing has changed.
+            SnapshotError: The snapshot is of another world or damaged; the plant is not changed.
         """
         if snapshot.world != self._world:
             raise SnapshotError(
@@ -354,28 +356,28 @@ class Plant:
         self._last_contact = snapshot.last_contact
 
     def _follow(self, twist_target: tuple[float, float]) -> None:
-        """Takes the drive one step nearer to the target, and lets the wheels turn for it."""
+        """Advance the drive by one step toward the target, and set the wheel speeds."""
         was = self._drive.twist
         twist = self._drive.step(twist_target, self.timestep_s)
         self._ctrl[self._left_ctrl], self._ctrl[self._right_ctrl] = self.wheels.wheel_speeds(twist)
         self._reached = twist_target if twist is was else None
 
     def _touch(self) -> None:
-        """The hull came to touch something, or left it."""
+        """Update contact and collisions when a contact of the hull begins or ends."""
         self._touching = not self._touching
         if self._touching:
             self._collisions += 1
             self._last_contact = self._touched()
 
     def _touched(self) -> str:
-        """The name of what the hull is in contact with."""
+        """Return the name of the object in contact with the hull."""
         for geoms in self.data.contact.geom.tolist():
             if self._hull in geoms:
                 return mj.geom_label(self.model, geoms[0] if geoms[1] == self._hull else geoms[1])
         raise AssertionError("a contact of the hull is among the contacts")
 
     def _tick(self) -> None:
-        """Lets everyone who is not hindered go on."""
+        """Move all movers that are not obstructed."""
         self._steps_to_tick = TICK_STEPS
         if not self._movers:
             return
@@ -394,7 +396,7 @@ class Plant:
                 turns[number, 0], turns[number, 3] = math.cos(0.5 * now.yaw_rad), math.sin(0.5 * now.yaw_rad)
 
     def _is_hindered(self, mover: Mover, placed: Placed, x_m: float, y_m: float) -> bool:
-        """Whether the robot or the pillar is where it looks."""
+        """Return whether the robot or the pillar is in a mover's way."""
         in_the_way: list[Standing] = []
         if mover.may_be_hindered(placed, x_m, y_m, self.hull_radius_m):
             in_the_way.append(Standing("robot", self.outline))
@@ -408,7 +410,7 @@ class Plant:
         return Rectangle(x_m, y_m, yaw_rad, self._hull_half_x_m, self._hull_half_y_m)
 
     def _present(self) -> tuple[list[Standing], list[int]]:
-        """What can be somewhere else tomorrow, where it is now; and the solids that have no simple outline."""
+        """Return the movable objects at their present places, and the solids without a simple outline."""
         self._catch_up()
         present, odd = survey(self.model, self.data, self._moving_geoms)
         if self._pillar is not None:
@@ -416,20 +418,20 @@ class Plant:
         return present, [*self._odd_geoms, *odd]
 
     def _taken(self, *, pillar: bool = True) -> list[Standing]:
-        """The floor that is taken, also by more of someone than their legs."""
+        """Return the occupied parts of the floor, with the whole footprints of the movers."""
         taken = [thing for thing in self._present()[0] if pillar or thing.name != "pillar"]
         for mover, placed in zip(self._movers, self._placed, strict=True):
             taken.append(Standing(mover.name, mover.footprint(placed)))
         return taken
 
     def _catch_up(self) -> None:
-        """Makes the poses of bodies agree with the positions, where that matters."""
+        """Update the poses of bodies from the positions if they are outdated."""
         if self._lags:
             mj.kinematics(self.model, self.data)
 
     def _move_pillar(self, x_m: float, y_m: float, z_m: float) -> None:
         self._pillar_pos[:] = (x_m, y_m, z_m)
-        mj.kinematics(self.model, self.data)  # so that the next scan sees it without a step
+        mj.kinematics(self.model, self.data)  # the next scan must see it even without a step
 
 
 def _floats(data: bytes) -> mj.Floats:
@@ -437,7 +439,7 @@ def _floats(data: bytes) -> mj.Floats:
 
 
 def _fingerprint(model: mj.Model, movers: tuple[Mover, ...]) -> str:
-    """Equal for two worlds in which the same commands do the same."""
+    """Return a fingerprint that is equal for two worlds in which the same commands have the same effect."""
     digest = hashlib.sha256()
     for part in (
         model.geom_type,

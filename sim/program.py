@@ -104,10 +104,10 @@ def main() -> None:
 
 
 def _open_window(plant: Plant, *, asked_for: bool) -> Callable[[Shown], None] | None:
-    """The window, or none and a warning where nobody asked for one: a robot does not stay away for want of a picture.
+    """Open the window; if it cannot be opened and was not requested, print a warning and go on without it.
 
     Raises:
-        NoDisplayError: It was asked for, and cannot be had.
+        NoDisplayError: The window was requested and cannot be opened.
     """
     try:
         return open_viewer(plant)
@@ -119,6 +119,6 @@ def _open_window(plant: Plant, *, asked_for: bool) -> Callable[[Shown], None] | 
 
 
 def _asked(arguments: argparse.Namespace) -> dict[str, object]:
-    """The keys of [sim] that the command line overrides."""
+    """Return the keys of [sim] that the command line overrides."""
     keys = ("scene", "hull", "payload_kg", "wheel_slip", "moving", "seed")
     return {key: value for key in keys if (value := getattr(arguments, key)) is not None}

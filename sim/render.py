@@ -1,4 +1,4 @@
-"""Pictures of the world, without a screen: `python -m sim.render --out docs/images/warehouse.png`."""
+"""Render pictures of the world without a display: `python -m sim.render --out docs/images/warehouse.png`."""
 
 import argparse
 import math
@@ -22,8 +22,8 @@ from sim.views import View, camera, fit
 Pixels = NDArray[np.uint8]
 """RGB, shape (height, width, 3)."""
 
-# Where the picture is taken from, how the robot drives there (v in m/s, ω in rad/s, how long in s), and when: the
-# forklift and the people are to be seen.
+# Camera, the robot's drive to its place (v in m/s, ω in rad/s, duration in s), and time of the picture, which shows the
+# forklift and the people.
 _VIEW = View((-2.05, -0.62, 0.52), 4.3, 30.0, -25.5)
 _DRIVE_OUT = ((0.0, 0.0, 2.2), (0.8, 0.0, 1.5), (0.8, 0.3, 1.1))
 
@@ -31,16 +31,16 @@ _MAX_GEOMS = 10_000
 
 
 class Studio:
-    """Takes pictures of one plant.
+    """Renders pictures of one plant.
 
     Args:
-        plant: What is looked at; built with `scenery`.
-        width: In pixels.
-        height: In pixels.
-        samples: Of each pixel, 1 to 8, against jagged edges; a picture takes that much longer where the processor draws.
+        plant: The plant, built with `scenery`.
+        width: Width of the pictures in pixels.
+        height: Height of the pictures in pixels.
+        samples: Samples per pixel for anti-aliasing, 1 to 8; rendering on the CPU takes proportionally longer.
 
     Raises:
-        NoGlError: This machine cannot draw without a screen.
+        NoGlError: This machine cannot render without a display.
     """
 
     def __init__(self, plant: Plant, width: int, height: int, samples: int = 8) -> None:
@@ -72,7 +72,7 @@ class Studio:
         self._gl.free()
 
     def picture(self, view: View | str, shown: Shown | None = None) -> Pixels:
-        """The world now, with what is drawn around the robot; without `shown` nothing is."""
+        """Return a picture of the present world, with the overlay around the robot if `shown` is given."""
         mujoco, plant = mj.mujoco, self._plant
         mj.forward(plant.model, plant.data)
         seen_from = mj.fixed_camera(plant.model, view) if isinstance(view, str) else camera(plant, view)
@@ -95,7 +95,7 @@ class Studio:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Writes the picture of the README; 1 with one sentence on stderr if this machine cannot draw, 2 for bad input."""
+    """Write the picture of the README; return 1 if this machine cannot render, 2 for wrong arguments."""
     parser = argparse.ArgumentParser(prog="python -m sim.render", description=__doc__)
     parser.add_argument("--out", type=Path, required=True, help="the PNG file to write")
     parser.add_argument("--width", type=int, default=1280, help="in pixels, default 1280")
@@ -115,7 +115,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _warehouse(width: int, height: int) -> Pixels:
-    """The warehouse, with the robot in its aisle."""
+    """Return a picture of the warehouse with the robot in its aisle."""
     plant = Plant(options=Build(moving=True, scenery=True))
     for linear_m_s, angular_rad_s, duration_s in _DRIVE_OUT:
         plant.step((linear_m_s, angular_rad_s), round(duration_s / plant.timestep_s))

@@ -1,4 +1,4 @@
-"""Whether a scene can be: nothing in a wall or in another thing, a free start, and free ways for what moves. Pure."""
+"""Check a scene: no object overlaps a wall or another object, and the start and the movers' paths are free. Pure."""
 
 from collections.abc import Collection, Sequence
 
@@ -6,23 +6,23 @@ from sim.floorplan import Circle, FloorPlan, Outline, Standing
 from sim.movers import Mover
 
 OVERLAP_M = 0.002
-"""Things that stand side by side may overlap by this much: the numbers in files are rounded."""
+"""Tolerance for overlaps of neighbouring objects, because the numbers in files are rounded."""
 
 
 class RoomError(ValueError):
-    """Something has no room; the message says what, and where."""
+    """An object overlaps another; the message names the object and its place."""
 
 
 def check_things(standing: Sequence[Standing], walls: Collection[str], size_m: tuple[float, float]) -> None:
-    """Refuses what stands in a wall, or in another thing.
+    """Check that no object overlaps a wall or another object.
 
     Args:
-        standing: Everything that stands on the floor, the walls too.
-        walls: Their names.
-        size_m: The floor between them along x and y, around the origin.
+        standing: All objects on the floor, including the walls.
+        walls: The names of the walls.
+        size_m: Size of the floor between the walls along x and y, around the origin.
 
     Raises:
-        RoomError: Naming the first that has no room.
+        RoomError: An object overlaps; the message names the first one.
     """
     things = [thing for thing in standing if thing.name not in walls]
     for thing in things:
@@ -36,10 +36,10 @@ def check_things(standing: Sequence[Standing], walls: Collection[str], size_m: t
 
 
 def check_start(plan: FloorPlan, hull: Outline) -> None:
-    """Refuses a robot that would start in something.
+    """Check that the robot's start is free.
 
     Raises:
-        RoomError: Naming what it is.
+        RoomError: The start is occupied; the message names the object.
     """
     nearest = plan.nearest(hull)
     if nearest.distance_m <= 0.0:
@@ -47,10 +47,10 @@ def check_start(plan: FloorPlan, hull: Outline) -> None:
 
 
 def check_way(mover: Mover, plan: FloorPlan, hull: Outline) -> None:
-    """Refuses a way that leads through what stands, or that begins where the robot does.
+    """Check that a mover's path does not lead through static objects or begin at the robot's start.
 
     Raises:
-        RoomError: Naming what it leads through.
+        RoomError: The path is not free; the message names the object.
     """
     for taken in mover.swept():
         nearest = plan.nearest(taken)
@@ -62,7 +62,7 @@ def check_way(mover: Mover, plan: FloorPlan, hull: Outline) -> None:
 
 
 def is_inside(outline: Outline, size_m: tuple[float, float], slack_m: float = 0.0) -> bool:
-    """Whether all of an outline is on the floor between the walls, but for the slack."""
+    """Return whether an outline is completely on the floor between the walls, with a tolerance of `slack_m`."""
     half_x_m, half_y_m = 0.5 * size_m[0] + slack_m, 0.5 * size_m[1] + slack_m
     if isinstance(outline, Circle):
         return max(abs(outline.x_m) - half_x_m, abs(outline.y_m) - half_y_m) <= -outline.radius_m

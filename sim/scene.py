@@ -1,6 +1,6 @@
-"""The world that is simulated: a layout or an MJCF file, the robot in it, and what can be put in its way.
+"""Build the simulated world: a layout or an MJCF file, the robot, and a pillar that can be placed.
 
-Nothing of a world that is refused is left behind: everything is checked before the first step.
+Everything is checked before the first step.
 """
 
 import math
@@ -18,7 +18,7 @@ from sim.room import RoomError, check_start, check_things, check_way
 
 MODELS = Path(__file__).with_name("models")
 PARKED_Z_M = -100.0
-"""Where the pillar waits while it is away."""
+"""Height of the removed pillar."""
 
 _SOLID_BIT = 2
 _FLOOR_BIT = 1
@@ -30,10 +30,10 @@ _PARTS = {
     "actuator": _WHEELS,
     "sensor": ("hull_contacts", "gyro", "accelerometer"),
 }
-"""What the plant asks of a robot."""
+"""Names in the model that the plant requires of a robot."""
 
 _ATTACHED = "lifeline~"
-"""Put before the names of what is attached, and taken away again."""
+"""Prefix that is added to the names of attached elements and removed again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,12 +41,12 @@ class Scene:
     """A world, ready to be stepped.
 
     Attributes:
-        model: The compiled model; at its first keyframe, or its own poses, the robot stands at its start.
-        movers: What goes its own way; each has a mocap body of its name.
-        size_m: Of the floor between the walls along x and y, around the origin; None where nobody knows of walls.
-        standing: The outlines of what stands still at the hull's height.
+        model: The compiled model; at its first keyframe, or at its default poses, the robot is at its start.
+        movers: People and forklifts; each has a mocap body of the same name.
+        size_m: Size of the floor between the walls along x and y, around the origin; None if the walls are unknown.
+        standing: The outlines of the static objects at the height of the hull.
         moving_geoms: Solids that move.
-        odd_geoms: Solids that stand still, but have no simple outline.
+        odd_geoms: Static solids without a simple outline.
     """
 
     model: mj.Model
@@ -58,16 +58,16 @@ class Scene:
 
 
 def build(scene: str | Path = DEFAULT, options: Build | None = None) -> Scene:
-    """Makes a world.
+    """Build a world.
 
     Args:
-        scene: The name of a layout that comes with the simulation, or a layout file (.toml), or an MJCF file. A body named
-            `robot` in an MJCF file is the robot, with the joints, actuators and sensors of `models/robot_round.xml`;
-            without one, our robot is put at the site named `robot_start`.
-        options: What may differ.
+        scene: The name of an included layout, or a layout file (.toml), or an MJCF file. A body named `robot` in an MJCF
+            file is the robot; it needs the joints, actuators and sensors of `models/robot_round.xml`. Without such a
+            body, the simulated robot is put at the site named `robot_start`.
+        options: Options of the robot and the scene.
 
     Raises:
-        SceneError: There is no such scene, or something is wrong with it.
+        SceneError: The scene does not exist or is invalid.
     """
     options = options or Build()
     path = _path(scene)
@@ -77,7 +77,7 @@ def build(scene: str | Path = DEFAULT, options: Build | None = None) -> Scene:
         if path.suffix == ".toml":
             layout = read_layout(path)
             spec = hall.spec_of(layout)
-            spec.compiler.fusestatic = True  # fewer bodies take a fifth less time
+            spec.compiler.fusestatic = True  # fewer bodies: a fifth less computing time
             spec.compiler.discardvisual = not options.scenery
             ways = [mover.mover() for mover in layout.movers]
             size_m = (layout.hall.size_m[0], layout.hall.size_m[1])
@@ -91,24 +91,24 @@ def build(scene: str | Path = DEFAULT, options: Build | None = None) -> Scene:
             x_m, y_m, yaw_rad, _ = mover.placed(0.0)
             hall.attach(spec, MODELS / f"{mover.kind}.xml", mover.name, (x_m, y_m, 0.0), yaw_rad)
         return _checked(mj.compile_spec(spec), movers, ways, size_m)
-    except ValueError as error:  # a layout's, MuJoCo's while it is put together, or for want of room
+    except ValueError as error:  # from the layout, from MuJoCo, or from an overlap
         raise SceneError(f"the scene {scene} is refused: {mj.one_line(error)}") from error
 
 
 def robot_pose(model: mj.Model, data: mj.Data) -> tuple[float, float, float]:
-    """Where the robot is: x, y and yaw in (-π, π]."""
+    """Return the robot's pose in the world: x [m], y [m] and yaw [rad] in (-π, π]."""
     base = int(model.jnt_qposadr[mj.joint_id(model, "robot")])
     return pose_of(data.qpos[base : base + 7].tolist())
 
 
 def pose_of(qpos: list[float]) -> tuple[float, float, float]:
-    """x, y and yaw of a free joint's seven numbers."""
+    """Return x, y and yaw from the seven coordinates of a free joint."""
     x_m, y_m, _, qw, qx, qy, qz = qpos
     return x_m, y_m, math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
 
 
 def robot_outline(model: mj.Model, data: mj.Data) -> Outline:
-    """The hull's outline at the robot's pose; the robot's frame is in its middle."""
+    """Return the hull's outline at the robot's pose; the origin of the robot's frame is its centre."""
     hull = mj.geom_id(model, "hull")
     half_x_m, half_y_m, _ = model.geom_size[hull].tolist()
     x_m, y_m, yaw_rad = robot_pose(model, data)
@@ -133,7 +133,7 @@ def _path(scene: str | Path) -> Path:
 
 
 def _add_robot(spec: mj.Spec, hull: Hull) -> None:
-    """Puts our robot at its start, unless there is one."""
+    """Add the simulated robot at its start, unless the scene has a robot."""
     if spec.body("robot") is not None:
         return
     site = spec.site("robot_start")
@@ -148,14 +148,14 @@ def _add_robot(spec: mj.Spec, hull: Hull) -> None:
 
 
 def _equip(spec: mj.Spec, options: Build) -> None:
-    """Checks the robot, and sees to what it carries and how well its wheels grip."""
+    """Check the robot, and set its payload and the grip of its wheels."""
     for kind, names in _PARTS.items():
         for name in names:
             if getattr(spec, kind)(name) is None:
                 raise RoomError(f"its robot has no {kind} named {name!r}; see models/robot_round.xml")
     hull = spec.geom("hull")
     if hull.type not in (mj.Shape.BOX, mj.Shape.CYLINDER) or any(hull.pos[:2]):
-        raise RoomError("its robot's hull is no cylinder or box in the middle of the robot")
+        raise RoomError("its robot's hull is not a cylinder or box in the middle of the robot")
     if options.payload_kg:
         if not math.isfinite(hull.mass):
             raise RoomError("its robot's hull has no mass of its own, so nothing can be put into it")
@@ -165,7 +165,7 @@ def _equip(spec: mj.Spec, options: Build) -> None:
 
 
 def _admit(spec: mj.Spec) -> None:
-    """Makes a world fit for our robot: its physics, a floor that carries, solids that are felt and seen."""
+    """Adapt a world to the robot: physics options, a floor with contact, and solids that collide and that lidars see."""
     option = spec.option
     option.timestep, option.impratio = 0.002, 10.0
     option.cone = mj.ELLIPTIC
@@ -181,7 +181,7 @@ def _admit(spec: mj.Spec) -> None:
 
 
 def _attach(spec: mj.Spec, child: mj.Spec, site: object) -> None:
-    """Puts a child's whole model at a site, under the names that it has there."""
+    """Attach a child's whole model at a site, and keep its names."""
     spec.copy_during_attach = True
     spec.attach(child, prefix=_ATTACHED, site=site)
     for elements in (spec.bodies, spec.geoms, spec.joints, spec.sites, spec.actuators, spec.sensors):
@@ -197,7 +197,7 @@ def _attach(spec: mj.Spec, child: mj.Spec, site: object) -> None:
 def _checked(
     model: mj.Model, movers: tuple[Mover, ...], ways: Sequence[Mover], size_m: tuple[float, float] | None
 ) -> Scene:
-    """The scene, if everything in it has room."""
+    """Return the scene after a check that no objects overlap."""
     data = mj.make_data(model)
     mj.reset(model, data)
     mj.forward(model, data)
@@ -226,7 +226,7 @@ def _moves(model: mj.Model, geom: int) -> bool:
 
 
 def _height_m(model: mj.Model, data: mj.Data, geom: int) -> tuple[float, float]:
-    """From where to where an upright geom reaches; one of another shape or tilt may reach anywhere."""
+    """Return the lowest and the highest z of an upright geom; unbounded for other shapes and tilted geoms."""
     if outline_of(model, data, geom) is None:
         return -math.inf, math.inf
     half = {mj.Shape.BOX: 2, mj.Shape.CYLINDER: 1, mj.Shape.SPHERE: 0}[mj.Shape(model.geom_type[geom])]

@@ -1,6 +1,6 @@
-"""What can be wrong with the robot's sensors, on request: the words for it. Pure: text in, faults out.
+"""Sensor faults that can be requested, and their text form. Pure: text in, faults out.
 
-lidar_faults.py and odometry_faults.py do what the words say.
+lidar_faults.py and odometry_faults.py apply the faults.
 """
 
 import math
@@ -30,11 +30,11 @@ NAME = re.compile(r"([a-z][a-z0-9_]*):(.*)")
 
 
 class FaultError(ValueError):
-    """The text names no faults; the message lists what there is."""
+    """The text is not a list of faults; the message lists the possible ones."""
 
 
 class Sector(NamedTuple):
-    """Directions in the lidar's frame, counter-clockwise from one to the other [rad], and what is read there [m]."""
+    """A sector in the lidar's frame, counter-clockwise from start to end [rad], and the reading of its beams [m]."""
 
     start_rad: float
     end_rad: float
@@ -42,7 +42,7 @@ class Sector(NamedTuple):
 
 
 class Missing(NamedTuple):
-    """A share, above 0 and at most 1, of what is not measured, and what is read in its place [m]."""
+    """The share of missing measurements, above 0 and at most 1, and the reading in their place [m]."""
 
     share: float
     code_m: float
@@ -50,18 +50,18 @@ class Missing(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class LidarFaults:
-    """What is wrong with a lidar.
+    """Faults of a lidar.
 
     Attributes:
-        freeze: the same ranges come again and again, while time goes on.
-        all_nan: no beam reads anything.
-        silent: no scans come.
-        blocked: what is behind dirt on the lidar's window: its beams read a code, NaN by default.
-        dropout: the share of the scans, each by itself, in which the nearest object within 2 m is missing.
-        beams: the share of the beams that are missing, others in each scan.
-        stray: the share of the scans in which one beam reads something within 0.3 m of the hull; 0 for none.
-        rate_hz: of the scans, in place of the configured one.
-        reach_m: the longest range from now on, in `range_max` as well, if that is shorter than the configured one.
+        freeze: all scans repeat the same ranges with new stamps.
+        all_nan: all readings are NaN.
+        silent: no scans are sent.
+        blocked: sectors behind dirt on the lidar's window; their beams read a code, by default NaN.
+        dropout: the share of scans in which the nearest object within 2 m is missing, chosen at random.
+        beams: the share of missing beams, chosen anew for each scan.
+        stray: the share of scans with one false reading within 0.3 m of the hull; 0 for none.
+        rate_hz: the scan rate in place of the configured one.
+        reach_m: the maximum range, also in `range_max`, if it is less than the configured one.
     """
 
     freeze: bool = False
@@ -75,7 +75,7 @@ class LidarFaults:
     reach_m: float | None = None
 
     def words(self) -> list[str]:
-        """Each fault, as `parse_faults` reads it."""
+        """Return the text of each fault for `parse_faults`."""
         words = [name for name in ("freeze", "all_nan", "silent") if getattr(self, name)]
         words += [f"blocked {_numbers(start, end)}{_code(code)}" for start, end, code in self.blocked]
         words += [] if self.dropout is None else [_missing("dropout", self.dropout, math.inf)]
@@ -91,11 +91,11 @@ class SensorFaults(LidarFaults):
     """The faults in force: those of every lidar, those of single ones, and those of odometry.
 
     Attributes:
-        only: what is wrong with single lidars besides, by name.
-        no_odom: no odometry comes.
-        odom_zero: it says that the robot stands where it was.
-        odom_freeze: it repeats itself, pose and velocity.
-        odom_scale: it takes every way and turn for this many times what they are.
+        only: additional faults of single lidars, by name.
+        no_odom: no odometry is sent.
+        odom_zero: odometry reports standstill at the last pose.
+        odom_freeze: odometry repeats pose and velocity.
+        odom_scale: factor on every distance and turn in odometry.
     """
 
     only: tuple[tuple[str, LidarFaults], ...] = ()
@@ -105,7 +105,7 @@ class SensorFaults(LidarFaults):
     odom_scale: float | None = None
 
     def of(self, lidar: str) -> LidarFaults:
-        """What is wrong with one lidar."""
+        """Return the faults of one lidar."""
         own = dict(self.only).get(lidar, LidarFaults())
         return LidarFaults(
             freeze=self.freeze or own.freeze,
@@ -120,7 +120,7 @@ class SensorFaults(LidarFaults):
         )
 
     def __str__(self) -> str:
-        """As `parse_faults` reads it."""
+        """Return the text for `parse_faults`."""
         words = self.words()
         words += [f"{name}: {word}" for name, own in self.only for word in own.words()]
         words += [name for name in ("no_odom", "odom_zero", "odom_freeze") if getattr(self, name)]
@@ -133,14 +133,14 @@ F = TypeVar("F", bound=LidarFaults)
 
 
 def parse_faults(text: str, lidars: Collection[str] | None = None) -> SensorFaults:
-    """The faults that a line names.
+    """Parse a line of faults.
 
     Args:
         text: see `FORMS`.
-        lidars: the names of those that there are; None: any name may be one.
+        lidars: the names of the existing lidars; None: any name is accepted.
 
     Raises:
-        FaultError: one of them is none of the forms, or of a lidar that there is not.
+        FaultError: a fault has none of the forms, or names a lidar that does not exist.
     """
     if text.strip() == "none":
         return NO_FAULTS
@@ -179,7 +179,7 @@ def _with(faults: SensorFaults, part: str, lidars: Collection[str] | None) -> Se
 
 
 def _of_lidar(faults: F, part: str) -> F | None:
-    """The faults with one more of a lidar's; None: the text names none."""
+    """Return the faults with one more lidar fault; None if the text is not one."""
     match part.split():
         case ["freeze" | "all_nan" | "silent" as name]:
             return replace(faults, **{name: True})
@@ -213,7 +213,7 @@ def _is_share(value: float) -> bool:
 
 
 def _code_m(text: str) -> float | None:
-    """A code that a beam may read [m]; None: it is none. NaN is always the same object, so that faults compare."""
+    """Return the reading in a code [m]; None if it is not a code. NaN is always the same object, so that faults compare."""
     if text.lower() == "nan":
         return math.nan
     value = _number(text)
@@ -228,12 +228,12 @@ def _number(text: str) -> float:
 
 
 def _numbers(*values: float) -> str:
-    """As short as they may be and still be read as the same."""
+    """Return the shortest text that gives the same numbers again."""
     return " ".join(short if float(short := f"{value:g}") == value else repr(value) for value in values)
 
 
 def _code(code_m: float, default_m: float = math.nan) -> str:
-    """With a space before it; nothing for the default."""
+    """Return the text of a code with a leading space; empty for the default."""
     is_default = code_m == default_m or (math.isnan(code_m) and math.isnan(default_m))
     return "" if is_default else f" {'nan' if math.isnan(code_m) else _numbers(code_m)}"
 

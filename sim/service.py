@@ -1,8 +1,8 @@
-"""The asyncio shell of the simulated robot: the keys that a real base would serve, at the pace that is asked for.
+"""The asyncio shell of the simulated robot: it serves the keys of a real base at the requested pace.
 
-Physics follow the loop's monotonic clock step by step; a message never waits for a step to be due. The base's own
-watchdog decides what the drive aims at, at every step, and goes by the real clock whatever the pace: its commands
-come in real time, and at ten times the pace two of them are 0.2 s of simulated time apart.
+The physics steps follow the loop's monotonic clock; a message never waits for the next step. At every step, the base's
+watchdog decides the target of the drive. It uses real time at any pace, because commands arrive in real time: at ten
+times the pace, two commands are 0.2 s of simulated time apart.
 """
 
 import asyncio
@@ -38,22 +38,22 @@ OBSTACLE_DEPTH = 16
 TRUTH_HZ, CLOCK_HZ = 50.0, 50.0
 
 SLICE_S = 0.002
-"""Steps that are due are made for so long; then commands and requests are looked at again."""
+"""Maximum time for making due steps before commands and requests are processed again."""
 FRAME_S = 1.0 / 30.0
 STATUS_SILENT_S = 0.5
-"""A supervisor's status that is older than this says nothing about now."""
+"""Maximum age of a valid supervisor status."""
 REPORT_S = 1.0
 CONTACT_REPORT_S = 0.1
-"""A hull that rattles along a rack is reported no more often than this, and logged once a second."""
+"""Minimum time between two reports of contacts, for a hull that bounces along a rack; log lines are at least 1 s apart."""
 CONTACT_LOG_S = 1.0
 PACE_LOG_S = 10.0
 FAULTS_STREAM = 1
-"""With the seed and a lidar's number: chance of the faults' own, which does not shift the lidar's noise."""
+"""Together with the seed and a lidar's number: a separate random stream for faults, so that they do not change the noise."""
 
 
 @dataclass(slots=True)
 class _Eye:
-    """One of the plant's lidars: when it scans, and where to."""
+    """One of the plant's lidars, with its scan times and its publisher."""
 
     number: int
     lidar: LidarConfig
@@ -68,13 +68,13 @@ class SimService:
     """One simulated robot on one Bus.
 
     Args:
-        bus: where it speaks.
+        bus: the bus for all messages.
         config: `[sim]`.
         plant: the robot in its world.
-        on_frame: draws the world, 30 times a second, paused or not, and what is to be shown with it.
-        speed: simulated seconds in each second, to begin with.
-        faults: of the sensors, to begin with.
-        suspended_s: how long the machine slept since the last call [s].
+        on_frame: draws the world with the given values, 30 times a second, even while paused.
+        speed: initial simulated seconds per second.
+        faults: initial sensor faults.
+        suspended_s: returns how long the machine was suspended since the last call [s].
     """
 
     def __init__(
@@ -137,11 +137,11 @@ class SimService:
         self._next_frame_s = math.inf if on_frame is None else self._loop.time()
         self._next_contact_report_s = self._next_contact_log_s = self._next_pace_log_s = 0.0
 
-        # A command that says the same again is taken in before the next step, which is when it counts.
+        # An unchanged command does not wake the loop: it is processed before the next step, which is soon enough.
         self._cmd_vel = bus.subscribe(topics.CMD_VEL, wake=self._wake, repeats_wake=False)
         self._alive = bus.watch_alive(self._wake)
         self._obstacles = bus.subscribe(topics.OBSTACLE, depth=OBSTACLE_DEPTH, wake=self._wake)
-        self._statuses = None if on_frame is None else bus.subscribe(topics.STATUS)  # to be shown, no more
+        self._statuses = None if on_frame is None else bus.subscribe(topics.STATUS)  # for display only
         self._status: SafetyStatus | None = None
         self._status_s = -math.inf
         self._odom_out = bus.publisher(topics.ODOM)
@@ -162,7 +162,7 @@ class SimService:
         try:
             while not stop.is_set():
                 if self._pace.is_due:
-                    await asyncio.sleep(0)  # behind time: let requests in, but wait for nothing
+                    await asyncio.sleep(0)  # behind schedule: process requests, but do not wait
                 else:
                     due_s = min(self._pace.due_s, self._next_report_s, self._next_frame_s)
                     await woken_by(self._wake, due_s)
@@ -183,7 +183,7 @@ class SimService:
             token.withdraw()
 
     def _listen(self) -> None:
-        """Take in the supervisor's token and command, and where the pillar is to be."""
+        """Process the supervisor's token, its commands, and requests to place the pillar."""
         self._wake.clear()
         for change in self._alive.take():
             if change.node == topics.SUPERVISOR:
@@ -194,7 +194,7 @@ class SimService:
         for obstacle in self._obstacles.take():
             if obstacle.message is not None:
                 self._place(obstacle.message)
-        # Last: what was taken before may be from before the suspend.
+        # Evaluated last, so that it covers a suspend while the messages were taken.
         if self._suspended_s() > 0.0:
             self._watchdog.resumed(self._loop.time())
 
@@ -214,7 +214,7 @@ class SimService:
             _log.warning("%s: %s", topics.OBSTACLE.key, error)
 
     def _make_steps(self, now_s: float) -> None:
-        """Make the steps that are due, for a slice of time at most; all of them follow the command of now."""
+        """Make the steps that are due, for `SLICE_S` at most, all with the present command."""
         end_s = now_s + SLICE_S
         twist_target = self._aim(now_s) if self._pace.is_due else (0.0, 0.0)
         while self._pace.is_due:
@@ -226,7 +226,7 @@ class SimService:
             self._end_of_single_steps()
 
     def _aim(self, now_s: float) -> tuple[float, float]:
-        """What the drive is to follow, by the base's own watchdog."""
+        """Return the target twist (v, ω) of the drive from the base's watchdog."""
         target = self._watchdog.target(now_s)
         if target.reason is not self._reason:
             self._reason = target.reason
@@ -243,7 +243,7 @@ class SimService:
         self._publish()
 
     def _publish(self) -> None:
-        """What the sensors say after this step, each at its own rate."""
+        """Publish the sensors' samples after this step, each at its own rate."""
         step, speed, plant = self._steps, self._pace.speed, self._plant
         if self._odom_times.due(step, speed):
             elapsed_s, self._odom_read_s = plant.time_s - self._odom_read_s, plant.time_s
@@ -263,7 +263,7 @@ class SimService:
                 eye.out.put(to_scan(eye.last, eye.lidar, eye.times.period_s(speed), eye.faults.reach_m))
 
     def _shown(self, now_s: float) -> Shown:
-        """What a person who looks at the robot would want to know of it."""
+        """Return the values for display."""
         for arrival in () if self._statuses is None else self._statuses.take():
             if arrival.message is not None:
                 self._status, self._status_s = arrival.message, arrival.arrival_s
@@ -317,7 +317,7 @@ class SimService:
             _log.warning(pace_sentence(self._pace.speed, self._measured))
 
     def _warn_of_speed(self) -> None:
-        """The supervisor lives in real time: say what another pace means for what it promises."""
+        """Log a warning if the pace is not real time: the supervisor runs in real time, so its guarantees change."""
         speed = self._pace.speed
         if speed > 1.0:
             _log.warning(
@@ -378,13 +378,13 @@ class SimService:
         return TriggerResponse(success=True, message=sentence)
 
     async def _until_stepped(self) -> None:
-        """Wait for the single steps to be made, or given up."""
+        """Wait until the single steps are made or cancelled."""
         self._single_steps_made = self._loop.create_future()
         self._wake.set()
         await self._single_steps_made
 
     def _end_of_single_steps(self) -> None:
-        """Answer whoever waits for them."""
+        """Wake the requests that wait for the single steps."""
         if self._single_steps_made is not None:
             self._single_steps_made.set_result(None)
             self._single_steps_made = None

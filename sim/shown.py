@@ -1,4 +1,4 @@
-"""What is shown of the robot beside its world: what the supervisor lets it do, why, and what its lidar sees. Pure."""
+"""Displayed state of the robot: mode, stop reasons, speed, distances and lidar ranges. Pure."""
 
 import math
 from collections.abc import Sequence
@@ -10,13 +10,13 @@ from wire.reasons import words_of
 
 STOP_DISTANCE_M = 0.30
 WARNING_DISTANCE_M = 0.50
-"""The supervisor's defaults; it may be told otherwise, but it does not say so."""
+"""The supervisor's default; its configuration may differ, but the status does not contain it."""
 
 Rgb = tuple[float, float, float]
 
 
 class Mode(StrEnum):
-    """SafetyStatus's modes, and what holds while there is none."""
+    """Modes of SafetyStatus, and one for a missing status."""
 
     STOPPED = "STOPPED"
     READY = "READY"
@@ -26,7 +26,7 @@ class Mode(StrEnum):
 
     @classmethod
     def of(cls, number: int) -> "Mode":
-        """By SafetyStatus's number; a stranger's counts as stopped."""
+        """Return the mode for a number in SafetyStatus; an unknown number counts as stopped."""
         return _BY_NUMBER.get(number, cls.STOPPED)
 
 
@@ -42,15 +42,15 @@ COLOURS: dict[Mode, Rgb] = {
 
 
 class Shown(NamedTuple):
-    """One moment.
+    """The values to display at one time.
 
     Attributes:
-        mode: What the supervisor lets the robot do.
-        reasons: Why it stands, by the names of the wire, the most restrictive first.
-        speed_m_s: Of the robot, ahead.
-        nearest_m: From the hull to what the supervisor takes for the nearest thing; NaN where it knows of none.
-        ranges: Each lidar's last scan, in m, shape (beams,); empty before the first.
-        over: Those of the reasons that hold no more: only a neutral command is missing.
+        mode: The supervisor's mode.
+        reasons: The names of the stop reasons, most severe first.
+        speed_m_s: Forward speed of the robot.
+        nearest_m: Distance from the hull to the nearest object by the supervisor's status; NaN if unknown.
+        ranges: Last scan of each lidar in m, shape (beams,); empty before the first scan.
+        over: The reasons whose causes have ended, and that still require a neutral command.
     """
 
     mode: Mode = Mode.ALONE
@@ -62,7 +62,7 @@ class Shown(NamedTuple):
 
     @property
     def why(self) -> str:
-        """The reasons that hold, in words; where all are over, what they were; empty where there is none."""
+        """Text of the reasons that hold; if all are over, of those; empty without reasons."""
         holding = [reason for reason in self.reasons if reason not in self.over]
         if holding or not self.over:
             return in_words(holding)
@@ -78,7 +78,7 @@ class Shown(NamedTuple):
 
 
 def in_words(reasons: Sequence[str]) -> str:
-    """As a person says it, in ASCII: what comes from the network draws nothing else."""
+    """Return the reasons as text in ASCII: names from the network must not draw other characters."""
     known = [(reason, words_of(reason)) for reason in reasons]
     said = [reason.lower().replace("_", " ") if words is None else words.caption for reason, words in known]
     return ", ".join(said).encode("ascii", "replace").decode()[:120]

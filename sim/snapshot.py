@@ -1,7 +1,7 @@
-"""A moment of the simulation, kept: from it the same commands lead on to the same trajectory, bit for bit.
+"""Snapshot of the simulation: after a restore, the same commands give the same trajectory, bit for bit.
 
-A snapshot is a plain value. It pickles, compares, and goes through bytes: JSON, the same on every machine, so that
-nothing in a file is ever run.
+A snapshot is a plain value that can be pickled and compared. Its bytes are JSON, the same on every machine; reading them
+never executes code.
 """
 
 from collections.abc import Mapping
@@ -12,25 +12,25 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 
 class SnapshotError(ValueError):
-    """The bytes are no snapshot, or the snapshot is of another world."""
+    """The bytes are not a snapshot, or the snapshot is of another world."""
 
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """Everything that the future of a plant depends on, and everything that it says of its past.
+    """The complete state of a plant, including its record of contacts.
 
     Attributes:
-        world: A fingerprint of the model; another world's snapshot is refused.
+        world: A fingerprint of the model; the snapshot of another world is refused.
         physics: MuJoCo's integration state, float64.
         sensors: The readings of the last step, float64.
         noise: The state of each lidar's noise generator.
-        drive: v and ω that the drive's ramp had come to.
-        walked_s: How long each mover has been on its way.
-        steps_to_tick: Steps until the movers move next.
-        pillar: Where it stands, or None.
-        collisions: Since the last reset.
+        drive: v and ω of the drive's ramp.
+        walked_s: Time in motion of each mover.
+        steps_to_tick: Steps until the next update of the movers.
+        pillar: Position of the pillar, or None.
+        collisions: Number of collisions since the last reset.
         touching: Whether the hull had contact.
-        last_contact: With what.
+        last_contact: Object of the last contact.
     """
 
     __pydantic_config__: ClassVar = ConfigDict(
@@ -54,10 +54,10 @@ class Snapshot:
 
     @classmethod
     def from_bytes(cls, data: bytes) -> "Snapshot":
-        """Reads what `to_bytes` wrote.
+        """Read the bytes of `to_bytes`.
 
         Raises:
-            SnapshotError: It is something else.
+            SnapshotError: The bytes are not a snapshot of this version.
         """
         try:
             return _ADAPTER.validate_json(data)

@@ -1,4 +1,4 @@
-"""Pixels to files: PNG, animated WebP and GIF by pillow, MP4 by PyAV. A file appears when it is complete, or not at all."""
+"""Write image files atomically: PNG, animated WebP and GIF with pillow, MP4 with PyAV."""
 
 import importlib
 import os
@@ -19,11 +19,11 @@ Pixels = NDArray[np.uint8]
 
 SUFFIXES = (".png", ".webp", ".gif", ".mp4")
 SMALLEST, LARGEST = 16, 4096
-"""Of a picture's sides, in pixels."""
+"""Minimum and maximum width and height of a picture, in pixels."""
 MAX_MEGAPIXELS = 300
-"""Of all frames of a WebP or GIF together: pillow holds them in memory, three bytes a pixel."""
+"""Maximum size of all frames of a WebP or GIF together: pillow holds them in memory, with three bytes per pixel."""
 
-# In the order in which browsers are sure to play them; not every build of PyAV has each.
+# In the order of browser support; not every build of PyAV has all of them.
 CODECS = {
     "libx264": {"preset": "slow", "crf": "23"},
     "libopenh264": {},
@@ -33,11 +33,11 @@ CODECS = {
 
 
 class OutputError(ValueError):
-    """The file cannot be written; the message is a sentence that says why, and what can be done."""
+    """The file cannot be written; the message says why, and what to do."""
 
 
 def refuse_bad_output(path: Path, width: int, height: int, frames: int) -> None:
-    """Says no before the work begins.
+    """Check the output before any frame is rendered.
 
     Raises:
         OutputError: The file's name, its directory or the picture's size is wrong, or an encoder is missing.
@@ -66,10 +66,10 @@ def refuse_bad_output(path: Path, width: int, height: int, frames: int) -> None:
 
 
 def write(path: Path, frames: Iterable[Pixels], fps: float) -> None:
-    """Writes frames of one size; a PNG is the first of them.
+    """Write frames of equal size to a file; a PNG contains only the first frame.
 
     Raises:
-        OutputError: It cannot be written; nothing is left of it, and what was there before is still there.
+        OutputError: The file cannot be written; no partial file remains, and an existing file is unchanged.
     """
     suffix = path.suffix.lower()
     partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{suffix}")
@@ -90,20 +90,20 @@ def write(path: Path, frames: Iterable[Pixels], fps: float) -> None:
 
 
 def codec_for_mp4() -> str:
-    """The best encoder that PyAV brings here.
+    """Return the best available encoder of PyAV for MP4.
 
     Raises:
-        OutputError: PyAV is missing, or has no encoder that browsers play.
+        OutputError: PyAV is missing, or has no encoder that browsers support.
     """
     av = _av()
     for name in CODECS:
-        with suppress(ValueError):  # how PyAV says that there is none
+        with suppress(ValueError):  # PyAV raises this for a missing encoder
             av.codec.Codec(name, "w")
             return name
     raise OutputError(f"PyAV has none of the encoders {', '.join(CODECS)} here; write a .webp instead.")
 
 
-def _av() -> Any:  # noqa: ANN401 - optional, so it is not there for the type checker
+def _av() -> Any:  # noqa: ANN401 - an optional package that the type checker may not find
     try:
         return importlib.import_module("av")
     except ImportError as error:
@@ -132,7 +132,7 @@ def _write_webp(path: Path, frames: Iterable[Pixels], fps: float) -> None:
 
 
 def _write_gif(path: Path, frames: Iterable[Pixels], fps: float) -> None:
-    """With one palette for all frames, and no dithering: what stands still takes no bytes then."""
+    """Write a GIF with one palette for all frames and no dithering, so that static areas take no bytes."""
     pictures = [Image.fromarray(frame) for frame in frames]
     middle = pictures[len(pictures) // 2].quantize(256, Image.Quantize.MEDIANCUT)
     first, *others = [picture.quantize(palette=middle, dither=Image.Dither.NONE) for picture in pictures]
@@ -141,7 +141,7 @@ def _write_gif(path: Path, frames: Iterable[Pixels], fps: float) -> None:
 
 
 def durations(frames: int, fps: float, step_ms: int) -> list[int]:
-    """How long each frame is shown, in ms, in whole steps: each ends when it should, to the nearest step."""
+    """Return the duration of each frame in ms, in whole steps, so that each frame ends on time to the nearest step."""
     ends_ms = [step_ms * round(1000.0 * (number + 1) / fps / step_ms) for number in range(frames)]
     return [end_ms - begin_ms for begin_ms, end_ms in zip([0, *ends_ms], ends_ms, strict=False)]
 

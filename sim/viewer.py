@@ -1,7 +1,7 @@
-"""MuJoCo's own window on the plant, where there is a display: the world, what the lidar sees, and what the supervisor says.
+"""MuJoCo's window with the plant, the lidar's points and the supervisor's mode, on a machine with a display.
 
-The window has a thread of its own, which needs no Python; the physics only hand it a copy now and then: 0.3 ms for a
-frame. Words are another matter: whoever hands them over waits until the window is drawn, so a thread of ours does.
+The window runs on a separate thread without Python. The physics only pass it a copy of the state for each frame, which
+takes 0.3 ms. Setting its text blocks until the window is drawn, so this happens on another thread.
 """
 
 import importlib
@@ -23,17 +23,17 @@ from sim.views import fit
 
 _log = logging.getLogger(__name__)
 
-# Above and behind the robot, within the hall also at its start, looking down the aisle and following it.
+# Camera above and behind the robot, inside the hall even at the start; it looks down the aisle and follows the robot.
 VIEW_DISTANCE_M = 3.2
 VIEW_AZIMUTH_DEG = 0.0
 VIEW_ELEVATION_DEG = -65.0
 
 OPEN_LIMIT_S = 20.0
-"""A display over a network may take its time; one that never answers is none."""
+"""Time limit for opening the window; a display over a network may be slow."""
 
 
 class NoDisplayError(Exception):
-    """A window was asked for where none can open."""
+    """A window was requested and cannot be opened."""
 
 
 def has_display() -> bool:
@@ -41,7 +41,7 @@ def has_display() -> bool:
 
 
 def open_viewer(plant: Plant) -> Callable[[Shown], None]:
-    """Open the window and return what draws one frame; once it was closed, nothing is drawn and all else goes on.
+    """Open the window and return a function that draws one frame; after the window is closed, it does nothing.
 
     Raises:
         NoDisplayError: There is no display, or MuJoCo cannot use it.
@@ -77,7 +77,7 @@ class _Window:
 
 
 class _Words:
-    """Hands the newest words to the window, and lets the others fall."""
+    """Passes the newest text to the window on a thread, and drops older ones."""
 
     def __init__(self, handle: Any) -> None:  # noqa: ANN401 - untyped there
         self._handle = handle
@@ -99,7 +99,7 @@ class _Words:
 
 
 def words(shown: Shown) -> tuple[str, str]:
-    """What stands in the window's corner, as two columns."""
+    """Return the text in the window's corner, as two columns."""
     rows = [("mode", shown.mode.value), ("speed", shown.speed), ("nearest", shown.nearest)]
     if shown.why:
         rows.insert(1, ("why", shown.why))
@@ -108,10 +108,10 @@ def words(shown: Shown) -> tuple[str, str]:
 
 
 def _launch(plant: Plant) -> Any:  # noqa: ANN401 - untyped there
-    """MuJoCo's handle of an open window.
+    """Open a window and return MuJoCo's handle.
 
-    Where it cannot open one it ends the process, so a small hidden one is tried first; and should its threads fail
-    later, whoever waits for them would wait for ever.
+    MuJoCo ends the process if it cannot open a window, so a small hidden window is tried first. If MuJoCo's threads fail
+    later, the wait for them would never end, so their failures are caught.
     """
     answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
 
@@ -137,12 +137,12 @@ def _launch(plant: Plant) -> Any:  # noqa: ANN401 - untyped there
 
 
 def _plain(warning: str) -> str:
-    """What glfw means by `(65550) b'X11: Failed to open display'`."""
+    """Return the readable part of a glfw warning such as `(65550) b'X11: Failed to open display'`."""
     return re.sub(r"^\(\d+\) b?(['\"])(.*)\1$", r"\2", warning)
 
 
 def _can_open_a_window() -> bool:
-    """Tries; what is wrong comes as warnings."""
+    """Try to open a hidden window; the causes of a failure are raised as warnings."""
     glfw: Any = importlib.import_module("glfw")
     if not glfw.init():
         return False

@@ -1,4 +1,4 @@
-"""From where the world is looked at: views that fit any layout, and the cameras that a model brings. Pure but for those."""
+"""Cameras: views that fit any layout, and the cameras of a model. Pure except for the latter."""
 
 import math
 from typing import NamedTuple
@@ -7,22 +7,22 @@ from sim import mj
 from sim.plant import Plant
 
 FIELD_OF_VIEW_RAD = math.radians(50.0)
-"""Upright, as in models/hall.xml."""
+"""Vertical field of view, as in models/hall.xml."""
 
 
 class ViewError(ValueError):
-    """There is no such camera; the message says which there are."""
+    """There is no such camera; the message lists the available ones."""
 
 
 class View(NamedTuple):
     """A camera that looks at a point from a distance.
 
     Attributes:
-        look_at_m: In the world; from the robot where the view follows it.
-        distance_m: From the point to the eye.
-        azimuth_deg: Which way it looks, counter-clockwise from x; from the robot's start heading where it follows.
-        elevation_deg: Downwards is negative.
-        follows: Whether it goes along with the robot. It does not turn with it.
+        look_at_m: The point in the world frame; relative to the robot if the view follows it.
+        distance_m: Distance from the point to the camera.
+        azimuth_deg: Viewing direction, counter-clockwise from x; from the robot's start heading if it follows.
+        elevation_deg: Viewing angle above the horizontal; negative when looking down.
+        follows: Whether the camera moves with the robot; it does not turn with it.
     """
 
     look_at_m: tuple[float, float, float]
@@ -37,15 +37,15 @@ NAMES = ("follow", "corner", "top")
 
 
 def view_of(plant: Plant, name: str, aspect: float) -> View | str:
-    """The view of this name, or the name itself where the model has a camera of that name.
+    """Return the view of this name, or the name itself if the model has a camera of that name.
 
     Args:
-        plant: What is looked at.
-        name: Of a view or of a camera.
-        aspect: The picture's width over its height.
+        plant: The plant.
+        name: The name of a view or of a camera.
+        aspect: The picture's width divided by its height.
 
     Raises:
-        ViewError: There is neither.
+        ViewError: There is neither a view nor a camera of this name.
     """
     own = mj.camera_names(plant.model)
     if name in own:
@@ -63,7 +63,7 @@ def view_of(plant: Plant, name: str, aspect: float) -> View | str:
 
 
 def camera(plant: Plant, view: View) -> mj.Camera:
-    """MuJoCo's camera for a view, now."""
+    """Return MuJoCo's camera for a view at the robot's present pose."""
     (x_m, y_m, z_m), azimuth_deg = view.look_at_m, view.azimuth_deg
     if view.follows:
         heading_rad = plant.start_pose.yaw_rad
@@ -75,28 +75,28 @@ def camera(plant: Plant, view: View) -> mj.Camera:
 
 
 def _corner(plant: Plant) -> View:
-    """The whole hall, over the walls of its south-west corner."""
+    """Return a view of the whole hall, over its south-west corner."""
     size_x_m, size_y_m = plant.size_m or _reach_m(plant)
     return View((0.0, -0.03 * size_y_m, 0.0), 0.92 * math.hypot(size_x_m, size_y_m), 62.0, -55.0)
 
 
 def _top(plant: Plant, aspect: float) -> View:
-    """The whole hall as a plan: x to the right, y upwards."""
+    """Return a view of the whole hall from above: x to the right, y up."""
     size_x_m, size_y_m = plant.size_m or _reach_m(plant)
     height_m = 1.06 * max(size_y_m, size_x_m / aspect)
     return View((0.0, 0.0, 0.0), 2.0 + 0.5 * height_m / math.tan(0.5 * FIELD_OF_VIEW_RAD), 90.0, -90.0)
 
 
 def _reach_m(plant: Plant) -> tuple[float, float]:
-    """As much of a world without known walls as its things take."""
+    """Return the extent along x and y [m] of a world without known walls, from its objects."""
     size_m = 2.0 * mj.reach_m(plant.model, plant.data)
     return size_m, size_m
 
 
 def fit(plant: Plant) -> None:
-    """Lets MuJoCo know how large a world without known walls is, from which it reckons how near it draws.
+    """Set MuJoCo's extent of a world without known walls, from which it computes the near clipping plane.
 
-    By itself it counts the pillar, which waits far below the floor, and cuts off whatever is nearer than a metre.
+    By default, MuJoCo includes the removed pillar far below the floor, and clips everything nearer than a metre.
     """
     if plant.size_m is None:
         plant.model.stat.extent = mj.reach_m(plant.model, plant.data)

@@ -1,10 +1,10 @@
-"""The base's own last line of defence: it brakes by itself when nobody proves that somebody drives.
+"""The base's own command watchdog: the base brakes when no fresh command of a live supervisor arrives.
 
-A command counts from when it was decided, not from when it came: a supervisor that was stopped before it could say
-so, and a link that was held up, deliver what was right long ago (docs/decisions/0022).
+The age of a command counts from its decision, not from its arrival: a suspended supervisor or a stalled link may deliver
+an outdated command (docs/decisions/0022).
 
-Pure: time is an argument, in seconds of any one monotonic clock. It does not re-arm with a neutral command; that is the
-supervisor's duty, and what arrives here has passed it.
+Pure: time is an argument, in seconds of any monotonic clock. The watchdog does not require a neutral command to re-arm:
+the supervisor does, and all commands pass it first.
 """
 
 import math
@@ -17,7 +17,7 @@ COMMAND_TIMEOUT_S = 0.150
 
 
 class BaseReason(StrEnum):
-    """Why the base drives as it does; the most restrictive reason wins, in this order from the bottom."""
+    """Result of the watchdog; of several reasons, the last in this order wins."""
 
     OK = "OK"
     COMMAND_STALE = "COMMAND_STALE"
@@ -28,7 +28,7 @@ class BaseReason(StrEnum):
 
 
 class Target(NamedTuple):
-    """What the drive is to aim at; zero for any reason but OK."""
+    """Target twist of the drive and its reason; zero for any reason but OK."""
 
     linear_m_s: float
     angular_rad_s: float
@@ -36,7 +36,7 @@ class Target(NamedTuple):
 
 
 class Watchdog:
-    """Holds the last command for as long as it may be obeyed.
+    """Holds the last command as long as it is valid.
 
     Raises:
         ValueError: The timeout is not positive and finite.
@@ -47,28 +47,29 @@ class Watchdog:
             raise ValueError(f"command_timeout_s must be positive and finite, not {command_timeout_s}.")
         self.command_timeout_s = command_timeout_s
         self.refused_count = 0
-        """Commands that were not finite."""
+        """Number of commands that were not finite."""
         self._supervisor_alive = False
         self._track = Track()
         self._decided_at_s: float | None = None
         self._v_m_s = 0.0
         self._omega_rad_s = 0.0
         self._refused: BaseReason | None = None
-        """Why the last command was not taken; None: it was."""
+        """Why the last command was refused; None if it was accepted."""
         self._resumed_s = -math.inf
 
     def resumed(self, now_s: float) -> None:
-        """Takes note that the machine was suspended before `now_s`, which no clock of an age shows.
+        """Handle a suspend of the machine that ended at `now_s`; monotonic ages do not include it.
 
-        The command from before ends. Others from before may still be on their way: none counts for one timeout.
+        The last command ends. Other commands from before the suspend may still be in transit, so no command is accepted
+        for one timeout.
         """
         self._resumed_s = now_s
         self._decided_at_s = self._refused = None
 
     def supervisor_alive(self, alive: bool) -> None:  # noqa: FBT001 - the call reads as the sentence it is
-        """Takes a change of the supervisor's liveliness token.
+        """Process a change of the supervisor's liveliness token.
 
-        A lost token ends the last command as well, so that its return alone moves nothing.
+        A lost token also ends the last command, so that the return of the token alone does not move the robot.
         """
         self._supervisor_alive = alive
         if not alive:
@@ -77,17 +78,18 @@ class Watchdog:
     def command(
         self, arrival_s: float, linear_m_s: float, angular_rad_s: float, sent: Sent | None = None
     ) -> bool:
-        """Takes a command; false if it is refused.
+        """Process a command; return False if it is refused.
 
-        One that is not finite, late, out of order or of an unproven epoch stops the base until a good one comes, and
-        never refreshes the age. One that comes without the supervisor's token, or just after a suspend, is not kept.
+        A command that is not finite, late, out of order or of an unproven epoch stops the base until a good command
+        arrives, and does not refresh the age. A command without the supervisor's token, or just after a suspend, is
+        not kept.
 
         Args:
-            arrival_s: when it came.
-            linear_m_s: forward.
-            angular_rad_s: to the left.
-            sent: when it was decided, by its attachment; None, as from a plain ROS 2 writer: as it came, unless somebody
-                who stamps is heard.
+            arrival_s: its arrival time.
+            linear_m_s: the forward velocity.
+            angular_rad_s: the turn rate, counter-clockwise.
+            sent: its stamp, with the time of its decision; None, as from a plain ROS 2 writer: it counts from its
+                arrival, unless stamped commands arrive.
         """
         if not (math.isfinite(linear_m_s) and math.isfinite(angular_rad_s)):
             self.refused_count += 1
@@ -108,7 +110,7 @@ class Watchdog:
         return True
 
     def target(self, now_s: float) -> Target:
-        """What to aim at now, and why."""
+        """Return the present target of the drive and its reason."""
         reason = self._reason(now_s)
         if reason is not BaseReason.OK:
             return Target(0.0, 0.0, reason)
@@ -119,7 +121,7 @@ class Watchdog:
             return BaseReason.SUPERVISOR_LOST
         if self._decided_at_s is None:
             return BaseReason.NO_COMMAND
-        # Written so that an age that is not a number counts as too old.
+        # This form treats an age of NaN as too old.
         if not now_s - self._decided_at_s <= self.command_timeout_s:
             return BaseReason.COMMAND_TIMEOUT
         return self._refused or BaseReason.OK

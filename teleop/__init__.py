@@ -1,25 +1,25 @@
 """The operator's terminal: bytes -> keys -> pilot -> velocity -> Twist -> bus.
 
-    controls.py    what the keys do in each way of control. Start here
-    keymap.py      which key asks for what of the program
-    keys.py        the terminal's bytes -> keys, with their releases where it tells them
-    pilot.py       what a pilot is: keys and time in, a velocity out
+    controls.py    the keys of each control mode. Start here
+    keymap.py      keys for the program itself
+    keys.py        the terminal's bytes -> keys, with releases if the terminal reports them
+    pilot.py       interface of a pilot: keys and time in, a velocity out
     incremental.py control by steps (setpoint.py), the default
-    hold.py        control by holding a key; repeats.py tells by its repeats alone whether one is held
+    hold.py        control by holding a key; repeats.py detects a held key from its repeats
     gamepad.py     control by a gamepad; gamepad_*.py find and read it
-    ramp.py        between what is asked for and what is sent
-    rate.py        a fixed rate that neither drifts nor catches up
-    bell.py        when to ring for something near
-    pulse.py       whether anybody at the other end of the terminal still draws
-    holder.py      one program for each source's name; refusals.py tells when the supervisor hears another one for good
-    telemetry.py   what the robot and its supervisor tell
-    view.py        everything that a display shows; words.py puts the supervisor's mode into words
-    display.py     one line of it; dashboard.py, with top_view.py, the whole screen; screen.py the output for that
-    footprint.py   what the picture needs of the supervisor's section
+    ramp.py        acceleration limit of the sent velocity
+    rate.py        a fixed rate without drift and without catching up
+    bell.py        when to ring the bell for a near obstacle
+    pulse.py       whether the terminal still shows the output
+    holder.py      one program for each source name; refusals.py detects permanent refusal by the supervisor
+    telemetry.py   status, odometry and scans
+    view.py        all displayed values; words.py has texts for the supervisor's mode
+    display.py     display of one line; dashboard.py, with top_view.py, the whole screen; screen.py its output
+    footprint.py   values of the supervisor's section for the picture
     config.py      [teleop] of robot.toml
     service.py     the asyncio shell: one loop reads the keys and sends the heartbeat, so a hang stops both
-    terminal.py    the terminal itself: keys in, pictures out, everything restored at the end
-    path/          a source of its own, that drives along a path
+    terminal.py    the terminal: keys in, pictures out, restored at the end
+    path/          a separate command source that drives along a path
 
-The pilots, the displays and what they are made of are pure: no clock, no I/O, no asyncio.
+The pilots, the displays and their parts are pure: no clock, no I/O, no asyncio.
 """

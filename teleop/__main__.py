@@ -1,9 +1,9 @@
-"""`python -m teleop`: drive the robot by keyboard or gamepad, or look on."""
+"""`python -m teleop`: drive the robot by keyboard or gamepad, or only watch."""
 
 import signal
 
 if __name__ == "__main__":
-    # Until the loop takes over, Ctrl-C just ends it: the imports below take a while, and no traceback is news.
+    # Until the loop runs, Ctrl-C ends the program without a traceback: the imports below take a while.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 import argparse
@@ -43,12 +43,12 @@ from wire.zenoh_bus import open_bus
 
 REDRAW_PERIOD_S = 0.5
 GAMEPAD_SOURCE = "joy"
-"""What a gamepad's commands are called where nothing else is said."""
+"""Default source name for a gamepad."""
 
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What a run is made of."""
+    """Configuration and command line options of a run."""
 
     config: TeleopSection
     bus: BusSection
@@ -113,7 +113,7 @@ async def _run(stop: asyncio.Event, options: Options) -> int:
 
 
 class _Waiting:
-    """The time before there is a supervisor: the screen says so, and a key can end it."""
+    """Waits for the supervisor, shows this on the screen, and can be ended by a key."""
 
     def __init__(
         self, options: Options, terminal: Terminal, wake: asyncio.Event, stop: asyncio.Event
@@ -123,7 +123,7 @@ class _Waiting:
         self._events: list[Event] = []
 
     async def connect(self) -> Bus | None:
-        """The bus, as soon as the supervisor is there; None: the operator did not want to wait for it."""
+        """Return the bus as soon as the supervisor runs; None if the operator quit."""
         section = self._options.bus
 
         def on_wait() -> None:
@@ -143,7 +143,7 @@ class _Waiting:
                     self._show()
                 await wait_until(self._wake, clock() + REDRAW_PERIOD_S)
                 self._wake.clear()
-            self._terminal.take()  # keys typed before there was anything to drive
+            self._terminal.take()  # discard keys typed before the connection
             return opening.result()
         finally:
             opening.cancel()
@@ -197,14 +197,14 @@ def _render(options: Options) -> Render:
     if options.plain:
         return lambda view, columns, _: [
             render(view, columns - 1)
-        ]  # the last column leaves the cursor undecided
-    # The Linux console's font has no braille, and what is not UTF-8 has no lines.
+        ]  # in the last column, the position of the cursor would be undefined
+    # The Linux console's font has no braille, and encodings other than UTF-8 have no line characters.
     has_unicode = "utf" in sys.stdout.encoding.lower() and os.environ.get("TERM") != "linux"
     return lambda view, columns, rows: render_dashboard(view, columns, rows, unicode=has_unicode)
 
 
 def _greet(terminal: Terminal, options: Options) -> None:
-    """The keys, once, where no picture shows them."""
+    """Print the keys once if the display does not show them."""
     if not options.plain:
         return
     if is_dumb():
@@ -214,7 +214,7 @@ def _greet(terminal: Terminal, options: Options) -> None:
 
 
 def _legend_lines(rows: Iterable[KeyHelp]) -> list[str]:
-    """The keys in two columns of less than 80."""
+    """Return the keys as text in two columns, less than 80 characters wide."""
     cells = [f"{row.keys:<8}{row.does}" for row in rows]
     return [
         f"  {left:<42}{right}".rstrip()
@@ -223,10 +223,10 @@ def _legend_lines(rows: Iterable[KeyHelp]) -> list[str]:
 
 
 def _options(args: argparse.Namespace) -> Options:
-    """The configuration file, with what the command line says otherwise.
+    """Return the options from the configuration file and the command line, which takes precedence.
 
     Raises:
-        ConfigError: naming every fault.
+        ConfigError: the configuration is refused; the message lists all faults.
     """
     document = read_document(args)
     override(document, "teleop", "mode", args.mode)

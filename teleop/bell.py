@@ -1,15 +1,15 @@
-"""When the terminal's bell rings for something near: at the edge of the warning, then while it still comes closer."""
+"""When to ring the terminal's bell: at the start of a collision warning, then while the obstacle comes closer."""
 
 import math
 
 PAUSE_S = 2.0
-"""At least this long between two rings: a bell that never stops is switched off."""
+"""Minimum time between two rings: operators switch off a bell that rings all the time."""
 CLOSER_M = 0.02
-"""Less is the lidar's noise."""
+"""Minimum decrease of the distance that counts as closer; smaller changes are noise of the lidar."""
 
 
 class WarningBell:
-    """Hears each status, and says when to ring."""
+    """Decides from each status whether to ring."""
 
     def __init__(self) -> None:
         self._warned = False
@@ -17,13 +17,13 @@ class WarningBell:
         self._rang_at_m = math.inf
 
     def rings(self, *, warning: bool, nearest_m: float, now_s: float) -> bool:
-        """Take a status in; True: ring now."""
+        """Process the values of a status; return whether to ring now."""
         at_edge = warning and not self._warned
         closer = warning and nearest_m <= self._rang_at_m - CLOSER_M
         if now_s - self._rang_at_s < PAUSE_S:
             self._warned = (
                 self._warned and warning
-            )  # an edge within the pause rings after it, if it still holds
+            )  # a warning that begins within the pause rings after the pause, if it still holds
             return False
         self._warned = warning
         if at_edge or closer:

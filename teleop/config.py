@@ -12,14 +12,14 @@ from wire import topics
 from wire.config import FreeName, Section
 from wire.quantities import Acceleration, AngularAcceleration, Between, Speed, TurnRate
 
-# Slower, and the supervisor takes the operator for dead between two commands.
+# At a lower rate, the supervisor would time out between two commands.
 CommandRate = Annotated[float, Between(2.0, 200.0)]
 LinearStep = Annotated[float, Between(0.001, 1.0)]
 AngularStep = Annotated[float, Between(0.001, 3.2)]
 
 
 class Mode(StrEnum):
-    """How the operator drives."""
+    """Control mode of the operator."""
 
     INCREMENTAL = "incremental"
     HOLD = "hold"
@@ -27,7 +27,7 @@ class Mode(StrEnum):
 
 
 class TeleopSection(Section):
-    """Who this source is, how often it speaks, and what the operator's hand changes."""
+    """Name and rate of this command source, speeds, steps and control mode."""
 
     source: FreeName = topics.TELEOP
     mode: Annotated[Mode, Field(strict=False)] = Mode.INCREMENTAL
@@ -49,5 +49,5 @@ class TeleopSection(Section):
         )
 
     def most(self) -> Velocity:
-        """What may be asked for at the highest level."""
+        """Maximum velocity at the highest speed level."""
         return Velocity(self.max_linear_m_s, self.max_angular_rad_s)

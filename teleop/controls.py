@@ -1,4 +1,4 @@
-"""What the keys do in each way of control, and the legend that says so."""
+"""The function of the keys in each control mode, and their legend."""
 
 from typing import assert_never
 
@@ -7,12 +7,12 @@ from teleop.view import Control, KeyHelp
 
 
 def command_for(key: str, control: Control) -> Command | None:
-    """What `key` asks of the program; None: nothing."""
+    """Return the program command of a key in a control mode; None if it has none."""
     command = command_of(key)
     if control is Control.HOLD and key.lower() == "q":
         return None  # a speed, in the layout of teleop_twist_keyboard
     if control is Control.VIEW_ONLY and command is Command.RESET:
-        return None  # who only looks on may stop the robot, and release nothing
+        return None  # a viewer may stop the robot, but not reset the e-stop
     return command
 
 
@@ -20,7 +20,7 @@ _STOPS = (KeyHelp("SPACE", "stop + emergency stop"), KeyHelp("r", "reset the eme
 
 
 def legend(control: Control, linear_step_m_s: float, angular_step_rad_s: float) -> tuple[KeyHelp, ...]:
-    """The keys of a mode."""
+    """Return the legend of a control mode."""
     match control:
         case Control.INCREMENTAL:
             return (

@@ -1,12 +1,12 @@
-"""The whole terminal: the mode and what to do about it, what is near, how the robot moves, how good the link is.
+"""The dashboard on the whole terminal: mode, next step, nearest obstacle, velocities and link.
 
     rows 0-1    the mode in words, and what to do next: all red for a stop
     left        the robot and its lidar from above (top_view.py)
-    right       nearest obstacle, velocities, position, control, link, and the events where there is room
-    below       the events otherwise, and the keys
+    right       nearest obstacle, velocities, position, control, link, and the events if there is room
+    below       otherwise the events, and the keys
 
-What is older than SILENT_AFTER_S is grey and says how old it is. What comes from the network is shown as plain
-ASCII. No meaning hangs on a colour alone.
+Values older than SILENT_AFTER_S are grey and show their age. Text from the network is shown as plain ASCII. No meaning
+depends on colour alone.
 """
 
 import itertools
@@ -23,43 +23,43 @@ from teleop.view import Control, KeyHelp, Line, Segment, Tone, View, columns_of,
 from teleop.words import SILENT_AFTER_S, News, direction, is_silent, news, octant_of
 
 MIN_COLUMNS, MIN_ROWS = 80, 24
-"""What the dashboard needs."""
+"""Minimum size of the terminal for the dashboard."""
 
 PANEL_COLUMNS, WIDE_PANEL_COLUMNS = 44, 58
 WIDE_COLUMNS = 120
 HEAD_ROWS = 2
 EVENT_ROWS = 2
-"""Below, where the panel has no room for more."""
+"""Number of rows for events below the panel, if the panel has no room for them."""
 MAX_KEY_ROWS = 5
 GAUGE_M = 2.0
-"""The end of the gauge of the nearest obstacle."""
+"""Full scale of the gauge of the nearest obstacle."""
 LEVELS = 5
 LEAST_SHOWN = 0.005
-"""Of a velocity, in its bar: less is 0.00 as a number, too."""
+"""Minimum velocity that is shown in a bar; smaller values are displayed as 0.00."""
 
 
 Stack = list[tuple[str, str]]
-"""Keys one below the other, and what they do."""
+"""Keys in one column, with their functions."""
 
 
 @dataclass(frozen=True, slots=True)
 class Glyphs:
-    """The characters of a drawing, each one column wide."""
+    """The characters for drawing, each one column wide."""
 
     unicode: bool
     rule: str
     track: str
     bar: str
     bar_end: str
-    """The last half of a bar to the right."""
+    """Half a cell at the end of a bar to the right."""
     bar_begin: str
-    """The last half of a bar to the left."""
+    """Half a cell at the end of a bar to the left."""
     axis: str
     mark: str
     on: str
     off: str
     arrows: str
-    """Counter-clockwise from ahead."""
+    """Arrows for eight directions, counter-clockwise from ahead."""
     degree: str
 
 
@@ -94,13 +94,13 @@ _ASCII = Glyphs(
 
 
 def render_dashboard(view: View, columns: int, rows: int, *, unicode: bool = True) -> list[Line]:
-    """At most `rows` lines of at most `columns` characters; without control characters whatever the view says.
+    """Return at most `rows` lines of at most `columns` characters, without control characters for any view.
 
     Args:
-        view: what to show.
-        columns: of the terminal. Below MIN_COLUMNS x MIN_ROWS there is one plain line, and one that says why.
-        rows: of the terminal.
-        unicode: False: nothing but ASCII.
+        view: the values to show.
+        columns: width of the terminal; below MIN_COLUMNS x MIN_ROWS there are only a plain line and the reason.
+        rows: height of the terminal.
+        unicode: False: only ASCII.
     """
     if columns < 1 or rows < 1:
         return []
@@ -131,7 +131,7 @@ def render_dashboard(view: View, columns: int, rows: int, *, unicode: bool = Tru
 
 
 def _banner(view: View, columns: int) -> list[Line]:
-    """Two lines; a stop fills them, so that it is seen without its colour as well."""
+    """Return the two lines of the mode; for a stop, they fill the width, so that it is visible without colour."""
     what = news(view)
     warning = " COLLISION WARNING " if _warns(view) else ""
     if what.tone is Tone.STOP:
@@ -151,7 +151,7 @@ def _banner(view: View, columns: int) -> list[Line]:
 
 
 def _names(what: News) -> str:
-    """The stop reasons by their names: first what holds, then what is over."""
+    """Return the names of the stop reasons: those that hold, then those that are over."""
     over = ("over:", *what.over) if what.over else ()
     return " ".join((*what.reasons, *over))
 
@@ -161,7 +161,7 @@ def _warns(view: View) -> bool:
 
 
 def _ends(left: str, right: str, columns: int) -> str:
-    """`left` at the beginning and as much of `right` as fits at the end of exactly so many columns."""
+    """Return a line of exactly `columns` characters: `left` at the start, and as much of `right` as fits at the end."""
     room = max(0, columns - len(left))
     if len(right) > room:
         right = f"{right[: room - 3]}.. " if room > 12 else ""
@@ -229,7 +229,7 @@ def _nearest(view: View, columns: int, glyphs: Glyphs) -> list[Line]:
 
 
 def _gauge(view: View, nearest_m: float, tone: Tone, columns: int, glyphs: Glyphs) -> Line:
-    """How much room there is, with marks where it warns and where it stops."""
+    """Return a gauge of the distance, with marks at the warning distance and the stop distance."""
     end = f" {GAUGE_M:g} m"
     cells = columns - len(end)
     filled = _cell(nearest_m / GAUGE_M, cells)
@@ -248,7 +248,7 @@ def _gauge(view: View, nearest_m: float, tone: Tone, columns: int, glyphs: Glyph
 
 
 def _cell(share: float, cells: int) -> int:
-    return round(min(1.0, max(0.0, share)) * cells)  # in this order, what is not a number is nothing
+    return round(min(1.0, max(0.0, share)) * cells)  # in this order, NaN gives 0
 
 
 def _velocities(view: View, columns: int, glyphs: Glyphs) -> list[Line]:
@@ -282,7 +282,7 @@ def _velocity_row(
     if numbers is None or bars is None:
         return (_label(name), Segment("not known", Tone.DIM))
     segments = [_label(name)]
-    # A bar to the left is a turn to the left, which is positive.
+    # A turn to the left is positive, and its bar extends to the left.
     for number, bar, limit, sign in zip(
         numbers, bars, (view.max_linear_m_s, view.max_angular_rad_s), (1, -1), strict=True
     ):
@@ -295,7 +295,7 @@ def _velocity_row(
 
 
 def _bar(share: float, cells: int, tone: Tone, glyphs: Glyphs) -> tuple[Segment, ...]:
-    """From the axis in the middle to either side; share 1 is all of one side."""
+    """Return a bar from the axis in the middle to one side; share 1 fills the side."""
     halves = 0
     if share and not math.isnan(share):
         halves = max(1, round(2 * cells * min(1.0, abs(share))))
@@ -365,7 +365,7 @@ def _age_segment(age_s: float | None) -> Segment:
 
 
 def _events(view: View, rows: int, columns: int) -> list[Line]:
-    """A heading and the newest events, the newest first; a long one goes on in the next line."""
+    """Return a heading and the newest events, newest first; long events are wrapped."""
     lines: list[Line] = [(_label("events"),)]
     for event in reversed(view.events):
         if len(lines) >= rows:
@@ -386,7 +386,7 @@ def _wrapped(text: str, columns: int) -> list[str]:
 
 
 def _picture(view: View, columns: int, rows: int, glyphs: Glyphs) -> list[Line]:
-    """The top view over a line that says how large it is, and how old where it is too old."""
+    """Return the top view and a line below it with the scale, or with the age of an old scan."""
     is_old = view.scan is None or _is_old(view.scan_age_s)
     lines = draw_top_view(view.scan, view.robot, columns, rows - 1, is_stale=is_old, unicode=glyphs.unicode)
     scale = scale_of(view.robot, columns, rows - 1)
@@ -409,7 +409,7 @@ def _caption(view: View, scale: Scale, glyphs: Glyphs) -> Line:
 
 @lru_cache(maxsize=4)
 def _keys(keys: tuple[KeyHelp, ...], columns: int, glyphs: Glyphs) -> list[Line]:
-    """In columns, read downwards, in as few lines as they fit; where they do not, the widest is cut off."""
+    """Return the keys in columns with as few lines as possible; if they do not fit, the widest column is cut off."""
     rows = [(_ours(row.keys, glyphs), _ours(row.does, glyphs)) for row in keys]
     stacks: list[Stack] = []
     widths: list[int] = []
@@ -438,7 +438,7 @@ def _widest(stack: Stack) -> int:
 
 
 def _key(stack: Stack, row: int, columns: int) -> tuple[Segment, Segment]:
-    """One key of a stack in so many columns, the last of them empty."""
+    """Return one key of a stack in `columns` characters, the last of them empty."""
     keys, does = stack[row] if row < len(stack) else ("", "")
     left = min(columns, max(len(keys) for keys, _ in stack) + 1)
     right = columns - left
@@ -465,7 +465,7 @@ def _is_old(age_s: float) -> bool:
 
 
 def _age(age_s: float) -> str:
-    """Calm as long as it is small; never longer than seven characters."""
+    """Return an age as text of at most seven characters; small ages give a constant text."""
     if age_s < 0.1:
         return "<0.1 s"
     if age_s < 100.0:
@@ -474,7 +474,7 @@ def _age(age_s: float) -> str:
 
 
 def _number(value: float) -> str:
-    """Six characters: two decimals with a sign where they fit."""
+    """Return a number in six characters, with a sign and two decimals if they fit."""
     if not math.isfinite(value):
         return f"{'-':>6}"
     text = signed(value) if abs(value) < 99.99 else f"{value:+.0f}"
@@ -482,7 +482,7 @@ def _number(value: float) -> str:
 
 
 def _degrees(angle_rad: float) -> str:
-    """Counter-clockwise positive, -180 to 180."""
+    """Return an angle in degrees, -180 to 180, counter-clockwise positive."""
     if not math.isfinite(angle_rad):
         return "-"
     degrees = round(math.degrees(math.remainder(angle_rad, math.tau)))
@@ -490,7 +490,7 @@ def _degrees(angle_rad: float) -> str:
 
 
 def _ours(text: str, glyphs: Glyphs) -> str:
-    """A text of this program's own, which may have characters beyond ASCII where the terminal has."""
+    """Return a text of this program, with characters beyond ASCII only if the terminal supports them."""
     return "".join(map(_one_column, text)) if glyphs.unicode else plain(text)
 
 
@@ -501,7 +501,7 @@ def _one_column(char: str) -> str:
 
 
 def _spread(sections: Sequence[list[Line]], rows: int) -> list[Line]:
-    """The sections one below the other, with an empty line between them as far as there is room."""
+    """Return the sections below each other, with empty lines between them as far as there is room."""
     empty = rows - sum(map(len, sections))
     lines: list[Line] = []
     for section in sections:
@@ -513,13 +513,13 @@ def _spread(sections: Sequence[list[Line]], rows: int) -> list[Line]:
 
 
 def _filled(lines: Iterable[Line], rows: int) -> list[Line]:
-    """Exactly so many lines."""
+    """Return exactly `rows` lines."""
     some = list(lines)[:rows]
     return some + [()] * (rows - len(some))
 
 
 def _fitted(line: Line, columns: int) -> Line:
-    """Exactly so many columns."""
+    """Return a line of exactly `columns` characters."""
     spare = columns - columns_of(line)
     if spare >= 0:
         return (*line, Segment(" " * spare)) if spare else line

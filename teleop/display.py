@@ -1,7 +1,7 @@
-"""The one plain line: what is asked for, what the supervisor makes of it and why, what to do next.
+"""The display of one plain line: requested velocity, supervisor's mode with its reason, next step.
 
-For terminals that can do no more, and for whoever asks for it with `--plain`. It says what is known and how old
-that is: a status that has not been renewed is not shown as if it held.
+It is used with `--plain` and on terminals without control sequences. An old status is shown with its age, not as if it
+still held.
 """
 
 import math
@@ -15,7 +15,13 @@ ELLIPSIS = "…"
 
 
 def render(view: View, width: int, *, unicode: bool = True) -> Line:
-    """The line in at most `width` columns: what matters least goes first; without `unicode` in ASCII."""
+    """Return the line in at most `width` columns; the least important parts are omitted first.
+
+    Args:
+        view: the values to show.
+        width: the maximum number of columns.
+        unicode: False: only ASCII.
+    """
     omega = "ω" if unicode else "w"
     asked = Segment(
         f"v {signed(view.wanted.linear_m_s)} m/s {omega} {signed(view.wanted.angular_rad_s)} rad/s | "
@@ -27,7 +33,7 @@ def render(view: View, width: int, *, unicode: bool = True) -> Line:
 
 
 def signed(value: float) -> str:
-    """Two decimals with a sign; zero has none, on either side of it."""
+    """Return a number with a sign and two decimals; values that round to zero have no sign."""
     return f"{round(value, 2) + 0.0:+.2f}" if round(value, 2) else " 0.00"
 
 
@@ -65,7 +71,7 @@ def _stopped(status: SafetyStatus, view: View, *, short: bool) -> str:
 
 
 def _counted(names: Sequence[str]) -> str:
-    """The first, and how many others there are."""
+    """Return the first name and the number of the others."""
     return f"{names[0]} +{len(names) - 1}" if len(names) > 1 else names[0]
 
 

@@ -1,7 +1,7 @@
-"""What the picture needs of the supervisor's configuration.
+"""Values of the supervisor's configuration for the picture.
 
-It is read for the eye alone: what is missing or odd is drawn as by default, and the supervisor, which must not
-start with it, says so itself.
+They are used only for drawing: missing or invalid values are replaced by defaults. The supervisor checks the
+configuration itself and refuses to start with invalid values.
 """
 
 from typing import Any, cast
@@ -13,7 +13,7 @@ _DEFAULT = Robot()
 
 
 def robot_of(document: dict[str, Any]) -> Robot:
-    """The hull, the lidar's mount and the distances of a robot.toml."""
+    """Return the hull, the lidar's mount, and the stop and warning distances in a robot.toml."""
     supervisor = _table(document, "supervisor")
     hull, lidar = _table(supervisor, "footprint"), _lidar_on_scan(supervisor)
     return Robot(
@@ -33,7 +33,7 @@ def _table(document: dict[str, Any], name: str) -> dict[str, Any]:
 
 
 def _lidar_on_scan(supervisor: dict[str, Any]) -> dict[str, Any]:
-    """The lidar whose scan is drawn: the only one, or the one of several that is on `scan`."""
+    """Return the section of the lidar whose scan is drawn: the only one, or the one on the topic `scan`."""
     lidars = supervisor.get("lidars")
     if not isinstance(lidars, list):
         return _table(supervisor, "lidar")

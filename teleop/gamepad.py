@@ -1,9 +1,9 @@
 """A gamepad's events -> velocity: the pilot of `--mode gamepad`, without the device.
 
-The dead-man button decides. Nothing moves unless it was seen to be pressed, with the stick centred after that,
-and it is held; released, the velocity is zero at once. Whatever makes the held button doubtful (the pad was
-unplugged, events were lost, it has been silent for too long, the operator stopped by a key) ends the hold, and
-only a release and a new press begin another: a finger that was there before proves nothing.
+The robot moves only while the dead-man button is held, after the press was received and the stick was centred since.
+When the button is released, the velocity is zero immediately. A doubtful state of the button also ends the hold: the
+pad was unplugged, events were lost, the pad was silent for too long, or the operator stopped with a key. After that, the
+button must be released and pressed again.
 """
 
 import math
@@ -21,14 +21,15 @@ EV_SYN, EV_KEY, EV_ABS = 0, 1, 3
 SYN_REPORT, SYN_DROPPED = 0, 3
 
 MAX_DEAD_ZONE = 0.5
-"""A driver's `flat` counts up to here: beyond it, hardly any stick would be left."""
+"""Maximum dead zone from a driver's `flat`; with a larger one, hardly any range of the stick would remain."""
 SETTLE_S = 0.5
-"""A driver knows a pad's state only with the first report: what is pressed this soon may have been held before."""
+"""Time after connecting in which a press does not count: a driver knows the pad's state only after its first report, so
+the button may have been held before."""
 STOP_KEY = "s"
 
 
 class PadEvent(NamedTuple):
-    """An input event as Linux tells it."""
+    """An input event of Linux."""
 
     type: int
     code: int
@@ -44,17 +45,17 @@ class Button(IntEnum):
 
 
 class Axis(NamedTuple):
-    """Where an axis is, and its calibration: EVIOCGABS, in the axis's own units."""
+    """Position and calibration of an axis: EVIOCGABS, in units of the axis."""
 
     value: int
     minimum: int
     maximum: int
     flat: int = 0
-    """What the driver says is noise, on each side of the centre."""
+    """Noise on each side of the centre according to the driver."""
 
 
 class PadState(NamedTuple):
-    """Everything that a pad says when it is asked."""
+    """The complete state of a pad."""
 
     pressed: frozenset[int]
     axes: Mapping[int, Axis]
@@ -62,7 +63,7 @@ class PadState(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """What is where on the pad, and what a full deflection asks for."""
+    """Axes and buttons of the pad, and the velocity at full deflection."""
 
     forward_axis: int
     turn_axis: int
@@ -90,10 +91,10 @@ class Layout:
 
 
 def deflection(axis: Axis, dead_zone: float) -> float:
-    """How far an axis is from its centre, -1 to 1: zero in the dead zone, and from its edge on without a jump.
+    """Return the deflection of an axis, -1 to 1: zero in the dead zone, and continuous at its edge.
 
-    The kernel does not hold values to the range that it names: what is beyond counts as its end. A range that
-    is none is a centred axis.
+    The kernel does not enforce the range of an axis: values outside are clamped. An axis with an empty range counts as
+    centred.
     """
     half = (axis.maximum - axis.minimum) / 2
     if half <= 0:
@@ -105,23 +106,23 @@ def deflection(axis: Axis, dead_zone: float) -> float:
 
 
 class Phase(StrEnum):
-    """How far the operator is from driving."""
+    """Phases on the way to driving."""
 
     ABSENT = "absent"
     LOST = "lost"
-    """Events were lost; nothing is known until the pad has been asked."""
+    """Events were lost; the state is unknown until it has been read from the pad."""
     LET_GO = "let go"
-    """The dead-man button is down, and does not count before it has been released."""
+    """The dead-man button is pressed, but must be released first."""
     READY = "ready"
-    """The dead-man button is up."""
+    """The dead-man button is released."""
     CENTRE = "centre"
-    """It is held, but the stick has not been centred since."""
+    """The dead-man button is held, but the stick has not been centred since."""
     DRIVING = "driving"
 
 
 @dataclass(slots=True)
 class Gamepad:
-    """The pilot: what the stick asks for while the dead-man button holds. See `teleop.pilot.Pilot`.
+    """The pilot for the stick while the dead-man button is held. See `teleop.pilot.Pilot`.
 
     Time, in seconds of the loop's clock, is an argument. Between `lost` and `resync`, and before `plug_in`,
     events are ignored.
@@ -129,32 +130,32 @@ class Gamepad:
 
     layout: Layout
     level: int = LEVELS
-    """1 to 5: its fifths are the share of both velocities that the stick has left, turbo or not."""
+    """Speed level 1 to 5, in fifths of both velocities, with or without turbo."""
     phase: Phase = Phase.ABSENT
     name: str = ""
     _why: str = "no gamepad"
-    """Why it is ABSENT, LOST or LET_GO."""
+    """Reason for the phases ABSENT, LOST and LET_GO."""
     _pressed: set[int] = field(default_factory=set[int])
     _axes: dict[int, Axis] = field(default_factory=dict[int, Axis])
     _settled_s: float = math.inf
     _heard_s: float = -math.inf
     _pulse_s: float | None = None
 
-    # --- what the device tells
+    # --- called by the device
 
     def plug_in(self, name: str, state: PadState, now_s: float) -> None:
-        """A pad is there, in this state; whatever is held on it was held before."""
+        """Begin with a pad in this state; a button that is pressed now must be released first."""
         self.name = name
         self._settled_s = now_s + SETTLE_S
         self._heard_s, self._pulse_s = now_s, None
         self._take_state(state, "it was held when the gamepad came")
 
     def unplug(self, why: str) -> None:
-        """The pad is gone, or cannot be used; `why` is for the screen."""
+        """End the hold because the pad was unplugged or cannot be used; `why` is shown on the screen."""
         self.phase, self._why = Phase.ABSENT, why
 
     def take(self, event: PadEvent, now_s: float) -> None:
-        """Take an event in the order in which the device told it."""
+        """Process one event, in the order of the device."""
         if self.phase in (Phase.ABSENT, Phase.LOST):
             return
         self._miss(now_s)
@@ -170,22 +171,22 @@ class Gamepad:
 
     @property
     def needs_state(self) -> bool:
-        """Events were lost: empty the device's queue, ask it for its state, then call `resync`."""
+        """Whether events were lost; then empty the device's queue, read its state, and call `resync`."""
         return self.phase is Phase.LOST
 
     def resync(self, state: PadState) -> None:
-        """The pad's state, after events were lost; the dead-man button may have been released among them."""
+        """Continue with this state after events were lost; one of them may be a release of the dead-man button."""
         self._take_state(state, self._why)
 
     def pulse(self, now_s: float) -> None:
-        """The pad has shown, by its motion sensors, that it is still there; from the first pulse on it must go on."""
+        """Record a sign of life from the motion sensors; after the first one, they must continue."""
         self._miss(now_s)
         self._pulse_s = now_s
 
-    # --- what teleop asks
+    # --- called by teleop
 
     def on_key(self, event: KeyEvent, now_s: float) -> None:  # noqa: ARG002 - a key is a key at any time
-        """No key drives here: one stops, some choose the level."""
+        """Process a key: one stops, some select the speed level, none drives."""
         if event.kind is KeyKind.RELEASE:
             return
         if event.key.lower() == STOP_KEY:
@@ -193,7 +194,7 @@ class Gamepad:
         self.level = level_of(event.key) or self.level
 
     def velocity(self, now_s: float) -> Velocity:
-        """What is sent now. There is no ramp: the stick is the operator's own."""
+        """Return the velocity to send. There is no ramp: the operator controls the stick directly."""
         self._miss(now_s)
         return self.wanted()
 
@@ -214,7 +215,7 @@ class Gamepad:
 
     @property
     def next_s(self) -> float:
-        """When the silence of the pad ends the hold."""
+        """Return the time at which a silent pad ends the hold."""
         if self.wanted().is_neutral:
             return math.inf
         layout = self.layout
@@ -237,7 +238,7 @@ class Gamepad:
             case _:
                 assert_never(self.phase)
 
-    # --- within
+    # --- internal
 
     @property
     def _share(self) -> float:
@@ -247,7 +248,7 @@ class Gamepad:
 
     @property
     def _alive_s(self) -> float:
-        """When the pad was last known to be there."""
+        """Return the time of the pad's last sign of life."""
         return self._heard_s if self._pulse_s is None else self._pulse_s
 
     @property
@@ -256,7 +257,7 @@ class Gamepad:
 
     def _deflection(self, code: int, *, inverted: bool) -> float:
         value = deflection(self._axes[code], self.layout.dead_zone)
-        return -value if inverted and value else value  # no negative zero on the wire
+        return -value if inverted and value else value  # never -0.0 on the wire
 
     def _take_state(self, state: PadState, why: str) -> None:
         self._pressed = {code for code in self.layout.buttons if code in state.pressed}
@@ -284,7 +285,7 @@ class Gamepad:
             self._end_hold(f"nothing heard from it for {now_s - self._alive_s:.1f} s")
 
     def _end_of_report(self) -> None:
-        """Only a whole report is consistent: what is pressed and where the stick is belong together."""
+        """Update the phase at the end of a report, because only then buttons and axes are consistent."""
         if self.phase is Phase.CENTRE and self._is_centred:
             self.phase = Phase.DRIVING
 

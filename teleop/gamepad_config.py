@@ -11,31 +11,31 @@ AxisName = Annotated[str, Field(pattern=r"^ABS_[A-Z0-9_]+$")]
 ButtonName = Annotated[str, Field(pattern=r"^(BTN|KEY)_[A-Z0-9_]+$")]
 Share = Annotated[float, Between(0.01, 1.0)]
 LimitS = Annotated[float, Between(0.2, 30.0)]
-"""No silence is unlimited: half a minute is a long time to drive without a sign of life."""
+"""Bounds of a silence limit; without an upper bound, the robot could be driven without a sign of life of the pad."""
 
 
 class GamepadSection(Section):
-    """Which axis and button does what, by their Linux names (`evtest` shows them), and how far a stick goes."""
+    """Axes and buttons by their Linux names (shown by `evtest`), dead zone and velocity shares of the stick."""
 
     device: Annotated[str, Field(pattern=r"^/.+")] | None = None
-    """Such as /dev/input/by-id/...-event-joystick; without it, the one gamepad that is plugged in."""
+    """Device such as /dev/input/by-id/...-event-joystick; None: the only connected gamepad."""
     forward_axis: AxisName = "ABS_Y"
     turn_axis: AxisName = "ABS_X"
     forward_inverted: bool = True
-    """Pushed forward, the axis falls: so it is on every pad whose driver follows the kernel's convention."""
+    """Whether the axis decreases when the stick is pushed forward, as in the kernel's convention."""
     turn_inverted: bool = True
-    """Pushed to the left, the axis falls; a turn to the left is positive."""
+    """Whether the axis decreases when the stick is pushed to the left; a turn to the left is positive."""
     dead_man_button: ButtonName = "BTN_TL"
     turbo_button: ButtonName = "BTN_TR"
     dead_zone: Annotated[float, Between(0.01, 0.5)] = 0.15
-    """Share of the stick's way that counts as centred; an axis whose driver says more (`flat`) gets more."""
+    """Share of the stick's range that counts as centred; a larger `flat` of the driver takes precedence."""
     normal_share: Share = 0.5
     turbo_share: Share = 1.0
-    """Of max_linear_m_s and max_angular_rad_s, without and with the turbo button."""
+    """Shares of max_linear_m_s and max_angular_rad_s, without and with the turbo button."""
     silence_limit_s: LimitS = 2.0
-    """A pad that says nothing for this long while it drives is taken for lost."""
+    """A pad that sends nothing for longer than this while driving counts as lost."""
     pulse_limit_s: LimitS = 0.5
-    """Likewise for a pad with motion sensors, which say something all the time."""
+    """The same for a pad with motion sensors, which send continuously."""
 
     @field_validator("turn_axis")
     @classmethod

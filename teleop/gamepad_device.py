@@ -1,4 +1,4 @@
-"""The gamepad itself, by evdev: open it, read it in the event loop, miss it when it is gone, take it back.
+"""The gamepad device with evdev: open it, read it in the event loop, and reopen it after it was unplugged.
 
 The package `evdev` is optional (`lifeline[gamepad]`) and imported only when a gamepad is asked for.
 """
@@ -17,12 +17,12 @@ from teleop.setpoint import LEVELS
 from wire.extras import how_to_install
 
 RETRY_PERIOD_S = 0.5
-"""How often an unplugged pad is looked for."""
+"""Period of the search for an unplugged pad."""
 PULSE_PERIOD_S = 0.1
-"""How often the motion sensors are asked for a sign of life: event by event, they would tell thousands a second."""
+"""Period for reading the motion sensors as a sign of life; they send thousands of events per second."""
 PULSE_BYTES = 1 << 14
 MAX_READS = 16
-"""For each turn of the loop, 64 events each: a flood of events does not hold up the heartbeat."""
+"""Maximum number of reads per loop iteration, with 64 events each, so that a flood does not delay the heartbeat."""
 
 _LABELS = {
     "BTN_SOUTH": "A/cross",
@@ -32,11 +32,11 @@ _LABELS = {
     "BTN_TL2": "LT/L2",
     "BTN_TR2": "RT/R2",
 }
-"""What is printed on the buttons of most pads."""
+"""Labels on the buttons of most pads."""
 
 
 class InputEvent(Protocol):
-    """What is used of `evdev.InputEvent`."""
+    """The attributes of `evdev.InputEvent` in use."""
 
     type: int
     code: int
@@ -44,7 +44,7 @@ class InputEvent(Protocol):
 
 
 class AbsInfo(Protocol):
-    """What is used of `evdev.AbsInfo`."""
+    """The attributes of `evdev.AbsInfo` in use."""
 
     @property
     def value(self) -> int: ...
@@ -57,7 +57,7 @@ class AbsInfo(Protocol):
 
 
 class Device(Protocol):
-    """What is used of `evdev.InputDevice`; whatever it does may raise OSError once the pad is gone."""
+    """The members of `evdev.InputDevice` in use; any of them may raise OSError after the pad was unplugged."""
 
     @property
     def fd(self) -> int: ...
@@ -68,36 +68,36 @@ class Device(Protocol):
 
 
 Opener = Callable[[Path], Device]
-"""Opens a device, to be read without blocking; raises OSError."""
+"""Opens a device for non-blocking reads; raises OSError."""
 
 
 def open_gamepad(
     section: GamepadSection, max_linear_m_s: float, max_angular_rad_s: float, level: int = LEVELS
 ) -> "GamepadDevice":
-    """Find and open the gamepad that `section` asks for. Needs no event loop yet.
+    """Find and open the gamepad of a section. It does not need an event loop.
 
-    The answer holds the pilot (`.pilot`, a `teleop.pilot.Pilot`) that the gamepad steers; it is neutral until the
-    pad is read:
+    The result has the pilot (`.pilot`, a `teleop.pilot.Pilot`) that the gamepad controls; it is neutral until the pad is
+    read:
 
         pad = open_gamepad(config.gamepad, config.max_linear_m_s, config.max_angular_rad_s)
         ...
         with pad.reading(wake=wake, say=terminal.note):  # in the loop; closes the pad at the end
             await Teleop(..., pilot=pad.pilot).run(stop)
 
-    Each event sets `wake`, so that a change is sent at once; `say` hears a sentence when the pad goes or comes back.
-    A pad that goes makes the pilot neutral at once, and is looked for until it is back: nothing is raised then.
-    Whatever else must end a hold (the keys for stop and emergency stop, a hang, a terminal that is stuck) calls
-    `pilot.let_go()`: the dead-man button must then be released and held anew.
+    Each event sets `wake`, so that a change is sent immediately. `say` is called with a sentence when the pad is
+    unplugged or returns. An unplugged pad makes the pilot neutral immediately and is searched for until it returns,
+    without an exception. Other events that must end a hold (stop keys, a hang, a stuck terminal) call
+    `pilot.let_go()`: the dead-man button must then be released and pressed again.
 
     Args:
         section: `[teleop.gamepad]`.
-        max_linear_m_s: what a full deflection asks for at a share of 1.
-        max_angular_rad_s: likewise.
-        level: the speed level to begin with, 1 to 5; the keys 1 to 5 choose another.
+        max_linear_m_s: forward velocity at full deflection and a share of 1.
+        max_angular_rad_s: turn rate at full deflection and a share of 1.
+        level: the initial speed level, 1 to 5; the keys 1 to 5 select another.
 
     Raises:
-        GamepadError: the package is missing, a name in `section` is none of Linux's, there is no gamepad, it may
-            not be read, or there are several; in one sentence with what to do.
+        GamepadError: the package is missing, a name in `section` is unknown to Linux, or there is no gamepad, no
+            permission to read it, or more than one; the message says what to do.
     """
     opener, codes = _evdev()
     layout = layout_of(section, codes, max_linear_m_s, max_angular_rad_s)
@@ -110,9 +110,9 @@ class GamepadDevice:
     """A gamepad on its file descriptor, and its pilot.
 
     Args:
-        section: which device.
-        pilot: what its events go to.
-        opener: opens a device; evdev's, or a test's.
+        section: the configuration of the device.
+        pilot: receives the events.
+        opener: opens a device, with evdev or in a test.
         devices: the directory of the device files.
         sysfs: the directory of their descriptions.
     """
@@ -132,13 +132,13 @@ class GamepadDevice:
         self._pad: Device | None = None
         self._sensors: Device | None = None
         self._timer: asyncio.TimerHandle | None = None
-        """The next look at the motion sensors, or the next search for the pad."""
+        """Timer of the next reading of the motion sensors, or of the next search for the pad."""
 
     def open(self) -> None:
-        """Open the gamepad, and its motion sensors where they may be read.
+        """Open the gamepad, and its motion sensors if they can be read.
 
         Raises:
-            GamepadError: in one sentence.
+            GamepadError: the gamepad cannot be opened; the message is one sentence.
         """
         layout, section = self.pilot.layout, self._section
         names = section.forward_axis, section.turn_axis, section.dead_man_button, section.turbo_button
@@ -148,11 +148,11 @@ class GamepadDevice:
         self._name = found.name
         sensors = find_sensors(found, devices=self._devices, sysfs=self._sysfs)
         if sensors is not None:
-            with suppress(OSError):  # they help, but are not needed
+            with suppress(OSError):  # they are optional
                 self._sensors = self._opener(sensors.path)
 
     def close(self) -> None:
-        """Let go of the devices. Without effect when they are closed."""
+        """Close the devices, if they are open."""
         for device in (self._pad, self._sensors):
             if device is not None:
                 device.close()
@@ -196,7 +196,7 @@ class GamepadDevice:
     # --- in the loop
 
     def _start(self, pad: Device) -> None:
-        """Ask the pad where it stands, and watch it; what it said before is void."""
+        """Read the pad's state and watch its events; earlier events are discarded."""
         try:
             with suppress(BlockingIOError):
                 for _ in range(MAX_READS):
@@ -216,7 +216,7 @@ class GamepadDevice:
         try:
             for _ in range(MAX_READS):
                 events = list(pad.read())
-                if not events:  # a device has no end; a pipe in its place has
+                if not events:  # a device never reaches its end, but a pipe in a test does
                     self._lose()
                     return
                 for event in events:
@@ -227,9 +227,9 @@ class GamepadDevice:
             self._lose()
 
     def _catch_up(self, pad: Device) -> None:
-        """Where events were lost and the queue is empty now, the pad's state makes up for them.
+        """After lost events, read the pad's state once the queue is empty.
 
-        Not before it is empty: what is still queued is older than the state, and would undo it.
+        Queued events are older than the state and would overwrite it.
         """
         if not self.pilot.needs_state:
             return
@@ -242,9 +242,9 @@ class GamepadDevice:
         self._say("gamepad: events were lost; stopped")
 
     def _feel(self, sensors: Device) -> None:
-        """Whatever the motion sensors said since the last time: the pad is there."""
+        """Take any data of the motion sensors as a sign of life."""
         self._timer = self._loop.call_later(PULSE_PERIOD_S, self._feel, sensors)
-        with suppress(OSError):  # nothing said, or gone: then the pad's own descriptor tells
+        with suppress(OSError):  # no data, or unplugged, which the pad's own descriptor reports
             if os.read(sensors.fd, PULSE_BYTES):
                 self.pilot.pulse(self._loop.time())
 
@@ -256,7 +256,7 @@ class GamepadDevice:
         self._wake.set()
 
     def _look(self) -> None:
-        """Look for the pad; why it cannot be had is the pilot's note until it is back."""
+        """Search for the pad; until it is back, the pilot's note says why it cannot be opened."""
         self._wake.set()
         try:
             self.open()
@@ -290,7 +290,7 @@ def _has_range(info: AbsInfo) -> bool:
 
 
 def _evdev() -> tuple[Opener, dict[str, int]]:
-    """How evdev opens a device, and Linux's names of axes and buttons."""
+    """Return evdev's function to open a device, and Linux's codes of axes and buttons by name."""
     try:
         import evdev  # noqa: PLC0415 - an optional package
     except ImportError:
@@ -299,7 +299,7 @@ def _evdev() -> tuple[Opener, dict[str, int]]:
         ) from None
 
     def opener(path: Path) -> Device:
-        return cast("Device", evdev.InputDevice(str(path), readonly=True))  # its own types say less
+        return cast("Device", evdev.InputDevice(str(path), readonly=True))  # evdev's types are less precise
 
     return opener, evdev.ecodes.ecodes
 
@@ -307,10 +307,10 @@ def _evdev() -> tuple[Opener, dict[str, int]]:
 def layout_of(
     section: GamepadSection, codes: dict[str, int], max_linear_m_s: float, max_angular_rad_s: float
 ) -> Layout:
-    """The configuration with Linux's numbers for its names.
+    """Return the layout of a section, with Linux's codes for the names.
 
     Raises:
-        GamepadError: a name is none of Linux's.
+        GamepadError: a name is unknown to Linux.
     """
 
     def code(key: str) -> int:

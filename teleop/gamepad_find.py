@@ -1,7 +1,6 @@
-"""Which input device is the gamepad: read from sysfs, which tells what each one has without opening any.
+"""Find the gamepad among the input devices from their driver's descriptions in sysfs, without opening them.
 
-Opening wakes some devices up and takes them many milliseconds, and needs a permission; both would be in the way
-while the robot's heartbeat goes on. What sysfs shows is the driver's own description.
+Opening a device needs permission, wakes up some devices, and takes many milliseconds. This would delay the heartbeat.
 """
 
 import re
@@ -15,15 +14,15 @@ DEVICES = Path("/dev/input")
 SYSFS = Path("/sys/class/input")
 INPUT_PROP_ACCELEROMETER = 0x06
 WORD_BITS = 8 * struct.calcsize("l")
-"""sysfs writes bits in the kernel's words, the highest first."""
+"""Bits per word of a bitmap in sysfs; the highest word comes first."""
 
 
 class GamepadError(Exception):
-    """No gamepad can be had; the message says in one sentence why, and what to do."""
+    """No gamepad can be used; the message says why, and what to do."""
 
 
 class Needed(NamedTuple):
-    """What makes a device the gamepad: the codes of axes and buttons, and their names for whoever lacks them."""
+    """Codes of the axes and buttons that a gamepad needs, and their names for error messages."""
 
     axes: tuple[int, ...]
     buttons: tuple[int, ...]
@@ -31,16 +30,16 @@ class Needed(NamedTuple):
 
 
 class Described(NamedTuple):
-    """An input device by its driver's description."""
+    """An input device as described by its driver."""
 
     path: Path
     name: str
     unit: tuple[str, str]
-    """Address and plug: the same for every part of one pad."""
+    """Address and port; the same for all devices of one pad."""
     axes: int
     buttons: int
     properties: int
-    """Bit n: code n is there."""
+    """Like `axes` and `buttons` a bitmap: bit n is set if the device has code n."""
 
     def has(self, needed: Needed) -> bool:
         return _covers(self.axes, needed.axes) and _covers(self.buttons, needed.buttons)
@@ -52,10 +51,10 @@ class Described(NamedTuple):
 def find_gamepad(
     needed: Needed, wanted: str | None, *, devices: Path = DEVICES, sysfs: Path = SYSFS
 ) -> Described:
-    """The device at the path `wanted`; without one, the only device that has what is needed.
+    """Return the device at the path `wanted`; if that is None, the only device with the needed axes and buttons.
 
     Raises:
-        GamepadError: there is none, or more than one, or it lacks something.
+        GamepadError: there is no such device, or more than one, or it lacks an axis or button.
     """
     names = ", ".join(needed.names)
     if wanted is not None:
@@ -84,7 +83,7 @@ def find_gamepad(
 
 
 def find_sensors(pad: Described, *, devices: Path = DEVICES, sysfs: Path = SYSFS) -> Described | None:
-    """The motion sensors of that very pad, which most drivers give a device of their own; None: it has none."""
+    """Return the device of the pad's motion sensors; None if it has none. Most drivers create a separate device."""
     for device in list_devices(devices, sysfs):
         is_sensor = bool(device.properties >> INPUT_PROP_ACCELEROMETER & 1)
         if is_sensor and device.path != pad.path and device.unit == pad.unit and any(pad.unit):
@@ -93,7 +92,7 @@ def find_sensors(pad: Described, *, devices: Path = DEVICES, sysfs: Path = SYSFS
 
 
 def list_devices(devices: Path = DEVICES, sysfs: Path = SYSFS) -> list[Described]:
-    """Every input device, by number; one that goes away meanwhile is left out."""
+    """Return all input devices, ordered by number; devices that disappear meanwhile are omitted."""
     found: list[Described] = []
     for path in sorted(sysfs.glob("event*"), key=_number):
         try:
@@ -104,7 +103,7 @@ def list_devices(devices: Path = DEVICES, sysfs: Path = SYSFS) -> list[Described
 
 
 def describe(path: Path, sysfs: Path = SYSFS) -> Described:
-    """What sysfs says of the device at `path`, in plain ASCII: a name comes from the device and is shown.
+    """Return the description of a device in sysfs, in plain ASCII, because the name from the device is displayed.
 
     Raises:
         OSError: there is no such device.
@@ -125,7 +124,7 @@ def describe(path: Path, sysfs: Path = SYSFS) -> Described:
 
 
 def bits(text: str) -> int:
-    """A bitmap as sysfs writes it -> a number whose bit n is bit n."""
+    """Convert a bitmap in the format of sysfs to an integer with the same bits."""
     value = 0
     for word in text.split():
         value = value << WORD_BITS | int(word, 16)

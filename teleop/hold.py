@@ -1,8 +1,8 @@
 """Control by holding: the robot moves only while a key is held, in the layout of teleop_twist_keyboard.
 
-Where the terminal tells releases, a key is held from its press to its release, and several held keys add up;
-a repeat proves nothing there, so that after any stop a key must be pressed anew. Elsewhere its repeats must do
-(repeats.py).
+If the terminal reports releases, a key is held from its press to its release, and several held keys add up. Repeats are
+then ignored, so that after any stop a key must be pressed again. On other terminals, a held key is detected from its
+repeats (repeats.py).
 """
 
 import math
@@ -27,7 +27,7 @@ MOTIONS = {
     "left": (0, 1),
     "right": (0, -1),
 }
-"""Forward and to the left; those of teleop_twist_keyboard."""
+"""Directions (forward, left) of the keys, as in teleop_twist_keyboard."""
 UP, DOWN = 1.1, 0.9
 SPEEDS = {
     "q": (UP, UP),
@@ -39,17 +39,17 @@ SPEEDS = {
 }
 """Factors of the forward velocity and of the turn rate."""
 LEAST = 0.05
-"""Of the maximum: below it a robot hardly moves, and ten per cent of it lead nowhere."""
+"""Minimum speed as a share of the maximum: below it, a robot hardly moves, and steps of 10 % have no effect."""
 
 
 class Hold:
     """A `Pilot` that moves while a key is held; any key without another meaning stops.
 
     Args:
-        speed: while a key is held.
-        most: what it may be raised to.
-        ramp: between what is asked for and what is sent.
-        level: to begin with.
+        speed: the velocity while a key is held.
+        most: the maximum of this velocity.
+        ramp: limits the acceleration of the sent velocity.
+        level: the initial speed level.
     """
 
     def __init__(self, speed: Velocity, most: Velocity, ramp: Ramp, level: int = LEVELS) -> None:
@@ -70,7 +70,7 @@ class Hold:
 
     @property
     def explanation(self) -> str:
-        """How a key counts as held here, in a sentence."""
+        """A sentence that explains when a key counts as held on this terminal."""
         if self._reports_releases:
             return "the terminal reports key releases: it moves from a key's press to its release"
         return "no key releases from this terminal: it moves once a held key repeats, and 0.1 s longer"
@@ -81,7 +81,7 @@ class Hold:
         return min(self._ramp.next_s, expiry_s)
 
     def rely_on_releases(self, *, reported: bool) -> None:
-        """Whether the terminal tells when a key is released; a change of it lets go."""
+        """Set whether the terminal reports key releases; a change makes the pilot neutral."""
         if reported is not self._reports_releases:
             self._reports_releases = reported
             self.let_go()

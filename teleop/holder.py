@@ -1,15 +1,16 @@
-"""Who speaks as a command source: at most one program at a time, however many start at once.
+"""Exclusive use of a command source's name by one program, even if several start simultaneously.
 
-A holder has the source's token and answers the service `<source>/holder` with a sentence about itself. Whoever
-wants the name declares itself a candidate first, by a token `<source>.<mark>` of its own, and looks then:
+A holder has the source's token and answers the service `<source>/holder` with a sentence about itself. A program that
+wants the name first becomes a candidate, by declaring a token `<source>.<mark>`, and then checks the other tokens:
 
-    the holder answers                        give way
-    there is a candidate of a smaller mark    give way: both are about to begin
-    there are others, or a silent holder      look again; they give way, begin, or are found not to answer
-    there is nobody                           begin, and be a candidate no more
+    the holder answers                            give up
+    there is a candidate with a smaller mark      give up: both are starting
+    there are other candidates or a silent holder check again, until they give up, start, or do not answer
+    there is no other                             start, and withdraw the candidate's token
 
-Of two candidates the one that looks later is certain to see the other, or the holder that it has become: it serves
-before it is a candidate no more. Nothing is commanded before that: who gives way has disturbed nobody.
+Of two candidates, the one that checks later always sees the other as a candidate or as the holder, because a holder
+serves its service before it withdraws its candidate's token. No command is sent before that, so a program that gives up
+has had no effect.
 """
 
 import asyncio
@@ -27,16 +28,16 @@ from wire.messages import TriggerResponse
 
 ASK_LIMIT_S = 1.0
 SILENT_LIMIT_S = 1.0
-"""How long others may stand in the way without an answer: longer than the link of a dead program is trusted."""
+"""How long to wait for others that do not answer; longer than the lease of a dead program's link."""
 POLL_S = 0.02
 
 
 class HeldError(Exception):
-    """Somebody else speaks as this source; the message says who."""
+    """Another program holds this source; the message says which."""
 
 
 class Holder:
-    """This program as the holder of a source's name; it holds it from `claim` to `release`."""
+    """Holds a source's name for this program, from `claim` to `release`."""
 
     def __init__(self, bus: Bus, source: str, about: str) -> None:
         self._bus, self._source, self._about = bus, source, about
@@ -51,10 +52,10 @@ class Holder:
         return self._token is not None
 
     async def claim(self) -> None:
-        """Take the name, and declare its token.
+        """Acquire the name, and declare its token.
 
         Raises:
-            HeldError: somebody else has it.
+            HeldError: another program holds the name.
         """
         candidacy = self._bus.declare_alive(self._candidate)
         try:
@@ -67,7 +68,7 @@ class Holder:
             candidacy.withdraw()
 
     def release(self) -> None:
-        """Withdraw the token; without one, nothing."""
+        """Withdraw the token, if there is one."""
         if self._token is not None:
             self._token.withdraw()
             self._token = None
@@ -94,7 +95,7 @@ class Holder:
                 raise HeldError(answer.message)
 
     def _others(self) -> set[str]:
-        """The holder and the candidates that there are."""
+        """Return the tokens of the holder and of the other candidates."""
         for change in self._changes.take():
             (self._alive.add if change.alive else self._alive.discard)(change.node)
         candidates = f"{self._source}."
@@ -109,7 +110,7 @@ class Holder:
 
 
 def about_this_process(source: str) -> str:
-    """A sentence about this program, for whoever finds the name held."""
+    """Return a sentence about this program, for other programs that want the name."""
     try:
         user = getpass.getuser()
     except (KeyError, OSError):  # a user id without a name

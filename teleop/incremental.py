@@ -1,7 +1,7 @@
-"""Control by steps: each press changes what is asked for, and it holds until the next.
+"""Control by steps: each key press changes the requested velocity, which holds until the next press.
 
-A stop by the supervisor does not change what is asked for: the law waits for a neutral command, and that has
-to be the operator's own. A program that let go by itself would arm the robot again behind his back.
+A stop by the supervisor does not change the requested velocity. The law waits for a neutral command, which must come
+from the operator: a program that sent it automatically would re-arm the robot without the operator's knowledge.
 """
 
 from teleop.keymap import level_of
@@ -10,7 +10,7 @@ from teleop.ramp import Ramp
 from teleop.setpoint import Setpoint
 
 _STEPS = {"w": (1, 0), "x": (-1, 0), "a": (0, 1), "d": (0, -1)}
-"""Steps forward and to the left."""
+"""Steps (forward, left) of the keys."""
 _STOP = "s"
 
 
@@ -18,8 +18,8 @@ class Incremental:
     """A `Pilot` that counts key presses.
 
     Args:
-        setpoint: neutral, at the level to begin with.
-        ramp: between what is asked for and what is sent.
+        setpoint: a neutral setpoint at the initial speed level.
+        ramp: limits the acceleration of the sent velocity.
     """
 
     note = "each press is a step"

@@ -1,10 +1,10 @@
-"""Which key asks for what of the program; the motions stand with their pilots."""
+"""Keys for the program itself; the keys for motion are defined in the pilots."""
 
 from enum import StrEnum
 
 
 class Command(StrEnum):
-    """What is asked of the program rather than of the robot."""
+    """Commands to the program, as opposed to motion of the robot."""
 
     ESTOP = "emergency stop"
     RESET = "reset"
@@ -13,7 +13,7 @@ class Command(StrEnum):
 
 
 CTRL_C, CTRL_D, CTRL_Z, CTRL_BACKSLASH = "\x03", "\x04", "\x1a", "\x1c"
-"""Signals rather than keys in most terminals; the same wish where they arrive as keys."""
+"""Most terminals send these as signals; if they arrive as keys, they have the same effect."""
 
 _COMMANDS = {
     " ": Command.ESTOP,
@@ -27,10 +27,10 @@ _COMMANDS = {
 
 
 def command_of(key: str) -> Command | None:
-    """What `key` asks of the program, with caps lock or without; None: nothing."""
+    """Return the program command of a key, with or without caps lock; None if it has none."""
     return _COMMANDS.get(key.lower())
 
 
 def level_of(key: str) -> int | None:
-    """The speed level that a key chooses."""
+    """Return the speed level that a key selects; None if it selects none."""
     return int(key) if key in ("1", "2", "3", "4", "5") else None

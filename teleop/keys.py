@@ -1,14 +1,13 @@
 r"""The terminal's bytes -> keys.
 
-Cursor and function keys arrive as escape sequences whose letters must not drive the robot ("\x1b[D" is no
-"D"), in one piece or in several. With the kitty keyboard protocol every key does, with what happened to it:
+Cursor and function keys arrive as escape sequences, in one or several pieces. Their letters must not drive the robot
+("\x1b[D" is not "D"). With the kitty keyboard protocol, every key arrives as a sequence with its event:
 
     ESC [ code : shifted : base ; modifiers : event u       any key; event 1 press, 2 repeat, 3 release
     ESC [ 1 ; modifiers : event A                           likewise the arrows and some more
 
-Whatever surrounds them, a SPACE and a Ctrl-C always come through: as plain bytes neither is part of any
-sequence here, and as sequences they begin with the ESC that ends every unfinished one. So the emergency stop is
-never swallowed by a stray ESC.
+A SPACE and a Ctrl-C are always recognised: as plain bytes, they are not part of any sequence, and as sequences, they
+begin with an ESC, which ends every unfinished sequence. A stray ESC therefore never swallows the emergency stop.
 """
 
 from collections.abc import Iterator
@@ -22,10 +21,10 @@ ESCAPE = "\x1b"
 SPACE = " "
 ALWAYS_KEYS = frozenset({SPACE, CTRL_C})
 FOCUS_OUT = "focus out"
-"""As a key: the terminal does not hear the keyboard any more."""
+"""Pseudo key: the terminal has lost the keyboard focus."""
 
 MAX_PARAMETERS = 64
-"""Characters; more are no key's."""
+"""Maximum number of parameter characters in a key's sequence."""
 
 _SHIFT, _CTRL = 1, 4
 _KINDS = {2: KeyKind.REPEAT, 3: KeyKind.RELEASE}
@@ -44,9 +43,9 @@ _FINALS = {
     "Z": "tab",
 }
 _NO_KEYS = "cnRIOt"
-"""CSI finals of what a terminal tells by itself, or when it is asked."""
+"""CSI final bytes of reports that are not keys."""
 _MODIFIER_KEYS = frozenset({*range(57358, 57361), *range(57441, 57455)})
-"""Shift, Ctrl, caps lock and the like, pressed by themselves: no keys here."""
+"""Modifier keys pressed alone, such as Shift, Ctrl and caps lock; they are ignored."""
 _CODES = {
     9: "tab",
     13: "enter",
@@ -58,21 +57,21 @@ _CODES = {
     57419: "up",
     57420: "down",
 } | {57399 + digit: str(digit) for digit in range(10)}
-"""Of the kitty keyboard protocol, the keypad's included."""
+"""Key codes of the kitty keyboard protocol, including the keypad."""
 _PRIVATE_USE = range(57344, 63744)
 
 
 class ReportKind(StrEnum):
-    """What a terminal tells that is no key."""
+    """Kinds of reports from a terminal that are not keys."""
 
     KEYBOARD_FLAGS = "keyboard flags"
-    """Of the kitty keyboard protocol, as they stand; it is told only by terminals that speak it."""
+    """Present flags of the kitty keyboard protocol; reported only by terminals that support it."""
     WELL = "well"
-    """The answer to "how are you" (DSR)."""
+    """The reply to a status request (DSR)."""
 
 
 class Report(NamedTuple):
-    """A terminal's answer."""
+    """A reply of the terminal."""
 
     kind: ReportKind
     value: int = 0
@@ -89,17 +88,17 @@ class _State(Enum):
 
 
 class KeyDecoder:
-    """Finds the keys in a stream of bytes, however it is cut into pieces."""
+    """Decodes keys from a stream of bytes that arrives in arbitrary pieces."""
 
     def __init__(self) -> None:
         self._state = _State.GROUND
         self._parameters = ""
         self.tells_releases = False
-        """Set once the kitty protocol is on. A key that comes as a plain byte nevertheless was pasted, or typed
-        before: its release will not be told, so that it is one at once."""
+        """Set once the kitty protocol is active. A key that still arrives as a plain byte was pasted or typed earlier: its
+        release is not reported, so it counts as released immediately."""
 
     def feed(self, data: bytes) -> list[KeyEvent | Report]:
-        """What `data` completes, in order. Bytes of no ASCII character are keys without a meaning."""
+        """Return the keys and reports that `data` completes, in order. Bytes beyond ASCII are keys without a function."""
         return [event for char in data.decode("latin-1") for event in self._take(char)]
 
     def _take(self, char: str) -> Iterator[KeyEvent | Report]:
@@ -134,7 +133,7 @@ class KeyDecoder:
 
 
 def _sequence(parameters: str, final: str) -> KeyEvent | Report | None:
-    """What ESC [ parameters final says; None: nothing for us."""
+    """Return the key or report in the sequence ESC [ parameters final; None if it is neither."""
     if final == "u" and parameters.startswith("?"):
         return Report(ReportKind.KEYBOARD_FLAGS, _number(parameters[1:]))
     if parameters == "0" and final == "n":
@@ -157,7 +156,7 @@ def _sequence(parameters: str, final: str) -> KeyEvent | Report | None:
 
 
 def _key(codes: list[int], modifiers: int) -> str | None:
-    """The key of a code, with its alternatives (shifted, and on a PC's US layout) where they are told."""
+    """Return the key of a code, with its alternatives (shifted, and on the US layout) if they are reported."""
     code = codes[0]
     if code > 0x7F and code not in _PRIVATE_USE and len(codes) > 2:
         code = codes[2]
@@ -172,5 +171,5 @@ def _key(codes: list[int], modifiers: int) -> str | None:
 
 
 def _number(text: str) -> int:
-    """The number in a field; what is none, or missing, counts as 0."""
+    """Return the number in a field; 0 if it is missing or not a number."""
     return int(text) if text.isascii() and text.isdigit() else 0

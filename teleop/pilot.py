@@ -1,16 +1,16 @@
-"""A pilot turns what the operator does into a velocity: what a keyboard held, stepped or a gamepad has in common."""
+"""Interface of a pilot, which converts the operator's input to a velocity: keys held, keys as steps, or a gamepad."""
 
 from enum import StrEnum
 from typing import NamedTuple, Protocol
 
 
 class Velocity(NamedTuple):
-    """What is asked of the robot; neutral is exactly zero in both."""
+    """A requested velocity; neutral means that both components are exactly zero."""
 
     linear_m_s: float = 0.0
-    """Forward."""
+    """Forward velocity."""
     angular_rad_s: float = 0.0
-    """Counter-clockwise."""
+    """Turn rate, counter-clockwise."""
 
     @property
     def is_neutral(self) -> bool:
@@ -21,7 +21,7 @@ NEUTRAL = Velocity()
 
 
 class KeyKind(StrEnum):
-    """What happened to a key."""
+    """Kind of a key event."""
 
     PRESS = "press"
     REPEAT = "repeat"
@@ -29,41 +29,41 @@ class KeyKind(StrEnum):
 
 
 class KeyEvent(NamedTuple):
-    """A key and what happened to it, as keys.py decodes it."""
+    """A key event as decoded by keys.py."""
 
     key: str
     """The character, or a name: "up", "down", "left", "right", "enter", "f1"."""
     kind: KeyKind = KeyKind.PRESS
-    """A terminal without the kitty keyboard protocol tells presses only; a held key is one press after another."""
+    """A terminal without the kitty keyboard protocol reports only presses; a held key is a series of presses."""
 
 
 class Pilot(Protocol):
-    """Turns what the operator does into a velocity. Pure: time, in seconds of the loop's clock, is an argument."""
+    """Converts the operator's input to a velocity. Pure: time, in seconds of the loop's clock, is an argument."""
 
     def on_key(self, event: KeyEvent, now_s: float) -> None:
-        """Take a key; one that means nothing to this pilot changes nothing, unless it stops at any key."""
+        """Process a key; a key without a function has no effect, or stops the robot if the pilot stops on any key."""
         ...
 
     def velocity(self, now_s: float) -> Velocity:
-        """What is sent now, on its way along a ramp to what is wanted; exact zeros when neutral."""
+        """Return the velocity to send, which approaches `wanted` along a ramp; exactly zero when neutral."""
         ...
 
     def wanted(self) -> Velocity:
-        """Where the ramp goes."""
+        """The requested velocity, at the end of the ramp."""
         ...
 
     def let_go(self) -> None:
-        """Neutral at once, past every ramp, and whatever is held does not count any more."""
+        """Become neutral immediately, without a ramp; keys and buttons that are still held no longer count."""
         ...
 
     @property
     def next_s(self) -> float:
-        """When `velocity` may change without a key; `math.inf`: never."""
+        """Time at which `velocity` may change without a key; `math.inf` if it does not."""
         ...
 
     @property
     def note(self) -> str:
-        """How it works here, for the screen."""
+        """A short text for the screen on how the control works."""
         ...
 
     @property

@@ -1,40 +1,40 @@
-"""Whether anybody at the other end of the terminal still draws: what it is asked, it answers.
+"""Detect a terminal that no longer shows the output, from missing replies to status requests.
 
-A hung ssh session takes output for a long time before its buffers are full; meanwhile the operator sees a still
-picture and none of his keys arrive. So the terminal is asked for its state with each picture (DSR, answered by
-practically every terminal). One that never answered is not held to it.
+A hung ssh session accepts output until its buffers are full. Meanwhile the operator sees a frozen picture, and the keys
+do not arrive. Therefore each picture includes a status request (DSR), which practically every terminal answers. A
+terminal that has never replied is not checked.
 """
 
 import math
 
 ANSWER_LIMIT_S = 0.3
-"""Without an answer for longer, the operator does not see what is drawn."""
+"""Without a reply for longer than this, the operator does not see the output."""
 TRIES = 20
-"""Questions to a terminal that never answers."""
+"""Number of requests to a terminal that never replies."""
 
 
 class Pulse:
-    """Takes note of questions and answers."""
+    """Tracks requests and replies."""
 
     def __init__(self) -> None:
         self._answered_s = math.nan
         self._asked_s = -math.inf
         self.open = 0
-        """Questions without an answer."""
+        """Number of requests without a reply."""
 
     @property
     def answers(self) -> bool:
-        """It has answered before."""
+        """Whether the terminal has ever replied."""
         return not math.isnan(self._answered_s)
 
     @property
     def is_worth_asking(self) -> bool:
-        """It has answered, or not been asked often."""
+        """Whether the terminal has ever replied, or has received fewer than `TRIES` requests."""
         return self.answers or self.open < TRIES
 
     def ask(self, now_s: float) -> None:
         if now_s - self._asked_s > ANSWER_LIMIT_S and self.answers:
-            self._answered_s = now_s  # after a pause of ours, not of the terminal's
+            self._answered_s = now_s  # the pause before this request was not the terminal's
         self._asked_s = now_s
         self.open += 1
 
@@ -43,5 +43,5 @@ class Pulse:
         self.open = max(0, self.open - 1)
 
     def is_lost(self, now_s: float) -> bool:
-        """It has answered before, and does not any more."""
+        """Return whether a terminal that has replied before no longer does."""
         return self.answers and now_s - self._answered_s > ANSWER_LIMIT_S

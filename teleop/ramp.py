@@ -1,6 +1,6 @@
-"""A ramp that only ever holds speed back: what is sent grows slowly towards what is wanted, and falls at once.
+"""A ramp that limits only increases: the sent velocity grows slowly to the requested one, and falls immediately.
 
-So it never asks for more than the operator wants, and no stop has to be led past it.
+It never exceeds the operator's request, and a stop needs no bypass of the ramp.
 """
 
 import math
@@ -8,15 +8,15 @@ import math
 from teleop.pilot import NEUTRAL, Velocity
 
 PERIOD_S = 0.02
-"""Between two steps of a ramp that moves: finer than the 20 Hz heartbeat, and as often as the supervisor ticks."""
+"""Time between two steps of the ramp: shorter than the 20 Hz heartbeat, and equal to the supervisor's tick."""
 
 
 class Ramp:
-    """The velocity sent, on its way to the one wanted.
+    """Limits the increase of the sent velocity toward the requested one.
 
     Args:
-        acceleration_m_s2: how fast the forward velocity may grow, in either direction.
-        angular_acceleration_rad_s2: likewise the turn rate.
+        acceleration_m_s2: maximum increase of the forward velocity, in either direction.
+        angular_acceleration_rad_s2: maximum increase of the turn rate, in either direction.
     """
 
     def __init__(self, acceleration_m_s2: float, angular_acceleration_rad_s2: float) -> None:
@@ -27,11 +27,11 @@ class Ramp:
 
     @property
     def next_s(self) -> float:
-        """When the next step is due; `math.inf`: it has arrived."""
+        """Time at which the next step is due; `math.inf` at the end of the ramp."""
         return self._since_s + PERIOD_S if self._moving else math.inf
 
     def toward(self, wanted: Velocity, now_s: float) -> Velocity:
-        """What is sent at `now_s`. A ramp that sets out does its first step at once."""
+        """Return the velocity to send at `now_s`. A new ramp makes its first step immediately."""
         elapsed_s = max(0.0, now_s - self._since_s)
         if not self._moving:
             elapsed_s = min(elapsed_s, PERIOD_S)
@@ -45,11 +45,11 @@ class Ramp:
         return self._sent
 
     def reset(self) -> None:
-        """Zero at once."""
+        """Set the sent velocity to zero immediately."""
         self._sent, self._moving = NEUTRAL, False
 
 
 def _grown(sent: float, wanted: float, most: float) -> float:
-    """`sent` moved to `wanted`, by at most `most` away from zero and by any amount towards it."""
+    """Return `sent` moved toward `wanted`, by at most `most` away from zero and by any amount toward zero."""
     start = sent if sent * wanted > 0.0 else 0.0
     return math.copysign(min(abs(wanted), abs(start) + most), wanted) if wanted else 0.0

@@ -1,13 +1,13 @@
-"""A fixed rate that neither drifts nor catches up."""
+"""A fixed rate without drift and without catching up."""
 
 import math
 
 TOLERANCE_S = 1e-5
-"""A timer may fire this much early: that is the tick, not a reason to wait again."""
+"""A timer may fire this much too early; it still counts as the tick."""
 
 
 class Rate:
-    """Ticks at start, start + period, ... : a late tick does not move the next ones, a missed one is gone."""
+    """Ticks at start, start + period, ... : a late tick does not shift the next ones, and missed ticks are skipped."""
 
     def __init__(self, period_s: float, start_s: float) -> None:
         self.period_s = period_s
@@ -16,15 +16,15 @@ class Rate:
 
     @property
     def next_s(self) -> float:
-        """When the next tick is due."""
+        """Time at which the next tick is due."""
         return self._start_s + self._count * self.period_s
 
     def lateness_s(self, now_s: float) -> float:
-        """How long the next tick has been due; negative: not yet."""
+        """Return how long the next tick has been due; negative if it is not due yet."""
         return now_s - self.next_s
 
     def tick(self, now_s: float) -> bool:
-        """Whether a tick is due at `now_s`; however late it is, it is one."""
+        """Return whether a tick is due at `now_s`, and take it; several missed ticks count as one."""
         if self.lateness_s(now_s) < -TOLERANCE_S:
             return False
         self._count = math.floor((now_s - self._start_s + TOLERANCE_S) / self.period_s) + 1

@@ -1,34 +1,34 @@
-"""Whether the supervisor refuses everything that this program says, by the counts in its status. Pure.
+"""Detect from the status counters that the supervisor refuses all commands of this program. Pure.
 
-An epoch that has ended for the supervisor counts never again (docs/decisions/0020): somebody spoke under this
-name while this program was silent, or with a copy of its epoch. Then only a new epoch is heard, which begins
-as any restarted program does: neutral.
+The supervisor never accepts an epoch again that has ended (docs/decisions/0020). This happens if another program used
+this name while this program was silent, or a copy of its epoch. Then only a new epoch is accepted, which begins neutral
+like a restarted program.
 """
 
 from wire.messages import SourceStatus
 
 LOCKED_OUT_S = 0.5
-"""Ten heartbeats refused and none accepted."""
+"""Time without an accepted command after which a program is locked out: ten heartbeats."""
 
 
 class Refusals:
-    """What became of the commands under one name, from status to status."""
+    """Tracks accepted and refused commands of one source between statuses."""
 
     def __init__(self) -> None:
         self._before: SourceStatus | None = None
         self._since_s = 0.0
-        """When some were accepted, or none were refused, last."""
+        """Time of the last status with accepted commands, or without refused ones."""
 
     def another_speaks(self, own: SourceStatus) -> bool:
-        """Whether commands of another epoch than the one that is heard came since the status before."""
+        """Return whether commands of another epoch arrived since the previous status."""
         return self._before is not None and own.refused_epoch > self._before.refused_epoch
 
     def all_refused(self, own: SourceStatus, now_s: float) -> bool:
-        """Whether commands were refused and none was accepted for `LOCKED_OUT_S`; the count begins anew then.
+        """Return whether commands were refused and none accepted for `LOCKED_OUT_S`; then the time starts again.
 
         Args:
-            own: what a status that just came says of this name; it is the one before from now on.
-            now_s: the time, by any one monotonic clock.
+            own: this source in a new status; it becomes the previous one.
+            now_s: the time of any monotonic clock.
         """
         before, self._before = self._before, own
         if before is None or own.accepted != before.accepted or _refused(own) == _refused(before):

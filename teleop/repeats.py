@@ -1,25 +1,24 @@
-"""Whether a key is held, told by nothing but its repeats.
+"""Detect a held key from its repeats alone.
 
-A terminal that reports no releases sends a held key once, then nothing for its initial delay (a quarter to two
-thirds of a second), then again and again in short intervals. A key counts as held from the moment that it comes
-twice faster than a finger types, until it has been missing for longer than its interval explains
-(docs/decisions/0014).
+A terminal without release reports sends a held key once, then nothing for its initial delay (a quarter to two thirds of
+a second), then repeatedly at short intervals. A key counts as held as soon as it arrives twice within a time shorter
+than a finger needs. It counts as released after a pause longer than its repeat interval explains (docs/decisions/0014).
 """
 
 import math
 from collections import deque
 
 PROOF_S = 0.11
-"""The same key again within this time is the terminal's doing: a finger needs longer."""
+"""The same key again within this time is a repeat by the terminal: a finger needs longer."""
 MIN_WINDOW_S = 0.1
 WINDOW_INTERVALS = 2.5
-"""A repeat that is lost or late for less than this is no release."""
+"""A key counts as released after this many repeat intervals without a repeat."""
 REMEMBERED = 20
-"""Intervals that the longest is taken of: a link that delivers unevenly is given the time it needs."""
+"""Number of recent intervals of which the longest is used, to allow for a link with uneven delivery."""
 
 
 class Repeats:
-    """Which key is held by its repeats."""
+    """Detects which key is held."""
 
     def __init__(self) -> None:
         self._key = ""
@@ -29,12 +28,12 @@ class Repeats:
 
     @property
     def window_s(self) -> float:
-        """How long after its last repeat a key counts as held."""
+        """Time after its last repeat for which a key counts as held."""
         return max(MIN_WINDOW_S, WINDOW_INTERVALS * max(self._intervals_s, default=0.0))
 
     @property
     def until_s(self) -> float:
-        """Until when the key counts as held; `-math.inf`: none does."""
+        """Time until which the key counts as held; `-math.inf` if none does."""
         return self._until_s
 
     def press(self, key: str, now_s: float) -> None:
@@ -47,9 +46,9 @@ class Repeats:
         self._key, self._last_s = key, now_s
 
     def held(self, now_s: float) -> str | None:
-        """The key that is held at `now_s`."""
+        """Return the key that is held at `now_s`; None if none is."""
         return self._key if now_s < self._until_s else None
 
     def forget(self) -> None:
-        """Nothing is held; what was learned of the terminal's interval stays."""
+        """Release the held key; keep the learned repeat intervals."""
         self._key, self._last_s, self._until_s = "", -math.inf, -math.inf

@@ -1,9 +1,8 @@
-r"""Lines -> the least output that makes a terminal show them.
+r"""Convert lines to the minimal terminal output that shows them.
 
-The writer keeps the cells of its last frame and writes only those that differ, each run at its own place, so
-that nothing scrolls or flickers. It turns automatic wrapping off meanwhile: a character in the last cell of the
-last line would scroll the screen on some terminals. Terminals that know it hold the frame back until it is
-complete (mode 2026); the others ignore that.
+The writer keeps the cells of the last frame and writes only runs of changed cells, so that nothing scrolls or flickers.
+It disables automatic wrapping meanwhile, because a character in the last cell of the last line would scroll the screen
+on some terminals. Terminals with mode 2026 hold the frame back until it is complete; others ignore the mode.
 """
 
 from collections.abc import Sequence
@@ -14,10 +13,10 @@ import numpy.typing as npt
 from teleop.view import Line, Tone
 
 Cells = npt.NDArray[np.uint32]
-"""(rows x columns,): the character's code point, and its tone's number above TONE_SHIFT."""
+"""(rows x columns,): the character's code point, with the number of its tone in the bits above TONE_SHIFT."""
 
 GAP = 6
-"""Changes at most this many cells apart are one piece: writing what lies between costs less than a jump."""
+"""Changes at most this many cells apart are written as one run, because that is shorter than moving the cursor."""
 TONE_SHIFT = 24
 CODE_POINT = (1 << TONE_SHIFT) - 1
 
@@ -53,7 +52,7 @@ class FrameWriter:
     """Remembers what a terminal shows.
 
     Args:
-        colours: False: bold, faint and reverse alone.
+        colours: False: use only bold, faint and reverse.
     """
 
     def __init__(self, *, colours: bool = True) -> None:
@@ -63,13 +62,13 @@ class FrameWriter:
         self._size = (0, 0)
 
     def forget(self) -> None:
-        """What the terminal shows is not known: it was not all written, or somebody else wrote. Draw all anew."""
+        """Redraw everything next time, because the content of the terminal is unknown after other or partial output."""
         self._shown = None
 
     def frame(self, lines: Sequence[Line], columns: int, rows: int) -> str:
-        """What to write so that the terminal shows `lines` from its first row on, and nothing else; may be empty.
+        """Return the output after which the terminal shows exactly `lines` from its first row on; may be empty.
 
-        What does not fit in `columns` x `rows` is cut off.
+        Text beyond `columns` x `rows` is cut off.
         """
         if columns < 1 or rows < 1:
             return ""
@@ -88,12 +87,12 @@ class FrameWriter:
         new_span = (np.diff(at) > GAP) | (np.diff(at // columns) != 0)
         firsts = at[np.concatenate(([True], new_span))]
         ends = at[np.concatenate((new_span, [True]))] + 1
-        # Cut every span where its tone changes.
+        # Split every span where its tone changes.
         tones = cells >> TONE_SHIFT
         edges = np.flatnonzero(np.diff(tones)) + 1
         span = np.searchsorted(firsts, edges, side="right") - 1
         edges = edges[(span >= 0) & (edges > firsts[span]) & (edges < ends[span])]
-        # Not by np.union1d: with its first use it loads masked arrays, 5 MB of them.
+        # np.union1d is avoided: its first use loads masked arrays, which take 5 MB.
         begins = sorted({*firsts.tolist(), *edges.tolist()})
         stops = sorted({*ends.tolist(), *edges.tolist()})
         text = (cells & CODE_POINT).astype("<u4").tobytes().decode("utf-32-le")
@@ -127,5 +126,5 @@ def _cells(lines: Sequence[Line], columns: int, rows: int) -> Cells:
     texts.append(" " * missing)
     tones.append(_NUMBERS[Tone.PLAIN] * missing)
     codes = np.frombuffer("".join(texts).encode("utf-32-le", "replace"), dtype="<u4").astype(np.uint32)
-    codes[(codes < ord(" ")) | ((codes >= 0x7F) & (codes < 0xA0))] = ord("?")  # no control character passes
+    codes[(codes < ord(" ")) | ((codes >= 0x7F) & (codes < 0xA0))] = ord("?")  # remove control characters
     return codes | np.left_shift(np.frombuffer(b"".join(tones), dtype=np.uint8), TONE_SHIFT, dtype=np.uint32)

@@ -1,11 +1,11 @@
 """The asyncio shell: one loop reads the keys, sends the heartbeat and draws.
 
-The heartbeat is proof that this very loop runs: whatever hangs here silences it, and the supervisor stops
-the robot. After a hang nothing is made up for: the missed beats are gone, the setpoint is zero, and keys
-that were typed meanwhile move nothing (they were pressed for a robot that did not answer).
+The heartbeat proves that this loop runs: a hang silences it, and the supervisor stops the robot. After a hang, missed
+heartbeats are not sent later, the setpoint is zero, and keys typed during the hang are discarded, because the robot did
+not respond to them.
 
-A stop by the supervisor does not change what is asked for here: the law waits for a neutral command, and that
-has to be the operator's own. Letting go in his place would arm the robot again without him.
+A stop by the supervisor does not change the setpoint. The law waits for a neutral command, which must come from the
+operator: sending it automatically would re-arm the robot without the operator's knowledge.
 """
 
 import asyncio
@@ -31,74 +31,74 @@ from wire.messages import Bool, SafetyStatus, TriggerResponse, planar_twist
 
 DRAW_PERIOD_S = 0.1
 DRAW_MARGIN_S = 0.002
-"""Nothing is drawn this shortly before a heartbeat."""
+"""Time before a heartbeat in which nothing is drawn."""
 HANG_S = 0.15
-"""A heartbeat this late was a hang: at 20 Hz the supervisor has stopped the robot by then (0.2 s)."""
+"""A heartbeat later than this counts as a hang: at 20 Hz, the supervisor has stopped the robot by then (0.2 s)."""
 SCREEN_LIMIT_S = 0.5
-"""Whoever does not see the screen must not drive by it: a terminal stuck for this long stops the robot."""
+"""Stop the robot when the terminal has not accepted output for this long: the operator does not see the screen."""
 RESET_TIMEOUT_S = 1.0
 SENDING_S = 0.05
-"""For the last zero to leave the process before it is suspended: a stopped one sends nothing."""
+"""Time for sending the last zero before the process is suspended."""
 MIN_GAP_S = 0.01
-"""Between two commands that no key asked for: a gamepad's stick speaks a thousand times a second."""
+"""Minimum time between two commands without a key press: a gamepad's stick sends a thousand events per second."""
 KEPT_EVENTS = 50
 
 
 class KeySource(Protocol):
-    """Where keys come from. Whenever there are some, or they end, it sets the `wake` of its Teleop."""
+    """Interface to a source of keys. It sets the `wake` of its Teleop when there are keys, or when they end."""
 
     @property
     def ended(self) -> bool:
-        """No more keys will ever come."""
+        """Whether there will be no more keys."""
         ...
 
     def take(self) -> Sequence[KeyEvent]:
-        """Everything that happened to the keys until now; never blocks."""
+        """Return all key events since the last call; never blocks."""
         ...
 
 
 class Screen(Protocol):
-    """Where the picture goes."""
+    """Interface to the output of pictures and notes."""
 
     @property
     def size(self) -> tuple[int, int]:
-        """Columns and rows."""
+        """Number of columns and rows."""
         ...
 
     def show(self, lines: Sequence[Line]) -> bool:
-        """Put `lines` in the place of the last; False: nobody sees them now. Never blocks."""
+        """Replace the displayed lines; return False if the operator cannot see them now. Never blocks."""
         ...
 
     def note(self, text: str) -> None:
-        """Say something that stays."""
+        """Show a text that stays visible."""
         ...
 
     def bell(self) -> None: ...
 
     def suspend(self) -> None:
-        """Stop the process as Ctrl-Z does, the terminal restored meanwhile; returns when it goes on."""
+        """Suspend the process like Ctrl-Z, with the terminal restored meanwhile; return when it continues."""
         ...
 
 
 Render = Callable[[View, int, int], Sequence[Line]]
-"""A view in so many columns and rows."""
+"""Renders a view with a number of columns and rows."""
 
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What a teleop is, for its display and its name."""
+    """Configuration of a teleop: name of the source, control mode and display."""
 
     source: str
     endpoint: str
-    """Of the supervisor."""
+    """Endpoint of the supervisor."""
     control: Control
     keys: tuple[KeyHelp, ...] = ()
     robot: Robot = Robot()
     most: Velocity = Velocity(1.0, 2.0)
-    """The ends of the bars."""
+    """Full scale of the velocity bars."""
     rate_hz: float = 20.0
     about: str = "teleop"
-    """This program, for whoever finds the source's name held."""
+    """A sentence about this program, for other programs that want the source's name."""
     pictures: bool = True
     """Whether scans and odometry are drawn."""
 
@@ -112,16 +112,16 @@ NEUTRAL_HINTS = {
 
 
 class Teleop:
-    """One command source on the bus, driven by a pilot; or, without one, somebody who looks on.
+    """One command source on the bus with a pilot; without a pilot, a viewer.
 
     Args:
-        bus: open; the caller closes it.
-        setup: its name, its keys, what it draws.
-        pilot: what the keys go to; None: nothing is commanded, and no name is held.
-        keys: where the keys come from.
-        screen: where the picture goes.
-        render: draws the picture.
-        wake: set by the key source, and by a pilot that hears more than keys, whenever there is something to take.
+        bus: an open bus; the caller closes it.
+        setup: name, keys and display.
+        pilot: receives the keys; None: no command is sent, and no name is held.
+        keys: the source of keys.
+        screen: the output.
+        render: renders the picture.
+        wake: set by the key source, and by a pilot with other inputs, when there is input.
     """
 
     def __init__(
@@ -145,7 +145,7 @@ class Teleop:
         self._bell = WarningBell()
         self._sent = NEUTRAL
         self._estop_since_s: float | None = None
-        """When SPACE was pressed, until the supervisor's status shows that it knows."""
+        """Time of the press of SPACE, until the supervisor's status shows the e-stop."""
         self._reset: asyncio.Task[TriggerResponse] | None = None
         self._suspending = False
         self._quitting = False
@@ -155,17 +155,17 @@ class Teleop:
         self._start(asyncio.get_running_loop().time())
 
     def _start(self, now_s: float) -> None:
-        """The rhythm begins; pictures fall in the middle between two beats."""
+        """Start the heartbeat; pictures are drawn in the middle between two heartbeats."""
         self._beat = Rate(1 / self._setup.rate_hz, now_s)
         self._draw = Rate(DRAW_PERIOD_S, now_s + 0.5 / self._setup.rate_hz)
         self._shown_s, self._published_s = now_s, -math.inf
 
     async def run(self, stop: asyncio.Event) -> None:
-        """Drive until a key, the end of the keys or `stop` says otherwise; leaves with a zero and without token.
+        """Drive until a quit key, the end of the keys, or `stop`; at the end, send zero and withdraw the token.
 
         Raises:
-            HeldError: somebody else speaks as this source; in one sentence with what to do.
-            Exception: whatever went wrong, also in the reset's task.
+            HeldError: another program holds this source; the message says what to do.
+            Exception: any unexpected error, including one in the task of a reset.
         """
         loop = asyncio.get_running_loop()
         stopping = loop.create_task(stop.wait())
@@ -195,7 +195,7 @@ class Teleop:
         self.note("back again: the setpoint is zero")
 
     async def _claim(self, stop: asyncio.Event) -> bool:
-        """Take the source's name; what is typed meanwhile can only end it. False: it did."""
+        """Acquire the source's name; keys typed meanwhile can only quit. Return False if one did."""
         if self._holder is None:
             return True
         claiming = asyncio.ensure_future(self._holder.claim())
@@ -235,7 +235,7 @@ class Teleop:
     async def _drive(self, stop: asyncio.Event) -> None:
         loop = asyncio.get_running_loop()
         if self._pilot is not None:
-            self._pilot.let_go()  # whatever was held or pushed before there was anything to drive
+            self._pilot.let_go()  # discard keys and sticks held before the start
         while True:
             timer = loop.call_at(self._turn(loop.time()), self._wake.set)
             try:
@@ -247,7 +247,7 @@ class Teleop:
             self._wake.clear()
 
     def _turn(self, now_s: float) -> float:
-        """Do what is due; returns when something will be."""
+        """Do everything that is due; return the time of the next action."""
         events = self._keys.take()
         late_s = self._beat.lateness_s(now_s)
         if late_s > HANG_S:
@@ -257,7 +257,7 @@ class Teleop:
         self._look(now_s)
         next_s = self._move(asyncio.get_running_loop().time())
         if self._beat.tick(now_s):
-            if self._published_s < now_s:  # what was said in this very turn is a heartbeat as well
+            if self._published_s < now_s:  # a command that was sent in this iteration is also a heartbeat
                 self._publish()
             self._repeat_estop()
         self._finish_reset()
@@ -265,7 +265,7 @@ class Teleop:
 
     def _recover(self, late_s: float) -> None:
         if self._pilot is not None:
-            self._pilot.let_go()  # said by the beat that is due
+            self._pilot.let_go()  # sent with the heartbeat that is due
             self._sent = NEUTRAL
             self.note(f"teleop hung for {late_s:.1f} s: the setpoint is zero, keys typed meanwhile are void")
 
@@ -287,7 +287,7 @@ class Teleop:
                 self._redraw = True
                 self._do(command, clock())
             if self._quitting or self._suspending:
-                return  # what was typed after it is not for the robot
+                return  # keys typed after it are not for the robot
 
     def _do(self, command: Command, now_s: float) -> None:
         match command:
@@ -307,14 +307,14 @@ class Teleop:
     # --- commands
 
     def _let_go(self) -> None:
-        """Zero, past every ramp, and said at once."""
+        """Set the velocity to zero without a ramp, and send it immediately."""
         if self._pilot is not None:
             self._pilot.let_go()
             self._sent = NEUTRAL
             self._publish()
 
     def _send(self, now_s: float, *, always: bool) -> None:
-        """What the pilot asks for by now, if that is news; a neutral press also where it is none."""
+        """Send the pilot's velocity if it has changed, or if `always` is set, as for a neutral key press."""
         if self._pilot is None:
             return
         velocity = self._pilot.velocity(now_s)
@@ -323,7 +323,7 @@ class Teleop:
             self._publish()
 
     def _move(self, now_s: float) -> float:
-        """Follow the pilot; returns when to do so again."""
+        """Send the pilot's velocity if due; return the time of the next call."""
         if self._pilot is None:
             return math.inf
         velocity = self._pilot.velocity(now_s)
@@ -334,12 +334,12 @@ class Teleop:
         return self._pilot.next_s
 
     def _publish(self) -> None:
-        if self._holder is not None and self._holder.holds:  # a newcomer must not speak in another's name
+        if self._holder is not None and self._holder.holds:  # before that, another program may hold the name
             self._published_s = asyncio.get_running_loop().time()
             self._cmd_vel.put(planar_twist(*self._sent))
 
     def _repeat_estop(self) -> None:
-        """One sample can get lost with a link; the wish to stop is repeated until it shows."""
+        """Repeat the e-stop until the status shows it, because a single sample can get lost."""
         if self._estop_since_s is None:
             return
         status = self._telemetry.status
@@ -351,7 +351,7 @@ class Teleop:
 
     def _ask_reset(self) -> None:
         if self._reset is not None:
-            return  # one is under way
+            return  # a reset is in progress
         self._estop_since_s = None
         call = self._bus.call(topics.SUPERVISOR_RESET, timeout_s=RESET_TIMEOUT_S)
         self._reset = asyncio.get_running_loop().create_task(call)
@@ -369,7 +369,7 @@ class Teleop:
             verdict, tone = ("done", Tone.GOOD) if response.success else ("refused", Tone.CAUTION)
             self.note(f"reset {verdict}: {plain(response.message)}", tone)
 
-    # --- what the supervisor says
+    # --- the supervisor's status
 
     def _look(self, now_s: float) -> None:
         status = self._telemetry.look()
@@ -380,9 +380,10 @@ class Teleop:
         self._look_at_own(status, now_s)
 
     def _look_at_own(self, status: SafetyStatus, now_s: float) -> None:
-        """Of two programs with one name the supervisor obeys the one that spoke first, for as long as it speaks.
+        """Handle refusals of this source in the status.
 
-        Whom it refuses although nobody else is heard begins anew.
+        Of two programs with one name, the supervisor obeys the first one while it sends. If the supervisor refuses this
+        program although it receives no other, this program begins a new epoch.
         """
         own = next((s for s in status.sources if s.name == self._setup.source), None)
         if own is None:
@@ -413,7 +414,7 @@ class Teleop:
         self._redraw = True
 
     def _draw_if_due(self, now_s: float) -> float:
-        """Draw, unless a heartbeat is near; returns when that is due again."""
+        """Draw if due, unless a heartbeat is near; return the time of the next drawing."""
         if not self._redraw and self._draw.lateness_s(now_s) < -TOLERANCE_S:
             return self._draw.next_s
         if self._beat.next_s - now_s < DRAW_MARGIN_S:

@@ -1,7 +1,7 @@
-"""What the operator asks of the robot, in steps within limits, at one of five speed levels.
+"""The requested velocity, changed in steps within limits, at one of five speed levels.
 
-Steps are rounded where they are added: ten up and ten down is zero exactly, and only an exact zero is neutral.
-A step never leaps across zero, so that after a change of level the way back still leads through it.
+Sums of steps are rounded: ten steps up and ten down give exactly zero, and only exact zero is neutral. A step never
+crosses zero but stops at it, even after a change of level.
 """
 
 from dataclasses import dataclass, replace
@@ -10,12 +10,12 @@ from teleop.pilot import Velocity
 
 LEVELS = 5
 DIGITS = 9
-"""Finer than any step, coarser than the noise of binary fractions (3 x 0.1 is 0.3)."""
+"""Decimal places for rounding: finer than any step, coarser than floating-point errors (3 x 0.1 is 0.3)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """How much one key press changes, and how far it goes, at the highest level. All above zero."""
+    """Step sizes and maximum velocities at the highest speed level; all above zero."""
 
     linear_step_m_s: float = 0.1
     angular_step_rad_s: float = 0.2
@@ -25,7 +25,7 @@ class Steps:
 
 @dataclass(frozen=True, slots=True)
 class Setpoint:
-    """Forward velocity and turn rate (counter-clockwise positive) as asked for."""
+    """Requested forward velocity and turn rate (counter-clockwise positive)."""
 
     steps: Steps = Steps()
     level: int = LEVELS
@@ -38,14 +38,14 @@ class Setpoint:
 
     @property
     def is_neutral(self) -> bool:
-        """Both velocities are exactly zero."""
+        """Whether both velocities are exactly zero."""
         return self.velocity.is_neutral
 
     def neutral(self) -> "Setpoint":
         return replace(self, linear_m_s=0.0, angular_rad_s=0.0)
 
     def moved(self, *, linear: int = 0, angular: int = 0) -> "Setpoint":
-        """After `linear` steps forward and `angular` steps to the left, each -1, 0 or 1."""
+        """Return the setpoint after `linear` steps forward and `angular` steps to the left, each -1, 0 or 1."""
         steps, share = self.steps, self.level / LEVELS
         return replace(
             self,
@@ -60,7 +60,7 @@ class Setpoint:
         )
 
     def at_level(self, level: int) -> "Setpoint":
-        """At another level, 1 to 5: what it does not allow is cut at once."""
+        """Return the setpoint at another speed level, 1 to 5, limited to its maximum."""
         return replace(self, level=level).moved()
 
 

@@ -1,6 +1,6 @@
-"""What the robot and its supervisor tell: the newest of each stream, how old it is, and how often it comes.
+"""Status, odometry and scans: the newest message of each stream, its age, and the rate.
 
-Scans and odometry are decoded only where a picture is drawn of them: what arrives in between is counted, no more.
+Scans and odometry are decoded only when a picture is drawn; messages in between are only counted.
 """
 
 import math
@@ -14,17 +14,17 @@ from wire.messages import LaserScan, Odometry, SafetyStatus
 
 RATE_WINDOW_S = 2.0
 RATE_MIN_S = 0.9
-"""Over a shorter time a rate says little."""
+"""Minimum time for measuring a rate."""
 
 
 class Meter:
-    """How often a stream arrives, from how many have arrived in all."""
+    """Measures the rate of a stream from the total number of its messages."""
 
     def __init__(self) -> None:
         self._seen: deque[tuple[float, int]] = deque()
 
     def rate_hz(self, arrived: int, now_s: float) -> float:
-        """Over the last two seconds; NaN: not known yet."""
+        """Return the rate [Hz] over the last two seconds; NaN if not known yet."""
         seen = self._seen
         seen.append((now_s, arrived))
         while now_s - seen[0][0] > RATE_WINDOW_S and now_s - seen[1][0] >= RATE_MIN_S:
@@ -34,7 +34,7 @@ class Meter:
 
 
 class Stream:
-    """The newest message of a topic, and how many came."""
+    """The newest message of a topic, and the number of messages."""
 
     def __init__(self, subscription: Subscription[Any]) -> None:
         self._subscription = subscription
@@ -43,7 +43,7 @@ class Stream:
         self.newest: Arrival[Any] | None = None
 
     def look(self) -> bool:
-        """Take in what came; whether that is a new message."""
+        """Process arrived messages; return whether there was a new one."""
         arrivals = self._subscription.take()
         self._taken += len(arrivals)
         newest = next((arrival for arrival in reversed(arrivals) if arrival.message is not None), None)
@@ -58,11 +58,11 @@ class Stream:
 
 
 class Telemetry:
-    """The streams that the operator is shown.
+    """The streams for the display.
 
     Args:
-        bus: open.
-        pictures: False: the status alone.
+        bus: an open bus.
+        pictures: False: only the status.
     """
 
     def __init__(self, bus: Bus, *, pictures: bool) -> None:
@@ -71,7 +71,7 @@ class Telemetry:
         self._scan = Stream(bus.subscribe(topics.SCAN)) if pictures else None
 
     def look(self) -> SafetyStatus | None:
-        """The newest status, if there is one that was not looked at before."""
+        """Return the newest status if it has not been returned before, else None."""
         return self.status if self._status.look() else None
 
     @property
@@ -81,7 +81,7 @@ class Telemetry:
 
     @property
     def status_arrival_s(self) -> float:
-        """When the newest status came; `-math.inf`: none has."""
+        """Arrival time of the newest status; `-math.inf` if there is none."""
         newest = self._status.newest
         return -math.inf if newest is None else newest.arrival_s
 
@@ -89,12 +89,12 @@ class Telemetry:
         return self._status.age_s(now_s)
 
     def odom(self, now_s: float) -> tuple[Odom | None, float]:
-        """The newest odometry and its age."""
+        """Return the newest odometry and its age [s]."""
         message, age_s = _newest(self._odom, now_s)
         return (Odom.of(message) if isinstance(message, Odometry) else None), age_s
 
     def scan(self, now_s: float) -> tuple[Scan | None, float]:
-        """The newest scan and its age."""
+        """Return the newest scan and its age [s]."""
         message, age_s = _newest(self._scan, now_s)
         return (Scan.of(message) if isinstance(message, LaserScan) else None), age_s
 

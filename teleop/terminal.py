@@ -1,7 +1,7 @@
-"""The terminal itself: keys in, pictures out, everything restored at the end.
+"""The terminal: keys in, pictures out, restored at the end.
 
-Nothing here blocks the loop. Output that the terminal does not take is kept and finished later; no picture is
-begun before. A terminal that is gone is the end of the keys, not an error.
+Nothing here blocks the loop. Output that the terminal does not accept is kept and written later; no new picture is begun
+before that. A closed terminal is the end of the keys, not an error.
 """
 
 import asyncio
@@ -26,43 +26,43 @@ from teleop.view import Line, Tone
 
 READ_BYTES = 1024
 MAX_READS = 16
-"""For each take: a flood of input does not hold up the heartbeat."""
+"""Maximum number of reads per take, so that a flood of input does not delay the heartbeat."""
 LAST_WORDS = 5
-"""Of the notes: they stay readable after the picture is gone."""
+"""Number of notes that are printed again after the picture is removed."""
 LEAVE_LIMIT_S = 0.3
 ANSWER_LIMIT_S = 0.15
-"""An answer of the terminal that came after teleop would be typed into the shell."""
+"""How long to wait at the end for replies of the terminal: a later reply would go to the shell as input."""
 
 _ASK = "\x1b[5n"
 _ENTER = "\x1b[?1049h\x1b[?25l"
 _LEAVE = "\x1b[?2026l\x1b[?7h\x1b[0m\x1b[?25h\x1b[?1049l"
-"""Also what a picture sets meanwhile: the last one may have been cut."""
+"""Also resets the modes that a picture sets, because the last picture may be incomplete."""
 _HOLD_ENTER, _HOLD_LEAVE = "\x1b[?1004h\x1b[?u", "\x1b[?1004l"
-"""Tell the loss of the keyboard's focus; and: do you speak the kitty keyboard protocol?"""
+"""Enable reports of lost keyboard focus, and query support of the kitty keyboard protocol."""
 _KITTY_FLAGS = 1 | 2 | 4 | 8
-"""Every key as a sequence, with its release, and its place on a US keyboard whatever the layout."""
+"""Report every key as a sequence, with its release, and with its position on the US layout."""
 _KITTY_NEEDED = 2 | 8
 _PUSH, _POP = f"\x1b[>{_KITTY_FLAGS}u\x1b[?u", "\x1b[<u"
 RESTORE = _POP + _HOLD_LEAVE + _LEAVE
 """Sequences that restore the terminal after teleop was killed.
-Without effect on a shell's main screen, which has its own keyboard flags."""
+They have no effect on a shell's main screen, which has its own keyboard flags."""
 _COLOURS = {Tone.GOOD: "\x1b[32m", Tone.CAUTION: "\x1b[1;33m", Tone.STOP: "\x1b[1;31m"}
 _NO_COLOUR = "\x1b[0m"
 _CLEAR = "\r\x1b[K"
 
 
 def is_terminal() -> bool:
-    """Whether there is a person at both ends: keys to read and a picture to see."""
+    """Return whether standard input and output are terminals."""
     return os.isatty(0) and os.isatty(1)
 
 
 def is_dumb() -> bool:
-    """Whether the terminal says that it knows no control sequences."""
+    """Return whether the terminal has no control sequences (TERM)."""
     return os.environ.get("TERM", "dumb") == "dumb"
 
 
 class OnReleases(Protocol):
-    """Told whether the terminal reports key releases, whenever that changes."""
+    """Callback with whether the terminal reports key releases; called on every change."""
 
     def __call__(self, *, reported: bool) -> None: ...
 
@@ -71,9 +71,9 @@ class Terminal:
     """Standard input and output as key source and screen; a context manager that restores the terminal.
 
     Args:
-        wake: set whenever there is something to take.
-        plain: one line at the bottom and notes above it, in place of the whole screen.
-        on_releases: for control by holding: told whether the terminal reports key releases.
+        wake: set when there are keys to take.
+        plain: show one line at the bottom with notes above it, instead of using the whole screen.
+        on_releases: for control by holding; called with whether the terminal reports key releases.
     """
 
     def __init__(self, wake: asyncio.Event, *, plain: bool, on_releases: OnReleases | None = None) -> None:
@@ -83,7 +83,7 @@ class Terminal:
         self._has_terminal = False
         self._guard: TerminalGuard | None = None
         self._typed: list[KeyEvent] = []
-        """Keys that came as signals."""
+        """Keys that arrived as signals."""
         self._backlog = b""
         dumb = is_dumb()
         colours = not dumb and not os.environ.get("NO_COLOR")
@@ -117,7 +117,7 @@ class Terminal:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Columns and rows."""
+        """Number of columns and rows."""
         with suppress(OSError):
             size = os.get_terminal_size(1)
             if size.columns > 0 and size.lines > 0:
@@ -131,7 +131,7 @@ class Terminal:
                 break
             try:
                 data = os.read(0, READ_BYTES)
-            except OSError:  # EIO: the terminal is gone
+            except OSError:  # EIO: the terminal is closed
                 data = b""
             if not data:
                 self._end()
@@ -157,9 +157,9 @@ class Terminal:
         self._write("\a")
 
     def suspend(self) -> None:
-        """Stop this process and those beside it, as Ctrl-Z does; returns when it goes on.
+        """Suspend all processes of the job like Ctrl-Z; return when this process continues.
 
-        All of the job, not this process alone: whoever started it waits for it, and would hold the terminal.
+        Suspending only this process is not enough: a parent process that waits for it would keep the terminal.
         """
         self._leave()
         signal.signal(signal.SIGTSTP, signal.SIG_DFL)
@@ -180,7 +180,7 @@ class Terminal:
         return keys
 
     def _on_keyboard_flags(self, flags: int) -> None:
-        """The terminal speaks the kitty protocol, at last or at all: ask for releases, and see whether they are on."""
+        """Handle a report of the kitty protocol's flags: request key releases, and note whether they are active."""
         if self._on_releases is None:
             return
         if not self._has_pushed:
@@ -212,7 +212,7 @@ class Terminal:
         self._has_terminal = True
         if self._guard is not None:
             self._guard.tell(has_terminal=True)
-        with suppress(termios.error):  # the terminal is gone: the next read tells
+        with suppress(termios.error):  # the terminal is closed, which the next read reports
             termios.tcsetattr(0, termios.TCSANOW, _cbreak(self._saved))
         if not self._face.is_full:
             return
@@ -221,7 +221,7 @@ class Terminal:
         self._write(_ENTER + (_HOLD_ENTER if hold else ""))
 
     def _on_continue(self) -> None:
-        """Stopped from outside, without a word, and continued: whoever had the terminal may have changed it."""
+        """Set up the terminal again after an external stop and continue: another program may have changed it."""
         if self._has_terminal:
             if self._has_pushed:
                 self._write(_POP)
@@ -229,7 +229,7 @@ class Terminal:
             self._enter()
 
     def _on_quit(self, _number: int, _frame: FrameType | None) -> NoReturn:
-        r"""Ctrl-\ ends also a teleop whose loop hangs: at once, and with the terminal restored."""
+        r"""Handle Ctrl-\: end immediately with the terminal restored, even if the loop hangs."""
         self._leave()
         os._exit(128 + signal.SIGQUIT)
 
@@ -254,7 +254,7 @@ class Terminal:
             self._guard.tell(has_terminal=False)
 
     def _await_answers(self) -> None:
-        """What the terminal still has to say is ours, not the shell's."""
+        """Read pending replies of the terminal, so that they do not go to the shell."""
         deadline_s = time.monotonic() + ANSWER_LIMIT_S
         while not self._ended and self._pulse is not None and self._pulse.answers and self._pulse.open:
             left_s = deadline_s - time.monotonic()
@@ -263,8 +263,8 @@ class Terminal:
             self.take()
 
     def _restore(self) -> None:
-        """At once, without waiting for output to drain; keys that nobody took do not reach the shell."""
-        with suppress(termios.error):  # the terminal is gone
+        """Restore the modes immediately, without waiting for pending output; discard unread keys."""
+        with suppress(termios.error):  # the terminal is closed
             termios.tcflush(0, termios.TCIFLUSH)
             termios.tcsetattr(0, termios.TCSANOW, self._saved)
 
@@ -274,7 +274,7 @@ class Terminal:
         return bool(select.select([], [self._out], [], 0)[1])
 
     def _write(self, text: str) -> bool:
-        """Write, after what is left from before; what the terminal does not take now is kept. False: some is."""
+        """Write pending output and this text; return False if the terminal has not accepted all of it yet."""
         self._backlog += text.encode(errors="replace")
         return self._flush()
 
@@ -284,13 +284,13 @@ class Terminal:
                 self._backlog = self._backlog[os.write(self._out, self._backlog) :]
         except BlockingIOError:
             pass
-        except OSError:  # EIO: the terminal is gone
+        except OSError:  # EIO: the terminal is closed
             self._end()
             return False
         return not self._backlog
 
     def _write_for_certain(self, text: str) -> None:
-        """The last words: rather without what is still on its way than not at all, and within a bound."""
+        """Write the last output within a time limit; pending output is discarded if necessary."""
         if not self._flush():
             with suppress(termios.error):
                 termios.tcflush(self._out, termios.TCOFLUSH)
@@ -302,7 +302,7 @@ class Terminal:
         self._backlog = b""
 
     def _end(self) -> None:
-        """A terminal at its end is always readable: it must not be watched any more."""
+        """Stop watching a closed terminal, because it is always readable."""
         if not self._ended:
             self._ended = True
             self._loop.remove_reader(0)
@@ -310,7 +310,7 @@ class Terminal:
 
 
 class _FullFace:
-    """The whole screen."""
+    """Output on the whole screen."""
 
     is_full = True
 
@@ -325,19 +325,19 @@ class _FullFace:
         return self._writer.frame(lines, columns, rows)
 
     def note(self, text: str, _columns: int) -> str:
-        """The picture shows it; it is said again at the end."""
+        """Store the note for the end; the picture shows it as well."""
         self._notes.append(f"{time.strftime('%H:%M:%S')} {text}")
         return ""
 
     def ending(self, _columns: int) -> str:
-        """The last notes, once."""
+        """Return the last notes, once."""
         text = "".join(f"{note}\n" for note in self._notes)
         self._notes.clear()
         return text
 
 
 class _PlainFace:
-    """One line, and notes above it."""
+    """Output of one line, with notes above it."""
 
     is_full = False
 
@@ -359,7 +359,7 @@ class _PlainFace:
         return f"{self._clear(columns)}{text}\n{self._shown}"
 
     def ending(self, columns: int) -> str:
-        """What it showed is no longer so."""
+        """Clear the line, because it is outdated."""
         return self._clear(columns)
 
     def _clear(self, columns: int) -> str:
@@ -371,7 +371,7 @@ class _PlainFace:
 
 
 def _open_output() -> int:
-    """The terminal behind standard output, opened anew: its O_NONBLOCK is not shared with the shell."""
+    """Open the terminal of standard output again, so that O_NONBLOCK is not shared with the shell."""
     try:
         return os.open(os.ttyname(1), os.O_WRONLY | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError:
@@ -379,7 +379,7 @@ def _open_output() -> int:
 
 
 def _cbreak(saved: Modes) -> Modes:
-    r"""Keys at once and without echo; Ctrl-C, Ctrl-Z and Ctrl-\ stay signals, Ctrl-S must not freeze the picture."""
+    r"""Return modes for unbuffered keys without echo; Ctrl-C, Ctrl-Z and Ctrl-\ stay signals, Ctrl-S is disabled."""
     iflag, oflag, cflag, lflag, ispeed, ospeed, cc = saved
     assert isinstance(iflag, int)
     assert isinstance(lflag, int)

@@ -1,4 +1,4 @@
-"""Restore the terminal of a teleop that was killed: a process that is killed cannot do it itself.
+"""Restore the terminal after teleop was killed, because a killed process cannot do it itself.
 
 A second process waits for the end of teleop, in a process group of its own, so that no key ends or stops it. If teleop
 had not restored the terminal, the process leaves the alternate screen, and restores the modes unless another program
@@ -25,7 +25,7 @@ Modes = list[int | list[bytes | int]]
 _HAS_IT, _HAS_IT_NOT = b"1", b"0"
 
 _READ_LIMIT_S = 60.0
-"""The end of the picture waits for so long where nobody reads the terminal."""
+"""Time limit for writing the final sequences to a terminal that does not accept output."""
 
 
 class TerminalGuard:
@@ -42,7 +42,7 @@ class TerminalGuard:
         command = [sys.executable, "-I", "-S", __file__, _spelled(before), _spelled(ours), ending]
         read, self._write = os.pipe()  # open until this process ends
         try:
-            # Without our environment: what marks the processes of a stack must not be found in this one.
+            # With an empty environment: this process must not have the marks of a stack's processes.
             self._process = subprocess.Popen(
                 command, stdin=read, stdout=terminal, stderr=subprocess.DEVNULL, env={}, process_group=0
             )
@@ -52,7 +52,7 @@ class TerminalGuard:
             os.close(read)
 
     def tell(self, *, has_terminal: bool) -> None:
-        """Report whether teleop uses the terminal from now on."""
+        """Tell the second process whether teleop uses the terminal from now on."""
         with suppress(BrokenPipeError):
             os.write(self._write, _HAS_IT if has_terminal else _HAS_IT_NOT)
 
@@ -70,7 +70,7 @@ def _modes(spelled: str) -> Modes:
 
 
 def _main(before: str, ours: str, ending: str) -> None:
-    # The terminal is restored even if another process group has the foreground by now, and if this one was stopped.
+    # The terminal is restored even if another process group is in the foreground, or if this one was stopped.
     for number in (signal.SIGTTOU, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     last = _HAS_IT_NOT
@@ -84,7 +84,7 @@ def _main(before: str, ours: str, ending: str) -> None:
 
 
 def _foreground() -> int:
-    """The process group in the foreground; 0 where the terminal is not the one that controls this process."""
+    """Return the foreground process group; 0 if the terminal is not this process's controlling terminal."""
     try:
         return os.tcgetpgrp(1)
     except OSError:
@@ -92,7 +92,7 @@ def _foreground() -> int:
 
 
 def _started_ticks(pid: int) -> int:
-    """When a process was started, in the kernel's ticks since boot; 0 where there is none."""
+    """Return the start time of a process in the kernel's ticks since boot; 0 if there is no such process."""
     try:
         stat = os.open(f"/proc/{pid}/stat", os.O_RDONLY)
     except OSError:
@@ -104,7 +104,7 @@ def _started_ticks(pid: int) -> int:
 
 
 def _write(text: bytes) -> None:
-    """The descriptor is teleop's as well, and does not block: a terminal that takes nothing now may do so soon."""
+    """Write with retries: the descriptor is shared with teleop and non-blocking, so a write may fail temporarily."""
     deadline_s = time.monotonic() + _READ_LIMIT_S
     while text and select.select([], [1], [], max(0.0, deadline_s - time.monotonic()))[1]:
         with suppress(BlockingIOError):
@@ -112,7 +112,7 @@ def _write(text: bytes) -> None:
 
 
 def main(arguments: Sequence[str]) -> None:
-    with suppress(OSError, termios.error):  # the terminal is gone
+    with suppress(OSError, termios.error):  # the terminal is closed
         _main(*arguments)
 
 

@@ -1,8 +1,8 @@
-"""The robot and what its lidar sees from above, in characters.
+"""Top view of the robot and the lidar points, in characters.
 
-Forward is up, left is left, the base frame's origin is in the middle. Each character is 2 x 4 dots (braille), so
-that a dot is as high as it is wide; where the terminal has no such characters, the same picture is made of ASCII.
-A character shows only what matters most in it: points close to the hull, the hull, other points, the rings.
+Forward is up, left is left, and the origin of the base frame is in the middle. Each character has 2 x 4 dots (braille),
+so that dots are square; on terminals without braille, the same picture is drawn in ASCII. Each character shows only the
+most important of its contents: points close to the hull, the hull, other points, the rings.
 """
 
 import itertools
@@ -19,15 +19,15 @@ Floats = npt.NDArray[np.float64]
 Cells = npt.NDArray[np.uint8]
 
 NEAR_M = 1.5
-"""At least this much beyond the hull is seen to every side."""
+"""Minimum visible distance around the hull."""
 FINEST_M, COARSEST_M = 0.03, 1.0
-"""For each dot; a larger terminal shows more instead."""
+"""Minimum and maximum size of a dot; a larger terminal shows a larger area instead of smaller dots."""
 
 _DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.uint8)
-"""The bit of each of a character's 4 x 2 dots."""
+"""Bit of each of the 4 x 2 dots of a character."""
 _BRAILLE = 0x2800
 
-# What a character shows, by rank.
+# Contents of a character, by rank.
 _NOTHING, _OUTER_RING, _INNER_RING, _POINT, _HULL, _WARNING, _STOP = range(7)
 _TONES = (Tone.DIM, Tone.DIM, Tone.DIM, Tone.PLAIN, Tone.STRONG, Tone.CAUTION, Tone.STOP)
 _STALE_TONES = (Tone.DIM,) * 4 + (Tone.STRONG,) + (Tone.DIM,) * 2
@@ -35,7 +35,7 @@ _ASCII = np.array([ord(char) for char in " .:o+X#"], dtype=np.uint8)
 
 
 class Scale(NamedTuple):
-    """How large the picture is."""
+    """Scale and size of the picture."""
 
     columns: int
     rows: int
@@ -43,7 +43,7 @@ class Scale(NamedTuple):
 
 
 def scale_of(robot: Robot, columns: int, rows: int) -> Scale:
-    """So that NEAR_M around the hull fits into this many characters."""
+    """Return the scale at which NEAR_M around the hull fits into this number of characters."""
     dot_m = 2.0 * (_farthest_m(robot) + NEAR_M) / max(1, min(2 * columns, 4 * rows))
     return Scale(columns, rows, dot_m if FINEST_M <= dot_m <= COARSEST_M else FINEST_M)
 
@@ -57,18 +57,18 @@ def draw_top_view(
     is_stale: bool = False,
     unicode: bool = True,
 ) -> list[Line]:
-    """`rows` lines of `columns` characters.
+    """Return `rows` lines of `columns` characters.
 
     Args:
-        scan: None: the hull and its rings alone.
-        robot: with its rings at the stop and the warning distance.
+        scan: the scan; None: draw only the hull and its rings.
+        robot: the hull, with rings at the stop distance and the warning distance.
         columns: at least 1.
         rows: at least 1.
-        is_stale: the scan is too old to hold: its points are shown in grey.
-        unicode: False: in ASCII.
+        is_stale: whether the scan is too old; its points are then grey.
+        unicode: False: only ASCII.
     """
     scale = scale_of(robot, columns, rows)
-    with np.errstate(all="ignore"):  # scans and configurations of any numbers are drawn, odd as they may be
+    with np.errstate(all="ignore"):  # draw any numbers in scans and configurations
         dots, ranks = _background(robot, scale)
         if scan is not None:
             dots, ranks = _with_points(dots, ranks, scan, robot, scale)
@@ -81,7 +81,7 @@ def draw_top_view(
 
 
 def clearance_m(points: Floats, robot: Robot) -> Floats:
-    """Distances (n,) of points (n, 2) [m] in the base frame from the hull; zero inside."""
+    """Return the distances (n,) [m] of points (n, 2) [m] in the base frame from the hull; zero inside."""
     if len(robot.corners_m) < 3:
         return np.maximum(np.hypot(points[:, 0], points[:, 1]) - robot.radius_m, 0.0)
     starts = np.array(robot.corners_m, dtype=np.float64)
@@ -91,12 +91,12 @@ def clearance_m(points: Floats, robot: Robot) -> Floats:
     along = np.clip((offsets * sides).sum(axis=2) / lengths2, 0.0, 1.0)
     gaps = offsets - along[:, :, None] * sides
     turns = sides[:, 0] * offsets[:, :, 1] - sides[:, 1] * offsets[:, :, 0]
-    inside = (turns >= 0.0).all(axis=1) | (turns <= 0.0).all(axis=1)  # whichever way round the corners go
+    inside = (turns >= 0.0).all(axis=1) | (turns <= 0.0).all(axis=1)  # corners in either direction
     return np.where(inside, 0.0, np.sqrt((gaps * gaps).sum(axis=2).min(axis=1)))
 
 
 def _with_points(dots: Cells, ranks: Cells, scan: Scan, robot: Robot, scale: Scale) -> tuple[Cells, Cells]:
-    """The picture with the scan's points over it."""
+    """Return the picture with the scan's points added."""
     points = _points(scan, robot, scale)
     down, right = _places(points, scale)
     seen = (down >= 0) & (down < 4 * scale.rows) & (right >= 0) & (right < 2 * scale.columns)
@@ -115,12 +115,12 @@ def _with_points(dots: Cells, ranks: Cells, scan: Scan, robot: Robot, scale: Sca
 
 
 def _points(scan: Scan, robot: Robot, scale: Scale) -> Floats:
-    """Points (n, 2) [m] in the base frame of the beams that may be in the picture."""
+    """Return the points (n, 2) [m] in the base frame that may be in the picture."""
     ranges = scan.ranges_m
     farthest_m = scale.dot_m * math.hypot(scale.columns, 2 * scale.rows) + math.hypot(
         robot.lidar_x_m, robot.lidar_y_m
     )
-    # A comparison with NaN is false, and infinity is beyond every end: neither is a point.
+    # NaN and infinity give no point: comparisons with NaN are false, and infinity exceeds every limit.
     at = np.flatnonzero(
         (ranges >= max(0.0, scan.range_min_m)) & (ranges <= min(scan.range_max_m, farthest_m))
     )
@@ -131,13 +131,13 @@ def _points(scan: Scan, robot: Robot, scale: Scale) -> Floats:
 
 @lru_cache(maxsize=4)
 def _beams(count: int, first_rad: float, increment_rad: float) -> Floats:
-    """Unit vectors (count, 2); not numbers where the angles are none."""
+    """Return unit vectors (count, 2) of the beams; NaN for angles that are not finite."""
     angles = first_rad + increment_rad * np.arange(count)
     return np.column_stack((np.cos(angles), np.sin(angles)))
 
 
 def _places(points: Floats, scale: Scale) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """The dots (down from the top, right from the left side) of points, also of those outside the picture."""
+    """Return the rows and columns of the dots of points, which may be outside the picture."""
     down = np.floor(2.0 * scale.rows - points[:, 0] / scale.dot_m).astype(np.int64)
     right = np.floor(scale.columns - points[:, 1] / scale.dot_m).astype(np.int64)
     return down, right
@@ -145,7 +145,7 @@ def _places(points: Floats, scale: Scale) -> tuple[npt.NDArray[np.int64], npt.ND
 
 @lru_cache(maxsize=4)
 def _background(robot: Robot, scale: Scale) -> tuple[Cells, Cells]:
-    """The hull, its nose and its rings: dots and ranks (rows, columns)."""
+    """Return dots and ranks (rows, columns) of the hull, its nose and its rings."""
     x_m = (2.0 * scale.rows - 0.5 - np.arange(4 * scale.rows)) * scale.dot_m
     y_m = (scale.columns - 0.5 - np.arange(2 * scale.columns)) * scale.dot_m
     points = np.empty((len(x_m), len(y_m), 2))
@@ -160,7 +160,7 @@ def _background(robot: Robot, scale: Scale) -> tuple[Cells, Cells]:
     outer = (np.abs(gaps - robot.warning_distance_m) <= half) & _dashes(points, around_dots / 6)
     inner = np.abs(gaps - robot.stop_distance_m) <= half
     nose = (np.abs(points[:, 1]) <= half) & (points[:, 0] >= 0.0) & (gaps == 0.0)
-    # The hull's edge: dots inside with one outside beside them.
+    # The hull's edge consists of dots inside with a neighbour outside.
     within = np.pad((gaps == 0.0).reshape(len(x_m), len(y_m)), 1)
     core = within[:-2, 1:-1] & within[2:, 1:-1] & within[1:-1, :-2] & within[1:-1, 2:]
     hull = (within[1:-1, 1:-1] & ~core).ravel() | nose
@@ -173,18 +173,18 @@ def _background(robot: Robot, scale: Scale) -> tuple[Cells, Cells]:
 
 
 def _dashes(points: Floats, count: float) -> npt.NDArray[np.bool_]:
-    """So many pieces of a turn, with as much between them: a dashed ring is told from a wall and from the other ring."""
+    """Return a mask that divides a ring into `count` dashes with equal gaps, to distinguish it from walls and other rings."""
     turns = np.arctan2(points[:, 1], points[:, 0]) / math.tau
     return np.floor(turns * 2 * np.round(count)) % 2 == 0
 
 
 def _packed(layer: npt.NDArray[np.bool_]) -> Cells:
-    """Dots (rows, 4, columns, 2) as the bits of characters (rows, columns)."""
+    """Pack dots (rows, 4, columns, 2) into the bits of characters (rows, columns)."""
     return (layer * _DOTS[None, :, None, :]).sum(axis=(1, 3), dtype=np.uint8)
 
 
 def _lines(codes: npt.NDArray[np.uint32], ranks: Cells, tones: tuple[Tone, ...]) -> list[Line]:
-    """Characters of equal rank in a row are one segment."""
+    """Return the lines; successive characters of equal rank form one segment."""
     lines: list[Line] = []
     columns = codes.shape[1]
     text = codes.tobytes().decode("utf-32-le")
@@ -201,5 +201,5 @@ def _lines(codes: npt.NDArray[np.uint32], ranks: Cells, tones: tuple[Tone, ...])
 
 
 def _farthest_m(robot: Robot) -> float:
-    """The farthest part of the hull from the base frame's origin."""
+    """Return the largest distance of the hull from the base frame's origin."""
     return max((math.hypot(x, y) for x, y in robot.corners_m), default=robot.radius_m)

@@ -1,7 +1,7 @@
-"""What every display shows, and what a display is made of.
+"""The displayed values, and the elements of a display.
 
-`View` is everything that the operator is shown at one moment; `display.py` (one line) and `dashboard.py` (the
-whole terminal) both draw it. It holds no clock: the ages are those at the moment when it was made.
+`View` has all values that are displayed at one time; `display.py` (one line) and `dashboard.py` (the whole terminal)
+render it. It has no clock: its ages are those at its creation.
 """
 
 import math
@@ -14,15 +14,15 @@ import numpy.typing as npt
 from teleop.pilot import NEUTRAL, Velocity
 from wire.messages import LaserScan, Odometry, SafetyStatus, SourceStatus, yaw_of
 
-# --- what a display is made of
+# --- elements of a display
 
 
 class Tone(StrEnum):
-    """What a piece of text means to the operator; the screen gives it a colour, and no meaning hangs on that alone."""
+    """Meaning of a piece of text; the screen shows it as a colour, but no meaning depends on colour alone."""
 
     PLAIN = "plain"
     DIM = "dim"
-    """Labels, frames, and what is too old to hold."""
+    """Labels, frames and outdated values."""
     STRONG = "strong"
     GOOD = "good"
     CAUTION = "caution"
@@ -34,7 +34,7 @@ class Tone(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """A piece of a line in one tone: characters of one column each, none of them a control character."""
+    """A piece of a line in one tone: characters one column wide, without control characters."""
 
     text: str
     tone: Tone = Tone.PLAIN
@@ -48,15 +48,15 @@ def columns_of(line: Line) -> int:
 
 
 def plain(text: str) -> str:
-    """`text` with everything but printable ASCII replaced: no control sequences, one column each."""
+    """Return `text` with all characters beyond printable ASCII replaced: no control sequences, one column each."""
     return "".join(char if " " <= char <= "~" else "?" for char in text)
 
 
-# --- what the operator is shown
+# --- displayed values
 
 
 class Control(StrEnum):
-    """How the operator drives."""
+    """Control mode of the operator."""
 
     INCREMENTAL = "incremental"
     HOLD = "hold"
@@ -66,7 +66,7 @@ class Control(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Odom:
-    """Where the robot says it is, in its odometry's frame, and how it moves."""
+    """Pose by odometry, in the odometry's frame, and velocity."""
 
     x_m: float
     y_m: float
@@ -83,7 +83,7 @@ class Odom:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scan:
-    """One turn of the lidar, in its own frame; what is not within [range_min_m, range_max_m] is no point."""
+    """One scan in the lidar's frame; readings outside [range_min_m, range_max_m] are not points."""
 
     ranges_m: npt.NDArray[np.float32]
     angle_min_rad: float
@@ -104,12 +104,12 @@ class Scan:
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """What of the supervisor's configuration a picture needs: the hull, the lidar's mount, the two distances."""
+    """Values of the supervisor's configuration for the picture: hull, lidar mount, stop and warning distance."""
 
     radius_m: float = 0.25
-    """Of a round hull about the base frame's origin; not used where there are corners."""
+    """Radius of a round hull around the base frame's origin; not used if there are corners."""
     corners_m: tuple[tuple[float, float], ...] = ()
-    """Of a convex hull, in the base frame."""
+    """Corners of a convex hull, in the base frame."""
     lidar_x_m: float = 0.0
     lidar_y_m: float = 0.0
     lidar_yaw_rad: float = 0.0
@@ -119,7 +119,7 @@ class Robot:
 
 @dataclass(frozen=True, slots=True)
 class Rates:
-    """How often each stream arrived of late [Hz]; NaN where that is not known yet."""
+    """Recent rate of each stream [Hz]; NaN if not known yet."""
 
     status_hz: float = math.nan
     odom_hz: float = math.nan
@@ -128,7 +128,7 @@ class Rates:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that happened, kept for a while."""
+    """A past event for the display."""
 
     clock: str
     """The wall clock's time, for the operator: "12:03:41"."""
@@ -146,28 +146,28 @@ class KeyHelp:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """Everything that a display shows. An age means nothing where there is no message."""
+    """All displayed values. The age of a missing message has no meaning."""
 
     source: str
     endpoint: str
-    """Of the supervisor."""
+    """Endpoint of the supervisor."""
     control: Control = Control.INCREMENTAL
     control_note: str = ""
-    """How the control works here: "hold: key releases reported by the terminal"."""
+    """How the control works on this terminal: "hold: key releases reported by the terminal"."""
     neutral_hint: str = "press s"
-    """How to be neutral, as the beginning of a sentence: "press s", "let go of the keys"."""
+    """How to send neutral, as the beginning of a sentence: "press s", "let go of the keys"."""
     level: int = 1
-    """Of speed, 1 to 5."""
+    """Speed level, 1 to 5."""
     wanted: Velocity = NEUTRAL
-    """Where the ramp goes."""
+    """The requested velocity, at the end of the ramp."""
     sent: Velocity = NEUTRAL
-    """What is asked of the supervisor now."""
+    """The velocity that is sent to the supervisor now."""
     max_linear_m_s: float = 1.0
     max_angular_rad_s: float = 2.0
-    """The ends of the bars."""
+    """Full scales of the two velocity bars."""
     status: SafetyStatus | None = None
     status_age_s: float = 0.0
-    """Since the newest arrived, as are the other ages."""
+    """Time since the arrival of the newest status; the other ages are defined in the same way."""
     odom: Odom | None = None
     odom_age_s: float = 0.0
     scan: Scan | None = None
@@ -175,16 +175,16 @@ class View:
     rates: Rates = Rates()
     robot: Robot = Robot()
     events: tuple[Event, ...] = ()
-    """The newest last."""
+    """Events, newest last."""
     keys: tuple[KeyHelp, ...] = ()
 
     @property
     def own(self) -> SourceStatus | None:
-        """This source as the supervisor sees it."""
+        """This source in the supervisor's status."""
         sources = () if self.status is None else self.status.sources
         return next((source for source in sources if source.name == self.source), None)
 
     @property
     def is_neutral(self) -> bool:
-        """Nothing is asked for, now and at the end of the ramp."""
+        """Whether the velocity is zero, now and at the end of the ramp."""
         return self.wanted.is_neutral and self.sent.is_neutral

@@ -1,6 +1,6 @@
-"""The supervisor's mode in words: what holds, why, and what the operator does next.
+"""Texts for the supervisor's mode, its reason, and the operator's next step.
 
-What comes from the network is told as plain ASCII, so that no payload can speak to the terminal.
+Text from the network is converted to plain ASCII, so that no payload can send control sequences to the terminal.
 """
 
 import math
@@ -11,37 +11,37 @@ from wire.messages import SafetyStatus, SourceStatus
 from wire.reasons import words_of
 
 SILENT_AFTER_S = 0.5
-"""A stream that has not been renewed for this long says nothing about now; the slowest has 10 Hz."""
+"""A stream without a message for longer than this is outdated; the slowest stream has 10 Hz."""
 LATE_S = 0.15
-"""A source whose last command is older than this is still silent; it sends 20 in a second."""
+"""A source is silent if its last command is older than this; it sends 20 per second."""
 
 _DIRECTIONS = ("ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right")
 
 
 class News(NamedTuple):
-    """The mode as the operator reads it."""
+    """Texts for the mode."""
 
     mode: str
-    """One word in capitals."""
+    """Name of the mode in capitals."""
     what: str
-    """Why, or how: goes on after the mode and a colon."""
+    """The reason or details, as a text after the mode and a colon."""
     next_step: str
-    """What to do about it; empty: nothing."""
+    """The operator's next step; empty if there is none."""
     tone: Tone
     """GOOD, CAUTION or STOP."""
     reasons: tuple[str, ...] = ()
-    """The stop reasons that hold now by their names, the most restrictive first."""
+    """Names of the stop reasons that hold now, most severe first."""
     over: tuple[str, ...] = ()
-    """The stop reasons that are over, likewise: only a neutral command is missing."""
+    """Names of the stop reasons that are over, and that still require a neutral command."""
 
 
 def is_silent(view: View) -> bool:
-    """Whether what the last status said need not hold any more."""
+    """Return whether the last status is outdated."""
     return view.status is not None and not view.status_age_s <= SILENT_AFTER_S
 
 
 def news(view: View) -> News:
-    """The mode, its cause and what to do next."""
+    """Return the texts for the mode, its cause and the next step."""
     status = view.status
     if status is None:
         endpoint = plain(view.endpoint)
@@ -65,7 +65,7 @@ def news(view: View) -> News:
 
 
 def next_step(view: View, reason: str) -> str:
-    """What the operator can do about a stop reason, in a few words."""
+    """Return a short text on what the operator can do about a stop reason."""
     if view.control is Control.VIEW_ONLY and reason != "BASE_RUNAWAY":
         return "the operator must reset it" if reason == "ESTOP" else "the operator must re-arm"
     if reason == "ESTOP" and view.is_neutral:  # its reset is refused while a source asks for motion
@@ -77,20 +77,20 @@ def next_step(view: View, reason: str) -> str:
 
 
 def step_after(view: View, *, short: bool = False) -> str:
-    """What the operator can do about stop reasons that are all over, in a few words."""
+    """Return a short text on what the operator can do if all stop reasons are over."""
     if view.control is Control.VIEW_ONLY:
         return "the operator must re-arm"
     return view.neutral_hint if short else f"{view.neutral_hint} to drive again"
 
 
 def direction(bearing_rad: float) -> str:
-    """One of eight, from the robot; empty where it is not known."""
+    """Return one of eight directions from the robot as text; empty if unknown."""
     octant = octant_of(bearing_rad)
     return "" if octant is None else _DIRECTIONS[octant]
 
 
 def octant_of(bearing_rad: float) -> int | None:
-    """0 to 7, counter-clockwise from ahead; None: not known."""
+    """Return the number of one of eight directions, counter-clockwise from ahead; None if unknown."""
     if not math.isfinite(bearing_rad):
         return None
     return round(math.remainder(bearing_rad, math.tau) / (math.pi / 4)) % 8
@@ -108,7 +108,7 @@ def _stopped(view: View, status: SafetyStatus) -> News:
 
 
 def _cause(reason: str, status: SafetyStatus) -> str:
-    """The sentence of a stop reason."""
+    """Return the sentence for a stop reason."""
     words = words_of(reason)
     if words is None:
         unknown = f"for a reason that this program does not know: {reason}"
@@ -134,12 +134,12 @@ def _cause(reason: str, status: SafetyStatus) -> str:
 
 
 def _detail(status: SafetyStatus) -> str:
-    """What the law knows of the first cause, in ASCII."""
+    """Return the law's details of the first cause, in ASCII."""
     return plain(status.detail.replace("°", " deg").replace("…", ".."))
 
 
 def _silent_s(status: SafetyStatus) -> float:
-    """How old the owner's last command is; NaN: not known."""
+    """Return the age [s] of the owner's last command; NaN if unknown."""
     owner = _source(status, status.owner)
     return math.nan if owner is None else owner.age_s
 
@@ -165,7 +165,7 @@ def _ready(view: View, status: SafetyStatus) -> News:
 
 
 def _driving(view: View, status: SafetyStatus) -> tuple[str, str]:
-    """Who drives, and what to do about it."""
+    """Return who drives, and the operator's next step."""
     owner = plain(status.owner) or "a source"
     if view.control is Control.VIEW_ONLY:
         return f"{owner} drives", ""

@@ -131,13 +131,13 @@ class BaseSection(Section):
 
     model_config = ConfigDict(extra="ignore")
 
-    # The last line of defence: a second without a command is 1 m at full speed.
+    # The base's own watchdog: one second without a command is 1 m at full speed.
     command_timeout_s: Annotated[float, Between(0.02, 1.0)] = 0.15
     acceleration_m_s2: Acceleration = 1.0
     braking_m_s2: Acceleration = 2.0
     angular_acceleration_rad_s2: AngularAcceleration = 4.0
     angular_braking_rad_s2: AngularAcceleration = 8.0
-    # There are 500 physics steps in a second; every 10 s is no rate at all.
+    # From one sample in 10 s, which is useless, to the rate of the physics steps, 500 Hz.
     scan_hz: Annotated[float, Between(0.1, 500.0)] = 20.0
     odom_hz: Annotated[float, Between(0.1, 500.0)] = 50.0
 

@@ -1,18 +1,18 @@
-"""How old a command is, whatever the network did to it.
+"""The age of a command from its stamp, despite network delays.
 
-The sender's clock is never compared with ours: only differences count. Of each epoch (one run of a source)
-the smallest (arrival − source time) heard is its baseline, the quickest way that a message has taken; what
-exceeds it is this message's time on the way. So after a stall the backlog that TCP delivers in one burst
-shows its true age.
+The sender's clock is not compared with the local clock; only differences are used. The baseline of an epoch (one run of
+a source) is the smallest (arrival − source time) received, which is the shortest delay. The excess of a message over
+the baseline is its transport time. After a stall, the backlog that TCP delivers in one burst therefore shows its true
+age.
 
-A baseline is itself unproven while it still falls: the first messages of an epoch may be a backlog, and a
-sender's clock may step forward. Until it has stood for a whole command timeout, no command counts.
-A clock that steps back shows as a source time that goes back while the sequence goes on, and starts the
-proof anew. Slow drift is followed at `DRIFT`.
+A baseline is unproven while it still falls, because the first messages of an epoch may be a backlog, and the sender's
+clock may step forward. No command is accepted until the baseline has been stable for a whole command timeout.
+If the sender's clock steps back, the source time decreases while the sequence increases, and the proof starts again.
+Slow drift is followed at the rate `DRIFT`.
 
-An epoch keeps its source for as long as it speaks. Only once it has been silent for longer than the timeout may
-another one begin its proof, and only a proof ends the epoch before, for good; until then that one may come back.
-So a stray message takes no source away from whoever speaks (docs/decisions/0020).
+An epoch keeps its source as long as its messages arrive. Another epoch may begin its proof only after a silence longer
+than the timeout. Only a completed proof ends the previous epoch permanently; until then, the previous epoch may return.
+A stray message therefore cannot take a source away from its active sender (docs/decisions/0020).
 """
 
 from dataclasses import dataclass
@@ -20,21 +20,21 @@ from enum import StrEnum
 from typing import NamedTuple
 
 FALL_TOLERANCE_S = 0.04
-"""A baseline that falls by more within one command timeout was no baseline. Below one 20 Hz period, so that
-each message of a backlog betrays it; above the jitter of a loaded machine's first messages."""
+"""If the baseline falls by more than this within one command timeout, its proof starts again. Less than one 20 Hz
+period, so that each message of a backlog is detected; more than the jitter of the first messages on a loaded machine."""
 
 DRIFT = 2e-4
-"""The baseline may rise by this share of the time: above what two quartz clocks drift apart."""
+"""Rate at which the baseline may rise; more than the relative drift of two quartz clocks."""
 
 JUMP = 1_000_000
-"""A sequence that jumps forward by more is refused, or one message with a copied epoch and a huge sequence would
-lock its source out. Each second of silence allows as much again: who was cut off for days has gone on counting."""
+"""Maximum forward jump of the sequence. Without it, one message with a copied epoch and a huge sequence would lock its
+source out. Each second of silence permits the same again, because a disconnected source continues to count."""
 
 REMEMBERED_EPOCHS = 64
 
 
 class Verdict(StrEnum):
-    """What becomes of a command on arrival."""
+    """Result of the check of a command on arrival."""
 
     FRESH = "fresh"
     UNPROVEN = "unproven"
@@ -45,7 +45,7 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Sent:
-    """What a command's attachment says: its epoch, place and time in the sender's run."""
+    """A command's stamp: epoch, sequence number, and source time by the sender's clock."""
 
     epoch: bytes
     sequence: int
@@ -53,14 +53,14 @@ class Sent:
 
 
 class Heard(NamedTuple):
-    """The newest message of an epoch, and when it came."""
+    """The newest message of an epoch, and its arrival time."""
 
     sent: Sent
     arrival_s: float
 
 
 class Track(NamedTuple):
-    """What is known of one source's stream of stamped commands."""
+    """State of one source's stream of stamped commands."""
 
     last: Sent | None = None
     arrival_s: float = 0.0
@@ -70,7 +70,7 @@ class Track(NamedTuple):
     anchored_at_s: float = 0.0
     proven: bool = False
     replaced: Heard | None = None
-    """Of the epoch that ends once this one is proven, and may come back until then."""
+    """The newest message of the previous epoch, which may return until the present epoch is proven."""
     ended: tuple[bytes, ...] = ()
 
 
@@ -83,21 +83,21 @@ def judge(
     *,
     may_return: bool = False,
 ) -> tuple[Track, Verdict, float]:
-    """Take note of a command, or scan.
+    """Check the freshness of a command or scan.
 
     Args:
-        track: what is known of its source.
-        sent: its attachment; None: it has none, and counts by its arrival alone, unless somebody who stamps is heard.
-        arrival_s: when it came, by our monotonic clock.
-        timeout_s: the age from which a command is stale, the time that a baseline must stand, and the silence after
+        track: the state of its source.
+        sent: its stamp; None: it has no stamp, and is fresh on arrival unless stamped messages of the source arrive.
+        arrival_s: its arrival time by the local monotonic clock.
+        timeout_s: the maximum age of a command, the time for which a baseline must be stable, and the silence after
             which another epoch may begin.
-        fall_tolerance_s: how far a baseline may fall within that time and still have been one.
-        may_return: whether an epoch counts again after another one was proven, once it is proven anew itself. A
-            command's must not: it may be what was wished long ago. A lidar's may: a driver that stamps headers only
-            is the same epoch in every run, and another lidar would blind the robot for good.
+        fall_tolerance_s: how far a baseline may fall within this time and still be proven.
+        may_return: whether an ended epoch may be proven again after another epoch was proven. False for commands,
+            which may be from an outdated intention. True for lidars: a driver without attachments has the same epoch
+            in every run, and after another lidar's epoch, it would be refused permanently.
 
     Returns:
-        The new track, the verdict, and the time that the command spent on the way [s].
+        The new track, the verdict, and the transport time of the command [s].
     """
     if sent is None:
         return track, Verdict.EPOCH if _speaks(track, arrival_s, timeout_s) else Verdict.FRESH, 0.0
@@ -127,7 +127,7 @@ def judge(
 def _take_turns(
     track: Track, newest: Heard, sent: Sent, arrival_s: float, timeout_s: float
 ) -> tuple[Track, Verdict]:
-    """Another epoch speaks: it begins its proof, unless it has ended or the newest one is still heard."""
+    """Handle a message of another epoch: begin its proof, unless it has ended or the present epoch is active."""
     if sent.epoch in track.ended or _speaks(track, arrival_s, timeout_s):
         return track, Verdict.EPOCH
     before = track.replaced or newest
@@ -138,12 +138,12 @@ def _take_turns(
 
 
 def _speaks(track: Track, now_s: float, timeout_s: float) -> bool:
-    """Whether somebody who stamps is heard."""
+    """Return whether the last stamped message arrived within the timeout."""
     return track.last is not None and now_s - track.arrival_s <= timeout_s
 
 
 def _goes_on(newest: Heard, sent: Sent, arrival_s: float) -> bool:
-    """Whether this follows in its epoch: later in the sequence, and no further than a source can count."""
+    """Return whether a message continues its epoch: with a later sequence number, and no implausible jump."""
     forward = sent.sequence - newest.sent.sequence
     return 0 < forward <= JUMP * (1.0 + arrival_s - newest.arrival_s)
 
@@ -157,7 +157,7 @@ def _anchor(
 
 
 def _prove(track: Track, *, may_return: bool) -> Track:
-    """The baseline has stood for long enough: the epoch counts, and the one before has ended."""
+    """Mark the epoch as proven and the previous epoch as ended, after the baseline has been stable for long enough."""
     ended = track.ended
     if track.replaced is not None and not may_return:
         ended = (*ended, track.replaced.sent.epoch)[-REMEMBERED_EPOCHS:]

@@ -1,13 +1,13 @@
-"""Sockets that close at once when their process is killed: its memory is freed later, by another.
+"""Close a killed process's sockets immediately by letting a helper process hold its memory.
 
-The kernel frees the memory of a process that ends, page by page, before it closes its files: its sockets close, and
-its liveliness token goes, only when all is freed. Memory that a second process shares is not freed then. So each
-service has a keeper: a process that shares its memory and nothing else (clone(2) with CLONE_VM), and sleeps. A thread
-of the service puts off the end of that sleep, again and again. Once nobody does, the keeper ends and frees the memory,
-some seconds after all that had to be noticed was.
+When a process ends, the kernel frees its memory page by page before it closes its files. Its sockets close, and its
+liveliness token disappears, only after all memory is freed. Memory that a second process shares is not freed at that
+time. Each service therefore has a keeper: a sleeping process that shares only its memory (clone(2) with CLONE_VM). A
+thread of the service extends this sleep periodically. After the service has ended, the keeper wakes up, ends and frees
+the memory, some seconds after the peers have noticed the end of the service.
 
-The keeper runs no Python and allocates nothing. All that it ever does is one call of C's `getc_unlocked` on a
-timer; signals that can be blocked do not reach it, nor does what is sent to its service's process group.
+The keeper runs no Python code and allocates no memory. It only calls C's `getc_unlocked` once on a timer. It blocks all
+signals that can be blocked, and signals to its service's process group do not reach it.
 """
 
 import ctypes
@@ -22,10 +22,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 NAME = "memory-keeper"
-"""The keeper's in /proc/PID/comm; its command line and environment are those of the process that it keeps."""
+"""The keeper's name in /proc/PID/comm; its command line and environment are those of its service."""
 
 KEEP_S = 3
-"""How long the keeper sleeps on when nobody puts that off any more."""
+"""How long the keeper continues to sleep after the last extension."""
 RENEW_S = 1.0
 
 _CLONE_VM = 0x100
@@ -35,7 +35,7 @@ _ALL_FILES = 0xFFFFFFFF
 _PR_SET_NAME = 15
 _WALL = 0x40000000
 _IOFBF = 0
-"""A stream with a buffer that is given: C allocates none then."""
+"""Fully buffered stream; with a given buffer, C allocates none."""
 _BUFFER_BYTES = 64
 _SIGINFO_BYTES = 128
 _STACK_BYTES = 1 << 16
@@ -58,7 +58,7 @@ _NEEDED = (
 
 
 class _Timer(ctypes.Structure):
-    """C's `struct itimerspec`, with a time to the end and no period."""
+    """C's `struct itimerspec`, for a single expiration."""
 
     _fields_ = (
         ("period_s", ctypes.c_long),
@@ -69,7 +69,7 @@ class _Timer(ctypes.Structure):
 
 
 class _Sleep(NamedTuple):
-    """What the keeper sleeps on."""
+    """The timer that the keeper waits for, as file descriptor and C stream with its buffer."""
 
     descriptor: int
     stream: ctypes.c_void_p
@@ -79,8 +79,8 @@ class _Sleep(NamedTuple):
 class MemoryKeeper:
     """The keeper of this process.
 
-    Where there is none (not Linux, or it is forbidden) all works as well, but the death of this process is noticed
-    some milliseconds later, by the size of its memory.
+    Without a keeper (not Linux, or not permitted) everything works, but peers notice the death of this process some
+    milliseconds later, depending on the size of its memory.
     """
 
     def __init__(self) -> None:
@@ -91,7 +91,7 @@ class MemoryKeeper:
         libc = ctypes.CDLL(None)
         try:
             sleep = _sleep(libc)
-        except AttributeError:  # a C library that has not got all of these
+        except AttributeError:  # the C library lacks a function
             return
         if sleep is None:
             return
@@ -112,7 +112,7 @@ class MemoryKeeper:
         return self._pid
 
     def end(self) -> None:
-        """For a process that ends by itself and has said so: nothing has to be noticed any more."""
+        """End the keeper; for a process that ends regularly and has announced its end to its peers."""
         self._over = True
         if self._pid is not None:
             with suppress(ProcessLookupError):
@@ -120,11 +120,11 @@ class MemoryKeeper:
                 os.kill(self._pid, signal.SIGKILL)
 
     def _keep(self, libc: ctypes.CDLL, sleep: _Sleep, made: threading.Event) -> None:
-        """Make the keeper, and another one whenever it has ended, as while this process was stopped.
+        """Start the keeper, and start another whenever it has ended, for example while this process was stopped.
 
-        The keeper runs on the stack here, and on this thread's thread-local storage: nothing may end this thread while
-        there is one. And this thread has files of its own: the cyclic collector must not run here, or it would close
-        what it frees in the wrong table. So all that it does while there is a keeper is to wait for its end, in C.
+        The keeper uses a stack of this thread and its thread-local storage, so this thread must not end while a keeper
+        runs. This thread has its own file table. The cyclic garbage collector must not run here, because it would close
+        files in the wrong table. While a keeper runs, this thread therefore only waits for its end, in C.
         """
         stack = ctypes.create_string_buffer(_STACK_BYTES)
         ended = ctypes.create_string_buffer(_SIGINFO_BYTES)
@@ -135,10 +135,10 @@ class MemoryKeeper:
             made.set()
         while self._pid is not None:
             libc.waitid(os.P_PID, self._pid, ended, os.WEXITED | os.WNOWAIT | _WALL)
-            time.sleep(RENEW_S)  # whatever ends them one after another
+            time.sleep(RENEW_S)  # limits the rate if keepers end one after another
             is_collecting = gc.isenabled()
             gc.disable()
-            # Once it is reaped, its pid may be anybody's: until then nobody else has it.
+            # Its pid may be reused once it is reaped, but not before.
             pid, self._pid = self._pid, None
             libc.waitpid(pid, None, _WALL)
             self._pid = None if self._over else _clone(libc, stack, sleep)
@@ -146,20 +146,20 @@ class MemoryKeeper:
                 gc.enable()
 
     def _put_off(self, libc: ctypes.CDLL, sleep: _Sleep) -> None:
-        """Put the keeper's end off for as long as this process runs."""
+        """Extend the keeper's sleep periodically while this process runs."""
         while not self._over:
             _set(libc, sleep)
             time.sleep(RENEW_S)
 
 
 def expedite(pid: int) -> None:
-    """Let a keeper run like any other process, so that it ends at once also where the processor is busy."""
+    """Give a keeper normal scheduling priority, so that it ends immediately even on a busy processor."""
     with suppress(OSError):
         os.sched_setscheduler(pid, os.SCHED_OTHER, os.sched_param(0))
 
 
 def is_keeper(pid: int) -> bool:
-    """Whether this is another process's keeper, which has that one's command line and environment."""
+    """Return whether a process is a keeper; its command line and environment are those of its service."""
     try:
         return Path(f"/proc/{pid}/comm").read_text().rstrip() == NAME
     except OSError:
@@ -167,7 +167,7 @@ def is_keeper(pid: int) -> bool:
 
 
 def _sleep(libc: ctypes.CDLL) -> _Sleep | None:
-    """What a keeper is to sleep on; None: this system has no such timer.
+    """Create the timer that a keeper waits for; None if this system has no such timer.
 
     Raises:
         AttributeError: the C library lacks something that a keeper needs.
@@ -187,19 +187,22 @@ def _sleep(libc: ctypes.CDLL) -> _Sleep | None:
 
 
 def _set(libc: ctypes.CDLL, sleep: _Sleep) -> None:
-    """From now on it sleeps for `KEEP_S`."""
+    """Set the keeper's timer to `KEEP_S` from now."""
     timer = _Timer(s=KEEP_S)
     libc.timerfd_settime(sleep.descriptor, 0, ctypes.byref(timer), None)
 
 
 def _prepare(libc: ctypes.CDLL, descriptor: int) -> bool:
-    """Make this thread what the keeper is to be a copy of: deaf to signals, and without a directory or another file.
+    """Prepare this thread for being copied as the keeper: block all signals and close all files but the timer.
 
-    It must hold no socket open, and be in no file system's way. False: Linux is older than 5.9, or forbids it.
+    The keeper must not hold a socket open or keep a file system busy.
+
+    Returns:
+        False if Linux is older than 5.9 or refuses.
     """
     signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
     libc.prctl(_PR_SET_NAME, NAME.encode())
-    # Not unshare(2), which a container may forbid.
+    # unshare(2) would do the same, but a container may forbid it.
     if libc.close_range(descriptor + 1, ctypes.c_uint(_ALL_FILES), _CLOSE_RANGE_UNSHARE) != 0:
         return False
     if descriptor > 0 and libc.close_range(0, descriptor - 1, 0) != 0:
@@ -211,7 +214,7 @@ def _prepare(libc: ctypes.CDLL, descriptor: int) -> bool:
 
 def _clone(libc: ctypes.CDLL, stack: "ctypes.Array[ctypes.c_char]", sleep: _Sleep) -> int | None:
     _set(libc, sleep)
-    libc.__fpurge(sleep.stream)  # noqa: SLF001 - so it is called in C; an earlier keeper read more than it took
+    libc.__fpurge(sleep.stream)  # noqa: SLF001 - its name in C; an earlier keeper may have left data in the buffer
     top = ctypes.addressof(stack) + len(stack)
     pid: int = libc.clone(
         ctypes.cast(libc.getc_unlocked, ctypes.c_void_p),
@@ -222,9 +225,9 @@ def _clone(libc: ctypes.CDLL, stack: "ctypes.Array[ctypes.c_char]", sleep: _Slee
     if pid <= 0:
         return None
     with suppress(OSError):
-        # Whoever stops the service's whole group, and kills the service then, does not leave a stopped keeper behind.
+        # If the service's process group is stopped and the service then killed, no stopped keeper remains.
         os.setpgid(pid, pid)
     with suppress(OSError):
-        # Freeing yields to whoever has something to do.
+        # Freeing the memory yields to all other processes.
         os.sched_setscheduler(pid, os.SCHED_IDLE, os.sched_param(0))
     return pid

@@ -1,8 +1,8 @@
-"""A process that always ends.
+"""Guaranteed end of a process.
 
-An interpreter that ends with an open Zenoh session can hang, and an uncaught exception can leave a zombie:
-running, its token alive, nothing published. So a service runs under `run_process`, which ends it for
-certain: on a signal, on its own return, and on any exception, also one in a task that nobody awaits.
+An interpreter that exits with an open Zenoh session can hang. After an uncaught exception, a process can stay alive
+with its liveliness token, but publish nothing. Therefore a service runs under `run_process`, which ends the process on
+a signal, when its main returns, and on any exception, including one in a task that is not awaited.
 """
 
 import asyncio
@@ -22,7 +22,7 @@ _log = logging.getLogger(__name__)
 
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 STOP_LIMIT_S = 3.0
-"""From the first request to stop to the end of the process, whatever hangs."""
+"""Maximum time from the first request to stop to the end of the process, even if a call hangs."""
 
 EXIT_FAILURE = 1
 
@@ -33,9 +33,9 @@ def run_process(name: str, main: Main, *, memory_keeper: bool = True) -> NoRetur
     """Run `main(stop)` in a new event loop and end the process with the code that it returns.
 
     Args:
-        name: the process's, for its last words.
-        main: `stop` is set by SIGTERM, SIGINT and SIGHUP; main then has `STOP_LIMIT_S` to come to its end.
-        memory_keeper: whether the process gets one (wire/memory_keeper.py).
+        name: the name of the process, for error messages.
+        main: SIGTERM, SIGINT and SIGHUP set `stop`; main must then return within `STOP_LIMIT_S`.
+        memory_keeper: whether to start a memory keeper for the process (wire/memory_keeper.py).
     """
     at_end = ExitStack()
     code = EXIT_FAILURE
@@ -43,10 +43,10 @@ def run_process(name: str, main: Main, *, memory_keeper: bool = True) -> NoRetur
         code = asyncio.run(_supervised(main, at_end, memory_keeper=memory_keeper))
     except BusError as error:
         print(f"{name}: {error}", file=sys.stderr)
-    except Exception:  # noqa: BLE001 - the last stop before the process ends
-        _log.exception("%s ended by an error of its own", name)
+    except Exception:  # noqa: BLE001 - the last handler before the process ends
+        _log.exception("%s ended with an unexpected error", name)
     finally:
-        with suppress(OSError):  # a terminal that is gone takes no last words
+        with suppress(OSError):  # the terminal may be closed
             logging.shutdown()
             sys.stdout.flush()
             sys.stderr.flush()
@@ -64,7 +64,7 @@ async def _supervised(main: Main, at_end: ExitStack, *, memory_keeper: bool) -> 
         end_for_certain()
 
     def on_unhandled(_loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        """Something raised where nobody awaits it: that is the end of the process, not a line in a log."""
+        """End the process on an exception in a task that is not awaited, instead of only logging it."""
         error = context.get("exception")
         if not failed.done():
             failed.set_exception(error if isinstance(error, Exception) else RuntimeError(context["message"]))
@@ -72,7 +72,7 @@ async def _supervised(main: Main, at_end: ExitStack, *, memory_keeper: bool) -> 
     loop.set_exception_handler(on_unhandled)
     for number in STOP_SIGNALS:
         loop.add_signal_handler(number, on_signal)
-    # Not before the handlers: a signal that ends the process without them would leave the keeper behind.
+    # After the signal handlers: without them, a signal would end the process and leave the keeper behind.
     if memory_keeper:
         at_end.callback(MemoryKeeper().end)
     running = asyncio.ensure_future(main(stop))
@@ -88,7 +88,7 @@ async def _supervised(main: Main, at_end: ExitStack, *, memory_keeper: bool) -> 
 
 
 def end_for_certain() -> None:
-    """From now on the process has `STOP_LIMIT_S` to live."""
+    """End the process after `STOP_LIMIT_S`, even if its main hangs."""
     timer = threading.Timer(STOP_LIMIT_S, os._exit, (EXIT_FAILURE,))
     timer.daemon = True
     timer.start()

@@ -1,9 +1,8 @@
-"""The bounds of the numbers in robot.toml: every number has a lower and an upper one.
+"""The bounds of the numbers in robot.toml: every number has a lower and an upper bound.
 
-A bound is part of the safety argument: without one, `1e9` for a timeout switches a watchdog off, and `1e-9` for
-a distance switches the barrier off. `Between` refuses what is outside, NaN and infinity included, and says
-what is allowed. The quantities that more than one section knows have their type here; the others are beside
-their keys.
+The bounds are part of the safety argument: without them, a timeout of `1e9` would disable a watchdog, and a distance of
+`1e-9` would disable the barrier. `Between` refuses values outside the bounds, NaN and infinity included; its message
+gives the bounds. Types of quantities in more than one section are defined here, all others next to their keys.
 """
 
 import math
@@ -16,7 +15,7 @@ from pydantic_core import PydanticCustomError, core_schema
 
 @dataclass(frozen=True, slots=True)
 class Between:
-    """Bounds of a number, both of them allowed, with advice for whoever is refused."""
+    """Inclusive bounds of a number, with advice for the error message."""
 
     low: float
     high: float
@@ -47,7 +46,7 @@ Acceleration = Annotated[
 AngularAcceleration = Annotated[float, Between(0.05, 100.0, "in rad/s²")]
 Angle = Annotated[float, Between(-math.tau, math.tau, "in rad, not in degrees")]
 Distance = Annotated[float, Between(-10.0, 10.0, "in m, not in mm")]
-"""A coordinate on the robot: its largest hull is that of a truck."""
-Range = Annotated[float, Between(0.1, 200.0, "in m: what no planar lidar of a robot reaches makes no sense")]
+"""A coordinate on the robot; the bounds allow a hull as large as a truck."""
+Range = Annotated[float, Between(0.1, 200.0, "in m: no planar lidar of a robot has a longer range")]
 Beams = Annotated[int, Between(1, 65_536, "as many as one message carries")]
 Seed = Annotated[int, Between(0, 2**32 - 1)]

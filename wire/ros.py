@@ -1,7 +1,7 @@
-"""The ROS 2 messages that are spoken here, as Jazzy defines them (msg/ros.msg).
+"""The standard ROS 2 messages in use, as defined in Jazzy (msg/ros.msg).
 
-rosbags carries two hundred. Loading those for the sake of these takes 60 ms and 2 MB, and a SIGKILLed process is gone
-for its peers only once the kernel has freed all that it had.
+rosbags has two hundred message types. Loading them all takes 60 ms and 2 MB, and the peers of a SIGKILLed process notice
+its end only after the kernel has freed its memory.
 """
 
 from dataclasses import dataclass, is_dataclass
@@ -203,4 +203,4 @@ class DiagnosticArray:
 TYPES: tuple[type[Any], ...] = tuple(
     [one for one in list(globals().values()) if isinstance(one, type) and is_dataclass(one)]
 )
-"""All of them."""
+"""All message types in this module."""

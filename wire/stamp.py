@@ -1,8 +1,8 @@
 """The attachment of each sample, in rmw_zenoh's layout: sequence, source time, epoch.
 
-A Twist carries no time, and TCP delivers a stalled link's backlog in one burst: only the sender can
-say how old a command is. The source time is the sender's *monotonic* clock: receivers use differences
-only, and a step of the wall clock must not look like a late command (docs/decisions/0005).
+A Twist has no time stamp, and TCP delivers the backlog of a stalled link in one burst, so only the sender can tell the
+age of a command. The source time is from the sender's *monotonic* clock, because a step of the wall clock must not look
+like a late command. Receivers use only differences (docs/decisions/0005).
 """
 
 import os
@@ -19,23 +19,23 @@ GID_BYTES = 16
 
 @dataclass(frozen=True, slots=True)
 class Stamp:
-    """Who sent a sample, as which of its run, and when by the sender's own clock."""
+    """A sample's sender, its sequence number in the sender's run, and its source time by the sender's clock."""
 
     sequence: int
     source_time_ns: int
     gid: bytes
-    """16 bytes, new for each run of a source: its epoch."""
+    """The epoch: 16 bytes, new for each run of a source."""
 
     def pack(self) -> bytes:
         return _LAYOUT.pack(self.sequence, self.source_time_ns, GID_BYTES, self.gid)
 
     def sent(self) -> Sent:
-        """As freshness is judged by."""
+        """Return the stamp in the form that `wire.freshness` uses."""
         return Sent(self.gid, self.sequence, self.source_time_ns * 1e-9)
 
 
 def parse_stamp(attachment: bytes | None) -> Stamp | None:
-    """The stamp in an attachment; None where there is none, or it is not in this layout."""
+    """Return the stamp in an attachment; None if there is no attachment, or if its layout differs."""
     if attachment is None or len(attachment) != _LAYOUT.size:
         return None
     sequence, source_time_ns, gid_bytes, gid = _LAYOUT.unpack(attachment)
@@ -46,7 +46,7 @@ class Stamper:
     """Stamps the samples of one run of a publisher.
 
     Args:
-        gid: its epoch; None: one that nobody else has.
+        gid: the epoch; None: a new random one.
     """
 
     def __init__(self, gid: bytes | None = None) -> None:
@@ -54,10 +54,10 @@ class Stamper:
         self._sequence = count(1)
 
     def next(self, true_at_s: float | None = None) -> Stamp:
-        """The next one of this run.
+        """Return the next stamp of this run.
 
         Args:
-            true_at_s: when what it says was true, by `time.monotonic`; None: now.
+            true_at_s: the time of the sample's content by `time.monotonic`; None: now.
         """
         source_time_ns = time.monotonic_ns() if true_at_s is None else round(true_at_s * 1e9)
         return Stamp(next(self._sequence), source_time_ns, self._gid)

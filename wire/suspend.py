@@ -1,11 +1,11 @@
-"""How long the machine was suspended, which the monotonic clock does not show.
+"""Measurement of the time that the machine was suspended; the monotonic clock does not include it.
 
-CLOCK_MONOTONIC, the clock of every age here, stands still while the machine sleeps: on resume everything that was
-heard before looks fresh. CLOCK_BOOTTIME goes on. Without a suspend their difference is constant.
+All ages are measured with CLOCK_MONOTONIC, which stops while the machine is suspended. After a resume, everything
+received before therefore looks fresh. CLOCK_BOOTTIME continues, and without a suspend the difference is constant.
 
-The two clocks cannot be read at one moment. Each reading therefore gives bounds of the difference, from the monotonic
-clock before and after, and only growth between the bounds of two readings counts: a process that is descheduled in
-the middle of a reading shows no suspend.
+The two clocks cannot be read simultaneously. Each reading therefore gives bounds of the difference, from the monotonic
+clock before and after it. Only growth beyond these bounds counts, so that a process that is descheduled during a
+reading does not report a suspend.
 """
 
 import math
@@ -26,7 +26,7 @@ class Clocks(NamedTuple):
 
 
 def _read_none() -> Clocks:
-    """Where there is no CLOCK_BOOTTIME, no suspend shows."""
+    """Return a reading that shows no suspend, for a system without CLOCK_BOOTTIME."""
     return Clocks(0, 0, 0)
 
 
@@ -50,11 +50,11 @@ class SuspendMeter:
     def __init__(self, read: Callable[[], Clocks] = read_clocks) -> None:
         self._read = read
         self._at_most_ns = math.inf
-        """An upper bound of the difference of the clocks since the last suspend."""
+        """An upper bound of the clocks' difference since the last suspend."""
         self.suspended_s()
 
     def suspended_s(self) -> float:
-        """How long the machine slept since the last call, at least [s]; never more than it did."""
+        """Return a lower bound of the time in suspend since the last call [s]."""
         clocks = self._read()
         at_least_ns = clocks.boottime_ns - clocks.after_ns
         at_most_ns = clocks.boottime_ns - clocks.before_ns
@@ -67,5 +67,5 @@ class SuspendMeter:
 
 
 def never_suspended() -> float:
-    """In place of a meter, for a machine that does not sleep: a simulated one."""
+    """Return zero; replaces a meter on a simulated machine, which is never suspended."""
     return 0.0

@@ -1,6 +1,6 @@
-"""Every key of the wire, with its type, writer and rate. No other file spells a key.
+"""All keys of the wire, with type, writer and rate. No other file contains a key.
 
-Keys here are relative to the robot's namespace (`robot` by default), which the Bus puts before them.
+Keys are relative to the robot's namespace (`robot` by default); the Bus adds it as a prefix.
 They follow the zenoh-bridge-ros2dds mapping: ROS 2 topic `/robot/cmd_vel` is key `robot/cmd_vel`.
 """
 
@@ -30,20 +30,20 @@ class Topic(Generic[M]):
     type: type[M]
     writer: str
     rate_hz: float | None
-    """None: on request."""
+    """None for a topic without a fixed rate."""
 
 
 @dataclass(frozen=True, slots=True)
 class Service:
-    """A query that is answered with a `std_srvs/srv/Trigger` response.
+    """A query with a `std_srvs/srv/Trigger` response.
 
-    Its payload is nothing, or a `std_msgs/msg/String` that says what is wanted.
+    Its payload is empty, or a `std_msgs/msg/String` with the request.
     """
 
     key: str
     server: str
     wants: str = ""
-    """What its text may say; empty: it takes none."""
+    """The requests that its text may contain; empty if it takes no text."""
 
 
 CMD_VEL = Topic("cmd_vel", Twist, "supervisor", 50.0)
@@ -53,12 +53,12 @@ STATUS = Topic("supervisor/status", SafetyStatus, "supervisor", 10.0)
 ESTOP = Topic("estop", Bool, "anyone", None)
 OBSTACLE = Topic("sim/obstacle", Point, "tests, tools", None)
 TRUTH = Topic("sim/truth", Odometry, "sim", 50.0)
-"""Where the simulated robot really is, in the world's frame; nothing that drives may listen to it."""
+"""Ground truth of the simulated robot's pose, in the world frame; no driving program may subscribe to it."""
 IMU = Topic("imu", Imu, "sim", 100.0)
 DIAGNOSTICS = Topic("diagnostics", DiagnosticArray, "sim", 1.0)
-"""Also at once on a contact of the hull."""
+"""Also published immediately on a contact of the hull."""
 CLOCK = Topic("clock", Clock, "sim", 50.0)
-"""Simulated time, for those who need it: with `--speed 2` it runs twice as fast."""
+"""Simulated time; with `--speed 2` it runs twice as fast as real time."""
 
 SUPERVISOR_RESET = Service("supervisor/reset", "supervisor")
 SIM_RESET = Service("sim/reset", "sim")
@@ -80,30 +80,30 @@ SUPERVISOR, TELEOP, SIM = "supervisor", "teleop", "sim"
 """The node names of the three processes."""
 
 ONLY_SUPERVISOR_WRITES = (CMD_VEL.key, STATUS.key)
-"""What the hub refuses from any other client."""
+"""Keys that the hub refuses from any other client."""
 
 
 def source_cmd_vel(source: str) -> Topic[Twist]:
-    """What one command source (`teleop`, `joy`, `path`, …) asks for."""
+    """Return the topic of the commands of one source (`teleop`, `joy`, `path`, …)."""
     return Topic(f"{source}/cmd_vel", Twist, source, 20.0)
 
 
 def source_holder(source: str) -> Service:
-    """Who speaks as this command source: its holder answers with a sentence about itself."""
+    """Return the service at which the process that holds a command source describes itself in one sentence."""
     return Service(f"{source}/holder", source)
 
 
 def source_of(key: str) -> str | None:
-    """The source that a command's key names; None for any other key."""
+    """Return the source in the key of a command; None for any other key."""
     source, _, rest = key.partition("/")
     return source if rest == CMD_VEL.key else None
 
 
 def lidar_scan(topic: str) -> Topic[LaserScan]:
-    """The scans of one of the robot's lidars: `scan` for the first one, `scan_rear` or `rear/scan` for others.
+    """Return the scan topic of one of the robot's lidars, such as `scan`, `scan_rear` or `rear/scan`.
 
     Raises:
-        ValueError: it is no relative key, or the key is something else's.
+        ValueError: the topic is not a relative key, or its key is already used.
     """
     if topic == SCAN.key:
         return SCAN
@@ -114,12 +114,12 @@ def lidar_scan(topic: str) -> Topic[LaserScan]:
     taken = {entry.key for entry in (*TOPICS, *SERVICES)}
     first, last = topic.split("/", maxsplit=1)[0], topic.rsplit("/", maxsplit=1)[-1]
     if topic in taken or first in {ALIVE_PREFIX, SUPERVISOR, SIM} or last in {CMD_VEL.key, "holder"}:
-        raise ValueError("must be a key of the lidar's own; this one is something else's")
+        raise ValueError("is already used for another topic or a node; choose a key such as scan_rear")
     return Topic(topic, LaserScan, SCAN.writer, SCAN.rate_hz)
 
 
 def alive(node: str) -> str:
-    """The key of a node's liveliness token."""
+    """Return the key of a node's liveliness token."""
     return f"{ALIVE_PREFIX}/{node}"
 
 

@@ -1,11 +1,11 @@
-"""The Bus over Zenoh: the one file that imports it.
+"""The Bus over Zenoh: the only file that imports it.
 
-The supervisor opens its session as the hub (`peer`, listening); everybody else connects to it as `client`,
-so no path leads to the wheels but through the hub, whose access control refuses any other writer of
-`cmd_vel`. Nothing is scouted, nothing leaves the machine unless the endpoint says so.
+The supervisor opens its session as the hub (`peer`, listening). All other processes connect to it as `client`. Every
+path to the wheels therefore passes the hub, whose access control refuses any other writer of `cmd_vel`. Scouting is
+disabled, and no data leaves the machine unless the endpoint is open to the network.
 
-Callbacks run on Zenoh's threads: they stamp the arrival, hand the bytes over, and return. They are declared
-with `indirect=False`, called where the sample arrives, with no queue in between that could fill up.
+Callbacks run on Zenoh's threads: they stamp the arrival, pass the bytes on, and return. They are declared with
+`indirect=False`, so they are called directly when a sample arrives, without an intermediate queue that could fill up.
 """
 
 import asyncio
@@ -41,7 +41,7 @@ CONNECT_RETRY_S = 0.1
 CLOSE_LIMIT_S = 1.0
 MAX_PENDING_QUERIES = 16
 TX_QUEUE = 16
-"""Batches of one priority that may wait to be sent: the most that Zenoh takes."""
+"""Maximum number of batches of one priority that wait to be sent: the most that Zenoh accepts."""
 LIVELINESS_DEPTH = 256
 
 Role = Literal["hub", "client"]
@@ -49,24 +49,24 @@ Role = Literal["hub", "client"]
 
 @dataclass(frozen=True, slots=True)
 class BusConfig:
-    """Where the hub listens, and under which namespace the robot speaks."""
+    """Endpoint of the hub, namespace of the robot, and lease of the links."""
 
     endpoint: str = DEFAULT_ENDPOINT
     namespace: str = "robot"
     lease_s: float = 0.4
-    """How long a silent link is trusted. Measured: 0.1 s never lapsed falsely in 60 s under 8 CPU hogs."""
+    """How long a silent link counts as alive. Measured: 0.1 s never expired wrongly in 60 s under 8 CPU hogs."""
 
 
 async def open_bus(config: BusConfig, role: Role, *, on_wait: Callable[[], None] | None = None) -> "ZenohBus":
-    """Open the session; a client waits for its hub as long as it takes.
+    """Open the session; a client waits for its hub without a time limit.
 
     Args:
-        config: where and under which namespace.
+        config: the endpoint and the namespace.
         role: `hub` listens, `client` connects.
-        on_wait: called once if the hub is not there yet.
+        on_wait: called once if the hub does not run yet.
 
     Raises:
-        BusError: the hub cannot listen, or the endpoint makes no sense.
+        BusError: the hub cannot listen, or the endpoint is invalid.
     """
     settings = _settings(config, role)
     waiting = False
@@ -87,7 +87,7 @@ async def open_bus(config: BusConfig, role: Role, *, on_wait: Callable[[], None]
 
 
 def _settings(config: BusConfig, role: Role) -> zenoh.Config:
-    """Zenoh's configuration for one of our two roles; each line is a measured choice, see design facts in docs."""
+    """Return Zenoh's configuration for one of the two roles; the values are based on measurements (design facts in docs)."""
     values: dict[str, object] = {
         "mode": "peer" if role == "hub" else "client",
         "scouting/multicast/enabled": False,
@@ -95,7 +95,7 @@ def _settings(config: BusConfig, role: Role) -> zenoh.Config:
         # Zenoh moves payloads of 3 KB and more to shared memory, with silent drops under stalls (zenoh #2628).
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": round(config.lease_s * 1000),
-        # What one turn of a loop says goes out in a burst: two places, the default, would drop the third sample.
+        # All samples of one loop iteration are sent in a burst: the default of two places would drop the third sample.
         "transport/link/tx/queue/size/real_time": TX_QUEUE,
     }
     if role == "hub":
@@ -103,7 +103,9 @@ def _settings(config: BusConfig, role: Role) -> zenoh.Config:
         values["access_control"] = _access_control(config.namespace)
     else:
         values["connect/endpoints"] = [config.endpoint]
-        values["connect/timeout_ms"] = 0  # our own loop retries the first time, and can be cancelled
+        values["connect/timeout_ms"] = (
+            0  # `open_bus` retries the first connection itself, and can be cancelled
+        )
         values["connect/retry"] = {
             "period_init_ms": 50,
             "period_max_ms": 200,
@@ -119,7 +121,7 @@ def _settings(config: BusConfig, role: Role) -> zenoh.Config:
 
 
 def _access_control(namespace: str) -> dict[str, object]:
-    """Only the hub's own session writes the supervisor's keys, holds its token, answers its service."""
+    """Return the access control: only the hub may write the supervisor's keys, hold its token and serve its service."""
     supervisors_own = [f"{namespace}/{key}" for key in topics.ONLY_SUPERVISOR_WRITES]
     rules = [
         ("writes", ["put", "delete"], supervisors_own),
@@ -149,19 +151,19 @@ def _listen_sentence(endpoint: str, error: Exception) -> str:
 
 
 def _first_line(error: Exception) -> str:
-    """Zenoh's errors end in a source location of its own, which helps nobody here."""
+    """Return the first line of a Zenoh error without the source location at its end."""
     return str(error).split(" at ")[0].splitlines()[0]
 
 
-async def _in_thread(work: Callable[[], Any]) -> Any:  # noqa: ANN401 - whatever the work returns
-    """Run blocking work on a daemon thread: unlike an executor's, it never holds up the end of the process."""
+async def _in_thread(work: Callable[[], Any]) -> Any:  # noqa: ANN401 - any result of the work
+    """Run blocking work on a daemon thread, which does not delay the end of the process, unlike an executor's."""
     future: Future[Any] = Future()
-    future.set_running_or_notify_cancel()  # whoever waits may be cancelled; the work goes on to its end
+    future.set_running_or_notify_cancel()  # the waiting task may be cancelled; the work still runs to its end
 
     def run() -> None:
         try:
             future.set_result(work())
-        except BaseException as error:  # noqa: BLE001 - handed to whoever waits
+        except BaseException as error:  # noqa: BLE001 - passed to the waiting task
             future.set_exception(error)
 
     threading.Thread(target=run, daemon=True, name="zenoh-work").start()
@@ -173,7 +175,7 @@ def _direct(callback: Callable[[Any], None]) -> "zenoh.handlers.Callback[Any]":
 
 
 class ZenohPublisher:
-    """Sends one topic express, at real-time priority, dropping rather than waiting."""
+    """Publishes one topic without batching, at real-time priority; drops samples instead of waiting."""
 
     def __init__(self, session: zenoh.Session, key: str) -> None:
         self._publisher = session.declare_publisher(
@@ -192,7 +194,7 @@ class ZenohPublisher:
 
 
 class ZenohToken:
-    """A liveliness token; Zenoh withdraws it also when the process dies."""
+    """A liveliness token; Zenoh also withdraws it when the process dies."""
 
     def __init__(self, token: zenoh.LivelinessToken) -> None:
         self._token = token
@@ -209,7 +211,7 @@ class ZenohBus:
         self._namespace = namespace
         self._loop = asyncio.get_running_loop()
         self._pending_queries = 0
-        # Whatever is declared lives as long as something holds it.
+        # A declaration exists only as long as it is referenced.
         self._declared: list[object] = []
 
     def publisher(self, topic: Topic[M]) -> ZenohPublisher:
@@ -231,8 +233,8 @@ class ZenohBus:
 
         def on_sample(sample: zenoh.Sample) -> None:
             arrival_s = time.monotonic()
-            # A put on a wildcard reaches every subscriber it matches and passes the hub's access control:
-            # only a sample on this very key counts.
+            # A put on a wildcard reaches all matching subscribers and passes the hub's access control.
+            # Therefore only a sample on exactly this key is accepted.
             if str(sample.key_expr) != key or sample.kind != zenoh.SampleKind.PUT:
                 return
             attachment = sample.attachment
@@ -284,7 +286,7 @@ class ZenohBus:
         async def answer(query: zenoh.Query) -> None:
             try:
                 response = encode(await _answer(query, handler))
-                # A reply may wait for a stopped peer: on a thread of its own, never in the loop.
+                # A reply may wait for a stopped peer: it runs on a separate thread, never in the loop.
                 await _in_thread(lambda: _reply(query, key, response))
             finally:
                 self._pending_queries -= 1
@@ -310,7 +312,7 @@ class ZenohBus:
         request = encode(String(text)) if text else None
 
         def ask() -> TriggerResponse | None:
-            # Every answer as it comes: else the last of several would be kept, and waited for.
+            # Take each reply as it arrives: otherwise Zenoh would wait for the last of several replies.
             replies = self._session.get(
                 key, payload=request, timeout=timeout_s, consolidation=zenoh.ConsolidationMode.NONE
             )
@@ -319,7 +321,7 @@ class ZenohBus:
                     try:
                         return decode(reply.ok.payload.to_bytes(), TriggerResponse)
                     except UndecodableError as error:
-                        _log.warning("%s: an answer that is no Trigger response, ignored: %s", key, error)
+                        _log.warning("%s: ignored a reply that is not a Trigger response: %s", key, error)
             return None
 
         response = await _in_thread(ask)
@@ -328,21 +330,21 @@ class ZenohBus:
         return response
 
     def put_raw(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
-        """Put any bytes on any key, as a stranger on the network can: for tests and the fault campaign.
+        """Put any bytes on any key, as an attacker on the network can; for tests and the fault campaign.
 
         Args:
-            key: as it goes on the wire, namespace included; it may hold wildcards.
-            payload: of no type that anybody has checked.
-            attachment: likewise; None: none.
+            key: the full key, including the namespace; it may contain wildcards.
+            payload: any bytes; they are not checked.
+            attachment: any bytes; None: no attachment.
         """
         self._session.put(key, payload, attachment=attachment)
 
     async def close(self) -> None:
-        """Close the session; a close that a stopped peer holds up is left behind after its limit."""
+        """Close the session; abandon the close after `CLOSE_LIMIT_S` if a stopped peer blocks it."""
         try:
             await asyncio.wait_for(_in_thread(self._session.close), CLOSE_LIMIT_S)  # pyright: ignore[reportUnknownArgumentType]
         except (TimeoutError, zenoh.ZError):
-            _log.info("the session did not close in %.0f s, left behind", CLOSE_LIMIT_S)
+            _log.info("the session did not close within %.0f s and was abandoned", CLOSE_LIMIT_S)
 
     def _key(self, relative: str) -> str:
         return f"{self._namespace}/{relative}"
@@ -353,7 +355,7 @@ async def _answer(query: zenoh.Query, handler: ServiceHandler) -> TriggerRespons
     try:
         text = "" if payload is None else decode(payload.to_bytes(), String).data
     except UndecodableError:
-        return TriggerResponse(success=False, message="the request is no std_msgs/msg/String")
+        return TriggerResponse(success=False, message="the request is not a std_msgs/msg/String")
     return await handler(text)
 
 
@@ -365,5 +367,5 @@ def _reply(query: zenoh.Query, key: str, response: bytes) -> None:
 def _call_in(loop: asyncio.AbstractEventLoop, callback: Callable[[], None]) -> None:
     try:
         loop.call_soon_threadsafe(callback)
-    except RuntimeError:  # the loop has closed: nobody is left to answer
+    except RuntimeError:  # the loop has closed, so no reply is possible
         return

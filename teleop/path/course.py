@@ -1,4 +1,4 @@
-"""Leg after leg to the end: turn to the leg on the spot, drive it, and so on; in the end, turn as the path ends."""
+"""Drive the legs of a path in sequence, with a turn on the spot before each leg and to the final heading."""
 
 from teleop.path.legs import Path
 from teleop.path.pose import Pose, wrap
@@ -7,18 +7,18 @@ from teleop.path.pursuit import Limits, bearing, lookahead_m, pursue, turn
 from teleop.pilot import Velocity
 
 HEADING_RAD = 0.02
-"""A turn on the spot is done."""
+"""A turn on the spot is finished when the heading error is below this."""
 ARRIVED_M = 0.01
-"""This near to its end a leg is done; the base comes to rest on what is left."""
+"""A leg is finished at this distance from its end; the base stops within the rest."""
 ON_PATH_M = 0.05
-"""A robot farther off was pushed or driven off, and has to come back."""
+"""A robot farther from the path was pushed or driven away, and must return first."""
 ASTRAY_RAD = 1.0
-"""What lies so far to the side is not reached on an arc: turn first."""
+"""With a larger bearing of the target point, turn on the spot first instead of driving an arc."""
 AIMED_RAD = 0.15
 
 
 class Course:
-    """One drive along a path. It may be left for any time: it goes on where it was."""
+    """One drive along a path. It can be interrupted for any time and continues where it was."""
 
     def __init__(self, path: Path, limits: Limits) -> None:
         self.path = path
@@ -30,12 +30,12 @@ class Course:
 
     @property
     def leg(self) -> int:
-        """The number of the leg that is being driven; in the end, the last one's."""
+        """Number of the current leg; at the end, that of the last leg."""
         return min(self._index, len(self.path.legs) - 1)
 
     @property
     def along_m(self) -> float:
-        """How far along that leg the robot has come."""
+        """Distance driven along the current leg."""
         return self._along_m
 
     @property
@@ -44,18 +44,18 @@ class Course:
         return sum(leg.length_m for leg in self.path.legs[: self.leg]) + self._along_m
 
     def station(self, pose: Pose) -> Station:
-        """The place of the path that the robot should be at, and how far it is off; changes nothing."""
+        """Return the point of the path where the robot should be, and its distance from it; does not change the state."""
         return nearest(self.path.legs[self.leg], pose.x_m, pose.y_m, self._along_m)
 
     def step(self, pose: Pose, speed_m_s: float) -> Velocity | None:
-        """What to ask for now.
+        """Compute the velocity to request.
 
         Args:
-            pose: where the robot is, in the path's frame.
-            speed_m_s: how fast it moves.
+            pose: the robot's pose in the path's frame.
+            speed_m_s: its speed.
 
         Returns:
-            The velocity; None: the path has been driven.
+            The velocity; None if the path has been completed.
         """
         while self._index < len(self.path.legs):
             station = self.station(pose)
@@ -73,7 +73,7 @@ class Course:
         return turn(error_rad, self._limits) if abs(error_rad) > HEADING_RAD else None
 
     def _on_leg(self, pose: Pose, speed_m_s: float, station: Station) -> Velocity | None:
-        """The velocity on the current leg; None: it is done."""
+        """Return the velocity on the current leg; None if it is finished."""
         leg = self.path.legs[self._index]
         on_path = station.off_m <= ON_PATH_M
         left_m = leg.length_m - station.along_m

@@ -1,4 +1,4 @@
-"""A path -> legs that are driven in one go, with a turn on the spot between them."""
+"""Split a path into legs that are driven without a stop, with turns on the spot between them."""
 
 import math
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ import numpy.typing as npt
 from teleop.path.pose import PathError, Pose, Poses, wrap
 
 CORNER_RAD = 0.5
-"""A sharper bend from one piece to the next is a corner. A curve of poses 2 cm apart has none down to a radius of 4 cm."""
+"""A sharper bend between two pieces is a corner. A curve with poses 2 cm apart has no corner down to a radius of 4 cm."""
 SAME_PLACE_M = 1e-6
 
 
@@ -19,11 +19,11 @@ class Leg:
     """A polyline without corners, driven forwards or backwards."""
 
     points_m: npt.NDArray[np.float64]
-    """Shape (n, 2), n > 1, no two neighbours at one place."""
+    """Shape (n, 2), n > 1, without equal neighbours."""
     along_m: npt.NDArray[np.float64]
-    """Shape (n,): how far each point is from the first, along the leg."""
+    """Shape (n,): distance of each point from the first, along the leg."""
     headings_rad: npt.NDArray[np.float64]
-    """Shape (n - 1,): where the robot's front points on each piece."""
+    """Shape (n - 1,): heading of the robot on each piece."""
     backwards: bool
 
     @property
@@ -31,7 +31,7 @@ class Leg:
         return float(self.along_m[-1])
 
     def point_at(self, along_m: float) -> tuple[float, float]:
-        """The point this far along; before the first and behind the last point, the leg goes straight on."""
+        """Return the point at a distance along the leg; beyond both ends, the leg is extended straight."""
         piece = self._piece(along_m)
         (x0, y0), (x1, y1) = self.points_m[piece : piece + 2].tolist()
         start_m, end_m = self.along_m[piece : piece + 2].tolist()
@@ -39,7 +39,7 @@ class Leg:
         return x0 + share * (x1 - x0), y0 + share * (y1 - y0)
 
     def heading_at(self, along_m: float) -> float:
-        """Where the robot's front points this far along [rad]."""
+        """Return the robot's heading [rad] at a distance along the leg."""
         return float(self.headings_rad[self._piece(along_m)])
 
     def _piece(self, along_m: float) -> int:
@@ -49,14 +49,14 @@ class Leg:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Path:
-    """What is to be driven: the legs, and how the robot stands in the end."""
+    """A path as its legs and the robot's final heading."""
 
     legs: tuple[Leg, ...]
     end: Pose
 
     @property
     def start(self) -> Pose:
-        """Where the first leg begins, and how the robot stands on it."""
+        """Pose of the robot at the start of the first leg."""
         x_m, y_m = self.legs[0].points_m[0].tolist()
         return Pose(x_m, y_m, self.legs[0].heading_at(0.0))
 
@@ -66,10 +66,10 @@ class Path:
 
 
 def to_path(poses: Poses) -> Path:
-    """Cut a path where it has a corner, or changes between forwards and backwards.
+    """Split a path at corners and at changes between forward and backward.
 
     Raises:
-        PathError: it is not of finite numbers, or goes nowhere.
+        PathError: the path has numbers that are not finite, or has no length.
     """
     if not np.isfinite(poses).all():
         raise PathError("the path has a pose that is not of finite numbers")

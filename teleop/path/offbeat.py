@@ -1,12 +1,12 @@
-"""Hears a key of the operator in the rhythm of their heartbeat.
+"""Detect key presses of the operator from extra samples between heartbeats.
 
-A source sends at a fixed rate, and at once on each key. The wire has no word for "a key was pressed", but a
-sample that is one too many for the time that has passed is one. The times are the sender's own, so that the
-network's jitter does not matter, and its sequence counts also what got lost on the way.
+A source sends at a fixed rate, and immediately on each key press. The wire has no message for a key press, but each
+press adds a sample to the regular ones. The times are from the sender's clock, so network jitter has no effect, and the
+sequence numbers include lost samples.
 
-It is a courtesy, no safety function: a key that the sender's loop takes in one turn with a beat is one sample
-with it, and not heard (2 of 60 on a loaded machine). What asks for motion takes the wheels in any case, and SPACE
-is the emergency stop.
+This is a convenience, not a safety function: a press that the sender's loop handles together with a heartbeat adds no
+sample and is not detected (2 of 60 on a loaded machine). A command for motion takes the wheels in any case, and SPACE is
+the emergency stop.
 """
 
 from collections import deque
@@ -14,18 +14,20 @@ from collections import deque
 from wire.stamp import Stamp
 
 REMEMBERED = 10
-"""Samples. Some of them were sent in time, even on a busy machine; after a hang the rhythm is known anew as soon."""
+"""Number of remembered samples. Even on a busy machine, some of them were sent on time; after a hang, the rhythm is known
+again after as many."""
 LEARNT = 5
-"""Before so many the rhythm is not known."""
+"""Number of samples after which the rhythm is known."""
 TOLERANCE = 0.3
-"""Of a period. Were all remembered beats later than this, one in time would be taken for a key."""
+"""Tolerance as a share of the period. If all remembered heartbeats were later than this, one on time would count as a
+key press."""
 
 
 class OffBeat:
-    """Listens to one source.
+    """Detects key presses at one source.
 
     Args:
-        period_s: of its heartbeat.
+        period_s: the period of its heartbeat.
     """
 
     def __init__(self, period_s: float) -> None:
@@ -34,14 +36,14 @@ class OffBeat:
         self._offsets_s: deque[float] = deque(maxlen=REMEMBERED)
 
     def hears_key(self, stamp: Stamp) -> bool:
-        """Take the stamp of its next sample; whether there have been more samples than beats.
+        """Process the stamp of the next sample; return whether there were more samples than heartbeats.
 
-        A key shortly before a beat is noticed with that beat.
+        A key press shortly before a heartbeat is detected with that heartbeat.
         """
         if stamp.gid != self._epoch:
             self._epoch = stamp.gid
             self._offsets_s.clear()
-        # Of samples on the beat this is one constant, and what is late is above it: one too many lowers it by a period.
+        # Constant for samples on time and larger for late ones; an extra sample lowers it by one period.
         offset_s = stamp.source_time_ns * 1e-9 - stamp.sequence * self._period_s
         learnt = len(self._offsets_s) >= LEARNT
         extra = learnt and offset_s < min(self._offsets_s) - TOLERANCE * self._period_s

@@ -1,6 +1,6 @@
-"""What the supervisor's status says of a source: what it lacks before it may drive, and what makes it stop.
+"""Conditions for driving from the supervisor's status: what a source lacks before it may drive, and what stops it.
 
-What comes from the network is told as plain ASCII, so that no payload can speak to the terminal.
+Text from the network is converted to plain ASCII, so that no payload can send control sequences to the terminal.
 """
 
 import math
@@ -9,11 +9,11 @@ from teleop.view import plain
 from wire.messages import SafetyStatus, SourceStatus
 
 HEARD_S = 0.2
-"""A command older than this is none to the supervisor."""
+"""A command older than this has timed out at the supervisor."""
 
 
 def what_is_missing(status: SafetyStatus, source: str) -> str | None:
-    """Why `source`, which asks for nothing yet, may not begin to drive; None: it may."""
+    """Return why a neutral source must not begin to drive; None if it may."""
     own = _find(status, source)
     if own is None:
         return f"the supervisor knows no source {source}: name it in [supervisor] sources"
@@ -29,9 +29,9 @@ def what_is_missing(status: SafetyStatus, source: str) -> str | None:
 
 
 def what_stops(status: SafetyStatus, source: str) -> str | None:
-    """Why `source`, which drives, must not drive on; None: it may.
+    """Return why a driving source must stop; None if it may continue.
 
-    A status that was sent before the supervisor heard of the motion names the last owner: that is no take-over.
+    A status that was sent before the supervisor received the motion has the previous owner: that is not a take-over.
     """
     if status.mode == SafetyStatus.STOPPED:
         return stopped(status)
@@ -42,7 +42,7 @@ def what_stops(status: SafetyStatus, source: str) -> str | None:
 
 
 def stopped(status: SafetyStatus) -> str:
-    """The stop with its reasons, and what is nearest where that is the reason."""
+    """Return a text of the stop with its reasons, and the nearest obstacle if that is a reason."""
     reasons = status.why() or "no reason given"
     causes, _ = status.causes_and_latched()
     where = f" ({nearest(status)})" if "OBSTACLE" in causes and nearest(status) else ""
@@ -50,7 +50,7 @@ def stopped(status: SafetyStatus) -> str:
 
 
 def nearest(status: SafetyStatus) -> str:
-    """How near the nearest thing is, and on which side; empty where that is not known."""
+    """Return distance and direction of the nearest obstacle as text; empty if unknown."""
     if not (math.isfinite(status.nearest_m) and math.isfinite(status.nearest_bearing_rad)):
         return ""
     side = ("ahead", "left", "behind", "right")[round(status.nearest_bearing_rad / (math.pi / 2)) % 4]

@@ -1,4 +1,4 @@
-"""Poses in a plane, and paths as arrays of them."""
+"""Planar poses, and paths as arrays of poses."""
 
 import math
 from typing import NamedTuple
@@ -10,11 +10,11 @@ from wire.messages import Odometry, yaw_of
 
 
 class PathError(ValueError):
-    """There is no such path, or it cannot be driven; the message says why, and what to do."""
+    """The path does not exist or cannot be driven; the message says why, and what to do."""
 
 
 class Pose(NamedTuple):
-    """Where the robot is and where its front points; yaw counter-clockwise from x."""
+    """Planar pose of the robot; yaw counter-clockwise from x."""
 
     x_m: float
     y_m: float
@@ -22,7 +22,7 @@ class Pose(NamedTuple):
 
     @staticmethod
     def of(message: Odometry) -> "Pose":
-        """What odometry says."""
+        """Return the pose in an odometry message."""
         pose = message.pose.pose
         return Pose(pose.position.x, pose.position.y, yaw_of(pose.orientation))
 
@@ -32,17 +32,17 @@ class Pose(NamedTuple):
 
 
 Poses = npt.NDArray[np.float64]
-"""A path: shape (n, 3), each row x [m], y [m], yaw [rad]. Two rows at one place are a turn on the spot;
-a row behind its predecessor, as that one looks, is reached backwards."""
+"""A path: shape (n, 3), each row x [m], y [m], yaw [rad]. Two rows at one place are a turn on the spot. A row behind its
+predecessor, in the frame of the latter, is reached backwards."""
 
 
 def wrap(angle_rad: float) -> float:
-    """The same angle in [-π, π]."""
+    """Return the same angle in [-π, π]."""
     return math.remainder(angle_rad, math.tau)
 
 
 def placed(poses: Poses, frame: Pose) -> Poses:
-    """Poses that are given as seen from `frame`, in the frame in which `frame` itself is given."""
+    """Transform poses (n, 3) from the frame `frame` to its parent frame."""
     cos, sin = math.cos(frame.yaw_rad), math.sin(frame.yaw_rad)
     x, y, yaw = poses.T
     return np.stack(
@@ -51,7 +51,7 @@ def placed(poses: Poses, frame: Pose) -> Poses:
 
 
 def seen_from(pose: Pose, frame: Pose) -> Pose:
-    """`pose` as seen from `frame`."""
+    """Return `pose` in the frame `frame`."""
     cos, sin = math.cos(frame.yaw_rad), math.sin(frame.yaw_rad)
     dx_m, dy_m = pose.x_m - frame.x_m, pose.y_m - frame.y_m
     return Pose(cos * dx_m + sin * dy_m, cos * dy_m - sin * dx_m, wrap(pose.yaw_rad - frame.yaw_rad))

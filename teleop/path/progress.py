@@ -1,6 +1,6 @@
-"""Where along a leg the robot is: searched only onwards, and only in a window ahead.
+"""Progress of the robot along a leg, searched only forward and within a window.
 
-So a path that crosses itself, or goes the same way twice, does not make the robot leave anything out.
+On a path that crosses or repeats itself, the robot therefore does not skip any part.
 """
 
 from typing import NamedTuple
@@ -13,15 +13,15 @@ WINDOW_M = 0.4
 
 
 class Station(NamedTuple):
-    """The nearest place of a leg."""
+    """The nearest point of a leg."""
 
     along_m: float
     off_m: float
-    """From there to the robot."""
+    """Distance of the robot from this point."""
 
 
 def nearest(leg: Leg, x_m: float, y_m: float, from_m: float, window_m: float = WINDOW_M) -> Station:
-    """The place between `from_m` and `window_m` further along that is nearest to (x, y)."""
+    """Return the point nearest to (x, y) between `from_m` and `from_m + window_m` along the leg."""
     to_m = min(from_m + window_m, leg.length_m)
     pieces = len(leg.headings_rad)
     first = min(max(int(np.searchsorted(leg.along_m, from_m, side="right")) - 1, 0), pieces - 1)

@@ -1,7 +1,7 @@
-"""Pure pursuit along a leg, and the turn on the spot. What comes out is always within the limits.
+"""Pure pursuit along a leg, and the turn on the spot. The velocities are always within the limits.
 
-Pure pursuit steers on the arc that leads through a point of the path some way ahead: at distance d and an
-angle α from where the robot moves to, its curvature is 2·sin(α)/d (Coulter, 1992).
+Pure pursuit steers along the arc through a target point ahead on the path. For a target point at the distance d and the
+angle α from the direction of motion, the curvature is 2·sin(α)/d (Coulter, 1992).
 """
 
 import math
@@ -15,38 +15,38 @@ LOOKAHEAD_S = 0.6
 MIN_LOOKAHEAD_M = 0.15
 MAX_LOOKAHEAD_M = 0.6
 CREEP_M_S = 0.05
-"""The slowest on the way to the end of a leg; the supervisor takes what is below 0.02 m/s for standing."""
+"""Minimum speed toward the end of a leg; below 0.02 m/s, the supervisor counts the robot as standing still."""
 TURN_GAIN_PER_S = 4.0
 MIN_TURN_RAD_S = 0.1
 NEAR_M = 0.01
-"""A point nearer than this has no bearing."""
+"""For a target point nearer than this, the bearing counts as zero."""
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """How fast a path is driven; all above zero."""
+    """Speed and acceleration limits for driving a path; all above zero."""
 
     speed_m_s: float = 0.4
     turn_rad_s: float = 1.5
     braking_m_s2: float = 0.4
-    """Towards the end of a leg."""
+    """Deceleration toward the end of a leg."""
     lateral_m_s2: float = 0.5
-    """In curves."""
+    """Lateral acceleration in curves."""
 
 
 def lookahead_m(speed_m_s: float) -> float:
-    """How far ahead to steer for."""
+    """Return the distance [m] of the target point ahead."""
     return min(max(LOOKAHEAD_S * abs(speed_m_s), MIN_LOOKAHEAD_M), MAX_LOOKAHEAD_M)
 
 
 def turn(error_rad: float, limits: Limits) -> Velocity:
-    """On the spot, towards a heading that is `error_rad` further to the left."""
+    """Return the velocity for a turn on the spot toward a heading that is `error_rad` to the left."""
     rate_rad_s = min(max(TURN_GAIN_PER_S * abs(error_rad), MIN_TURN_RAD_S), limits.turn_rad_s)
     return Velocity(0.0, math.copysign(rate_rad_s, error_rad))
 
 
 def bearing(point_m: tuple[float, float], pose: Pose, *, backwards: bool) -> float:
-    """How far to the left of where the robot moves to a point lies [rad]; zero for one that it stands on."""
+    """Return the bearing [rad] of a point from the direction of motion, positive to the left; zero at the robot's place."""
     dx_m, dy_m = point_m[0] - pose.x_m, point_m[1] - pose.y_m
     if math.hypot(dx_m, dy_m) < NEAR_M:
         return 0.0
@@ -56,15 +56,15 @@ def bearing(point_m: tuple[float, float], pose: Pose, *, backwards: bool) -> flo
 def pursue(
     leg: Leg, point_m: tuple[float, float], along_m: float, left_m: float, pose: Pose, limits: Limits
 ) -> Velocity:
-    """The arc through a point ahead, as fast as its bend, the leg's next bend and the leg's end permit.
+    """Return the velocity on the arc through a target point, limited for its curvature, the next bend and the leg's end.
 
     Args:
-        leg: what is driven.
-        point_m: what is steered for.
-        along_m: how far along the leg the robot is.
-        left_m: how far it still has to go on it.
-        pose: where it is.
-        limits: how fast.
+        leg: the current leg.
+        point_m: the target point.
+        along_m: distance driven along the leg.
+        left_m: remaining distance on the leg.
+        pose: the robot's pose.
+        limits: the limits of speed and acceleration.
     """
     distance_m = max(math.hypot(point_m[0] - pose.x_m, point_m[1] - pose.y_m), NEAR_M)
     curvature_per_m = 2.0 * math.sin(bearing(point_m, pose, backwards=leg.backwards)) / distance_m

@@ -1,7 +1,7 @@
-"""The asyncio shell: a heartbeat like every source's, neutral except while the path is driven.
+"""The asyncio shell: a heartbeat like that of every source, neutral except while the path is driven.
 
-Whatever makes the robot stop also stops the path: it asks for nothing, says why, and goes on only when the
-person at its terminal asks for it. Nobody there, and it ends.
+Every stop of the robot also pauses the path: the source becomes neutral, reports the reason, and continues only on a
+request of the person at its terminal. If there is no person, it ends.
 """
 
 import asyncio
@@ -31,11 +31,11 @@ RATE_HZ = 20.0
 ODOM_SILENT_S = 0.25
 STATUS_SILENT_S = 0.5
 HANG_S = 0.15
-"""A heartbeat this late was a hang: the supervisor may have stopped the robot by then."""
+"""A heartbeat later than this counts as a hang: the supervisor may have stopped the robot meanwhile."""
 ARM_LIMIT_S = 3.0
-"""Whoever asked for motion so long ago does not expect it any more."""
+"""Maximum time from a request to the start of the motion: after that, the person no longer expects it."""
 HEADWAY_S, HEADWAY_M, HEADWAY_RAD = 3.0, 0.01, 0.03
-"""A robot that has not come this far in this time does not get on."""
+"""A robot that has moved or turned less than this within this time is stuck."""
 SETTLE_LIMIT_S = 1.0
 STILL_M_S, STILL_RAD_S = 0.005, 0.01
 SHOW_PERIOD_S = 0.2
@@ -43,28 +43,28 @@ DEPTH = 64
 
 
 class Person(Protocol):
-    """Who watches. Whenever they ask to go on, they set the `wake` of the service."""
+    """Interface to the person at the terminal. A request to continue also sets the `wake` of the service."""
 
     @property
     def present(self) -> bool:
-        """Whether anybody can ask to go on."""
+        """Whether there is a person who can ask to continue."""
         ...
 
     def asks_to_go_on(self) -> bool:
-        """Whether they asked since the last time; never blocks."""
+        """Return whether the person asked to continue since the last call; never blocks."""
         ...
 
     def say(self, sentence: str) -> None:
-        """Something that stays."""
+        """Print a sentence that stays visible."""
         ...
 
     def show(self, line: str) -> None:
-        """In the place of the last line."""
+        """Show a line in place of the previous one."""
         ...
 
 
 class Ending(StrEnum):
-    """How it came to an end."""
+    """How the drive ended."""
 
     DONE = "done"
     STOPPED = "stopped"
@@ -77,46 +77,46 @@ class Sample(NamedTuple):
     arrival_s: float
     pose: Pose
     leg: int
-    """Its number."""
+    """Number of the current leg."""
     along_m: float
     off_m: float
-    """To the path."""
+    """Distance from the path."""
     on_path: bool
-    """It has been on the path since the last start; before that it was on its way to it."""
+    """Whether the robot has reached the path since the last start."""
 
 
 @dataclass
 class Drive:
-    """What became of a path."""
+    """Result of driving a path."""
 
     ending: Ending = Ending.INTERRUPTED
     reason: str = ""
     path: Path | None = None
-    """None: it never began."""
+    """The path; None if driving never began."""
     began: Sample | None = None
-    """At rest, before the first motion."""
+    """Sample at rest, before the first motion."""
     samples: list[Sample] = field(default_factory=list[Sample])
     done_m: float = 0.0
     driving_s: float = 0.0
-    """Without the pauses."""
+    """Duration without the pauses."""
     pose: Pose | None = None
-    """The last one."""
+    """The last pose."""
 
 
 class _Phase(Enum):
     ARMING = auto()
-    """Neutral, until the supervisor lets this source drive."""
+    """Neutral, until the supervisor permits this source to drive."""
     DRIVING = auto()
     PAUSED = auto()
     SETTLING = auto()
-    """Neutral at the end of the path, until the robot stands."""
+    """Neutral at the end of the path, until the robot stands still."""
 
 
 Plan = Callable[[Pose], Path]
-"""The path for a robot that stands here.
+"""Returns the path for a robot at this pose.
 
 Raises:
-    PathError: there is none.
+    PathError: there is no such path.
 """
 
 
@@ -124,14 +124,14 @@ class PathService:
     """One command source that drives along a path.
 
     Args:
-        bus: open; the caller closes it.
-        plan: makes the path, once, when the robot may start.
-        person: who watches.
-        wake: set by the person whenever they ask.
-        limits: how fast.
-        operator: the source whose every key pauses the path.
-        operator_rate_hz: its heartbeat.
-        about: a sentence about this program, for whoever finds the source's name held.
+        bus: an open bus; the caller closes it.
+        plan: returns the path; called once, when the robot may start.
+        person: the person at the terminal.
+        wake: set on every request of the person.
+        limits: limits of speed and acceleration.
+        operator: the source whose key presses pause the path.
+        operator_rate_hz: the rate of its heartbeat.
+        about: a sentence about this program, for other programs that want the source's name.
     """
 
     def __init__(
@@ -171,13 +171,13 @@ class PathService:
         self._display = Rate(SHOW_PERIOD_S, now_s)
         self._phase = _Phase.ARMING
         self._since_s = now_s
-        """When this phase began."""
+        """Start time of the present phase."""
 
     async def run(self, stop: asyncio.Event) -> Drive:
-        """Drive until the end of the path, or until `stop`; leaves with a zero and without token.
+        """Drive to the end of the path, or until `stop`; at the end, send zero and withdraw the token.
 
         Raises:
-            HeldError: somebody else drives a path; in one sentence with what to do.
+            HeldError: another program drives a path; the message says what to do.
             PathError: there is no such path.
         """
         loop = asyncio.get_running_loop()
@@ -205,7 +205,7 @@ class PathService:
         return self._drive
 
     async def _claim(self, stopping: "asyncio.Task[bool]") -> None:
-        """Take the source's name, or leave it when it is time to stop."""
+        """Acquire the source's name, unless `stopping` is finished first."""
         claiming = asyncio.ensure_future(self._holder.claim())
         try:
             await asyncio.wait({claiming, stopping}, return_when=asyncio.FIRST_COMPLETED)
@@ -241,7 +241,7 @@ class PathService:
                 pass
         self._ask(velocity)
 
-    # --- what comes in
+    # --- input
 
     def _listen(self, now_s: float) -> None:
         for odometry in self._odometry.take():
@@ -262,7 +262,7 @@ class PathService:
         twist, pose = odometry.twist.twist, Pose.of(odometry)
         speed = Velocity(twist.linear.x, twist.angular.z)
         if not pose.is_finite or not all(map(math.isfinite, speed)):
-            return  # it proves nothing, and is as good as silence
+            return  # proves nothing and counts as silence
         self._drive.pose, self._speed, self._odom_s = pose, speed, arrival_s
         if self._course is not None and self._phase in {_Phase.DRIVING, _Phase.SETTLING}:
             self._drive.samples.append(self._sample(self._course, pose))
@@ -290,14 +290,14 @@ class PathService:
             self._pause(missing or "no odometry comes", now_s)
 
     def _missing(self, now_s: float) -> str | None:
-        """Why the robot may not start."""
+        """Return why the robot must not start; None if it may."""
         silent = self._silent(now_s)
         if silent is not None or self._status is None or self._status.message is None:
             return silent
         return what_is_missing(self._status.message, SOURCE)
 
     def _silent(self, now_s: float) -> str | None:
-        """Who is silent, and is needed."""
+        """Return a text about a required stream that is silent; None if there is none."""
         if self._status is None or now_s - self._status.arrival_s > STATUS_SILENT_S:
             return "the supervisor is silent"
         return "the odometry is silent" if now_s - self._odom_s > ODOM_SILENT_S else None
@@ -341,7 +341,7 @@ class PathService:
         if not self._person.present:
             self._end(Ending.STOPPED, reason)
             return
-        self._person.asks_to_go_on()  # what was asked before this stop does not answer it
+        self._person.asks_to_go_on()  # discard a request from before this stop
         self._person.say(f"paused: {reason}; Enter goes on, Ctrl-C ends")
 
     def _enter(self, phase: _Phase, now_s: float) -> None:
@@ -355,10 +355,10 @@ class PathService:
     def _end(self, ending: Ending, reason: str) -> None:
         self._drive.ending, self._drive.reason, self._ended = ending, reason, True
 
-    # --- what goes out
+    # --- output
 
     def _ask(self, velocity: Velocity) -> None:
-        if self._holder.holds:  # a newcomer must not speak in another's name
+        if self._holder.holds:  # before that, another program may hold the name
             self._cmd_vel.put(planar_twist(*velocity))
 
     def _line(self, now_s: float) -> str:

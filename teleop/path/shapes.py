@@ -1,4 +1,4 @@
-"""Square and circle, as seen from the robot before it starts: it stands at the origin and looks along x."""
+"""Square and circle in the robot's frame at the start: it stands at the origin and faces along x."""
 
 import math
 
@@ -7,13 +7,13 @@ import numpy as np
 from teleop.path.pose import Poses
 
 STEP_M = 0.02
-"""Between two poses of a curve."""
+"""Distance between two poses of a curve."""
 MIN_STEPS = 72
-"""Of a full circle, however small."""
+"""Minimum number of steps of a full circle."""
 
 
 def square(side_m: float, laps: int = 1, *, clockwise: bool = False) -> Poses:
-    """The first side lies ahead, and each corner is a turn on the spot; it ends as it began."""
+    """Return a square: the first side is straight ahead, each corner a turn on the spot; it ends at the start pose."""
     quarter_rad = -math.pi / 2 if clockwise else math.pi / 2
     x_m = y_m = 0.0
     rows: list[tuple[float, float, float]] = []
@@ -28,7 +28,7 @@ def square(side_m: float, laps: int = 1, *, clockwise: bool = False) -> Poses:
 
 
 def circle(radius_m: float, laps: int = 1, *, clockwise: bool = False) -> Poses:
-    """The centre lies to the left, or to the right for a clockwise one; it ends as it began."""
+    """Return a circle with its centre to the left, or to the right if clockwise; it ends at the start pose."""
     steps = max(MIN_STEPS, math.ceil(math.tau * radius_m / STEP_M))
     angle = np.linspace(0.0, laps * math.tau, laps * steps + 1)
     side = -1.0 if clockwise else 1.0

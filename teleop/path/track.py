@@ -1,4 +1,4 @@
-"""How far from the path the robot was."""
+"""Statistics of the robot's distance from the path."""
 
 import math
 from collections.abc import Iterable
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class TrackError:
-    """Of distances to the path [m]: how many, their root mean square, their maximum."""
+    """Number, root mean square and maximum of the distances from the path [m]."""
 
     count: int
     rms_m: float
@@ -15,7 +15,7 @@ class TrackError:
 
     @classmethod
     def of(cls, distances_m: Iterable[float]) -> "TrackError | None":
-        """None where there are none."""
+        """Return the statistics of distances; None if there are none."""
         distances = list(distances_m)
         if not distances:
             return None

@@ -1,4 +1,4 @@
-"""The odometry of a recording -> a path: poses 2 cm apart, without the standing, with turns on the spot and cusps kept."""
+"""Convert recorded odometry to a path: poses 2 cm apart, without standstill, with turns on the spot and cusps."""
 
 import math
 
@@ -8,27 +8,27 @@ import numpy.typing as npt
 from teleop.path.pose import PathError, Pose, Poses, wrap
 
 STEP_M = 0.02
-"""Between two poses of the path."""
+"""Distance between two poses of the path."""
 TURN_RAD = 0.35
-"""More than this within one step is a turn on the spot."""
+"""A larger change of heading within one step is a turn on the spot."""
 SAME_PLACE_M = 0.005
 CUSP_M = 0.02
-"""Rolling back by less than this is no change of direction."""
+"""A shorter motion in the opposite direction does not count as a change of direction."""
 LEAST_M = 0.05
-"""A path shorter than this is none."""
+"""Minimum length of a path."""
 JUMP_M, JUMP_M_S = 0.25, 2.0
-"""Odometry that goes farther than both together between two samples was set to another value."""
+"""A displacement between two samples beyond `JUMP_M` plus `JUMP_M_S` times their interval is a jump of the odometry."""
 
 
 def to_poses(times_s: npt.NDArray[np.float64], samples: Poses) -> Poses:
-    """The path that a robot drove.
+    """Return the path that a robot drove.
 
     Args:
-        times_s: when each pose was recorded, shape (n,).
+        times_s: recording time of each pose, shape (n,).
         samples: the poses, shape (n, 3).
 
     Raises:
-        PathError: there is no path in it, or none that can be driven.
+        PathError: the recording has no path, or one that cannot be driven.
     """
     if len(samples) < 2 or not np.isfinite(samples).all():
         raise PathError("the recording's odometry is empty, or has poses that are not of finite numbers")
@@ -43,7 +43,7 @@ def to_poses(times_s: npt.NDArray[np.float64], samples: Poses) -> Poses:
         last = kept[-1]
         away_m = math.hypot(pose.x_m - last.x_m, pose.y_m - last.y_m)
         if i in ends or abs(wrap(pose.yaw_rad - last.yaw_rad)) > TURN_RAD:
-            # A step of millimetres has no direction: the turn is where the robot was.
+            # A step of millimetres has no direction: place the turn at the robot's previous position.
             kept.append(last._replace(yaw_rad=pose.yaw_rad) if away_m < SAME_PLACE_M else pose)
         elif away_m >= STEP_M:
             kept.append(pose)
@@ -62,14 +62,14 @@ def _check_steady(times_s: npt.NDArray[np.float64], samples: Poses) -> None:
 
 
 def _travel(samples: Poses) -> npt.NDArray[np.float64]:
-    """How far the robot has driven, backwards counted negative, up to each sample [m]."""
+    """Return the signed distance driven up to each sample [m]; backward motion is negative."""
     (dx_m, dy_m, dyaw), yaw = np.diff(samples, axis=0).T, samples[:-1, 2]
     middle = yaw + np.arctan2(np.sin(dyaw), np.cos(dyaw)) / 2
     return np.concatenate(([0.0], np.cumsum(dx_m * np.cos(middle) + dy_m * np.sin(middle))))
 
 
 def _cusps(signed_m: npt.NDArray[np.float64]) -> list[int]:
-    """Where the robot changes between forwards and backwards."""
+    """Return the indices at which the robot changes between forward and backward."""
     cusps: list[int] = []
     direction, farthest = 0.0, 0
     for i, travel_m in enumerate(signed_m.tolist()):

@@ -127,7 +127,7 @@ def test_an_mjcf_file_that_cannot_be_is_refused_with_one_sentence(
     "hull", ['type="sphere" size=".2" mass="1"', 'type="cylinder" size=".2 .1" pos=".1 0 .2" mass="1"']
 )
 def test_a_robot_whose_hull_has_no_outline_around_its_middle_is_refused(tmp_path: Path, hull: str) -> None:
-    with pytest.raises(SceneError, match="no cylinder or box in the middle"):
+    with pytest.raises(SceneError, match="not a cylinder or box in the middle"):
         Plant(_own_robot(tmp_path, hull))
 
 
