@@ -123,7 +123,7 @@ def _sensors(faults: SensorFaults) -> DiagnosticStatus:
 
 def _movers(movers: Mapping[str, tuple[float, float, float]]) -> DiagnosticStatus:
     places = {name: f"{x_m:.2f} {y_m:.2f} {yaw_rad:.2f}" for name, (x_m, y_m, yaw_rad) in movers.items()}
-    return _status("movers", OK, f"{len(places)} on their ways" if places else "nobody goes about", **places)
+    return _status("movers", OK, f"{len(places)} movers" if places else "no movers", **places)
 
 
 def _status(subject: str, level: int, sentence: str, /, **values: str) -> DiagnosticStatus:

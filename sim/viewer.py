@@ -122,7 +122,7 @@ def _launch(plant: Plant) -> Any:  # noqa: ANN401 - untyped there
     with _failures_of_threads_to(answers), warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         if not _can_open_a_window():
-            why = "; ".join(_plain(str(warning.message)) for warning in told) or "nobody says why"
+            why = "; ".join(_plain(str(warning.message)) for warning in told) or "unknown reason"
             raise NoDisplayError(f"no window can be opened here ({why})")
         threading.Thread(target=launch, daemon=True).start()
         try:

@@ -29,8 +29,8 @@ def _motion(config: SupervisorSection, base: BaseSection) -> Iterator[Conflict]:
     rim = base.angular_braking_rad_s2 * (radius_m := config.footprint.hull().radius_m)
     if trusted > rim:
         message = (
-            f"is more than the {rim:.3g} m/s² that [sim] angular_braking_rad_s2 = {base.angular_braking_rad_s2:g} "
-            f"means at the hull's radius of {radius_m:.3g} m: set at most {rim:.3g}"
+            f"is more than the {rim:.3g} m/s² that result from [sim] angular_braking_rad_s2 = {base.angular_braking_rad_s2:g} "
+            f"at the hull's radius of {radius_m:.3g} m: set at most {rim:.3g}"
         )
         yield Conflict(("supervisor", "deceleration_m_s2"), trusted, message)
     for key, of_base in (

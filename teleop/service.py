@@ -215,7 +215,7 @@ class Teleop:
             claiming.cancel()
             claiming.add_done_callback(
                 lambda task: task.cancelled() or task.exception()
-            )  # else it is told of
+            )  # otherwise asyncio logs the exception as never retrieved
         return True
 
     def _held(self, who: str) -> str:
@@ -314,7 +314,7 @@ class Teleop:
             self._publish()
 
     def _send(self, now_s: float, *, always: bool) -> None:
-        """Send the pilot's velocity if it has changed, or if `always` is set, as for a neutral key press."""
+        """Send the pilot's velocity if it has changed; with `always`, send it also if it stays neutral."""
         if self._pilot is None:
             return
         velocity = self._pilot.velocity(now_s)

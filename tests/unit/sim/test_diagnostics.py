@@ -45,7 +45,7 @@ def test_a_robot_that_is_well_says_so_of_everything() -> None:
     assert said(WELL, "hull") == (OK, "the hull has touched nothing since the last reset")
     assert said(WELL, "time") == (OK, "runs at 1 times real time")
     assert said(WELL, "sensors") == (OK, "no fault in force")
-    assert said(WELL, "movers") == (OK, "nobody goes about")
+    assert said(WELL, "movers") == (OK, "no movers")
     assert values(WELL, "hull") == {"touches": "false", "collisions": "0", "last_contact": ""}
     assert values(WELL, "sensors") == {"faults": "none"}
 
@@ -110,5 +110,5 @@ def test_faults_in_force_are_a_warning_that_names_them() -> None:
 
 def test_whoever_goes_about_is_told_with_the_place_whatever_the_name() -> None:
     busy = replace(WELL, movers={"level": (1.0, -2.5, 0.0), "forklift": (0.25, 3.0, 1.57)})
-    assert said(busy, "movers") == (OK, "2 on their ways")
+    assert said(busy, "movers") == (OK, "2 movers")
     assert values(busy, "movers") == {"level": "1.00 -2.50 0.00", "forklift": "0.25 3.00 1.57"}
