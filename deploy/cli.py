@@ -1,4 +1,4 @@
-"""The operator's command `lifeline`. What a command needs is imported when it runs: `--help` is quick."""
+"""The command `lifeline`. Each command imports what it needs when it runs, so that `--help` is fast."""
 
 import os
 import sys
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="lifeline",
-    help="A robot that moves only while its lifeline holds.",
+    help="A safety supervisor for teleoperated robots: start it, check it, break it, and replay its stops.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -28,7 +28,7 @@ app = typer.Typer(
 @app.callback(invoke_without_command=True)
 def lifeline(
     *,
-    version: Annotated[bool, typer.Option("--version", help="show the version and exit")] = False,
+    version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
 ) -> None:
     if version:
         from importlib.metadata import version as version_of  # noqa: PLC0415
@@ -38,18 +38,21 @@ def lifeline(
 
 
 path_app = typer.Typer(
-    help="Let the robot drive along a path. Any stop, and any key of teleop, pauses it; Enter goes on.",
+    help="Drive the robot along a path. Any stop and any key of teleop pause it; Enter continues.",
     no_args_is_help=True,
 )
 app.add_typer(path_app, name="path")
 
 Config = Annotated[
-    Path | None, typer.Option("--config", metavar="FILE", help="robot.toml; without it, deploy/robot.toml")
+    Path | None,
+    typer.Option("--config", metavar="FILE", help="The configuration. Default: deploy/robot.toml."),
 ]
 Endpoint = Annotated[
     str | None,
     typer.Option(
-        "--endpoint", metavar="tcp/HOST:PORT", help="where the supervisor listens; without it, as in FILE"
+        "--endpoint",
+        metavar="tcp/HOST:PORT",
+        help="Address on which the supervisor listens. Default: the one in the configuration.",
     ),
 ]
 StatePath = Annotated[
@@ -57,12 +60,14 @@ StatePath = Annotated[
     typer.Option(
         "--state-dir",
         metavar="DIR",
-        help="socket, pid file and logs of a running stack; without it, $LIFELINE_STATE_DIR, else .lifeline in the checkout or ~/.local/state/lifeline",
+        help="Directory of the logs, the black boxes and the e-stop record. Default: $LIFELINE_STATE_DIR, else .lifeline in the checkout or ~/.local/state/lifeline.",
     ),
 ]
-Speed = Annotated[float, typer.Option("--speed", min=0.05, max=1.0, metavar="V", help="at most, in m/s")]
-Laps = Annotated[int, typer.Option("--laps", min=1, max=1000, metavar="N")]
-Clockwise = Annotated[bool, typer.Option("--clockwise", help="to the right instead of to the left")]
+Speed = Annotated[
+    float, typer.Option("--speed", min=0.05, max=1.0, metavar="V", help="Maximum speed in m/s.")
+]
+Laps = Annotated[int, typer.Option("--laps", min=1, max=1000, metavar="N", help="Number of laps.")]
+Clockwise = Annotated[bool, typer.Option("--clockwise", help="Turn right instead of left.")]
 
 
 @app.command()
@@ -71,13 +76,15 @@ def up(
     config: Config = None,
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
-    detach: Annotated[bool, typer.Option("--detach", help="leave it running, without teleop")] = False,
+    detach: Annotated[
+        bool, typer.Option("--detach", help="Start in the background, without teleop.")
+    ] = False,
     viewer: Annotated[
         bool | None,
-        typer.Option("--viewer/--no-viewer", help="MuJoCo's window; without it, where there is a display"),
+        typer.Option("--viewer/--no-viewer", help="Open MuJoCo's window. Default: if there is a display."),
     ] = None,
 ) -> None:
-    """Start sim and supervisor, open teleop in this terminal, and take everything down when it ends."""
+    """Start sim and supervisor, open teleop in this terminal, and stop everything when teleop ends."""
 
     def run() -> int:
         from deploy import up as command  # noqa: PLC0415
@@ -93,7 +100,7 @@ def up(
 
 @app.command()
 def down(*, state_dir: StatePath = None) -> None:
-    """Stop everything that belongs to the state directory."""
+    """Stop all processes that were started with this state directory."""
 
     def run() -> int:
         from deploy import down as command  # noqa: PLC0415
@@ -111,7 +118,7 @@ def status(
     config: Config = None,
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
-    as_json: Annotated[bool, typer.Option("--json", help="for machines")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Print the status once. Exit 0 if the stack runs, 1 if a part of it runs, 3 if nothing runs."""
 
@@ -128,10 +135,10 @@ def status(
 @app.command()
 def demo(
     *,
-    quick: Annotated[bool, typer.Option("--quick", help="fewer repetitions")] = False,
-    viewer: Annotated[bool, typer.Option("--viewer", help="with MuJoCo's window")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Repeat each fault less often.")] = False,
+    viewer: Annotated[bool, typer.Option("--viewer", help="Open MuJoCo's window.")] = False,
 ) -> None:
-    """Drive, break things, and print what was measured. Exit code 1: a promise was broken."""
+    """Drive, inject faults, and print the measurements. Exit 1 if a promise was broken."""
 
     def run() -> int:
         from deploy.demo import play  # noqa: PLC0415
@@ -142,7 +149,9 @@ def demo(
 
 
 @app.command()
-def check(*, file: Annotated[Path, typer.Argument(metavar="FILE", help="a robot.toml")]) -> None:
+def check(
+    *, file: Annotated[Path, typer.Argument(metavar="FILE", help="The configuration, such as robot.toml.")]
+) -> None:
     """Check a configuration: its lidars, stopping distance, permitted motions and risks.
 
     Exit 0 if the file is valid without a risk, 1 if a setting creates a risk, 2 if the file is refused.
@@ -159,7 +168,7 @@ def check(*, file: Annotated[Path, typer.Argument(metavar="FILE", help="a robot.
 
 @app.command()
 def replay_decision(
-    *, file: Annotated[Path, typer.Argument(metavar="FILE", help="a black box: blackbox/*.jsonl.gz")]
+    *, file: Annotated[Path, typer.Argument(metavar="FILE", help="A black box file: blackbox/*.jsonl.gz.")]
 ) -> None:
     """Run the law again over the recording of a stop. Exit 1 if any decision differs from the recording."""
 
@@ -174,43 +183,60 @@ def replay_decision(
 @app.command()
 def faults(
     *,
-    virtual: Annotated[bool, typer.Option("--virtual", help="on a virtual clock: hours in minutes")] = False,
-    seeds: Annotated[int, typer.Option("--seeds", min=1, metavar="N", help="the seeds from 0 to N-1")] = 200,
+    virtual: Annotated[
+        bool, typer.Option("--virtual", help="Run on a virtual clock, many times faster than real time.")
+    ] = False,
+    seeds: Annotated[
+        int, typer.Option("--seeds", min=1, metavar="N", help="With --virtual: run the seeds from 0 to N-1.")
+    ] = 200,
     seed: Annotated[
         int | None,
         typer.Option(
             "--seed",
             min=0,
             metavar="K",
-            help="with --virtual: run this seed alone and print every event; else: seed of each class's first trial",
+            help="With --virtual: run only this seed and print every event. Otherwise: the seed of the first trial of each class.",
         ),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE.jsonl", help="a line for each; those in it are not run again"),
+        typer.Option(
+            "--out",
+            metavar="FILE.jsonl",
+            help="Append one line for each trial. Trials that are already in the file are not run again.",
+        ),
     ] = None,
     jobs: Annotated[
         int | None,
-        typer.Option("--jobs", min=1, metavar="N", help="processes; without it, one for each core"),
+        typer.Option(
+            "--jobs",
+            min=1,
+            metavar="N",
+            help="With --virtual: number of processes. Default: one for each core.",
+        ),
     ] = None,
     classes: Annotated[
         str,
-        typer.Option("--classes", metavar="NAME,…", help="of real faults; `teleop_*`: all that begin so"),
+        typer.Option(
+            "--classes", metavar="NAME,…", help="Run only these classes; `teleop_*` selects by prefix."
+        ),
     ] = "",
-    trials: Annotated[int, typer.Option("--trials", min=1, metavar="N", help="of each real class")] = 3,
+    trials: Annotated[
+        int, typer.Option("--trials", min=1, metavar="N", help="Trials of each class on real processes.")
+    ] = 3,
     minutes: Annotated[
         float | None,
         typer.Option(
             "--minutes",
             min=0.1,
             metavar="M",
-            help="start no real trial after M minutes; exit 1 if a class was not tried",
+            help="Start no trial on real processes after M minutes. Exit 1 if a class was not tried by then.",
         ),
     ] = None,
 ) -> None:
-    """Break everything at random moments, and check every promise.
+    """Inject every fault at random moments, and check every promise.
 
-    Exit code 1: one was broken, or a class of faults was not tried because time ran out.
+    Exit 1 if a promise was broken, or if time ran out before every class of faults was tried.
     """
 
     def run() -> int:
@@ -236,9 +262,12 @@ def faults(
 def fault_report(
     *,
     files: Annotated[
-        list[Path], typer.Argument(metavar="FILE.jsonl…", help="what `lifeline faults --out` wrote; also .gz")
+        list[Path],
+        typer.Argument(
+            metavar="FILE.jsonl…", help="Result files of `lifeline faults --out`, also compressed (.gz)."
+        ),
     ],
-    html: Annotated[Path, typer.Option("--html", metavar="OUT.html", help="the page to be written")],
+    html: Annotated[Path, typer.Option("--html", metavar="OUT.html", help="The page to write.")],
 ) -> None:
     """Render campaign results as an HTML page."""
 
@@ -254,17 +283,22 @@ def fault_report(
 @app.command()
 def soak(
     *,
-    hours: Annotated[float, typer.Option("--hours", min=0.001, metavar="H", help="fractions too")] = 1.0,
+    hours: Annotated[
+        float,
+        typer.Option("--hours", min=0.001, metavar="H", help="Duration in hours; fractions are allowed."),
+    ] = 1.0,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE.jsonl", help="a line for each ten seconds")
+        Path | None, typer.Option("--out", metavar="FILE.jsonl", help="Write one line for each 10 s.")
     ] = None,
     plot: Annotated[
         Path | None,
-        typer.Option("--plot", metavar="FILE.svg", help="memory, descriptors and lateness over time"),
+        typer.Option("--plot", metavar="FILE.svg", help="Plot memory, descriptors and lateness over time."),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, metavar="K", help="of the operator")] = 0,
+    seed: Annotated[
+        int, typer.Option("--seed", min=0, metavar="K", help="Seed of the simulated operator.")
+    ] = 0,
 ) -> None:
-    """Soak test: report growth. Exit 1 if anything grew, or if the robot stopped without a cause."""
+    """Drive for hours and report growth. Exit 1 if a resource grew, or if the robot stopped without a cause."""
 
     def run() -> int:
         from deploy.campaign.soak.run import Orders  # noqa: PLC0415
@@ -278,12 +312,12 @@ def soak(
 @app.command()
 def record(
     *,
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="to be written: NAME.mcap")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write: NAME.mcap.")],
     config: Config = None,
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
 ) -> None:
-    """Record everything that is said on the wire, until Ctrl-C; an MCAP file as of rosbag2."""
+    """Record all messages in an MCAP file, as rosbag2 does, until Ctrl-C."""
 
     def run() -> int:
         from deploy.record import record  # noqa: PLC0415
@@ -298,26 +332,35 @@ def render(
     *,
     out: Annotated[
         Path,
-        typer.Option("--out", metavar="FILE", help="a picture (.png), or an animation (.mp4, .webp, .gif)"),
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="The file to write: a picture (.png) or an animation (.mp4, .webp, .gif).",
+        ),
     ],
     scene: Annotated[
-        str, typer.Option("--scene", "--layout", metavar="NAME|FILE", help="a layout, or an MJCF file")
+        str, typer.Option("--scene", "--layout", metavar="NAME|FILE", help="A layout or an MJCF file.")
     ] = "warehouse",
-    hull: Annotated[str, typer.Option("--hull", help="round or rectangular")] = "round",
+    hull: Annotated[str, typer.Option("--hull", metavar="SHAPE", help="round or rectangular.")] = "round",
     camera: Annotated[
-        str, typer.Option("--camera", metavar="NAME", help="follow, corner, top, or one of the scene's own")
+        str, typer.Option("--camera", metavar="NAME", help="follow, corner, top, or a camera of the scene.")
     ] = "follow",
-    size: Annotated[str, typer.Option("--size", metavar="WxH", help="in pixels")] = "1280x720",
+    size: Annotated[str, typer.Option("--size", metavar="WxH", help="Size in pixels.")] = "1280x720",
     seconds: Annotated[
-        float, typer.Option("--seconds", metavar="S", help="how long; a picture shows the end")
+        float,
+        typer.Option("--seconds", metavar="S", help="Simulated duration; a picture shows the last moment."),
     ] = 8.0,
-    fps: Annotated[float, typer.Option("--fps", metavar="N", help="frames of each second")] = 15.0,
+    fps: Annotated[
+        float, typer.Option("--fps", metavar="N", help="Frames per second of an animation.")
+    ] = 15.0,
     drive: Annotated[
-        bool, typer.Option("--drive", help="drive at a pillar, under the real safety law, and back out")
+        bool, typer.Option("--drive", help="Drive toward a pillar under the real safety law, and back out.")
     ] = False,
-    caption: Annotated[bool, typer.Option(help="mode, speed and what is nearest, in words")] = True,
+    caption: Annotated[
+        bool, typer.Option(help="Print mode, speed and nearest distance on the picture.")
+    ] = True,
 ) -> None:
-    """Draw the robot in its hall, without a screen."""
+    """Draw the simulated robot; no display is needed."""
 
     def run() -> int:
         require("sim")  # before the drawing is set up, which must precede MuJoCo's import
@@ -333,7 +376,9 @@ def render(
 @path_app.command("square")
 def path_square(
     *,
-    side: Annotated[float, typer.Option("--side", min=0.1, max=50.0, metavar="M", help="in m")] = 1.5,
+    side: Annotated[
+        float, typer.Option("--side", min=0.1, max=50.0, metavar="M", help="Length of a side in m.")
+    ] = 1.5,
     laps: Laps = 1,
     speed: Speed = 0.4,
     clockwise: Clockwise = False,
@@ -341,7 +386,7 @@ def path_square(
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
 ) -> None:
-    """Drive a square; its first side lies ahead of the robot."""
+    """Drive a square whose first side begins at the robot and points ahead."""
 
     def run() -> int:
         from deploy.path import drive, relative  # noqa: PLC0415
@@ -356,7 +401,9 @@ def path_square(
 @path_app.command("circle")
 def path_circle(
     *,
-    radius: Annotated[float, typer.Option("--radius", min=0.1, max=50.0, metavar="M", help="in m")] = 0.6,
+    radius: Annotated[
+        float, typer.Option("--radius", min=0.1, max=50.0, metavar="M", help="Radius in m.")
+    ] = 0.6,
     laps: Laps = 1,
     speed: Speed = 0.4,
     clockwise: Clockwise = False,
@@ -364,7 +411,7 @@ def path_circle(
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
 ) -> None:
-    """Drive a circle; its centre lies beside the robot."""
+    """Drive a circle whose centre is to the side of the robot."""
 
     def run() -> int:
         from deploy.path import drive, relative  # noqa: PLC0415
@@ -379,17 +426,20 @@ def path_circle(
 @path_app.command("follow")
 def path_follow(
     *,
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="what `lifeline record` wrote")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file that `lifeline record` wrote.")],
     in_place: Annotated[
         bool,
-        typer.Option("--absolute", help="where it was driven, by odometry; else from where the robot is"),
+        typer.Option(
+            "--absolute",
+            help="Drive where the path was recorded, by odometry. Default: start at the robot's present pose.",
+        ),
     ] = False,
     speed: Speed = 0.4,
     config: Config = None,
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
 ) -> None:
-    """Replay a recorded path, reversing where it reversed."""
+    """Drive a recorded path again, in reverse where it was driven in reverse."""
 
     def run() -> int:
         from deploy.path import absolute, drive, read_poses, relative  # noqa: PLC0415
@@ -402,7 +452,7 @@ def path_follow(
 
 
 def _running(config: Path | None, endpoint: str | None, state_dir: Path | None) -> "Launch":
-    """How to reach the robot: as the command line says, else the one that runs, else the configuration."""
+    """Return how to reach the robot: by the command line, else by the running stack, else by the configuration."""
     from deploy.stack.launch import Launch  # noqa: PLC0415
     from deploy.stack.statedir import StateDir  # noqa: PLC0415
 
@@ -415,7 +465,7 @@ def _say(sentence: str) -> None:
 
 
 def _exit_with(run: Callable[[], int]) -> NoReturn:
-    """Run a command to its exit code; what the operator can mend is one sentence."""
+    """Run a command and exit with its code; print errors that the operator can correct as one sentence."""
     try:
         code = run()
     except DeployError as error:
@@ -433,7 +483,7 @@ def _exit_with(run: Callable[[], int]) -> NoReturn:
 
 
 def main() -> NoReturn:
-    """End the process for certain: an interpreter that ends with an open session can hang."""
+    """End the process without the interpreter's shutdown, which can hang if a session is open."""
     code = 1
     try:
         app()
