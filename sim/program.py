@@ -34,35 +34,39 @@ def main() -> None:
     parser.add_argument(
         "--viewer",
         action=argparse.BooleanOptionalAction,
-        help="MuJoCo's window (default: where there is a display); the simulation goes on when it is closed",
+        help="open MuJoCo's window (default: if there is a display); closing it does not end the simulation",
     )
     parser.add_argument(
         "--speed",
         metavar="N",
         default="1",
-        help="simulated seconds in each second, 0.1 to 100 (default: 1); above 1 the supervisor, which lives in "
-        "real time, reacts that much later",
+        help="simulated seconds per second, 0.1 to 100 (default: 1); above 1, the supervisor, which runs in real "
+        "time, reacts later by this factor",
     )
     parser.add_argument(
         "--faults",
         metavar="SPEC",
         default="none",
-        help=f"of the sensors, from the start: {FORMS} (default: none)",
+        help=f"sensor faults from the start: {FORMS} (default: none)",
     )
     parser.add_argument(
-        "--scene", metavar="NAME|FILE", help=f"{', '.join(known())}, a layout (.toml) or an MJCF file (.xml)"
+        "--scene",
+        metavar="NAME|FILE",
+        help=f"world: {', '.join(known())}, a layout (.toml) or an MJCF file (.xml)",
     )
     parser.add_argument(
-        "--hull", help="round, or rectangular: then [supervisor.footprint] needs its corners_m"
+        "--hull",
+        metavar="SHAPE",
+        help="round or rectangular; rectangular also needs corners_m in [supervisor.footprint]",
     )
-    parser.add_argument("--payload-kg", type=float, metavar="KG", help="carried by the robot, 0 to 100")
+    parser.add_argument("--payload-kg", type=float, metavar="KG", help="payload of the robot, 0 to 100 kg")
     parser.add_argument(
-        "--wheel-slip", type=float, metavar="SHARE", help="of the grip that is gone, 0 to 0.95"
+        "--wheel-slip", type=float, metavar="SHARE", help="lost share of the wheels' grip, 0 to 0.95"
     )
     parser.add_argument(
-        "--moving", action=argparse.BooleanOptionalAction, help="people and forklifts are about"
+        "--moving", action=argparse.BooleanOptionalAction, help="with moving people and forklifts"
     )
-    parser.add_argument("--seed", type=int, help="of all noise")
+    parser.add_argument("--seed", type=int, metavar="N", help="seed of all noise")
     arguments = parser.parse_args()
     try:
         document = read_document(arguments)

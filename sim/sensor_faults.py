@@ -17,14 +17,14 @@ MIN_REACH_M = 0.1
 MAX_SCALE = 10.0
 FORMS = (
     "none, freeze, all_nan, silent, blocked FROM TO [CODE] (rad in the lidar's frame, counter-clockwise), "
-    "dropout SHARE [CODE] (of the scans: the nearest object is missing), beams SHARE [CODE] (single ones), "
-    "stray SHARE (of the scans: one false reading near the hull), "
-    f"reach METRES (it sees no farther, and says so; {MIN_REACH_M:g} to {MAX_CODE_M:g}), "
-    f"rate HZ (of the scans, {MIN_RATE_HZ:g} to {MAX_RATE_HZ:g}), "
+    "dropout SHARE [CODE] (share of the scans without the nearest object), beams SHARE [CODE] (share of single beams), "
+    "stray SHARE (share of the scans with one false reading near the hull), "
+    f"reach METRES (a smaller range_max, {MIN_REACH_M:g} to {MAX_CODE_M:g}), "
+    f"rate HZ (scan rate, {MIN_RATE_HZ:g} to {MAX_RATE_HZ:g}), "
     "no_odom, odom_zero, odom_freeze, odom_scale FACTOR "
-    f"(-{MAX_SCALE:g} to {MAX_SCALE:g}); several are joined with ';'. "
-    "SHARE is above 0 and at most 1. CODE is what a beam reads instead: nan, inf, -inf or "
-    f"0 to {MAX_CODE_M:g} m (default: nan; for dropout inf). NAME: before one of a lidar's means that lidar alone"
+    f"(-{MAX_SCALE:g} to {MAX_SCALE:g}); join several with ';'. "
+    "SHARE is above 0 and at most 1. CODE is the reading of an affected beam: nan, inf, -inf or "
+    f"0 to {MAX_CODE_M:g} m (default: nan, for dropout inf). The prefix NAME: limits a lidar fault to one lidar"
 )
 NAME = re.compile(r"([a-z][a-z0-9_]*):(.*)")
 

@@ -259,11 +259,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser = service_parser(
         "teleop",
-        description="Drive the robot by keyboard or gamepad. The supervisor decides what the robot does of it, and stops\n"
-        "it when this program ends or hangs.",
+        description="Drive the robot by keyboard or gamepad. The supervisor decides which velocity is permitted,\n"
+        "and stops the robot when this program ends or hangs.",
         epilog=f"{keys}\n\n"
         "After every stop the robot moves only after a neutral command (s, or all keys released).\n"
-        "Exception: it may drive away from what the speed barrier stopped it for.\n"
+        "Exception: it may drive away from an obstacle that stopped it.\n"
         "exit code: 0 after q, Ctrl-C or SIGTERM, 1 after an error, 2 for a wrong configuration, no terminal,\n"
         "or a source that another program holds",
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -271,19 +271,19 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--mode",
         choices=[mode.value for mode in Mode],
-        help="incremental: each press is a step, and it holds; hold: the robot moves while a key is held; "
-        f"gamepad: while its dead-man button is (default: {defaults.mode})",
+        help="incremental: each key press changes the speed by one step; hold: the robot moves while a key is held; "
+        f"gamepad: the robot moves while the dead-man button is held (default: {defaults.mode})",
     )
     parser.add_argument(
         "--source",
         metavar="NAME",
-        help=f"the name of this command source (default: {defaults.source}, a gamepad's {GAMEPAD_SOURCE})",
+        help=f"name of this command source (default: {defaults.source}; with a gamepad, {GAMEPAD_SOURCE})",
     )
-    parser.add_argument("--plain", action="store_true", help="one line instead of the whole screen")
+    parser.add_argument("--plain", action="store_true", help="print one line instead of the full screen")
     parser.add_argument(
         "--view-only",
         action="store_true",
-        help="look on, and command nothing but the emergency stop, which is anybody's right",
+        help="watch without driving; only the emergency stop can be commanded",
     )
     return parser
 

@@ -15,11 +15,16 @@ EXIT_USAGE = 2
 def service_parser(node: str, **options: Any) -> argparse.ArgumentParser:  # noqa: ANN401 - ArgumentParser's own
     """Return the parser of `python -m <node>`, with `--config` and `--endpoint`."""
     parser = argparse.ArgumentParser(prog=f"python -m {node}", **options)
-    parser.add_argument("--config", type=Path, metavar="FILE", help="robot.toml; without it, the defaults")
+    parser.add_argument(
+        "--config",
+        type=Path,
+        metavar="FILE",
+        help="the configuration, such as robot.toml (default: built-in values)",
+    )
     parser.add_argument(
         "--endpoint",
         metavar="tcp/HOST:PORT",
-        help=f"where the supervisor listens (default: {DEFAULT_ENDPOINT})",
+        help=f"address on which the supervisor listens (default: {DEFAULT_ENDPOINT})",
     )
     return parser
 
