@@ -1,7 +1,7 @@
-"""The classes of faults: what is done to which process, who has to notice it, and how soon.
+"""The table of fault classes: the fault, the affected process, the stop reasons that detect it, and the time limit.
 
-A bound is the time from the fault to zero on `cmd_vel`; for a supervisor that is gone, to brakes of the base
-itself. Where there is none the robot may drive on: the fault has to be harmless.
+The limit is the time from the fault to zero on `cmd_vel`; if the supervisor itself fails, the time until the base
+brakes. A class without a limit must be harmless: the robot may drive on.
 """
 
 from dataclasses import dataclass
@@ -10,23 +10,23 @@ from enum import Flag, StrEnum, auto
 from deploy.campaign.promises import Kind
 
 TICK_S = 0.02
-"""The supervisor's."""
+"""The supervisor's tick period."""
 COMMAND_TIMEOUT_S = 0.2
 SCAN_TIMEOUT_S = 0.25
-"""What is promised; the supervisor's own limit is a little less, so that zero is out by then."""
+"""The promised limit; the supervisor's own limit is a little lower, so that zero is sent in time."""
 BASE_TIMEOUT_S = 0.15
 KILL_BOUND_S = 0.010
-"""From a process's death to whoever must notice it."""
+"""From a process's death to its detection."""
 LEASE_S = 0.4
-"""How long a silent link is trusted."""
+"""Zenoh's lease: the time after which a silent link counts as lost."""
 
 ODOM_TIMEOUT_S = 0.3
-"""How old odometry may be while the robot drives."""
+"""Maximum age of odometry while the robot drives."""
 FROZEN_BOUND_S = 1.0
-"""By then a robot that a fault finds moving has gone far enough for its scans to have changed."""
+"""By this time, a moving robot has gone far enough for its scans to change."""
 
 ESTOP_BOUND_S = 2 * TICK_S
-"""From whoever presses to zero, over the network."""
+"""From the press of the e-stop to zero, over the network."""
 ODOM_BOUND_S = ODOM_TIMEOUT_S + TICK_S
 SILENT_BOUND_S = COMMAND_TIMEOUT_S + TICK_S
 BLIND_BOUND_S = SCAN_TIMEOUT_S + TICK_S
@@ -34,7 +34,7 @@ HUNG_BASE_BOUND_S = BASE_TIMEOUT_S + TICK_S
 
 
 class Group(StrEnum):
-    """Where a fault happens."""
+    """The part of the system in which a fault happens."""
 
     TELEOP = "teleop"
     SUPERVISOR = "supervisor"
@@ -48,7 +48,7 @@ class Group(StrEnum):
 
 
 class Effect(Flag):
-    """What a fault does to those who drive and those who watch; `demands.py` derives from it what must follow."""
+    """The effects of a fault; `demands.py` derives from them what must happen."""
 
     NONE = 0
     TELEOP_ENDS = auto()
@@ -58,15 +58,15 @@ class Effect(Flag):
     SUPERVISOR_ENDS = auto()
     SUPERVISOR_SILENT = auto()
     SENSOR = auto()
-    """The simulated sensors show something else. They have one fault at a time: the next one replaces it."""
+    """The readings of the simulated sensors change. The sensors have one fault at a time: a new one replaces it."""
     STANDSTILL = auto()
-    """The simulation stands still, so nothing brakes in it; a new one begins elsewhere."""
+    """The simulation stands still, so the robot in it cannot brake; a new simulation starts elsewhere."""
     BASE_HOLDS = auto()
     """The base holds its last command until its own timeout."""
     SPEAKS_AS_TELEOP = auto()
     """Commands under teleop's name that teleop did not send may keep it going."""
     TAKES_OVER = auto()
-    """Whoever speaks as teleop may end teleop's epoch."""
+    """A second source with teleop's name may end teleop's epoch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,23 +76,23 @@ class FaultClass:
     name: str
     group: Group
     does: str
-    """In a few words, to whom."""
+    """The fault, in a few words."""
     target: str
-    """The process; empty: none in particular."""
+    """The affected process; empty: none in particular."""
     detectors: tuple[str, ...]
-    """Who has to notice it: stop reasons, or the base's own with `base: `. Empty: nobody has to."""
+    """The stop reasons that may detect it; those of the base itself begin with `base: `. Empty: no detection is required."""
     bound_s: float | None
     promise: int
-    """The number in the design of the promise that it tries."""
+    """The number of the promise that it tests."""
     virtual: bool
-    """Whether it can happen on the virtual clock."""
+    """Whether it can be injected on the virtual clock."""
     real: bool = True
-    """Whether it can happen to real processes without special rights."""
+    """Whether it can be injected into real processes without special rights."""
     by_itself: bool = False
-    """Whether it has virtual trials of its own, with nothing else in them, and is no part of a pair."""
+    """Whether its virtual trials contain no other fault; such a class is never part of a pair."""
     effect: Effect = Effect.NONE
     demands: Kind | None = None
-    """What it demands by its bound in trials of its own, beside what every run is held to."""
+    """What must happen by the limit in its own trials, in addition to the promises for every run."""
 
 
 def _teleop(
@@ -159,7 +159,7 @@ def _network(
     virtual: bool = True,
     real: bool = True,
 ) -> FaultClass:
-    """Not real: what TCP does not do."""
+    """Classes that are not real cannot happen on TCP."""
     return FaultClass(
         f"net_{name}",
         Group.NETWORK,
@@ -247,7 +247,7 @@ def _machine(name: str, does: str, detectors: tuple[str, ...] = ()) -> FaultClas
 SILENT = ("COMMAND_TIMEOUT", "COMMAND_STALE")
 SILENT_OR_LOST = (*SILENT, "SOURCE_LOST")
 GONE = ("SOURCE_LOST", "NO_COMMAND")
-"""Which of the two depends on whether the source sent zero before its token was deleted."""
+"""NO_COMMAND if the source sent zero before its token was deleted, else SOURCE_LOST."""
 BASE_ALONE = ("base: SUPERVISOR_LOST", "base: COMMAND_TIMEOUT")
 UNSEEN = ("SCAN_STALE", "SCAN_INVALID")
 NOT_SEEN = ("OBSTACLE", "SCAN_BLIND")
@@ -485,14 +485,14 @@ CLASSES = (
 )
 
 BY_NAME = {one.name: one for one in CLASSES}
-"""Each class by its name."""
+"""The classes by name."""
 
 
 def virtual_classes() -> tuple[FaultClass, ...]:
-    """Those that the virtual campaign draws from; pairs are made of them."""
+    """Return the classes that the virtual campaign mixes at random; pairs consist of these."""
     return tuple(one for one in CLASSES if one.virtual and not one.by_itself and one.group is not Group.PAIR)
 
 
 def classes_by_themselves() -> tuple[FaultClass, ...]:
-    """Those with virtual trials of their own."""
+    """Return the classes whose virtual trials contain no other fault."""
     return tuple(one for one in CLASSES if one.virtual and one.by_itself)

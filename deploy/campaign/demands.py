@@ -1,4 +1,4 @@
-"""What the faults that were done ask for, by the bounds of their classes. Pure."""
+"""Derive from the injected faults what must happen, with the limits of their classes. Pure."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,19 +18,19 @@ from deploy.campaign.classes import (
 from deploy.campaign.promises import Demand, Kind
 
 LEEWAY_S = 0.005
-"""Hops, and a physics step."""
+"""For network hops and one physics step."""
 SLOW_S = 1.0
-"""What two faults at once may add: delays, and a backlog that is sent again."""
+"""Additional time for two simultaneous faults: delays, and a backlog that is sent again."""
 
 TOLERANCE_M = 0.01
 HELD_M = 0.03
-"""What 0.15 s more at the speed that the barrier permits come to, less what the base brakes better than trusted."""
+"""Way at the permitted speed in 0.15 s more, less the way that the base gains by braking harder than trusted."""
 BARRIER_M_S = 0.5
-"""As fast as the barrier lets it drive where 0.25 s count."""
+"""Highest speed that the barrier permits where a delay of 0.25 s matters."""
 
 
 class _Window(NamedTuple):
-    """What must hold from a bound after a fault on."""
+    """What must hold after a time limit that begins with the fault."""
 
     kind: Kind
     promise: int
@@ -44,17 +44,17 @@ FOLLOWS = {
     Effect.SUPERVISOR_ENDS: _Window(Kind.BRAKE, 4, KILL_BOUND_S),
     Effect.SUPERVISOR_SILENT: _Window(Kind.BRAKE, 4, BASE_TIMEOUT_S + TICK_S),
 }
-"""What each effect demands, unless another fault prevents it."""
+"""The demand of each effect, unless another fault masks it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """A fault that was done."""
+    """An injected fault."""
 
     name: str
     at_s: float
     until_s: float
-    """When it ended: woken, healed, started again."""
+    """When it ended: the process continued or was restarted, or the link was healed."""
     parameters: Mapping[str, float | str] = field(default_factory=dict[str, float | str])
 
     @property
@@ -62,16 +62,16 @@ class Done:
         return BY_NAME[self.name].effect
 
     def touches(self, other: "Done") -> bool:
-        """Whether the two, or what follows from them, may be in force at once."""
+        """Return whether the two faults, or their consequences, may overlap in time."""
         return self.at_s < other.until_s + SLOW_S and other.at_s < self.until_s + SLOW_S
 
 
 def demands(done: Sequence[Done], *, alone: bool) -> list[Demand]:
-    """What must follow.
+    """Return the demands of a run's faults.
 
     Args:
-        done: everything that was done in a run.
-        alone: there is one command source only.
+        done: all faults that were injected in the run.
+        alone: whether there is only one command source.
     """
     found: list[Demand] = []
     for one in done:
@@ -82,10 +82,10 @@ def demands(done: Sequence[Done], *, alone: bool) -> list[Demand]:
 
 
 def may_be_locked_out(names: Collection[str]) -> bool:
-    """Whether a source may belong to another one by now after these faults (docs/decisions/0020).
+    """Return whether another program may hold a source's name after these faults (docs/decisions/0020).
 
-    Who speaks as teleop while something else silences it, or with a copy of its epoch, may end that epoch. Teleop
-    notices, and begins another; a source without manners has to be started anew.
+    A program that sends as teleop while another fault silences teleop, or with a copy of its epoch, may end that
+    epoch. Teleop notices this and begins a new epoch; other sources must be restarted.
     """
     return len(names) > 1 and any(Effect.TAKES_OVER in BY_NAME[name].effect for name in names)
 
@@ -95,7 +95,7 @@ def _of(one: Done, others: Sequence[Done], *, alone: bool) -> Iterable[Demand]:
     for other in others:
         beside |= other.effect
     slow_s = LEEWAY_S + (SLOW_S if others else 0.0)
-    # Whatever ends meanwhile may mend this one too: start the same process, heal the same link.
+    # The end of another fault may end this one too, for example by restarting the same process.
     until_s = min((other.until_s for other in others if other.until_s > one.at_s), default=one.until_s)
     until_s = min(until_s, one.until_s)
     if Effect.SENSOR in one.effect:
@@ -107,7 +107,7 @@ def _of(one: Done, others: Sequence[Done], *, alone: bool) -> Iterable[Demand]:
 
 
 def _shown(beside: Effect, *, alone: bool) -> Effect:
-    """The effects whose consequences show, beside what else is done."""
+    """Return the effects that the simultaneous faults do not mask."""
     shown = Effect.NONE
     if Effect.STANDSTILL not in beside:
         shown |= Effect.BLIND | Effect.SUPERVISOR_ENDS | Effect.SUPERVISOR_SILENT
@@ -117,7 +117,7 @@ def _shown(beside: Effect, *, alone: bool) -> Effect:
 
 
 def _by_itself(one: Done, kind: Kind) -> Demand:
-    """What a class with trials of its own asks for: a state from its bound on, or an event by then."""
+    """Return the demand of a class with its own trials: a state after the limit, or an event before it."""
     known = BY_NAME[one.name]
     from_s, until_s = one.at_s, one.until_s
     bound_s = at_s + LEEWAY_S if (at_s := known.bound_s) is not None else 0.0
@@ -129,21 +129,21 @@ def _by_itself(one: Done, kind: Kind) -> Demand:
 
 
 def tolerance_m(done: Sequence[Done]) -> float:
-    """How much nearer than the stop distance the robot may bring itself.
+    """Return how much closer than the stop distance the robot may come by its own motion [m].
 
-    The law reckons with its own reaction, not with one that comes late: of a supervisor that hangs, the base
-    holds the last command for its timeout; and over a delayed link, each command acts that much later.
+    The law accounts for its own reaction time, not for faults behind it: while the supervisor hangs, the base holds
+    the last command until its timeout; over a delayed link, each command acts later.
     """
     late_m = HELD_M if any(Effect.BASE_HOLDS in one.effect for one in done) else 0.0
     delays_s = [float(one.parameters.get("delay_s", 0.0)) for one in done if one.name == "net_delayed_base"]
-    # A longer delay shows in the scans, which come the same way, as an age that stops the robot.
+    # A longer delay also ages the scans, which use the same link, and stops the robot.
     return TOLERANCE_M + max(late_m, BARRIER_M_S * min(max(delays_s, default=0.0), SCAN_TIMEOUT_S))
 
 
 def asked_age_s(done: Sequence[Done]) -> float:
-    """How old, by the true time, the wish behind a motion may be.
+    """Return the maximum age [s], by true time, of the command behind a motion.
 
-    A delay that a source had from its first word on is no delay that anybody could see.
+    A constant delay that a source had from its first message on cannot be detected.
     """
     delays_s = [
         float(one.parameters.get("delay_s", 0.0)) for one in done if one.name.startswith("net_delayed")
