@@ -1,4 +1,4 @@
-"""What a fault led to: who noticed, how soon zero was commanded, where the robot came to stand. Pure."""
+"""Measure the consequences of a fault: detection, time to zero, and the stopping place. Pure."""
 
 import itertools
 import math
@@ -9,31 +9,31 @@ from typing import NamedTuple
 from deploy.campaign.seen import Motion, Seen
 
 NOTICED_WITHIN_S = 2.0
-"""A stop that begins later than this is no consequence of a fault."""
+"""A stop that begins later than this is not a consequence of the fault."""
 MOVING_M_S = 0.05
 STILL_S = 0.1
-"""Standing for so long is standing, and not swinging back."""
+"""Minimum duration of a standstill; shorter ones are part of the rocking."""
 
 
 BASE = "base: "
-"""Before the name of a reason of the base's own."""
+"""Prefix of the base's own stop reasons."""
 
 
 class BaseReport(NamedTuple):
-    """The base's own reason to stop, when it changed."""
+    """A change of the base's own stop reason."""
 
     time_s: float
     reason: str
-    """`OK`: it follows cmd_vel."""
+    """`OK` while the base follows cmd_vel."""
 
 
 class Stop(NamedTuple):
-    """A stop after a fault; None where there was none, or where the robot did not move before."""
+    """A stop after a fault; fields are None if there was no stop, or if the robot did not move before."""
 
     detector: str | None
     speed_m_s: float
     to_zero_s: float | None
-    """To zero on cmd_vel; where the base stops by itself, to that."""
+    """Time to zero on cmd_vel; if the base stops by itself, to its own stop."""
     to_standstill_s: float | None
     distance_m: float | None
 
@@ -68,7 +68,7 @@ def stop_after(
 def _noticed(
     seen: Seen, fault_s: float, until_s: float, base: Sequence[BaseReport]
 ) -> tuple[float, str | None]:
-    """When who stopped a robot that was free to drive until then: whichever came first."""
+    """Return when and by which reason a robot that was free to drive was stopped first."""
     start = bisect_left(seen.statuses, fault_s, key=lambda status: status.arrival_s)
     if start > 0 and seen.statuses[start - 1].is_stopped:
         return math.nan, None
@@ -79,7 +79,7 @@ def _noticed(
 
 
 def _to_zero_s(seen: Seen, fault_s: float) -> float | None:
-    """To the first zero, of a motion that was commanded until then."""
+    """Return the time to the first zero after a commanded motion."""
     start = bisect_left(seen.commands, fault_s, key=lambda command: command.arrival_s)
     if start == 0 or seen.commands[start - 1].is_zero:
         return None
@@ -88,7 +88,7 @@ def _to_zero_s(seen: Seen, fault_s: float) -> float | None:
 
 
 def _rest(motions: Sequence[Motion]) -> Motion | None:
-    """The first sample of a standstill that lasts."""
+    """Return the first sample of a lasting standstill."""
     first: Motion | None = None
     for motion in motions:
         if not motion.is_still:

@@ -16,54 +16,54 @@ from deploy.campaign.seen import Asked, Motion, Seen, Status
 from deploy.stack.samples import Command
 
 BARRIER_REASONS = frozenset({"OBSTACLE", "SCAN_BLIND"})
-"""Stops that also a command which goes elsewhere ends: nobody has to carry a robot out of its stop zone."""
+"""Stops that a command away from the obstacle ends without a neutral: the robot can leave its stop zone by itself."""
 
 ROUNDING = 1e-9
 SURPRISE_S = 1.5
-"""What moved towards the robot by itself this long ago may still be why it comes too near."""
+"""An object that approached the robot within this time may still be the cause of a small clearance."""
 NOTICED_M = 0.001
-"""Between two samples, things that move by less do not move."""
+"""Smaller motions between two samples count as standstill."""
 SUDDEN_M = 0.05
-"""Between two samples nobody walks so far: something was put there."""
+"""No mover covers this way between two samples; a larger change means that an object was placed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """The numbers of the promises."""
+    """The limits of the promises."""
 
     max_linear_m_s: float = 1.0
     max_angular_rad_s: float = 2.0
     stop_distance_m: float = 0.30
     tolerance_m: float = 0.01
-    """By so much the hull may come nearer than the stop distance."""
+    """Permitted shortfall of the clearance against the stop distance."""
     trusted_braking_m_s2: float = 1.5
     trusted_braking_rad_s2: float = 6.0
     reaction_s: float = 0.30
-    """From something that moves by itself to brakes that act on it: two scans and their way."""
+    """Reaction time to an object that moves by itself: two scans and their transport."""
     hull_radius_m: float = 0.25
     status_leeway_s: float = 0.0
-    """A command and the status that explains it are two messages: how far apart they may arrive."""
+    """Maximum time between the arrivals of a command and of the status that explains it."""
     neutral_leeway_s: float = 0.0
-    """A neutral command that was sent this shortly before a stop counts as sent after it."""
+    """A neutral command sent within this time before a stop counts as sent after it."""
     asked_age_s: float = math.inf
-    """How old the wish behind a motion may be; infinity: nobody knows what was asked for when."""
+    """Maximum age of the command behind a motion; infinity if the times of the commands are unknown."""
 
 
 class Kind(StrEnum):
-    """What a fault demands."""
+    """The kinds of demands after a fault."""
 
     ZERO = "zero"
     """Every command in the window is zero."""
     BRAKE = "brake"
-    """The base slows down from the window's beginning until it stands, and stands until its end."""
+    """The base slows down from the start of the window until it stands, and stands until the end of the window."""
     DRIVABLE = "drivable"
-    """At some moment of the window no stop holds."""
+    """No stop holds at some moment of the window."""
     STOPPED = "stopped"
-    """At some moment of the window a stop holds."""
+    """A stop holds at some moment of the window."""
     NAMED = "named"
-    """At some moment of the window one of the demand's reasons is among those of a stop."""
+    """One of the demand's reasons is among the reasons of a stop at some moment of the window."""
     UNHINDERED = "unhindered"
-    """No stop for an obstacle lasts in the window where there is none."""
+    """No stop for an obstacle lasts in the window, because there is no obstacle."""
 
 
 class Demand(NamedTuple):
@@ -79,7 +79,7 @@ class Demand(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """A promise that was broken."""
+    """A broken promise."""
 
     promise: int
     time_s: float
@@ -132,7 +132,7 @@ def _beyond_limits(commands: Sequence[Command], bounds: Bounds) -> Iterator[Viol
 
 
 def _motion_despite_a_stop(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
-    """Between two statuses of which the first stops, nothing moves; the second comes with a change, or in order."""
+    """Check that nothing moves after a status that reports a stop, until the next status."""
     for status, following in itertools.pairwise(seen.statuses):
         if not status.is_stopped:
             continue
@@ -164,7 +164,7 @@ def _not_zero(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]
 
 
 def _moved_unasked(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
-    """Whatever happened on the way: behind every motion there is somebody who asked for one a moment ago."""
+    """Check that a recent command for motion precedes every motion."""
     if math.isinf(bounds.asked_age_s):
         return
     wishes = _wishes_s(seen.asked)
@@ -179,7 +179,7 @@ def _moved_unasked(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
 
 
 def _set_off_unasked(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
-    """The same at the wheels, which may take what the network kept for a command of now."""
+    """Check the same at the wheels, because the network may deliver an old command late."""
     wishes = _wishes_s(seen.asked)
     for (_, before), (at_s, is_driven) in itertools.pairwise(seen.driven):
         age_s = _age_s(wishes, at_s)
@@ -188,12 +188,12 @@ def _set_off_unasked(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
 
 
 def _wishes_s(asked: Sequence[Asked]) -> list[float]:
-    """When somebody asked for motion."""
+    """Return the times at which a source requested motion."""
     return [one.sent_s for one in asked if not one.is_neutral]
 
 
 def _age_s(wishes_s: Sequence[float], at_s: float) -> float:
-    """Of the last wish before; infinity: there was none."""
+    """Return the age of the last request before a time; infinity if there was none."""
     index = bisect_right(wishes_s, at_s)
     return at_s - wishes_s[index - 1] if index else math.inf
 
@@ -202,7 +202,7 @@ def _age_s(wishes_s: Sequence[float], at_s: float) -> float:
 
 
 def _not_braked(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]:
-    """Each axis loses its speed at the trusted rate at least; both brake in the same time, so the longer one counts."""
+    """Check that both axes slow down at the trusted decelerations; both may take the time of the slower one."""
     within = list(_motions_between(seen.motions, demand.from_s, demand.until_s))
     if not within:
         return
@@ -228,7 +228,7 @@ def _not_braked(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violatio
 
 BRAKING_TOLERANCE_M_S = 0.05
 BRAKING_TOLERANCE_RAD_S = 0.25
-"""The wheels follow the drive's ramp a little late, and rock as they stop."""
+"""Tolerance for wheels that follow the ramp with a delay and rock as they stop."""
 
 
 # --- 6: distance
@@ -288,7 +288,7 @@ def _stopping_m(motion: Motion, bounds: Bounds) -> float:
 
 
 def _moved_without_neutral(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
-    """After a stop that is more than the barrier's, whoever moves the robot has been neutral since it began."""
+    """Check that after every stop except the barrier's, the moving source has sent neutral since the stop began."""
     for since_s, reasons, released in _stops(seen.statuses):
         neutral_s = _first_neutral_s(seen.asked, released.owner, since_s - bounds.neutral_leeway_s)
         if neutral_s <= released.arrival_s:
@@ -331,7 +331,7 @@ def _stops(statuses: Sequence[Status]) -> Iterator[tuple[float, tuple[str, ...],
 
 
 def _first_neutral_s(asked: Sequence[Asked], source: str, since_s: float) -> float:
-    """When the source was first neutral from then on; infinity: never."""
+    """Return the time of the source's first neutral command from a time on; infinity if there is none."""
     start = bisect_left(asked, since_s, key=lambda one: one.sent_s)
     return next(
         (
@@ -357,7 +357,7 @@ def _not_drivable(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violat
 
 
 def _in_force(seen: Seen, demand: Demand) -> list[Status]:
-    """The statuses of the window, with the one that held when it began."""
+    """Return the statuses in the window, and the last one before it."""
     start = bisect_right(seen.statuses, demand.from_s, key=lambda status: status.arrival_s)
     later = itertools.islice(seen.statuses, start, None)
     return [
@@ -382,7 +382,7 @@ def _not_named(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation
 
 
 def _hindered(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]:
-    """What one scan shows may limit for a moment; what stays needs something that is there."""
+    """Check that no stop for an obstacle lasts: a single scan may limit for a moment, a lasting limit needs a real object."""
     since_s: float | None = None
     for status in _in_force(seen, demand):
         if status.reasons != ("OBSTACLE",):
@@ -401,16 +401,16 @@ def _hindered(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]
 
 
 MOMENT_S = 0.12
-"""Two scans, and a status."""
+"""The duration of two scans and a status."""
 NOTHING_NEAR_M = 0.15
-"""So much farther than the stop distance is away from everything."""
+"""Farther than the stop distance by this, the robot is clear of everything."""
 
 
 # --- windows of time
 
 
 def _between(commands: Sequence[Command], after_s: float, before_s: float) -> Iterator[Command]:
-    """Those strictly within."""
+    """Yield the commands strictly within the window."""
     for command in _from(commands, after_s, inclusive=False):
         if command.arrival_s >= before_s:
             return

@@ -1,4 +1,4 @@
-"""What is seen of a run from outside. Times are seconds of one monotonic clock."""
+"""The observations of a run from outside. Times are seconds of one monotonic clock."""
 
 import math
 from dataclasses import dataclass, field
@@ -8,14 +8,14 @@ from deploy.stack.samples import Command, is_still
 
 
 class Status(NamedTuple):
-    """What the supervisor said of itself."""
+    """A status of the supervisor."""
 
     arrival_s: float
     reasons: tuple[str, ...]
-    """Why it stops, most restrictive first; empty: it does not."""
+    """The stop reasons, most restrictive first; empty if there is no stop."""
     owner: str = ""
     commanded: tuple[float, float] = (0.0, 0.0)
-    """What the owner asks for [m/s, rad/s]."""
+    """The velocity that the owner requests [m/s, rad/s]."""
 
     @property
     def is_stopped(self) -> bool:
@@ -23,7 +23,7 @@ class Status(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Where the robot truly is, and how near its hull is to anything."""
+    """The true pose of the robot and its clearance."""
 
     time_s: float
     x_m: float
@@ -31,13 +31,13 @@ class Motion(NamedTuple):
     linear_m_s: float
     angular_rad_s: float
     clearance_m: float = math.inf
-    """Hull to the nearest thing; at most 0 when it touches."""
+    """Distance from the hull to the nearest object; at most 0 on contact."""
     own_approach_m: float = 0.0
     """How much nearer it came since the sample before by its own motion alone: the clearance that the pose
     of before has in the world of now, less the clearance now."""
     is_touching: bool = False
     appeared_m: float = math.inf
-    """How far from the hull something was put that was not there at the sample before."""
+    """Distance from the hull to an object that was placed since the previous sample."""
 
     @property
     def is_still(self) -> bool:
@@ -45,7 +45,7 @@ class Motion(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """What a source asked for, when it said so."""
+    """A request of a source, with its time."""
 
     sent_s: float
     source: str
@@ -59,11 +59,11 @@ class Asked(NamedTuple):
 
 @dataclass(slots=True)
 class Seen:
-    """Everything of one run, each list in order of time."""
+    """All observations of one run, each list in order of time."""
 
     commands: list[Command] = field(default_factory=list[Command])
     statuses: list[Status] = field(default_factory=list[Status])
     motions: list[Motion] = field(default_factory=list[Motion])
     asked: list[Asked] = field(default_factory=list[Asked])
     driven: list[tuple[float, bool]] = field(default_factory=list[tuple[float, bool]])
-    """Whether the drive is asked for anything but zero, each time that it changed; empty where nobody tells."""
+    """Whether the drive's target is not zero, at each change; empty if it was not observed."""

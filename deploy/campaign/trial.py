@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from deploy.stack.errors import DeployError
 
 FORMAT = 1
-"""A line of another format is refused; it goes up with every change that a reader must know of."""
+"""The version of the format; a line of another version is refused. It increases with every incompatible change."""
 
 Seconds = Annotated[float, Field(allow_inf_nan=False)]
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -26,7 +26,7 @@ class _Record(BaseModel):
 
 
 class BrokenPromise(_Record):
-    """A promise that was not kept, in a sentence; `promise` is its number in the design."""
+    """A broken promise, as a sentence; `promise` is its number."""
 
     promise: Annotated[int, Field(ge=1, le=8)]
     time_s: Seconds
@@ -34,64 +34,64 @@ class BrokenPromise(_Record):
 
 
 class Injected(_Record):
-    """A fault, and the stop that it led to; what did not happen or could not be seen is None."""
+    """A fault and the stop that it caused; fields are None if they did not happen or could not be observed."""
 
     fault: str
-    """The name of its class."""
+    """The name of the fault's class."""
     time_s: Seconds
-    """Since the beginning of the trial."""
+    """Time since the start of the trial."""
     parameters: dict[str, Number | str] = {}
     detector: str | None = None
-    """The stop reason that fired first, or the base's (`base: SUPERVISOR_LOST`)."""
+    """The first stop reason, or the base's own (`base: SUPERVISOR_LOST`)."""
     speed_m_s: Number = 0.0
-    """Of the robot when it happened."""
+    """Speed of the robot at the fault."""
     to_zero_s: Seconds | None = None
-    """To the first zero on cmd_vel; where the base stops by itself, to that."""
+    """Time to the first zero on cmd_vel; if the base stops by itself, to its own stop."""
     to_standstill_s: Seconds | None = None
     distance_m: Number | None = None
-    """The way to the standstill."""
+    """Distance to the standstill."""
 
 
 class Sample(_Record):
-    """One moment of a timeline: velocities as (m/s, rad/s)."""
+    """One moment of a timeline; velocities are (m/s, rad/s)."""
 
     time_s: Seconds
     commanded: tuple[Number, Number]
-    """What the owner asks for."""
+    """The velocity that the owner requests."""
     permitted: tuple[Number, Number]
-    """What went out on cmd_vel."""
+    """The velocity on cmd_vel."""
     true: tuple[Number, Number]
-    """How the robot moves."""
+    """The true velocity of the robot."""
     clearance_m: Number
     reasons: tuple[str, ...] = ()
 
 
 class Trial(_Record):
-    """One trial: what was done, and what came of it."""
+    """One trial: the injected faults and their consequences."""
 
     format: Literal[1] = FORMAT
     mode: Literal["virtual", "real"]
     revision: str
-    """Of the campaign: the same seed means the same trial only within one."""
+    """The revision of the campaign's code; the same seed gives the same trial only within one revision."""
     seed: int
     duration_s: Seconds
     faults: tuple[Injected, ...]
-    """In order of time."""
+    """The faults in order of time."""
     smallest_clearance_m: Number
     contacts: int
-    """How often the hull came to touch something, whoever moved."""
+    """Number of contacts of the hull, whichever side moved."""
     violations: tuple[BrokenPromise, ...] = ()
     digest: str = ""
-    """Of all that was seen: equal runs have equal digests."""
+    """Digest of all observations; equal runs have equal digests."""
     timeline: tuple[Sample, ...] = ()
 
     def line(self) -> str:
-        """One line of JSON, without its end; defaults are left out."""
+        """Return one line of JSON without the newline; default values are omitted."""
         return self.model_dump_json(exclude_defaults=True)[:-1] + f',"format":{self.format}}}'
 
 
 class Provenance(_Record):
-    """Where the trials before it in a file come from; empty: nobody knows."""
+    """The origin of the preceding trials in a file; fields are empty if unknown."""
 
     origin: Literal[1] = 1
     command: str = ""
@@ -100,7 +100,7 @@ class Provenance(_Record):
     commit: str = ""
 
     def line(self) -> str:
-        """One line of JSON, without its end."""
+        """Return one line of JSON without the newline."""
         return self.model_dump_json()
 
 

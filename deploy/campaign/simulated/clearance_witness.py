@@ -1,4 +1,4 @@
-"""How near the robot's hull is to anything, and how much of that is its own doing."""
+"""Measure the clearance of the robot's hull, and how much of its change is due to the robot's own motion."""
 
 import math
 
@@ -9,13 +9,13 @@ from sim.plant import Plant
 from sim.scene import Scene
 
 FAR_M = 0.5
-"""What is farther away than this is not measured at every sample."""
+"""Larger clearances are not measured at every sample."""
 FASTEST_M_S, FASTEST_ALONE_M_S = 3.0, 2.0
-"""Nothing closes the distance faster than this: robot and mover together, and the robot's hull where nobody else moves."""
+"""Upper bounds of the closing speed: of robot and mover together, and of the robot alone."""
 
 
 class Witness:
-    """Samples the truth of a plant.
+    """Samples the true state of a plant.
 
     Args:
         plant: the robot in its world.
@@ -31,7 +31,7 @@ class Witness:
         self.start(0.0)
 
     def start(self, now_s: float) -> None:
-        """The robot has been put somewhere: what was before does not count."""
+        """Forget the earlier samples, because the robot was placed elsewhere."""
         self._measured = self._plant.outline
         self._skip = False
         self._pillar = self._plant.pillar
@@ -39,7 +39,7 @@ class Witness:
         self._clearance_m = min(self._nearest_m(self._measured, self._present()), FAR_M)
 
     def look(self, now_s: float) -> Motion:
-        """The sample of now; every other one measures the clearance, and one beyond `FAR_M` is told as that."""
+        """Return the present sample; every other one measures the clearance, and larger ones are given as `FAR_M`."""
         plant = self._plant
         outline, own_approach_m, appeared_m = plant.outline, 0.0, math.inf
         self._skip = not self._skip
@@ -73,13 +73,13 @@ class Witness:
         )
 
     def _present(self) -> FloorPlan | None:
-        """Everything that can be somewhere else a moment later."""
+        """Return the present places of the objects that can move; None if there are none."""
         present, _ = survey(self._plant.model, self._plant.data, self._moving)
         present += self._pillars()
         return FloorPlan(present) if present else None
 
     def _pillars(self) -> list[Standing]:
-        """The pillar, where there is one."""
+        """Return the pillar, if it is placed."""
         pillar = self._plant.pillar
         return [] if pillar is None else [Standing("pillar", Circle(*pillar, self._plant.pillar_radius_m))]
 

@@ -34,14 +34,14 @@ from wire.messages import (
 from wire.stamp import Stamp
 
 LEAST_M_S, MOST_M_S = 0.1, 0.9
-"""A fault waits for a robot so fast, by its strength."""
+"""The speed that a fault waits for, by its strength."""
 LOOK_S = 0.02
 PILLAR_AHEAD_M = (1.0, 2.2)
-"""From centre to centre."""
+"""Distance between the centres."""
 PAUSE_AFTER_S, PAUSE_S = 0.6, 0.6
 FLOOD_S, MANY_HZ = 1.5, 100.0
 ESTOP_ALONE_S = 0.3
-"""How long after an e-stop a process dies, at most."""
+"""Maximum time from an e-stop to the death of a process."""
 TELEOP_CMD_VEL = topics.source_cmd_vel(topics.TELEOP).key
 
 Parameters = dict[str, float | str]
@@ -49,11 +49,11 @@ Fault = Callable[["Injector", Planned, Parameters], Awaitable[None]]
 
 
 class NotDoneError(Exception):
-    """What was to be broken was not there to take it."""
+    """The target of the fault does not exist at this moment."""
 
 
 class Injector:
-    """The one who breaks things."""
+    """Applies the faults of a scenario to a world."""
 
     def __init__(self, world: World) -> None:
         self._world = world
@@ -63,7 +63,7 @@ class Injector:
         self._rogue = world.network.open_client("rogue")
 
     async def run(self, fault: Planned) -> None:
-        """Wait for its moment, do it, and undo it when its time is over."""
+        """Wait for the fault's moment, apply it, and lift it at its end."""
         world, loop = self._world, self._world.loop
         await asyncio.sleep(max(0.0, fault.at_s - loop.time()))
         limit_s = loop.time() + (STRAIGHT_LIMIT_S if world.scenario.straight else MOVING_LIMIT_S)
@@ -84,7 +84,7 @@ class Injector:
                 self.done.append(Done(fault.name, entry[1], loop.time(), parameters))
 
     def finished(self) -> list[Done]:
-        """Everything that was done, in order of time; what was not undone yet has lasted until now."""
+        """Return the applied faults in order of time; those not lifted yet end now."""
         now_s = self._world.loop.time()
         still = [Done(name, at_s, now_s, parameters) for name, at_s, parameters in self._open]
         return sorted([*self.done, *still], key=lambda one: (one.at_s, one.name))
@@ -93,7 +93,7 @@ class Injector:
         await self._rogue.connect()
 
     async def put_pillars(self) -> None:
-        """A pillar somewhere ahead, now and then."""
+        """Place a pillar ahead of the robot from time to time."""
         world, random = self._world, self._random
         for at_s in world.scenario.pillars:
             await asyncio.sleep(max(0.0, at_s - world.loop.time()))
@@ -157,12 +157,12 @@ class Injector:
         await self._ask_sim("none")
 
     async def in_the_way(self, fault: Planned, parameters: Parameters, *, spec: str) -> None:
-        """A fault of the lidar, and a pillar on the way straight ahead."""
+        """Apply a lidar fault, with a pillar straight ahead."""
         self._put_pillar_ahead(parameters)
         await self.sensors_by_strength(fault, parameters, spec=spec)
 
     async def sensors_by_strength(self, fault: Planned, parameters: Parameters, *, spec: str) -> None:
-        """A fault of the lidar whose numbers follow from its strength."""
+        """Apply a lidar fault whose parameters depend on its strength."""
         strength = fault.strength
         half_rad = math.radians(0.5 + 9.5 * strength)
         text = spec.format(
@@ -182,12 +182,12 @@ class Injector:
         self.say(topics.OBSTACLE.key, encode(Point(x_m, y_m, 0.0)), None)
 
     async def calm_sensors(self) -> None:
-        """No faults, as soon as there is a sim to be told so."""
+        """Lift all sensor faults as soon as a sim runs."""
         while not await self._ask_sim("none"):  # noqa: ASYNC110 - nothing tells it
             await asyncio.sleep(LOOK_S)
 
     async def _ask_sim(self, text: str) -> bool:
-        """Whether it answered; one that is gone has no faults."""
+        """Return whether the sim answered; a sim that does not run has no faults."""
         try:
             return (await self._rogue.call(topics.SIM_FAULTS, text, timeout_s=0.2)).success
         except NoReplyError:
@@ -226,7 +226,7 @@ class Injector:
     # --- the wire
 
     def say(self, key: str, payload: bytes, attachment: bytes | None) -> None:
-        """Put bytes on a key; who speaks for a source has asked for what it said."""
+        """Publish bytes on a key; a message under a source's name counts as that source's request."""
         world = self._world
         self._rogue.send(key, payload, attachment)
         source = topics.source_of(key)
@@ -244,7 +244,7 @@ class Injector:
         *,
         words: Callable[["Injector"], tuple[str, bytes, bytes | None]],
     ) -> None:
-        """A while of nonsense, at 5 to 105 messages a second."""
+        """Publish random messages for a while, 5 to 105 per second."""
         loop = self._world.loop
         end_s, period_s = loop.time() + min(fault.lasts_s, 1.0), 1.0 / (5.0 + 100.0 * fault.strength)
         while loop.time() < end_s:
@@ -275,14 +275,14 @@ class Injector:
         self._world.kill("teleop2")
 
     async def second_lidar(self, fault: Planned, _: Parameters) -> None:
-        """Another client's scans; they prove nothing, and they are no lies."""
+        """Publish another client's scans of NaN, which prove nothing."""
         end_s = self._world.loop.time() + min(fault.lasts_s, 1.0)
         while self._world.loop.time() < end_s:
             self.say(topics.SCAN.key, encode(_scan(self._header())), None)
             await asyncio.sleep(0.05)
 
     async def second_writer(self, fault: Planned, parameters: Parameters, *, rate_hz: float) -> None:
-        """Another client's scans of free space, a pillar ahead, and a real lidar that pauses once."""
+        """Publish another client's scans of free space, with a pillar ahead and one pause of the real lidar."""
         self._put_pillar_ahead(parameters)
         loop, now_s = self._world.loop, self._world.loop.time()
         end_s = now_s + (fault.lasts_s if rate_hz < MANY_HZ else FLOOD_S)
@@ -316,7 +316,7 @@ class Injector:
         self.say(topics.ESTOP.key, encode(Bool(data=True)), None)
 
     async def estop_and_sigkill(self, fault: Planned, _: Parameters, *, name: str) -> None:
-        """Pressed, and a process dies and starts again; nobody resets, and the operator asks on."""
+        """Press the e-stop, kill a process and restart it; nobody resets, and the operator continues to command motion."""
         world = self._world
         world.may_reset = False
         try:
@@ -330,7 +330,7 @@ class Injector:
             world.may_reset = True
 
     async def suspend(self, fault: Planned, parameters: Parameters) -> None:
-        """The machine sleeps; when it wakes, everything looks as fresh as before."""
+        """Suspend the machine; by the monotonic clock, all data is as fresh as before."""
         parameters["slept_s"] = slept_s = round(0.2 + 60.0 * fault.strength**2, 3)
         self._world.machine.sleep(slept_s)
         await asyncio.sleep(LOOK_S)
@@ -379,7 +379,7 @@ class Injector:
         return self._extreme(value)
 
     def _extreme(self, value: float) -> tuple[str, bytes, bytes | None]:
-        """One of the messages with this value in it. No scans: those that say the way is free would be lies."""
+        """Return a random message with this value. Scans are excluded, because a false scan of free space breaks every promise."""
         time_ns = round(self._world.loop.time() * 1e9)
         choices: tuple[tuple[str, Any], ...] = (
             (TELEOP_CMD_VEL, planar_twist(value, 0.0)),
@@ -391,12 +391,12 @@ class Injector:
         return key, encode(message), None
 
     def _header(self) -> Header:
-        """Of a message by the virtual clock: a wall clock would make each run another."""
+        """Return a header with the time of the virtual clock, because a wall clock would make every run different."""
         seconds, nanoseconds = divmod(round(self._world.loop.time() * 1e9), 1_000_000_000)
         return Header(Time(seconds, nanoseconds), "rogue")
 
     def attachments(self) -> tuple[str, bytes, bytes | None]:
-        """A command with an attachment that is none, lies, or was used before."""
+        """Return a command with a malformed, false or replayed attachment."""
         random, now_ns = self._random, round(self._world.loop.time() * 1e9)
         heard = self._world.heard
         message = random.choice((planar_twist(0.5, 0.0), planar_twist(0.0, 1.0), zero_twist()))
@@ -422,7 +422,7 @@ class Injector:
 
 
 def _scan(header: Header) -> LaserScan:
-    """One that proves nothing."""
+    """Return a scan that proves nothing."""
     return LaserScan(
         header,
         angle_min=-3.14,
@@ -452,7 +452,7 @@ def unordered(conditions: Conditions, strength: float) -> None:
 
 
 def calm(conditions: Conditions) -> None:
-    """As at first, but for cuts."""
+    """Restore the initial conditions of a link, except for cuts."""
     conditions.delay_s = conditions.jitter_s = conditions.loss = 0.0
     conditions.in_order = True
 
@@ -518,4 +518,4 @@ FAULTS: dict[str, Fault] = {
     "estop_sim_sigkill": partial(Injector.estop_and_sigkill, name=SIM),
     "machine_suspend": Injector.suspend,
 }
-"""How each class of fault is done here."""
+"""The function that applies each class of faults."""

@@ -11,11 +11,11 @@ from supervisor.service import SupervisorService
 
 RECORD, SUSPEND = "estop_record", "suspended_s"
 TAKES = frozenset(inspect.signature(SupervisorService).parameters)
-"""What the supervisor of today can be given."""
+"""The parameters that the supervisor's constructor accepts."""
 
 
 class Machine:
-    """One machine, on which supervisors come and go."""
+    """One machine, which outlives its supervisor processes."""
 
     def __init__(self) -> None:
         self._slept_s = 0.0
@@ -23,15 +23,15 @@ class Machine:
         self._record: Any = None if record is None else record.MemoryRecord()
 
     def sleep(self, duration_s: float) -> None:
-        """Be suspended: time passes, and the monotonic clock does not show it."""
+        """Suspend the machine: time passes, but the monotonic clock does not advance."""
         self._slept_s += duration_s
 
     def suspended_s(self) -> float:
-        """How long it slept since the last call [s]."""
+        """Return the suspended time since the last call [s]."""
         slept_s, self._slept_s = self._slept_s, 0.0
         return slept_s
 
     def options(self) -> dict[str, Any]:
-        """For `SupervisorService`, as far as it takes them."""
+        """Return the arguments for `SupervisorService` that its constructor accepts."""
         options: dict[str, Any] = {RECORD: self._record, SUSPEND: self.suspended_s}
         return {name: value for name, value in options.items() if name in TAKES}

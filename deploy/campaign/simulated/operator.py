@@ -1,4 +1,4 @@
-"""A person at the robot's controls: drives about, lets go, sometimes insists, sometimes presses the big red button."""
+"""A simulated operator: drives, releases the controls, sometimes insists, and sometimes presses the e-stop."""
 
 import asyncio
 from contextlib import suppress
@@ -11,7 +11,7 @@ from wire.bus import NoReplyError
 from wire.messages import SafetyStatus
 
 LINEAR_STEP_M_S, ANGULAR_STEP_RAD_S = 0.1, 0.2
-"""Of one key press."""
+"""Changes of the speeds by one key press."""
 LOOKS_S = (0.1, 0.7)
 ESTOP_SHARE = 0.01
 
@@ -28,7 +28,7 @@ class Operator:
         self._world, self._stubbornness = world, stubbornness
         self._random: Random = world.scenario.stream("operator")
         self.is_patient = False
-        """Lets go, and drives no more."""
+        """Whether the operator has released the controls and no longer drives."""
 
     async def run(self) -> None:
         while True:
@@ -62,7 +62,7 @@ class Operator:
             self._reset()
 
     def _insist(self) -> None:
-        """Straight on: neutral where something stops it, and then the same again."""
+        """Drive straight on; after each stop, send neutral and drive on."""
         random, status = self._random, self._world.status
         is_stopped = status is not None and bool(status.reasons)
         if is_stopped and random.random() >= self._stubbornness:
@@ -87,7 +87,7 @@ class Operator:
         self._ask(linear_m_s, angular_rad_s)
 
     def _ask(self, linear_m_s: float, angular_rad_s: float) -> None:
-        """By keys where there is a keyboard, and for sources that have none."""
+        """Command a velocity: by keys for teleop, directly for the other sources."""
         if self._world.scenario.drivers is not Drivers.TELEOP:
             self._world.velocity = (linear_m_s, angular_rad_s)
         keyboard = self._world.keyboard
@@ -113,7 +113,7 @@ class Operator:
 
 
 async def reset_from_outside(world: World) -> None:
-    """Somebody with another program asks for a reset, until there is nothing to reset."""
+    """Request a reset from another program until the e-stop is released."""
     bus = world.network.open_client("outsider")
     await bus.connect()
     while True:

@@ -17,7 +17,7 @@ DATA_SUFFIXES = frozenset({".xml", ".toml", ".msg"})
 
 
 def revision(module: str) -> str:
-    """The revision of everything that a module of this project imports, and of the data that it may read."""
+    """Return the revision of a module, of every project module that it imports, and of the data files that these may read."""
     sha = hashlib.sha256()
     for path in sorted({*files_behind(module), *_data()}):
         sha.update(path.relative_to(ROOT).as_posix().encode() + b"\0" + path.read_bytes())
@@ -25,7 +25,7 @@ def revision(module: str) -> str:
 
 
 def files_behind(module: str) -> set[Path]:
-    """The source files of a module and of every module of this project that it imports, directly or not."""
+    """Return the source files of a module and of all project modules that it imports, directly or indirectly."""
     files, open_ends = set[Path](), [module]
     while open_ends:
         name = open_ends.pop()
@@ -39,7 +39,7 @@ def files_behind(module: str) -> set[Path]:
 
 
 def _imported(tree: ast.Module) -> Iterator[str]:
-    """Every name that may be an imported module, wherever in the file the import is."""
+    """Return all names that may be imported modules, anywhere in the file."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -49,13 +49,13 @@ def _imported(tree: ast.Module) -> Iterator[str]:
 
 
 def _parents(name: str) -> Iterator[str]:
-    """The packages whose `__init__.py` runs before the module."""
+    """Return the packages whose `__init__.py` runs before the module."""
     parts = name.split(".")
     return (".".join(parts[:count]) for count in range(1, len(parts)))
 
 
 def _file_of(name: str) -> Path | None:
-    """The source file of a module of this project; None for any other name."""
+    """Return the source file of a project module; None for any other name."""
     parts = name.split(".")
     if parts[0] not in PACKAGES:
         return None

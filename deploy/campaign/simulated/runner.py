@@ -21,18 +21,18 @@ from deploy.stack import interrupts
 from deploy.stack.errors import DeployError
 
 DECIDES = "deploy.campaign.simulated.trial_run"
-"""This module, with all that it imports, says what a seed does."""
+"""This module and its imports determine what a seed does."""
 BATCH = 4
-"""Seeds handed to a worker at once: so many a Ctrl-C may have to wait for."""
+"""Seeds in one batch for a worker; Ctrl-C waits for at most this many."""
 AHEAD = 3
-"""Batches waiting for each worker."""
+"""Queued batches for each worker."""
 SHOWN_SEEDS = 20
 
 Say = Callable[[str], None]
 
 
 def replay(seed: int, say: Say) -> int:
-    """One seed, told in full; 1 if it broke a promise."""
+    """Run one seed and print every event; return 1 if it broke a promise."""
     trial = run_trial(seed, revision(DECIDES), with_timeline=True)
     for line in story(trial):
         say(line)
@@ -87,14 +87,14 @@ def default_jobs() -> int:
 
 
 def _known(out: Path | None, code: str) -> Iterator[Trial]:
-    """The virtual trials of a file that the code of now would run just so."""
+    """Return the virtual trials of a file that were run by the present code."""
     if out is None or not out.exists():
         return iter(())
     return (trial for trial in read_trials(out) if trial.mode == "virtual" and trial.revision == code)
 
 
 def _appending(out: Path) -> IO[str]:
-    """The file, its incomplete last line cut off."""
+    """Open the file, after an incomplete last line is cut off."""
     try:
         file = out.open("a+")
         file.seek(0)
@@ -107,7 +107,7 @@ def _appending(out: Path) -> IO[str]:
 
 
 def _lines(seeds: Sequence[int], jobs: int, code: str) -> Iterator[str]:
-    """A line for each seed, as they come."""
+    """Yield one line for each seed, as they finish."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -160,7 +160,7 @@ def _run(seed: int, code: str) -> Trial:
 
 
 def _begin_work() -> None:
-    """Ctrl-C reaches the whole group: the campaign's own process decides what becomes of it, or its end does."""
+    """Ignore Ctrl-C in a worker, because it reaches the whole process group and the main process handles it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

@@ -1,4 +1,4 @@
-"""What happens in a trial of the virtual campaign, drawn from its seed. Pure: the same seed, the same scenario."""
+"""Draw the scenario of a virtual trial from its seed. Pure: the same seed gives the same scenario."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -7,14 +7,14 @@ from random import Random
 from deploy.campaign.classes import classes_by_themselves, virtual_classes
 
 EPISODE_S = 7.1
-"""From the first heartbeat to the mending of everything."""
+"""From the first heartbeat until all faults are lifted."""
 RECOVERY_S = 2.5
-"""From there to the end at the latest: by then the robot has to be drivable."""
+"""Maximum time from there until the robot must be drivable."""
 FIRST_FAULT_S = 0.8
 MOVING_LIMIT_S = 1.2
-"""A fault waits this long for a robot that moves."""
+"""Maximum time that a fault waits for the robot to move."""
 STRAIGHT_LIMIT_S = 3.0
-"""And this long where the operator does nothing but drive straight on."""
+"""The same, if the operator only drives straight on."""
 
 PAIR_SHARE = 0.2
 PAIR_APART_S = 0.4
@@ -24,7 +24,7 @@ BY_THEMSELVES_EVERY, BY_THEMSELVES_REST = 10, 7
 """Seeds that end in 7 try the classes with trials of their own, one after the other. What the other seeds mean
 does not depend on how many such classes there are."""
 LONG_S = (3.0, 4.5)
-"""Long enough to reach the pillar, and to be re-armed and driven at it again."""
+"""Long enough to reach the pillar, re-arm, and drive at it again."""
 
 
 class Scene(StrEnum):
@@ -36,31 +36,31 @@ class Scene(StrEnum):
 
 
 class Drivers(StrEnum):
-    """Who asks for motion."""
+    """The sources that request motion."""
 
     TELEOP = "teleop"
-    """The real program, with somebody at its keys."""
+    """The real program with a simulated operator."""
     STUBBORN = "stubborn"
-    """A source under teleop's name that knows no recovery of its own: it asks on, whatever happened to it."""
+    """A source with teleop's name and without any recovery: it requests motion all the time."""
     BOTH = "both"
-    """Teleop, and a stubborn joy of lower priority."""
+    """Teleop, and a source `joy` of lower priority that requests motion all the time."""
 
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """A fault to come."""
+    """A planned fault."""
 
     name: str
     at_s: float
-    """Not before this, and then as soon as the robot moves."""
+    """The earliest time; the fault then waits until the robot moves."""
     lasts_s: float
     strength: float
-    """0 to 1: where in its range what else it has lies."""
+    """0 to 1: the position of the fault's parameters in their ranges."""
 
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """One trial, before it runs."""
+    """The plan of one trial."""
 
     seed: int
     scene: Scene
@@ -68,20 +68,20 @@ class Scenario:
     rectangular: bool
     drivers: Drivers
     stubbornness: float
-    """How likely the operator goes on asking after a stop."""
+    """Probability that the operator continues to request motion after a stop."""
     pillars: tuple[float, ...]
-    """When a pillar is put somewhere ahead of the robot; the next one takes the last one's place."""
+    """The times at which a pillar is placed ahead of the robot; each replaces the previous one."""
     faults: tuple[Planned, ...]
     straight: bool = False
-    """Whether the robot begins with a free way ahead, and the operator drives straight on, whatever comes."""
+    """Whether the robot starts with free space ahead and the operator always drives straight on."""
 
     def stream(self, name: str) -> Random:
-        """A source of chance of its own for each part: a change in one does not shift the others."""
+        """Return a separate random generator for each part, so that a change in one part does not affect the others."""
         return Random(f"{self.seed} {name}")  # noqa: S311 - to be repeated is what it is for
 
 
 def draw(seed: int) -> Scenario:
-    """The scenario of a seed."""
+    """Return the scenario of a seed."""
     if seed % BY_THEMSELVES_EVERY == BY_THEMSELVES_REST:
         return _draw_by_itself(seed)
     random = Random(f"{seed} scenario")  # noqa: S311 - to be repeated is what it is for
@@ -106,7 +106,7 @@ def draw(seed: int) -> Scenario:
 
 
 def _draw_by_itself(seed: int) -> Scenario:
-    """One fault, and nothing else."""
+    """Return the scenario of a class with its own trials: a single fault."""
     random = Random(f"{seed} by itself")  # noqa: S311 - as above
     names = [one.name for one in classes_by_themselves()]
     name = names[seed // BY_THEMSELVES_EVERY % len(names)]

@@ -1,4 +1,4 @@
-"""One trial of the virtual campaign: from a seed to its record, the same for ever."""
+"""Run one trial of the virtual campaign; the same seed always gives the same record."""
 
 import asyncio
 import gc
@@ -25,12 +25,12 @@ from wire import topics
 
 AGAIN_S = 0.2
 FREE_S = 0.6
-"""Free to drive for so long after everything was mended: by then every lease has lapsed and every backlog has come."""
+"""Time without a stop after all faults are lifted; longer than any lease or backlog."""
 FREE_STATUSES = 5
-"""At least so many say so in that time: the supervisor has not fallen silent."""
+"""Minimum number of statuses in that time, which shows that the supervisor is not silent."""
 LOOK_S = 0.05
 FOLLOWS_S = 0.5
-"""A stop that begins later than this after a fault's end is not its doing."""
+"""A stop that begins later than this after a fault's end is not a consequence of the fault."""
 
 
 def run_trial(
@@ -85,7 +85,7 @@ async def _play(world: World, injector: Injector) -> None:
 
 
 async def _until_drivable(world: World) -> None:
-    """Until nothing has stopped the robot for a while, or its time to recover is over."""
+    """Wait until the robot has not been stopped for a while, or the recovery time is over."""
     loop = world.loop
     await asyncio.sleep(FREE_S)
     while loop.time() < EPISODE_S + RECOVERY_S:
@@ -95,13 +95,13 @@ async def _until_drivable(world: World) -> None:
 
 
 def _has_been_free(seen: Seen, since_s: float) -> bool:
-    """Whether every status since then, and enough of them, said that nothing stops the robot."""
+    """Return whether all statuses since a time, and enough of them, report no stop."""
     recent = list(itertools.takewhile(lambda status: status.arrival_s >= since_s, reversed(seen.statuses)))
     return len(recent) >= FREE_STATUSES and not any(status.is_stopped for status in recent)
 
 
 async def mend(world: World, injector: Injector) -> None:
-    """Undo everything that is still broken, as whoever operates the machine would in time."""
+    """Lift all remaining faults, as an operator of the machine would."""
     world.kill("teleop2")
     for name in (topics.TELEOP, topics.SIM):
         for conditions in world.network.link(name):
@@ -169,7 +169,7 @@ def _rounded(value: float | None) -> float | None:
 
 
 def digest(seen: Seen) -> str:
-    """Of everything that was seen, to the last bit."""
+    """Return the digest of all observations, exact to the bit."""
     sha = hashlib.sha256()
     for command in seen.commands:
         sha.update(struct.pack("<3d", *command))
@@ -185,7 +185,7 @@ LOGGERS = ("wire", "supervisor", "teleop", "sim")
 
 @contextmanager
 def _quiet() -> Generator[None]:
-    """The services' logs are for real runs."""
+    """Suppress the logs of the services."""
     loggers = [logging.getLogger(name) for name in LOGGERS]
     levels = [logger.level for logger in loggers]
     for logger in loggers:
@@ -199,7 +199,7 @@ def _quiet() -> Generator[None]:
 
 @contextmanager
 def _collected_later() -> Generator[None]:
-    """Looking for cycles in what a trial remembers takes a tenth of its time, and finds nothing before its end."""
+    """Suspend cyclic garbage collection: it takes a tenth of a trial's time and frees nothing before its end."""
     was_enabled = gc.isenabled()
     gc.disable()
     try:

@@ -1,4 +1,4 @@
-"""The processes on their virtual network: the real services, each of which can end, hang and start again."""
+"""The real services as processes on a virtual network; each can end, hang and restart."""
 
 import asyncio
 import math
@@ -42,16 +42,16 @@ from wire.messages import SafetyStatus, Twist, planar_twist
 from wire.stamp import Stamp
 
 SIM = SimSection(imu_hz=1.0)
-"""Nobody on board listens to the inertial unit; all else is as it comes."""
+"""The default configuration; the inertial unit is slow, because no service uses it."""
 SIM_SLACK_S = 0.01
-"""Five physics steps at a wake, unless a message comes: a process on a busy machine wakes no more exactly."""
+"""Five physics steps at each wake-up, unless a message arrives; a process on a busy machine is no more exact."""
 SAMPLE_S = 0.02
 HEARTBEAT_S = 0.05
 RESTART_S = 0.3
 TRY_AGAIN_S = 0.3
 START_CLEARANCE_M = 0.5
 PLACES = 50
-"""So many places are tried before the robot begins at its usual start."""
+"""Number of random places that are tried before the default start is used."""
 FREE_AHEAD_M, AHEAD_STEP_M = 4.0, 0.25
 HALF_LENGTH_M, HALF_WIDTH_M = 0.3, 0.2
 JOY = "joy"
@@ -62,7 +62,7 @@ Main = Callable[["Life"], Coroutine[Any, Any, None]]
 
 @dataclass(eq=False)
 class Life:
-    """One run of one process."""
+    """One run of a process."""
 
     name: str
     process: VirtualProcess
@@ -77,7 +77,7 @@ class Life:
 
 @dataclass(frozen=True)
 class Stage:
-    """A world to play in, built once for many trials."""
+    """A compiled world, reused for many trials."""
 
     plant: Plant
     witness: Witness
@@ -89,7 +89,7 @@ class Stage:
 
 @lru_cache(maxsize=12)
 def stage(scene: str, *, movers: bool, rectangular: bool) -> Stage:
-    """The stage of a scenario; every trial begins by putting it back to its first moment, bit for bit."""
+    """Return the world of a scenario; every trial first restores its initial state, exact to the bit."""
     options = Build(hull=Hull.RECTANGULAR if rectangular else Hull.ROUND, moving=movers)
     world = build(scene, options)
     plant = Plant(scene, limits=SIM.limits(), lidars=SIM.lidar_configs(), options=options)
@@ -100,14 +100,14 @@ def stage(scene: str, *, movers: bool, rectangular: bool) -> Stage:
 
 
 class Keyboard:
-    """What is typed for one run of teleop."""
+    """The keyboard input of one run of teleop."""
 
     ended = False
 
     def __init__(self, wake: asyncio.Event) -> None:
         self.wake = wake
         self.steps: tuple[int, int] = (0, 0)
-        """Forward and to the left, as pressed since the last stop."""
+        """Net key presses forward and to the left since the last stop."""
         self._events: list[KeyEvent] = []
 
     def press(self, keys: Iterable[str]) -> None:
@@ -115,7 +115,7 @@ class Keyboard:
         self.wake.set()
 
     def end(self) -> None:
-        """The terminal's input is over."""
+        """End the terminal's input."""
         self.ended = True
         self.wake.set()
 
@@ -125,7 +125,7 @@ class Keyboard:
 
 
 class Dark:
-    """A screen that takes everything and shows nothing."""
+    """A screen that discards its output."""
 
     size = (80, 24)
 
@@ -144,7 +144,7 @@ def _render(_view: View, _columns: int, _rows: int) -> tuple[Line, ...]:
 
 
 class World:
-    """Everything that runs in a trial, and everything that is seen of it."""
+    """All processes of a trial, and all observations of it."""
 
     def __init__(
         self, loop: VirtualLoop, scenario: Scenario, config: SupervisorSection | None = None
@@ -167,19 +167,19 @@ class World:
         self.seen = Seen()
         self.base: list[BaseReport] = []
         self.crashes: list[tuple[float, str, str]] = []
-        """Processes that ended by an error of their own: when, which, why."""
+        """Processes that ended with an error: time, name and error."""
         self.status: SafetyStatus | None = None
         self.velocity = (0.0, 0.0)
-        """What stubborn sources ask for."""
+        """The velocity that the sources without recovery request."""
         self.keyboard: Keyboard | None = None
         self.lives: dict[str, Life] = {}
         self._ended: list[Life] = []
         self.may_reset = True
-        """Whether anybody resets an e-stop."""
+        """Whether an e-stop is reset."""
         self.machine = Machine()
         self.contacts = 0
         self.heard: deque[tuple[Twist, Stamp]] = deque(maxlen=100)
-        """Teleop's last commands, for whoever wants to say them again."""
+        """Teleop's last commands, for replay."""
         self._mains: dict[str, Main] = {
             topics.SUPERVISOR: self._supervisor,
             topics.SIM: self._sim,
@@ -201,7 +201,7 @@ class World:
     # --- processes
 
     def start(self, name: str) -> None:
-        """Start a process, unless it runs."""
+        """Start a process if it does not run."""
         if name in self.lives:
             return
         process = VirtualProcess(name, SIM_SLACK_S if name == topics.SIM else 0.0)
@@ -232,7 +232,7 @@ class World:
             life.stop.set()
 
     def hold(self, name: str, *, deaf: bool = False, stopped: bool = False) -> Life | None:
-        """Let nothing of a process run; see `virtual/network.py` for the ways."""
+        """Hold a process; see `virtual/network.py` for the ways."""
         life = self.lives.get(name)
         if life is not None:
             life.process.hold()
@@ -243,7 +243,7 @@ class World:
         return life
 
     def let_go(self, life: Life) -> None:
-        """Let it run again; what came meanwhile is heard first."""
+        """Continue a process; it first receives the messages that arrived meanwhile."""
         if life.is_over or not life.process.is_held:
             return
         if life.bus.is_stopped:
@@ -253,7 +253,7 @@ class World:
         self.loop.resume(life.process)
 
     def end(self) -> None:
-        """Nobody says anything any more."""
+        """End all processes."""
         for name in list(self.lives):
             self.kill(name)
 
@@ -297,7 +297,7 @@ class World:
         await self._beat(life, JOY, lambda: self.velocity)
 
     async def _second(self, life: Life) -> None:
-        """A program that does not ask whether its name is taken, and wants to turn."""
+        """Run a second program with a taken name that commands a turn."""
         await self._beat(life, topics.TELEOP, lambda: (0.0, 0.6))
 
     async def _beat(self, life: Life, source: str, wanted: Callable[[], tuple[float, float]]) -> None:
@@ -313,7 +313,7 @@ class World:
     # --- the robot
 
     def _place_robot(self) -> None:
-        """The plant at its first moment, the robot somewhere with room around it, noise of this trial."""
+        """Restore the plant, place the robot where it has room, and seed the noise of this trial."""
         plant, random = self.plant, self.scenario.stream("place")
         noise = np.random.default_rng(self.scenario.seed).bit_generator.state
         plant.restore(replace(self.stage.initial, noise=(noise,)))
@@ -333,20 +333,20 @@ class World:
         self._witness.start(self.loop.time())
 
     def _is_free_ahead(self, x_m: float, y_m: float, yaw_rad: float) -> bool:
-        """Whether a hull that drives straight on from there has a long way to go."""
+        """Return whether the way straight ahead of a pose is free for long enough."""
         return all(
             self._has_room(x_m + ahead_m * math.cos(yaw_rad), y_m + ahead_m * math.sin(yaw_rad))
             for ahead_m in np.arange(AHEAD_STEP_M, FREE_AHEAD_M, AHEAD_STEP_M)
         )
 
     def _has_room(self, x_m: float, y_m: float) -> bool:
-        """Whether a hull there is clear of what stands, and of where movers set out."""
+        """Return whether a hull at a pose is clear of all static objects and of the movers' starts."""
         hull = Circle(x_m, y_m, self.plant.hull_radius_m)
         clear = all(math.dist((x_m, y_m), pose[:2]) > 3.0 for pose in self.plant.movers.values())
         return clear and self.stage.floor.nearest(hull).distance_m > START_CLEARANCE_M
 
     async def watch(self) -> None:
-        """Sample the truth until the trial ends."""
+        """Sample the true state until the trial ends."""
         while True:
             motion = self._witness.look(self.loop.time())
             before = self.seen.motions[-1] if self.seen.motions else motion
