@@ -3,7 +3,7 @@
 cli.py             the command `lifeline`: its options, and nothing else
 up.py              `lifeline up`: the stack, with teleop in this terminal; down.py ends it; estop.py reports an e-stop that is still latched
 status.py          `lifeline status`: print the status once
-demo.py            `lifeline demo`: the promises of the design, measured on the running stack; verdict.py one promise, bound and measurement
+demo.py            `lifeline demo`: a few trials of the real campaign and a drive at a rack; verdict.py one promise, bound and measurement
 path.py            `lifeline path`: squares, circles, and what was recorded
 record.py          `lifeline record`; recording.py the file, written and read
 render.py          `lifeline render`; picture.py what is wanted; film.py its pictures; rehearsal.py robot, law and operator in simulated time

@@ -15,10 +15,10 @@ from deploy.estop import RESET, latched_sentence
 from deploy.stack import supervisord
 from deploy.stack.errors import EXIT_NOT_RUNNING
 from deploy.stack.launch import Launch
-from deploy.stack.observe import Motion, State, observing
+from deploy.stack.observe import observing
 from deploy.stack.statedir import StateDir
 from wire import topics
-from wire.messages import SafetyStatus
+from wire.messages import Odometry, SafetyStatus, Twist
 
 CONNECT_LIMIT_S = 1.0
 LISTEN_LIMIT_S = 1.0
@@ -42,23 +42,27 @@ class Look:
     alive: frozenset[str]
     programs: dict[str, str]
     """supervisord's word on each of its programs."""
-    state: State | None
-    motion: Motion | None
+    status: SafetyStatus | None
+    odometry: Odometry | None
     latched: str | None = None
     """That a robot started now has its e-stop latched; None: it has not."""
 
     @property
     def exit_code(self) -> int:
-        if all(node in self.alive for node in NEEDED) and self.state is not None:
+        if all(node in self.alive for node in NEEDED) and self.status is not None:
             return 0
         return EXIT_PARTLY if self.connected or self.programs else EXIT_NOT_RUNNING
 
     @property
     def mode(self) -> str | None:
-        return None if self.state is None else MODES[min(self.state.status.mode, len(MODES) - 1)]
+        return None if self.status is None else MODES[min(self.status.mode, len(MODES) - 1)]
+
+    @property
+    def twist(self) -> Twist | None:
+        return None if self.odometry is None else self.odometry.twist.twist
 
     def to_json(self) -> str:
-        status = None if self.state is None else self.state.status
+        status, twist = self.status, self.twist
         document: dict[str, Any] = {
             "endpoint": self.endpoint,
             "running": self.exit_code == 0,
@@ -74,8 +78,8 @@ class Look:
             "warning": status.warning if status else None,
             "alarm": status.alarm if status else None,
             "estop_record_problem": status.estop_record_problem if status else None,
-            "linear_m_s": _number(self.motion.linear_m_s if self.motion else None),
-            "angular_rad_s": _number(self.motion.angular_rad_s if self.motion else None),
+            "linear_m_s": _number(twist.linear.x if twist else None),
+            "angular_rad_s": _number(twist.angular.z if twist else None),
             "nearest_m": _number(status.nearest_m if status else None),
             "nearest_bearing_rad": _number(status.nearest_bearing_rad if status else None),
         }
@@ -102,17 +106,18 @@ async def _look(state: StateDir, launch: Launch) -> Look:
     try:
         async with observing(launch.bus, CONNECT_LIMIT_S) as observer:
             await observer.until(
-                lambda seen: bool(seen.states and seen.motions) and seen.alive.issuperset(NEEDED),
+                lambda robot: (
+                    robot.status is not None and robot.odometry is not None and robot.alive.issuperset(NEEDED)
+                ),
                 LISTEN_LIMIT_S,
             )
-            seen = observer.seen
             return Look(
                 endpoint=launch.bus.endpoint,
                 connected=True,
-                alive=frozenset(seen.alive),
+                alive=frozenset(observer.alive),
                 programs=programs,
-                state=seen.states[-1] if seen.states else None,
-                motion=seen.motions[-1] if seen.motions else None,
+                status=observer.status,
+                odometry=observer.odometry,
             )
     except TimeoutError:
         return Look(
@@ -120,8 +125,8 @@ async def _look(state: StateDir, launch: Launch) -> Look:
             connected=False,
             alive=frozenset(),
             programs=programs,
-            state=None,
-            motion=None,
+            status=None,
+            odometry=None,
             latched=latched_sentence(state, launch),
         )
 
@@ -139,10 +144,10 @@ def table(look: Look) -> Table | Text:
         note = f" (process {look.programs[node]})" if node in look.programs else ""
         style = "green" if alive else "red" if node in NEEDED else "dim"
         table.add_row(node, Text(f"{'alive' if alive else 'not there'}{note}", style=style))
-    if look.state is None:
+    if look.status is None:
         table.add_row("mode", Text(f"unknown: no status within {LISTEN_LIMIT_S:g} s", style="bold red"))
     else:
-        status = look.state.status
+        status = look.status
         table.add_row("mode", Text(look.mode or "", style=COLOURS[look.mode or "STOPPED"]))
         for name, why in _why(status):
             table.add_row(name, Text(why))
@@ -150,7 +155,7 @@ def table(look: Look) -> Table | Text:
             table.add_row("e-stop", f"latched, also over a restart: {RESET}")
         if status.estop_record_problem:
             table.add_row("e-stop record", Text(status.estop_record_problem, style="bold red"))
-        table.add_row("speed", _speed(look.motion))
+        table.add_row("speed", _speed(look.twist))
         table.add_row("nearest", _nearest(status.nearest_m, status.nearest_bearing_rad))
     return table
 
@@ -171,11 +176,11 @@ def _printable(text: str) -> str:
     return "".join(char if char.isprintable() else "?" for char in text)
 
 
-def _speed(motion: Motion | None) -> str:
-    if motion is None:
+def _speed(twist: Twist | None) -> str:
+    if twist is None:
         return "unknown: no odometry"
     # Adding zero turns a −0.00 into 0.00.
-    return f"{round(motion.linear_m_s, 2) + 0.0:.2f} m/s, {round(motion.angular_rad_s, 2) + 0.0:.2f} rad/s"
+    return f"{round(twist.linear.x, 2) + 0.0:.2f} m/s, {round(twist.angular.z, 2) + 0.0:.2f} rad/s"
 
 
 def _nearest(distance_m: float, bearing_rad: float) -> str:

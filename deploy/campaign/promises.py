@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
-from deploy.campaign.seen import Asked, Motion, Seen, Status
-from deploy.stack.samples import Command
+from deploy.campaign.seen import Asked, Command, Motion, Seen, Status
 
 BARRIER_REASONS = frozenset({"OBSTACLE", "SCAN_BLIND"})
 """Stops that a command away from the obstacle ends without a neutral: the robot can leave its stop zone by itself."""

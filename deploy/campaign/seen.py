@@ -4,7 +4,21 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from deploy.stack.samples import Command, is_still
+STILL_M_S = 0.01
+STILL_RAD_S = 0.02
+"""Below both speeds, the robot stands."""
+
+
+class Command(NamedTuple):
+    """A sample of `cmd_vel`."""
+
+    arrival_s: float
+    linear_m_s: float
+    angular_rad_s: float
+
+    @property
+    def is_zero(self) -> bool:
+        return self.linear_m_s == 0.0 and self.angular_rad_s == 0.0
 
 
 class Status(NamedTuple):
@@ -41,7 +55,7 @@ class Motion(NamedTuple):
 
     @property
     def is_still(self) -> bool:
-        return is_still(self.linear_m_s, self.angular_rad_s)
+        return abs(self.linear_m_s) < STILL_M_S and abs(self.angular_rad_s) < STILL_RAD_S
 
 
 class Asked(NamedTuple):

@@ -9,8 +9,7 @@ supervisord.py  supervisord itself: fetched by uv, asked over its socket
 processes.py    which processes belong to a state directory, and signals to them
 statedir.py     the state directory: its files, its lock
 keyboard.py     the real teleop on a pseudo-terminal, and a hand that types
-observe.py      what a client of the wire sees, with the time of each arrival
-samples.py      samples of commands and motion, shared by several commands (pure)
+observe.py      which nodes are alive, the newest status and the newest odometry
 reach.py        connect a client to the hub, for commands that run until Ctrl-C
 statusline.py   one line that changes in place, on a terminal
 interrupts.py   SIGINT, SIGTERM and SIGHUP as one exception, once

@@ -73,9 +73,9 @@ async def wait_until_alive(state: StateDir, launch: Launch, say: Say, limit_s: f
         try:
             async with observing(launch.bus, ASK_PERIOD_S) as observer:
                 while time.monotonic() < deadline_s:
-                    if await observer.until(lambda seen: seen.alive >= set(NODES), ASK_PERIOD_S):
+                    if await observer.until(lambda robot: robot.alive >= set(NODES), ASK_PERIOD_S):
                         return
-                    waiting_for(set(NODES) - observer.seen.alive)
+                    waiting_for(set(NODES) - observer.alive)
                     health.check()
         except TimeoutError:
             health.check()

@@ -4,13 +4,12 @@ Each trial's line is in the file before the next one begins. A campaign that was
 was: what the file holds of a class and seed is not done again.
 """
 
-import asyncio
 import itertools
-import logging
 import sys
 import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
@@ -21,23 +20,18 @@ from rich.console import Console
 from deploy.campaign.classes import BY_NAME, Group
 from deploy.campaign.real.injectors.plans import real_classes, why_not
 from deploy.campaign.real.progress import Progressing
-from deploy.campaign.real.rig.stage import Route, Stage, StageError
-from deploy.campaign.real.trial_run import planned, routes, run_trial
+from deploy.campaign.real.rig.stage import Route, Stage
+from deploy.campaign.real.trial_run import complete_trial, planned, routes
 from deploy.campaign.report.figures import time_in
 from deploy.campaign.report.summary import class_of, print_summary
 from deploy.campaign.trial import Trial, read_trials
-from deploy.stack import interrupts
 from deploy.stack.errors import DeployError
 
 REVISION = "1"
 """Of this campaign: with it goes up what a seed means."""
 WIDTH = 130
-SWITCH_S = 0.0005
-"""Between threads: the observer's stamps must not wait for a table."""
 TOLD_FIRST = 4
 """Trials of a class that keep their timeline whatever came of them: the typical one is much like one of these."""
-STAGE_TRIES = 3
-"""A trial that does not come to its fault is tried again on a stage that is built anew."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,31 +159,6 @@ def run(orders: Orders) -> int:
     return int(bool(without) or any(trial.violations for trial in everything))
 
 
-def _run_plan(
-    orders: Orders, plan: Sequence[tuple[str, int]], made: Made, console: Console
-) -> KeyboardInterrupt | None:
-    """Every trial of the plan, on a stage of its own; returns the interrupt that broke it off."""
-    before = sys.getswitchinterval()
-    sys.setswitchinterval(SWITCH_S)
-    # The observer hears every attack; it is no news that this is garbage.
-    logging.getLogger("wire").setLevel(logging.CRITICAL)
-    stage = Stage()
-    try:
-        with interrupts.interrupts():
-            try:
-                try:
-                    asyncio.run(_play(stage, orders, plan, made, console))
-                finally:
-                    interrupts.ignore()
-            except KeyboardInterrupt as error:
-                return error
-            finally:
-                stage.discard()
-    finally:
-        sys.setswitchinterval(before)
-    return None
-
-
 def _say_what_became(console: Console, orders: Orders, trials: Sequence[Trial]) -> None:
     broken = sum(bool(trial.violations) for trial in trials)
     where = f" in {orders.out}" if orders.out is not None else ""
@@ -240,38 +209,42 @@ def _open(out: Path) -> TextIO:
         raise DeployError(f"cannot write {out}: {error.strerror}") from error
 
 
+def _run_plan(
+    orders: Orders, plan: Sequence[tuple[str, int]], made: Made, console: Console
+) -> KeyboardInterrupt | None:
+    """Run every trial of the plan on one stage; return the interrupt that ended it early, if any."""
+    file = None if orders.out is None else _open(orders.out)
+    with file or nullcontext():
+        console.print("starting supervisord, supervisor, sim and teleop")
+        stage = Stage()
+        return stage.run(lambda: _play(stage, orders, plan, made, console, file))
+
+
 async def _play(
     stage: Stage,
     orders: Orders,
     plan: Sequence[tuple[str, int]],
     made: Made,
     console: Console,
+    file: TextIO | None,
 ) -> None:
     end_s = None if orders.minutes is None else time.monotonic() + 60.0 * orders.minutes
-    file = None if orders.out is None else _open(orders.out)
-    try:
-        console.print("starting supervisord, supervisor, sim and teleop")
-        await stage.open()
-        made.impossible = _what_cannot_be(stage, dict.fromkeys(name for name, _ in plan), console)
-        plan = [(name, seed) for name, seed in plan if name not in made.impossible]
-        counts = itertools.count(1)
-        progress = Progressing(console, len(plan))
-        with progress.shown():
-            for name, seed in plan:
-                if end_s is not None and time.monotonic() > end_s:
-                    break
-                progress.begin(name, next(counts))
-                trial = made.add(await _trial(stage, name, seed, progress))
-                if file is not None:
-                    file.write(trial.line() + "\n")
-                    file.flush()
-                for broken in trial.violations:
-                    progress.say(f"{name}, seed {seed}: promise {broken.promise}: {broken.sentence}")
-                progress.end(broken=bool(trial.violations))
-    finally:
-        if file is not None:
-            file.close()
-        await stage.close()
+    made.impossible = _what_cannot_be(stage, dict.fromkeys(name for name, _ in plan), console)
+    plan = [(name, seed) for name, seed in plan if name not in made.impossible]
+    counts = itertools.count(1)
+    progress = Progressing(console, len(plan))
+    with progress.shown():
+        for name, seed in plan:
+            if end_s is not None and time.monotonic() > end_s:
+                break
+            progress.begin(name, next(counts))
+            trial = made.add(await complete_trial(stage, name, seed, REVISION, progress.say))
+            if file is not None:
+                file.write(trial.line() + "\n")
+                file.flush()
+            for broken in trial.violations:
+                progress.say(f"{name}, seed {seed}: promise {broken.promise}: {broken.sentence}")
+            progress.end(broken=bool(trial.violations))
 
 
 def _what_cannot_be(stage: Stage, names: Iterable[str], console: Console) -> list[str]:
@@ -282,24 +255,3 @@ def _what_cannot_be(stage: Stage, names: Iterable[str], console: Console) -> lis
             found.append(name)
             console.print(f"{name} is skipped: {reason}", highlight=False)
     return found
-
-
-async def _trial(stage: Stage, name: str, seed: int, progress: Progressing) -> Trial:
-    """One trial, and a stage that is drivable after it.
-
-    Raises:
-        DeployError: it never comes to its fault.
-    """
-    for number in itertools.count(1):
-        try:
-            trial, is_drivable = await run_trial(stage, name, seed, REVISION)
-        except StageError as error:
-            if number == STAGE_TRIES:
-                raise
-            progress.say(f"{name}, seed {seed}: {error}; building the stage anew")
-        else:
-            if not is_drivable:
-                await stage.restart_stack()
-            return trial
-        await stage.restart_stack()
-    raise AssertionError("the tries are endless")

@@ -5,8 +5,7 @@ from bisect import bisect_left
 from collections.abc import Sequence
 
 from deploy.campaign.measure import BaseReport
-from deploy.campaign.seen import Motion, Seen
-from deploy.stack.samples import Command
+from deploy.campaign.seen import Command, Motion, Seen
 
 STALL_S = 0.03
 """A simulation that stood longer than this does not brake as the clock on the wall goes: its deceleration is

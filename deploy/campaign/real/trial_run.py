@@ -12,6 +12,7 @@ import itertools
 import math
 import os
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from random import Random
@@ -58,6 +59,7 @@ QUIET_S = 1.0
 QUIET_AFTER_LIFT_S = 0.5
 """And how long at least after whatever was asleep or cut off came back."""
 HARMLESS_QUIET_S = 0.2
+STAGE_TRIES = 3
 LOOK_S = 0.05
 SCANS_S = 0.2
 MOVES_LIMIT_S = 3.0
@@ -127,8 +129,31 @@ def routes(faults: list[tuple[str, Injection]]) -> tuple[Route, Route]:
     return (teleop or [Route.DIRECT])[0], (sim or [Route.DIRECT])[0]
 
 
-async def run_trial(stage: Stage, name: str, seed: int, revision: str) -> tuple[Trial, bool]:
-    """Run one trial; also whether the stage is drivable after it.
+async def complete_trial(
+    stage: Stage, name: str, seed: int, revision: str, say: Callable[[str], None]
+) -> Trial:
+    """Run one trial and leave a drivable stage; rebuild the stage and try again if the trial does not reach its fault.
+
+    Raises:
+        StageError: it does not reach its fault in `STAGE_TRIES` tries.
+    """
+    for tries_left in reversed(range(STAGE_TRIES)):
+        try:
+            trial, is_drivable = await _run_trial(stage, name, seed, revision)
+        except StageError as error:
+            if not tries_left:
+                raise
+            say(f"{name}, seed {seed}: {error}; rebuilding the stage")
+        else:
+            if not is_drivable:
+                await stage.restart_stack()
+            return trial
+        await stage.restart_stack()
+    raise AssertionError("the last try returns or raises")
+
+
+async def _run_trial(stage: Stage, name: str, seed: int, revision: str) -> tuple[Trial, bool]:
+    """Run one trial; return its record and whether the stage is drivable after it.
 
     Raises:
         StageError: it did not come to its fault.
@@ -301,15 +326,15 @@ async def _watch(stage: Stage, run: _Run) -> None:
     until_s = lifted_s + HARMLESS_QUIET_S
     if run.stops:
         last_s = max(one.at_s for one in run.done)
-        await observer.until(lambda seen: _rest_s(seen, last_s) is not None, STAND_LIMIT_S)
-        rest_s = _rest_s(observer.look(), last_s) or time.monotonic()
+        await observer.until(lambda seen: standing_since_s(seen, last_s) is not None, STAND_LIMIT_S)
+        rest_s = standing_since_s(observer.look(), last_s) or time.monotonic()
         until_s = max(rest_s + QUIET_S, lifted_s + QUIET_AFTER_LIFT_S)
     while (left_s := until_s - time.monotonic()) > 0.0:
         await observer.watch(min(left_s, LOOK_S))
         await _start_what_ended(stage, run)
 
 
-def _rest_s(seen: Seen, since_s: float) -> float | None:
+def standing_since_s(seen: Seen, since_s: float) -> float | None:
     """Since when the robot has been standing; None: it moves, or nobody knows."""
     still = list(itertools.takewhile(lambda m: m.is_still and m.time_s > since_s, reversed(seen.motions)))
     return still[-1].time_s if still else None

@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 
 from deploy.campaign.measure import BaseReport
-from deploy.campaign.seen import Asked, Seen, Status
+from deploy.campaign.seen import Asked, Command, Seen, Status
 from deploy.campaign.simulated.clearance_witness import Witness
 from deploy.campaign.simulated.machine import Machine
 from deploy.campaign.simulated.scenario import Drivers, Scenario
-from deploy.stack.samples import Command
 from sim import mj
 from sim.build import Build, Hull
 from sim.config import SimSection

@@ -5,7 +5,6 @@ from typing import Any
 
 from rich.console import Console
 
-from deploy.stack.observe import State
 from deploy.status import Look, table
 from wire.messages import SafetyStatus, header
 
@@ -16,8 +15,8 @@ def look(mode: int = SafetyStatus.STOPPED, **fields: Any) -> Look:  # noqa: ANN4
         connected=True,
         alive=frozenset({"supervisor", "sim"}),
         programs={},
-        state=State(0.0, SafetyStatus(header("", 0), mode=mode, **fields)),
-        motion=None,
+        status=SafetyStatus(header("", 0), mode=mode, **fields),
+        odometry=None,
     )
 
 

@@ -8,9 +8,8 @@ from collections.abc import Callable, Iterator
 from deploy.campaign.classes import BASE_TIMEOUT_S
 from deploy.campaign.measure import BaseReport
 from deploy.campaign.real.rig.wheels import WheelPipe, WheelSample
-from deploy.campaign.seen import Asked, Motion, Seen, Status
+from deploy.campaign.seen import Asked, Command, Motion, Seen, Status
 from deploy.stack.observe import seen_within
-from deploy.stack.samples import Command
 from sim.watchdog import BaseReason
 from wire import topics
 from wire.bus import Arrival, Bus, Subscription

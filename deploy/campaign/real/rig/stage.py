@@ -6,6 +6,7 @@ is taken down at the end, whatever happened.
 """
 
 import asyncio
+import logging
 import os
 import signal
 import stat
@@ -13,10 +14,12 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Coroutine
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
+from typing import Any
 
 from deploy.campaign.real.rig import faulty_process
 from deploy.campaign.real.rig.cable import Cable
@@ -26,11 +29,12 @@ from deploy.campaign.real.rig.links import Links
 from deploy.campaign.real.rig.observer import Observer
 from deploy.campaign.real.rig.wheels import WheelPipe
 from deploy.campaign.seen import Seen
-from deploy.stack import bringup, processes, supervisord, takedown
+from deploy.stack import bringup, interrupts, processes, supervisord, takedown
 from deploy.stack.errors import DeployError
 from deploy.stack.keyboard import TypedTeleop
 from deploy.stack.launch import DEFAULT_CONFIG, Launch, free_loopback_endpoint
 from deploy.stack.statedir import StateDir
+from deploy.stack.takedown import Say
 from wire import topics
 from wire.bus import BusError, NoReplyError
 from wire.messages import Point
@@ -49,6 +53,8 @@ START_M = (-4.5, 0.0)
 PRESS_AGAIN_S = 0.4
 """An operator who sees no effect presses again."""
 CALL_LIMIT_S = 1.0
+SWITCH_S = 0.0005
+"""Maximum time that a thread keeps the interpreter: the observer's stamps must not wait for a table."""
 SETTLE_POLL_S = 0.1
 
 
@@ -85,9 +91,18 @@ class ArmedLaunch(Launch):
 
 
 class Stage:
-    """Built by `open`, ended by `close` in any case."""
+    """The robot, its operator and an observer; `open` starts them, and `close` ends them in any case.
 
-    def __init__(self) -> None:
+    Args:
+        sim_options: for `python -m sim`.
+        say: called with each step of the start.
+        small_disk: whether the state directory is a small disk, where the rights allow it.
+    """
+
+    def __init__(
+        self, *, sim_options: str = "--no-viewer", say: Say = lambda _: None, small_disk: bool = True
+    ) -> None:
+        self._say, self._wants_disk = say, small_disk
         self.directory = Path(tempfile.mkdtemp(prefix="lifeline-faults-")).resolve()
         self.state = StateDir(self.directory / STATE)
         self.state.create()
@@ -104,7 +119,7 @@ class Stage:
         self.is_ready = False
         """Whether it has just been seen to drive."""
         self.routes = {topics.TELEOP: Route.DIRECT, topics.SIM: Route.DIRECT}
-        launch = Launch.read(DEFAULT_CONFIG, free_loopback_endpoint(), sim_options="--no-viewer")
+        launch = Launch.read(DEFAULT_CONFIG, free_loopback_endpoint(), sim_options=sim_options)
         self.launch = ArmedLaunch(launch.config, launch.bus, launch.sim_options, self.directory)
 
     @property
@@ -151,6 +166,39 @@ class Stage:
         return {processes.MARK: str(self.state.path)}
 
     # --- up and down
+
+    def run(self, play: Callable[[], Coroutine[Any, Any, None]]) -> KeyboardInterrupt | None:
+        """Start everything, play, and take everything down; return the interrupt that ended it early, if any.
+
+        Raises:
+            DeployError: the robot cannot be started, or what `play` raises.
+        """
+
+        async def opened() -> None:
+            try:
+                await self.open()
+                await play()
+            finally:
+                await self.close()
+
+        before = sys.getswitchinterval()
+        sys.setswitchinterval(SWITCH_S)
+        # The observer receives every attack, so undecodable messages are expected.
+        logging.getLogger("wire").setLevel(logging.CRITICAL)
+        try:
+            with interrupts.interrupts():
+                try:
+                    try:
+                        asyncio.run(opened())
+                    finally:
+                        interrupts.ignore()
+                except KeyboardInterrupt as error:
+                    return error
+                finally:
+                    self.discard()
+        finally:
+            sys.setswitchinterval(before)
+        return None
 
     async def open(self) -> None:
         """Everything up, teleop neutral.
@@ -218,8 +266,8 @@ class Stage:
         await self._start_stack()
 
     async def _start_stack(self) -> None:
-        bringup.start(self.state, self.launch, lambda _: None)
-        await bringup.wait_until_alive(self.state, self.launch, lambda _: None)
+        bringup.start(self.state, self.launch, self._say)
+        await bringup.wait_until_alive(self.state, self.launch, self._say)
 
     def _hire_janitor(self) -> None:
         """Whatever becomes of this process, somebody cleans up after it."""
@@ -232,7 +280,7 @@ class Stage:
         )
 
     def _mount_disk(self) -> None:
-        if os.geteuid() != 0:
+        if not self._wants_disk or os.geteuid() != 0:
             return
         done = subprocess.run(
             ["mount", "-t", "tmpfs", "-o", f"size={DISK_BYTES},mode=700", "lifeline", str(self.state.path)],  # noqa: S607 - the system's

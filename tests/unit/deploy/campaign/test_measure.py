@@ -3,8 +3,7 @@
 import pytest
 
 from deploy.campaign.measure import BaseReport, Stop, stop_after
-from deploy.campaign.seen import Motion, Seen, Status
-from deploy.stack.samples import Command
+from deploy.campaign.seen import Command, Motion, Seen, Status
 
 FAULT_S = 1.0
 

@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from deploy.campaign.promises import Bounds, Demand, Kind, Violation, violations
-from deploy.campaign.seen import Asked, Motion, Seen, Status
-from deploy.stack.samples import Command
+from deploy.campaign.seen import Asked, Command, Motion, Seen, Status
 
 FREE: tuple[str, ...] = ()
 

@@ -30,7 +30,7 @@ def test_every_file_that_a_trial_loads_is_behind_the_campaign() -> None:
 
 def test_what_decides_outcomes_is_behind_it_and_what_shows_them_is_not() -> None:
     names = {path.relative_to(ROOT).as_posix() for path in files_behind(DECIDES)}
-    assert {"deploy/stack/samples.py", "deploy/campaign/demands.py", "supervisor/safety.py"} <= names
+    assert {"deploy/campaign/seen.py", "deploy/campaign/demands.py", "supervisor/safety.py"} <= names
     assert (
         not {"deploy/campaign/report/table.py", "deploy/campaign/simulated/runner.py", "deploy/cli.py"}
         & names

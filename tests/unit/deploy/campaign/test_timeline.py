@@ -5,10 +5,9 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deploy.campaign.seen import Motion, Seen, Status
+from deploy.campaign.seen import Command, Motion, Seen, Status
 from deploy.campaign.timeline import FINE_S, STEP_M_S, STEP_RAD_S, thinned, timeline
 from deploy.campaign.trial import Sample
-from deploy.stack.samples import Command
 
 
 def stopped_seen() -> Seen:

@@ -14,8 +14,7 @@ from deploy.campaign.real.times import (
     to_lasting_rest_s,
     to_lasting_zero_s,
 )
-from deploy.campaign.seen import Asked, Motion, Seen, Status
-from deploy.stack.samples import Command
+from deploy.campaign.seen import Asked, Command, Motion, Seen, Status
 
 END_S = 10.0
 
