@@ -240,20 +240,16 @@ def faults(
     """
 
     def run() -> int:
-        from deploy.campaign.provenance import signed  # noqa: PLC0415
-
         if not virtual:
             from deploy.campaign.real import runner  # noqa: PLC0415
 
             wanted = tuple(name.strip() for name in classes.split(",") if name.strip())
-            with signed(out):
-                return runner.run(runner.Orders(trials, wanted, seed or 0, out, minutes))
+            return runner.run(runner.Orders(trials, wanted, seed or 0, out, minutes))
         from deploy.campaign.simulated.runner import campaign, default_jobs, replay  # noqa: PLC0415
 
         if seed is not None:
             return replay(seed, _say)
-        with signed(out):
-            return campaign(seeds, jobs or default_jobs(), out, _say)
+        return campaign(seeds, jobs or default_jobs(), out, _say)
 
     _exit_with(run)
 

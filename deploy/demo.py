@@ -14,7 +14,7 @@ from deploy.campaign.classes import BY_NAME, KILL_BOUND_S
 from deploy.campaign.promises import Bounds, Violation, violations
 from deploy.campaign.real.rig.stage import Stage, StageError
 from deploy.campaign.real.trial_run import LEEWAY_S, complete_trial, standing_since_s
-from deploy.campaign.report.summary import broken_sentences
+from deploy.campaign.report.table import broken_sentences
 from deploy.campaign.seen import Seen
 from deploy.campaign.trial import Injected, Trial
 from deploy.stack.takedown import Say

@@ -8,7 +8,7 @@ promises.py    the promises of the design, checked on what was seen (pure)
 measure.py     what each stop was like: detector, times, distance (pure)
 timeline.py    the samples of it that a picture is drawn from (pure)
 trial.py       the record of one trial, and its line of JSON
-provenance.py  where and when a campaign ran
+trial_file.py  the file of a campaign, read and appended to; provenance.py where and when the campaign ran
 simulated/     the same services on a virtual clock (docs/decisions/0017)
 real/          real processes over real Zenoh, with the operator's keys typed into teleop's terminal
 report/        the figures of a campaign, as tables and as a page

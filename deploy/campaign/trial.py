@@ -4,10 +4,6 @@ A line holds no time of day and no name of a machine: the same seed makes the sa
 and when a campaign ran is recorded in a separate line, its provenance, after its trials.
 """
 
-import gzip
-import zlib
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -135,42 +131,3 @@ def _complaint(what: str, error: ValidationError) -> str:
     fault = error.errors(include_url=False)[0]
     where = ".".join(str(part) for part in fault["loc"]) or "the line"
     return f"not {what} of format {FORMAT}: {where}: {fault['msg'].lower()}"
-
-
-def read_trials(path: Path) -> Iterator[Trial]:
-    """Read the trials of a file and skip provenance lines; otherwise like `read_records`."""
-    return (one for one in read_records(path) if isinstance(one, Trial))
-
-
-def read_records(path: Path) -> Iterator[Trial | Provenance]:
-    """The trials and provenances of a file, one by one. A name that ends with `.gz` is a compressed file's.
-
-    An incomplete last line, as a killed campaign leaves it, is passed over.
-
-    Raises:
-        DeployError: the file cannot be read, or a line is neither; naming file and line.
-    """
-    for number, line in enumerate(whole_lines(path, "the trials"), 1):
-        yield _record(line, path, number)
-
-
-def whole_lines(path: Path, what: str) -> Iterator[str]:
-    """The lines of a file, compressed or not, but for an incomplete last one.
-
-    Raises:
-        DeployError: it cannot be read; in a sentence that says what was to be found there.
-    """
-    try:
-        with gzip.open(path, "rb") if path.suffix == ".gz" else path.open("rb") as file:
-            for line in file:
-                if line.endswith(b"\n"):
-                    yield line.decode()
-    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
-        raise DeployError(f"cannot read {what} in {path}: {error}") from error
-
-
-def _record(line: str, path: Path, number: int) -> Trial | Provenance:
-    try:
-        return parse_provenance(line) if line.startswith(PROVENANCE_BEGINS) else parse(line)
-    except DeployError as error:
-        raise DeployError(f"{path}:{number}: {error}; choose another --out, or remove the line") from error

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from deploy.campaign.report.report import write_report
-from deploy.campaign.trial import read_trials
+from deploy.campaign.trial_file import read_trials
 
 pytestmark = pytest.mark.timeout(150)
 

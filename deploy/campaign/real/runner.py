@@ -5,15 +5,12 @@ was: what the file holds of a class and seed is not done again.
 """
 
 import itertools
-import sys
 import time
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
-from typing import TextIO
 
 from rich.console import Console
 
@@ -22,14 +19,14 @@ from deploy.campaign.real.injectors.plans import real_classes, why_not
 from deploy.campaign.real.progress import Progressing
 from deploy.campaign.real.rig.stage import Route, Stage
 from deploy.campaign.real.trial_run import complete_trial, planned, routes
-from deploy.campaign.report.figures import time_in
-from deploy.campaign.report.summary import class_of, print_summary
-from deploy.campaign.trial import Trial, read_trials
+from deploy.campaign.report.figures import class_of, time_in
+from deploy.campaign.report.table import print_results
+from deploy.campaign.trial import Trial
+from deploy.campaign.trial_file import appending, known_trials
 from deploy.stack.errors import DeployError
 
 REVISION = "1"
 """Of this campaign: with it goes up what a seed means."""
-WIDTH = 130
 TOLD_FIRST = 4
 """Trials of a class that keep their timeline whatever came of them: the typical one is much like one of these."""
 
@@ -142,15 +139,16 @@ def run(orders: Orders) -> int:
         DeployError: the orders make no sense, or the robot cannot be brought up.
     """
     names = chosen(orders.classes)
-    there = _read(orders.out)
-    console = Console(width=None if sys.stdout.isatty() else WIDTH)
-    plan = schedule(orders, names, there)
-    made = Made(there)
-    interrupted = _run_plan(orders, plan, made, console) if plan else None
+    console = Console()
+    with appending(orders.out) as append:
+        there = known_trials(orders.out, "real", REVISION)
+        plan = schedule(orders, names, there)
+        made = Made(there)
+        interrupted = _run_plan(orders, plan, made, console, append) if plan else None
     wanted = set(names)
     everything = [*(one for one in there if class_of(one) in wanted), *made.trials]
     if everything:
-        print_summary(console, everything)
+        print_results(everything, console)
     _say_what_became(console, orders, everything)
     missing, without = untried(orders, [name for name in names if name not in made.impossible], everything)
     _say_what_is_missing(console, missing, without)
@@ -184,40 +182,17 @@ def _say_what_is_missing(console: Console, missing: int, without: Sequence[str])
         console.print(f"{missing} trials were not made: {what}", highlight=False, soft_wrap=True)
 
 
-def _read(out: Path | None) -> list[Trial]:
-    if out is None or not out.exists():
-        return []
-    _mend(out)
-    return [trial for trial in read_trials(out) if trial.mode == "real" and trial.revision == REVISION]
-
-
-def _mend(out: Path) -> None:
-    """Cut off the line that a killed campaign did not finish."""
-    try:
-        data = out.read_bytes()
-        if data and not data.endswith(b"\n"):
-            out.write_bytes(data[: data.rfind(b"\n") + 1])
-    except OSError as error:
-        raise DeployError(f"cannot use {out} for --out: {error.strerror}") from error
-
-
-def _open(out: Path) -> TextIO:
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        return out.open("a")
-    except OSError as error:
-        raise DeployError(f"cannot write {out}: {error.strerror}") from error
-
-
 def _run_plan(
-    orders: Orders, plan: Sequence[tuple[str, int]], made: Made, console: Console
+    orders: Orders,
+    plan: Sequence[tuple[str, int]],
+    made: Made,
+    console: Console,
+    append: Callable[[str], None],
 ) -> KeyboardInterrupt | None:
     """Run every trial of the plan on one stage; return the interrupt that ended it early, if any."""
-    file = None if orders.out is None else _open(orders.out)
-    with file or nullcontext():
-        console.print("starting supervisord, supervisor, sim and teleop")
-        stage = Stage()
-        return stage.run(lambda: _play(stage, orders, plan, made, console, file))
+    console.print("starting supervisord, supervisor, sim and teleop")
+    stage = Stage()
+    return stage.run(lambda: _play(stage, orders, plan, made, console, append))
 
 
 async def _play(
@@ -226,7 +201,7 @@ async def _play(
     plan: Sequence[tuple[str, int]],
     made: Made,
     console: Console,
-    file: TextIO | None,
+    append: Callable[[str], None],
 ) -> None:
     end_s = None if orders.minutes is None else time.monotonic() + 60.0 * orders.minutes
     made.impossible = _what_cannot_be(stage, dict.fromkeys(name for name, _ in plan), console)
@@ -239,9 +214,7 @@ async def _play(
                 break
             progress.begin(name, next(counts))
             trial = made.add(await complete_trial(stage, name, seed, REVISION, progress.say))
-            if file is not None:
-                file.write(trial.line() + "\n")
-                file.flush()
+            append(trial.line())
             for broken in trial.violations:
                 progress.say(f"{name}, seed {seed}: promise {broken.promise}: {broken.sentence}")
             progress.end(broken=bool(trial.violations))

@@ -301,13 +301,29 @@ def stop_s(mode: str, one: Injected) -> float | None:
     return one.to_zero_s
 
 
+def figures_of(trials: Sequence[Trial]) -> list[ClassFigures]:
+    """Return the figures of trials of one mode, in the order of the table of classes."""
+    if not trials:
+        return []
+    campaign = Campaign(trials[0].mode, trials[0].revision)
+    for trial in trials:
+        campaign.add(trial)
+    return campaign.classes()
+
+
+def class_of(trial: Trial) -> str:
+    """Return the class that a real trial belongs to."""
+    if not trial.faults:
+        return ""
+    first, *others = trial.faults
+    return PAIR if others or PAIR in first.parameters else first.fault
+
+
 def replay(trial: Trial) -> str:
     """The command that does this trial again."""
     if trial.mode == "virtual":
         return f"lifeline faults --virtual --seed {trial.seed}"
-    first = trial.faults[0] if trial.faults else None
-    name = "" if first is None else PAIR if PAIR in first.parameters or len(trial.faults) > 1 else first.fault
-    return f"lifeline faults --classes {name} --trials 1 --seed {trial.seed}"
+    return f"lifeline faults --classes {class_of(trial)} --trials 1 --seed {trial.seed}"
 
 
 def classes_in(trial: Trial) -> Iterator[tuple[str, Injected]]:

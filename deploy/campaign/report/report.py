@@ -5,7 +5,8 @@ from pathlib import Path
 
 from deploy.campaign.report.figures import Campaign, campaigns
 from deploy.campaign.report.page import page
-from deploy.campaign.trial import Provenance, Trial, read_records
+from deploy.campaign.trial import Provenance, Trial
+from deploy.campaign.trial_file import read_records
 from deploy.stack.errors import DeployError
 
 

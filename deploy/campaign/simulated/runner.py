@@ -5,18 +5,17 @@ import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from contextlib import ExitStack
 from itertools import islice
 from multiprocessing import get_context, parent_process
 from pathlib import Path
-from typing import IO
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from deploy.campaign.report.table import print_table, story
+from deploy.campaign.report.table import print_results, story
 from deploy.campaign.simulated.revision import revision
 from deploy.campaign.simulated.trial_run import run_trial
-from deploy.campaign.trial import Trial, parse, read_trials
+from deploy.campaign.trial import Trial, parse
+from deploy.campaign.trial_file import appending, known_trials
 from deploy.stack import interrupts
 from deploy.stack.errors import DeployError
 
@@ -26,7 +25,6 @@ BATCH = 4
 """Seeds in one batch for a worker; Ctrl-C waits for at most this many."""
 AHEAD = 3
 """Queued batches for each worker."""
-SHOWN_SEEDS = 20
 
 Say = Callable[[str], None]
 
@@ -52,31 +50,23 @@ def campaign(seeds: int, jobs: int, out: Path | None, say: Say) -> int:
         DeployError: the file cannot be used, or a trial could not be run.
     """
     code = revision(DECIDES)
-    trials = {trial.seed: trial for trial in _known(out, code) if trial.seed < seeds}
-    if trials:
-        say(f"{len(trials)} of {seeds} seeds are in {out} already")
-    missing = [seed for seed in range(seeds) if seed not in trials]
     interrupted = False
-    with ExitStack() as stack:
-        stack.enter_context(interrupts.interrupts())
-        file = None if out is None else stack.enter_context(_appending(out))
+    with interrupts.interrupts(), appending(out) as append:
+        trials = {trial.seed: trial for trial in known_trials(out, "virtual", code) if trial.seed < seeds}
+        if trials:
+            say(f"{len(trials)} of {seeds} seeds are in {out} already")
+        missing = [seed for seed in range(seeds) if seed not in trials]
         try:
             for line in _lines(missing, jobs, code):
-                if file is not None:
-                    file.write(line + "\n")
-                    file.flush()
+                append(line)
                 trial = parse(line)
                 trials[trial.seed] = trial
         except KeyboardInterrupt:
             interrupted = True
             say("interrupted: what has been run counts")
     done = [trials[seed] for seed in sorted(trials)]
-    print_table(done)
+    print_results(done)
     broken = [trial for trial in done if trial.violations]
-    for trial in broken[:SHOWN_SEEDS]:
-        first = trial.violations[0]
-        say(f"promise {first.promise} at {first.time_s:.2f} s: {first.sentence}")
-        say(f"  replay: lifeline faults --virtual --seed {trial.seed}")
     hours = sum(trial.duration_s for trial in done) / 3600
     say(f"{len(done)} seeds, {hours:.1f} virtual hours: {len(broken)} broke a promise")
     return 1 if broken else 130 if interrupted else 0
@@ -84,26 +74,6 @@ def campaign(seeds: int, jobs: int, out: Path | None, say: Say) -> int:
 
 def default_jobs() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _known(out: Path | None, code: str) -> Iterator[Trial]:
-    """Return the virtual trials of a file that were run by the present code."""
-    if out is None or not out.exists():
-        return iter(())
-    return (trial for trial in read_trials(out) if trial.mode == "virtual" and trial.revision == code)
-
-
-def _appending(out: Path) -> IO[str]:
-    """Open the file, after an incomplete last line is cut off."""
-    try:
-        file = out.open("a+")
-        file.seek(0)
-        text = file.read()
-        if text and not text.endswith("\n"):
-            file.truncate(len(text.rpartition("\n")[0].encode()) + ("\n" in text))
-    except (OSError, UnicodeDecodeError) as error:
-        raise DeployError(f"cannot write the trials to {out}: {error}") from error
-    return file
 
 
 def _lines(seeds: Sequence[int], jobs: int, code: str) -> Iterator[str]:

@@ -8,7 +8,8 @@ from typing import Any
 
 from deploy.campaign.soak.heard import Gaps
 from deploy.campaign.soak.usage import Usage
-from deploy.campaign.trial import PROVENANCE_BEGINS, Provenance, parse_provenance, whole_lines
+from deploy.campaign.trial import PROVENANCE_BEGINS, Provenance, parse_provenance
+from deploy.campaign.trial_file import whole_lines
 
 
 @dataclass(frozen=True, slots=True)

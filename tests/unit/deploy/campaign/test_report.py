@@ -22,8 +22,8 @@ from deploy.campaign.trial import (
     Sample,
     Trial,
     parse_provenance,
-    read_records,
 )
+from deploy.campaign.trial_file import appending, read_records
 from deploy.cli import app
 from deploy.stack.errors import DeployError
 
@@ -323,6 +323,24 @@ def test_what_is_added_to_a_file_is_signed_and_nothing_is_where_nothing_was_adde
     last = parse_provenance(out.read_text().splitlines()[-1])
     assert last.command == "lifeline faults --out trials.jsonl", "no directory of this machine"
     assert "cores" in last.machine
+
+
+def test_an_appended_line_follows_whole_lines_only_and_a_provenance_follows_it(tmp_path: Path) -> None:
+    out = tmp_path / "results" / "trials.jsonl"
+    with appending(out) as append:
+        append(trial(fault(), seed=1).line())
+    first = out.read_text()
+    out.write_text(first + trial(fault(), seed=2).line()[:30])
+    with appending(out) as append:
+        append(trial(fault(), seed=3).line())
+    assert out.read_text().startswith(first)
+    kinds = [one.seed if isinstance(one, Trial) else "provenance" for one in read_records(out)]
+    assert kinds == [1, "provenance", 3, "provenance"]
+
+
+def test_a_file_that_cannot_be_appended_to_is_refused_in_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(DeployError, match=f"cannot write {tmp_path}: Is a directory"), appending(tmp_path):
+        pass
 
 
 def test_where_git_does_not_know_the_commit_stays_empty(monkeypatch: pytest.MonkeyPatch) -> None:

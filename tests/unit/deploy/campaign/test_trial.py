@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deploy.campaign.trial import BrokenPromise, Injected, Sample, Trial, parse, read_trials
+from deploy.campaign.trial import BrokenPromise, Injected, Sample, Trial, parse
+from deploy.campaign.trial_file import read_trials
 from deploy.stack.errors import DeployError
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
