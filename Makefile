@@ -42,7 +42,7 @@ proof: $(STAMP) ## the law's proofs, and whether the unit tests reach every bran
 	$(MAKE) --no-print-directory --jobs=2 --output-sync=target proofs coverage
 
 proofs:
-	.venv/bin/pytest -s tests/unit -m proof --durations=10
+	.venv/bin/pytest -s tests/unit tests/component -m proof --durations=10
 
 coverage:
 	.venv/bin/coverage run -m pytest tests/unit -m "not proof"

@@ -129,6 +129,7 @@ async def test_every_stream_comes_at_its_rate(speed: float, rates_hz: tuple[int,
             assert len(stream.take()) == pytest.approx(10 * rate_hz, abs=1), stream.key
 
 
+@pytest.mark.proof
 async def test_sixty_seconds_of_simulated_time_take_sixty_seconds() -> None:
     bench = Bench()
     clocks = bench.hear(topics.CLOCK)

@@ -204,6 +204,7 @@ async def test_the_heartbeat_is_twenty_neutral_twists_a_second_from_the_start() 
         assert {value for _, value in b.wire.commands()} == {(0.0, 0.0)}
 
 
+@pytest.mark.proof
 async def test_the_heartbeat_does_not_drift_in_an_hour() -> None:
     async with bench() as b:
         await asyncio.sleep(3600.0)

@@ -44,6 +44,7 @@ def test_a_part_without_a_place_in_the_document_is_refused() -> None:
         safety_law.regenerated("# The safety law\n")
 
 
+@pytest.mark.proof
 def test_the_picture_stays_small_and_nothing_but_neutral_or_a_way_out_sets_the_robot_going() -> None:
     edges = safety_law.transitions()
     assert len(safety_law.NODES) <= 12
