@@ -67,6 +67,8 @@ class Effect(Flag):
     """Commands under teleop's name that teleop did not send may keep it going."""
     TAKES_OVER = auto()
     """A second source with teleop's name may end teleop's epoch."""
+    DELAYED = auto()
+    """The target's link takes `delay_s` longer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -364,8 +366,15 @@ CLASSES = (
         5,
         effect=CUT_BASE,
     ),
-    _network("delayed", "everything takes 50 to 500 ms longer, unsteadily", "teleop", (), None),
-    _network("delayed_base", "the same for the sim's link", "sim", (), None, 6),
+    _network(
+        "delayed",
+        "everything takes 50 to 500 ms longer, unsteadily",
+        "teleop",
+        (),
+        None,
+        effect=Effect.DELAYED,
+    ),
+    _network("delayed_base", "the same for the sim's link", "sim", (), None, 6, effect=Effect.DELAYED),
     _network("up_only", "nothing reaches teleop any more", "teleop", ("SOURCE_LOST",), None, 8),
     _network(
         "down_only",

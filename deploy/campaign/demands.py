@@ -16,6 +16,7 @@ from deploy.campaign.classes import (
     Effect,
 )
 from deploy.campaign.promises import Demand, Kind
+from wire import topics
 
 LEEWAY_S = 0.005
 """For network hops and one physics step."""
@@ -135,9 +136,9 @@ def tolerance_m(done: Sequence[Done]) -> float:
     the last command until its timeout; over a delayed link, each command acts later.
     """
     late_m = HELD_M if any(Effect.BASE_HOLDS in one.effect for one in done) else 0.0
-    delays_s = [float(one.parameters.get("delay_s", 0.0)) for one in done if one.name == "net_delayed_base"]
+    delay_s = _longest_delay_s(one for one in done if BY_NAME[one.name].target == topics.SIM)
     # A longer delay also ages the scans, which use the same link, and stops the robot.
-    return TOLERANCE_M + max(late_m, BARRIER_M_S * min(max(delays_s, default=0.0), SCAN_TIMEOUT_S))
+    return TOLERANCE_M + max(late_m, BARRIER_M_S * min(delay_s, SCAN_TIMEOUT_S))
 
 
 def asked_age_s(done: Sequence[Done]) -> float:
@@ -145,7 +146,10 @@ def asked_age_s(done: Sequence[Done]) -> float:
 
     A constant delay that a source had from its first message on cannot be detected.
     """
-    delays_s = [
-        float(one.parameters.get("delay_s", 0.0)) for one in done if one.name.startswith("net_delayed")
-    ]
-    return COMMAND_TIMEOUT_S + TICK_S + LEEWAY_S + 2.0 * max(delays_s, default=0.0)
+    return COMMAND_TIMEOUT_S + TICK_S + LEEWAY_S + 2.0 * _longest_delay_s(done)
+
+
+def _longest_delay_s(done: Iterable[Done]) -> float:
+    """Return the longest delay of the delayed links [s]."""
+    delayed = (one for one in done if Effect.DELAYED in one.effect)
+    return max((float(one.parameters.get("delay_s", 0.0)) for one in delayed), default=0.0)

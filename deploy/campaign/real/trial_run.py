@@ -417,7 +417,7 @@ def _judge(stage: Stage, run: _Run, revision: str, load: float) -> Trial:
         for injection in _of(run, one)
         for other in injection.also
     ]
-    is_alone = not any(one.name.startswith("wire_") for one in done)
+    is_alone = not any(BY_NAME[one.name].group is Group.WIRE for one in done)
     stalled_s = longest_gap_s([m.time_s for m in seen.motions], done[0].at_s, recovering_s)
     wanted = [
         one for one in demands(late, alone=is_alone) if one.kind is not Kind.BRAKE or stalled_s <= STALL_S
