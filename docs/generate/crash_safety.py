@@ -59,7 +59,7 @@ def result(mode: str) -> Campaign | None:
 
 
 def answer(campaign: Campaign | None) -> str:
-    """A killed teleop in one paragraph."""
+    """Return the results for a killed teleop."""
     found = None if campaign is None else campaign.find("teleop_sigkill")
     if campaign is None or found is None or found.stop is None:
         return _missing("real")
@@ -69,18 +69,18 @@ def answer(campaign: Campaign | None) -> str:
         "",
         (
             f"* zero on `cmd_vel` after {_times(found.stop)}; {found.late} of {found.stop.number} took longer than "
-            f"{1000 * (found.bound_s or 0.0):.0f} ms. Noticed by {reasons}."
+            f"{1000 * (found.bound_s or 0.0):.0f} ms. Detected by {reasons}."
         ),
     ]
     if found.wheels is not None:
         lines.append(f"* zero wheel command after {_times(found.wheels)}.")
     if found.standstill is not None and found.distance is not None:
         lines.append(
-            f"* the robot stands after {found.standstill.median:.2f} s (median), {found.standstill.worst:.2f} s at most, "
-            f"and {100 * found.distance.worst:.0f} cm at most from where it was."
+            f"* the robot stops within {found.standstill.median:.2f} s (median), {found.standstill.worst:.2f} s (longest), "
+            f"and within {100 * found.distance.worst:.0f} cm (longest)."
         )
     broken = f"{found.broken} of them" if found.broken else "none"
-    lines.append(f"* promises broken: {broken} ({_at_most(found)}).")
+    lines.append(f"* broken promises: {broken} ({_at_most(found)}).")
     return "\n".join([*lines, "", *_origin(campaign)]).rstrip()
 
 
@@ -97,14 +97,14 @@ def _at_most(found: ClassFigures) -> str:
 
 
 def table(mode: str, campaign: Campaign | None) -> str:
-    """Every class of a campaign, and what was broken."""
+    """Return the table of a campaign's classes, and its broken promises."""
     if campaign is None:
         return _missing(mode)
     lines = [
         *_origin(campaign),
         verdict(campaign),
         "",
-        "| fault | what is done | n | noticed by | bound | p50 | p99 | longest | late | way | nearest | broken |",
+        "| fault | what is done | n | detected by | bound | p50 | p99 | longest | late | way | nearest | broken |",
         "|---|---|--:|---|--:|--:|--:|--:|--:|--:|--:|--:|",
         *(_row(one) for one in campaign.classes()),
     ]
@@ -140,7 +140,7 @@ def _row(one: ClassFigures) -> str:
 def _detectors(one: ClassFigures) -> str:
     meant = ", ".join(f"`{name}` {count:,}" for name, count in one.detectors)
     others = sum(count for _, count, _ in one.others)
-    return meant + (f"{'; ' if meant else ''}others first {others:,}" if others else "")
+    return meant + (f"{'; ' if meant else ''}another first {others:,}" if others else "")
 
 
 def _safe(text: str) -> str:
@@ -148,7 +148,7 @@ def _safe(text: str) -> str:
 
 
 def _origin(campaign: Campaign) -> Iterator[str]:
-    """Where it comes from; what the file does not say is said to be missing."""
+    """Yield the provenance, or a sentence that it is missing."""
     for provenance in campaign.provenances:
         yield from _signature(provenance)
     if campaign.unsigned or not campaign.provenances:
@@ -167,7 +167,7 @@ def _signature(provenance: Provenance) -> Iterator[str]:
 
 
 def soaked(samples: Sequence[Sample], provenance: Provenance | None) -> str:
-    """What an operator's driving about took of each process, and what stopped without a cause."""
+    """Return the resources of each process after driving, and the stops without a cause."""
     last, judgement = samples[-1], judge(samples)
     growths = {(growth.process, growth.measure): growth for growth in judgement.growths}
     false = sum(len(sample.false_stops) for sample in samples)
@@ -194,9 +194,7 @@ def soaked(samples: Sequence[Sample], provenance: Provenance | None) -> str:
 
 
 def _missing(mode: str) -> str:
-    return (
-        f"There is no result in the repository yet: `{COMMANDS[mode]}` makes one, `make docs` writes it here."
-    )
+    return f"The repository has no results yet: create them with `{COMMANDS[mode]}`, then run `make docs`."
 
 
 # --- the document
@@ -210,7 +208,7 @@ PARTS: sections.Parts = {
 
 
 def regenerated(text: str) -> str:
-    """The document with each part written anew.
+    """Return the document with each part regenerated.
 
     Raises:
         ValueError: a part has no place in the document.
