@@ -339,11 +339,17 @@ def render(
         ),
     ],
     scene: Annotated[
-        str, typer.Option("--scene", "--layout", metavar="NAME|FILE", help="Name of a layout, or a layout or MJCF file.")
+        str,
+        typer.Option(
+            "--scene", "--layout", metavar="NAME|FILE", help="Name of a layout, or a layout or MJCF file."
+        ),
     ] = "warehouse",
-    hull: Annotated[str, typer.Option("--hull", metavar="SHAPE", help="Hull of the robot: round or rectangular.")] = "round",
+    hull: Annotated[
+        str, typer.Option("--hull", metavar="SHAPE", help="Hull of the robot: round or rectangular.")
+    ] = "round",
     camera: Annotated[
-        str, typer.Option("--camera", metavar="NAME", help="View: follow, corner, top, or a camera of the scene.")
+        str,
+        typer.Option("--camera", metavar="NAME", help="View: follow, corner, top, or a camera of the scene."),
     ] = "follow",
     size: Annotated[str, typer.Option("--size", metavar="WxH", help="Size in pixels.")] = "1280x720",
     seconds: Annotated[

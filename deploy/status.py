@@ -138,7 +138,7 @@ def table(look: Look) -> Table | Text:
         alive = node in look.alive
         note = f" (process {look.programs[node]})" if node in look.programs else ""
         style = "green" if alive else "red" if node in NEEDED else "dim"
-        table.add_row(node, Text(f"{'alive' if alive else 'not running'}{note}", style=style))
+        table.add_row(node, Text(f"{'alive' if alive else 'not alive'}{note}", style=style))
     if look.state is None:
         table.add_row("mode", Text(f"unknown: no status within {LISTEN_LIMIT_S:g} s", style="bold red"))
     else:
