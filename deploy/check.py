@@ -134,7 +134,7 @@ def _print(console: Console, file: Path, report: Report) -> None:
     way = report.stopping
     console.print(
         Text(
-            f"\nFrom {way.speed_m_s:g} m/s the robot must stop {way.total_m:.2f} m before an obstacle: {way.reaction_m:.2f} m of "
+            f"\nFrom {way.speed_m_s:g} m/s the stopping distance is {way.total_m:.2f} m: {way.reaction_m:.2f} m of "
             f"reaction ({way.reaction_s:.2f} s: two scan periods and transport), {way.braking_m:.2f} m of braking "
             f"(v²/2a, a = {report.config.deceleration_m_s2:g} m/s²) and {way.keep_m:.2f} m stop distance.\n"
         ),

@@ -259,7 +259,7 @@ def report(done: Drive, truth: Sequence[TruthSample]) -> list[str]:
     """Return the lines of the report on a drive."""
     how = {
         Ending.DONE: "the path is complete",
-        Ending.STOPPED: f"ended early: {done.reason}",
+        Ending.STOPPED: f"ended early, {done.reason}",
         Ending.INTERRUPTED: "interrupted",
     }[done.ending]
     if done.path is None:

@@ -160,7 +160,10 @@ def test_a_killed_supervisor_is_restarted_and_a_killed_supervisord_is_cleaned_up
 
     down = robot.run("down")
     assert down.returncode == 0
-    assert down.stdout == "lifeline: supervisord had been killed; stopped its remaining processes: sim, supervisor\n"
+    assert (
+        down.stdout
+        == "lifeline: supervisord had been killed; stopped its remaining processes: sim, supervisor\n"
+    )
     assert robot.pids() == {}
 
 
