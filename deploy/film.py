@@ -66,7 +66,7 @@ def film(wanted: Wanted, width: int, height: int, view: View | None = None, *, p
 
 def _plant(wanted: Wanted) -> Plant:
     if wanted.hull not in tuple(Hull):
-        raise FilmError(f"unknown hull {wanted.hull!r}; choose from {', '.join(Hull)}")
+        raise FilmError(f"There is no hull named {wanted.hull!r}; there are {', '.join(Hull)}")
     options = Build(Hull(wanted.hull), moving=True, scenery=True)
     scene = wanted.scene
     return Plant(scene, lidars=(LidarConfig(noise_std_m=LIDAR_NOISE_M),), options=options)

@@ -201,7 +201,9 @@ def _print(report: Report, path: Path) -> None:
         lost = f", {channel.lost:,} lost" if channel.lost else ""
         print(f"  {channel.name:<{width}}  {channel.messages:>9,}{lost}")
     lost = sum(channel.lost for channel in heard)
-    print(f"lifeline: {path}: {_summary(report)}, {lost:,} lost" if heard else "lifeline: no messages received")
+    print(
+        f"lifeline: {path}: {_summary(report)}, {lost:,} lost" if heard else "lifeline: no messages received"
+    )
     if report.failure:
         print(
             f"lifeline: cannot write the file any further ({report.failure}): it is readable up to its last flush; "

@@ -197,11 +197,14 @@ def _print(document: Document, found: Replay) -> None:
         console.print(f"{stop['utc']}  {', '.join(stop['reasons'])}", style="bold", highlight=False)
     left_out = header.get("left_out_for_memory", 0) + header.get("left_out_for_file_size", 0)
     if left_out:
-        console.print(f"{left_out:,} older steps of the window were left out for lack of space", highlight=False)
+        console.print(
+            f"{left_out:,} older steps of the window were left out for lack of space", highlight=False
+        )
     console.print(_timeline(found.phases, stop_s))
     if found.rest_s is not None:
         console.print(
-            f"the base was at rest {found.rest_s - stop_s:.2f} s after the stop, by its odometry", highlight=False
+            f"the base was at rest {found.rest_s - stop_s:.2f} s after the stop, by its odometry",
+            highlight=False,
         )
     console.print(_verdict(document, found, stop_s))
 
@@ -262,7 +265,9 @@ def _verdict(document: Document, found: Replay, stop_s: float) -> Text:
         if document.header.get(key) != here[key]
     ]
     if other:
-        lines.append(f"  the environment of the recording differs, which may be the cause: {'; '.join(other)}")
+        lines.append(
+            f"  the environment of the recording differs, which may be the cause: {'; '.join(other)}"
+        )
     return Text("\n".join(lines), style="bold red")
 
 

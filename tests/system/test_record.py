@@ -96,7 +96,7 @@ async def test_a_recorder_that_is_killed_or_has_no_room_loses_about_a_second_and
 
     assert code == 1
     assert errors.count("\n") == 1
-    assert "the file takes no more (File too large)" in errors
+    assert "cannot write the file any further (File too large)" in errors
     assert ODOM in output
     assert len(odometry_times_ns(full.file)) > 25
 

@@ -257,7 +257,7 @@ def test_without_a_risk_the_exit_code_is_0() -> None:
     assert code == 0
     for words in (
         "the configuration is valid",
-        "needs 0.76 m to an obstacle",
+        "the stopping distance is 0.76 m",
         "turn right",
         "No setting creates",
     ):
