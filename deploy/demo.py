@@ -1,7 +1,7 @@
-"""`lifeline demo`: the promises of the design, measured from outside on the running stack.
+"""`lifeline demo`: measure the promises of the design from outside, on the running stack.
 
-The real teleop runs on a pseudo-terminal and is driven by key presses; a client of its own watches cmd_vel,
-odometry and status, each sample with its time of arrival. Nothing is measured that did not move first.
+The real teleop runs on a pseudo-terminal and receives key presses. A separate client records cmd_vel, odometry
+and status, each sample with its time of arrival. Every fault is injected while the robot moves.
 """
 
 import asyncio
@@ -30,7 +30,7 @@ from wire import topics
 from wire.bus import NoReplyError
 from wire.messages import SafetyStatus
 
-# The bounds of the design's section 4, with the numbers of its section 2 and 3.
+# The bounds in section 4 of the design, with the numbers of its sections 2 and 3.
 KILL_BOUND_S = 0.010
 COMMAND_TIMEOUT_S = 0.2
 SCAN_TIMEOUT_S = 0.25
@@ -43,43 +43,43 @@ TRUSTED_BRAKING_M_S2 = 1.5
 BASE_REACTION_S = 0.03
 
 STATUS_LEEWAY_S = 0.05
-"""A command and the status that explains it are two messages."""
+"""Tolerance, because a command and the status that explains it are two messages."""
 HULL_RADIUS_M = 0.25
 
 SPEED_M_S = 0.5
-"""A fault counts only at this speed or above."""
+"""A fault is injected only above this speed."""
 KEYS_TO_SPEED = "w" * 6
 FULL_SPEED = "w" * 10
 BACK_OUT = "s" + "x" * 3
 
 PLAY_LIMIT_S = 120.0
-"""All of it, once sim and supervisor are up; it takes about a quarter of that."""
+"""Limit for the whole demo once sim and supervisor run; it usually takes about a quarter of this."""
 CONNECT_LIMIT_S = 5.0
 READY_LIMIT_S = 10.0
 MOVE_LIMIT_S = 5.0
 DRIVE_TRIES = 3
-"""A busy machine may hold a process up so long that the robot stops: then the operator drives again."""
+"""Attempts to reach speed: a busy machine may delay a process so long that the robot stops."""
 STOP_LIMIT_S = 3.0
 RACK_LIMIT_S = 20.0
 RESTART_LIMIT_S = 12.0
 QUIET_S = 0.6
-"""How long "nothing moves" is watched."""
+"""How long the demo checks that nothing moves."""
 QUIET_M = 0.002
-"""And how far a robot at rest may seem to move."""
+"""How far a robot at rest may appear to move."""
 STILL_SAMPLES = 10
-"""Odometry at rest for 0.2 s: standing, not swinging back."""
+"""Odometry at rest for 0.2 s: a standstill, not a change of direction."""
 
 
 Condition = Callable[[Record], bool]
 
 
 class StoryError(DeployError):
-    """The demo could not come to its point: something that had to happen first did not."""
+    """The demo cannot continue: a precondition of a measurement was not met."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """A stop, from the fault to standstill."""
+    """A stop, measured from the fault to standstill."""
 
     speed_m_s: float
     to_zero_s: float
@@ -88,10 +88,10 @@ class Stop:
 
 
 def play(say: Say, *, quick: bool, viewer: bool) -> int:
-    """Bring up a robot of its own, play, take it down; 0 when every promise was kept, else 1.
+    """Start a separate robot, run the demo, and stop the robot; return 0 if no promise was broken, else 1.
 
     Raises:
-        DeployError: it could not be brought up.
+        DeployError: the robot could not be started.
     """
     verdicts: list[Verdict] = []
     broken_off: StoryError | None = None
@@ -112,12 +112,12 @@ def play(say: Say, *, quick: bool, viewer: bool) -> int:
                     interrupts.ignore()
             finally:
                 with suppress(OSError):
-                    say("taking everything down")
+                    say("stopping everything")
                 takedown.stop(state)
     if verdicts:
         print_verdicts(verdicts)
     if broken_off is not None:
-        say(f"broken off: {broken_off}")
+        say(f"aborted: {broken_off}")
         return 1
     say(summary(verdicts))
     return int(any(v.outcome is Outcome.BROKEN for v in verdicts))
@@ -126,7 +126,7 @@ def play(say: Say, *, quick: bool, viewer: bool) -> int:
 async def _play(
     state: StateDir, launch: Launch, say: Say, verdicts: list[Verdict], *, repetitions: int
 ) -> None:
-    """Every chapter in turn; what is measured goes to `verdicts`."""
+    """Run every part of the demo, and append the measurements to `verdicts`."""
     await bringup.wait_until_alive(state, launch, say)
     try:
         async with asyncio.timeout(PLAY_LIMIT_S), observing(launch.bus, CONNECT_LIMIT_S) as observer:
@@ -134,25 +134,25 @@ async def _play(
             await stage.expect(
                 lambda seen: bool(seen.commands and seen.motions and seen.states),
                 CONNECT_LIMIT_S,
-                "sim and supervisor were not both heard",
+                "cmd_vel, odometry and status did not all arrive",
             )
             verdicts += await _teleop_killed(stage, repetitions)
             for chapter in (_teleop_hung, _supervisor_killed, _scan_gone, _rack_ahead):
                 verdicts += await chapter(stage)
             verdicts.append(_always(observer.take()))
     except TimeoutError as error:
-        raise StoryError(f"the demo did not come to its end within {PLAY_LIMIT_S:g} s") from error
+        raise StoryError(f"the demo did not finish within {PLAY_LIMIT_S:g} s") from error
 
 
 class _Stage:
-    """The robot, whoever drives it, and whoever watches."""
+    """The robot, its operators, and its observer."""
 
     def __init__(self, state: StateDir, launch: Launch, observer: Observer, say: Say) -> None:
         self.state, self.launch, self.observer, self.say = state, launch, observer, say
 
     @asynccontextmanager
     async def operator(self) -> AsyncGenerator[TypedTeleop]:
-        """A teleop that may drive."""
+        """Run a teleop, and yield it once the supervisor is READY."""
         async with typing(self.launch, {processes.MARK: str(self.state.path)}) as teleop:
             began_s = time.monotonic()
             await self.expect(
@@ -166,10 +166,10 @@ class _Stage:
     async def expect(
         self, condition: Condition, limit_s: float, complaint: str, teleop: TypedTeleop | None = None
     ) -> None:
-        """Wait for what has to happen before anything can be measured.
+        """Wait for a precondition of a measurement.
 
         Raises:
-            StoryError: it did not.
+            StoryError: it was not met within `limit_s`.
         """
         if await self.observer.until(condition, limit_s):
             return
@@ -182,7 +182,7 @@ class _Stage:
         raise StoryError(f"{complaint} within {limit_s:g} s{reasons}{ended}")
 
     async def accelerate(self, teleop: TypedTeleop, keys: str = KEYS_TO_SPEED) -> None:
-        """Type until the robot is as fast as it will be, and above `SPEED_M_S`."""
+        """Press keys, and wait until the robot reaches their speed and exceeds `SPEED_M_S`."""
         for left in reversed(range(DRIVE_TRIES)):
             try:
                 await self._accelerate_once(teleop, keys)
@@ -206,7 +206,7 @@ class _Stage:
         await self.expect(is_fast, MOVE_LIMIT_S, f"the robot did not reach {wanted_m_s:.1f} m/s", teleop)
 
     async def let_go(self, teleop: TypedTeleop) -> None:
-        """Ask for zero, and wait until the robot may be driven."""
+        """Command zero velocity, and wait until the supervisor is READY."""
         let_go_s = time.monotonic()
         teleop.press("s")
         await self.expect(
@@ -217,7 +217,7 @@ class _Stage:
         )
 
     async def back_to_start(self) -> None:
-        """The robot at rest, with at least 4 m of free aisle ahead."""
+        """Reset the sim, which puts the robot at rest with at least 4 m of free aisle ahead."""
         try:
             response = await self.observer.bus.call(topics.SIM_RESET, timeout_s=2.0)
         except NoReplyError as error:
@@ -232,23 +232,23 @@ class _Stage:
         )
 
     async def standstill(self, since_s: float, limit_s: float = STOP_LIMIT_S) -> Motion:
-        """The first odometry of a lasting standstill."""
+        """Wait for a lasting standstill, and return its first odometry sample."""
         await self.expect(lambda seen: _rest(seen, since_s) is not None, limit_s, "the robot did not stop")
         rest = _rest(self.observer.seen, since_s)
         assert rest is not None
         return rest
 
     async def zero_since(self, fault_s: float) -> Command:
-        """The first zero on cmd_vel."""
+        """Wait for the first zero command on cmd_vel since the fault, and return it."""
         await self.expect(
             lambda seen: any(c.is_zero for c in seen.commands_since(fault_s)),
             STOP_LIMIT_S,
-            "no zero came on cmd_vel",
+            "no zero command arrived on cmd_vel",
         )
         return next(c for c in self.observer.seen.commands_since(fault_s) if c.is_zero)
 
     def signal_node(self, node: str, number: signal.Signals) -> float:
-        """Signal the sim or the supervisor; returns the time just before."""
+        """Signal the sim or the supervisor; return the time just before."""
         found = processes.of(self.state.path)
         now_s = time.monotonic()
         for process in found:
@@ -257,7 +257,7 @@ class _Stage:
         return now_s
 
     async def stop_after(self, teleop: TypedTeleop, number: signal.Signals) -> Stop:
-        """Signal teleop while the robot drives, and see it stop."""
+        """Signal teleop while the robot drives, and measure the stop."""
         before = self.observer.take().motions[-1]
         fault_s = teleop.send(number)
         zero = await self.zero_since(fault_s)
@@ -270,7 +270,7 @@ class _Stage:
         )
 
     async def nothing_moves(self) -> tuple[Outcome, str]:
-        """Watch for a while; what became of the promise that all is still, and what was seen."""
+        """Check for a while that nothing moves; return the outcome and what was measured."""
         since_s = await self.observer.watch(QUIET_S)
         seen = self.observer.seen
         commands, motions = list(seen.commands_since(since_s)), list(seen.motions_since(since_s))
@@ -283,19 +283,19 @@ class _Stage:
         )
         return (
             judged(kept=quiet and moved_m <= QUIET_M),
-            f"{zeros} of {len(commands)} zero in {QUIET_S:g} s, moved {moved_m * 1000:.0f} mm",
+            f"{zeros} of {len(commands)} commands zero in {QUIET_S:g} s, moved {moved_m * 1000:.0f} mm",
         )
 
 
 def _rest(seen: Record, since_s: float) -> Motion | None:
-    """The first sample of a standstill that has lasted, after `since_s`; None while there is none."""
+    """Return the first sample of a lasting standstill after `since_s`, or None."""
     motions = list(seen.motions_since(since_s))
     tail = list(itertools.takewhile(lambda m: m.is_still, reversed(motions)))
     return tail[-1] if len(tail) >= STILL_SAMPLES else None
 
 
 async def _teleop_killed(stage: _Stage, repetitions: int) -> list[Verdict]:
-    """SIGKILL of teleop at speed, again and again; what follows moves nothing until it is driven."""
+    """Kill teleop at speed repeatedly, then check that a new teleop moves nothing until it commands motion."""
     stage.say(f"killing teleop at {0.1 * len(KEYS_TO_SPEED):.1f} m/s, {repetitions} times")
     stops: list[Stop] = []
     for _ in range(repetitions):
@@ -305,7 +305,7 @@ async def _teleop_killed(stage: _Stage, repetitions: int) -> list[Verdict]:
             stops.append(await stage.stop_after(teleop, signal.SIGKILL))
         last = stops[-1]
         stage.say(
-            f"  at {last.speed_m_s:.2f} m/s: zero after {_ms(last.to_zero_s)}, standing after "
+            f"  at {last.speed_m_s:.2f} m/s: zero after {_ms(last.to_zero_s)}, at rest after "
             f"{_ms(last.to_standstill_s)} and {_cm(last.distance_m)}"
         )
     zeros_s = [s.to_zero_s for s in stops]
@@ -328,7 +328,7 @@ async def _teleop_killed(stage: _Stage, repetitions: int) -> list[Verdict]:
         ),
         Verdict(
             2,
-            "… and the robot stands",
+            "… and the robot comes to rest",
             f"≤ {_cm(_braking_m(farthest.speed_m_s, KILL_BOUND_S))}",
             f"{_cm(farthest.distance_m)} in {_ms(farthest.to_standstill_s)}, from {farthest.speed_m_s:.2f} m/s (worst)",
             judged(kept=farthest.distance_m <= _braking_m(farthest.speed_m_s, KILL_BOUND_S)),
@@ -344,8 +344,8 @@ async def _teleop_killed(stage: _Stage, repetitions: int) -> list[Verdict]:
 
 
 async def _teleop_hung(stage: _Stage) -> list[Verdict]:
-    """SIGSTOP of teleop at speed: its token stands, its commands end; then it wakes up."""
-    stage.say("stopping teleop with SIGSTOP, and waking it up again")
+    """Suspend teleop at speed (SIGSTOP), which keeps its token but ends its commands; then resume it."""
+    stage.say("suspending teleop with SIGSTOP, then resuming it")
     await stage.back_to_start()
     bound_s = COMMAND_TIMEOUT_S + TICK_S
     async with stage.operator() as teleop:
@@ -355,7 +355,7 @@ async def _teleop_hung(stage: _Stage) -> list[Verdict]:
         await stage.expect(
             lambda seen: any(_is_heard(s) for s in seen.states_since(woken_s)),
             READY_LIMIT_S,
-            "teleop did not wake up",
+            "teleop did not resume",
             teleop,
         )
         quiet, seen = await stage.nothing_moves()
@@ -365,12 +365,12 @@ async def _teleop_hung(stage: _Stage) -> list[Verdict]:
             3,
             "teleop hung at speed: zero on cmd_vel",
             f"≤ {_ms(bound_s)}",
-            f"{_ms(stop.to_zero_s)}, standing after {_cm(stop.distance_m)}",
+            f"{_ms(stop.to_zero_s)}, at rest after {_cm(stop.distance_m)}",
             timed(stop.to_zero_s, bound_s),
         ),
         Verdict(
             7,
-            "teleop awake again: nothing moves until it is driven",
+            "teleop resumed: nothing moves until it is driven",
             f"zeros, ≤ {QUIET_M * 1000:.0f} mm",
             seen,
             quiet,
@@ -379,9 +379,9 @@ async def _teleop_hung(stage: _Stage) -> list[Verdict]:
 
 
 async def _supervisor_killed(stage: _Stage) -> list[Verdict]:
-    """SIGKILL of the supervisor at speed: the base brakes by itself, and supervisord brings the supervisor back.
+    """Kill the supervisor at speed: the base brakes by itself, and supervisord restarts the supervisor.
 
-    With the hub gone nobody sees the robot; how far it came is read once it is back.
+    Without the hub no message arrives; the distance is measured after the restart.
     """
     stage.say("killing the supervisor at speed")
     await stage.back_to_start()
@@ -420,7 +420,7 @@ async def _supervisor_killed(stage: _Stage) -> list[Verdict]:
         ),
         Verdict(
             8,
-            "supervisor killed: drivable again with no hand but neutral",
+            "supervisor killed: drivable again after a neutral command",
             f"≤ {RESTART_LIMIT_S:g} s",
             f"{back_s:.1f} s",
             Outcome.KEPT,
@@ -429,7 +429,7 @@ async def _supervisor_killed(stage: _Stage) -> list[Verdict]:
 
 
 async def _scan_gone(stage: _Stage) -> list[Verdict]:
-    """SIGSTOP of the sim, which is the lidar as well: its token stands, its scans end; then they come again."""
+    """Suspend the sim at speed (SIGSTOP), which keeps its token but ends its scans; then resume it."""
     stage.say("stopping the scans at speed")
     await stage.back_to_start()
     bound_s = SCAN_TIMEOUT_S + TICK_S
@@ -446,7 +446,7 @@ async def _scan_gone(stage: _Stage) -> list[Verdict]:
                 s.status.scan_age_s < SCAN_TIMEOUT_S for s in seen.states_since(woken_s + TICK_S)
             ),
             READY_LIMIT_S,
-            "the scans did not come again",
+            "the scans did not resume",
         )
         quiet, seen = await stage.nothing_moves()
         await _drive_after_neutral(stage, teleop)
@@ -470,7 +470,7 @@ async def _scan_gone(stage: _Stage) -> list[Verdict]:
 
 
 async def _rack_ahead(stage: _Stage) -> list[Verdict]:
-    """At full speed straight at the rack, and out again backwards."""
+    """Drive at full speed straight at the rack, then back out."""
     stage.say("driving at the rack ahead at 1.0 m/s")
     await stage.back_to_start()
     async with stage.operator() as teleop:
@@ -501,9 +501,9 @@ async def _rack_ahead(stage: _Stage) -> list[Verdict]:
     return [
         Verdict(
             6,
-            f"driven at a rack at {top_m_s:.2f} m/s: least clearance of the hull",
+            f"driven at a rack at {top_m_s:.2f} m/s: minimum clearance of the hull",
             f"≥ {_cm(bound_m)}",
-            f"{_cm(least_m)}, in the end {_cm(final_m)}",
+            f"{_cm(least_m)}, at rest {_cm(final_m)}",
             judged(kept=least_m >= bound_m),
         ),
         Verdict(
@@ -513,7 +513,7 @@ async def _rack_ahead(stage: _Stage) -> list[Verdict]:
 
 
 async def _drive_after_neutral(stage: _Stage, teleop: TypedTeleop) -> None:
-    """Let go, and drive: the way out of every stop."""
+    """Command zero velocity, then drive: this leaves every stop."""
     await stage.let_go(teleop)
     await stage.accelerate(teleop)
     teleop.press("s")
@@ -521,7 +521,7 @@ async def _drive_after_neutral(stage: _Stage, teleop: TypedTeleop) -> None:
 
 
 def _is_heard(state: State) -> bool:
-    """Whether the supervisor hears a source now; the age of one that never spoke is NaN."""
+    """Whether the supervisor hears a source now; the age of a source that never sent is NaN."""
     return any(source.age_s < COMMAND_TIMEOUT_S for source in state.status.sources)
 
 
@@ -530,7 +530,7 @@ def _asks_for_motion(state: State) -> bool:
 
 
 def _always(seen: Record) -> Verdict:
-    """Of everything that was seen: never beyond the limits, never NaN, never motion while a stop holds."""
+    """Check all recorded commands: within limits, never NaN, and zero while a stop holds."""
     worst_m_s = max(abs(c.linear_m_s) for c in seen.commands)
     worst_rad_s = max(abs(c.angular_rad_s) for c in seen.commands)
     limited = all(
@@ -548,7 +548,7 @@ def _always(seen: Record) -> Verdict:
         1,
         "cmd_vel within its limits, and zero while a stop reason holds",
         f"{MAX_LINEAR_M_S:g} m/s, {MAX_ANGULAR_RAD_S:g} rad/s",
-        f"{worst_m_s:.2f} m/s, {worst_rad_s:.2f} rad/s; {while_stopped} of {len(seen.commands)} despite a stop",
+        f"{worst_m_s:.2f} m/s, {worst_rad_s:.2f} rad/s; {while_stopped} of {len(seen.commands)} commands non-zero during a stop",
         judged(kept=limited and while_stopped == 0),
     )
 
