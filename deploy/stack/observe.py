@@ -1,4 +1,4 @@
-"""What a client of the wire sees, with the time of each arrival by `time.monotonic`."""
+"""Records the robot's messages, with the time of each arrival by `time.monotonic`."""
 
 import asyncio
 import itertools
@@ -38,14 +38,14 @@ class Motion:
         return is_still(self.linear_m_s, self.angular_rad_s)
 
     def position_at(self, time_s: float) -> tuple[float, float]:
-        """Where it is a moment later on the same course: odometry is 20 ms apart, or 1.2 cm at 0.6 m/s."""
+        """Extrapolate the position at constant velocity; odometry period is 20 ms, or 1.2 cm at 0.6 m/s."""
         return (self.x_m, self.y_m) if self.is_still else self._ahead(time_s - self.arrival_s)
 
     def _ahead(self, duration_s: float) -> tuple[float, float]:
         return self.x_m + self.course[0] * duration_s, self.y_m + self.course[1] * duration_s
 
     course: tuple[float, float] = (0.0, 0.0)
-    """The velocity in the odometry's frame [m/s]."""
+    """Velocity in the odometry frame [m/s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ class State:
 
 @dataclass(slots=True)
 class Record:
-    """Everything that arrived, oldest first."""
+    """The newest `KEPT` samples of each kind, oldest first."""
 
     commands: deque[Command] = field(default_factory=lambda: deque[Command](maxlen=KEPT))
     motions: deque[Motion] = field(default_factory=lambda: deque[Motion](maxlen=KEPT))
@@ -82,7 +82,7 @@ class Record:
 
 
 class Observer:
-    """Subscribes to what the robot says, and keeps it."""
+    """Subscribes to the robot's messages and keeps them."""
 
     def __init__(self, bus: Bus) -> None:
         self.bus = bus
@@ -95,7 +95,7 @@ class Observer:
         self._scans = bus.subscribe(topics.SCAN, wake=self._wake)
 
     def take(self) -> Record:
-        """Take in what arrived since the last time, and return everything."""
+        """Add the samples that arrived since the last call, and return the record."""
         for change in self._alive.take():
             (self.seen.alive.add if change.alive else self.seen.alive.discard)(change.node)
         for arrival in self._commands.take():
@@ -113,18 +113,18 @@ class Observer:
         return self.seen
 
     async def until(self, condition: Callable[[Record], bool], limit_s: float) -> bool:
-        """Wait for something to be seen; whether it was, within `limit_s`."""
+        """Wait until the condition holds; return whether it did within `limit_s`."""
         return await seen_within(limit_s, self._wake, lambda: condition(self.take()))
 
     async def watch(self, duration_s: float) -> float:
-        """Look on for a while; returns when that began."""
+        """Record for a while; return the time of the start."""
         began_s = time.monotonic()
         await self.until(lambda _: False, duration_s)
         return began_s
 
 
 async def seen_within(limit_s: float, wake: asyncio.Event, is_seen: Callable[[], bool]) -> bool:
-    """Look whenever something came; whether it was seen in time. The loop's clock is `time.monotonic`."""
+    """Check a condition at each wake-up; return whether it held in time. The loop's clock is `time.monotonic`."""
     deadline_s = time.monotonic() + limit_s
     while not is_seen():
         if time.monotonic() >= deadline_s:
@@ -136,11 +136,11 @@ async def seen_within(limit_s: float, wake: asyncio.Event, is_seen: Callable[[],
 
 @asynccontextmanager
 async def observing(config: BusConfig, limit_s: float) -> AsyncGenerator[Observer]:
-    """A client of the wire, for a while.
+    """Connect an observer while the context is open.
 
     Raises:
         TimeoutError: no hub answers within `limit_s`.
-        DeployError: the endpoint makes no sense.
+        DeployError: the endpoint is invalid.
     """
     try:
         bus = await asyncio.wait_for(open_bus(config, "client"), limit_s)
