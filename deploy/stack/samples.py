@@ -1,4 +1,4 @@
-"""What the robot is told and does, as the demo and the fault campaign both see it. Pure."""
+"""Samples of commands and motion, for the demo and the fault campaign (pure)."""
 
 from typing import NamedTuple
 
@@ -19,5 +19,5 @@ class Command(NamedTuple):
 
 
 def is_still(linear_m_s: float, angular_rad_s: float) -> bool:
-    """Whether a robot stands, as far as it can be measured."""
+    """Return whether the robot is at rest, within the accuracy of the measurement."""
     return abs(linear_m_s) < STILL_M_S and abs(angular_rad_s) < STILL_RAD_S
