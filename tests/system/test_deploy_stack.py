@@ -86,7 +86,7 @@ class Robot:
 
 @pytest.fixture
 def robot() -> Generator[Robot]:
-    """Not in pytest's own directory, which is too deep for a socket on some machines."""
+    """Not in pytest's own directory, which has too long a path for a socket on some machines."""
     directory = Path(tempfile.mkdtemp(prefix="lifeline-test-")).resolve()
     robot = Robot(StateDir(directory), free_endpoint())
     yield robot
@@ -194,7 +194,7 @@ def test_a_missing_uv_is_one_sentence(robot: Robot, monkeypatch: pytest.MonkeyPa
     root = supervisord.checkout()
     if root and (root / ".uv" / "bin" / "uv").exists():
         pytest.skip("`make setup` fetched one, which is found")
-    _refused(robot.run("up", "--detach"), r"uv is missing.*`make setup`")
+    _refused(robot.run("up", "--detach"), r"uv, which runs supervisord, is missing.*`make setup`")
 
 
 def test_a_python_path_with_this_project_in_it_is_not_supervisords(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -216,7 +216,7 @@ def test_a_process_that_ends_at_once_is_told_with_the_end_of_its_log(
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     _refused(
         robot.run("up", "--detach", "--viewer"),
-        r"sim ends as soon as it is started; the end of .*sim\.log:\n(.*\n)*.*no display for a window",
+        r"sim exits immediately after each start; the end of .*sim\.log:\n(.*\n)*.*no display for a window",
     )
     assert robot.pids() == {}
 

@@ -106,6 +106,6 @@ def test_without_a_robot_it_says_so_and_makes_no_file(tmp_path: Path) -> None:
     command = lifeline("record", str(file), "--endpoint", free_endpoint())
     done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
     assert done.returncode == 3
-    assert "nobody answers at tcp/127.0.0.1:" in done.stderr
+    assert "no supervisor answers at tcp/127.0.0.1:" in done.stderr
     assert done.stderr.count("\n") == 1
     assert not file.exists()
