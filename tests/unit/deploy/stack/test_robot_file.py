@@ -109,7 +109,7 @@ def test_a_lidar_of_too_few_beams_is_refused() -> None:
     document: dict[str, Any] = {"supervisor": {"lidar": {"min_beams": 90}}, "sim": {"lidar_beams": 90}}
     assert read_robot(document, simulated=True)
     message = refusal({**document, "sim": {"lidar_beams": 89}})
-    assert "supervisor.lidar.min_beams = 90: is more than the 89 beams of [sim]'s" in message
+    assert "supervisor.lidar.min_beams = 90: is more than the 89 beams of this lidar in [sim]" in message
 
 
 def test_a_source_of_teleop_shadows_no_node() -> None:
