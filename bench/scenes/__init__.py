@@ -9,4 +9,5 @@ law.py        configuration and inputs of the law; the only file that uses their
 run.py        run one scene in closed loop
 summary.py    summarize many runs
 plain.py      build scenes with few objects by hand
+drawing.py    describe and draw one run
 """
