@@ -90,7 +90,7 @@ def examine(file: Path) -> Report:
 
 
 def _seen(lidar: NamedLidarSection, sim: SimSection | None) -> Seen:
-    """Take each value from the lidar's keys, else from `[sim]` (the period: or its profile), else assume it."""
+    """Take values from the lidar's keys, else `[sim]` (without it, the period from the profile), else assume."""
     carried = None if sim is None else next(c for c in sim.lidar_configs() if c.topic == lidar.topic)
     assumed: list[str] = []
 
