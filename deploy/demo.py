@@ -394,7 +394,7 @@ async def _supervisor_killed(stage: _Stage) -> list[Verdict]:
                 _is_heard(s) and _asks_for_motion(s) for s in seen.states_since(killed_s + TICK_S)
             ),
             RESTART_LIMIT_S,
-            "the supervisor did not come back",
+            "the supervisor did not restart",
             teleop,
         )
         back_s = time.monotonic() - killed_s
@@ -413,7 +413,7 @@ async def _supervisor_killed(stage: _Stage) -> list[Verdict]:
         ),
         Verdict(
             7,
-            "supervisor back, teleop still asking for motion: nothing moves",
+            "supervisor restarted, teleop still commands motion: nothing moves",
             f"zeros, ≤ {QUIET_M * 1000:.0f} mm",
             seen,
             quiet,
@@ -430,7 +430,7 @@ async def _supervisor_killed(stage: _Stage) -> list[Verdict]:
 
 async def _scan_gone(stage: _Stage) -> list[Verdict]:
     """Suspend the sim at speed (SIGSTOP), which keeps its token but ends its scans; then resume it."""
-    stage.say("stopping the scans at speed")
+    stage.say("suspending the sim, and thus the scans, at speed")
     await stage.back_to_start()
     bound_s = SCAN_TIMEOUT_S + TICK_S
     async with stage.operator() as teleop:
@@ -454,14 +454,14 @@ async def _scan_gone(stage: _Stage) -> list[Verdict]:
     return [
         Verdict(
             5,
-            "scans gone at speed: zero on cmd_vel",
+            "scans lost at speed: zero on cmd_vel",
             f"≤ {_ms(bound_s)}",
             _ms(to_zero_s),
             timed(to_zero_s, bound_s),
         ),
         Verdict(
             7,
-            "scans back, teleop still asking for motion: nothing moves",
+            "scans resumed, teleop still commands motion: nothing moves",
             f"zeros, ≤ {QUIET_M * 1000:.0f} mm",
             seen,
             quiet,
@@ -521,7 +521,7 @@ async def _drive_after_neutral(stage: _Stage, teleop: TypedTeleop) -> None:
 
 
 def _is_heard(state: State) -> bool:
-    """Whether the supervisor hears a source now; the age of a source that never sent is NaN."""
+    """Return whether the supervisor hears a source now; the age of a source that never sent is NaN."""
     return any(source.age_s < COMMAND_TIMEOUT_S for source in state.status.sources)
 
 
