@@ -59,7 +59,7 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool) -> int:
         finally:
             if not keep:
                 takedown.stop(state)
-                with suppress(OSError):  # the terminal may be gone
+                with suppress(OSError):  # the terminal may be closed
                     say("everything is stopped")
 
 
