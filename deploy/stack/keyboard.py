@@ -72,9 +72,7 @@ class TypedTeleop:
     def last_lines(self) -> str:
         """The last three non-empty lines of its output, without escape sequences."""
         text = ESCAPE.sub("", self.screen.decode(errors="replace"))
-        return (
-            " | ".join([line.strip() for line in text.splitlines() if line.strip()][-3:]) or "it said nothing"
-        )
+        return " | ".join([line.strip() for line in text.splitlines() if line.strip()][-3:]) or "no output"
 
     def press(self, keys: str) -> None:
         """Type the keys in order."""
