@@ -104,7 +104,7 @@ def _run(
     cwd: Path | None = None,
     environment: dict[str, str] | None = None,
 ) -> subprocess.CompletedProcess[str]:
-    # With this project on the PYTHONPATH, supervisord would import our `supervisor` instead of its own.
+    # With this project on the PYTHONPATH, supervisord would import Lifeline's `supervisor` instead of its own.
     inherited = {k: v for k, v in os.environ.items() if k not in {"PYTHONPATH", "PYTHONHOME"}}
     try:
         child = subprocess.Popen(
