@@ -136,7 +136,7 @@ class _Trials:
         return latched
 
     async def _drive(self) -> None:
-        """Reset what the last run left, and move."""
+        """Reset the latch of the previous run, and drive."""
         self._speed_m_s = 0.0
         await self._until(lambda status: _teleop(status, neutral=True))
         reply = await self._bus.call(topics.SUPERVISOR_RESET, timeout_s=WAIT_S)
@@ -156,7 +156,7 @@ class _Trials:
         return await self._until(lambda status: ESTOP in status.reasons)
 
     async def _stays_latched(self) -> bool:
-        """Neutral until the new supervisor hears it and its scans, then motion."""
+        """Command neutral until the new supervisor receives it and scans, then motion; return whether it stayed latched."""
         self._speed_m_s = 0.0
         await self._until(lambda status: _teleop(status, neutral=True) and status.scan_age_s < 1.0)
         self._speed_m_s = SPEED_M_S
