@@ -17,7 +17,7 @@ from wire.freshness import Sent
 SOURCE = "teleop"
 EPOCH = bytes(16)
 LATE_FROM_S = 1.2
-"""When scans begin to be late: the law takes the fastest stamped scans as having no delay."""
+"""When scans become late; before, they calibrate the law, which takes the fastest scans as undelayed."""
 
 
 def config_of(scene: Scene) -> LawConfig:
