@@ -23,7 +23,7 @@ FINE_M = 0.006
 STUCK_S = 3.0
 
 NEAR_M = 0.3
-"""Objects farther than this beyond the minimum are not measured until the hull has moved this far."""
+"""How far the hull moves before objects outside the search radius are considered again."""
 
 
 @dataclass(frozen=True)
