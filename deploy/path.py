@@ -97,11 +97,11 @@ def _pose(message: Recorded) -> Pose | None:
         return None
 
 
-# --- the person at the terminal
+# --- the operator at the terminal
 
 
 class TerminalPerson:
-    """The person at the terminal, who presses Enter to continue; absent if input or output is not a terminal."""
+    """The operator, who presses Enter to continue; absent if input or output is not a terminal."""
 
     def __init__(self, wake: asyncio.Event) -> None:
         self._wake = wake
