@@ -185,4 +185,4 @@ def _rss_mb(pid: int) -> float:
     for line in Path(f"/proc/{pid}/status").read_text().splitlines():
         if line.startswith("VmRSS:"):
             return int(line.split()[1]) / 1024
-    raise RuntimeError("the supervisor is gone")
+    raise RuntimeError("the process has ended")
