@@ -1,15 +1,16 @@
-"""Benchmarks: what the law, the supervisor, teleop and the sim take of time and memory. They are no tests and never fail.
+"""Benchmarks of time and memory: the law, the supervisor, teleop and the sim. They are not tests and never fail.
 
-scenery.py     the scans, odometry and commands that all of them use
-law.py         step(): time and memory, against plain numpy on the same arrays
-process.py     the real supervisor process over real Zenoh: CPU, memory, cmd_vel's rate and gaps
-heartbeat.py   the real teleop in terminal.py's terminal: how late its heartbeat is while it draws
-relay.py       what stands in the supervisor's place there: the same traffic, and no law
-feed.py        what these two are fed with, and the supervisor that they speak with
-sim.py         the simulated robot, unpaced, beside MuJoCo alone
-report.py      the results as a terminal's table, as markdown, as JSON lines
+scenery.py     scans, and the speeds of odometry and commands, for all benchmarks
+law.py         step(): time and memory, compared with plain numpy on the same arrays
+process.py     the real supervisor process over real Zenoh: CPU, memory, rate and gaps of cmd_vel
+heartbeat.py   the real teleop in the terminal of terminal.py: lateness of its heartbeat while it draws
+relay.py       reference for process.py: the supervisor's traffic without a law
+feed.py        inputs at the robot's rates, and the supervisor under test, for process.py and heartbeat.py
+sim.py         the simulated robot, unpaced, compared with MuJoCo alone
+report.py      the results as terminal tables, markdown and JSON lines
 __main__.py    python -m bench
 
-estop_kill.py  press the e-stop, kill the supervisor, and count the runs that stay latched
-black_box.py   what the black box costs
+estop_kill.py    press the e-stop, kill the supervisor, and count the runs that stay latched
+black_box.py     cost of the black box: time, memory, file size
+scene_search.py  search random scenes (scenes/) for one in which the law lets the hull come too close to an object
 """

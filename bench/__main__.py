@@ -1,4 +1,4 @@
-"""`python -m bench`: measure, show, and write down if asked to. Exit code 0 whatever comes out."""
+"""`python -m bench`: run the benchmarks, print the results, and write them to files. Always exit 0."""
 
 import argparse
 from pathlib import Path
@@ -18,27 +18,34 @@ SIM_ROUNDS = 80
 def main() -> None:
     parser = argparse.ArgumentParser(
         prog="python -m bench",
-        description="How much time and memory the supervisor takes, how late teleop's heartbeat is, and how fast the "
-        "simulation runs; three minutes.",
-        epilog="exit code: 0 also when something is over its target: these are benchmarks, not tests",
+        description="Measure the supervisor's time and memory, the lateness of teleop's heartbeat, and the speed of the "
+        "simulation. Takes about three minutes.",
+        epilog="exit code: always 0, even if a target is missed: these are benchmarks, not tests",
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write JSON lines as well")
-    parser.add_argument("--markdown", type=Path, metavar="FILE", help="write a document as well")
-    parser.add_argument("--rounds", type=int, default=ROUNDS, help="of step() (default: %(default)s)")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the results as JSON lines")
     parser.add_argument(
-        "--seconds", type=float, default=SECONDS, help="each phase of the process runs (default: %(default)s)"
+        "--markdown", type=Path, metavar="FILE", help="write the results as a markdown document"
+    )
+    parser.add_argument(
+        "--rounds", type=int, default=ROUNDS, help="number of rounds for step() (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--seconds",
+        type=float,
+        default=SECONDS,
+        help="duration of each phase of the process benchmark (default: %(default)s)",
     )
     parser.add_argument(
         "--heartbeat-seconds",
         type=float,
         default=HEARTBEAT_SECONDS,
-        help="each teleop drives (default: %(default)s)",
+        help="duration of each teleop run (default: %(default)s)",
     )
     parser.add_argument(
         "--sim-rounds",
         type=int,
         default=SIM_ROUNDS,
-        help="simulated seconds of each scene (default: %(default)s)",
+        help="number of simulated seconds for each scene (default: %(default)s)",
     )
     arguments = parser.parse_args()
     results = Results(

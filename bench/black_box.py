@@ -1,6 +1,6 @@
-"""What the black box costs: `python -m bench.black_box`.
+"""Measure the cost of the black box: `python -m bench.black_box`.
 
-The cost of a step, memory, the size of a file, and how late the loop's ticks come while a file is written.
+It reports the cost of a step, the memory, the size of a file, and the lateness of ticks while a file is written.
 """
 
 import asyncio
@@ -30,7 +30,7 @@ Step = tuple[float, Inputs, State, Decision]
 
 
 def inputs(seconds: float) -> Iterator[tuple[float, Inputs]]:
-    """A drive with a noisy lidar: worse to compress than any simulator's."""
+    """Yield the inputs of a drive with a noisy lidar, which compress worse than those of a simulator."""
     rng = np.random.default_rng(1)
     linear_m_s = 0.0
     for i in range(round(seconds * STEP_HZ)):
@@ -60,7 +60,7 @@ def steps(seconds: float) -> list[Step]:
 
 
 class Kept:
-    """A writer that keeps its order."""
+    """A writer that keeps its order and writes nothing."""
 
     order: Order | None = None
 
@@ -72,7 +72,7 @@ class Kept:
 
 
 def record(taken: list[Step]) -> Order:
-    """Print what a step costs, in time and memory; return what a stop would write."""
+    """Print the time and memory cost of a step; return the order of a stop's recording."""
     kept = Kept()
     law = SupervisorSection().law()
     box = BlackBox(law, kept, window_s=60.0)
@@ -101,7 +101,7 @@ def record(taken: list[Step]) -> Order:
 
 
 async def lateness(act: Callable[[], object]) -> str:
-    """How late the loop's 150 ticks a second come, each of which takes a step, while a file is being written."""
+    """Measure the lateness of 150 ticks/s, each with a step, while `act` runs repeatedly on a thread."""
     loop = asyncio.get_running_loop()
     stop, writing = threading.Event(), threading.Event()
 
@@ -143,7 +143,7 @@ def main() -> None:
         started_s, cpu_s = time.perf_counter(), time.process_time()
         path = write()
         print(
-            f"a file of 60 s: {path.stat().st_size / 1e6:.1f} MB; without pauses it takes "
+            f"a file of 60 s: {path.stat().st_size / 1e6:.1f} MB; written without pauses in "
             f"{time.perf_counter() - started_s:.2f} s, {time.process_time() - cpu_s:.2f} s of CPU"
         )
         never = threading.Event()

@@ -1,8 +1,9 @@
-"""Does a pressed e-stop outlive its supervisor? `python -m bench.estop_kill --runs 300`, on real processes.
+"""Test that a pressed e-stop survives a kill of the supervisor: `python -m bench.estop_kill --runs 300`.
 
-In each run the supervisor drives a base, the e-stop is pressed, and the supervisor is killed (SIGKILL) at a random
-moment after its status showed ESTOP. The next supervisor gets neutral commands and then motion. The run has stayed
-latched if every status of it names ESTOP and every command to the base is zero. A reset then begins the next run.
+It runs real processes. In each run the supervisor drives a base, the e-stop is pressed, and the supervisor is killed
+(SIGKILL) at a random moment after its status showed ESTOP. The next supervisor receives neutral commands and then
+motion. The run counts as latched if every status of the new supervisor contains ESTOP and every command to the base
+is zero. A reset then begins the next run.
 """
 
 import argparse
@@ -29,11 +30,11 @@ from wire.zenoh_bus import ZenohBus
 COMMAND_HZ = 20.0
 SPEED_M_S = 0.3
 KILL_WITHIN_S = 0.02
-"""After the first status that shows ESTOP; some of these moments are before the next tick."""
+"""Latest kill after the first status that shows ESTOP; some kills precede the next tick."""
 WAIT_S = 60.0
 LOOK_S = 0.5
 DRIVE_S = 0.3
-"""How long the next supervisor is asked for motion."""
+"""How long the next supervisor receives motion commands."""
 SLOW_DISK = """
 import os, runpy, time
 quick = os.fsync
@@ -47,7 +48,7 @@ LATCHED, RELEASED, RECORDED = "latched", "RELEASED", "first status shows it reco
 
 
 class _Supervisors:
-    """One supervisor after another at one endpoint, with one state directory, on a disk that is so slow."""
+    """Runs supervisors in sequence, with one endpoint and state directory, and an fsync slower by `fsync_s`."""
 
     def __init__(self, endpoint: str, folder: Path, fsync_s: float) -> None:
         self._endpoint, self._folder = endpoint, folder
@@ -64,18 +65,18 @@ class _Supervisors:
             )
 
     async def kill(self) -> None:
-        """SIGKILL, and wait for the end."""
+        """Kill the supervisor with SIGKILL, and wait for its end."""
         assert self._process is not None
         self._process.kill()
         await asyncio.to_thread(self._process.wait)
 
     def start_again_if_ended(self) -> None:
-        """As supervisord does: it may not get its port back at once."""
+        """Restart the supervisor if it exited, as supervisord does: its port may not be free immediately."""
         if self._process is not None and self._process.poll() is not None:
             self.start()
 
     def last_words(self) -> str:
-        """The end of their log."""
+        """Return the end of the log."""
         return (self._folder / "supervisor.log").read_text()[-600:]
 
     def end(self) -> None:
@@ -103,7 +104,7 @@ class _Trials:
         self._epoch: bytes | None = None
         self._since_kill: list[SafetyStatus] = []
         self._moved: list[float] = []
-        """What was commanded to the base after the kill, other than zero [m/s]."""
+        """Non-zero commands to the base after the kill [m/s]."""
         self.counts: Counter[str] = Counter()
 
     def feeds(self) -> list[Coroutine[None, None, None]]:
@@ -114,7 +115,7 @@ class _Trials:
         ]
 
     async def run(self) -> bool:
-        """One run; whether the e-stop stayed latched."""
+        """Execute one run; return whether the e-stop stayed latched."""
         await self._drive()
         first = await self._press()
         self.counts[RECORDED] += not first.estop_record_problem
@@ -135,7 +136,7 @@ class _Trials:
         return latched
 
     async def _drive(self) -> None:
-        """Reset what the last run left, and move."""
+        """Reset the latch of the previous run, and drive."""
         self._speed_m_s = 0.0
         await self._until(lambda status: _teleop(status, neutral=True))
         reply = await self._bus.call(topics.SUPERVISOR_RESET, timeout_s=WAIT_S)
@@ -155,7 +156,7 @@ class _Trials:
         return await self._until(lambda status: ESTOP in status.reasons)
 
     async def _stays_latched(self) -> bool:
-        """Neutral until the new supervisor hears it and its scans, then motion."""
+        """Command neutral until the new supervisor receives it and scans, then motion; return whether it stayed latched."""
         self._speed_m_s = 0.0
         await self._until(lambda status: _teleop(status, neutral=True) and status.scan_age_s < 1.0)
         self._speed_m_s = SPEED_M_S
@@ -168,7 +169,7 @@ class _Trials:
         return not self._moved and all(ESTOP in status.reasons for status in self._since_kill)
 
     async def _until(self, condition: Callable[[SafetyStatus], bool]) -> SafetyStatus:
-        """The first status of the present supervisor from now on for which this holds."""
+        """Wait for a status of the present supervisor that meets the condition, and return it."""
         last = None
         deadline_s = time.monotonic() + WAIT_S
         while time.monotonic() < deadline_s:
@@ -183,7 +184,7 @@ class _Trials:
         raise RuntimeError(f"not within {WAIT_S:g} s; {last}; {self._supervisors.last_words()}")
 
     def _of_now(self, arrival: Arrival[SafetyStatus]) -> SafetyStatus | None:
-        """A status of the present supervisor; None: a last word of the killed one."""
+        """Return a status of the present supervisor; None for a late status of the killed one."""
         if arrival.stamp is None or arrival.message is None or arrival.stamp.gid == self._former:
             return None
         self._epoch = arrival.stamp.gid
@@ -192,7 +193,7 @@ class _Trials:
 
 
 def _teleop(status: SafetyStatus, *, neutral: bool) -> bool:
-    """Whether a supervisor has heard the operator ask for this."""
+    """Return whether the supervisor has accepted a neutral (or non-neutral) command of the operator."""
     return any(
         s.name == topics.TELEOP and s.accepted > 0 and s.age_s < 0.2 and s.neutral is neutral
         for s in status.sources
@@ -200,10 +201,10 @@ def _teleop(status: SafetyStatus, *, neutral: bool) -> bool:
 
 
 async def measure(runs: int, seed: int, fsync_s: float) -> Counter[str]:
-    """How the runs ended.
+    """Execute the runs, and count their outcomes.
 
     Raises:
-        RuntimeError: a supervisor does not start, or does not hear its operator; the message ends with its log.
+        RuntimeError: a supervisor does not start or does not hear its operator; the message ends with its log.
     """
     endpoint = free_loopback_endpoint()
     with tempfile.TemporaryDirectory() as folder:
@@ -228,21 +229,21 @@ def main() -> None:
         description="Press the e-stop, kill the supervisor, restart it, and check that the e-stop is still latched.",
         epilog="exit code: 0 if every run stayed latched, 1 if not",
     )
-    parser.add_argument("--runs", type=int, default=RUNS, help="about 2 s each (default: %(default)s)")
     parser.add_argument(
-        "--seed", type=int, default=1, help="of the moments of the kills (default: %(default)s)"
+        "--runs", type=int, default=RUNS, help="number of runs, about 2 s each (default: %(default)s)"
     )
+    parser.add_argument("--seed", type=int, default=1, help="seed of the kill times (default: %(default)s)")
     parser.add_argument(
         "--fsync-s",
         type=float,
         default=0.0,
         metavar="SECONDS",
-        help="simulate a busy disk: let each fsync of the supervisor take so much longer",
+        help="simulate a busy disk: delay each fsync of the supervisor by this time (default: %(default)s)",
     )
     arguments = parser.parse_args()
     counts = asyncio.run(measure(arguments.runs, arguments.seed, arguments.fsync_s))
-    print(f"{counts[LATCHED]} of {arguments.runs} runs on real processes stay latched")
-    print(f"{counts[RECORDED]} of the first statuses that showed ESTOP showed it as recorded")
+    print(f"{counts[LATCHED]} of {arguments.runs} runs on real processes stayed latched")
+    print(f"in {counts[RECORDED]} runs the first status that showed ESTOP also showed it as recorded")
     sys.exit(counts[LATCHED] != arguments.runs)
 
 

@@ -1,4 +1,4 @@
-"""What the processes under measurement are fed with, at the robot's own rates, and the supervisor that they speak with."""
+"""Feeds the processes under measurement at the robot's rates, and runs the supervisor that they use."""
 
 import asyncio
 import os
@@ -25,7 +25,7 @@ MODES = ("STOPPED", "READY", "DRIVING", "LIMITED")
 
 @dataclass(frozen=True)
 class Supervisor:
-    """One that runs."""
+    """A running supervisor."""
 
     endpoint: str
     pid: int
@@ -33,10 +33,10 @@ class Supervisor:
 
 @contextmanager
 def supervisor(module: str = "supervisor") -> Generator[Supervisor]:
-    """A supervisor of its own, or what stands in its place, for a while.
+    """Run a supervisor, or another module in its place, while the context is open.
 
     Raises:
-        RuntimeError: what is done with it fails for want of it; the message ends with the end of its log.
+        RuntimeError: the context body timed out or lost the bus; the message ends with the end of the log.
     """
     endpoint = free_loopback_endpoint()
     with tempfile.TemporaryDirectory() as folder:
@@ -58,7 +58,7 @@ def supervisor(module: str = "supervisor") -> Generator[Supervisor]:
 
 @asynccontextmanager
 async def client(endpoint: str) -> AsyncGenerator[ZenohBus]:
-    """A bus, for a while."""
+    """Open a client bus while the context is open."""
     async with asyncio.timeout(START_S):
         bus = await open_bus(BusConfig(endpoint), "client")
     try:
@@ -69,7 +69,7 @@ async def client(endpoint: str) -> AsyncGenerator[ZenohBus]:
 
 @asynccontextmanager
 async def feeding(feeds: Iterable[Coroutine[None, None, None]]) -> AsyncGenerator[None]:
-    """All of them side by side, for a while."""
+    """Run the coroutines concurrently while the context is open."""
     tasks = [asyncio.ensure_future(feed) for feed in feeds]
     try:
         yield
@@ -89,7 +89,7 @@ async def at_rate(rate_hz: float, act: Callable[[], None]) -> None:
 
 
 def scan(ranges: scenery.Ranges) -> LaserScan:
-    """Of a full turn."""
+    """Return a LaserScan that covers a full turn."""
     return laser_scan(
         ranges,
         angle_min_rad=scenery.ANGLE_MIN,
@@ -100,5 +100,5 @@ def scan(ranges: scenery.Ranges) -> LaserScan:
 
 
 def mode_of(status: SafetyStatus) -> str:
-    """In words, with the reasons."""
+    """Return the mode's name and the stop reasons."""
     return " ".join([MODES[status.mode], *status.reasons])

@@ -1,4 +1,4 @@
-"""The real teleop in a terminal of its own: how late its heartbeat is while it draws."""
+"""Measures the lateness of the real teleop's heartbeat while it draws in a pseudo-terminal."""
 
 import asyncio
 import itertools
@@ -20,18 +20,18 @@ from wire.zenoh_bus import ZenohBus
 
 BEAT_S = 0.05
 EARLIEST_S = 0.01
-"""A beat is never this much before the mean."""
+"""No beat is earlier than the mean by this much."""
 WARM_UP_S = 3.0
 TYPE_PERIOD_S = 0.33
 FULL_SPEED = "w" * 12
-"""More presses than there are steps: a further one changes nothing, and sends nothing beside the heartbeat."""
+"""More presses than speed steps: a further press changes nothing and sends no extra command."""
 SCANS = 64
 TARGET_P99_MS = 5.0
 
 
 @dataclass(frozen=True)
 class Screen:
-    """One way to run teleop."""
+    """A display mode and terminal size of teleop."""
 
     name: str
     columns: int
@@ -48,42 +48,42 @@ SCREENS = (
 
 @dataclass(frozen=True)
 class Heartbeat:
-    """How late the commands of one run were against a grid of 50 ms through the earliest of them."""
+    """Lateness of the commands of one run against a 50 ms grid through the earliest command."""
 
     screen: str
     columns: int
     rows: int
     seconds: float
     mode: str
-    """The last one that the status told."""
+    """The mode of the last status."""
     beats: int
     missed: int
     sent_p50_ms: float
-    """By the time that teleop stamps on its commands."""
+    """By the source time that teleop stamps on its commands."""
     sent_p99_ms: float
     sent_max_ms: float
     arrival_p50_ms: float
-    """By when they are here, through the supervisor's hub."""
+    """By the time of arrival in this process, through the supervisor's hub."""
     arrival_p99_ms: float
     arrival_max_ms: float
     output_kb_s: float
-    """That the terminal had to take."""
+    """Output of teleop to the terminal."""
 
 
 def measure_heartbeats(seconds: float) -> list[Heartbeat]:
-    """Start a supervisor, be its robot, and drive it with one teleop after the other.
+    """Start a supervisor, simulate its robot, and drive it with one teleop for each screen.
 
     Raises:
-        RuntimeError: a process does not start, or does not speak.
+        RuntimeError: a process does not start or sends nothing.
     """
     with supervisor() as hub:
         return asyncio.run(_measure(hub.endpoint, seconds))
 
 
 def lateness_ms(times_s: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], int]:
-    """How late each beat is against the grid through the earliest, and how many places of the grid are empty.
+    """Compute the lateness of each beat against the grid through the earliest, and count the empty grid places.
 
-    Where most beats are tells the grid; one that is nearly a period late is not taken for an early next one.
+    The circular mean of the beats locates the grid, so that a beat almost a period late is not taken for the next.
     """
     since_s = times_s - times_s[0]
     turns = np.exp(2j * math.pi * since_s / BEAT_S)
@@ -103,7 +103,7 @@ async def _measure(endpoint: str, seconds: float) -> list[Heartbeat]:
 
 
 class _Robot:
-    """A base that does at once what it is told, in front of a wall that comes and goes: all of the picture moves."""
+    """A base that follows commands immediately, before a wall that moves, so that the whole display changes."""
 
     def __init__(self, bus: ZenohBus) -> None:
         self._velocity = (0.0, 0.0)
@@ -137,7 +137,7 @@ class _Robot:
         self._odometry.put(odometry(self._pose, self._velocity))
 
     async def measure(self, screen: Screen, endpoint: str, seconds: float) -> Heartbeat:
-        """Start a teleop, drive at full speed, and listen."""
+        """Start a teleop, drive at full speed, and record its commands."""
         terminal = Terminal(screen.columns, screen.rows)
         with teleop(terminal, "--endpoint", endpoint, *screen.arguments):
             await self._until_heard()
@@ -155,7 +155,7 @@ class _Robot:
             return self._summary(screen, self._beats.take(), took_s, output_kb_s)
 
     async def _until_heard(self) -> None:
-        """Until a teleop speaks that has not spoken before: the last words of the one before may come late."""
+        """Wait for a command of a new teleop; commands of the previous one may arrive late."""
         async with asyncio.timeout(START_S):
             while True:
                 gids = {beat.stamp.gid for beat in self._beats.take() if beat.stamp is not None}
@@ -171,7 +171,7 @@ class _Robot:
         stamps = [beat.stamp for beat in beats]
         if len(beats) < 2 or None in stamps:
             raise RuntimeError(
-                "the heartbeat cannot be measured: teleop did not send it, or without its stamp"
+                "the heartbeat cannot be measured: teleop sent no commands, or commands without a stamp"
             )
         sent_s = np.array([1e-9 * stamp.source_time_ns for stamp in stamps if stamp is not None])
         sent_ms, missed = lateness_ms(sent_s)

@@ -1,4 +1,4 @@
-"""`step()`: how long it takes and what it allocates, with scans of 360 to 16,384 beams."""
+"""Measures the time and memory of `step()`, with scans of 360 to 16,384 beams."""
 
 import gc
 import itertools
@@ -27,15 +27,15 @@ CONFIG = SupervisorSection().law()
 
 TARGET_BEAMS = 360
 TARGET_US = 150.0
-"""For a step with a new scan, odometry and a command, in a row with others."""
+"""Limit of a step with a new scan, odometry and a command, without sleep between steps."""
 
 COLD_SLEEP_S = 0.014
-"""Between two real ticks the core sleeps, and its caches grow cold."""
+"""Sleep before a cold step: between two real ticks the core sleeps, and its caches grow cold."""
 COLD_ROUNDS_SHARE = 2
 
 
 class Driver:
-    """The law in virtual time, with inputs made ahead of it: only `step()` is measured."""
+    """Runs the law in virtual time, with inputs prepared in advance so that only `step()` is measured."""
 
     def __init__(self, beams: int) -> None:
         self._ranges = scenery.scans(beams, SCANS)
@@ -51,7 +51,7 @@ class Driver:
             self.step(self.inputs(Velocity(0.0, 0.0), scan=True))
 
     def inputs(self, velocity: Velocity | None = None, *, scan: bool) -> Inputs:
-        """What comes in the next tick: a stamped command, odometry and, if asked for, a stamped scan."""
+        """Return the inputs of the next tick: a stamped command, odometry and optionally a stamped scan."""
         self._ticks += 1
         self._now_s += TICK_S
         sent = Sent(b"bench", self._ticks, self._now_s)
@@ -77,7 +77,7 @@ class Driver:
 
 
 class PlainNumpy:
-    """The least that anyone must compute: ranges -> points -> distances from the hull -> the smallest."""
+    """The minimum computation of any law: ranges -> points -> distances from the hull -> the smallest."""
 
     def __init__(self, beams: int) -> None:
         self._ranges = scenery.scans(beams, SCANS)
@@ -96,7 +96,7 @@ class PlainNumpy:
 
 @dataclass(frozen=True)
 class Timing:
-    """One number of beams; times in µs."""
+    """Times for one number of beams [µs]."""
 
     beams: int
     scan_median_us: float
@@ -107,32 +107,32 @@ class Timing:
     cold_median_us: float
     """A scan step right after `COLD_SLEEP_S` of sleep."""
     cold_numpy_us: float
-    """The plain numpy, likewise."""
+    """The plain numpy code, after the same sleep."""
     scan_to_numpy: float
-    """The median of each round's own ratio: what slows the machine slows both."""
+    """The median of the ratios of each round: a slow machine slows both."""
     per_beam_to_360: float
-    """Time for each beam against the smallest scan's: 1 is linear, less is better."""
+    """Time for each beam relative to that of the smallest scan: 1 is linear, less is better."""
 
 
 @dataclass(frozen=True)
 class Memory:
-    """What one step allocates: the mean over `MEMORY_STEPS`, and over `GROWTH_STEPS` for what grows."""
+    """Memory of one step: the mean over `MEMORY_STEPS`, or over `GROWTH_STEPS` for the growth."""
 
     beams: int
     kind: str
     peak_bytes: float
-    """The most that it holds at a time, beyond what was held before (tracemalloc)."""
+    """Peak beyond the memory held before (tracemalloc)."""
     state_bytes: float
-    """What it allocated and leaves behind, in the new state and the decision (tracemalloc)."""
+    """Memory kept after the step, in the new state and the decision (tracemalloc)."""
     growth_blocks: float
-    """By how much the interpreter's memory blocks grow with each step in the long run (sys.getallocatedblocks)."""
+    """Long-term growth of the interpreter's memory blocks per step (sys.getallocatedblocks)."""
 
 
 def time_steps(rounds: int) -> list[Timing]:
-    """Every variant `BLOCK` times in each round, so that no variant has a quiet machine for itself.
+    """Time every variant `BLOCK` times in each round, so that load on the machine affects all variants.
 
-    The first of a block is not counted: it would show how much of the cache the variant before it took, which
-    may be one of 16,384 beams.
+    The first time of a block is not counted: it depends on how much of the cache the previous variant used, which
+    may have 16,384 beams.
     """
     drivers = {beams: Driver(beams) for beams in BEAMS}
     bounds = {beams: PlainNumpy(beams) for beams in BEAMS}
@@ -180,7 +180,7 @@ def time_steps(rounds: int) -> list[Timing]:
 
 
 def measure_memory() -> list[Memory]:
-    """Each kind of step by itself, under tracemalloc, which would spoil the times."""
+    """Measure each kind of step under tracemalloc, separately from the times, which it would distort."""
     results: list[Memory] = []
     for beams in BEAMS:
         for kind in ("scan", "tick"):

@@ -1,4 +1,4 @@
-"""The real supervisor process, fed over real Zenoh at the robot's own rates, and a bare relay in its place."""
+"""Measures the real supervisor process over real Zenoh at the robot's rates, and a bare relay in its place."""
 
 import asyncio
 import itertools
@@ -36,7 +36,7 @@ CRUISE_M_S = 0.3
 CLEAR_M = scenery.ROOM_M
 
 Phase = tuple[str, float, float]
-"""Its name, how far the wall is [m], and the speed that is asked for [m/s]."""
+"""Its name, the distance of the wall [m], and the commanded speed [m/s]."""
 
 TARGET_CPU_PERCENT = 6.0
 TARGET_RSS_MB = 100.0
@@ -46,32 +46,32 @@ _CLOCK_TICKS_S = os.sysconf("SC_CLK_TCK")
 
 @dataclass(frozen=True)
 class Load:
-    """What the supervisor process took in one phase, and what came out of it."""
+    """The load and the output of the supervisor process in one phase."""
 
     phase: str
     seconds: float
     mode: str
-    """The last one that the status told."""
+    """The mode of the last status."""
     cpu_percent: float
     """Of one core."""
     loop_percent: float
-    """That of the thread with the event loop, the law, and all encoding and decoding."""
+    """CPU of the thread with the event loop, the law, and all encoding and decoding."""
     zenoh_percent: float
-    """That of the other threads."""
+    """CPU of the other threads."""
     rss_mb: float
     cmd_vel_hz: float
     gap_p50_ms: float
     gap_p99_ms: float
     gap_max_ms: float
     scans_hz: float
-    """That the supervisor accepted: below 20 the driver itself was late."""
+    """Rate of the scans that the supervisor accepted; below 20, the driver itself was late."""
 
 
 def measure_process(seconds: float) -> list[Load]:
-    """Drive a bare relay; then a supervisor on a free way, and the same one limited by the barrier.
+    """Measure a bare relay; then a supervisor on a free path, and the same one limited by the barrier.
 
     Raises:
-        RuntimeError: one of them does not start, or does not speak.
+        RuntimeError: a process does not start or sends nothing.
     """
     free, limited = (
         ("free way", CLEAR_M, CRUISE_M_S),
@@ -97,7 +97,7 @@ async def _measure(process: Supervisor, phases: list[Phase], seconds: float) -> 
 
 
 class _Driver:
-    """Teleop and sim in one client, with a base that does at once what it is told, and a wall that moves along."""
+    """Teleop and sim in one client, with a base that follows commands immediately, at a constant distance to the wall."""
 
     def __init__(self, bus: ZenohBus) -> None:
         self._speed_m_s = 0.0
@@ -130,7 +130,7 @@ class _Driver:
         self._odometry.put(odometry((0.0, 0.0, 0.0), (self._base_m_s, 0.0)))
 
     async def measure(self, phase: str, pid: int, seconds: float, wall_m: float, speed_m_s: float) -> Load:
-        """Neutral, then this motion for so long, watching the process from outside."""
+        """Command zero, then this motion, and measure the process from outside for `seconds`."""
         self._speed_m_s = 0.0
         self._ranges = itertools.cycle(self._clear if wall_m == CLEAR_M else self._wall)
         await asyncio.sleep(WARM_UP_S)
@@ -161,13 +161,13 @@ class _Driver:
         )
 
     async def _scans_accepted(self) -> int:
-        """By the next status."""
+        """Return the number of accepted scans in the next status."""
         self._statuses.take()
         self._told.clear()
         async with asyncio.timeout(START_S):
             await self._told.wait()
         arrival = self._statuses.latest()
-        assert arrival is not None, "the hub of our own supervisor sends what decodes"
+        assert arrival is not None, "the supervisor's status must decode"
         assert arrival.message is not None
         status = arrival.message
         self._mode = mode_of(status)
@@ -175,7 +175,7 @@ class _Driver:
 
 
 def _cpu_s(pid: int, thread: int | None = None) -> float:
-    """User and system time of a process, or of one of its threads [s]; its main thread has the process's id."""
+    """Return user and system time of a process or thread [s]; the main thread has the process's id."""
     path = f"/proc/{pid}/stat" if thread is None else f"/proc/{pid}/task/{thread}/stat"
     fields = Path(path).read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / _CLOCK_TICKS_S
@@ -185,4 +185,4 @@ def _rss_mb(pid: int) -> float:
     for line in Path(f"/proc/{pid}/status").read_text().splitlines():
         if line.startswith("VmRSS:"):
             return int(line.split()[1]) / 1024
-    raise RuntimeError("the supervisor is gone")
+    raise RuntimeError("the process has ended")

@@ -1,8 +1,8 @@
-"""The least that the supervisor's place on the wire costs: it hears and says as much, and has no law.
+"""Reference process with the supervisor's traffic but without a law, to measure the cost of the traffic.
 
-`python -m bench.relay --endpoint ENDPOINT` is the hub, decodes all that arrives, and publishes a zero at every
-tick and a status ten times a second. What the supervisor takes beyond it is the law, the black box and the steps
-between two ticks.
+`python -m bench.relay --endpoint ENDPOINT` runs the hub, decodes every message, and publishes a zero command each
+tick and a status ten times a second. The difference to the supervisor is the cost of the law, the black box and
+the steps between two ticks.
 """
 
 import argparse
@@ -20,7 +20,7 @@ COMMAND_DEPTH = 32
 
 
 async def relay(endpoint: str, stop: asyncio.Event) -> None:
-    """Until `stop` is set."""
+    """Run the hub and relay until `stop` is set."""
     bus = await open_bus(BusConfig(endpoint), "hub")
     try:
         commands = bus.subscribe(topics.source_cmd_vel(topics.TELEOP), depth=COMMAND_DEPTH)
@@ -45,9 +45,10 @@ async def relay(endpoint: str, stop: asyncio.Event) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(
-        prog="python -m bench.relay", description="What the supervisor is measured against."
+        prog="python -m bench.relay",
+        description="Run the supervisor's traffic without a law, as a reference for benchmarks.",
     )
-    parser.add_argument("--endpoint", required=True, help="where to listen")
+    parser.add_argument("--endpoint", required=True, help="address to listen on")
     endpoint = parser.parse_args().endpoint
 
     async def run(stop: asyncio.Event) -> int:

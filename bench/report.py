@@ -1,4 +1,4 @@
-"""The results for a person, for a document and for a program."""
+"""Reports the results as terminal tables, markdown and JSON lines."""
 
 import json
 import os
@@ -17,15 +17,15 @@ from rich.table import Table
 from bench import heartbeat, law, process, sim
 
 MEASURED = ("sim", "supervisor", "teleop", "wire")
-"""The packages that the numbers are about."""
+"""The measured packages."""
 
 _LOAD_BEFORE = os.getloadavg()[0]
-"""What the machine did besides, before any of this."""
+"""The machine's load average before the benchmarks."""
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """One table, with the sentences that say how to read it."""
+    """One table with explanatory notes."""
 
     title: str
     columns: tuple[str, ...]
@@ -35,7 +35,7 @@ class Sheet:
 
 @dataclass(frozen=True)
 class Verdict:
-    """One target, and what was measured."""
+    """One target and its measurement."""
 
     what: str
     measured: float
@@ -49,12 +49,12 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Results:
-    """Everything that was measured; empty where it was not asked for."""
+    """All measurements."""
 
     timings: tuple[law.Timing, ...]
     memory: tuple[law.Memory, ...]
     loads: tuple[process.Load, ...]
-    """The relay's first."""
+    """The first is that of the relay."""
     heartbeats: tuple[heartbeat.Heartbeat, ...]
     paces: tuple[sim.Pace, ...]
 
@@ -131,15 +131,15 @@ def _timing_sheet(timings: Iterable[law.Timing]) -> Sheet:
             ),
             (
                 "numpy: ranges → points → distances from the hull → the smallest, in plain numpy on the same arrays, "
-                "in turn with the steps. scan / numpy is the median of each round's own ratio, so that a slow machine "
+                "alternating with the steps. scan / numpy is the median of the ratios of each round, since a slow machine "
                 "slows both."
             ),
             (
-                "Scans of all sizes take turns, as other work does between two real ticks; "
-                "one size alone in a tight loop is quicker by about a tenth."
+                "Scans of all sizes alternate, as other work does between two real ticks; "
+                "one size alone in a tight loop is faster by about a tenth."
             ),
-            "per beam: the time of a scan step for each beam, against that at 360; 1 is linear.",
-            f"cold: a scan step, and the plain numpy, right after {1000 * law.COLD_SLEEP_S:.0f} ms of sleep.",
+            "per beam: the time of a scan step for each beam, relative to that at 360; 1 is linear.",
+            f"cold: a scan step, and the plain numpy, immediately after {1000 * law.COLD_SLEEP_S:.0f} ms of sleep.",
         ),
     )
 
@@ -160,12 +160,12 @@ def _memory_sheet(memory: Iterable[law.Memory]) -> Sheet:
         ),
         (
             (
-                f"Means of {law.MEMORY_STEPS} steps. peak: the most that one step holds beyond what was held before. "
-                "left: what it allocated and leaves behind, in place of the state before (both by tracemalloc)."
+                f"Means of {law.MEMORY_STEPS} steps. peak: the maximum memory during a step beyond that held before. "
+                "left: the memory kept after the step, which replaces the previous state (both by tracemalloc)."
             ),
             (
                 "growth: of the interpreter's memory blocks from the first step to the last "
-                "(sys.getallocatedblocks); zero means that nothing piles up."
+                "(sys.getallocatedblocks); zero means no leak."
             ),
         ),
     )
@@ -211,13 +211,13 @@ def _load_sheet(loads: Sequence[process.Load]) -> Sheet:
                 "law, encoding and decoding. Zenoh: all other threads."
             ),
             (
-                "relay: the same traffic through a process without a law, bench/relay.py. Where a core sleeps between "
-                "ticks its caches grow cold, on some machines to several times the time that the same code takes in a "
-                "loop; / relay is what remains of the comparison."
+                "relay: the same traffic through a process without a law, bench/relay.py. If a core sleeps between "
+                "ticks its caches grow cold, and on some machines the same code takes several times as long as in a "
+                "loop; / relay compares both under the same conditions."
             ),
             (
-                "cmd_vel and its gaps are as the driver sees them; under the barrier the output changes also between "
-                "ticks, and each change is sent at once."
+                "cmd_vel and its gaps are measured by the driver; under the barrier the output also changes between "
+                "ticks, and each change is sent immediately."
             ),
         ),
     )
@@ -261,14 +261,14 @@ def _heartbeat_sheet(heartbeats: Iterable[heartbeat.Heartbeat]) -> Sheet:
         ),
         (
             (
-                "The real teleop in a pseudo-terminal that takes all it writes, with a scan at 20 Hz, odometry at 50 Hz "
-                "and the supervisor's status at 10 Hz, all of which move; at full speed, with a key three times a second."
+                "The real teleop in a pseudo-terminal that reads all its output, with scans at 20 Hz, odometry at 50 Hz "
+                "and the supervisor's status at 10 Hz, all of which change; at full speed, with three key presses a second."
             ),
             (
-                "sent: by the time that teleop stamps on each command. arrival: at this program, through the hub; it "
-                "contains this program's own delays. The grid goes through the earliest beat."
+                "sent: by the source time in each command's stamp. arrival: at this program, through the hub; it "
+                "includes this program's delays. The grid goes through the earliest beat."
             ),
-            "kB/s: what the terminal had to take.",
+            "kB/s: teleop's output to the terminal.",
         ),
     )
 
@@ -292,11 +292,11 @@ def _pace_sheet(paces: Iterable[sim.Pace]) -> Sheet:
         ),
         (
             (
-                "ms: processor time of the thread for a simulated second of 500 steps and 20 scans, median of the rounds. "
+                "ms: CPU time of the thread for a simulated second of 500 steps and 20 scans, median of the rounds. "
                 "The robot drives; the target of 10 ms is a hundred times real time."
             ),
             (
-                "MuJoCo alone: mj_step and mj_multiRay in a loop on the same model, in turn with the robot; the target "
+                "MuJoCo alone: mj_step and mj_multiRay in a loop on the same model, alternating with the robot; the target "
                 "is 80 % of its rate, which is 1.25 times its time."
             ),
         ),
@@ -304,7 +304,7 @@ def _pace_sheet(paces: Iterable[sim.Pace]) -> Sheet:
 
 
 def machine() -> str:
-    """What the numbers were measured on, without its name."""
+    """Describe the machine, without its name."""
     return (
         f"{os.cpu_count()} cores ({platform.machine()}), load average {_LOAD_BEFORE:.1f} before, {platform.system()}, "
         f"Python {platform.python_version()}, numpy {version('numpy')}, eclipse-zenoh {version('eclipse-zenoh')}"
@@ -312,7 +312,7 @@ def machine() -> str:
 
 
 def commit() -> str:
-    """What was measured."""
+    """Return the measured commit, and the measured packages with local changes."""
     revision = _git("rev-parse", "--short", "HEAD")
     if not revision:
         return "unknown"
@@ -329,8 +329,8 @@ def _git(*arguments: str) -> str:
 
 
 def show(results: Results) -> None:
-    """For a person at a terminal."""
-    # A pipe has no width, and a table that is cut off says nothing.
+    """Print the tables and verdicts."""
+    # A pipe has no width; the default width would truncate the tables.
     console = Console() if sys.stdout.isatty() else Console(width=130)
     for sheet in results.sheets():
         table = Table(title=sheet.title, title_justify="left", title_style="bold")
@@ -346,7 +346,7 @@ def show(results: Results) -> None:
 
 
 def write_json(results: Results, path: Path) -> None:
-    """One JSON object a line: first what was measured and where, then one for each row and each target."""
+    """Write one JSON object a line: first the run, then one for each row and each target."""
     lines: list[dict[str, object]] = [
         {"kind": "run", "date": _now(), "machine": machine(), "commit": commit()},
         *({"kind": "step", **asdict(timing)} for timing in results.timings),
@@ -360,11 +360,11 @@ def write_json(results: Results, path: Path) -> None:
 
 
 def write_markdown(results: Results, path: Path, command: str) -> None:
-    """The committed document."""
+    """Write the markdown document."""
     parts = [
         "# Benchmarks",
         "",
-        "How much time and memory the supervisor takes, and how late teleop's heartbeat is.",
+        "Time and memory of the supervisor, lateness of teleop's heartbeat, and speed of the simulated robot.",
         "Written by the command below; do not edit.",
         "",
         f"* command: `{command}`",

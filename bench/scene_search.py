@@ -1,4 +1,4 @@
-"""Search for a scene in which the law lets the hull come too close to something.
+"""Search for a scene in which the law lets the hull come too close to an object.
 
     python -m bench.scene_search --seeds 0-20000 --jobs 2
     python -m bench.scene_search --replay 1234 --verbose --plot 1234.png

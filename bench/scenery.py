@@ -1,4 +1,4 @@
-"""A robot that drives at a wall with the barrier active: the dearest path through the law."""
+"""Scans and speeds of a robot that drives at a wall with the barrier active: the law's slowest case."""
 
 import math
 
@@ -9,7 +9,7 @@ Ranges = npt.NDArray[np.float32]
 
 ROOM_M = 3.0
 WALL_M = 0.75
-"""From the lidar; near enough that the barrier limits `FORWARD_M_S`."""
+"""Distance from the lidar; near enough that the barrier limits `FORWARD_M_S`."""
 WALL_SHARE = 1 / 6
 NOISE_M = 0.002
 RANGE_MIN_M, RANGE_MAX_M = 0.05, 12.0
@@ -21,7 +21,7 @@ ODOMETRY_M_S = 0.5
 
 
 def scans(beams: int, count: int, *, wall_m: float = WALL_M) -> list[Ranges]:
-    """So many scans of (beams,) [m], each with noise of its own: every beam hits something, a sixth the wall."""
+    """Return `count` scans of shape (beams,) [m] with independent noise; a sixth of the beams hit the wall."""
     noise = np.random.default_rng(0)
     clean = np.full(beams, ROOM_M)
     half = round(beams * WALL_SHARE / 2)
@@ -30,5 +30,5 @@ def scans(beams: int, count: int, *, wall_m: float = WALL_M) -> list[Ranges]:
 
 
 def angle_increment(beams: int) -> float:
-    """Of a full turn [rad]."""
+    """Return the angle between two beams of a full turn [rad]."""
     return 2 * math.pi / beams

@@ -1,7 +1,7 @@
-"""The simulated robot, unpaced and without a window: how many times real time it runs on one core.
+"""Measures how many times faster than real time the simulated robot runs on one core, unpaced and without a window.
 
-Beside it the least that any simulation of the same model with the same lidar must do: `mj_step` and `mj_multiRay` in a
-loop. Both take turns, so that what slows the machine slows both.
+The reference is the minimum for the same model and lidar: `mj_step` and `mj_multiRay` in a loop. Both run
+alternately, so that load on the machine slows both.
 """
 
 import time
@@ -18,19 +18,19 @@ from sim.plant import Plant
 SCENES = (("warehouse", False), ("warehouse", True), ("aisle", True), ("empty", True))
 LEG_S = 10
 LEGS = ((0.3, 0.6), (-0.3, 0.6), (0.3, -0.6), (-0.3, -0.6))
-"""v in m/s and ω in rad/s, each for so long, then from the start again; they touch nothing in any scene."""
+"""v [m/s] and ω [rad/s], each for `LEG_S`, then again from the start; there is no contact in any scene."""
 WARM_UP_ROUNDS = 3
 CONFIG = SimSection()
 
 TARGET_MS = 10.0
-"""For a simulated second: a hundred times real time."""
+"""Limit for a simulated second: a hundred times real time."""
 TARGET_TO_BARE = 1.25
-"""Times the bare loop's: 80 % of its rate."""
+"""Limit relative to the bare loop: 80 % of its rate."""
 
 
 @dataclass(frozen=True)
 class Pace:
-    """One scene; times are processor time of the one thread, for a simulated second."""
+    """Speed of one scene; times are CPU time of the single thread for a simulated second."""
 
     scene: str
     moving: bool
@@ -55,7 +55,7 @@ class Pace:
 
 
 class Bare:
-    """The same model, stepped and looked at by nothing but MuJoCo."""
+    """The same model in a loop of only MuJoCo's step and ray casting."""
 
     def __init__(self, scene: str, *, moving: bool) -> None:
         plant = Plant(scene, options=Build(moving=moving))
@@ -92,7 +92,7 @@ class Bare:
 
 
 def measure_pace(rounds: int) -> list[Pace]:
-    """Each round is a simulated second of the plant and one of the bare loop, in every scene."""
+    """Measure every scene; each round is a simulated second of the plant and one of the bare loop."""
     plants = {
         key: Plant(key[0], CONFIG.limits(), CONFIG.lidar_configs(), CONFIG.seed, Build(moving=key[1]))
         for key in SCENES
@@ -115,7 +115,7 @@ def measure_pace(rounds: int) -> list[Pace]:
             plant_ns = time.thread_time_ns()
             bares[key].run(scans, steps)
             bare_ns = time.thread_time_ns()
-            assert plant.collisions == 0, "the way must be free: contacts take time of their own"
+            assert plant.collisions == 0, "the path must be free: contacts take additional time"
             if number >= 0:
                 taken[key, "plant"].append((plant_ns - started_ns) / 1e6)
                 taken[key, "bare"].append((bare_ns - plant_ns) / 1e6)

@@ -1,4 +1,4 @@
-"""The real teleop in a pseudo-terminal, and what stands in front of it."""
+"""Runs the real teleop in a pseudo-terminal, and emulates the terminal."""
 
 import asyncio
 import fcntl
@@ -16,12 +16,12 @@ END_LIMIT_S = 5.0
 
 
 class Terminal:
-    """Takes output as fast as it comes, and answers as a terminal does; on an event loop.
+    """A terminal on the event loop that reads output immediately and answers status queries.
 
     Args:
-        columns: of its size.
-        rows: of its size.
-        see: given every piece of output.
+        columns: width of the terminal.
+        rows: height of the terminal.
+        see: called with every chunk of output.
     """
 
     def __init__(self, columns: int, rows: int, see: Callable[[bytes], object] = len) -> None:
@@ -52,7 +52,7 @@ class Terminal:
 
 @contextmanager
 def teleop(terminal: Terminal, *arguments: str) -> Generator[None]:
-    """Run `python -m teleop` in `terminal`, which is closed at the end."""
+    """Run `python -m teleop` in `terminal` while the context is open, then close the terminal."""
     process = subprocess.Popen(
         [sys.executable, "-m", "teleop", *arguments],
         stdin=terminal.slave,
@@ -69,7 +69,7 @@ def teleop(terminal: Terminal, *arguments: str) -> Generator[None]:
 
 
 def end(process: "subprocess.Popen[bytes]") -> None:
-    """Ask it to end, and make it end if it does not."""
+    """Terminate a process, and kill it if it does not end in time."""
     process.terminate()
     try:
         process.wait(END_LIMIT_S)

@@ -1,17 +1,17 @@
-"""The operator's side: one file for each command of `lifeline`, and the files of the configuration.
+"""The command-line tool `lifeline`, one file for each command, and the configuration files.
 
-cli.py             the command `lifeline`: its options, and nothing else
-up.py              `lifeline up`: the stack, with teleop in this terminal; down.py ends it; estop.py reports an e-stop that is still latched
+cli.py             the options of every command
+up.py              `lifeline up`: start the stack, with teleop in this terminal; down.py stops it; estop.py reports a latched e-stop
 status.py          `lifeline status`: print the status once
 demo.py            `lifeline demo`: a few trials of the real campaign and a drive at a rack; verdict.py one promise, bound and measurement
-path.py            `lifeline path`: squares, circles, and what was recorded
-record.py          `lifeline record`; recording.py the file, written and read
-render.py          `lifeline render`; picture.py what is wanted; film.py its pictures; rehearsal.py robot, law and operator in simulated time
-check.py           `lifeline check`; check_motions.py what the law permits; check_risks.py what may happen
-replay.py          `lifeline replay-decision`: run the law again over a black box
-stack/             the running robot: started, found, observed, ended
+path.py            `lifeline path`: drive squares, circles and recorded paths
+record.py          `lifeline record`: record all messages; recording.py writes and reads the file
+render.py          `lifeline render`: draw the robot; picture.py the options; film.py the frames; rehearsal.py robot, law and operator in simulated time
+check.py           `lifeline check`: check a configuration; check_motions.py permitted motions; check_risks.py risks
+replay.py          `lifeline replay-decision`: run the law again over a black box recording
+stack/             start, find, observe and stop the running robot
 campaign/          `lifeline faults`, `fault-report` and `soak`: fault injection at random moments, on real processes and in virtual time
-supervisord.conf   the programs under supervisord
+supervisord.conf   the programs that supervisord runs
 robot.toml         every key of the configuration, with its default
 examples/          configurations of real robots
 

@@ -1,4 +1,4 @@
-"""`lifeline check`: what a configuration permits, and what it risks."""
+"""`lifeline check`: report a configuration's lidars, stopping distance, permitted motions and risks."""
 
 import math
 from pathlib import Path
@@ -26,7 +26,7 @@ ASSUMED_RANGE_M = 12.0
 
 
 class Stopping(NamedTuple):
-    """The distance in which the robot stops from its top speed, v·T + v²/2a + d, by its parts."""
+    """The parts of the distance in which the robot stops from its top speed: v·T + v²/2a + d."""
 
     speed_m_s: float
     reaction_s: float
@@ -40,14 +40,14 @@ class Stopping(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """A lidar's view, with what had to be assumed because the file does not say."""
+    """A lidar's view, and the names of the values that were assumed because no setting gives them."""
 
     view: View
     assumed: tuple[str, ...]
 
 
 class Report(NamedTuple):
-    """Everything that `lifeline check` finds."""
+    """The result of `lifeline check`."""
 
     config: SupervisorSection
     lidars: tuple[Seen, ...]
@@ -60,7 +60,7 @@ def check(file: Path) -> int:
     """Print the report on a file; return 1 if a setting creates a risk, else 0.
 
     Raises:
-        DeployError: the configuration is refused; the message names every fault.
+        DeployError: the configuration is refused; the message names every error.
     """
     report = examine(file)
     _print(Console(), file, report)
@@ -68,7 +68,7 @@ def check(file: Path) -> int:
 
 
 def examine(file: Path) -> Report:
-    """Read a configuration, and run the safety law on what its lidars see in open space.
+    """Read a configuration, and run the safety law on scans that its lidars would make in open space.
 
     Raises:
         DeployError: the configuration is refused.
@@ -90,7 +90,7 @@ def examine(file: Path) -> Report:
 
 
 def _seen(lidar: NamedLidarSection, sim: SimSection | None) -> Seen:
-    """By the lidar's own keys, else by the lidar of `[sim]` on its topic, else by its profile, else assumed."""
+    """Take values from the lidar's keys, else `[sim]` (without it, the period from the profile), else assume."""
     carried = None if sim is None else next(c for c in sim.lidar_configs() if c.topic == lidar.topic)
     assumed: list[str] = []
 
@@ -116,7 +116,7 @@ def _seen(lidar: NamedLidarSection, sim: SimSection | None) -> Seen:
 
 
 def stopping(config: SupervisorSection, views: tuple[View, ...]) -> Stopping:
-    """From the top speed, on the oldest scan that is usual: just before the next one of the slowest lidar."""
+    """Compute the stopping distance from top speed, with the oldest scan in normal operation (slowest lidar)."""
     speed_m_s = config.max_linear_m_s
     reaction_s = 2.0 * max(view.period_s for view in views) + config.transport_s
     braking_m = speed_m_s**2 / (2.0 * config.deceleration_m_s2)
@@ -129,12 +129,12 @@ def _print(console: Console, file: Path, report: Report) -> None:
     for lidar, seen in zip(report.config.all_lidars(), report.lidars, strict=True):
         if seen.assumed:
             keys = ", ".join(seen.assumed)
-            text = f"{lidar.name}: assumed {keys}; set them in its table, or the motions below may be wrong"
+            text = f"{lidar.name}: assumed {keys}; set these keys in its table, or the motions below may be wrong"
             console.print(Text(text, style="yellow"), soft_wrap=True)
     way = report.stopping
     console.print(
         Text(
-            f"\nFrom {way.speed_m_s:g} m/s the robot needs {way.total_m:.2f} m to an obstacle: {way.reaction_m:.2f} m of "
+            f"\nFrom {way.speed_m_s:g} m/s the stopping distance is {way.total_m:.2f} m: {way.reaction_m:.2f} m of "
             f"reaction ({way.reaction_s:.2f} s: two scan periods and transport), {way.braking_m:.2f} m of braking "
             f"(v²/2a, a = {report.config.deceleration_m_s2:g} m/s²) and {way.keep_m:.2f} m stop distance.\n"
         ),

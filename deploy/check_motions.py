@@ -1,6 +1,6 @@
-"""What a robot may do with the lidars that its configuration gives it, found by running the safety law.
+"""Finds the motions that a configuration's lidars permit, by running the safety law.
 
-The robot stands in open space: everything that a lidar can see is `WALL_M` away, or as far as it sees.
+The robot is in open space: every beam returns `WALL_M`, or almost its maximum range if that is shorter.
 """
 
 import math
@@ -15,16 +15,16 @@ from supervisor.safety import initial_state, step
 
 WALL_M = 5.0
 DRIVE_S = 2.0
-"""How long it has driven ahead before the motion that is asked for after driving."""
+"""How long the robot drives ahead before it stops and the motion `after_driving` is commanded."""
 SETTLE_S = 1.0
-"""At rest before the first motion: enough scans for the law to trust them."""
+"""How long the robot is at rest before the first motion: enough scans for the law to trust them."""
 NOISE_M = 1e-4
-"""No real scan repeats itself to the bit."""
+"""Difference between successive scans: identical scans would count as frozen."""
 NEUTRAL = Velocity(0.0, 0.0)
 
 
 class View(NamedTuple):
-    """What one lidar sees: its geometry and its rate."""
+    """The beam geometry and scan period of one lidar."""
 
     angle_min: float
     angle_increment: float
@@ -34,7 +34,7 @@ class View(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """A motion that an operator may ask for, as shares of the highest speeds."""
+    """A motion that an operator may command, as fractions of the maximum speeds."""
 
     name: str
     linear: float
@@ -52,7 +52,7 @@ MOTIONS = (
 
 
 class Permitted(NamedTuple):
-    """What the law makes of one motion."""
+    """The law's decisions on one motion."""
 
     motion: Motion
     at_rest: Decision
@@ -60,11 +60,11 @@ class Permitted(NamedTuple):
 
 
 def permitted_motions(config: SupervisorSection, views: tuple[View, ...]) -> Iterator[Permitted]:
-    """The law's decision on each motion, asked for at rest, and right after having driven ahead and stopped.
+    """Yield the law's decisions on each motion, commanded at rest, and just after driving ahead and stopping.
 
     Args:
-        config: of the robot.
-        views: of its lidars, in the order of `config.all_lidars()`.
+        config: the robot's configuration.
+        views: the views of its lidars, in the order of `config.all_lidars()`.
     """
     for motion in MOTIONS:
         asked = Velocity(motion.linear * config.max_linear_m_s, motion.angular * config.max_angular_rad_s)
@@ -75,7 +75,7 @@ def permitted_motions(config: SupervisorSection, views: tuple[View, ...]) -> Ite
 
 
 class _Lidar:
-    """One lidar in open space: its next scan, when it is due."""
+    """One lidar in open space, which returns each scan when it is due."""
 
     def __init__(self, index: int, view: View, start_s: float) -> None:
         self._index, self._view, self._due_s, self._count = index, view, start_s, 0
@@ -99,7 +99,7 @@ class _Lidar:
 
 
 class _Robot:
-    """The law at its own tick, with scans at their rate and a base that follows its command at once."""
+    """Runs the law at its tick rate, with scans at their rate and a base that follows commands immediately."""
 
     def __init__(self, config: SupervisorSection, views: tuple[View, ...]) -> None:
         law = config.law()
@@ -114,7 +114,7 @@ class _Robot:
         self._drive(NEUTRAL, SETTLE_S)
 
     def ask(self, velocity: Velocity) -> Decision:
-        """What is decided at once on this motion."""
+        """Return the decision of the first tick that commands this velocity."""
         return self._tick(velocity)
 
     def drive_and_stop(self, velocity: Velocity) -> "_Robot":

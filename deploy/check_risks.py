@@ -1,4 +1,4 @@
-"""The numbers of a valid configuration that create a risk, each with a sentence that says which."""
+"""Finds the settings of a valid configuration that create a risk, and explains each risk."""
 
 import math
 from collections.abc import Iterator
@@ -9,23 +9,23 @@ from supervisor.lidar_config import NamedLidarSection
 from wire.config import BaseSection, BusSection, is_loopback
 
 NO_MARGIN_SHARE = 0.9
-"""A base trusted with more than this share of its braking has no margin for load, slope and floor."""
+"""A deceleration above this fraction of the base's braking leaves no margin for load, slope and floor."""
 
 
 class Risk(NamedTuple):
-    """A setting, and what may happen because of it."""
+    """A setting, and the risk that it creates."""
 
     setting: str
     sentence: str
 
 
 def risks(config: SupervisorSection, base: BaseSection | None, bus: BusSection) -> Iterator[Risk]:
-    """Every risk of a configuration that is valid.
+    """Yield every risk of a valid configuration.
 
     Args:
-        config: of the supervisor.
-        base: what is known of the base; None: a real one, whose numbers are not in the file.
-        bus: where the processes meet.
+        config: the section `[supervisor]`.
+        base: the section `[sim]`; None for a real base, whose numbers are not in the file.
+        bus: the section `[bus]`.
     """
     yield from _of_bus(bus)
     yield from _of_stop_distance(config)
@@ -81,10 +81,10 @@ def _of_lidar(config: SupervisorSection, lidar: NamedLidarSection) -> Iterator[R
     if timeout_s > SupervisorSection().scan_timeout_s:
         yield Risk(
             f"timeout of {lidar.name} = {timeout_s:g}",
-            f"The robot may drive {_way(config, timeout_s)} m on the last scan of a lidar that has fallen silent.",
+            f"The robot may drive {_way(config, timeout_s)} m on the last scan after the lidar fails.",
         )
     profile = lidar.readings()
-    if profile.silence_limit_s < math.inf:  # a beam has to have shown that it can see
+    if profile.silence_limit_s < math.inf:  # a beam must have returned a distance recently
         return
     names = [
         name
@@ -113,7 +113,7 @@ def _of_unseen_space(config: SupervisorSection) -> Iterator[Risk]:
     if config.blind_creep_m_s > 0.0:
         yield Risk(
             f"blind_creep_m_s = {config.blind_creep_m_s:g}",
-            f"The hull may touch what no beam sees, at up to {config.blind_creep_m_s:g} m/s.",
+            f"The hull may touch an obstacle that no beam sees, at up to {config.blind_creep_m_s:g} m/s.",
         )
     if config.unseen_memory_s > 0.0:
         yield Risk(
@@ -125,7 +125,7 @@ def _of_unseen_space(config: SupervisorSection) -> Iterator[Risk]:
         yield Risk(
             f"smallest_obstacle_m = {config.smallest_obstacle_m:g}",
             f"The robot may hit objects between {default_m:g} and {config.smallest_obstacle_m:g} m wide, such as a "
-            "table's leg, that stand between two beams.",
+            "table leg, that stand between two beams.",
         )
 
 
@@ -133,13 +133,13 @@ def _of_base(config: SupervisorSection, base: BaseSection | None) -> Iterator[Ri
     if not config.odometry:
         yield Risk(
             "odometry = false",
-            "A base that runs away or does not follow is not detected, and neither is a frozen scan while the base "
+            "A base that moves without a command or ignores commands is not detected, and neither is a frozen scan while the base "
             "moves without a command.",
         )
     if base is None:
         yield Risk(
             f"deceleration_m_s2 = {config.deceleration_m_s2:g}",
-            "The file has no [sim], so nothing proves that the base brakes like this: measure it, fully loaded.",
+            "The file has no [sim], so nothing proves that the base brakes this hard: measure it, fully loaded.",
         )
     elif config.deceleration_m_s2 > NO_MARGIN_SHARE * base.braking_m_s2:
         yield Risk(

@@ -1,4 +1,4 @@
-"""The command `lifeline`. Each command imports what it needs when it runs, so that `--help` is fast."""
+"""The command `lifeline`. Each command imports its modules only when it runs, which keeps `--help` fast."""
 
 import os
 import sys
@@ -45,7 +45,7 @@ app.add_typer(path_app, name="path")
 
 Config = Annotated[
     Path | None,
-    typer.Option("--config", metavar="FILE", help="The configuration. Default: deploy/robot.toml."),
+    typer.Option("--config", metavar="FILE", help="Configuration file. Default: deploy/robot.toml."),
 ]
 Endpoint = Annotated[
     str | None,
@@ -81,7 +81,7 @@ def up(
     ] = False,
     viewer: Annotated[
         bool | None,
-        typer.Option("--viewer/--no-viewer", help="Open MuJoCo's window. Default: if there is a display."),
+        typer.Option("--viewer/--no-viewer", help="Open MuJoCo's window. Default: only if a display exists."),
     ] = None,
 ) -> None:
     """Start sim and supervisor, open teleop in this terminal, and stop everything when teleop ends."""
@@ -150,7 +150,7 @@ def demo(
 
 @app.command()
 def check(
-    *, file: Annotated[Path, typer.Argument(metavar="FILE", help="The configuration, such as robot.toml.")]
+    *, file: Annotated[Path, typer.Argument(metavar="FILE", help="Configuration file, such as robot.toml.")]
 ) -> None:
     """Check a configuration: its lidars, stopping distance, permitted motions and risks.
 
@@ -284,7 +284,7 @@ def soak(
         typer.Option("--hours", min=0.001, metavar="H", help="Duration in hours; fractions are allowed."),
     ] = 1.0,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE.jsonl", help="Write one line for each 10 s.")
+        Path | None, typer.Option("--out", metavar="FILE.jsonl", help="Write one line every 10 s.")
     ] = None,
     plot: Annotated[
         Path | None,
@@ -335,11 +335,17 @@ def render(
         ),
     ],
     scene: Annotated[
-        str, typer.Option("--scene", "--layout", metavar="NAME|FILE", help="A layout or an MJCF file.")
+        str,
+        typer.Option(
+            "--scene", "--layout", metavar="NAME|FILE", help="Name of a layout, or a layout or MJCF file."
+        ),
     ] = "warehouse",
-    hull: Annotated[str, typer.Option("--hull", metavar="SHAPE", help="round or rectangular.")] = "round",
+    hull: Annotated[
+        str, typer.Option("--hull", metavar="SHAPE", help="Hull of the robot: round or rectangular.")
+    ] = "round",
     camera: Annotated[
-        str, typer.Option("--camera", metavar="NAME", help="follow, corner, top, or a camera of the scene.")
+        str,
+        typer.Option("--camera", metavar="NAME", help="View: follow, corner, top, or a camera of the scene."),
     ] = "follow",
     size: Annotated[str, typer.Option("--size", metavar="WxH", help="Size in pixels.")] = "1280x720",
     seconds: Annotated[
@@ -353,13 +359,13 @@ def render(
         bool, typer.Option("--drive", help="Drive toward a pillar under the real safety law, and back out.")
     ] = False,
     caption: Annotated[
-        bool, typer.Option(help="Print mode, speed and nearest distance on the picture.")
+        bool, typer.Option(help="Print the mode, speed and nearest distance on each frame.")
     ] = True,
 ) -> None:
-    """Draw the simulated robot; no display is needed."""
+    """Render the simulated robot to an image or animation; no display is needed."""
 
     def run() -> int:
-        require("sim")  # before the drawing is set up, which must precede MuJoCo's import
+        require("sim")  # before the renderer is chosen, which must precede MuJoCo's import
         from deploy.picture import Wanted  # noqa: PLC0415
         from deploy.render import render as draw  # noqa: PLC0415
 
@@ -448,7 +454,7 @@ def path_follow(
 
 
 def _running(config: Path | None, endpoint: str | None, state_dir: Path | None) -> "Launch":
-    """Return how to reach the robot: by the command line, else by the running stack, else by the configuration."""
+    """Return the connection settings from the command line, else the running stack, else the configuration."""
     from deploy.stack.launch import Launch  # noqa: PLC0415
     from deploy.stack.statedir import StateDir  # noqa: PLC0415
 
@@ -461,7 +467,7 @@ def _say(sentence: str) -> None:
 
 
 def _exit_with(run: Callable[[], int]) -> NoReturn:
-    """Run a command and exit with its code; print errors that the operator can correct as one sentence."""
+    """Run a command and exit with its code; print each error that the operator can correct as one sentence."""
     try:
         code = run()
     except DeployError as error:
@@ -479,13 +485,13 @@ def _exit_with(run: Callable[[], int]) -> NoReturn:
 
 
 def main() -> NoReturn:
-    """End the process without the interpreter's shutdown, which can hang if a session is open."""
+    """Run the command, and exit without the interpreter's shutdown, which can hang if a session is open."""
     code = 1
     try:
         app()
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else int(end.code is not None)
-    except Exception:  # noqa: BLE001 - the last stop before the process ends
+    except Exception:  # noqa: BLE001 - os._exit prints no traceback
         traceback.print_exc()
     finally:
         for stream in (sys.stdout, sys.stderr):

@@ -1,4 +1,4 @@
-"""`lifeline down`: stop everything that belongs to a state directory. It works without the simulation too."""
+"""`lifeline down`: stop all processes of a state directory. It does not need the extra `sim`."""
 
 import os
 import signal
@@ -10,14 +10,14 @@ from deploy.stack.statedir import LockedError, StateDir, UnwritableError, locked
 from deploy.stack.takedown import Say
 
 END_LIMIT_S = 20.0
-"""How long `down` waits for an `up` to take everything down: its slowest way, and a little."""
+"""How long `down` waits for `up` to stop everything: more than its slowest shutdown."""
 
 
 def down(state: StateDir, say: Say) -> None:
-    """Stop everything of a state directory; nothing there is fine as well.
+    """Stop all processes of a state directory; having none is not an error.
 
     Raises:
-        DeployError: something does not end.
+        DeployError: a process does not end.
     """
     if not state.path.is_dir():
         say("nothing is running")
@@ -27,18 +27,18 @@ def down(state: StateDir, say: Say) -> None:
         asked = _end_the_command_at_work(state)
         with locked(state, "down"):
             stopped = takedown.stop(state)
-    except UnwritableError:  # what runs must end, also where the disk is full
+    except UnwritableError:  # stop the processes even if the disk is full
         stopped = takedown.stop(state)
     if stopped.orphaned:
-        say(f"supervisord had been killed; stopped what it left: {', '.join(stopped.names)}")
+        say(f"supervisord had been killed; stopped its remaining processes: {', '.join(stopped.names)}")
     elif stopped.names or asked:
-        say("everything is down")
+        say("everything is stopped")
     else:
         say("nothing is running")
 
 
 def _end_the_command_at_work(state: StateDir) -> bool:
-    """Ask an `up` or a demo in another terminal to end, and wait for it; whether there was one."""
+    """Ask `up` or `demo` in another terminal to end, and wait for it; return whether one was running."""
     deadline_s = time.monotonic() + END_LIMIT_S
     asked = False
     while True:

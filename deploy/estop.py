@@ -1,4 +1,4 @@
-"""What a person needs to know of an e-stop that outlived the last run."""
+"""Reports an e-stop that is still latched from an earlier run."""
 
 from deploy.stack.launch import Launch
 from deploy.stack.statedir import StateDir
@@ -9,11 +9,11 @@ RESET = "press r in teleop to reset it"
 
 
 def latched_sentence(state: StateDir, launch: Launch) -> str | None:
-    """That the robot starts with the e-stop latched, and how to reset it; None where it does not."""
+    """Return a message that the robot starts with its e-stop latched and how to reset it, else None."""
     if not is_recorded(state.path, launch.bus.namespace):
         return None
     service = f"{launch.bus.namespace}/{topics.SUPERVISOR_RESET.key}"
     return (
-        "the e-stop is latched since an earlier run, and the robot does not move until it is reset: "
+        "the e-stop is still latched from an earlier run, and the robot does not move until it is reset: "
         f"press r in teleop, or call the service {service}"
     )

@@ -1,4 +1,4 @@
-"""Takes the pictures of `lifeline render`: a rehearsal in front of a camera."""
+"""Renders the frames of `lifeline render` from a simulated drive."""
 
 import math
 from collections.abc import Iterator
@@ -19,30 +19,30 @@ from sim.views import View, ViewError, view_of
 from supervisor.config import FootprintSection, SupervisorSection
 
 PILLARS_AHEAD_M = (3.0, 2.4, 1.8, 1.4)
-"""Where the pillar is put in the way of a robot that is to be driven: at the first of these where there is room."""
+"""Candidate distances of the pillar ahead of a driven robot; the first one with room is used."""
 LIDAR_NOISE_M = 0.002
 
 _PICTURE_SAMPLES, _ANIMATION_SAMPLES = 8, 4
-"""What moves need not have edges as smooth as a picture's."""
+"""Multisampling; an animation needs less antialiasing than a picture."""
 
 
 class FilmError(Exception):
-    """It cannot be taken; the message says why."""
+    """The file cannot be rendered; the message says why."""
 
 
 def film(wanted: Wanted, width: int, height: int, view: View | None = None, *, pillar: bool = True) -> None:
-    """Plays, and writes the file.
+    """Simulate the drive, render its frames, and write the file.
 
     Args:
-        wanted: What; its numbers are in their bounds.
+        wanted: The options; their numbers are within bounds.
         width: In pixels.
         height: In pixels.
-        view: From where, instead of from `wanted.camera`.
-        pillar: Whether the pillar is put in the way of a robot that is driven.
+        view: Replaces `wanted.camera` if given.
+        pillar: Whether to place the pillar ahead of a driven robot.
 
     Raises:
-        FilmError: Something that is wanted cannot be; nothing has been written.
-        NoGlError: This machine cannot draw without a screen.
+        FilmError: An option is invalid; nothing has been written.
+        NoGlError: This machine cannot render offscreen.
     """
     try:
         refuse_bad_output(wanted.out, width, height, wanted.frames)
@@ -95,7 +95,7 @@ def _pictures(wanted: Wanted, plant: Plant, studio: Studio, view: View | str) ->
 
 
 def supervisor_for(plant: Plant) -> SupervisorSection:
-    """The defaults of `[supervisor]` for this hull."""
+    """Return the defaults of `[supervisor]` with the footprint of this hull."""
     match plant.outline:
         case Circle(_, _, radius_m):
             footprint = FootprintSection(radius_m=radius_m)

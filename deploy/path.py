@@ -1,4 +1,4 @@
-"""`lifeline path`: the robot along a square, a circle, or the way that was recorded."""
+"""`lifeline path`: drive the robot along a square, a circle, or a recorded path."""
 
 import asyncio
 import math
@@ -34,26 +34,26 @@ from wire.process import run_process
 
 EXIT_CODES = {Ending.DONE: 0, Ending.STOPPED: 1, Ending.INTERRUPTED: 130}
 START_LIMIT_M = 0.5
-"""With --absolute: the robot may stand this far from where the path begins."""
+"""With --absolute: maximum distance of the robot from the start of the path."""
 TRUTH_DEPTH = 1 << 16
-"""Twenty minutes of it."""
+"""Queue depth for twenty minutes of ground truth."""
 SAME_TIME_S = 0.03
 AROUND_M = 0.3
-"""Of the path, around where odometry says that the robot is: there the truth is looked for."""
+"""Half-length of the path section, around the odometry's position, on which the nearest point is searched."""
 
 
-# --- what is to be driven
+# --- plans
 
 
 def relative(poses: Poses) -> Plan:
-    """The path from where the robot stands: its first pose is the robot's present one."""
+    """Return a plan that moves the path so that its first pose is the robot's present pose."""
     first = Pose(*poses[0].tolist())
     own = np.array([seen_from(Pose(*row), first) for row in poses.tolist()])
     return lambda pose: to_path(placed(own, pose))
 
 
 def absolute(poses: Poses) -> Plan:
-    """The path where it is in the odometry's frame."""
+    """Return a plan that keeps the path where it is in the odometry frame."""
     path = to_path(poses)
 
     def plan(pose: Pose) -> Path:
@@ -61,7 +61,7 @@ def absolute(poses: Poses) -> Plan:
         if away_m > START_LIMIT_M:
             raise PathError(
                 f"the path begins {away_m:.2f} m from the robot, at x {path.start.x_m:.2f} m, "
-                f"y {path.start.y_m:.2f} m of its odometry: drive it there first, or leave out --absolute"
+                f"y {path.start.y_m:.2f} m in the odometry frame: drive it there first, or leave out --absolute"
             )
         return path
 
@@ -69,10 +69,10 @@ def absolute(poses: Poses) -> Plan:
 
 
 def read_poses(file: FilePath) -> Poses:
-    """The path of a recording, in the frame of its odometry.
+    """Read the path of a recording, in its odometry frame.
 
     Raises:
-        DeployError: there is none in it, or none that can be driven.
+        DeployError: the recording does not have exactly one odometry topic, or its path cannot be driven.
     """
     samples: dict[str, list[tuple[float, Pose]]] = {}
     for message in RecordingReader(file).messages():
@@ -97,11 +97,11 @@ def _pose(message: Recorded) -> Pose | None:
         return None
 
 
-# --- the person at the terminal
+# --- the operator at the terminal
 
 
 class TerminalPerson:
-    """Enter goes on. Where input or output is no terminal, nobody is there."""
+    """The operator, who presses Enter to continue; absent if input or output is not a terminal."""
 
     def __init__(self, wake: asyncio.Event) -> None:
         self._wake = wake
@@ -109,7 +109,7 @@ class TerminalPerson:
         self._asked = False
         self.present = sys.stdin.isatty() and sys.stdout.isatty()
         if self.present:
-            # In the background a read fails instead of stopping this process, heartbeat and all.
+            # In the background, a read then fails instead of stopping this process and its heartbeat.
             signal.signal(signal.SIGTTIN, signal.SIG_IGN)
             asyncio.get_running_loop().add_reader(0, self._on_input)
 
@@ -134,25 +134,25 @@ class TerminalPerson:
         self._line.show(line)
 
     def leave(self) -> None:
-        """Nobody is there any more."""
+        """Stop reading input and clear the status line."""
         if self.present:
             self.present = False
             asyncio.get_running_loop().remove_reader(0)
         self._line.clear()
 
 
-# --- the truth of a simulated robot
+# --- ground truth of a simulated robot
 
 
 class TruthSample(NamedTuple):
-    """Where the robot really was, in the world."""
+    """A ground-truth pose of the robot in the world frame."""
 
     arrival_s: float
     pose: Pose
 
 
 class Witness:
-    """Keeps the simulator's truth, for the report alone: nothing that drives listens to it."""
+    """Records the simulator's ground truth for the report; the drive does not use it."""
 
     def __init__(self, bus: Bus) -> None:
         self._truth: Subscription[Odometry] = bus.subscribe(topics.TRUTH, depth=TRUTH_DEPTH)
@@ -166,9 +166,9 @@ class Witness:
 
 
 def true_distances_m(path: Path, drive: Drive, truth: Sequence[TruthSample]) -> list[float]:
-    """How far from the path the robot really was, for every sample of the drive that has a truth.
+    """Compute the true distance from the path for every sample of the drive that has a ground-truth pose.
 
-    The path is laid into the world by where the robot really was when it began, at rest.
+    The robot's true pose at the start, at rest, aligns the odometry frame with the world frame.
     """
     truth = [t for t in truth if t.pose.is_finite]
     if drive.began is None or not truth:
@@ -197,7 +197,7 @@ def true_distances_m(path: Path, drive: Drive, truth: Sequence[TruthSample]) -> 
 
 
 def drive(plan: Plan, launch: Launch, speed_m_s: float) -> NoReturn:
-    """Drive along a path, and end this process; 0: to its end, 1: stopped, 130: interrupted.
+    """Drive along a path, and exit: 0 at the end of the path, 1 if stopped, 130 if interrupted.
 
     Raises:
         DeployError: the configuration is refused.
@@ -256,9 +256,9 @@ def _refuse(sentence: object, code: int) -> int:
 
 
 def report(done: Drive, truth: Sequence[TruthSample]) -> list[str]:
-    """What a person wants to know of a drive."""
+    """Return the lines of the report on a drive."""
     how = {
-        Ending.DONE: "the path is driven",
+        Ending.DONE: "the path is complete",
         Ending.STOPPED: f"ended early, {done.reason}",
         Ending.INTERRUPTED: "interrupted",
     }[done.ending]
@@ -267,17 +267,17 @@ def report(done: Drive, truth: Sequence[TruthSample]) -> list[str]:
     lines = [f"{how}: {done.done_m:.2f} of {done.path.length_m:.2f} m in {done.driving_s:.1f} s of driving"]
     own = TrackError.of(sample.off_m for sample in done.samples if sample.on_path)
     real = TrackError.of(true_distances_m(done.path, done, truth))
-    for name, error in (("odometry", own), ("the simulator's truth", real)):
+    for name, error in (("odometry", own), ("the simulator's ground truth", real)):
         if error is not None:
             lines.append(
-                f"off the path, by {name}: {_mm(error.rms_m)} rms, {_mm(error.max_m)} at most, "
-                f"of {error.count:,} samples"
+                f"distance from the path, by {name}: {_mm(error.rms_m)} rms, {_mm(error.max_m)} at most, "
+                f"over {error.count:,} samples"
             )
     if done.ending is Ending.DONE and done.pose is not None:
         end = done.path.end
         away_m = math.hypot(done.pose.x_m - end.x_m, done.pose.y_m - end.y_m)
         turned = math.degrees(abs(wrap(done.pose.yaw_rad - end.yaw_rad)))
-        lines.append(f"at the end, by odometry: {_mm(away_m)} and {turned:.1f} degrees off")
+        lines.append(f"distance from the end, by odometry: {_mm(away_m)} and {turned:.1f} degrees")
     return lines
 
 

@@ -1,4 +1,4 @@
-"""What is wanted of a picture or an animation. Pure."""
+"""The options of `lifeline render`, and their parsing (pure)."""
 
 import re
 from pathlib import Path
@@ -8,18 +8,18 @@ from deploy.stack.errors import DeployError
 
 
 class Wanted(NamedTuple):
-    """What to render.
+    """The options of `lifeline render`.
 
     Attributes:
-        out: The file; its ending says what is written.
+        out: The file to write; its extension selects the format.
         scene: A layout's name, or a layout (.toml) or MJCF file (.xml).
         hull: round or rectangular.
-        camera: A view's name, or that of one of the scene's own cameras.
-        size: WxH, in pixels.
-        seconds: How long; a picture shows the end of it.
-        fps: Frames of each second.
-        drive: Whether the robot is driven.
-        caption: Whether mode, speed and what is nearest are written on it.
+        camera: Name of a view or of a camera of the scene.
+        size: WxH in pixels.
+        seconds: Simulated duration; a picture shows the last moment.
+        fps: Frames per second.
+        drive: Whether the operator drives the robot.
+        caption: Whether to print mode, speed and nearest distance on each frame.
     """
 
     out: Path
@@ -38,10 +38,10 @@ class Wanted(NamedTuple):
 
 
 def parse_size(text: str) -> tuple[int, int]:
-    """Width and height in pixels.
+    """Parse width and height in pixels.
 
     Raises:
-        DeployError: It is not WxH.
+        DeployError: The text is not WxH.
     """
     match = re.fullmatch(r"([0-9]{1,5})[xX×]([0-9]{1,5})", text.strip())
     if match is None:

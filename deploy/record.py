@@ -1,4 +1,4 @@
-"""`lifeline record`: everything that is said on the wire, in one file, until Ctrl-C."""
+"""`lifeline record`: record all messages in one MCAP file until Ctrl-C."""
 
 import asyncio
 import re
@@ -23,34 +23,34 @@ from wire.stamp import Stamp, parse_stamp
 from wire.topics import Topic
 
 DEPTH = 4096
-"""Samples of each topic between two looks: a disk that hangs for 40 s costs nothing."""
+"""Queue depth of each topic; nothing is lost if the disk hangs for 40 s."""
 LOOK_PERIOD_S = 0.1
 FLUSH_PERIOD_S = 1.0
-"""A recorder that is killed loses no more than this."""
+"""Maximum loss if the recorder is killed."""
 MAX_STRANGERS = 16
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
 @dataclass
 class Channel:
-    """One topic that is recorded."""
+    """A recorded topic."""
 
     name: str
-    """As ROS names it."""
+    """The ROS name, with a leading slash."""
     msgtype: str
     subscription: Subscription[Any]
     messages: int = 0
     missed: int = 0
-    """Samples that never arrived, by the gaps in their sequence."""
+    """Samples that never arrived, counted by gaps in the sequence numbers."""
     last: Stamp | None = None
 
     @property
     def lost(self) -> int:
-        """What was sent and is not in the file. Samples without a stamp that got lost on the way leave no trace."""
+        """Number of sent samples that are not in the file; lost samples without a stamp are not counted."""
         return max(self.missed, self.subscription.overflowed)
 
     def take(self) -> list[tuple[RawArrival, int]]:
-        """What came since the last time, with its sequence."""
+        """Return the samples since the last call, with their sequence numbers (0 without a stamp)."""
         taken: list[tuple[RawArrival, int]] = []
         for arrival in self.subscription.take_raw():
             stamp = parse_stamp(arrival.attachment)
@@ -65,13 +65,13 @@ class Channel:
 
 @dataclass
 class Report:
-    """What became of a recording."""
+    """The result of a recording."""
 
     channels: list[Channel] = field(default_factory=list[Channel])
     duration_s: float = 0.0
     size_bytes: int = 0
     failure: str = ""
-    """Why it ended before it was asked to; empty: it did not."""
+    """Why the recording ended early; empty if it did not."""
 
     @property
     def messages(self) -> int:
@@ -79,14 +79,14 @@ class Report:
 
 
 class Recorder:
-    """Writes what comes over a bus to a file.
+    """Writes every message on a bus to a file.
 
     Args:
-        bus: open; the caller closes it.
+        bus: an open bus; the caller closes it.
         namespace: the first part of every topic's name.
-        sources: the command sources that the supervisor knows; others are recorded once they are heard.
-        writer: the file.
-        show: told each second how it goes.
+        sources: the configured command sources; others are recorded once they are heard.
+        writer: of the file.
+        show: is called each second with the progress.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class Recorder:
     ) -> None:
         self._bus, self._namespace, self._writer, self._show = bus, namespace, writer, show
         self._loop = asyncio.get_running_loop()
-        # One offset for all: a step of the wall clock does not tear the recording apart.
+        # One offset for all messages: a step of the wall clock does not reorder the recording.
         self._wall_ns = time.time_ns() - round(self._loop.time() * 1e9)
         self._report = Report()
         self._strangers = bus.hear_sources()
@@ -111,12 +111,12 @@ class Recorder:
                 self._add(topic)
 
     async def run(self, stop: asyncio.Event) -> Report:
-        """Record until `stop`, or until the file takes no more."""
+        """Record until `stop`, or until a write fails."""
         report, began_s = self._report, self._loop.time()
         flush_s = began_s + FLUSH_PERIOD_S
         try:
             while True:
-                last = stop.is_set()  # whatever came until then belongs to the recording
+                last = stop.is_set()  # record what arrived before the stop
                 self._take()
                 report.duration_s = self._loop.time() - began_s
                 if last:
@@ -155,7 +155,7 @@ class Recorder:
 
 
 def record(path: Path, launch: Launch) -> NoReturn:
-    """Record until Ctrl-C, and end this process; 0: the file is whole.
+    """Record until Ctrl-C, and exit: 0 if the file is complete.
 
     Raises:
         DeployError: the file exists, or the configuration is refused.
@@ -167,7 +167,7 @@ def record(path: Path, launch: Launch) -> NoReturn:
     except ConfigError as error:
         raise RecordingError(str(error)) from error
     sources = [source.name for source in known.sources]
-    # Nobody waits for its death.
+    # No process waits for the recorder's liveliness token to disappear.
     run_process("lifeline", lambda stop: _record(stop, path, launch, sources), memory_keeper=False)
 
 
@@ -181,7 +181,7 @@ async def _record(stop: asyncio.Event, path: Path, launch: Launch, sources: list
         return 0
     try:
         writer = RecordingWriter(path)
-        print(f"lifeline: recording to {path}; Ctrl-C ends it", flush=True)
+        print(f"lifeline: recording to {path}; press Ctrl-C to end", flush=True)
         screen = StatusLine()
         report = await Recorder(bus, launch.bus.namespace, sources, writer, screen.show).run(stop)
         screen.clear()
@@ -201,11 +201,13 @@ def _print(report: Report, path: Path) -> None:
         lost = f", {channel.lost:,} lost" if channel.lost else ""
         print(f"  {channel.name:<{width}}  {channel.messages:>9,}{lost}")
     lost = sum(channel.lost for channel in heard)
-    print(f"lifeline: {path}: {_summary(report)}, {lost:,} lost" if heard else "lifeline: nothing was heard")
+    print(
+        f"lifeline: {path}: {_summary(report)}, {lost:,} lost" if heard else "lifeline: no messages received"
+    )
     if report.failure:
         print(
-            f"lifeline: the file takes no more ({report.failure}): it can be read up to its last whole second; "
-            "make room, and record to another file",
+            f"lifeline: cannot write the file any further ({report.failure}): it is readable up to its last flush; "
+            "free disk space, and record to another file",
             file=sys.stderr,
         )
 

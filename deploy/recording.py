@@ -1,8 +1,8 @@
-"""A recording: an MCAP file as rosbag2 writes it, that loses a second at most when its writer is killed.
+"""Writes and reads recordings: MCAP files as rosbag2 writes them.
 
-MCAP keeps what it writes in a chunk until that is finished: a chunk is finished, and the file flushed, each
-second (whoever writes calls `flush`). Reading goes from the start and needs no index, so that a file that was
-cut short reads up to where it was cut.
+The MCAP writer buffers messages in a chunk. The recorder calls `flush` each second, which finishes the chunk, so
+that at most one second is lost if it is killed. The reader starts at the beginning and needs no index, so that a
+truncated file is readable up to where it was cut.
 """
 
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ MAGIC = b"\x89MCAP0\r\n"
 PROFILE, LIBRARY = "ros2", "lifeline"
 MESSAGE_ENCODING, SCHEMA_ENCODING = "cdr", "ros2msg"
 NO_QOS = "[]"
-"""What rosbag2 writes where nothing was offered, in all its versions alike; it plays that with its default QoS."""
+"""What all versions of rosbag2 write if no QoS was offered; rosbag2 then plays with its default QoS."""
 MAX_SEQUENCE = 1 << 32
 
 
@@ -32,10 +32,10 @@ class Recorded(NamedTuple):
     """One message of a recording."""
 
     topic: str
-    """With a leading slash, as ROS names it: /robot/odom."""
+    """The ROS name, with a leading slash: /robot/odom."""
     msgtype: str
     log_time_ns: int
-    """When it arrived, by the wall clock."""
+    """Time of arrival by the wall clock."""
     sequence: int
     payload: bytes
 
@@ -47,7 +47,7 @@ class RecordingWriter:
         path: must not exist.
 
     Raises:
-        RecordingError: it exists, or cannot be made.
+        RecordingError: the file exists or cannot be created.
     """
 
     def __init__(self, path: Path) -> None:
@@ -65,14 +65,14 @@ class RecordingWriter:
 
     @property
     def size_bytes(self) -> int:
-        """Of the file, without what is still to be flushed."""
+        """Size of the file, without unflushed data."""
         return self._file.tell()
 
     def write(self, message: Recorded) -> None:
         """Add a message.
 
         Raises:
-            OSError: the file takes no more.
+            OSError: the write fails.
         """
         channel = self._channels.get(message.topic)
         if channel is None:
@@ -81,24 +81,24 @@ class RecordingWriter:
             channel,
             log_time=message.log_time_ns,
             data=message.payload,
-            # A sender's stamp is of its own monotonic clock: nothing that a reader could use.
+            # A sender's stamp uses its own monotonic clock, which a reader cannot use.
             publish_time=message.log_time_ns,
             sequence=message.sequence % MAX_SEQUENCE,
         )
 
     def flush(self) -> None:
-        """What was written until now survives this process.
+        """Write all messages so far to the file, so that they survive the death of this process.
 
         Raises:
-            OSError: the file takes no more.
+            OSError: the write fails.
         """
         self._writer.flush()
 
     def close(self) -> None:
-        """Finish the file with its index.
+        """Write the index and close the file.
 
         Raises:
-            OSError: the file takes no more; it can be read up to there.
+            OSError: the write fails; the file is readable up to there.
         """
         try:
             self._writer.finish()
@@ -117,29 +117,29 @@ class RecordingWriter:
 
 
 class RecordingReader:
-    """Reads one file from its start to its end, or to where it was cut.
+    """Reads one file from its start to its end, or to where it was truncated.
 
     Args:
-        path: of an MCAP file with ROS 2 messages; rosbag2's own will do as well.
+        path: of an MCAP file with ROS 2 messages; rosbag2's files also work.
 
     Raises:
-        RecordingError: there is no such file, or it is no MCAP file.
+        RecordingError: the file cannot be read, or is not an MCAP file.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.cut = False
-        """Its end is missing or damaged; known once everything has been read."""
+        """Whether the end is missing or damaged; valid after all messages have been read."""
         try:
             with path.open("rb") as file:
                 magic = file.read(len(MAGIC))
         except OSError as error:
             raise RecordingError(f"cannot read {path} ({error.strerror}): name a recording") from error
         if magic != MAGIC:
-            raise RecordingError(f"{path} is no MCAP file: name one that `lifeline record` wrote")
+            raise RecordingError(f"{path} is not an MCAP file: name a file that `lifeline record` wrote")
 
     def messages(self) -> Iterator[Recorded]:
-        """Every message, in the order of the file."""
+        """Yield every message, in the order of the file."""
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
         with self.path.open("rb") as file:
@@ -152,7 +152,7 @@ class RecordingReader:
                     inner = (
                         breakup_chunk(record, validate_crc=True) if isinstance(record, Chunk) else [record]
                     )
-                except Exception:  # noqa: BLE001 - half a record raises whatever its bytes provoke
+                except Exception:  # noqa: BLE001 - a truncated record can raise any exception
                     self.cut = True
                     return
                 if record is None:
@@ -178,5 +178,5 @@ class RecordingReader:
 
 
 def exists(path: Path) -> RecordingError:
-    """The refusal to write over a file."""
-    return RecordingError(f"{path} exists, and is not overwritten: choose another file")
+    """Return the error that the file exists."""
+    return RecordingError(f"{path} already exists: choose another file")

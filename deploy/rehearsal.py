@@ -1,6 +1,7 @@
-"""The robot, the law and an operator in one process and in simulated time: what they do is the same each time.
+"""Runs robot, law and operator in one process and in simulated time; every run is identical.
 
-No bus and no clock: the plant of `python -m sim`, the law of `python -m supervisor`, messages that take no time.
+It uses the plant of `python -m sim` and the law of `python -m supervisor`, without a bus or a clock.
+Messages arrive without delay.
 """
 
 from collections.abc import Iterator
@@ -20,9 +21,9 @@ STANDSTILL = Velocity(0.0, 0.0)
 FORWARD_M_S, BACK_M_S = 0.8, -0.4
 WARM_UP_S = 0.2
 READY_S = 0.5
-"""The operator looks first."""
+"""How long the operator waits before driving."""
 REST_S = 1.3
-"""And looks again at what stopped the robot."""
+"""How long the operator keeps the forward command after an obstacle has stopped the robot."""
 BACK_S = 1.6
 
 
@@ -35,10 +36,10 @@ class _Act(Enum):
 
 
 class Operator:
-    """Drives ahead until an obstacle stops the robot, lets go, looks, backs out, and lets go again.
+    """Drives ahead until an obstacle stops the robot, waits, backs out, and then commands zero velocity.
 
     Args:
-        drives: Without this, the operator's hands stay off the keys.
+        drives: If false, the operator always commands zero velocity.
     """
 
     def __init__(self, *, drives: bool = True) -> None:
@@ -46,7 +47,7 @@ class Operator:
         self._since_s = 0.0
 
     def wants(self, now_s: float, decision: Decision | None) -> Velocity:
-        """What is asked of the robot now, after the law has decided so."""
+        """Return the velocity commanded now, given the law's last decision."""
         for_s = now_s - self._since_s
         at_obstacle = decision is not None and StopReason.OBSTACLE in decision.reasons
         match self._act:
@@ -60,7 +61,7 @@ class Operator:
                 self._go_on(_Act.DONE, now_s)
             case _:
                 pass
-        # At rest the key is still held, so that the picture shows why the robot stands.
+        # At rest the key is still held, so that the picture shows why the robot is stopped.
         return {
             _Act.AHEAD: Velocity(FORWARD_M_S, 0.0),
             _Act.REST: Velocity(FORWARD_M_S, 0.0),
@@ -76,7 +77,7 @@ class Rehearsal:
 
     Args:
         plant: The robot in its world.
-        operator: Who drives it.
+        operator: The source of its commands.
         config: `[supervisor]`; its footprint must be the plant's.
     """
 
@@ -95,11 +96,11 @@ class Rehearsal:
 
     @property
     def time_s(self) -> float:
-        """Since the operator and the lidar are heard."""
+        """Simulated time since the end of the warm-up."""
         return self._steps * self._plant.timestep_s - WARM_UP_S
 
     def play(self, seconds: float, fps: float) -> Iterator[Shown]:
-        """Lets time pass; what is to be shown at each frame, the first at the beginning."""
+        """Advance the time and yield the state to show at each frame, the first at time 0."""
         for frame in range(max(1, round(seconds * fps))):
             self.run_until(frame / fps)
             yield self.shown()
@@ -110,7 +111,7 @@ class Rehearsal:
 
     def shown(self) -> Shown:
         decision, speed_m_s = self._decision, self._plant.true_velocity.linear_m_s
-        assert decision is not None  # since the warm-up
+        assert decision is not None  # set during the warm-up
         reasons = tuple(reason.value for reason in decision.reasons)
         over = tuple(reason.value for reason in decision.latched)
         return Shown(Mode.of(decision.mode), reasons, speed_m_s, decision.nearest_m, (self._ranges,), over)

@@ -1,4 +1,4 @@
-"""`lifeline render`: a picture or an animation of the robot in a hall, under the real safety law, without a screen."""
+"""`lifeline render`: render the simulated robot, under the real safety law, to an image or animation."""
 
 from deploy.picture import Wanted, parse_size
 from deploy.stack.errors import DeployError
@@ -10,13 +10,13 @@ MIN_FPS, MAX_FPS = 1.0, 60.0
 
 
 def render(wanted: Wanted) -> str:
-    """Writes the file, and says on a terminal how far it is.
+    """Write the file, and show the progress on a terminal.
 
     Returns:
         A sentence about the file.
 
     Raises:
-        DeployError: Something that is wanted cannot be; nothing has been written.
+        DeployError: An option is invalid or rendering is impossible; nothing has been written.
     """
     width, height = parse_size(wanted.size)
     for name, value, least, most in (
@@ -27,7 +27,7 @@ def render(wanted: Wanted) -> str:
             raise DeployError(f"--{name} must be from {least:g} to {most:g}, not {value:g}")
     try:
         choose()
-        # Only now: with a way to draw that is not here, MuJoCo's import fails.
+        # Imported only now: MuJoCo's import fails if the chosen OpenGL backend is missing.
         from deploy.film import FilmError, film  # noqa: PLC0415
 
         try:
@@ -36,6 +36,6 @@ def render(wanted: Wanted) -> str:
         except FilmError as error:
             raise DeployError(str(error)) from error
     except NoGlError as error:
-        raise DeployError(f"nothing can be drawn on this machine: {error}") from error
+        raise DeployError(f"cannot render on this machine: {error}") from error
     frames = "a picture" if wanted.frames == 1 else f"{wanted.frames} frames"
     return f"wrote {wanted.out}: {frames} of {width}x{height}, {wanted.out.stat().st_size / 1e6:.2f} MB"

@@ -1,4 +1,4 @@
-"""`lifeline replay-decision`: the law once more over a black box, and whether it decides the same."""
+"""`lifeline replay-decision`: run the law again over a black box recording, and compare the decisions."""
 
 import platform
 import time
@@ -19,9 +19,9 @@ from supervisor.safety import step
 
 EXIT_DIFFERENT = 1
 MIN_WIDTH = 130
-"""Columns of the table where there is no terminal to ask."""
+"""Width of the table in columns if the output is not a terminal."""
 AT_REST = Velocity(0.01, 0.02)
-"""Odometry below this says that the base stands."""
+"""Below this odometry velocity [m/s, rad/s], the base is at rest."""
 
 COLOURS = {
     Mode.STOPPED: "bold red",
@@ -33,18 +33,18 @@ COLOURS = {
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """Where the law decides otherwise than it did."""
+    """The first value in which the replay differs from the recording."""
 
     now_s: float
     where: str
-    """`decision.scale`, `state.sources[0].neutral_s`."""
+    """Path of the value, such as `decision.scale` or `state.sources[0].neutral_s`."""
     recorded: str
     replayed: str
 
 
 @dataclass(slots=True)
 class Phase:
-    """A run of steps whose outline is the same."""
+    """Consecutive steps with the same outline: one line of the timeline."""
 
     first_s: float
     last_s: float
@@ -54,14 +54,14 @@ class Phase:
 
 @dataclass(slots=True)
 class Replay:
-    """What a replay found."""
+    """The result of a replay."""
 
     steps: int = 0
     difference: Difference | None = None
     phases: list[Phase] = field(default_factory=list[Phase])
-    """As replayed, up to the difference."""
+    """The phases of the replay, up to the difference."""
     rest_s: float | None = None
-    """When odometry first said, after the first stop, that the base stands."""
+    """Time of the first odometry after the first stop in which the base is at rest."""
     took_s: float = 0.0
 
 
@@ -69,7 +69,7 @@ def replay_decision(path: Path) -> int:
     """Replay a black box, print its timeline and the verdict, and return the exit code.
 
     Raises:
-        DeployError: it cannot be replayed.
+        DeployError: the black box cannot be replayed.
     """
     try:
         document = read(path)
@@ -84,7 +84,7 @@ def replay(document: Document) -> Replay:
     """Run the law over the recorded inputs, from the first recorded state to the end or the first difference.
 
     Raises:
-        BlackBoxError: a line is not what this law's types ask for.
+        BlackBoxError: a line does not match the types of this law.
     """
     found = Replay()
     stop_s = _first_stop_s(document)
@@ -101,7 +101,7 @@ def replay(document: Document) -> Replay:
             else:
                 now_s, inputs = float(line["now_s"]), _inputs(line["inputs"])
                 if state is None:
-                    raise ValueError("there is no state before it")  # noqa: TRY301 - told below with its line
+                    raise ValueError("no state precedes it")  # noqa: TRY301 - reported below with its line number
                 state, decision = step(state, now_s, inputs)
                 replayed = DECISION.spell(DECISION.pack(decision))
                 where, recorded = "decision", line["decision"]
@@ -111,7 +111,7 @@ def replay(document: Document) -> Replay:
                     found.rest_s = now_s
         except (KeyError, TypeError, ValueError) as error:
             raise BlackBoxError(
-                f"line {number} of the black box is not what this law understands: {error}"
+                f"line {number} of the black box does not match the types of this law: {error}"
             ) from error
         different = _different(where, recorded, replayed)
         if different is not None:
@@ -151,7 +151,7 @@ def _tell(found: Replay, now_s: float, decision: Decision) -> None:
 
 
 def _outline(decision: Decision) -> tuple[object, ...]:
-    """What makes a new line of the timeline."""
+    """Return the values whose change begins a new line of the timeline."""
     return (
         decision.mode,
         decision.reasons,
@@ -163,9 +163,9 @@ def _outline(decision: Decision) -> tuple[object, ...]:
 
 
 def _different(where: str, recorded: object, replayed: object) -> tuple[str, str, str] | None:
-    """The first place where two JSON values differ, with what stands there; −0.0 is not 0.0.
+    """Find the first difference of two JSON values: its path and both values; −0.0 differs from 0.0.
 
-    A field that only one of the two laws knows is no difference.
+    A field that only one of the two laws has is not a difference.
     """
     ours, theirs = _items(replayed), _items(recorded)
     if ours is None or theirs is None or (isinstance(replayed, list) and len(ours) != len(theirs)):
@@ -176,7 +176,7 @@ def _different(where: str, recorded: object, replayed: object) -> tuple[str, str
 
 
 def _items(value: object) -> dict[str, object] | None:
-    """What is in a JSON object or list, by how one would write the way to it; None for anything else."""
+    """Return the items of a JSON object or list by path suffix (`.key`, `[0]`); None for other values."""
     if isinstance(value, dict):
         return {f".{key}": item for key, item in cast("dict[str, object]", value).items()}
     if isinstance(value, list):
@@ -184,7 +184,7 @@ def _items(value: object) -> dict[str, object] | None:
     return None
 
 
-# --- for the eye
+# --- output
 
 
 def _print(document: Document, found: Replay) -> None:
@@ -197,11 +197,14 @@ def _print(document: Document, found: Replay) -> None:
         console.print(f"{stop['utc']}  {', '.join(stop['reasons'])}", style="bold", highlight=False)
     left_out = header.get("left_out_for_memory", 0) + header.get("left_out_for_file_size", 0)
     if left_out:
-        console.print(f"{left_out:,} older steps of the window had no room", highlight=False)
+        console.print(
+            f"{left_out:,} older steps of the window were left out for lack of space", highlight=False
+        )
     console.print(_timeline(found.phases, stop_s))
     if found.rest_s is not None:
         console.print(
-            f"the base stood {found.rest_s - stop_s:.2f} s after the stop, by its odometry", highlight=False
+            f"the base was at rest {found.rest_s - stop_s:.2f} s after the stop, by its odometry",
+            highlight=False,
         )
     console.print(_verdict(document, found, stop_s))
 
@@ -236,7 +239,7 @@ def _reply(reply: Reply | None) -> str:
 
 
 def _twist(velocity: Velocity) -> str:
-    # Adding zero turns a −0.00 into 0.00.
+    # Adding zero turns −0.0 into 0.0.
     return ", ".join(f"{round(value, 2) + 0.0:.2f}" for value in velocity)
 
 
@@ -248,9 +251,9 @@ def _verdict(document: Document, found: Replay, stop_s: float) -> Text:
     took = f"in {found.took_s:.2f} s"
     difference = found.difference
     if difference is None:
-        return Text(f"{found.steps:,} steps replayed {took}, all decisions the same", style="bold green")
+        return Text(f"{found.steps:,} steps replayed {took}; all decisions are the same", style="bold green")
     lines = [
-        f"{found.steps:,} steps replayed {took}, and they differ in {difference.where}",
+        f"{found.steps:,} steps replayed {took}; the first difference is in {difference.where}",
         f"  {difference.now_s - stop_s:+.3f} s from the stop, at step time {difference.now_s!r} s:",
         f"  recorded {_short(difference.recorded)}",
         f"  replayed {_short(difference.replayed)}",
@@ -262,7 +265,9 @@ def _verdict(document: Document, found: Replay, stop_s: float) -> Text:
         if document.header.get(key) != here[key]
     ]
     if other:
-        lines.append(f"  recorded elsewhere, which may be why: {'; '.join(other)}")
+        lines.append(
+            f"  the environment of the recording differs, which may be the cause: {'; '.join(other)}"
+        )
     return Text("\n".join(lines), style="bold red")
 
 

@@ -1,4 +1,4 @@
-"""`lifeline status`: one look at a running robot."""
+"""`lifeline status`: print the status of a running robot once."""
 
 import asyncio
 import json
@@ -22,7 +22,7 @@ from wire.messages import Odometry, SafetyStatus, Twist
 
 CONNECT_LIMIT_S = 1.0
 LISTEN_LIMIT_S = 1.0
-"""Status and odometry come at least ten times in it."""
+"""Status and odometry arrive at least ten times in this period."""
 
 EXIT_PARTLY = 1
 
@@ -35,17 +35,17 @@ COLOURS = {"STOPPED": "bold red", "READY": "green", "DRIVING": "bold green", "LI
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """What was seen."""
+    """The observed status of the stack."""
 
     endpoint: str
     connected: bool
     alive: frozenset[str]
     programs: dict[str, str]
-    """supervisord's word on each of its programs."""
+    """supervisord's state of each of its programs."""
     status: SafetyStatus | None
     odometry: Odometry | None
     latched: str | None = None
-    """That a robot started now has its e-stop latched; None: it has not."""
+    """The message that a robot started now has its e-stop latched; None if it is not latched."""
 
     @property
     def exit_code(self) -> int:
@@ -87,12 +87,12 @@ class Look:
 
 
 def _number(value: float | None) -> float | None:
-    """JSON has no NaN and no infinity."""
+    """Return None for NaN and infinity, which JSON cannot represent."""
     return None if value is None or not math.isfinite(value) else round(value, 4)
 
 
 def show_status(state: StateDir, launch: Launch, *, as_json: bool) -> int:
-    """Look, print, and return the exit code: 0 running, 1 partly, 3 not at all."""
+    """Print the status and return the exit code: 0 running, 1 partly running, 3 not running."""
     look = asyncio.run(_look(state, launch))
     if as_json:
         print(look.to_json())
@@ -132,7 +132,7 @@ async def _look(state: StateDir, launch: Launch) -> Look:
 
 
 def table(look: Look) -> Table | Text:
-    """What is printed for people."""
+    """Format the status as a table for the terminal."""
     if look.exit_code == EXIT_NOT_RUNNING:
         idle = f"nothing is running at {look.endpoint}; start with `lifeline up`"
         return Text(idle if look.latched is None else f"{idle}\n{look.latched}")
@@ -143,7 +143,7 @@ def table(look: Look) -> Table | Text:
         alive = node in look.alive
         note = f" (process {look.programs[node]})" if node in look.programs else ""
         style = "green" if alive else "red" if node in NEEDED else "dim"
-        table.add_row(node, Text(f"{'alive' if alive else 'not there'}{note}", style=style))
+        table.add_row(node, Text(f"{'alive' if alive else 'not alive'}{note}", style=style))
     if look.status is None:
         table.add_row("mode", Text(f"unknown: no status within {LISTEN_LIMIT_S:g} s", style="bold red"))
     else:
@@ -152,7 +152,7 @@ def table(look: Look) -> Table | Text:
         for name, why in _why(status):
             table.add_row(name, Text(why))
         if ESTOP in status.reasons:
-            table.add_row("e-stop", f"latched, also over a restart: {RESET}")
+            table.add_row("e-stop", f"latched until reset, even after a restart: {RESET}")
         if status.estop_record_problem:
             table.add_row("e-stop record", Text(status.estop_record_problem, style="bold red"))
         table.add_row("speed", _speed(look.twist))
@@ -161,25 +161,25 @@ def table(look: Look) -> Table | Text:
 
 
 def _why(status: SafetyStatus) -> Iterator[tuple[str, str]]:
-    """Rows about the stop or the limit: what holds now, and what is over."""
+    """Yield the rows about a stop or limit: present causes, then latched ones."""
     causes, latched = status.causes_and_latched()
     if causes:
         detail = f": {status.detail}" if status.detail else ""
         yield "causes", _printable(f"{', '.join(causes)}{detail}")
     if latched:
-        hint = "" if causes else ": over now; press s in teleop to drive again"
+        hint = "" if causes else ": no longer present; press s in teleop to drive again"
         yield "latched", _printable(f"{', '.join(latched)}{hint}")
 
 
 def _printable(text: str) -> str:
-    """Without control characters: no payload may speak to the terminal."""
+    """Replace control characters, so that no payload can control the terminal."""
     return "".join(char if char.isprintable() else "?" for char in text)
 
 
 def _speed(twist: Twist | None) -> str:
     if twist is None:
         return "unknown: no odometry"
-    # Adding zero turns a −0.00 into 0.00.
+    # Adding zero turns −0.0 into 0.0.
     return f"{round(twist.linear.x, 2) + 0.0:.2f} m/s, {round(twist.angular.z, 2) + 0.0:.2f} rad/s"
 
 

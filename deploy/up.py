@@ -1,4 +1,4 @@
-"""`lifeline up`: the stack, with teleop in this terminal."""
+"""`lifeline up`: start the stack and run teleop in this terminal."""
 
 import asyncio
 import os
@@ -20,18 +20,18 @@ from teleop.terminal_guard import BY_PARENT
 from wire import topics
 
 TELEOP_LIMIT_S = 4.0
-"""Longer than the 3 s in which teleop ends by itself."""
+"""Longer than teleop's own shutdown limit of 3 s."""
 
 
 def up(state: StateDir, launch: Launch, say: Say, *, detach: bool) -> int:
-    """Start everything and drive; returns teleop's exit code, as a shell would.
+    """Start the stack, run teleop, and return teleop's exit code (128 + N if signal N ended it).
 
     Raises:
-        DeployError: something is in the way; nothing that was started here is left running.
+        DeployError: the stack could not start; every process started here has been stopped.
     """
     if not detach and not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise DeployError(
-            "teleop needs a terminal, and this is none: use --detach to start the robot without teleop, "
+            "teleop needs a terminal, but input or output is not one: use --detach to start the robot without teleop, "
             "or `lifeline demo`, which needs no keys"
         )
     state.create()
@@ -48,7 +48,7 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool) -> int:
                 if detach:
                     drive = shlex.join(launch.command(topics.TELEOP))
                     say(
-                        f"running at {launch.bus.endpoint}; look with `lifeline status`, end with `lifeline down`"
+                        f"running at {launch.bus.endpoint}; check it with `lifeline status`, stop it with `lifeline down`"
                     )
                     say(f"drive with `{drive}`")
                     keep = True
@@ -59,12 +59,12 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool) -> int:
         finally:
             if not keep:
                 takedown.stop(state)
-                with suppress(OSError):  # the terminal may be gone
-                    say("everything is down")
+                with suppress(OSError):  # the terminal may be closed
+                    say("everything is stopped")
 
 
 def _teleop_here(state: StateDir, launch: Launch, say: Say) -> int:
-    """Run teleop in the foreground, and leave the terminal as it was."""
+    """Run teleop in the foreground, then restore the terminal's settings."""
     terminal = sys.stdin.fileno()
     before = termios.tcgetattr(terminal)
     mark = {processes.MARK: str(state.path), BY_PARENT: "1"}
@@ -74,7 +74,7 @@ def _teleop_here(state: StateDir, launch: Launch, say: Say) -> int:
         if code < 0:
             print(
                 RESTORE if os.environ.get("TERM", "dumb") != "dumb" else ""
-            )  # it was in the middle of its picture
+            )  # teleop could not restore the screen itself
             say(f"teleop was ended by {signal.Signals(-code).name}")
         return code if code >= 0 else 128 - code
     finally:
@@ -84,7 +84,7 @@ def _teleop_here(state: StateDir, launch: Launch, say: Say) -> int:
         except subprocess.TimeoutExpired:
             child.kill()
             child.wait()
-        # Should a shell have the terminal back already, this must not stop us.
+        # If the shell already controls the terminal, tcsetattr would stop this process with SIGTTOU.
         signal.signal(signal.SIGTTOU, signal.SIG_IGN)
         with suppress(termios.error):
             termios.tcsetattr(terminal, termios.TCSADRAIN, before)

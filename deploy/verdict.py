@@ -1,4 +1,4 @@
-"""One promise of the design, with its bound and what was measured."""
+"""Verdicts on the design's promises: bound, measurement and outcome."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,18 +9,18 @@ from rich.table import Table
 from rich.text import Text
 
 MIN_WIDTH = 110
-"""Columns of the table where there is no terminal to ask."""
+"""Width of the table in columns if the output is not a terminal."""
 
 MEASURING_S = 0.010
-"""What a busy machine adds to a time that is measured from outside the process that keeps the promise."""
+"""Delay that a busy machine may add to a time measured from outside the process."""
 
 
 class Outcome(StrEnum):
-    """What became of a promise."""
+    """Outcome of the check of a promise."""
 
     KEPT = "kept"
     LATE = "late"
-    """Beyond the bound by no more than a busy machine adds: told, and not held against the robot."""
+    """Beyond the bound by at most `MEASURING_S`: reported, but not counted as broken."""
     BROKEN = "BROKEN"
 
 
@@ -32,7 +32,7 @@ class Verdict:
     """A line of the demo's table."""
 
     number: int
-    """Of the promise, in section 4 of the design."""
+    """Number of the promise in section 4 of the design."""
     promise: str
     bound: str
     measured: str
@@ -40,12 +40,12 @@ class Verdict:
 
 
 def judged(*, kept: bool) -> Outcome:
-    """A promise that no busy machine excuses."""
+    """Return the outcome of a promise that has no time tolerance."""
     return Outcome.KEPT if kept else Outcome.BROKEN
 
 
 def timed(measured_s: float, bound_s: float) -> Outcome:
-    """A promise of a time."""
+    """Return the outcome of a promise about a time."""
     if measured_s <= bound_s:
         return Outcome.KEPT
     return Outcome.LATE if measured_s <= bound_s + MEASURING_S else Outcome.BROKEN
@@ -56,7 +56,7 @@ def worst(*outcomes: Outcome) -> Outcome:
 
 
 def summary(verdicts: Sequence[Verdict]) -> str:
-    """One sentence on all of them."""
+    """Summarize the verdicts in one sentence."""
     counts = {outcome: sum(v.outcome is outcome for v in verdicts) for outcome in Outcome}
     sentence = f"{counts[Outcome.KEPT]} of {len(verdicts)} promises kept"
     if counts[Outcome.LATE]:
@@ -67,11 +67,11 @@ def summary(verdicts: Sequence[Verdict]) -> str:
 
 
 def print_verdicts(verdicts: Sequence[Verdict]) -> None:
-    """The table, by number of the promise."""
+    """Print the verdicts as a table, in order of their numbers."""
     console = Console()
     if not console.is_terminal:
         console = Console(width=MIN_WIDTH)
-    table = Table(title="what was promised, and what was measured", title_justify="left")
+    table = Table(title="promises and measurements", title_justify="left")
     table.add_column("№", justify="right")
     table.add_column("promise")
     table.add_column("bound")

@@ -1,6 +1,6 @@
 """The section `[supervisor]` of robot.toml, checked completely before any process starts.
 
-lidar_config.py has the lidars; fit.py compares these numbers with those of the base.
+lidar_config.py defines the lidars; fit.py compares these numbers with those of the base.
 """
 
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ TickRate = Annotated[float, Between(10.0, 1000.0)]
 StatusRate = Annotated[float, Between(1.0, 100.0)]
 # At 1 m/s, a command timeout of 2 s lets the robot drive 2 m after the operator's program hangs.
 CommandTimeout = Annotated[float, Between(0.03, 2.0)]
-ScanTimeout = Annotated[float, Between(0.03, 3.0, "a slower lidar does not see what a robot runs into")]
+ScanTimeout = Annotated[float, Between(0.03, 3.0, "a slower lidar does not detect obstacles in time")]
 OdomTimeout = Annotated[float, Between(0.03, 2.0)]
 Overrun = Annotated[float, Between(0.02, 1.0, "nothing is supervised while the supervisor hangs")]
 Transport = Annotated[float, Between(0.001, 0.5)]
@@ -37,7 +37,7 @@ MinimumSpeed = Annotated[float, Between(0.001, 0.1)]
 BlindCreep = Annotated[float, Between(0.0, 0.2)]
 RunawaySpeed = Annotated[float, Between(0.01, 0.5)]
 RunawayTurnRate = Annotated[float, Between(0.01, 1.0)]
-# A thread is 5 mm, a person's body 50 cm.
+# From the width of a cord to that of a person's body.
 ObstacleWidth = Annotated[float, Between(0.005, 0.5)]
 HullRadius = Annotated[float, Between(0.05, 5.0, "in m")]
 Pair = Annotated[tuple[Distance, Distance], Field(strict=False)]  # TOML has only lists
@@ -142,9 +142,7 @@ class SupervisorSection(Section):
             if (value := getattr(self, key)) <= tick_s:
                 yield Conflict((key,), value, f"must be longer than a tick of {tick_s:g} s")
         if self.transport_s < tick_s:
-            message = (
-                f"must be at least a tick of {tick_s:g} s, which is part of it: set it, or a higher tick_hz"
-            )
+            message = f"must be at least a tick of {tick_s:g} s, which it includes: increase it, or set a higher tick_hz"
             yield Conflict(("transport_s",), self.transport_s, message)
 
     def _conflicts_of_distances(self) -> Iterator[Conflict]:
@@ -192,8 +190,8 @@ class SupervisorSection(Section):
                 else f", or leave it out for the {timing.timeout_s:g} s of {lidar.profile}"
             )
             message = (
-                f"must be at least {PERIODS_IN_TIMEOUT:g} scan periods of {period_s:.4g} s, or the robot stops for "
-                f"every scan that is a little late: set {least_s:.4g}{otherwise}"
+                f"must be at least {PERIODS_IN_TIMEOUT:g} scan periods of {period_s:.4g} s, or the robot stops "
+                f"whenever a scan is slightly late: set {least_s:.4g}{otherwise}"
             )
             yield Conflict(where, timeout_s, message)
 

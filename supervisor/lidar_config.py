@@ -17,7 +17,7 @@ from wire.quantities import Angle, Beams, Between, Distance, Range
 # Codes are a few mm or cm; a profile with larger codes would miss obstacles right in front of the lidar.
 CodeLimit = Annotated[float, Between(0.0, 0.5)]
 FreeCode = Annotated[float, Between(0.001, 200.0)]
-Timeout = Annotated[float, Between(0.03, 3.0, "a slower lidar does not see what a robot runs into")]
+Timeout = Annotated[float, Between(0.03, 3.0, "a slower lidar does not detect obstacles in time")]
 Period = Annotated[float, Between(0.002, 2.0)]
 # Fewer beams cannot show the surroundings; no planar lidar has more than 4,096.
 MinBeams = Annotated[int, Between(12, 4096)]

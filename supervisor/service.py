@@ -1,4 +1,4 @@
-"""The asyncio shell of the law: gather the inputs, run one step, publish the decision.
+"""The asyncio shell of the law: gathers the inputs, runs a step, publishes the decision.
 
 It runs on its own timer, so that it notices missing messages without waiting for one. Nothing blocks the loop:
 publishing drops samples instead of waiting, and the caller of a reset waits on its own thread.
@@ -26,7 +26,7 @@ COMMAND_DEPTH = 32
 """Commands of one source kept between two steps; only a flood exceeds it, and then the newest are kept."""
 ESTOP_DEPTH = 32
 RESET_ON_DISK_S = 0.3
-"""Maximum time for which the reply to a reset waits for the disk."""
+"""Maximum time that the reply to a reset waits for the disk."""
 
 
 class SupervisorService:
@@ -36,7 +36,7 @@ class SupervisorService:
         bus: the bus for all messages.
         config: `[supervisor]`.
         black_box: records every step; None disables recording.
-        estop_record: keeps a pressed e-stop across restarts; None: it is lost when this process ends.
+        estop_record: keeps a pressed e-stop across restarts; with None, it is lost when this process ends.
         suspended_s: returns how long the machine was suspended since the last call [s].
     """
 
@@ -69,7 +69,7 @@ class SupervisorService:
 
         names = [source.name for source in config.sources]
         self._commands = {
-            # An unchanged heartbeat only extends a permission; that can wait for the next tick.
+            # An unchanged command only extends a permission, which can wait for the next tick.
             name: bus.subscribe(
                 topics.source_cmd_vel(name), depth=COMMAND_DEPTH, wake=self._wake, repeats_wake=False
             )
@@ -121,7 +121,7 @@ class SupervisorService:
         """Return everything received since the last step."""
         self._wake.clear()
         estops = self._estops.take()
-        # A flood on this key may hide a press, and a garbled message may be one: unproven means stop.
+        # A flood on this key may hide a press, and an undecodable message may be one: unproven means stop.
         estop = any(e.message is None or e.message.data for e in estops)
         if self._estops.overflowed > self._estop_overflowed:
             self._estop_overflowed = self._estops.overflowed
@@ -216,7 +216,7 @@ class SupervisorService:
         return TriggerResponse(reply.success, message)
 
     async def _recorded(self, limit_s: float) -> None:
-        """Wait until the record is written or cannot be, for `limit_s` at most."""
+        """Wait at most `limit_s` until the record is written or writing has failed."""
         with suppress(TimeoutError):
             async with asyncio.timeout(limit_s):
                 while self._estop_record.is_pending:

@@ -1,4 +1,4 @@
-"""The table of stop rules: where each stop reason comes from, where it is latched, and what clears it.
+"""The table of stop rules: each stop reason's origin, the sources on which it is latched, and what clears it.
 
 `safety.py` decides when a reason holds. tests/unit/supervisor/test_stop_rules.py checks it against each row.
 """

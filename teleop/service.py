@@ -392,7 +392,7 @@ class Teleop:
             if not self._has_rival:
                 self._has_rival = True
                 self.note(
-                    f"another program speaks as {own.name}: the supervisor obeys the one that spoke first",
+                    f"another program publishes as {own.name}: the supervisor obeys the first one",
                     Tone.STOP,
                 )
             if not self._sent.is_neutral:

@@ -60,7 +60,7 @@ def news(view: View) -> News:
         case SafetyStatus.LIMITED:
             return _limited(view, status)
         case unknown:
-            what = f"the supervisor tells mode {unknown}, which this program does not know"
+            what = f"the supervisor reports mode {unknown}, which this program does not know"
             return News("UNKNOWN", what, "run the same version of both", Tone.STOP)
 
 
@@ -68,7 +68,7 @@ def next_step(view: View, reason: str) -> str:
     """Return a short text on what the operator can do about a stop reason."""
     if view.control is Control.VIEW_ONLY and reason != "BASE_RUNAWAY":
         return "the operator must reset it" if reason == "ESTOP" else "the operator must re-arm"
-    if reason == "ESTOP" and view.is_neutral:  # its reset is refused while a source asks for motion
+    if reason == "ESTOP" and view.is_neutral:  # a reset is refused while a source commands motion
         return "press r to reset"
     words = words_of(reason)
     unknown = "remove the cause, NEUTRAL" if reason else "NEUTRAL to re-arm"
@@ -111,7 +111,7 @@ def _cause(reason: str, status: SafetyStatus) -> str:
     """Return the sentence for a stop reason."""
     words = words_of(reason)
     if words is None:
-        unknown = f"for a reason that this program does not know: {reason}"
+        unknown = f"unknown stop reason {reason}"
         return _detail(status) or (unknown if reason else "the supervisor gives no reason")
     who = plain(status.owner) or "a source"
     now, detail = words.now.replace("WHO", who), _detail(status)
@@ -153,15 +153,15 @@ def _where(status: SafetyStatus) -> str:
 
 def _ready(view: View, status: SafetyStatus) -> News:
     if view.control is Control.VIEW_ONLY:
-        return News("READY", "standing, armed", "", Tone.GOOD)
+        return News("READY", "at rest, armed", "", Tone.GOOD)
     name, own = plain(view.source), view.own
     if own is not None and not own.armed:
         who = plain(status.owner) or "another source"
         return News("READY", f"for {who}, but not for {name}", f"{view.neutral_hint} to arm", Tone.CAUTION)
     if own is None and status.sources:
-        what = f"but the supervisor takes nothing from {name}"
-        return News("READY", what, "name it among the sources in robot.toml", Tone.CAUTION)
-    return News("READY", "standing, armed", "the next command moves the robot", Tone.GOOD)
+        what = f"but the supervisor ignores {name}"
+        return News("READY", what, "add it to the sources in robot.toml", Tone.CAUTION)
+    return News("READY", "at rest, armed", "the next command moves the robot", Tone.GOOD)
 
 
 def _driving(view: View, status: SafetyStatus) -> tuple[str, str]:
@@ -170,10 +170,10 @@ def _driving(view: View, status: SafetyStatus) -> tuple[str, str]:
     if view.control is Control.VIEW_ONLY:
         return f"{owner} drives", ""
     if status.owner in ("", view.source):
-        return "as you ask", "SPACE is the emergency stop"
+        return "as commanded", "SPACE is the emergency stop"
     own, other = view.own, _source(status, status.owner)
     if own is not None and other is not None and own.priority > other.priority:
-        return f"{owner} drives, not you", "ask for motion to take over; SPACE is the emergency stop"
+        return f"{owner} drives, not you", "command motion to take over; SPACE is the emergency stop"
     return f"{owner} drives, not you", "it must let go first; SPACE is the emergency stop"
 
 
@@ -181,7 +181,7 @@ def _limited(view: View, status: SafetyStatus) -> News:
     who, step = _driving(view, status)
     why = f": {_detail(status)}" if status.causes and status.detail else _where(status)
     what = f"slowed to {status.scale:.0%}{why}" if status.scale > 0.0 else f"held at zero{why}"
-    if who != "as you ask":
+    if who != "as commanded":
         return News("LIMITED", f"{who}; {what}", step, Tone.CAUTION)
     return News("LIMITED", what, "steer away from it, or slow down", Tone.CAUTION)
 

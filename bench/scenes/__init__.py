@@ -1,12 +1,13 @@
-"""Closed-loop search over random scenes: the law drives a robot in plain kinematics among stationary objects.
+"""Closed-loop search over random scenes: the law drives a kinematic robot model among stationary objects.
 
 world.py      objects as capsules, and the exact clearance of a hull
 scene.py      a random scene from a seed
-sensing.py    what a lidar reads there: ray casting, dirt, dropouts, noise, stray readings
-base.py       how a base follows its command
-operators.py  an operator who drives at objects
-law.py        the only file that knows the law's types
-run.py        one scene in closed loop
-summary.py    the figures of many runs
-drawing.py    one run as a picture
+sensing.py    lidar model: ray casting, dirt, dropouts, noise, stray readings
+base.py       models of a base
+operators.py  operators that drive at objects
+law.py        configuration and inputs of the law; the only file that uses their types
+run.py        run one scene in closed loop
+summary.py    summarize many runs
+plain.py      build scenes with few objects by hand
+drawing.py    describe and draw one run
 """

@@ -1,7 +1,7 @@
-"""How a base follows its command: two ways, both of which brake at least as hard as they are trusted to.
+"""Two models of a base; both brake at least as hard as the law assumes.
 
-A turn rate counts by what it moves at the hull's farthest point: ω·radius. From any twist a base therefore stands
-within max(|v|, |ω|·radius) / braking, which is what the law trusts it with.
+A turn rate counts as the speed of the hull's farthest point: ω·radius. From any twist a base is therefore at rest
+after at most max(|v|, |ω|·radius) / braking, as the law assumes.
 """
 
 import math
@@ -11,17 +11,17 @@ from supervisor.model import STANDSTILL, Velocity
 
 
 class Base(Protocol):
-    """A base's own twist in the course of time."""
+    """The twist of a base over time."""
 
     twist: Velocity
 
     def step(self, target: Velocity, dt_s: float) -> Velocity:
-        """The twist after `dt_s` under a command."""
+        """Advance the time, and return the twist after `dt_s` under a command."""
         ...
 
 
 class MixtureBase:
-    """The twist goes straight to the commanded one: on the way it is always a mixture of the two."""
+    """The twist is interpolated linearly toward the commanded one."""
 
     def __init__(self, acceleration_m_s2: float, braking_m_s2: float, radius_m: float) -> None:
         self.twist = STANDSTILL
@@ -43,7 +43,7 @@ class MixtureBase:
 
 
 class AxisBase:
-    """Each axis has a ramp of its own: on the way from one arc to another the base is on neither."""
+    """Each axis has its own ramp: between two arcs, the base follows neither."""
 
     def __init__(self, acceleration_m_s2: float, braking_m_s2: float, radius_m: float) -> None:
         self.twist = STANDSTILL
@@ -60,7 +60,7 @@ class AxisBase:
 
 def _ramp(value: float, target: float, up: float, down: float) -> float:
     if value * target < 0.0:
-        target = 0.0  # first to rest
+        target = 0.0  # brake to rest before reversing
     if abs(target) < abs(value):
         return math.copysign(max(abs(target), abs(value) - down), value)
     return math.copysign(min(abs(target), abs(value) + up), target)

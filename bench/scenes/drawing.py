@@ -1,4 +1,4 @@
-"""Describe one run around its worst moment as text, and draw it as a picture."""
+"""Describes one run around its worst moment as text, and draws it as a picture."""
 
 import math
 from pathlib import Path
@@ -20,11 +20,11 @@ from supervisor.clearance import Circle
 from supervisor.model import Pose
 
 MARGIN_M = 1.0
-"""How much is drawn beyond the hull's way."""
+"""Margin of the picture around the hull's path."""
 
 
 def describe(scene: Scene, outcome: Outcome, moments: list[Moment], around_s: float) -> list[str]:
-    """The ticks around the worst moment: motion, decision, and where the nearest object is."""
+    """Describe the ticks around the worst moment: motion, decision, and place of the nearest object."""
     measure = Measure(scene.hull)
     lines = [
         "     t   clear  at base (x, y)   bearing  |  moves v, w     asked v, w     output v, w    scale  reasons, scans"
@@ -53,7 +53,7 @@ def describe(scene: Scene, outcome: Outcome, moments: list[Moment], around_s: fl
 
 
 def _beams_at(lidar: Lidar, ranges: Ranges, x_m: float, y_m: float) -> str:
-    """The readings of the three beams around a point in the base frame."""
+    """Format the readings of the three beams around a point in the base frame."""
     bearing = math.atan2(y_m - lidar.y_m, x_m - lidar.x_m) - lidar.yaw_rad
     away_m = math.hypot(y_m - lidar.y_m, x_m - lidar.x_m)
     beam = round(((bearing - lidar.angle_min) % (2 * math.pi)) / lidar.angle_increment)
@@ -64,7 +64,7 @@ def _beams_at(lidar: Lidar, ranges: Ranges, x_m: float, y_m: float) -> str:
 
 
 def draw(scene: Scene, outcome: Outcome, moments: list[Moment], path: Path) -> None:
-    """The hull's way, the objects, the hull at its closest, and the last scan of each lidar before that."""
+    """Draw the hull's path, the objects, the hull at its closest, and each lidar's last scan before that."""
     figure, axes = plt.subplots(figsize=(9, 9))
     world = scene.world
     for start, end, radius_m in zip(world.starts, world.ends, world.radii, strict=True):

@@ -1,4 +1,4 @@
-"""The only file of this package that knows how the law is configured and fed."""
+"""Configures the law and builds its inputs; the only file of this package that does so."""
 
 import math
 from dataclasses import replace
@@ -17,11 +17,11 @@ from wire.freshness import Sent
 SOURCE = "teleop"
 EPOCH = bytes(16)
 LATE_FROM_S = 1.2
-"""The law takes the quickest scans of a stamped lidar as those that took no time."""
+"""When scans become late; before, they calibrate the law, which takes the fastest scans as undelayed."""
 
 
 def config_of(scene: Scene) -> LawConfig:
-    """The default configuration with the scene's hull and lidars."""
+    """Return the default configuration with the scene's hull and lidars."""
     lidars = tuple(
         supervisor.scan.Lidar(
             f"lidar{number}", _mount(lidar), PROFILES[lidar.profile], timeout_s(lidar.rate_hz)
@@ -45,14 +45,14 @@ def inputs(
     scans: list[tuple[int, float, Ranges]],
     odometry: Velocity | None,
 ) -> Inputs:
-    """What reaches the law at one tick.
+    """Build the inputs of the law at one tick.
 
     Args:
-        scene: whose lidars these are.
-        now_s: the tick.
+        scene: the scene that has these lidars.
+        now_s: time of the tick.
         asked: the operator's command.
-        scans: (lidar, when it was taken, its readings) of each scan since the last tick.
-        odometry: the base's own velocity, if it reports any.
+        scans: (lidar, time of the scan, readings) of each scan since the last tick.
+        odometry: the base's reported velocity; None without odometry.
     """
     commands = (Command(SOURCE, asked, now_s),)
     moving = None if odometry is None else Odometry(odometry, now_s)
@@ -61,12 +61,12 @@ def inputs(
 
 
 def stops(decision: Decision) -> tuple[str, ...]:
-    """The reasons why the robot stands, which a neutral command is to clear."""
+    """Return the stop reasons."""
     return tuple(reason.value for reason in decision.reasons)
 
 
 def on_way_s(lidar: Lidar, taken_s: float) -> float:
-    """How long a scan takes from the lidar to the law."""
+    """Return the delay of a scan from the lidar to the law."""
     return lidar.late_s if taken_s > LATE_FROM_S else 0.0
 
 

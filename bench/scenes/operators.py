@@ -1,4 +1,4 @@
-"""An operator who drives at objects, and after every stop at the same one again."""
+"""Operators that drive at objects, and after every stop at the same object again."""
 
 import math
 from typing import Protocol
@@ -11,23 +11,23 @@ from supervisor.model import STANDSTILL, Pose, Velocity
 FASTEST_M_S = 1.0
 FASTEST_RAD_S = 2.0
 SETTLE_S = 0.3
-"""Neutral at the start: the law has to see something first."""
+"""Duration of neutral commands at the start: the law needs scans first."""
 GIVES_UP_S = 0.4
-"""A motion that stops the robot is asked for this much longer; by a patient operator, to its end."""
+"""How long a motion that stops the robot is still commanded; a patient operator completes it."""
 
 
 class Operator(Protocol):
-    """What is asked for in the course of time."""
+    """A source of commands over time."""
 
     def asks(self, now_s: float, pose: Pose, twist: Velocity, *, stopped: bool) -> Velocity:
-        """The command at one tick; `stopped` is what the status shows."""
+        """Return the command at one tick; `stopped` says that the status shows a stop."""
         ...
 
 
 class Adversary:
     """Charges at objects, grazes them on arcs, reverses while moving, and turns, for 0.3 to 2.5 s each.
 
-    It knows where everything is, hidden or not.
+    It knows all objects, even hidden ones.
     """
 
     def __init__(self, rng: np.random.Generator, world: World, measure: Measure) -> None:
@@ -38,7 +38,7 @@ class Adversary:
         self._target = 0
         self._ahead: float | None = None
         self._patient = False
-        # Some let go for one tick only: with a noisy lidar that asks the law again for each scan.
+        # Some release for one tick only: with a noisy lidar, the law then decides anew on each scan.
         self._rest_s = 0.0 if rng.random() < 0.5 else float(rng.uniform(0.05, 0.3))
         self._resting_until_s = 0.0
 
@@ -80,7 +80,7 @@ class Adversary:
             )
 
     def _steer(self, pose: Pose) -> Velocity:
-        """Towards the target, ahead or astern, whichever was nearer when this began."""
+        """Return a command toward the target, ahead or astern, chosen by the bearing when this motion began."""
         world, number = self._world, self._target
         start, end = world.starts[number].tolist(), world.ends[number].tolist()
         x_m, y_m = _nearest_on_segment(pose.x_m, pose.y_m, start, end)
@@ -100,7 +100,7 @@ class Adversary:
 
 
 class Scripted:
-    """Asks for one twist all the time, and is neutral at each stop."""
+    """Commands one constant twist, and neutral during each stop."""
 
     def __init__(self, wanted: Velocity, *, from_s: float = SETTLE_S) -> None:
         self._wanted, self._from_s = wanted, from_s
@@ -110,7 +110,7 @@ class Scripted:
 
 
 class Chaser:
-    """Drives at one place, ahead or astern, and after every stop again."""
+    """Drives at one point, ahead or astern, and again after every stop."""
 
     def __init__(self, place: tuple[float, float], speed_m_s: float, *, spins: bool) -> None:
         self._place, self._speed_m_s, self._spins = place, speed_m_s, spins
@@ -129,7 +129,7 @@ class Chaser:
 
 
 class Stubborn:
-    """Asks for one twist all the time after a first neutral, and never lets go."""
+    """Commands one constant twist after an initial neutral, even during stops."""
 
     def __init__(self, wanted: Velocity) -> None:
         self._wanted = wanted
@@ -139,7 +139,7 @@ class Stubborn:
 
 
 class Reverser:
-    """Drives at full speed ahead and astern, straight and on arcs, and reverses while the base still moves."""
+    """Drives at full speed ahead and astern, straight or on arcs, and reverses while the base still moves."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng

@@ -1,4 +1,4 @@
-"""Scenes with few objects, written by hand."""
+"""Builds scenes with few objects by hand."""
 
 import math
 
@@ -37,16 +37,16 @@ def plain_scene(
     duration_s: float = 6.0,
     seed: int = 0,
 ) -> Scene:
-    """Discs around a robot at the origin that looks along x.
+    """Build a scene with discs around a robot at the origin that faces along x.
 
     Args:
         discs: the objects.
-        hull: the robot's; the default robot's, if not given.
-        lidars: one, or several.
-        base: how it follows its commands.
-        room_m: how far each of four walls is from the origin; None: there are none.
-        duration_s: of the run.
-        seed: of all that is random in it.
+        hull: of the robot; that of the default robot if None.
+        lidars: one or several.
+        base: the base's numbers.
+        room_m: distance of each of four walls from the origin; None for no walls.
+        duration_s: duration of the run.
+        seed: of all random numbers.
     """
     hull = hull or Circle(0.25)
     centres = np.array([disc[:2] for disc in discs], dtype=np.float64).reshape(-1, 2)

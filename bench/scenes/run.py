@@ -1,4 +1,4 @@
-"""One scene in closed loop: the law at 50 Hz, a base that obeys one tick late, scans between the ticks."""
+"""Runs one scene in closed loop: the law at 50 Hz, a base with one tick of delay, scans between the ticks."""
 
 import math
 from collections import Counter
@@ -19,29 +19,29 @@ from supervisor.safety import initial_state, step
 
 TICK_S = 0.02
 FINE_M = 0.006
-"""No part of the hull moves farther between two measurements of its clearance, where that could be the least so far."""
+"""Maximum motion of any hull point between two clearance measurements that could give a new minimum."""
 STUCK_S = 3.0
 
 NEAR_M = 0.3
-"""What is farther away need not be measured before the hull has moved so far."""
+"""How far the hull moves before objects outside the search radius are considered again."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one run came to."""
+    """The result of one run."""
 
     seed: int
     tags: tuple[str, ...]
     bound_m: float
     closest_m: float
     closest_s: float
-    """When that was."""
+    """Time of the smallest clearance."""
     travelled_m: float
     duration_s: float
     stopped_s: float
-    """How long it stood with a stop reason."""
+    """Total time with a stop reason."""
     stops: dict[str, int]
-    """How often each reason began."""
+    """How often each stop reason began."""
 
     @property
     def violated(self) -> bool:
@@ -53,12 +53,12 @@ class Outcome:
 
 
 class Moment(NamedTuple):
-    """One tick, as `watch` gets it."""
+    """One tick, as passed to `watch`."""
 
     now_s: float
     pose: Pose
     twist: Velocity
-    """The base's own."""
+    """The true twist of the base."""
     asked: Velocity
     decision: Decision
     scans: list[tuple[int, float, Ranges]]
@@ -66,9 +66,9 @@ class Moment(NamedTuple):
 
 Watch = Callable[[Moment], None]
 Spoil = Callable[[float, int, Ranges], Ranges | None]
-"""A fault of one's own: (when, lidar, readings) to readings; None: that scan never arrives."""
+"""A custom fault: maps (time, lidar, readings) to readings, or to None if the scan never arrives."""
 Report = Callable[[float, Velocity], Velocity | None]
-"""What odometry says: (when, the base's own velocity) to a velocity; None: nothing."""
+"""Custom odometry: maps (time, true velocity of the base) to a velocity, or to None for no message."""
 
 
 def run(
@@ -81,16 +81,16 @@ def run(
     base: Base | None = None,
     stuck_s: float = STUCK_S,
 ) -> Outcome:
-    """Drive through one scene.
+    """Run one scene.
 
     Args:
-        scene: where, with what.
-        operator: who drives; the adversary of the scene's seed, if not given.
-        watch: called after each tick.
-        spoil: changes or drops scans on their way to the law.
+        scene: the scene.
+        operator: source of commands; None for the adversary of the scene's seed.
+        watch: is called after each tick.
+        spoil: changes or drops scans before they reach the law.
         report: replaces the scene's odometry.
         base: replaces the scene's base.
-        stuck_s: ends the run when the robot has stood for so long, whatever was asked for.
+        stuck_s: ends the run when the robot has been at rest for this long, whatever was commanded.
     """
     measure = Measure(scene.hull)
     operator = operator or Adversary(np.random.default_rng([scene.seed, 1]), scene.world, measure)
@@ -131,7 +131,7 @@ def run(
         on_their_way = on_their_way[len(scans) :]
         asked = operator.asks(now_s, pose, twist, stopped=bool(reasons))
         odometry = _odometry(scene, twist) if report is None else report(now_s, twist)
-        # The base obeys what was decided a tick ago.
+        # The base follows the decision of the previous tick.
         command = decision.output
         state, decision = step(state, now_s, law.inputs(scene, now_s, asked, scans, odometry))
         last, reasons = reasons, law.stops(decision)
@@ -157,7 +157,7 @@ def run(
 
 
 class _Ledger:
-    """The least clearance so far. The hull cannot come nearer than it moves: most ticks need no measurement."""
+    """The smallest clearance so far. A clearance shrinks by at most the hull's motion: few ticks need a measurement."""
 
     def __init__(self, scene: Scene, measure: Measure) -> None:
         self._world, self._measure = scene.world, measure
@@ -167,7 +167,7 @@ class _Ledger:
         self._near, self._near_for_m = scene.world, 0.0
 
     def note(self, now_s: float, pose: Pose, twist: Velocity) -> None:
-        """One tick from a pose, at a twist."""
+        """Record one tick from a pose, at a twist."""
         moved_m = TICK_S * (abs(twist.linear_m_s) + abs(twist.angular_rad_s) * self._reach_m)
         self.travelled_m += TICK_S * abs(twist.linear_m_s)
         self._at_least_m -= moved_m
@@ -191,7 +191,7 @@ class _Ledger:
 
 
 def advance(pose: Pose, twist: Velocity, dt_s: float) -> Pose:
-    """The pose after a time at a twist: an arc, taken at its middle heading."""
+    """Return the pose after a time at a constant twist, by the heading at the middle of the arc."""
     heading_rad = pose.yaw_rad + twist.angular_rad_s * dt_s / 2
     return Pose(
         pose.x_m + dt_s * twist.linear_m_s * math.cos(heading_rad),

@@ -1,4 +1,4 @@
-"""A random scene from a seed: the same seed is always the same scene."""
+"""Generates a random scene from a seed; a seed always gives the same scene."""
 
 import math
 from dataclasses import dataclass, replace
@@ -10,33 +10,33 @@ from bench.scenes.world import Floats, Measure, Shape, World
 from supervisor.clearance import Circle, ConvexPolygon
 
 TRUSTED_M_S2 = 1.5
-"""The deceleration that the law trusts the base with; no base brakes with less."""
+"""The deceleration that the law assumes; no base brakes less."""
 
 BOUND_M = 0.285
-"""No hull comes closer than this by its own motion: the stop distance less 1.5 cm."""
+"""Minimum clearance that the hull must keep by its own motion: the stop distance minus 1.5 cm."""
 
 NEAR_LOSS_M = 0.015
-"""A robot that starts nearer than the stop distance may lose no more than this."""
+"""Maximum loss of clearance of a robot that starts nearer than the stop distance."""
 
 SMALLEST_M = 0.041
 """Diameter of the smallest objects: just above the law's default `smallest_obstacle_m`."""
 
 START_M = 0.35
-"""Clearance at the start, except in scenes that start near something."""
+"""Minimum clearance at the start, except in scenes that start near an object."""
 
 ROUND_CORNERS = 12
 
 TIMEOUT_PERIODS = 2.25
 SHORTEST_TIMEOUT_S = 0.24
 LATEST_PERIODS = 1.1
-"""In scan periods: how much of the timeout is left when the latest scan arrives: the next one arrives in time."""
+"""In scan periods: remaining timeout when the latest possible scan arrives, so that the next is in time."""
 
 Profile = Literal["rep117", "rplidar", "neato_xv"]
 
 
 @dataclass(frozen=True)
 class Lidar:
-    """One lidar on the robot, and what is wrong with it."""
+    """One lidar of the robot, and its faults."""
 
     x_m: float
     y_m: float
@@ -47,31 +47,31 @@ class Lidar:
     range_max: float
     rate_hz: float
     phase_s: float
-    """When its first scan is taken."""
+    """Time of its first scan."""
     profile: Profile = "rep117"
     noise_m: float = 0.0
-    """Standard deviation; cut at three of them."""
+    """Standard deviation of the range noise, clipped at three sigma."""
     holes_rad: tuple[tuple[float, float], ...] = ()
-    """Dirt: sectors (from, to) in its own frame."""
+    """Dirt: sectors (from, to) in the lidar frame."""
     silent_holes: bool = False
-    """Dirt reads as the profile's "no return", which nobody can tell from free space; else as NaN."""
+    """Whether dirt reads as the profile's "no return", indistinguishable from free space, instead of NaN."""
     beam_dropout: float = 0.0
-    """Share of the beams missing in each scan."""
+    """Fraction of the beams missing in each scan."""
     silent_dropout: bool = False
-    """They read as "no return"; else as NaN."""
+    """Whether they read as "no return" instead of NaN."""
     object_dropout: float = 0.0
-    """For each object, the share of scans in which it is missing: its beams read as "no return"."""
+    """For each object, the fraction of scans in which it is missing: its beams read as "no return"."""
     stray: float = 0.0
-    """Share of scans with one beam that reads too short."""
+    """Fraction of scans with one beam that reads too short."""
     range_min: float = 0.02
-    """What is nearer reads as -Inf."""
+    """Minimum range; shorter distances read as -Inf."""
     late_s: float = 0.0
-    """How long each scan is on its way, as its stamp shows, once the first ones were quick."""
+    """Transport delay of each scan, visible in its stamp, after the first scans arrived without delay."""
 
 
 @dataclass(frozen=True)
 class BaseNumbers:
-    """A base's kind and its ramps."""
+    """The model of a base and its ramps."""
 
     kind: Literal["mixture", "axis"]
     acceleration_m_s2: float
@@ -80,7 +80,7 @@ class BaseNumbers:
 
 @dataclass(frozen=True)
 class Scene:
-    """All that one run needs."""
+    """All inputs of one run."""
 
     seed: int
     hull: Shape
@@ -88,12 +88,12 @@ class Scene:
     lidars: tuple[Lidar, ...]
     base: BaseNumbers
     odometry_scale: float | None
-    """What the base reports of its own velocity; None: there is no odometry."""
+    """Scale of the reported velocity; None for no odometry."""
     world: World
     yaw_rad: float
     """The robot starts at the origin, with this heading."""
     start_m: float
-    """Its clearance there."""
+    """Clearance at the start."""
     duration_s: float
 
     @property
@@ -103,7 +103,7 @@ class Scene:
 
     @property
     def tags(self) -> tuple[str, ...]:
-        """What is particular about it, for the summary."""
+        """Properties of the scene, for the summary."""
         first = self.lidars[0]
         said = {
             f"hull {self.shape}": True,
@@ -134,10 +134,10 @@ class Scene:
 
 
 def random_scene(seed: int, *, noise_m: float = 0.005, silent_dirt: bool = False) -> Scene:
-    """The scene of a seed.
+    """Return the scene of a seed.
 
     Args:
-        seed: of everything in it.
+        seed: of all random numbers.
         noise_m: the largest standard deviation of the range noise [m].
         silent_dirt: whether dirt may read as "no return".
     """
@@ -159,7 +159,7 @@ def random_scene(seed: int, *, noise_m: float = 0.005, silent_dirt: bool = False
 
 
 def rectangle(front_m: float, back_m: float, half_width_m: float) -> ConvexPolygon:
-    """A hull from -back_m to front_m, and half_width_m to each side."""
+    """Return a hull from -back_m to front_m, and half_width_m to each side."""
     return ConvexPolygon(
         (
             (front_m, -half_width_m),
@@ -209,7 +209,7 @@ def _random_lidars(
             middle_m, radius_m = (front_m - back_m) / 2, half_m / math.sqrt(2.0)
             front_m, back_m, half_m = middle_m + radius_m, radius_m - middle_m, radius_m
     faults = _Faults(rng, noise_m=noise_m, silent_dirt=silent_dirt)
-    if rng.random() < 0.25:  # at two opposite corners, each with its fan outwards
+    if rng.random() < 0.25:  # at two opposite corners, facing outward
         beams = int(rng.integers(180, 1081))
         span = math.radians(270.0)
         rate_hz, range_max = _random_rate_hz(rng), _random_range_m(rng)
@@ -228,7 +228,7 @@ def _random_lidars(
     elif place == "anywhere":
         x_m, y_m = float(rng.uniform(-back_m, front_m)), float(rng.uniform(-half_m, half_m))
         yaw_rad = float(rng.uniform(-math.pi, math.pi))
-    # More of the coarse ones: they are harder for the law, and cost less to search.
+    # Prefer coarse lidars: they are harder for the law and faster to simulate.
     beams = round(90 * (2048 / 90) ** rng.random() ** 1.5)
     return (faults.lidar(x_m, y_m, yaw_rad, beams, span, _random_range_m(rng), _random_rate_hz(rng)),)
 
@@ -244,7 +244,7 @@ def _random_range_m(rng: np.random.Generator) -> float:
 
 
 def timeout_s(rate_hz: float) -> float:
-    """The age in s at which the law rejects a scan of a lidar with this rate in Hz."""
+    """Return the age at which the law rejects a scan of a lidar with this rate."""
     return max(SHORTEST_TIMEOUT_S, TIMEOUT_PERIODS / rate_hz)
 
 
@@ -258,7 +258,7 @@ def _late_or_short_sighted(rng: np.random.Generator, lidars: tuple[Lidar, ...]) 
 
 
 class _Faults:
-    """What is wrong with all the lidars of one robot alike: the profile, the kinds of fault, the noise."""
+    """The faults that all lidars of one robot share: the profile, the kinds of fault, the noise."""
 
     def __init__(self, rng: np.random.Generator, *, noise_m: float, silent_dirt: bool) -> None:
         self._rng = rng
@@ -266,7 +266,7 @@ class _Faults:
         self._profile: Profile = profiles[int(rng.choice(3, p=(0.6, 0.2, 0.2)))]
         self._noise_m = float(rng.uniform(0.0, noise_m)) * bool(rng.random() < 0.6)
         self._dirty = bool(rng.random() < 0.4)
-        # Under a profile by which NaN means "no return" there is only silent dirt.
+        # In a profile where NaN means "no return", dirt is always silent.
         self._silent = bool(rng.random() < 0.3) or self._profile == "neato_xv"
         if self._silent and not silent_dirt:
             self._dirty = self._dirty and self._profile != "neato_xv"
@@ -290,7 +290,7 @@ class _Faults:
         full = span > 2 * math.pi - 1e-9
         holes: list[tuple[float, float]] = []
         for _ in range(int(rng.integers(1, 4)) if self._dirty else 0):
-            # Most of it where the robot drives.
+            # Most dirt covers the directions of travel.
             middle = float(rng.choice([-yaw_rad, math.pi - yaw_rad, rng.uniform(-math.pi, math.pi)]))
             middle += float(rng.uniform(-0.15, 0.15))
             half = math.radians(float(rng.uniform(0.5, 10.0)))
@@ -319,7 +319,7 @@ class _Faults:
 def _random_world(
     rng: np.random.Generator, hull: Shape, yaw_rad: float, keep_m: float
 ) -> tuple[World, float]:
-    """Objects around the origin, none nearer to the hull than `keep_m`; and the clearance there."""
+    """Return objects around the origin, none nearer to the hull than `keep_m`, and the clearance at the start."""
     measure = Measure(hull)
     while True:
         discs = int(rng.integers(3, 15))
@@ -344,13 +344,13 @@ def _random_world(
 
 
 def _around(rng: np.random.Generator, count: int) -> Floats:
-    """Places (count, 2) around the origin, more of them near it."""
+    """Return points (count, 2) around the origin, denser near it."""
     distance, angle = rng.uniform(0.3, 3.5, count), rng.uniform(-math.pi, math.pi, count)
     return np.stack((distance * np.cos(angle), distance * np.sin(angle)), axis=1)
 
 
 def _random_room(rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """The ends of four walls around the origin, near or far; or none."""
+    """Return the ends of four walls around the origin, near or far, or of none."""
     kind = rng.choice(["closed", "far", "open"], p=[0.5, 0.25, 0.25])
     if kind == "open":
         return np.empty((0, 2)), np.empty((0, 2))

@@ -1,7 +1,7 @@
-"""What a lidar reads in a world: exact ray casting, then the sensor's imperfections.
+"""Model of a lidar: exact ray casting, then the sensor's imperfections.
 
-Each object covers a run of neighbouring beams. Only those beams are cast at it, so that a scan costs about as much
-as there are beams, whatever the number of objects.
+Each object covers a run of adjacent beams. Only these beams are cast at it, so that the cost of a scan depends
+mainly on the number of beams, not on the number of objects.
 """
 
 import math
@@ -14,10 +14,10 @@ from bench.scenes.scene import Lidar
 from bench.scenes.world import Floats, World
 
 MISSED_IN_A_ROW = 2
-"""A dropout lasts for at most so many scans: what is missing for longer is a hole, not a dropout."""
+"""Maximum duration of a dropout in scans; a longer one would be a hole."""
 
 UNSEEN_MISSED_IN_A_ROW = 1
-"""Likewise for an object that no scan has shown so far."""
+"""The same for an object that no scan has shown so far."""
 
 NOBODY = -1
 
@@ -29,13 +29,13 @@ class Cast(NamedTuple):
     """Exact distances."""
 
     distance_m: Floats
-    """(n,): infinite where nothing is."""
+    """(n,): infinite where there is no object."""
     which: Ints
     """(n,): the object, or NOBODY."""
 
 
 class Eye:
-    """One lidar with its own random faults; poses are the base's."""
+    """One lidar with independent random faults; poses are those of the base."""
 
     def __init__(self, lidar: Lidar, objects: int, seed: list[int]) -> None:
         self.lidar = lidar
@@ -51,7 +51,7 @@ class Eye:
         self._beam_missed = np.zeros(lidar.beams, dtype=np.int64)
 
     def scan(self, world: World, x_m: float, y_m: float, yaw_rad: float) -> Ranges:
-        """(n,) readings [m] of a scan taken at this pose of the base."""
+        """Take a scan at this pose of the base; return readings (n,) [m]."""
         lidar, rng = self.lidar, self._rng
         distance, which = self.cast(world, x_m, y_m, yaw_rad)
         silent = distance > lidar.range_max
@@ -92,7 +92,7 @@ class Eye:
         return missing
 
     def cast(self, world: World, x_m: float, y_m: float, yaw_rad: float) -> Cast:
-        """The nearest surface on each beam, up to `range_max`."""
+        """Find the nearest surface on each beam among the objects within `range_max`."""
         lidar = self.lidar
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
         at_x = x_m + cos * lidar.x_m - sin * lidar.y_m
@@ -115,7 +115,7 @@ class Eye:
         return Cast(best, which)
 
     def _discs(self, here: World) -> tuple[Ints, Floats, Ints]:
-        """Beams, distances and objects for the round ends of all capsules."""
+        """Return beams, distances and objects for the round ends of all capsules."""
         long = (here.starts != here.ends).any(axis=1).nonzero()[0]
         owner = np.concatenate((np.arange(len(here)), long))
         centre = np.concatenate((here.starts, here.ends[long]))
@@ -129,7 +129,7 @@ class Eye:
         return beam, along - np.sqrt(np.maximum(reach, 0.0)), owner[disc]
 
     def _sides(self, here: World) -> tuple[Ints, Floats, Ints]:
-        """The same for the straight sides, left and right of each capsule's centre line."""
+        """Return the same for the straight sides, left and right of each capsule's centre line."""
         side = here.ends - here.starts
         length = np.hypot(side[:, 0], side[:, 1])
         (long,) = (length > 0.0).nonzero()
@@ -151,7 +151,7 @@ class Eye:
         return beam, np.where(distance > 0.0, distance, math.inf), owner[line]
 
     def _covered(self, first_rad: Floats, width_rad: Floats) -> tuple[Ints, Ints]:
-        """The beams within each sector, one after the other, and for each of them its sector."""
+        """Return the beams within each sector, concatenated, and the sector of each beam."""
         lidar = self.lidar
         turn = 2 * math.pi
         begin = (first_rad - lidar.angle_min) % turn

@@ -1,4 +1,4 @@
-"""The figures of many runs."""
+"""Summarizes many runs."""
 
 import math
 from collections import Counter
@@ -8,18 +8,18 @@ from bench.scenes.run import Outcome
 
 LISTED = 20
 GONE_M = 0.3
-"""A robot that has driven less has tried little."""
+"""Minimum distance for a run to count as driven."""
 
 
 @dataclass
 class Tally:
-    """Runs of one kind."""
+    """Counts of the runs with one tag."""
 
     runs: int = 0
     violations: int = 0
     contacts: int = 0
     least_m: float = math.inf
-    """The smallest clearance, less the scene's own bound."""
+    """The smallest clearance minus the scene's bound."""
     least_seed: int = -1
 
     def add(self, outcome: Outcome) -> None:
@@ -59,7 +59,7 @@ class Summary:
             self.worst.append(outcome)
 
     def lines(self) -> list[str]:
-        """As text; margins are clearances less the scene's own bound."""
+        """Format the summary; a margin is a clearance minus the scene's bound."""
         total = self.total
         text = [
             f"scenes      {total.runs} ({self.skipped} skipped), {self.driven_s:.0f} s of driving",

@@ -1,7 +1,7 @@
-"""Stationary objects as capsules, and the exact clearance of a hull among them.
+"""Stationary objects as capsules, and the exact clearance of a hull to them.
 
-A capsule is a segment with a radius: a disc where both ends are the same point. No object has an edge of no
-thickness. Lengths in m, poses as (x, y, yaw) in m and rad.
+A capsule is a segment with a radius, or a disc if both ends are the same point. Every object has a thickness.
+Lengths are in m, poses (x, y, yaw) in m and rad.
 """
 
 import math
@@ -31,18 +31,18 @@ class World:
         return len(self.radii)
 
     def seen_from(self, x_m: float, y_m: float, yaw_rad: float) -> "World":
-        """The same objects in the frame of a pose."""
+        """Return the objects in the frame of a pose."""
         turn = np.array(((math.cos(yaw_rad), -math.sin(yaw_rad)), (math.sin(yaw_rad), math.cos(yaw_rad))))
         here = (x_m, y_m)
         return World((self.starts - here) @ turn, (self.ends - here) @ turn, self.radii)
 
     def within(self, x_m: float, y_m: float, distance_m: float) -> "World":
-        """The objects that come so near to a point."""
+        """Return the objects within a distance of a point."""
         (near,) = (self.nearest_to(x_m, y_m)[0] <= distance_m).nonzero()
         return World(self.starts[near], self.ends[near], self.radii[near])
 
     def nearest_to(self, x_m: float, y_m: float) -> tuple[Floats, Floats]:
-        """Distances (m,) from a point to the surfaces, and the points (m, 2) nearest to it on the centre lines."""
+        """Return distances (m,) from a point to the surfaces, and the nearest points (m, 2) on the centre lines."""
         side = self.ends - self.starts
         offset = np.array((x_m, y_m)) - self.starts
         length = np.maximum((side * side).sum(axis=1), 1e-12)
@@ -53,7 +53,7 @@ class World:
 
 
 class Measure:
-    """The clearance of one hull."""
+    """Computes the clearance of one hull."""
 
     def __init__(self, hull: Shape) -> None:
         self._radius_m = hull.radius_m
@@ -67,10 +67,10 @@ class Measure:
             )
 
     def clearances_m(self, world: World, x_m: float, y_m: float, yaw_rad: float) -> Floats:
-        """(m,): from the hull at a pose to each object; not positive on contact."""
+        """Return the clearances (m,) from the hull at a pose to each object; zero or negative on contact."""
         if self._corners is None:
             return world.nearest_to(x_m, y_m)[0] - self._radius_m
-        # Only what is near the circle around the polygon needs more than a lower bound.
+        # Only objects near the polygon's circumscribed circle need more than a lower bound.
         bound: Floats = world.nearest_to(x_m, y_m)[0] - self._radius_m
         (near,) = (bound < max(0.0, bound.min()) + self._radius_m).nonzero()
         close = World(world.starts[near], world.ends[near], world.radii[near])
@@ -88,7 +88,7 @@ class Measure:
                 _to_segments(world.ends, corners, self._sides).min(axis=1),
             ),
         )
-        # A segment cut by all sides' half-planes: what is left of it is inside the hull.
+        # Clip each segment by the half-planes of all sides: what remains is inside the hull.
         first = ((world.starts[:, None, :] - corners) * self._outward).sum(axis=2)
         last = ((world.ends[:, None, :] - corners) * self._outward).sum(axis=2)
         change = last - first
@@ -102,7 +102,7 @@ class Measure:
 
 
 def _to_segments(points: Floats, starts: Floats, sides: Floats) -> Floats:
-    """(n, w): from points (n, 2) to segments (w, 2)."""
+    """Return distances (n, w) from points (n, 2) to segments (w, 2)."""
     squares = np.maximum((sides * sides).sum(axis=1), 1e-12)
     offset = points[:, None, :] - starts
     along = np.clip((offset * sides).sum(axis=2) / squares, 0.0, 1.0)

@@ -1,17 +1,17 @@
-"""The running robot as one thing: what several commands need to start, find, observe and end it.
+"""Starts, finds, observes and stops the running robot, for several commands.
 
-bringup.py      sim and supervisor: start, wait until alive
-takedown.py     end whatever runs of a state directory
-preflight.py    the configuration and the scene, and whether they fit together, before anything starts
-robot_file.py   every section of a robot.toml, against each other
-launch.py       what the children are started with, checked before anything starts
-supervisord.py  supervisord itself: fetched by uv, asked over its socket
-processes.py    which processes belong to a state directory, and signals to them
-statedir.py     the state directory: its files, its lock
-keyboard.py     the real teleop on a pseudo-terminal, and a hand that types
+bringup.py      start sim and supervisor, and wait until they are alive
+takedown.py     stop all processes of a state directory
+preflight.py    check the configuration and the scene before the start
+robot_file.py   read and check all sections of a robot.toml
+launch.py       arguments and environment of the processes, and a check of the endpoint
+supervisord.py  fetch supervisord with uv, start it, and query it over its socket
+processes.py    find the processes of a state directory, and signal them
+statedir.py     the state directory: its files and its lock
+keyboard.py     run the real teleop on a pseudo-terminal, and type keys
 observe.py      which nodes are alive, the newest status and the newest odometry
 reach.py        connect a client to the hub, for commands that run until Ctrl-C
-statusline.py   one line that changes in place, on a terminal
-interrupts.py   SIGINT, SIGTERM and SIGHUP as one exception, once
-errors.py       errors that are reported in one sentence; exit code 2 or 3
+statusline.py   a status line that is updated in place on a terminal
+interrupts.py   raise one exception on SIGINT, SIGTERM or SIGHUP
+errors.py       errors that are reported in one sentence; exit codes 2 and 3
 """

@@ -1,4 +1,4 @@
-"""sim and supervisor as one thing: start, and wait until alive. All of it under the lock of the state directory."""
+"""Starts sim and supervisor, and waits until they are alive; the caller holds the state directory's lock."""
 
 import json
 import time
@@ -17,17 +17,17 @@ ASK_PERIOD_S = 0.2
 
 
 def check_nothing_runs(state: StateDir) -> None:
-    """Before a start.
+    """Refuse a second start.
 
     Raises:
-        DeployError: something of this state directory runs.
+        DeployError: a process of this state directory runs.
     """
     running = processes.of(state.path)
     if not running:
         return
     if any(p.name == "supervisord" for p in running):
         raise DeployError(
-            f"Lifeline already runs in {state.path}: look at it with `lifeline status`, stop it with `lifeline down`"
+            f"Lifeline already runs in {state.path}: check it with `lifeline status`, stop it with `lifeline down`"
         )
     raise DeployError(
         f"an earlier supervisord was killed and left {listed(running)} running: clean up with `lifeline down`"
@@ -35,10 +35,10 @@ def check_nothing_runs(state: StateDir) -> None:
 
 
 def start(state: StateDir, launch: Launch, say: Say) -> None:
-    """Start supervisord with its programs; they need not be alive yet when this returns.
+    """Start supervisord with its programs, without waiting until they are alive.
 
     Raises:
-        DeployError: something is in the way, or missing; nothing is left running.
+        DeployError: the start is impossible or failed; no process is left running.
     """
     check_nothing_runs(state)
     state.forget()
@@ -53,10 +53,10 @@ def start(state: StateDir, launch: Launch, say: Say) -> None:
 
 
 async def wait_until_alive(state: StateDir, launch: Launch, say: Say, limit_s: float = ALIVE_LIMIT_S) -> None:
-    """Wait for the token of every node, and say which are missing.
+    """Wait for the token of every node, and report which are missing.
 
     Raises:
-        DeployError: one of them does not come up; the message ends with the end of its log.
+        DeployError: a node does not start; the message includes the end of its log.
     """
     deadline_s = time.monotonic() + limit_s
     health = _Health(state)
@@ -81,12 +81,12 @@ async def wait_until_alive(state: StateDir, launch: Launch, say: Say, limit_s: f
             health.check()
         if time.monotonic() >= deadline_s:
             raise DeployError(
-                f"{' and '.join(sorted(said))} did not come up within {limit_s:g} s{_with_logs(state, said)}"
+                f"{' and '.join(sorted(said))} did not start within {limit_s:g} s{_with_logs(state, said)}"
             )
 
 
 class _Health:
-    """Notices a program that dies again and again, rather than waiting for it in vain."""
+    """Detects a program that exits repeatedly, so that the start fails without waiting for the limit."""
 
     def __init__(self, state: StateDir) -> None:
         self._state = state
@@ -98,7 +98,7 @@ class _Health:
                 self._deaths.setdefault(program.name, set()).add(program.start)
             if program.state == "FATAL" or len(self._deaths.get(program.name, ())) > 1:
                 raise DeployError(
-                    f"{program.name} ends as soon as it is started{_with_logs(self._state, {program.name})}"
+                    f"{program.name} exits immediately after each start{_with_logs(self._state, {program.name})}"
                 )
 
 

@@ -1,4 +1,4 @@
-"""SIGINT, SIGTERM and SIGHUP as one exception, once; after it, nothing disturbs the taking down.
+"""Raises one exception on the first SIGINT, SIGTERM or SIGHUP; further signals do not interrupt the cleanup.
 
     with interrupts():
         try:
@@ -9,8 +9,8 @@
         finally:
             take_down()
 
-A signal at any moment reaches `take_down`, also one that arrives just before `ignore`: the handler itself
-ignores all further ones before it raises.
+`take_down` runs whenever the signal arrives, even just before `ignore`: the handler itself ignores all further
+signals before it raises.
 """
 
 import signal
@@ -21,7 +21,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Interrupted(KeyboardInterrupt):
-    """A signal asked this command to end. A KeyboardInterrupt: asyncio lets nothing else through its callbacks."""
+    """A signal asked this command to end. A KeyboardInterrupt, because asyncio passes it on from callbacks."""
 
     def __init__(self, number: int) -> None:
         super().__init__(signal.Signals(number).name)
@@ -29,14 +29,14 @@ class Interrupted(KeyboardInterrupt):
 
 
 def ignore() -> None:
-    """From now on the command is coming to its end, and asking again does not hurry it."""
+    """Ignore all further signals: the command is ending."""
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
 
 
 @contextmanager
 def interrupts() -> Generator[None]:
-    """Raise `Interrupted` in the main thread on the first signal; one that was ignored before stays so (nohup)."""
+    """Raise `Interrupted` in the main thread on the first signal; signals already ignored stay ignored (nohup)."""
 
     def on_signal(number: int, _frame: object) -> None:
         ignore()

@@ -1,4 +1,4 @@
-"""The real teleop on pseudo-terminals that can be hung up, and a hand that types."""
+"""Runs the real teleop on pseudo-terminals, types keys, and can hang up the terminals."""
 
 import asyncio
 import fcntl
@@ -23,19 +23,19 @@ ESCAPE = re.compile(r"\x1b(\[[0-?]*[ -/]*[@-~]|[@-Z\\-_])")
 
 
 class TypedTeleop:
-    """A teleop process. Its keys and its screen are two terminals, so that one can go without the other.
+    """A teleop process. Its keys and its screen are two terminals, which can be closed separately.
 
-    Spawned, not forked: a fork would inherit our Zenoh session.
+    It is spawned, not forked: a fork would inherit this process's Zenoh session.
 
     Args:
-        command: teleop's.
-        environment: all of it.
+        command: the command line of teleop.
+        environment: its complete environment.
     """
 
     def __init__(self, command: list[str], environment: dict[str, str]) -> None:
         self._loop = asyncio.get_running_loop()
         self.screen = b""
-        """The last of what it drew."""
+        """The last bytes of its output."""
         self._keys, keys_slave = pty.openpty()
         self._display, display_slave = pty.openpty()
         self._masters = [self._keys, self._display]
@@ -70,39 +70,37 @@ class TypedTeleop:
 
     @property
     def last_lines(self) -> str:
-        """The last that it said, without colours and cursor movements."""
+        """The last three non-empty lines of its output, without escape sequences."""
         text = ESCAPE.sub("", self.screen.decode(errors="replace"))
-        return (
-            " | ".join([line.strip() for line in text.splitlines() if line.strip()][-3:]) or "it said nothing"
-        )
+        return " | ".join([line.strip() for line in text.splitlines() if line.strip()][-3:]) or "no output"
 
     def press(self, keys: str) -> None:
-        """Type, one key after the other."""
+        """Type the keys in order."""
         with suppress(OSError):
             os.write(self._keys, keys.encode())
 
     def send(self, number: signal.Signals) -> float:
-        """Signal the process; returns the time just before."""
+        """Signal the process; return the time just before."""
         now_s = time.monotonic()
         with suppress(ProcessLookupError):
             self._child.send_signal(number)
         return now_s
 
     def end_input(self) -> float:
-        """The keys' terminal goes, the screen stays; returns the time just before."""
+        """Close the keys' terminal and keep the screen; return the time just before."""
         now_s = time.monotonic()
         self._shut(self._keys)
         return now_s
 
     def hang_up(self) -> float:
-        """Both go, as when the window is closed: the kernel sends SIGHUP; returns the time just before."""
+        """Close both terminals like a closed window (the kernel sends SIGHUP); return the time just before."""
         now_s = time.monotonic()
         self._shut(self._display)
         self._shut(self._keys)
         return now_s
 
     async def close(self) -> None:
-        """End the process, also a stopped one, and its terminals."""
+        """End the process, even a suspended one, and close its terminals."""
         self.send(signal.SIGTERM)
         self.send(signal.SIGCONT)
         try:
@@ -131,7 +129,7 @@ class TypedTeleop:
 
 @asynccontextmanager
 async def typing(launch: Launch, environment: dict[str, str]) -> AsyncGenerator[TypedTeleop]:
-    """A teleop for a while."""
+    """Run a teleop while the context is open."""
     teleop = TypedTeleop(launch.command(topics.TELEOP), os.environ | environment)
     try:
         yield teleop

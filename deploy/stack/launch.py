@@ -1,4 +1,4 @@
-"""What the children are started with, checked before anything starts."""
+"""Arguments and environment of the stack's processes, and a check of the endpoint before the start."""
 
 import errno
 import socket
@@ -26,7 +26,7 @@ class Launch:
 
     @classmethod
     def read(cls, config: Path | None, endpoint: str | None, *, sim_options: str = "") -> "Launch":
-        """Read the file's `[bus]`; an endpoint given here takes the place of the file's.
+        """Read the file's `[bus]`; `endpoint` overrides the file's.
 
         Raises:
             DeployError: the file or the endpoint is refused.
@@ -42,7 +42,7 @@ class Launch:
 
     @classmethod
     def running(cls, state: StateDir) -> "Launch | None":
-        """What the stack of a state directory was started with; None where none was."""
+        """Return the launch of the running stack of a state directory; None if there is no record."""
         record = read_json(state.record)
         try:
             bus = BusConfig(record["endpoint"], record["namespace"], record["lease_s"])
@@ -51,7 +51,7 @@ class Launch:
             return None
 
     def to_record(self) -> dict[str, object]:
-        """For `running`."""
+        """Return the record that `running` reads."""
         return {
             "endpoint": self.bus.endpoint,
             "namespace": self.bus.namespace,
@@ -60,10 +60,10 @@ class Launch:
         }
 
     def environment(self, state: StateDir) -> dict[str, str]:
-        """What supervisord.conf takes from the environment."""
+        """Return the environment variables that supervisord.conf uses."""
         return {
             MARK: str(state.path),
-            ENVIRONMENT: str(state.path),  # where the supervisor puts its black boxes
+            ENVIRONMENT: str(state.path),  # where the supervisor writes its black boxes
             "LIFELINE_PYTHON": sys.executable,
             "LIFELINE_CONFIG": str(self.config),
             "LIFELINE_ENDPOINT": self.bus.endpoint,
@@ -71,19 +71,19 @@ class Launch:
         }
 
     def command(self, module: str) -> list[str]:
-        """One process of ours, with this interpreter."""
+        """Return the command line of a module, run with this interpreter."""
         options = ["--config", str(self.config), "--endpoint", self.bus.endpoint]
         return [sys.executable, "-m", module, *options]
 
 
 def check_endpoint_is_free(endpoint: str) -> None:
-    """Try to listen where the supervisor will.
+    """Check that the supervisor can listen on its endpoint.
 
     Raises:
-        DeployError: somebody else listens there, or the address is not this machine's.
+        DeployError: the port is in use, or the address does not belong to this machine.
     """
     protocol, address = endpoint.split("/", 1)
-    if protocol == "quic":  # not TCP: the supervisor itself will tell
+    if protocol == "quic":  # not TCP: the supervisor reports the error itself
         return
     host, port = address.rsplit(":", 1)
     try:
@@ -107,7 +107,7 @@ def check_endpoint_is_free(endpoint: str) -> None:
 
 
 def free_loopback_endpoint() -> str:
-    """An endpoint that nobody listens on now."""
+    """Return an endpoint on a free port of the loopback interface."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"

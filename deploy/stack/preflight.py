@@ -1,4 +1,4 @@
-"""Before anything starts: every section of the configuration, the scene itself, and whether they fit together."""
+"""Checks the configuration, the scene, and their consistency before the start."""
 
 import math
 
@@ -20,10 +20,10 @@ OUTLINE_POINTS = 72
 
 
 def check(launch: Launch) -> None:
-    """Refuse what would fail, or be unsafe, once it runs.
+    """Refuse a configuration that would fail or be unsafe at runtime.
 
     Raises:
-        DeployError: a section, the scene, or a footprint that the simulated robot sticks out of.
+        DeployError: a section or the scene is invalid, or the simulated robot extends beyond the footprint.
     """
     try:
         document = read_toml(launch.config)
@@ -37,13 +37,13 @@ def check(launch: Launch) -> None:
     out_m = float(footprint.clearance(outline).max())
     if out_m > SLACK_M:
         raise DeployError(
-            f"the {config.hull} robot of [sim] sticks out of [supervisor.footprint] by {out_m:.2f} m, and would be "
-            f"driven into things: set {_footprint(outline)} there"
+            f"the {config.hull} robot of [sim] extends beyond [supervisor.footprint] by {out_m:.2f} m, and would "
+            f"collide with obstacles: set {_footprint(outline)} there"
         )
 
 
 def outline_of(plant: Plant) -> Floats:
-    """Points (n, 2) [m] around the simulated robot, counter-clockwise in its own frame."""
+    """Return points (n, 2) [m] around the simulated robot, counter-clockwise in its own frame."""
     outline, pose = plant.outline, plant.true_pose
     if isinstance(outline, Circle):
         angle = np.arange(OUTLINE_POINTS) * (2 * math.pi / OUTLINE_POINTS)
@@ -56,7 +56,7 @@ def outline_of(plant: Plant) -> Floats:
 
 
 def _footprint(outline: Floats) -> str:
-    """What [supervisor.footprint] would have to say."""
+    """Return the setting of [supervisor.footprint] that matches the outline."""
     if len(outline) == OUTLINE_POINTS:
         return f"radius_m = {np.hypot(*outline.T).max():.3g}"
     return f"corners_m = {outline.round(3).tolist()}"

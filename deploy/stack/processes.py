@@ -1,8 +1,8 @@
-"""Which processes belong to a state directory, found by what they are and not by what somebody wrote down.
+"""Finds the processes of a state directory by a mark in their environment, not by recorded pids.
 
-Everything that a stack starts carries its state directory in the environment, and hands it on to its own
-children. So a child whose supervisord was killed is found as well, after any number of restarts, and a
-pid that the kernel has given to somebody else is not: the mark is read again behind a pidfd before a signal.
+Every process of a stack carries its state directory in the environment, and its children inherit it. A child
+whose supervisord was killed is therefore found, after any number of restarts. A process that reuses a pid is not
+signalled: the mark is read again after a pidfd has been opened.
 """
 
 import itertools
@@ -24,32 +24,32 @@ OURS = ("supervisor", "sim", "teleop")
 
 @dataclass(frozen=True, slots=True)
 class Process:
-    """A running process of ours."""
+    """A running process of the stack."""
 
     pid: int
     name: str
-    """`supervisord`, the name of one of our own processes, or that of a memory keeper."""
+    """`supervisord`, one of `OURS`, or the name of memory keepers."""
 
 
 def of(state_dir: Path) -> list[Process]:
-    """The running processes of a state directory, without this one and without memory keepers."""
+    """Return the running processes of a state directory, without this process and memory keepers."""
     return [process for process in _marked(state_dir) if process.name != memory_keeper.NAME]
 
 
 def keepers(state_dir: Path) -> list[Process]:
-    """The memory keepers of a state directory's processes, including those whose process was killed."""
+    """Return the memory keepers of a state directory, including those whose process was killed."""
     return [process for process in _marked(state_dir) if process.name == memory_keeper.NAME]
 
 
 def send(process: Process, state_dir: Path, number: signal.Signals) -> None:
-    """Signal a process, if it is still the one that was found."""
+    """Signal a process if its pid has not been reused."""
     with _handle(process, state_dir) as handle, suppress(ProcessLookupError, PermissionError):
         if handle is not None:
             signal.pidfd_send_signal(handle, number)
 
 
 def wait_for_none(state_dir: Path, limit_s: float) -> list[Process]:
-    """Wait until nothing of a state directory runs; what still does after `limit_s` is returned."""
+    """Wait until no process of a state directory runs; return those that remain after `limit_s`."""
     deadline_s = time.monotonic() + limit_s
     while (left := of(state_dir)) and time.monotonic() < deadline_s:
         time.sleep(POLL_S)
@@ -74,7 +74,7 @@ def end_keepers(state_dir: Path, limit_s: float) -> list[Process]:
 
 @contextmanager
 def _handle(process: Process, state_dir: Path) -> Generator[int | None]:
-    """A pidfd of a process; None if it is not the one that was found any more."""
+    """Open a pidfd of a process; yield None if the process is gone or its pid was reused."""
     try:
         handle = os.pidfd_open(process.pid)
     except (ProcessLookupError, PermissionError):
@@ -93,7 +93,7 @@ def _marked(state_dir: Path) -> list[Process]:
 
 
 def _name(pid: int, state_dir: Path) -> str | None:
-    """What a process is; None for one that is gone, a zombie, or not of this state directory."""
+    """Return the name of a process; None if it is gone, a zombie, or not of this state directory."""
     try:
         environment = Path(f"/proc/{pid}/environ").read_bytes().split(b"\0")
         arguments = [os.fsdecode(a) for a in Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")]

@@ -1,4 +1,4 @@
-"""A client's way onto the wire, for commands that stay there until Ctrl-C."""
+"""Connects a client to the hub, for commands that run until Ctrl-C."""
 
 import asyncio
 
@@ -10,15 +10,15 @@ CONNECT_LIMIT_S = 2.0
 
 
 class NotRunningError(DeployError):
-    """Nobody answers at the endpoint."""
+    """No supervisor answers at the endpoint."""
 
 
 async def reach(config: BusConfig, stop: asyncio.Event) -> Bus | None:
-    """Open the bus; None: `stop` was set before.
+    """Open the bus; return None if `stop` is set first.
 
     Raises:
-        NotRunningError: nobody answers.
-        BusError: the endpoint makes no sense.
+        NotRunningError: no supervisor answers within 2 s.
+        BusError: the endpoint is invalid.
     """
     opening = asyncio.ensure_future(open_bus(config, "client"))
     stopping = asyncio.ensure_future(stop.wait())
@@ -28,7 +28,9 @@ async def reach(config: BusConfig, stop: asyncio.Event) -> Bus | None:
             return opening.result()
         if stop.is_set():
             return None
-        raise NotRunningError(f"nobody answers at {config.endpoint}: start the robot with `lifeline up`")
+        raise NotRunningError(
+            f"no supervisor answers at {config.endpoint}: start the robot with `lifeline up`"
+        )
     finally:
         opening.cancel()
         stopping.cancel()

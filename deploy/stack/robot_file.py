@@ -1,4 +1,4 @@
-"""A whole robot.toml, with every section checked by itself and against the others."""
+"""Reads a complete robot.toml, and checks each section by itself and against the others."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -11,21 +11,21 @@ from teleop.config import TeleopSection
 from wire.config import BusSection, Conflict, Section, Sections, read_sections
 
 MOUNT_TOLERANCE = 0.01
-"""m, or rad: what a mount is rounded by."""
+"""Rounding tolerance of a mount [m or rad]."""
 
 COMMANDS_IN_TIMEOUT = 1.5
-"""With fewer in one command timeout, the robot stops for every command that is a little late."""
+"""With fewer command periods in the command timeout, each slightly late command stops the robot."""
 
 
 def read_robot(document: dict[str, Any], *, simulated: bool) -> Sections:
-    """Every section of the document.
+    """Read and check every section of the document.
 
     Args:
-        document: of `wire.config.read_toml`.
-        simulated: whether `[sim]` is the robot, even where the document has no such section.
+        document: the result of `wire.config.read_toml`.
+        simulated: whether the robot is simulated; `[sim]` then takes its defaults if the section is missing.
 
     Raises:
-        ConfigError: naming every faulty key of all sections.
+        ConfigError: a key is invalid; the message names every invalid key of all sections.
     """
     models: dict[str, type[Section]] = {
         "bus": BusSection,
@@ -38,7 +38,7 @@ def read_robot(document: dict[str, Any], *, simulated: bool) -> Sections:
 
 
 def fit_to_simulation(sections: Sections) -> Iterator[Conflict]:
-    """Every lidar of `[supervisor]` that the simulated robot carries elsewhere, or not at all."""
+    """Yield every lidar of `[supervisor]` whose mount in `[sim]` differs or that `[sim]` does not have."""
     config, sim = sections.get(SupervisorSection), sections.get(SimSection)
     if config is None or sim is None:
         return
@@ -56,17 +56,17 @@ def fit_to_simulation(sections: Sections) -> Iterator[Conflict]:
             value, of_sim = getattr(lidar, key), getattr(carried, key)
             if abs(value - of_sim) > MOUNT_TOLERANCE:
                 message = (
-                    f"but the simulated robot has its lidar on {lidar.topic} at {of_sim:g}, so everything would be seen in "
+                    f"but the lidar of [sim] on {lidar.topic} is at {of_sim:g}, so obstacles would be seen in "
                     "the wrong place: give [sim] the same mount, or start a real robot with `python -m supervisor --config FILE`"
                 )
                 yield Conflict((*path, key), value, message)
         if carried.beams < lidar.min_beams:
-            message = f"is more than the {carried.beams} beams of [sim]'s, so every scan would be refused"
+            message = f"is more than the {carried.beams} beams of this lidar in [sim], so every scan would be refused"
             yield Conflict((*path, "min_beams"), lidar.min_beams, message)
 
 
 def fit_to_supervisor(sections: Sections) -> Iterator[Conflict]:
-    """Every number of `[teleop]` that the supervisor would answer with a stop."""
+    """Yield every conflict of `[teleop]` with `[supervisor]` that would stop the robot."""
     config, teleop = sections.get(SupervisorSection), sections.get(TeleopSection)
     if config is None or teleop is None:
         return
@@ -82,6 +82,6 @@ def fit_to_supervisor(sections: Sections) -> Iterator[Conflict]:
     if config.command_timeout_s < least_s:
         message = (
             f"must be at least {COMMANDS_IN_TIMEOUT:g} periods of [teleop] rate_hz = {teleop.rate_hz:g}, or the robot "
-            f"stops for every command that is a little late: set {least_s:.4g}, or a higher rate_hz"
+            f"stops whenever a command is slightly late: set {least_s:.4g}, or a higher rate_hz"
         )
         yield Conflict(("supervisor", "command_timeout_s"), config.command_timeout_s, message)

@@ -1,4 +1,4 @@
-"""The state directory: everything that a running stack leaves on disk, and the lock that keeps two apart."""
+"""The state directory: the files of a running stack, and a lock that excludes other commands."""
 
 import fcntl
 import json
@@ -14,12 +14,12 @@ from wire.config import ConfigError, absolute
 from wire.state_directory import ENVIRONMENT, state_directory
 
 SOCKET_PATH_LIMIT = 99
-"""Bytes. The kernel takes 107, and supervisord first binds to the path with a dot and its pid behind it."""
+"""Bytes. The kernel permits 107; supervisord first binds to the path with a dot and its pid appended."""
 
 
 @dataclass(frozen=True, slots=True)
 class StateDir:
-    """The paths in one state directory, which is absolute."""
+    """The paths in one state directory, as absolute paths."""
 
     path: Path
 
@@ -28,7 +28,7 @@ class StateDir:
         """Return the given directory, else the default of `wire/state_directory.py`.
 
         Raises:
-            DeployError: it begins with `~` and a name that no user has.
+            DeployError: the path begins with `~NAME` and there is no such user.
         """
         try:
             return cls((absolute(given) if given else state_directory()).resolve())
@@ -55,30 +55,30 @@ class StateDir:
         return self.path / f"{program}.log"
 
     def create(self) -> None:
-        """Make the directory, for this user only.
+        """Create the directory, accessible to this user only.
 
         Raises:
-            DeployError: it cannot be made, or is too deep for a socket.
+            DeployError: it cannot be created, or its path is too long for a socket.
         """
         length = len(os.fsencode(self.socket))
         if length > SOCKET_PATH_LIMIT:
             raise DeployError(
-                f"the state directory {self.path} is too deep for a socket ({length} bytes, at most "
+                f"the path of the state directory {self.path} is too long for a socket ({length} bytes, at most "
                 f"{SOCKET_PATH_LIMIT}): choose a shorter one with --state-dir or {ENVIRONMENT}"
             )
         try:
             self.path.mkdir(mode=0o700, parents=True, exist_ok=True)
         except OSError as error:
             raise DeployError(
-                f"cannot make the state directory {self.path} ({error.strerror}): "
+                f"cannot create the state directory {self.path} ({error.strerror}): "
                 f"choose another with --state-dir or {ENVIRONMENT}"
             ) from error
 
     def forget(self) -> None:
-        """Remove what stands for a running stack; the logs stay.
+        """Remove the socket, pid file and record of a running stack, and keep the logs.
 
         Raises:
-            UnwritableError: nothing can be changed there.
+            UnwritableError: a file cannot be removed.
         """
         try:
             for path in (self.socket, self.pid_file, self.record):
@@ -87,7 +87,7 @@ class StateDir:
             raise UnwritableError(self, error) from error
 
     def last_lines(self, program: str, count: int = 8) -> str:
-        """The end of a program's log, indented; empty where there is none."""
+        """Return the end of a program's log, indented; empty if there is no log."""
         try:
             text = self.log(program).read_text(errors="replace")
         except OSError:
@@ -97,14 +97,14 @@ class StateDir:
 
 @dataclass(frozen=True, slots=True)
 class Holder:
-    """Who holds the lock of a state directory."""
+    """The process that holds the lock of a state directory."""
 
     pid: int
     command: str
 
 
 class UnwritableError(DeployError):
-    """The directory is not ours, read-only, or its disk is full."""
+    """The directory is not writable, or its disk is full."""
 
     def __init__(self, state: StateDir, error: OSError) -> None:
         super().__init__(
@@ -114,12 +114,12 @@ class UnwritableError(DeployError):
 
 
 class LockedError(DeployError):
-    """Another command is at work on this state directory."""
+    """Another command holds the lock of this state directory."""
 
     def __init__(self, state: StateDir, holder: Holder | None) -> None:
         who = f"`lifeline {holder.command}` (pid {holder.pid})" if holder else "another `lifeline`"
         super().__init__(
-            f"{who} is at work in {state.path}: let it end, stop it with `lifeline down`, "
+            f"{who} is using {state.path}: wait until it ends, stop it with `lifeline down`, "
             "or choose another directory with --state-dir"
         )
         self.holder = holder
@@ -127,11 +127,11 @@ class LockedError(DeployError):
 
 @contextmanager
 def locked(state: StateDir, command: str) -> Generator[None]:
-    """Keep every other command off this state directory; the kernel lets go when this process dies.
+    """Lock the state directory against other commands; the kernel releases the lock if this process dies.
 
     Raises:
         LockedError: another command holds it.
-        UnwritableError: it cannot be locked.
+        UnwritableError: the lock file cannot be opened.
     """
     try:
         lock = state.lock.open("a+b", buffering=0)
@@ -142,7 +142,7 @@ def locked(state: StateDir, command: str) -> Generator[None]:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise LockedError(state, _holder(state)) from error
-        with suppress(OSError):  # on a full disk, it is a lock all the same
+        with suppress(OSError):  # on a full disk the lock still holds
             file.truncate(0)
             file.write(json.dumps({"pid": os.getpid(), "command": command}).encode())
         try:
@@ -161,7 +161,7 @@ def _holder(state: StateDir) -> Holder | None:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """The object in a file; an empty one where there is none."""
+    """Read a JSON object from a file; return an empty one if there is none."""
     try:
         document: object = json.loads(path.read_text())
     except (OSError, ValueError):

@@ -1,18 +1,18 @@
-"""One line that changes in place, on a terminal; elsewhere nothing."""
+"""A status line that is updated in place on a terminal; no output elsewhere."""
 
 import os
 import sys
 
 
 class StatusLine:
-    """On standard output. What is printed in between must be printed by `say`."""
+    """A status line on standard output; print everything else with `say`."""
 
     def __init__(self) -> None:
         self._on_terminal = sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb"
         self._shown = ""
 
     def show(self, line: str) -> None:
-        """Put `line` in the place of the last one."""
+        """Replace the status line."""
         if not self._on_terminal or line == self._shown:
             return
         try:
@@ -23,7 +23,7 @@ class StatusLine:
         print(f"\r\x1b[K{line[: columns - 1]}", end="", flush=True)
 
     def say(self, sentence: str) -> None:
-        """Something that stays."""
+        """Print a permanent line."""
         self.clear()
         print(sentence, flush=True)
 

@@ -1,6 +1,6 @@
-"""supervisord itself: in an environment of its own, which uv makes once, and asked over its unix socket.
+"""Fetches supervisord into a separate uv environment, starts it, and queries it over its unix socket.
 
-It must never be installed beside us: its import name is `supervisor`, and so is ours.
+It must never be installed in the same environment as Lifeline: both have an import package `supervisor`.
 """
 
 import http.client
@@ -31,21 +31,21 @@ ANSWER_LIMIT_S = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """A program as supervisord sees it."""
+    """The state of a program, as supervisord reports it."""
 
     name: str
     state: str
-    """supervisord's own word: STARTING, RUNNING, BACKOFF, STOPPED, EXITED, FATAL, …"""
+    """supervisord's name of the state: STARTING, RUNNING, BACKOFF, STOPPED, EXITED, FATAL, …"""
     pid: int
     start: int
-    """When it was last started [s since 1970]."""
+    """Time of the last start [s since 1970]."""
 
 
 def find_uv() -> str:
-    """The uv of the environment variable UV, of the PATH, or the one that `make setup` fetched.
+    """Find uv by the environment variable UV, on the PATH, or where `make setup` puts it.
 
     Raises:
-        DeployError: there is none.
+        DeployError: uv is missing.
     """
     root = checkout()
     candidates = (os.environ.get("UV"), "uv", str(root / ".uv" / "bin" / "uv") if root else None)
@@ -53,14 +53,16 @@ def find_uv() -> str:
         found = shutil.which(candidate) if candidate else None
         if found is not None:
             return str(Path(found).absolute())
-    raise DeployError("uv is missing, which runs supervisord: `make setup` fetches it, or name it in UV")
+    raise DeployError(
+        "uv, which runs supervisord, is missing: run `make setup` to fetch it, or give its path in UV"
+    )
 
 
 def fetch(uv: str, say: Callable[[str], None]) -> None:
-    """Make supervisord's environment, unless uv has it already: then no network is asked.
+    """Create supervisord's environment, unless uv has it already; then no network access is needed.
 
     Raises:
-        DeployError: it is not there and cannot be fetched.
+        DeployError: supervisord cannot be fetched.
     """
     if _run(_command(uv, "--version"), limit_s=START_LIMIT_S).returncode == 0:
         return
@@ -68,12 +70,12 @@ def fetch(uv: str, say: Callable[[str], None]) -> None:
     done = _run(_command(uv, "--version", offline=False), limit_s=FETCH_LIMIT_S)
     if done.returncode != 0:
         raise DeployError(
-            f"uv could not fetch {REQUIREMENT}; it needs the package index once:\n{_indented(done.stderr)}"
+            f"uv could not fetch {REQUIREMENT}; this needs access to the package index once:\n{_indented(done.stderr)}"
         )
 
 
 def start(uv: str, state: StateDir, launch: Launch) -> None:
-    """Start supervisord as a daemon; it has its socket when this returns.
+    """Start supervisord as a daemon; its socket exists on return.
 
     Raises:
         DeployError: it did not start.
@@ -90,7 +92,7 @@ def start(uv: str, state: StateDir, launch: Launch) -> None:
 
 def _command(uv: str, *arguments: str, offline: bool = True) -> list[str]:
     network = ["--offline"] if offline else []
-    # On our own interpreter, so that no other one is looked for.
+    # Use this interpreter, so that uv does not search for another.
     environment = [*network, "--python", sys.executable, "--from", REQUIREMENT]
     return [uv, "tool", "run", *environment, "supervisord", *arguments]
 
@@ -102,7 +104,7 @@ def _run(
     cwd: Path | None = None,
     environment: dict[str, str] | None = None,
 ) -> subprocess.CompletedProcess[str]:
-    # A PYTHONPATH that holds this project would make supervisord import our `supervisor` for its own.
+    # With this project on the PYTHONPATH, supervisord would import Lifeline's `supervisor` instead of its own.
     inherited = {k: v for k, v in os.environ.items() if k not in {"PYTHONPATH", "PYTHONHOME"}}
     try:
         child = subprocess.Popen(
@@ -113,16 +115,18 @@ def _run(
             text=True,
             cwd=cwd,
             env=inherited | (environment or {}),
-            start_new_session=True,  # a group of its own: Ctrl-C is ours to handle
+            start_new_session=True,  # a separate group, so that Ctrl-C reaches only this process
         )
     except OSError as error:
-        raise DeployError(f"cannot run {command[0]} ({error.strerror}): name a working uv in UV") from error
+        raise DeployError(
+            f"cannot run {command[0]} ({error.strerror}): give the path of a working uv in UV"
+        ) from error
     try:
         output, errors = child.communicate(timeout=limit_s)
     except subprocess.TimeoutExpired as error:
-        raise DeployError(f"uv did not come to an end within {limit_s:g} s: {' '.join(command)}") from error
+        raise DeployError(f"uv did not finish within {limit_s:g} s: {' '.join(command)}") from error
     finally:
-        if child.poll() is None:  # uv and what it started, before that has become a daemon
+        if child.poll() is None:  # uv and its children that are not yet daemons
             with suppress(ProcessLookupError):
                 os.killpg(child.pid, signal.SIGKILL)
             child.wait()
@@ -151,12 +155,12 @@ class _UnixTransport(xmlrpc.client.Transport):
 
     def make_connection(self, host: Any) -> http.client.HTTPConnection:  # noqa: ANN401 - the base class's signature
         connection = _UnixConnection(self._path)
-        self._connection = host, connection  # the base class closes it, also where nobody answers
+        self._connection = host, connection  # the base class closes it, even if there is no answer
         return connection
 
 
 def _ask(state: StateDir, method: str) -> Any:  # noqa: ANN401 - whatever the method answers
-    """Call a method; None where no supervisord answers."""
+    """Call a method; return None if supervisord does not answer."""
     with xmlrpc.client.ServerProxy("http://localhost/RPC2", transport=_UnixTransport(state.socket)) as server:
         try:
             return getattr(server, method)()
@@ -165,7 +169,7 @@ def _ask(state: StateDir, method: str) -> Any:  # noqa: ANN401 - whatever the me
 
 
 def programs(state: StateDir) -> list[Program] | None:
-    """The programs and their states; None where no supervisord answers."""
+    """Return the programs and their states; None if supervisord does not answer."""
     answer = cast("list[dict[str, Any]] | None", _ask(state, "supervisor.getAllProcessInfo"))
     if answer is None:
         return None
@@ -173,5 +177,5 @@ def programs(state: StateDir) -> list[Program] | None:
 
 
 def shutdown(state: StateDir) -> bool:
-    """Ask supervisord to stop its programs and end; whether it heard."""
+    """Ask supervisord to stop its programs and exit; return whether it answered."""
     return _ask(state, "supervisor.shutdown") is not None

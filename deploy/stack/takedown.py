@@ -1,4 +1,4 @@
-"""End whatever runs of a state directory, under its lock."""
+"""Stops all processes of a state directory; the caller holds its lock."""
 
 import signal
 import time
@@ -12,9 +12,9 @@ from deploy.stack.processes import Process
 from deploy.stack.statedir import StateDir, UnwritableError
 
 SHUTDOWN_LIMIT_S = 12.0
-"""Two programs one after the other, each with the stopwaitsecs of supervisord.conf, and a little."""
+"""Longer than the stopwaitsecs in supervisord.conf of two programs in sequence."""
 TERM_LIMIT_S = 4.0
-"""Longer than the 3 s in which each of our processes ends by itself."""
+"""Longer than each process's own shutdown limit of 3 s."""
 KILL_LIMIT_S = 2.0
 
 Say = Callable[[str], None]
@@ -22,28 +22,28 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class Stopped:
-    """What a stop found."""
+    """The processes that a stop ended."""
 
     names: tuple[str, ...]
-    """Of the processes that ran."""
+    """Names of the processes that were running."""
     orphaned: bool
-    """There was no supervisord any more over them."""
+    """Whether they ran without supervisord."""
 
 
 def stop(state: StateDir) -> Stopped:
-    """Stop everything that belongs to the state directory, and forget it; nothing there is fine as well.
+    """Stop all processes of the state directory and remove its records; having none is not an error.
 
-    When this returns, no process of it is left, and no memory keeper of one that was killed before.
+    On return, no process is left, and no memory keeper of a process that was killed earlier.
 
     Raises:
-        DeployError: something survives even SIGKILL.
+        DeployError: a process survives SIGKILL.
     """
     found = processes.of(state.path)
     supervised = any(p.name == "supervisord" for p in found)
     left = found
     if left and supervisord.shutdown(state):
         left = processes.wait_for_none(state.path, SHUTDOWN_LIMIT_S)
-    # supervisord first, or it starts again what is stopped behind its back.
+    # supervisord first, or it restarts the programs.
     for wanted in ("supervisord", None):
         for number, limit_s in ((signal.SIGTERM, TERM_LIMIT_S), (signal.SIGKILL, KILL_LIMIT_S)):
             deadline_s = time.monotonic() + limit_s
@@ -56,7 +56,7 @@ def stop(state: StateDir) -> Stopped:
     left = left or processes.end_keepers(state.path, KILL_LIMIT_S)
     if left:
         raise DeployError(
-            f"cannot stop {listed(left)}: they may wait for the kernel; try `lifeline down` again"
+            f"cannot stop {listed(left)}: they may be blocked in the kernel; try `lifeline down` again"
         )
     with suppress(UnwritableError):
         state.forget()
@@ -68,5 +68,5 @@ def _named(found: list[Process], name: str | None) -> list[Process]:
 
 
 def listed(found: list[Process]) -> str:
-    """Their names and pids, for a sentence."""
+    """Format names and pids for a message."""
     return ", ".join(f"{p.name} (pid {p.pid})" for p in sorted(found, key=lambda p: p.name))

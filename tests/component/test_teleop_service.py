@@ -678,7 +678,7 @@ async def test_a_rival_with_the_same_name_stops_this_one_and_is_told_once() -> N
             await asyncio.sleep(0.1)
         assert b.velocity() == (0.0, 0.0)
         assert [
-            note for note in b.screen.notes if "another program speaks as teleop" in note
+            note for note in b.screen.notes if "another program publishes as teleop" in note
         ] == b.screen.notes
 
 

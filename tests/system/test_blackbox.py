@@ -47,7 +47,7 @@ async def test_a_killed_teleop_leaves_a_file_whose_decisions_another_process_fin
         await subject.until(lambda: bool(files(tmp_path, "Z-SOURCE_LOST")), "a black box")
         path = files(tmp_path, "Z-SOURCE_LOST")[-1]
         said = replay(path)
-        assert "all decisions the same" in said
+        assert "all decisions are the same" in said
         assert "SOURCE_LOST" in said
         zeros = [at_s for at_s, _ in subject.outputs if at_s > killed_s]
     say(
@@ -68,6 +68,6 @@ async def test_a_supervisor_that_is_told_to_end_writes_the_stop_before(tmp_path:
         assert subject.processes.pop(topics.SUPERVISOR).wait(PATIENCE_S) == 0
     found = files(tmp_path)
     said = replay(found[-1])
-    assert "all decisions the same" in said
+    assert "all decisions are the same" in said
     assert "SOURCE_LOST" in said
     assert sorted(found[-1].parent.iterdir()) == found

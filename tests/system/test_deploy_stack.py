@@ -86,7 +86,7 @@ class Robot:
 
 @pytest.fixture
 def robot() -> Generator[Robot]:
-    """Not in pytest's own directory, which is too deep for a socket on some machines."""
+    """Not in pytest's own directory, which has too long a path for a socket on some machines."""
     directory = Path(tempfile.mkdtemp(prefix="lifeline-test-")).resolve()
     robot = Robot(StateDir(directory), free_endpoint())
     yield robot
@@ -129,7 +129,7 @@ def test_a_robot_comes_up_is_seen_and_goes_down(robot: Robot) -> None:
     robot.seen(lambda seen: seen["running"], "not running")
 
     down = robot.run("down")
-    assert (down.returncode, down.stdout) == (0, "lifeline: everything is down\n")
+    assert (down.returncode, down.stdout) == (0, "lifeline: everything is stopped\n")
     assert robot.pids() == {}
     assert not robot.state.socket.exists()
 
@@ -160,7 +160,10 @@ def test_a_killed_supervisor_is_restarted_and_a_killed_supervisord_is_cleaned_up
 
     down = robot.run("down")
     assert down.returncode == 0
-    assert down.stdout == "lifeline: supervisord had been killed; stopped what it left: sim, supervisor\n"
+    assert (
+        down.stdout
+        == "lifeline: supervisord had been killed; stopped its remaining processes: sim, supervisor\n"
+    )
     assert robot.pids() == {}
 
 
@@ -191,7 +194,7 @@ def test_a_missing_uv_is_one_sentence(robot: Robot, monkeypatch: pytest.MonkeyPa
     root = supervisord.checkout()
     if root and (root / ".uv" / "bin" / "uv").exists():
         pytest.skip("`make setup` fetched one, which is found")
-    _refused(robot.run("up", "--detach"), r"uv is missing.*`make setup`")
+    _refused(robot.run("up", "--detach"), r"uv, which runs supervisord, is missing.*`make setup`")
 
 
 def test_a_python_path_with_this_project_in_it_is_not_supervisords(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -213,7 +216,7 @@ def test_a_process_that_ends_at_once_is_told_with_the_end_of_its_log(
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     _refused(
         robot.run("up", "--detach", "--viewer"),
-        r"sim ends as soon as it is started; the end of .*sim\.log:\n(.*\n)*.*no display for a window",
+        r"sim exits immediately after each start; the end of .*sim\.log:\n(.*\n)*.*no display for a window",
     )
     assert robot.pids() == {}
 
@@ -284,7 +287,7 @@ def test_a_killed_teleop_leaves_a_screen_that_a_shell_can_use(robot: Robot, term
     _drive(robot, terminal)
     os.kill(robot.pids()["teleop"], signal.SIGKILL)
     assert terminal.process.wait(WAIT_LIMIT_S) == 128 + signal.SIGKILL
-    _wait_for(lambda: b"everything is down" in terminal.output.read_bytes(), "its last words are missing")
+    _wait_for(lambda: b"everything is stopped" in terminal.output.read_bytes(), "its last words are missing")
     *_, shown = terminal.output.read_bytes().split(b"\x1b[?1049h")
     picture, _, words = shown.rpartition(b"\x1b[?1049l")
     assert picture.rpartition(b"\x1b[?25")[2].startswith(b"h")  # the cursor is seen again
@@ -297,7 +300,7 @@ def test_down_from_another_terminal_ends_a_driving_up(robot: Robot, terminal: Te
     """By SIGTERM, as a service manager would."""
     _drive(robot, terminal)
     down = robot.run("down")
-    assert (down.returncode, down.stdout) == (0, "lifeline: everything is down\n")
+    assert (down.returncode, down.stdout) == (0, "lifeline: everything is stopped\n")
     assert terminal.process.wait(WAIT_LIMIT_S) == 128 + signal.SIGTERM
     assert robot.pids() == {}
 
@@ -327,7 +330,7 @@ def test_the_estop_outlives_the_whole_stack_and_up_and_status_say_how_to_reset_i
 
     up = robot.run("up", "--detach")
     assert up.returncode == 0
-    assert "the e-stop is latched since an earlier run" in up.stdout
+    assert "the e-stop is still latched from an earlier run" in up.stdout
     assert "press r in teleop" in up.stdout
     assert "ESTOP" in robot.seen(lambda seen: seen["running"], "not running")["reasons"]
     _wait_for(

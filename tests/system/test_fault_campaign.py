@@ -70,7 +70,7 @@ class Campaign:
 
 @pytest.fixture
 def campaign() -> Generator[Campaign]:
-    """Not in pytest's own directory, which is too deep for a socket on some machines."""
+    """Not in pytest's own directory, which has too long a path for a socket on some machines."""
     directory = Path(tempfile.mkdtemp(prefix="lf-")).resolve()
     yield Campaign(directory)
     shutil.rmtree(directory, ignore_errors=True)

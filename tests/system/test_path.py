@@ -21,7 +21,7 @@ from wire.messages import Bool
 
 pytestmark = pytest.mark.timeout(120)
 KEY_PRESSES = 5
-OFF_PATH = re.compile(r"off the path, by odometry: (\d+) mm rms, (\d+) mm at most")
+OFF_PATH = re.compile(r"distance from the path, by odometry: (\d+) mm rms, (\d+) mm at most")
 
 
 @asynccontextmanager

@@ -99,4 +99,4 @@ async def test_the_recipe_does_what_its_comments_say() -> None:
             await until(lambda: "DRIVING" in one.picture)
             one.type(b"q")
             await one.prompt()
-            await one.run(down, until_says="everything is down")
+            await one.run(down, until_says="everything is stopped")

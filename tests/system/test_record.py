@@ -96,7 +96,7 @@ async def test_a_recorder_that_is_killed_or_has_no_room_loses_about_a_second_and
 
     assert code == 1
     assert errors.count("\n") == 1
-    assert "the file takes no more (File too large)" in errors
+    assert "cannot write the file any further (File too large)" in errors
     assert ODOM in output
     assert len(odometry_times_ns(full.file)) > 25
 
@@ -106,6 +106,6 @@ def test_without_a_robot_it_says_so_and_makes_no_file(tmp_path: Path) -> None:
     command = lifeline("record", str(file), "--endpoint", free_endpoint())
     done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
     assert done.returncode == 3
-    assert "nobody answers at tcp/127.0.0.1:" in done.stderr
+    assert "no supervisor answers at tcp/127.0.0.1:" in done.stderr
     assert done.stderr.count("\n") == 1
     assert not file.exists()

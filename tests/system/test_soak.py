@@ -21,7 +21,7 @@ COMMAND = [sys.executable, "-m", "deploy.cli", "soak"]
 
 @pytest.fixture
 def place() -> Iterator[Path]:
-    """Where a soak puts its state directory; pytest's own is too deep for a socket."""
+    """Where a soak puts its state directory; pytest's own has too long a path for a socket."""
     with tempfile.TemporaryDirectory(prefix="soak-") as directory:
         yield Path(directory).resolve()
 

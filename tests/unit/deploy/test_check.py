@@ -210,7 +210,11 @@ def test_an_endpoint_on_this_machine_or_behind_tls_is_no_risk(tmp_path: Path, en
         (lidar('profile = "neato_xv"'), 'profile of lidar = "neato_xv"', "Readings of 0.0, NaN, 0.053 count"),
         (lidar('profile = "hokuyo_urg"'), 'profile of lidar = "hokuyo_urg"', "below 0.0195 m"),
         ("[supervisor]\nworks_in_the_open = true", "works_in_the_open = true", "a covered lidar looks like"),
-        ("[supervisor]\nblind_creep_m_s = 0.05", "blind_creep_m_s = 0.05", "may touch what no beam sees"),
+        (
+            "[supervisor]\nblind_creep_m_s = 0.05",
+            "blind_creep_m_s = 0.05",
+            "may touch an obstacle that no beam sees",
+        ),
         ("[supervisor]\nunseen_memory_s = 3.0", "unseen_memory_s = 3", "last seen up to 3 s ago"),
         (
             "[supervisor]\nsmallest_obstacle_m = 0.1",
@@ -253,7 +257,7 @@ def test_without_a_risk_the_exit_code_is_0() -> None:
     assert code == 0
     for words in (
         "the configuration is valid",
-        "needs 0.76 m to an obstacle",
+        "the stopping distance is 0.76 m",
         "turn right",
         "No setting creates",
     ):

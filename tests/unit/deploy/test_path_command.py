@@ -145,10 +145,10 @@ def test_without_a_truth_at_the_time_nothing_is_made_up() -> None:
 def test_the_report_of_a_path_that_was_driven() -> None:
     drive = straight_drive()
     assert report(drive, truth_of(drive, Pose(1.0, 2.0, 3.0), 0.02)) == [
-        "the path is driven: 2.00 of 2.00 m in 5.0 s of driving",
-        "off the path, by odometry: 10 mm rms, 10 mm at most, of 100 samples",
-        "off the path, by the simulator's truth: 10 mm rms, 10 mm at most, of 100 samples",
-        "at the end, by odometry: 10 mm and 1.1 degrees off",
+        "the path is complete: 2.00 of 2.00 m in 5.0 s of driving",
+        "distance from the path, by odometry: 10 mm rms, 10 mm at most, over 100 samples",
+        "distance from the path, by the simulator's ground truth: 10 mm rms, 10 mm at most, over 100 samples",
+        "distance from the end, by odometry: 10 mm and 1.1 degrees",
     ]
 
 
@@ -157,7 +157,7 @@ def test_the_report_of_a_path_that_was_stopped_or_never_began() -> None:
     drive.ending, drive.reason, drive.done_m = Ending.STOPPED, "STOPPED: ESTOP", 0.5
     assert report(drive, []) == [
         "ended early, STOPPED: ESTOP: 0.50 of 2.00 m in 5.0 s of driving",
-        "off the path, by odometry: 1.20 m rms, 1.20 m at most, of 100 samples",
+        "distance from the path, by odometry: 1.20 m rms, 1.20 m at most, over 100 samples",
     ]
     assert report(Drive(), []) == ["interrupted; the robot did not move"]
 

@@ -123,13 +123,13 @@ def test_what_is_no_recording_is_refused(path: Path) -> None:
     with pytest.raises(RecordingError, match=r"cannot read .*No such file"):
         RecordingReader(path)
     path.write_text("a bag of nothing")
-    with pytest.raises(RecordingError, match="is no MCAP file"):
+    with pytest.raises(RecordingError, match="is not an MCAP file"):
         RecordingReader(path)
 
 
 def test_a_file_that_exists_is_never_overwritten(path: Path) -> None:
     path.write_text("precious")
-    with pytest.raises(RecordingError, match="exists, and is not overwritten"):
+    with pytest.raises(RecordingError, match="already exists"):
         RecordingWriter(path)
     assert path.read_text() == "precious"
 
@@ -243,7 +243,7 @@ def test_the_command_refuses_to_overwrite_before_it_does_anything(path: Path) ->
     path.write_text("precious")
     result = run("record", str(path))
     assert result.exit_code == 2
-    assert "exists, and is not overwritten" in result.output
+    assert "already exists" in result.output
     assert path.read_text() == "precious"
 
 

@@ -155,7 +155,7 @@ def test_a_size_is_width_by_height() -> None:
     ("arguments", "environment", "why"),
     [
         (("--size", "big"), {}, "--size must be like 1280x720, not 'big'"),
-        ((), {"MUJOCO_GL": "osmesa"}, "nothing can be drawn on this machine: MUJOCO_GL asks for osmesa"),
+        ((), {"MUJOCO_GL": "osmesa"}, "cannot render on this machine: MUJOCO_GL asks for osmesa"),
     ],
 )
 def test_the_command_ends_with_code_2_and_one_sentence(

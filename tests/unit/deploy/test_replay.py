@@ -56,9 +56,9 @@ def test_the_timeline_names_each_change_and_all_decisions_are_the_same(recording
     assert "+0.000 │" in text
     assert "│ STOPPED │ OBSTACLE" in text
     assert "│ teleop │ 0.50, 0.00 │ 0.00, 0.00 │ 0.20" in text
-    assert "the base stood 0.32 s after the stop" in text
+    assert "the base was at rest 0.32 s after the stop" in text
     assert "83 steps replayed in" in text
-    assert "all decisions the same" in text
+    assert "all decisions are the same" in text
 
 
 def test_a_difference_is_told_with_its_place_and_exit_code_1(recording: Path) -> None:
@@ -69,7 +69,7 @@ def test_a_difference_is_told_with_its_place_and_exit_code_1(recording: Path) ->
     result = run(recording)
     assert result.exit_code == 1
     text = in_one_line(result.output)
-    assert "they differ in decision.scale" in text
+    assert "the first difference is in decision.scale" in text
     assert "recorded 0.9999999" in text
     assert "replayed 1.0" in text
     assert "s from the stop, at step time 1000.7" in text
@@ -81,7 +81,10 @@ def test_another_machine_is_named_where_the_decisions_differ(recording: Path) ->
         lines[40]["decision"]["owner"] = "joy"
 
     rewrite(recording, change)
-    assert "recorded elsewhere, which may be why: numpy 1.0, here " in in_one_line(run(recording).output)
+    assert (
+        "the environment of the recording differs, which may be the cause: numpy 1.0, here "
+        in in_one_line(run(recording).output)
+    )
 
 
 def test_a_file_that_left_something_out_says_so(recording: Path) -> None:

@@ -46,7 +46,7 @@ def test_what_holds_and_what_is_over_have_a_row_each() -> None:
 def test_where_all_is_over_it_says_what_to_do() -> None:
     seen = look(reasons=["OVERRUN", "SCAN_STALE"], latched=["OVERRUN", "SCAN_STALE"])
     assert row(seen, "causes") is None
-    assert row(seen, "latched") == "OVERRUN, SCAN_STALE: over now; press s in teleop to drive again"
+    assert row(seen, "latched") == "OVERRUN, SCAN_STALE: no longer present; press s in teleop to drive again"
 
 
 def test_the_reasons_of_an_older_supervisor_are_taken_to_hold() -> None:

@@ -72,7 +72,7 @@ def test_an_estop_that_is_not_on_disk_says_so_in_ascii() -> None:
 
 def test_a_stop_reason_that_is_new_is_told_by_its_name() -> None:
     what = said(stopped("FLOOD\x1b[2J"))
-    assert what.what == "for a reason that this program does not know: FLOOD?[2J"
+    assert what.what == "unknown stop reason FLOOD?[2J"
     assert what.next_step == "remove the cause, press s"
     assert what.reasons == ("FLOOD?[2J",)
 
@@ -242,7 +242,7 @@ def test_a_status_of_unknown_age_does_not_hold() -> None:
 
 
 def test_ready_is_armed_for_this_source() -> None:
-    assert said(status()) == News("READY", "standing, armed", "the next command moves the robot", Tone.GOOD)
+    assert said(status()) == News("READY", "at rest, armed", "the next command moves the robot", Tone.GOOD)
     assert said(status(sources=[])).tone is Tone.GOOD
 
 
@@ -254,20 +254,20 @@ def test_ready_for_another_source_is_not_ready_for_this_one() -> None:
 
 def test_a_source_that_the_supervisor_does_not_know_is_told_so() -> None:
     what = said(status(sources=[source("joy")], unknown_sources=["teleop"]))
-    assert what.what == "but the supervisor takes nothing from teleop"
-    assert what.next_step == "name it among the sources in robot.toml"
+    assert what.what == "but the supervisor ignores teleop"
+    assert what.next_step == "add it to the sources in robot.toml"
 
 
 def test_driving_as_asked() -> None:
     assert said(status(SafetyStatus.DRIVING)) == News(
-        "DRIVING", "as you ask", "SPACE is the emergency stop", Tone.GOOD
+        "DRIVING", "as commanded", "SPACE is the emergency stop", Tone.GOOD
     )
 
 
 def test_another_source_that_drives_is_named_and_whether_it_can_be_relieved() -> None:
     newest = status(SafetyStatus.DRIVING, owner="joy")
     assert said(newest).what == "joy drives, not you"
-    assert said(newest).next_step.startswith("ask for motion to take over")
+    assert said(newest).next_step.startswith("command motion to take over")
     above = status(SafetyStatus.DRIVING, owner="boss", sources=[source("teleop"), source("boss", 200)])
     assert said(above).next_step.startswith("it must let go first")
     unheard = status(SafetyStatus.DRIVING, owner="joy", sources=[])
@@ -285,7 +285,7 @@ def test_limited_says_to_what_and_by_what() -> None:
 def test_who_only_looks_on_is_told_who_drives() -> None:
     newest = status(SafetyStatus.DRIVING)
     assert said(newest, control=Control.VIEW_ONLY) == News("DRIVING", "teleop drives", "", Tone.GOOD)
-    assert said(status(sources=[]), control=Control.VIEW_ONLY).what == "standing, armed"
+    assert said(status(sources=[]), control=Control.VIEW_ONLY).what == "at rest, armed"
 
 
 def test_an_unknown_mode_is_no_permission() -> None:

@@ -58,7 +58,7 @@ def test_a_missing_uv_is_told_with_a_way_out(tmp_path: Path, monkeypatch: pytest
     monkeypatch.delenv("UV", raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr("deploy.stack.supervisord.checkout", lambda: tmp_path)
-    with pytest.raises(DeployError, match=r"uv is missing, .* `make setup` fetches it"):
+    with pytest.raises(DeployError, match=r"uv, .* is missing: run `make setup`"):
         find_uv()
 
 

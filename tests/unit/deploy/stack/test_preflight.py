@@ -36,8 +36,8 @@ def test_a_footprint_around_the_whole_robot_is_accepted(tmp_path: Path, text: st
     ("text", "remedy"),
     [
         ('[sim]\nhull = "rectangular"', "corners_m = [[0.3, 0.2], [-0.3, 0.2], [-0.3, -0.2], [0.3, -0.2]]"),
-        (RECTANGLE + "corners_m = [[0.2, 0.3], [-0.2, 0.3], [-0.2, -0.3], [0.2, -0.3]]", "sticks out"),
-        (RECTANGLE + "radius_m = 0.355", "sticks out"),
+        (RECTANGLE + "corners_m = [[0.2, 0.3], [-0.2, 0.3], [-0.2, -0.3], [0.2, -0.3]]", "extends beyond"),
+        (RECTANGLE + "radius_m = 0.355", "extends beyond"),
         ("[supervisor.footprint]\nradius_m = 0.24", "by 0.01 m, .*set radius_m = 0.25"),
     ],
 )

@@ -88,15 +88,13 @@ def test_the_simulated_robot_carries_the_lidars_where_the_supervisor_has_them() 
 @pytest.mark.parametrize(("key", "value"), [("x_m", 0.22), ("y_m", -0.02), ("yaw_rad", 0.52)])
 def test_a_lidar_that_the_simulated_robot_carries_elsewhere_is_refused(key: str, value: float) -> None:
     message = refusal(carried([{**FRONT, key: value}], [FRONT]))
-    assert f"supervisor.lidars.0.{key} = {value}: but the simulated robot" in message
+    assert f"supervisor.lidars.0.{key} = {value}: but the lidar of [sim]" in message
     assert "give [sim] the same mount" in message
 
 
 def test_a_lidar_off_the_axis_is_refused_for_the_simulated_robot_whose_lidar_is_on_it() -> None:
     document = {"supervisor": {"lidar": {"x_m": 0.1}}}
-    assert "supervisor.lidar.x_m = 0.1: but the simulated robot has its lidar on scan at 0" in refusal(
-        document
-    )
+    assert "supervisor.lidar.x_m = 0.1: but the lidar of [sim] on scan is at 0" in refusal(document)
     assert read_robot(document, simulated=False)
 
 
@@ -111,7 +109,7 @@ def test_a_lidar_of_too_few_beams_is_refused() -> None:
     document: dict[str, Any] = {"supervisor": {"lidar": {"min_beams": 90}}, "sim": {"lidar_beams": 90}}
     assert read_robot(document, simulated=True)
     message = refusal({**document, "sim": {"lidar_beams": 89}})
-    assert "supervisor.lidar.min_beams = 90: is more than the 89 beams of [sim]'s" in message
+    assert "supervisor.lidar.min_beams = 90: is more than the 89 beams of this lidar in [sim]" in message
 
 
 def test_a_source_of_teleop_shadows_no_node() -> None:

@@ -74,7 +74,7 @@ def _of_socket_length(length: int) -> StateDir:
 
 def test_a_socket_path_just_too_long_is_refused_with_a_way_out() -> None:
     state = _of_socket_length(SOCKET_PATH_LIMIT + 1)
-    with pytest.raises(DeployError, match=r"too deep for a socket .* choose a shorter one with --state-dir"):
+    with pytest.raises(DeployError, match=r"too long for a socket .* choose a shorter one with --state-dir"):
         state.create()
 
 
@@ -92,7 +92,7 @@ def test_a_socket_path_just_short_enough_is_taken(monkeypatch: pytest.MonkeyPatc
 
 def test_a_second_command_is_refused_and_told_who_is_at_work(tmp_path: Path) -> None:
     state = StateDir(tmp_path)
-    sentence = r"`lifeline up` \(pid \d+\) is at work in .*`lifeline down`"
+    sentence = r"`lifeline up` \(pid \d+\) is using .*`lifeline down`"
     with locked(state, "up"), pytest.raises(LockedError, match=sentence), locked(state, "up"):
         pass
     with locked(state, "down"):
@@ -103,7 +103,7 @@ def test_a_lock_without_a_readable_holder_is_a_lock_all_the_same(tmp_path: Path)
     state = StateDir(tmp_path)
     with locked(state, "up"):
         state.lock.write_text("[]")
-        with pytest.raises(LockedError, match="another `lifeline` is at work"), locked(state, "up"):
+        with pytest.raises(LockedError, match="another `lifeline` is using"), locked(state, "up"):
             pass
 
 
