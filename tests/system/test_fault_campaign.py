@@ -114,7 +114,7 @@ def test_a_campaign_whose_time_is_over_before_every_class_was_tried_fails_and_na
 ) -> None:
     code, said = campaign.run("--classes", "teleop_*,net_*", "--trials", "1", "--minutes", "0.1")
     assert code == 1, said
-    assert "trials were not made: nothing is known of " in said
+    assert "trials were not run: no results for " in said
     assert campaign.left() == []
 
 

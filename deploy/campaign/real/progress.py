@@ -1,4 +1,4 @@
-"""How far the real campaign is: a bar on a terminal, a line now and then elsewhere."""
+"""Progress of the real campaign: a bar on a terminal, otherwise a line from time to time."""
 
 import time
 from collections.abc import Generator
@@ -18,13 +18,13 @@ LINE_PERIOD_S = 30.0
 
 
 class Progressing:
-    """Is told of each trial."""
+    """Shows the progress; call it for each trial."""
 
     def __init__(self, console: Console, total: int) -> None:
         self._console, self._total = console, total
         self._number = self._broken = 0
         self._line_s = time.monotonic()
-        # Drawn when something changes and by nobody's thread: a measurement may be under way.
+        # Drawn on changes only, without a thread, because a measurement may be running.
         self._bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -39,7 +39,7 @@ class Progressing:
         self._task = self._bar.add_task("", total=total)
 
     def begin(self, name: str, number: int) -> None:
-        """The trial of a class with this number comes."""
+        """Show that the trial with this number begins."""
         if self._console.is_terminal:
             broken = f"  [red]{self._broken} broken[/]" if self._broken else ""
             self._bar.update(self._task, description=f"{name} {number}{broken}", refresh=True)
@@ -53,7 +53,7 @@ class Progressing:
             self._console.print(f"  {self._number} of {self._total} trials, {self._broken} broken")
 
     def say(self, sentence: str) -> None:
-        """Something that stays."""
+        """Print a line that remains."""
         self._console.print(sentence, markup=False, highlight=False, soft_wrap=True)
 
     @contextmanager

@@ -1,7 +1,7 @@
-"""The real campaign: every class of faults in turn, round after round, on real processes.
+"""The real campaign: every class of faults once per round, on real processes.
 
-Each trial's line is in the file before the next one begins. A campaign that was broken off goes on where it
-was: what the file holds of a class and seed is not done again.
+Each trial's line is written before the next trial begins. An interrupted campaign resumes: a class and seed that the
+file contains is not run again.
 """
 
 import itertools
@@ -26,21 +26,21 @@ from deploy.campaign.trial_file import appending, known_trials
 from deploy.stack.errors import DeployError
 
 REVISION = "1"
-"""Of this campaign: with it goes up what a seed means."""
+"""Revision of this campaign; it increases when the meaning of a seed changes."""
 TOLD_FIRST = 4
-"""Trials of a class that keep their timeline whatever came of them: the typical one is much like one of these."""
+"""Number of trials of a class that always keep their timeline, to show a typical one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Orders:
-    """What is wanted.
+    """What to run.
 
     Attributes:
-        trials: of each class.
-        classes: names; none: all.
-        seed: of each class's first trial; the next have the next ones.
-        out: the file; None: nothing is kept.
-        minutes: after so long no further trial begins, in the middle of a round or not; None: all of them.
+        trials: number of trials of each class.
+        classes: names of the classes; empty: all.
+        seed: seed of each class's first trial; it increases by one for each further trial.
+        out: the file; None: keep no results.
+        minutes: start no trial after this time, even within a round; None: no limit.
     """
 
     trials: int
@@ -51,10 +51,10 @@ class Orders:
 
 
 def chosen(classes: Sequence[str]) -> tuple[str, ...]:
-    """The names of the classes that are wanted; a name that ends with `*` means all that begin so.
+    """Return the names of the selected classes; a name that ends with `*` selects by prefix.
 
     Raises:
-        DeployError: there is none of a name.
+        DeployError: a name selects no class.
     """
     known = [one.name for one in real_classes()]
     if not classes:
@@ -71,9 +71,9 @@ def chosen(classes: Sequence[str]) -> tuple[str, ...]:
 
 
 def schedule(orders: Orders, names: Sequence[str], there: Sequence[Trial]) -> list[tuple[str, int]]:
-    """Class and seed of each trial to come, in an order of its own in each round.
+    """Return class and seed of each remaining trial, in a different random order for each round.
 
-    Within a round those come together that need the same ways to the hub: a change starts a process anew.
+    Within a round, trials with the same routes to the hub are grouped, because a change of route restarts a process.
     """
     done = {(class_of(trial), trial.seed) for trial in there}
     found: list[tuple[str, int]] = []
@@ -94,14 +94,14 @@ def _place(name: str, seed: int) -> tuple[int, int]:
 
 
 class Made:
-    """What a campaign has come to so far, and which of its trials keep their timeline.
+    """The results of a campaign so far; decides which trials keep their timeline.
 
     Args:
-        there: the trials that the file held before.
+        there: the earlier trials in the file.
 
     Attributes:
-        trials: those that were made now.
-        impossible: classes that this machine cannot have.
+        trials: the trials of this run.
+        impossible: classes that cannot be run on this machine.
     """
 
     def __init__(self, there: Iterable[Trial]) -> None:
@@ -113,10 +113,10 @@ class Made:
             self._count(trial)
 
     def add(self, trial: Trial) -> Trial:
-        """Take a trial in; returns it as it goes into the file.
+        """Add a trial; return it as it is written to the file.
 
-        A timeline stays with the first trials of a class, with each that took longer than all before it, and
-        with those that broke a promise: enough to show a typical one and the worst, also after thousands.
+        The first trials of a class keep their timeline, and so do each new longest one and those that broke a promise.
+        This suffices to show a typical trial and the worst one, even after thousands of trials.
         """
         name = class_of(trial)
         is_worst = (time_in(trial, name) or 0.0) > self._longest_s.get(name, 0.0)
@@ -133,10 +133,10 @@ class Made:
 
 
 def run(orders: Orders) -> int:
-    """0: every promise was kept; 1: one was broken, or a class has had no trial; what this machine cannot do is none.
+    """Run the campaign; return 0 if every promise was kept and every possible class was tried, else 1.
 
     Raises:
-        DeployError: the orders make no sense, or the robot cannot be brought up.
+        DeployError: the orders are invalid, or the robot cannot be started.
     """
     names = chosen(orders.classes)
     console = Console()
@@ -168,7 +168,7 @@ def _say_what_became(console: Console, orders: Orders, trials: Sequence[Trial]) 
 
 
 def untried(orders: Orders, names: Sequence[str], trials: Iterable[Trial]) -> tuple[int, list[str]]:
-    """How many of the wanted trials are not there, and the classes that have had none of theirs."""
+    """Return the number of missing trials, and the classes without any trial."""
     wanted = range(orders.seed, orders.seed + orders.trials)
     there = {(class_of(trial), trial.seed) for trial in trials if trial.seed in wanted}
     tried = {name for name, _ in there}
@@ -177,9 +177,9 @@ def untried(orders: Orders, names: Sequence[str], trials: Iterable[Trial]) -> tu
 
 
 def _say_what_is_missing(console: Console, missing: int, without: Sequence[str]) -> None:
-    what = f"nothing is known of {', '.join(without)}" if without else "every class has had one at least"
+    what = f"no results for {', '.join(without)}" if without else "every class was tried at least once"
     if missing:
-        console.print(f"{missing} trials were not made: {what}", highlight=False, soft_wrap=True)
+        console.print(f"{missing} trials were not run: {what}", highlight=False, soft_wrap=True)
 
 
 def _run_plan(
@@ -221,7 +221,7 @@ async def _play(
 
 
 def _what_cannot_be(stage: Stage, names: Iterable[str], console: Console) -> list[str]:
-    """The classes that this machine cannot have."""
+    """Return the classes that cannot be run on this machine."""
     found: list[str] = []
     for name in names:
         if (reason := why_not(name, stage)) is not None:

@@ -1,4 +1,4 @@
-"""What a real fault took, from what an observer saw. Pure. Times are of one monotonic clock."""
+"""The times of a real fault, from an observer's samples. Pure. All times are of one monotonic clock."""
 
 import itertools
 from bisect import bisect_left
@@ -8,21 +8,20 @@ from deploy.campaign.measure import BaseReport
 from deploy.campaign.seen import Command, Motion, Seen
 
 STALL_S = 0.03
-"""A simulation that stood longer than this does not brake as the clock on the wall goes: its deceleration is
-not judged then, and when its wheels were asked for zero is judged without the time in which it did not run. The
-record says how long it stood."""
+"""If the simulation stood still for longer than this, its deceleration by the real clock is not judged, and the time to
+zero at the wheels is judged without the standstill. The record contains its duration."""
 
 
 def to_lasting_zero_s(commands: Sequence[Command], fault_s: float, until_s: float) -> float | None:
-    """From the fault to the first zero on cmd_vel that is followed by zeros only.
+    """Return the time from the fault to the first zero on cmd_vel that is followed by zeros only.
 
     Args:
-        commands: of the whole trial, by time of arrival.
-        fault_s: the instant of the injection.
-        until_s: when somebody was neutral again; what follows does not count.
+        commands: all commands of the trial, by time of arrival.
+        fault_s: the time of the injection.
+        until_s: the time of the next neutral command; later commands do not count.
 
     Returns:
-        None: nothing but zero was commanded when it happened, or the zeros did not last.
+        the time [s]; None if zero was commanded at the fault already, or the zeros did not last.
     """
     start = bisect_left(commands, fault_s, key=lambda command: command.arrival_s)
     if start == 0 or commands[start - 1].is_zero:
@@ -33,15 +32,15 @@ def to_lasting_zero_s(commands: Sequence[Command], fault_s: float, until_s: floa
 
 
 def to_lasting_rest_s(driven: Sequence[tuple[float, bool]], fault_s: float, until_s: float) -> float | None:
-    """From the fault to the wheels being asked for zero, and for nothing else until then.
+    """Return the time from the fault until the drive's target is zero, and remains zero.
 
     Args:
-        driven: whether the drive is asked for anything but zero, each time that it changed.
+        driven: whether the drive's target is not zero, at each change.
         fault_s: as above.
         until_s: as above.
 
     Returns:
-        None: they were not asked for anything, or still are.
+        the time [s]; None if the target was zero before, or is not zero at the end.
     """
     before = [is_driven for at_s, is_driven in driven if at_s < fault_s]
     after = [(at_s, is_driven) for at_s, is_driven in driven if fault_s <= at_s < until_s]
@@ -51,20 +50,20 @@ def to_lasting_rest_s(driven: Sequence[tuple[float, bool]], fault_s: float, unti
 
 
 def longest_gap_s(times_s: Sequence[float], from_s: float, until_s: float) -> float:
-    """The longest time between two of these moments, from the last one before the beginning to the end."""
+    """Return the longest time between two of these times, from the last one before the beginning to the end."""
     start = max(0, bisect_left(times_s, from_s) - 1)
     within = list(itertools.takewhile(lambda time_s: time_s < until_s, times_s[start:]))
     return max((b - a for a, b in itertools.pairwise(within)), default=0.0)
 
 
 def stood_s(motions: Sequence[Motion], from_s: float, until_s: float) -> float:
-    """For how long the simulation did not run between two moments: it tells its motion every 10 ms while it does."""
+    """Return for how long the simulation stood still between two times; it reports its motion every 10 ms while it runs."""
     times_s = [from_s, *(motion.time_s for motion in motions if from_s < motion.time_s < until_s), until_s]
     return sum(max(0.0, b - a - STALL_S) for a, b in itertools.pairwise(times_s))
 
 
 def since(began_s: float, seen: Seen, base: Sequence[BaseReport]) -> tuple[Seen, list[BaseReport]]:
-    """The same with all times from there on."""
+    """Return the observations with all times relative to `began_s`."""
     shifted = Seen(
         commands=[one._replace(arrival_s=one.arrival_s - began_s) for one in seen.commands],
         statuses=[one._replace(arrival_s=one.arrival_s - began_s) for one in seen.statuses],

@@ -1,10 +1,10 @@
 """One trial of the real campaign: drive, break something, watch, recover, judge.
 
-drive      keys in teleop's terminal until the robot is faster than 0.3 m/s, and a random while longer
-break      at a random moment, while the operator goes on asking for motion
-watch      until it stands and for a second longer; what was killed is started again meanwhile
-recover    by neutral alone; then it has to drive again
-judge      every sample against the promises, the times against the bounds of the class
+drive      press keys in teleop's terminal until the robot is faster than 0.3 m/s, and for a random time longer
+break      inject the fault at a random moment, while the operator continues to request motion
+watch      wait until the robot stands, and for one second more; killed processes are restarted meanwhile
+recover    send neutral; then the robot must drive again
+judge      check every sample against the promises, and the times against the bounds of the class
 """
 
 import asyncio
@@ -47,32 +47,32 @@ FAULT_SPEED_M_S = 0.3
 DRIVE_LIMIT_S = 4.0
 DRIVE_TRIES = 4
 PILLAR_SHARE = 0.4
-"""In so many trials there is something in the way."""
+"""Share of the trials with a pillar."""
 PILLAR_AHEAD_M = (1.8, 3.0)
 PILLAR_BESIDE_M = 0.4
 LAST_KEYS_S = 0.3
-"""The fault comes so long after the robot is fast enough, at most."""
+"""Maximum time from the required speed to the fault."""
 PAIR_APART_S = 0.4
 STAND_LIMIT_S = 4.0
 QUIET_S = 1.0
-"""How long it is watched at rest, with the operator still asking."""
+"""Time for which the robot is observed at rest while the operator requests motion."""
 QUIET_AFTER_LIFT_S = 0.5
-"""And how long at least after whatever was asleep or cut off came back."""
+"""Minimum time of observation after a stopped or disconnected process returned."""
 HARMLESS_QUIET_S = 0.2
 STAGE_TRIES = 3
 LOOK_S = 0.05
 SCANS_S = 0.2
 MOVES_LIMIT_S = 3.0
 SENDING_S = 0.03
-"""From a key to whoever hears of it, and from there to here."""
+"""Time from a key press to the observer."""
 LEEWAY_S = 0.05
-"""What the scheduling of a loaded machine may add to a bound in a single trial. What was measured is in
-the record in any case, and the report's percentiles have no leeway."""
+"""Tolerance of a bound in a single trial for the scheduling of a loaded machine. The record contains the measured time,
+and the report's percentiles have no tolerance."""
 
 
 @dataclass(slots=True)
 class _Run:
-    """What happens in a trial."""
+    """The state of one trial."""
 
     name: str
     seed: int
@@ -84,12 +84,12 @@ class _Run:
 
     @property
     def stops(self) -> bool:
-        """Whether at least one of the faults has to stop the robot."""
+        """Whether at least one of the faults must stop the robot."""
         return any(BY_NAME[name].bound_s is not None or injection.also for name, injection in self.faults)
 
     @property
     def pillar(self) -> Pillar:
-        """Those that want one in a place of its own are no part of a pair."""
+        """Faults that need a pillar at a certain place are never part of a pair."""
         return self.faults[0][1].pillar
 
     @property
@@ -101,7 +101,7 @@ class _Run:
         return LEEWAY_S + max(injection.leeway_s for _, injection in self.faults)
 
     def may_end(self, node: str) -> bool:
-        """Whether one of the faults ends this process."""
+        """Return whether one of the faults may end this process."""
         return any(
             BY_NAME[name].target in ("", node)
             or BY_NAME[name].group is Group.SUPERVISORD
@@ -112,7 +112,7 @@ class _Run:
 
 
 def planned(name: str, seed: int) -> list[tuple[str, Injection]]:
-    """The faults of a trial: the same ones for the same seed."""
+    """Return the faults of a trial; the same seed gives the same faults."""
     chance = Random(f"{name} {seed}")  # noqa: S311 - to be repeated is what it is for
     names = draw_pair(chance) if name == PAIR else (name,)
     faults = [(one, plan(one, chance)) for one in names]
@@ -123,7 +123,7 @@ def planned(name: str, seed: int) -> list[tuple[str, Injection]]:
 
 
 def routes(faults: list[tuple[str, Injection]]) -> tuple[Route, Route]:
-    """How teleop and the sim must reach the hub for these."""
+    """Return the routes of teleop and sim to the hub that these faults need."""
     teleop = [one.teleop for _, one in faults if one.teleop is not Route.DIRECT]
     sim = [one.sim for _, one in faults if one.sim is not Route.DIRECT]
     return (teleop or [Route.DIRECT])[0], (sim or [Route.DIRECT])[0]
@@ -156,7 +156,7 @@ async def _run_trial(stage: Stage, name: str, seed: int, revision: str) -> tuple
     """Run one trial; return its record and whether the stage is drivable after it.
 
     Raises:
-        StageError: it did not come to its fault.
+        StageError: it did not reach its fault.
     """
     run = _Run(name, seed, planned(name, seed))
     chance = Random(f"{name} {seed} driving")  # noqa: S311 - as above
@@ -187,10 +187,10 @@ async def _run_trial(stage: Stage, name: str, seed: int, revision: str) -> tuple
 
 
 async def _drive(stage: Stage, run: _Run, chance: Random) -> None:
-    """Until the robot is fast enough, and nothing stops it.
+    """Drive until the robot is fast enough and no stop holds.
 
     Raises:
-        StageError: it does not come to that.
+        StageError: the robot does not drive.
     """
     for number in range(DRIVE_TRIES):
         if number or not stage.is_ready:
@@ -223,7 +223,7 @@ async def _drive(stage: Stage, run: _Run, chance: Random) -> None:
 
 
 def _put_pillar(stage: Stage, run: _Run, chance: Random) -> None:
-    """Beside the way or on it, as the fault wants it."""
+    """Place a pillar on the path or beside it, as the fault requires."""
     match run.pillar:
         case Pillar.BY_CHANCE if chance.random() < PILLAR_SHARE:
             ahead_m = chance.uniform(*PILLAR_AHEAD_M)
@@ -235,7 +235,7 @@ def _put_pillar(stage: Stage, run: _Run, chance: Random) -> None:
 
 
 async def _let_go(stage: Stage) -> None:
-    """What is still asked for belongs to no trial."""
+    """Send neutral, so that earlier requests do not affect the trial."""
     pressed_s = time.monotonic()
     stage.press_neutral()
     await stage.observer.until(
@@ -252,7 +252,7 @@ async def _let_go(stage: Stage) -> None:
 
 
 async def _break(stage: Stage, run: _Run, chance: Random) -> None:
-    """Every fault from its beginning to its end."""
+    """Run every fault from its beginning to its end."""
     pauses_s = [0.0, *(chance.uniform(0.0, PAIR_APART_S) for _ in run.faults[1:])]
     tasks = [
         asyncio.ensure_future(_inject(stage, run, name, injection, pause_s))
@@ -274,7 +274,7 @@ async def _inject(stage: Stage, run: _Run, name: str, injection: Injection, paus
     try:
         at_s = await injection.do(stage)
     except (StageError, OSError):
-        # The other fault of a pair has taken its target away: it is none.
+        # The other fault of a pair has removed its target, so it does not count.
         if len(run.faults) == 1:
             raise
         return
@@ -285,7 +285,7 @@ async def _inject(stage: Stage, run: _Run, name: str, injection: Injection, paus
 
 
 async def _lift(stage: Stage, run: _Run, injection: Injection) -> None:
-    """Once."""
+    """End a fault, once."""
     if injection not in run.lifted:
         run.lifted.append(injection)
         with suppress(StageError, OSError):
@@ -293,7 +293,7 @@ async def _lift(stage: Stage, run: _Run, injection: Injection) -> None:
 
 
 async def _take_care(stage: Stage, run: _Run) -> None:
-    """An operator whose program has ended starts it again."""
+    """Restart teleop when it has ended, as an operator would."""
     while True:
         await asyncio.sleep(LOOK_S)
         await _start_what_ended(stage, run)
@@ -303,15 +303,15 @@ async def _start_what_ended(stage: Stage, run: _Run) -> None:
     if stage.teleop.running:
         return
     if not run.may_end(topics.TELEOP):
-        sentence = f"teleop ended by itself, and said: {stage.teleop.last_lines}"
+        sentence = f"teleop ended by itself; its last lines: {stage.teleop.last_lines}"
         run.complaints.append(Violation(8, time.monotonic(), sentence))
-    # At first let the loss be noticed: starting a program takes the processor for a while.
+    # Start it only after the loss was detected, because starting a program occupies the processor.
     await asyncio.sleep(3 * LOOK_S)
     await stage.start_teleop()
 
 
 async def _go_on_typing(stage: Stage, run: _Run, chance: Random) -> None:
-    """Random commands, neutral among them, as long as nothing has to stop."""
+    """Press random keys, including neutral, if no fault must stop the robot."""
     while True:
         await asyncio.sleep(chance.uniform(0.05, 0.3))
         stage.teleop.press(chance.choice(run.faults[0][1].keys))
@@ -321,7 +321,7 @@ async def _go_on_typing(stage: Stage, run: _Run, chance: Random) -> None:
 
 
 async def _watch(stage: Stage, run: _Run) -> None:
-    """Until the robot stands, and a while longer; the operator asks on."""
+    """Wait until the robot stands, and a while longer; the operator continues to request motion."""
     observer, lifted_s = stage.observer, time.monotonic()
     until_s = lifted_s + HARMLESS_QUIET_S
     if run.stops:
@@ -335,7 +335,7 @@ async def _watch(stage: Stage, run: _Run) -> None:
 
 
 def standing_since_s(seen: Seen, since_s: float) -> float | None:
-    """Since when the robot has been standing; None: it moves, or nobody knows."""
+    """Return since when the robot has been standing; None if it moves, or if that is unknown."""
     still = list(itertools.takewhile(lambda m: m.is_still and m.time_s > since_s, reversed(seen.motions)))
     return still[-1].time_s if still else None
 
@@ -344,7 +344,7 @@ def standing_since_s(seen: Seen, since_s: float) -> float | None:
 
 
 async def _recover(stage: Stage, run: _Run) -> bool:
-    """Drivable by neutral alone, and it drives; else that is a broken promise."""
+    """Recover by neutral alone, and drive; return whether this worked. If not, a promise is broken."""
     began_s = time.monotonic()
     await _start_what_ended(stage, run)
     try:
@@ -352,7 +352,7 @@ async def _recover(stage: Stage, run: _Run) -> bool:
         run.recovering_s = time.monotonic()
         neutral_s = await stage.neutral()
         await stage.back_to_start()
-        if run.is_straight:  # what stood right before it is gone with the next scans
+        if run.is_straight:  # the next scans show that the pillar is gone
             await stage.observer.watch(SCANS_S)
             await stage.neutral()
         await _move(stage)
@@ -424,7 +424,7 @@ def _judge(stage: Stage, run: _Run, revision: str, load: float) -> Trial:
     ]
     wanted.append(Demand(Kind.DRIVABLE, 8, "everything is mended", recovering_s, end_s - began_s))
     age_s = asked_age_s(done) + run.leeway_s
-    # Where nobody knows when a wish was sent, only its arrival tells, and that may be after its effect's.
+    # Without valid stamps, only arrival times are known, and a request may arrive after its effect.
     asked_s = age_s if observer.trusts_stamps else math.inf
     bounds = Bounds(asked_age_s=asked_s, status_leeway_s=LEEWAY_S, neutral_leeway_s=age_s)
     found = [
@@ -467,7 +467,7 @@ def _judge(stage: Stage, run: _Run, revision: str, load: float) -> Trial:
         for one in found
     )
     clearances_m = [motion.clearance_m for motion in seen.motions]
-    # What is drawn of it; of a broken one, everything.
+    # The part to be drawn; everything if a promise was broken.
     told = (0.0, math.inf) if broken else (done[0].at_s - BEFORE_S, done[-1].at_s + AFTER_S)
     return Trial(
         mode="real",
@@ -487,12 +487,12 @@ def _of(run: _Run, one: Done) -> list[Injection]:
 
 
 def _shifted(one: Done, began_s: float, run: _Run, injection: Injection) -> Done:
-    """By the trial's own time; in force until somebody was neutral."""
+    """Return the fault in the trial's own time, in force until the operator sent neutral."""
     return Done(one.name, one.at_s - began_s, run.recovering_s - began_s, injection.parameters)
 
 
 def _base_bound_s(name: str) -> float | None:
-    """By when the wheels must be asked for zero where nobody but the base itself is left to do it."""
+    """Return the limit for zero at the wheels if only the base itself can stop the robot."""
     effect = BY_NAME[name].effect
     if Effect.SUPERVISOR_ENDS in effect:
         return KILL_BOUND_S
@@ -502,7 +502,7 @@ def _base_bound_s(name: str) -> float | None:
 
 
 def _brakes_late(seen: Seen, at_s: float, wheels_s: float | None, bound_s: float) -> bool:
-    """Whether the wheels were asked for zero too late by the time in which the simulation ran."""
+    """Return whether zero at the wheels came too late, not counting the time in which the simulation stood still."""
     return wheels_s is None or wheels_s - stood_s(seen.motions, at_s, at_s + wheels_s) > bound_s
 
 

@@ -1,10 +1,10 @@
-"""How each class of faults is done to real processes.
+"""Inject each class of faults into real processes.
 
-injection.py   what a fault of a trial is: prepare, do, lift
-processes.py   killed, stopped, blocked, ended; also supervisord
-sensors.py     of the sim, on request
-network.py     links that are cut, slow, or unplugged
+injection.py   the base class of a fault: prepare, do, lift
+processes.py   kill, stop, block or end processes, also supervisord
+sensors.py     faults of the simulated sensors
+network.py     links that are cut, delayed or unplugged
 wire.py        an attacker on the wire; a clock that steps
-machine.py     hogs, memory, a full disk
-plans.py       all of them by name, and pairs
+machine.py     lack of CPU, memory or disk space
+plans.py       all faults by name, and pairs
 """

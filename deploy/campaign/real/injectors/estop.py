@@ -1,4 +1,4 @@
-"""An e-stop, and the death of a process: whatever starts again, and whoever asks for motion, only a reset ends it."""
+"""An e-stop, then the death of a process: only a reset may end the stop."""
 
 import signal
 import time
@@ -10,18 +10,18 @@ from wire import topics
 from wire.messages import Bool
 
 PRESSED_S = 1.0
-"""By then zero must be out, or there was no e-stop."""
+"""Time by which zero must have been sent."""
 LOOK_S = 0.05
 INSISTS_S = 1.5
 NODES = (topics.TELEOP, topics.SUPERVISOR, topics.SIM)
 
 
 class EstopAndKill(Injection):
-    """Pressed; then SIGKILL; then neutral and motion from an operator who does not reset.
+    """Press the e-stop, kill a process, then request neutral and motion without a reset.
 
     Args:
-        node: what dies.
-        pause_s: from the press to its death.
+        node: the process to kill.
+        pause_s: time from the press to the kill.
     """
 
     def __init__(self, node: str, pause_s: float) -> None:
@@ -41,7 +41,7 @@ class EstopAndKill(Injection):
         return at_s
 
     async def lift(self, stage: Stage) -> None:
-        """Everything is there again; the operator is neutral, and then asks for motion."""
+        """Wait until all processes are alive; the operator then sends neutral, and requests motion."""
         await stage.alive(topics.TELEOP)
         until_s = time.monotonic() + INSISTS_S
         while time.monotonic() < until_s:

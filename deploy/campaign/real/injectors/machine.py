@@ -1,4 +1,4 @@
-"""A machine in trouble, and in the middle of it teleop's death: it has to be noticed there as well."""
+"""Lack of CPU, memory or disk space, during which teleop is killed and must be detected as dead."""
 
 import asyncio
 import signal
@@ -14,7 +14,7 @@ from wire import topics
 
 HOGS = 8
 HOG = "ulimit -t 30; while :; do :; done"
-"""It ends by itself, whatever becomes of the campaign."""
+"""It ends by itself, even if the campaign is killed."""
 GREEDY_BYTES = 1 << 30
 GREEDY = f"""
 import time
@@ -24,13 +24,13 @@ while time.monotonic() < end_s:
         held[at] = held[at] + 1 & 255
 """
 BUSY_LEEWAY_S = SILENT_BOUND_S - KILL_BOUND_S
-"""With so many others before it, a process may get its turn late; then the command timeout is the bound."""
+"""With so many competitors, a process may be scheduled late; the command timeout is then the bound."""
 FILLER = "filler"
 FILLER_BYTES = 1 << 20
 
 
 class InTrouble(Injection):
-    """Trouble begins, and a moment later teleop is killed."""
+    """Start the overload, and kill teleop a moment later."""
 
     also = ("teleop_sigkill",)
 
@@ -48,7 +48,7 @@ class InTrouble(Injection):
 
 
 class Crowded(InTrouble):
-    """By processes that only take."""
+    """Overload by processes that only consume."""
 
     leeway_s = BUSY_LEEWAY_S
 
@@ -73,7 +73,7 @@ class Crowded(InTrouble):
 
 
 class DiskFull(InTrouble):
-    """Under the logs and the black boxes."""
+    """Fill the disk with the logs and the black boxes."""
 
     def __init__(self, pause_s: float) -> None:
         super().__init__(pause_s)
@@ -87,7 +87,7 @@ class DiskFull(InTrouble):
 
 
 def fill(path: Path) -> None:
-    """Take what is left of the disk."""
+    """Fill the remaining disk space."""
     with path.open("wb", buffering=0) as file:
         size = FILLER_BYTES
         while size:

@@ -8,7 +8,7 @@ from deploy.campaign.real.rig.stage import Route, Stage
 from wire import topics
 
 FOR_GOOD_S = 1.5
-"""It is mended only so that the next trial can begin."""
+"""It is healed only so that the next trial can begin."""
 HEALED_AFTER_S = (0.3, 1.0, 3.0)
 
 
@@ -31,7 +31,7 @@ class Proxied(Injection):
 
 
 class Cut(Proxied):
-    """One or both directions pass nothing; `up` leads to the hub."""
+    """Cut one or both directions; `up` leads to the hub."""
 
     def __init__(self, node: str, lasts_s: float, *, up: bool = False, down: bool = False) -> None:
         super().__init__(node, lasts_s)
@@ -44,7 +44,7 @@ class Cut(Proxied):
 
 
 class Delayed(Proxied):
-    """Everything takes longer, each chunk a different time."""
+    """Delay all data, each chunk by a different time."""
 
     def __init__(self, node: str, lasts_s: float, low_s: float, high_s: float) -> None:
         super().__init__(node, lasts_s, delay_s=high_s, least_delay_s=low_s)
@@ -57,7 +57,7 @@ class Delayed(Proxied):
 
 
 class Unplugged(Injection):
-    """Teleop's cable, with the kernel's own TCP on both sides."""
+    """Unplug teleop's cable, with the kernel's own TCP on both sides."""
 
     teleop = Route.CABLE
 

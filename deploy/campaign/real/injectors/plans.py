@@ -1,4 +1,4 @@
-"""Every class of faults that can be done to real processes, by name; and pairs of them."""
+"""All classes of faults for real processes, by name, and pairs of them."""
 
 from random import Random
 
@@ -18,19 +18,19 @@ PLANS: dict[str, Plan] = {
 }
 PAIR = "pair"
 NOT_IN_PAIRS = frozenset({Group.SUPERVISORD, Group.MACHINE, Group.PAIR})
-"""Each takes the whole stage for itself."""
+"""Each of these affects the whole stage."""
 ALONE = frozenset({"net_unplugged", *(one.name for one in CLASSES if one.by_itself)})
 ONE_ATTACKER = "wire_"
 ONE_SENSOR = "sim_scan_"
 
 
 def real_classes() -> tuple[FaultClass, ...]:
-    """Those of the real campaign, pairs included."""
+    """Return the classes of the real campaign, including pairs."""
     return tuple(one for one in CLASSES if one.real)
 
 
 def draw_pair(chance: Random) -> tuple[str, str]:
-    """Two classes that can be in force at once."""
+    """Draw two classes that can be in force at the same time."""
     names = [one.name for one in real_classes() if one.group not in NOT_IN_PAIRS and one.name not in ALONE]
     while True:
         first, second = chance.sample(names, 2)
@@ -45,7 +45,7 @@ def plan(name: str, chance: Random) -> Injection:
 
 
 def why_not(name: str, stage: Stage) -> str | None:
-    """Why this machine cannot have this fault, in a sentence; None: it can."""
+    """Return why this fault cannot be injected on this machine, in one sentence; None if it can."""
     if name == "net_unplugged":
         return cable.why_not()
     if name == "machine_disk" and not stage.has_disk:

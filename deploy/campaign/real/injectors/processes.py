@@ -1,4 +1,4 @@
-"""Faults of a process: killed, stopped, blocked, ended by itself."""
+"""Faults of a process: kill, stop, block or end it."""
 
 import asyncio
 import os
@@ -16,7 +16,7 @@ POLL_S = 0.1
 
 
 class Signalled(Injection):
-    """A signal to a node, and after a while perhaps another."""
+    """Send a signal to a node, and optionally another one later."""
 
     def __init__(
         self, node: str, number: signal.Signals, lasts_s: float = 0.0, then: signal.Signals | None = None
@@ -33,7 +33,7 @@ class Signalled(Injection):
 
 
 class Ordered(Injection):
-    """An order to a faulty process; see faulty_process.py."""
+    """Give an order to a faulty process; see faulty_process.py."""
 
     def __init__(self, node: str, order: str, lasts_s: float = 0.0) -> None:
         super().__init__(lasts_s, how=order.split(maxsplit=1)[0])
@@ -44,21 +44,21 @@ class Ordered(Injection):
 
 
 class HungUp(Injection):
-    """Teleop's window is closed."""
+    """Close teleop's terminal."""
 
     async def do(self, stage: Stage) -> float:
         return stage.teleop.hang_up()
 
 
 class InputEnded(Injection):
-    """Teleop's keys end; its screen goes on."""
+    """End teleop's keyboard input; its screen remains."""
 
     async def do(self, stage: Stage) -> float:
         return stage.teleop.end_input()
 
 
 class BothKilled(Injection):
-    """Supervisor and teleop in the same instant."""
+    """Kill supervisor and teleop together."""
 
     async def do(self, stage: Stage) -> float:
         pids = (stage.pid(topics.SUPERVISOR), stage.pid(topics.TELEOP))
@@ -70,7 +70,7 @@ class BothKilled(Injection):
 
 
 class SupervisordKilled(Injection):
-    """Its children live on. A new one can be had only with the whole stack."""
+    """Kill supervisord; its child processes continue. Only a restart of the whole stack starts a new one."""
 
     async def do(self, stage: Stage) -> float:
         return stage.signal("supervisord", signal.SIGKILL)
@@ -80,7 +80,7 @@ class SupervisordKilled(Injection):
 
 
 class SupervisordRestarted(Injection):
-    """It stops its children in order, and starts them anew; that takes some seconds."""
+    """Make supervisord stop and restart its child processes, which takes some seconds."""
 
     def __init__(self) -> None:
         super().__init__(0.5)
@@ -91,7 +91,7 @@ class SupervisordRestarted(Injection):
         return stage.signal("supervisord", signal.SIGHUP)
 
     async def lift(self, stage: Stage) -> None:
-        """Wait until there are others in the old ones' place."""
+        """Wait until new processes have replaced the old ones."""
         deadline_s = time.monotonic() + RESTART_LIMIT_S
         while self._before and time.monotonic() < deadline_s:
             await stage.observer.watch(POLL_S)
@@ -99,7 +99,7 @@ class SupervisordRestarted(Injection):
 
 
 def _is(stage: Stage, node: str, pid: int) -> bool:
-    """Whether it still is that process, or none yet."""
+    """Return whether the old process is still the current one, or no new one exists yet."""
     try:
         return stage.pid(node) == pid
     except StageError:
@@ -107,7 +107,7 @@ def _is(stage: Stage, node: str, pid: int) -> bool:
 
 
 class CrashLoop(Injection):
-    """A child dies, and ends as it starts, again and again."""
+    """Kill a child process, and let it end at each start."""
 
     def __init__(self, lasts_s: float) -> None:
         super().__init__(lasts_s)
@@ -138,7 +138,7 @@ def _blocked(node: str, *how: str) -> Plan:
 
 
 def _restarted(chance: Random) -> Injection:
-    """By a signal, or by an error of its own."""
+    """Restart the supervisor by a signal, or by an exception."""
     if chance.random() < 0.5:
         return Ordered(topics.SUPERVISOR, "raise")
     return Signalled(topics.SUPERVISOR, signal.SIGTERM)

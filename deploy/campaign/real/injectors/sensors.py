@@ -1,4 +1,4 @@
-"""Faults of the sim's sensors, which it plays on request."""
+"""Faults of the simulated sensors, which the sim applies on request."""
 
 import math
 import time
@@ -13,7 +13,7 @@ ASK_AGAIN_S = 0.1
 
 
 class SensorFault(Injection):
-    """A text of `topics.SIM_FAULTS`, and then none."""
+    """Apply a text of `topics.SIM_FAULTS`, then none."""
 
     def __init__(self, faults: str, lasts_s: float) -> None:
         super().__init__(lasts_s, faults=faults)
@@ -21,30 +21,30 @@ class SensorFault(Injection):
 
     async def do(self, stage: Stage) -> float:
         asked_s = await stage.sensors(self._faults)
-        # Until it answered the sim may have gone on as before: by so much the fault may have begun later.
+        # The fault may have begun as late as the sim's answer.
         self.leeway_s = time.monotonic() - asked_s
         return asked_s
 
     async def lift(self, stage: Stage) -> None:
-        """As soon as there is a sim to be told so: another fault may have taken it away."""
+        """End the fault as soon as a sim runs; another fault may have ended the sim."""
         deadline_s = time.monotonic() + ALIVE_LIMIT_S
         while time.monotonic() < deadline_s:
             with suppress(StageError):
                 await stage.sensors(NONE)
                 return
             await stage.observer.watch(ASK_AGAIN_S)
-        raise StageError(f"no sim was told within {ALIVE_LIMIT_S:g} s that its sensors are well again")
+        raise StageError(f"no sim accepted the end of its sensor faults within {ALIVE_LIMIT_S:g} s")
 
 
 class InTheWay(SensorFault):
-    """A fault of the lidar, and a pillar straight ahead; the operator re-arms and drives at it again."""
+    """A lidar fault, with a pillar straight ahead; the operator re-arms and drives at it again."""
 
     pillar = Pillar.AHEAD
     keys = ("w", "w", "ww", "ww", "www", "wwww", "s")
 
 
 class Unhindered(SensorFault):
-    """A fault of the lidar that must not stop a robot for long which has nothing before it."""
+    """A lidar fault that must not stop the robot for long if nothing is ahead of it."""
 
     pillar = Pillar.NONE
     keys = "w"
@@ -73,15 +73,15 @@ def _dirt(chance: Random) -> Injection:
 
 
 def _dropout(chance: Random) -> Injection:
-    """At a fast lidar's rate, or a slow one's."""
+    """At the rate of a fast lidar or of a slow one."""
     faults = f"dropout {chance.uniform(0.02, 0.3):.3f}; rate {chance.choice((20.0, 5.5)):g}"
     return InTheWay(faults, lasting(chance, 5.0, 6.0))
 
 
 def _short(chance: Random) -> Injection:
-    """While it drives: with a lidar that has never seen anything, a robot need not set off at all.
+    """Reduce the range while the robot drives; with a lidar without any return since the start, it need not start.
 
-    A few beams are missing as well: without a single return its scans would all be equal.
+    A few beams are missing as well, because scans without any return would all be equal.
     """
     return InTheWay(f"reach {chance.uniform(0.5, 1.0):.2f}; beams 0.02", lasting(chance, 3.0, 4.0))
 
@@ -100,7 +100,7 @@ PLANS: dict[str, Plan] = {
     "sim_scan_dirt": _dirt,
     "sim_scan_dropout": _dropout,
     "sim_scan_short": _short,
-    # Seldom enough that hardly ever two scans in a row have one.
+    # Rare enough that two consecutive scans hardly ever have one.
     "sim_scan_stray": lambda chance: Unhindered("stray 0.04", lasting(chance, 1.5, 2.0)),
     "sim_scan_frozen_no_odom": _in_the_way("freeze; no_odom"),
     "sim_scan_frozen_odom_zero": _in_the_way("freeze; odom_zero"),

@@ -1,4 +1,4 @@
-"""Faults on the wire itself: an attacker, or a sender whose clock steps."""
+"""Faults on the wire: an attacker, or a sender whose clock steps."""
 
 from contextlib import suppress
 from random import Random
@@ -10,11 +10,11 @@ from deploy.campaign.real.rig.stage import Stage, StageError
 from wire import topics
 
 PAUSE_AFTER_S, PAUSE_S = 0.4, 0.6
-"""When the real lidar pauses, and for how long."""
+"""Start and duration of the real lidar's pause."""
 
 
 class Attacked(Injection):
-    """The attacker has its way for a while."""
+    """Run an attack for a while."""
 
     def __init__(self, attack: str, seed: int, lasts_s: float) -> None:
         super().__init__(lasts_s)
@@ -31,7 +31,7 @@ class Attacked(Injection):
 
 
 class SecondWriter(Attacked):
-    """Another client's scans of free space, a pillar straight ahead, and a real lidar that pauses once meanwhile."""
+    """A second client's scans of free space, with a pillar straight ahead; the real lidar pauses once."""
 
     pillar = Pillar.AHEAD
 
@@ -50,7 +50,7 @@ class SecondWriter(Attacked):
 
 
 class ClockStep(Injection):
-    """The clock that teleop stamps its commands with goes wrong, there and back."""
+    """Step the clock of teleop's stamps, and step it back."""
 
     def __init__(self, by_s: float, lasts_s: float) -> None:
         super().__init__(lasts_s, by_s=by_s)

@@ -1,10 +1,10 @@
 """Zenoh client that ignores the protocol: `python -m deploy.campaign.real.rig.attacker ENDPOINT NAMESPACE`.
 
-It takes orders on stdin, one JSON object a line, and answers each with a line once it is under way:
+It takes orders on stdin, one JSON object per line, and answers each with a line when it has begun:
 
     {"attack": "malformed", "seed": 7, "for_s": 0.8}    one of attacks.py, at its rate
-    {"attack": "second_teleop", "seed": 7, "for_s": 0.8}  a program under teleop's name that asks for motion
-    {"attack": "stop"}                                  whatever runs ends; answered with what was sent
+    {"attack": "second_teleop", "seed": 7, "for_s": 0.8}  a program with teleop's name that requests motion
+    {"attack": "stop"}                                  end the attack; the answer is the number of sent messages
 """
 
 import asyncio
@@ -20,7 +20,7 @@ from wire.messages import planar_twist
 from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
 
 PERIOD_S = 0.01
-"""At higher rates several messages go out at once."""
+"""At higher rates, several messages are sent together."""
 SECOND = "second_teleop"
 SECOND_PERIOD_S = 0.05
 
@@ -59,7 +59,7 @@ class Attacker:
             await asyncio.sleep(PERIOD_S)
 
     async def _pose_as_teleop(self, _name: str, chance: random.Random, for_s: float) -> None:
-        """With a token and good stamps; at first neutral or not, and then asking for motion."""
+        """Publish as a second teleop, with a token and valid stamps: neutral first or not, then motion."""
         token = self._bus.declare_alive(topics.TELEOP)
         commands = self._bus.publisher(topics.source_cmd_vel(topics.TELEOP))
         neutral_first = chance.randrange(6)
@@ -93,5 +93,5 @@ async def _main(endpoint: str, namespace: str) -> None:
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the campaign's to handle
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the campaign handles Ctrl-C
     asyncio.run(_main(*sys.argv[1:]))

@@ -1,7 +1,7 @@
-"""A network namespace for teleop, joined to this machine by a pair of virtual cables that can be unplugged.
+"""A network namespace for teleop, connected to this machine by a veth pair that can be unplugged.
 
-What the proxy only plays is real here: the kernel's own TCP on a link that is down, with its retransmissions
-and their growing pauses. It takes root and `ip` of iproute2.
+Unlike the proxy, this uses the kernel's own TCP on a link that is down, with its retransmissions and their
+growing intervals. It requires root and `ip` of iproute2.
 """
 
 import os
@@ -15,7 +15,7 @@ COMMAND_LIMIT_S = 10.0
 
 
 def why_not() -> str | None:
-    """In a sentence why there can be no namespace here; None where there can."""
+    """Return why no namespace can be created here, in one sentence; None if it can."""
     if os.geteuid() != 0:
         return "network namespaces need root"
     if shutil.which("ip") is None:
@@ -29,14 +29,14 @@ def why_not() -> str | None:
 
 
 class Cable:
-    """A namespace and its cable. It is closed in any case, or it outlives this process.
+    """A namespace and its cable; it must be closed, because it outlives this process.
 
     Args:
         number: makes its names unique on this machine.
-        subnet: the third number of its addresses, 10.213.SUBNET.0/30.
+        subnet: third byte of its addresses, 10.213.SUBNET.0/30.
 
     Raises:
-        DeployError: the kernel does not let us; nothing is left behind.
+        DeployError: the kernel refuses; nothing is left behind.
     """
 
     def __init__(self, number: int, *, subnet: int) -> None:
@@ -61,11 +61,11 @@ class Cable:
 
     @property
     def prefix(self) -> tuple[str, ...]:
-        """What makes a command run in it, under its own process id."""
+        """Prefix that runs a command in the namespace, with its own process id."""
         return ("ip", "netns", "exec", self.name)
 
     def unplug(self) -> None:
-        # On the far side: the near address stays this machine's, and what listens there goes on.
+        # On the far side: the near address remains, and its listeners continue.
         _ip("-n", self.name, "link", "set", self._there, "down")
 
     def plug(self) -> None:
@@ -76,7 +76,7 @@ class Cable:
 
 
 def remove(number: int) -> None:
-    """Take away a namespace and its cable, if they are there."""
+    """Remove a namespace and its cable if they exist."""
     name, here, _ = _names(number)
     with suppress(DeployError):
         _ip("link", "del", here)
@@ -85,7 +85,7 @@ def remove(number: int) -> None:
 
 
 def _names(number: int) -> tuple[str, str, str]:
-    """Of the namespace and of the cable's two ends."""
+    """Return the names of the namespace and of the cable's two ends."""
     return f"lifeline-{number}", f"lf{number}h", f"lf{number}t"
 
 

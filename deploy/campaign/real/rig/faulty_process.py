@@ -1,16 +1,16 @@
 """`python -m deploy.campaign.real.rig.faulty_process -m NODE …`: run a node in which a signal triggers faults.
 
-The process itself knows nothing of it: it is imported and run as by `python -m NODE …`. On SIGUSR1 the main
-thread reads the order in `$LIFELINE_FAULTS_DIR/order-NODE`:
+The node's code is unchanged: it is imported and run as by `python -m NODE …`. On SIGUSR1, the main thread reads
+the order in `$LIFELINE_FAULTS_DIR/order-NODE`:
 
-    block SECONDS   nothing runs in the event loop for so long
-    decided SECONDS the supervisor's next motion is decided, and said so much later; nothing else runs meanwhile
-    gil SECONDS     a thread holds the interpreter's lock for so long: no Python runs at all
-    raise           an exception that nobody catches
-    clock SECONDS   the clock that commands are stamped with steps by so much
+    block SECONDS   block the event loop for this time
+    decided SECONDS decide the supervisor's next motion, and send it this much later; nothing else runs meanwhile
+    gil SECONDS     hold the interpreter's lock in a thread for this time, so that no Python runs
+    raise           raise an uncaught exception
+    clock SECONDS   step the clock of the command stamps by this time
 
-`route-NODE` there is the endpoint that it connects to, and while `crash-NODE` is there it ends as it starts.
-A sim tells its true motion into the pipe `wheels`.
+The file `route-NODE` contains the endpoint to connect to. While the file `crash-NODE` exists, the node ends at its
+start. A sim writes its true motion to the pipe `wheels`.
 """
 
 import asyncio
@@ -41,7 +41,7 @@ CRASH_CODE = 17
 
 
 class InjectedError(RuntimeError):
-    """The exception of the campaign."""
+    """The exception that the campaign injects."""
 
 
 def main() -> None:
@@ -60,7 +60,7 @@ def main() -> None:
 
     signal.signal(signal.SIGUSR1, on_signal)
     if node == "teleop":
-        # Its screen is its terminal, as a shell would have it: when that is closed, SIGHUP comes.
+        # The screen becomes the controlling terminal, as in a shell, so that closing it sends SIGHUP.
         fcntl.ioctl(1, termios.TIOCSCTTY, 0)
     if node == "sim":
         _tap(directory / WHEELS)
@@ -69,14 +69,14 @@ def main() -> None:
 
 
 def obey(order: str) -> None:
-    """Do what the order says, here in the main thread."""
+    """Execute the order in the main thread."""
     match order.split():
         case ["block", seconds]:
             time.sleep(float(seconds))
         case ["decided", seconds]:
             _hold_back(float(seconds))
         case ["gil", seconds]:
-            hold = ctypes.PyDLL(None).usleep  # a PyDLL's calls keep the lock
+            hold = ctypes.PyDLL(None).usleep  # a call through PyDLL keeps the lock
             threading.Thread(target=hold, args=(round(float(seconds) * 1e6),), daemon=True).start()
         case ["raise"]:
             asyncio.get_running_loop().call_soon_threadsafe(_fail)
@@ -112,7 +112,7 @@ def _step_clock(by_ns: int) -> None:
 
 
 def _tap(pipe: Path) -> None:
-    """Make every plant of this process tell how it moves."""
+    """Make every plant of this process report its motion."""
     from deploy.campaign.real.rig.wheels import WheelSample, WheelWriter  # noqa: PLC0415 - as above
     from sim.plant import Plant  # noqa: PLC0415
     from sim.watchdog import BaseReason, Target, Watchdog  # noqa: PLC0415

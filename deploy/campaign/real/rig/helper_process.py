@@ -1,4 +1,4 @@
-"""A helper process of the campaign that takes orders on its stdin, one a line, and answers each with a line."""
+"""A helper process of the campaign; it takes orders on stdin, one per line, and answers each with a line."""
 
 import json
 import os
@@ -14,12 +14,12 @@ END_LIMIT_S = 3.0
 
 
 class HelperProcess:
-    """`python -m MODULE ARGUMENTS`, for as long as this process lives: at the end of its stdin it ends.
+    """Run `python -m MODULE ARGUMENTS`; the helper ends with this process, at the end of its stdin.
 
     Args:
-        module: what it runs.
-        arguments: for it.
-        environment: what its environment has besides ours.
+        module: the module to run.
+        arguments: its arguments.
+        environment: environment variables in addition to ours.
     """
 
     def __init__(self, module: str, *arguments: str, environment: dict[str, str]) -> None:
@@ -29,7 +29,7 @@ class HelperProcess:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=os.environ | environment,
-            start_new_session=True,  # Ctrl-C is ours to handle
+            start_new_session=True,  # the campaign handles Ctrl-C
         )
         assert self._process.stdin is not None
         assert self._process.stdout is not None
@@ -42,10 +42,10 @@ class HelperProcess:
         return self._process.pid
 
     def answer(self) -> str:
-        """The next line that it says.
+        """Return its next line.
 
         Raises:
-            DeployError: it says none.
+            DeployError: there is none.
         """
         line = self._stdout.readline() if self._ready.select(ANSWER_LIMIT_S) else b""
         if not line:
@@ -53,7 +53,7 @@ class HelperProcess:
         return line.decode().strip()
 
     def tell(self, order: dict[str, Any]) -> None:
-        """Give an order, and do not wait for its answer.
+        """Give an order without waiting for the answer.
 
         Raises:
             DeployError: it has ended.
@@ -65,7 +65,7 @@ class HelperProcess:
             raise DeployError(f"the campaign's {self._name} has ended") from error
 
     def order(self, order: dict[str, Any]) -> str:
-        """Give an order, and return its answer."""
+        """Give an order and return the answer."""
         self.tell(order)
         return self.answer()
 

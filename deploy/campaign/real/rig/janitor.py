@@ -1,7 +1,7 @@
-"""Takes a stage down whose campaign was killed: `python -m deploy.campaign.real.rig.janitor DIRECTORY NUMBER`.
+"""Clean up the stage of a killed campaign: `python -m deploy.campaign.real.rig.janitor DIRECTORY NUMBER`.
 
-It waits for the end of its stdin, which the kernel brings about whatever becomes of the campaign, and does
-nothing where the campaign has cleaned up itself.
+It waits for the end of its stdin, which the kernel closes when the campaign ends in any way, and does nothing if
+the campaign has cleaned up itself.
 """
 
 import shutil
@@ -23,8 +23,8 @@ def sweep(directory: Path, number: int) -> None:
     """End every process of a stage, and remove its mount, its namespace and its directory.
 
     Args:
-        directory: of the stage.
-        number: of its namespace.
+        directory: the stage's directory.
+        number: the number of its namespace.
     """
     state = StateDir(directory / STATE)
     for process in processes.of(state.path):
@@ -33,7 +33,7 @@ def sweep(directory: Path, number: int) -> None:
         takedown.stop(state)
     cable.remove(number)
     if state.path.is_mount():
-        # Lazily: a log that is still open somewhere must not keep the mount.
+        # Lazily, because an open log would keep the mount.
         subprocess.run(["umount", "-l", str(state.path)], capture_output=True, check=False)  # noqa: S607 - the system's
     shutil.rmtree(directory, ignore_errors=True)
 

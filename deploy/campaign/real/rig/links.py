@@ -1,4 +1,4 @@
-"""The links that teleop and sim go through while one of them is to be cut: the campaign's end of the proxy."""
+"""The campaign's interface to the proxy: the links of teleop and sim that can be cut."""
 
 import json
 
@@ -10,9 +10,9 @@ class Links:
 
     Args:
         hub: the endpoint of the supervisor, `tcp/HOST:PORT`.
-        host: where it listens.
-        names: of its links.
-        environment: of its process.
+        host: the address on which it listens.
+        names: the names of its links.
+        environment: additional environment of its process.
     """
 
     def __init__(
@@ -26,11 +26,11 @@ class Links:
         self.endpoints = {name: f"tcp/{host}:{port}" for name, port in ports.items()}
 
     def open(self, link: str, *, up: bool = True, down: bool = True) -> None:
-        """Open or shut each direction; `up` leads to the hub."""
+        """Open or close each direction; `up` leads to the hub."""
         self._child.order({"link": link, "up": up, "down": down})
 
     def delay(self, link: str, low_s: float, high_s: float) -> None:
-        """Make everything on this link so much slower, both ways."""
+        """Delay all data on this link, in both directions."""
         self._child.order({"link": link, "delay_s": [low_s, high_s]})
 
     def heal(self, link: str) -> None:

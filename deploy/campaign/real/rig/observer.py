@@ -1,4 +1,4 @@
-"""Whoever watches a trial from outside: a client of the wire of its own, and the pipe from the wheels."""
+"""Observe a trial from outside, by a separate Zenoh client and the pipe from the wheels."""
 
 import asyncio
 import time
@@ -17,19 +17,19 @@ from wire.messages import M, SafetyStatus, Twist
 from wire.zenoh_bus import ZenohBus
 
 DEPTH = 20_000
-"""Samples of a topic between two looks: a flood of two seconds."""
+"""Samples of a topic between two updates: a flood of two seconds."""
 SOURCES = (topics.TELEOP, "joy", "path")
 TRUSTED_STAMP_S = 60.0
-"""A command is as old as its sender says, unless that makes no sense: all of them run by one clock here."""
+"""Maximum plausible age of a stamp: here, all processes use one clock."""
 BASE_REASONS = tuple(reason.value for reason in BaseReason)
 
 
 class Observer:
-    """Keeps everything of one trial.
+    """Keeps all observations of one trial.
 
     Args:
-        bus: open; the caller closes it.
-        wheels: from the sim.
+        bus: an open bus; the caller closes it.
+        wheels: the pipe from the sim.
     """
 
     def __init__(self, bus: ZenohBus, wheels: WheelPipe) -> None:
@@ -39,10 +39,10 @@ class Observer:
         self._subscribe(bus)
         asyncio.get_running_loop().add_reader(wheels.descriptor, self._wake.set)
         self._heard: defaultdict[bytes, Counter[str]] = defaultdict(Counter)
-        """How often each epoch was heard on which key."""
+        """Number of samples of each epoch on each key."""
         self.alive: set[str] = set()
         self.trusts_stamps = True
-        """Whether commands tell when they were sent; not while their sender's clock steps."""
+        """Whether the stamps of commands are valid; they are not while the sender's clock steps."""
         self.clear()
 
     def _subscribe(self, bus: Bus) -> None:
@@ -52,17 +52,17 @@ class Observer:
         self._asked = {name: bus.subscribe(topics.source_cmd_vel(name), depth=DEPTH) for name in SOURCES}
 
     def clear(self) -> None:
-        """A trial begins."""
+        """Begin a new trial."""
         self.began_s = time.monotonic()
         self.seen = Seen()
         self.base: list[BaseReport] = []
         self.status: SafetyStatus | None = None
         self.undecodable = 0
-        """What came on cmd_vel and is no command."""
+        """Number of undecodable messages on cmd_vel."""
         self.late = 0
-        """Commands that were older than the base's timeout when they came: it obeys none of them."""
+        """Number of commands that arrived older than the base's timeout, so that the base ignores them."""
         self.misdelivered = 0
-        """What came under a key that its publisher does not speak on."""
+        """Number of samples under a key on which their publisher does not publish."""
         self.contacts = 0
         self._touching = False
         for subscription in (self._commands, self._statuses, *self._asked.values()):
@@ -73,7 +73,7 @@ class Observer:
         asyncio.get_running_loop().remove_reader(self._wheels.descriptor)
 
     def look(self) -> Seen:
-        """Take in what came since the last look, and return everything."""
+        """Add the new arrivals, and return all observations."""
         seen = self.seen
         for change in self._alive.take():
             (self.alive.add if change.alive else self.alive.discard)(change.node)
@@ -101,22 +101,22 @@ class Observer:
         return seen
 
     async def until(self, condition: Callable[[Seen], bool], limit_s: float) -> bool:
-        """Wait for something to be seen; whether it was, within `limit_s`."""
+        """Wait until the condition holds; return whether it did within `limit_s`."""
         return await seen_within(limit_s, self._wake, lambda: condition(self.look()))
 
     async def watch(self, duration_s: float) -> None:
         await self.until(lambda _: False, duration_s)
 
     def finished(self) -> Seen:
-        """Everything of the trial, in order of time."""
+        """Return all observations of the trial in order of time."""
         seen = self.look()
         seen.asked.sort(key=lambda one: one.sent_s)
         return seen
 
     def _delivered(self, subscription: Subscription[M]) -> Iterator[Arrival[M]]:
-        """What came on a key from those who speak on it, as far as most of what they said tells.
+        """Yield the samples of a key from the publishers that mostly publish on it.
 
-        After a lapsed lease Zenoh delivers a few samples under another one's key (docs/decisions/0022).
+        After an expired lease, Zenoh delivers a few samples under another key (docs/decisions/0022).
         """
         for arrival in subscription.take():
             if arrival.stamp is not None:
@@ -135,7 +135,7 @@ class Observer:
         if sample.time_s < self.began_s:
             return
         motions = self.seen.motions
-        # The first sample's approach is from where the robot stood before the trial.
+        # The approach of the first sample dates from before the trial.
         own_approach_m = sample.own_approach_m if motions else 0.0
         motions.append(
             Motion(
@@ -160,7 +160,7 @@ class Observer:
 
 
 def _age_s(arrival: Arrival[Twist]) -> float:
-    """How old it was when it came, if its sender says so, and what it says makes sense."""
+    """Return the age at arrival by the sender's stamp; 0 without a plausible stamp."""
     if arrival.stamp is None:
         return 0.0
     age_s = arrival.arrival_s - arrival.stamp.source_time_ns * 1e-9

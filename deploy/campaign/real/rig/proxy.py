@@ -2,14 +2,14 @@
 
     python -m deploy.campaign.real.rig.proxy HUB_HOST HUB_PORT LISTEN_HOST NAME…
 
-prints one line of JSON, the port of each named link, and then takes orders on stdin, one JSON object a line:
+prints one line of JSON with the port of each named link, and then takes orders on stdin, one JSON object per line:
 
     {"link": "teleop", "up": false, "down": true, "delay_s": [0.05, 0.5]}
 
-`up` is the direction to the hub. A direction that is not open passes nothing, not even the end of a
-connection; what comes meanwhile waits, at first here and then in the sender's own buffers, and goes out in one
-burst when it opens again, as TCP does after a partition. With a delay each chunk takes that much longer, drawn
-anew for each, and none overtakes another. Each order is answered with an empty line.
+`up` is the direction to the hub. A closed direction passes nothing, not even the end of a
+connection. Data waits here and then in the sender's buffers, and is delivered in one burst when the direction opens
+again, as by TCP after a partition. With a delay, each chunk is delayed by a random time; their order is kept. Each
+order is answered with an empty line.
 """
 
 import asyncio
@@ -23,7 +23,7 @@ from typing import Any
 
 CHUNK_BYTES = 1 << 16
 HELD_CHUNKS = 64
-"""Of one direction: 4 MiB, about what two kernels hold for a long link."""
+"""Buffer of one direction: 4 MiB, about as much as two kernels hold for a long link."""
 RETRY_S = 0.02
 
 
@@ -42,10 +42,10 @@ class Direction:
 
 
 class Link:
-    """A listening port whose connections go on to the hub.
+    """A listening port whose connections are forwarded to the hub.
 
     Args:
-        hub: host and port.
+        hub: host and port of the hub.
     """
 
     def __init__(self, hub: tuple[str, int]) -> None:
@@ -57,12 +57,12 @@ class Link:
         self._connections: set[asyncio.Task[None]] = set()
 
     async def listen(self, host: str) -> int:
-        """The port that was given to it."""
+        """The port on which it listens."""
         self._server = await asyncio.start_server(self._on_connection, host, 0, limit=CHUNK_BYTES)
         return self._server.sockets[0].getsockname()[1]
 
     def obey(self, order: dict[str, Any]) -> None:
-        """Set what the order names; what it leaves out stays as it is."""
+        """Apply an order; settings that it does not name remain."""
         for name, direction in (("up", self.up), ("down", self.down)):
             if name in order:
                 direction.set_open(is_open=order[name])
@@ -96,7 +96,7 @@ class Link:
                 side.transport.abort()
 
     async def _connect(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-        """To the hub, as soon as both ways are open and it is there: a handshake needs both."""
+        """Connect to the hub as soon as both directions are open and it listens; a handshake needs both."""
         while True:
             await self.up.opened.wait()
             await self.down.opened.wait()
@@ -107,7 +107,7 @@ class Link:
 
 
 async def carry(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, direction: Direction) -> None:
-    """Bytes of one direction, to their end."""
+    """Forward the bytes of one direction until their end."""
     loop = asyncio.get_running_loop()
     held: asyncio.Queue[tuple[float, bytes]] = asyncio.Queue(HELD_CHUNKS)
 
@@ -117,7 +117,7 @@ async def carry(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, dire
             try:
                 data = await reader.read(CHUNK_BYTES)
             except OSError:
-                data = b""  # a reset is an end as well
+                data = b""  # a reset also ends the connection
             await held.put((loop.time() + direction.draw_delay_s(), data))
 
     async def write() -> None:
@@ -135,14 +135,14 @@ async def carry(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, dire
 
     reading = asyncio.ensure_future(read())
     try:
-        with suppress(OSError):  # nobody is there to take it any more
+        with suppress(OSError):  # the receiver is gone
             await write()
     finally:
         reading.cancel()
 
 
 async def serve(hub: tuple[str, int], host: str, names: list[str]) -> None:
-    """Links until stdin ends."""
+    """Run the links until stdin ends."""
     loop = asyncio.get_running_loop()
     stopping = asyncio.Event()
     for number in (signal.SIGTERM, signal.SIGHUP):
@@ -165,6 +165,6 @@ async def _obey(orders: asyncio.StreamReader, links: dict[str, Link]) -> None:
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the campaign's to handle
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the campaign handles Ctrl-C
     hub_host, hub_port, listen_host, *link_names = sys.argv[1:]
     asyncio.run(serve((hub_host, int(hub_port)), listen_host, link_names))

@@ -1,8 +1,8 @@
-"""The stage of the real campaign: the whole robot as it is run, an operator at a terminal, and who watches.
+"""The stage of the real campaign: the whole robot, an operator at a terminal, and the observer.
 
-sim and supervisor run under supervisord as with `lifeline up`, with faults in them (faulty_process.py); teleop sits at
-terminals of its own. The state directory is a small disk where the rights allow one, so that it can be filled. Everything
-is taken down at the end, whatever happened.
+sim and supervisor run under supervisord as with `lifeline up`, with injectable faults (faulty_process.py); teleop has
+its own terminals. If the rights allow it, the state directory is a small disk, so that it can be filled. Everything
+is stopped at the end, whatever happens.
 """
 
 import asyncio
@@ -42,14 +42,14 @@ from wire.zenoh_bus import ZenohBus, open_bus
 
 NODES = (topics.SUPERVISOR, topics.SIM)
 DISK_BYTES = 96 << 20
-"""Of the state directory: more than logs and black boxes take."""
+"""Size of the state directory: more than logs and black boxes need."""
 OPEN_LIMIT_S = 10.0
 ALIVE_LIMIT_S = 15.0
-"""Of everything that restarts by itself: supervisord waits up to some seconds."""
+"""Limit for everything that restarts by itself: supervisord may wait for some seconds."""
 RESET_LIMIT_S = 5.0
 READY_LIMIT_S = 5.0
 START_M = (-4.5, 0.0)
-"""Of the robot in the warehouse, facing along x."""
+"""Start of the robot in the warehouse, facing along x."""
 PRESS_AGAIN_S = 0.4
 """An operator who sees no effect presses again."""
 CALL_LIMIT_S = 1.0
@@ -64,16 +64,16 @@ class Route(StrEnum):
     DIRECT = "direct"
     PROXY = "proxy"
     CABLE = "cable"
-    """From a network namespace of its own; teleop only."""
+    """From a separate network namespace; teleop only."""
 
 
 class StageError(DeployError):
-    """The robot did not do what has to come before a fault, or after one."""
+    """The robot did not do what must precede or follow a fault."""
 
 
 @dataclass(frozen=True, slots=True)
 class ArmedLaunch(Launch):
-    """The processes of a `Launch`, with faults in them."""
+    """The processes of a `Launch`, with injectable faults."""
 
     directory: Path = Path()
 
@@ -82,7 +82,7 @@ class ArmedLaunch(Launch):
             "LIFELINE_PYTHON": str(self.directory / "python"),
             faulty_process.DIRECTORY: str(self.directory),
         }
-        # zero-argument super() does not work in a dataclass with slots
+        # super() without arguments does not work in a dataclass with slots
         return Launch.environment(self, state) | faulty
 
     def command(self, module: str) -> list[str]:
@@ -91,12 +91,12 @@ class ArmedLaunch(Launch):
 
 
 class Stage:
-    """The robot, its operator and an observer; `open` starts them, and `close` ends them in any case.
+    """The robot, its operator and an observer; `open` starts them, `close` ends them.
 
     Args:
-        sim_options: for `python -m sim`.
+        sim_options: options of `python -m sim`.
         say: called with each step of the start.
-        small_disk: whether the state directory is a small disk, where the rights allow it.
+        small_disk: whether to mount a small disk as the state directory, if the rights allow it.
     """
 
     def __init__(
@@ -117,7 +117,7 @@ class Stage:
         self._watch: Observer | None = None
         self._teleop: TypedTeleop | None = None
         self.is_ready = False
-        """Whether it has just been seen to drive."""
+        """Whether the robot has just been observed driving."""
         self.routes = {topics.TELEOP: Route.DIRECT, topics.SIM: Route.DIRECT}
         launch = Launch.read(DEFAULT_CONFIG, free_loopback_endpoint(), sim_options=sim_options)
         self.launch = ArmedLaunch(launch.config, launch.bus, launch.sim_options, self.directory)
@@ -157,18 +157,18 @@ class Stage:
 
     @property
     def has_disk(self) -> bool:
-        """Whether the state directory is a disk of its own."""
+        """Whether the state directory is a separate disk."""
         return self._has_disk
 
     @property
     def environment(self) -> dict[str, str]:
-        """By which whatever is left behind is found."""
+        """Environment that marks the processes of this stage."""
         return {processes.MARK: str(self.state.path)}
 
     # --- up and down
 
     def run(self, play: Callable[[], Coroutine[Any, Any, None]]) -> KeyboardInterrupt | None:
-        """Start everything, play, and take everything down; return the interrupt that ended it early, if any.
+        """Start everything, play, and stop everything; return the interrupt that ended it early, if any.
 
         Raises:
             DeployError: the robot cannot be started, or what `play` raises.
@@ -201,10 +201,10 @@ class Stage:
         return None
 
     async def open(self) -> None:
-        """Everything up, teleop neutral.
+        """Start everything; teleop is neutral.
 
         Raises:
-            DeployError: it cannot be brought up.
+            DeployError: it cannot be started.
         """
         self._hire_janitor()
         self._mount_disk()
@@ -224,7 +224,7 @@ class Stage:
         await self.start_teleop()
 
     async def close(self) -> None:
-        """Take everything down. Never raises for what is gone already."""
+        """Stop everything; processes that have ended already cause no error."""
         if self._watch is not None:
             self._watch.close()
         if self._teleop is not None:
@@ -234,7 +234,7 @@ class Stage:
         self.discard()
 
     def discard(self) -> None:
-        """What `close` does without an event loop; again and again if need be."""
+        """Stop everything without an event loop; may be called repeatedly."""
         for child in (self._attacker, self._links, self._cable_link):
             if child is not None:
                 with suppress(OSError, DeployError):
@@ -250,7 +250,7 @@ class Stage:
             self._janitor = None
 
     async def restart_stack(self) -> None:
-        """All of it anew, for a state that is known again."""
+        """Restart everything, to reach a known state."""
         await self.stop_teleop()
         for name in (topics.TELEOP, topics.SIM):
             if self._links is not None:
@@ -270,7 +270,7 @@ class Stage:
         await bringup.wait_until_alive(self.state, self.launch, self._say)
 
     def _hire_janitor(self) -> None:
-        """Whatever becomes of this process, somebody cleans up after it."""
+        """Start the janitor, which cleans up even if this process is killed."""
         self._janitor = subprocess.Popen(
             [sys.executable, "-m", "deploy.campaign.real.rig.janitor", str(self.directory), str(os.getpid())],
             stdin=subprocess.PIPE,
@@ -292,7 +292,7 @@ class Stage:
     # --- routes
 
     async def route(self, *, teleop: Route, sim: Route) -> None:
-        """See to it that each process reaches the hub on this way; one that does not is started again."""
+        """Make each process reach the hub on its route; restart those whose route changes."""
         if self.routes != {topics.TELEOP: teleop, topics.SIM: sim}:
             self.is_ready = False
         if self.routes[topics.SIM] is not sim:
@@ -315,7 +315,7 @@ class Stage:
             path.unlink(missing_ok=True)
 
     def _teleop_way(self) -> tuple[tuple[str, ...], str]:
-        """What teleop's command begins with, and the endpoint that it connects to."""
+        """Return the prefix of teleop's command, and the endpoint that it connects to."""
         match self.routes[topics.TELEOP]:
             case Route.DIRECT:
                 return (), self.launch.bus.endpoint
@@ -336,7 +336,7 @@ class Stage:
     # --- processes
 
     async def start_teleop(self) -> None:
-        """A new teleop on new terminals; it need not be alive yet when this returns."""
+        """Start a new teleop on new terminals, without waiting until it is alive."""
         if self._teleop is not None:
             await self.stop_teleop()
         prefix, endpoint = self._teleop_way()
@@ -354,7 +354,7 @@ class Stage:
             await desk.close()
 
     def pid(self, node: str) -> int:
-        """The process id of a node, or of supervisord.
+        """Return the process id of a node, or of supervisord.
 
         Raises:
             StageError: it does not run.
@@ -367,7 +367,7 @@ class Stage:
         raise StageError(f"{node} does not run")
 
     def signal(self, node: str, number: signal.Signals) -> float:
-        """Signal a node, or supervisord; returns the time just before."""
+        """Signal a node, or supervisord; return the time just before."""
         pid = self.pid(node)
         now_s = time.monotonic()
         with suppress(ProcessLookupError):
@@ -375,31 +375,31 @@ class Stage:
         return now_s
 
     def order(self, node: str, order: str) -> float:
-        """Set a fault off inside a node; returns the time just before."""
+        """Trigger a fault inside a node; return the time just before."""
         (self.directory / f"{faulty_process.ORDER}-{node}").write_text(order)
         return self.signal(node, signal.SIGUSR1)
 
     def crash_loop(self, node: str, *, ends: bool) -> None:
-        """Whether it ends as it starts."""
+        """Set whether a node ends at each start."""
         path = self.directory / f"{faulty_process.CRASH}-{node}"
         path.touch() if ends else path.unlink(missing_ok=True)
 
     def attack(self, name: str, seed: int, for_s: float) -> float:
-        """Set the attacker on; returns the time just before."""
+        """Start an attack; return the time just before."""
         attacker = self.attacker
         now_s = time.monotonic()
         attacker.order({"attack": name, "seed": seed, "for_s": for_s})
         return now_s
 
     def end_attack(self) -> int:
-        """Returns how many messages were sent."""
+        """End the attack; return the number of sent messages."""
         return int(self.attacker.order({"attack": "stop"}))
 
     async def settled(self) -> None:
-        """Wait until supervisord takes its programs for running: one that dies sooner is started again ever later.
+        """Wait until supervisord considers its programs running; it restarts a program that dies earlier with growing delays.
 
         Raises:
-            StageError: it does not.
+            StageError: it does not in time.
         """
         deadline_s = time.monotonic() + ALIVE_LIMIT_S
         while (programs := supervisord.programs(self.state)) is not None:
@@ -411,10 +411,10 @@ class Stage:
             await self.observer.watch(SETTLE_POLL_S)
 
     async def alive(self, *more: str) -> None:
-        """Wait until sim and supervisor are there, by their tokens and by what they say.
+        """Wait until sim and supervisor have their tokens and publish.
 
         Raises:
-            StageError: they do not come.
+            StageError: they do not in time.
         """
         wanted = {*NODES, *more}
         since_s = time.monotonic()
@@ -429,16 +429,16 @@ class Stage:
         if not await self.observer.until(are_there, ALIVE_LIMIT_S):
             missing = wanted - self.observer.alive
             raise StageError(
-                f"not alive within {ALIVE_LIMIT_S:g} s: {', '.join(sorted(missing)) or 'they say nothing'}"
+                f"not alive within {ALIVE_LIMIT_S:g} s: {', '.join(sorted(missing)) or 'they publish nothing'}"
             )
 
     # --- the operator
 
     async def neutral(self) -> float:
-        """Let go until the supervisor would let the robot drive; returns how long that took [s].
+        """Send neutral until the supervisor permits driving; return the time that it took [s].
 
         Raises:
-            StageError: it does not, although everything is there.
+            StageError: it does not in time.
         """
         began_s = time.monotonic()
         deadline_s = began_s + READY_LIMIT_S
@@ -453,16 +453,16 @@ class Stage:
         raise StageError(f"not ready to drive {READY_LIMIT_S:g} s after neutral ({reasons}){ended}")
 
     def press_neutral(self) -> None:
-        """`s`, and a reset where only that helps."""
+        """Press `s`, and `r` if an e-stop is latched."""
         status = self.observer.status
         is_latched = status is not None and "ESTOP" in status.reasons
         self.teleop.press("sr" if is_latched else "s")
 
     async def back_to_start(self) -> None:
-        """The robot at rest at its start, with at least 4 m of free aisle ahead, and no pillar anywhere.
+        """Put the robot at rest at its start, with at least 4 m of free aisle ahead and without any pillar.
 
         Raises:
-            StageError: the sim does not do it.
+            StageError: the sim did not reset.
         """
         bus = self.observer.bus
         bus.publisher(topics.OBSTACLE).put(Point(0.0, 0.0, -1.0))
@@ -478,12 +478,12 @@ class Stage:
             raise StageError(f"the sim did not reset: {response.message}")
 
     def put_pillar(self, ahead_m: float, left_m: float) -> None:
-        """In the way of a robot at its start."""
+        """Place a pillar relative to the robot's start pose."""
         x_m, y_m = START_M
         self.observer.bus.publisher(topics.OBSTACLE).put(Point(x_m + ahead_m, y_m + left_m, 0.0))
 
     async def sensors(self, faults: str) -> float:
-        """Ask the sim for these faults; returns the time just before.
+        """Request these faults from the sim; return the time just before.
 
         Raises:
             StageError: it refuses, or does not answer.
@@ -499,7 +499,7 @@ class Stage:
 
 
 def _is_free(seen: Seen, since_s: float) -> bool:
-    """A fresh status that names no reason to stop."""
+    """Return whether a newer status without a stop reason has arrived."""
     return bool(seen.statuses) and seen.statuses[-1].arrival_s > since_s and not seen.statuses[-1].is_stopped
 
 

@@ -1,7 +1,7 @@
-"""What the simulated base does at its wheels, told past the network: also while the hub is dead.
+"""The motion of the simulated base, reported through a pipe instead of the network, so also while the hub is dead.
 
-The sim of the campaign writes a sample into a named pipe, 100 times a second and whenever the base's own
-reason changes, or whether it drives at all. Its times are `time.monotonic` of the same machine, so they need no correction.
+The campaign's sim writes a sample to a named pipe 100 times per second, and whenever the base's own stop reason or
+the drive's state changes. Its times are `time.monotonic` of the same machine, so they need no correction.
 """
 
 import os
@@ -15,7 +15,7 @@ READ_BYTES = 64 * _LAYOUT.size
 
 
 class WheelSample(NamedTuple):
-    """One moment of the base."""
+    """One sample of the base."""
 
     time_s: float
     x_m: float
@@ -24,18 +24,18 @@ class WheelSample(NamedTuple):
     linear_m_s: float
     angular_rad_s: float
     clearance_m: float
-    """Hull to the nearest thing."""
+    """Distance from the hull to the nearest object."""
     own_approach_m: float
-    """How much of it was lost since the sample before by the robot's own motion."""
+    """Decrease of the clearance since the previous sample by the robot's own motion."""
     lost_s: float
-    """For how long nothing was told before this one; a stopped process tells nothing."""
+    """Time without samples before this one; a stopped process writes none."""
     is_touching: bool
     is_driven: bool
-    """Whether the drive is asked for anything but zero."""
+    """Whether the drive's target is not zero."""
     reason: int
-    """The index of the base's own reason in `sim.watchdog.BaseReason`."""
+    """Index of the base's own stop reason in `sim.watchdog.BaseReason`."""
     collisions: int
-    """Since the last reset."""
+    """Number since the last reset."""
 
 
 def pack(sample: WheelSample) -> bytes:
@@ -43,23 +43,23 @@ def pack(sample: WheelSample) -> bytes:
 
 
 def unpack(data: bytes) -> Iterator[WheelSample]:
-    """The samples of a whole number of records."""
+    """Decode the samples of complete records."""
     for values in _LAYOUT.iter_unpack(data):
         sample = WheelSample._make(values)
         yield sample._replace(is_touching=bool(sample.is_touching), is_driven=bool(sample.is_driven))
 
 
 class WheelPipe:
-    """The reader's end; writers may come and go."""
+    """The reader's end; writers may start and end."""
 
     def __init__(self, path: Path) -> None:
         os.mkfifo(path)
-        # Opened for both, so that it never ends when a writer dies.
+        # Opened for both directions, so that it does not end when a writer dies.
         self.descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
         self._rest = b""
 
     def take(self) -> list[WheelSample]:
-        """Everything that was written since the last time; a write is whole or not at all."""
+        """Return all samples since the last call; a write is complete or absent."""
         data = self._rest
         while True:
             try:
@@ -75,7 +75,7 @@ class WheelPipe:
 
 
 class WheelWriter:
-    """The sim's end. Never blocks; what nobody reads is left out."""
+    """The sim's end; it never blocks, and drops samples that are not read."""
 
     def __init__(self, path: Path) -> None:
         self._descriptor = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC)
