@@ -1,12 +1,12 @@
 """The fault campaign: every class of fault, at random moments, with the promises checked on every sample.
 
-classes.py     the table of faults: what is done, to which process, what must notice it, and how soon
+classes.py     the table of faults: what is done, to which process, what must detect it, and how soon
 demands.py     what must follow from a fault, and when (pure)
 attacks.py     messages of a client that ignores the protocol (pure); writers.py scans of a second lidar (pure)
 seen.py        observations of a run from outside: commands, statuses, the true motion
 promises.py    the promises of the design, checked on what was seen (pure)
-measure.py     what each stop was like: detector, times, distance (pure)
-timeline.py    the samples of it that a picture is drawn from (pure)
+measure.py     detector, times and distance of each stop (pure)
+timeline.py    the samples that a picture is drawn from (pure)
 trial.py       the record of one trial, and its line of JSON
 trial_file.py  the file of a campaign, read and appended to; provenance.py where and when the campaign ran
 simulated/     the same services on a virtual clock (docs/decisions/0017)

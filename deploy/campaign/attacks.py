@@ -1,4 +1,4 @@
-"""What an attacker on the wire says, drawn from a source of chance. Pure."""
+"""The messages of an attacker on the wire, drawn from a random generator. Pure."""
 
 import math
 import random
@@ -31,18 +31,18 @@ KEYS = (
     topics.alive(topics.TELEOP),
 )
 ROGUE_KEYS = (topics.CMD_VEL.key, "*", "**", "c*", "cmd_vel/**")
-"""Whatever matches cmd_vel."""
+"""Key expressions that match cmd_vel."""
 MAX_OVERSIZED_BYTES = 3 << 20
 SPEED_M_S = 0.9
 STEADY_HZ, FLOOD_HZ = 20.0, 2000.0
-"""Of a second lidar's scans."""
+"""Rate of a second lidar's scans."""
 
 
 class Shot(NamedTuple):
     """One message."""
 
     key: str
-    """Relative to the namespace."""
+    """Key relative to the namespace."""
     payload: bytes
     attachment: bytes | None = None
 
@@ -51,14 +51,14 @@ Attack = Callable[[random.Random], Iterator[Shot]]
 
 
 def malformed(chance: random.Random) -> Iterator[Shot]:
-    """Random bytes, some of them behind a right header."""
+    """Random bytes, some of them after a correct header."""
     while True:
         start = b"\x00\x01\x00\x00" if chance.random() < 0.5 else b""
         yield Shot(chance.choice(KEYS), start + chance.randbytes(chance.randrange(200)))
 
 
 def truncated(chance: random.Random) -> Iterator[Shot]:
-    """The right type, cut off somewhere."""
+    """Messages of the right type, truncated."""
     whole = _right_ones(chance)
     while True:
         key = chance.choice(list(whole))
@@ -67,7 +67,7 @@ def truncated(chance: random.Random) -> Iterator[Shot]:
 
 
 def oversized(chance: random.Random) -> Iterator[Shot]:
-    """The right beginning, and far too much behind it."""
+    """A correct message, followed by far too many bytes."""
     whole = _right_ones(chance)
     while True:
         key = chance.choice(list(whole))
@@ -76,7 +76,7 @@ def oversized(chance: random.Random) -> Iterator[Shot]:
 
 
 def wrong_type(chance: random.Random) -> Iterator[Shot]:
-    """A good message of another topic."""
+    """A valid message of another topic."""
     whole = _right_ones(chance)
     while True:
         key, other = chance.sample(list(whole), 2)
@@ -84,17 +84,17 @@ def wrong_type(chance: random.Random) -> Iterator[Shot]:
 
 
 def not_finite(chance: random.Random) -> Iterator[Shot]:
-    """NaN and infinite values in the right places."""
+    """Messages with NaN and infinite values."""
     yield from _with_values(chance, (math.nan, math.inf, -math.inf))
 
 
 def huge(chance: random.Random) -> Iterator[Shot]:
-    """Values that no robot reaches."""
+    """Values beyond every robot's limits."""
     yield from _with_values(chance, (1e3, -1e6, 1e39, -1e300, 5e-324))
 
 
 def attachments(chance: random.Random) -> Iterator[Shot]:
-    """Good commands with attachments of other layouts, times and epochs."""
+    """Valid commands with attachments of other layouts, times and epochs."""
     payload = encode(planar_twist(SPEED_M_S, 0.0))
     while True:
         gid = chance.choice((bytes(GID_BYTES), b"\xff" * GID_BYTES, chance.randbytes(GID_BYTES)))
@@ -106,7 +106,7 @@ def attachments(chance: random.Random) -> Iterator[Shot]:
 
 
 def flood(chance: random.Random) -> Iterator[Shot]:
-    """Good messages of one kind, as fast as they go."""
+    """Valid messages of one kind, at the highest possible rate."""
     whole = _right_ones(chance)
     key = chance.choice(
         [*SOURCE_KEYS[:1] * 3, topics.SCAN.key, topics.ODOM.key, topics.ESTOP.key, topics.IMU.key]
@@ -116,25 +116,25 @@ def flood(chance: random.Random) -> Iterator[Shot]:
 
 
 def rogue_cmd_vel(chance: random.Random) -> Iterator[Shot]:
-    """Commands to the wheels, past the supervisor."""
+    """Commands on cmd_vel, bypassing the supervisor."""
     while True:
         speed_m_s = chance.choice((SPEED_M_S, -SPEED_M_S, math.nan))
         yield Shot(chance.choice(ROGUE_KEYS), encode(planar_twist(speed_m_s, 0.5)))
 
 
 def second_lidar(chance: random.Random) -> Iterator[Shot]:  # noqa: ARG001 - as every attack
-    """Another client's scans: they prove nothing, and they are no lies."""
+    """A second client's scans, all NaN."""
     while True:
         yield Shot(topics.SCAN.key, encode(_scan([math.nan] * 360)))
 
 
 def second_lidar_steady(chance: random.Random) -> Iterator[Shot]:
-    """Another client's plausible scans, as a lidar says them."""
+    """A second client's plausible scans, at a lidar's rate."""
     yield from _free_space(chance, STEADY_HZ)
 
 
 def second_lidar_flood(chance: random.Random) -> Iterator[Shot]:
-    """The same, as fast as they go."""
+    """The same, at the highest possible rate."""
     yield from _free_space(chance, FLOOD_HZ)
 
 
@@ -144,7 +144,7 @@ def _free_space(chance: random.Random, rate_hz: float) -> Iterator[Shot]:
 
 
 def estop(chance: random.Random) -> Iterator[Shot]:  # noqa: ARG001 - as every attack
-    """An emergency stop, once."""
+    """One emergency stop."""
     yield Shot(topics.ESTOP.key, encode(Bool(data=True)))
 
 
@@ -163,11 +163,11 @@ ATTACKS: dict[str, tuple[Attack, float]] = {
     "second_lidar_flood": (second_lidar_flood, FLOOD_HZ),
     "estop": (estop, 50.0),
 }
-"""Each attack, and how many messages it sends a second."""
+"""Each attack, and its rate in messages per second."""
 
 
 def _right_ones(chance: random.Random) -> dict[str, bytes]:
-    """A message of the right type for each key that an attack spoils."""
+    """Return a message of the right type for a key."""
     scan = _scan([chance.uniform(0.5, 12.0) for _ in range(360)])
     twist = encode(planar_twist(chance.uniform(-1.0, 1.0), chance.uniform(-2.0, 2.0)))
     return {
@@ -197,7 +197,7 @@ def _with_values(chance: random.Random, values: tuple[float, ...]) -> Iterator[S
 
 
 def _twist(value: float, chance: random.Random) -> Twist:
-    """The value in one of its six places."""
+    """Return a Twist with the value in one of its six components."""
     twist = zero_twist()
     part: Vector3 = chance.choice((twist.linear, twist.angular))
     setattr(part, chance.choice("xyz"), value)
@@ -205,7 +205,7 @@ def _twist(value: float, chance: random.Random) -> Twist:
 
 
 def _scan(ranges_m: list[float]) -> LaserScan:
-    with np.errstate(over="ignore"):  # a huge value is infinite in 32 bits
+    with np.errstate(over="ignore"):  # a huge value becomes infinite in 32 bits
         ranges = np.array(ranges_m).astype(np.float32)
     return LaserScan(
         header("lidar"),

@@ -1,7 +1,7 @@
 """The promises of the design's section 4, checked on every sample of a run. Pure.
 
-What follows from a fault is told by the one who did it, as `Demand`s: from when to when zero must be
-commanded, the base must brake, or the robot must have become drivable again.
+The consequences that a fault requires are given as `Demand`s: when zero must be commanded, when the base must brake,
+or when the robot must be drivable again.
 """
 
 import itertools
@@ -86,12 +86,12 @@ class Violation:
 
 
 def violations(seen: Seen, demands: Iterable[Demand] = (), bounds: Bounds | None = None) -> list[Violation]:
-    """Every promise that was broken, each at most once for each occasion, in order of time.
+    """Return the broken promises, each at most once per occasion, in order of time.
 
     Args:
-        seen: the whole run.
-        demands: what its faults ask for.
-        bounds: the numbers of the promises.
+        seen: all observations of the run.
+        demands: the demands of its faults.
+        bounds: the limits of the promises.
     """
     bounds = bounds or Bounds()
     found = [
@@ -127,7 +127,7 @@ def _beyond_limits(commands: Sequence[Command], bounds: Bounds) -> Iterator[Viol
         ):
             sentence = f"cmd_vel asks for {linear:g} m/s, {angular:g} rad/s: beyond the limits"
             yield Violation(1, command.arrival_s, sentence)
-            return  # whatever follows is the same fault
+            return  # later violations have the same cause
 
 
 def _motion_despite_a_stop(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
@@ -172,7 +172,7 @@ def _moved_unasked(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
         age_s = _age_s(wishes, command.arrival_s)
         is_late = not command.is_zero and age_s > bounds.asked_age_s
         if is_late and not told:
-            sentence = f"the robot moves by a wish that is {age_s:.3f} s old"
+            sentence = f"the robot moves by a request that is {age_s:.3f} s old"
             yield Violation(3, command.arrival_s, sentence)
         told = is_late
 
@@ -183,7 +183,7 @@ def _set_off_unasked(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
     for (_, before), (at_s, is_driven) in itertools.pairwise(seen.driven):
         age_s = _age_s(wishes, at_s)
         if is_driven and not before and age_s > bounds.asked_age_s:
-            yield Violation(3, at_s, f"the base sets off by a wish that is {age_s:.3f} s old")
+            yield Violation(3, at_s, f"the base starts by a request that is {age_s:.3f} s old")
 
 
 def _wishes_s(asked: Sequence[Asked]) -> list[float]:
@@ -234,11 +234,11 @@ BRAKING_TOLERANCE_RAD_S = 0.25
 
 
 def _came_too_near(motions: Sequence[Motion], bounds: Bounds) -> Iterator[Violation]:
-    """Within the stop distance, own motion may only be what braking takes from a surprise.
+    """Check that the robot does not approach an object within the stop distance, except by braking after a surprise.
 
-    What moves by itself may come as near as it likes, and so may what is put where nobody could stop in time;
-    what counts is how much nearer the robot brought itself since it was within the stop distance, less what it
-    moved away again.
+    Objects that move by themselves may come arbitrarily near, and so may objects that are placed where the robot cannot
+    stop in time. What counts is how much nearer the robot came by its own motion within the stop distance, less its
+    motion away from the object.
     """
     surprised_s = excused_until_s = -math.inf
     own_m = allowed_m = 0.0
@@ -257,7 +257,7 @@ def _came_too_near(motions: Sequence[Motion], bounds: Bounds) -> Iterator[Violat
             excused_until_s = -math.inf
             is_surprised = motion.time_s - surprised_s < SURPRISE_S
         else:
-            # What passes by turns a way that led out into one that leads in: each new approach is judged from its start.
+            # A passing object can turn a motion away into an approach: each new approach is judged from its start.
             begins = own_m == 0.0 < motion.own_approach_m
             is_surprised = by_itself_m > SUDDEN_M or (begins and motion.time_s - surprised_s < SURPRISE_S)
         if is_surprised:
@@ -306,10 +306,10 @@ def _moved_without_neutral(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
 
 
 def _stops(statuses: Sequence[Status]) -> Iterator[tuple[float, tuple[str, ...], Status]]:
-    """Each stop that asks for a neutral: since when, why, and the status that ends it.
+    """Yield each stop that requires a neutral command: its begin, its reasons, and the status that ends it.
 
-    A stop of a robot that was free to drive concerns every source. A reason that comes up while it stands
-    concerns the source that the status speaks of: another one may show reasons of its own.
+    A stop of a robot without a stop before concerns all sources. A reason that appears during a stop concerns the source
+    that the status names, because another source may show its own reasons.
     """
     everybody: tuple[float, tuple[str, ...]] | None = None
     own: dict[str, tuple[float, tuple[str, ...]]] = {}
@@ -352,7 +352,7 @@ def _not_drivable(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violat
         yield Violation(demand.promise, demand.until_s, f"not drivable again ({why}): {demand.because}")
 
 
-# --- what a fault of a sensor must lead to, and what it must not
+# --- required and forbidden consequences of sensor faults
 
 
 def _in_force(seen: Seen, demand: Demand) -> list[Status]:

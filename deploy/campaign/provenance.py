@@ -1,4 +1,4 @@
-"""Where and when a campaign ran: a line in its file, behind the trials that it made."""
+"""Where and when a campaign ran: a line in its file after its trials."""
 
 import os
 import platform
@@ -17,10 +17,10 @@ GIT_LIMIT_S = 10.0
 
 
 def provenance_of(arguments: Sequence[str]) -> Provenance:
-    """Of what begins here and now.
+    """Return the provenance of a run that begins now.
 
     Args:
-        arguments: of the command line, without the program; of absolute paths the last part is kept.
+        arguments: the command line without the program; only the last part of absolute paths is kept.
     """
     words = [Path(word).name if word.startswith("/") else word for word in arguments]
     return Provenance(
@@ -32,7 +32,7 @@ def provenance_of(arguments: Sequence[str]) -> Provenance:
 
 
 def machine() -> str:
-    """What matters of this machine, without its name."""
+    """Return the relevant properties of this machine, without its name."""
     return (
         f"{os.cpu_count()} cores ({platform.machine()}), load average {os.getloadavg()[0]:.1f}, "
         f"{platform.system()}, Python {platform.python_version()}, eclipse-zenoh {version('eclipse-zenoh')}"
@@ -40,7 +40,7 @@ def machine() -> str:
 
 
 def commit() -> str:
-    """Of the code, and whether files differ from it; empty where git does not know."""
+    """Return the commit of the code, and whether files differ from it; empty if git does not know."""
     root = Path(__file__).parents[2]
     try:
         found, changes = (

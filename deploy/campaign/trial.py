@@ -104,10 +104,10 @@ PROVENANCE_BEGINS = '{"origin":'
 
 
 def parse(line: str) -> Trial:
-    """The trial of a line.
+    """Parse a trial's line.
 
     Raises:
-        DeployError: it is none, or of another format; in one sentence.
+        DeployError: the line is not a trial of this format.
     """
     try:
         return Trial.model_validate_json(line)

@@ -1,4 +1,4 @@
-"""What a second writer on the lidar's key says: plausible scans of free space. Pure."""
+"""The messages of a second writer on the lidar's key: plausible scans of free space. Pure."""
 
 import random
 from collections.abc import Iterator
@@ -9,20 +9,20 @@ from wire.messages import LaserScan, laser_scan
 from wire.stamp import GID_BYTES, Stamp
 
 FREE_M = 5.0
-"""A round room without anything in it."""
+"""Radius of an empty round room."""
 NOISE_M = 0.002
 PERIOD_S = 0.05
 
 
 def free_scan(chance: random.Random, time_ns: int | None = None) -> LaserScan:
-    """A scan that no lidar of a robot in a round room would be ashamed of; no two are equal."""
+    """Return a plausible scan of an empty round room; no two are equal."""
     noise = np.random.default_rng(chance.randrange(1 << 31))
     ranges = noise.normal(FREE_M, NOISE_M, 360).astype(np.float32)
     return laser_scan(ranges, range_m=(0.1, 12.0), period_s=PERIOD_S, time_ns=time_ns)
 
 
 def attachments(chance: random.Random, rate_hz: float) -> Iterator[bytes | None]:
-    """Of one writer's messages: none at all, or good stamps in good order, as chance will have it."""
+    """Yield the attachments of one writer: none, or valid stamps in order, at random."""
     if chance.random() < 0.5:
         while True:
             yield None

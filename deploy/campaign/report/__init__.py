@@ -1,7 +1,7 @@
 """Statistics, tables and the HTML page of a campaign.
 
-report.py      `lifeline fault-report`: files in, a page out
-figures.py     the numbers of each class (pure); statistics.py what they need (pure)
+report.py      `lifeline fault-report`: read the files, write the page
+figures.py     the numbers of each class (pure); statistics.py quantiles and bounds (pure)
 table.py       the results on the terminal
-page.py        the page of HTML (pure); drawing.py its pictures (pure)
+page.py        the HTML page (pure); drawing.py its pictures (pure)
 """

@@ -1,4 +1,4 @@
-"""Pictures of a campaign in SVG, to stand inside a page: its style sheet colours them. Pure."""
+"""SVG pictures of a campaign for an HTML page, whose style sheet gives the colours. Pure."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -16,16 +16,16 @@ PER_DECADE = 16
 
 NAME_PX, STRIP_PX, NOTE_PX, ROW_PX = 210, 560, 110, 24
 BEFORE_S, AFTER_S = 0.6, 2.4
-"""How much of a trial is drawn around its fault."""
+"""Time before and after the fault that is drawn."""
 POINTS = 300
-"""Of a line, at most."""
+"""Maximum number of points of a line."""
 WIDTH_PX, HEIGHT_PX, LEFT_PX, TOP_PX, REASONS_PX = 560, 130, 40, 18, 34
 WORDS_PX = 60
-"""A narrower stop has no room for its reason in words."""
+"""Minimum width of a stop that shows its reason."""
 
 
 def strips(classes: Sequence[ClassFigures]) -> str:
-    """How the stop times of each class are distributed on a log axis, with its bound; empty without any."""
+    """Draw the distribution of each class's stop times on a log axis, with its bound; empty without stops."""
     shown = [one for one in classes if one.timed]
     if not shown:
         return ""
@@ -47,7 +47,7 @@ def _strip(one: ClassFigures, top_px: float) -> Iterator[str]:
     bin_px, base_px = STRIP_PX / len(counts), top_px + ROW_PX - 2
     yield f'<text class="name" x="{NAME_PX - 8}" y="{top_px + 16:.0f}">{escape(one.name)}</text>'
     bars = "".join(
-        # Also a single one among thousands must be seen.
+        # A single stop among thousands must be visible.
         f"M{NAME_PX + place * bin_px:.1f} {base_px:.0f}v-{max(2.0, (ROW_PX - 5) * count / max(counts)):.1f}"
         f"h{bin_px - 0.6:.1f}V{base_px:.0f}z"
         for place, count in enumerate(counts)
@@ -72,7 +72,7 @@ def _time(time_s: float) -> str:
 
 @dataclass(frozen=True)
 class _Frame:
-    """Where a moment and a speed lie in the picture of a timeline."""
+    """Maps times and speeds to the coordinates of a timeline's picture."""
 
     begin_s: float
     end_s: float
@@ -90,7 +90,7 @@ BOTTOM_PX = TOP_PX + HEIGHT_PX
 
 
 def timeline(trial: Trial, one: Injected) -> str:
-    """Commanded, permitted and true speed around a fault, and why it stood; empty where nothing is told."""
+    """Draw commanded, permitted and true speed around a fault, with the stop reasons; empty without a timeline."""
     begin_s, end_s = one.time_s - BEFORE_S, one.time_s + AFTER_S
     samples = [sample for sample in trial.timeline if begin_s <= sample.time_s <= end_s]
     if len(samples) < 2:
@@ -149,7 +149,7 @@ def _stops(frame: _Frame, samples: Sequence[Sample]) -> Iterator[str]:
 
 
 def _reasons(samples: Sequence[Sample]) -> Iterator[tuple[float, float, tuple[str, ...]]]:
-    """From when to when it was stopped for what."""
+    """Return the stops with their times and reasons."""
     start = 0
     for number in range(1, len(samples) + 1):
         if number == len(samples) or samples[number].reasons != samples[start].reasons:
@@ -164,7 +164,7 @@ def _line(points: Iterable[tuple[float, float]]) -> str:
 
 
 def _steps(points: Sequence[tuple[float, float]]) -> str:
-    """A value that holds until the next one."""
+    """Return the path of values that hold until the next one."""
     first, *others = points
     return f"M{first[0]:.1f} {first[1]:.1f}" + "".join(f"H{x:.1f}V{y:.1f}" for x, y in others)
 

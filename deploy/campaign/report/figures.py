@@ -1,4 +1,4 @@
-"""What the trials of a campaign come to, class by class: what a report says of them. Pure."""
+"""The figures of a campaign's trials, by class. Pure."""
 
 import math
 from collections import Counter
@@ -13,10 +13,10 @@ from deploy.campaign.trial import BrokenPromise, Injected, Provenance, Trial
 
 PAIR = "pair"
 APART_S = 2.0
-"""What happened within this of something else says nothing of its own class: it counts as a pair."""
+"""Faults closer together than this count as a pair, not as their own classes."""
 BASE = "base: "
 TOLD_KEPT = 40
-"""Trials with a timeline that are remembered for each class, to choose a typical one from."""
+"""Number of trials with a timeline that are kept for each class, to choose a typical one."""
 ROUNDING_S = 1e-9
 
 PROMISES = {
@@ -39,13 +39,13 @@ class Case(NamedTuple):
     stop_s: float | None
     """See `stop_s`."""
     wheels_s: float | None
-    """To the drive being asked for zero; measured in real trials."""
+    """Time until the drive's target is zero; measured in real trials."""
     standstill_s: float | None
     distance_m: float | None
 
 
 class Broken(NamedTuple):
-    """A promise that was broken, and how to see it again."""
+    """A broken promise, and the command that replays it."""
 
     classes: tuple[str, ...]
     seed: int
@@ -54,7 +54,7 @@ class Broken(NamedTuple):
 
 
 class Spread(NamedTuple):
-    """Of one time or length."""
+    """Quantiles of a time or distance."""
 
     number: int
     median: float
@@ -70,24 +70,24 @@ class ClassFigures:
     name: str
     bound_s: float | None
     count: int
-    """How often it was done."""
+    """Number of injections."""
     stops: tuple[Case, ...]
-    """Those that led to a stop by a detector that is meant for it, the quickest first."""
+    """Cases that led to a stop by an expected detector, the fastest first."""
     detectors: tuple[tuple[str, int], ...]
-    """Who fired first in `stops`, the most frequent first."""
+    """The first detectors of `stops` and their counts, the most frequent first."""
     others: tuple[tuple[str, int, float], ...]
-    """Stops by another detector: which, how often, the longest time [s], NaN if none was measured."""
+    """Stops by other detectors: the detector, the count, the longest time [s]; NaN if none was measured."""
     leeway_s: float
-    """What a single trial may take beyond the bound before it counts as broken."""
+    """Tolerance of a single trial beyond the bound."""
     clearance_m: float
-    """The smallest of the trials that it was in."""
+    """Smallest clearance of its trials."""
     contacts: int
-    """Of those trials, whoever moved."""
+    """Contacts in its trials, whichever side moved."""
     trials: int
     broken: int
-    """Of `trials`, those that broke a promise."""
+    """Number of `trials` that broke a promise."""
     told: tuple[Trial, ...]
-    """Trials with a timeline, some of them."""
+    """Some of the trials with a timeline."""
 
     @property
     def stop(self) -> Spread | None:
@@ -107,24 +107,24 @@ class ClassFigures:
 
     @property
     def is_stood_still(self) -> bool:
-        """Whether the fault holds the simulated world itself: then its motion says nothing of a robot's."""
+        """Whether the fault stops the simulated world itself; its motion is then not the robot's."""
         return self.name in BY_NAME and Effect.STANDSTILL in BY_NAME[self.name].effect
 
     @property
     def timed(self) -> list[Case]:
-        """Those whose time was measured, the quickest first."""
+        """The cases with a measured time, the fastest first."""
         return [case for case in self.stops if case.stop_s is not None]
 
     @property
     def late(self) -> int:
-        """How many took longer than the bound, without any leeway."""
+        """Number of cases beyond the bound, without tolerance."""
         if self.bound_s is None:
             return 0
         return sum(case.stop_s > self.bound_s + ROUNDING_S for case in self.timed if case.stop_s is not None)
 
     @property
     def typical(self) -> Case | None:
-        """The median one."""
+        """The median case."""
         timed = self.timed
         return timed[(len(timed) - 1) // 2] if timed else None
 
@@ -134,7 +134,7 @@ class ClassFigures:
         return timed[-1] if timed else None
 
     def told_near(self, stop_s: float) -> Trial | None:
-        """Of the trials with a timeline, the one that took most nearly so long."""
+        """Return the trial with a timeline whose stop time is nearest to this one."""
         mode_times = [(one, time_in(one, self.name)) for one in self.told]
         timed = [(abs(time_s - stop_s), one.seed, one) for one, time_s in mode_times if time_s is not None]
         return min(timed, key=lambda entry: entry[:2])[2] if timed else None
@@ -142,7 +142,7 @@ class ClassFigures:
 
 @dataclass
 class _Gathered:
-    """One class, while trials come."""
+    """Collects the trials of one class."""
 
     cases: list[Case] = field(default_factory=list[Case])
     leeway_s: float = 0.0
@@ -165,7 +165,7 @@ class _Gathered:
         if trial.timeline:
             self.told.append(trial)
             if len(self.told) > TOLD_KEPT:
-                # The longest one stays; of the others, the earliest.
+                # Keep the longest one; of the others, the earliest.
                 keeps = max(range(len(self.told)), key=lambda n: time_in(self.told[n], name) or 0.0)
                 del self.told[-2 if keeps == TOLD_KEPT else -1]
 
@@ -174,7 +174,7 @@ class _Gathered:
         expected = known.detectors if known is not None else ()
         stopped = [case for case in self.cases if case.detector is not None]
         if mode == "real" and known is not None and known.bound_s is not None:
-            # Nobody lets go there while a stop is due: a zero is a stop, whoever said first why.
+            # In these trials the operator keeps requesting motion, so a zero is a stop, whatever the reason.
             stopped = [case for case in self.cases if case.detector is not None or case.stop_s is not None]
         meant = [case for case in stopped if not expected or case.detector in expected]
         others: dict[str, list[Case]] = {}
@@ -199,7 +199,7 @@ class _Gathered:
 
 @dataclass
 class Campaign:
-    """The trials of one mode that one code made."""
+    """The trials of one mode and one revision."""
 
     mode: str
     revision: str
@@ -228,35 +228,35 @@ class Campaign:
             self._gathered[name].was_in(trial, name)
 
     def sign(self, provenance: Provenance) -> None:
-        """What was added since the last provenance is of this one."""
+        """Assign the trials since the last provenance to this one."""
         if self.unsigned and provenance not in self.provenances:
             self.provenances.append(provenance)
         self.unsigned = False
 
     @property
     def rate(self) -> float:
-        """What the rate of trials that break a promise can be at most, with 95 % confidence."""
+        """95 % upper bound of the rate of trials that break a promise."""
         return upper_rate(self.trials, self.broken_trials)
 
     def classes(self) -> list[ClassFigures]:
-        """In the order of the table of classes."""
+        """Return the figures in the order of the table of classes."""
         order = {one.name: number for number, one in enumerate(CLASSES)}
         names = sorted(self._gathered, key=lambda name: (order.get(name, len(order)), name))
         return [self._gathered[name].figures(name, self.mode) for name in names]
 
     @property
     def bounded(self) -> Spread | None:
-        """The stops of all classes that have a bound, each fault alone."""
+        """The stops of all classes with a bound, without pairs."""
         bounded = (one for one in self.classes() if one.bound_s is not None)
         return spread([case.stop_s for one in bounded for case in one.stops])
 
     def find(self, name: str) -> ClassFigures | None:
-        """One class; None: it never happened."""
+        """Return the figures of one class; None if it has no trial."""
         return self._gathered[name].figures(name, self.mode) if name in self._gathered else None
 
 
 def spread(values: Sequence[float | None]) -> Spread | None:
-    """Of those that were measured; None where none was."""
+    """Return the quantiles of the measured values; None if there are none."""
     ordered = sorted(value for value in values if value is not None)
     if not ordered:
         return None
@@ -270,9 +270,9 @@ def spread(values: Sequence[float | None]) -> Spread | None:
 
 
 def campaigns(records: Iterable[Trial | Provenance]) -> tuple[list[Campaign], int]:
-    """The campaigns of a file: of each mode that of the newest code, and how many trials of older code there are.
+    """Return the campaign of the newest revision of each mode, and the number of trials of older revisions.
 
-    A file may be added to by code that has changed meanwhile; figures of different code do not belong together.
+    Trials may be appended to a file by different revisions; their figures must not be mixed.
     """
     found: dict[tuple[str, str], Campaign] = {}
     newest: dict[str, str] = {}
@@ -289,10 +289,10 @@ def campaigns(records: Iterable[Trial | Provenance]) -> tuple[list[Campaign], in
 
 
 def stop_s(mode: str, one: Injected) -> float | None:
-    """From the fault to zero on cmd_vel; for what only the base can notice, to the base's own braking.
+    """Return the time from the fault to zero on cmd_vel; for faults that only the base can detect, to its own braking.
 
-    A dead supervisor says no zero, and a hung one a late one: in a real trial the wheels tell, in a virtual one
-    the record has the base's time already.
+    A dead supervisor sends no zero, and a hung one sends it late. In real trials, the time is measured at the wheels; in
+    virtual trials, the record contains the base's time.
     """
     known = BY_NAME.get(one.fault)
     if mode == "real" and known is not None and any(name.startswith(BASE) for name in known.detectors):
@@ -320,14 +320,14 @@ def class_of(trial: Trial) -> str:
 
 
 def replay(trial: Trial) -> str:
-    """The command that does this trial again."""
+    """Return the command that replays this trial."""
     if trial.mode == "virtual":
         return f"lifeline faults --virtual --seed {trial.seed}"
     return f"lifeline faults --classes {class_of(trial)} --trials 1 --seed {trial.seed}"
 
 
 def classes_in(trial: Trial) -> Iterator[tuple[str, Injected]]:
-    """Each fault of a trial with the class that it says something of."""
+    """Yield each fault of a trial with the class that it counts for."""
     for one in trial.faults:
         is_alone = PAIR not in one.parameters and all(
             abs(one.time_s - other.time_s) > APART_S for other in trial.faults if other is not one
@@ -348,13 +348,13 @@ def _case(trial: Trial, one: Injected) -> Case:
 
 
 def time_in(trial: Trial, name: str) -> float | None:
-    """How long the slowest stop of a class took in a trial; None: none was measured."""
+    """Return the longest stop time of a class in a trial; None if none was measured."""
     times_s = [stop_s(trial.mode, one) for class_, one in classes_in(trial) if class_ == name]
     return max((time_s for time_s in times_s if time_s is not None), default=None)
 
 
 def fault_of(trial: Trial, name: str) -> Injected | None:
-    """The first fault of a class in a trial."""
+    """Return the first fault of a class in a trial."""
     return next((one for class_, one in classes_in(trial) if class_ == name), None)
 
 

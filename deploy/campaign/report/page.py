@@ -1,4 +1,4 @@
-"""The report of a campaign as one page of HTML: no script, nothing from elsewhere, light, dark, and on paper. Pure."""
+"""The report of a campaign as one HTML page without scripts or external resources, for screen and paper. Pure."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -11,7 +11,7 @@ from deploy.campaign.report.statistics import upper_rate
 
 BROKEN_SHOWN = 200
 FEW = 100
-"""With fewer, the 99th percentile is the longest of all."""
+"""With fewer stops, the 99th percentile is the maximum."""
 MODES = {"real": "Real processes", "virtual": "Virtual time"}
 ABOUT = {
     "real": "The real programs over real Zenoh, killed, stopped and cut off while the robot drives by keys. What is "
@@ -47,12 +47,12 @@ figure{margin:1rem 0}figcaption{color:var(--soft);font-size:13px}
 
 
 def page(sources: Sequence[str], campaigns: Sequence[Campaign], left_out: int) -> str:
-    """The whole page.
+    """Return the page.
 
     Args:
         sources: names of the files.
-        campaigns: what they hold.
-        left_out: how many trials in them are of older code, and not in the figures.
+        campaigns: the campaigns in them.
+        left_out: number of trials of older revisions, which are not in the figures.
     """
     title = "Lifeline: what each fault leads to"
     return "".join(
@@ -69,7 +69,7 @@ def page(sources: Sequence[str], campaigns: Sequence[Campaign], left_out: int) -
 
 
 def verdict(one: Campaign) -> str:
-    """How many trials, how many broke a promise, how rare that may be, and how soon it stopped."""
+    """Return one sentence: number of trials, broken promises, failure rate and stop times."""
     hours = one.duration_s / 3600
     lasted = f"{hours:.1f} h" if hours >= 1 else f"{one.duration_s / 60:.1f} min"
     found = f"{one.broken_trials:,}" if one.broken_trials else "none"
@@ -80,7 +80,7 @@ def verdict(one: Campaign) -> str:
 
 
 def _bounded(stops: Spread | None) -> str:
-    """Of all classes at once."""
+    """Return a sentence on the stop times of all classes together."""
     if stops is None or stops.number < FEW:
         return ""
     p99, p999, worst = (f"{1000 * time_s:.1f} ms" for time_s in (stops.p99, stops.p999, stops.worst))
@@ -91,7 +91,7 @@ def _bounded(stops: Spread | None) -> str:
 
 
 def percent(rate: float) -> str:
-    """With two digits that count."""
+    """Format a rate in percent with two significant digits."""
     if rate <= 0.0:
         return "0 %"
     digits = max(0, 1 - math.floor(math.log10(100 * rate)))
@@ -104,7 +104,7 @@ def _head(sources: Sequence[str], campaigns: Sequence[Campaign], left_out: int) 
         word = "bad" if one.broken_trials else "good"
         yield f'<p><b>{MODES[one.mode]}.</b> <span class="{word}">{verdict(one)}</span></p>'
     if left_out:
-        yield f"<p>{left_out:,} trials of older code are in the file, and left out here.</p>"
+        yield f"<p>{left_out:,} trials of older revisions are in the file and not included here.</p>"
 
 
 def _campaign(one: Campaign) -> Iterator[str]:
@@ -190,7 +190,7 @@ def _cell(text: str) -> str:
 
 
 def number(found: Spread | None, which: str, factor: float) -> str:
-    """`median`, `p99` or `worst`, in units of a factor-th; empty where nothing was measured."""
+    """Format `median`, `p99` or `worst`, multiplied by a factor; empty if nothing was measured."""
     return "" if found is None else f"{factor * float(getattr(found, which)):,.1f}"
 
 
@@ -234,7 +234,7 @@ def _single(classes: Sequence[ClassFigures], mode: str) -> Iterator[str]:
 
 
 def _picture(one: ClassFigures, case: Case) -> Iterator[tuple[int, str]]:
-    """Of that very trial where it tells what moved, else of the one that comes nearest to it and does; by its seed."""
+    """Draw this case's trial, or the one with a timeline whose stop time is nearest."""
     trial = one.told_near(case.stop_s or 0.0)
     fault = None if trial is None else fault_of(trial, one.name)
     if trial is None or fault is None or not (picture := timeline(trial, fault)):

@@ -1,4 +1,4 @@
-"""`lifeline fault-report`: from files of trials to one page."""
+"""`lifeline fault-report`: render files of trials as one page."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -11,10 +11,10 @@ from deploy.stack.errors import DeployError
 
 
 def read_campaigns(files: Sequence[Path]) -> tuple[list[Campaign], int]:
-    """What the files hold, and how many trials of older code are left out.
+    """Return the campaigns in the files, and the number of trials of older revisions, which are left out.
 
     Raises:
-        DeployError: a file cannot be read or is damaged, or there is no trial in any.
+        DeployError: a file cannot be read or is damaged, or no file contains a trial.
     """
     found, left_out = campaigns(_records(files))
     if not found:
@@ -24,7 +24,7 @@ def read_campaigns(files: Sequence[Path]) -> tuple[list[Campaign], int]:
 
 
 def write_report(files: Sequence[Path], out: Path) -> str:
-    """Write the page; returns a sentence for the operator.
+    """Write the page; return a sentence for the user.
 
     Raises:
         DeployError: as above, or the page cannot be written.

@@ -1,4 +1,4 @@
-"""Figures of many trials: quantiles, what a rate can be at most, bins on a log axis. Pure."""
+"""Statistics of many trials: quantiles, upper bound of a rate, bins on a log axis. Pure."""
 
 import math
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ CONFIDENCE = 0.95
 
 
 def quantile(ordered: Sequence[float], share: float) -> float:
-    """The smallest value that at least this share of them does not exceed; NaN of nothing.
+    """Return the smallest value that at least this share of the values does not exceed; NaN without values.
 
     Args:
         ordered: values in ascending order.
@@ -19,17 +19,17 @@ def quantile(ordered: Sequence[float], share: float) -> float:
 
 
 def upper_rate(count: int, events: int = 0, confidence: float = CONFIDENCE) -> float:
-    """What the rate of an event can be at most, by the exact bound of Clopper and Pearson; one-sided.
+    """Return the one-sided upper bound of an event's rate (Clopper and Pearson).
 
     Without events this is 1 - (1 - confidence)^(1/count): about 3/count, the rule of three.
 
     Args:
-        count: independent trials.
-        events: in how many of them it happened.
-        confidence: how certain the bound is.
+        count: number of independent trials.
+        events: number of trials with the event.
+        confidence: confidence of the bound.
 
     Returns:
-        0 to 1; 1 where nothing was tried.
+        0 to 1; 1 without trials.
     """
     if events >= count:
         return 1.0
@@ -47,7 +47,7 @@ def upper_rate(count: int, events: int = 0, confidence: float = CONFIDENCE) -> f
 
 
 def _at_most(events: int, count: int, rate: float) -> float:
-    """How likely there are no more events than these."""
+    """Return the probability of at most this number of events."""
     hit, miss = math.log(rate), math.log1p(-rate)
     whole = math.lgamma(count + 1)
     return math.fsum(
@@ -57,13 +57,13 @@ def _at_most(events: int, count: int, rate: float) -> float:
 
 
 def log_bins(values: Sequence[float], first: float, decades: int, per_decade: int) -> list[int]:
-    """How many values lie in each bin of a log axis; what lies beyond it counts at its ends.
+    """Return the number of values in each bin of a log axis; values beyond it count in its end bins.
 
     Args:
-        values: none is negative.
-        first: where the axis begins; positive.
-        decades: how long it is.
-        per_decade: bins in each.
+        values: not negative.
+        first: begin of the axis; positive.
+        decades: length of the axis.
+        per_decade: bins per decade.
     """
     counts = [0] * (decades * per_decade)
     for value in values:

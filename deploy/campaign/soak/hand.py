@@ -1,4 +1,4 @@
-"""An operator who drives about at random by teleop's keys: goes on, turns, runs into things, and backs out."""
+"""A simulated operator who drives at random by teleop's keys: forward, turns, up to obstacles, and back."""
 
 from random import Random
 from typing import NamedTuple
@@ -6,14 +6,14 @@ from typing import NamedTuple
 from wire.messages import SafetyStatus
 
 STEPS = 10
-"""To full speed, of teleop's default steps."""
+"""Number of teleop's default steps to full speed."""
 WEDGED_STOPS = 6
-"""So many stops one after the other without a whole plan in between: the robot is put back to its start."""
+"""After this many consecutive stops without a completed plan, the robot is reset to its start."""
 LET_GO_S = 0.6
 
 
 class _Act(NamedTuple):
-    """Steps forward and to the left, for a while."""
+    """A setpoint in steps forward and to the left, for a duration."""
 
     linear: int
     angular: int
@@ -24,7 +24,7 @@ LET_GO = _Act(0, 0, LET_GO_S)
 
 
 class Hand:
-    """Types. Pure: the time, and what the robot tells, are arguments."""
+    """The operator. Pure: the time and the robot's reports are arguments."""
 
     def __init__(self, random: Random) -> None:
         self._random = random
@@ -33,19 +33,19 @@ class Hand:
         self._until_s = 0.0
         self._stops = 0
         self._is_out = True
-        """The last stop has been answered."""
+        """The operator has reacted to the last stop."""
 
     @property
     def is_wedged(self) -> bool:
         return self._stops >= WEDGED_STOPS
 
     def put_back(self) -> None:
-        """The robot is at its start again."""
+        """Begin anew after a reset of the robot."""
         self._stops = 0
         self._plan = [LET_GO]
 
     def keys(self, now_s: float, status: SafetyStatus) -> str:
-        """What is typed now; mostly nothing."""
+        """Return the keys to press now; mostly none."""
         if status.mode == SafetyStatus.STOPPED:
             if now_s < self._until_s and not self._is_out:
                 return ""
@@ -67,7 +67,7 @@ class Hand:
         return self._to(act.linear, act.angular)
 
     def _to(self, linear: int, angular: int) -> str:
-        """The keys from what is asked for now to this."""
+        """Return the keys from the present setpoint to this one."""
         forward, left = linear - self._now[0], angular - self._now[1]
         self._now = (linear, angular)
         if self._now == (0, 0):
@@ -82,10 +82,10 @@ class Hand:
         return [_Act(random.randint(3, STEPS), turn, random.uniform(0.8, 3.0))]
 
     def _way_out(self) -> list[_Act]:
-        """Mostly back a little, then another way round."""
+        """Usually back a little, then turn and continue."""
         back = _Act(self._random.choice((-3, -3, -2, 0)), 0, self._random.uniform(0.6, 1.2))
         return [back, LET_GO, self._turn(), LET_GO]
 
     def _turn(self) -> _Act:
-        """On the spot, by a quarter to a half."""
+        """Turn on the spot, by a quarter to half a turn."""
         return _Act(0, self._random.choice((-6, 6)), self._random.uniform(1.2, 2.6))

@@ -1,4 +1,4 @@
-"""What is heard of the robot: how late it speaks, what is lost on the way, and which stops nobody provoked."""
+"""Lateness and losses of the robot's messages, and stops without a cause."""
 
 import math
 from collections.abc import Collection, Sequence
@@ -10,11 +10,11 @@ from wire.messages import SafetyStatus
 from wire.stamp import Stamp
 
 PROVOKED = frozenset({"OBSTACLE"})
-"""The operator drives at things; every other reason to stop is nobody's wish."""
+"""The operator drives at obstacles on purpose; no other stop is expected."""
 
 
 class Gaps(NamedTuple):
-    """Times between samples of a stream [ms], and how many were lost; NaN where there were none."""
+    """Times between samples of a stream [ms], and the number of lost ones; NaN without samples."""
 
     samples: int
     p50_ms: float
@@ -24,10 +24,10 @@ class Gaps(NamedTuple):
 
 
 class Stream:
-    """The arrivals of one topic, from any number of its senders' runs.
+    """The arrivals of one topic, from any number of runs of its senders.
 
     Args:
-        period_s: None: what counts is the gap; else how much longer than this it is.
+        period_s: if given, lateness beyond this period is measured instead of the gap.
     """
 
     def __init__(self, period_s: float | None = None) -> None:
@@ -39,7 +39,7 @@ class Stream:
         self._sequence = 0
 
     def hear(self, arrival_s: float, stamp: Stamp | None) -> None:
-        """A sample came; one of a new epoch is no later than what it is."""
+        """Add a sample; the first sample of an epoch is never late."""
         self._samples += 1
         if stamp is not None:
             if stamp.gid == self._epoch:
@@ -50,7 +50,7 @@ class Stream:
         self._last_s = arrival_s
 
     def take(self) -> Gaps:
-        """What was heard since the last time."""
+        """Return the results since the last call."""
         gaps_ms = 1000.0 * np.array(self._gaps_s)
         if self._beyond_s is not None:
             gaps_ms = np.maximum(gaps_ms - 1000.0 * self._beyond_s, 0.0)
@@ -62,7 +62,7 @@ class Stream:
 
 
 class Stops:
-    """Tells stops that the operator provoked from those that nobody did; from the first time that all is well."""
+    """Distinguishes stops that the operator provoked from all others, from the first status without a stop on."""
 
     def __init__(self) -> None:
         self._is_watching = False
@@ -70,7 +70,7 @@ class Stops:
         self.provoked = 0
 
     def look(self, status: SafetyStatus) -> Sequence[str]:
-        """The reasons that this status adds to those that held, but for the provoked ones."""
+        """Return the new reasons of this status, except provoked ones."""
         if not self._is_watching:
             self._is_watching = status.mode == SafetyStatus.READY
             return ()

@@ -1,4 +1,4 @@
-"""Whether anything grew, and whether the robot stopped without a cause."""
+"""Judge whether anything grew, and whether the robot stopped without a cause."""
 
 import itertools
 import math
@@ -16,14 +16,14 @@ Floats = npt.NDArray[np.float64]
 
 GROWTH_LIMIT_PERCENT = 1.0
 WARM_UP_LEAST_S, WARM_UP_S = 90.0, 600.0
-"""The black box takes a minute to fill; before it has, memory grows as it should. The heap around it is as ragged as it
-gets after some ten minutes (measured over 25 minutes: 80 MB after three, 83 to 84 from the thirteenth on)."""
+"""The black box fills within a minute, during which memory grows as expected. Heap fragmentation is stable after about ten
+minutes (measured over 25 minutes: 80 MB after three, 83 to 84 MB from the thirteenth on)."""
 WARM_UP_SHARE = 1.0 / 6.0
 FEWEST_SAMPLES = 6
 JUDGED_S = 600.0
-"""Watched for a shorter time, a single block of an allocator is a percent: that is told, and fails nothing."""
+"""Minimum time for a verdict: over a shorter time, a single block of an allocator is one percent."""
 MOST_POINTS = 600
-"""A slope takes all pairs of them; of more samples, medians of groups."""
+"""Maximum number of samples for a slope over all pairs; of more samples, medians of groups are used."""
 
 MEASURES: dict[str, Callable[[Usage], int]] = {
     "memory": lambda usage: usage.rss_bytes,
@@ -33,14 +33,14 @@ MEASURES: dict[str, Callable[[Usage], int]] = {
 
 
 class Growth(NamedTuple):
-    """Of one measure of one process, over the time after the warm-up."""
+    """Growth of one measure of one process after the warm-up."""
 
     process: str
     measure: str
     level: float
     """Its median."""
     percent: float
-    """The slope over the time that it was watched; NaN: too few samples."""
+    """Slope times the observed time; NaN with too few samples."""
     watched_s: float = 0.0
 
     @property
@@ -58,11 +58,11 @@ class Growth(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """What came of a soak."""
+    """The verdict on a soak."""
 
     growths: tuple[Growth, ...]
     faults: tuple[str, ...]
-    """In sentences; none: it has passed."""
+    """The faults as sentences; empty if the soak passed."""
 
     @property
     def passed(self) -> bool:
@@ -70,7 +70,7 @@ class Judgement:
 
 
 def warm_up_s(duration_s: float) -> float:
-    """How much of the beginning does not count: a sixth, at most ten minutes; of a short soak up to a half."""
+    """Return the duration of the warm-up: a sixth of the soak, at most ten minutes; up to half of a short soak."""
     wanted_s = max(min(WARM_UP_SHARE * duration_s, WARM_UP_S), WARM_UP_LEAST_S)
     return min(wanted_s, duration_s / 2.0)
 
@@ -90,14 +90,14 @@ def judge(samples: Sequence[Sample]) -> Judgement:
     if false:
         counts = ", ".join(f"{reason} {false.count(reason)}×" for reason in dict.fromkeys(false))
         faults.append(f"false stops: {counts}")
-    faults += [f"{name} was started again, or ended" for name in names if _is_interrupted(samples, name)]
+    faults += [f"{name} ended or was restarted" for name in names if _is_interrupted(samples, name)]
     if samples[-1].driven_m <= 0.0:
         faults.append("the robot never moved")
     return Judgement(growths, tuple(faults))
 
 
 def theil_sen(times_s: Floats, values: Floats) -> float:
-    """The median slope of all pairs of points: a spike, or a step at either end, hardly moves it.
+    """Return the median slope of all pairs of points; spikes, and steps at either end, hardly affect it.
 
     Args:
         times_s: (n,) rising; at least two.

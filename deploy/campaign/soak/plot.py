@@ -1,4 +1,4 @@
-"""The samples of a soak as an SVG, drawn by hand: what runs on a robot needs no plotting library."""
+"""Draw the samples of a soak as SVG, without a plotting library."""
 
 import math
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ class _Series(NamedTuple):
 
 
 def svg(samples: Sequence[Sample], title: str) -> str:
-    """Memory, descriptors, and lateness over time, one below the other."""
+    """Return plots of memory, descriptors and lateness over time, one below the other."""
     unit, per_s = ("h", 3600.0) if samples[-1].time_s > 7200.0 else ("min", 60.0)
     names = dict.fromkeys(name for sample in samples for name in sample.processes)
 

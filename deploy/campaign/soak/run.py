@@ -1,4 +1,4 @@
-"""Bring up a robot of its own, drive it about for hours, write down what it takes, and judge it."""
+"""Start a robot, drive it for hours, record the resources that it uses, and judge them."""
 
 import asyncio
 import math
@@ -35,19 +35,19 @@ from wire.zenoh_bus import open_bus
 SAMPLE_S = 10.0
 LOOK_S = 0.1
 DEPTH = 512
-"""Samples kept between two looks: ten seconds of the fastest stream."""
+"""Samples kept between two updates: ten seconds of the fastest stream."""
 HEARTBEAT_S = 0.05
 CONNECT_LIMIT_S = 10.0
 READY_LIMIT_S = 15.0
 LINE_S = 60.0
-"""Where there is no terminal, a line of progress so often."""
+"""Period of the progress lines without a terminal."""
 STEP_LIMIT_M = 0.5
-"""Odometry that jumps by more was put back to its start."""
+"""A larger jump of the odometry is a reset."""
 
 
 @dataclass(frozen=True, slots=True)
 class Orders:
-    """What is wanted."""
+    """What to run."""
 
     hours: float
     out: Path | None = None
@@ -58,12 +58,12 @@ class Orders:
 
 @dataclass(slots=True)
 class _Log:
-    """What is known so far; it outlives whatever ends the soak."""
+    """The results so far, which remain when the soak ends early."""
 
     file: TextIO | None
     samples: list[Sample] = field(default_factory=list[Sample])
     ended: str = ""
-    """Why it ended before its time."""
+    """Why the soak ended early."""
 
     def add(self, sample: Sample) -> None:
         self.samples.append(sample)
@@ -72,16 +72,16 @@ class _Log:
 
 
 def soak(orders: Orders, say: Say) -> int:
-    """Soak; 0: nothing grew and nothing stopped without a cause, else 1.
+    """Run the soak; return 0 if nothing grew and nothing stopped without a cause, else 1.
 
     Raises:
-        DeployError: the robot could not be brought up, or a file cannot be written.
+        DeployError: the robot could not be started, or a file cannot be written.
     """
     with ExitStack() as files:
         log = _Log(_opened(files, orders.out))
         files.enter_context(signed(orders.out))
         if orders.plot is not None:
-            _opened(files, orders.plot)  # rather now than after hours
+            _opened(files, orders.plot)  # fail now, not after hours
         _soak(orders, log, say)
         if not log.samples:
             say(f"{log.ended or 'it was too short'}: there is nothing to judge")
@@ -161,7 +161,7 @@ class _Soak:
     async def run(self, orders: Orders, log: _Log, line: StatusLine, say: Say) -> None:
         await self._until_ready()
         duration_s = orders.hours * 3600.0
-        say(f"driving about for {_span(duration_s)}; Ctrl-C judges what there is until then")
+        say(f"driving for {_span(duration_s)}; Ctrl-C ends early and judges the results so far")
         began_s = time.monotonic()
         next_s, next_line_s = began_s + orders.sample_s, began_s + LINE_S
         while (now_s := time.monotonic()) < began_s + duration_s + LOOK_S:
@@ -193,7 +193,7 @@ class _Soak:
             stream.take()
 
     def _look(self) -> None:
-        """Take in everything that came."""
+        """Add the new arrivals."""
         for key, subscription in self._raw.items():
             for raw in subscription.take_raw():
                 self._streams[key].hear(raw.arrival_s, parse_stamp(raw.attachment))
@@ -273,17 +273,19 @@ def _tell(samples: list[Sample], judgement: Judgement, say: Say) -> None:
         grew = f"{growth.percent:+.2f} %" if growth.is_told else "too few samples to tell its growth"
         say(f"  {growth.process:<12} {growth.measure:<12} {level:>10}  {grew}")
     if not all(growth.is_judged for growth in judgement.growths):
-        say(f"  growth is not judged: it was watched for less than {_span(JUDGED_S)} after the warm-up")
+        say(f"  growth is not judged: less than {_span(JUDGED_S)} were observed after the warm-up")
     for name, gaps in (
         ("gaps of cmd_vel", [s.ticks for s in samples]),
         ("lateness of the heartbeat", [s.heartbeat for s in samples]),
     ):
         p50, p99, most = (max(getattr(g, f) for g in gaps) for f in ("p50_ms", "p99_ms", "max_ms"))
-        say(f"  {name}: p50 {p50:.1f} ms, p99 {p99:.1f} ms, at most {most:.1f} ms (each of the worst sample)")
+        say(
+            f"  {name}: p50 {p50:.1f} ms, p99 {p99:.1f} ms, longest {most:.1f} ms (each from the worst sample)"
+        )
     lost = {key: sum(s.lost[key] for s in samples) for key in last.lost}
     say("  lost by sequence: " + ", ".join(f"{key} {count}" for key, count in lost.items()))
     loads = sorted(s.load for s in samples)
-    say(f"  load of the machine: {loads[len(loads) // 2]:.1f} (median), {loads[-1]:.1f} (most)")
+    say(f"  load of the machine: {loads[len(loads) // 2]:.1f} (median), {loads[-1]:.1f} (highest)")
     for fault in judgement.faults:
         say(f"FAILED: {fault}")
     if judgement.passed:

@@ -1,4 +1,4 @@
-"""What is written down each ten seconds."""
+"""The record of each ten seconds."""
 
 import json
 import math
@@ -14,24 +14,24 @@ from deploy.campaign.trial_file import whole_lines
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """One line of the file."""
+    """One line of the file; see the fields."""
 
     time_s: float
-    """Since the soak began."""
+    """Time since the soak began."""
     processes: dict[str, Usage]
     ticks: Gaps
-    """Of cmd_vel: its gaps, as an independent subscriber hears it."""
+    """Gaps of cmd_vel at an independent subscriber."""
     heartbeat: Gaps
-    """Of teleop: how much later than 50 ms after the one before."""
+    """Lateness of teleop's commands beyond their period of 50 ms."""
     lost: dict[str, int]
-    """Of each topic, by its sequence."""
+    """Lost samples of each topic, by sequence number."""
     false_stops: tuple[str, ...]
     obstacle_stops: int
-    """Since the soak began, as are the two that follow."""
+    """Since the soak began; the next two fields as well."""
     black_boxes: int
     driven_m: float
     load: float
-    """Of the machine, over the last minute."""
+    """Load average of the last minute."""
 
     def to_json(self) -> str:
         gaps = {"ticks": _spelled(self.ticks), "heartbeat": _spelled(self.heartbeat)}
@@ -44,11 +44,11 @@ def _spelled(gaps: Gaps) -> dict[str, float | None]:
 
 
 def read_samples(path: Path) -> tuple[list[Sample], Provenance | None]:
-    """The samples of a soak's file, compressed or not, and where they come from; None: it does not say.
+    """Return the samples of a soak's file, compressed or not, and their provenance; None if there is none.
 
     Raises:
-        DeployError: it cannot be read, or its provenance is none.
-        ValueError: a line is none of a soak.
+        DeployError: the file cannot be read, or its provenance is damaged.
+        ValueError: a line is not a sample of a soak.
     """
     samples: list[Sample] = []
     provenance = None

@@ -1,4 +1,4 @@
-"""What a process takes of the machine, by /proc."""
+"""The resources of a process, from /proc."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,19 +8,19 @@ KIB = 1024
 
 @dataclass(frozen=True, slots=True)
 class Usage:
-    """Of one process, at one moment."""
+    """The resources of one process at one moment."""
 
     pid: int
     rss_bytes: int
-    """In memory, shared pages included."""
+    """Resident memory, including shared pages."""
     uss_bytes: int
-    """In memory and nobody else's."""
+    """Private resident memory."""
     descriptors: int
     threads: int
 
 
 def usage(pid: int) -> Usage | None:
-    """What a process of ours takes; None: it has ended."""
+    """Return the resources of one of our processes; None if it has ended."""
     process = Path("/proc") / str(pid)
     try:
         status = _fields(process / "status")
@@ -28,7 +28,7 @@ def usage(pid: int) -> Usage | None:
         descriptors = sum(1 for _ in (process / "fd").iterdir())
     except OSError:
         return None
-    if "VmRSS" not in status:  # it has ended, and nobody has reaped it
+    if "VmRSS" not in status:  # it has ended and was not reaped yet
         return None
     return Usage(
         pid=pid,

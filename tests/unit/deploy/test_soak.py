@@ -108,7 +108,7 @@ def test_a_false_stop_a_new_process_and_a_robot_at_rest_fail() -> None:
     good = samples(0.0)
     stopped = [*good, sample(3610.0, false_stops=("SCAN_STALE", "SCAN_STALE"))]
     assert judge(stopped).faults == ("false stops: SCAN_STALE 2×",)
-    assert judge([*good, sample(3610.0, pid=8)]).faults == ("supervisor was started again, or ended",)
+    assert judge([*good, sample(3610.0, pid=8)]).faults == ("supervisor ended or was restarted",)
     assert judge([replace(one, driven_m=0.0) for one in good]).faults == ("the robot never moved",)
 
 

@@ -249,7 +249,7 @@ def test_trials_of_older_code_are_left_out_and_counted(tmp_path: Path) -> None:
     (found,), left_out = read_campaigns([file])
     assert (found.revision, found.trials, found.provenances, left_out) == ("new", 1, [], 1)
     write_report([file], tmp_path / "out.html")
-    assert "1 trials of older code" in (tmp_path / "out.html").read_text()
+    assert "1 trials of older revisions" in (tmp_path / "out.html").read_text()
 
 
 def test_of_many_timelines_a_typical_one_and_the_worst_are_kept() -> None:
