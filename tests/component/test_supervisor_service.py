@@ -267,11 +267,11 @@ async def test_a_reset_answers_and_moves_nothing() -> None:
 async def test_when_it_is_stopped_it_commands_zero_and_withdraws_its_token() -> None:
     rig = Rig()
     async with rig.lidar(), rig.source():
-        async with rig.supervisor():
+        async with rig.supervisor() as supervisor:
             await rig.drive(0.5)
         await rig.pass_time(0.001)
         assert rig.output() == ZERO
-        assert topics.SUPERVISOR not in rig.outsider.alive
+        assert supervisor.own == []
 
 
 async def test_a_restarted_supervisor_moves_nothing_until_neutral() -> None:
