@@ -3,7 +3,7 @@
 It does what was measured of Zenoh over TCP, in our topology: every client speaks with the hub alone; a link
 keeps its order and delivers what a cut held up in one burst; the death of a process is seen after 2 ms, and
 silence after the lease; then the session ends, its tokens fall, and the client comes back by itself.
-Only the hub writes the supervisor's keys.
+Only the supervisor writes its keys: it is the hub, or, where the hub is a mere router, the client of that name.
 
 A bus belongs to one run of one process. Where the process is held up, three things differ:
 
@@ -21,7 +21,7 @@ from functools import partial
 from random import Random
 from typing import Any
 
-from virtual.loop import VirtualLoop, VirtualProcess
+from virtual.loop import VirtualProcess
 from wire import topics
 from wire.bus import (
     SOURCES_DEPTH,
@@ -215,7 +215,7 @@ class VirtualPublisher:
         stamp = self._stamper.next(time_s + bus.clock_offset_s)
         if network.tap is not None:
             network.tap(bus.node, self._key, message, stamp)
-        if self._key in network.listened:
+        if network.is_heard(self._key):
             bus.send(self._key, encode(message), stamp.pack())
 
     def begin_anew(self) -> None:
@@ -244,6 +244,11 @@ class VirtualBus:
     def is_hub(self) -> bool:
         return self.network.hub is self
 
+    @property
+    def alive(self) -> list[str]:
+        """The nodes whose tokens it sees."""
+        return [node for node, count in self._sees.items() if count > 0]
+
     # --- Bus
 
     def publisher(self, topic: Topic[M]) -> VirtualPublisher:
@@ -268,6 +273,7 @@ class VirtualBus:
     def hear_sources(self) -> Inbox[str]:
         ear: Inbox[str] = Inbox(SOURCES_DEPTH, None)
         self._ears.append(ear)
+        self.network.has_ears = True
         return ear
 
     def declare_alive(self, node: str) -> VirtualToken:
@@ -280,9 +286,8 @@ class VirtualBus:
         watcher: Inbox[LivelinessChange] = Inbox(LIVELINESS_DEPTH, wake)
         self._watchers.append(watcher)
         now_s = self.network.loop.time()
-        for node, count in self._sees.items():
-            if count > 0:
-                watcher.push(LivelinessChange(node, alive=True, arrival_s=now_s))
+        for node in self.alive:
+            watcher.push(LivelinessChange(node, alive=True, arrival_s=now_s))
         return watcher
 
     def serve(self, service: Service, handler: ServiceHandler) -> None:
@@ -353,6 +358,10 @@ class VirtualBus:
             session = self.session
             session.up.send(partial(self.network.route, session, key, payload, attachment))
 
+    def hears(self, key: str) -> bool:
+        """Whether it wants what is put on this key."""
+        return key in self.subscriptions or (bool(self._ears) and topics.source_of(key) is not None)
+
     def receive(self, key: str, payload: bytes, attachment: bytes | None) -> None:
         now_s = self.network.loop.time()
         for subscription in self.subscriptions.get(key, ()):
@@ -395,13 +404,14 @@ class VirtualBus:
     def connect(self) -> asyncio.Future[None]:
         """Look for the hub, and go on doing so whenever it is lost; done when it is found first."""
         self._opened = self.network.loop.create_future()
-        self.network.after(self.network.random.uniform(0.001, 0.005), self._try)
+        self.network.after(self.network.random.uniform(0.001, 0.005), self.find_hub)
         return self._opened
 
     def _retry(self) -> None:
-        self.network.after(self.network.random.uniform(*RETRY_S), self._try)
+        self.network.after(self.network.random.uniform(*RETRY_S), self.find_hub)
 
-    def _try(self) -> None:
+    def find_hub(self) -> None:
+        """Join the hub now, or go on looking for it."""
         if self.is_dead or self.session is not None:
             return
         hub = self.network.hub
@@ -418,17 +428,26 @@ class VirtualNetwork:
     """All buses, and the links between them.
 
     Args:
-        loop: whose time it is.
-        random: of everything that is not certain on a network.
+        loop: whose time it is; the running one if it is None.
+        random: of everything that is not certain on a network; on perfect links nothing is.
         lease_s: how long a silent link is trusted.
     """
 
-    def __init__(self, loop: VirtualLoop, random: Random, lease_s: float = LEASE_S) -> None:
-        self.loop, self.random, self.lease_s = loop, random, lease_s
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop | None = None,
+        random: Random | None = None,
+        lease_s: float = LEASE_S,
+    ) -> None:
+        self.loop = loop or asyncio.get_running_loop()
+        self.random = random or Random(0)  # noqa: S311 - a simulation
+        self.lease_s = lease_s
         self.hub: VirtualBus | None = None
         self.listened: set[str] = set()
         """The keys that somebody has subscribed to."""
-        self.tap: Callable[[str, str, Any, Stamp], None] | None = None
+        self.has_ears = False
+        """Whether somebody hears all sources."""
+        self.tap: Callable[[str, str, Any, Stamp], object] | None = None
         """Told of every message as it is sent: node, key, message, stamp."""
         self.refused = 0
         """Messages that the hub's access control did not let through."""
@@ -447,6 +466,12 @@ class VirtualNetwork:
     def open_client(self, node: str, process: VirtualProcess | None = None) -> VirtualBus:
         """A client; `connect` lets it find the hub."""
         return VirtualBus(self, node, process)
+
+    def open_joined(self, node: str) -> VirtualBus:
+        """A client that has found the hub already."""
+        client = self.open_client(node)
+        client.find_hub()
+        return client
 
     def link(self, node: str) -> tuple[Conditions, Conditions]:
         """The conditions of a client's link, to the hub and from it; a campaign changes them as it likes, but cuts with `cut`."""
@@ -476,6 +501,10 @@ class VirtualNetwork:
             self.after(0.002, partial(bus.tell_alive, node, alive=True))
 
     # --- for its parts
+
+    def is_heard(self, key: str) -> bool:
+        """Whether somebody has ever wanted what is put on this key."""
+        return key in self.listened or (self.has_ears and topics.source_of(key) is not None)
 
     def new_gid(self) -> bytes:
         self._gids += 1
@@ -525,8 +554,8 @@ class VirtualNetwork:
             bus.session.up.send_surely(partial(self._token, bus.session, node, change))
 
     def _token(self, session: _Session, node: str, change: int) -> None:
-        """A client's token, at the hub. Nobody but the hub holds the supervisor's."""
-        if node == topics.SUPERVISOR:
+        """A client's token, at the hub. Nobody but the supervisor holds its own."""
+        if node == topics.SUPERVISOR != session.client.node:
             self.refused += 1
             return
         if change > 0:
@@ -549,12 +578,12 @@ class VirtualNetwork:
         if hub is None or (sender is not None and sender.hub is not hub):
             return
         if sender is not None:
-            if key in topics.ONLY_SUPERVISOR_WRITES:
+            if key in topics.ONLY_SUPERVISOR_WRITES and sender.client.node != topics.SUPERVISOR:
                 self.refused += 1
                 return
             hub.receive(key, payload, attachment)
         for session in self._joined(hub):
-            if session is not sender and key in session.client.subscriptions:
+            if session is not sender and session.client.hears(key):
                 session.down.send(partial(session.client.receive, key, payload, attachment))
 
     def ask(self, asker: VirtualBus, key: str, text: str, resolve: Callable[[TriggerResponse], None]) -> None:
@@ -597,16 +626,15 @@ class VirtualNetwork:
             back(await server.services[key](text))
 
         context = self._context if server.process is None else server.process.context
-        self.loop.call_soon(lambda: self._keep(server, self.loop.create_task(run())), context=context)
+        self.loop.call_soon(lambda: self._keep(self.loop.create_task(run())), context=context)
 
-    def _keep(self, server: VirtualBus, task: asyncio.Task[None]) -> None:
-        """Hold on to an answer on its way; one that fails is told, as of any process that nobody awaits."""
+    def _keep(self, task: asyncio.Task[None]) -> None:
+        """Hold on to an answer on its way; the error of one that fails goes to the loop, with its process."""
 
         def on_end(_: asyncio.Task[None]) -> None:
             self._tasks.discard(task)
-            error = None if task.cancelled() else task.exception()
-            if error is not None and self.loop.on_error is not None:
-                self.loop.on_error(server.node, error)
+            if not task.cancelled():
+                task.result()
 
         self._tasks.add(task)
         task.add_done_callback(on_end)

@@ -1,4 +1,4 @@
-"""Component tests run one service on the memory bus and a virtual clock: time jumps, nothing sleeps."""
+"""Component tests run one service on a perfect network and a virtual clock: time jumps, nothing sleeps."""
 
 import asyncio
 from collections.abc import Callable, Mapping

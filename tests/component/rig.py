@@ -1,10 +1,9 @@
-"""A robot in one event loop: the real services on a memory network, and a person at a keyboard's place."""
+"""A robot in one event loop: the real services on a perfect network, and a person at a keyboard's place."""
 
 import asyncio
 import itertools
 from collections.abc import AsyncGenerator, Callable
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -15,10 +14,10 @@ from supervisor.blackbox import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import Record
 from supervisor.service import SupervisorService
-from virtual.memory_bus import MemoryBus, MemoryNetwork, MemoryPublisher
+from virtual.network import VirtualBus, VirtualNetwork
 from wire import messages, topics
 from wire.bus import Subscription
-from wire.messages import LaserScan, Odometry, SafetyStatus, Twist, header, planar_twist
+from wire.messages import LaserScan, Odometry, SafetyStatus, Twist, encode, header, planar_twist
 from wire.suspend import never_suspended
 
 
@@ -27,14 +26,13 @@ def laser_scan(ranges: np.ndarray) -> LaserScan:
     return messages.laser_scan(ranges.astype(np.float32), range_m=(0.1, 12.0), period_s=0.05)
 
 
-@dataclass
 class Rig:
-    """The network, what an outsider sees of it, and what a scripted source asks for."""
+    """The network, what an outsider sees of it as its hub, and what a scripted source asks for."""
 
-    network: MemoryNetwork = field(default_factory=MemoryNetwork)
-
-    def __post_init__(self) -> None:
-        self.outsider = MemoryBus(self.network)
+    def __init__(self) -> None:
+        self.network = VirtualNetwork()
+        self.network.tap = lambda _node, _key, message, _stamp: encode(message)  # even if nobody listens
+        self.outsider = self.network.open_hub("outsider")
         self.cmd_vel: Subscription[Twist] = self.outsider.subscribe(topics.CMD_VEL, depth=10_000)
         self.status: Subscription[SafetyStatus] = self.outsider.subscribe(topics.STATUS, depth=10_000)
         self.odom: Subscription[Odometry] = self.outsider.subscribe(topics.ODOM)
@@ -50,8 +48,8 @@ class Rig:
         black_box: BlackBox | None = None,
         estop_record: Record | None = None,
         suspended_s: Callable[[], float] = never_suspended,
-    ) -> AsyncGenerator[MemoryBus]:
-        bus = MemoryBus(self.network)
+    ) -> AsyncGenerator[VirtualBus]:
+        bus = self.network.open_joined(topics.SUPERVISOR)
         stop = asyncio.Event()
         service = SupervisorService(bus, config or SupervisorSection(), black_box, estop_record, suspended_s)
         running = asyncio.create_task(service.run(stop))
@@ -60,12 +58,13 @@ class Rig:
         finally:
             stop.set()
             await running
+            await bus.close()
 
     @asynccontextmanager
     async def sim(
         self, plant: Plant, suspended_s: Callable[[], float] = never_suspended
-    ) -> AsyncGenerator[MemoryBus]:
-        bus = MemoryBus(self.network)
+    ) -> AsyncGenerator[VirtualBus]:
+        bus = self.network.open_joined(topics.SIM)
         stop = asyncio.Event()
         running = asyncio.create_task(SimService(bus, SimSection(), plant, suspended_s=suspended_s).run(stop))
         try:
@@ -78,17 +77,17 @@ class Rig:
     async def lidar(self, distance_m: float = 3.0) -> AsyncGenerator[np.ndarray]:
         """A lidar at 20 Hz in a round room; the readings may be changed while it runs."""
         ranges = np.full(360, distance_m)
-        publisher = MemoryBus(self.network).publisher(topics.SCAN)
+        publisher = self.network.open_joined("lidar").publisher(topics.SCAN)
         jitter = itertools.cycle((0.0, 1e-4))  # no real scan repeats itself
         async with self.every(0.05, lambda: publisher.put(laser_scan(ranges + next(jitter)))):
             yield ranges
 
     @asynccontextmanager
-    async def source(self, name: str = topics.TELEOP) -> AsyncGenerator[MemoryBus]:
+    async def source(self, name: str = topics.TELEOP) -> AsyncGenerator[VirtualBus]:
         """A heartbeat of `velocity` at 20 Hz, with a token."""
-        bus = MemoryBus(self.network)
+        bus = self.network.open_joined(name)
         bus.declare_alive(name)
-        publisher: MemoryPublisher = bus.publisher(topics.source_cmd_vel(name))
+        publisher = bus.publisher(topics.source_cmd_vel(name))
         async with self.every(0.05, lambda: publisher.put(planar_twist(*self.velocity))):
             yield bus
 

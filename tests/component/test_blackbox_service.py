@@ -1,4 +1,4 @@
-"""The supervisor's black box on the memory bus: a stop leaves a file, and the file decides the same."""
+"""The supervisor's black box on a perfect network: a stop leaves a file, and the file decides the same."""
 
 from collections.abc import Iterable
 from itertools import groupby
@@ -107,8 +107,8 @@ async def test_bytes_that_are_no_message_are_recorded_as_what_the_law_was_told(w
     rig = Rig()
     async with rig.supervisor(black_box=box_of(writer)), rig.lidar(), rig.source():
         await rig.drive(0.5)
-        rig.network.deliver(topics.source_cmd_vel(topics.TELEOP).key, b"\xff" * 52, None)
-        rig.network.deliver(topics.SCAN.key, b"", None)
+        rig.outsider.send(topics.source_cmd_vel(topics.TELEOP).key, b"\xff" * 52, None)
+        rig.outsider.send(topics.SCAN.key, b"", None)
         await rig.pass_time(2.5)
     document = read(writer.paths[0])
     told = [line["inputs"] for line in document.lines if "inputs" in line]

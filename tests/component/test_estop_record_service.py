@@ -8,7 +8,7 @@ import pytest
 
 from supervisor.estop_record import PRESS_PENDING, RESET_PENDING, MemoryRecord
 from tests.component.rig import Rig
-from virtual.memory_bus import MemoryBus
+from virtual.network import VirtualBus
 from wire import topics
 from wire.messages import Bool, SafetyStatus, planar_twist
 
@@ -40,14 +40,14 @@ class SlowRecord(MemoryRecord):
 
 
 @asynccontextmanager
-async def robot(rig: Rig, record: MemoryRecord) -> AsyncGenerator[MemoryBus]:
+async def robot(rig: Rig, record: MemoryRecord) -> AsyncGenerator[VirtualBus]:
     """A supervisor with this record, a lidar and an operator."""
     async with rig.supervisor(estop_record=record) as bus, rig.lidar(), rig.source():
         yield bus
 
 
 def press(rig: Rig) -> float:
-    MemoryBus(rig.network).publisher(topics.ESTOP).put(Bool(data=True))
+    rig.network.open_joined("button").publisher(topics.ESTOP).put(Bool(data=True))
     return rig.loop.time()
 
 
@@ -93,7 +93,7 @@ async def test_whatever_latches_the_estop_is_recorded() -> None:
     rig, record = Rig(), SlowRecord()
     async with robot(rig, record):
         await rig.drive(0.5)
-        rig.network.deliver(topics.ESTOP.key, b"garbled", None)
+        rig.outsider.send(topics.ESTOP.key, b"garbled", None)
         await rig.pass_time(0.01)
         assert record.kept == [True]
 

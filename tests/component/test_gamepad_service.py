@@ -1,4 +1,4 @@
-"""Teleop with a gamepad on a memory bus: from the bytes of a device file to what is said on the wire.
+"""Teleop with a gamepad on a perfect network: from the bytes of a device file to what is said on the wire.
 
 A file descriptor cannot be watched in virtual time: these tests run in a real loop, and wait for what they see.
 """
@@ -21,7 +21,7 @@ from teleop.pilot import KeyEvent
 from teleop.service import HANG_S, Setup, Teleop
 from teleop.view import Control, Line
 from tests.unit.teleop.pads import LAYOUT, REPORT, TL, XBOX360, FakeDevice, Y, button, load_pad, stick
-from virtual.memory_bus import MemoryBus, MemoryNetwork
+from virtual.network import VirtualNetwork
 from wire import topics
 from wire.bus import Subscription
 from wire.messages import Bool, Twist
@@ -73,8 +73,8 @@ class Bench:
 
     def __init__(self, sysfs: Path) -> None:
         self.sysfs = sysfs
-        self.network = MemoryNetwork()
-        outsider = MemoryBus(self.network)
+        self.network = VirtualNetwork()
+        self.outsider = outsider = self.network.open_hub("outsider")
         self.cmd_vel: Subscription[Twist] = outsider.subscribe(topics.source_cmd_vel(SOURCE), depth=10_000)
         self.estop: Subscription[Bool] = outsider.subscribe(topics.ESTOP)
         self.wake = asyncio.Event()
@@ -122,7 +122,7 @@ async def bench(sysfs: Path) -> AsyncGenerator[Bench]:
     made = Bench(sysfs)
     made.device.open()
     teleop = Teleop(
-        MemoryBus(made.network),
+        made.network.open_joined(SOURCE),
         Setup(SOURCE, "tcp/127.0.0.1:7447", Control.GAMEPAD),
         pilot=made.pilot,
         keys=made.keys,
@@ -139,8 +139,8 @@ async def bench(sysfs: Path) -> AsyncGenerator[Bench]:
         finally:
             stop.set()
             await running
+    await made.until(lambda: made.outsider.alive == [])
     assert made.heard() == ZERO
-    assert made.network.tokens == []
 
 
 Story = Callable[[Bench], Awaitable[None]]
@@ -182,7 +182,7 @@ def test_an_unplugged_pad_is_zeros_and_the_source_stays(run: Callable[[Story], N
         bench.pad.unplug()
         await bench.until_heard(ZERO)
         await bench.stays_zero()
-        assert [token.node for token in bench.network.tokens] == [SOURCE]
+        assert bench.outsider.alive == [SOURCE]
         assert bench.screen.notes[-1] == "gamepad unplugged: stopped; plug it in again"
 
     run(story)
@@ -249,7 +249,7 @@ def test_q_ends_it_with_a_zero_and_without_a_token(run: Callable[[Story], None])
     async def story(bench: Bench) -> None:
         await bench.drive()
         bench.keys.press("q")
-        await bench.until(lambda: bench.network.tokens == [])
+        await bench.until(lambda: bench.outsider.alive == [])
         assert bench.heard() == ZERO
 
     run(story)

@@ -11,7 +11,7 @@ import pytest
 
 from sim.plant import Plant
 from supervisor.config import SourceSection, SupervisorSection
-from teleop.holder import HeldError
+from teleop.holder import ASK_LIMIT_S, HeldError
 from teleop.path.legs import Path, to_path
 from teleop.path.pose import PathError, Pose, Poses, placed
 from teleop.path.pursuit import Limits
@@ -20,7 +20,6 @@ from teleop.path.shapes import square
 from teleop.path.track import TrackError
 from tests.component.rig import Rig
 from virtual.loop import VirtualLoop
-from virtual.memory_bus import MemoryBus
 from wire import topics
 from wire.messages import Bool, Point, SafetyStatus, SourceStatus, header, odometry, planar_twist
 
@@ -64,7 +63,7 @@ class Run:
         self.rig, self.person, self.stop = rig, person, asyncio.Event()
         self._commands = rig.outsider.subscribe(CMD_VEL, depth=100_000)
         self.asked_for: list[tuple[float, float]] = []
-        self.bus = MemoryBus(rig.network)
+        self.bus = rig.network.open_joined("path")
         service = PathService(self.bus, plan, person=person, wake=person.wake, limits=limits)
         self.task: asyncio.Task[Drive] = asyncio.create_task(service.run(self.stop))
 
@@ -80,13 +79,13 @@ class Run:
 
     @property
     def alive(self) -> bool:
-        return any(token.node == "path" for token in self.rig.network.tokens)
+        return "path" in self.rig.outsider.alive
 
     async def until(self, condition: Callable[[], object], limit_s: float = 60.0) -> None:
-        """Let time pass until something holds."""
+        """Let time pass until something holds, and what was said by then has arrived."""
         for _ in range(round(limit_s / BEAT_S)):
             if condition():
-                return
+                return await self.rig.pass_time(0.001)
             await self.rig.pass_time(BEAT_S)
         pytest.fail(f"not within {limit_s:g} s; said: {self.person.said}, {self.rig.newest_status}")
 
@@ -119,7 +118,7 @@ class Operator:
     """A teleop that sends on its beat, and once more at each key."""
 
     def __init__(self, rig: Rig) -> None:
-        self._bus = MemoryBus(rig.network)
+        self._bus = rig.network.open_joined(topics.TELEOP)
         self._cmd_vel = self._bus.publisher(topics.source_cmd_vel(topics.TELEOP))
         self.velocity = (0.0, 0.0)
 
@@ -181,7 +180,7 @@ async def test_the_operator_takes_over_and_the_path_goes_on_only_when_it_is_aske
     operator = Operator(rig)
     async with rig.supervisor(), rig.sim(plant), operator.beating(), driving(rig, here(square(1.0))) as run:
         await run.until(lambda: plant.true_pose.x_m > plant.start_pose.x_m + 0.4)
-        operator.press(-0.3)
+        operator.velocity = (-0.3, 0.0)
         await run.paused("teleop took over; Enter goes on")
         await rig.pass_time(1.0)
         assert plant.true_velocity.linear_m_s == pytest.approx(-0.3, abs=0.02)
@@ -355,7 +354,7 @@ async def test_a_supervisor_without_this_source_is_named_as_the_reason() -> None
     config = SupervisorSection(sources=(SourceSection(name="teleop", priority=100),))
     nobody = Watcher(present=False)
     async with rig.supervisor(config), rig.sim(Plant()), driving(rig, here(square(1.0)), nobody) as run:
-        drive = await run.at_its_end(ARM_LIMIT_S + 1.0)
+        drive = await run.at_its_end(ASK_LIMIT_S + ARM_LIMIT_S + 1.0)
         assert drive.ending is Ending.STOPPED
         assert "knows no source path" in drive.reason
         assert drive.path is None
@@ -411,7 +410,7 @@ async def test_what_is_no_message_is_passed_over() -> None:
     async with rig.supervisor(), rig.sim(plant), driving(rig, here(square(0.5))) as run:
         await run.until(lambda: plant.true_velocity.linear_m_s > 0.3)
         for topic in (topics.ODOM, topics.STATUS, topics.source_cmd_vel(topics.TELEOP)):
-            rig.network.deliver(topic.key, b"junk", None)
+            rig.outsider.send(topic.key, b"junk", None)
         await rig.pass_time(0.5)
         assert not run.asks_for_nothing
         assert rig.newest_status.mode == SafetyStatus.DRIVING

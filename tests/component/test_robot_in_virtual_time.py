@@ -1,10 +1,9 @@
-"""The real supervisor and the real MuJoCo robot on the memory bus: minutes of driving in a second."""
+"""The real supervisor and the real MuJoCo robot on a perfect network: minutes of driving in a second."""
 
 import pytest
 
 from sim.plant import Plant
 from tests.component.rig import Rig
-from virtual.memory_bus import MemoryBus
 from wire import topics
 from wire.messages import Point, SafetyStatus, planar_twist
 
@@ -74,7 +73,7 @@ async def test_the_base_brakes_when_the_supervisor_dies_and_waits_for_a_neutral_
 
 async def test_the_base_brakes_150_ms_after_the_last_command_of_a_hung_supervisor() -> None:
     rig, plant = Rig(), Plant()
-    bus = MemoryBus(rig.network)
+    bus = rig.network.open_joined(topics.SUPERVISOR)
     bus.declare_alive(topics.SUPERVISOR)
     cmd_vel = bus.publisher(topics.CMD_VEL)
     async with rig.sim(plant):

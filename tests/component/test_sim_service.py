@@ -1,4 +1,4 @@
-"""The simulated robot's service on the memory bus, in virtual time: what it publishes, when, and what it does on request."""
+"""The simulated robot's service on a perfect network, in virtual time: what it publishes, when, and what it does on request."""
 
 import asyncio
 import math
@@ -18,7 +18,7 @@ from sim.service import SimService
 from sim.shown import Mode, Shown
 from sim.watchdog import COMMAND_TIMEOUT_S, BaseReason
 from tests.component.rig import Rig
-from virtual.memory_bus import MemoryBus
+from virtual.network import VirtualBus
 from wire import topics
 from wire.bus import Arrival, Subscription
 from wire.messages import DiagnosticStatus, LaserScan, M, Point, SafetyStatus, TriggerResponse, planar_twist
@@ -38,8 +38,8 @@ PERFECT_WHEELS = SimSection(odom_left_error=0.0, odom_right_error=0.0, odom_trac
 class Bench(Rig):
     """A rig with a sim of one's own making, and with everything that it says kept."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def __init__(self) -> None:
+        super().__init__()
         self.plant = Plant()
 
     @asynccontextmanager
@@ -59,7 +59,7 @@ class Bench(Rig):
                 frames.append((self.loop.time(), shown))
 
         service = SimService(
-            MemoryBus(self.network),
+            self.network.open_joined(topics.SIM),
             section,
             self.plant,
             None if frames is None else on_frame,
@@ -84,9 +84,9 @@ class Bench(Rig):
         return await self.outsider.call(topics.SIM_FAULTS, text)
 
     @asynccontextmanager
-    async def commanding(self, linear_m_s: float, angular_rad_s: float = 0.0) -> AsyncGenerator[MemoryBus]:
+    async def commanding(self, linear_m_s: float, angular_rad_s: float = 0.0) -> AsyncGenerator[VirtualBus]:
         """In the supervisor's place, with nobody to stop the robot."""
-        bus = MemoryBus(self.network)
+        bus = self.network.open_joined(topics.SUPERVISOR)
         bus.declare_alive(topics.SUPERVISOR)
         cmd_vel = bus.publisher(topics.CMD_VEL)
         async with self.every(0.02, lambda: cmd_vel.put(planar_twist(linear_m_s, angular_rad_s))):
@@ -504,7 +504,7 @@ async def test_the_window_learns_what_the_supervisor_says_until_it_falls_silent(
                 assert shown.speed_m_s == pytest.approx(0.5, abs=0.02)
                 assert shown.nearest_m == pytest.approx(bench.plant.clearance_m(), abs=0.15)
                 assert [ranges.shape for ranges in shown.ranges] == [(360,)]
-        bench.network.deliver(topics.STATUS.key, b"no status", None)
+        bench.outsider.send(topics.STATUS.key, b"no status", None)
         await bench.pass_time(0.3)
         assert frames[-1][1].mode is not Mode.ALONE, "a garbled status or a short silence means nothing yet"
         await bench.pass_time(0.4)

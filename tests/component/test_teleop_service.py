@@ -1,4 +1,4 @@
-"""Teleop on a memory bus in virtual time: what it says on the wire, and when."""
+"""Teleop on a perfect network in virtual time: what it says on the wire, and when."""
 
 import asyncio
 from collections.abc import AsyncGenerator, Sequence
@@ -9,49 +9,45 @@ from typing import Any, cast
 import pytest
 
 from teleop.display import render
-from teleop.holder import POLL_S, SILENT_LIMIT_S, HeldError
+from teleop.holder import ASK_LIMIT_S, POLL_S, SILENT_LIMIT_S, HeldError
 from teleop.incremental import Incremental
 from teleop.keymap import CTRL_C, CTRL_D, CTRL_Z
 from teleop.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity
 from teleop.ramp import PERIOD_S as RAMP_PERIOD_S
 from teleop.ramp import Ramp
-from teleop.service import MIN_GAP_S, SCREEN_LIMIT_S, Setup, Teleop
+from teleop.service import MIN_GAP_S, RESET_TIMEOUT_S, SCREEN_LIMIT_S, Setup, Teleop
 from teleop.setpoint import Setpoint
 from teleop.view import Control, Line
 from virtual.loop import VirtualLoop
-from virtual.memory_bus import MemoryBus, MemoryNetwork
+from virtual.network import VirtualNetwork
 from wire import topics
-from wire.messages import Bool, SafetyStatus, SourceStatus, TriggerResponse, Twist, decode, header
-from wire.stamp import parse_stamp
+from wire.messages import SafetyStatus, SourceStatus, TriggerResponse, encode, header
+from wire.stamp import Stamp
 
 CMD_VEL = topics.source_cmd_vel("teleop")
 PERIOD_S = 0.05
-INSTANT_S = 1e-4
+INSTANT_S = 4e-4
 """Long enough for everything that happens at once, short against every period."""
 
 
-class Wire(MemoryNetwork):
+class Wire(VirtualNetwork):
     """Also remembers, in order, when what was said on which key."""
 
     def __init__(self) -> None:
         super().__init__()
+        self.tap = self._hear
+        self.supervisor = self.open_hub(topics.SUPERVISOR)
         self.said: list[tuple[float, str, Any]] = []
         self.epochs: list[bytes] = []
         """Of the commands, each once."""
 
-    def deliver(self, key: str, payload: bytes, attachment: bytes | None) -> None:
-        types = {CMD_VEL.key: Twist, topics.ESTOP.key: Bool}
-        if key in types:
-            message: Any = decode(payload, types[key])
+    def _hear(self, _node: str, key: str, message: Any, stamp: Stamp) -> None:  # noqa: ANN401 - of any topic
+        encode(message)
+        if key in {CMD_VEL.key, topics.ESTOP.key}:
             value = message.data if key == topics.ESTOP.key else (message.linear.x, message.angular.z)
             self.said.append((asyncio.get_running_loop().time(), key, value))
-        if (
-            key == CMD_VEL.key
-            and (stamp := parse_stamp(attachment)) is not None
-            and stamp.gid not in self.epochs
-        ):
+        if key == CMD_VEL.key and stamp.gid not in self.epochs:
             self.epochs.append(stamp.gid)
-        super().deliver(key, payload, attachment)
 
     def commands(self) -> list[tuple[float, tuple[float, float]]]:
         return [(time_s, value) for time_s, key, value in self.said if key == CMD_VEL.key]
@@ -60,7 +56,7 @@ class Wire(MemoryNetwork):
         return [time_s for time_s, key, value in self.said if key == topics.ESTOP.key and value]
 
     def alive(self) -> list[str]:
-        return [token.node for token in self.tokens]
+        return self.supervisor.alive
 
 
 class Keys:
@@ -128,14 +124,14 @@ class Bench:
         self, wire: Wire | None = None, pilot: Pilot | None = None, control: Control = Control.INCREMENTAL
     ) -> None:
         self.wire = wire or Wire()
-        self.supervisor = MemoryBus(self.wire)
+        self.supervisor = self.wire.supervisor
         self.stop = asyncio.Event()
         self.resets = 0
         self.wake = asyncio.Event()
         self.keys, self.screen = Keys(self.wake), PaperScreen()
         if pilot is None and control is not Control.VIEW_ONLY:
             pilot = Incremental(Setpoint(), Ramp(1e6, 1e6))
-        self.bus = MemoryBus(self.wire)
+        self.bus = self.wire.open_joined("teleop")
         teleop = Teleop(
             self.bus,
             Setup("teleop", "tcp/127.0.0.1:7447", control, about=f"the teleop of {id(self)}"),
@@ -216,7 +212,7 @@ async def test_a_key_is_published_at_once_and_leaves_the_beat_alone() -> None:
     async with bench() as b:
         await asyncio.sleep(0.02)
         await b.press("w")
-        assert b.wire.commands()[1:] == [(pytest.approx(b.start_s + 0.0201, abs=1e-4), (0.1, 0.0))]
+        assert b.wire.commands()[1:] == [(pytest.approx(b.start_s + 0.02 + INSTANT_S, abs=1e-4), (0.1, 0.0))]
         await asyncio.sleep(0.09)
         times = [time_s - b.start_s for time_s, _ in b.wire.commands()[2:]]
         assert times == [pytest.approx(0.05, abs=1e-4), pytest.approx(0.10, abs=1e-4)]
@@ -375,6 +371,7 @@ async def test_a_reset_that_was_done_is_shown() -> None:
 async def test_a_reset_that_nobody_answers_is_shown() -> None:
     async with bench() as b:
         await b.press("r")
+        await asyncio.sleep(RESET_TIMEOUT_S)
         assert "nobody answered" in b.screen.notes[0]
         assert not b.running.done()
 
@@ -388,13 +385,15 @@ async def test_a_slow_reset_does_not_delay_the_heartbeat() -> None:
         assert (b.screen.notes, b.resets) == (["reset done: at last"], 1)
 
 
-async def test_an_error_in_the_reset_ends_teleop_with_a_zero_and_without_token() -> None:
+async def test_an_error_in_the_reset_ends_teleop_with_a_zero_and_without_token(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     async with bench() as b:
 
-        async def broken(_: str) -> TriggerResponse:
+        async def broken(*_: object, **__: object) -> TriggerResponse:
             raise RuntimeError("broken reset")
 
-        b.supervisor.serve(topics.SUPERVISOR_RESET, broken)
+        monkeypatch.setattr(b.bus, "call", broken)
         await b.press("wr")
         assert isinstance(b.running.exception(), RuntimeError)
         assert (b.velocity(), b.wire.alive()) == ((0.0, 0.0), [])
@@ -449,7 +448,7 @@ async def test_an_undecodable_status_leaves_the_last_one_to_age() -> None:
     async with bench() as b:
         b.tell(SafetyStatus.READY)
         await asyncio.sleep(0.1)
-        b.wire.deliver(topics.STATUS.key, b"\x00\x01", None)
+        b.supervisor.send(topics.STATUS.key, b"\x00\x01", None)
         await asyncio.sleep(1.0)
         assert "silent" in b.screen.lines[-1]
 
@@ -617,15 +616,15 @@ async def test_of_several_that_start_at_the_same_instant_exactly_one_drives(coun
 
 async def test_of_two_candidates_the_smaller_mark_begins_once_the_other_has_given_way() -> None:
     wire = Wire()
-    smaller = MemoryBus(wire).declare_alive("teleop.0")
+    smaller = wire.open_joined("other").declare_alive("teleop.0")
     async with bench(wire=wire) as b:
         assert "at this very moment" in str(b.running.exception())
         assert (wire.commands(), wire.alive()) == ([], ["teleop.0"])
     smaller.withdraw()
-    greater = MemoryBus(wire).declare_alive("teleop.z")
-    MemoryBus(wire).declare_alive("teleop2.0")  # of another source
+    greater = wire.open_joined("other").declare_alive("teleop.z")
+    wire.open_joined("other").declare_alive("teleop2.0")  # of another source
     made = Bench(wire)
-    await asyncio.sleep(SILENT_LIMIT_S / 2)
+    await asyncio.sleep(ASK_LIMIT_S + SILENT_LIMIT_S / 2)
     assert wire.commands() == []
     greater.withdraw()
     await made.started()
@@ -636,7 +635,7 @@ async def test_of_two_candidates_the_smaller_mark_begins_once_the_other_has_give
 
 async def test_a_holder_that_does_not_answer_is_waited_for_and_then_named_as_such() -> None:
     wire = Wire()
-    MemoryBus(wire).declare_alive("teleop")  # and nobody who serves
+    wire.open_joined("other").declare_alive("teleop")  # and nobody who serves
     async with bench(wire=wire) as b:
         assert "held by a teleop that does not answer" in str(b.running.exception())
         assert (wire.commands(), wire.alive()) == ([], ["teleop"])
@@ -644,11 +643,11 @@ async def test_a_holder_that_does_not_answer_is_waited_for_and_then_named_as_suc
 
 async def test_the_token_of_a_program_that_has_just_died_is_waited_out() -> None:
     wire = Wire()
-    token = MemoryBus(wire).declare_alive("teleop")
+    token = wire.open_joined("other").declare_alive("teleop")
     made = Bench(wire)
-    await asyncio.sleep(SILENT_LIMIT_S / 2)
+    await asyncio.sleep(ASK_LIMIT_S + SILENT_LIMIT_S / 2)
     token.withdraw()
-    await asyncio.sleep(2 * POLL_S)
+    await asyncio.sleep(ASK_LIMIT_S + 2 * POLL_S)
     assert not made.running.done()
     assert wire.alive() == ["teleop"]
     made.stop.set()
@@ -705,7 +704,7 @@ async def test_ctrl_z_suspends_after_a_zero_and_without_the_token_and_comes_back
     async with bench() as b:
         await b.press("w")
         seen: list[tuple[object, list[str]]] = []
-        b.screen.on_suspend = lambda: (seen.append((b.velocity(), b.wire.alive())), hang(5.0))[0]
+        b.screen.on_suspend = lambda: (seen.append((b.velocity(), list(b.bus.own))), hang(5.0))[0]
         await b.press(CTRL_Z + "w")
         await asyncio.sleep(7.0)
         assert seen == [((0.0, 0.0), [])]
@@ -720,7 +719,7 @@ async def test_who_comes_back_and_finds_the_name_taken_gives_way() -> None:
     async with bench(wire=wire) as b:
         await b.press(CTRL_Z)
         async with bench(wire=wire) as other:
-            await asyncio.sleep(1.0)
+            await asyncio.sleep(ASK_LIMIT_S + 1.0)
             assert sorted(running.done() for running in (b.running, other.running)) == [False, True]
             assert wire.alive() == ["teleop"]
 

@@ -26,7 +26,6 @@ from supervisor import safety
 from supervisor.config import SupervisorSection
 from supervisor.model import Source
 from tests.component.rig import Rig, laser_scan
-from virtual.memory_bus import MemoryBus
 from wire import topics
 
 ROOT = Path(__file__).parents[2]
@@ -110,7 +109,7 @@ async def test_one_scan_of_another_client_does_not_blind_the_robot_for_good() ->
     rig = Rig()
     async with rig.supervisor(), rig.lidar(), rig.source():
         await rig.drive(0.3)
-        MemoryBus(rig.network).publisher(topics.SCAN).put(laser_scan(np.full(360, np.nan)))
+        rig.network.open_joined("second lidar").publisher(topics.SCAN).put(laser_scan(np.full(360, np.nan)))
         rig.velocity = (0.0, 0.0)
         await rig.pass_time(3.0)
         assert rig.newest_status.reasons == []

@@ -1,4 +1,4 @@
-"""The real supervisor on a memory bus in virtual time: armed and driving, fed, and driven again.
+"""The real supervisor on a perfect network in virtual time: armed and driving, fed, and driven again.
 
 Each scene is a world of its own, in episodes: sim and teleop are started anew (who takes a source's epoch or
 sequence shuts that source out until it is), the robot is armed and driven, a burst comes on one or all of the
@@ -11,7 +11,6 @@ import logging
 from collections import deque
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
 from random import Random
 from typing import NamedTuple
 
@@ -25,8 +24,9 @@ from tests.fuzz import payloads
 from tests.fuzz.decoding import Finding
 from tests.fuzz.warned import Warned, warned
 from virtual.loop import VirtualLoop
-from virtual.memory_bus import MemoryBus, MemoryNetwork, MemoryToken
+from virtual.network import VirtualBus, VirtualNetwork
 from wire import topics
+from wire.bus import Token
 from wire.messages import (
     Bool,
     LaserScan,
@@ -34,12 +34,13 @@ from wire.messages import (
     Odometry,
     SafetyStatus,
     Twist,
-    decode,
+    encode,
     header,
     laser_scan,
     odometry,
     planar_twist,
 )
+from wire.stamp import Stamp
 
 SCENE_PAYLOADS = 2000
 BURST = (1, 60)
@@ -80,29 +81,33 @@ class _Nowhere:
     def close(self) -> None: ...
 
 
-@dataclass
-class _Tap(MemoryNetwork):
+class _Tap:
     """Sees what the supervisor says in its order, and holds it to the invariant."""
 
-    limits: tuple[float, float] = (1.0, 2.0)
-    steps: int = 0
-    longest_status_bytes: int = 0
-    status: SafetyStatus = field(default_factory=lambda: SafetyStatus(header("", 0)))
-    output: tuple[float, float] = (0.0, 0.0)
-    wrong: list[str] = field(default_factory=list[str])
-    _unexplained: bool = False
-    """The robot was told to move after a status that says that it stands; the next word has to explain it."""
+    limits = (1.0, 2.0)
 
-    def deliver(self, key: str, payload: bytes, attachment: bytes | None) -> None:
-        if key == topics.CMD_VEL.key:
-            self._commanded(decode(payload, Twist))
-        elif key == topics.STATUS.key:
+    def __init__(self) -> None:
+        self.steps = self.longest_status_bytes = 0
+        self.status = SafetyStatus(header("", 0))
+        self.output = (0.0, 0.0)
+        self.wrong: list[str] = []
+        self.epochs: dict[str, bytes] = {}
+        """Of sim and teleop, by key."""
+        self._unexplained = False
+        """The robot was told to move after a status that says that it stands; the next word has to explain it."""
+
+    def __call__(self, node: str, key: str, message: Message, stamp: Stamp) -> None:
+        payload = encode(message)
+        if node in {topics.SIM, topics.TELEOP}:
+            self.epochs[key] = stamp.gid
+        if isinstance(message, SafetyStatus):
             self.longest_status_bytes = max(self.longest_status_bytes, len(payload))
             if len(payload) > STATUS_LIMIT_BYTES:
                 self.wrong.append(f"a status of {len(payload)} bytes")
-            self.status = decode(payload, SafetyStatus)
+            self.status = message
             self._explain()
-        super().deliver(key, payload, attachment)
+        elif key == topics.CMD_VEL.key and isinstance(message, Twist):
+            self._commanded(message)
 
     def _commanded(self, twist: Twist) -> None:
         self._explain()
@@ -137,7 +142,7 @@ def scene(seed: int, number: int, count: int, replay: str) -> Met:
     with _complaints() as complaints, warned() as warnings:
         try:
             loop.on_error = lambda name, error: complaints.append(f"{name}: {error!r}")
-            play = _Scene(Random((seed << 40) | (1 << 39) | number), complaints)
+            play = _Scene(loop, Random((seed << 40) | (1 << 39) | number), complaints)
             try:
                 loop.run_until_complete(play.run(count))
             except Exception as error:  # noqa: BLE001 - that there is none is what is tested
@@ -148,30 +153,34 @@ def scene(seed: int, number: int, count: int, replay: str) -> Met:
     return Met(
         play.fed,
         play.while_driving,
-        play.network.steps,
-        play.network.longest_status_bytes,
+        play.tap.steps,
+        play.tap.longest_status_bytes,
         tuple(Finding(f"supervisor: {what[:500]}", fed, replay) for what in complaints),
         warnings,
     )
 
 
 class _Scene:
-    def __init__(self, random: Random, complaints: list[str]) -> None:
+    def __init__(self, loop: VirtualLoop, random: Random, complaints: list[str]) -> None:
         self._random = random
         self._complaints = complaints
-        self.network = _Tap()
+        self.network = VirtualNetwork(loop)
+        self.network.tap = self.tap = _Tap()
+        self._supervisor = self.network.open_hub(topics.SUPERVISOR)
+        self._stranger = self.network.open_joined("stranger")
+        self._good: list[VirtualBus] = []
+        self._token: Token | None = None
         self.last: deque[tuple[str, bytes, str]] = deque(maxlen=KEPT)
         self.fed = self.while_driving = 0
         self._velocity = (0.0, 0.0)
         self._is_quiet = False
-        self._token: MemoryToken | None = None
         self._gids = payloads.epochs(random, 3)
 
     async def run(self, count: int) -> None:
         config = SupervisorSection()
         box = BlackBox(config.law(), _Nowhere(), window_s=config.black_box_s, utc=lambda: 0.0)
         stop = asyncio.Event()
-        service = SupervisorService(MemoryBus(self.network), config, box)
+        service = SupervisorService(self._supervisor, config, box)
         running = asyncio.ensure_future(service.run(stop))
         self._start_anew()
         good = asyncio.ensure_future(self._good_traffic())
@@ -200,18 +209,20 @@ class _Scene:
         """Sim and teleop as new processes: each with an epoch of its own."""
         if self._token is not None:
             self._token.withdraw()
-        self._sim, self._teleop = MemoryBus(self.network), MemoryBus(self.network)
-        self._token = self._teleop.declare_alive(topics.TELEOP)
-        self._scans = self._sim.publisher(topics.SCAN)
-        self._odometry = self._sim.publisher(topics.ODOM)
-        self._commands = self._teleop.publisher(topics.source_cmd_vel(topics.TELEOP))
+        for bus in self._good:
+            bus.leave(0.0)
+        sim, teleop = self._good = [self.network.open_joined(name) for name in (topics.SIM, topics.TELEOP)]
+        self._token = teleop.declare_alive(topics.TELEOP)
+        self._scans = sim.publisher(topics.SCAN)
+        self._odometry = sim.publisher(topics.ODOM)
+        self._commands = teleop.publisher(topics.source_cmd_vel(topics.TELEOP))
         self._velocity = (0.0, 0.0)
 
     async def _good_traffic(self) -> None:
         """What a healthy robot and its operator say: odometry and scans, and a heartbeat."""
         for tick in itertools.count():
             if not self._is_quiet:
-                self._odometry.put(odometry((0.0, 0.0, 0.0), self.network.output, time_ns=0))
+                self._odometry.put(odometry((0.0, 0.0, 0.0), self.tap.output, time_ns=0))
                 if tick % 3 == 0:
                     self._scans.put(_scan(tick))
                 if tick % 3 == 1:
@@ -220,19 +231,18 @@ class _Scene:
 
     async def _arm_and_drive(self, running: "asyncio.Future[None]") -> None:
         """Neutral until every reason is gone, a reset where it takes one; then it has to move."""
-        outsider = MemoryBus(self.network)
-        estop = outsider.publisher(topics.ESTOP)
+        estop = self._stranger.publisher(topics.ESTOP)
         await asyncio.sleep(SETTLE_S)
-        await self._until(lambda: self._ready(outsider), ARM_LIMIT_S, "is not ready again", running)
+        await self._until(self._ready, ARM_LIMIT_S, "is not ready again", running)
         self._velocity = self._random.choice(SPEEDS)
-        await self._until(lambda: self.network.output != (0.0, 0.0), DRIVE_LIMIT_S, "does not move", running)
+        await self._until(lambda: self.tap.output != (0.0, 0.0), DRIVE_LIMIT_S, "does not move", running)
         if self._random.random() < 0.02:
             estop.put(Bool(True))  # noqa: FBT003 - a Bool is what it is
 
-    def _ready(self, outsider: MemoryBus) -> bool:
-        if "ESTOP" in self.network.status.reasons:
-            asyncio.ensure_future(outsider.call(topics.SUPERVISOR_RESET))  # noqa: RUF006 - its answer is the status
-        return self.network.status.mode != SafetyStatus.STOPPED
+    def _ready(self) -> bool:
+        if "ESTOP" in self.tap.status.reasons:
+            asyncio.ensure_future(self._stranger.call(topics.SUPERVISOR_RESET))  # noqa: RUF006 - its answer is the status
+        return self.tap.status.mode != SafetyStatus.STOPPED
 
     async def _until(
         self, condition: "object", limit_s: float, complaint: str, running: "asyncio.Future[None]"
@@ -242,7 +252,7 @@ class _Scene:
         end_s = loop.time() + limit_s
         while not condition():
             if loop.time() > end_s:
-                status = self.network.status
+                status = self.tap.status
                 raise _UnfitError(
                     f"the robot {complaint} within {limit_s:g} s: mode {status.mode}, {status.reasons}"
                 )
@@ -251,18 +261,18 @@ class _Scene:
 
     async def _burst(self, count: int) -> None:
         random = self._random
-        gids = [*self._gids, self._sim.gid, self._teleop.gid]
+        gids = [*self._gids, *self.tap.epochs.values()]
         only = random.choice((None, None, *_KEYS))
         for _ in range(count):
             if random.random() < 0.7:
                 await asyncio.sleep(random.random() * APART_S)
             self.fed += 1
-            self.while_driving += not self.network.is_stopped
+            self.while_driving += not self.tap.is_stopped
             dice = random.random()
             if dice < 0.02:
-                self.network.announce(random.choice(NAMES), alive=random.random() < 0.5)
+                self._supervisor.tell_alive(random.choice(NAMES), alive=random.random() < 0.5)
             elif dice < 0.04:
-                reset = self.network.services[topics.SUPERVISOR_RESET.key]
+                reset = self._supervisor.services[topics.SUPERVISOR_RESET.key]
                 asyncio.ensure_future(reset(payloads.text(random)))  # noqa: RUF006 - nobody waits for it
             else:
                 self._feed(only or random.choice(_KEYS), gids)
@@ -275,14 +285,14 @@ class _Scene:
         payload = payloads.mutated(random, message_type)
         stamp = payloads.attachment(random, asyncio.get_running_loop().time(), gids)
         self.last.append((key, payload, "no attachment" if stamp is None else stamp.hex()))
-        self.network.deliver(key, payload, stamp)
+        self._stranger.send(key, payload, stamp)
 
     def _check(self, running: "asyncio.Future[None] | None") -> None:
         if running is not None and running.done():
             running.result()
             raise _UnfitError("the supervisor has ended")
-        if self.network.wrong or self._complaints:
-            raise _UnfitError("; ".join(self.network.wrong[:3]) or "see above")
+        if self.tap.wrong or self._complaints:
+            raise _UnfitError("; ".join(self.tap.wrong[:3]) or "see above")
 
 
 _TYPES: dict[str, type[Message]] = {

@@ -1,4 +1,4 @@
-"""The real sim on a memory bus in virtual time, fed as if the supervisor had gone mad, and asked for anything."""
+"""The real sim on a perfect network in virtual time, fed as if the supervisor had gone mad, and asked for anything."""
 
 import asyncio
 import math
@@ -14,7 +14,7 @@ from tests.fuzz import payloads
 from tests.fuzz.decoding import Finding
 from tests.fuzz.warned import Warned, warned
 from virtual.loop import VirtualLoop
-from virtual.memory_bus import MemoryBus, MemoryNetwork
+from virtual.network import VirtualBus, VirtualNetwork
 from wire import topics
 from wire.messages import planar_twist
 
@@ -31,7 +31,7 @@ def simulate(seed: int, count: int, replay: str) -> tuple[int, tuple[Finding, ..
     """Feed so many payloads to a sim, and see it drive afterwards; how many, what was wrong, and what warned."""
     loop = VirtualLoop()
     complaints: list[str] = []
-    play = _Play(Random((seed << 40) | (1 << 38)))
+    play = _Play(loop, Random((seed << 40) | (1 << 38)))
     try:
         with warned() as warnings:
             loop.on_error = lambda name, error: complaints.append(f"{name}: {error!r}")
@@ -46,25 +46,26 @@ def simulate(seed: int, count: int, replay: str) -> tuple[int, tuple[Finding, ..
 
 
 class _Play:
-    def __init__(self, random: Random) -> None:
+    def __init__(self, loop: VirtualLoop, random: Random) -> None:
         self._random = random
-        self._network = MemoryNetwork()
+        network = VirtualNetwork(loop)
+        self._supervisor = network.open_hub(topics.SUPERVISOR)
+        self._sim = network.open_joined(topics.SIM)
         self._plant = Plant()
         self.fed = 0
         self.last: deque[str] = deque(maxlen=KEPT)
 
     async def run(self, count: int) -> None:
         stop = asyncio.Event()
-        service = SimService(MemoryBus(self._network), SimSection(), self._plant)
+        service = SimService(self._sim, SimSection(), self._plant)
         running = asyncio.ensure_future(service.run(stop))
-        supervisor = MemoryBus(self._network)
-        supervisor.declare_alive(topics.SUPERVISOR)
+        self._supervisor.declare_alive(topics.SUPERVISOR)
         try:
             while self.fed < count:
                 for _ in range(BURST):
                     await self._feed()
                 self._check(running)
-            await self._drives(supervisor, running)
+            await self._drives(self._supervisor, running)
             stop.set()
             await running
         finally:
@@ -73,7 +74,7 @@ class _Play:
                 await running
 
     async def _feed(self) -> None:
-        random, network = self._random, self._network
+        random = self._random
         self.fed += 1
         stamp = payloads.attachment(random, 0.0, [bytes(16)])
         match int(random.random() * 10):
@@ -82,7 +83,7 @@ class _Play:
             case 1:
                 await self._ask(topics.SIM_RESET, "")
             case 2:
-                network.announce(topics.SUPERVISOR, alive=random.random() < 0.8)
+                self._sim.tell_alive(topics.SUPERVISOR, alive=random.random() < 0.8)
             case 3 | 4:
                 self._deliver(topics.OBSTACLE.key, payloads.mutated(random, topics.OBSTACLE.type), stamp)
             case _:
@@ -91,13 +92,13 @@ class _Play:
 
     def _deliver(self, key: str, payload: bytes, stamp: bytes | None) -> None:
         self.last.append(f"{key} {payload.hex()}")
-        self._network.deliver(key, payload, stamp)
+        self._supervisor.send(key, payload, stamp)
 
     async def _ask(self, service: topics.Service, text: str) -> None:
         if service is topics.SIM_TIME and _takes_long(text):
             return
         self.last.append(f"{service.key} {text!r}")
-        await self._network.services[service.key](text)
+        await self._sim.services[service.key](text)
 
     def _check(self, running: "asyncio.Future[None]") -> None:
         if running.done():
@@ -108,10 +109,10 @@ class _Play:
         assert abs(velocity.linear_m_s) <= FASTEST_M_S, f"the robot drives at {velocity.linear_m_s} m/s"
         assert abs(velocity.angular_rad_s) <= FASTEST_RAD_S, f"it turns at {velocity.angular_rad_s} rad/s"
 
-    async def _drives(self, supervisor: MemoryBus, running: "asyncio.Future[None]") -> None:
+    async def _drives(self, supervisor: VirtualBus, running: "asyncio.Future[None]") -> None:
         """After all that: a reset, and it follows a good command."""
         point = payloads.seeds(topics.OBSTACLE.type)[1].payload  # below the floor: no pillar
-        self._network.deliver(topics.OBSTACLE.key, point, None)
+        supervisor.send(topics.OBSTACLE.key, point, None)
         for service, text in (
             (topics.SIM_FAULTS, "none"),
             (topics.SIM_TIME, "run"),
@@ -119,7 +120,7 @@ class _Play:
         ):
             answer = await supervisor.call(service, text)
             assert answer.success, answer.message
-        self._network.announce(topics.SUPERVISOR, alive=True)
+        self._sim.tell_alive(topics.SUPERVISOR, alive=True)
         publisher = supervisor.publisher(topics.CMD_VEL)
         for _ in range(20):
             publisher.put(planar_twist(0.0, 0.0))

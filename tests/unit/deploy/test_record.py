@@ -12,10 +12,11 @@ from typer.testing import CliRunner, Result
 from deploy.cli import app
 from deploy.record import MAX_STRANGERS, Recorder, Report
 from deploy.recording import Recorded, RecordingError, RecordingReader, RecordingWriter
-from virtual.memory_bus import MemoryBus, MemoryNetwork
+from virtual.network import VirtualNetwork
 from wire import topics
-from wire.messages import Odometry, SafetyStatus, Twist, decode, encode, header, odometry, planar_twist
+from wire.messages import M, Odometry, SafetyStatus, Twist, decode, encode, header, odometry, planar_twist
 from wire.stamp import Stamp
+from wire.topics import Topic
 
 NOON_NS = 1_780_000_000_000_000_000
 SECOND_NS = 1_000_000_000
@@ -138,14 +139,17 @@ def test_a_file_that_exists_is_never_overwritten(path: Path) -> None:
 
 
 class Stage:
-    """A network, and a recorder on it."""
+    """A recorder on a network, and what reaches it."""
 
     def __init__(self, path: Path) -> None:
-        self.network = MemoryNetwork()
+        self.bus = VirtualNetwork().open_hub("recorder")
         self.shown: list[str] = []
         self.stop = asyncio.Event()
         self.writer = RecordingWriter(path)
-        self.recorder = Recorder(MemoryBus(self.network), "robot", ["teleop"], self.writer, self.shown.append)
+        self.recorder = Recorder(self.bus, "robot", ["teleop"], self.writer, self.shown.append)
+
+    def put(self, topic: Topic[M], message: M) -> None:
+        self.bus.receive(topic.key, encode(message), None)
 
     async def end(self) -> Report:
         self.stop.set()
@@ -154,11 +158,10 @@ class Stage:
 
 async def test_everything_until_the_end_is_recorded_under_its_ros_name(path: Path) -> None:
     stage = Stage(path)
-    bus = MemoryBus(stage.network)
     for n in range(100):
-        bus.publisher(topics.ODOM).put(odometry((n / 10, 0.0, 0.0), (0.1, 0.0)))
-    bus.publisher(topics.source_cmd_vel("teleop")).put(planar_twist(0.5, 0.0))
-    bus.publisher(topics.STATUS).put(SafetyStatus(header("")))
+        stage.put(topics.ODOM, odometry((n / 10, 0.0, 0.0), (0.1, 0.0)))
+    stage.put(topics.source_cmd_vel("teleop"), planar_twist(0.5, 0.0))
+    stage.put(topics.STATUS, SafetyStatus(header("")))
     report = await stage.end()
     messages, cut = read(path)
     assert not cut
@@ -173,16 +176,14 @@ async def test_everything_until_the_end_is_recorded_under_its_ros_name(path: Pat
 async def test_a_source_that_the_supervisor_does_not_know_is_recorded_once_it_is_heard(path: Path) -> None:
     stage = Stage(path)
     running = asyncio.create_task(stage.recorder.run(stage.stop))
-    joy, nameless = (
-        MemoryBus(stage.network).publisher(topics.source_cmd_vel(name)) for name in ("joy", "no name")
-    )
-    nameless.put(planar_twist(0.1, 0.0))
-    joy.put(planar_twist(0.1, 0.0))
+    joy, nameless = topics.source_cmd_vel("joy"), topics.source_cmd_vel("no name")
+    stage.put(nameless, planar_twist(0.1, 0.0))
+    stage.put(joy, planar_twist(0.1, 0.0))
     async with asyncio.timeout(10):
-        while "joy/cmd_vel" not in {s.key for _, s in stage.network.subscriptions}:  # noqa: ASYNC110 - no event tells
+        while joy.key not in stage.bus.subscriptions:  # noqa: ASYNC110 - no event tells
             await asyncio.sleep(0)
-    nameless.put(planar_twist(0.1, 0.0))
-    joy.put(planar_twist(0.1, 0.0))
+    stage.put(nameless, planar_twist(0.1, 0.0))
+    stage.put(joy, planar_twist(0.1, 0.0))
     stage.stop.set()
     report = await running
     assert [(c.name, c.messages) for c in report.channels if c.messages] == [("/robot/joy/cmd_vel", 1)]
@@ -191,7 +192,7 @@ async def test_a_source_that_the_supervisor_does_not_know_is_recorded_once_it_is
 async def test_strangers_are_recorded_up_to_a_limit(path: Path) -> None:
     stage = Stage(path)
     for n in range(MAX_STRANGERS + 10):
-        MemoryBus(stage.network).publisher(topics.source_cmd_vel(f"s{n}")).put(planar_twist(0.1, 0.0))
+        stage.put(topics.source_cmd_vel(f"s{n}"), planar_twist(0.1, 0.0))
     report = await stage.end()
     assert sum(c.name.endswith("/cmd_vel") and c.name.startswith("/robot/s") for c in report.channels) == (
         MAX_STRANGERS - 1
@@ -203,8 +204,8 @@ async def test_samples_that_never_came_are_counted_as_lost(path: Path) -> None:
     payload = encode(planar_twist(0.1, 0.0))
     for sequence, gid in ((1, b"a"), (5, b"a"), (500, b"b"), (501, b"b"), (501, b"b")):
         stamp = Stamp(sequence, 0, gid * 16).pack()
-        stage.network.deliver(topics.CMD_VEL.key, payload, stamp)
-    stage.network.deliver(topics.CMD_VEL.key, payload, None)
+        stage.bus.receive(topics.CMD_VEL.key, payload, stamp)
+    stage.bus.receive(topics.CMD_VEL.key, payload, None)
     report = await stage.end()
     (channel,) = [c for c in report.channels if c.messages]
     assert (channel.messages, channel.lost) == (6, 3), "another run begins wherever it likes"
@@ -212,7 +213,7 @@ async def test_samples_that_never_came_are_counted_as_lost(path: Path) -> None:
 
 async def test_bytes_that_are_no_message_are_kept_as_they_came(path: Path) -> None:
     stage = Stage(path)
-    stage.network.deliver(topics.SCAN.key, b"\x00junk", None)
+    stage.bus.receive(topics.SCAN.key, b"\x00junk", None)
     await stage.end()
     messages, _ = read(path)
     assert [m.payload for m in messages] == [b"\x00junk"]
@@ -222,7 +223,7 @@ async def test_a_file_that_takes_no_more_ends_the_recording_with_the_reason(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stage = Stage(path)
-    MemoryBus(stage.network).publisher(topics.CMD_VEL).put(planar_twist(0.1, 0.0))
+    stage.put(topics.CMD_VEL, planar_twist(0.1, 0.0))
 
     def full(_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")

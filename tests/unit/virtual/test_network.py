@@ -90,6 +90,27 @@ def test_nobody_but_the_hub_writes_cmd_vel_or_holds_the_supervisors_token() -> N
     play(story)
 
 
+def test_behind_a_router_the_supervisor_is_the_client_of_that_name() -> None:
+    async def story(b: Bench) -> None:
+        supervisor = b.network.open_joined(topics.SUPERVISOR)
+        supervisor.publisher(topics.CMD_VEL).put(planar_twist(0.5, 0.0))
+        supervisor.declare_alive(topics.SUPERVISOR)
+        await asyncio.sleep(0.001)
+        assert (len(b.obeyed.take()), b.sim.alive) == (1, [topics.SUPERVISOR])
+
+    play(story)
+
+
+def test_whoever_hears_all_sources_hears_those_that_nobody_subscribes_to() -> None:
+    async def story(b: Bench) -> None:
+        for ears in (b.sim.hear_sources(), b.hub.hear_sources()):
+            b.teleop.publisher(topics.source_cmd_vel("stranger")).put(planar_twist(0.0, 0.0))
+            await asyncio.sleep(0.001)
+            assert set(ears.take()) == {"stranger"}
+
+    play(story)
+
+
 def test_a_cut_that_is_healed_within_the_lease_delivers_its_backlog_at_once_and_in_order() -> None:
     async def story(b: Bench) -> None:
         b.network.cut("teleop")
@@ -239,6 +260,21 @@ def test_jitter_keeps_the_order_unless_it_is_told_not_to(in_order: bool) -> None
         values = b.values()
         assert sorted(values) == list(range(1, 31))
         assert (values == sorted(values)) is in_order
+
+    play(story)
+
+
+def test_a_flood_displaces_no_other_writers_sample() -> None:
+    async def story(b: Bench) -> None:
+        newest = b.hub.subscribe(COMMANDS, per_writer=True)
+        await b.say(1)
+        flood = b.sim.publisher(COMMANDS)
+        for _ in range(100):
+            flood.put(planar_twist(0.2, 0.0))
+        await asyncio.sleep(0.01)
+        taken = newest.take()
+        assert [a.stamp.sequence for a in taken if a.stamp] == [1, 100]
+        assert len({a.stamp.gid for a in taken if a.stamp}) == 2
 
     play(story)
 

@@ -6,8 +6,6 @@ import threading
 
 import pytest
 
-from virtual.memory_bus import MemoryBus, MemoryNetwork
-from wire import topics
 from wire.bus import Inbox, Subscription
 from wire.messages import Twist, encode, planar_twist
 from wire.stamp import Stamper
@@ -114,14 +112,3 @@ async def test_the_newest_sample_of_each_writer_is_kept_by_the_epoch_of_its_stam
         None,
     ]
     assert subscription.overflowed == 298
-
-
-async def test_a_flood_on_the_network_displaces_no_other_writers_sample() -> None:
-    network = MemoryNetwork()
-    subscription = MemoryBus(network).subscribe(topics.CMD_VEL, per_writer=True)
-    lidar, flood = MemoryBus(network), MemoryBus(network)
-    lidar.publisher(topics.CMD_VEL).put(planar_twist(0.1, 0.0))
-    publisher = flood.publisher(topics.CMD_VEL)
-    for _ in range(100):
-        publisher.put(planar_twist(0.2, 0.0))
-    assert [a.stamp.gid for a in subscription.take() if a.stamp] == [lidar.gid, flood.gid]

@@ -10,7 +10,7 @@ import pytest
 from deploy.campaign.classes import BASE_TIMEOUT_S
 from deploy.campaign.real.rig.observer import Observer
 from deploy.campaign.real.rig.wheels import WheelPipe
-from virtual.memory_bus import MemoryBus, MemoryNetwork
+from virtual.network import VirtualNetwork
 from wire import topics
 from wire.messages import encode, planar_twist
 from wire.stamp import Stamp
@@ -23,9 +23,9 @@ class Stage:
     """An observer, and what others put on the network by their own word."""
 
     def __init__(self, path: Path) -> None:
-        self.network = MemoryNetwork()
+        self.bus = VirtualNetwork().open_hub("observer")
         self.pipe = WheelPipe(path / "wheels")
-        self.observer = Observer(cast("Any", MemoryBus(self.network)), self.pipe)
+        self.observer = Observer(cast("Any", self.bus), self.pipe)
         self.sequence = 0
 
     def put(self, key: str, gid: bytes | None, *, age_s: float = 0.0) -> None:
@@ -33,7 +33,7 @@ class Stage:
         stamp = (
             None if gid is None else Stamp(self.sequence, round((time.monotonic() - age_s) * 1e9), gid).pack()
         )
-        self.network.deliver(key, encode(planar_twist(0.5, 0.0)), stamp)
+        self.bus.receive(key, encode(planar_twist(0.5, 0.0)), stamp)
 
 
 @pytest.fixture
