@@ -1,10 +1,10 @@
-"""For every test."""
+"""Configuration of all tests."""
 
 import os
 
 from hypothesis import settings
 
-# A deadline for each example would test the machine: pytest-timeout ends what hangs.
+# A deadline for each example would test the machine's speed; pytest-timeout ends hanging tests.
 # Examples are derived from the tests themselves, so that the same commit is always green or always red, and each
 # mutant always killed or never. LIFELINE_RANDOM=1 looks for new ones instead.
 settings.register_profile("lifeline", deadline=None, derandomize="LIFELINE_RANDOM" not in os.environ)

@@ -1,4 +1,4 @@
-"""A robot in one event loop: the real services on a perfect network, and a person at a keyboard's place."""
+"""A robot in one event loop: the real services on a perfect network, and a scripted operator."""
 
 import asyncio
 import itertools
@@ -27,7 +27,7 @@ def laser_scan(ranges: np.ndarray) -> LaserScan:
 
 
 class Rig:
-    """The network, what an outsider sees of it as its hub, and what a scripted source asks for."""
+    """The network, an outside observer as its hub, and a scripted source."""
 
     def __init__(self) -> None:
         self.network = VirtualNetwork()
@@ -120,7 +120,7 @@ class Rig:
         return self.newest_output
 
     async def drive(self, linear_m_s: float, angular_rad_s: float = 0.0) -> None:
-        """Neutral until armed, then this motion, until it is on `cmd_vel`."""
+        """Send neutral until armed, then this motion until it appears on `cmd_vel`."""
         self.velocity = (0.0, 0.0)
         await self.pass_time(0.5)
         assert self.newest_status.reasons == []

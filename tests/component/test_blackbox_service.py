@@ -1,4 +1,4 @@
-"""The supervisor's black box on a perfect network: a stop leaves a file, and the file decides the same."""
+"""The supervisor's black box on a perfect network: a stop writes a file, and its replay decides the same."""
 
 from collections.abc import Iterable
 from itertools import groupby
@@ -86,7 +86,7 @@ async def test_a_start_and_an_end_without_motion_leave_nothing(writer: WriterAtO
 async def test_a_directory_that_cannot_be_written_to_stops_nothing(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(blackbox, "CLOSE_LIMIT_S", 30.0)  # its thread writes in the time of this machine
+    monkeypatch.setattr(blackbox, "CLOSE_LIMIT_S", 30.0)  # its thread writes in real time
     directory = tmp_path / "blackbox"
     directory.write_text("a file is in its place")
     rig = Rig()

@@ -1,4 +1,4 @@
-"""The supervisor and the record of its e-stop: what is shown when, and what the next supervisor makes of it."""
+"""The supervisor and the record of its e-stop: what the status shows when, and how the next supervisor starts."""
 
 import asyncio
 from collections.abc import AsyncGenerator

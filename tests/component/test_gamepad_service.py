@@ -1,6 +1,6 @@
-"""Teleop with a gamepad on a perfect network: from the bytes of a device file to what is said on the wire.
+"""Teleop with a gamepad on a perfect network: from the bytes of a device file to the messages on the wire.
 
-A file descriptor cannot be watched in virtual time: these tests run in a real loop, and wait for what they see.
+A file descriptor cannot be watched in virtual time: these tests run in a real loop, and wait for conditions.
 """
 
 import asyncio
@@ -50,7 +50,7 @@ class Keys:
 
 
 class PaperScreen:
-    """A terminal that keeps what is noted."""
+    """A terminal that keeps the notes."""
 
     size = (120, 24)
 
@@ -69,7 +69,7 @@ class PaperScreen:
 
 
 class Bench:
-    """A running Teleop, its gamepad, and what is heard of it."""
+    """A running Teleop, its gamepad, and a subscriber."""
 
     def __init__(self, sysfs: Path) -> None:
         self.sysfs = sysfs
@@ -110,7 +110,7 @@ class Bench:
         await self.until_heard(HALF)
 
     async def stays_zero(self, beats: int = 4) -> None:
-        """Zeros go on being said, and nothing else."""
+        """Only zeros are sent."""
         self.heard()
         count = len(self.commands)
         await self.until(lambda: self.heard() != ZERO or len(self.commands) >= count + beats)
@@ -148,7 +148,7 @@ Story = Callable[[Bench], Awaitable[None]]
 
 @pytest.fixture
 def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Story], None]:
-    """Play a story with a pad that settles at once and is looked for without a break."""
+    """Run a test with a gamepad that settles immediately and is searched for continuously."""
     monkeypatch.setattr(gamepad, "SETTLE_S", 0.0)
     monkeypatch.setattr(gamepad_device, "RETRY_PERIOD_S", 0.01)
     monkeypatch.setattr(service, "HANG_S", PATIENCE_S)  # a busy machine may hold this loop up for 0.15 s
@@ -232,7 +232,7 @@ def test_after_a_hang_the_button_must_be_pressed_anew(
 
 
 def test_a_pad_that_falls_silent_while_it_drives_is_stopped(run: Callable[[Story], None]) -> None:
-    """A battery that dies leaves the last state for ever: nothing tells, so nothing may go on."""
+    """An empty battery leaves the last state indefinitely without an event, so motion must not continue."""
 
     async def story(bench: Bench) -> None:
         bench.pilot.layout = replace(LAYOUT, silence_limit_s=1.0)

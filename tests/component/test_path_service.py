@@ -57,7 +57,7 @@ class Watcher:
 
 
 class Run:
-    """A running PathService, and what an outsider hears of it."""
+    """A running PathService, and an outside subscriber."""
 
     def __init__(self, rig: Rig, plan: Plan, person: Watcher, limits: Limits) -> None:
         self.rig, self.person, self.stop = rig, person, asyncio.Event()
@@ -82,7 +82,7 @@ class Run:
         return "path" in self.rig.outsider.alive
 
     async def until(self, condition: Callable[[], object], limit_s: float = 60.0) -> None:
-        """Let time pass until something holds, and what was said by then has arrived."""
+        """Let time pass until a condition holds and all messages until then have arrived."""
         for _ in range(round(limit_s / BEAT_S)):
             if condition():
                 return await self.rig.pass_time(0.001)
@@ -300,7 +300,7 @@ async def test_a_supervisor_that_dies_pauses_the_path_and_a_new_one_does_not_set
 
 
 async def test_a_hang_of_its_own_pauses_the_path() -> None:
-    """Beside a supervisor that is not hung as well: this one only says what a real one would."""
+    """With a supervisor that does not hang: this one only sends what a real one would."""
     rig = Rig()
     odom, statuses = rig.outsider.publisher(topics.ODOM), rig.outsider.publisher(topics.STATUS)
     own = SourceStatus("path", 10, SourceStatus.ALIVE, True, True, True, 0.02, [], 9, 0, 0, 0, 0)  # noqa: FBT003

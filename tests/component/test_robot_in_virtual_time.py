@@ -37,7 +37,7 @@ async def test_driven_at_the_rack_it_comes_to_rest_at_30_cm_and_backs_out(speed_
 
 @pytest.mark.parametrize("ahead_m", [0.8, 1.2])
 async def test_a_pillar_dropped_ahead_is_never_touched(ahead_m: float) -> None:
-    """0.8 m is less than a robot at 1 m/s can stop in by 30 cm: then it brakes with all it has."""
+    """From 1 m/s, 0.8 m is too short for stopping at 30 cm: the robot brakes as hard as it can."""
     rig, plant = Rig(), Plant()
     async with rig.supervisor(), rig.sim(plant), rig.source():
         await rig.drive(1.0)

@@ -1,4 +1,4 @@
-"""The simulated robot's service on a perfect network, in virtual time: what it publishes, when, and what it does on request."""
+"""The simulated robot's service on a perfect network, in virtual time: what it publishes when, and its services."""
 
 import asyncio
 import math
@@ -36,7 +36,7 @@ PERFECT_WHEELS = SimSection(odom_left_error=0.0, odom_right_error=0.0, odom_trac
 
 
 class Bench(Rig):
-    """A rig with a sim of one's own making, and with everything that it says kept."""
+    """A rig with a sim of the test, whose messages are all kept."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -85,7 +85,7 @@ class Bench(Rig):
 
     @asynccontextmanager
     async def commanding(self, linear_m_s: float, angular_rad_s: float = 0.0) -> AsyncGenerator[VirtualBus]:
-        """In the supervisor's place, with nobody to stop the robot."""
+        """Publish commands as the supervisor, which never stops the robot."""
         bus = self.network.open_joined(topics.SUPERVISOR)
         bus.declare_alive(topics.SUPERVISOR)
         cmd_vel = bus.publisher(topics.CMD_VEL)
@@ -115,7 +115,7 @@ def status(subscription: Subscription[topics.DiagnosticArray], subject: str) -> 
     [
         (1.0, (20, 50, 100, 50, 50, 1)),
         (2.0, (40, 100, 200, 100, 100, 1)),
-        # Slow motion: the sensors keep their rates by the clock of whoever supervises them.
+        # Slow motion: the sensors keep their rates by the supervisor's clock.
         (0.5, (20, 50, 100, 50, 50, 1)),
     ],
 )
@@ -460,7 +460,7 @@ async def test_at_ten_times_the_pace_the_base_still_waits_150_ms_of_real_time_fo
 async def test_in_slow_motion_scans_stay_fresh_and_the_robot_can_be_driven_again_and_again(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    """It also brakes in slow motion, which the supervisor, by its own clock, may take for a runaway."""
+    """Braking is also in slow motion, which the supervisor's clock may show as a runaway."""
     bench = Bench()
     async with bench.supervisor(), bench.simulating(speed=0.1), bench.source():
         for _ in range(2):
@@ -512,7 +512,7 @@ async def test_the_window_learns_what_the_supervisor_says_until_it_falls_silent(
 
 
 async def test_two_lidars_are_published_on_their_keys_in_their_frames_at_the_scan_rate() -> None:
-    """And both see a pillar where it stands: from the corners of the hull, as they are mounted."""
+    """Both see a pillar at its true place, from their mounts at the corners of the hull."""
     bench = Bench()
     streams = [bench.hear(topics.SCAN), bench.hear(topics.lidar_scan("scan_rear"))]
     mounts = ((0.3, 0.2, 0.25 * math.pi), (-0.3, -0.2, -0.75 * math.pi))
@@ -572,7 +572,7 @@ async def test_a_fault_of_one_lidar_leaves_the_other_one_as_it_is() -> None:
 
 
 def newest_ranges(scans: Subscription[LaserScan]) -> np.ndarray:
-    """The readings of the newest scan; one must have come since the last look."""
+    """The readings of the newest scan; one must have arrived since the last call."""
     arrival = scans.latest()
     assert arrival is not None
     assert arrival.message is not None

@@ -1,4 +1,4 @@
-"""The supervisor's service on a perfect network and a virtual clock: when it says what, on which key."""
+"""The supervisor's service on a perfect network and a virtual clock: what it publishes when, on which key."""
 
 import asyncio
 import itertools

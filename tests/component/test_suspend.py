@@ -1,4 +1,4 @@
-"""The machine sleeps while the robot drives: the loop's clock stands still, and the rest of the world moves on."""
+"""The machine is suspended while the robot drives: the loop's clock stands still, the world does not."""
 
 from sim.plant import Plant
 from tests.component.rig import Rig
@@ -8,7 +8,7 @@ ZERO = planar_twist(0.0, 0.0)
 
 
 class Sleep:
-    """What the clocks of a machine show of its suspends."""
+    """The clocks of a machine with suspends."""
 
     def __init__(self) -> None:
         self.slept_s = 0.0

@@ -1,4 +1,4 @@
-"""Teleop on a perfect network in virtual time: what it says on the wire, and when."""
+"""Teleop on a perfect network in virtual time: what it publishes when."""
 
 import asyncio
 from collections.abc import AsyncGenerator, Sequence
@@ -27,11 +27,11 @@ from wire.stamp import Stamp
 CMD_VEL = topics.source_cmd_vel("teleop")
 PERIOD_S = 0.05
 INSTANT_S = 4e-4
-"""Long enough for everything that happens at once, short against every period."""
+"""Long enough for immediate reactions, short against every period."""
 
 
 class Wire(VirtualNetwork):
-    """Also remembers, in order, when what was said on which key."""
+    """Also records all messages with time and key, in order."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -39,7 +39,7 @@ class Wire(VirtualNetwork):
         self.supervisor = self.open_hub(topics.SUPERVISOR)
         self.said: list[tuple[float, str, Any]] = []
         self.epochs: list[bytes] = []
-        """Of the commands, each once."""
+        """Each command once."""
 
     def _hear(self, _node: str, key: str, message: Any, stamp: Stamp) -> None:  # noqa: ANN401 - of any topic
         encode(message)
@@ -84,7 +84,7 @@ class Keys:
 
 
 class PaperScreen:
-    """A terminal that keeps everything; it may get stuck or break."""
+    """A terminal that keeps everything, and that can hang or fail."""
 
     size = (80, 24)
 
@@ -118,7 +118,7 @@ class PaperScreen:
 
 
 class Bench:
-    """A running Teleop with everything around it, and a ramp too steep to be seen."""
+    """A running Teleop with its surroundings, and a ramp too steep to matter."""
 
     def __init__(
         self, wire: Wire | None = None, pilot: Pilot | None = None, control: Control = Control.INCREMENTAL
@@ -146,7 +146,7 @@ class Bench:
         self.start_s = 0.0
 
     async def started(self) -> None:
-        """Until it has taken its name and drives."""
+        """Wait until it has claimed its name and drives."""
         while not self.screen.lines and not self.running.done():  # noqa: ASYNC110 - the first picture is no event
             await asyncio.sleep(INSTANT_S)
         self.start_s = next((at_s for at_s, _ in self.wire.commands()), 0.0)
@@ -498,7 +498,7 @@ async def test_a_lower_speed_level_cuts_what_is_asked_for_at_once() -> None:
 
 
 class Stick:
-    """A pilot that follows no key and never rests."""
+    """A pilot that ignores keys and never rests."""
 
     note, level, next_s = "", 5, float("inf")
 

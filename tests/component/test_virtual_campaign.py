@@ -1,4 +1,4 @@
-"""The virtual campaign: every seed repeats itself bit for bit, and a broken law does not get through."""
+"""The virtual campaign: every seed is repeatable bit for bit, and a broken law is found."""
 
 import json
 import os
@@ -30,7 +30,7 @@ from wire import topics
 
 ROOT = Path(__file__).parents[2]
 FEW = (8, 11, 3, 5, 0, 1, 2, 4, 6, 7, 9, 10)
-"""So many seeds must do to find that something essential is gone; the quickest first."""
+"""This many seeds must suffice to find a missing essential rule; the fastest first."""
 
 
 def broken(promise: int, run: Callable[[int], Trial]) -> bool:
@@ -45,7 +45,7 @@ def test_seeds_keep_every_promise() -> None:
 
 
 def test_a_seed_is_the_same_alone_in_a_row_and_in_another_process(tmp_path: Path) -> None:
-    """Hash seeds differ between the processes: nothing may depend on the order of a set."""
+    """Hash seeds differ between processes, so nothing may depend on the order of a set."""
     alone = [run_trial(seed, "r").line() for seed in (5, 3, 5)]
     assert alone[0] == alone[2]
     script = "import sys; from deploy.campaign.simulated.runner import run_batch; print(*run_batch([4, 3, 5], 'r'), sep='\\n')"
@@ -117,13 +117,13 @@ async def test_one_scan_of_another_client_does_not_blind_the_robot_for_good() ->
 
 @pytest.mark.parametrize("seed", [5974, 6330])
 def test_the_checker_blames_nobody_for_what_was_not_done_or_passed_by(seed: int) -> None:
-    """Found by the campaign: a sensor's fault that no sim heard of, and a person who passed by a robot that left."""
+    """Found by the campaign: a sensor fault that reached no sim, and a person who passed a departing robot."""
     assert run_trial(seed).violations == ()
 
 
 @pytest.mark.parametrize("seed", [41, 860])
 def test_a_teleop_whose_place_was_taken_while_it_hung_comes_back_by_itself(seed: int) -> None:
-    """Found by the campaign: it was refused until somebody started it anew."""
+    """Found by the campaign: it was refused until it was restarted."""
     trial = run_trial(seed)
     assert may_be_locked_out({fault.fault for fault in trial.faults})
     assert trial.violations == ()
@@ -159,7 +159,7 @@ def test_a_campaign_keeps_its_trials_and_goes_on_where_it_ended(tmp_path: Path) 
     assert campaigns.campaign(3, 2, out, say_to(said)) == 0
     first = sorted(line for line in out.read_text().splitlines() if not line.startswith(PROVENANCE_BEGINS))
     assert sorted(trial.seed for trial in read_trials(out)) == [0, 1, 2]
-    # A killed campaign leaves half a line behind; what other code made counts for nothing.
+    # A killed campaign leaves half a line; trials of another revision do not count.
     other = run_trial(3, "other code").line()
     out.write_text("\n".join([*first, other]) + "\n" + first[0][:30])
     assert campaigns.campaign(4, 1, out, say_to(said)) == 0

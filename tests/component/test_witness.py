@@ -1,4 +1,4 @@
-"""The witness of the virtual campaign: how near the hull is, and how much of that is the robot's own doing."""
+"""The witness of the virtual campaign: the clearance of the hull, and the robot's own share of its change."""
 
 import math
 
@@ -15,7 +15,7 @@ SPEED_M_S = 0.8
 
 
 class Drive:
-    """A robot in an empty hall, and everything that a witness saw of it."""
+    """A robot in an empty hall, and all samples of its witness."""
 
     def __init__(self, *, moving: bool = False) -> None:
         options = Build(moving=moving)
@@ -70,7 +70,7 @@ def test_going_away_is_a_negative_approach() -> None:
 
 def test_whoever_walks_up_to_a_robot_that_stands_did_so_by_himself() -> None:
     drive = Drive(moving=True)
-    drive.go(5.0)  # beside the walker's way
+    drive.go(5.0)  # beside the walker's path
     drive.go(1.0, 0.0)
     drive.own_m = 0.0
     drive.go(12.0, 0.0)

@@ -1,4 +1,4 @@
-"""`python -m tests.fuzz`: exit code 1 where anything was found. A million payloads take about four minutes."""
+"""`python -m tests.fuzz`: exit 1 if anything was found. A million payloads take about four minutes."""
 
 import argparse
 import logging
@@ -88,7 +88,7 @@ def _of(most: Most) -> str:
 
 
 def _tell(finding: Finding, count: int) -> None:
-    """The shortest of findings that are alike."""
+    """Return the shortest of each group of similar findings."""
     shown = finding.payload
     if len(shown) > SHOWN_CHARACTERS:
         shown = f"{shown[:SHOWN_CHARACTERS]}… ({len(finding.payload)} characters)"

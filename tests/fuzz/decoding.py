@@ -1,4 +1,4 @@
-"""From bytes to what the services make of them, one payload at a time, with what each takes."""
+"""Decode and convert payloads as the services do, one at a time, and measure the cost of each."""
 
 import math
 import time
@@ -34,14 +34,14 @@ from wire.stamp import parse_stamp
 LARGE_EVERY = 20_000
 TEXT_EVERY = 20
 DRAW_EVERY = 50
-"""One in so many payloads is very large, a request's text, or drawn by the dashboard."""
+"""One in this many payloads is very large, is a request's text, or is drawn by the dashboard."""
 TRACED_EVERY, TRACED = 10_000, 200
-"""Of so many payloads so many are decoded while their memory is counted, which takes ten times as long."""
+"""Share of the payloads whose memory is measured, which takes ten times as long."""
 
 TIME_LIMIT_S = 1.0
-"""Of processor time, for one payload of at most 1 MiB."""
+"""Maximum processor time for one payload of at most 1 MiB."""
 MEMORY_PER_BYTE, MEMORY_FREE_BYTES = 64, 1 << 16
-"""What decoding may take: so much for each byte that came, and so much for none."""
+"""Memory that decoding may use: per byte of the payload, and in addition."""
 
 HEADER_TOLERANCE_S = 0.25
 ARRIVALS_APART_S = 1e-4
@@ -63,7 +63,7 @@ class Case(NamedTuple):
 
 
 class Finding(NamedTuple):
-    """Something that must not be, and how to see it again."""
+    """A finding, and the command that replays it."""
 
     what: str
     payload: str
@@ -72,7 +72,7 @@ class Finding(NamedTuple):
 
 
 class Most(NamedTuple):
-    """The payload that took the most of something."""
+    """The payload with the highest cost."""
 
     value: float = 0.0
     name: str = ""
@@ -82,7 +82,7 @@ class Most(NamedTuple):
 
 @dataclass(slots=True)
 class Tally:
-    """What came of all payloads so far."""
+    """The results of all payloads so far."""
 
     payloads: int = 0
     decoded: int = 0
@@ -112,7 +112,7 @@ def case(seed: int, number: int) -> Case:
 
 
 class Decoders:
-    """Everything that takes a payload in and keeps nothing of it. Needs a running event loop."""
+    """All receivers of payloads, without state. Needs a running event loop."""
 
     def __init__(self) -> None:
         self._subscriptions: dict[type[Message], Subscription[Any]] = {
@@ -125,11 +125,11 @@ class Decoders:
         self._odom: Odom | None = None
 
     def take(self, given: Case) -> bool:
-        """Take one payload; whether it is a message.
+        """Process one payload; return whether it is a message.
 
         Raises:
-            Exception: whatever must not be raised.
-            AssertionError: something came out of it that must not.
+            Exception: an exception that must not be raised.
+            AssertionError: a result that is not permitted.
         """
         if given.message_type is None:
             _asked(given.text)
@@ -144,7 +144,7 @@ class Decoders:
         return arrival.message is not None
 
     def _convert(self, arrival: Arrival[Any]) -> None:
-        """What each service makes of it."""
+        """Convert the message as each service does."""
         match arrival.message:
             case Twist():
                 self._command(arrival)
@@ -189,7 +189,7 @@ def fuzz_decoders(seed: int, numbers: range, tally: Tally, replay: str) -> None:
         replay: the command that feeds one of them again, with `{}` for its number.
     """
     decoders = Decoders()
-    for kind in payloads.TYPES:  # what is made once for each type is no payload's cost
+    for kind in payloads.TYPES:  # what is created once per type is not the payload's cost
         decode(payloads.seeds(kind)[0].payload, kind)
     for kind in payloads.TYPES:
         whole = payloads.seeds(kind)[-1].payload if kind.__msgtype__ in APPENDED_FROM else b""
@@ -213,7 +213,7 @@ def fuzz_decoders(seed: int, numbers: range, tally: Tally, replay: str) -> None:
 
 
 def _feed(decoders: Decoders, given: Case, tally: Tally, *, is_traced: bool, replay: str) -> float:
-    """Feed one payload; returns its processor time [s], or the memory [bytes] that it took at most."""
+    """Feed one payload; return its processor time [s], or its peak memory [bytes]."""
 
     def found(what: str) -> None:
         shown = given.payload.hex() if given.message_type is not None else repr(given.text)
@@ -234,7 +234,7 @@ def _feed(decoders: Decoders, given: Case, tally: Tally, *, is_traced: bool, rep
         _, peak_bytes = tracemalloc.get_traced_memory()
         tracemalloc.stop()
         size = len(given.payload) + len(given.text)
-        is_drawn = given.number % DRAW_EVERY == 1  # a picture's memory is not the payload's
+        is_drawn = given.number % DRAW_EVERY == 1  # the memory of a picture does not count
         if not is_drawn and peak_bytes > MEMORY_PER_BYTE * size + MEMORY_FREE_BYTES:
             found(f"{peak_bytes} bytes of memory for {size} that came")
         return 0.0 if is_drawn else float(peak_bytes)

@@ -1,8 +1,8 @@
-"""The real supervisor on a perfect network in virtual time: armed and driving, fed, and driven again.
+"""The real supervisor on a perfect network in virtual time: armed, driven, fed, and driven again.
 
-Each scene is a world of its own, in episodes: sim and teleop are started anew (who takes a source's epoch or
-sequence shuts that source out until it is), the robot is armed and driven, a burst comes on one or all of the
-keys while the good traffic goes on, and then it has to be drivable again.
+Each scene has a world of its own and consists of episodes: sim and teleop are restarted (a client that copies a source's
+epoch or sequence locks that source out until it restarts), the robot is armed and driven, a burst arrives on one or
+all keys during the valid traffic, and then the robot must be drivable again.
 """
 
 import asyncio
@@ -52,13 +52,13 @@ SETTLE_S = 0.15
 """Until the loss of the token that went has been told, and the new one."""
 SPEEDS = ((0.5, 0.0), (1.0, 0.3), (-0.3, 0.0), (0.0, 1.5), (0.2, -2.0))
 KEPT = 6
-"""Of the last payloads, told with a finding."""
+"""Number of the last payloads that are reported with a finding."""
 STATUS_LIMIT_BYTES = 1 << 17
 NAMES = ("teleop", "joy", "path", "sim", "supervisor", "stranger", "", "*", "teleop ", "x" * 200)
 
 
 class Met(NamedTuple):
-    """What one scene's payloads met."""
+    """The result of one scene."""
 
     payloads: int
     while_driving: int
@@ -70,11 +70,11 @@ class Met(NamedTuple):
 
 
 class _UnfitError(AssertionError):
-    """What must not be."""
+    """Findings."""
 
 
 class _Nowhere:
-    """Takes black boxes for written."""
+    """Discards black boxes."""
 
     def submit(self, order: Order) -> None: ...
 
@@ -82,7 +82,7 @@ class _Nowhere:
 
 
 class _Tap:
-    """Sees what the supervisor says in its order, and holds it to the invariant."""
+    """Checks the invariant on the supervisor's messages in their order."""
 
     limits = (1.0, 2.0)
 
@@ -94,7 +94,7 @@ class _Tap:
         self.epochs: dict[str, bytes] = {}
         """Of sim and teleop, by key."""
         self._unexplained = False
-        """The robot was told to move after a status that says that it stands; the next word has to explain it."""
+        """A motion was commanded after a status of a stop; the next status must explain it."""
 
     def __call__(self, node: str, key: str, message: Message, stamp: Stamp) -> None:
         payload = encode(message)
@@ -206,7 +206,7 @@ class _Scene:
                     await task
 
     def _start_anew(self) -> None:
-        """Sim and teleop as new processes: each with an epoch of its own."""
+        """Restart sim and teleop, each with a new epoch."""
         if self._token is not None:
             self._token.withdraw()
         for bus in self._good:
@@ -219,7 +219,7 @@ class _Scene:
         self._velocity = (0.0, 0.0)
 
     async def _good_traffic(self) -> None:
-        """What a healthy robot and its operator say: odometry and scans, and a heartbeat."""
+        """Publish the messages of a healthy robot and its operator: odometry, scans, and a heartbeat."""
         for tick in itertools.count():
             if not self._is_quiet:
                 self._odometry.put(odometry((0.0, 0.0, 0.0), self.tap.output, time_ns=0))
@@ -230,7 +230,7 @@ class _Scene:
             await asyncio.sleep(0.02)
 
     async def _arm_and_drive(self, running: "asyncio.Future[None]") -> None:
-        """Neutral until every reason is gone, a reset where it takes one; then it has to move."""
+        """Send neutral until no reason holds, with a reset if needed; then the robot must move."""
         estop = self._stranger.publisher(topics.ESTOP)
         await asyncio.sleep(SETTLE_S)
         await self._until(self._ready, ARM_LIMIT_S, "is not ready again", running)
@@ -304,7 +304,7 @@ _KEYS = (*_TYPES, *(topics.source_cmd_vel(name).key for name in ("teleop", "joy"
 
 
 def _scan(tick: int) -> LaserScan:
-    """A round room; its readings are never the same twice, as a lidar's are not."""
+    """A scan of a round room; like a real lidar's, no two are equal."""
     ranges = np.full(360, ROOM_M, np.float32)
     ranges[tick % 360] += 0.001
     return laser_scan(ranges, range_m=(0.05, 12.0), period_s=0.06, time_ns=0)
@@ -312,7 +312,7 @@ def _scan(tick: int) -> LaserScan:
 
 @contextmanager
 def _complaints() -> Generator[list[str]]:
-    """What the supervisor logs as an error, as the black box does that gives up; everything else is not shown."""
+    """Collect the supervisor's error logs; other logs are hidden."""
     said: list[str] = []
     handler = logging.Handler(logging.ERROR)
     handler.emit = lambda record: said.append(f"logged: {record.getMessage()}")

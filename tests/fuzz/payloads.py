@@ -1,4 +1,4 @@
-"""What a stranger may send. Everything here follows from a `Random`: the same one gives the same bytes."""
+"""Hostile payloads, drawn from a `Random`: the same one gives the same bytes."""
 
 import math
 import struct
@@ -55,7 +55,7 @@ TYPES: tuple[type[Message], ...] = (
     TriggerResponse,
     String,
 )
-"""Every type that the wire carries."""
+"""All message types of the wire."""
 
 FLOATS = (
     math.nan,
@@ -109,7 +109,7 @@ def seeds(message_type: type[Message]) -> tuple[Seed, ...]:
 
 @cache
 def large_payloads() -> tuple[tuple[type[Message], bytes], ...]:
-    """What takes the most to decode: up to the largest payload that is looked at, and beyond."""
+    """Return the most expensive payloads, up to the largest accepted size and beyond."""
     many = MAX_SEQUENCE_LENGTH
     key_values = [KeyValue("", "")] * 13_000
     scan = _scan(np.full(many, 3.0))
@@ -128,7 +128,7 @@ def large_payloads() -> tuple[tuple[type[Message], bytes], ...]:
 
 
 def mutated(random: Random, message_type: type[Message]) -> bytes:
-    """What may come on a key of this type; now and then it is valid."""
+    """Return a payload for a key of this type; it is sometimes valid."""
     seed = random.choice(seeds(message_type))
     payload = bytearray(seed.payload)
     for _ in range(random.choice((1, 1, 1, 2, 3))):
@@ -140,9 +140,9 @@ def attachment(random: Random, now_s: float, gids: list[bytes]) -> bytes | None:
     """Any attachment: none, garbled, or a stamp of one of some epochs that come back.
 
     Args:
-        random: decides.
-        now_s: of the sender's clock; most stamps are near it.
-        gids: of 16 bytes each.
+        random: the random generator.
+        now_s: the sender's clock; most stamps are near it.
+        gids: epochs of 16 bytes each.
     """
     dice = random.random()
     if dice < 0.15:
@@ -170,11 +170,11 @@ WORDS = (
     *("pause", "run", "step", "speed", ";", ";", "-"),
     *("1", "2", "100", "0.1", "nan", "inf", "-inf", "1e400", "1e-322", "1_0", "٣"),
 )
-"""Of the requests that the sim understands, and numbers that are none."""
+"""Verbs of the sim's requests, and invalid numbers."""
 
 
 def text(random: Random) -> str:
-    """What may be asked of a service."""
+    """Return a request for a service."""
     dice = random.random()
     if dice < 0.1:
         return random.randbytes(int(random.random() * 60)).decode("latin-1")
@@ -185,7 +185,7 @@ def text(random: Random) -> str:
 
 
 def _special_floats(random: Random, seed: Seed, payload: bytearray) -> None:
-    """One, some or all of the floats."""
+    """Replace one, some or all of the floats."""
     if not seed.floats:
         return
     some = random.choice((1, 2, 8, len(seed.floats)))
@@ -198,7 +198,7 @@ def _special_floats(random: Random, seed: Seed, payload: bytearray) -> None:
 
 
 def _near_floats(random: Random, seed: Seed, payload: bytearray) -> None:
-    """A velocity, a distance, an angle: of a size that is believed."""
+    """Return a plausible velocity, distance or angle."""
     if seed.floats:
         for _ in range(random.choice((1, 2, 6))):
             place = random.choice(seed.floats)
@@ -251,7 +251,7 @@ def _encapsulation(random: Random, _: Seed, payload: bytearray) -> None:
 
 
 def _block(random: Random, _: Seed, payload: bytearray) -> None:
-    """A piece filled, taken out, or there twice."""
+    """Fill, remove or repeat a piece."""
     begin = int(random.random() * (len(payload) + 1))
     piece = slice(begin, begin + random.choice((1, 4, 8, 64)))
     match random.getrandbits(2):
@@ -270,7 +270,7 @@ def _noise(random: Random, _: Seed, payload: bytearray) -> None:
 
 
 def _as_it_is(_: Random, _seed: Seed, _payload: bytearray) -> None:
-    """Valid messages belong to it."""
+    """Valid messages are part of the drawn payloads."""
 
 
 MUTATIONS: tuple[Callable[[Random, Seed, bytearray], None], ...] = (
@@ -295,7 +295,7 @@ MUTATIONS: tuple[Callable[[Random, Seed, bytearray], None], ...] = (
 
 
 def _put(payload: bytearray, place: Place, value: bytes) -> None:
-    """An earlier mutation may have shortened the payload: what is not there is not changed."""
+    """Bytes that an earlier mutation has removed are not changed."""
     if place.offset + place.size <= len(payload):
         payload[place.offset : place.offset + place.size] = value
 

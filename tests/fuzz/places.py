@@ -1,4 +1,4 @@
-"""Where the numbers, lengths and texts of a CDR payload are, by walking its type's definition beside its bytes."""
+"""Find the numbers, lengths and texts of a CDR payload by its type's definition."""
 
 import struct
 from typing import Any, NamedTuple
@@ -37,10 +37,10 @@ class Place(NamedTuple):
 
 
 def places(payload: bytes, type_name: str) -> tuple[Place, ...]:
-    """Every primitive of a valid payload, in order.
+    """Return all primitives of a valid payload, in order.
 
     Raises:
-        ValueError: the walk does not end where the payload does.
+        ValueError: the definition does not end with the payload.
     """
     text = definition(type_name).text
     walk = _Walk(payload, get_types_from_msg(text, type_name))

@@ -1,4 +1,4 @@
-"""A whole run: most payloads to the decoders, a share to the services in virtual time."""
+"""A complete run: most payloads go to the decoders, a share to the services in virtual time."""
 
 import asyncio
 import resource
@@ -15,28 +15,28 @@ from tests.fuzz.warned import Warned, warned
 DRIVING_SHARE = 0.12
 BATCH = 10_000
 ENOUGH_FINDINGS = 20
-"""Then the run ends: one cause shows itself many times."""
+"""After this many findings, the run ends, because one cause appears many times."""
 
 Progress = Callable[[int], None]
-"""Is told how many payloads are done."""
+"""Called with the number of finished payloads."""
 
 
 @dataclass(slots=True)
 class Report:
-    """What a run found."""
+    """The results of a run."""
 
     seed: int
     decoding: Tally = field(default_factory=Tally)
     driving: int = 0
-    """Payloads that the supervisor's keys took."""
+    """Number of payloads on the supervisor's keys."""
     while_driving: int = 0
-    """Of them, how many came while the robot was ready or moved."""
+    """Number of them that arrived while the robot was ready or moving."""
     commands: int = 0
     longest_status_bytes: int = 0
     simulated: int = 0
     took_s: float = 0.0
     rss_growth_bytes: int = 0
-    """Of the most memory that the process ever had."""
+    """Growth of the process's peak memory."""
     findings: list[Finding] = field(default_factory=list[Finding])
     warned: Warned = field(default_factory=set[str])
 
@@ -50,7 +50,7 @@ class Report:
 
 
 def run(seed: int, count: int, progress: Progress) -> Report:
-    """Feed so many payloads in all; the same seed feeds the same."""
+    """Feed this number of payloads; the same seed feeds the same payloads."""
     report = Report(seed)
     payloads.large_payloads()
     began_s, began_rss = time.monotonic(), _rss_bytes()
@@ -70,7 +70,7 @@ def run(seed: int, count: int, progress: Progress) -> Report:
 
 
 def drive(report: Report, number: int, count: int = SCENE_PAYLOADS) -> None:
-    """One scene of the supervisor's."""
+    """Run one scene of the supervisor."""
     met = scene(report.seed, number, count, _replay(report.seed, "scene", number))
     report.driving += met.payloads
     report.while_driving += met.while_driving
@@ -81,12 +81,12 @@ def drive(report: Report, number: int, count: int = SCENE_PAYLOADS) -> None:
 
 
 def decode_one(report: Report, number: int) -> None:
-    """One payload of the decoders'."""
+    """Run one payload of the decoders."""
     asyncio.run(_numbers(report, range(number, number + 1)))
 
 
 def to_sim_of(report: Report, count: int = SIM_PAYLOADS) -> None:
-    """The sim's payloads."""
+    """Run the sim's payloads."""
     fed, findings, warnings = simulate(report.seed, count, _replay(report.seed, "sim", count))
     report.simulated += fed
     report.findings += findings

@@ -1,4 +1,4 @@
-"""The real sim on a perfect network in virtual time, fed as if the supervisor had gone mad, and asked for anything."""
+"""The real sim on a perfect network in virtual time, fed with arbitrary commands and requests."""
 
 import asyncio
 import math
@@ -22,13 +22,13 @@ SIM_PAYLOADS = 4000
 BURST = 100
 APART_S = 0.002
 FASTEST_M_S, FASTEST_RAD_S = 3.0, 12.0
-"""Beyond what the motors can do, and what a collision makes of it."""
+"""Speed beyond the motors' limits and the effect of a collision."""
 MOVES_M_S = 0.2
 KEPT = 6
 
 
 def simulate(seed: int, count: int, replay: str) -> tuple[int, tuple[Finding, ...], Warned]:
-    """Feed so many payloads to a sim, and see it drive afterwards; how many, what was wrong, and what warned."""
+    """Feed payloads to a sim, then drive it; return the number of payloads, the findings and the warnings."""
     loop = VirtualLoop()
     complaints: list[str] = []
     play = _Play(loop, Random((seed << 40) | (1 << 38)))
@@ -110,7 +110,7 @@ class _Play:
         assert abs(velocity.angular_rad_s) <= FASTEST_RAD_S, f"it turns at {velocity.angular_rad_s} rad/s"
 
     async def _drives(self, supervisor: VirtualBus, running: "asyncio.Future[None]") -> None:
-        """After all that: a reset, and it follows a good command."""
+        """Reset the sim, and check that it follows a valid command."""
         point = payloads.seeds(topics.OBSTACLE.type)[1].payload  # below the floor: no pillar
         supervisor.send(topics.OBSTACLE.key, point, None)
         for service, text in (
@@ -135,7 +135,7 @@ class _Play:
 
 
 def _takes_long(text: str) -> bool:
-    """Steps by the thousand and a hundred times real time are legal; here they would only take long."""
+    """Thousands of steps and a hundred times real time are valid, but would take too long here."""
     try:
         return not isinstance(parse_time_request(text), Ask | Pause | Run)
     except TimeRequestError:

@@ -1,4 +1,4 @@
-"""What warned on the way: no crash, but a line in somebody's log that a stranger can provoke."""
+"""Collect warnings: log lines that a hostile client can provoke."""
 
 import warnings
 from collections.abc import Generator
@@ -9,7 +9,7 @@ Warned = set[str]
 
 @contextmanager
 def warned() -> Generator[Warned]:
-    """Each warning once, by its place; none of them is shown or raised."""
+    """Collect each warning once by its place, without showing or raising it."""
     told: Warned = set()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default")

@@ -1,4 +1,4 @@
-"""The robot as real processes on a free loopback port, and an observer that is none of them."""
+"""The robot as real processes on a free loopback port, and a separate observer."""
 
 import asyncio
 import os
@@ -23,7 +23,7 @@ from wire.messages import Odometry, SafetyStatus, Twist, header, planar_twist
 from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
 
 PATIENCE_S = 20.0
-"""How long a test waits for what must come, on a loaded machine."""
+"""Time limit for expected events on a loaded machine."""
 POLL_S = 0.01
 DRIVE_TRIES = 4
 
@@ -45,7 +45,7 @@ class Robot:
         return os.environ | {statedir.ENVIRONMENT: str(self.logs), processes.MARK: str(self.logs)}
 
     def start(self, node: str, *options: str) -> None:
-        """Start `supervisor` or `sim`, with these options besides."""
+        """Start `supervisor` or `sim` with additional options."""
         with (self.logs / f"{node}.log").open("ab") as log:
             self.processes[node] = subprocess.Popen(
                 [sys.executable, "-m", node, "--endpoint", self.endpoint, *options],
@@ -69,7 +69,7 @@ class Robot:
         self.terminal.send(keys)
 
     def drain(self) -> None:
-        """Read what teleop draws: a terminal that nobody reads stops its writer."""
+        """Read teleop's output, because a terminal that is not read stops its writer."""
         if self.terminal is not None and not self.terminal.closed:
             try:
                 while self.terminal.read_nonblocking(65536, timeout=0):
@@ -113,7 +113,7 @@ class Robot:
             self.terminal = None
 
     async def observe(self) -> None:
-        """Open the observer's own session; the hub must be on its way."""
+        """Open the observer's own session; the hub must be starting."""
         async with asyncio.timeout(PATIENCE_S):
             self.bus = await open_bus(BusConfig(self.endpoint), "client")
         self.cmd_vel: Subscription[Twist] = self.bus.subscribe(topics.CMD_VEL, depth=5000)
@@ -128,7 +128,7 @@ class Robot:
         """(arrival [s], x [m], speed [m/s])"""
 
     def look(self) -> None:
-        """Take in everything that came since the last look."""
+        """Add the arrivals since the last call."""
         self.drain()
         for command in self.cmd_vel.take():
             if command.message is not None:
@@ -144,7 +144,7 @@ class Robot:
                 self.status = status.message
 
     async def until(self, condition: Callable[[], bool], what: str, within_s: float = PATIENCE_S) -> float:
-        """Wait until something is seen; returns how long it took [s]."""
+        """Wait until a condition holds; return how long it took [s]."""
         started_s = time.monotonic()
         while True:
             self.look()
@@ -155,7 +155,7 @@ class Robot:
             await asyncio.sleep(POLL_S)
 
     async def never(self, condition: Callable[[], bool], what: str, for_s: float) -> None:
-        """Watch that something does not happen."""
+        """Check that a condition does not occur."""
         started_s = time.monotonic()
         while time.monotonic() - started_s < for_s:
             self.look()
@@ -170,7 +170,7 @@ class Robot:
         await self.until(lambda: self.status.mode == SafetyStatus.READY, "READY")
 
     async def press(self, keys: str, condition: Callable[[], bool], what: str) -> None:
-        """Type the keys, and see what they do; keys that come while teleop is held up are void, and typed again."""
+        """Type the keys and wait for their effect; keys during a delay of teleop are discarded, so they are typed again."""
 
         async def attempt() -> None:
             self.type(keys)
@@ -179,9 +179,9 @@ class Robot:
         await patiently(attempt)
 
     async def drive(self, keys: str = "wwwww", speed_m_s: float = 0.5) -> None:
-        """Re-arm with `s`, type the keys, and see the robot move.
+        """Re-arm with `s`, type the keys, and wait until the robot moves.
 
-        Where the machine is busy a process may find itself late, and stop. Then the operator starts again.
+        On a busy machine, a late process may stop the robot; the operator then starts again.
         """
 
         async def attempt() -> None:
@@ -193,24 +193,24 @@ class Robot:
         await patiently(attempt)
 
     async def until_it_drives(self, speed_m_s: float) -> None:
-        """See at least 95 % of that speed, within the time of one attempt."""
+        """Wait for at least 95 % of that speed, within the time of one attempt."""
         await self.until(
             lambda: self.speed_m_s > 0.95 * speed_m_s, f"{speed_m_s} m/s", PATIENCE_S / DRIVE_TRIES
         )
 
     def first_zero_after(self, time_s: float) -> float:
-        """When the first zero came on cmd_vel after that time."""
+        """Return the time of the first zero on cmd_vel after that time."""
         return next(at for at, twist in self.outputs if at >= time_s and is_zero(twist))
 
     async def zero_after(self, time_s: float) -> float:
-        """How long after that time the first zero came on cmd_vel [s]."""
+        """Return the time from then to the first zero on cmd_vel [s]."""
         await self.until(
             lambda: any(at >= time_s and is_zero(t) for at, t in self.outputs), "a zero on cmd_vel"
         )
         return self.first_zero_after(time_s) - time_s
 
     async def standstill_after(self, time_s: float) -> tuple[float, float]:
-        """How long and how far after that time the robot came to rest [s, m]."""
+        """Return the time and distance from then until the robot stopped [s, m]."""
         await self.until(lambda: abs(self.speed_m_s) < 0.005, "standstill")
         rest_s, rest_x_m, _ = next(t for t in self.travel if t[0] >= time_s and abs(t[2]) < 0.005)
         at_x_m = next(x_m for at_s, x_m, _ in reversed(self.travel) if at_s <= time_s)
@@ -233,7 +233,7 @@ class Robot:
 
 
 async def patiently(attempt: Callable[[], Awaitable[T]]) -> T:
-    """What an attempt returns; one that does not see what it waits for is repeated, and the last one's error is raised."""
+    """Return the result of an attempt; repeat a failed attempt, and raise the error of the last one."""
     for _ in range(DRIVE_TRIES - 1):
         try:
             return await attempt()
@@ -250,7 +250,7 @@ def is_zero(twist: Twist) -> bool:
 async def robot(
     tmp_path: Path, *nodes: str, teleop: bool = True, config: Path | None = None
 ) -> AsyncGenerator[Robot]:
-    """A robot whose nodes start in the given order (default: supervisor, sim), and everything ended after."""
+    """A robot whose nodes start in the given order (default: supervisor, sim), and ended at the end."""
     options = [] if config is None else ["--config", str(config)]
     subject = Robot(free_endpoint(), tmp_path)
     try:

@@ -1,4 +1,4 @@
-"""A teleop in a terminal of its own, the hands and eyes in front of it, and the supervisor's side of the wire."""
+"""A teleop in its own terminal, a simulated operator, and the supervisor's side of the wire."""
 
 import asyncio
 import fcntl
@@ -26,7 +26,7 @@ from wire.messages import SafetyStatus, TriggerResponse, Twist, header
 from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
 
 LIMIT_S = 20.0
-"""How long a test waits for what must come, on a loaded machine."""
+"""Time limit for expected events on a loaded machine."""
 ROOT = Path(__file__).parents[2]
 ZERO = (0.0, 0.0)
 ALL_MODES = tuple[Any, ...]
@@ -38,7 +38,7 @@ UNFINISHED = re.compile(rb"\x1b(\[[<>?=0-9;]*)?\Z")
 
 
 async def until(condition: Callable[[], object], limit_s: float = LIMIT_S) -> float:
-    """Wait for `condition`, and no longer than it takes; returns how long it took."""
+    """Wait for `condition`; return how long it took."""
     start_s = time.monotonic()
     while not condition():
         if time.monotonic() - start_s > limit_s:
@@ -48,7 +48,7 @@ async def until(condition: Callable[[], object], limit_s: float = LIMIT_S) -> fl
 
 
 class Hub:
-    """What the supervisor's side of the wire sees of teleop."""
+    """What the supervisor's side receives from teleop."""
 
     def __init__(self, bus: ZenohBus, source: str) -> None:
         self._source = source
@@ -74,7 +74,7 @@ class Hub:
 
     @property
     def gaps_s(self) -> list[float]:
-        """From each velocity to the next."""
+        """The changes of velocity."""
         return [after - before for before, after in itertools.pairwise(self._arrivals_s)]
 
     def asks(self, linear_m_s: float, angular_rad_s: float) -> bool:
@@ -86,11 +86,11 @@ class Hub:
         return self._source in self._alive
 
     def is_ready(self) -> bool:
-        """It has its token, and is neutral."""
+        """Wait until it has its token and is neutral."""
         return self.sees_teleop() and self.asks(*ZERO)
 
     def is_left(self) -> bool:
-        """It has taken its token along, and its last command was zero."""
+        """Check that its token is gone and its last command was zero."""
         return not self.sees_teleop() and self.asks(*ZERO)
 
     def got_estop(self) -> bool:
@@ -110,13 +110,13 @@ async def hub(endpoint: str, source: str = "teleop") -> AsyncGenerator[Hub]:
 
 
 class Operator:
-    """A teleop in a terminal of its own, as its controlling one.
+    """A teleop in its own controlling terminal.
 
     Args:
-        command: what runs in it.
-        term: what the terminal says that it is.
-        kitty: the flags that it knows of the kitty keyboard protocol; None: it does not speak it.
-        answers: whether it says how it is.
+        command: the command to run.
+        term: the terminal's type.
+        kitty: the supported flags of the kitty keyboard protocol; None: not supported.
+        answers: whether it answers status requests.
     """
 
     def __init__(
@@ -131,12 +131,12 @@ class Operator:
         self.kitty_flags: list[int] = []
         """As they were pushed."""
         self.modes_on: set[str] = set()
-        """DEC private modes that were set and not reset."""
+        """DEC private modes that are set."""
         self.endpoint = ""
         self.output = ""
         self.bells = 0
         self.answered = 0
-        """How many status requests of the program the terminal has answered."""
+        """Number of the program's status requests that the terminal has answered."""
         self._pending = b""
         self._screens = [pyte.Screen(100, 30), pyte.Screen(100, 30)]
         self._streams = [pyte.ByteStream(screen) for screen in self._screens]
@@ -155,10 +155,10 @@ class Operator:
         os.set_blocking(self._master, False)
         self.look(at=True)
 
-    # --- eyes
+    # --- the screen
 
     def look(self, *, at: bool) -> None:
-        """Whether this terminal reads what is written to it, and answers."""
+        """Whether this terminal reads its input and answers."""
         loop = asyncio.get_running_loop()
         if at:
             loop.add_reader(self._master, self._read)
@@ -167,12 +167,12 @@ class Operator:
 
     @property
     def picture(self) -> str:
-        """What is on the screen now."""
+        """The present content of the screen."""
         return "\n".join(self._screens[self._screen].display)
 
     @property
     def is_restored(self) -> bool:
-        """The terminal's modes, screen, cursor and keyboard are as they were."""
+        """Check that the terminal's modes, screen, cursor and keyboard are restored."""
         return (
             self.modes() == self.modes_before
             and self._screen == 0
@@ -206,7 +206,7 @@ class Operator:
         self._streams[self._screen].feed(data[at:])
 
     def _takes(self, private: str, number: str, final: str) -> bool:
-        """What pyte does not know; False: it does."""
+        """Handle a sequence that pyte does not know; return False if pyte knows it."""
         if private == "?" and final in "hl":
             (self.modes_on.add if final == "h" else self.modes_on.discard)(number)
             if number == "1049":
@@ -230,18 +230,18 @@ class Operator:
         else:
             self.type(f"\x1b[?{(self.kitty_flags or [0])[-1]}u".encode())
 
-    # --- hands
+    # --- the keyboard
 
     def type(self, keys: bytes) -> None:
         os.write(self._master, keys)
 
     def key(self, code: int | str, event: int, modifiers: int = 1) -> None:
-        """A key as the kitty protocol tells it: 1 press, 2 repeat, 3 release."""
+        """Send a key by the kitty protocol: 1 press, 2 repeat, 3 release."""
         number = ord(code) if isinstance(code, str) else code
         self.type(f"\x1b[{number};{modifiers}:{event}u".encode())
 
     def hang_up(self) -> None:
-        """The terminal goes away, as a closed window or a lost connection."""
+        """Close the terminal, like a closed window or a lost connection."""
         if not self._hung_up:
             self._hung_up = True
             self.look(at=False)
@@ -251,7 +251,7 @@ class Operator:
         self.process.send_signal(number)
 
     async def ended(self, limit_s: float = LIMIT_S) -> tuple[int, str]:
-        """The exit code, and everything that was said on standard error."""
+        """Return the exit code and standard error."""
         await until(lambda: self.process.poll() is not None, limit_s)
         _, errors = self.process.communicate()
         return self.process.returncode, errors.decode()
@@ -288,7 +288,7 @@ async def operator(
 async def driving(
     *arguments: str, command: tuple[str, ...] = PATIENT, answers: bool = False
 ) -> AsyncGenerator[tuple[Hub, Operator]]:
-    """A teleop that is connected and asks for 0.1 m/s."""
+    """A connected teleop that requests 0.1 m/s."""
     endpoint = free_endpoint()
     async with (
         hub(endpoint) as h,

@@ -4,12 +4,12 @@ import errno
 import socket
 
 _ports = iter(range(20_000, 30_000))
-"""Below those that the kernel gives to a client's end of a connection."""
+"""Ports below the kernel's range for outgoing connections."""
 _claims: list[socket.socket] = []
 
 
 def free_endpoint() -> str:
-    """A loopback endpoint that nobody listens on, and that no other test of this machine is given.
+    """Return a free loopback endpoint that no other test on this machine receives.
 
     A port is claimed by binding an abstract Unix socket to its number. The claim ends with this process.
     """

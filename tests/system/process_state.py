@@ -1,21 +1,21 @@
-"""What the kernel says that a process is doing."""
+"""The state of a process by the kernel."""
 
 from pathlib import Path
 
 
 def state_of(pid: int) -> str:
-    """One letter, as ps shows it: S sleeps, T is stopped."""
+    """Return the state as one letter, as ps shows it: S sleeps, T is stopped."""
     return _fields_after_name(pid)[0]
 
 
 def children_of(pid: int) -> list[int]:
-    """Those of any of its threads."""
+    """Return the states of all its threads."""
     everyone = [int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdecimal()]
     return [child for child in everyone if _parent_of(child) == pid]
 
 
 def _parent_of(pid: int) -> int | None:
-    """None for a process that has ended meanwhile."""
+    """Return the status; None if the process has ended."""
     try:
         return int(_fields_after_name(pid)[1])
     except (FileNotFoundError, ProcessLookupError):

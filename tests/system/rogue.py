@@ -1,4 +1,4 @@
-"""A client that does not keep our rules: a bare Zenoh session, as any stranger on the network has."""
+"""A client that ignores the protocol: a bare Zenoh session."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""A command source without any manners: neutral until told, then 0.5 m/s for ever, whatever happens to it.
+"""A command source without recovery: neutral first, then 0.5 m/s permanently, whatever happens.
 
 python stubborn_source.py ENDPOINT     (drives from the first line on its stdin)
 """

@@ -1,4 +1,4 @@
-"""The real supervisor leaves a black box of each stop, and no tick waits for it."""
+"""The real supervisor writes a black box of each stop, and no tick waits for it."""
 
 import signal
 import subprocess
@@ -24,7 +24,7 @@ def files(tmp_path: Path, end: str = "") -> list[Path]:
 
 
 def replay(path: Path) -> str:
-    """What `lifeline replay-decision` says in a process of its own."""
+    """Return the output of `lifeline replay-decision` in a separate process."""
     command = [sys.executable, "-m", "deploy.cli", "replay-decision", str(path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -58,7 +58,7 @@ async def test_a_killed_teleop_leaves_a_file_whose_decisions_another_process_fin
 
 
 async def test_a_supervisor_that_is_told_to_end_writes_the_stop_before(tmp_path: Path) -> None:
-    # At its end it writes for a second at most: a busy machine drives for long, and writes slowly.
+    # At its end it writes for one second at most, which may be too short on a busy machine.
     config = tmp_path / "robot.toml"
     config.write_text("[supervisor]\nblack_box_s = 4.0\n")
     async with robot(tmp_path, config=config) as subject:

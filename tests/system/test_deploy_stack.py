@@ -1,4 +1,4 @@
-"""`lifeline up`, `status` and `down` with the real supervisord, and what can be in their way."""
+"""`lifeline up`, `status` and `down` with the real supervisord, and the errors that they report."""
 
 import asyncio
 import json
@@ -29,7 +29,7 @@ from wire.zenoh_bus import BusConfig, open_bus
 
 COMMAND_LIMIT_S = 60
 WAIT_LIMIT_S = 45
-"""For what must come, on a loaded machine."""
+"""Time limit for expected events on a loaded machine."""
 POLL_S = 0.05
 
 
@@ -70,7 +70,7 @@ class Robot:
         return seen
 
     def seen(self, what: Callable[[dict[str, Any]], bool], otherwise: str) -> dict[str, Any]:
-        """The first look that shows this: it takes a second, in which a busy machine may show nothing."""
+        """Repeat `lifeline status` until it shows this; on a busy machine, one call may show nothing."""
         shown: dict[str, Any] = {}
 
         def shows() -> bool:
@@ -249,7 +249,7 @@ def terminal(robot: Robot, tmp_path: Path) -> Generator[Terminal]:
         robot.command("up"), stdin=slave, stdout=slave, stderr=slave, start_new_session=True, env=environment
     )
     os.close(slave)
-    # Somebody has to look at the screen, or it fills up.
+    # The screen must be read, or its buffer fills up.
     output = tmp_path / "terminal"
     with output.open("wb") as written:
         reader = subprocess.Popen(["cat"], stdin=master, stdout=written)
@@ -262,7 +262,7 @@ def terminal(robot: Robot, tmp_path: Path) -> Generator[Terminal]:
 
 
 def _drive(robot: Robot, terminal: Terminal) -> None:
-    """Where the machine is busy a process may find itself late, and stop: then the operator starts again."""
+    """On a busy machine, a late process may stop the robot; the operator then starts again."""
     keys = {"STOPPED": "s", "READY": "www"}
 
     def moves() -> bool:

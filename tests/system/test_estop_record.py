@@ -1,4 +1,4 @@
-"""A pressed e-stop outlives every process: nothing moves until a reset, whichever of them died."""
+"""A pressed e-stop survives every process: nothing moves until a reset, whichever process died."""
 
 from pathlib import Path
 
@@ -12,11 +12,11 @@ pytestmark = pytest.mark.timeout(180)
 
 ESTOP = "ESTOP"
 TRY_S = 0.5
-"""How long the operator asks for motion."""
+"""Time for which the operator requests motion."""
 
 
 async def press(subject: Robot) -> None:
-    """Press the e-stop, and see a status that shows it without a problem of its record."""
+    """Press the e-stop, and wait for a status that shows it as recorded."""
     assert subject.bus is not None
     subject.bus.publisher(topics.ESTOP).put(Bool(data=True))
     await subject.until(
@@ -26,7 +26,7 @@ async def press(subject: Robot) -> None:
 
 
 async def restart_supervisor(subject: Robot) -> None:
-    """Kill it, start it, and see a status of the new one, which has heard the operator."""
+    """Kill and restart it, and wait for a status of the new process that has received the operator's commands."""
     subject.kill(topics.SUPERVISOR)
     subject.look()
     subject.status = SafetyStatus(header(""))
@@ -35,7 +35,7 @@ async def restart_supervisor(subject: Robot) -> None:
 
 
 async def nothing_moves(subject: Robot) -> None:
-    """Neutral, then motion: the operator is heard, and ESTOP stays."""
+    """Send neutral, then motion: the commands are received, and ESTOP remains."""
     subject.type("s")
     await subject.until(lambda: _heard(subject.status, neutral=True), "a neutral teleop")
     subject.outputs.clear()

@@ -1,4 +1,4 @@
-"""`lifeline faults` on real processes, in short: what it measures, and that it leaves nothing behind."""
+"""`lifeline faults` on real processes: its measurements, and that it leaves nothing behind."""
 
 import os
 import shutil
@@ -100,7 +100,7 @@ def test_one_fault_of_each_kind_is_done_measured_and_kept(campaign: Campaign) ->
     page = campaign.directory / "report.html"
     assert "every promise was kept" in write_report([campaign.out], page)
     assert all(trial.timeline for trial in trials.values())
-    # Who writes cmd_vel without a right to it need not stop anything: then there is no time, and no picture.
+    # A refused write on cmd_vel need not stop anything; then there is no time and no picture.
     assert 4 <= page.read_text().count("<figure><svg") <= 5
     page.unlink()
 

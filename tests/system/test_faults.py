@@ -1,7 +1,7 @@
-"""The exam question on the real thing: what happens to a moving robot when a process dies, hangs or lies?
+"""What happens to a moving robot if a process dies, hangs or sends false data?
 
 Bounds are generous, for loaded machines; the measured values are printed (`pytest -s`).
-No test passes without having seen the robot move first.
+No test passes unless the robot has moved first.
 """
 
 import asyncio
@@ -69,7 +69,7 @@ async def test_a_stopped_teleop_is_timed_out_and_moves_nothing_when_it_wakes_up(
         await subject.standstill_after(stopped_s)
         await subject.until(lambda: "COMMAND_TIMEOUT" in subject.status.reasons, "COMMAND_TIMEOUT")
         woken_s = subject.signal(topics.TELEOP, signal.SIGCONT)
-        await subject.ready()  # it has noticed that it hung, and asks for nothing
+        await subject.ready()  # it has detected its hang, and requests nothing
         await subject.never(lambda: abs(subject.speed_m_s) > 0.01, "it moved by itself", 1.0)
         assert all(is_zero(twist) for at_s, twist in subject.outputs if at_s > woken_s)
         await subject.drive()
@@ -121,14 +121,14 @@ async def driving_source(subject: Robot) -> IO[bytes]:
 
 async def test_a_killed_supervisor_lets_the_base_brake_and_its_return_moves_nothing(tmp_path: Path) -> None:
     async with robot(tmp_path, teleop=False) as subject:
-        # One that is held up for a moment would let go; here it has to ask on.
+        # A delayed teleop would become neutral; this one must continue to request motion.
         subject.start_teleop("tests.system.patient_teleop")
         await subject.until(lambda: subject.status.owner == topics.TELEOP, "teleop's heartbeat")
         await subject.drive("wwwwwwww", 0.8)
         log = tmp_path / "sim.log"
         written = len(log.read_text())
         killed_s = subject.kill(topics.SUPERVISOR)
-        # The hub is gone and with it the observer's sight: odometry is back when the supervisor is.
+        # Without the hub, the observer receives nothing: odometry returns with the supervisor.
         subject.start(topics.SUPERVISOR)
         await subject.until(lambda: subject.travel[-1][0] > killed_s + 0.1, "odometry over the new hub")
         await subject.until(lambda: abs(subject.speed_m_s) < 0.005, "standstill")
@@ -152,7 +152,7 @@ async def test_a_stopped_supervisor_lets_the_base_brake_within_its_own_timeout(t
         log = tmp_path / "sim.log"
         written = len(log.read_text())
         subject.signal(topics.SUPERVISOR, signal.SIGSTOP)
-        # The hub carries nothing now: the base's own log tells. At its start, too, it told of a stop.
+        # The hub is stopped, so the base's log is read, which also contains a stop at its start.
         await subject.until(
             lambda: "base: COMMAND_TIMEOUT" in log.read_text()[written:], "the base brakes by itself"
         )

@@ -1,4 +1,4 @@
-"""A gamepad of the kernel's own making (uinput), from its events to the wheels; and a teleop that finds none."""
+"""A virtual gamepad of the kernel (uinput), from its events to the wheels; and a teleop without a gamepad."""
 
 import asyncio
 import os
@@ -104,7 +104,7 @@ def virtual_pad(name: str = XBOX360) -> Generator[VirtualPad]:
 
 
 class Reading:
-    """A gamepad read in this very loop."""
+    """A gamepad that is read in this loop."""
 
     def __init__(self, device: GamepadDevice, wake: asyncio.Event, said: Sequence[str]) -> None:
         self.device, self.wake, self.said = device, wake, said
@@ -161,7 +161,7 @@ async def test_a_button_held_at_the_start_is_told_by_the_kernel(monkeypatch: pyt
 
 @needs_uinput
 async def test_a_queue_of_the_kernel_that_overflows_stops_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also the release and the press are lost in it: the state alone would say that nothing has happened."""
+    """The release and the press are lost in it: by the state alone, nothing has happened."""
     with virtual_pad() as pad:
         async with reading(pad, monkeypatch) as desk:
             await desk.drive(pad)
@@ -177,7 +177,7 @@ async def test_a_queue_of_the_kernel_that_overflows_stops_it(monkeypatch: pytest
 @needs_uinput
 @pytest.mark.timed
 async def test_motion_sensors_of_the_kernel_are_a_pulse(monkeypatch: pytest.MonkeyPatch) -> None:
-    """While they speak, a stick held still drives on; when they fall silent, it stops within their limit."""
+    """While they send, a stick may be held still; when they become silent, the robot stops within their limit."""
     monkeypatch.setattr(gamepad_device, "PULSE_PERIOD_S", 0.01)
     with virtual_pad(MOTION_SENSORS) as sensors, virtual_pad(DUALSHOCK4) as pad:
         async with reading(pad, monkeypatch) as desk:
@@ -258,7 +258,7 @@ async def test_the_wheels_obey_the_stick_and_stop_for_the_button_and_the_plug(tm
 
 
 def sentence_of(arguments: list[str], env: dict[str, str] | None = None) -> tuple[str, int | None]:
-    """What the program says in a terminal, and its exit code."""
+    """Return the program's output in a terminal, and its exit code."""
     terminal: pexpect.spawn[bytes] = pexpect.spawn(
         sys.executable, ["-m", "teleop", *arguments], env=os.environ | (env or {}), dimensions=(24, 200)
     )

@@ -36,7 +36,7 @@ pytestmark = pytest.mark.timeout(180)
 
 @dataclass(frozen=True, slots=True)
 class Installed:
-    """An environment of its own that Lifeline was installed into."""
+    """A separate environment with Lifeline installed."""
 
     python: Path
     directory: Path
@@ -99,7 +99,7 @@ class Installed:
 
 
 def uv(*arguments: str, **variables: str) -> str:
-    """What uv prints; the test is skipped if uv cannot reach its package index."""
+    """Return uv's output; skip the test if uv cannot reach its package index."""
     done = subprocess.run(
         [find_uv(), *arguments],
         cwd=ROOT,

@@ -1,4 +1,4 @@
-"""What a killed process held is freed later, by another, so that its sockets close at once."""
+"""The memory of a killed process is freed later, by its keeper, so that its sockets close immediately."""
 
 import os
 import select
@@ -59,11 +59,11 @@ while order := after.recv(1):
 
 @dataclass(frozen=True)
 class Running:
-    """A process, perhaps with a keeper, and our ends of its connections."""
+    """A process with or without a keeper, and our ends of its connections."""
 
     process: subprocess.Popen[bytes]
     keeper: int
-    """Its pid; 0: none."""
+    """Its pid; 0 without a keeper."""
     connections: tuple[socket.socket, socket.socket]
     """Opened before it had a keeper, and after."""
 
@@ -80,7 +80,7 @@ class Running:
 
     @property
     def keepers(self) -> list[int]:
-        """Those that run now."""
+        """Return the keepers that run now."""
         return keepers_of(self.process.pid)
 
 
@@ -117,7 +117,7 @@ def handle(pid: int) -> Generator[int]:
 
 @contextmanager
 def busy() -> Generator[None]:
-    """Each processor has something to do without a pause."""
+    """Keep every processor busy."""
     hogs = [subprocess.Popen(["/bin/sh", "-c", "while :; do :; done"]) for _ in os.sched_getaffinity(0)]
     try:
         yield
@@ -132,12 +132,12 @@ def ends_within(pidfd: int, limit_s: float) -> bool:
 
 
 def outlives(pidfd: int, ended_s: float) -> bool:
-    """Whether a keeper is still there; true also where this machine has let so much time pass that it need not be."""
+    """Return whether a keeper exists, or enough time has passed that it may have ended."""
     return not ends_within(pidfd, 0.0) or time.monotonic() > ended_s + KEEP_S - RENEW_S
 
 
 def keepers_of(pid: int) -> list[int]:
-    """Among a process's children, whichever of its threads made them."""
+    """Return the keeper among the child processes of all threads."""
     return [child for child in children_of(pid) if is_keeper(child)]
 
 
@@ -218,7 +218,7 @@ def test_a_service_that_was_stopped_for_longer_than_its_keeper_sleeps_gets_anoth
 
 
 def test_what_is_collected_in_any_thread_closes_in_the_table_of_the_process() -> None:
-    """The keeper's thread has files of its own: what the cyclic collector closed there stayed open here."""
+    """The keeper's thread has its own file table: descriptors closed there by a collection remained open here."""
     with running() as one:
         one.order(b"G")
         assert one.connections[0].recv(20) == b"closed"
@@ -282,7 +282,7 @@ def test_a_stop_leaves_the_keeper_of_another_state_directory_alone(tmp_path: Pat
 
 @pytest.mark.timed
 def test_a_stop_ends_a_keeper_also_where_the_processor_is_busy(tmp_path: Path) -> None:
-    """A keeper runs at idle priority: next to a process that never waits it would run for some milliseconds a second."""
+    """A keeper runs at idle priority: beside a busy process it would run for some milliseconds per second."""
     with running(mark=tmp_path, objects=OBJECTS) as one, handle(one.keeper) as pidfd, busy():
         one.process.kill()
         one.process.wait(LIMIT_S)

@@ -1,4 +1,4 @@
-"""`lifeline path` with real processes: a square, the same once more from its recording, and who may stop it."""
+"""`lifeline path` with real processes: a square, its replay from a recording, and its pauses."""
 
 import asyncio
 import re

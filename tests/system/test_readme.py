@@ -1,4 +1,4 @@
-"""The recipe of the README, typed key by key in namespaces of its own: another robot here is neither seen nor killed."""
+"""The recipe of the README, typed key by key in separate namespaces, so that no other robot is affected."""
 
 import re
 import shlex
@@ -42,7 +42,7 @@ class Shell(Operator):
     """The first process of its own namespaces, at the project's root."""
 
     async def run(self, line: str, *, until_says: str, limit_s: float = COMMAND_LIMIT_S) -> None:
-        """Type a line and wait for what it says."""
+        """Type a line and wait for its output."""
         begin = len(self.output)
         self.type(f"{line}\n".encode())
         await until(lambda: re.search(until_says, self.output[begin + len(line) :]), limit_s)
@@ -72,7 +72,7 @@ async def shell(state_dir: Path) -> AsyncGenerator[Shell]:
 
 
 def keys_of(line: str) -> Sequence[str]:
-    """Those that a comment such as `# drive: w w w` names."""
+    """The keys that a comment such as `# drive: w w w` names."""
     return line.rpartition(":")[2].split()
 
 

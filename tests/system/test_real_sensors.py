@@ -34,7 +34,7 @@ AT_PILLAR_S = 6.0
 
 @dataclass
 class Approach:
-    """How near the hull comes to a pillar that stands on the way straight ahead."""
+    """The clearance of the hull to a pillar straight ahead."""
 
     subject: Robot
     truth: Subscription[Odometry]
@@ -42,7 +42,7 @@ class Approach:
     now_m: float = math.inf
 
     def look(self) -> bool:
-        """Take in where the robot truly is; never true, so that it may be watched for."""
+        """Update the true pose; return False, so that it can be used as a condition."""
         x_m = START_M[0] + PILLAR_AHEAD_M
         for arrival in self.truth.take():
             if arrival.message is not None:
@@ -52,7 +52,7 @@ class Approach:
         return False
 
     async def until_within(self, distance_m: float, keys: str) -> None:
-        """Where a busy machine stopped the robot on the way, the operator starts again."""
+        """If a busy machine stopped the robot, the operator starts again."""
         subject, end_s = self.subject, time.monotonic() + 2 * PATIENCE_S
         at_rest = (SafetyStatus.STOPPED, SafetyStatus.READY)
 
@@ -72,7 +72,7 @@ class Approach:
                 await subject.press(keys, lambda: subject.status.mode != SafetyStatus.READY, "motion")
 
     async def drive_on(self, for_s: float, keys: str = "ww") -> None:
-        """The operator re-arms where the robot was stopped, and asks for the same again."""
+        """The operator re-arms after a stop, and requests the same motion."""
         end_s = time.monotonic() + for_s
         while time.monotonic() < end_s:
             self.subject.look()
@@ -85,7 +85,7 @@ class Approach:
 
 @asynccontextmanager
 async def approach(subject: Robot) -> AsyncGenerator[Approach]:
-    """A pillar on the way of a robot at its start, whose teleop is there."""
+    """Place a pillar ahead of a robot at its start, with a connected teleop."""
     assert subject.bus is not None
     found = Approach(subject, subject.bus.subscribe(topics.TRUTH, depth=5000))
     await subject.until(lambda: subject.status.owner == topics.TELEOP, "teleop's heartbeat")
@@ -181,7 +181,7 @@ async def foreign_client(subject: Robot) -> AsyncGenerator[ZenohBus]:
 
 @contextmanager
 def scans_of_free_space(bus: ZenohBus, period_s: float) -> Generator[None]:
-    """Another program that says that all is free for 5 m around."""
+    """Another program that publishes scans of free space for 5 m around."""
     publisher, chance = bus.publisher(topics.SCAN), random.Random(1)
 
     async def speak() -> None:
@@ -203,7 +203,7 @@ def scans_of_free_space(bus: ZenohBus, period_s: float) -> Generator[None]:
 async def test_a_second_writer_of_scan_stops_the_robot_by_name_and_when_it_ends_the_lidar_is_heard_again(
     tmp_path: Path, period_s: float
 ) -> None:
-    """And the real lidar pauses once meanwhile: it must not be refused for ever after."""
+    """The real lidar pauses once; it must not be refused permanently."""
     async with robot(tmp_path) as subject, foreign_client(subject) as foreigner, approach(subject) as way:
         await subject.drive("w" * 5, 0.5)
         await way.until_within(2.5, "w" * 5)

@@ -1,4 +1,4 @@
-"""`lifeline record` beside a real robot: what it loses when it is killed, and when its disk is full."""
+"""`lifeline record` beside a real robot: its losses when it is killed and when its disk is full."""
 
 import asyncio
 import resource
@@ -31,7 +31,7 @@ def size_of(file: Path) -> int:
 
 
 class Recording:
-    """A recorder in a process of its own."""
+    """A recorder in a separate process."""
 
     def __init__(self, subject: Robot, file: Path) -> None:
         self.subject, self.file = subject, file
@@ -43,7 +43,7 @@ class Recording:
         )
 
     async def flushed(self, times: int = 1) -> None:
-        """Wait until the file has grown so many times: each is a second."""
+        """Wait until the file has grown this many times, once per second."""
         for _ in range(times):
             wanted = size_of(self.file) + FLUSHED_BYTES
             await self.subject.until(lambda size=wanted: size_of(self.file) > size, "a flush")
@@ -58,7 +58,7 @@ class Recording:
 
 
 def odometry_times_ns(file: Path) -> list[int]:
-    """Of a recording that was cut short."""
+    """Read a truncated recording."""
     reader = RecordingReader(file)
     times_ns = [m.log_time_ns for m in reader.messages() if m.topic == ODOM]
     assert reader.cut

@@ -58,7 +58,7 @@ async def test_each_fault_of_the_lidar_stops_a_moving_robot_for_the_right_reason
 async def test_a_fault_from_the_start_and_twice_the_speed_are_taken_from_the_command_line(
     tmp_path: Path,
 ) -> None:
-    """And the 4,096 beams that the configuration asks for hold up neither."""
+    """The configured 4,096 beams delay neither."""
     config = tmp_path / "robot.toml"
     config.write_text("[sim]\nlidar_beams = 4096\n")
     subject = Robot(free_endpoint(), tmp_path)
@@ -144,7 +144,7 @@ async def test_a_paused_sim_is_stale_and_steps_and_runs_on_request(tmp_path: Pat
 async def test_ten_times_too_fast_for_the_machine_the_base_still_brakes_when_its_supervisor_dies(
     tmp_path: Path,
 ) -> None:
-    """Overloaded on purpose: 65,536 beams at 100 times the pace. Commands and tokens are looked at all the same."""
+    """Deliberate overload: 65,536 beams at 100 times real time. Commands and tokens are still processed."""
     config = tmp_path / "robot.toml"
     config.write_text("[sim]\nlidar_beams = 65536\n")
     subject = Robot(free_endpoint(), tmp_path)
@@ -205,7 +205,7 @@ def start_sim(subject: Robot, *arguments: str) -> None:
 
 
 async def base_reaction_s(subject: Robot) -> float:
-    """Kill the supervisor; how long it took the base to aim at zero, by the time of its line in the log."""
+    """Kill the supervisor; return the time until the base's target is zero, by its log."""
     log = subject.logs / "sim.log"
     await subject.until(lambda: "base: follows cmd_vel" in log.read_text(), "the base under command")
     before = len(_losses(subject))
@@ -224,16 +224,16 @@ def _losses(subject: Robot) -> list[str]:
 
 
 def paused_at(sentence: str) -> float:
-    """The time in a sentence such as `paused at 1.234 s of simulated time, speed 1`."""
+    """Return the time in a sentence such as `paused at 1.234 s of simulated time, speed 1`."""
     word, _, time_s, *_ = sentence.split()
     assert word == "paused"
     return float(time_s)
 
 
 def drift(clocks: list[Arrival[Clock]]) -> float:
-    """By what share simulated time went faster than real time, from the promptest message at each end.
+    """Return by what share simulated time ran faster than real time, from the least delayed message at each end.
 
-    A message can only be late, and then it shows too early a time: the most advanced one is the least delayed.
+    A message can only be late, and then shows too early a time: the most advanced one is the least delayed.
     """
     ahead_s: list[tuple[float, float]] = []  # of real time, and when
     for clock in clocks:

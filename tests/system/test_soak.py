@@ -1,4 +1,4 @@
-"""A soak of some seconds: it drives, writes down what it is asked to, and leaves nothing behind."""
+"""A soak of some seconds: it drives, writes its files, and leaves nothing behind."""
 
 import os
 import signal
@@ -88,7 +88,7 @@ def test_a_file_that_cannot_be_written_is_refused_before_anything_starts(tmp_pat
 
 
 def assert_nothing_is_left(place: Path) -> None:
-    """No process and no file of the soak's."""
+    """Check that no process and no file of the soak remains."""
     assert list(place.iterdir()) == []
     for entry in Path("/proc").iterdir():
         if entry.name.isdecimal():

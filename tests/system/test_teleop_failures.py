@@ -1,4 +1,4 @@
-"""Whatever happens to teleop or its terminal: the robot stops, the terminal is restored where there is one, nothing stays."""
+"""After any failure of teleop or its terminal, the robot stops, the terminal is restored, and no process remains."""
 
 import asyncio
 import itertools
@@ -92,7 +92,7 @@ async def test_a_terminal_that_answers_no_more_stops_the_robot() -> None:
 
 
 async def asks_on(h: Hub, op: Operator, keys: bytes, linear_m_s: float) -> None:
-    """For a second. It is this loop that answers: where a busy machine held it up, the operator starts again."""
+    """Drive for a second. This loop answers the terminal's requests; if a busy machine delays it, the operator starts again."""
     for left in reversed(range(4)):
         await asyncio.sleep(1.0)
         if h.asks(linear_m_s, 0.0):
@@ -139,7 +139,7 @@ class Job:
 
     @property
     def pid(self) -> int:
-        """0: it has ended, and the shell knows."""
+        """The exit code; 0 if the shell has seen it end."""
         return next(iter(children_of(self.terminal.process.pid)), 0)
 
     @property
@@ -149,7 +149,7 @@ class Job:
 
 @asynccontextmanager
 async def ready_job() -> AsyncGenerator[tuple[Hub, Job]]:
-    """A job and the hub that it has found."""
+    """A job that is connected to a hub."""
     endpoint = free_endpoint()
     async with hub(endpoint) as h:
         job = Job(endpoint)
@@ -181,7 +181,7 @@ async def test_suspended_it_leaves_the_shell_a_terminal_and_comes_back_neutral(h
         await until(lambda: h.asks(0.1, 0.0))
         op.type(b"q")
         await until(h.is_left)
-        await until(lambda: job.pid == 0)  # before its end it drops what is typed
+        await until(lambda: job.pid == 0)  # before its end it discards typed keys
         op.type(b"echo over=$?\n")
         await until(lambda: "over=0" in op.picture)
 
@@ -221,13 +221,13 @@ async def test_the_guard_of_a_stopped_teleop_leaves_alone_a_program_that_was_sta
 
 
 def guards_of(pid: int) -> list[int]:
-    """The processes that guard teleop's terminal: one, or none."""
+    """Return the processes that guard teleop's terminal: one or none."""
     return [p for p in children_of(pid) if b"terminal_guard" in Path(f"/proc/{p}/cmdline").read_bytes()]
 
 
 @contextmanager
 def guard_of(pid: int) -> Generator[Callable[[], bool]]:
-    """Whether the process that guards teleop's terminal has ended."""
+    """Return whether the process that guards teleop's terminal has ended."""
     (guard,) = guards_of(pid)
     pidfd = os.pidfd_open(guard)
     try:
@@ -247,7 +247,7 @@ async def test_a_kill_leaves_the_terminal_as_it_was(options: tuple[str, ...]) ->
 
 
 async def test_a_guard_that_was_stopped_restores_the_terminal_all_the_same() -> None:
-    """The kernel lets it go on when teleop ends: with SIGHUP first, as to every stopped group that nobody looks after."""
+    """The kernel continues it when teleop ends, with SIGHUP first, like every orphaned stopped process group."""
     async with driving() as (_, op):
         (guard,) = guards_of(op.process.pid)
         os.kill(guard, signal.SIGSTOP)
@@ -281,9 +281,9 @@ async def test_after_a_kill_the_guard_leaves_alone_modes_that_somebody_else_has_
 
 
 def obeys_ctrl_c(pid: int) -> bool:
-    """Whether it is teleop that runs by now: Python itself is not quiet about a SIGINT while it starts.
+    """Return whether teleop's own code runs: Python prints a traceback on SIGINT while it starts.
 
-    Python ignores SIGPIPE and catches SIGINT from its start on; the first that teleop does is to catch it no more.
+    Python ignores SIGPIPE and catches SIGINT from its start on; teleop first restores the default of SIGINT.
     """
     status = dict(line.split(":\t", 1) for line in Path(f"/proc/{pid}/status").read_text().splitlines())
     ignored, caught = (int(status[name], 16) for name in ("SigIgn", "SigCgt"))

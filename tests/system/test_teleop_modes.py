@@ -1,4 +1,4 @@
-"""`python -m teleop --mode hold`, `--view-only` and the dashboard, on terminals that can more and less."""
+"""`python -m teleop --mode hold`, `--view-only` and the dashboard, on terminals with different abilities."""
 
 import asyncio
 from collections.abc import Callable
@@ -18,7 +18,7 @@ def is_moving(h: Hub) -> bool:
 
 
 async def hold_down(op: Operator, key: bytes, condition: Callable[[], bool]) -> None:
-    """A key as a terminal without releases sends it, until something is seen."""
+    """Repeat a key, like a terminal without releases, until a condition holds."""
     op.type(key)
     await asyncio.sleep(INITIAL_DELAY_S)
     async with asyncio.timeout(LIMIT_S):
@@ -50,12 +50,12 @@ async def test_holding_where_the_terminal_reports_releases() -> None:
 
         op.key("i", 1)
         await until(lambda: is_moving(h))
-        op.type(b"\x1b[O")  # the focus goes, and with it every release
+        op.type(b"\x1b[O")  # the focus is lost, and every release with it
         await until(lambda: h.asks(*ZERO))
         op.key("i", 2)
         op.key("i", 3)
 
-        op.type(b"iii")  # pasted: whoever releases it?
+        op.type(b"iii")  # pasted: no release follows
         op.key("q", 1)
         await until(lambda: "0.55 m/s, 1.10 rad/s" in op.picture)
         assert h.asks(*ZERO)

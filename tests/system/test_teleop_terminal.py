@@ -1,4 +1,4 @@
-"""`python -m teleop` on a real pseudo-terminal, against a hub on a real link: what it says, and what it leaves behind."""
+"""`python -m teleop` on a real pseudo-terminal, against a hub on a real link: its output, and the state that it leaves."""
 
 import asyncio
 import fcntl
@@ -163,7 +163,7 @@ async def test_a_hang_up_ends_it_while_it_waits_for_the_hub() -> None:
 
 
 async def run(*arguments: str, stdin: int, stdout: int = subprocess.PIPE) -> tuple[int | None, str]:
-    """Run teleop with this input and output: its exit code and standard error."""
+    """Run teleop with this input and output; return its exit code and standard error."""
     process = await asyncio.create_subprocess_exec(
         sys.executable,
         "-m",

@@ -1,6 +1,6 @@
-"""The window: what it shows is what holds, it costs the physics nothing, and it may be closed.
+"""The window: it shows the present state, does not slow the physics, and may be closed.
 
-On an X server without a screen. The processor draws there, which takes as much of it as it gets.
+The tests use an X server without a screen, where the processor draws.
 """
 
 import asyncio
@@ -27,7 +27,7 @@ pytestmark = [
 ]
 
 RING_PIXELS = 150
-"""A ring has at least so many in its own colour, and nothing else in the hall has as many in all."""
+"""Minimum number of pixels of a ring's colour; nothing else in the hall has as many."""
 
 
 def start_sim(subject: Robot, server: XServer) -> None:
@@ -41,7 +41,7 @@ def start_sim(subject: Robot, server: XServer) -> None:
 
 
 def pixels_of(mode: Mode, screen: NDArray[np.uint8]) -> int:
-    """How many pixels have the hue of the mode's ring, bright and saturated as only what shines is."""
+    """Return the number of bright, saturated pixels with the hue of the mode's ring."""
     colour = np.array(COLOURS[mode])
     shade = screen.astype(np.float64)
     brightest = shade.max(axis=2)

@@ -1,4 +1,4 @@
-"""The Bus over real Zenoh: what the hub refuses, what a death looks like, and that closing always ends."""
+"""The Bus over real Zenoh: refused messages, the death of a process, and closing."""
 
 import asyncio
 import os
@@ -21,7 +21,7 @@ from wire.stamp import Stamper
 from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
 
 WITHIN_S = 20.0
-"""How long a test waits for what must come, on a loaded machine."""
+"""Time limit for expected events on a loaded machine."""
 STUBBORN = Path(__file__).with_name("stubborn_source.py")
 
 
@@ -83,7 +83,7 @@ async def test_a_flood_of_ever_new_writers_does_not_displace_a_known_writers_new
                 )
 
         async def writes(speed_m_s: float) -> None:
-            """Again and again, until it has come through: a flooded link drops."""
+            """Publish repeatedly until it arrives, because a flooded link drops messages."""
             deadline_s = time.monotonic() + WITHIN_S
             while not arrived(speed_m_s):
                 assert time.monotonic() < deadline_s
@@ -108,7 +108,7 @@ async def test_the_hub_and_the_bus_refuse_a_stranger_on_the_supervisors_keys(key
         rogue = open_rogue(config.endpoint)
         cmd_vel = robot.subscribe(topics.CMD_VEL, depth=100)
         status = robot.subscribe(topics.STATUS, depth=100)
-        scans = robot.subscribe(topics.ODOM, depth=100)  # a key that anyone may write: the yardstick
+        scans = robot.subscribe(topics.ODOM, depth=100)  # a key that any client may write, for comparison
         try:
             arrived = False
             while not arrived:

@@ -1,4 +1,4 @@
-"""An X server without a screen (Xvfb), what it shows, and a hand that closes windows on it."""
+"""An X server without a screen (Xvfb), its picture, and a click that closes windows."""
 
 import ctypes
 import ctypes.util
@@ -26,7 +26,7 @@ class XServer:
     _frame: Path
 
     def screen(self) -> NDArray[np.uint8]:
-        """What it shows now, RGB, shape (height, width, 3): its file is an XWD dump that it keeps up to date."""
+        """Return the present picture, RGB, shape (height, width, 3): its file is an XWD dump that it keeps up to date."""
         data = self._frame.read_bytes()
         fields = struct.unpack(">25I", data[:100])
         header_size, width, height, line_bytes, colours = (fields[n] for n in (0, 4, 5, 12, 19))
@@ -34,7 +34,7 @@ class XServer:
         return pixels.reshape(height, line_bytes)[:, : 4 * width].reshape(height, width, 4)[:, :, 2::-1]
 
     def close_windows(self) -> None:
-        """What a click on the X in a window's corner does, to all of them."""
+        """Close all windows, like a click on the X in their corners."""
         x11 = ctypes.CDLL(ctypes.util.find_library("X11"))
         for name in ("XOpenDisplay", "XDefaultRootWindow", "XInternAtom"):
             getattr(x11, name).restype = ctypes.c_void_p if name == "XOpenDisplay" else ctypes.c_ulong
@@ -60,7 +60,7 @@ class XServer:
 
 @contextmanager
 def x_server(directory: Path) -> Generator[XServer]:
-    """An Xvfb that ends with the block."""
+    """Run an Xvfb for the duration of the block."""
     assert XVFB is not None
     reading, writing = os.pipe()
     server = subprocess.Popen(
