@@ -1,4 +1,4 @@
-"""The measured parts of docs/crash-safety.md are what the committed results say."""
+"""The measured parts of docs/crash-safety.md match the committed results."""
 
 from pathlib import Path
 
@@ -41,7 +41,7 @@ def campaign() -> Campaign:
 
 
 def test_the_measured_parts_are_up_to_date() -> None:
-    """`make docs` writes them anew."""
+    """`make docs` regenerates them."""
     text = crash_safety.DOCUMENT.read_text()
     assert crash_safety.regenerated(text) == text
 

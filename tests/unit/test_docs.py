@@ -1,4 +1,4 @@
-"""What the documents say of the code must be what the code says."""
+"""The documents match the code."""
 
 import re
 import textwrap
@@ -27,7 +27,7 @@ def test_what_a_document_points_to_exists(document: Path) -> None:
 
 @pytest.mark.proof
 def test_the_generated_parts_of_the_safety_law_are_up_to_date() -> None:
-    """`make docs` writes them anew."""
+    """`make docs` regenerates them."""
     text = safety_law.DOCUMENT.read_text()
     assert safety_law.regenerated(text) == text
 

@@ -1,4 +1,4 @@
-"""What must hold for the repository itself."""
+"""Rules for the repository itself."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""`lifeline check`: what a configuration permits, and what it risks."""
+"""`lifeline check`: the permitted motions and the risks of a configuration."""
 
 import math
 from pathlib import Path
@@ -35,7 +35,7 @@ def lidar(*lines: str) -> str:
 FRONT = lidar(f"view_rad = [{-QUARTER}, {QUARTER}]", "beams = 360", "range_max_m = 12.0", "period_s = 0.05")
 
 
-# --- the files beside the code
+# --- the example files
 
 
 def test_there_is_an_example_for_each_of_the_usual_robots() -> None:
@@ -117,7 +117,7 @@ def test_the_slowest_lidar_decides_how_late_it_reacts(tmp_path: Path) -> None:
     assert found.stopping.reaction_s == pytest.approx(0.33)
 
 
-# --- what a lidar sees
+# --- the view of a lidar
 
 
 def test_a_lidars_own_keys_count_before_those_of_the_simulation(tmp_path: Path) -> None:
@@ -231,7 +231,7 @@ def test_each_setting_that_creates_a_risk_is_named_with_it(
     simulated = text if "[sim]" in text else f"{text}\n[sim]\n"
     found = {entry.setting: entry.sentence for entry in report(tmp_path, simulated).risks}
     assert risk in found.pop(setting)
-    assert all(name.startswith("timeout of lidar") for name in found)  # a sensor's profile brings its own
+    assert all(name.startswith("timeout of lidar") for name in found)  # a sensor's profile provides its own
 
 
 def test_a_profile_that_asks_a_beam_to_prove_that_it_sees_creates_no_risk(tmp_path: Path) -> None:
@@ -270,7 +270,7 @@ def test_with_a_risk_the_exit_code_is_1_and_what_is_assumed_is_said(tmp_path: Pa
     code, output = run(path)
     assert code == 1
     assert "works_in_the_open" in output
-    assert "[sim]" in output  # no markup of the table's
+    assert "[sim]" in output  # not interpreted as markup of the table
     path.write_text(lidar("view_rad = [-1.5, 1.5]"))
     code, output = run(path)
     assert code == 1

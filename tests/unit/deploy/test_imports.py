@@ -1,4 +1,4 @@
-"""The operator's command is quick to say what it can do, and `supervisor` is ours wherever it is asked for."""
+"""`lifeline --help` is fast, and `import supervisor` always finds our package."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""`lifeline path`: what it takes from a recording, where it lays a path, and what it reports."""
+"""`lifeline path`: reading recordings, placing a path, and the report."""
 
 import math
 from pathlib import Path as FilePath
@@ -110,7 +110,7 @@ def straight_drive(off_m: float = 0.01) -> Drive:
 
 
 def truth_of(drive: Drive, frame: Pose, slip_m: float) -> list[TruthSample]:
-    """What the world saw: everything in another frame, and slipped to the right."""
+    """The true poses: in another frame, and slipped to the right."""
     assert drive.began is not None
     start = TruthSample(drive.began.arrival_s + 0.005, frame)
     rows = [s.pose._replace(y_m=s.pose.y_m - slip_m) for s in drive.samples]

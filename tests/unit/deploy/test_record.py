@@ -1,4 +1,4 @@
-"""A recording is a bag that rosbags reads, and what was flushed can be read from any piece of it."""
+"""A recording is a bag that rosbags reads, and flushed data can be read from a truncated file."""
 
 import asyncio
 import errno
@@ -34,7 +34,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def write(path: Path, *chunks: list[Recorded]) -> list[int]:
-    """A whole file; the size after each flush."""
+    """A complete file, and its size after each flush."""
     writer, sizes = RecordingWriter(path), list[int]()
     for chunk in chunks:
         for message in chunk:
@@ -139,7 +139,7 @@ def test_a_file_that_exists_is_never_overwritten(path: Path) -> None:
 
 
 class Stage:
-    """A recorder on a network, and what reaches it."""
+    """A recorder on a network."""
 
     def __init__(self, path: Path) -> None:
         self.bus = VirtualNetwork().open_hub("recorder")

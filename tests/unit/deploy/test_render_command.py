@@ -1,4 +1,4 @@
-"""`lifeline render`: the rehearsal that it films, the file that it writes, and what it refuses."""
+"""`lifeline render`: the rehearsal, the files, and the errors."""
 
 import itertools
 import math
@@ -38,7 +38,7 @@ needs_gl = pytest.mark.skipif(not has_gl(), reason="neither EGL nor OSMesa: apt 
 def rehearsed(
     hull: Hull, *, drives: bool = True, seconds: float = 8.0
 ) -> tuple[Plant, list[Shown], list[float]]:
-    """What is shown ten times a second, and how far the hull was from everything then."""
+    """The frames at 10 Hz, and the clearance of the hull in each."""
     plant = Plant("empty", options=Build(hull))
     x_m, y_m, _ = plant.start_pose
     plant.place_pillar(x_m + 2.4, y_m)

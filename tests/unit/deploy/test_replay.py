@@ -1,4 +1,4 @@
-"""`lifeline replay-decision`: what it prints, and what it refuses."""
+"""`lifeline replay-decision`: its output and its errors."""
 
 import gzip
 import json
@@ -27,7 +27,7 @@ def in_one_line(text: str) -> str:
 
 @pytest.fixture
 def recording(tmp_path: Path) -> Path:
-    """Neutral, forward, something at 0.2 m; the base stands 0.3 s later."""
+    """Neutral, forward, an object at 0.2 m; the base stands 0.3 s later."""
     writer = WriterAtOnce(tmp_path)
     drive = Drive(BlackBox(CONFIG, writer, window_s=60.0, utc=lambda: NOON_UTC_S))
     drive.drive(1.0)

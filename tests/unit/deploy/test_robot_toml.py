@@ -1,4 +1,4 @@
-"""deploy/robot.toml is the complete example that it says it is."""
+"""deploy/robot.toml contains every key with its default."""
 
 import tomllib
 from typing import Any
@@ -21,7 +21,7 @@ MODELS: dict[str, type[Section]] = {
 
 
 def _keys(values: BaseModel) -> dict[str, Any]:
-    """The values as a file would have them: TOML has no null, so what is not set is not there."""
+    """Return the values as in a file: TOML has no null, so unset values are omitted."""
     return values.model_dump(mode="json", exclude_none=True)
 
 

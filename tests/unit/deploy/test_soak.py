@@ -1,4 +1,4 @@
-"""The pure parts of `lifeline soak`: what is heard, what the operator does, growth, verdict, and the drawing."""
+"""The pure parts of `lifeline soak`: reception, operator, growth, verdict, and plot."""
 
 import gzip
 import itertools
@@ -112,7 +112,7 @@ def test_a_false_stop_a_new_process_and_a_robot_at_rest_fail() -> None:
     assert judge([replace(one, driven_m=0.0) for one in good]).faults == ("the robot never moved",)
 
 
-# --- what is heard
+# --- reception
 
 
 def test_gaps_and_losses_are_those_since_the_last_time() -> None:

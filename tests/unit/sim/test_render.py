@@ -1,4 +1,4 @@
-"""What is in a picture, by its pixels: where the geometry says, in the colour that it should have."""
+"""Pictures by their pixels: objects are at the right place in the right colour."""
 
 import math
 from collections.abc import Iterator
@@ -32,7 +32,7 @@ def has_gl() -> bool:
 
 
 def nothing(name: str) -> None:
-    """The answer of a machine without that library."""
+    """The error of a machine without that library."""
 
 
 needs_gl = pytest.mark.skipif(not has_gl(), reason="neither EGL nor OSMesa: apt install libegl1 libegl-mesa0")
@@ -70,7 +70,7 @@ def pixel_at(
 
 
 def is_of(colour: tuple[float, float, float], pixel: NDArray[np.uint8]) -> bool:
-    """Of this hue, and not pale."""
+    """Return the saturated pixels of this hue."""
     wanted, seen = np.array(colour), pixel.astype(np.float64)
     return bool(seen.max() > 100 and np.abs(seen / max(seen.max(), 1.0) - wanted / wanted.max()).max() < 0.25)
 

@@ -1,4 +1,4 @@
-"""Scenes: layouts, MJCF files with and without a robot, and the sentence for each that cannot be."""
+"""Scenes: layouts, MJCF files with and without a robot, and the error of each invalid one."""
 
 import math
 import subprocess

@@ -1,4 +1,4 @@
-"""The sensors' faults: what may be asked for, and how they are written."""
+"""The sensor faults and their syntax."""
 
 import math
 
@@ -135,7 +135,7 @@ def test_what_is_in_force_is_said_as_it_may_be_asked_for(faults: SensorFaults) -
 
 
 def test_a_rate_is_refused_just_below_the_least() -> None:
-    """One scan in 1e322 s divided by zero."""
+    """A rate of one scan in 1e322 s once divided by zero."""
     assert parse_faults("rate 0.01").rate_hz == 0.01
     for rate in (math.nextafter(0.01, 0.0), 1e-322):
         with pytest.raises(FaultError, match="rate HZ"):

@@ -1,4 +1,4 @@
-"""Snapshots: the future after them is the same, bit for bit; what is none is refused and changes nothing."""
+"""Snapshots restore the future bit for bit; an invalid one is refused and changes nothing."""
 
 import dataclasses
 import pickle

@@ -1,4 +1,4 @@
-"""Files of every kind, read back; and that a file is complete or not there."""
+"""Files of every kind, read back; a file is complete or does not exist."""
 
 import itertools
 import sys
@@ -19,7 +19,7 @@ FPS = 12.5
 
 
 def frames(count: int = FRAMES) -> Iterator[Pixels]:
-    """A light square that goes over a dark ground."""
+    """A light square that moves over a dark background."""
     for number in range(count):
         picture = np.full((48, 64, 3), (20, 40, 90), np.uint8)
         picture[16:32, 6 * number : 6 * number + 16] = (230, 160, 30)
@@ -27,7 +27,7 @@ def frames(count: int = FRAMES) -> Iterator[Pixels]:
 
 
 def read(path: Path) -> tuple[list[Pixels], float]:
-    """All frames, and how long they last in s."""
+    """Return all frames, and their duration [s]."""
     if path.suffix == ".mp4":
         with av.open(str(path)) as container:
             stream = container.streams.video[0]

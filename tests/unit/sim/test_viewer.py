@@ -1,4 +1,4 @@
-"""What the window says, and that a window which cannot be is told; the window itself is tests/system/test_viewer.py's."""
+"""The window's texts and errors; tests/system/test_viewer.py tests the window itself."""
 
 import pytest
 

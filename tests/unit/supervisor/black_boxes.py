@@ -1,4 +1,4 @@
-"""A drive at the law that a black box records, and a writer that writes at once."""
+"""A simulated drive that a black box records, and a writer that writes immediately."""
 
 import math
 from dataclasses import dataclass, field
@@ -51,7 +51,7 @@ class KeepingWriter:
 
 @dataclass
 class Drive:
-    """The law in time, every step of it recorded."""
+    """The law over time, with every step recorded."""
 
     box: BlackBox
     now_s: float = 1000.0
@@ -91,7 +91,7 @@ class Drive:
         return self.hold(seconds, FORWARD)
 
     def stop(self) -> Decision:
-        """Something stands 0.2 m before the hull, and a second scan confirms it."""
+        """An object stands 0.2 m ahead of the hull, and a second scan confirms it."""
         self._meet()
         return self._meet()
 
@@ -104,7 +104,7 @@ class Drive:
         )
 
     def anything(self, seconds: float, seed: int) -> None:
-        """Whatever may come, in any order and at any time; most of the time it can drive."""
+        """Random inputs in any order and at any time; most of the time the robot can drive."""
         rng = np.random.default_rng(seed)
         end_s = self.now_s + seconds
         velocity = NEUTRAL

@@ -1,7 +1,7 @@
 """The law and a base in plain kinematics, among random pillars and walls.
 
-The base speeds up with 1 m/s² and brakes with 2 m/s² (turns count at a rim of 0.25 m), goes from one twist to the
-next by what lies between the two, and obeys one tick late. The lidar casts 360 rays at 20 Hz. Walls end in round
+The base accelerates at 1 m/s² and brakes at 2 m/s² (turns count at a rim of 0.25 m), passes through intermediate twists,
+and obeys one tick late. The lidar casts 360 rays at 20 Hz. Walls end in round
 posts: no lidar sees an edge of no thickness. Distances are exact; only the law sees rays.
 """
 
@@ -30,7 +30,7 @@ RIM_M = 0.25
 
 
 class Base:
-    """The twist goes straight to the commanded one: on the way it is always a mixture of the two."""
+    """The twist moves straight to the commanded one: in between, it is a mixture of the two."""
 
     def __init__(self) -> None:
         self.twist = STANDSTILL
@@ -61,7 +61,7 @@ class World:
     """(w, 2) [m]: the other."""
 
     def ranges(self, x_m: float, y_m: float, yaw_rad: float) -> npt.NDArray[np.float32]:
-        """What a lidar there sees: (BEAMS,) [m], infinite where nothing is."""
+        """Ranges of a lidar at this pose: (BEAMS,) [m], infinite where nothing is."""
         rays = np.stack([np.cos(yaw_rad + ANGLES), np.sin(yaw_rad + ANGLES)], axis=1)
         here = np.array([x_m, y_m])
         to = self.pillars - here
@@ -80,7 +80,7 @@ class World:
         return np.minimum(pillars, walls).astype(np.float32)
 
     def clearance_m(self, x_m: float, y_m: float, yaw_rad: float, hull: Circle | ConvexPolygon) -> float:
-        """From the hull to whatever is nearest; not positive where they overlap."""
+        """Distance from the hull to the nearest object; not positive if they overlap."""
         turn = np.array([[math.cos(yaw_rad), -math.sin(yaw_rad)], [math.sin(yaw_rad), math.cos(yaw_rad)]])
         here = np.array([x_m, y_m])
         pillars, starts, ends = ((part - here) @ turn for part in (self.pillars, self.starts, self.ends))
@@ -99,21 +99,21 @@ class World:
         return float(
             min(
                 (_to_box(pillars, half) - self.radii).min(),
-                inside.min(),  # the walls' ends, and walls right through
+                inside.min(),  # the walls' ends, and walls that pass through the hull
                 _to_segments(corners, starts, ends).min(),
             )
         )
 
 
 def _to_box(points: Floats, half: Floats) -> Floats:
-    """From a box around the origin to points (n, 2); zero inside."""
+    """Distance from a box around the origin to points (n, 2); zero inside."""
     beyond = np.maximum(np.abs(points) - half, 0.0)
     distances: Floats = np.hypot(beyond[:, 0], beyond[:, 1])
     return distances
 
 
 def _to_segments(points: Floats, starts: Floats, ends: Floats) -> Floats:
-    """(n, w): from points (n, 2) to segments (w, 2)."""
+    """Distances (n, w) from points (n, 2) to segments (w, 2)."""
     side = ends - starts
     offset = points[:, None, :] - starts
     along = np.clip((offset * side).sum(axis=2) / (side**2).sum(axis=1), 0.0, 1.0)
@@ -124,7 +124,7 @@ def _to_segments(points: Floats, starts: Floats, ends: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one run came to."""
+    """The result of one run."""
 
     seed: int
     hull: Circle | ConvexPolygon
@@ -173,14 +173,14 @@ def drive_about(
     changes: bool = True,
     base_step: Step | None = None,
 ) -> Outcome:
-    """One run: an operator who wants ever new motions, and lets go whenever the robot stops.
+    """One run: an operator requests random motions, and sends neutral whenever the robot stops.
 
     Args:
-        seed: of everything that is random.
-        duration_s: how long the run takes.
-        arcs: whether motions turn while they drive; else they are straight, or turns on the spot.
-        changes: whether one motion follows right upon the other; else the operator lets go for a second between.
-        base_step: the base, if not the one of this file.
+        seed: seed of all random choices.
+        duration_s: duration of the run.
+        arcs: whether motions include arcs; else they are straight, or turns on the spot.
+        changes: whether motions follow each other directly; else with one second of neutral between them.
+        base_step: the base, instead of the one in this file.
     """
     rng = np.random.default_rng(seed)
     hull: Circle | ConvexPolygon = Circle(float(rng.uniform(0.1, 0.35)))
@@ -199,7 +199,7 @@ def drive_about(
     state, decision = step(initial_state(config), now_s, Inputs())
     while now_s < duration_s:
         now_s += TICK_S
-        # The base obeys what was decided a tick ago.
+        # The base obeys the decision of the previous tick.
         twist = obey(command, TICK_S)
         pose = advance(pose, twist, TICK_S)
         way_m += abs(twist.linear_m_s) * TICK_S

@@ -1,4 +1,4 @@
-"""A person at the law: ticks it at 50 Hz, feeds it scans and commands, and reads the decision."""
+"""A harness of the law: calls it at 50 Hz with scans and commands, and reads the decision."""
 
 import math
 from dataclasses import dataclass, replace
@@ -33,7 +33,7 @@ STANDING_S = 0.4
 """From the speed of these tests, the base has come to rest by then."""
 
 UNSEEN_S = SCAN_TIMEOUT_S + 2 * TICK_S
-"""What no scan has explained for so long is no longer filled from earlier scans."""
+"""After this time without an explained reading, a direction is no longer filled from earlier scans."""
 
 
 def with_lidar(config: LawConfig, **changes: object) -> LawConfig:
@@ -69,7 +69,7 @@ def laser_scan(ranges: np.ndarray, arrival_s: float) -> LaserScan:
 
 @dataclass
 class Law:
-    """The law in time. Scans arrive at every tick unless `scanning` is off; sources speak when told to."""
+    """The law over time. Scans arrive at every tick unless `scanning` is off; sources send on request."""
 
     config: LawConfig = CONFIG
     now_s: float = 1000.0
@@ -95,7 +95,7 @@ class Law:
         return self.decision
 
     def tick(self, *commands: tuple[str, Velocity | None], **inputs: object) -> Decision:
-        """20 ms later: commands that arrive just now, unstamped, and whatever else comes."""
+        """The step 20 ms later, with commands that arrive now without stamps, and other inputs."""
         self.now_s += TICK_S
         arrived = tuple(Command(source, velocity, self.now_s) for source, velocity in commands)
         return self.step(Inputs(commands=arrived, **inputs))  # type: ignore[arg-type]
@@ -107,7 +107,7 @@ class Law:
         return self.decision
 
     def drive(self, velocity: Velocity = FORWARD, source: str = "teleop") -> Decision:
-        """Neutral, then this motion: the way in which an operator sets off."""
+        """Neutral, then this motion, like an operator who starts to drive."""
         self.tick((source, NEUTRAL))
         return self.tick((source, velocity))
 

@@ -1,7 +1,7 @@
-"""Real lidar recordings, each with the robot that it could have been made on, and the law driven over them.
+"""Real lidar recordings, each with a plausible robot, and the law run over them.
 
 The recordings are not part of the repository: `LIFELINE_LIDAR_DATA` names their directory, else it is
-`shared/data/lidar` beside the repository. Where there is none, their tests are skipped.
+`shared/data/lidar` beside the repository. Without it, their tests are skipped.
 """
 
 import math
@@ -41,10 +41,10 @@ class Robot:
     file: str
     section: SupervisorSection
     no_return: tuple[float, ...] = ()
-    """What the sensor says for "nothing came back", read off the data; NaN and +Inf besides."""
+    """The sensor's codes for "no return" in the data, in addition to NaN and +Inf."""
     codes_below_m: float = 0.0
     longest_s: float = math.inf
-    """So much of the recording is used."""
+    """The part of the recording that is used."""
 
 
 def _degrees(*pairs: tuple[float, float]) -> tuple[tuple[float, float], ...]:
@@ -143,7 +143,7 @@ class Recording:
 
     @property
     def header_lag_s(self) -> float:
-        """What usually lies between a header's stamp and its arrival, by two clocks."""
+        """Usual time between a header's stamp and its arrival, by two clocks."""
         return float(np.median(self.arrival_s - self.header_s))
 
     @property
@@ -161,16 +161,16 @@ class Recording:
         return turned
 
     def painted(self, ranges: Ranges, distance_m: float = 0.2, half_width_rad: float = 0.15) -> Ranges:
-        """The same scan with something straight ahead of the lidar, in the direction of travel."""
+        """The same scan with an object straight ahead of the lidar, in the direction of travel."""
         there = np.abs(self.base_angles(ranges)) <= half_width_rad
         return np.where(there, np.float32(distance_m), ranges)
 
     def noisy(self, ranges: Ranges, number: int) -> Ranges:
-        """The same scan with every other one 1 mm farther: no real scan repeats itself. Codes stay what they are."""
+        """The same scan with every other one 1 mm farther: no real scan repeats itself. Codes are unchanged."""
         return np.where(self.returns(ranges), ranges + np.float32(0.001 * (number % 2)), ranges)
 
     def returns(self, ranges: Ranges) -> npt.NDArray[np.bool_]:
-        """Which readings are distances, read off the data and not by the law."""
+        """Return which readings are distances, by the data and not by the law."""
         readings = ranges.astype(np.float64)
         no_return = ~(readings <= self.range_max) | ((readings > 0.0) & (readings < self.robot.codes_below_m))
         for code in self.robot.no_return:
@@ -178,7 +178,7 @@ class Recording:
         return ~no_return
 
     def scan(self, ranges: Ranges, arrival_s: float, header_s: float | None = None) -> LaserScan:
-        """As it comes from the wire; without `header_s` its header has no stamp."""
+        """Return the scan as received; without `header_s`, its header has no stamp."""
         header = ros.header("laser", 0 if header_s is None else round(header_s * 1e9))
         zero = np.float32(0)
         message = ros.LaserScan(
@@ -198,19 +198,19 @@ class Recording:
         return scan
 
     def free_ahead_m(self, ranges: Ranges) -> float:
-        """How much room there is before the foremost quarter of the robot's length [m]."""
+        """Return the free distance ahead of the front quarter of the robot's length [m]."""
         gap_m, x_m = self._readings_around(ranges)
         ahead_m = 0.0 if self.robot.section.footprint.radius_m is not None else 0.2
         return float(gap_m[x_m > ahead_m].min(initial=math.inf))
 
     def free_around_m(self, ranges: Ranges) -> float:
-        """How much room there is between the hull and the nearest reading in any direction [m]."""
+        """Return the distance between the hull and the nearest reading in any direction [m]."""
         return float(self._readings_around(ranges)[0].min(initial=math.inf))
 
     def _readings_around(self, ranges: Ranges) -> tuple[Floats, Floats]:
         """Each distance reading's gap to the hull and its x in the base frame [m]: plain geometry, without the law.
 
-        What the sensor calls too close counts as a distance.
+        A reading that is too close counts as a distance.
         """
         angles = self.base_angles(ranges)
         lidar = self.config.lidars[0].mount
@@ -254,7 +254,7 @@ def load(robot: Robot) -> Recording:
 
 
 def _odometry(data: "np.lib.npyio.NpzFile", start_s: float, end_s: float) -> Iterator[Odometry]:
-    """Recorded velocities; where only poses were recorded, what follows from two of them, spikes and all."""
+    """Recorded velocities; if only poses were recorded, the velocity between two of them, including spikes."""
     if "odom" not in data:
         return
     rows: Floats = data["odom"]
@@ -280,7 +280,7 @@ def _odometry(data: "np.lib.npyio.NpzFile", start_s: float, end_s: float) -> Ite
 
 @dataclass
 class Replay:
-    """The law over a recording: ticks at 50 Hz, and at once with each scan; an operator who wants to go on."""
+    """The law over a recording: steps at 50 Hz and at each scan; the operator requests motion."""
 
     recording: Recording
     motion: Velocity = SLOW
@@ -293,7 +293,7 @@ class Replay:
         self.state, self.decision = step(self.state, START_S - TICK_S, Inputs())
 
     def step(self, now_s: float, scan: LaserScan | None = None, odometry: Odometry | None = None) -> Decision:
-        """Whenever the robot stops, the operator lets go; then asks again."""
+        """Whenever the robot stops, the operator sends neutral, then requests motion again."""
         wanted = NEUTRAL if self.decision.reasons else self.motion
         command = Command("teleop", wanted, now_s)
         inputs = Inputs(commands=(command,), scans=() if scan is None else (scan,), odometry=odometry)
@@ -302,7 +302,7 @@ class Replay:
         return self.decision
 
     def run(self, *, painted: bool = False) -> Iterator[tuple[int | None, Decision]]:
-        """Each step's decision, with the number of the scan that it took in."""
+        """Yield each step's decision, with the number of its scan."""
         recording = self.recording
         times = sorted(
             [(float(t), n) for n, t in enumerate(recording.arrival_s)]
@@ -321,15 +321,15 @@ class Replay:
             yield (None if scan is None else number), self.step(now_s, scan, odometry)
 
     def recovery_s(self, good: Ranges, limit_s: float) -> float:
-        """How long it takes with good scans, a base that stands and an operator until it drives again."""
+        """Return the time until it drives again, with valid scans, a standing base and an operator."""
         assert self.state.now_s is not None
-        # The scene is another one from here on: what is remembered of the one before is not in it.
+        # The scene changes here, so the memory of the previous one is not valid.
         start_s = self.state.now_s
         self.state = self.state._replace(memory=Remembered(), places=())
         lag_s, period_s = self.recording.header_lag_s, self.recording.period_s
         next_scan_s, flip = start_s + period_s, 0
         accepted = self.decision.scan_counts.accepted
-        # First each beam shows that it sees: of some sensors no silence is believed before that.
+        # First each beam has a return, because some profiles trust no silence before that.
         proof = np.where(self.recording.returns(good), good, np.float32(5.0))
         now_s = start_s
         while now_s - start_s < limit_s:

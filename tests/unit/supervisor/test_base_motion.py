@@ -1,4 +1,4 @@
-"""Whether the base does what it is commanded, beyond what its ramps explain."""
+"""Whether the base follows its commands, within its ramps."""
 
 import math
 

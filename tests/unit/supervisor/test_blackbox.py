@@ -1,4 +1,4 @@
-"""The black box: what it keeps, when it writes, and that a replay of what it wrote decides the same."""
+"""The black box: recording, writing, and replay with the same decisions."""
 
 import gzip
 import json
@@ -59,7 +59,7 @@ def steps_of(document: Document) -> list[dict[str, Any]]:
 
 
 def test_a_minute_of_steps_is_kept_in_few_pieces() -> None:
-    """Found by a soak: thousands of small ones made the heap grow ragged, by 2.5 % in 40 minutes."""
+    """Found by a soak: thousands of small blocks fragmented the heap, by 2.5 % in 40 minutes."""
     drive = Drive(box_of(KeepingWriter()))
     drive.drive()
     tracemalloc.start()
@@ -247,7 +247,7 @@ def test_a_supervisor_that_ends_writes_what_still_waits_for_its_tail(
     assert read(writer.paths[0]).header["last_s"] == drive.now_s
 
 
-# --- what it keeps
+# --- recording
 
 
 def test_the_window_reaches_back_60_s_from_the_stop_and_begins_with_an_older_state(
@@ -441,7 +441,7 @@ def test_a_full_disk_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.M
 
 @pytest.fixture
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The end waits for the writer as long as a busy machine takes."""
+    """Wait for the writer at the end, also on a busy machine."""
     monkeypatch.setattr(blackbox, "CLOSE_LIMIT_S", 30.0)
 
 
@@ -561,7 +561,7 @@ def test_a_random_drive_is_replayed_to_the_bit_from_the_middle_of_it(seed: int) 
 
 
 def written(order: Order, change: Callable[[list[dict[str, Any]]], None] = lambda _: None) -> Document:
-    """The order as a file has it, with a change of its lines."""
+    """Write the order to a file, with changed lines."""
     with tempfile.TemporaryDirectory() as name:
         document = read(put(order, Path(name)))
     lines = list(document.lines)

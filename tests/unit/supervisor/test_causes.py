@@ -1,4 +1,4 @@
-"""Causes hold now; what is latched is over, and only a neutral command is missing."""
+"""Causes hold now; latched reasons have ended, and only a neutral command is missing."""
 
 import math
 from dataclasses import replace

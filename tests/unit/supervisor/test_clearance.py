@@ -1,4 +1,4 @@
-"""The speed barrier's geometry and its one formula."""
+"""The speed barrier's geometry and formula."""
 
 import math
 import re
@@ -47,7 +47,7 @@ def hidden(hull: Hull, points: np.ndarray) -> Surroundings:
 
 
 def outline(hull: Hull) -> np.ndarray:
-    """Points (n, 2) all around the hull, a micrometre outside of it, no more than 2 cm apart."""
+    """Points (n, 2) around the hull, a micrometre outside it, at most 2 cm apart."""
     if isinstance(hull, Circle):
         angles = np.arange(0.0, 2 * math.pi, 0.05)
         return (hull.radius_m + 1e-6) * np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -107,7 +107,7 @@ def test_a_hull_that_is_not_convex_is_refused(corners: tuple[tuple[float, float]
 def test_closing_speed_is_the_rate_at_which_the_clearance_falls(
     x_m: float, y_m: float, velocity: tuple[float, float]
 ) -> None:
-    """Checked by moving the robot a little and measuring again."""
+    """Compared with the change of distance after a small motion."""
     linear, angular = velocity
     dt_s = 1e-6
     for hull in HULLS:
@@ -157,7 +157,7 @@ def test_turning_on_the_spot_stays_free_for_a_round_robot_and_not_for_a_corner()
     assert permitted_scale(seen(Circle(0.4), close), 0.0, 1.0, BARRIER) == (1.0, None)
     scale, block = permitted_scale(seen(RECTANGLE, close), 0.0, 1.0, BARRIER)
     assert scale == 1.0 or block is not None
-    swept = one(0.2, 0.3)  # beside the front left corner's way
+    swept = one(0.2, 0.3)  # beside the path of the front left corner
     assert permitted_scale(seen(RECTANGLE, swept), 0.0, 1.0, BARRIER)[0] == 0.0
 
 
@@ -298,7 +298,7 @@ def test_deep_inside_the_stop_distance_hardly_anything_is_slow_enough() -> None:
 def test_closing_on_a_hidden_place_no_faster_than_the_creep_or_the_tolerance_is_not_closing(
     creep_m_s: float,
 ) -> None:
-    """However deep inside the stop distance: a lidar that is blind there always has one at the hull."""
+    """However deep inside the stop distance: a blind lidar always has a hidden place at the hull."""
     barrier = BARRIER._replace(hidden_creep_m_s=creep_m_s)
     near = hidden(Circle(0.25), one(0.25, 0.0))
     slow_m_s = max(0.01, creep_m_s)
@@ -374,7 +374,7 @@ def test_points_inside_and_outside_of_a_polygon_are_told_apart_in_one_go() -> No
 
 @pytest.mark.parametrize("hull", HULLS, ids=["circle", "rectangle"])
 def test_a_pillar_beside_the_nose_limits_an_arc_toward_it_before_it_closes(hull: Hull) -> None:
-    """Found by random drives: straight on is free and so is this moment, but half a second later it touches."""
+    """Found by random drives: the straight line and the present moment are free, but half a second later the hull touches."""
     beside = seen(hull, one(0.2, 0.6))
     assert permitted_scale(beside, 0.9, 0.0, BARRIER) == (1.0, None)
     scale, block = permitted_scale(beside, 0.9, 1.8, BARRIER)
@@ -424,7 +424,7 @@ def test_what_an_arc_hardly_closes_on_limits_it_only_beyond_what_a_graze_and_slo
 def test_reacting_and_braking_along_the_arc_never_enters_the_stop_distance(
     velocity: tuple[float, float], distance_m: float, bearing_rad: float, reaction_s: float
 ) -> None:
-    """The exact way of the hull, in fine steps, from the permitted speed to rest."""
+    """The exact path of the hull, in fine steps, from the permitted speed to rest."""
     barrier = BARRIER._replace(reaction_s=reaction_s)
     point = (0.25 + distance_m) * math.cos(bearing_rad), (0.25 + distance_m) * math.sin(bearing_rad)
     hull = Circle(0.25)
@@ -469,7 +469,7 @@ LONG = ((2.0, -0.4), (2.0, 0.4), (-2.0, 0.4), (-2.0, -0.4))
         (RECTANGLE, (0.56, 0.35), (0.3, 1.5), 0.2, 0.0037, (0.86619, -0.02332)),
         (RECTANGLE, (-0.32, -0.54), (-0.3, 2.0), 0.1, 0.3036, (-0.05872, 0.28774)),
         (ConvexPolygon(LONG), (1.8, 1.2), (0.3, 0.7), 0.1, 0.78573, (0.0, 1.94892)),
-        # Entered before the first of the poses that are looked at.
+        # Entered before the first of the checked poses.
         (ConvexPolygon(LONG), (0.24, 0.8), (0.9, 1.7), 0.1, 0.36166, (0.0, 0.31923)),
         (ConvexPolygon(LONG), (-0.23, -0.72), (-0.6, -1.8), 0.4, 0.2555, (0.0, -0.28981)),
         (Circle(0.25), (1.0, 1.0), (0.7, 0.9), 1.5, 0.80302, (0.99997, 0.0)),
@@ -485,7 +485,7 @@ def test_what_an_arc_is_permitted_is_known_to_the_fourth_digit(
     scale: float,
     rates: tuple[float, float],
 ) -> None:
-    """Figures of this code, each within 2 % of the exact way: a change in any of them wants a reason."""
+    """Figures of this code, each within 2 % of the exact way: a change of any of them needs a reason."""
     barrier = BARRIER._replace(reaction_s=reaction_s)
     permitted, block = permitted_scale(seen(hull, one(*point)), *twist, barrier)
     assert permitted == pytest.approx(scale, abs=2e-4)

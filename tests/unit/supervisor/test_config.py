@@ -1,4 +1,4 @@
-"""`[supervisor]`: numbers that are valid by themselves, and contradict each other."""
+"""`[supervisor]`: numbers that are valid alone but contradict each other."""
 
 import math
 from typing import Any

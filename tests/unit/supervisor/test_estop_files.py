@@ -1,4 +1,4 @@
-"""The e-stop record's files: what is found at a start, and what a crash at any moment leaves behind."""
+"""The e-stop record's files: at a start, and after a crash at any moment."""
 
 import errno
 import os
@@ -30,7 +30,7 @@ def still_wanted() -> bool:
 
 
 def read_anew(directory: Path, namespace: str = ROBOT) -> bool:
-    """As the next process reads it; the one before has ended."""
+    """Read the record as the next process does."""
     files = RecordFiles(directory, namespace)
     try:
         return files.read()
@@ -298,7 +298,7 @@ CHANGES = ("rename", "unlink", "open", "write", "fsync", "close")
 
 
 def crash_before(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """End the process before its nth change of the disk from now on."""
+    """End the process before its nth change of the disk."""
     left = number
 
     def counted(call: Callable[..., Any]) -> Callable[..., Any]:
@@ -318,7 +318,7 @@ def crash_before(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def crashed(directory: Path, number: int, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Press, reset, press until the crash; returns what was finished before."""
+    """Press, reset, press until the crash; return the completed requests."""
     files = RecordFiles(directory, ROBOT)
     files.prepare()
     finished: list[str] = []
@@ -347,7 +347,7 @@ def test_a_crash_at_any_change_leaves_what_was_finished_or_a_latched_estop(
         finished_of_each.append(finished)
         latched = read_anew(directory)
         if finished and finished[-1] == "latch":
-            # The reset after it has not been finished, if it was begun at all.
+            # The reset after it was not completed, if it was begun.
             assert latched or len(finished) == 1, number
         if len(finished) == 4:
             assert latched

@@ -1,4 +1,4 @@
-"""The e-stop record's thread: the newest request wins, nobody waits for the disk, and failures are tried again."""
+"""The e-stop record's thread: the newest request wins, no caller waits for the disk, and failures are retried."""
 
 import threading
 import time
@@ -47,7 +47,7 @@ class FakeDisk:
         return self.latched
 
     def mark(self, is_wanted: Callable[[], bool]) -> None:
-        """Whether the disk works or hangs: only a broken one refuses."""
+        """Whether the disk is intact; a hanging one is, a broken one refuses."""
         if self.failing:
             raise RecordError(self.failing)
         with self._naming:

@@ -1,4 +1,4 @@
-"""What is known of a cause beyond its name."""
+"""The details of a cause."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The supervisor trusts a base with no more than `[sim]` of the same file says that it does."""
+"""The supervisor trusts a base with no more deceleration than `[sim]` of the same file gives it."""
 
 import math
 from typing import Any

@@ -1,6 +1,6 @@
-"""Every hazard that we read in others' code, and what their users ask for: one named test for each.
+"""Hazards found in the code of other projects, and requests of their users: one named test each.
 
-What the law alone cannot answer is tested on the processes:
+Hazards beyond the law are tested on the processes:
 
 * a key's release and a lost keyboard: `tests/unit/teleop`, `tests/component/test_teleop_service.py`;
 * a process that hangs while its supervisor shows RUNNING, and its independent base watchdog:
@@ -303,7 +303,7 @@ def test_an_invalid_scan_has_a_way_out() -> None:
     assert law.drive().output == FORWARD
 
 
-# --- what their users ask for
+# --- requests of their users
 
 
 @pytest.mark.parametrize("away", [BACK, SPIN])

@@ -1,4 +1,4 @@
-"""The smallest object, wherever one scan cannot see it, and a robot that drives at it: it is never too near."""
+"""The smallest object, wherever a scan cannot see it: a robot that drives at it never comes too near."""
 
 import math
 from dataclasses import replace
@@ -19,7 +19,7 @@ from supervisor.config import SupervisorSection
 
 RADIUS_M = SupervisorSection().smallest_obstacle_m / 2 + 0.001
 FREE_M = 0.35
-"""No hiding place at the start is nearer to the hull."""
+"""Minimum distance of a hidden place from the hull at the start."""
 
 pytestmark = [pytest.mark.proof, pytest.mark.timeout(600)]
 
@@ -64,7 +64,7 @@ def _corners(hull: Shape) -> np.ndarray:
 
 
 def _hides(lidar: Lidar, hull: Shape, disc: Disc) -> bool:
-    """Whether the first scan shows nothing of it, though it is well away from the hull."""
+    """Return whether the first scan misses it although it is away from the hull."""
     scene = plain_scene(disc, hull=hull, lidars=(lidar,), room_m=None)
     if scene.start_m < FREE_M:
         return False

@@ -1,4 +1,4 @@
-"""Every value of the law's own types, packed, spelled in JSON and read again, is the same to the bit."""
+"""Every value of the law's types is restored bit for bit from memory and JSON."""
 
 import json
 import marshal
@@ -37,7 +37,7 @@ LEAVES: Mapping[Any, st.SearchStrategy[Any]] = {
 
 @cache
 def values(hint: Any) -> st.SearchStrategy[Any]:  # noqa: ANN401 - a hint may be any object
-    """Any value of a type hint, so that a field that the model gains is tried as well."""
+    """Any value of a type hint, so that new fields of the model are tested as well."""
     origin: Any = get_origin(hint)
     arguments = get_args(hint)
     if hint in LEAVES:
@@ -83,7 +83,7 @@ def assert_same(left: Any, right: Any) -> None:  # noqa: ANN401 - anything
 
 
 def there(c: Codec, value: object) -> Any:  # noqa: ANN401 - any JSON
-    """Through memory and JSON, as a black box takes it."""
+    """Convert through memory and JSON, like a black box."""
     packed = marshal.loads(marshal.dumps(c.pack(value), 2))
     return json.loads(json.dumps(c.spell(packed), allow_nan=False))
 

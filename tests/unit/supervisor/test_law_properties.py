@@ -1,7 +1,7 @@
-"""What must hold whatever happens: properties of the law, checked on more than 10,000 random examples.
+"""Properties of the law, checked on more than 10,000 random examples.
 
 The examples are derived from the tests themselves (`derandomize`): a check that fails in CI fails on every
-machine, and the same commit is never green and red by turns. `LIFELINE_RANDOM=1` looks for new ones instead.
+machine, and the same commit always has the same result. `LIFELINE_RANDOM=1` looks for new ones instead.
 """
 
 import math
@@ -100,7 +100,7 @@ ODD_READINGS = [math.nan, math.inf, -math.inf, 0.0, -0.0, -1.0, 0.006, 0.019, 0.
 
 @st.composite
 def readings(draw: st.DrawFn) -> Ranges:
-    """Readings of any number of beams: a run of these, a run of those."""
+    """Readings of any number of beams, in runs of equal readings."""
     runs = draw(
         st.lists(
             st.tuples(st.one_of(st.sampled_from(ODD_READINGS), st.floats(0.0, 15.0)), st.integers(1, 150)),
@@ -307,14 +307,14 @@ def test_a_run_that_follows_another_one_counts_after_the_timeout_and_its_proof(
             assert verdict is Verdict.FRESH
 
 
-# --- the law in time
+# --- the law over time
 
 
 TEMPLATES: dict[str, Ranges] = {}
 
 
 def _template(name: str) -> Ranges:
-    """Some 360-beam scans, by name: three metres all round, with what the name says."""
+    """Scans of 360 beams by name: 3 m in all directions, with the named change."""
     if name not in TEMPLATES:
         ranges = np.full(360, 3.0, dtype=np.float32)
         ahead = slice(165, 196)
@@ -406,11 +406,11 @@ steps_of_life = st.lists(
 
 @dataclass
 class Witness:
-    """Who may drive, told from the inputs alone and not from the law's latches."""
+    """Which sources may drive, by the inputs alone and not by the law's latches."""
 
     config: LawConfig
     clean: set[str] = field(default_factory=set[str])
-    """Sources with a neutral command after the last thing that kept them from driving."""
+    """Sources with a neutral command after their last cause."""
     alive: dict[str, bool] = field(default_factory=dict[str, bool])
     last: dict[str, tuple[Velocity | None, float]] = field(
         default_factory=dict[str, tuple[Velocity | None, float]]
@@ -420,9 +420,9 @@ class Witness:
     now_s: float | None = None
     driver: str | None = None
     blocked: tuple[str, Velocity] | None = None
-    """Whom the barrier stopped, and what was commanded."""
+    """The sources that the barrier stopped, and their commands."""
     odometry_s: float = math.inf
-    """When the base last said how it moves."""
+    """Time of the last odometry."""
 
     def see(self, now_s: float, inputs: Inputs, before: State, decision: Decision) -> None:
         config = self.config
@@ -481,7 +481,7 @@ class Witness:
         elif decision.reasons and set(decision.reasons) <= BARRIER_REASONS and self.blocked is None:
             self.blocked = (decision.owner, decision.commanded)
         elif not decision.reasons and (decision.owner, decision.commanded) != self.blocked:
-            self.blocked = None  # it goes elsewhere, if only as soon as it may
+            self.blocked = None  # it requests another motion
         self.driver = decision.owner if decision.output != STANDSTILL else None
 
 
@@ -522,7 +522,7 @@ def _source(decision: Decision, name: str) -> Source:
 
 
 def plain(value: object) -> object:
-    """A value with its arrays as bytes, so that it can be compared."""
+    """Convert arrays to bytes, so that values can be compared."""
     if isinstance(value, np.ndarray):
         array = cast("npt.NDArray[np.generic]", value)
         return (array.dtype.str, array.shape, array.tobytes())
@@ -536,7 +536,7 @@ def plain(value: object) -> object:
 
 
 class Life:
-    """The law in time, with everything that may happen to it."""
+    """The law over time, with every kind of event."""
 
     def __init__(self, config: LawConfig, *, stamped: bool) -> None:
         self.config = config
@@ -594,7 +594,7 @@ class Life:
         return LaserScan(ranges, -math.pi, 2 * math.pi / 360, 0.05, 12.0, self.now_s)
 
     def _odometry(self, event: str) -> Odometry | None:
-        """From its first message on at every step, until it falls silent."""
+        """Sends at every step from its first message until it becomes silent."""
         odd = {"runaway": Velocity(0.4, 0.2), "spike": Velocity(31.0, 0.0)}
         if event in odd or event == "odometry":
             self.has_odometry = True
@@ -635,7 +635,7 @@ def test_no_life_of_the_robot_breaks_a_promise(
 
 
 def test_those_lives_did_drive() -> None:
-    """Properties of a robot that never moves are worth nothing."""
+    """Properties of a robot that never moves prove nothing."""
     if not driven:
         pytest.skip("the lives were not lived in this run")
     assert sum(driven) > 0.2 * len(driven)

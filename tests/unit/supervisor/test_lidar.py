@@ -1,4 +1,4 @@
-"""What each profile makes of a reading, at its boundaries."""
+"""Each profile's interpretation of readings, at its boundaries."""
 
 import math
 
@@ -14,7 +14,7 @@ HIT, FREE, UNEXPLAINED = "hit", "free", "unexplained"
 
 
 def meaning(reading: float, profile: LidarProfile, range_min: float = MIN_M, range_max: float = MAX_M) -> str:
-    """What one reading means."""
+    """The meaning of one reading."""
     ranges = np.array([reading], dtype=np.float32)
     return meanings(ranges, profile, range_min, range_max)[0]
 

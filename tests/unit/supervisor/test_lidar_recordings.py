@@ -1,4 +1,4 @@
-"""The law over real recordings: six sensors, five dialects of "no return", and all that goes wrong in them.
+"""The law over real recordings: six sensors, five codings of "no return", and all their anomalies.
 
 `data/lidar/README.md` beside the repository says where they are from; LIFELINE_LIDAR_DATA names another place.
 """
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.proof
 SPIKE = Velocity(31.0, 0.0)
 
 OPEN_M = 0.7
-"""Room ahead of the hull from which a place is open: more than twice the stop distance."""
+"""Minimum free distance ahead of the hull in open space: more than twice the stop distance."""
 
 
 @cache
@@ -46,16 +46,16 @@ def _usual_beams(recording: Recording) -> int:
 
 
 def _open(recording: Recording) -> list[Ranges]:
-    """Scans of the usual size with room ahead, by plain geometry: the law is not asked."""
+    """Scans of the usual size with free space ahead, by plain geometry and not by the law."""
     beams = _usual_beams(recording)
     whole = [scan for scan in recording.scans if len(scan) == beams]
     return [scan for scan in whole if recording.free_ahead_m(scan) >= OPEN_M]
 
 
 def _drive(recording: Recording, ranges: Ranges, motion: Velocity = SLOW) -> Decision:
-    """A robot at rest sees this scan twice, the operator is neutral, then asks for a motion.
+    """A robot at rest receives this scan twice; the operator sends neutral, then requests a motion.
 
-    Before it, the lidar has shown on every beam that it sees; of some sensors nothing else is believed.
+    Before that, every beam has had a return, because some profiles trust no silence otherwise.
     """
     state = initial_state(recording.config)
     now_s = START_S
@@ -94,7 +94,10 @@ def test_a_standing_robot_in_an_open_place_may_drive(recording: Recording) -> No
 @pytest.mark.parametrize(
     ("name", "permitted_m_s"),
     [
-        ("hokuyo768-right", 0.1),  # its corner lidar does not see before the other corner: it may only creep
+        (
+            "hokuyo768-right",
+            0.1,
+        ),  # its corner lidar does not see ahead of the other corner: it may only creep
         ("hokuyo-urg04", 1.0),
         ("sick-intel", 1.0),
         ("neato-lds", 1.0),
@@ -113,7 +116,7 @@ def test_with_nothing_within_1_m_no_scan_of_a_recording_stops_or_slows_the_robot
 
 
 def test_a_recorded_drive_of_a_neato_keeps_its_speed_for_99_percent_of_its_time() -> None:
-    """Commanded as odometry says that it drove, bumper contacts included."""
+    """Commanded as odometry shows the drive, including bumper contacts."""
     replay = Replay(_load("neato-lds"), NEUTRAL)
     moving = slowed = 0
     for _, decision in replay.run():
@@ -141,7 +144,7 @@ def test_with_an_object_ahead_no_oddity_of_the_whole_recording_lets_it_forward(r
 
 
 def _odd(recording: Recording) -> dict[str, set[int]]:
-    """The numbers of the scans in which a recording is odd, by what is odd."""
+    """The numbers of a recording's anomalous scans, by anomaly."""
     gaps = np.diff(recording.arrival_s) > 2.0 * recording.period_s
     back = np.diff(recording.header_s) < 0.0
     return {

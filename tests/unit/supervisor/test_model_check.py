@@ -1,15 +1,15 @@
 """Every reachable state of the interlock, times every class of event, breadth first.
 
-The law is run itself, not a model of it; what is folded together are states whose future cannot differ:
+The law itself is run, not a model of it. States whose future cannot differ are merged:
 
 * times count as ages in whole ticks, up to the first that is beyond every timeout;
 * which reasons are latched on a source matters only as: none, only the barrier's (an escape clears them),
   or others (a neutral clears them);
 * counters are left out: no rule reads them;
-* the robot gets nowhere: where things are as it moves is tested elsewhere. What is near is straight ahead, so
-  of remembered and of earlier points it matters only whether there are any.
+* the robot does not move: moving surroundings are tested elsewhere. Near objects are straight ahead, so only the
+  existence of remembered and earlier points matters.
 
-Beside the law runs an independent monitor of the promise "no motion without neutral first".
+An independent monitor checks of the promise "no motion without neutral first".
 """
 
 import math
@@ -48,16 +48,16 @@ TICK_S = 0.125
 LATE_S = 0.75
 SLEPT_S = 3600.0
 OLD_TICKS = 2
-"""An age of so many ticks is beyond every timeout."""
+"""An age of this many ticks is beyond every timeout."""
 
 BRAKED_TICKS = 4
-"""After so many ticks of zero, braking has taken its time."""
+"""After this many ticks of zero, braking is complete."""
 
 PATIENT_TICKS = round(PATIENCE_S / TICK_S) + 1
-"""A base that lags for so many ticks does not follow."""
+"""A base that lags for this many ticks does not follow."""
 
 WINDOW_TICKS = round(WRITER_WINDOW_S / TICK_S) + 1
-"""Who was heard so many ticks ago does not publish any more."""
+"""A writer that was last heard this many ticks ago is inactive."""
 
 _CONFIGURED = SupervisorSection().law()
 
@@ -99,7 +99,7 @@ SCANS: dict[str, tuple[np.ndarray, np.ndarray]] = {
 
 
 WHOLE = {id(ranges) for pair in SCANS.values() for ranges in pair if not np.isnan(ranges).any()}
-"""The scans of which every beam returns; the arrays of `SCANS` are the only ones."""
+"""The scans with a return on every beam; the arrays of `SCANS` are the only ones."""
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,7 @@ WRITERS = [
 
 @dataclass(frozen=True)
 class Monitor:
-    """Who has been neutral since the last stop, told apart from the law's own latches."""
+    """Which sources have been neutral since the last stop, independent of the law's latches."""
 
     neutral: frozenset[str] = frozenset()
     moving: bool = False
@@ -289,7 +289,7 @@ def _key(state: State, monitor: Monitor, *, rivals: bool) -> Hashable:
 
 
 def _check(before: State, decision: Decision, monitor: Monitor, way: Callable[[], list[str]]) -> None:
-    """Promises 1 and 7 of the design, on one edge; a broken one names the way there."""
+    """Check promises 1 and 7 on one transition; a violation names the path to it."""
     output = decision.output
     assert all(map(math.isfinite, output)), way()
     assert abs(output.linear_m_s) <= CONFIG.max_linear_m_s, way()
@@ -313,7 +313,7 @@ def _check(before: State, decision: Decision, monitor: Monitor, way: Callable[[]
 
 
 def _showed_something(state: State) -> bool:
-    """Whether the newest scan had a reading near the robot."""
+    """Return whether the newest scan had a reading near the robot."""
     scan = state.sights[0].scan
     return scan is not None and len(scan.around.points) > 0
 
@@ -383,7 +383,7 @@ def _the_robot_gets_nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def explore(events: list[Event], config: LawConfig, visit: Callable[[State], None]) -> tuple[int, int]:
-    """Every reachable state times every event; returns the number of states and edges."""
+    """Visit every reachable state with every event; return the number of states and transitions."""
     state, _ = step(initial_state(config), 0.0, Inputs())
     start = (state, Monitor())
     queue: deque[tuple[tuple[State, Monitor], tuple[Any, ...]]] = deque([(start, ())])
@@ -408,7 +408,7 @@ def explore(events: list[Event], config: LawConfig, visit: Callable[[State], Non
 
 
 def _names(way: tuple[Any, ...]) -> list[str]:
-    """The shortest way from the start, event by event."""
+    """Return the shortest path from the start, as events."""
     names: list[str] = []
     while way:
         way, name = way

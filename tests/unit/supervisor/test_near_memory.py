@@ -1,4 +1,4 @@
-"""What earlier scans showed near the robot, and what makes the law forget it."""
+"""The memory of near points, and when points are dropped."""
 
 import math
 
@@ -19,7 +19,7 @@ from tests.unit.supervisor.views import BEAM_RAD, BEAMS, view_of
 
 AHEAD = BEAMS // 2
 BESIDE = slice(AHEAD - 2, AHEAD + 3)
-"""The beams that are asked about a point straight ahead."""
+"""The beams that are checked for a point straight ahead."""
 
 NO_RETURN, UNKNOWN = math.inf, math.nan
 
@@ -105,7 +105,7 @@ def test_a_scan_that_does_not_cover_a_point_neither_counts_nor_forgives_misses()
 
 
 def test_what_a_ray_was_filled_with_disproves_nothing() -> None:
-    """An earlier scan's word on a direction is not a second look at it."""
+    """A direction that is filled from an earlier scan is no new evidence."""
     view = view_of(room(NO_RETURN))
     explained_s = view.explained_s.copy()
     explained_s[AHEAD] = -0.05

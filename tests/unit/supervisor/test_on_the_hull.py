@@ -1,4 +1,4 @@
-"""Hidden places begin on the hull itself: what lies on a side closes by that side's normal, not by rounding."""
+"""Hidden places begin on the hull itself: a place on a side closes along that side's normal, independent of rounding."""
 
 import math
 

@@ -1,7 +1,7 @@
 """Faults of real sensors, in closed loop: dirt, dropouts, a frozen or short-sighted lidar, dust, two writers.
 
-Each of these drove the hull into its obstacle, or too near to it, while the law knew sectors and shares of beams
-instead of seen space.
+Each of these caused a contact or a small clearance when the law used sectors and shares of beams instead of seen
+space.
 """
 
 import math
@@ -63,7 +63,7 @@ def test_an_object_that_is_missing_from_some_scans_is_not_hit(share: float, prof
 
 
 def _drive_at_what_drops_out(seed: int, share: float, profile: Profile) -> Outcome:
-    """30 s at 5.5 Hz; each scan lacks the object by chance, however often in a row."""
+    """30 s at 5.5 Hz; each scan misses the object at random."""
     rng = np.random.default_rng(seed)
     nothing = np.float32(math.inf if profile == "rep117" else 0.0)
 
@@ -158,7 +158,7 @@ def test_what_is_too_near_to_be_measured_is_not_taken_to_be_as_far_as_can_be_mea
 def test_a_scan_that_was_long_on_its_way_shows_where_things_were_when_it_was_taken(
     rate_hz: float, late_s: float, profile: Profile, wanted: Velocity | Literal["reversing"]
 ) -> None:
-    """It once counted from where the robot was when it arrived."""
+    """It was once placed where the robot was at its arrival."""
     late = replace(LIDAR, rate_hz=rate_hz, late_s=late_s, profile=profile)
     base = BaseNumbers("axis", acceleration_m_s2=2.0, braking_m_s2=TRUSTED_M_S2)
     pillars = ((2.0, 0.0, 0.05), (0.7, 0.9, 0.05), (0.7, -0.9, 0.05), (-1.1, 0.3, 0.05), (-0.6, -0.9, 0.05))
@@ -175,7 +175,7 @@ def test_a_scan_that_was_long_on_its_way_shows_where_things_were_when_it_was_tak
 def test_a_lidar_without_noise_is_believed_after_a_long_rest_whatever_the_noise_of_odometry(
     noise: Velocity,
 ) -> None:
-    """The noise once added up to a way, on which every scan was the same: the robot never drove again."""
+    """The noise once added up to a distance, so identical scans looked frozen: the robot never drove again."""
 
     def report(now_s: float, twist: Velocity) -> Velocity:
         return Velocity(twist.linear_m_s + noise.linear_m_s, twist.angular_rad_s + noise.angular_rad_s)
@@ -218,7 +218,7 @@ def test_a_scan_that_proves_nothing_does_not_make_the_law_forget_a_pillar(first:
 @pytest.mark.parametrize("range_max", [0.6, 0.7])
 def test_a_robot_drives_only_as_fast_as_its_lidar_sees_far(range_max: float) -> None:
     short = replace(LIDAR, range_max=range_max)
-    # It passes a row of posts, so that something always returns.
+    # It passes a row of posts, so that there is always a return.
     posts = [(0.2 * number - 0.6, 0.6, 0.03) for number in range(12)]
     scene = plain_scene((2.0, 0.0, PILLAR_M), *posts, lidars=(short,), duration_s=8.0)
     outcome = run(scene, operator=Scripted(Velocity(1.0, 0.0)), stuck_s=math.inf)
@@ -244,7 +244,7 @@ def test_a_command_that_reverses_while_the_base_still_moves_brings_nothing_neare
 @pytest.mark.parametrize("every", [0, 2])
 @pytest.mark.parametrize("seed", [100, 114, 1013, 1019, 1033])
 def test_reversing_with_odometry_that_is_stuck_at_zero_brings_nothing_nearer(seed: int, every: int) -> None:
-    """Every second odometry may be true: two programs publish it."""
+    """Every second odometry sample may be true, because two programs publish it."""
     count = [0]
 
     def stuck(now_s: float, twist: Velocity) -> Velocity:
@@ -260,7 +260,7 @@ def test_reversing_with_odometry_that_is_stuck_at_zero_brings_nothing_nearer(see
 
 
 def test_one_stray_beam_acts_at_once_but_needs_no_operator() -> None:
-    """Dust on one beam of one scan, 15 cm ahead of the hull; the operator never lets go."""
+    """Dust on one beam of one scan, 15 cm ahead of the hull; the operator never sends neutral."""
 
     def dust(at_s: float, lidar: int, ranges: Ranges) -> Ranges:
         return np.where(np.arange(360) == 180, np.float32(0.4), ranges) if _in_dust(at_s) else ranges

@@ -1,4 +1,4 @@
-"""Where the robot has gone since a scan, by odometry."""
+"""Dead reckoning since a scan, by odometry."""
 
 import math
 

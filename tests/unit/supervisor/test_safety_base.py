@@ -1,4 +1,4 @@
-"""The base in the law: odometry that is lost, a base that does not follow, and what it still does of its own."""
+"""The base in the law: lost odometry, a base that does not follow, and its present motion."""
 
 import math
 from dataclasses import replace
@@ -129,7 +129,7 @@ def test_a_base_that_is_as_slow_as_its_least_acceleration_follows() -> None:
         measured_m_s = min(0.5, measured_m_s + CONFIG.base_acceleration_m_s2 * TICK_S)
 
 
-# --- what the base still does
+# --- the present motion of the base
 
 
 def met(has: Velocity, asked: Velocity, ranges_m: float, bearing: int) -> Decision:
@@ -165,7 +165,7 @@ def test_what_is_left_of_a_velocity_within_noise_is_none(has: Velocity) -> None:
 
 
 def test_a_base_that_is_too_fast_on_its_present_arc_brakes_along_that_one_first() -> None:
-    """Asked to swerve, a base that drives at something would go on toward it while it turns."""
+    """A base that drives at an object and is commanded to swerve continues toward it while it turns."""
     law = Law(room_m=8.0)
     law.ranges[170:191] = 0.8
     swerve, has = Velocity(0.1, 1.0), Velocity(1.0, 0.0)
@@ -310,7 +310,7 @@ def test_an_arc_is_slowed_as_far_as_a_base_that_takes_up_one_axis_first_must_be(
     assert backing_on_an_arc(STANDSTILL, 0.51).reasons == ()
 
 
-# --- where it has been
+# --- earlier poses
 
 
 def test_the_noise_of_odometry_at_rest_is_no_travel_but_a_push_is() -> None:

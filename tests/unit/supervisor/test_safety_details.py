@@ -1,4 +1,4 @@
-"""What mutation tests showed to be said nowhere else: boundaries, and that each decision explains itself."""
+"""Details that only mutation tests revealed: boundaries, and the explanation of each decision."""
 
 import math
 from dataclasses import replace
@@ -201,7 +201,7 @@ def test_each_source_s_state_is_told() -> None:
 
 
 def test_commands_whose_clock_is_not_proven_yet_refuse_nothing() -> None:
-    """A source that stamps has said nothing yet: it is silent, not late."""
+    """A source with stamps has sent nothing yet: it is silent, not late."""
     law = Law()
     law.drive()
     law.tick(("teleop", FORWARD))
@@ -311,7 +311,7 @@ def test_the_newest_scan_once_more_counts_as_none(law_with_stamped_scans: Law) -
 def test_one_foreign_scan_does_not_blind_the_robot_for_good(
     law_with_stamped_scans: Law, foreign: Sent
 ) -> None:
-    """It was so: the lidar's own epoch had ended, and SCAN_STALE held until the lidar was started again."""
+    """Formerly, the lidar's own epoch ended, and SCAN_STALE held until the lidar was restarted."""
     law = law_with_stamped_scans
     law.now_s += TICK_S
     scan = replace(laser_scan(law.ranges, law.now_s), sent=foreign, writer=foreign.epoch)
@@ -344,7 +344,7 @@ def test_of_two_lidars_that_speak_in_turn_the_first_is_heard_and_the_robot_stops
 
 
 def test_a_lidar_is_seen_again_after_another_one_took_its_place(law_with_stamped_scans: Law) -> None:
-    """A command's run would have ended for good; a driver that stamps headers only has one epoch for ever."""
+    """A command's epoch would have ended permanently; a driver without attachments counts as a single epoch."""
     law = law_with_stamped_scans
     law.asked = NEUTRAL
     law.hold(0.3)
@@ -513,7 +513,7 @@ def test_what_the_robot_drives_toward_between_scans_is_nearer_than_the_scan_show
     assert leaving == standing, "odometry alone never permits more than the scan"
 
 
-# --- what a decision tells
+# --- the explanation of a decision
 
 
 def test_a_decision_tells_what_was_asked_and_what_is_given() -> None:
@@ -628,7 +628,7 @@ def test_a_scan_whose_last_angle_does_not_fit_proves_nothing() -> None:
 
 
 def test_a_robot_pushed_at_something_near_may_not_help_with_its_wheels() -> None:
-    """Both looks at the surroundings permit nothing: neither is preferred, and nothing is raised."""
+    """Both evaluations of the surroundings permit nothing: neither is preferred, and nothing is raised."""
     law = Law(scanning=False)
     law.now_s += TICK_S
     law.step(

@@ -1,4 +1,4 @@
-"""The interlock: why it stops, and that only a neutral command after the cause lets it drive again."""
+"""The interlock: its stops, and that only a neutral command after the cause permits motion again."""
 
 import math
 
@@ -425,7 +425,7 @@ def test_a_replayed_run_is_refused() -> None:
 
 
 def test_one_foreign_command_neither_moves_the_robot_nor_locks_its_operator_out() -> None:
-    """It was so: teleop's run had ended with it, and nothing that teleop said counted until it was started anew."""
+    """Formerly, teleop's epoch ended with it, and all its commands were refused until it was restarted."""
     law = Law()
     speak(law, b"A", NEUTRAL, 0.4)
     speak(law, b"A", FORWARD, 0.1)

@@ -29,7 +29,7 @@ from wire.reasons import StopReason
 
 LIDAR = CONFIG.lidars[0]
 HALF = 0.5 * math.pi + math.radians(10)
-"""Each of the two lidars sees so far to both sides of its own direction."""
+"""Half the field of view of each of the two lidars."""
 
 
 def looking(name: str, yaw_rad: float, timeout_s: float = SCAN_TIMEOUT_S) -> Lidar:
@@ -333,7 +333,7 @@ def test_a_flood_of_writers_that_each_speak_once_does_not_stop_the_robot() -> No
         assert len(law.state.sights[0].writers) <= REMEMBERED_WRITERS
 
 
-# --- what two lidars together do not see
+# --- space that neither of two lidars sees
 
 
 def partial_lidar(
@@ -361,7 +361,7 @@ EXCESS_M_S = 0.03
 def test_no_disc_that_neither_lidar_rules_out_is_approached_faster_than_the_law_permits(
     *, seed: int, moves: bool
 ) -> None:
-    """Only the first lidar was asked what it does not see: the second one's pockets behind a corner were overlooked.
+    """Formerly, only the first lidar's hidden places were computed: the second one's behind a corner were missed.
 
     Where the robot moves, the first lidar's scan is a moment older than the second one's.
     """

@@ -1,4 +1,4 @@
-"""What the law remembers when the scans that showed it are followed by none: nothing that was seen is lost."""
+"""Memory of points whose scan has no successor: no observed point is lost."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The speed barrier as the law applies it: slow down, stop at 30 cm, let the robot out again."""
+"""The speed barrier in the law: slow down, stop at 30 cm, and permit leaving."""
 
 import math
 from dataclasses import replace
@@ -69,7 +69,7 @@ def test_a_motion_that_does_not_close_on_it_needs_no_neutral(escape: Velocity) -
 
 
 def test_when_the_owner_is_stopped_nobody_else_drives_elsewhere_without_neutral() -> None:
-    """Found by the model check: a bystander's standing command was taken for an escape."""
+    """Found by the model check: the constant command of another source was taken for an escape."""
     law = Law()
     law.tick(("teleop", NEUTRAL), ("path", NEUTRAL))
     law.hold(0.2, ("teleop", FORWARD), ("path", BACK))

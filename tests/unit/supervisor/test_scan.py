@@ -1,4 +1,4 @@
-"""What a laser scan proves, and what it does not."""
+"""What a laser scan proves."""
 
 import math
 from dataclasses import replace
@@ -269,7 +269,7 @@ def test_a_scan_that_proves_nothing_does_not_excuse_the_blank_one_after_it() -> 
 def test_a_lidar_on_which_nothing_has_ever_returned_proves_nothing_unless_it_works_in_the_open(
     name: str,
 ) -> None:
-    """A Neato whose motor stands says 0.0 all around: nothing came back, or nothing was sent."""
+    """A Neato with a stopped motor sends 0.0 on all beams: no return, or no measurement."""
     lidar = replace(LIDAR, profile=replace(PROFILES[name], trusts_silence_at_start=True))
     scan = read(full(math.inf), lidar=lidar)
     assert scan.problem == NEVER_RETURNED

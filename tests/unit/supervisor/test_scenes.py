@@ -1,4 +1,4 @@
-"""The scenes' own exactness: what the search measures is what is there."""
+"""The exactness of the scenes that the search uses."""
 
 import math
 from dataclasses import replace

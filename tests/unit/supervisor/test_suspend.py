@@ -1,4 +1,4 @@
-"""A suspend of the machine: all that was heard before it looks fresh, and none of it may move the robot."""
+"""A suspend of the machine: earlier data looks fresh, and must not move the robot."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The way ahead on an arc, at a point that the hull already grazes at the first of the poses looked at."""
+"""The path ahead on an arc, at a point that the hull already grazes at the first checked pose."""
 
 import numpy as np
 import pytest

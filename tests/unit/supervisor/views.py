@@ -1,4 +1,4 @@
-"""Views of a lidar, made from what each beam says, without a scan."""
+"""Views of a lidar, built from distances per beam, without a scan."""
 
 import math
 

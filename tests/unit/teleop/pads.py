@@ -44,7 +44,7 @@ def stick(code: int, value: int) -> Sample:
 
 @dataclass(frozen=True)
 class Pad:
-    """A file of gamepads/: what a device has, and what it told."""
+    """A file of gamepads/: the properties of a device, and its recorded events."""
 
     name: str
     identity: tuple[int, int, int, int]
@@ -59,7 +59,7 @@ class Pad:
         return [code for code in range(bitmap.bit_length()) if bitmap >> code & 1]
 
     def state(self) -> PadState:
-        """As the kernel has it before the first report: nothing pressed, every axis at 0."""
+        """The kernel's state before the first report: nothing pressed, every axis at 0."""
         return PadState(frozenset(), {code: _axis(info) for code, info in self.axes.items()})
 
     def put_in_sysfs(self, sysfs: Path, event: str, *, uniq: str = "", phys: str = "usb-1/input0") -> None:
@@ -121,7 +121,7 @@ def sysfs_bits(bitmap: int) -> str:
 class FakeDevice(EventIO):
     """A device file that is one end of a socket: `read` is evdev's own, on real bytes of `struct input_event`.
 
-    What ioctls answer on a real one (keys, axes) is kept here.
+    The answers of ioctls on a real one (keys, axes) are kept here.
     """
 
     pad: Pad

@@ -1,4 +1,4 @@
-"""What terminals send of a held key, and how three ways to tell that it is held do with it.
+"""The key streams of terminals for a held key, and three methods to detect that it is held.
 
 Run it to see the table of docs/decisions/0014: `python -m tests.unit.teleop.repeat_streams`.
 """
@@ -12,7 +12,7 @@ from teleop.repeats import Repeats
 SAMPLE_S = 0.001
 HELD_S = 3.0
 RELEASES = 41
-"""Moments between two repeats at which the key is let go."""
+"""Number of moments between two repeats at which the key is released."""
 
 
 class Keyboard(NamedTuple):
@@ -32,12 +32,12 @@ KEYBOARDS = (
 
 
 class Outcome(NamedTuple):
-    """What the operator feels of it."""
+    """The behaviour that the operator notices."""
 
     start_s: float
     """From the press to the first motion."""
     stutter_s: float
-    """Standing in between although the key is held."""
+    """Standstill although the key is held."""
     runs_on_s: float
     """Moving after the release, at worst."""
     tap_s: float
@@ -50,7 +50,7 @@ Detector = Callable[[], Callable[[float, bool], bool]]
 
 
 def arrivals(keyboard: Keyboard, held_s: float) -> Presses:
-    """When the key's bytes arrive."""
+    """Times at which the key's bytes arrive."""
     times, at_s = [0.0], keyboard.delay_s
     while at_s < held_s:
         times.append(at_s)
@@ -59,7 +59,7 @@ def arrivals(keyboard: Keyboard, held_s: float) -> Presses:
 
 
 def by_repeats() -> Callable[[float, bool], bool]:
-    """Ours."""
+    """Our method."""
     repeats = Repeats()
 
     def moves(now_s: float, arrives: bool) -> bool:  # noqa: FBT001
@@ -71,7 +71,7 @@ def by_repeats() -> Callable[[float, bool], bool]:
 
 
 def with_timeout(timeout_s: float) -> Detector:
-    """Each press moves for so long: a key_timeout, as teleop_twist_keyboard has it."""
+    """Each press moves for this time, like key_timeout of teleop_twist_keyboard."""
 
     def detector() -> Callable[[float, bool], bool]:
         last_s = [-10.0]
@@ -108,7 +108,7 @@ def observe(detector: Detector, keyboard: Keyboard) -> Outcome:
 
 
 def _moving(detector: Detector, presses: Presses) -> list[float]:
-    """The moments at which the robot moves."""
+    """Times at which the robot moves."""
     moves, moving, waiting = detector(), list[float](), list(presses)
     for sample in range(int((presses[-1] + 2.0) / SAMPLE_S)):
         now_s = sample * SAMPLE_S
@@ -121,7 +121,7 @@ def _moving(detector: Detector, presses: Presses) -> list[float]:
 
 
 def table() -> list[str]:
-    """In Markdown."""
+    """Return the table in Markdown."""
     rows = [
         "| | keyboard | starts after | stands again | runs on | a tap runs on |",
         "|---|---|---|---|---|---|",

@@ -1,4 +1,4 @@
-"""The whole terminal at one glance."""
+"""The dashboard that fills the terminal."""
 
 import math
 from dataclasses import replace
@@ -139,7 +139,7 @@ def test_sources_that_the_supervisor_refuses_are_named() -> None:
     assert "rogue" not in shown(driving(newest, status_age_s=3.0))
 
 
-# --- nothing old is shown as if it held
+# --- old data is shown as old
 
 
 def test_without_a_status_nothing_is_claimed() -> None:
@@ -178,7 +178,7 @@ def test_an_old_scan_is_grey_with_its_age() -> None:
     assert Tone.CAUTION not in picture
 
 
-# --- what is near
+# --- the nearest object
 
 
 @pytest.mark.parametrize(
@@ -230,7 +230,7 @@ def test_the_gauge_is_as_long_as_there_is_room(nearest_m: float) -> None:
     assert abs(filled - cells * min(1.0, nearest_m / 2.0)) <= 2.5
 
 
-# --- how it moves
+# --- motion
 
 
 def test_the_three_velocities_stand_one_below_the_other() -> None:
@@ -366,7 +366,7 @@ def test_the_longest_keys_give_way_first() -> None:
     assert "long goes on and on" in screen
 
 
-# --- what the network says
+# --- messages from the network
 
 
 def test_nothing_from_the_network_speaks_to_the_terminal() -> None:
@@ -458,7 +458,7 @@ def test_whatever_the_view_says_it_fits_and_is_printable(
         assert unicode or text(line).isascii()
 
 
-# --- terminals that can do less
+# --- terminals with fewer abilities
 
 
 @pytest.mark.parametrize(

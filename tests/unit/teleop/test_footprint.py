@@ -1,4 +1,4 @@
-"""What the picture needs of the supervisor's configuration."""
+"""The part of the supervisor's configuration that the picture needs."""
 
 import tomllib
 

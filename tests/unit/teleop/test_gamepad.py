@@ -1,4 +1,4 @@
-"""The gamepad's pilot: nothing moves unless the dead-man button is held, and everything that it moves is bounded."""
+"""The gamepad's pilot: no motion without the dead-man button, and bounded motion with it."""
 
 import math
 from collections.abc import Iterable
@@ -47,7 +47,7 @@ def plugged_in(*pressed: int, x: int = 0, y: int = 0) -> Gamepad:
 
 
 def tell(pilot: Gamepad, *samples: Sample, at_s: float = ARMED_S) -> Velocity:
-    """One report; what the pilot makes of it."""
+    """Send one report; return the pilot's velocity."""
     for sample in (*samples, REPORT):
         pilot.take(PadEvent(*sample), at_s)
     return pilot.velocity(at_s)
@@ -130,7 +130,7 @@ def test_an_axis_of_8_bits_rests_beside_its_centre(value: int) -> None:
     assert deflection(Axis(value, 0, 255), 0.02) == 0.0
 
 
-# --- which way
+# --- directions
 
 FULL = Velocity(MAX_LINEAR_M_S / 2, 0.0)
 
@@ -237,7 +237,7 @@ def test_a_button_pressed_after_the_pad_has_settled_counts() -> None:
 
 
 def press_again(pilot: Gamepad, at_s: float = ARMED_S) -> Velocity:
-    """The stick home, the button released and pressed, the stick forward."""
+    """Centre the stick, release and press the button, push the stick forward."""
     tell(pilot, stick(Y, 0), stick(X, 0), at_s=at_s)
     tell(pilot, button(TL, 0), at_s=at_s)
     tell(pilot, button(TL, 1), at_s=at_s)
@@ -393,12 +393,12 @@ deeds = st.one_of(
 
 @dataclass
 class Onlooker:
-    """What somebody who sees the button knows of it."""
+    """The state of the button, as an observer knows it."""
 
     held: bool = True
-    """It was seen to be pressed since the last doubt about it, and not released since."""
+    """It was pressed after the last doubt, and not released since."""
     was_up: bool = True
-    """It was seen, or said, to be up since the last doubt."""
+    """It was seen or reported released since the last doubt."""
 
     def doubt(self, *, was_up: bool) -> None:
         self.held, self.was_up = False, was_up

@@ -38,7 +38,7 @@ UP = -32768
 
 
 class Watched(Gamepad):
-    """Counts what it is told."""
+    """Counts its calls."""
 
     taken = 0
     pulses = 0
@@ -66,7 +66,7 @@ class Desk:
         self.device = GamepadDevice(GamepadSection(), self.pilot, self._open, sysfs=root)
 
     def forget(self) -> None:
-        """The pad is gone from sysfs too: it will not come back."""
+        """The gamepad is also gone from sysfs and will not return."""
         (self.sysfs / "event3").rename(self.sysfs / "gone")
 
     def open(self, path: Path) -> Device:
@@ -120,7 +120,7 @@ class Desk:
 
 @pytest.fixture
 def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Desk:
-    """Whose pads settle at once, and are looked for without a break."""
+    """Gamepads that settle immediately and are searched for continuously."""
     monkeypatch.setattr(gamepad, "SETTLE_S", 0.0)
     monkeypatch.setattr(gamepad_device, "RETRY_PERIOD_S", 0.01)
     return Desk(tmp_path)
@@ -277,7 +277,7 @@ async def test_motion_sensors_are_a_pulse_while_they_say_anything(desk_with_sens
         assert await looks_at_the_sensors(desk) == 1
         sensors.unplug()
         assert await looks_at_the_sensors(desk) == 0
-        assert desk.said == []  # whether the pad is gone is told by its own file
+        assert desk.said == []  # the gamepad's own file shows whether it is gone
 
 
 async def test_motion_sensors_that_may_not_be_read_are_done_without(desk_with_sensors: Desk) -> None:
@@ -293,7 +293,7 @@ async def test_motion_sensors_that_may_not_be_read_are_done_without(desk_with_se
         assert list(desk.opened) == ["event3"]
 
 
-# --- what cannot be had
+# --- errors
 
 
 def test_without_permission_the_sentence_names_the_group(desk: Desk) -> None:

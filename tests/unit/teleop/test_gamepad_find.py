@@ -1,4 +1,4 @@
-"""Which input device is the gamepad, by a sysfs made of files."""
+"""Finding the gamepad among input devices, in a simulated sysfs."""
 
 import shutil
 from pathlib import Path

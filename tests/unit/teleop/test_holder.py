@@ -1,4 +1,4 @@
-"""What a holder of a source's name says of itself."""
+"""The description of a source name's holder."""
 
 import getpass
 import os

@@ -1,4 +1,4 @@
-"""Which key asks for what."""
+"""The meaning of each key."""
 
 import pytest
 

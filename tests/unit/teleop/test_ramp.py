@@ -1,4 +1,4 @@
-"""The ramp that only ever holds speed back."""
+"""The ramp, which only limits the increase of speed."""
 
 import math
 

@@ -15,7 +15,7 @@ OWN = source("teleop")
 def told(
     refusals: Refusals, *, epoch: int = 0, sequence: int = 0, accepted: int = 0, count: int = 20
 ) -> list[float]:
-    """When all was refused, of so many statuses in each of which the counts have grown by so much."""
+    """Return when everything was refused, for statuses whose counts grow by these numbers."""
     own, times_s = OWN, list[float]()
     for number in range(count):
         own = replace(

@@ -1,4 +1,4 @@
-"""A key held, told by its repeats alone."""
+"""A held key, detected by its repeats alone."""
 
 import math
 from itertools import pairwise

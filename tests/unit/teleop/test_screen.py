@@ -25,7 +25,7 @@ Cell = tuple[str, tuple[str, str, bool, bool]]
 
 
 class Terminal:
-    """What a person sees of what a writer writes."""
+    """The screen that results from the written bytes."""
 
     def __init__(self, columns: int, rows: int) -> None:
         self.screen = pyte.HistoryScreen(columns, rows)

@@ -1,4 +1,4 @@
-"""What the operator asks of the robot."""
+"""The operator's setpoint."""
 
 import pytest
 from hypothesis import given

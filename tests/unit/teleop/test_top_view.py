@@ -1,4 +1,4 @@
-"""The picture from above: what is left appears left, and what is near appears near."""
+"""The picture from above: sides and distances are correct."""
 
 import math
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""What a View is made of."""
+"""The parts of a View."""
 
 import math
 

@@ -56,7 +56,7 @@ def stopped(*reasons: str, **fields: Any) -> SafetyStatus:  # noqa: ANN401 - lik
 
 
 def over(*reasons: str, causes: tuple[str, ...] = (), **fields: Any) -> SafetyStatus:  # noqa: ANN401 - likewise
-    """A stop for `causes`, which hold, and for `reasons`, which are over."""
+    """A stop with `causes`, which hold, and `reasons`, which have ended."""
     return stopped(*causes, *reasons, causes=list(causes), latched=list(reasons), **fields)
 
 
@@ -74,7 +74,7 @@ EVENTS = (Event("12:03:41", "emergency stop"), Event("12:03:44", "reset done"))
 
 
 def driving(newest: SafetyStatus | None = None, **fields: Any) -> View:  # noqa: ANN401 - any field of the view
-    """Everything is there and fresh; `fields` say what is otherwise."""
+    """A View with complete, fresh data, except for `fields`."""
     everything: dict[str, Any] = {
         "status": status(SafetyStatus.DRIVING) if newest is None else newest,
         "wanted": Velocity(0.5, -0.4),

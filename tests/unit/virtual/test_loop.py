@@ -1,4 +1,4 @@
-"""A loop whose time jumps, shared by processes that can be held up and killed."""
+"""A loop whose time jumps, shared by processes that can be held and killed."""
 
 import asyncio
 
@@ -8,7 +8,7 @@ from virtual.loop import VirtualLoop, VirtualProcess, VirtualTimeError
 
 
 def beats(loop: VirtualLoop, process: VirtualProcess, period_s: float) -> list[float]:
-    """When a process woke up from its naps of so long."""
+    """Times at which a process woke up from sleeps of this duration."""
     times: list[float] = []
 
     async def beat() -> None:
@@ -47,7 +47,7 @@ def test_a_held_process_makes_up_for_it_when_it_is_let_go() -> None:
     times = beats(loop, process, 0.1)
     run(loop, 0.25)
     process.hold()
-    process.hold()  # twice is once
+    process.hold()  # a second call has no effect
     assert process.is_held
     run(loop, 1.0)
     assert len(times) == 2

@@ -1,4 +1,4 @@
-"""The network of the virtual campaign: what was measured of the real one, and everything that can happen to it."""
+"""The network of the virtual campaign: measured properties of the real one, and all its faults."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -17,7 +17,7 @@ LEASE_S = 0.4
 
 
 class Bench:
-    """A hub, and two clients: teleop speaks, sim listens to the hub."""
+    """A hub and two clients: teleop publishes, sim subscribes to the hub."""
 
     def __init__(self, loop: VirtualLoop) -> None:
         self.loop = loop
@@ -47,7 +47,7 @@ class Bench:
 
 
 def play(story: Callable[[Bench], Awaitable[None]]) -> None:
-    """Run a story on a bench of its own."""
+    """Run a test on a separate bench."""
     loop = VirtualLoop()
 
     async def run() -> None:

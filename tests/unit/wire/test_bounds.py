@@ -38,7 +38,7 @@ class Number(NamedTuple):
 def numbers(
     path: tuple[str | int, ...], annotation: object, metadata: tuple[Any, ...] = ()
 ) -> Iterator[Number]:
-    """Every number that an annotation has room for."""
+    """Return every number in an annotation."""
     if get_origin(annotation) is Annotated:
         inner, *more = get_args(annotation)
         yield from numbers(path, inner, (*more, *metadata))
@@ -61,7 +61,7 @@ NUMBERS = [number for name, model in MODELS.items() for number in numbers((name,
 
 
 def refusal(number: Number, value: float) -> str:
-    """What is said about this one number, in a document that has nothing else; empty: nothing is wrong with it."""
+    """Return the error for this number in a document with nothing else; empty if it is valid."""
     *places, last = number.path[1:]
     document = _around(last, value)
     for place in reversed(places):

@@ -1,4 +1,4 @@
-"""The inbox between the network's threads and the loop, and what happens to bytes that are no message."""
+"""The inbox between the network's threads and the loop, and undecodable bytes."""
 
 import asyncio
 import logging

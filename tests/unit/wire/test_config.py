@@ -1,4 +1,4 @@
-"""robot.toml: every fault is named with its path, its value and what is allowed."""
+"""robot.toml: every error names its path, its value and the permitted values."""
 
 from pathlib import Path
 

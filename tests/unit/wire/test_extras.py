@@ -1,4 +1,4 @@
-"""What is said where a package of an extra is missing."""
+"""The error if a package of an extra is missing."""
 
 import sys
 

@@ -110,7 +110,7 @@ def test_jitter_within_the_tolerance_does_not_disturb_a_new_source() -> None:
 def test_a_backlog_heard_first_proves_nothing_until_it_is_over() -> None:
     stream = Stream()
     sent_s = stream.now_s
-    for n in range(60):  # three seconds of commands, all at once
+    for n in range(60):  # three seconds of commands in one burst
         sent = Sent(b"A", n + 1, sent_s + n * PERIOD_S)
         stream.track, verdict, _ = judge(stream.track, sent, sent_s + 3.0, TIMEOUT_S)
         assert verdict in {Verdict.UNPROVEN, Verdict.LATE}
@@ -162,7 +162,7 @@ def test_a_command_may_be_on_its_way_for_one_timeout(timeout_s: float, verdict: 
     assert judge(track, Sent(b"A", 2, 0.0), TIMEOUT_S, timeout_s)[1:] == (verdict, TIMEOUT_S)
 
 
-# --- who has the source
+# --- the epoch of a source
 
 
 PROVEN_S = (-0.25, -0.1875, -0.125, -0.0625, 0.0)
@@ -170,7 +170,7 @@ PROVEN_S = (-0.25, -0.1875, -0.125, -0.0625, 0.0)
 
 
 class Listener:
-    """One source; each message is as quick as any other of its epoch."""
+    """One source; all messages of an epoch have the same delay."""
 
     def __init__(self, *, may_return: bool = False) -> None:
         self.track = Track()
@@ -187,12 +187,12 @@ class Listener:
         return verdict
 
     def is_left_as_it_was_by(self, epoch: bytes, sequence: int, arrival_s: float, verdict: Verdict) -> bool:
-        """Whether the message is refused so, and is as if it had never come."""
+        """Check that the message is refused for this reason, and has no effect."""
         before = self.track
         return self.hear(epoch, sequence, arrival_s) is verdict and self.track == before
 
     def prove(self, epoch: bytes, sequence: int, until_s: float) -> int:
-        """Five messages on end; returns the sequence of the last."""
+        """Send five consecutive messages; return the sequence of the last."""
         verdicts = [self.hear(epoch, sequence + n, until_s + at_s) for n, at_s in enumerate(PROVEN_S)]
         assert verdicts[-1] is Verdict.FRESH
         return sequence + len(PROVEN_S) - 1
@@ -220,7 +220,7 @@ def test_an_unproven_epoch_keeps_its_source_just_as_long() -> None:
 
 
 def test_one_foreign_message_takes_nothing_from_whoever_speaks() -> None:
-    """It was so: that message ended the epoch for good, and teleop had to be started anew."""
+    """Formerly, that message ended the epoch permanently, and teleop had to be restarted."""
     listener = heard()
     assert listener.hear(b"F", 1, 0.03) is Verdict.EPOCH
     assert listener.hear(b"A", 6, 0.05) is Verdict.FRESH
@@ -244,7 +244,7 @@ def test_a_late_message_is_spoken_too_but_a_refused_one_is_not() -> None:
 
 @pytest.mark.parametrize("first_s", [0.0, 0.01, 0.05, 0.15, TIMEOUT_S, 0.25, 3.0])
 def test_a_source_that_is_started_anew_counts_after_a_timeout_and_a_proof(first_s: float) -> None:
-    """However quick it was: faster than the timeout, too."""
+    """However fast it was, even faster than the timeout."""
     listener = heard()
     verdicts = {first_s + n * 0.05: listener.hear(b"B", 1 + n, first_s + n * 0.05) for n in range(20)}
     counted_s = next(arrival_s for arrival_s, verdict in verdicts.items() if verdict is Verdict.FRESH)
@@ -302,7 +302,7 @@ def test_the_proven_epoch_ends_though_several_came_between() -> None:
 @pytest.mark.parametrize("step_s", [-1.0, 1.0])
 @pytest.mark.parametrize("stepping", [b"A", b"B"])
 def test_the_proven_epoch_ends_though_a_clock_stepped_meanwhile(stepping: bytes, step_s: float) -> None:
-    """A step starts the proof anew, and forgets nothing but the baseline."""
+    """A step restarts the observation, and resets only the baseline."""
     refusal = Verdict.LATE if step_s < 0.0 else Verdict.SEQUENCE
     listener = heard()
     if stepping == b"A":
@@ -329,7 +329,7 @@ def test_an_ended_epoch_stays_ended_though_a_clock_steps(step_s: float) -> None:
 
 def test_a_backlog_of_the_epoch_before_keeps_the_next_one_off_only_until_it_is_over() -> None:
     listener = heard()
-    for n in range(60):  # what a link held back of a teleop that is dead by now
+    for n in range(60):  # delayed messages of a teleop that is dead by now
         assert listener.hear(b"A", 6 + n, 3.0, late_s=2.9 - n * 0.045) is not Verdict.FRESH
     assert listener.hear(b"B", 1, 3.1875) is Verdict.EPOCH
     assert listener.hear(b"B", 2, 3.25) is Verdict.UNPROVEN
@@ -405,6 +405,6 @@ def test_an_epoch_comes_back_no_further_on_than_it_may_jump() -> None:
 
 
 def test_a_new_epoch_may_begin_at_any_sequence() -> None:
-    """As it is for a supervisor that was started anew."""
+    """As for a restarted supervisor."""
     assert Listener().hear(b"A", 2**62, 0.0) is Verdict.UNPROVEN
     assert heard().hear(b"B", 2**62, 1.0) is Verdict.UNPROVEN

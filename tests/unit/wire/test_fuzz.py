@@ -1,4 +1,4 @@
-"""What a stranger may send, some ten thousand times; `python -m tests.fuzz` feeds a million."""
+"""Ten thousand hostile payloads; `python -m tests.fuzz` feeds a million."""
 
 import logging
 import struct
@@ -21,7 +21,7 @@ PAYLOADS = 50_000
 
 @pytest.fixture(autouse=True)
 def quiet_logs(caplog: pytest.LogCaptureFixture) -> None:
-    """What is refused is logged; ten thousand lines of it help nobody."""
+    """Refused payloads are logged; ten thousand lines would not help."""
     for name in ("wire", "sim"):
         caplog.set_level(logging.CRITICAL, name)
 
@@ -87,6 +87,6 @@ def _creeping(_: Velocity) -> Twist:
 def test_a_supervisor_that_lets_something_out_is_found(
     monkeypatch: pytest.MonkeyPatch, wrong: Callable[[Velocity], Twist]
 ) -> None:
-    """Beyond the limits, no number, and despite a stop."""
+    """Commands beyond the limits, NaN, and during a stop."""
     monkeypatch.setattr(service, "to_twist", wrong)
     assert any("cmd_vel is" in finding.what for finding in scene(0, 0, 200, "").findings)

@@ -1,4 +1,4 @@
-"""Where no keeper can be had, a process has none, and says nothing. What a keeper does: tests/system/test_memory_keeper.py."""
+"""If no keeper is possible, a process runs without one and without a message; see also tests/system/test_memory_keeper.py."""
 
 import ctypes
 import gc

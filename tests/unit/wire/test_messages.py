@@ -1,4 +1,4 @@
-"""The bytes on the wire: ROS 2's own, and nothing that a stranger sends raises anything else."""
+"""The bytes on the wire are ROS 2's, and hostile bytes raise only the documented error."""
 
 import math
 import re

@@ -1,4 +1,4 @@
-"""What an inbox keeps: no flood of one writer, or of ever new ones, displaces a known writer's newest sample."""
+"""An inbox keeps a known writer's newest sample during a flood of one or many other writers."""
 
 from typing import NamedTuple
 

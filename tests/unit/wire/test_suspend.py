@@ -1,4 +1,4 @@
-"""Suspends as the clocks show them: none is invented by a slow reading, and none of any length is missed."""
+"""Suspends by the clocks: a slow reading causes no false suspend, and no suspend is missed."""
 
 import pytest
 from hypothesis import given

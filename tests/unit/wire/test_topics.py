@@ -1,4 +1,4 @@
-"""The keys of further lidars: those that are none of the wire's other keys."""
+"""The keys of additional lidars: any except the other keys of the wire."""
 
 import pytest
 

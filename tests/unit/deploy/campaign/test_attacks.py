@@ -1,4 +1,4 @@
-"""What the attacker says is as its name tells, and the same for the same seed."""
+"""Each attack sends what its name says, deterministically by seed."""
 
 import itertools
 import math

@@ -1,4 +1,4 @@
-"""What must follow from a fault, alone and beside another one."""
+"""The demands of a fault, alone and with another fault."""
 
 import pytest
 
@@ -48,7 +48,7 @@ def test_two_at_once_have_more_time_and_the_first_end_counts() -> None:
 
 
 def test_a_fault_of_a_sensor_lasts_until_the_next_one_takes_its_place() -> None:
-    """Found by seed 2067: with its odometry taken away, the sensor's scans were whole again."""
+    """Found by seed 2067: without odometry, the sensor's scans were valid again."""
     blind, next_one = Done("sim_scan_nan", 1.0, 6.0), Done("sim_odom_gone", 4.0, 7.0)
     (demand,) = demands([blind, next_one], alone=True)
     assert (demand.promise, demand.until_s) == (5, 4.0)

@@ -1,4 +1,4 @@
-"""What a faulty process does on an order: in processes of their own, with a real event loop."""
+"""The effect of orders on a faulty process, in separate processes with a real event loop."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""What outlives a virtual supervisor's process."""
+"""State that survives a virtual supervisor's process."""
 
 import pytest
 

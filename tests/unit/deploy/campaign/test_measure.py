@@ -1,4 +1,4 @@
-"""What a fault led to, from what was seen."""
+"""The consequences of a fault, from the observations."""
 
 import pytest
 
@@ -9,7 +9,7 @@ FAULT_S = 1.0
 
 
 def drive(stop_s: float | None) -> Seen:
-    """0.5 m/s until `stop_s`, then standing at once; odometry, commands and statuses every 20 ms."""
+    """0.5 m/s until `stop_s`, then an immediate standstill; odometry, commands and statuses every 20 ms."""
     seen, x_m = Seen(), 0.0
     for number in range(150):
         now_s = round(0.02 * number, 6)

@@ -1,4 +1,4 @@
-"""What the campaign's observer makes of what reaches it."""
+"""The campaign's observer on messages that reach it."""
 
 import time
 from collections.abc import AsyncGenerator
@@ -20,7 +20,7 @@ TELEOP_KEY = topics.source_cmd_vel(topics.TELEOP).key
 
 
 class Stage:
-    """An observer, and what others put on the network by their own word."""
+    """An observer, and samples that other clients publish."""
 
     def __init__(self, path: Path) -> None:
         self.bus = VirtualNetwork().open_hub("observer")

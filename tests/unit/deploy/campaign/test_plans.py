@@ -1,4 +1,4 @@
-"""Every class of real faults can be done; pairs fit together."""
+"""Every class of real faults has a plan, and pairs are compatible."""
 
 from random import Random
 

@@ -1,4 +1,4 @@
-"""The promises, each at the edge of being broken."""
+"""Each promise at its boundary."""
 
 import math
 
@@ -115,7 +115,7 @@ def test_a_base_that_still_turns_is_broken() -> None:
 
 
 def approach(steps: list[tuple[float, float]], speed_m_s: float = 0.0) -> list[Motion]:
-    """From 0.5 m on: (own approach, what comes by itself) of each sample."""
+    """From 0.5 m on: (own approach, the object's approach) of each sample."""
     clearance_m, motions = 0.5, [Motion(0.0, 0.0, 0.0, speed_m_s, 0.0, 0.5)]
     for number, (own_m, by_itself_m) in enumerate(steps, 1):
         clearance_m -= own_m + by_itself_m
@@ -146,7 +146,7 @@ def test_what_comes_by_itself_may_even_touch() -> None:
 
 
 def test_from_a_surprise_it_may_use_its_braking_distance() -> None:
-    """Something is put 0.2 m before a robot at 0.3 m/s: 0.09 m to react, 0.03 m to brake."""
+    """An object is placed 0.2 m ahead of a robot at 0.3 m/s: 0.09 m to react, 0.03 m to brake."""
     surprise = [(0.0, 0.3)] + [(0.006, 0.0)] * 20
     assert violations(Seen(motions=approach(surprise, 0.3))) == []
     assert numbers(violations(Seen(motions=approach([(0.0, 0.3)] + [(0.006, 0.0)] * 30, 0.3)))) == [6]
@@ -283,7 +283,7 @@ def test_violations_come_in_order_of_time_and_never_fail(samples: list[tuple[flo
     assert any(v.promise == 1 for v in found) == any(abs(v) > 1 or abs(w) > 2 for _, v, w in samples)
 
 
-# --- what a fault of a sensor must lead to, and what it must not
+# --- required and forbidden consequences of sensor faults
 
 
 def demand(kind: Kind, *reasons: str) -> Demand:
@@ -316,7 +316,7 @@ def test_one_of_the_reasons_has_to_be_named_in_the_window() -> None:
 
 
 def hindered(until_s: float, clearance_m: float, reason: str = "OBSTACLE") -> list[Violation]:
-    """Stopped from 1.2 s to then, with statuses every 20 ms, so far from everything."""
+    """Stopped from 1.2 s to this time, with statuses every 20 ms, at this clearance."""
     times_s = [0.02 * number for number in range(120)]
     statuses = [Status(t, (reason,) if 1.2 <= t <= until_s + 1e-9 else FREE) for t in times_s]
     motions = [Motion(t, 0.0, 0.0, 0.0, 0.0, clearance_m) for t in times_s]

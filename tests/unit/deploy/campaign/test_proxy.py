@@ -1,4 +1,4 @@
-"""The link that is cut: over real sockets, in one event loop."""
+"""A link that can be cut, over real sockets in one event loop."""
 
 import asyncio
 from collections.abc import AsyncGenerator, Awaitable
@@ -11,12 +11,12 @@ from deploy.campaign.real.rig.proxy import Link
 
 LIMIT_S = 5.0
 GRACE_S = 0.05
-"""For what must not happen."""
+"""Observation time for events that must not happen."""
 
 
 @dataclass
 class Hub:
-    """A server that keeps what it hears, and its connections."""
+    """A server that keeps the received bytes and its connections."""
 
     heard: bytes = b""
     ended: int = 0

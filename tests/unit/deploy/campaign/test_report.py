@@ -1,4 +1,4 @@
-"""The page of a campaign: what it says of each class, and that it needs nothing from elsewhere."""
+"""The page of a campaign: its content for each class, without external resources."""
 
 import gzip
 import re

@@ -1,4 +1,4 @@
-"""Which trials a campaign makes, in which order, and which are there already."""
+"""The trials of a campaign, their order, and resuming."""
 
 import itertools
 from pathlib import Path
@@ -117,7 +117,7 @@ def test_a_file_that_holds_something_else_is_refused(tmp_path: Path) -> None:
         run(Orders(1, ("net_cut",), out=out))
 
 
-# --- what is not done for want of time
+# --- trials that are not run for lack of time
 
 
 def test_a_class_without_a_trial_is_named_and_one_with_fewer_is_counted() -> None:
@@ -134,7 +134,7 @@ def test_nothing_is_missing_of_a_campaign_that_is_all_there() -> None:
 
 
 def _told(seed: int, to_zero_s: float | None, *, broken: bool = False) -> Trial:
-    """A trial as it comes from the stage: with its timeline."""
+    """A trial with its timeline, as the stage returns it."""
     sample = Sample(time_s=1.0, commanded=(0.5, 0.0), permitted=(0.5, 0.0), true=(0.5, 0.0), clearance_m=1.0)
     promise = BrokenPromise(promise=2, time_s=1.0, sentence="it drove on")
     return _trial("teleop_gil", seed).model_copy(

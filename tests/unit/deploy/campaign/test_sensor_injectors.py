@@ -1,4 +1,4 @@
-"""Faults of the sim's sensors beside another fault, which may have taken the sim away."""
+"""Faults of the sim's sensors, with another fault that may have ended the sim."""
 
 import math
 from random import Random
@@ -16,7 +16,7 @@ from wire.bus import NoReplyError
 
 
 class StageOfASim:
-    """The sim answers from the so-manyth question on."""
+    """A sim that answers from the nth request on."""
 
     def __init__(self, answers_from: float) -> None:
         self.answers_from = answers_from

@@ -1,4 +1,4 @@
-"""Quantiles, bounds of rates and bins, against other ways to find them."""
+"""Quantiles, bounds of rates and bins, compared with independent methods."""
 
 import math
 
@@ -16,7 +16,7 @@ times = st.lists(st.floats(0.0, 1e3), min_size=1, max_size=60)
 def test_a_quantile_is_the_one_of_numpy(values: list[float], share: float) -> None:
     expected = float(np.quantile(values, share, method="inverted_cdf"))
     found = quantile(sorted(values), share)
-    # Where the share times the number is a whole number but for rounding, either neighbour is right.
+    # If share times number is an integer except for rounding, both neighbours are correct.
     if abs(share * len(values) - round(share * len(values))) > 1e-9:
         assert found == expected
     assert sum(value <= found for value in values) >= share * len(values) - 1e-9

@@ -1,4 +1,4 @@
-"""What a picture of a trial is drawn from: every change that can be seen, and not much else."""
+"""The samples of a trial's picture: every visible change, and little else."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""From the fault to a zero that lasts."""
+"""The time from the fault to a lasting zero."""
 
 import math
 
@@ -107,7 +107,7 @@ def test_the_longest_gap_begins_with_the_last_moment_before() -> None:
     assert longest_gap_s([], 0.0, 10.0) == 0.0
 
 
-# --- a simulation that did not run
+# --- a simulation that stood still
 
 
 def _motions(*times_s: float) -> list[Motion]:

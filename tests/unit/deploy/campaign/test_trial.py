@@ -1,4 +1,4 @@
-"""The record of a trial: the same on both sides of a file, and nothing else gets in."""
+"""The record of a trial: unchanged by writing and reading, and nothing else is accepted."""
 
 from pathlib import Path
 

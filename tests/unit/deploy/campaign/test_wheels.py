@@ -1,4 +1,4 @@
-"""From the sim's wheels to the observer, past the network."""
+"""From the sim's wheels to the observer, bypassing the network."""
 
 from pathlib import Path
 

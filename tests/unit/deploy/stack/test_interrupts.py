@@ -1,4 +1,4 @@
-"""A signal ends a command once, and never the taking down after it."""
+"""A signal ends a command once, and never interrupts its clean-up."""
 
 import os
 import signal
@@ -11,7 +11,7 @@ from deploy.stack import interrupts
 
 @pytest.fixture(autouse=True)
 def nothing_is_ignored() -> Iterator[None]:
-    """Whatever started these tests may ignore a signal: nohup does, and a shell for what it runs in the background."""
+    """The parent of these tests may ignore signals, like nohup, or a shell for background jobs."""
     before = {number: signal.signal(number, signal.default_int_handler) for number in interrupts.SIGNALS}
     yield
     for number, handler in before.items():

@@ -1,4 +1,4 @@
-"""What is checked before anything starts."""
+"""The checks before the start."""
 
 import json
 import socket

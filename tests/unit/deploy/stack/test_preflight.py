@@ -1,4 +1,4 @@
-"""Nothing starts that would fail, or be unsafe, once it runs."""
+"""Nothing starts that would fail or be unsafe."""
 
 from pathlib import Path
 

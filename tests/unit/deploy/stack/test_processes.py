@@ -1,4 +1,4 @@
-"""Only what carries the mark of a state directory, and is one of our programs, is ever signalled."""
+"""Only our own programs with the mark of a state directory are signalled."""
 
 import os
 import signal
@@ -22,7 +22,7 @@ def _running(arguments: list[str], mark: Path | None) -> Generator[subprocess.Po
         environment[MARK] = str(mark)
     child = subprocess.Popen([sys.executable, "-c", SLEEP, *arguments], env=environment)
     try:
-        # Until exec, the child's environment is ours.
+        # Until exec, the child has our environment.
         deadline_s = time.monotonic() + 5
         while SLEEP.encode() not in Path(f"/proc/{child.pid}/cmdline").read_bytes():
             assert time.monotonic() < deadline_s

@@ -1,4 +1,4 @@
-"""All sections of a robot.toml, against each other."""
+"""Cross-checks between all sections of a robot.toml."""
 
 import math
 from typing import Any
@@ -80,9 +80,7 @@ def carried(supervisor: object, sim: object) -> dict[str, Any]:
 
 def test_the_simulated_robot_carries_the_lidars_where_the_supervisor_has_them() -> None:
     assert read_robot(carried([FRONT, REAR], [FRONT, REAR]), simulated=True)
-    assert read_robot(
-        carried([FRONT], [FRONT, REAR]), simulated=True
-    )  # one that nobody looks at does no harm
+    assert read_robot(carried([FRONT], [FRONT, REAR]), simulated=True)  # an unused one is harmless
 
 
 @pytest.mark.parametrize(("key", "value"), [("x_m", 0.22), ("y_m", -0.02), ("yaw_rad", 0.52)])

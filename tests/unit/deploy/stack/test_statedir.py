@@ -1,4 +1,4 @@
-"""The state directory: where it is, and that two commands keep off each other."""
+"""The state directory: its place, and its lock."""
 
 import fcntl
 from pathlib import Path
@@ -67,7 +67,7 @@ def test_it_is_for_this_user_only(tmp_path: Path) -> None:
 
 
 def _of_socket_length(length: int) -> StateDir:
-    """A state directory whose socket's path has so many bytes; nothing is made."""
+    """Return a state directory whose socket's path has this length, without creating it."""
     rest = length - len("//supervisord.sock")
     return StateDir(Path("/" + "d" * rest))
 

@@ -13,4 +13,4 @@ def test_one_that_does_not_answer_has_no_programs_and_leaves_no_socket_open(tmp_
     with socket.socket(socket.AF_UNIX) as dead:
         dead.bind(str(state.socket))
     assert supervisord.programs(state) is None
-    gc.collect()  # an open socket that is collected is a warning, and so a failed test
+    gc.collect()  # collecting an open socket raises a warning, which fails the test

@@ -23,7 +23,7 @@ REST_STEPS = 300
 
 
 class Driven(NamedTuple):
-    """What became of a drive."""
+    """The result of a drive."""
 
     done: bool
     took_s: float

@@ -1,4 +1,4 @@
-"""A path is cut at its corners and cusps, and progress along a leg only goes on."""
+"""A path is divided at its corners and cusps, and progress along a leg only increases."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What the status says, what the operator's rhythm says, and what is made of distances."""
+"""The permit by the status, the operator's rhythm, and distances."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Poses, and the shapes made of them."""
+"""Poses and shapes."""
 
 import math
 

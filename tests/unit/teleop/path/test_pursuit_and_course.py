@@ -1,4 +1,4 @@
-"""The pursuit is bounded and comes to the path from anywhere; the course brings the real plant to the end."""
+"""Pursuit is bounded and converges to the path from any offset; the course brings the real plant to the end."""
 
 import math
 
@@ -89,7 +89,7 @@ def test_before_a_bend_it_slows_down_while_the_way_to_its_point_is_still_straigh
 
 
 def ideal(course: Course, start: Pose, limit_s: float = 120.0) -> tuple[Pose, list[float]]:
-    """A robot that does at once what is asked of it; where it ends, and how far off the path it was."""
+    """Simulate a robot that follows immediately; return its end and its largest offset from the path."""
     pose, off_m, speed = start, list[float](), 0.0
     for _ in range(round(limit_s / 0.05)):
         velocity = course.step(pose, speed)
@@ -153,7 +153,7 @@ def test_after_the_end_the_last_leg_stays_the_current_one() -> None:
 
 
 def test_it_is_never_neutral_on_its_way() -> None:
-    """The supervisor tells a source that asks for nothing from one that drives."""
+    """The supervisor distinguishes a source that requests nothing from one that drives."""
     course, pose, speed = Course(to_path(square(0.5)), LIMITS), Pose(0.0, 0.0, 0.0), 0.0
     while (velocity := course.step(pose, speed)) is not None:
         assert not velocity.is_neutral

@@ -1,4 +1,4 @@
-"""A recording's odometry becomes a path: without the standing, with every turn and cusp."""
+"""A recording's odometry becomes a path: without standstills, with every turn and cusp."""
 
 import math
 
@@ -16,7 +16,7 @@ ODOM_S = 0.02
 
 
 class Recording:
-    """Odometry at 50 Hz of a robot that does at once what it is told."""
+    """Odometry at 50 Hz of a robot that follows immediately."""
 
     def __init__(self) -> None:
         self.rows = [(0.0, 0.0, 0.0)]
