@@ -14,7 +14,7 @@ export UV := $(UV)
 COMPILE := .venv/bin/python -m compileall -q wire supervisor teleop sim virtual deploy bench tests
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test unit system proof proofs coverage check bench docs picture mutation faults campaign
+.PHONY: help setup run test unit system demo proof proofs coverage check bench docs picture mutation faults campaign
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -32,10 +32,13 @@ test: $(STAMP) ## the checks and the tests, with real processes; what each commi
 unit:
 	.venv/bin/pytest tests/unit tests/component -m "not proof" --numprocesses=auto --dist=worksteal
 
-# Real processes: some tests at a time, then one at a time those that measure.
+# Real processes, which mostly wait: four tests at a time, then one at a time those that measure.
 system:
-	.venv/bin/pytest tests/system -m "not timed" --numprocesses=2 --dist=worksteal --durations=10
+	.venv/bin/pytest tests/system -m "not timed and not demo" --numprocesses=4 --dist=worksteal --durations=10
 	.venv/bin/pytest tests/system -m timed --durations=10
+
+demo: $(STAMP) ## play the demo from the checkout and from an installed wheel (two minutes)
+	.venv/bin/pytest -s tests/system -m demo
 
 proof: $(STAMP) ## the law's proofs, and whether the unit tests reach every branch of the pure modules (a quarter of an hour)
 	$(COMPILE)

@@ -8,7 +8,7 @@ import pytest
 LIMIT_S = 100
 
 
-@pytest.mark.timed
+@pytest.mark.demo
 def test_the_demo_keeps_every_promise_it_checks() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "deploy.cli", "demo", "--quick"],

@@ -152,7 +152,7 @@ def test_the_wheel_holds_every_file_of_the_packages_and_nothing_else(wheel: Path
     assert held == {str(path.relative_to(ROOT)) for path in files if "__pycache__" not in path.parts}
 
 
-@pytest.mark.timed
+@pytest.mark.demo
 def test_installed_as_a_tool_with_the_simulation_it_plays_the_demo(
     wheel: Path, constraints: Path, tmp_path: Path
 ) -> None:
