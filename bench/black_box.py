@@ -52,10 +52,10 @@ def inputs(seconds: float) -> Iterator[tuple[float, Inputs]]:
 def steps(seconds: float) -> list[Step]:
     state = initial_state(SupervisorSection().law())
     taken: list[Step] = []
-    for now_s, told in inputs(seconds):
+    for now_s, received in inputs(seconds):
         before = state
-        state, decision = step(state, now_s, told)
-        taken.append((now_s, told, before, decision))
+        state, decision = step(state, now_s, received)
+        taken.append((now_s, received, before, decision))
     return taken
 
 
@@ -116,12 +116,12 @@ async def lateness(act: Callable[[], object]) -> str:
     state = initial_state(SupervisorSection().law())
     late_ms: list[float] = []
     due_s = loop.time()
-    for _, told in inputs(MEASURED_S):
+    for _, received in inputs(MEASURED_S):
         due_s += 1.0 / STEP_HZ
         await asyncio.sleep(due_s - loop.time())
         if writing.is_set():
             late_ms.append((loop.time() - due_s) * 1e3)
-        state, _ = step(state, due_s, told)
+        state, _ = step(state, due_s, received)
     stop.set()
     await asyncio.to_thread(thread.join)
     p50, p99, p999 = np.percentile(late_ms, [50, 99, 99.9])

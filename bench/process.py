@@ -112,8 +112,8 @@ class _Driver:
         self._odometry = bus.publisher(topics.ODOM)
         self._token = bus.declare_alive(topics.TELEOP)
         self._cmd_vel: Subscription[Twist] = bus.subscribe(topics.CMD_VEL, depth=100_000)
-        self._told = asyncio.Event()
-        self._statuses: Subscription[SafetyStatus] = bus.subscribe(topics.STATUS, wake=self._told)
+        self._status_arrived = asyncio.Event()
+        self._statuses: Subscription[SafetyStatus] = bus.subscribe(topics.STATUS, wake=self._status_arrived)
 
     def feeds(self) -> list[Coroutine[None, None, None]]:
         return [
@@ -163,9 +163,9 @@ class _Driver:
     async def _scans_accepted(self) -> int:
         """Return the number of accepted scans in the next status."""
         self._statuses.take()
-        self._told.clear()
+        self._status_arrived.clear()
         async with asyncio.timeout(START_S):
-            await self._told.wait()
+            await self._status_arrived.wait()
         arrival = self._statuses.latest()
         assert arrival is not None, "the supervisor's status must decode"
         assert arrival.message is not None

@@ -94,7 +94,7 @@ class _Stop:
 
     @property
     def most_severe(self) -> StopReason:
-        return min((reason for told in self.stops for reason in told["reasons"]), key=SEVERITY.__getitem__)
+        return min((reason for entry in self.stops for reason in entry["reasons"]), key=SEVERITY.__getitem__)
 
 
 class BlackBox:
@@ -199,7 +199,7 @@ class BlackBox:
 
     def _on_stop(self, now_s: float, reasons: Sequence[StopReason], *, was_free: bool) -> None:
         moment = datetime.fromtimestamp(self._utc(), UTC)
-        told = {
+        entry = {
             "now_s": now_s,
             "utc": moment.isoformat(timespec="milliseconds"),
             "reasons": [reason.name for reason in reasons],
@@ -208,10 +208,10 @@ class BlackBox:
             # A consequence of a more severe reason, such as the silence of a dead source, needs no file of its own.
             if was_free or SEVERITY[reasons[0]] < SEVERITY[self._stop.most_severe]:
                 self._stop.due_s = min(now_s + TAIL_S, self._stop.first_s + TAIL_LIMIT_S)
-            self._stop.stops.append(told)
+            self._stop.stops.append(entry)
             return
         name = f"{moment:%Y%m%dT%H%M%S}.{moment.microsecond // 1000:03}Z"
-        self._stop = _Stop(name, now_s, now_s + TAIL_S, [told], MEMORY_BYTES // 2)
+        self._stop = _Stop(name, now_s, now_s + TAIL_S, [entry], MEMORY_BYTES // 2)
 
     def _submit(self, stop: _Stop) -> None:
         self._stop = None

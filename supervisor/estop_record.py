@@ -82,7 +82,7 @@ class Disk(Protocol):
     def close(self) -> None: ...
 
 
-class _Wish(Enum):
+class _Goal(Enum):
     """The wanted state of the record on disk."""
 
     PREPARED = auto()
@@ -92,15 +92,15 @@ class _Wish(Enum):
 
 
 _PENDING = {
-    _Wish.PREPARED: PREPARE_PENDING,
-    _Wish.LATCHED: PRESS_PENDING,
-    _Wish.RESET: RESET_PENDING,
+    _Goal.PREPARED: PREPARE_PENDING,
+    _Goal.LATCHED: PRESS_PENDING,
+    _Goal.RESET: RESET_PENDING,
 }
 
 
 class _Request(NamedTuple):
     number: int
-    wish: _Wish
+    goal: _Goal
 
 
 class _Done(NamedTuple):
@@ -142,8 +142,8 @@ class EstopRecord:
         if not self._was_read.wait(read_limit_s):
             _log.warning("the e-stop record was not read within %g s, so the e-stop is latched", read_limit_s)
         self._latched_at_start = self._latched = self._found
-        self._asked = _Request(0, _Wish.PREPARED)
-        self._ask(_Wish.LATCHED if self._latched else _Wish.PREPARED)
+        self._asked = _Request(0, _Goal.PREPARED)
+        self._ask(_Goal.LATCHED if self._latched else _Goal.PREPARED)
 
     @property
     def latched_at_start(self) -> bool:
@@ -156,12 +156,12 @@ class EstopRecord:
     @property
     def is_marked(self) -> bool:
         asked = self._asked
-        return asked.wish is not _Wish.LATCHED or self._marked >= asked.number or not self.is_pending
+        return asked.goal is not _Goal.LATCHED or self._marked >= asked.number or not self.is_pending
 
     @property
     def problem(self) -> str:
         done = self._done
-        return done.problem if done.number == self._asked.number else _PENDING[self._asked.wish]
+        return done.problem if done.number == self._asked.number else _PENDING[self._asked.goal]
 
     def watch(self, on_change: Callable[[], None]) -> None:
         self._on_change = on_change
@@ -169,16 +169,16 @@ class EstopRecord:
     def keep(self, *, latched: bool) -> None:
         if latched is not self._latched:
             self._latched = latched
-            self._ask(_Wish.LATCHED if latched else _Wish.RESET)
+            self._ask(_Goal.LATCHED if latched else _Goal.RESET)
 
     def close(self) -> None:
         self._presses.put(None)
         self._requests.put(None)
         self._ended.wait(CLOSE_LIMIT_S)
 
-    def _ask(self, wish: _Wish) -> None:
-        self._asked = _Request(self._asked.number + 1, wish)
-        if wish is _Wish.LATCHED:
+    def _ask(self, goal: _Goal) -> None:
+        self._asked = _Request(self._asked.number + 1, goal)
+        if goal is _Goal.LATCHED:
             self._presses.put(self._asked.number)
         self._requests.put(self._asked)
 
@@ -212,7 +212,7 @@ class EstopRecord:
 
     def _wants_latched(self) -> bool:
         """Return whether the newest request is a press, even if no thread has handled it yet."""
-        return self._asked.wish is _Wish.LATCHED
+        return self._asked.goal is _Goal.LATCHED
 
     def _next(self, limit_s: float | None) -> tuple[_Request | None, bool]:
         """Wait for requests; return the newest (None if none arrives within `limit_s`) and whether `close` was called."""
@@ -231,7 +231,7 @@ class EstopRecord:
     def _is_well(self, request: _Request) -> bool:
         """Return whether the last attempt succeeded and the disk has not changed since."""
         try:
-            return not self._done.problem and self._disk.holds(latched=request.wish is _Wish.LATCHED)
+            return not self._done.problem and self._disk.holds(latched=request.goal is _Goal.LATCHED)
         except OSError:
             return False
 
@@ -239,13 +239,13 @@ class EstopRecord:
         """Try a request, and return the request that a later retry must carry out."""
         problem = ""
         try:
-            if request.wish is _Wish.LATCHED:
+            if request.goal is _Goal.LATCHED:
                 self._disk.latch()
             else:
-                if request.wish is _Wish.RESET:
+                if request.goal is _Goal.RESET:
                     self._disk.clear(lambda: not self._wants_latched())
                     # A record that appears after this was not reset.
-                    request = request._replace(wish=_Wish.PREPARED)
+                    request = request._replace(goal=_Goal.PREPARED)
                 self._disk.prepare()
         except Exception as error:  # noqa: BLE001 - supervision continues, and the status reports the error
             problem = str(error) or type(error).__name__

@@ -30,7 +30,7 @@ SAME_M = 0.06
 ONE_SURFACE_M = 0.4
 """Returns around a point whose ranges differ by less than this belong to one slanted surface."""
 
-ASKED: Floats = np.linspace(-1.0, 1.0, 5)
+CHECKED_BEAMS: Floats = np.linspace(-1.0, 1.0, 5)
 """The beams that are checked, as shares of `BESIDE_RAD`."""
 
 Counts = npt.NDArray[np.int64]
@@ -61,13 +61,13 @@ def remember(earlier: Remembered, view: View, mount: Mount) -> Remembered:
     beam = _beam_of(view, np.arctan2(away_y, away_x) - mount.yaw_rad)
     returning_m = np.where(view.hit, view.free_m, math.inf)
     # Fast path: the new scan shows nearly all points again, most of them with the beam in their direction.
-    ahead_m = _ask(view, returning_m, np.rint(beam).astype(np.int64), beside=math.inf)
+    ahead_m = _values_at(view, returning_m, np.rint(beam).astype(np.int64), beside=math.inf)
     (left,) = (np.abs(ahead_m - distance_m) > SAME_M).nonzero()
     if len(left) == 0:
         return Remembered()
-    beams_beside = BESIDE_RAD / abs(view.geometry.increment) * ASKED
+    beams_beside = BESIDE_RAD / abs(view.geometry.increment) * CHECKED_BEAMS
     asked = np.rint(beam[left, None] + beams_beside).astype(np.int64)
-    returns_m = _ask(view, returning_m, asked, beside=math.inf)
+    returns_m = _values_at(view, returning_m, asked, beside=math.inf)
     (other,) = (np.abs(returns_m - distance_m[left, None]).min(axis=1) > SAME_M).nonzero()
     if len(other) == 0:
         return Remembered()
@@ -78,7 +78,7 @@ def remember(earlier: Remembered, view: View, mount: Mount) -> Remembered:
     again = (nearest_m < distance_m) & (farthest_m > distance_m) & (farthest_m - nearest_m < ONE_SURFACE_M)
     # Directions filled in from earlier scans are no new evidence.
     proven_m = np.where(view.explained_s < view.taken_s, 0.0, view.free_m)
-    free_m = _ask(view, proven_m, asked, beside=0.0)
+    free_m = _values_at(view, proven_m, asked, beside=0.0)
     covered = (free_m >= distance_m[:, None]).all(axis=1)
     misses = np.where(covered, misses + 1, misses)
     (kept,) = (~again & ~(covered & hit.all(axis=1)) & (misses < MISSES)).nonzero()
@@ -93,7 +93,7 @@ def _beam_of(view: View, bearing_rad: Floats) -> Floats:
     return ((bearing_rad - angle_min) % math.copysign(2 * math.pi, increment)) / increment
 
 
-def _ask(view: View, values: Floats, beams: Counts, *, beside: float) -> Floats:
+def _values_at(view: View, values: Floats, beams: Counts, *, beside: float) -> Floats:
     """Return the values at the given beam indices; an index outside the view gives `beside`."""
     if is_full_turn(view.geometry):
         return values.take(beams, mode="wrap")

@@ -211,7 +211,7 @@ def read_scan(
     problem = _contradiction(scan, lidar.min_beams)
     before = None if previous is None else previous.view
     if problem is not None:
-        return _of_no_use(previous, scan, moment, problem, hull)
+        return _invalid_reading(previous, scan, moment, problem, hull)
     geometry = Geometry(len(scan.ranges), scan.angle_min, scan.angle_increment)
     rays = rays_of(geometry, lidar.mount, hull)
     readings = explain(scan.ranges, scan.range_min, scan.range_max, lidar.profile)
@@ -257,7 +257,7 @@ def read_scan(
     )
 
 
-def _of_no_use(
+def _invalid_reading(
     previous: ScanReading | None, scan: LaserScan, moment: Moment, problem: str, hull: Hull
 ) -> ScanReading:
     """Return the reading of an invalid scan; it keeps the previous view."""

@@ -141,7 +141,7 @@ def hidden_places(
     distance_m = np.concatenate([part[1] for part in parts])
     lookouts = others()
     if lookouts:
-        seen = _behind_what_others_see(direction, distance_m, mount, lookouts, smallest_m, far_m)
+        seen = _behind_other_views(direction, distance_m, mount, lookouts, smallest_m, far_m)
         direction, distance_m = seen
     places: Floats = (direction * distance_m + rays.origin_m).T
     return places
@@ -169,8 +169,8 @@ def _into_the_holes(
     crossing = Crossing(gaps.beams_hull.enters_m[missing], gaps.beams_hull.leaves_m[missing])
     outside_m: Floats = np.full(len(gaps.outside[0]), holes.hides_m.item(-1), dtype=np.float64)
     return [
-        *_beside_the_hull(direction[:, missing], holes.hides_m[gap], crossing, smallest_m),
-        *_beside_the_hull(gaps.outside, outside_m, gaps.outside_hull, smallest_m),
+        *_before_and_behind_hull(direction[:, missing], holes.hides_m[gap], crossing, smallest_m),
+        *_before_and_behind_hull(gaps.outside, outside_m, gaps.outside_hull, smallest_m),
     ]
 
 
@@ -203,7 +203,7 @@ def _along_the_edges(
     return offset / np.maximum(distance_m, NOTHING_M), distance_m
 
 
-def _beside_the_hull(
+def _before_and_behind_hull(
     direction: Floats, hides_m: Floats, crossing: Crossing, smallest_m: float
 ) -> list[tuple[Floats, Floats]]:
     """Return the nearest hidden places on rays, in front of the hull and behind it.
@@ -223,7 +223,7 @@ def _beside_the_hull(
     return [(direction[:, before], hides_m[before]), (direction[:, behind], behind_m[behind])]
 
 
-def _behind_what_others_see(
+def _behind_other_views(
     direction: Floats,
     distance_m: Floats,
     mount: Mount,

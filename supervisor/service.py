@@ -60,7 +60,7 @@ class SupervisorService:
         self._resets: list[asyncio.Future[Reply]] = []
         self._estop_overflowed = 0
         self._last: Decision | None = None
-        self._told: tuple[object, ...] | None = None
+        self._published: tuple[object, ...] | None = None
         """The outline of the last published status."""
         self._next_status_s = 0.0
         self._recording_since_s: float | None = None
@@ -192,13 +192,13 @@ class SupervisorService:
         elif self._recording_since_s is None:
             self._recording_since_s = now_s
         outline = (*_outline(decision), decision.causes, record.problem)
-        if now_s < self._next_status_s and outline == self._told:
+        if now_s < self._next_status_s and outline == self._published:
             return
         since_s = self._recording_since_s
         patience_s = self._tick_s if record.is_marked else self._status_s
-        if since_s is not None and now_s - since_s < patience_s and self._told is not None:
+        if since_s is not None and now_s - since_s < patience_s and self._published is not None:
             return
-        self._told = outline
+        self._published = outline
         self._next_status_s = now_s + self._status_s
         self._status.put(to_status(decision, now_s, record.problem))
 

@@ -30,7 +30,7 @@ EQUIVALENT = {
     "again = (nearest_m <= distance_m) & (farthest_m > distance_m) & (farthest_m - nearest_m < ONE_SURFACE_M)",
     "again = (nearest_m < distance_m) & (farthest_m >= distance_m) & (farthest_m - nearest_m < ONE_SURFACE_M)",
     # NaN covers nothing either.
-    "free_m = _ask(view, proven_m, asked, beside=None)",
+    "free_m = _values_at(view, proven_m, asked, beside=None)",
     # Two shares are equal only if both are zero or both are one: then either does.
     "share, blocking = min(shares, key=None, default=(1.0, None))",
     "share, blocking = min(shares, default=(1.0, None))",

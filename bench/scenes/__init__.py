@@ -8,6 +8,6 @@ operators.py  operators that drive at objects
 law.py        configuration and inputs of the law; the only file that uses their types
 run.py        run one scene in closed loop
 summary.py    summarize many runs
-plain.py      build scenes with few objects by hand
+simple.py     build scenes with few objects by hand
 drawing.py    describe and draw one run
 """

@@ -167,14 +167,14 @@ def _moved_unasked(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
     if math.isinf(bounds.asked_age_s):
         return
     wishes = _wishes_s(seen.asked)
-    told = False
+    is_reported = False
     for command in seen.commands:
         age_s = _age_s(wishes, command.arrival_s)
         is_late = not command.is_zero and age_s > bounds.asked_age_s
-        if is_late and not told:
+        if is_late and not is_reported:
             sentence = f"the robot moves by a request that is {age_s:.3f} s old"
             yield Violation(3, command.arrival_s, sentence)
-        told = is_late
+        is_reported = is_late
 
 
 def _set_off_unasked(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
@@ -242,7 +242,7 @@ def _came_too_near(motions: Sequence[Motion], bounds: Bounds) -> Iterator[Violat
     """
     surprised_s = excused_until_s = -math.inf
     own_m = allowed_m = 0.0
-    inside = told = False
+    inside = is_reported = False
     for before, motion in itertools.pairwise(motions):
         by_itself_m = before.clearance_m - motion.clearance_m - motion.own_approach_m
         if by_itself_m > NOTICED_M or motion.appeared_m < bounds.stop_distance_m + _stopping_m(
@@ -250,7 +250,7 @@ def _came_too_near(motions: Sequence[Motion], bounds: Bounds) -> Iterator[Violat
         ):
             surprised_s = motion.time_s
         if motion.clearance_m >= bounds.stop_distance_m:
-            inside = told = False
+            inside = is_reported = False
             continue
         if not inside:
             inside, own_m, allowed_m = True, 0.0, bounds.tolerance_m
@@ -267,8 +267,8 @@ def _came_too_near(motions: Sequence[Motion], bounds: Bounds) -> Iterator[Violat
             excused_until_s, allowed_m = -math.inf, own_m + bounds.tolerance_m
         own_m = max(0.0, own_m + motion.own_approach_m)
         too_near = own_m > allowed_m and motion.clearance_m < bounds.stop_distance_m - bounds.tolerance_m
-        if too_near and not told:
-            told = True
+        if too_near and not is_reported:
+            is_reported = True
             touching = ", touching" if motion.is_touching else ""
             yield Violation(
                 6,

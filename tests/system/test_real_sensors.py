@@ -123,12 +123,12 @@ async def test_driven_at_0_8_m_s_with_a_frozen_lidar_and_no_odometry_the_robot_s
         said: set[str] = set()
         await ask_faults(subject, "freeze; no_odom")
 
-        def is_told() -> bool:
+        def is_measured() -> bool:
             way.look()
             said.update(subject.status.reasons)
             return bool(said & {"ODOM_STALE", "SCAN_INVALID"})
 
-        await subject.until(is_told, "ODOM_STALE or SCAN_INVALID", 5.0)
+        await subject.until(is_measured, "ODOM_STALE or SCAN_INVALID", 5.0)
         await way.drive_on(AT_PILLAR_S)
         assert way.least_m >= LEAST_M
 
@@ -209,14 +209,14 @@ async def test_a_second_writer_of_scan_stops_the_robot_by_name_and_when_it_ends_
         await way.until_within(2.5, "w" * 5)
         said: set[str] = set()
 
-        def is_told() -> bool:
+        def is_measured() -> bool:
             way.look()
             said.update(subject.status.reasons)
             return "SENSOR_CONFLICT" in said
 
         with scans_of_free_space(foreigner, period_s):
             try:
-                await subject.until(is_told, "SENSOR_CONFLICT", 2.0)
+                await subject.until(is_measured, "SENSOR_CONFLICT", 2.0)
             finally:
                 await ask_faults(subject, "silent")
                 await subject.never(way.look, "", 0.6)

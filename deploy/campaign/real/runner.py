@@ -27,7 +27,7 @@ from deploy.stack.errors import DeployError
 
 REVISION = "1"
 """Revision of this campaign; it increases when the meaning of a seed changes."""
-TOLD_FIRST = 4
+KEPT_TIMELINES = 4
 """Number of trials of a class that always keep their timeline, to show a typical one."""
 
 
@@ -107,7 +107,7 @@ class Made:
     def __init__(self, there: Iterable[Trial]) -> None:
         self.trials: list[Trial] = []
         self.impossible: list[str] = []
-        self._told: Counter[str] = Counter()
+        self._timelines: Counter[str] = Counter()
         self._longest_s: dict[str, float] = {}
         for trial in there:
             self._count(trial)
@@ -120,7 +120,7 @@ class Made:
         """
         name = class_of(trial)
         is_worst = (time_in(trial, name) or 0.0) > self._longest_s.get(name, 0.0)
-        if self._told[name] >= TOLD_FIRST and not is_worst and not trial.violations:
+        if self._timelines[name] >= KEPT_TIMELINES and not is_worst and not trial.violations:
             trial = trial.model_copy(update={"timeline": ()})
         self._count(trial)
         self.trials.append(trial)
@@ -128,7 +128,7 @@ class Made:
 
     def _count(self, trial: Trial) -> None:
         name = class_of(trial)
-        self._told[name] += bool(trial.timeline)
+        self._timelines[name] += bool(trial.timeline)
         self._longest_s[name] = max(self._longest_s.get(name, 0.0), time_in(trial, name) or 0.0)
 
 

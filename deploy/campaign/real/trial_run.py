@@ -468,7 +468,7 @@ def _judge(stage: Stage, run: _Run, revision: str, load: float) -> Trial:
     )
     clearances_m = [motion.clearance_m for motion in seen.motions]
     # The part to be drawn; everything if a promise was broken.
-    told = (0.0, math.inf) if broken else (done[0].at_s - BEFORE_S, done[-1].at_s + AFTER_S)
+    window = (0.0, math.inf) if broken else (done[0].at_s - BEFORE_S, done[-1].at_s + AFTER_S)
     return Trial(
         mode="real",
         revision=revision,
@@ -478,7 +478,7 @@ def _judge(stage: Stage, run: _Run, revision: str, load: float) -> Trial:
         smallest_clearance_m=round(min(clearances_m), 4) if clearances_m else 0.0,
         contacts=observer.contacts,
         violations=broken,
-        timeline=tuple(thinned(timeline(seen, FINE_S), *told)),
+        timeline=tuple(thinned(timeline(seen, FINE_S), *window)),
     )
 
 

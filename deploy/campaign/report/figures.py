@@ -15,7 +15,7 @@ PAIR = "pair"
 APART_S = 2.0
 """Faults closer together than this count as a pair, not as their own classes."""
 BASE = "base: "
-TOLD_KEPT = 40
+TIMELINES_KEPT = 40
 """Number of trials with a timeline that are kept for each class, to choose a typical one."""
 ROUNDING_S = 1e-9
 
@@ -86,7 +86,7 @@ class ClassFigures:
     trials: int
     broken: int
     """Number of `trials` that broke a promise."""
-    told: tuple[Trial, ...]
+    with_timeline: tuple[Trial, ...]
     """Some of the trials with a timeline."""
 
     @property
@@ -133,9 +133,9 @@ class ClassFigures:
         timed = self.timed
         return timed[-1] if timed else None
 
-    def told_near(self, stop_s: float) -> Trial | None:
+    def timeline_near(self, stop_s: float) -> Trial | None:
         """Return the trial with a timeline whose stop time is nearest to this one."""
-        mode_times = [(one, time_in(one, self.name)) for one in self.told]
+        mode_times = [(one, time_in(one, self.name)) for one in self.with_timeline]
         timed = [(abs(time_s - stop_s), one.seed, one) for one, time_s in mode_times if time_s is not None]
         return min(timed, key=lambda entry: entry[:2])[2] if timed else None
 
@@ -150,7 +150,7 @@ class _Gathered:
     contacts: int = 0
     trials: int = 0
     broken: int = 0
-    told: list[Trial] = field(default_factory=list[Trial])
+    with_timeline: list[Trial] = field(default_factory=list[Trial])
 
     def add(self, case: Case, one: Injected) -> None:
         self.cases.append(case)
@@ -163,11 +163,13 @@ class _Gathered:
         self.contacts += trial.contacts
         self.broken += bool(trial.violations)
         if trial.timeline:
-            self.told.append(trial)
-            if len(self.told) > TOLD_KEPT:
+            self.with_timeline.append(trial)
+            if len(self.with_timeline) > TIMELINES_KEPT:
                 # Keep the longest one; of the others, the earliest.
-                keeps = max(range(len(self.told)), key=lambda n: time_in(self.told[n], name) or 0.0)
-                del self.told[-2 if keeps == TOLD_KEPT else -1]
+                keeps = max(
+                    range(len(self.with_timeline)), key=lambda n: time_in(self.with_timeline[n], name) or 0.0
+                )
+                del self.with_timeline[-2 if keeps == TIMELINES_KEPT else -1]
 
     def figures(self, name: str, mode: str) -> ClassFigures:
         known = BY_NAME.get(name)
@@ -193,7 +195,7 @@ class _Gathered:
             self.contacts,
             self.trials,
             self.broken,
-            tuple(self.told),
+            tuple(self.with_timeline),
         )
 
 

@@ -235,7 +235,7 @@ def _single(classes: Sequence[ClassFigures], mode: str) -> Iterator[str]:
 
 def _picture(one: ClassFigures, case: Case) -> Iterator[tuple[int, str]]:
     """Draw this case's trial, or the one with a timeline whose stop time is nearest."""
-    trial = one.told_near(case.stop_s or 0.0)
+    trial = one.timeline_near(case.stop_s or 0.0)
     fault = None if trial is None else fault_of(trial, one.name)
     if trial is None or fault is None or not (picture := timeline(trial, fault)):
         return

@@ -55,10 +55,10 @@ class Stream:
         if self._beyond_s is not None:
             gaps_ms = np.maximum(gaps_ms - 1000.0 * self._beyond_s, 0.0)
         p50, p99, most = np.percentile(gaps_ms, (50, 99, 100)) if len(gaps_ms) else (math.nan,) * 3
-        told = Gaps(self._samples, float(p50), float(p99), float(most), self._lost)
+        gaps = Gaps(self._samples, float(p50), float(p99), float(most), self._lost)
         self._samples = self._lost = 0
         self._gaps_s.clear()
-        return told
+        return gaps
 
 
 class Stops:

@@ -44,12 +44,12 @@ class Growth(NamedTuple):
     watched_s: float = 0.0
 
     @property
-    def is_told(self) -> bool:
+    def is_measured(self) -> bool:
         return not math.isnan(self.percent)
 
     @property
     def is_judged(self) -> bool:
-        return self.is_told and self.watched_s >= JUDGED_S
+        return self.is_measured and self.watched_s >= JUDGED_S
 
     @property
     def is_too_much(self) -> bool:

@@ -170,11 +170,11 @@ class _Soak:
             if now_s >= next_s:
                 next_s += orders.sample_s
                 log.add(self._sample(now_s - began_s))
-                told = _progress(log.samples[-1], duration_s)
-                line.show(told)
+                text = _progress(log.samples[-1], duration_s)
+                line.show(text)
                 if not sys.stdout.isatty() and now_s >= next_line_s:
                     next_line_s += LINE_S
-                    say(told)
+                    say(text)
             if not self._teleop.running:
                 log.ended = f"teleop has ended ({self._teleop.last_lines})"
                 return
@@ -201,11 +201,11 @@ class _Soak:
             self._odom_stream.hear(moved.arrival_s, moved.stamp)
             if moved.message is not None:
                 self._move(moved.message)
-        for told in self._statuses.take():
-            self._status_stream.hear(told.arrival_s, told.stamp)
-            if told.message is not None:
-                self._status = told.message
-                self._false += self._stops.look(told.message)
+        for arrival in self._statuses.take():
+            self._status_stream.hear(arrival.arrival_s, arrival.stamp)
+            if arrival.message is not None:
+                self._status = arrival.message
+                self._false += self._stops.look(arrival.message)
 
     def _move(self, message: Odometry) -> None:
         point = message.pose.pose.position
@@ -270,7 +270,7 @@ def _tell(samples: list[Sample], judgement: Judgement, say: Say) -> None:
     )
     for growth in judgement.growths:
         level = f"{growth.level / 1e6:.1f} MB" if growth.measure == "memory" else f"{growth.level:g}"
-        grew = f"{growth.percent:+.2f} %" if growth.is_told else "too few samples to tell its growth"
+        grew = f"{growth.percent:+.2f} %" if growth.is_measured else "too few samples to tell its growth"
         say(f"  {growth.process:<12} {growth.measure:<12} {level:>10}  {grew}")
     if not all(growth.is_judged for growth in judgement.growths):
         say(f"  growth is not judged: less than {_span(JUDGED_S)} were observed after the warm-up")

@@ -95,7 +95,7 @@ def test_the_warm_up_is_a_sixth_but_neither_too_short_nor_too_long(
 def test_too_few_samples_tell_no_growth_and_fail_nothing() -> None:
     judgement = judge(samples(50.0, duration_s=60.0))
     assert judgement.passed
-    assert not any(growth.is_told for growth in judgement.growths)
+    assert not any(growth.is_measured for growth in judgement.growths)
 
 
 def test_growth_over_a_few_minutes_is_told_and_fails_nothing() -> None:

@@ -9,10 +9,10 @@ from hypothesis import HealthCheck, assume, given, note, settings
 from hypothesis import strategies as st
 
 from bench.scenes.operators import Chaser
-from bench.scenes.plain import LIDAR, Disc, plain_scene
 from bench.scenes.run import run
 from bench.scenes.scene import BOUND_M, TRUSTED_M_S2, BaseNumbers, Lidar, rectangle
 from bench.scenes.sensing import NOBODY, Eye
+from bench.scenes.simple import LIDAR, Disc, plain_scene
 from bench.scenes.world import Measure, Shape
 from supervisor.clearance import Circle
 from supervisor.config import SupervisorSection

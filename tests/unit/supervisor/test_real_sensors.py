@@ -14,10 +14,10 @@ import pytest
 from bench.scenes import law
 from bench.scenes.base import MixtureBase
 from bench.scenes.operators import Reverser, Scripted, Stubborn
-from bench.scenes.plain import LIDAR, plain_scene
 from bench.scenes.run import TICK_S, Moment, Outcome, Report, advance, run
 from bench.scenes.scene import BOUND_M, TRUSTED_M_S2, BaseNumbers, Profile, rectangle
 from bench.scenes.sensing import Eye, Ranges
+from bench.scenes.simple import LIDAR, plain_scene
 from bench.scenes.world import Measure
 from supervisor.model import STANDSTILL, Command, Decision, Inputs, LaserScan, Mode, Odometry, Pose, Velocity
 from supervisor.safety import initial_state, step

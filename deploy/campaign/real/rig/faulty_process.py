@@ -121,7 +121,7 @@ def _tap(pipe: Path) -> None:
     reasons = {reason: index for index, reason in enumerate(BaseReason)}
     step_plant, target_of = Plant.step, Watchdog.target
     reason = BaseReason.NO_COMMAND
-    told = (reason, False)
+    reported = (reason, False)
     steps = 0
     last_s = time.monotonic()
     before: tuple[object, float] = (None, 0.0)
@@ -133,13 +133,13 @@ def _tap(pipe: Path) -> None:
         return found
 
     def step(self: "Plant", twist_target: tuple[float, float], n_steps: int = 1) -> None:
-        nonlocal steps, told, last_s, before
+        nonlocal steps, reported, last_s, before
         step_plant(self, twist_target, n_steps)
         steps += 1
         news = (reason, any(twist_target))
-        if steps % SAMPLE_STEPS and news == told:
+        if steps % SAMPLE_STEPS and news == reported:
             return
-        told = news
+        reported = news
         clearance_m = self.clearance_m()
         pillar, clearance_before_m = before
         own_m = clearance_before_m - clearance_m if pillar == self.pillar else 0.0

@@ -58,7 +58,7 @@ def trial(
     mode: str = "virtual",
     revision: str = "r",
     broken: Sequence[str] = (),
-    told: bool = False,
+    with_timeline: bool = False,
     clearance_m: float = 0.5,
 ) -> Trial:
     return Trial(
@@ -70,7 +70,7 @@ def trial(
         smallest_clearance_m=clearance_m,
         contacts=0,
         violations=tuple(BrokenPromise(promise=2, time_s=2.5, sentence=one) for one in broken),
-        timeline=tuple(sample(0.1 * tick) for tick in range(60)) if told else (),
+        timeline=tuple(sample(0.1 * tick) for tick in range(60)) if with_timeline else (),
     )
 
 
@@ -153,7 +153,7 @@ def test_the_page_tells_how_soon_it_stopped_over_all_faults_with_a_bound_each_al
 def test_the_page_needs_nothing_from_elsewhere_and_its_pictures_are_sound(tmp_path: Path) -> None:
     html = page_of(
         tmp_path,
-        trial(fault(), told=True),
+        trial(fault(), with_timeline=True),
         trial(fault("supervisor_sigkill"), seed=2, mode="real"),
         PROVENANCE,
     )
@@ -181,7 +181,7 @@ def test_text_of_a_file_is_no_markup(tmp_path: Path) -> None:
     evil = "<script>alert('x')</script>&"
     html = page_of(
         tmp_path,
-        trial(fault(evil, detector=evil), broken=[evil], told=True, revision=evil),
+        trial(fault(evil, detector=evil), broken=[evil], with_timeline=True, revision=evil),
         Provenance(command=evil, machine=evil),
     )
     assert "<script" not in html
@@ -253,18 +253,20 @@ def test_trials_of_older_code_are_left_out_and_counted(tmp_path: Path) -> None:
 
 
 def test_of_many_timelines_a_typical_one_and_the_worst_are_kept() -> None:
-    trials = [trial(fault(zero_s=0.001 * (n % 50 + 1)), seed=n, told=True) for n in range(200)]
-    ((campaign,), _) = campaigns([*trials[:60], trial(fault(zero_s=3.0), seed=999, told=True), *trials[60:]])
+    trials = [trial(fault(zero_s=0.001 * (n % 50 + 1)), seed=n, with_timeline=True) for n in range(200)]
+    ((campaign,), _) = campaigns(
+        [*trials[:60], trial(fault(zero_s=3.0), seed=999, with_timeline=True), *trials[60:]]
+    )
     figures = campaign.find("teleop_sigkill")
     assert figures is not None
-    assert len(figures.told) <= 40
-    worst = figures.told_near(3.0)
+    assert len(figures.with_timeline) <= 40
+    worst = figures.timeline_near(3.0)
     assert worst is not None
     assert worst.seed == 999
 
 
 def test_a_large_campaign_makes_a_small_page(tmp_path: Path) -> None:
-    line = trial(fault(), broken=["x" * 1000], told=True).line() + "\n"
+    line = trial(fault(), broken=["x" * 1000], with_timeline=True).line() + "\n"
     file = tmp_path / "trials.jsonl"
     file.write_text(line * 2000)
     write_report([file], tmp_path / "out.html")
@@ -378,12 +380,12 @@ def test_a_rate_has_two_digits_that_count(rate: float, words: str) -> None:
 
 
 def test_a_timeline_that_says_nothing_of_the_fault_is_not_drawn() -> None:
-    one = trial(fault(at_s=50.0), told=True)
+    one = trial(fault(at_s=50.0), with_timeline=True)
     assert timeline(one, one.faults[0]) == ""
 
 
 def test_a_stop_too_short_for_its_words_is_drawn_all_the_same() -> None:
-    one = trial(fault(at_s=4.0), told=True)
+    one = trial(fault(at_s=4.0), with_timeline=True)
     brief = tuple(
         s.model_copy(update={"reasons": ("OVERRUN",) if 4.05 < s.time_s < 4.15 else ()}) for s in one.timeline
     )

@@ -7,7 +7,7 @@ import pytest
 
 from deploy.campaign.real.injectors.plans import real_classes
 from deploy.campaign.real.rig.stage import Route
-from deploy.campaign.real.runner import REVISION, TOLD_FIRST, Made, Orders, chosen, run, schedule, untried
+from deploy.campaign.real.runner import KEPT_TIMELINES, REVISION, Made, Orders, chosen, run, schedule, untried
 from deploy.campaign.real.trial_run import planned, routes
 from deploy.campaign.trial import BrokenPromise, Injected, Sample, Trial
 from deploy.stack.errors import DeployError
@@ -133,7 +133,7 @@ def test_nothing_is_missing_of_a_campaign_that_is_all_there() -> None:
 # --- timelines
 
 
-def _told(seed: int, to_zero_s: float | None, *, broken: bool = False) -> Trial:
+def _timelines(seed: int, to_zero_s: float | None, *, broken: bool = False) -> Trial:
     """A trial with its timeline, as the stage returns it."""
     sample = Sample(time_s=1.0, commanded=(0.5, 0.0), permitted=(0.5, 0.0), true=(0.5, 0.0), clearance_m=1.0)
     promise = BrokenPromise(promise=2, time_s=1.0, sentence="it drove on")
@@ -149,16 +149,16 @@ def _told(seed: int, to_zero_s: float | None, *, broken: bool = False) -> Trial:
 def test_the_first_trials_the_longest_so_far_and_the_broken_ones_keep_their_timelines() -> None:
     made = Made([])
     times_s = [0.2, 0.1, 0.15, None, 0.2, 0.21, 0.205, None, 0.21, 0.22]
-    kept = [bool(made.add(_told(seed, time_s)).timeline) for seed, time_s in enumerate(times_s)]
-    assert kept == [True] * TOLD_FIRST + [False, True, False, False, False, True]
-    assert made.add(_told(20, 0.01, broken=True)).timeline
+    kept = [bool(made.add(_timelines(seed, time_s)).timeline) for seed, time_s in enumerate(times_s)]
+    assert kept == [True] * KEPT_TIMELINES + [False, True, False, False, False, True]
+    assert made.add(_timelines(20, 0.01, broken=True)).timeline
     assert [trial.seed for trial in made.trials] == [*range(10), 20]
 
 
 def test_a_campaign_that_goes_on_knows_what_the_file_tells_already() -> None:
     before = Made([])
-    there = [before.add(_told(seed, 0.2)) for seed in range(TOLD_FIRST + 3)]
+    there = [before.add(_timelines(seed, 0.2)) for seed in range(KEPT_TIMELINES + 3)]
     made = Made(there)
-    assert not made.add(_told(10, 0.2)).timeline
-    assert made.add(_told(11, 0.3)).timeline
-    assert Made([]).add(_told(10, 0.2)).timeline
+    assert not made.add(_timelines(10, 0.2)).timeline
+    assert made.add(_timelines(11, 0.3)).timeline
+    assert Made([]).add(_timelines(10, 0.2)).timeline
