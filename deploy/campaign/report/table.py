@@ -23,7 +23,8 @@ def print_results(trials: Sequence[Trial], console: Console | None = None) -> No
     table = Table(box=None, header_style="bold", pad_edge=False)
     table.add_column("fault", no_wrap=True)
     for title in COLUMNS:
-        table.add_column(title, justify="left" if title == "detected by" else "right", no_wrap=True)
+        is_text = title == "detected by"  # wraps if the console is narrow; numbers never do
+        table.add_column(title, justify="left" if is_text else "right", no_wrap=not is_text)
     for one in figures_of(trials):
         table.add_row(one.name, *_cells(one))
     console.print(table)

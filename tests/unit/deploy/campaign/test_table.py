@@ -131,6 +131,22 @@ def test_the_table_shows_the_times_and_every_broken_promise_with_its_replay(
     assert "nan" not in printed
 
 
+def test_on_a_narrow_console_the_detectors_wrap_and_every_number_is_whole(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    faults = [
+        Injected(
+            fault="pair", time_s=1.0, detector=name, to_zero_s=1.2345, to_standstill_s=1.5, distance_m=0.4
+        )
+        for name in ("COMMAND_TIMEOUT", "COMMAND_INVALID", "base: COMMAND_TIMEOUT")
+    ]
+    print_results([trial(fault, mode="real") for fault in faults], Console(width=130, force_terminal=True))
+    printed = capsys.readouterr().out
+    assert "1234.5 ms" in printed
+    assert "COMMAND_INVALID" in printed
+    assert "…" not in printed
+
+
 def test_a_story_tells_everything_in_order() -> None:
     lines = list(story(trial(killed(0.5), broken=True)))
     assert "seed 5" in lines[0]
