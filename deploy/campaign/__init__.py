@@ -1,6 +1,6 @@
 """The fault campaign: every class of fault, at random moments, with the promises checked on every sample.
 
-classes.py     the table of faults: what is done, to which process, what must detect it, and how soon
+classes.py     the table of faults: what is done, to which process, what is expected to detect it, and how soon
 demands.py     what must follow from a fault, and when (pure)
 attacks.py     messages of a client that ignores the protocol (pure); writers.py scans of a second lidar (pure)
 seen.py        observations of a run from outside: commands, statuses, the true motion

@@ -1,7 +1,7 @@
 """The table of fault classes: the fault, the affected process, the stop reasons that detect it, and the time limit.
 
 The limit is the time from the fault to zero on `cmd_vel`; if the supervisor itself fails, the time until the base
-brakes. A class without a limit must be harmless: the robot may drive on.
+brakes. Without a limit, no stop time is required; the effect may still require a stop.
 """
 
 from dataclasses import dataclass
