@@ -59,6 +59,11 @@ def test_a_class_counts_over_all_trials() -> None:
     assert (one.stop.median, one.stop.worst, one.distance.worst, one.clearance_m) == (0.002, 0.004, 0.1, 0.3)
 
 
+def test_a_campaign_without_trials_has_no_figures_and_a_trial_without_faults_no_class() -> None:
+    assert figures_of([]) == []
+    assert class_of(trial()) == ""
+
+
 def test_two_faults_close_together_are_a_pair_and_apart_are_not() -> None:
     assert [one.name for one in figures_of([trial(killed(1.0), killed(2.9))])] == ["pair"]
     assert [one.name for one in figures_of([trial(killed(1.0), killed(3.1))])] == ["teleop_sigkill"]
