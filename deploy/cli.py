@@ -38,7 +38,7 @@ def lifeline(
 
 
 path_app = typer.Typer(
-    help="Drive the robot along a path. Any stop and any key of teleop pause it; Enter continues.",
+    help="Drive the robot along a path. A stop or a key press in teleop pauses it; Enter continues. A motion command of teleop always takes over.",
     no_args_is_help=True,
 )
 app.add_typer(path_app, name="path")
@@ -477,7 +477,7 @@ def _exit_with(run: Callable[[], int]) -> NoReturn:
         extra = missing_extra(error)
         if extra is None:
             raise
-        print(f"lifeline: this needs the simulation: {how_to_install(extra)}", file=sys.stderr)
+        print(f"lifeline: this needs an extra: {how_to_install(extra)}", file=sys.stderr)
         code = EXIT_REFUSED
     except KeyboardInterrupt as interrupt:
         code = getattr(interrupt, "exit_code", 130)

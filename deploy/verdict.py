@@ -1,4 +1,4 @@
-"""Verdicts on the design's promises: bound, measurement and outcome."""
+"""Verdicts on the promises: bound, measurement and outcome."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class Verdict:
     """A line of the demo's table."""
 
     number: int
-    """Number of the promise in section 4 of the design."""
+    """Number of the promise; deploy/campaign/promises.py lists them."""
     promise: str
     bound: str
     measured: str

@@ -11,7 +11,7 @@ def main() -> None:
         extra = missing_extra(error)
         if extra is None:
             raise
-        refuse("sim", f"this needs the simulation: {how_to_install(extra)}")
+        refuse("sim", f"this needs an extra: {how_to_install(extra)}")
     run()
 
 

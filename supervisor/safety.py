@@ -636,7 +636,7 @@ def _decide(
     scale, block, useful = 1.0, None, _useful(commanded, config)
     if not reasons and commanded != STANDSTILL:
         worth = config.creep_m_s / max(config.creep_m_s, _hull_speed(commanded, config))
-        scale, block = _barrier(state, _seen_by_now(state, now_s, usable), useful, worth)
+        scale, block = _barrier(state, _known_points(state, now_s, usable), useful, worth)
         scale = 0.0 if scale < worth else scale
         if block is not None and _is_confirmed(state, block):
             state = _stop_at(state, now_s, block, _reason_of(block))
@@ -644,7 +644,7 @@ def _decide(
     elif reasons & BARRIER_REASONS and usable and commanded != STANDSTILL:
         useful_m_s = RELEASED_FACTOR * config.creep_m_s
         worth = useful_m_s / max(useful_m_s, _hull_speed(commanded, config))
-        block = _barrier(state, _seen_by_now(state, now_s, usable), useful, worth)[1]
+        block = _barrier(state, _known_points(state, now_s, usable), useful, worth)[1]
     if block is not None:
         causes |= {_reason_of(block)}
     output = STANDSTILL
@@ -656,17 +656,17 @@ def _decide(
     return state, _explain(state, now_s, reasons, causes, block, commanded, scale, reply)
 
 
-class Seen(NamedTuple):
-    """Points that were seen from one pose, and the barrier that applies to them."""
+class KnownPoints(NamedTuple):
+    """Points that are known from one pose, seen or hidden, and the barrier that applies to them."""
 
     around: Surroundings
-    """The points in the base frame at the pose from which they were seen."""
+    """The points in the base frame at that pose."""
     here: Surroundings | None
     """The points in the present base frame by odometry; None if the robot has hardly moved since."""
     barrier: Barrier
 
 
-def _seen_by_now(state: State, now_s: float, usable: Usable) -> list[Seen]:
+def _known_points(state: State, now_s: float, usable: Usable) -> list[KnownPoints]:
     """Return all known points: seen, remembered and hidden."""
     shown: list[tuple[Place, float]] = []
     for _, scan in usable:
@@ -675,10 +675,10 @@ def _seen_by_now(state: State, now_s: float, usable: Usable) -> list[Seen]:
         shown.append((Place(scan.view.pose, scan.around), reaction_s))
     slowest_s = max(reaction_s for _, reaction_s in shown)
     shown.extend((place, slowest_s) for place in state.places)
-    return [_seen(state, now_s, place, reaction_s) for place, reaction_s in shown]
+    return [_known_from(state, now_s, place, reaction_s) for place, reaction_s in shown]
 
 
-def _seen(state: State, now_s: float, place: Place, reaction_s: float) -> Seen:
+def _known_from(state: State, now_s: float, place: Place, reaction_s: float) -> KnownPoints:
     config, around = state.config, place.around
     barrier = Barrier(
         stop_distance_m=config.stop_distance_m,
@@ -688,11 +688,11 @@ def _seen(state: State, now_s: float, place: Place, reaction_s: float) -> Seen:
     )
     way = displacement(state.odometer, place.pose, now_s)
     here = None if way is None else survey(around.hull, moved(around.points, way), around.kind)
-    return Seen(around, here, barrier)
+    return KnownPoints(around, here, barrier)
 
 
 def _barrier(
-    state: State, seen: Sequence[Seen], commanded: Velocity, worth: float
+    state: State, known: Sequence[KnownPoints], commanded: Velocity, worth: float
 ) -> tuple[float, Block | None]:
     """Return the permitted share of the commanded twist, and the blocking point if the share is below `worth`.
 
@@ -702,29 +702,29 @@ def _barrier(
     reach its command on one axis before the other; a point that such a twist closes on does block.
     """
     config, following = state.config, state.following
-    scale, block = _permitted(seen, commanded, worth)
+    scale, block = _permitted(known, commanded, worth)
     measured = None if state.odometry is None else state.odometer.velocity
     for has in possible_twists(following, measured):
         for mixed in mixtures(has, commanded, config.residual):
-            scale = min(scale, _permitted(seen, mixed, worth)[0])
+            scale = min(scale, _permitted(known, mixed, worth)[0])
         if is_on_another_arc(has, commanded, config.hull.radius_m, config.residual.linear_m_s):
-            present, _ = _permitted(seen, has, worth)
+            present, _ = _permitted(known, has, worth)
             scale = 0.0 if present < PRESENT_SHARE else scale
     passed = Velocity(scale * commanded.linear_m_s, scale * commanded.angular_rad_s)
     lagging = lags(following.least if measured is None else measured, passed, config.residual)
-    shares = [_permitted(seen, twist, worth) for twist in lagging]
+    shares = [_permitted(known, twist, worth) for twist in lagging]
     share, blocking = min(shares, key=itemgetter(0), default=(1.0, None))
     return scale * share, block or blocking
 
 
-def _permitted(seen: Sequence[Seen], twist: Velocity, worth: float) -> tuple[float, Block | None]:
+def _permitted(known: Sequence[KnownPoints], twist: Velocity, worth: float) -> tuple[float, Block | None]:
     """Return the share of a twist that all points permit, and the blocking point.
 
     A scan shows where objects were when it was taken. The points are also transformed into the present base frame by
     odometry. The lower of the two shares counts, because odometry may be wrong. The path ahead begins at the
     present pose.
     """
-    shares = (permitted_scale(s.around, *twist, s.barrier, s.here, worth=worth) for s in seen)
+    shares = (permitted_scale(s.around, *twist, s.barrier, s.here, worth=worth) for s in known)
     return min(shares, key=itemgetter(0))
 
 

@@ -49,7 +49,7 @@ def news(view: View) -> News:
         return News("WAITING", f"nothing heard from the supervisor at {endpoint}", step, Tone.CAUTION)
     if is_silent(view):
         what = f"silent for {view.status_age_s:.1f} s; the base brakes by itself"
-        return News("NO SUPERVISOR", what, "wait for it, or start it again", Tone.STOP)
+        return News("NO SUPERVISOR", what, "wait for it, or restart it", Tone.STOP)
     match status.mode:
         case SafetyStatus.STOPPED:
             return _stopped(view, status)
@@ -61,7 +61,7 @@ def news(view: View) -> News:
             return _limited(view, status)
         case unknown:
             what = f"the supervisor reports mode {unknown}, which this program does not know"
-            return News("UNKNOWN", what, "run the same version of both", Tone.STOP)
+            return News("UNKNOWN", what, "run the same version of Lifeline on both sides", Tone.STOP)
 
 
 def next_step(view: View, reason: str) -> str:

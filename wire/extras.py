@@ -2,7 +2,14 @@
 
 from importlib.util import find_spec
 
-EXTRAS = {"gamepad": ("evdev",), "sim": ("mujoco", "PIL"), "video": ("av",)}
+EXTRAS = {
+    "foxglove": ("foxglove",),
+    "gamepad": ("evdev",),
+    "metrics": ("prometheus_client",),
+    "sim": ("mujoco", "PIL"),
+    "video": ("av",),
+    "view": ("rerun",),
+}
 
 
 def missing_extra(error: ImportError) -> str | None:

@@ -85,7 +85,7 @@ WORDS: Mapping[StopReason, Words] = {
         step="check the lidar, NEUTRAL",
     ),
     StopReason.SCAN_STALE: Words(
-        now="no scan has come yet",
+        now="no fresh scan comes",
         over="no fresh scan came",
         caption="no fresh scan",
         step="wait for the lidar, NEUTRAL",

@@ -189,7 +189,7 @@ def _wire(
     )
 
 
-def _real_sensor(
+def _lidar(
     name: str,
     does: str,
     detectors: tuple[str, ...],
@@ -251,8 +251,8 @@ SILENT_OR_LOST = (*SILENT, "SOURCE_LOST")
 GONE = ("SOURCE_LOST", "NO_COMMAND")
 """NO_COMMAND if the source sent zero before its token was deleted, else SOURCE_LOST."""
 BASE_ALONE = ("base: SUPERVISOR_LOST", "base: COMMAND_TIMEOUT")
-UNSEEN = ("SCAN_STALE", "SCAN_INVALID")
-NOT_SEEN = ("OBSTACLE", "SCAN_BLIND")
+NO_VALID_SCAN = ("SCAN_STALE", "SCAN_INVALID")
+BARRIER = ("OBSTACLE", "SCAN_BLIND")
 
 CUT = Effect.TELEOP_SILENT
 CUT_BASE = Effect.BLIND | Effect.BASE_HOLDS
@@ -322,11 +322,11 @@ CLASSES = (
     _sim("scan_silent", "no scans arrive", BLINDED, ("SCAN_STALE",), BLIND_BOUND_S),
     _sim("scan_rate", "scans arrive at a low rate", Effect.SENSOR, ("SCAN_STALE",), None),
     _sim("odom_gone", "no odometry arrives", Effect.SENSOR, (), None, 6),
-    _real_sensor("dirt", "1 to 20° of NaN straight ahead, with a pillar inside", NOT_SEEN, None, 6),
-    _real_sensor("dropout", "the nearest object is missing from 2 to 30 % of the scans", NOT_SEEN, None, 6),
-    _real_sensor("short", "a range of 0.5 to 1 m, as range_max says", NOT_SEEN, None, 6),
-    _real_sensor("stray", "single false readings near the hull", (), None, 8, Kind.UNHINDERED),
-    _real_sensor(
+    _lidar("dirt", "1 to 20° of NaN straight ahead, with a pillar inside", BARRIER, None, 6),
+    _lidar("dropout", "the nearest object is missing from 2 to 30 % of the scans", BARRIER, None, 6),
+    _lidar("short", "a range of 0.5 to 1 m, as range_max says", BARRIER, None, 6),
+    _lidar("stray", "single false readings near the hull", (), None, 8, Kind.UNHINDERED),
+    _lidar(
         "frozen_no_odom",
         "the same scan is repeated, and no odometry arrives",
         ("ODOM_STALE", "SCAN_INVALID"),
@@ -334,7 +334,7 @@ CLASSES = (
         5,
         Kind.STOPPED,
     ),
-    _real_sensor(
+    _lidar(
         "frozen_odom_zero",
         "the same scan is repeated, and odometry reports a standstill",
         ("BASE_UNRESPONSIVE", "SCAN_INVALID"),
@@ -488,7 +488,7 @@ CLASSES = (
         Group.SUPERVISORD,
         "a child that ends at each start",
         "sim",
-        UNSEEN,
+        NO_VALID_SCAN,
         None,
         8,
         virtual=False,

@@ -25,9 +25,9 @@ SLOW_S = 1.0
 
 TOLERANCE_M = 0.01
 HELD_M = 0.03
-"""Way at the permitted speed in 0.15 s more, less the way that the base gains by braking harder than trusted."""
+"""Distance that a speed once permitted covers in 0.15 s more, less what the base gains by braking harder than trusted."""
 BARRIER_M_S = 0.5
-"""Highest speed that the barrier permits where a delay of 0.25 s matters."""
+"""Highest speed that the barrier permits near an object, where 0.25 s of delay decides."""
 
 
 class _Window(NamedTuple):

@@ -1,4 +1,13 @@
-"""The promises of the design's section 4, checked on every sample of a run. Pure.
+"""The promises of Lifeline, checked on every sample of a run. Pure.
+
+1. `cmd_vel` is never outside the limits, never NaN, and never non-zero while a stop reason holds.
+2. Teleop is killed: zero on `cmd_vel` within 10 ms.
+3. Teleop hangs or its link is cut: zero within the command timeout and one tick.
+4. The supervisor is killed: the base brakes within 10 ms; it hangs: within the base's timeout.
+5. Scans are missing or invalid: zero within 0.25 s and one tick.
+6. By its own motion, the hull comes no closer to anything than the stop distance less 1 cm.
+7. After every stop, nothing moves before a neutral command.
+8. After every fault, the robot becomes drivable again by a neutral command alone.
 
 The consequences that a fault requires are given as `Demand`s: when zero must be commanded, when the base must brake,
 or when the robot must be drivable again.
@@ -23,7 +32,7 @@ SURPRISE_S = 1.5
 NOTICED_M = 0.001
 """Smaller motions between two samples count as standstill."""
 SUDDEN_M = 0.05
-"""No mover covers this way between two samples; a larger change means that an object was placed."""
+"""No person or forklift moves this far between two samples; a larger change means that an object was placed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +181,7 @@ def _moved_unasked(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
         age_s = _age_s(wishes, command.arrival_s)
         is_late = not command.is_zero and age_s > bounds.asked_age_s
         if is_late and not is_reported:
-            sentence = f"the robot moves by a request that is {age_s:.3f} s old"
+            sentence = f"the robot moves on a request that is {age_s:.3f} s old"
             yield Violation(3, command.arrival_s, sentence)
         is_reported = is_late
 
@@ -183,7 +192,7 @@ def _set_off_unasked(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
     for (_, before), (at_s, is_driven) in itertools.pairwise(seen.driven):
         age_s = _age_s(wishes, at_s)
         if is_driven and not before and age_s > bounds.asked_age_s:
-            yield Violation(3, at_s, f"the base starts by a request that is {age_s:.3f} s old")
+            yield Violation(3, at_s, f"the base starts to move on a request that is {age_s:.3f} s old")
 
 
 def _wishes_s(asked: Sequence[Asked]) -> list[float]:
@@ -306,9 +315,9 @@ def _moved_without_neutral(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
 
 
 def _stops(statuses: Sequence[Status]) -> Iterator[tuple[float, tuple[str, ...], Status]]:
-    """Yield each stop that requires a neutral command: its begin, its reasons, and the status that ends it.
+    """Yield each stop that requires a neutral command: its beginning, its reasons, and the status that ends it.
 
-    A stop of a robot without a stop before concerns all sources. A reason that appears during a stop concerns the source
+    A stop that begins while the robot is not stopped concerns all sources. A reason that appears during a stop concerns the source
     that the status names, because another source may show its own reasons.
     """
     everybody: tuple[float, tuple[str, ...]] | None = None
@@ -402,7 +411,7 @@ def _hindered(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]
 MOMENT_S = 0.12
 """The duration of two scans and a status."""
 NOTHING_NEAR_M = 0.15
-"""Farther than the stop distance by this, the robot is clear of everything."""
+"""Nothing is near if the clearance exceeds the stop distance by this much."""
 
 
 # --- windows of time

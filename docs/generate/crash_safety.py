@@ -104,7 +104,7 @@ def table(mode: str, campaign: Campaign | None) -> str:
         *_origin(campaign),
         verdict(campaign),
         "",
-        "| fault | what is done | n | detected by | bound | p50 | p99 | longest | late | way | nearest | broken |",
+        "| fault | what is done | n | detected by | bound | p50 | p99 | longest | late | distance | nearest | broken |",
         "|---|---|--:|---|--:|--:|--:|--:|--:|--:|--:|--:|",
         *(_row(one) for one in campaign.classes()),
     ]
@@ -140,7 +140,7 @@ def _row(one: ClassFigures) -> str:
 def _detectors(one: ClassFigures) -> str:
     meant = ", ".join(f"`{name}` {count:,}" for name, count in one.detectors)
     others = sum(count for _, count, _ in one.others)
-    return meant + (f"{'; ' if meant else ''}another first {others:,}" if others else "")
+    return meant + (f"{'; ' if meant else ''}other detectors {others:,}" if others else "")
 
 
 def _safe(text: str) -> str:

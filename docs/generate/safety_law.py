@@ -82,7 +82,7 @@ REASONS: Mapping[StopReason, Reason] = {
         "(navigation2 #4555).",
     ),
     StopReason.SENSOR_CONFLICT: Reason(
-        "each of two writers was heard twice within a moment on one sensor's key; the status names both",
+        "each of two writers was heard twice within a short time on one sensor's key; the status names both",
         "A subscriber gets the samples of every writer: those of two drivers, or of a driver and a recording, mix. "
         "ROS 2 counts the publishers of a topic, but no node stops because of the count.",
     ),

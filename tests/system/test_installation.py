@@ -229,7 +229,7 @@ def test_installed_without_extras_a_command_that_simulates_names_the_extra_in_on
     assert done.returncode == EXIT_REFUSED
     assert done.stdout == ""
     assert done.stderr.startswith(
-        f"{'sim' if module else 'lifeline'}: this needs the simulation: install lifeline[sim], "
+        f"{'sim' if module else 'lifeline'}: this needs an extra: install lifeline[sim], "
         "with `uv tool install '.[sim]'`"
     )
     assert done.stderr.count("\n") == 1

@@ -143,7 +143,7 @@ def _table(classes: Sequence[ClassFigures], mode: str) -> Iterator[str]:
     yield (
         '<div class="wide"><table><thead><tr><th class="l">fault</th><th>n</th><th class="l">noticed by</th>'
         '<th>bound<br>[ms]</th><th colspan="3">to zero<br>p50, p99, max [ms]</th><th>beyond<br>bound</th>'
-        f'{wheels}<th colspan="2">to standstill<br>p50, max [ms]</th><th colspan="2">way<br>p50, max [cm]</th>'
+        f'{wheels}<th colspan="2">to standstill<br>p50, max [ms]</th><th colspan="2">distance<br>p50, max [cm]</th>'
         "<th>smallest<br>clearance [cm]</th><th>contacts</th><th>trials that<br>broke a promise</th><th>at most,<br>95 %</th>"
         "</tr></thead><tbody>"
     )
@@ -252,17 +252,18 @@ def _again(one: ClassFigures, mode: str, case: Case) -> str:
 def _how_to_read() -> Iterator[str]:
     yield (
         "<h2>How to read this</h2><ul>"
-        "<li><b>to zero</b>: from the fault to the first zero on cmd_vel of a stop that lasts; where the supervisor is "
-        "what broke, to the base braking by itself. Counted are stops by a detector that is meant for the class; others "
-        "stand beside it as <i>or first by</i>.</li>"
-        "<li><b>beyond bound</b> knows no leeway. A trial breaks a promise only beyond a leeway: 5 ms on the virtual "
-        "clock, 50 ms and more (the record says how much) on a real machine, whose scheduler gives no timing guarantee.</li>"
-        "<li><b>p99</b> needs 100 stops to be one; with fewer, look at the longest.</li>"
-        "<li><b>way</b>: along the ground, from the fault to the standstill; from different speeds.</li>"
-        "<li><b>smallest clearance, contacts</b>: of every trial with this fault, whoever moved. People and forklifts may "
-        "walk into a robot that stands; only what it does by its own motion is a broken promise.</li>"
+        "<li><b>to zero</b>: from the fault to the first zero on cmd_vel of a stop that lasts; if the supervisor is at "
+        "fault, until the base brakes by itself. Only stops by a detector that is meant for the class count; the others "
+        "are listed as <i>or first by</i>.</li>"
+        "<li><b>beyond bound</b>: stops that took longer than the bound, without tolerance. A promise is broken only beyond a "
+        "tolerance: 5 ms on the virtual clock; on a real machine, whose scheduler guarantees no times, 50 ms or more, "
+        "as each record says.</li>"
+        "<li><b>p99</b>: meaningful from 100 stops on; with fewer, look at the longest.</li>"
+        "<li><b>distance</b>: distance driven from the fault to standstill; the speeds differ.</li>"
+        "<li><b>smallest clearance, contacts</b>: over all trials with this fault, whoever moved. People and forklifts "
+        "may run into a robot at rest; only contact by the robot's own motion breaks a promise.</li>"
         "<li><b>at most</b>: the exact upper bound of Clopper and Pearson, one-sided, 95 %; without a broken promise "
-        "1 − 0.05<sup>1/n</sup>, about 3/n. It speaks of trials drawn like these, not of the world.</li>"
-        "<li><b>n</b> is how often the fault was done. A short one needs no stop, and a robot that stood already shows none. "
-        "Two within 2 s of each other count as a pair.</li></ul>"
+        "1 − 0.05<sup>1/n</sup>, about 3/n. It holds for trials drawn like these, not for the world.</li>"
+        "<li><b>n</b> is how often the fault was injected. A short fault needs no stop, and a robot at rest shows none. "
+        "Two faults within 2 s of each other count as a pair.</li></ul>"
     )

@@ -100,7 +100,7 @@ def test_a_source_whose_last_command_was_invalid_is_lost_when_its_token_goes() -
     assert "SOURCE_LOST" in told(law.tick(("teleop", None), liveliness=lost()))[0]
 
 
-def test_what_is_mended_within_one_step_is_latched_at_once() -> None:
+def test_a_cause_that_ends_within_its_step_is_latched_at_once() -> None:
     law = Law()
     law.drive()
     assert told(law.tick(("teleop", FORWARD), liveliness=lost() + back())) == (set(), {"SOURCE_LOST"})
@@ -222,7 +222,7 @@ def test_without_a_valid_scan_nothing_says_that_the_obstacle_is_still_there(*, u
         assert told(law.decision) == ({"SCAN_STALE"}, {"OBSTACLE"})
 
 
-def test_where_nobody_looks_is_a_cause_until_somebody_does() -> None:
+def test_motion_into_a_gap_of_the_scan_is_a_cause_until_the_gap_is_filled() -> None:
     law = Law()
     law.ranges = ring()
     law.ranges[120:241] = np.nan
@@ -256,7 +256,7 @@ def test_the_scans_problem_is_the_detail_of_an_invalid_scan() -> None:
         max_size=40,
     )
 )
-def test_causes_and_latched_always_part_the_reasons(events: list[tuple[object, str]]) -> None:
+def test_each_reason_is_either_a_cause_or_latched(events: list[tuple[object, str]]) -> None:
     law = Law()
     for velocity, event in events:
         law.now_s += 0.2 if event == "late" else 0.0
@@ -317,7 +317,7 @@ def test_what_the_barrier_stops_for_is_a_cause_beside_every_other() -> None:
     assert told(decision) == ({"ESTOP", "OBSTACLE"}, set())
 
 
-def test_of_two_things_that_stop_it_alike_what_is_seen_is_named_before_what_may_be_hidden() -> None:
+def test_of_a_seen_and_a_hidden_point_that_stop_it_equally_the_seen_one_is_named() -> None:
     law = Law()
     law.ranges = ring(ahead_m=0.4)
     law.ranges[200:230] = math.nan
@@ -325,7 +325,7 @@ def test_of_two_things_that_stop_it_alike_what_is_seen_is_named_before_what_may_
     assert law.hold(0.1, ("teleop", FORWARD)).reasons == (StopReason.OBSTACLE,)
 
 
-def test_what_the_barrier_would_stop_for_is_no_cause_of_another_stop() -> None:
+def test_the_barrier_adds_no_cause_to_another_stop() -> None:
     law = Law()
     law.drive()
     law.ranges = ring(ahead_m=0.5)

@@ -104,7 +104,7 @@ def test_a_scan_that_does_not_cover_a_point_neither_counts_nor_forgives_misses()
     assert remember(point(misses=3), view_of(dirty), Mount()).misses.tolist() == [3]
 
 
-def test_what_a_ray_was_filled_with_disproves_nothing() -> None:
+def test_a_ray_filled_from_an_earlier_scan_disproves_nothing() -> None:
     """A direction that is filled from an earlier scan is no new evidence."""
     view = view_of(room(NO_RETURN))
     explained_s = view.explained_s.copy()
@@ -176,7 +176,7 @@ def test_a_point_is_found_however_the_lidar_is_turned(yaw_rad: float, bearing_ra
     assert left(earlier, ranges, Mount(yaw_rad=yaw_rad)) == []
 
 
-def test_each_of_several_points_has_its_own_fate() -> None:
+def test_each_of_several_points_is_judged_by_itself() -> None:
     """Ahead: shown by a beam beside it; left: passed by every beam; right: covered; behind: not covered."""
     ranges = room()
     ranges[AHEAD + 2] = 1.0

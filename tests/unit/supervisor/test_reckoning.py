@@ -63,7 +63,7 @@ def test_silent_odometry_holds_for_so_long_and_no_longer() -> None:
     assert displacement(odometer, origin, 9.0) is None
 
 
-def test_a_displacement_is_told_in_the_frame_of_then() -> None:
+def test_a_displacement_is_expressed_in_the_earlier_frame() -> None:
     then = Pose(1.0, 2.0, math.pi / 2)
     odometer = Odometer(Pose(1.0 - 0.3, 2.0 + 0.5, math.pi / 2 + 0.2))
     assert displacement(odometer, then, 0.0) == pytest.approx((0.5, 0.3, 0.2))
@@ -74,7 +74,7 @@ def test_a_displacement_is_told_in_the_frame_of_then() -> None:
 
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_next_to_nothing_is_no_displacement(axis: int, sign: float) -> None:
+def test_less_than_a_millimetre_or_milliradian_is_no_displacement(axis: int, sign: float) -> None:
     then, moved = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
     moved[axis] = sign * 1e-3
     assert displacement(Odometer(Pose(*moved)), Pose(*then), 0.0) is not None

@@ -87,7 +87,7 @@ def test_a_command_goes_stale_just_after_its_timeout() -> None:
     [(True, StopReason.COMMAND_TIMEOUT), (False, StopReason.SCAN_STALE)],
     ids=["commands end", "scans end"],
 )
-def test_a_motion_runs_out_at_the_moment_that_is_told_beforehand(
+def test_a_motion_ends_at_the_time_that_was_predicted(
     *, scanning: bool, reason: StopReason, begin_s: float
 ) -> None:
     law = Law(now_s=begin_s)
@@ -181,7 +181,7 @@ def test_a_senseless_command_stops_also_when_a_good_one_follows_in_the_same_step
     assert law.tick(("teleop", FORWARD)).output == STANDSTILL
 
 
-def test_a_reset_is_not_hindered_for_ever_by_a_source_that_fell_silent() -> None:
+def test_a_source_that_fell_silent_does_not_prevent_a_reset_forever() -> None:
     """A source without a token, dead at speed."""
     law = Law()
     law.drive()
@@ -467,7 +467,7 @@ def test_a_teleop_that_is_killed_and_started_anew_drives_again_soon_after_its_ne
     assert law.decision.output == STANDSTILL, "the run before has ended for good"
 
 
-def test_scan_arrivals_between_ticks_do_not_disturb_the_order_of_things() -> None:
+def test_a_scan_and_a_command_that_arrive_together_between_ticks_both_count() -> None:
     law = Law(scanning=False)
     law.now_s += TICK_S
     neutral = Command("teleop", NEUTRAL, law.now_s - 0.001)

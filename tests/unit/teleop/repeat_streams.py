@@ -123,7 +123,7 @@ def _moving(detector: Detector, presses: Presses) -> list[float]:
 def table() -> list[str]:
     """Return the table in Markdown."""
     rows = [
-        "| | keyboard | starts after | stands again | runs on | a tap runs on |",
+        "| | keyboard | starts after | stops again for | moves after the release | after a tap |",
         "|---|---|---|---|---|---|",
     ]
     for way, detector in WAYS:

@@ -58,7 +58,7 @@ def test_of_two_held_keys_the_released_one_leaves_the_other() -> None:
     assert happen(subject, ("l", RELEASE)) == NEUTRAL
 
 
-def test_a_turn_tapped_on_the_way_leaves_the_way() -> None:
+def test_after_a_tapped_turn_the_held_forward_key_goes_on() -> None:
     assert happen(pilot(), ("up", PRESS), ("left", PRESS), ("left", RELEASE)) == Velocity(0.5, 0.0)
 
 
@@ -121,14 +121,14 @@ def test_a_level_holds_the_speed_down_at_once() -> None:
     assert happen(subject, ("5", PRESS), at_s=1.1) == Velocity(0.5, 1.0)
 
 
-def test_the_note_says_which_of_the_two_it_is_and_how_fast() -> None:
+def test_the_note_names_the_method_and_the_speeds() -> None:
     assert pilot().note == "releases reported: 0.50 m/s, 1.00 rad/s"
     assert pilot(releases=False).note == "by key repeat: 0.50 m/s, 1.00 rad/s"
     assert pilot().explanation.startswith("the terminal reports")
     assert pilot(releases=False).explanation.startswith("no key releases")
 
 
-def test_a_change_of_what_the_terminal_tells_lets_go() -> None:
+def test_a_terminal_that_ends_reporting_releases_releases_all_keys() -> None:
     subject = pilot()
     happen(subject, ("i", PRESS))
     subject.rely_on_releases(reported=True)
@@ -183,7 +183,7 @@ def test_where_releases_are_told_it_moves_only_by_keys_that_are_down(
 
 
 @given(st.lists(st.tuples(st.sampled_from([*MOTIONS, "k", "q"]), st.floats(0.0, 0.3)), max_size=60))
-def test_where_they_are_not_it_never_moves_without_a_repeat_of_late(stream: list[tuple[str, float]]) -> None:
+def test_without_releases_it_never_moves_without_a_recent_repeat(stream: list[tuple[str, float]]) -> None:
     subject, now_s, longest_s = pilot(releases=False), 0.0, 0.275
     for key, gap_s in stream:
         later_s = now_s + gap_s

@@ -5,14 +5,14 @@ import math
 from teleop.pulse import ANSWER_LIMIT_S, TRIES, Pulse
 
 
-def test_a_terminal_that_never_answered_is_not_held_to_it() -> None:
+def test_a_terminal_that_never_answered_is_never_lost() -> None:
     pulse = Pulse()
     for n in range(50):
         pulse.ask(n / 10)
     assert not pulse.is_lost(5.0)
 
 
-def test_nor_is_it_asked_for_ever() -> None:
+def test_a_terminal_that_never_answers_is_asked_a_limited_number_of_times() -> None:
     pulse = Pulse()
     for n in range(TRIES):
         assert pulse.is_worth_asking
@@ -22,7 +22,7 @@ def test_nor_is_it_asked_for_ever() -> None:
     assert pulse.is_worth_asking
 
 
-def test_one_that_answered_is_lost_just_after_the_limit() -> None:
+def test_a_terminal_that_answered_is_lost_just_after_the_limit() -> None:
     pulse = Pulse()
     pulse.ask(0.0)
     pulse.answer(0.0)

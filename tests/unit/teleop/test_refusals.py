@@ -30,18 +30,18 @@ def told(
 
 
 @pytest.mark.parametrize("grown", [{"epoch": 2}, {"sequence": 2}, {"epoch": 1, "sequence": 1}], ids=str)
-def test_it_is_told_after_a_while_of_refusals_alone_and_after_each_further_one(grown: dict[str, int]) -> None:
+def test_half_a_second_of_refusals_alone_is_reported_and_each_further_half(grown: dict[str, int]) -> None:
     assert told(Refusals(), **grown) == pytest.approx([0.5, 1.0, 1.5])
 
 
 @pytest.mark.parametrize(
     "grown", [{}, {"accepted": 2}, {"accepted": 1, "epoch": 2}, {"accepted": 1, "sequence": 2}], ids=str
 )
-def test_nothing_is_told_while_somebody_is_heard_or_nothing_is_refused(grown: dict[str, int]) -> None:
+def test_nothing_is_reported_while_a_source_is_accepted_or_nothing_is_refused(grown: dict[str, int]) -> None:
     assert told(Refusals(), **grown) == []
 
 
-def test_the_while_ends_exactly_at_its_end() -> None:
+def test_refusals_are_reported_exactly_at_the_limit() -> None:
     for time_s, is_told in ((LOCKED_OUT_S, True), (math.nextafter(LOCKED_OUT_S, 0.0), False)):
         refusals = Refusals()
         assert not refusals.all_refused(OWN, 0.0)

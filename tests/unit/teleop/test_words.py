@@ -199,7 +199,7 @@ def test_the_one_at_fault_is_a_source_where_nobody_owns_the_wheels() -> None:
 
 
 def test_a_cause_without_its_number_is_still_a_sentence() -> None:
-    assert said(stopped("SCAN_STALE")).what == "no scan has come yet"
+    assert said(stopped("SCAN_STALE")).what == "no fresh scan comes"
     assert said(stopped("SCAN_INVALID")).what.endswith("proves nothing: no usable beams")
     assert said(stopped("OBSTACLE")).what == "too close for this motion"
     assert said(stopped("OBSTACLE", nearest_m=0.3)).what.endswith("motion: 0.30 m")
