@@ -3,18 +3,18 @@
 import os
 import sys
 import traceback
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import Annotated, NoReturn
 
 import typer
 
-from deploy.stack.errors import EXIT_REFUSED, DeployError
-from wire.extras import how_to_install, missing_extra, require
-
-if TYPE_CHECKING:
-    from deploy.stack.launch import Launch
+from deploy.command import Config, Endpoint, StatePath
+from deploy.command import exit_with as _exit_with
+from deploy.command import running as _running
+from deploy.command import say as _say
+from deploy.inspection.commands import graph, node_app, topic_app
+from wire.extras import require
 
 app = typer.Typer(
     name="lifeline",
@@ -42,27 +42,10 @@ path_app = typer.Typer(
     no_args_is_help=True,
 )
 app.add_typer(path_app, name="path")
+app.add_typer(topic_app, name="topic")
+app.add_typer(node_app, name="node")
+app.command()(graph)
 
-Config = Annotated[
-    Path | None,
-    typer.Option("--config", metavar="FILE", help="Configuration file. Default: deploy/robot.toml."),
-]
-Endpoint = Annotated[
-    str | None,
-    typer.Option(
-        "--endpoint",
-        metavar="tcp/HOST:PORT",
-        help="Address on which the supervisor listens. Default: the one in the configuration.",
-    ),
-]
-StatePath = Annotated[
-    Path | None,
-    typer.Option(
-        "--state-dir",
-        metavar="DIR",
-        help="Directory of the logs, the black boxes and the e-stop record. Default: $LIFELINE_STATE_DIR, else .lifeline in the checkout or ~/.local/state/lifeline.",
-    ),
-]
 Speed = Annotated[
     float, typer.Option("--speed", min=0.05, max=1.0, metavar="V", help="Maximum speed in m/s.")
 ]
@@ -451,37 +434,6 @@ def path_follow(
         drive(absolute(poses) if in_place else relative(poses), launch, speed)
 
     _exit_with(run)
-
-
-def _running(config: Path | None, endpoint: str | None, state_dir: Path | None) -> "Launch":
-    """Return the connection settings from the command line, else the running stack, else the configuration."""
-    from deploy.stack.launch import Launch  # noqa: PLC0415
-    from deploy.stack.statedir import StateDir  # noqa: PLC0415
-
-    running = Launch.running(StateDir.choose(state_dir)) if config is None and endpoint is None else None
-    return running or Launch.read(config, endpoint)
-
-
-def _say(sentence: str) -> None:
-    print(f"lifeline: {sentence}", flush=True)
-
-
-def _exit_with(run: Callable[[], int]) -> NoReturn:
-    """Run a command and exit with its code; print each error that the operator can correct as one sentence."""
-    try:
-        code = run()
-    except DeployError as error:
-        print(f"lifeline: {error}", file=sys.stderr)
-        code = EXIT_REFUSED
-    except ModuleNotFoundError as error:
-        extra = missing_extra(error)
-        if extra is None:
-            raise
-        print(f"lifeline: this needs an extra: {how_to_install(extra)}", file=sys.stderr)
-        code = EXIT_REFUSED
-    except KeyboardInterrupt as interrupt:
-        code = getattr(interrupt, "exit_code", 130)
-    raise typer.Exit(code)
 
 
 def main() -> NoReturn:

@@ -37,6 +37,7 @@ async def main() -> None:
             await asyncio.sleep(PERIOD_S)
     finally:
         commands.put(planar_twist(0.0, 0.0))  # zero before leaving: the source is not reported as lost
+        await asyncio.sleep(PERIOD_S)  # Zenoh sends the end of the session before samples that still wait
         await bus.close()
 
 

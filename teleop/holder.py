@@ -30,6 +30,8 @@ ASK_LIMIT_S = 1.0
 SILENT_LIMIT_S = 1.0
 """How long to wait for others that do not answer; longer than the lease of a dead program's link."""
 POLL_S = 0.02
+SENDING_S = 0.05
+"""Time for sending a sample or the end of a token. Zenoh sends the end of a token before samples that still wait."""
 
 
 class HeldError(Exception):
@@ -72,6 +74,14 @@ class Holder:
         if self._token is not None:
             self._token.withdraw()
             self._token = None
+
+    async def leave(self) -> None:
+        """Withdraw the token after the zero that was just sent, so that the source is not reported as lost."""
+        try:
+            if self.holds:
+                await asyncio.sleep(SENDING_S)
+        finally:
+            self.release()
 
     async def _until_nobody_else(self) -> None:
         clock = asyncio.get_running_loop().time

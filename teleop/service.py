@@ -18,7 +18,7 @@ from typing import Protocol
 
 from teleop.bell import WarningBell
 from teleop.controls import command_for
-from teleop.holder import HeldError, Holder
+from teleop.holder import SENDING_S, HeldError, Holder
 from teleop.keymap import Command
 from teleop.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity
 from teleop.rate import TOLERANCE_S, Rate
@@ -37,8 +37,6 @@ HANG_S = 0.15
 SCREEN_LIMIT_S = 0.5
 """Stop the robot when the terminal has not accepted output for this long: the operator does not see the screen."""
 RESET_TIMEOUT_S = 1.0
-SENDING_S = 0.05
-"""Time for sending the last zero before the process is suspended."""
 MIN_GAP_S = 0.01
 """Minimum time between two commands without a key press: a gamepad's stick sends a thousand events per second."""
 KEPT_EVENTS = 50
@@ -184,11 +182,11 @@ class Teleop:
             try:
                 self._let_go()
             finally:
-                self._release()
+                await self._leave()
 
     async def _suspend(self) -> None:
         self._let_go()
-        self._release()
+        await self._leave()
         await asyncio.sleep(SENDING_S)
         self._screen.suspend()
         self._suspending = False
@@ -228,9 +226,9 @@ class Teleop:
             f"supervisor's with --source NAME{others}, or look on with --view-only"
         )
 
-    def _release(self) -> None:
+    async def _leave(self) -> None:
         if self._holder is not None:
-            self._holder.release()
+            await self._holder.leave()
 
     async def _drive(self, stop: asyncio.Event) -> None:
         loop = asyncio.get_running_loop()

@@ -54,6 +54,16 @@ class RawArrival(NamedTuple):
     arrival_s: float
 
 
+class Overheard(NamedTuple):
+    """One sample of any key, as received bytes, for inspection tools."""
+
+    key: str
+    """The full key, including the namespace."""
+    payload: bytes
+    attachment: bytes | None
+    arrival_s: float
+
+
 @dataclass(frozen=True, slots=True)
 class Arrival(Generic[M]):
     """One decoded sample, with its arrival time by the loop's clock [s] and its sender's stamp."""

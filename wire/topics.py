@@ -79,6 +79,9 @@ ALIVE_PREFIX = "alive"
 SUPERVISOR, TELEOP, SIM = "supervisor", "teleop", "sim"
 """The node names of the three processes."""
 
+ANYONE = ("anyone", "tests, tools")
+"""The writers of topics that any program may write."""
+
 ONLY_SUPERVISOR_WRITES = (CMD_VEL.key, STATUS.key)
 """Keys that the hub refuses from any other client."""
 

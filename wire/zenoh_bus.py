@@ -27,6 +27,7 @@ from wire.bus import (
     Inbox,
     LivelinessChange,
     NoReplyError,
+    Overheard,
     ServiceHandler,
     Subscription,
 )
@@ -101,6 +102,8 @@ def _settings(config: BusConfig, role: Role) -> zenoh.Config:
     if role == "hub":
         values["listen/endpoints"] = [config.endpoint]
         values["access_control"] = _access_control(config.namespace)
+        # The hub answers which session declares what (docs/decisions/0042); it is read-only.
+        values["adminspace"] = {"enabled": True, "permissions": {"read": True, "write": False}}
     else:
         values["connect/endpoints"] = [config.endpoint]
         values["connect/timeout_ms"] = (
@@ -338,6 +341,52 @@ class ZenohBus:
             attachment: any bytes; None: no attachment.
         """
         self._session.put(key, payload, attachment=attachment)
+
+    @property
+    def session_id(self) -> str:
+        """Zenoh's id of this session."""
+        return str(self._session.info.zid())
+
+    def overhear(self, expression: str, *, depth: int, wake: asyncio.Event | None = None) -> Inbox[Overheard]:
+        """Return an inbox for the samples of all keys that an expression matches, such as `robot/**`.
+
+        Raises:
+            BusError: it is not a key expression.
+        """
+        inbox: Inbox[Overheard] = Inbox(depth, wake)
+
+        def on_sample(sample: zenoh.Sample) -> None:
+            attachment = sample.attachment
+            inbox.push(
+                Overheard(
+                    str(sample.key_expr),
+                    sample.payload.to_bytes(),
+                    None if attachment is None else attachment.to_bytes(),
+                    time.monotonic(),
+                )
+            )
+
+        try:
+            subscriber = self._session.declare_subscriber(
+                expression, _direct(on_sample), allowed_origin=zenoh.Locality.REMOTE
+            )
+        except zenoh.ZError as error:
+            raise BusError(f"{expression!r} is not a key: {_first_line(error)}") from error
+        self._declared.append(subscriber)
+        return inbox
+
+    async def declarations(self, *, timeout_s: float = 1.0) -> dict[str, bytes]:
+        """Return the hub's report of all sessions and their declarations, by key of Zenoh's admin space."""
+
+        def ask() -> dict[str, bytes]:
+            replies = self._session.get("@/**", timeout=timeout_s)
+            return {
+                str(reply.ok.key_expr): reply.ok.payload.to_bytes()
+                for reply in replies
+                if reply.ok is not None
+            }
+
+        return await _in_thread(ask)
 
     async def close(self) -> None:
         """Close the session; abandon the close after `CLOSE_LIMIT_S` if a stopped peer blocks it."""

@@ -3,8 +3,7 @@
 import asyncio
 
 from deploy.stack.errors import DeployError
-from wire.bus import Bus
-from wire.zenoh_bus import BusConfig, open_bus
+from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
 
 CONNECT_LIMIT_S = 2.0
 
@@ -13,7 +12,7 @@ class NotRunningError(DeployError):
     """No supervisor answers at the endpoint."""
 
 
-async def reach(config: BusConfig, stop: asyncio.Event) -> Bus | None:
+async def reach(config: BusConfig, stop: asyncio.Event) -> ZenohBus | None:
     """Open the bus; return None if `stop` is set first.
 
     Raises:

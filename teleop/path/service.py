@@ -197,7 +197,7 @@ class PathService:
             try:
                 self._ask(NEUTRAL)
             finally:
-                self._holder.release()
+                await self._holder.leave()
         if self._phase is _Phase.DRIVING:
             self._drive.driving_s += loop.time() - self._since_s
         if self._course is not None:

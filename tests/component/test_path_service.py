@@ -365,7 +365,7 @@ async def test_being_told_to_end_leaves_a_zero_and_no_token() -> None:
     async with rig.supervisor(), rig.sim(plant), driving(rig, here(square(1.0))) as run:
         await run.until(lambda: plant.true_velocity.linear_m_s > 0.3)
         run.stop.set()
-        drive = await run.at_its_end(0.1)
+        drive = await run.at_its_end(0.2)
         assert drive.ending is Ending.INTERRUPTED
         assert drive.driving_s > 0.3
 

@@ -1,0 +1,82 @@
+"""Names of topics as users write them, and the types behind their keys. Pure."""
+
+import re
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from wire import topics
+from wire.topics import Topic
+
+SOURCE, LIDAR = "<source>", "<lidar>"
+"""The placeholders in the table of topics."""
+SEGMENT = re.compile(r"[A-Za-z0-9_.\-]+")
+
+
+def full_key(name: str, namespace: str) -> str:
+    """Return the full key of a name: `cmd_vel`, `/robot/cmd_vel` and `robot/cmd_vel` are `robot/cmd_vel`.
+
+    A name with a leading slash is absolute, as in ROS 2; any other name is relative to the namespace, unless it begins
+    with it.
+    """
+    key = name.strip().strip("/")
+    if name.strip().startswith("/") or key == namespace or key.startswith(f"{namespace}/"):
+        return key
+    return f"{namespace}/{key}"
+
+
+def is_key(key: str) -> bool:
+    """Return whether this is a key without wildcards that the commands accept."""
+    return len(key) <= 255 and all(SEGMENT.fullmatch(part) for part in key.split("/"))
+
+
+def known_topics(sources: Iterable[str], lidars: Iterable[str]) -> Iterator[Topic[Any]]:
+    """Yield all topics of a robot with these command sources and lidar topics."""
+    for topic in topics.TOPICS:
+        if SOURCE in topic.key:
+            yield from (topics.source_cmd_vel(source) for source in sources)
+        elif topic.key == LIDAR:
+            yield from (topics.lidar_scan(lidar) for lidar in lidars if lidar != topics.SCAN.key)
+        else:
+            yield topic
+
+
+def by_full_key(namespace: str, sources: Iterable[str], lidars: Iterable[str]) -> dict[str, Topic[Any]]:
+    """Return all topics of a robot by full key."""
+    return {f"{namespace}/{topic.key}": topic for topic in known_topics(sources, lidars)}
+
+
+def topic_of(key: str, namespace: str, known: dict[str, Topic[Any]]) -> Topic[Any] | None:
+    """Return the topic of a full key; None if its type is unknown. Commands of unconfigured sources are Twists too."""
+    if key in known:
+        return known[key]
+    relative = key.removeprefix(f"{namespace}/")
+    source = topics.source_of(relative) if relative != key else None
+    return None if source is None else topics.source_cmd_vel(source)
+
+
+def matches(expression: str, key: str) -> bool:
+    """Return whether a Zenoh key expression matches a key; `**` stands for any number of parts, `*` for one."""
+    if not expression:
+        return not key
+    first, _, rest = expression.partition("/")
+    if first == "**":
+        tails = [key]
+        while tails[-1]:
+            tails.append(tails[-1].partition("/")[2])
+        return any(matches(rest, tail) for tail in tails)
+    part, _, left = key.partition("/")
+    return bool(part) and _matches_part(first, part) and matches(rest, left)
+
+
+def _matches_part(expression: str, part: str) -> bool:
+    if expression == "*":
+        return not part.startswith("@")
+    before, wildcard, after = expression.partition("$*")
+    if not wildcard:
+        return expression == part
+    return (
+        part.startswith(before)
+        and any(_matches_part(after, part[n:]) for n in range(len(before), len(part) + 1))
+        if after
+        else part.startswith(before)
+    )

@@ -1,0 +1,86 @@
+"""Finds the process at the other end of a TCP connection of this machine, from /proc (Linux).
+
+The hub reports the address of each client, and the kernel knows which process has this address. A process therefore
+cannot hide its pid or claim another one. Sockets of other users' processes are visible only to root.
+"""
+
+import ipaddress
+import os
+import re
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+LISTEN = "0A"
+SOCKET = re.compile(r"socket:\[(\d+)\]")
+
+
+@dataclass(frozen=True, slots=True)
+class Process:
+    """A running process of this machine."""
+
+    pid: int
+    arguments: tuple[str, ...]
+    """Its command line."""
+    uptime_s: float
+
+
+def processes_at(addresses: set[str]) -> dict[str, Process]:
+    """Return the process that owns each of these local addresses (`127.0.0.1:37276`), as far as they can be found."""
+    inodes = {inode: address for address, inode in _sockets() if address in addresses}
+    found: dict[str, Process] = {}
+    for pid, inode in _open_sockets():
+        if inode in inodes and (process := _process(pid)) is not None:
+            found.setdefault(inodes[inode], process)
+    return found
+
+
+def _sockets() -> Iterator[tuple[str, str]]:
+    """Yield the local address and the inode of each TCP socket; a listening socket's comes last."""
+    listening: list[tuple[str, str]] = []
+    for table in ("tcp", "tcp6"):
+        with suppress(OSError):
+            for line in Path(f"/proc/self/net/{table}").read_text().splitlines()[1:]:
+                fields = line.split()
+                entry = _address(fields[1]), fields[9]
+                if fields[3] == LISTEN:
+                    listening.append(entry)
+                else:
+                    yield entry
+    yield from listening
+
+
+def _address(field: str) -> str:
+    """Return an address of /proc/net/tcp, such as `0100007F:1D17`, as `127.0.0.1:7447`."""
+    host, port = field.split(":")
+    words = [int(host[n : n + 8], 16).to_bytes(4, "little") for n in range(0, len(host), 8)]
+    address = ipaddress.ip_address(b"".join(words))
+    mapped = address.ipv4_mapped if isinstance(address, ipaddress.IPv6Address) else None
+    shown = mapped or address
+    return f"[{shown}]:{int(port, 16)}" if shown.version == 6 else f"{shown}:{int(port, 16)}"
+
+
+def _open_sockets() -> Iterator[tuple[int, str]]:
+    """Yield the pid and the inode of each socket that a process has open."""
+    for entry in Path("/proc").iterdir():
+        if not entry.name.isdecimal():
+            continue
+        with suppress(OSError):
+            for descriptor in (entry / "fd").iterdir():
+                with suppress(OSError):
+                    match = SOCKET.fullmatch(str(descriptor.readlink()))
+                    if match is not None:
+                        yield int(entry.name), match[1]
+
+
+def _process(pid: int) -> Process | None:
+    """Return a process; None if it has ended."""
+    try:
+        arguments = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
+        # The name in parentheses may contain spaces; the start time is the 20th field after it.
+        ticks = int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[19])
+        uptime_s = float(Path("/proc/uptime").read_text().split()[0]) - ticks / os.sysconf("SC_CLK_TCK")
+    except (OSError, ValueError, IndexError):
+        return None
+    return Process(pid, tuple(os.fsdecode(one) for one in arguments if one), uptime_s)

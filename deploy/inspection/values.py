@@ -1,0 +1,196 @@
+"""Messages as plain values: as YAML, as CSV, one field of them, and back from YAML. Pure."""
+
+import csv
+import dataclasses
+import io
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, cast
+
+import numpy as np
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from wire.messages import Bool, M, Message, Point, Twist, Vector3
+
+MAX_YAML = 4096
+"""Longest accepted YAML text, in characters."""
+
+
+class ValueRefusedError(ValueError):
+    """A field or a YAML text does not fit the message; the message says why."""
+
+
+def plain_value(value: object) -> Any:  # noqa: ANN401 - the nesting depends on the message
+    """Return a message or a part of it as dicts, lists, numbers and strings."""
+    if dataclasses.is_dataclass(value):
+        names = (field.name for field in dataclasses.fields(value))
+        return {name: plain_value(getattr(value, name)) for name in names if not name.startswith("__")}
+    if isinstance(value, np.ndarray):
+        return cast("list[Any]", value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [plain_value(one) for one in cast("Sequence[object]", value)]
+    return printable(value) if isinstance(value, str) else value
+
+
+def printable(text: str) -> str:
+    """Replace control characters, so that no payload can control the terminal."""
+    return "".join(char if char.isprintable() else "?" for char in text)
+
+
+def select(value: object, path: str) -> object:
+    """Return one field of a plain value: `linear.x`, `ranges.0`, `sources.1.name`.
+
+    Raises:
+        ValueRefusedError: there is no such field.
+    """
+    at: object = value
+    for part in path.split("."):
+        if isinstance(at, dict):
+            fields = cast("dict[str, object]", at)
+            if part not in fields:
+                raise ValueRefusedError(
+                    f"there is no field {part!r}; there are {', '.join(fields) or 'none'}"
+                )
+            at = fields[part]
+        elif isinstance(at, list):
+            items = cast("list[object]", at)
+            if not part.isdecimal() or int(part) >= len(items):
+                raise ValueRefusedError(f"{part!r} is not an index of a list with {len(items)} items")
+            at = items[int(part)]
+        else:
+            raise ValueRefusedError(f"there is no field {part!r} in a single value")
+    return at
+
+
+def to_yaml(value: object) -> str:
+    """Return a plain value as YAML, with short lists of numbers on one line."""
+    if isinstance(value, (str, int, float, bool)):
+        return f"{_scalar(value)}\n"
+    yaml = YAML()
+    yaml.default_flow_style = None
+    yaml.width = 120
+    yaml.sort_base_mapping_type_on_output = False  # pyright: ignore[reportAttributeAccessIssue]
+    stream = io.StringIO()
+    yaml.dump(value, stream)
+    return stream.getvalue()
+
+
+def _scalar(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float) and not math.isfinite(value):
+        return ".nan" if math.isnan(value) else ".inf" if value > 0 else "-.inf"
+    return str(value)
+
+
+def leaves(value: object, prefix: str = "") -> Iterator[tuple[str, object]]:
+    """Yield the path and the value of each single value in a plain value."""
+    if isinstance(value, dict):
+        for name, one in cast("dict[str, object]", value).items():
+            yield from leaves(one, f"{prefix}.{name}" if prefix else name)
+    elif isinstance(value, list):
+        for number, one in enumerate(cast("list[object]", value)):
+            yield from leaves(one, f"{prefix}.{number}" if prefix else str(number))
+    else:
+        yield prefix, value
+
+
+def csv_line(values: Sequence[object]) -> str:
+    """Return a line of CSV."""
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator="").writerow(values)
+    return stream.getvalue()
+
+
+def defaults_of(message_type: type[M]) -> M:
+    """Return a message with zeros, of one of the types that may be published from the command line.
+
+    Raises:
+        ValueRefusedError: messages of this type cannot be published from the command line.
+    """
+    zeros: dict[type[Any], Message] = {
+        Twist: Twist(Vector3(0.0, 0.0, 0.0), Vector3(0.0, 0.0, 0.0)),
+        Bool: Bool(data=False),
+        Point: Point(0.0, 0.0, 0.0),
+    }
+    if message_type not in zeros:
+        raise ValueRefusedError(f"{message_type.__msgtype__} cannot be published from the command line")
+    return cast("M", zeros[message_type])
+
+
+def from_yaml(text: str, message_type: type[M]) -> M:
+    """Return a message from YAML such as `{linear: {x: 0.1}}`; fields that are not given are zero.
+
+    Raises:
+        ValueRefusedError: it is not YAML, or a field does not fit the type.
+    """
+    if len(text) > MAX_YAML:
+        raise ValueRefusedError(f"the text is longer than {MAX_YAML} characters")
+    try:
+        # The pure safe loader makes no objects, and aliases cannot grow what a fixed set of fields reads.
+        value: object = YAML(typ="safe", pure=True).load(text)
+    except (YAMLError, ValueError, RecursionError) as error:
+        first = str(error).splitlines()[0] if str(error) else "unreadable"
+        raise ValueRefusedError(f"this is not YAML: {printable(first)}") from error
+    return _filled(defaults_of(message_type), {} if value is None else value, message_type.__msgtype__)
+
+
+def _filled(default: M, value: object, where: str) -> M:
+    """Return a copy of a message with the values of a mapping."""
+    if not isinstance(value, Mapping):
+        example = ", ".join(f"{name}: …" for name in _fields(default))
+        raise ValueRefusedError(f"{where} needs a mapping such as {{{example}}}")
+    given = cast("Mapping[object, object]", value)
+    known = _fields(default)
+    for name in given:
+        if name not in known:
+            raise ValueRefusedError(f"{where} has no field {str(name)!r}; it has {', '.join(known)}")
+    new: dict[str, Any] = {}
+    for name, old in known.items():
+        if name not in given:
+            new[name] = old
+        elif dataclasses.is_dataclass(old):
+            new[name] = _filled(cast("Any", old), given[name], name)
+        else:
+            new[name] = _single(old, given[name], name)
+    return type(default)(**new)
+
+
+def _fields(message: Message) -> dict[str, Any]:
+    return {
+        field.name: getattr(message, field.name)
+        for field in dataclasses.fields(cast("Any", message))
+        if not field.name.startswith("__")
+    }
+
+
+def _single(old: object, value: object, name: str) -> object:
+    if isinstance(old, bool):
+        if isinstance(value, bool):
+            return value
+        raise ValueRefusedError(f"{name} is true or false")
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not _is_finite(value):
+        raise ValueRefusedError(f"{name} is a finite number")
+    return float(value)
+
+
+def _is_finite(value: float) -> bool:
+    try:
+        return math.isfinite(float(value))
+    except OverflowError:
+        return False
+
+
+def number(value: float) -> float | None:
+    """Return a number for JSON: rounded to 1e-6, None instead of NaN and infinity."""
+    return round(value, 6) if math.isfinite(value) else None
+
+
+def finite(value: object) -> object:
+    """Return a plain value for JSON: None instead of NaN and infinity."""
+    if isinstance(value, dict):
+        return {name: finite(one) for name, one in cast("dict[str, object]", value).items()}
+    if isinstance(value, list):
+        return [finite(one) for one in cast("list[object]", value)]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
