@@ -172,6 +172,29 @@ def watch(
 
 
 @app.command()
+def metrics(
+    *,
+    listen: Annotated[
+        str,
+        typer.Option(
+            "--listen", metavar="HOST:PORT", help="Address to serve HTTP on; port 0 chooses a free one."
+        ),
+    ] = "127.0.0.1:9464",
+    config: Config = None,
+    endpoint: Endpoint = None,
+    state_dir: StatePath = None,
+) -> None:
+    """Serve counters and timings of a robot to Prometheus, until Ctrl-C."""
+
+    def run() -> int:
+        from deploy.metrics import metrics as serve  # noqa: PLC0415
+
+        serve(_running(config, endpoint, state_dir), listen)
+
+    _exit_with(run)
+
+
+@app.command()
 def demo(
     *,
     quick: Annotated[bool, typer.Option("--quick", help="Repeat each fault less often.")] = False,
