@@ -116,6 +116,68 @@ def status(
 
 
 @app.command()
+def watch(
+    *,
+    endpoint: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--endpoint",
+            metavar="tcp/HOST:PORT",
+            help="Address on which a supervisor listens; repeat for several robots.",
+        ),
+    ] = None,
+    config: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--config", metavar="FILE", help="Configuration file of a robot; repeat for several robots."
+        ),
+    ] = None,
+    state_dir: StatePath = None,
+    as_json: Annotated[
+        bool,
+        typer.Option("--json", help="Print JSON lines, as on a pipe: at least one per second per robot."),
+    ] = False,
+    once: Annotated[
+        bool, typer.Option("--once", help="Print one row per robot and exit: 0 if all answer, 1 or 3 if not.")
+    ] = False,
+) -> None:
+    """Show a live table of one or several robots until Ctrl-C."""
+
+    def run() -> int:
+        from deploy.watch import launches  # noqa: PLC0415
+        from deploy.watch import watch as show  # noqa: PLC0415
+
+        named = config or endpoint
+        robots = launches(config or (), endpoint or ()) if named else [_running(None, None, state_dir)]
+        show(robots, as_json=as_json, once=once)
+
+    _exit_with(run)
+
+
+@app.command()
+def metrics(
+    *,
+    listen: Annotated[
+        str,
+        typer.Option(
+            "--listen", metavar="HOST:PORT", help="Address to serve HTTP on; port 0 chooses a free one."
+        ),
+    ] = "127.0.0.1:9464",
+    config: Config = None,
+    endpoint: Endpoint = None,
+    state_dir: StatePath = None,
+) -> None:
+    """Serve counters and timings of a robot to Prometheus, until Ctrl-C."""
+
+    def run() -> int:
+        from deploy.metrics import metrics as serve  # noqa: PLC0415
+
+        serve(_running(config, endpoint, state_dir), listen)
+
+    _exit_with(run)
+
+
+@app.command()
 def demo(
     *,
     quick: Annotated[bool, typer.Option("--quick", help="Repeat each fault less often.")] = False,

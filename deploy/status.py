@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from deploy.estop import RESET, latched_sentence
+from deploy.reading import COLOURS, mode_name, nearest, number, printable, speed
 from deploy.stack import supervisord
 from deploy.stack.errors import EXIT_NOT_RUNNING
 from deploy.stack.launch import Launch
@@ -28,9 +28,7 @@ EXIT_PARTLY = 1
 
 NODES = (topics.SUPERVISOR, topics.SIM, topics.TELEOP)
 NEEDED = (topics.SUPERVISOR, topics.SIM)
-MODES = ("STOPPED", "READY", "DRIVING", "LIMITED")
 ESTOP = "ESTOP"
-COLOURS = {"STOPPED": "bold red", "READY": "green", "DRIVING": "bold green", "LIMITED": "yellow"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +53,7 @@ class Look:
 
     @property
     def mode(self) -> str | None:
-        return None if self.status is None else MODES[min(self.status.mode, len(MODES) - 1)]
+        return None if self.status is None else mode_name(self.status)
 
     @property
     def twist(self) -> Twist | None:
@@ -78,17 +76,12 @@ class Look:
             "warning": status.warning if status else None,
             "alarm": status.alarm if status else None,
             "estop_record_problem": status.estop_record_problem if status else None,
-            "linear_m_s": _number(twist.linear.x if twist else None),
-            "angular_rad_s": _number(twist.angular.z if twist else None),
-            "nearest_m": _number(status.nearest_m if status else None),
-            "nearest_bearing_rad": _number(status.nearest_bearing_rad if status else None),
+            "linear_m_s": number(twist.linear.x if twist else None),
+            "angular_rad_s": number(twist.angular.z if twist else None),
+            "nearest_m": number(status.nearest_m if status else None),
+            "nearest_bearing_rad": number(status.nearest_bearing_rad if status else None),
         }
         return json.dumps(document, indent=2)
-
-
-def _number(value: float | None) -> float | None:
-    """Return None for NaN and infinity, which JSON cannot represent."""
-    return None if value is None or not math.isfinite(value) else round(value, 4)
 
 
 def show_status(state: StateDir, launch: Launch, *, as_json: bool) -> int:
@@ -155,8 +148,8 @@ def table(look: Look) -> Table | Text:
             table.add_row("e-stop", f"latched until reset, even after a restart: {RESET}")
         if status.estop_record_problem:
             table.add_row("e-stop record", Text(status.estop_record_problem, style="bold red"))
-        table.add_row("speed", _speed(look.twist))
-        table.add_row("nearest", _nearest(status.nearest_m, status.nearest_bearing_rad))
+        table.add_row("speed", speed(look.twist) if look.twist else "unknown: no odometry")
+        table.add_row("nearest", nearest(status.nearest_m, status.nearest_bearing_rad, " from the hull"))
     return table
 
 
@@ -165,32 +158,7 @@ def _why(status: SafetyStatus) -> Iterator[tuple[str, str]]:
     causes, latched = status.causes_and_latched()
     if causes:
         detail = f": {status.detail}" if status.detail else ""
-        yield "causes", _printable(f"{', '.join(causes)}{detail}")
+        yield "causes", printable(f"{', '.join(causes)}{detail}")
     if latched:
         hint = "" if causes else ": no longer present; press s in teleop to drive again"
-        yield "latched", _printable(f"{', '.join(latched)}{hint}")
-
-
-def _printable(text: str) -> str:
-    """Replace control characters, so that no payload can control the terminal."""
-    return "".join(char if char.isprintable() else "?" for char in text)
-
-
-def _speed(twist: Twist | None) -> str:
-    if twist is None:
-        return "unknown: no odometry"
-    # Adding zero turns −0.0 into 0.0.
-    return f"{round(twist.linear.x, 2) + 0.0:.2f} m/s, {round(twist.angular.z, 2) + 0.0:.2f} rad/s"
-
-
-def _nearest(distance_m: float, bearing_rad: float) -> str:
-    if not math.isfinite(distance_m):
-        return "unknown"
-    degrees = round(math.degrees(bearing_rad))
-    if abs(degrees) < 10:
-        where = "ahead"
-    elif abs(degrees) > 170:
-        where = "behind"
-    else:
-        where = f"{abs(degrees)}° to the {'left' if degrees > 0 else 'right'}"
-    return f"{distance_m:.2f} m from the hull, {where}"
+        yield "latched", printable(f"{', '.join(latched)}{hint}")

@@ -1,0 +1,54 @@
+"""How the commands print what a robot reports: mode, speed and nearest distance, as text and as JSON numbers."""
+
+import math
+
+from wire.messages import SafetyStatus, Twist
+
+MODES = ("STOPPED", "READY", "DRIVING", "LIMITED")
+"""The modes of SafetyStatus, in the order of their numbers."""
+
+COLOURS = {"STOPPED": "bold red", "READY": "green", "DRIVING": "bold green", "LIMITED": "yellow"}
+
+HEARD_LIMIT_S = 1.0
+"""A robot counts as heard while its last status is not older; at least ten statuses arrive in this period."""
+
+
+def mode_name(status: SafetyStatus) -> str:
+    """Return the name of the mode; an unknown mode of a newer supervisor has the last name."""
+    return MODES[min(status.mode, len(MODES) - 1)]
+
+
+def printable(text: str) -> str:
+    """Replace control characters, so that no payload can control the terminal."""
+    return "".join(char if char.isprintable() else "?" for char in text)
+
+
+def number(value: float | None) -> float | None:
+    """Return None for NaN and infinity, which JSON cannot represent."""
+    return None if value is None or not math.isfinite(value) else round(value, 4)
+
+
+def speed(twist: Twist) -> str:
+    """Format the forward velocity [m/s] and the turn rate [rad/s]."""
+    # Adding zero turns −0.0 into 0.0.
+    return f"{round(twist.linear.x, 2) + 0.0:.2f} m/s, {round(twist.angular.z, 2) + 0.0:.2f} rad/s"
+
+
+def direction(bearing_rad: float) -> str:
+    """Format a bearing, counter-clockwise from ahead; empty if it is not finite."""
+    if not math.isfinite(bearing_rad):
+        return ""
+    degrees = round(math.degrees(bearing_rad))
+    if abs(degrees) < 10:
+        return "ahead"
+    if abs(degrees) > 170:
+        return "behind"
+    return f"{abs(degrees)}° to the {'left' if degrees > 0 else 'right'}"
+
+
+def nearest(distance_m: float, bearing_rad: float, origin: str = "") -> str:
+    """Format the distance and direction of the nearest point; `origin` follows the distance."""
+    if not math.isfinite(distance_m):
+        return "unknown"
+    where = direction(bearing_rad)
+    return f"{distance_m:.2f} m{origin}{f', {where}' if where else ''}"

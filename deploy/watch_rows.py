@@ -1,0 +1,162 @@
+"""The rows of `lifeline watch`: what is known of each robot at a moment, as a table and as JSON lines."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from rich.table import Table
+from rich.text import Text
+
+from deploy.reading import COLOURS, HEARD_LIMIT_S, mode_name, nearest, number, printable, speed
+from wire.messages import Odometry, SafetyStatus, Twist
+
+LINE_PERIOD_S = 0.85
+"""Maximum time between two JSON lines of a robot; with the period of the look (0.1 s) still below 1 s."""
+
+COLUMNS = ("robot", "mode", "reasons", "owner", "speed", "nearest", "link")
+NOTHING = "–"
+NO_SUPERVISOR = "no supervisor"
+
+
+@dataclass(slots=True)
+class Watched:
+    """What was last heard of one robot; times are arrival times by the monotonic clock [s]."""
+
+    namespace: str
+    endpoint: str
+    since_s: float
+    """When the watch began."""
+    status: SafetyStatus | None = None
+    status_s: float = 0.0
+    odometry: Odometry | None = None
+    odometry_s: float = 0.0
+    problem: str = ""
+    """Why no connection is possible; empty if it is."""
+
+
+class Row(NamedTuple):
+    """One robot at one moment; `status` and `twist` are None if they are missing or outdated."""
+
+    namespace: str
+    endpoint: str
+    status: SafetyStatus | None
+    twist: Twist | None
+    status_age_s: float | None
+    """None: no status was heard yet."""
+    link: str
+
+    @property
+    def mode(self) -> str | None:
+        return None if self.status is None else mode_name(self.status)
+
+
+def row_at(robot: Watched, now_s: float) -> Row:
+    """Return the row of a robot at `now_s`; what is older than `HEARD_LIMIT_S` is not shown as present."""
+    age_s = None if robot.status is None else max(0.0, now_s - robot.status_s)
+    heard = age_s is not None and age_s <= HEARD_LIMIT_S
+    recent = robot.odometry is not None and now_s - robot.odometry_s <= HEARD_LIMIT_S
+    return Row(
+        namespace=robot.namespace,
+        endpoint=robot.endpoint,
+        status=robot.status if heard else None,
+        twist=robot.odometry.twist.twist if robot.odometry is not None and recent else None,
+        status_age_s=age_s,
+        link=_link(robot, age_s, now_s),
+    )
+
+
+def _link(robot: Watched, age_s: float | None, now_s: float) -> str:
+    """Describe the connection: the age of the last status, or that no supervisor answers."""
+    if age_s is not None:
+        return f"{age_s:.1f} s" if age_s <= HEARD_LIMIT_S else f"{NO_SUPERVISOR} for {age_s:.0f} s"
+    if robot.problem:
+        return printable(robot.problem)
+    return NO_SUPERVISOR if now_s - robot.since_s > HEARD_LIMIT_S else "connecting"
+
+
+def to_json(row: Row, unix_time_s: float) -> str:
+    """Format a row as one line of JSON; unknown values are null."""
+    status, twist = row.status, row.twist
+    causes, latched = status.causes_and_latched() if status else (None, None)
+    document: dict[str, Any] = {
+        "unix_time_s": round(unix_time_s, 3),
+        "robot": f"{row.namespace}@{row.endpoint}",
+        "namespace": row.namespace,
+        "endpoint": row.endpoint,
+        "up": status is not None,
+        "mode": row.mode,
+        "reasons": None if causes is None or latched is None else [*causes, *latched],
+        "causes": causes,
+        "latched": latched,
+        "detail": status.detail if status else None,
+        "owner": status.owner if status else None,
+        "warning": status.warning if status else None,
+        "alarm": status.alarm if status else None,
+        "linear_m_s": number(twist.linear.x if twist else None),
+        "angular_rad_s": number(twist.angular.z if twist else None),
+        "nearest_m": number(status.nearest_m if status else None),
+        "nearest_bearing_rad": number(status.nearest_bearing_rad if status else None),
+        "status_age_s": number(row.status_age_s),
+        "link": row.link,
+    }
+    return json.dumps(document)
+
+
+def cells(row: Row) -> tuple[str, ...]:
+    """Return the text of each of `COLUMNS`, without control characters."""
+    robot = f"{row.namespace}@{row.endpoint}"
+    velocity = speed(row.twist) if row.twist else NOTHING
+    if row.status is None:
+        return robot, NOTHING, NOTHING, NOTHING, velocity, NOTHING, row.link
+    return (
+        robot,
+        row.mode or NOTHING,
+        printable(row.status.why()) or NOTHING,
+        printable(row.status.owner) or NOTHING,
+        velocity,
+        nearest(row.status.nearest_m, row.status.nearest_bearing_rad),
+        row.link,
+    )
+
+
+def table(rows: Iterable[Row]) -> Table:
+    """Format the rows as a table for the terminal."""
+    page = Table()
+    for name in COLUMNS:
+        page.add_column(name, overflow="fold")
+    for row in rows:
+        texts = [Text(text) for text in cells(row)]
+        if row.status is None:
+            texts[-1].stylize("bold red")
+        elif row.mode is not None:
+            texts[1].stylize(COLOURS[row.mode])
+        page.add_row(*texts)
+    return page
+
+
+class Lines:
+    """Decides when a robot's row is printed as a line: on a change of its status, and once per period.
+
+    Args:
+        began_s: when the watch began; without a status, the first line is due one period later.
+    """
+
+    def __init__(self, began_s: float) -> None:
+        self._printed_s = began_s
+        self._state: object = _state(None)
+
+    def due(self, row: Row, now_s: float) -> bool:
+        """Return whether the row must be printed now; the caller then prints it."""
+        state = _state(row.status)
+        if state == self._state and now_s - self._printed_s < LINE_PERIOD_S:
+            return False
+        self._printed_s, self._state = now_s, state
+        return True
+
+
+def _state(status: SafetyStatus | None) -> object:
+    """Return the part of a status that changes only with a decision, unlike distances and velocities."""
+    if status is None:
+        return None
+    return status.mode, *status.causes_and_latched(), status.owner, status.warning, status.alarm

@@ -1,0 +1,43 @@
+"""The texts that `lifeline status` and `lifeline watch` share."""
+
+import math
+
+import pytest
+
+from deploy.reading import direction, mode_name, nearest, number, speed
+from wire.messages import SafetyStatus, header, planar_twist
+
+
+@pytest.mark.parametrize(
+    ("bearing_rad", "text"),
+    [
+        (0.0, "ahead"),
+        (math.radians(9.4), "ahead"),
+        (math.radians(10.0), "10° to the left"),
+        (math.radians(-90.0), "90° to the right"),
+        (math.radians(170.0), "170° to the left"),
+        (-math.pi, "behind"),
+        (math.nan, ""),
+        (math.inf, ""),
+    ],
+)
+def test_a_direction_is_in_words(bearing_rad: float, text: str) -> None:
+    assert direction(bearing_rad) == text
+
+
+def test_a_distance_without_a_direction_is_a_distance_alone() -> None:
+    assert nearest(0.5, math.nan) == "0.50 m"
+    assert nearest(0.5, 0.0, " from the hull") == "0.50 m from the hull, ahead"
+    assert nearest(math.nan, 0.0) == "unknown"
+
+
+def test_a_mode_of_a_newer_supervisor_has_a_name() -> None:
+    assert mode_name(SafetyStatus(header("", 0), mode=200)) == "LIMITED"
+
+
+def test_a_velocity_has_no_negative_zero() -> None:
+    assert speed(planar_twist(-0.001, -0.001)) == "0.00 m/s, 0.00 rad/s"
+
+
+def test_what_json_cannot_represent_is_none() -> None:
+    assert [number(value) for value in (None, math.nan, -math.inf, 1.23456)] == [None, None, None, 1.2346]
