@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap
 from ruamel.yaml.error import YAMLError
 
 from wire.messages import Bool, M, Message, Point, Twist, Vector3
@@ -72,6 +73,9 @@ def to_yaml(value: object) -> str:
     yaml.width = 120
     yaml.sort_base_mapping_type_on_output = False  # pyright: ignore[reportAttributeAccessIssue]
     stream = io.StringIO()
+    if isinstance(value, dict):
+        value = CommentedMap(cast("dict[str, object]", value))
+        value.fa.set_block_style()
     yaml.dump(value, stream)
     return stream.getvalue()
 

@@ -1,0 +1,284 @@
+"""`lifeline topic`, `node` and `graph` beside a real robot: names, pids, rates and writers that the tests know."""
+
+import asyncio
+import json
+import os
+import signal
+import sys
+import time
+from collections.abc import AsyncGenerator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED
+from tests.system.harness import PATIENCE_S, Robot, free_endpoint, robot
+from tests.system.rogue import open_rogue
+from wire import topics
+from wire.stamp import Stamper
+
+pytestmark = pytest.mark.timeout(120)
+
+
+def say(text: str) -> None:
+    print(f"\n    measured: {text}")
+
+
+async def start(subject: Robot, *arguments: str, endpoint: str | None = None) -> asyncio.subprocess.Process:
+    return await asyncio.create_subprocess_exec(
+        sys.executable,
+        "-m",
+        "deploy.cli",
+        *arguments,
+        "--endpoint",
+        endpoint or subject.endpoint,
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.PIPE,
+        env=subject.environment,
+    )
+
+
+async def lifeline(subject: Robot, *arguments: str) -> tuple[int, str, str]:
+    """Run a command to its end; return its exit code, output and errors."""
+    process = await start(subject, *arguments)
+    output, errors = await asyncio.wait_for(process.communicate(), PATIENCE_S)
+    assert process.returncode is not None
+    assert b"Traceback" not in errors
+    return process.returncode, output.decode(), errors.decode()
+
+
+async def listed(subject: Robot, *arguments: str) -> Any:  # noqa: ANN401 - any JSON
+    code, output, errors = await lifeline(subject, *arguments, "--json")
+    assert output, errors
+    del code
+    return json.loads(output)
+
+
+@asynccontextmanager
+async def standing(tmp_path: Path) -> AsyncGenerator[Robot]:
+    """A robot without an operator, whose sim publishes."""
+    async with robot(tmp_path, teleop=False) as subject:
+        await subject.until(
+            lambda: "SCAN_STALE" not in subject.status.reasons and bool(subject.travel), "scans"
+        )
+        yield subject
+
+
+@pytest.mark.timed
+async def test_the_list_names_each_topics_type_writer_and_rate(tmp_path: Path) -> None:
+    async with standing(tmp_path) as subject:
+        entries = {one["key"]: one for one in await listed(subject, "topic", "list", "--seconds", "4")}
+    for key, writer, type_name, rate_hz in (
+        ("robot/scan", "sim", "sensor_msgs/msg/LaserScan", 20.0),
+        ("robot/odom", "sim", "nav_msgs/msg/Odometry", 50.0),
+        ("robot/cmd_vel", "supervisor", "geometry_msgs/msg/Twist", 50.0),
+        ("robot/imu", "sim", "sensor_msgs/msg/Imu", 100.0),
+    ):
+        entry = entries[key]
+        assert (entry["type"], entry["permitted_writer"], entry["writers"]) == (type_name, writer, [writer])
+        say(f"{key}: {entry['rate_hz']:.2f} of {rate_hz:g} Hz")
+        assert entry["rate_hz"] == pytest.approx(rate_hz, rel=0.05)
+    assert entries["robot/teleop/cmd_vel"]["writers"] == []
+
+
+async def test_the_nodes_have_the_pids_of_their_processes(tmp_path: Path) -> None:
+    async with standing(tmp_path) as subject:
+        nodes = {one["node"]: one for one in await listed(subject, "node", "list")}
+        pids = {node: subject.pid(node) for node in (topics.SUPERVISOR, topics.SIM)}
+        (info,) = await listed(subject, "node", "info", "/sim", "--seconds", "3")
+        code, text, _ = await lifeline(subject, "graph", "--seconds", "1")
+        for name in ("graph.svg", "graph.png", "graph.dot"):
+            assert (await lifeline(subject, "graph", "--seconds", "0.5", "--out", str(tmp_path / name)))[
+                0
+            ] == 0
+            assert (tmp_path / name).stat().st_size > 500
+    assert {name: nodes[name]["pid"] for name in pids} == pids
+    # The test's own session has no token, so it has the name of its program.
+    assert os.getpid() in {one["pid"] for one in nodes.values()}
+    assert (info["pid"], info["host"]) == (pids["sim"], "local")
+    assert {"robot/scan", "robot/odom"} <= set(info["writes"])
+    assert "robot/sim/reset" in info["serves"]
+    assert info["rates_hz"]["robot/odom"] > 0.0
+    assert code == 0
+    assert any("►" in line and "cmd_vel" in line for line in text.splitlines())
+
+
+async def test_messages_are_printed_as_yaml_csv_and_fields(tmp_path: Path) -> None:
+    async with standing(tmp_path) as subject:
+        code, text, _ = await lifeline(subject, "topic", "echo", "/robot/cmd_vel", "--once")
+        assert (code, text) == (
+            0,
+            "linear: {x: 0.0, y: 0.0, z: 0.0}\nangular: {x: 0.0, y: 0.0, z: 0.0}\n---\n",
+        )
+        code, text, _ = await lifeline(
+            subject, "topic", "echo", "odom", "--field", "twist.twist.linear.x", "--once"
+        )
+        assert abs(float(text.splitlines()[0])) < 0.05
+        code, text, _ = await lifeline(subject, "topic", "echo", "cmd_vel", "--csv", "--once")
+        assert text.splitlines()[0] == "linear.x,linear.y,linear.z,angular.x,angular.y,angular.z"
+        code, _, errors = await lifeline(subject, "topic", "echo", "cmd_vel", "--field", "linear.w", "--once")
+        assert code == EXIT_REFUSED
+        assert "there is no field 'w'; there are x, y, z" in errors
+        assert (await lifeline(subject, "topic", "type", "scan"))[1] == "sensor_msgs/msg/LaserScan\n"
+        code, text, _ = await lifeline(subject, "topic", "hz", "nobody", "--seconds", "0.3")
+        assert (code, text) == (1, "robot/nobody: nothing heard\n")
+
+
+@pytest.mark.timed
+async def test_rates_sizes_and_ages_are_measured(tmp_path: Path) -> None:
+    async with standing(tmp_path) as subject:
+        figures: dict[str, Any] = {}
+        for measure in ("hz", "bw", "delay"):
+            code, text, _ = await lifeline(
+                subject, "topic", measure, "scan", "odom", "--seconds", "4", "--json"
+            )
+            scan, odom = (json.loads(line) for line in text.splitlines())
+            assert (code, scan["key"], odom["key"]) == (0, "robot/scan", "robot/odom")
+            figures |= scan
+    say(str(figures))
+    assert figures["rate_hz"] == pytest.approx(20.0, rel=0.05)
+    assert figures["bytes_per_s"] == pytest.approx(20.0 * figures["size_max_bytes"], rel=0.05)
+    assert 0.0 < figures["age_mean_s"] < 0.1
+
+
+@pytest.mark.parametrize("declares", [True, False], ids=["declared", "undeclared"])
+async def test_a_second_writer_of_the_scan_is_found(tmp_path: Path, *, declares: bool) -> None:
+    async with standing(tmp_path) as subject:
+        ended = asyncio.Event()
+        rogue = await asyncio.to_thread(open_rogue, subject.endpoint)
+        publisher = rogue.declare_publisher("robot/scan") if declares else None
+        stamper = Stamper()
+
+        async def write() -> None:
+            while not ended.is_set():
+                stamp = stamper.next().pack()
+                if publisher is None:
+                    rogue.put("robot/scan", b"x", attachment=stamp)
+                else:
+                    publisher.put(b"x", attachment=stamp)
+                await asyncio.sleep(0.05)
+
+        writing = asyncio.ensure_future(write())
+        try:
+            code, output, _ = await lifeline(subject, "topic", "info", "scan", "--json")
+        finally:
+            ended.set()
+            await writing
+            await asyncio.to_thread(rogue.close)  # pyright: ignore[reportUnknownArgumentType]
+    info = json.loads(output)
+    assert code == 1
+    assert info["problem"] == "2 programs write robot/scan, but only one may: stop all but sim"
+    pids = {one["node"]: one["pid"] for one in info["writers"]}
+    assert "sim" in pids
+    if declares:
+        assert os.getpid() in pids.values()
+    else:
+        assert info["undeclared_writers"] == 1
+
+
+async def test_foreign_keys_are_listed(tmp_path: Path) -> None:
+    async with standing(tmp_path) as subject:
+        rogue = await asyncio.to_thread(open_rogue, subject.endpoint)
+        ended = asyncio.Event()
+
+        async def write() -> None:
+            while not ended.is_set():
+                rogue.put("another/robot/scan", b"\x00\x01\xff")
+                await asyncio.sleep(0.02)
+
+        writing = asyncio.ensure_future(write())
+        try:
+            entries = {one["key"]: one for one in await listed(subject, "topic", "list", "--seconds", "1")}
+            code, text, _ = await lifeline(subject, "topic", "echo", "/another/robot/scan", "--once")
+        finally:
+            ended.set()
+            await writing
+            await asyncio.to_thread(rogue.close)  # pyright: ignore[reportUnknownArgumentType]
+    assert entries["another/robot/scan"]["type"] is None
+    assert entries["another/robot/scan"]["writers"] == ["undeclared"]
+    assert (code, text) == (0, "bytes: 3\nhex: 00 01 ff\n---\n")
+
+
+async def test_only_topics_of_the_caller_can_be_published(tmp_path: Path) -> None:
+    async with standing(tmp_path) as subject:
+        for arguments, words in (
+            (("scan", "{}"), "robot/scan belongs to sim"),
+            (("cmd_vel", "{}"), "robot/cmd_vel belongs to supervisor"),
+            (("ghost/cmd_vel", "{}"), "ghost is not a command source of this robot"),
+            (("nothing", "{}"), "robot/nothing is not a topic of this robot"),
+            (("estop", "{data: 1}"), "data is true or false"),
+            (("path/cmd_vel", "{}", "--rate", "2"), "choose --rate 10 or more"),
+            (("path/cmd_vel", "{}", "--once"), "leave out --once"),
+            (("robot/**", "{}"), "is not a key"),
+        ):
+            code, output, errors = await lifeline(subject, "topic", "pub", *arguments)
+            assert (code, output) == (EXIT_REFUSED, "")
+            assert words in errors
+        holder = await start(subject, "topic", "pub", "path/cmd_vel", "{}")
+        assert holder.stdout is not None
+        await holder.stdout.readline()
+        code, _, errors = await lifeline(subject, "topic", "pub", "path/cmd_vel", "{linear: {x: 0.1}}")
+        assert (code, f"pid {holder.pid}" in errors) == (EXIT_REFUSED, True)
+        holder.send_signal(signal.SIGINT)
+        await asyncio.wait_for(holder.communicate(), PATIENCE_S)
+        assert (await lifeline(subject, "topic", "pub", "estop", "{data: true}"))[0] == 0
+        await subject.until(lambda: "ESTOP" in subject.status.reasons, "the e-stop")
+
+
+async def test_published_commands_drive_after_a_zero_and_end_without_a_lost_source(tmp_path: Path) -> None:
+    async with standing(tmp_path) as subject:
+        for _ in range(5):
+            process = await start(subject, "topic", "pub", "path/cmd_vel", "{angular: {z: 0.3}}")
+            await subject.until(lambda: subject.turn_rad_s > 0.2, "a turn")
+            process.send_signal(signal.SIGINT)
+            await asyncio.wait_for(process.communicate(), PATIENCE_S)
+            assert process.returncode == 0
+            await subject.until(lambda: subject.status.mode == 0 and abs(subject.turn_rad_s) < 0.01, "a stop")
+            assert subject.status.reasons == ["NO_COMMAND"]
+
+
+@pytest.mark.timed
+async def test_each_command_ends_within_moments_of_ctrl_c(tmp_path: Path) -> None:
+    async with standing(tmp_path) as subject:
+        for arguments in (
+            ("topic", "echo", "scan", "odom", "cmd_vel", "imu"),
+            ("topic", "hz", "scan"),
+            ("topic", "list", "--seconds", "60"),
+            ("graph", "--seconds", "60"),
+        ):
+            process = await start(subject, *arguments)
+            name = " ".join(arguments[:2])
+            if arguments[1] == "echo":
+                assert process.stdout is not None
+                await process.stdout.readline()
+            else:
+                await subscribed(subject, process.pid)
+            began_s = time.monotonic()
+            process.send_signal(signal.SIGINT)
+            _, errors = await asyncio.wait_for(process.communicate(), PATIENCE_S)
+            took_s = time.monotonic() - began_s
+            say(f"Ctrl-C ends lifeline {name} in {1000 * took_s:.0f} ms")
+            assert b"Traceback" not in errors
+            assert took_s < 1.0
+
+
+async def subscribed(subject: Robot, pid: int) -> None:
+    """Wait until a process is connected to the hub."""
+    while True:
+        nodes = await listed(subject, "node", "list")
+        if any(one["pid"] == pid and one["reads"] for one in nodes):
+            return
+
+
+async def test_nothing_running_is_said_in_a_sentence() -> None:
+    for arguments in (("topic", "list"), ("node", "list"), ("graph",), ("topic", "echo", "scan")):
+        process = await asyncio.create_subprocess_exec(
+            sys.executable, "-m", "deploy.cli", *arguments, "--endpoint", free_endpoint(),
+            stderr=asyncio.subprocess.PIPE,
+        )  # fmt: skip
+        _, errors = await asyncio.wait_for(process.communicate(), PATIENCE_S)
+        assert process.returncode == EXIT_NOT_RUNNING
+        assert b"no supervisor answers" in errors
+        assert b"Traceback" not in errors
