@@ -13,7 +13,7 @@ from deploy.command import Config, Endpoint, StatePath
 from deploy.command import exit_with as _exit_with
 from deploy.command import running as _running
 from deploy.command import say as _say
-from deploy.inspection.commands import graph, node_app, topic_app
+from deploy.inspection.commands import doctor, graph, node_app, topic_app
 from wire.extras import require
 
 app = typer.Typer(
@@ -45,6 +45,7 @@ app.add_typer(path_app, name="path")
 app.add_typer(topic_app, name="topic")
 app.add_typer(node_app, name="node")
 app.command()(graph)
+app.command()(doctor)
 
 Speed = Annotated[
     float, typer.Option("--speed", min=0.05, max=1.0, metavar="V", help="Maximum speed in m/s.")

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 from PIL import Image, ImageDraw, ImageFont
 
-from deploy.inspection.values import printable
 from deploy.inspection.wiring import Wire
+from deploy.reading import printable
 
 SCALE = 2
 """Pixels for each unit of the drawing, for sharp lines on dense screens."""

@@ -13,7 +13,7 @@ from rich.text import Text
 from deploy.inspection.listening import Robot, inspect
 from deploy.inspection.nodes import Node, describe
 from deploy.inspection.traffic import KeyTraffic, Traffic
-from deploy.inspection.values import number, printable
+from deploy.reading import number, printable
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from wire.messages import definition

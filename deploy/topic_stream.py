@@ -14,11 +14,11 @@ from deploy.inspection.values import (
     csv_line,
     finite,
     leaves,
-    number,
     plain_value,
     select,
     to_yaml,
 )
+from deploy.reading import number
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from wire.bus import Overheard, wait_until

@@ -1,4 +1,4 @@
-"""The definitions of `lifeline topic`, `node` and `graph`. Each command imports its modules only when it runs."""
+"""The definitions of `lifeline topic`, `node`, `graph` and `doctor`. Each command imports its modules only when it runs."""
 
 from pathlib import Path
 from typing import Annotated
@@ -254,5 +254,25 @@ def graph(
         from deploy.graph import show_graph  # noqa: PLC0415
 
         show_graph(running(config, endpoint, state_dir), out, seconds, as_json=as_json)
+
+    exit_with(run)
+
+
+def doctor(
+    *,
+    seconds: Listen = 3.0,
+    as_json: Json = False,
+    config: Config = None,
+    endpoint: Endpoint = None,
+    state_dir: StatePath = None,
+) -> None:
+    """Explain why the robot does not move, or why the system cannot start. Exit 1 if there is a problem."""
+
+    def run() -> int:
+        from deploy.doctor import doctor as examine  # noqa: PLC0415
+        from deploy.stack.statedir import StateDir  # noqa: PLC0415
+
+        launch = running(config, endpoint, state_dir)
+        examine(launch, StateDir.choose(state_dir), seconds, as_json=as_json)
 
     exit_with(run)

@@ -12,6 +12,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
 from ruamel.yaml.error import YAMLError
 
+from deploy.reading import printable
 from wire.messages import Bool, M, Message, Point, Twist, Vector3
 
 MAX_YAML = 4096
@@ -32,11 +33,6 @@ def plain_value(value: object) -> Any:  # noqa: ANN401 - the nesting depends on 
     if isinstance(value, (list, tuple)):
         return [plain_value(one) for one in cast("Sequence[object]", value)]
     return printable(value) if isinstance(value, str) else value
-
-
-def printable(text: str) -> str:
-    """Replace control characters, so that no payload can control the terminal."""
-    return "".join(char if char.isprintable() else "?" for char in text)
 
 
 def select(value: object, path: str) -> object:
@@ -184,11 +180,6 @@ def _is_finite(value: float) -> bool:
         return math.isfinite(float(value))
     except OverflowError:
         return False
-
-
-def number(value: float) -> float | None:
-    """Return a number for JSON: rounded to 1e-6, None instead of NaN and infinity."""
-    return round(value, 6) if math.isfinite(value) else None
 
 
 def finite(value: object) -> object:

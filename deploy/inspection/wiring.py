@@ -14,7 +14,7 @@ from html import escape
 
 from deploy.inspection.nodes import Node
 from deploy.inspection.traffic import Traffic
-from deploy.inspection.values import printable
+from deploy.reading import printable
 
 GAP = 4
 """Columns of text between two lanes, besides their names."""

@@ -1,0 +1,180 @@
+"""`lifeline doctor`: explain why the robot does not move, or why the system cannot start."""
+
+import asyncio
+import importlib.metadata
+import json
+import os
+import select
+import sys
+import termios
+import time
+import tty
+from typing import NoReturn
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from deploy.inspection.diagnosis import Finding, Observed, Terminal, Verdict, diagnose, is_healthy
+from deploy.inspection.keys import by_full_key
+from deploy.inspection.listening import Robot
+from deploy.inspection.sockets import processes_at
+from deploy.reading import printable
+from deploy.stack import supervisord
+from deploy.stack.errors import DeployError
+from deploy.stack.launch import Launch, check_endpoint_is_free
+from deploy.stack.reach import NotRunningError, reach
+from deploy.stack.robot_file import read_robot
+from deploy.stack.statedir import StateDir
+from supervisor.config import SupervisorSection
+from supervisor.estop_files import is_recorded
+from wire import topics
+from wire.bus import BusError
+from wire.config import ConfigError, read_toml
+from wire.process import run_process
+
+PACKAGES = ("eclipse-zenoh", "numpy", "pydantic", "rich", "rosbags", "typer")
+KEY_REPLY_S = 0.3
+"""How long a terminal may take to say whether it reports key releases."""
+COLOURS = {Verdict.OK: "green", Verdict.NOTE: "yellow", Verdict.PROBLEM: "bold red"}
+MARKS = {Verdict.OK: "ok", Verdict.NOTE: "note", Verdict.PROBLEM: "PROBLEM"}
+
+
+def doctor(launch: Launch, state: StateDir, seconds: float, *, as_json: bool) -> NoReturn:
+    """Run all checks, and exit: 0 without a problem, else 1."""
+    seen = _at_rest(launch, state)
+    if not as_json:
+        seen.terminal = _terminal()
+    run_process(
+        "lifeline", lambda stop: _examine(seen, launch, seconds, stop, as_json=as_json), memory_keeper=False
+    )
+
+
+async def _examine(
+    seen: Observed, launch: Launch, seconds: float, stop: asyncio.Event, *, as_json: bool
+) -> int:
+    try:
+        bus = await reach(launch.bus, stop)
+    except (NotRunningError, BusError):
+        bus = None
+        seen.port_problem = _port_problem(launch.bus.endpoint)
+    if stop.is_set():
+        return 130
+    if bus is not None and seen.config is not None:
+        sources = [source.name for source in seen.config.sources]
+        known = by_full_key(seen.namespace, sources, [lidar.topic for lidar in seen.config.all_lidars()])
+        await _listen(seen, Robot(bus, launch, seen.config, known, stop), seconds)
+    findings = diagnose(seen)
+    if as_json:
+        print(json.dumps([finding._asdict() for finding in findings], indent=2))
+    else:
+        Console().print(_table(findings))
+        print(_summary(findings))
+    return 0 if is_healthy(findings) else 1
+
+
+def _at_rest(launch: Launch, state: StateDir) -> Observed:
+    """Observe what needs no connection."""
+    seen = Observed(
+        versions={name: _version(name) for name in PACKAGES},
+        python=sys.version_info[:2],
+        config_path=str(launch.config),
+        endpoint=launch.bus.endpoint,
+        namespace=launch.bus.namespace,
+    )
+    try:
+        document = read_toml(launch.config)
+        seen.has_sim = "sim" in document
+        seen.config = read_robot(document, simulated=False)[SupervisorSection]
+    except ConfigError as error:
+        seen.config_problem = str(error)
+    if state.path.exists() and not os.access(state.path, os.W_OK | os.X_OK):
+        seen.state_problem = f"{state.path} is not writable"
+    seen.is_stale = state.record.exists() and supervisord.programs(state) is None
+    seen.is_estop_recorded = is_recorded(state.path, launch.bus.namespace)
+    return seen
+
+
+def _version(package: str) -> str | None:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def _port_problem(endpoint: str) -> str:
+    """Return why no supervisor could listen on an endpoint; empty if one could."""
+    try:
+        check_endpoint_is_free(endpoint)
+    except DeployError as error:
+        found = processes_at({endpoint.partition("/")[2]})
+        holder = next(iter(found.values()), None)
+        who = "" if holder is None else f" (pid {holder.pid}: {printable(' '.join(holder.arguments)[:80])})"
+        return f"{error}{who}"
+    return ""
+
+
+async def _listen(seen: Observed, robot: Robot, seconds: float) -> None:
+    """Observe a running robot."""
+    seen.is_connected, seen.known = True, robot.known
+    statuses = robot.bus.subscribe(topics.STATUS)
+    scans, odometry = robot.bus.subscribe(topics.SCAN), robot.bus.subscribe(topics.ODOM)
+    seen.traffic = await robot.traffic(seconds)
+    if (status := statuses.latest()) is not None:
+        seen.status = status.message
+    for topic, newest in ((topics.SCAN, scans.latest()), (topics.ODOM, odometry.latest())):
+        if newest is not None and newest.message is not None:
+            stamp = newest.message.header.stamp
+            seen.header_offset_s[f"{robot.namespace}/{topic.key}"] = (
+                stamp.sec + stamp.nanosec * 1e-9 - time.time()
+            )
+    try:
+        seen.nodes = await robot.nodes()
+    except DeployError:
+        seen.nodes = ()
+
+
+def _terminal() -> Terminal | None:
+    """Observe the terminal; None if there is none."""
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        return None
+    size = os.get_terminal_size(sys.stdout.fileno())
+    colours = os.environ.get("COLORTERM") or os.environ.get("TERM", "")
+    return Terminal(size.columns, size.lines, colours, _reports_releases(sys.stdin.fileno()))
+
+
+def _reports_releases(descriptor: int) -> bool | None:
+    """Ask the terminal for the flags of the kitty keyboard protocol, then for its attributes, which every one answers."""
+    before = termios.tcgetattr(descriptor)
+    answer = b""
+    try:
+        tty.setcbreak(descriptor)
+        os.write(sys.stdout.fileno(), b"\x1b[?u\x1b[c")
+        deadline_s = time.monotonic() + KEY_REPLY_S
+        while not answer.endswith(b"c") and (left_s := deadline_s - time.monotonic()) > 0.0:
+            if select.select([descriptor], [], [], left_s)[0]:
+                answer += os.read(descriptor, 64)
+    finally:
+        termios.tcsetattr(descriptor, termios.TCSAFLUSH, before)
+    if not answer:
+        return None
+    return b"u" in answer
+
+
+def _table(findings: list[Finding]) -> Table:
+    table = Table(box=None, pad_edge=False, show_header=False)
+    for overflow in ("ellipsis", "ellipsis", "fold"):
+        table.add_column(overflow=overflow)
+    for finding in findings:
+        text = Text(finding.what)
+        if finding.remedy:
+            text.append(f"\n→ {finding.remedy}", style="bold" if finding.verdict is Verdict.PROBLEM else "")
+        table.add_row(Text(MARKS[finding.verdict], style=COLOURS[finding.verdict]), finding.check, text)
+    return table
+
+
+def _summary(findings: list[Finding]) -> str:
+    number = sum(finding.verdict is Verdict.PROBLEM for finding in findings)
+    if number == 0:
+        return "lifeline: no problem found"
+    return f"lifeline: {number} {'problem' if number == 1 else 'problems'} found"
