@@ -4,6 +4,7 @@ import asyncio
 import json
 import os
 import signal
+import socket
 import sys
 import time
 from collections.abc import AsyncGenerator
@@ -282,3 +283,34 @@ async def test_nothing_running_is_said_in_a_sentence() -> None:
         assert process.returncode == EXIT_NOT_RUNNING
         assert b"no supervisor answers" in errors
         assert b"Traceback" not in errors
+
+
+async def test_doctor_finds_what_prevents_motion(tmp_path: Path) -> None:
+    async with standing(tmp_path) as subject:
+        rogue = await asyncio.to_thread(open_rogue, subject.endpoint)
+        publisher = rogue.declare_publisher("robot/scan")
+        try:
+            code, output, _ = await lifeline(subject, "doctor", "--seconds", "1", "--json")
+        finally:
+            publisher.undeclare()  # pyright: ignore[reportUnknownMemberType]
+            await asyncio.to_thread(rogue.close)  # pyright: ignore[reportUnknownArgumentType]
+        problems = [one for one in json.loads(output) if one["verdict"] == "problem"]
+        assert code == 1
+        assert {one["check"] for one in problems} >= {"command source", "writers", "stop"}
+        (writers,) = (one for one in problems if one["check"] == "writers")
+        assert f"sim, pid {subject.pid('sim')}" in writers["what"]
+        assert f"pid {os.getpid()}" in writers["what"]
+        assert any(one["what"].startswith("NO_COMMAND: ") for one in problems)
+
+
+async def test_doctor_names_the_program_that_holds_the_port(tmp_path: Path) -> None:
+    subject = Robot(free_endpoint(), tmp_path)
+    port = int(subject.endpoint.rpartition(":")[2])
+    with socket.create_server(("127.0.0.1", port)):
+        code, output, _ = await lifeline(subject, "doctor", "--json")
+    (problem,) = (one for one in json.loads(output) if one["verdict"] == "problem")
+    assert code == 1
+    assert "is in use by another program" in problem["what"]
+    assert f"(pid {os.getpid()}: " in problem["what"]
+    code, text, _ = await lifeline(subject, "doctor")
+    assert (code, "start the robot with `lifeline up`" in text, "\x1b" in text) == (1, True, False)

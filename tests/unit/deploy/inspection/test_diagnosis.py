@@ -1,0 +1,194 @@
+"""The checks of `lifeline doctor`, on what may be observed."""
+
+import math
+
+import pytest
+
+from deploy.inspection.diagnosis import Finding, Observed, Terminal, Verdict, diagnose, is_healthy
+from deploy.inspection.keys import by_full_key
+from deploy.inspection.network import Session
+from deploy.inspection.nodes import Node
+from deploy.inspection.sockets import Process
+from deploy.inspection.traffic import Traffic
+from supervisor.config import SupervisorSection
+from wire.bus import Overheard
+from wire.messages import SafetyStatus, header
+from wire.reasons import StopReason
+from wire.stamp import Stamp
+
+HUB = "127.0.0.1:4001"
+
+
+def node(name: str, writes: str = "", reads: str = "", pid: int = 1, *, is_named: bool = True) -> Node:
+    session = Session(name, HUB, frozenset(writes.split()), frozenset(reads.split()))
+    return Node(name, is_named, session, Process(pid, (name,), 1.0), "local")
+
+
+def traffic(longest_gap_s: float = 0.05, age_s: float = 0.001, key: str = "robot/scan") -> Traffic:
+    heard = Traffic()
+    arrivals_s = [10.0, 10.05, 10.1, 10.1 + longest_gap_s]
+    for number, at_s in enumerate(arrivals_s):
+        stamp = Stamp(number, round((at_s - age_s) * 1e9), b"a" * 16)
+        heard.add(Overheard(key, b"x", stamp.pack(), at_s))
+    return heard
+
+
+def running(**fields: object) -> Observed:
+    """A robot at which nothing is wrong."""
+    config = SupervisorSection()
+    seen = Observed(
+        versions={"numpy": "2.0"},
+        config_path="robot.toml",
+        config=config,
+        endpoint="tcp/127.0.0.1:7447",
+        is_connected=True,
+        nodes=[
+            node("supervisor", "robot/cmd_vel", "robot/scan"),
+            node("sim", "robot/scan robot/odom", "robot/cmd_vel", 2),
+            node("teleop", "robot/teleop/cmd_vel", "", 3),
+        ],
+        traffic=traffic(),
+        known=by_full_key("robot", [source.name for source in config.sources], ["scan"]),
+        status=SafetyStatus(header(""), mode=SafetyStatus.READY),
+        header_offset_s={"robot/scan": -0.01},
+        terminal=Terminal(120, 40, "truecolor", reports_releases=True),
+    )
+    for name, value in fields.items():
+        setattr(seen, name, value)
+    return seen
+
+
+def problems(seen: Observed) -> list[Finding]:
+    findings = diagnose(seen)
+    assert is_healthy(findings) == (not [f for f in findings if f.verdict is Verdict.PROBLEM])
+    return [finding for finding in findings if finding.verdict is Verdict.PROBLEM]
+
+
+def test_nothing_is_wrong_with_a_healthy_robot() -> None:
+    assert problems(running()) == []
+    assert [finding.check for finding in diagnose(running())] == [
+        "packages",
+        "configuration",
+        "supervisor",
+        "command source",
+        "writers",
+        "rates",
+        "clocks",
+        "mode",
+        "terminal",
+        "key releases",
+    ]
+
+
+def test_every_problem_names_what_to_do() -> None:
+    status = SafetyStatus(header(""), reasons=["SCAN_STALE"], causes=["SCAN_STALE"])
+    for seen in (
+        Observed(endpoint="tcp/127.0.0.1:1"),
+        running(nodes=[], traffic=Traffic(), status=None),
+        running(status=status, versions={"zenoh": None}, python=(3, 9)),
+        running(config_problem="robot.toml: [bus] is wrong"),
+    ):
+        for finding in problems(seen):
+            assert finding.remedy, finding
+
+
+@pytest.mark.parametrize(
+    ("fields", "check", "words"),
+    [
+        ({"versions": {"eclipse-zenoh": None}}, "packages", "eclipse-zenoh"),
+        ({"python": (3, 10)}, "python", "3.10"),
+        ({"config_problem": "r.toml: [bus] endpoint is refused"}, "configuration", "endpoint is refused"),
+        ({"state_problem": "/x is not writable"}, "state directory", "/x is not writable"),
+        ({"is_connected": False}, "supervisor", "nothing listens on tcp/127.0.0.1:7447"),
+        ({"is_connected": False, "port_problem": "port 7447 is in use"}, "supervisor", "port 7447 is in use"),
+        ({"is_connected": False, "is_stale": True}, "stack", "no longer runs"),
+        ({"nodes": [node("supervisor"), node("teleop")]}, "base", "no program reads robot/cmd_vel"),
+        ({"nodes": [node("supervisor"), node("sim")]}, "command source", "none of teleop, joy, path runs"),
+        ({"traffic": Traffic()}, "rates", "nothing is heard on robot/scan"),
+        ({"traffic": traffic(longest_gap_s=0.25)}, "rates", "longest gap 250 ms of 240"),
+        ({"traffic": traffic(age_s=0.3)}, "ages", "300 ms old"),
+        ({"status": None}, "status", "no status"),
+    ],
+)
+def test_each_fault_has_its_finding(fields: dict[str, object], check: str, words: str) -> None:
+    found = [finding for finding in problems(running(**fields)) if finding.check == check]
+    assert any(words in finding.what for finding in found), problems(running(**fields))
+
+
+def test_two_writers_of_a_sensor_are_named() -> None:
+    spoof = node("spoof.py", "robot/scan", pid=99, is_named=False)
+    (finding,) = problems(running(nodes=[*running().nodes, spoof]))
+    assert finding.check == "writers"
+    assert finding.what == "2 programs write robot/scan: sim, pid 2; spoof.py, pid 99"
+    assert finding.remedy == "stop all but sim"
+
+
+def test_a_writer_that_declares_nothing_is_counted() -> None:
+    heard = traffic()
+    for at_s in (10.02, 10.12):
+        heard.add(Overheard("robot/scan", b"x", None, at_s))
+    (finding,) = problems(running(traffic=heard))
+    assert finding.what == "2 programs write robot/scan: sim, pid 2; 1 without a declaration"
+
+
+def test_two_programs_with_one_name_are_found() -> None:
+    (finding,) = problems(running(nodes=[*running().nodes, node("teleop", "", "", 77)]))
+    assert finding.what == "two programs are teleop (pid 3, 77)"
+
+
+def test_topics_that_anyone_may_write_may_have_many_writers() -> None:
+    panels = [node(name, "robot/estop", pid=n) for n, name in enumerate(("a.py", "b.py"))]
+    assert problems(running(nodes=[*running().nodes, *panels])) == []
+
+
+def test_a_bridge_to_a_base_is_a_base() -> None:
+    bridge = node("bridge.py", "robot/scan robot/odom", "robot/cmd_vel", is_named=False)
+    nodes = [node("supervisor", "robot/cmd_vel"), bridge, node("teleop")]
+    assert problems(running(nodes=nodes)) == []
+
+
+@pytest.mark.parametrize("reason", list(StopReason))
+def test_a_cause_and_a_latched_reason_are_explained(reason: StopReason) -> None:
+    held = SafetyStatus(header(""), reasons=[reason], causes=[reason], owner="teleop", detail="all NaN")
+    (finding,) = problems(running(status=held))
+    assert finding.what.startswith(f"{reason}: ")
+    assert finding.what.endswith("all NaN")
+    assert "WHO" not in finding.what
+    assert "NEUTRAL" not in finding.remedy
+    over = SafetyStatus(header(""), reasons=[reason], latched=[reason])
+    (finding,) = problems(running(status=over))
+    assert (finding.check, finding.what.endswith("Over now")) == ("latched", True)
+
+
+def test_nothing_from_the_wire_can_control_the_terminal() -> None:
+    status = SafetyStatus(
+        header(""),
+        causes=["\x1b[2J"],
+        latched=["\x9b"],
+        detail="\x07",
+        unknown_sources=["\x1b]0;x"],
+        estop_record_problem="\x1b",
+        alarm=True,
+    )
+    heard = traffic(key="foreign/\x1b[2J")
+    text = "".join(f"{f.what}{f.remedy}" for f in diagnose(running(status=status, traffic=heard)))
+    assert text.isprintable()
+
+
+def test_the_clock_of_another_machine_and_a_small_terminal_are_only_notes() -> None:
+    seen = running(
+        header_offset_s={"robot/odom": 3.0},
+        traffic=traffic(age_s=-5.0),
+        terminal=Terminal(79, 24, "", reports_releases=None),
+        has_sim=False,
+    )
+    assert problems(seen) == []
+    notes = [finding.check for finding in diagnose(seen) if finding.verdict is Verdict.NOTE]
+    assert notes == ["base", "ages", "clocks", "terminal", "key releases"]
+
+
+def test_a_gap_is_a_problem_just_above_the_timeout() -> None:
+    limit_s = SupervisorSection().scan_timeout_of(SupervisorSection().all_lidars()[0])
+    assert problems(running(traffic=traffic(longest_gap_s=limit_s - 1e-6))) == []
+    assert len(problems(running(traffic=traffic(longest_gap_s=limit_s + 1e-6)))) == 1
+    assert math.isclose(limit_s, 0.24)
