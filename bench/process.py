@@ -3,8 +3,11 @@
 import asyncio
 import itertools
 import os
+import subprocess
+import sys
 import time
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Generator
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,6 +40,8 @@ CLEAR_M = scenery.ROOM_M
 
 Phase = tuple[str, float, float]
 """Its name, the distance of the wall [m], and the commanded speed [m/s]."""
+ECHO = "free way, topic echo of everything"
+"""In this phase, `lifeline topic echo` prints every message of the robot."""
 
 TARGET_CPU_PERCENT = 6.0
 TARGET_RSS_MB = 100.0
@@ -68,7 +73,7 @@ class Load:
 
 
 def measure_process(seconds: float) -> list[Load]:
-    """Measure a bare relay; then a supervisor on a free path, and the same one limited by the barrier.
+    """Measure a bare relay; then a supervisor on a free path, limited by the barrier, and while everything is printed.
 
     Raises:
         RuntimeError: a process does not start or sends nothing.
@@ -77,8 +82,9 @@ def measure_process(seconds: float) -> list[Load]:
         ("free way", CLEAR_M, CRUISE_M_S),
         ("limited by the barrier", scenery.WALL_M, scenery.FORWARD_M_S),
     )
+    echoed = (ECHO, CLEAR_M, CRUISE_M_S)
     [relay] = _measure_in("bench.relay", [("a bare relay instead", CLEAR_M, CRUISE_M_S)], seconds)
-    return [relay, *_measure_in("supervisor", [free, limited], seconds)]
+    return [relay, *_measure_in("supervisor", [free, limited, echoed], seconds)]
 
 
 def _measure_in(module: str, phases: list[Phase], seconds: float) -> list[Load]:
@@ -90,10 +96,25 @@ async def _measure(process: Supervisor, phases: list[Phase], seconds: float) -> 
     async with client(process.endpoint) as bus:
         driver = _Driver(bus)
         async with feeding(driver.feeds()):
-            return [
-                await driver.measure(phase, process.pid, seconds, wall_m, speed_m_s)
-                for phase, wall_m, speed_m_s in phases
-            ]
+            loads: list[Load] = []
+            for phase, wall_m, speed_m_s in phases:
+                with echo(process.endpoint) if phase == ECHO else nullcontext():
+                    loads.append(await driver.measure(phase, process.pid, seconds, wall_m, speed_m_s))
+            return loads
+
+
+@contextmanager
+def echo(endpoint: str) -> Generator[None]:
+    """Print every message of the robot in another process, as YAML."""
+    keys = [topic.key for topic in (topics.CMD_VEL, topics.SCAN, topics.ODOM, topics.STATUS)]
+    keys.append(topics.source_cmd_vel(topics.TELEOP).key)
+    command = [sys.executable, "-m", "deploy.cli", "topic", "echo", *keys, "--endpoint", endpoint]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()
 
 
 class _Driver:

@@ -215,6 +215,7 @@ def _load_sheet(loads: Sequence[process.Load]) -> Sheet:
                 "ticks its caches grow cold, and on some machines the same code takes several times as long as in a "
                 "loop; / relay compares both under the same conditions."
             ),
+            ("topic echo: another process prints every message as YAML, on the same two cores."),
             (
                 "cmd_vel and its gaps are measured by the driver; under the barrier the output also changes between "
                 "ticks, and each change is sent immediately."

@@ -9,11 +9,11 @@ from typing import Annotated, NoReturn
 
 import typer
 
+from deploy.cli_inspection import doctor, graph, node_app, topic_app
 from deploy.command import Config, Endpoint, StatePath
 from deploy.command import exit_with as _exit_with
 from deploy.command import running as _running
 from deploy.command import say as _say
-from deploy.inspection.commands import doctor, graph, node_app, topic_app
 from wire.extras import require
 
 app = typer.Typer(

@@ -19,9 +19,9 @@ from deploy.inspection.diagnosis import Finding, Observed, Terminal, Verdict, di
 from deploy.inspection.keys import by_full_key
 from deploy.inspection.listening import Robot
 from deploy.inspection.sockets import processes_at
-from deploy.reading import printable
 from deploy.stack import supervisord
 from deploy.stack.errors import DeployError
+from deploy.stack.formatting import printable
 from deploy.stack.launch import Launch, check_endpoint_is_free
 from deploy.stack.reach import NotRunningError, reach
 from deploy.stack.robot_file import read_robot

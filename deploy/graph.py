@@ -6,8 +6,8 @@ from typing import NoReturn
 
 from deploy.inspection.listening import Robot, inspect
 from deploy.inspection.wiring import Wire, dot_of, svg_of, text_of, wires_of
-from deploy.reading import number
 from deploy.stack.errors import DeployError
+from deploy.stack.formatting import number
 from deploy.stack.launch import Launch
 from wire.extras import require
 

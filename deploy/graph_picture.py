@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from PIL import Image, ImageDraw, ImageFont
 
 from deploy.inspection.wiring import Wire
-from deploy.reading import printable
+from deploy.stack.formatting import printable
 
 SCALE = 2
 """Pixels for each unit of the drawing, for sharp lines on dense screens."""

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from deploy.reading import HEARD_LIMIT_S, MODES, mode_name
+from deploy.stack.formatting import HEARD_LIMIT_S, MODES, mode_name
 from wire.freshness import DRIFT
 from wire.messages import SafetyStatus, SourceStatus, Twist
 from wire.reasons import StopReason

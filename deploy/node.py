@@ -11,8 +11,8 @@ from rich.text import Text
 from deploy.inspection.listening import Robot, inspect
 from deploy.inspection.nodes import Node, find
 from deploy.inspection.traffic import Traffic
-from deploy.reading import number, printable
 from deploy.stack.errors import DeployError
+from deploy.stack.formatting import number, printable
 from deploy.stack.launch import Launch
 
 

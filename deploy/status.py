@@ -11,9 +11,9 @@ from rich.table import Table
 from rich.text import Text
 
 from deploy.estop import RESET, latched_sentence
-from deploy.reading import COLOURS, mode_name, nearest, number, printable, speed
 from deploy.stack import supervisord
 from deploy.stack.errors import EXIT_NOT_RUNNING
+from deploy.stack.formatting import COLOURS, mode_name, nearest, number, printable, speed
 from deploy.stack.launch import Launch
 from deploy.stack.observe import observing
 from deploy.stack.statedir import StateDir

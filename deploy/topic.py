@@ -13,8 +13,8 @@ from rich.text import Text
 from deploy.inspection.listening import Robot, inspect
 from deploy.inspection.nodes import Node, describe
 from deploy.inspection.traffic import KeyTraffic, Traffic
-from deploy.reading import number, printable
 from deploy.stack.errors import DeployError
+from deploy.stack.formatting import number, printable
 from deploy.stack.launch import Launch
 from wire.messages import definition
 from wire.topics import ANYONE, Topic

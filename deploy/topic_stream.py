@@ -18,8 +18,8 @@ from deploy.inspection.values import (
     select,
     to_yaml,
 )
-from deploy.reading import number
 from deploy.stack.errors import DeployError
+from deploy.stack.formatting import number
 from deploy.stack.launch import Launch
 from wire.bus import Overheard, wait_until
 from wire.messages import UndecodableError, decode

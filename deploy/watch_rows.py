@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from rich.table import Table
 from rich.text import Text
 
-from deploy.reading import COLOURS, HEARD_LIMIT_S, mode_name, nearest, number, printable, speed
+from deploy.stack.formatting import COLOURS, HEARD_LIMIT_S, mode_name, nearest, number, printable, speed
 from wire.messages import Odometry, SafetyStatus, Twist
 
 LINE_PERIOD_S = 0.85

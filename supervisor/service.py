@@ -199,7 +199,11 @@ class SupervisorService:
         if since_s is not None and now_s - since_s < patience_s and self._published is not None:
             return
         self._published = outline
-        self._next_status_s = now_s + self._status_s
+        # In step with the last one if that was due: ticks come a little late, and the rate must not fall for it.
+        due_s = min(self._next_status_s, now_s)
+        self._next_status_s = (
+            due_s + self._status_s if due_s > now_s - self._tick_s else now_s + self._status_s
+        )
         self._status.put(to_status(decision, now_s, record.problem))
 
     async def _on_reset(self, _: str) -> TriggerResponse:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from deploy.inspection.nodes import Node, describe
 from deploy.inspection.traffic import Traffic
-from deploy.reading import mode_name, printable
+from deploy.stack.formatting import mode_name, printable
 from supervisor.config import SupervisorSection
 from wire import topics
 from wire.messages import SafetyStatus

@@ -14,7 +14,7 @@ from html import escape
 
 from deploy.inspection.nodes import Node
 from deploy.inspection.traffic import Traffic
-from deploy.reading import printable
+from deploy.stack.formatting import printable
 
 GAP = 4
 """Columns of text between two lanes, besides their names."""
@@ -82,9 +82,7 @@ def _row(length: int, middle: Sequence[int], wire: Wire | None) -> str:
         cells[at] = "┼" if at in middle and first < at < last else "─"
     source = first if wire.writer is None else middle[wire.writer]
     if wire.writer is not None:
-        cells[source] = "┼" if first < source < last else "┤" if source == last != first else "├"
-        if first == last:
-            cells[source] = "○"  # nobody reads it
+        cells[source] = "●" if wire.readers else "○"  # nobody reads it
     for reader in wire.readers:
         at = middle[reader]
         if at in (first, last):

@@ -9,8 +9,8 @@ from prometheus_client import CollectorRegistry, generate_latest
 
 from deploy.metrics import Ledger, metrics_at, parse_listen, serve
 from deploy.metrics_account import MAX_SOURCES, UNKNOWN, Account, Histogram, Timing
-from deploy.reading import HEARD_LIMIT_S
 from deploy.stack.errors import DeployError
+from deploy.stack.formatting import HEARD_LIMIT_S
 from wire.messages import SafetyStatus, SourceStatus, header, planar_twist
 from wire.stamp import Stamp
 

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from deploy.reading import HEARD_LIMIT_S
 from deploy.stack.errors import DeployError
+from deploy.stack.formatting import HEARD_LIMIT_S
 from deploy.watch import launches
 from deploy.watch_rows import LINE_PERIOD_S, Lines, Watched, cells, row_at, table, to_json
 from wire.messages import SafetyStatus, header, odometry

@@ -18,7 +18,7 @@ from deploy.inspection.values import (
     select,
     to_yaml,
 )
-from deploy.reading import number
+from deploy.stack.formatting import number
 from wire.messages import Bool, LaserScan, SafetyStatus, Twist, header, laser_scan, planar_twist
 
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from deploy.reading import direction, mode_name, nearest, number, speed
+from deploy.stack.formatting import direction, mode_name, nearest, number, speed
 from wire.messages import SafetyStatus, header, planar_twist
 
 
