@@ -199,7 +199,7 @@ async def test_foreign_keys_are_listed(tmp_path: Path) -> None:
             await asyncio.to_thread(rogue.close)  # pyright: ignore[reportUnknownArgumentType]
     assert entries["another/robot/scan"]["type"] is None
     assert entries["another/robot/scan"]["writers"] == ["undeclared"]
-    assert (code, text) == (0, "bytes: 3\nhex: 00 01 ff\n---\n")
+    assert (code, text) == (0, 'bytes: 3\nhex: "00 01 ff"\n---\n')
 
 
 async def test_only_topics_of_the_caller_can_be_published(tmp_path: Path) -> None:
