@@ -79,20 +79,20 @@ def legend(control: Control, linear_step_m_s: float, angular_step_rad_s: float) 
 
 
 def key_help(control: Control) -> tuple[KeyHelp, ...]:
-    """Return all keys of a control mode, one row for each function."""
+    """Return all keys of a control mode, one row for each function, those that stop the robot first."""
     levels = KeyHelp(f"{LEVEL_KEYS[0]} to {LEVEL_KEYS[-1]}", "speed level, 20 to 100 %")
     commands = _rows((key, command) for key in COMMANDS if (command := command_for(key, control)))
     match control:
         case Control.INCREMENTAL:
             steps = ((key, f"{_motion(*step)} by one step") for key, step in STEPS.items())
-            return (*_rows(steps), KeyHelp(STOP, "stop, and arm again"), levels, *commands)
+            return (*commands, *_rows(steps), KeyHelp(STOP, "stop, and arm again"), levels)
         case Control.HOLD:
             motions = ((key, _motion(*motion)) for key, motion in MOTIONS.items())
-            stop = KeyHelp("k, or any other key", "stop")
-            return (*_rows(motions), stop, *_speeds(), levels, *commands)
+            stop = KeyHelp("k", "stop, like any other key")
+            return (*commands, *_rows(motions), stop, *_speeds(), levels)
         case Control.GAMEPAD:
             stop = KeyHelp(STOP_KEY, "stop; press the button anew")
-            return (KeyHelp("stick", "drive, with dead-man button"), stop, levels, *commands)
+            return (*commands, KeyHelp("stick", "drive, with dead-man button"), stop, levels)
         case Control.VIEW_ONLY:
             return commands
         case _:
@@ -114,7 +114,7 @@ def _rows(functions: Iterable[tuple[str, str]]) -> tuple[KeyHelp, ...]:
     keys_of: dict[str, list[str]] = {}
     for key, does in functions:
         keys_of.setdefault(does, []).append(name_of(key))
-    return tuple(KeyHelp(", ".join(keys), does) for does, keys in keys_of.items())
+    return tuple(KeyHelp(" ".join(keys), does) for does, keys in keys_of.items())
 
 
 def _motion(forward: int, left: int) -> str:
@@ -133,6 +133,6 @@ def _speeds() -> list[KeyHelp]:
         factor = angular if linear == 1.0 else linear
         changes.setdefault(what, []).append((key, f"{100 * (factor - 1.0):+.0f} %"))
     return [
-        KeyHelp(", ".join(key for key, _ in some), f"{what} {', '.join(change for _, change in some)}")
+        KeyHelp(" ".join(key for key, _ in some), f"{what} {', '.join(change for _, change in some)}")
         for what, some in changes.items()
     ]
