@@ -235,7 +235,7 @@ def _options(args: argparse.Namespace) -> Options:
         source,
         bus.endpoint,
         control,
-        keys=legend(control, config.linear_step_m_s, config.angular_step_rad_s),
+        keys=legend(control),
         help=key_help(control),
         robot=robot_of(document),
         most=config.most(),

@@ -34,13 +34,13 @@ _STOPS = (KeyHelp("SPACE", Command.ESTOP), KeyHelp("r", Command.RESET))
 _ALL = KeyHelp("?", "all keys")
 
 
-def legend(control: Control, linear_step_m_s: float, angular_step_rad_s: float) -> tuple[KeyHelp, ...]:
+def legend(control: Control) -> tuple[KeyHelp, ...]:
     """Return the legend of a control mode: its most important keys."""
     match control:
         case Control.INCREMENTAL:
             return (
-                KeyHelp("w / x", f"forward / backward by {linear_step_m_s:g} m/s"),
-                KeyHelp("a / d", f"left / right by {angular_step_rad_s:g} rad/s"),
+                KeyHelp("w / x", "faster forward / backward"),
+                KeyHelp("a / d", "more to the left / right"),
                 KeyHelp("s", "stop, and arm again"),
                 *_STOPS,
                 KeyHelp("1 to 5", "speed level"),

@@ -101,7 +101,7 @@ def test_in_hold_mode_h_stops_as_any_other_key_and_the_question_mark_shows_the_h
 
 @pytest.mark.parametrize("control", Control)
 def test_the_legend_names_only_keys_of_the_help(control: Control) -> None:
-    named = {key for row in legend(control, 0.1, 0.2) for key in row.keys.split()} - {"/", "to", "arrows"}
+    named = {key for row in legend(control) for key in row.keys.split()} - {"/", "to", "arrows"}
     assert named <= listed(control)
     assert "?" in named
 
