@@ -101,7 +101,8 @@ def start(context: sdk.Context, namespace: str, listen: str) -> WebSocketServer:
         DeployError: the address is invalid, in use, or not one of this machine.
     """
     host, port = parse_listen(listen)
-    sdk.set_log_level("CRITICAL")  # clients are told of their errors; the terminal does not show a client's text
+    # Nothing is logged: clients receive their errors, and no client's text reaches the terminal.
+    sdk.set_log_level("CRITICAL")
     try:
         return sdk.start_server(
             name=f"lifeline {namespace}",

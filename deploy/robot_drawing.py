@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from supervisor.clearance import Circle, ConvexPolygon, Hull
+from supervisor.clearance import ConvexPolygon, Hull
 from supervisor.config import SupervisorSection
 from wire.messages import Odometry, Point, Quaternion, Time
 
@@ -100,13 +100,9 @@ def outlines(config: SupervisorSection) -> tuple[Outline, ...]:
 
 def points_at(hull: Hull, distance_m: float) -> Points:
     """Return the points (n, 2) [m] of the line at a distance from the hull, counter-clockwise."""
-    match hull:
-        case Circle(radius_m=radius_m):
-            return _arc((0.0, 0.0), radius_m + distance_m, 0.0, math.tau)[:-1]
-        case ConvexPolygon(corners=corners):
-            return _around(np.array(corners), distance_m)
-        case _:
-            raise TypeError(f"unknown hull {hull!r}")
+    if isinstance(hull, ConvexPolygon):
+        return _around(np.array(hull.corners), distance_m)
+    return _arc((0.0, 0.0), hull.radius_m + distance_m, 0.0, math.tau)[:-1]
 
 
 def _around(corners: Points, distance_m: float) -> Points:

@@ -20,13 +20,12 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from deploy.stack.errors import EXIT_REFUSED
+from tests.protobuf import Fields, protobuf_fields
 from tests.system.foxglove_client import (
     CLIENT_MESSAGE,
     SERVICE_CALL,
-    Fields,
     FoxgloveClient,
     foxglove_client,
-    protobuf_fields,
 )
 from tests.system.harness import PATIENCE_S, Robot, free_endpoint, is_zero, robot
 from tests.system.test_record import lifeline
