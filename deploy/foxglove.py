@@ -40,6 +40,7 @@ from wire.messages import (
     header,
 )
 from wire.process import run_process
+from wire.stamp import Stamp, parse_stamp
 from wire.topics import Topic
 from wire.zenoh_bus import ZenohBus
 
@@ -150,17 +151,16 @@ class Bridge:
         self._scans: dict[str, bytes] = {}
         """The last scan of each lidar since the last drawing."""
         self._strangers = HeardSources(bus.hear_sources(), (source.name for source in config.sources))
-        self._nodes = bus.watch_alive()
+        self._run: bytes | None = None
+        """The run of the supervisor, as in its stamps."""
         self._add_configured()
 
     async def run(self, stop: asyncio.Event) -> None:
         """Forward until `stop`."""
         draw_s = time.monotonic()
         while not stop.is_set():
-            if any(change.alive and change.node == topics.SUPERVISOR for change in self._nodes.take()):
-                self._read_again()
             self._add(map(topics.source_cmd_vel, self._strangers.take_new()))
-            for one in self._forwarded.values():
+            for one in list(self._forwarded.values()):
                 for arrival in one.subscription.take_raw():
                     if len(arrival.payload) <= MAX_PAYLOAD_BYTES:
                         self._forward(one, arrival)
@@ -175,6 +175,8 @@ class Bridge:
             one.channel.log(arrival.payload, log_time=time_ns)
         if one.topic is topics.ODOM:
             self._draw_base(arrival.payload, time_ns)
+        elif one.topic is topics.STATUS:
+            self._hear_supervisor(parse_stamp(arrival.attachment))
         elif one.topic.type is LaserScan:
             self._scans[one.topic.key] = arrival.payload
 
@@ -203,8 +205,11 @@ class Bridge:
         if lidars:
             self._transforms.log(transforms_message(lidars), log_time=time_ns)
 
-    def _read_again(self) -> None:
-        """Read the configuration again: a supervisor has started, perhaps with another one."""
+    def _hear_supervisor(self, stamp: Stamp | None) -> None:
+        """Read the configuration again if another supervisor has started, perhaps with another one."""
+        if stamp is None or stamp.gid == self._run:
+            return
+        self._run = stamp.gid
         with suppress(DeployError):  # it did not start with this file, and the last one still applies
             config = _read(self._launch)
             if config != self._config:
