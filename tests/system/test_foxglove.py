@@ -273,6 +273,7 @@ async def socket_that_never_reads(server: Served) -> AsyncGenerator[tuple[asynci
         client.connection.transport.abort()
 
 
+@pytest.mark.timed
 async def test_after_a_restart_of_the_supervisor_its_new_configuration_is_drawn(tmp_path: Path) -> None:
     file = tmp_path / "robot.toml"
     file.write_text("[supervisor]\nstop_distance_m = 0.30\n")
