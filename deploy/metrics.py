@@ -1,15 +1,11 @@
 """`lifeline metrics`: serve what is counted of one robot to Prometheus over HTTP. It publishes nothing on the bus."""
 
 import asyncio
-import errno
 import math
-import re
 import threading
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
-from ipaddress import ip_address
 from typing import Any, NoReturn
 
 from prometheus_client import CollectorRegistry, start_http_server
@@ -19,19 +15,18 @@ from prometheus_client.registry import Collector
 from deploy.metrics_account import Account, Timing
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
+from deploy.stack.listen import bracketed, cannot_listen, is_loopback, parse_listen
+from deploy.stack.reach import run_connected
 from wire import topics
 from wire.bus import Bus, wait_until
 from wire.process import run_process
 from wire.stamp import parse_stamp
 from wire.topics import Topic
-from wire.zenoh_bus import BusConfig, open_bus
 
 LOOK_PERIOD_S = 0.1
 DEPTH = 4096
 """Queue depth of each topic: no arrival is missed while the loop is busy."""
-CLOSE_LIMIT_S = 0.1
 TIMED: tuple[Topic[Any], ...] = (topics.STATUS, topics.SCAN, topics.ODOM, topics.CMD_VEL)
-MAX_PORT = 65535
 
 
 @dataclass(eq=False)  # the registry uses it as a key
@@ -132,20 +127,6 @@ def _gauges(account: Account, now_s: float) -> Iterator[Metric]:
     )
 
 
-def parse_listen(text: str) -> tuple[str, int]:
-    """Return the host and the port of `HOST:PORT`; an IPv6 address is in brackets.
-
-    Raises:
-        DeployError: the text has another form.
-    """
-    match = re.fullmatch(r"(\[[0-9a-fA-F:.]+\]|[\w.-]+):([0-9]{1,5})", text, re.ASCII)
-    if match is None or int(match[2]) > MAX_PORT:
-        raise DeployError(
-            f"--listen {text!r} is not an address: use HOST:PORT with a port up to {MAX_PORT}, such as 127.0.0.1:9464"
-        )
-    return match[1].strip("[]"), int(match[2])
-
-
 def serve(ledger: Ledger, listen: str) -> str:
     """Start the HTTP server on daemon threads and return the address at which it serves.
 
@@ -160,16 +141,8 @@ def serve(ledger: Ledger, listen: str) -> str:
     except UnicodeError as error:
         raise DeployError(f"--listen {listen!r} is not an address: {error}") from error
     except OSError as error:
-        if error.errno == errno.EADDRINUSE:
-            raise DeployError(
-                f"port {port} on {host} is in use by another program: choose another port with --listen {host}:PORT"
-            ) from error
-        raise DeployError(
-            f"cannot listen on {listen} ({error.strerror or error}): choose an address of this machine with "
-            "--listen HOST:PORT"
-        ) from error
-    shown = f"[{host}]" if ":" in host else host
-    return f"http://{shown}:{server.server_port}/metrics"
+        raise cannot_listen(listen, error.errno, error.strerror or str(error)) from error
+    return f"http://{bracketed(host)}:{server.server_port}/metrics"
 
 
 def metrics(launch: Launch, listen: str) -> NoReturn:
@@ -181,40 +154,18 @@ def metrics(launch: Launch, listen: str) -> NoReturn:
     ledger = Ledger()
     address = serve(ledger, listen)
     print(f"lifeline: serving {address}; press Ctrl-C to end", flush=True)
-    if not _is_loopback(parse_listen(listen)[0]):
+    if not is_loopback(parse_listen(listen)[0]):
         print("lifeline: other machines can read the metrics, without a password", flush=True)
 
     async def main(stop: asyncio.Event) -> int:
-        counting = asyncio.ensure_future(_count(launch.bus, ledger, stop))
-        stopping = asyncio.ensure_future(stop.wait())
-        await asyncio.wait({counting, stopping}, return_when=asyncio.FIRST_COMPLETED)
-        stopping.cancel()
-        if counting.done():
-            counting.result()
-        else:
-            await asyncio.wait({counting}, timeout=CLOSE_LIMIT_S)
+        await run_connected(launch.bus, stop, lambda bus: _count(bus, ledger, stop))
         return 0
 
     # No process waits for this command's liveliness token: it has none.
     run_process("lifeline", main, memory_keeper=False)
 
 
-def _is_loopback(host: str) -> bool:
-    with suppress(ValueError):
-        return ip_address(host).is_loopback
-    return host == "localhost"
-
-
-async def _count(config: BusConfig, ledger: Ledger, stop: asyncio.Event) -> None:
-    """Connect as soon as a supervisor answers, and count until `stop`; Zenoh itself connects again after that."""
-    bus = await open_bus(config, "client")
-    try:
-        await _count_on(bus, ledger, stop)
-    finally:
-        await bus.close()
-
-
-async def _count_on(bus: Bus, ledger: Ledger, stop: asyncio.Event) -> None:
+async def _count(bus: Bus, ledger: Ledger, stop: asyncio.Event) -> None:
     statuses = bus.subscribe(topics.STATUS, depth=DEPTH)
     odometry = bus.subscribe(topics.ODOM, depth=DEPTH)
     undecoded = (

@@ -1,7 +1,6 @@
 """`lifeline record`: record all messages in one MCAP file until Ctrl-C."""
 
 import asyncio
-import re
 import sys
 import time
 from collections.abc import Callable, Iterable
@@ -11,6 +10,7 @@ from typing import Any, NoReturn
 
 from deploy.recording import Recorded, RecordingError, RecordingWriter, exists
 from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED
+from deploy.stack.heard_sources import HeardSources
 from deploy.stack.launch import Launch
 from deploy.stack.reach import NotRunningError, reach
 from deploy.stack.statusline import StatusLine
@@ -27,8 +27,6 @@ DEPTH = 4096
 LOOK_PERIOD_S = 0.1
 FLUSH_PERIOD_S = 1.0
 """Maximum loss if the recorder is killed."""
-MAX_STRANGERS = 16
-NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
 @dataclass
@@ -102,9 +100,9 @@ class Recorder:
         # One offset for all messages: a step of the wall clock does not reorder the recording.
         self._wall_ns = time.time_ns() - round(self._loop.time() * 1e9)
         self._report = Report()
-        self._strangers = bus.hear_sources()
-        self._sources = set(sources)
-        for source in sorted(self._sources):
+        known = sorted(set(sources))
+        self._strangers = HeardSources(bus.hear_sources(), known)
+        for source in known:
             self._add(topics.source_cmd_vel(source))
         for topic in topics.TOPICS:
             if "<" not in topic.key:
@@ -137,10 +135,8 @@ class Recorder:
         return report
 
     def _take(self) -> None:
-        for source in self._strangers.take():
-            if source not in self._sources and len(self._sources) < MAX_STRANGERS and NAME.fullmatch(source):
-                self._sources.add(source)
-                self._add(topics.source_cmd_vel(source))
+        for source in self._strangers.take_new():
+            self._add(topics.source_cmd_vel(source))
         for channel in self._report.channels:
             for arrival, sequence in channel.take():
                 log_time_ns = self._wall_ns + round(arrival.arrival_s * 1e9)

@@ -1,11 +1,13 @@
 """Connects a client to the hub, for commands that run until Ctrl-C."""
 
 import asyncio
+from collections.abc import Awaitable, Callable
 
 from deploy.stack.errors import DeployError
 from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
 
 CONNECT_LIMIT_S = 2.0
+CLOSE_LIMIT_S = 0.1
 
 
 class NotRunningError(DeployError):
@@ -33,3 +35,33 @@ async def reach(config: BusConfig, stop: asyncio.Event) -> ZenohBus | None:
     finally:
         opening.cancel()
         stopping.cancel()
+
+
+async def run_connected(
+    config: BusConfig, stop: asyncio.Event, work: Callable[[ZenohBus], Awaitable[None]]
+) -> None:
+    """Connect as soon as a supervisor answers, and run `work`, until `stop`; Zenoh itself connects again after that.
+
+    Args:
+        config: the endpoint and the namespace.
+        stop: `work` must end soon after it is set, and is abandoned otherwise.
+        work: the session closes when it returns.
+
+    Raises:
+        BusError: the endpoint is invalid.
+    """
+
+    async def run() -> None:
+        bus = await open_bus(config, "client")
+        try:
+            await work(bus)
+        finally:
+            await bus.close()
+
+    running = asyncio.ensure_future(run())
+    stopping = asyncio.ensure_future(stop.wait())
+    await asyncio.wait({running, stopping}, return_when=asyncio.FIRST_COMPLETED)
+    stopping.cancel()
+    await asyncio.wait({running}, timeout=CLOSE_LIMIT_S)
+    if running.done():
+        running.result()

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from prometheus_client import CollectorRegistry, generate_latest
 
-from deploy.metrics import Ledger, metrics_at, parse_listen, serve
+from deploy.metrics import Ledger, metrics_at, serve
 from deploy.metrics_account import MAX_SOURCES, UNKNOWN, Account, Histogram, Timing
 from deploy.stack.errors import DeployError
 from deploy.stack.formatting import HEARD_LIMIT_S
@@ -178,22 +178,6 @@ def test_the_text_names_units_and_totals_and_leaves_out_what_is_not_known() -> N
     assert "lifeline_nearest_meters" not in silent
     assert "velocity" not in silent
     assert 'lifeline_stops_total{reason="ESTOP"} 1.0' in silent
-
-
-@pytest.mark.parametrize(
-    ("text", "address"),
-    [("127.0.0.1:9464", ("127.0.0.1", 9464)), ("[::1]:1", ("::1", 1)), ("localhost:0", ("localhost", 0))],
-)
-def test_an_address_has_a_host_and_a_port(text: str, address: tuple[str, int]) -> None:
-    assert parse_listen(text) == address
-
-
-@pytest.mark.parametrize(
-    "text", ["", "9464", ":9464", "localhost", "a:65536", "a:-1", "a:x", "::1:80", "a b:1"]
-)
-def test_another_form_of_address_is_refused_in_one_sentence(text: str) -> None:
-    with pytest.raises(DeployError, match=r"is not an address: use HOST:PORT"):
-        parse_listen(text)
 
 
 def test_a_port_in_use_and_an_address_that_cannot_exist_are_refused_in_one_sentence() -> None:

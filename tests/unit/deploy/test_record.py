@@ -10,8 +10,9 @@ from rosbags.rosbag2 import Reader
 from typer.testing import CliRunner, Result
 
 from deploy.cli import app
-from deploy.record import MAX_STRANGERS, Recorder, Report
+from deploy.record import Recorder, Report
 from deploy.recording import Recorded, RecordingError, RecordingReader, RecordingWriter
+from deploy.stack.heard_sources import MAX_SOURCES
 from virtual.network import VirtualNetwork
 from wire import topics
 from wire.messages import M, Odometry, SafetyStatus, Twist, decode, encode, header, odometry, planar_twist
@@ -191,11 +192,11 @@ async def test_a_source_that_the_supervisor_does_not_know_is_recorded_once_it_is
 
 async def test_strangers_are_recorded_up_to_a_limit(path: Path) -> None:
     stage = Stage(path)
-    for n in range(MAX_STRANGERS + 10):
+    for n in range(MAX_SOURCES + 10):
         stage.put(topics.source_cmd_vel(f"s{n}"), planar_twist(0.1, 0.0))
     report = await stage.end()
     assert sum(c.name.endswith("/cmd_vel") and c.name.startswith("/robot/s") for c in report.channels) == (
-        MAX_STRANGERS - 1
+        MAX_SOURCES - 1
     )
 
 
