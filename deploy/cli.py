@@ -38,7 +38,7 @@ def lifeline(
 
 
 path_app = typer.Typer(
-    help="Drive the robot along a path. A stop or a key press in teleop pauses it; Enter continues. A motion command of teleop always takes over.",
+    help="Drive the robot along a path. A stop, and usually a key press in teleop, pauses it; Enter continues. A motion command from teleop always takes over.",
     no_args_is_help=True,
 )
 app.add_typer(path_app, name="path")

@@ -46,7 +46,7 @@ def legend(control: Control, linear_step_m_s: float, angular_step_rad_s: float) 
         case Control.GAMEPAD:
             return (
                 KeyHelp("stick", "drive, with the dead-man button"),
-                KeyHelp("s", "stop; then press the button anew"),
+                KeyHelp("s", "stop; then press the button again"),
                 *_STOPS,
                 KeyHelp("1 to 5", "speed level"),
                 KeyHelp("q", "quit"),

@@ -357,7 +357,7 @@ def _first_neutral_s(asked: Sequence[Asked], source: str, since_s: float) -> flo
 def _not_drivable(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]:  # noqa: ARG001
     statuses = [s for s in seen.statuses if demand.from_s <= s.arrival_s <= demand.until_s]
     if not any(not status.is_stopped for status in statuses):
-        why = ", ".join(statuses[-1].reasons) if statuses else "no status came"
+        why = ", ".join(statuses[-1].reasons) if statuses else "no status arrived"
         yield Violation(demand.promise, demand.until_s, f"not drivable again ({why}): {demand.because}")
 
 

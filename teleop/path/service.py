@@ -287,7 +287,7 @@ class PathService:
                 )
             self._enter(_Phase.DRIVING, now_s)
         elif now_s - self._since_s > ARM_LIMIT_S:
-            self._pause(missing or "no odometry comes", now_s)
+            self._pause(missing or "no odometry arrives", now_s)
 
     def _missing(self, now_s: float) -> str | None:
         """Return why the robot must not start; None if it may."""
