@@ -27,8 +27,8 @@ _log = logging.getLogger("sim")
 def main() -> None:
     parser = service_parser(
         "sim",
-        description="A differential-drive robot in a MuJoCo warehouse: it follows cmd_vel, publishes scan, "
-        "odom and imu, and brakes by itself when the supervisor falls silent.",
+        description="Simulate a differential-drive robot in a MuJoCo warehouse. It follows cmd_vel, publishes scan, "
+        "odom and imu, and brakes by itself when the supervisor stops sending.",
         epilog="exit code: 0 after SIGTERM or Ctrl-C, 1 after an error, 2 for a wrong configuration",
     )
     parser.add_argument(
