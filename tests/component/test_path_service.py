@@ -181,7 +181,7 @@ async def test_the_operator_takes_over_and_the_path_goes_on_only_when_it_is_aske
     async with rig.supervisor(), rig.sim(plant), operator.beating(), driving(rig, here(square(1.0))) as run:
         await run.until(lambda: plant.true_pose.x_m > plant.start_pose.x_m + 0.4)
         operator.velocity = (-0.3, 0.0)
-        await run.paused("teleop took over; Enter goes on")
+        await run.paused("teleop took over; Enter continues")
         await rig.pass_time(1.0)
         assert plant.true_velocity.linear_m_s == pytest.approx(-0.3, abs=0.02)
         run.person.enter()
