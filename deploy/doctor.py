@@ -80,6 +80,7 @@ def _at_rest(launch: Launch, state: StateDir) -> Observed:
         python=sys.version_info[:2],
         config_path=str(launch.config),
         endpoint=launch.bus.endpoint,
+        drive=launch.drive,
         namespace=launch.bus.namespace,
     )
     try:

@@ -2,7 +2,6 @@
 
 import asyncio
 import os
-import shlex
 import signal
 import subprocess
 import sys
@@ -46,11 +45,10 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool) -> int:
                 if latched is not None:
                     say(latched)
                 if detach:
-                    drive = shlex.join(launch.command(topics.TELEOP))
                     say(
                         f"running at {launch.bus.endpoint}; check it with `lifeline status`, stop it with `lifeline down`"
                     )
-                    say(f"drive with `{drive}`")
+                    say(f"drive with `{launch.drive}`")
                     keep = True
                     return 0
                 return _teleop_here(state, launch, say)

@@ -8,17 +8,16 @@ if __name__ == "__main__":
 
 import argparse
 import asyncio
-import itertools
 import os
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import NoReturn
 
 from teleop.config import Mode, TeleopSection
-from teleop.controls import command_for, legend
+from teleop.controls import command_for, help_lines, key_help, legend
 from teleop.dashboard import render_dashboard
 from teleop.display import render
 from teleop.footprint import robot_of
@@ -31,9 +30,9 @@ from teleop.keymap import Command
 from teleop.pilot import KeyKind, Pilot, Velocity
 from teleop.ramp import Ramp
 from teleop.service import Render, Setup, Teleop
-from teleop.setpoint import Setpoint
+from teleop.setpoint import LEVELS, Setpoint
 from teleop.terminal import Terminal, is_dumb, is_terminal
-from teleop.view import Control, Event, KeyHelp, Tone, View
+from teleop.view import Control, Event, Tone, View
 from wire import topics
 from wire.bus import Bus, wait_until
 from wire.command_line import EXIT_USAGE, override, read_document, refuse, service_parser
@@ -121,6 +120,7 @@ class _Waiting:
         self._options, self._terminal, self._wake, self._stop = options, terminal, wake, stop
         self._render = _render(options)
         self._events: list[Event] = []
+        self._has_help = False
 
     async def connect(self) -> Bus | None:
         """Return the bus as soon as the supervisor runs; None if the operator quit."""
@@ -155,6 +155,8 @@ class _Waiting:
         commands = {command_for(key, control) for key in pressed}
         if Command.ESTOP in commands:
             self._note("emergency stop NOT sent: there is no connection to the supervisor")
+        if Command.HELP in commands:
+            self._has_help = not self._has_help
         if Command.SUSPEND in commands:
             self._terminal.suspend()
         return Command.QUIT in commands or self._terminal.ended or self._stop.is_set()
@@ -173,6 +175,7 @@ class _Waiting:
             robot=setup.robot,
             events=tuple(self._events),
             keys=setup.keys,
+            help=setup.help if self._has_help else (),
         )
         self._terminal.show(self._render(view, *self._terminal.size))
 
@@ -209,17 +212,8 @@ def _greet(terminal: Terminal, options: Options) -> None:
         return
     if is_dumb():
         terminal.note("this terminal has no control sequences (TERM=dumb): one line instead of a screen")
-    for line in _legend_lines(options.setup.keys):
+    for line in help_lines(options.setup.help):
         terminal.note(line)
-
-
-def _legend_lines(rows: Iterable[KeyHelp]) -> list[str]:
-    """Return the keys as text in two columns, less than 80 characters wide."""
-    cells = [f"{row.keys:<8}{row.does}" for row in rows]
-    return [
-        f"  {left:<42}{right}".rstrip()
-        for left, right in itertools.zip_longest(cells[::2], cells[1::2], fillvalue="")
-    ]
 
 
 def _options(args: argparse.Namespace) -> Options:
@@ -241,7 +235,8 @@ def _options(args: argparse.Namespace) -> Options:
         source,
         bus.endpoint,
         control,
-        keys=_legend(control, config),
+        keys=legend(control),
+        help=key_help(control),
         robot=robot_of(document),
         most=config.most(),
         rate_hz=config.rate_hz,
@@ -254,14 +249,16 @@ def _options(args: argparse.Namespace) -> Options:
 def _parser() -> argparse.ArgumentParser:
     defaults = TeleopSection()
     keys = "\n\n".join(
-        "\n".join((f"keys, {control}:", *_legend_lines(_legend(control, defaults))))
-        for control in (Control.INCREMENTAL, Control.HOLD)
+        "\n".join((f"keys, {control}:", *help_lines(key_help(control)))) for control in Control
     )
     parser = service_parser(
         "teleop",
         description="Drive the robot by keyboard or gamepad. The supervisor decides which velocity is permitted,\n"
         "and stops the robot when this program ends or hangs.",
         epilog=f"{keys}\n\n"
+        f"One step is {defaults.linear_step_m_s:g} m/s or {defaults.angular_step_rad_s:g} rad/s at speed level {LEVELS}, "
+        "unless the configuration differs.\n"
+        "? shows all keys while the program runs.\n"
         "After every stop the robot moves only after a neutral command (s, or all keys released).\n"
         "Exception: it may drive away from an obstacle that stopped it.\n"
         "exit code: 0 after q (except in mode hold), Ctrl-C or SIGTERM, 1 after an error, 2 for a wrong configuration,\n"
@@ -286,10 +283,6 @@ def _parser() -> argparse.ArgumentParser:
         help="watch without driving; only the emergency stop can be commanded",
     )
     return parser
-
-
-def _legend(control: Control, config: TeleopSection) -> tuple[KeyHelp, ...]:
-    return legend(control, config.linear_step_m_s, config.angular_step_rad_s)
 
 
 if __name__ == "__main__":

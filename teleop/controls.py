@@ -1,35 +1,51 @@
-"""The function of the keys in each control mode, and their legend."""
+"""The function of the keys in each control mode, their legend, and their complete list.
 
+`key_help` derives the complete list from the tables that process the keys. The legend is the short form for the last
+rows of the dashboard.
+"""
+
+from collections.abc import Iterable
+from itertools import zip_longest
 from typing import assert_never
 
-from teleop.keymap import Command, command_of
+from teleop.gamepad import STOP_KEY
+from teleop.hold import MOTIONS, SPEEDS
+from teleop.incremental import STEPS, STOP
+from teleop.keymap import COMMANDS, LEVEL_KEYS, Command, command_of, name_of
 from teleop.view import Control, KeyHelp
+
+NOT_IN_HOLD = ("q", "h")
+"""Keys that are no commands in hold mode, which has the layout of teleop_twist_keyboard: q is a speed, h stops."""
 
 
 def command_for(key: str, control: Control) -> Command | None:
     """Return the program command of a key in a control mode; None if it has none."""
     command = command_of(key)
-    if control is Control.HOLD and key.lower() == "q":
-        return None  # a speed, in the layout of teleop_twist_keyboard
+    if control is Control.HOLD and key.lower() in NOT_IN_HOLD:
+        return None
     if control is Control.VIEW_ONLY and command is Command.RESET:
         return None  # a viewer may stop the robot, but not reset the e-stop
     return command
 
 
-_STOPS = (KeyHelp("SPACE", "stop + emergency stop"), KeyHelp("r", "reset the emergency stop"))
+# --- the legend
+
+_STOPS = (KeyHelp("SPACE", Command.ESTOP), KeyHelp("r", Command.RESET))
+_ALL = KeyHelp("?", "all keys")
 
 
-def legend(control: Control, linear_step_m_s: float, angular_step_rad_s: float) -> tuple[KeyHelp, ...]:
-    """Return the legend of a control mode."""
+def legend(control: Control) -> tuple[KeyHelp, ...]:
+    """Return the legend of a control mode: its most important keys."""
     match control:
         case Control.INCREMENTAL:
             return (
-                KeyHelp("w / x", f"forward / backward by {linear_step_m_s:g} m/s"),
-                KeyHelp("a / d", f"left / right by {angular_step_rad_s:g} rad/s"),
+                KeyHelp("w / x", "faster forward / backward"),
+                KeyHelp("a / d", "more to the left / right"),
                 KeyHelp("s", "stop, and arm again"),
                 *_STOPS,
                 KeyHelp("1 to 5", "speed level"),
                 KeyHelp("q", "quit"),
+                _ALL,
             )
         case Control.HOLD:
             return (
@@ -42,6 +58,7 @@ def legend(control: Control, linear_step_m_s: float, angular_step_rad_s: float) 
                 KeyHelp("w / x", "linear speed, e / c angular"),
                 KeyHelp("1 to 5", "speed level"),
                 KeyHelp("Ctrl-C", "quit"),
+                _ALL,
             )
         case Control.GAMEPAD:
             return (
@@ -50,8 +67,72 @@ def legend(control: Control, linear_step_m_s: float, angular_step_rad_s: float) 
                 *_STOPS,
                 KeyHelp("1 to 5", "speed level"),
                 KeyHelp("q", "quit"),
+                _ALL,
             )
         case Control.VIEW_ONLY:
-            return (_STOPS[0], KeyHelp("q", "quit"))
+            return (_STOPS[0], KeyHelp("q", "quit"), _ALL)
         case _:
             assert_never(control)
+
+
+# --- the complete list
+
+
+def key_help(control: Control) -> tuple[KeyHelp, ...]:
+    """Return all keys of a control mode, one row for each function, those that stop the robot first."""
+    levels = KeyHelp(f"{LEVEL_KEYS[0]} to {LEVEL_KEYS[-1]}", "speed level, 20 to 100 %")
+    commands = _rows((key, command) for key in COMMANDS if (command := command_for(key, control)))
+    match control:
+        case Control.INCREMENTAL:
+            steps = ((key, f"{_motion(*step)} by one step") for key, step in STEPS.items())
+            return (*commands, *_rows(steps), KeyHelp(STOP, "stop, and arm again"), levels)
+        case Control.HOLD:
+            motions = ((key, _motion(*motion)) for key, motion in MOTIONS.items())
+            stop = KeyHelp("k", "stop, like any other key")
+            return (*commands, *_rows(motions), stop, *_speeds(), levels)
+        case Control.GAMEPAD:
+            stop = KeyHelp(STOP_KEY, "stop; press the button anew")
+            return (*commands, KeyHelp("stick", "drive, with dead-man button"), stop, levels)
+        case Control.VIEW_ONLY:
+            return commands
+        case _:
+            assert_never(control)
+
+
+def help_lines(rows: Iterable[KeyHelp]) -> list[str]:
+    """Return the keys as text in two columns, less than 80 characters wide."""
+    cells = [f"{row.keys:<7} {row.does}" for row in rows]
+    half = (len(cells) + 1) // 2
+    return [
+        f"  {left:<42}{right}".rstrip()
+        for left, right in zip_longest(cells[:half], cells[half:], fillvalue="")
+    ]
+
+
+def _rows(functions: Iterable[tuple[str, str]]) -> tuple[KeyHelp, ...]:
+    """Return one row for each function, with all of its keys."""
+    keys_of: dict[str, list[str]] = {}
+    for key, does in functions:
+        keys_of.setdefault(does, []).append(name_of(key))
+    return tuple(KeyHelp(" ".join(keys), does) for does, keys in keys_of.items())
+
+
+def _motion(forward: int, left: int) -> str:
+    """Return the direction of a motion; the side of a turn is that to which the robot moves."""
+    if not forward:
+        return f"turn {'left' if left > 0 else 'right'}"
+    way = "forward" if forward > 0 else "backward"
+    return f"{way} to the {'left' if forward * left > 0 else 'right'}" if left else way
+
+
+def _speeds() -> list[KeyHelp]:
+    """Return one row for each speed that the keys of hold mode change, with its keys and changes."""
+    changes: dict[str, list[tuple[str, str]]] = {}
+    for key, (linear, angular) in SPEEDS.items():
+        what = "turn rate" if linear == 1.0 else "linear speed" if angular == 1.0 else "both speeds"
+        factor = angular if linear == 1.0 else linear
+        changes.setdefault(what, []).append((key, f"{100 * (factor - 1.0):+.0f} %"))
+    return [
+        KeyHelp(" ".join(key for key, _ in some), f"{what} {', '.join(change for _, change in some)}")
+        for what, some in changes.items()
+    ]

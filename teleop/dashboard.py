@@ -5,6 +5,8 @@
     right       nearest obstacle, velocities, position, control, link, and the events if there is room
     below       otherwise the events, and the keys
 
+While the help is open, all keys replace the picture and the keys below; the rest stays.
+
 Values older than SILENT_AFTER_S are grey and show their age. Text from the network is shown as plain ASCII. No meaning
 depends on colour alone.
 """
@@ -17,7 +19,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
-from teleop.display import render, signed
+from teleop.display import asked_text, render, signed
+from teleop.help_page import help_page
+from teleop.pilot import amounts
 from teleop.top_view import Scale, draw_top_view, scale_of
 from teleop.view import Control, KeyHelp, Line, Segment, Tone, View, columns_of, plain
 from teleop.words import SILENT_AFTER_S, News, direction, is_silent, news, octant_of
@@ -107,8 +111,9 @@ def render_dashboard(view: View, columns: int, rows: int, *, unicode: bool = Tru
     glyphs = _UNICODE if unicode else _ASCII
     if columns < MIN_COLUMNS or rows < MIN_ROWS:
         return _too_small(view, columns, rows, glyphs)
-    keys = _keys(view.keys, columns, glyphs)
+    keys = [] if view.help else _keys(view.keys, columns, glyphs)
     head = [*_banner(view, columns), _rule(_title(view), columns, glyphs)]
+    key_title = "? hides all keys" if view.help else "keys"
     foot_rows = 1 + len(keys)
     panel_columns = WIDE_PANEL_COLUMNS if columns >= WIDE_COLUMNS else PANEL_COLUMNS
     sections = _sections(view, panel_columns, glyphs)
@@ -116,13 +121,21 @@ def render_dashboard(view: View, columns: int, rows: int, *, unicode: bool = Tru
     room = body_rows - sum(map(len, sections)) - len(sections)
     if room > EVENT_ROWS + 1:
         sections.append(_events(view, room, panel_columns))
-        foot = [_rule("keys", columns, glyphs), *keys]
+        foot = [_rule(key_title, columns, glyphs), *keys]
     else:
         body_rows -= EVENT_ROWS
         events = _events(view, EVENT_ROWS + 1, columns)[1:]
-        foot = [_rule("events, keys", columns, glyphs), *_filled(events, EVENT_ROWS), *keys]
+        foot = [
+            _rule(f"events, {key_title}", columns, glyphs),
+            *_filled(events, EVENT_ROWS),
+            *keys,
+        ]
     panel = _spread(sections, body_rows)
-    picture = _picture(view, columns - panel_columns - 1, body_rows, glyphs)
+    left_columns = columns - panel_columns - 1
+    if view.help:
+        picture = _help(view, left_columns, body_rows, glyphs)
+    else:
+        picture = _picture(view, left_columns, body_rows, glyphs)
     body = [(*left, Segment(" "), *right) for left, right in zip(picture, panel, strict=True)]
     return [_fitted(line, columns) for line in (*head, *body, *foot)]
 
@@ -325,7 +338,10 @@ def _control(view: View, columns: int, glyphs: Glyphs) -> list[Line]:
     second = (Segment(f" {note}", Tone.DIM),)
     if view.control is Control.VIEW_ONLY:
         return [(_label("control"), name), second]
-    return [(_label("control"), name, Segment(f"   speed {steps} {level} of {LEVELS}")), second]
+    lines: list[Line] = [(_label("control"), name, Segment(f"   speed {steps} {level} of {LEVELS}"))]
+    if view.limit is not None:
+        lines.append((_label("  up to"), Segment(amounts(view.limit)[: columns - 10])))
+    return [*lines, second]
 
 
 def _link(view: View) -> list[Line]:
@@ -410,7 +426,7 @@ def _caption(view: View, scale: Scale, glyphs: Glyphs) -> Line:
 @lru_cache(maxsize=4)
 def _keys(keys: tuple[KeyHelp, ...], columns: int, glyphs: Glyphs) -> list[Line]:
     """Return the keys in columns with as few lines as possible; if they do not fit, the widest column is cut off."""
-    rows = [(_ours(row.keys, glyphs), _ours(row.does, glyphs)) for row in keys]
+    rows = [(row.keys, row.does) for row in _our_rows(keys, glyphs)]
     stacks: list[Stack] = []
     widths: list[int] = []
     for height in range(1, MAX_KEY_ROWS + 1):
@@ -431,6 +447,16 @@ def _keys(keys: tuple[KeyHelp, ...], columns: int, glyphs: Glyphs) -> list[Line]
         )
         for row in range(max(map(len, stacks), default=0))
     ]
+
+
+def _help(view: View, columns: int, rows: int, glyphs: Glyphs) -> list[Line]:
+    """Return all keys in exactly `rows` lines of `columns` characters."""
+    page = help_page(_our_rows(view.help, glyphs), columns - 1, rows)
+    return [_fitted((Segment(" "), *line), columns) for line in _filled(page, rows)]
+
+
+def _our_rows(keys: Iterable[KeyHelp], glyphs: Glyphs) -> list[KeyHelp]:
+    return [KeyHelp(_ours(row.keys, glyphs), _ours(row.does, glyphs)) for row in keys]
 
 
 def _widest(stack: Stack) -> int:
@@ -454,7 +480,15 @@ def _key(stack: Stack, row: int, columns: int) -> tuple[Segment, Segment]:
 def _too_small(view: View, columns: int, rows: int, glyphs: Glyphs) -> list[Line]:
     line = render(view, columns, unicode=glyphs.unicode)
     why = f"terminal {columns}x{rows}: the dashboard needs {MIN_COLUMNS}x{MIN_ROWS}"
-    return [line, (Segment(why[:columns], Tone.DIM),)][:rows]
+    reason = (Segment(why[:columns], Tone.DIM),)
+    if not view.help:
+        return [line, reason][:rows]
+    asked = asked_text(view, unicode=glyphs.unicode)
+    state = [line]
+    if view.control is not Control.VIEW_ONLY and not line[0].text.startswith(asked):
+        state.append((Segment(asked[:columns]),))
+    page = help_page(_our_rows(view.help, glyphs), columns, rows - len(state))
+    return [*state, *page, reason][:rows]
 
 
 # --- helpers

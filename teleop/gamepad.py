@@ -201,13 +201,15 @@ class Gamepad:
     def wanted(self) -> Velocity:
         if self.phase is not Phase.DRIVING:
             return NEUTRAL
-        layout = self.layout
+        layout, limit = self.layout, self.limit
         forward = self._deflection(layout.forward_axis, inverted=layout.forward_inverted)
         turn = self._deflection(layout.turn_axis, inverted=layout.turn_inverted)
-        return Velocity(
-            forward * self._share * layout.max_linear_m_s,
-            turn * self._share * layout.max_angular_rad_s,
-        )
+        return Velocity(forward * limit.linear_m_s, turn * limit.angular_rad_s)
+
+    @property
+    def limit(self) -> Velocity:
+        share = self._share
+        return Velocity(share * self.layout.max_linear_m_s, share * self.layout.max_angular_rad_s)
 
     def let_go(self) -> None:
         if self.phase in (Phase.CENTRE, Phase.DRIVING):

@@ -64,6 +64,11 @@ class Hold:
         return self._level
 
     @property
+    def limit(self) -> Velocity:
+        share = self._level / LEVELS
+        return Velocity(*(share * most for most in self._most))
+
+    @property
     def note(self) -> str:
         speed, how = self._allowed(), "releases reported" if self._reports_releases else "by key repeat"
         return f"{how}: {speed.linear_m_s:.2f} m/s, {speed.angular_rad_s:.2f} rad/s"
@@ -133,7 +138,4 @@ class Hold:
             self._held[key] = None
 
     def _allowed(self) -> Velocity:
-        share = self._level / LEVELS
-        return Velocity(
-            *(min(speed, share * most) for speed, most in zip(self._speed, self._most, strict=True))
-        )
+        return Velocity(*map(min, self._speed, self.limit))

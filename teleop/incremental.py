@@ -5,13 +5,14 @@ from the operator: a program that sent it automatically would re-arm the robot w
 """
 
 from teleop.keymap import level_of
-from teleop.pilot import KeyEvent, KeyKind, Velocity
+from teleop.pilot import KeyEvent, KeyKind, Velocity, amount
 from teleop.ramp import Ramp
 from teleop.setpoint import Setpoint
 
-_STEPS = {"w": (1, 0), "x": (-1, 0), "a": (0, 1), "d": (0, -1)}
+STEPS = {"w": (1, 0), "x": (-1, 0), "a": (0, 1), "d": (0, -1)}
 """Steps (forward, left) of the keys."""
-_STOP = "s"
+STOP = "s"
+"""Key that sets the velocity to zero."""
 
 
 class Incremental:
@@ -22,14 +23,21 @@ class Incremental:
         ramp: limits the acceleration of the sent velocity.
     """
 
-    note = "each press is a step"
-
     def __init__(self, setpoint: Setpoint, ramp: Ramp) -> None:
         self._setpoint, self._ramp = setpoint, ramp
 
     @property
     def level(self) -> int:
         return self._setpoint.level
+
+    @property
+    def limit(self) -> Velocity:
+        return self._setpoint.limit
+
+    @property
+    def note(self) -> str:
+        step = self._setpoint.step
+        return f"each press: {amount(step.linear_m_s)} m/s or {amount(step.angular_rad_s)} rad/s"
 
     @property
     def next_s(self) -> float:
@@ -40,10 +48,10 @@ class Incremental:
             return
         key = event.key.lower()
         level = level_of(key)
-        if key == _STOP:
+        if key == STOP:
             self.let_go()
-        elif key in _STEPS:
-            linear, angular = _STEPS[key]
+        elif key in STEPS:
+            linear, angular = STEPS[key]
             self._setpoint = self._setpoint.moved(linear=linear, angular=angular)
         elif level is not None:
             self._setpoint = self._setpoint.at_level(level)

@@ -19,6 +19,7 @@ from teleop.pilot import KeyEvent, KeyKind
 
 ESCAPE = "\x1b"
 SPACE = " "
+QUESTION = "?"
 ALWAYS_KEYS = frozenset({SPACE, CTRL_C})
 FOCUS_OUT = "focus out"
 """Pseudo key: the terminal has lost the keyboard focus."""
@@ -145,7 +146,7 @@ def _sequence(parameters: str, final: str) -> KeyEvent | Report | None:
     kind = _KINDS.get(event, KeyKind.PRESS)
     held = max(modifiers - 1, 0)
     if final == "u":
-        key = _key(fields[0], held)
+        key = _key(fields[0], held, kind)
     elif final == "~":
         key = None if parameters in ("200", "201") else f"~{fields[0][0]}"
     elif final in _NO_KEYS:
@@ -155,9 +156,15 @@ def _sequence(parameters: str, final: str) -> KeyEvent | Report | None:
     return None if key is None else KeyEvent(key, kind)
 
 
-def _key(codes: list[int], modifiers: int) -> str | None:
-    """Return the key of a code, with its alternatives (shifted, and on the US layout) if they are reported."""
+def _key(codes: list[int], modifiers: int, kind: KeyKind) -> str | None:
+    """Return the key of a code, with its alternatives (shifted, and on the US layout) if they are reported.
+
+    Only the question mark is taken from the shifted alternative, because its key differs between layouts. Its release is
+    that of the unshifted key: Shift may have been pressed after the key, and then the release must end that key's press.
+    """
     code = codes[0]
+    if modifiers & _SHIFT and codes[1:2] == [ord(QUESTION)] and kind is not KeyKind.RELEASE:
+        return QUESTION
     if code > 0x7F and code not in _PRIVATE_USE and len(codes) > 2:
         code = codes[2]
     if code in _MODIFIER_KEYS:

@@ -20,6 +20,17 @@ class Velocity(NamedTuple):
 NEUTRAL = Velocity()
 
 
+def amount(value: float) -> str:
+    """Return a number above zero with two decimals, or with three digits if these would change it."""
+    text = f"{value:.2f}"
+    return text if abs(float(text) - value) < 1e-9 else f"{value:.3g}"
+
+
+def amounts(velocity: Velocity) -> str:
+    """Return a velocity with its units: "0.60 m/s, 1.20 rad/s"."""
+    return f"{amount(velocity.linear_m_s)} m/s, {amount(velocity.angular_rad_s)} rad/s"
+
+
 class KeyKind(StrEnum):
     """Kind of a key event."""
 
@@ -69,4 +80,9 @@ class Pilot(Protocol):
     @property
     def level(self) -> int:
         """The speed level, 1 to 5."""
+        ...
+
+    @property
+    def limit(self) -> Velocity:
+        """Maximum of each velocity at the speed level, and on a gamepad with or without turbo."""
         ...

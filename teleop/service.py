@@ -14,13 +14,13 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
 from teleop.bell import WarningBell
-from teleop.controls import command_for
+from teleop.controls import command_for, help_lines
 from teleop.holder import SENDING_S, HeldError, Holder
 from teleop.keymap import Command
-from teleop.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity
+from teleop.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity, amounts
 from teleop.rate import TOLERANCE_S, Rate
 from teleop.refusals import Refusals
 from teleop.telemetry import Telemetry
@@ -91,6 +91,9 @@ class Setup:
     """Endpoint of the supervisor."""
     control: Control
     keys: tuple[KeyHelp, ...] = ()
+    """The most important keys."""
+    help: tuple[KeyHelp, ...] = ()
+    """All keys, for the help."""
     robot: Robot = Robot()
     most: Velocity = Velocity(1.0, 2.0)
     """Full scale of the velocity bars."""
@@ -98,7 +101,7 @@ class Setup:
     about: str = "teleop"
     """A sentence about this program, for other programs that want the source's name."""
     pictures: bool = True
-    """Whether scans and odometry are drawn."""
+    """Whether scans and odometry are drawn; False for the display of one line."""
 
 
 NEUTRAL_HINTS = {
@@ -147,6 +150,7 @@ class Teleop:
         self._reset: asyncio.Task[TriggerResponse] | None = None
         self._suspending = False
         self._quitting = False
+        self._has_help = False
         self._redraw = True
         self._has_rival = False
         self._refusals = Refusals()
@@ -276,18 +280,27 @@ class Teleop:
         clock = asyncio.get_running_loop().time
         for event in events:
             command = self._command(event)
-            if self._pilot is not None and command in (None, Command.RESET):
-                before = self._pilot.wanted()
+            if self._pilot is not None and command in (None, Command.RESET, Command.HELP):
+                before, level = self._pilot.wanted(), self._pilot.level
                 self._pilot.on_key(event, clock())
                 self._send(clock(), always=command is None and event.kind is KeyKind.PRESS)
                 self._redraw |= before != self._pilot.wanted()
-            if command is not None:
+                if level != self._pilot.level:
+                    self._on_level(self._pilot)
+            if command is Command.HELP:
+                if event.kind is KeyKind.PRESS:
+                    self._toggle_help()
+            elif command is not None:
                 self._redraw = True
                 self._do(command, clock())
             if self._quitting or self._suspending:
                 return  # keys typed after it are not for the robot
 
-    def _do(self, command: Command, now_s: float) -> None:
+    def _do(
+        self,
+        command: Literal[Command.ESTOP, Command.RESET, Command.QUIT, Command.SUSPEND],
+        now_s: float,
+    ) -> None:
         match command:
             case Command.ESTOP:
                 self._let_go()
@@ -301,6 +314,23 @@ class Teleop:
                 self._quitting = True
             case Command.SUSPEND:
                 self._suspending = True
+
+    def _toggle_help(self) -> None:
+        """Show or hide all keys; the display of one line prints them each time."""
+        if self._setup.pictures:
+            self._has_help = not self._has_help
+            self._redraw = True
+            return
+        for line in help_lines(self._setup.help):
+            self._screen.note(line)
+        if self._pilot is not None:
+            self._on_level(self._pilot)
+
+    def _on_level(self, pilot: Pilot) -> None:
+        """Print the speed level, if the picture does not show it."""
+        self._redraw = True
+        if not self._setup.pictures:
+            self._screen.note(f"speed level {pilot.level}: up to {amounts(pilot.limit)}; {pilot.note}")
 
     # --- commands
 
@@ -442,6 +472,7 @@ class Teleop:
             control_note="" if pilot is None else pilot.note,
             neutral_hint=NEUTRAL_HINTS[setup.control],
             level=1 if pilot is None else pilot.level,
+            limit=None if pilot is None else pilot.limit,
             wanted=NEUTRAL if pilot is None else pilot.wanted(),
             sent=self._sent,
             max_linear_m_s=setup.most.linear_m_s,
@@ -456,4 +487,5 @@ class Teleop:
             robot=setup.robot,
             events=tuple(self._events),
             keys=setup.keys,
+            help=setup.help if self._has_help else (),
         )

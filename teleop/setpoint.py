@@ -41,22 +41,28 @@ class Setpoint:
         """Whether both velocities are exactly zero."""
         return self.velocity.is_neutral
 
+    @property
+    def step(self) -> Velocity:
+        """Step of each velocity at this speed level."""
+        share = self.level / LEVELS
+        return Velocity(share * self.steps.linear_step_m_s, share * self.steps.angular_step_rad_s)
+
+    @property
+    def limit(self) -> Velocity:
+        """Maximum of each velocity at this speed level."""
+        share = self.level / LEVELS
+        return Velocity(share * self.steps.max_linear_m_s, share * self.steps.max_angular_rad_s)
+
     def neutral(self) -> "Setpoint":
         return replace(self, linear_m_s=0.0, angular_rad_s=0.0)
 
     def moved(self, *, linear: int = 0, angular: int = 0) -> "Setpoint":
         """Return the setpoint after `linear` steps forward and `angular` steps to the left, each -1, 0 or 1."""
-        steps, share = self.steps, self.level / LEVELS
+        step, limit = self.step, self.limit
         return replace(
             self,
-            linear_m_s=_stepped(
-                self.linear_m_s, linear * share * steps.linear_step_m_s, share * steps.max_linear_m_s
-            ),
-            angular_rad_s=_stepped(
-                self.angular_rad_s,
-                angular * share * steps.angular_step_rad_s,
-                share * steps.max_angular_rad_s,
-            ),
+            linear_m_s=_stepped(self.linear_m_s, linear * step.linear_m_s, limit.linear_m_s),
+            angular_rad_s=_stepped(self.angular_rad_s, angular * step.angular_rad_s, limit.angular_rad_s),
         )
 
     def at_level(self, level: int) -> "Setpoint":

@@ -158,6 +158,8 @@ class View:
     """How to send neutral, as the beginning of a sentence: "press s", "let go of the keys"."""
     level: int = 1
     """Speed level, 1 to 5."""
+    limit: Velocity | None = None
+    """Maximum of each velocity at the speed level; None if nothing can be commanded."""
     wanted: Velocity = NEUTRAL
     """The requested velocity, at the end of the ramp."""
     sent: Velocity = NEUTRAL
@@ -177,6 +179,9 @@ class View:
     events: tuple[Event, ...] = ()
     """Events, newest last."""
     keys: tuple[KeyHelp, ...] = ()
+    """The most important keys, always shown if there is room."""
+    help: tuple[KeyHelp, ...] = ()
+    """All keys, while the help is open; otherwise empty."""
 
     @property
     def own(self) -> SourceStatus | None:

@@ -76,6 +76,8 @@ class Observed:
     is_connected: bool = False
     port_problem: str = ""
     """If nothing answers: why a supervisor could not listen."""
+    drive: str = "python -m teleop"
+    """The command that starts teleop for this robot."""
     namespace: str = "robot"
     nodes: Sequence[Node] = ()
     traffic: Traffic = field(default_factory=Traffic)
@@ -180,7 +182,7 @@ def _nodes(seen: Observed) -> Iterator[Finding]:
             "command source",
             Verdict.PROBLEM,
             f"none of {', '.join(sources)} runs",
-            "start one: `python -m teleop`",
+            f"start one: `{seen.drive}`",
         )
     twice = {node.name for node in seen.nodes if node.is_named and _count(seen, node.name) > 1}
     for name in sorted(twice):

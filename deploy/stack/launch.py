@@ -1,6 +1,7 @@
 """Arguments and environment of the stack's processes, and a check of the endpoint before the start."""
 
 import errno
+import shlex
 import socket
 import sys
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from pathlib import Path
 from deploy.stack.errors import DeployError
 from deploy.stack.processes import MARK
 from deploy.stack.statedir import StateDir, read_json
+from wire import topics
 from wire.config import BusSection, ConfigError, absolute, read_toml, section
 from wire.state_directory import ENVIRONMENT
 from wire.zenoh_bus import BusConfig
@@ -74,6 +76,11 @@ class Launch:
         """Return the command line of a module, run with this interpreter."""
         options = ["--config", str(self.config), "--endpoint", self.bus.endpoint]
         return [sys.executable, "-m", module, *options]
+
+    @property
+    def drive(self) -> str:
+        """The shell command that starts teleop for this robot."""
+        return shlex.join(self.command(topics.TELEOP))
 
 
 def check_endpoint_is_free(endpoint: str) -> None:

@@ -8,7 +8,9 @@ from typing import Any, cast
 
 import pytest
 
+from teleop.controls import help_lines, key_help
 from teleop.display import render
+from teleop.hold import Hold
 from teleop.holder import ASK_LIMIT_S, POLL_S, SILENT_LIMIT_S, HeldError
 from teleop.incremental import Incremental
 from teleop.keymap import CTRL_C, CTRL_D, CTRL_Z
@@ -17,7 +19,7 @@ from teleop.ramp import PERIOD_S as RAMP_PERIOD_S
 from teleop.ramp import Ramp
 from teleop.service import MIN_GAP_S, RESET_TIMEOUT_S, SCREEN_LIMIT_S, Setup, Teleop
 from teleop.setpoint import Setpoint
-from teleop.view import Control, Line
+from teleop.view import Control, Line, View
 from virtual.loop import VirtualLoop
 from virtual.network import VirtualNetwork
 from wire import topics
@@ -121,7 +123,12 @@ class Bench:
     """A running Teleop with its surroundings, and a ramp too steep to matter."""
 
     def __init__(
-        self, wire: Wire | None = None, pilot: Pilot | None = None, control: Control = Control.INCREMENTAL
+        self,
+        wire: Wire | None = None,
+        pilot: Pilot | None = None,
+        control: Control = Control.INCREMENTAL,
+        *,
+        pictures: bool = True,
     ) -> None:
         self.wire = wire or Wire()
         self.supervisor = self.wire.supervisor
@@ -134,16 +141,27 @@ class Bench:
         self.bus = self.wire.open_joined("teleop")
         teleop = Teleop(
             self.bus,
-            Setup("teleop", "tcp/127.0.0.1:7447", control, about=f"the teleop of {id(self)}"),
+            Setup(
+                "teleop",
+                "tcp/127.0.0.1:7447",
+                control,
+                help=key_help(control),
+                about=f"the teleop of {id(self)}",
+                pictures=pictures,
+            ),
             pilot=pilot,
             keys=self.keys,
             screen=self.screen,
-            render=lambda view, columns, _: [render(view, columns - 1)],
+            render=self._render,
             wake=self.wake,
         )
         self.running = asyncio.create_task(teleop.run(self.stop))
         self.running.add_done_callback(lambda _: self.bus.die())
         self.start_s = 0.0
+
+    def _render(self, view: View, columns: int, _: int) -> list[Line]:
+        self.view = view
+        return [render(view, columns - 1)]
 
     async def started(self) -> None:
         """Wait until it has claimed its name and drives."""
@@ -178,9 +196,13 @@ class Bench:
 
 @asynccontextmanager
 async def bench(
-    pilot: Pilot | None = None, control: Control = Control.INCREMENTAL, wire: Wire | None = None
+    pilot: Pilot | None = None,
+    control: Control = Control.INCREMENTAL,
+    wire: Wire | None = None,
+    *,
+    pictures: bool = True,
 ) -> AsyncGenerator[Bench]:
-    made = Bench(wire, pilot, control)
+    made = Bench(wire, pilot, control, pictures=pictures)
     await made.started()
     try:
         yield made
@@ -512,7 +534,7 @@ async def test_a_lower_speed_level_cuts_what_is_asked_for_at_once() -> None:
 class Stick:
     """A pilot that ignores keys and never rests."""
 
-    note, level, next_s = "", 5, float("inf")
+    note, level, next_s, limit = "", 5, float("inf"), Velocity(1.0, 2.0)
 
     def __init__(self) -> None:
         self.at = NEUTRAL
@@ -766,3 +788,105 @@ async def test_a_key_release_is_told_to_the_pilot_and_is_no_command() -> None:
         await asyncio.sleep(INSTANT_S)
         assert not b.running.done()
         assert b.wire.estops() == []
+
+
+# --- the help
+
+
+@pytest.mark.parametrize("key", ["?", "h", "H"])
+async def test_a_key_opens_and_closes_the_help(key: str) -> None:
+    async with bench() as b:
+        await b.press(key)
+        await asyncio.sleep(PERIOD_S)
+        assert b.view.help == key_help(Control.INCREMENTAL)
+        await b.press(key)
+        await asyncio.sleep(PERIOD_S)
+        assert b.view.help == ()
+
+
+async def test_a_held_key_opens_the_help_once() -> None:
+    async with bench() as b:
+        kinds = (KeyKind.PRESS, KeyKind.REPEAT, KeyKind.REPEAT, KeyKind.REPEAT, KeyKind.RELEASE)
+        b.keys.happen(*(KeyEvent("?", kind) for kind in kinds))
+        await asyncio.sleep(PERIOD_S)
+        assert b.view.help
+
+
+async def test_the_heartbeat_is_the_same_with_the_help_open_and_the_keys_act() -> None:
+    async def commands(keys: str) -> list[tuple[float, tuple[float, float]]]:
+        async with bench() as b:
+            await b.press("ww")
+            await asyncio.sleep(0.02)
+            await b.press(keys)
+            await asyncio.sleep(1.0)
+            await b.press("a")
+            await asyncio.sleep(0.1)
+            return [(round(at_s - b.start_s, 4), value) for at_s, value in b.wire.commands()]
+
+    plain, helped = await commands("z"), await commands("?")
+    assert helped == plain
+    assert helped[-1][1] == (0.2, 0.2)
+
+
+async def test_the_emergency_stop_works_with_the_help_open_which_stays_beside_the_state() -> None:
+    async with bench() as b:
+        await b.press("ww?")
+        await b.press(" ")
+        b.tell(SafetyStatus.STOPPED, "ESTOP")
+        await asyncio.sleep(0.15)
+        assert b.velocity() == (0.0, 0.0)
+        assert len(b.wire.estops()) >= 1
+        assert b.view.help
+        assert "STOPPED: ESTOP" in b.screen.lines[-1]
+
+
+async def test_in_hold_mode_the_question_mark_stops_like_any_other_key_and_h_opens_no_help() -> None:
+    pilot = Hold(Velocity(0.5, 1.0), Velocity(1.0, 2.0), Ramp(1e6, 1e6))
+    pilot.rely_on_releases(reported=True)
+    async with bench(pilot, Control.HOLD) as b:
+        await b.press("i")
+        assert b.velocity() == (0.5, 0.0)
+        await b.press("h")
+        assert (b.velocity(), b.view.help) == ((0.0, 0.0), ())
+        await b.press("i")
+        await b.press("?")
+        await asyncio.sleep(PERIOD_S)
+        assert b.velocity() == (0.0, 0.0)
+        assert b.view.help == key_help(Control.HOLD)
+
+
+async def test_a_viewer_has_the_help_too() -> None:
+    async with bench(control=Control.VIEW_ONLY) as b:
+        await b.press("?")
+        await asyncio.sleep(PERIOD_S)
+        assert b.view.help == key_help(Control.VIEW_ONLY)
+        assert b.view.limit is None
+
+
+async def test_the_display_of_one_line_prints_the_keys_and_the_speed_level() -> None:
+    async with bench(pictures=False) as b:
+        await b.press("?")
+        assert b.screen.notes == [
+            *help_lines(key_help(Control.INCREMENTAL)),
+            "speed level 5: up to 1.00 m/s, 2.00 rad/s; each press: 0.10 m/s or 0.20 rad/s",
+        ]
+        await b.press("3w3")
+        assert b.screen.notes[-1] == (
+            "speed level 3: up to 0.60 m/s, 1.20 rad/s; each press: 0.06 m/s or 0.12 rad/s"
+        )
+        assert len([note for note in b.screen.notes if note.startswith("speed level 3")]) == 1
+        assert b.view.help == ()
+
+
+async def test_a_viewer_with_one_line_prints_only_the_keys() -> None:
+    async with bench(control=Control.VIEW_ONLY, pictures=False) as b:
+        await b.press("h")
+        assert b.screen.notes == help_lines(key_help(Control.VIEW_ONLY))
+
+
+async def test_a_change_of_level_is_shown_at_the_next_picture() -> None:
+    async with bench() as b:
+        await b.press("2")
+        await asyncio.sleep(PERIOD_S)
+        assert (b.view.level, b.view.limit) == (2, Velocity(0.4, 0.8))
+        assert b.screen.notes == []

@@ -214,9 +214,10 @@ async def test_the_help_teaches_the_keys() -> None:
     )
     output, _ = await asyncio.wait_for(process.communicate(), LIMIT_S)
     for words in (
-        b"w / x",
-        b"u i o",
+        b"w       forward by one step",
+        b"i up    forward",
         b"SPACE",
+        b"? shows all keys",
         b"--mode",
         b"--source",
         b"--endpoint",
@@ -224,3 +225,32 @@ async def test_the_help_teaches_the_keys() -> None:
         b"--view-only",
     ):
         assert words in output
+
+
+async def test_the_question_mark_shows_all_keys_while_driving_goes_on_and_hides_them_again() -> None:
+    async with driving() as (h, op):
+        h.tell(SafetyStatus.DRIVING, owner="teleop")
+        await until(lambda: "all keys" in op.picture)
+        op.type(b"?")
+        await until(lambda: "forward by one step" in op.picture and "Ctrl-Z" in op.picture)
+        seen = len(h.velocities)
+        await until(lambda: len(h.velocities) >= seen + 20)
+        assert set(h.velocities[seen:]) == {(0.1, 0.0)}
+        assert statistics.median(h.gaps_s[seen:]) < 0.1
+        op.type(b"w3")
+        await until(lambda: h.asks(0.2, 0.0))
+        await until(lambda: "up to   0.60 m/s, 1.20 rad/s" in op.picture)
+        await until(lambda: h.tell(SafetyStatus.STOPPED, "ESTOP") or "STOPPED: " in op.picture)
+        assert "forward by one step" in op.picture
+        op.type(b"h")
+        await until(lambda: "forward by one step" not in op.picture)
+        op.type(b"q")
+        assert await op.ended() == (0, "")
+
+
+async def test_the_line_is_preceded_by_all_keys_and_the_speed_level_on_request() -> None:
+    async with driving("--plain") as (h, op):
+        op.type(b"?")
+        await until(lambda: op.output.count("show or hide all keys") == 2)
+        await until(lambda: "speed level 5: up to 1.00 m/s, 2.00 rad/s" in op.output)
+        assert h.asks(0.1, 0.0)

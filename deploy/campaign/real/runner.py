@@ -164,6 +164,8 @@ def _say_what_became(console: Console, orders: Orders, trials: Sequence[Trial]) 
         f"{len(trials)} trials{where}: "
         + (f"{broken} with a broken promise" if broken else "every promise was kept"),
         highlight=False,
+        markup=False,
+        soft_wrap=True,
     )
 
 

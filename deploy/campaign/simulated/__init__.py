@@ -7,6 +7,6 @@ scenario.py           what happens in a trial, drawn from its seed (pure)
 operator.py           the simulated operator
 world.py              the processes on their virtual network, each of which can die, hang and start again
 machine.py            clocks and e-stop record, which survive a supervisor's restart
-injector.py           applies the scenario's faults to the simulated processes
+fault_injection.py    applies the scenario's faults to the simulated processes
 clearance_witness.py  clearance of the hull, and how much of its decrease the robot caused
 """

@@ -13,7 +13,7 @@ from deploy.campaign.demands import Done, asked_age_s, demands, may_be_locked_ou
 from deploy.campaign.measure import NOTICED_WITHIN_S, stop_after
 from deploy.campaign.promises import Bounds, Demand, Kind, Violation, violations
 from deploy.campaign.seen import Seen
-from deploy.campaign.simulated.injector import Injector, calm
+from deploy.campaign.simulated.fault_injection import Injector, calm
 from deploy.campaign.simulated.operator import Operator, reset_from_outside
 from deploy.campaign.simulated.scenario import EPISODE_S, RECOVERY_S, Drivers, draw
 from deploy.campaign.simulated.world import World

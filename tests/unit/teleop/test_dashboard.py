@@ -439,6 +439,8 @@ VIEWS = st.builds(
     robot=st.builds(Robot, NUMBER, stop_distance_m=NUMBER, warning_distance_m=NUMBER),
     events=st.lists(st.builds(Event, TEXT, TEXT, st.sampled_from(Tone)), max_size=4).map(tuple),
     keys=st.lists(st.builds(KeyHelp, TEXT, TEXT), max_size=14).map(tuple),
+    help=st.lists(st.builds(KeyHelp, TEXT, TEXT), max_size=25).map(tuple),
+    limit=st.none() | VELOCITIES,
 )
 
 

@@ -7,7 +7,7 @@ import pytest
 from teleop.incremental import Incremental
 from teleop.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity
 from teleop.ramp import Ramp
-from teleop.setpoint import Setpoint
+from teleop.setpoint import Setpoint, Steps
 
 
 def pilot() -> Incremental:
@@ -70,3 +70,12 @@ def test_the_ramp_is_due_while_it_moves() -> None:
     press(subject, "w")
     subject.velocity(1.0)
     assert 1.0 < subject.next_s < 1.05
+
+
+def test_the_note_names_the_step_at_the_level_and_small_steps_keep_their_digits() -> None:
+    subject = pilot()
+    press(subject, "3")
+    assert subject.note == "each press: 0.06 m/s or 0.12 rad/s"
+    assert subject.limit == Velocity(0.6 * 1.0, 0.6 * 2.0)
+    small = Incremental(Setpoint(Steps(linear_step_m_s=0.025), level=3), Ramp(1.0, 4.0))
+    assert small.note == "each press: 0.015 m/s or 0.12 rad/s"

@@ -208,3 +208,17 @@ def test_how_the_bytes_are_cut_makes_no_difference(stream: list[bytes]) -> None:
 
 def test_bytes_beyond_ascii_do_not_raise() -> None:
     assert "w" in keys(b"\xff\xc3\xa4w")
+
+
+@pytest.mark.parametrize(
+    ("code", "key"),
+    [(b"47:63", "/"), (b"223:63:45", "-"), (b"44:63:109", ",")],
+    ids=["US", "German", "French"],
+)
+def test_a_question_mark_is_known_on_each_layout_and_its_release_ends_the_key_below(
+    code: bytes, key: str
+) -> None:
+    decoder = KeyDecoder()
+    assert decoder.feed(b"\x1b[" + code + b";2:1u") == [KeyEvent("?")]
+    assert decoder.feed(b"\x1b[" + code + b";2:3u") == [KeyEvent(key, KeyKind.RELEASE)]
+    assert decoder.feed(b"\x1b[" + code + b";1:1u") == [KeyEvent(key)]

@@ -5,7 +5,7 @@ import pytest
 from deploy.campaign.classes import BY_NAME, classes_by_themselves, virtual_classes
 from deploy.campaign.demands import LEEWAY_S, SLOW_S, TOLERANCE_M, Done, asked_age_s, demands, tolerance_m
 from deploy.campaign.promises import Kind
-from deploy.campaign.simulated.injector import FAULTS
+from deploy.campaign.simulated.fault_injection import FAULTS
 from deploy.campaign.simulated.scenario import EPISODE_S, draw
 
 
