@@ -91,7 +91,7 @@ def key_help(control: Control) -> tuple[KeyHelp, ...]:
             stop = KeyHelp("k", "stop, like any other key")
             return (*commands, *_rows(motions), stop, *_speeds(), levels)
         case Control.GAMEPAD:
-            stop = KeyHelp(STOP_KEY, "stop; then press it again")
+            stop = KeyHelp(STOP_KEY, "stop; press button again")
             return (*commands, KeyHelp("stick", "drive, with dead-man button"), stop, levels)
         case Control.VIEW_ONLY:
             return commands
