@@ -1,38 +1,38 @@
-# Everything from a fresh Debian or Ubuntu machine with Python 3.11 or newer and make; `make help` lists it.
+# All targets work on a fresh Debian or Ubuntu machine with Python 3.11 or newer and make; `make help` lists them.
 
 PYTHON ?= python3
-# uv of this machine where there is one that works, else one of our own in .uv
+# The machine's own uv if it works, else a copy in .uv
 UV := $(shell uv --version >/dev/null 2>&1 && command -v uv || echo .uv/bin/uv)
 OWN_UV := $(filter .uv/bin/uv,$(UV))
 STAMP := .venv/.made-from-lock
 
-# This machine's Python: uv fetches none.
+# Use the machine's Python: uv must not download one.
 export UV_PYTHON_DOWNLOADS := never
 export UV := $(UV)
 
-# Where PYTHONDONTWRITEBYTECODE is set, each process would compile all of it anew: half a second.
+# With PYTHONDONTWRITEBYTECODE, each process would compile all modules again, which takes half a second.
 COMPILE := .venv/bin/python -m compileall -q wire supervisor teleop sim virtual deploy bench tests
 
 .DEFAULT_GOAL := help
 .PHONY: help setup run test unit system demo proof proofs coverage check bench docs picture mutation faults campaign
 
-help: ## this list
+help: ## print this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
-setup: $(STAMP) ## the environment alone: .venv from uv.lock
+setup: $(STAMP) ## create the environment .venv from uv.lock
 
 run: $(STAMP) ## drive the robot by keyboard; without a terminal, play the demo
 	@if [ -t 0 ] && [ -t 1 ]; then exec .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
 
-test: $(STAMP) ## the checks and the tests, with real processes; what each commit must pass
+test: $(STAMP) ## run all checks and tests, also with real processes; each commit must pass them
 	$(COMPILE)
 	$(MAKE) --no-print-directory check unit system
 
-# No test here looks at the real clock: as many at a time as there are cores.
+# No test here depends on the real clock, so one runs on each core.
 unit:
 	.venv/bin/pytest tests/unit tests/component -m "not proof" --numprocesses=auto --dist=worksteal
 
-# Real processes, which mostly wait: four tests at a time, then one at a time those that measure.
+# The real processes mostly wait: four tests run at a time. Those that measure time run one at a time.
 system:
 	.venv/bin/pytest tests/system -m "not timed and not demo" --numprocesses=4 --dist=worksteal --durations=10
 	.venv/bin/pytest tests/system -m timed --durations=10
@@ -40,7 +40,7 @@ system:
 demo: $(STAMP) ## play the demo from the checkout and from an installed wheel (two minutes)
 	.venv/bin/pytest -s tests/system -m demo
 
-proof: $(STAMP) ## the law's proofs, and whether the unit tests reach every branch of the pure modules (a quarter of an hour)
+proof: $(STAMP) ## run the proofs of the law, and check that the unit tests reach every branch of the pure modules (15 minutes)
 	$(COMPILE)
 	$(MAKE) --no-print-directory --jobs=2 --output-sync=target proofs coverage
 
@@ -51,40 +51,40 @@ coverage:
 	.venv/bin/coverage run -m pytest tests/unit -m "not proof"
 	.venv/bin/coverage report
 
-check: $(STAMP) ## ruff, pyright and import-linter
+check: $(STAMP) ## run ruff, pyright and import-linter
 	.venv/bin/ruff check
 	.venv/bin/ruff format --check
 	.venv/bin/pyright
 	.venv/bin/lint-imports
 
-bench: $(STAMP) ## time and memory of the law, supervisor, teleop and sim; about four minutes
+bench: $(STAMP) ## measure time and memory of the law, supervisor, teleop and sim (four minutes)
 	.venv/bin/python -m bench
 
-docs: $(STAMP) ## write the generated parts and the drawings of docs/ anew
+docs: $(STAMP) ## update the generated parts and the drawings of docs/
 	.venv/bin/python -m docs.generate.safety_law
 	.venv/bin/python -m docs.generate.draw_safety_law
 	.venv/bin/python -m docs.generate.draw_dashboard
 	.venv/bin/python -m docs.generate.crash_safety
 	.venv/bin/python -m docs.generate.draw_crash_safety
 
-faults: $(STAMP) ## every class of fault three times on the real processes, and 1,000 trials in virtual time; a quarter of an hour
+faults: $(STAMP) ## inject every class of fault three times into real processes, and run 1,000 virtual trials (15 minutes)
 	.venv/bin/lifeline faults --trials 3 --minutes 8
 	.venv/bin/lifeline faults --virtual --seeds 1000
 
-campaign: $(STAMP) ## every class of fault 300 times on the real processes; hours, and it resumes
+campaign: $(STAMP) ## inject every class of fault 300 times into real processes (hours; can be interrupted and resumed)
 	.venv/bin/lifeline faults --trials 300 --out docs/campaign/real.jsonl
 
-mutation: $(STAMP) ## mutate the law; every mutant must fail a test (twenty minutes)
+mutation: $(STAMP) ## mutate the law and check that every mutant fails a test (20 minutes)
 	.venv/bin/python -m tests.mutation
 
-picture: $(STAMP) ## render the warehouse and the animation of the README anew; a few minutes
+picture: $(STAMP) ## render the warehouse and the animation of the README again (a few minutes)
 	.venv/bin/python -m sim.render --out docs/images/warehouse.png
 	.venv/bin/python -m docs.generate.draw_animation
 
 $(STAMP): uv.lock pyproject.toml | $(OWN_UV)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
 	  echo "Lifeline needs Python 3.11 or newer; this is $$($(PYTHON) --version 2>&1)." \
-	    "Name a newer one: make PYTHON=python3.12" >&2; exit 1; }
+	    "Choose a newer one: make PYTHON=python3.12" >&2; exit 1; }
 	$(UV) sync --locked --all-extras --compile-bytecode --python $(PYTHON)
 	@.venv/bin/python -c 'from deploy.stack.supervisord import fetch, find_uv; fetch(find_uv(), print)'
 	$(COMPILE)
@@ -92,7 +92,7 @@ $(STAMP): uv.lock pyproject.toml | $(OWN_UV)
 
 .uv/bin/uv:
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { \
-	  echo "uv is missing, and this Python cannot make an environment to fetch it:" \
+	  echo "uv is missing, and this Python cannot create an environment to install it:" \
 	    "apt install python3-venv" >&2; exit 1; }
 	$(PYTHON) -m venv .uv
 	.uv/bin/pip install --quiet uv

@@ -19,7 +19,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         prog="python -m bench",
         description="Measure the supervisor's time and memory, the lateness of teleop's heartbeat, and the speed of the "
-        "simulation. Takes about three minutes.",
+        "simulation. Takes about four minutes.",
         epilog="exit code: always 0, even if a target is missed: these are benchmarks, not tests",
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the results as JSON lines")

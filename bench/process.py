@@ -40,7 +40,7 @@ CLEAR_M = scenery.ROOM_M
 
 Phase = tuple[str, float, float]
 """Its name, the distance of the wall [m], and the commanded speed [m/s]."""
-ECHO = "free way, topic echo of everything"
+ECHO = "free path, topic echo of everything"
 """In this phase, `lifeline topic echo` prints every message of the robot."""
 
 TARGET_CPU_PERCENT = 6.0
@@ -79,7 +79,7 @@ def measure_process(seconds: float) -> list[Load]:
         RuntimeError: a process does not start or sends nothing.
     """
     free, limited = (
-        ("free way", CLEAR_M, CRUISE_M_S),
+        ("free path", CLEAR_M, CRUISE_M_S),
         ("limited by the barrier", scenery.WALL_M, scenery.FORWARD_M_S),
     )
     echoed = (ECHO, CLEAR_M, CRUISE_M_S)

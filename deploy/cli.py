@@ -39,7 +39,7 @@ def lifeline(
 
 
 path_app = typer.Typer(
-    help="Drive the robot along a path. A stop or a key press in teleop pauses it; Enter continues. A motion command of teleop always takes over.",
+    help="Drive the robot along a path. A stop, and usually a key press in teleop, pauses it; Enter continues. A motion command from teleop always takes over.",
     no_args_is_help=True,
 )
 app.add_typer(path_app, name="path")
@@ -138,10 +138,13 @@ def watch(
     state_dir: StatePath = None,
     as_json: Annotated[
         bool,
-        typer.Option("--json", help="Print JSON lines, as on a pipe: at least one per second per robot."),
+        typer.Option("--json", help="Print JSON lines instead of a table; default on a pipe."),
     ] = False,
     once: Annotated[
-        bool, typer.Option("--once", help="Print one row per robot and exit: 0 if all answer, 1 or 3 if not.")
+        bool,
+        typer.Option(
+            "--once", help="Print one row per robot. Exit 0 if all answer, 1 if some do, 3 if none does."
+        ),
     ] = False,
 ) -> None:
     """Show a live table of one or several robots until Ctrl-C."""
@@ -278,7 +281,7 @@ def faults(
             "--minutes",
             min=0.1,
             metavar="M",
-            help="Start no trial on real processes after M minutes. Exit 1 if a class was not tried by then.",
+            help="Start no trial on real processes after M minutes. Exit 1 if a class has not been tried by then.",
         ),
     ] = None,
 ) -> None:
@@ -342,7 +345,7 @@ def soak(
         int, typer.Option("--seed", min=0, metavar="K", help="Seed of the simulated operator.")
     ] = 0,
 ) -> None:
-    """Drive for hours and report growth. Exit 1 if a resource grew, or if the robot stopped without a cause."""
+    """Drive for hours and report growth of memory, descriptors and latency. Exit 1 on growth or a stop without a cause."""
 
     def run() -> int:
         from deploy.campaign.soak.run import Orders  # noqa: PLC0415
@@ -489,7 +492,7 @@ def path_follow(
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
 ) -> None:
-    """Drive a recorded path again, in reverse where it was driven in reverse."""
+    """Replay a recorded path, reversing where it reversed."""
 
     def run() -> int:
         from deploy.path import absolute, drive, read_poses, relative  # noqa: PLC0415

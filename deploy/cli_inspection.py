@@ -16,7 +16,7 @@ node_app = typer.Typer(help="Inspect the nodes of a running robot.", no_args_is_
 Name = Annotated[str, typer.Argument(metavar="KEY", help="Name of a topic, such as cmd_vel.")]
 Names = Annotated[list[str], typer.Argument(metavar="KEY…", help="Names of topics, such as cmd_vel.")]
 Listen = Annotated[
-    float, typer.Option("--seconds", min=0.1, max=3600.0, metavar="S", help="How long to listen, in s.")
+    float, typer.Option("--seconds", min=0.1, max=3600.0, metavar="S", help="Listening time in s.")
 ]
 Until = Annotated[
     float | None,
@@ -55,7 +55,7 @@ def topic_info(
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
 ) -> None:
-    """Print the writers and readers of a topic. Exit 1 if more programs write it than may."""
+    """Print the writers and readers of a topic. Exit 1 if it has more writers than permitted."""
 
     def run() -> int:
         from deploy.topic import show_info  # noqa: PLC0415
@@ -69,7 +69,7 @@ def topic_info(
 def topic_type(
     *,
     key: Name,
-    full: Annotated[bool, typer.Option("--full", help="Print the definition, too.")] = False,
+    full: Annotated[bool, typer.Option("--full", help="Also print the definition.")] = False,
     config: Config = None,
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
@@ -158,7 +158,7 @@ def topic_delay(
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
 ) -> None:
-    """Measure the ages of messages at their arrival, by the stamps of their senders. Exit 1 if nothing was heard."""
+    """Measure the ages of messages at arrival, from the senders' stamps. Exit 1 if nothing was heard."""
 
     def run() -> int:
         from deploy.topic_stream import age_report, measure  # noqa: PLC0415
@@ -185,7 +185,7 @@ def topic_pub(
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
 ) -> None:
-    """Publish on a topic that belongs to you: estop, sim/obstacle, or the commands of a free command source.
+    """Publish an e-stop, an obstacle, or the commands of a command source that no other program holds.
 
     The commands of a source are sent until Ctrl-C, after 1 s of zero, which arms the source.
     """
@@ -206,7 +206,7 @@ def node_list(
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
 ) -> None:
-    """List all nodes with their processes; a program without a liveliness token has its program's name."""
+    """List all nodes with their processes. A program without a liveliness token is listed by its program name."""
 
     def run() -> int:
         from deploy.node import show_list  # noqa: PLC0415
@@ -248,7 +248,7 @@ def graph(
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
 ) -> None:
-    """Show which nodes communicate, by the sessions at the hub and the messages that were heard."""
+    """Show which nodes communicate, from the hub's sessions and the received messages."""
 
     def run() -> int:
         from deploy.graph import show_graph  # noqa: PLC0415

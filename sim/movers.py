@@ -79,12 +79,12 @@ class Way:
 
     def __post_init__(self) -> None:
         if len(self.waypoints_m) < 2:
-            raise ValueError("a way needs at least two waypoints.")
+            raise ValueError("a path needs at least two waypoints.")
         if not all(math.isfinite(value) for point in self.waypoints_m for value in point):
-            raise ValueError("a way needs finite waypoints.")
+            raise ValueError("a path needs finite waypoints.")
         for a, b in itertools.pairwise(self._stops()):
             if math.dist(a, b) < CLOSEST_WAYPOINTS_M:
-                raise ValueError(f"the waypoints {a} and {b} of a way are at the same place.")
+                raise ValueError(f"the waypoints {a} and {b} of a path are at the same place.")
         if not (math.isfinite(self.speed_m_s) and self.speed_m_s > 0.0):
             raise ValueError(f"speed_m_s must be positive and finite, not {self.speed_m_s}.")
         if not (math.isfinite(self.dwell_s) and self.dwell_s >= 0.0):

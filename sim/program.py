@@ -27,8 +27,8 @@ _log = logging.getLogger("sim")
 def main() -> None:
     parser = service_parser(
         "sim",
-        description="A differential-drive robot in a MuJoCo warehouse: it follows cmd_vel, publishes scan, "
-        "odom and imu, and brakes by itself when the supervisor falls silent.",
+        description="Simulate a differential-drive robot in a MuJoCo warehouse. It follows cmd_vel, publishes scan, "
+        "odom and imu, and brakes by itself when the supervisor stops sending.",
         epilog="exit code: 0 after SIGTERM or Ctrl-C, 1 after an error, 2 for a wrong configuration",
     )
     parser.add_argument(
@@ -40,8 +40,8 @@ def main() -> None:
         "--speed",
         metavar="N",
         default="1",
-        help="simulated seconds per second, 0.1 to 100 (default: 1); above 1, the supervisor, which runs in real "
-        "time, reacts later by this factor",
+        help="simulated seconds per real second, 0.1 to 100 (default: 1); the supervisor runs in real time, so above 1 "
+        "its reactions take N times as long in simulated time",
     )
     parser.add_argument(
         "--faults",
@@ -52,19 +52,21 @@ def main() -> None:
     parser.add_argument(
         "--scene",
         metavar="NAME|FILE",
-        help=f"world: {', '.join(known())}, a layout (.toml) or an MJCF file (.xml)",
+        help=f"the world: {', '.join(known())}, a layout (.toml) or an MJCF file (.xml)",
     )
     parser.add_argument(
         "--hull",
         metavar="SHAPE",
         help="round or rectangular; rectangular also needs corners_m in [supervisor.footprint]",
     )
-    parser.add_argument("--payload-kg", type=float, metavar="KG", help="payload of the robot, 0 to 100 kg")
+    parser.add_argument("--payload-kg", type=float, metavar="KG", help="mass of the payload, 0 to 100 kg")
     parser.add_argument(
-        "--wheel-slip", type=float, metavar="SHARE", help="lost share of the wheels' grip, 0 to 0.95"
+        "--wheel-slip", type=float, metavar="SHARE", help="share of the wheels' grip that is lost, 0 to 0.95"
     )
     parser.add_argument(
-        "--moving", action=argparse.BooleanOptionalAction, help="with moving people and forklifts"
+        "--moving",
+        action=argparse.BooleanOptionalAction,
+        help="let people and forklifts move (default: as configured)",
     )
     parser.add_argument("--seed", type=int, metavar="N", help="seed of all noise")
     arguments = parser.parse_args()

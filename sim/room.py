@@ -55,10 +55,10 @@ def check_way(mover: Mover, plan: FloorPlan, hull: Outline) -> None:
     for taken in mover.swept():
         nearest = plan.nearest(taken)
         if nearest.distance_m < -OVERLAP_M:
-            raise RoomError(f"the way of {mover.name} leads through {nearest.name}.")
+            raise RoomError(f"the path of {mover.name} passes through {nearest.name}.")
     first = FloorPlan([Standing("robot", hull)]).nearest(mover.footprint(mover.placed(0.0)))
     if first.distance_m <= 0.0:
-        raise RoomError(f"the way of {mover.name} begins where the robot starts.")
+        raise RoomError(f"the path of {mover.name} begins where the robot starts.")
 
 
 def is_inside(outline: Outline, size_m: tuple[float, float], slack_m: float = 0.0) -> bool:

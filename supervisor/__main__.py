@@ -34,8 +34,8 @@ def open_record(directory: Path, namespace: str) -> EstopRecord:
 def main() -> None:
     parser = service_parser(
         "supervisor",
-        description="The only writer of cmd_vel: passes the operator's commands to the robot while that is "
-        "safe, and stops it otherwise. It is also the Zenoh hub that teleop and sim connect to.",
+        description="Pass the operator's commands to the robot while this is safe, and stop it otherwise. The supervisor "
+        "is the only writer of cmd_vel, and the Zenoh hub to which teleop and sim connect.",
         epilog="exit code: 0 after SIGTERM or Ctrl-C, 1 after an error, 2 for a wrong configuration",
     )
     arguments = parser.parse_args()

@@ -469,7 +469,7 @@ def _reset(state: State, inputs: Inputs, live: list[Source]) -> tuple[State, Rep
     driving = [s.config.name for s in live if not s.neutral]
     if driving:
         names = ", ".join(driving)
-        return state, Reply(success=False, message=f"{names} still asks for motion; stop it first")
+        return state, Reply(success=False, message=f"{names} still requests motion; stop it first")
     return state._replace(estop=False), Reply(success=True, message="the emergency stop is reset")
 
 

@@ -211,7 +211,7 @@ def _greet(terminal: Terminal, options: Options) -> None:
     if not options.plain:
         return
     if is_dumb():
-        terminal.note("this terminal knows no control sequences (TERM=dumb): one line instead of a picture")
+        terminal.note("this terminal has no control sequences (TERM=dumb): one line instead of a screen")
     for line in help_lines(options.setup.help):
         terminal.note(line)
 
@@ -261,8 +261,8 @@ def _parser() -> argparse.ArgumentParser:
         "? shows all keys while the program runs.\n"
         "After every stop the robot moves only after a neutral command (s, or all keys released).\n"
         "Exception: it may drive away from an obstacle that stopped it.\n"
-        "exit code: 0 after q, Ctrl-C or SIGTERM, 1 after an error, 2 for a wrong configuration, no terminal,\n"
-        "or a source that another program holds",
+        "exit code: 0 after q (except in mode hold), Ctrl-C or SIGTERM, 1 after an error, 2 for a wrong configuration,\n"
+        "no terminal, or a source that another program holds",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(

@@ -63,7 +63,7 @@ def legend(control: Control) -> tuple[KeyHelp, ...]:
         case Control.GAMEPAD:
             return (
                 KeyHelp("stick", "drive, with the dead-man button"),
-                KeyHelp("s", "stop; then press the button anew"),
+                KeyHelp("s", "stop; then press the button again"),
                 *_STOPS,
                 KeyHelp("1 to 5", "speed level"),
                 KeyHelp("q", "quit"),
@@ -91,7 +91,7 @@ def key_help(control: Control) -> tuple[KeyHelp, ...]:
             stop = KeyHelp("k", "stop, like any other key")
             return (*commands, *_rows(motions), stop, *_speeds(), levels)
         case Control.GAMEPAD:
-            stop = KeyHelp(STOP_KEY, "stop; press the button anew")
+            stop = KeyHelp(STOP_KEY, "stop; press button again")
             return (*commands, KeyHelp("stick", "drive, with dead-man button"), stop, levels)
         case Control.VIEW_ONLY:
             return commands

@@ -429,9 +429,7 @@ class Teleop:
             self._let_go()
             self._cmd_vel.begin_anew()
             self._has_rival = False
-            self.note(
-                "the supervisor refused all that was said: this program begins anew, at zero", Tone.CAUTION
-            )
+            self.note("the supervisor refused all commands: this program starts again, at zero", Tone.CAUTION)
 
     # --- the screen
 

@@ -101,7 +101,7 @@ def _stopped(view: View, status: SafetyStatus) -> News:
     alarm = "ALARM: " if status.alarm else ""
     if over and not causes:
         words = words_of(over[0])
-        what = f"it was {over[0]}" if words is None else words.over
+        what = f"the reason was {over[0]}" if words is None else words.over
         return News("STOPPED", f"{alarm}{what}. Over now", step_after(view), Tone.STOP, causes, over)
     first = causes[0] if causes else ""
     return News("STOPPED", alarm + _cause(first, status), next_step(view, first), Tone.STOP, causes, over)
@@ -174,7 +174,7 @@ def _driving(view: View, status: SafetyStatus) -> tuple[str, str]:
     own, other = view.own, _source(status, status.owner)
     if own is not None and other is not None and own.priority > other.priority:
         return f"{owner} drives, not you", "command motion to take over; SPACE is the emergency stop"
-    return f"{owner} drives, not you", "it must let go first; SPACE is the emergency stop"
+    return f"{owner} drives, not you", "it must stop first; SPACE is the emergency stop"
 
 
 def _limited(view: View, status: SafetyStatus) -> News:

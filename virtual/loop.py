@@ -1,10 +1,10 @@
-"""An event loop on a clock of its own: time jumps to the next timer, and stands still while anything runs.
+"""An event loop with a virtual clock: time jumps to the next timer, and stands still while a callback runs.
 
-Several processes share one loop, as they share the world's time. Each runs in a context that names it, and
-whatever it schedules belongs to it; so a process can be held up as a loop that runs nothing, or end as one
-that is killed: without a last word, no `finally` of it included.
+Several processes share one loop and its clock. Each runs in a context with its name, and everything that it schedules
+belongs to it. A process can therefore be held (no callback of it runs) or killed (no callback of it ever runs again,
+not even a `finally`).
 
-Everything happens in an order that only the program decides: at one time, first scheduled is first run.
+The order of callbacks is deterministic: callbacks that are due at the same time run in the order of scheduling.
 """
 
 import asyncio
@@ -19,21 +19,21 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 
 STANDSTILL_LIMIT = 200_000
-"""Callbacks at one and the same time, after which time is taken to stand still for good."""
+"""Number of callbacks at the same time after which the loop counts as stuck."""
 
 _process: contextvars.ContextVar["VirtualProcess | None"] = contextvars.ContextVar("process", default=None)
 
 
 class VirtualTimeError(RuntimeError):
-    """Time cannot go on: nothing will ever happen, or the same thing again and again."""
+    """Time cannot advance: no timer is left, or callbacks reschedule themselves without end."""
 
 
 class VirtualProcess:
-    """What runs, waits and ends together.
+    """A simulated process: its callbacks run, wait and end together.
 
     Args:
-        name: For people.
-        slack_s: A timer of it comes up to this late, on multiples of it; 0: on time. It saves wakes.
+        name: name in messages.
+        slack_s: its timers are delayed to multiples of this time, which saves wake-ups; 0: no delay.
     """
 
     def __init__(self, name: str, slack_s: float = 0.0) -> None:
@@ -49,17 +49,17 @@ class VirtualProcess:
         return self._held is not None
 
     def hold(self) -> None:
-        """From now on nothing of it runs; it piles up."""
+        """Queue its callbacks from now on instead of running them."""
         if self._held is None:
             self._held = []
 
     def let_go(self) -> list[asyncio.Handle]:
-        """What has piled up, oldest first; from now on everything runs again."""
+        """Run its callbacks again from now on; return the queued ones, oldest first."""
         held, self._held = self._held or [], None
         return held
 
     def keep(self, handle: asyncio.Handle) -> bool:
-        """Whether it has to wait, or is never to run."""
+        """Return whether a callback must not run now; queue it if the process is held."""
         if self.is_dead:
             return True
         if self._held is None:
@@ -69,7 +69,7 @@ class VirtualProcess:
 
 
 class VirtualLoop(asyncio.AbstractEventLoop):
-    """Everything of an event loop that services use: tasks, futures, timers; no files, sockets, threads."""
+    """The parts of an event loop that services use: tasks, futures and timers; no files, sockets or threads."""
 
     def __init__(self) -> None:
         self._now_s = 0.0
@@ -79,7 +79,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         self._stopping = False
         self._closed = False
         self.on_error: Callable[[str, BaseException | None], None] | None = None
-        """Told of what nobody awaits: the process's name, or "" for none, and the error."""
+        """Called for each error that is not awaited: the process's name, or "" for none, and the error."""
 
     # --- time
 
@@ -87,7 +87,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         return self._now_s
 
     def advance(self, seconds: float) -> None:
-        """Let time pass while whoever runs now does not come back: a hang of everything in this loop."""
+        """Let time pass within the running callback, as if it blocked the whole loop."""
         self._now_s += seconds
 
     def call_soon(  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -128,15 +128,15 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         return handle
 
     def _timer_handle_cancelled(self, handle: asyncio.TimerHandle) -> None:
-        """For asyncio's handles: a cancelled one is passed over when its time comes."""
+        """Do nothing: a cancelled timer is skipped when it is due."""
 
     # --- running
 
     def run_until_complete(self, future: Awaitable[T]) -> T:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Run until this is done; everything else waits for the next call.
+        """Run until a future is done; all other callbacks wait for the next call.
 
         Raises:
-            VirtualTimeError: that will never be.
+            VirtualTimeError: the future can never be done.
         """
         previous = asyncio._get_running_loop()  # noqa: SLF001 - of loops for loops
         asyncio._set_running_loop(self)  # noqa: SLF001
@@ -154,7 +154,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         while not self._stopping:
             if not ready:
                 if not timers:
-                    raise VirtualTimeError("everybody waits, and nothing will ever happen")
+                    raise VirtualTimeError("all processes wait, and no timer is left")
                 due_s, _, handle = heappop(timers)
                 if due_s > self._now_s:
                     self._now_s, at_once = due_s, 0
@@ -171,7 +171,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
             handle._run()  # noqa: SLF001  # pyright: ignore[reportPrivateUsage]
 
     def resume(self, process: VirtualProcess) -> None:
-        """Let a held process run again, what has piled up first."""
+        """Let a held process run again; its queued callbacks run first."""
         self._ready.extend(process.let_go())
 
     def stop(self) -> None:
@@ -184,7 +184,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         return self._closed
 
     def close(self) -> None:
-        """Nothing runs any more. What was killed ends only here: what its `finally` does, nobody hears."""
+        """Close the loop and all coroutines. The `finally` blocks of killed processes run here, without any effect."""
         self._closed = True
         asyncio._set_running_loop(self)  # noqa: SLF001
         try:
@@ -199,10 +199,10 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         self._timers.clear()
 
     async def shutdown_asyncgens(self) -> None:
-        """There is nothing to shut down: generators end with their tasks."""
+        """Do nothing: generators end with their tasks."""
 
     async def shutdown_default_executor(self) -> None:
-        """There is none."""
+        """Do nothing: there is no executor."""
 
     # --- tasks
 
@@ -222,10 +222,10 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         return False
 
     def set_debug(self, enabled: bool) -> None:  # noqa: FBT001 - asyncio's own
-        """There is no debug mode."""
+        """Do nothing: there is no debug mode."""
 
     def set_exception_handler(self, handler: object) -> None:
-        """`on_error` is told instead."""
+        """Do nothing: `on_error` is called instead."""
 
     def default_exception_handler(self, context: dict[str, Any]) -> None:
         self.call_exception_handler(context)

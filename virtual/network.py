@@ -1,15 +1,15 @@
 """A network that can fail, in virtual time: one hub, clients, and links with conditions that may change at any moment.
 
-It does what was measured of Zenoh over TCP, in our topology: every client speaks with the hub alone; a link
-keeps its order and delivers what a cut held up in one burst; the death of a process is seen after 2 ms, and
-silence after the lease; then the session ends, its tokens fall, and the client comes back by itself.
-Only the supervisor writes its keys: it is the hub, or, where the hub is a mere router, the client of that name.
+It behaves as measured for Zenoh over TCP in our topology: every client is connected to the hub only. A link keeps the order of
+messages, and delivers the messages that a cut held in one burst. The death of a process is detected after 2 ms, and silence
+after the lease. Then the session ends, its tokens are deleted, and the client reconnects by itself.
+Only the supervisor may write its keys. It is the hub, or, if the hub is only a router, the client of that name.
 
-A bus belongs to one run of one process. Where the process is held up, three things differ:
+A bus belongs to one run of one process. A process can be blocked in three ways:
 
-    hold     its loop runs nothing; what arrives carries its true time
-    deaf     what arrives is stamped when it hears again (a thread that does not give the interpreter up)
-    stopped  as deaf, and it sends no sign of life either (SIGSTOP): the others' leases lapse
+    hold     its loop runs no callback; arriving messages are stamped with their true time of arrival
+    deaf     arriving messages are stamped when it continues (a thread holds the interpreter's lock)
+    stopped  like deaf, but it also sends no keep-alive (SIGSTOP): the leases of the others expire
 """
 
 import asyncio
@@ -36,16 +36,16 @@ from wire.stamp import Stamp, Stamper
 from wire.topics import Service, Topic
 
 HOP_S = 0.000_15
-"""One way over loopback."""
+"""Time of a message over loopback."""
 DEATH_NOTICE_S = 0.002
 """From SIGKILL to the end of the process's connections."""
 LEASE_S = 0.4
 RETRY_S = (0.05, 0.2)
-"""Between two tries of a client to come back."""
+"""Range of the time between two attempts of a client to reconnect."""
 RESEND_S = (0.0, 0.2)
-"""From a healed cut until TCP tries again."""
+"""Range of the time from the end of a cut to TCP's next transmission."""
 BACKLOG = 512
-"""Messages that a cut link holds; later ones are dropped by the sender."""
+"""Maximum number of messages that a cut link holds; the sender drops later ones."""
 LIVELINESS_DEPTH = 256
 
 Action = Callable[[], None]
@@ -53,12 +53,12 @@ Action = Callable[[], None]
 
 @dataclass(slots=True)
 class Conditions:
-    """How one direction of a client's link is."""
+    """The conditions of one direction of a client's link."""
 
     delay_s: float = 0.0
-    """Beside the hop itself."""
+    """Delay in addition to the hop."""
     jitter_s: float = 0.0
-    """Up to so much more, evenly."""
+    """Maximum of an additional, uniformly distributed delay."""
     loss: float = 0.0
     """The share of messages that is dropped."""
     in_order: bool = True
@@ -77,13 +77,13 @@ class _Pipe:
         self._silent_since_s: float | None = None
 
     def send(self, action: Action) -> None:
-        """Let `action` happen where the message arrives, unless it never does. A sample may be dropped."""
+        """Run `action` at the receiver when the message arrives; a lossy link may drop it."""
         loss = self.conditions.loss
         if not loss or self._network.random.random() >= loss:
             self._send(action, in_order=self.conditions.in_order)
 
     def send_surely(self, action: Action) -> None:
-        """As `send` for what a connection never drops and keeps in order: tokens, queries, its own end."""
+        """Like `send`, for messages that a connection never drops or reorders: tokens, queries, the end of the session."""
         self._send(action, in_order=True)
 
     def _send(self, action: Action, *, in_order: bool) -> None:
@@ -113,13 +113,13 @@ class _Pipe:
             action()
 
     def hear(self) -> None:
-        """The receiver hears again: first what has waited for it."""
+        """Deliver the messages that arrived while the receiver was deaf."""
         unheard, self._unheard = self._unheard, []
         for action in unheard:
             action()
 
     def resend(self) -> None:
-        """The cut is healed: what it held up comes at once."""
+        """Deliver all messages that the cut held, in one burst."""
         held, self._held = self._held, []
         if held:
             due_s = self._network.loop.time() + self._network.random.uniform(*RESEND_S)
@@ -128,7 +128,7 @@ class _Pipe:
                 self._network.at(self._last_due_s, self._arrive, action)
 
     def look_for_silence(self, sender: "VirtualBus") -> None:
-        """Whether anything comes; after a lease without, the receiver gives the session up."""
+        """Check whether the sender is silent; after one lease of silence, the receiver ends the session."""
         is_silent = self.conditions.is_cut or sender.is_stopped or sender.is_dead
         if not is_silent:
             self._silent_since_s = None
@@ -142,21 +142,21 @@ class _Pipe:
 
 
 class _Session:
-    """One connection of a client with the hub, from its opening until both have let go of it."""
+    """One connection of a client with the hub, from its opening until both sides have ended it."""
 
     def __init__(self, network: "VirtualNetwork", client: "VirtualBus", hub: "VirtualBus") -> None:
         self.network, self.client, self.hub = network, client, hub
         up, down = network.link(client.node)
         self.up, self.down = _Pipe(self, hub, up), _Pipe(self, client, down)
         self.tokens: list[str] = []
-        """The client's, as the hub knows them."""
+        """The client's tokens that the hub knows."""
         self.is_over = False
         self._left: set[bool] = set()
-        """Which side has let go: True, the hub."""
+        """The sides that have ended the session; True is the hub."""
 
     @property
     def is_done(self) -> bool:
-        """Both sides have let go, or are no more."""
+        """Whether each side has ended the session or is dead."""
         return self.is_over and all(
             bus.is_dead or side in self._left for side, bus in ((True, self.hub), (False, self.client))
         )
@@ -167,7 +167,7 @@ class _Session:
             self.down.look_for_silence(self.hub)
 
     def give_up(self, who: "VirtualBus") -> None:
-        """One side ends it; the other notices when that reaches it, or by its own lease, or when it wakes up."""
+        """End the session on one side; the other side detects this by a message, by its lease, or when it resumes."""
         self.is_over = True
         self.let_go(who)
         other = self.hub if who is self.client else self.client
@@ -176,13 +176,13 @@ class _Session:
         self.network.after(later_s, self.let_go, other)
 
     def let_go(self, who: "VirtualBus") -> None:
-        """What one side does when it knows that the session is over."""
+        """End the session on a side that has detected its end."""
         self.is_over = True
         side = who is self.hub
         if side in self._left or who.is_dead:
             return
         if who.is_stopped:
-            return  # it notices when it wakes up
+            return  # it detects the end when it resumes
         self._left.add(side)
         if side:
             self.network.forget(self)
@@ -201,7 +201,7 @@ class VirtualToken:
 
 
 class VirtualPublisher:
-    """Stamps with the sender's clock, and sends what somebody listens to."""
+    """Stamps messages with the sender's clock, and sends them if there is a subscriber."""
 
     def __init__(self, bus: "VirtualBus", key: str) -> None:
         self._bus, self._key = bus, key
@@ -223,17 +223,17 @@ class VirtualPublisher:
 
 
 class VirtualBus:
-    """One run of one process on the network; see the module for what can happen to it."""
+    """One run of one process on the network; the module's docstring lists its possible states."""
 
     def __init__(self, network: "VirtualNetwork", node: str, process: VirtualProcess | None) -> None:
         self.network, self.node, self.process = network, node, process
         self.is_dead = self.is_deaf = self.is_stopped = False
         self.clock_offset_s = 0.0
-        """Its clock less the true time; a step of its clock changes this."""
+        """Its clock minus the true time; a step of its clock changes this."""
         self.subscriptions: dict[str, list[Subscription[Any]]] = {}
         self.services: dict[str, ServiceHandler] = {}
         self.own: list[str] = []
-        """The nodes of its tokens."""
+        """The nodes for which it holds tokens."""
         self.session: _Session | None = None
         self._opened: asyncio.Future[None] | None = None
         self._watchers: list[Inbox[LivelinessChange]] = []
@@ -308,19 +308,19 @@ class VirtualBus:
             raise NoReplyError(f"nobody answered {service.key} within {timeout_s:g} s") from error
 
     async def close(self) -> None:
-        """Leave in order: the others know at once."""
+        """Disconnect in order: the others are notified immediately."""
         self.leave(0.0)
 
-    # --- what happens to it
+    # --- faults
 
     def die(self) -> None:
-        """End as by SIGKILL: it says and does nothing more, and its connections end a moment later."""
+        """End as by SIGKILL: nothing more is sent or run, and the connections end after `DEATH_NOTICE_S`."""
         if self.process is not None:
             self.process.is_dead = True
         self.leave(DEATH_NOTICE_S)
 
     def leave(self, noticed_s: float) -> None:
-        """End every session; the others notice so much later, or by their leases where a link is cut."""
+        """End every session; the others detect this after `noticed_s`, or by their leases if a link is cut."""
         if self.is_dead:
             return
         self.is_dead = True
@@ -332,14 +332,14 @@ class VirtualBus:
         self.network.remove(self)
 
     def set_deaf(self, *, deaf: bool) -> None:
-        """Let nothing in, and then everything at once."""
+        """Hold arriving messages while deaf, then deliver all of them."""
         self.is_deaf = deaf
         if not deaf:
             for session in self.network.sessions_of(self):
                 (session.up if self.is_hub else session.down).hear()
 
     def set_stopped(self, *, stopped: bool) -> None:
-        """SIGSTOP and SIGCONT, as the network sees it."""
+        """Apply the effect of SIGSTOP or SIGCONT on the network."""
         self.is_stopped = stopped
         self.set_deaf(deaf=stopped)
         if not stopped:
@@ -351,7 +351,7 @@ class VirtualBus:
     # --- for the network
 
     def send(self, key: str, payload: bytes, attachment: bytes | None) -> None:
-        """Put bytes on a key, whatever they are."""
+        """Put any bytes on a key."""
         if self.is_hub:
             self.network.route(None, key, payload, attachment)
         elif self.session is not None:
@@ -359,7 +359,7 @@ class VirtualBus:
             session.up.send(partial(self.network.route, session, key, payload, attachment))
 
     def hears(self, key: str) -> bool:
-        """Whether it wants what is put on this key."""
+        """Return whether it subscribes to a key."""
         return key in self.subscriptions or (bool(self._ears) and topics.source_of(key) is not None)
 
     def receive(self, key: str, payload: bytes, attachment: bytes | None) -> None:
@@ -371,14 +371,14 @@ class VirtualBus:
                 ear.push(source)
 
     def see(self, node: str, change: int) -> None:
-        """One more or one less token of a node; the first and the last are told."""
+        """Count one token of a node more or less; report the first and the last one to the watchers."""
         before = self._sees[node]
         self._sees[node] = after = before + change
         if (before > 0) != (after > 0):
             self.tell_alive(node, alive=after > 0)
 
     def tell_alive(self, node: str, *, alive: bool) -> None:
-        """Tell a change to whoever watches here."""
+        """Report a change of liveliness to the watchers of this bus."""
         now_s = self.network.loop.time()
         for watcher in self._watchers:
             watcher.push(LivelinessChange(node, alive, now_s))
@@ -391,7 +391,7 @@ class VirtualBus:
         self.network.tell_token(self, node, -1)
 
     def lose_hub(self, session: _Session) -> None:
-        """Everybody else is gone, and the way back begins."""
+        """Forget the tokens of all other buses, and begin to reconnect."""
         if self.session is not session:
             return
         self.session = None
@@ -402,7 +402,7 @@ class VirtualBus:
         self._retry()
 
     def connect(self) -> asyncio.Future[None]:
-        """Look for the hub, and go on doing so whenever it is lost; done when it is found first."""
+        """Connect to the hub, and reconnect whenever it is lost; return a future of the first connection."""
         self._opened = self.network.loop.create_future()
         self.network.after(self.network.random.uniform(0.001, 0.005), self.find_hub)
         return self._opened
@@ -411,7 +411,7 @@ class VirtualBus:
         self.network.after(self.network.random.uniform(*RETRY_S), self.find_hub)
 
     def find_hub(self) -> None:
-        """Join the hub now, or go on looking for it."""
+        """Connect to the hub now, or try again later."""
         if self.is_dead or self.session is not None:
             return
         hub = self.network.hub
@@ -428,9 +428,9 @@ class VirtualNetwork:
     """All buses, and the links between them.
 
     Args:
-        loop: whose time it is; the running one if it is None.
-        random: of everything that is not certain on a network; on perfect links nothing is.
-        lease_s: how long a silent link is trusted.
+        loop: the event loop whose clock is used; None for the running loop.
+        random: source of random delays and losses; perfect links use only those of connecting.
+        lease_s: time after which a silent link counts as lost.
     """
 
     def __init__(
@@ -444,37 +444,37 @@ class VirtualNetwork:
         self.lease_s = lease_s
         self.hub: VirtualBus | None = None
         self.listened: set[str] = set()
-        """The keys that somebody has subscribed to."""
+        """The keys that have had a subscriber."""
         self.has_ears = False
-        """Whether somebody hears all sources."""
+        """Whether a bus subscribes to the commands of all sources."""
         self.tap: Callable[[str, str, Any, Stamp], object] | None = None
-        """Told of every message as it is sent: node, key, message, stamp."""
+        """Called for every message when it is sent: node, key, message, stamp."""
         self.refused = 0
-        """Messages that the hub's access control did not let through."""
+        """Number of messages that the hub's access control refused."""
         self._sessions: list[_Session] = []
         self._links: dict[str, tuple[Conditions, Conditions]] = {}
         self._context = contextvars.Context()
         self._gids = 0
         self._tasks: set[asyncio.Task[None]] = set()
 
-    # --- what a campaign does
+    # --- for a campaign
 
     def open_hub(self, node: str, process: VirtualProcess | None = None) -> VirtualBus:
         self.hub = VirtualBus(self, node, process)
         return self.hub
 
     def open_client(self, node: str, process: VirtualProcess | None = None) -> VirtualBus:
-        """A client; `connect` lets it find the hub."""
+        """Return a new client; `connect` connects it to the hub."""
         return VirtualBus(self, node, process)
 
     def open_joined(self, node: str) -> VirtualBus:
-        """A client that has found the hub already."""
+        """Return a new client that is already connected to the hub."""
         client = self.open_client(node)
         client.find_hub()
         return client
 
     def link(self, node: str) -> tuple[Conditions, Conditions]:
-        """The conditions of a client's link, to the hub and from it; a campaign changes them as it likes, but cuts with `cut`."""
+        """Return the conditions of a client's link, to the hub and from it. They may be changed, except `is_cut`: use `cut`."""
         return self._links.setdefault(node, (Conditions(), Conditions()))
 
     def cut(self, node: str, *, up: bool = True, down: bool = True) -> None:
@@ -484,7 +484,7 @@ class VirtualNetwork:
         self.look_for_silence()
 
     def heal(self, node: str) -> None:
-        """Mend both directions; what was held up follows in one burst."""
+        """End a cut of both directions, and deliver the held messages in one burst."""
         for conditions in self.link(node):
             conditions.is_cut = False
         self.look_for_silence()
@@ -494,16 +494,16 @@ class VirtualNetwork:
                 session.down.resend()
 
     def flap(self, node: str) -> None:
-        """A token goes and comes back within 2 ms at everybody who watches, as a reconnect can make it."""
+        """Delete a token and restore it after 2 ms at all buses, as a reconnect can do."""
         buses = [bus for bus in (self.hub, *(s.client for s in self._sessions)) if bus is not None]
         for bus in buses:
             bus.tell_alive(node, alive=False)
             self.after(0.002, partial(bus.tell_alive, node, alive=True))
 
-    # --- for its parts
+    # --- for the classes of this module
 
     def is_heard(self, key: str) -> bool:
-        """Whether somebody has ever wanted what is put on this key."""
+        """Return whether a key has ever had a subscriber."""
         return key in self.listened or (self.has_ears and topics.source_of(key) is not None)
 
     def new_gid(self) -> bytes:
@@ -511,7 +511,7 @@ class VirtualNetwork:
         return self._gids.to_bytes(16, "little")
 
     def at(self, time_s: float, callback: Callable[..., None], *args: object) -> None:
-        """Later, whoever may have died by then."""
+        """Run a callback at a time, even if the calling process has died by then."""
         self.loop.call_at(time_s, callback, *args, context=self._context)
 
     def after(self, delay_s: float, callback: Callable[..., None], *args: object) -> None:
@@ -536,17 +536,17 @@ class VirtualNetwork:
         return session
 
     def forget(self, session: _Session) -> None:
-        """The hub has let go of a session: the client's tokens fall."""
+        """Delete the tokens of a client whose session the hub has ended."""
         for node in list(session.tokens):
             self._token(session, node, -1)
 
     def remove(self, bus: VirtualBus) -> None:
-        """A bus has ended."""
+        """Remove a bus that has ended."""
         if self.hub is bus:
             self.hub = None
 
     def tell_token(self, bus: VirtualBus, node: str, change: int) -> None:
-        """Spread the news of a token from where it stands."""
+        """Report a change of a bus's token to the network."""
         if bus.is_hub:
             for session in self._joined(bus):
                 session.down.send_surely(partial(session.client.see, node, change))
@@ -554,7 +554,7 @@ class VirtualNetwork:
             bus.session.up.send_surely(partial(self._token, bus.session, node, change))
 
     def _token(self, session: _Session, node: str, change: int) -> None:
-        """A client's token, at the hub. Nobody but the supervisor holds its own."""
+        """Process a change of a client's token at the hub; only the supervisor may hold the supervisor's token."""
         if node == topics.SUPERVISOR != session.client.node:
             self.refused += 1
             return
@@ -573,7 +573,7 @@ class VirtualNetwork:
         return [s for s in self._sessions if s.hub is hub and not s.is_over and not s.client.is_dead]
 
     def route(self, sender: _Session | None, key: str, payload: bytes, attachment: bytes | None) -> None:
-        """A message at the hub: to itself, and to everybody who listens but the sender."""
+        """Deliver a message at the hub: to the hub itself, and to all subscribers except the sender."""
         hub = self.hub
         if hub is None or (sender is not None and sender.hub is not hub):
             return
@@ -587,7 +587,7 @@ class VirtualNetwork:
                 session.down.send(partial(session.client.receive, key, payload, attachment))
 
     def ask(self, asker: VirtualBus, key: str, text: str, resolve: Callable[[TriggerResponse], None]) -> None:
-        """A query to everybody who serves it, the asker included; the first answer counts."""
+        """Send a query to all servers, including the asker; the first answer counts."""
         if key in asker.services:
             self._serve(asker, key, text, resolve)
         if asker.is_hub:
@@ -629,7 +629,7 @@ class VirtualNetwork:
         self.loop.call_soon(lambda: self._keep(self.loop.create_task(run())), context=context)
 
     def _keep(self, task: asyncio.Task[None]) -> None:
-        """Hold on to an answer on its way; the error of one that fails goes to the loop, with its process."""
+        """Keep a reference to a running answer; an error in it is reported to the loop, with its process."""
 
         def on_end(_: asyncio.Task[None]) -> None:
             self._tasks.discard(task)

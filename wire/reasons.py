@@ -74,7 +74,7 @@ WORDS: Mapping[StopReason, Words] = {
     ),
     StopReason.ODOM_STALE: Words(
         now="odometry was lost",
-        over="no odometry came",
+        over="there was no odometry",
         caption="no odometry",
         step="wait for odometry, NEUTRAL",
     ),
@@ -85,8 +85,8 @@ WORDS: Mapping[StopReason, Words] = {
         step="check the lidar, NEUTRAL",
     ),
     StopReason.SCAN_STALE: Words(
-        now="no fresh scan comes",
-        over="no fresh scan came",
+        now="there is no fresh scan",
+        over="there was no fresh scan",
         caption="no fresh scan",
         step="wait for the lidar, NEUTRAL",
     ),
@@ -103,8 +103,8 @@ WORDS: Mapping[StopReason, Words] = {
         step="NEUTRAL to re-arm",
     ),
     StopReason.COMMAND_STALE: Words(
-        now="the commands of WHO come too late or out of order",
-        over="commands came too late or out of order",
+        now="the commands of WHO arrive too late or out of order",
+        over="commands arrived too late or out of order",
         caption="commands come too late",
         step="NEUTRAL to re-arm",
     ),

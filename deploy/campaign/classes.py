@@ -23,7 +23,7 @@ LEASE_S = 0.4
 ODOM_TIMEOUT_S = 0.3
 """Maximum age of odometry while the robot drives."""
 FROZEN_BOUND_S = 1.0
-"""By this time, a moving robot has gone far enough for its scans to change."""
+"""Time in which a moving robot has driven far enough for its scans to change."""
 
 ESTOP_BOUND_S = 2 * TICK_S
 """From the press of the e-stop to zero, over the network."""
@@ -58,13 +58,13 @@ class Effect(Flag):
     SUPERVISOR_ENDS = auto()
     SUPERVISOR_SILENT = auto()
     SENSOR = auto()
-    """The readings of the simulated sensors change. The sensors have one fault at a time: a new one replaces it."""
+    """The readings of the simulated sensors are wrong. A new fault of this kind replaces the one before."""
     STANDSTILL = auto()
-    """The simulation stands still, so the robot in it cannot brake; a new simulation starts elsewhere."""
+    """The simulation is paused or ends, so its robot cannot brake; a new simulation starts at another pose."""
     BASE_HOLDS = auto()
     """The base holds its last command until its own timeout."""
     SPEAKS_AS_TELEOP = auto()
-    """Commands under teleop's name that teleop did not send may keep it going."""
+    """Another program sends commands in teleop's name, which may renew the age of teleop's commands."""
     TAKES_OVER = auto()
     """A second source with teleop's name may end teleop's epoch."""
     DELAYED = auto()
@@ -94,7 +94,7 @@ class FaultClass:
     """Whether its virtual trials contain no other fault; such a class is never part of a pair."""
     effect: Effect = Effect.NONE
     demands: Kind | None = None
-    """What must happen by the limit in its own trials, in addition to the promises for every run."""
+    """The demand for its own trials, in addition to the promises for every run."""
 
 
 def _teleop(
@@ -161,7 +161,7 @@ def _network(
     virtual: bool = True,
     real: bool = True,
 ) -> FaultClass:
-    """Classes that are not real cannot happen on TCP."""
+    """Return a network class; `real` is false for faults that cannot happen on TCP."""
     return FaultClass(
         f"net_{name}",
         Group.NETWORK,

@@ -25,17 +25,19 @@ SLOW_S = 1.0
 
 TOLERANCE_M = 0.01
 HELD_M = 0.03
-"""Distance that a speed once permitted covers in 0.15 s more, less what the base gains by braking harder than trusted."""
+"""Additional distance while the base holds its last command for 0.15 s, less the distance that the base saves by braking
+harder than the trusted deceleration."""
 BARRIER_M_S = 0.5
 """Highest speed that the barrier permits near an object, where 0.25 s of delay decides."""
 
 
 class _Window(NamedTuple):
-    """What must hold after a time limit that begins with the fault."""
+    """The demand of an effect: its kind holds from the time limit after the fault until the fault ends."""
 
     kind: Kind
     promise: int
     bound_s: float
+    """Time limit, from the fault [s]."""
 
 
 FOLLOWS = {
@@ -55,7 +57,7 @@ class Done:
     name: str
     at_s: float
     until_s: float
-    """When it ended: the process continued or was restarted, or the link was healed."""
+    """Time at which it ended: the process continued or was restarted, or the link was healed."""
     parameters: Mapping[str, float | str] = field(default_factory=dict[str, float | str])
 
     @property

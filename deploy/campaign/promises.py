@@ -28,7 +28,7 @@ BARRIER_REASONS = frozenset({"OBSTACLE", "SCAN_BLIND"})
 
 ROUNDING = 1e-9
 SURPRISE_S = 1.5
-"""An object that approached the robot within this time may still be the cause of a small clearance."""
+"""Time for which the approach of an object excuses a small clearance."""
 NOTICED_M = 0.001
 """Smaller motions between two samples count as standstill."""
 SUDDEN_M = 0.05
@@ -52,9 +52,9 @@ class Bounds:
     status_leeway_s: float = 0.0
     """Maximum time between the arrivals of a command and of the status that explains it."""
     neutral_leeway_s: float = 0.0
-    """A neutral command sent within this time before a stop counts as sent after it."""
+    """Time before a stop within which a neutral command counts as sent after it."""
     asked_age_s: float = math.inf
-    """Maximum age of the command behind a motion; infinity if the times of the commands are unknown."""
+    """Maximum age of the request for a motion; infinity if the times of the requests are unknown."""
 
 
 class Kind(StrEnum):
@@ -134,7 +134,7 @@ def _beyond_limits(commands: Sequence[Command], bounds: Bounds) -> Iterator[Viol
             abs(linear) <= bounds.max_linear_m_s + ROUNDING
             and abs(angular) <= bounds.max_angular_rad_s + ROUNDING
         ):
-            sentence = f"cmd_vel asks for {linear:g} m/s, {angular:g} rad/s: beyond the limits"
+            sentence = f"cmd_vel requests {linear:g} m/s, {angular:g} rad/s: beyond the limits"
             yield Violation(1, command.arrival_s, sentence)
             return  # later violations have the same cause
 
@@ -243,11 +243,11 @@ BRAKING_TOLERANCE_RAD_S = 0.25
 
 
 def _came_too_near(motions: Sequence[Motion], bounds: Bounds) -> Iterator[Violation]:
-    """Check that the robot does not approach an object within the stop distance, except by braking after a surprise.
+    """Check that the robot's own motion does not reduce the clearance within the stop distance.
 
-    Objects that move by themselves may come arbitrarily near, and so may objects that are placed where the robot cannot
-    stop in time. What counts is how much nearer the robot came by its own motion within the stop distance, less its
-    motion away from the object.
+    An object that moves, or that is placed too near to stop in time, may reduce the clearance without limit, and the
+    robot may brake toward it. The check therefore adds up only the robot's own motion within the stop distance: its
+    approach to the object, less its motion away from the object.
     """
     surprised_s = excused_until_s = -math.inf
     own_m = allowed_m = 0.0
@@ -282,8 +282,8 @@ def _came_too_near(motions: Sequence[Motion], bounds: Bounds) -> Iterator[Violat
             yield Violation(
                 6,
                 motion.time_s,
-                f"the hull came within {100 * motion.clearance_m:.1f} cm{touching}, "
-                f"{100 * own_m:.1f} cm of it by its own motion",
+                f"the clearance of the hull fell to {100 * motion.clearance_m:.1f} cm{touching}, "
+                f"{100 * own_m:.1f} cm of this by the robot's own motion",
             )
 
 
@@ -317,8 +317,8 @@ def _moved_without_neutral(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
 def _stops(statuses: Sequence[Status]) -> Iterator[tuple[float, tuple[str, ...], Status]]:
     """Yield each stop that requires a neutral command: its beginning, its reasons, and the status that ends it.
 
-    A stop that begins while the robot is not stopped concerns all sources. A reason that appears during a stop concerns the source
-    that the status names, because another source may show its own reasons.
+    A stop that begins while the robot is not stopped applies to all sources. A reason that appears during a stop applies
+    only to the source that the status names.
     """
     everybody: tuple[float, tuple[str, ...]] | None = None
     own: dict[str, tuple[float, tuple[str, ...]]] = {}
@@ -357,7 +357,7 @@ def _first_neutral_s(asked: Sequence[Asked], source: str, since_s: float) -> flo
 def _not_drivable(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]:  # noqa: ARG001
     statuses = [s for s in seen.statuses if demand.from_s <= s.arrival_s <= demand.until_s]
     if not any(not status.is_stopped for status in statuses):
-        why = ", ".join(statuses[-1].reasons) if statuses else "no status came"
+        why = ", ".join(statuses[-1].reasons) if statuses else "no status arrived"
         yield Violation(demand.promise, demand.until_s, f"not drivable again ({why}): {demand.because}")
 
 
@@ -390,7 +390,7 @@ def _not_named(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation
 
 
 def _hindered(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]:
-    """Check that no stop for an obstacle lasts: a single scan may limit for a moment, a lasting limit needs a real object."""
+    """Check that no stop for an obstacle lasts longer than `MOMENT_S` unless a real object is near."""
     since_s: float | None = None
     for status in _in_force(seen, demand):
         if status.reasons != ("OBSTACLE",):
@@ -409,7 +409,7 @@ def _hindered(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]
 
 
 MOMENT_S = 0.12
-"""The duration of two scans and a status."""
+"""Longest permitted stop for a single false reading: two scans and a status."""
 NOTHING_NEAR_M = 0.15
 """Nothing is near if the clearance exceeds the stop distance by this much."""
 

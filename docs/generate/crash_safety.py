@@ -1,11 +1,11 @@
-"""Writes the parts of docs/crash-safety.md that a campaign measured: `python -m docs.generate.crash_safety`.
+"""Write the measured parts of docs/crash-safety.md: `python -m docs.generate.crash_safety`.
 
-Between `<!-- NAME: generated -->` and `<!-- /NAME -->` stand
+The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
 
-    answer    how soon a robot stops whose teleop is killed
+    answer    the time in which a robot stops when its teleop is killed
     real      the table of the campaign with real processes: docs/campaign/real.jsonl
-    virtual   that of the campaign on a virtual clock: docs/campaign/virtual.jsonl.gz
-    soak      what an hour of driving took: docs/campaign/soak.jsonl.gz
+    virtual   the table of the campaign on a virtual clock: docs/campaign/virtual.jsonl.gz
+    soak      the resources after an hour of driving: docs/campaign/soak.jsonl.gz
 
 `--check` writes nothing and fails if a part is out of date; tests/unit/test_crash_safety.py does the same.
 """
@@ -40,10 +40,10 @@ COMMANDS = {
 
 @cache
 def result(mode: str) -> Campaign | None:
-    """The committed campaign of a mode; None: there is none.
+    """Return the committed campaign of a mode; None if there is none.
 
     Raises:
-        DeployError: its file is damaged, or holds another mode.
+        DeployError: its file is damaged, or has another mode.
     """
     path = RESULTS[mode]
     if not path.exists():
@@ -52,7 +52,7 @@ def result(mode: str) -> Campaign | None:
     for one in found:
         if one.mode == mode:
             return one
-    raise DeployError(f"{path} holds no {mode} trials")
+    raise DeployError(f"{path} contains no {mode} trials")
 
 
 # --- the answer
@@ -152,7 +152,7 @@ def _origin(campaign: Campaign) -> Iterator[str]:
     for provenance in campaign.provenances:
         yield from _signature(provenance)
     if campaign.unsigned or not campaign.provenances:
-        yield "The file does not say which command made these trials, when, where and from which commit."
+        yield "The file does not record the command, date, machine and commit of these trials."
         yield ""
 
 

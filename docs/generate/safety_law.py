@@ -1,13 +1,13 @@
 """Write the generated parts of docs/safety-law.md: `python -m docs.generate.safety_law`.
 
-Between `<!-- NAME: generated -->` and `<!-- /NAME -->` stand
+The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
 
     reasons   the table of stop reasons; every StopReason must have a row in `REASONS`
     states    the state diagram, found by running the real law breadth first through `EVENTS`
-    numbers   the defaults behind the letters of the speed barrier
+    numbers   the defaults of the speed barrier's formula
     seen      the defaults of seen space and of the memory of near points
     profiles  what each lidar profile means by "no return", and how long it trusts it
-    motions   what the examples in deploy/examples permit, found by running the law
+    motions   the motions that the files in deploy/examples permit, found by running the law
 
 `--check` writes nothing and fails if a part is out of date; tests/unit/test_docs.py does the same.
 """
@@ -59,7 +59,7 @@ Row = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Reason:
-    """What the page adds to a row of the table of the law: when the reason holds, and why it exists."""
+    """The columns that the page adds to the law's table of stop reasons: when the reason holds, and why it exists."""
 
     when: str
     why: str
@@ -83,62 +83,62 @@ REASONS: Mapping[StopReason, Reason] = {
     ),
     StopReason.SENSOR_CONFLICT: Reason(
         "each of two writers was heard twice within a short time on one sensor's key; the status names both",
-        "A subscriber gets the samples of every writer: those of two drivers, or of a driver and a recording, mix. "
-        "ROS 2 counts the publishers of a topic, but no node stops because of the count.",
+        "A subscriber receives a mixture of the samples of all writers, for example of two drivers, or of a driver and a "
+        "recording. ROS 2 counts the publishers of a topic, but no node stops because of the count.",
     ),
     StopReason.BASE_UNRESPONSIVE: Reason(
         f"odometry has not followed the command for {PATIENCE_S:g} s, beyond what the base's ramps explain",
         "A base whose own e-stop is released while a command is active lurches: ubiquity_motor #42.",
     ),
     StopReason.ODOM_STALE: Reason(
-        f"odometry was heard, and the newest is older than {DEFAULTS.odom_timeout_s:g} s, unless `odometry = false`",
+        f"odometry was received before, and the newest is older than {DEFAULTS.odom_timeout_s:g} s, unless `odometry = false`",
         "Without odometry the law cannot check that the base follows, nor where the robot is between two scans.",
     ),
     StopReason.SCAN_INVALID: Reason(
         "no lidar has a usable scan, and the newest is fresh but proves nothing: undecodable, too few beams, numbers "
         "that contradict each other, no reading that the profile explains, the same scan while the robot moves, "
-        "blank from one scan to the next, or no return since the start",
+        "returns that disappear from one scan to the next, or no return since the start",
         "Where out-of-range beams are dropped, a scan of NaN or zeros reads as clear (Nav2 `scan.cpp`).",
     ),
     StopReason.SCAN_STALE: Reason(
         f"no lidar has a scan that is newer than its timeout ({DEFAULTS.scan_timeout_s:g} s by default)",
-        "Nav2's collision_monitor waits 2.0 s, and looks only at the next command; a scan stamped in the future never "
+        "Nav2's collision_monitor waits 2.0 s, and checks only at the next command; a scan stamped in the future never "
         "goes stale there (`sourceValid()`).",
     ),
     StopReason.SOURCE_LOST: Reason(
         "the source's liveliness token was deleted, even if it returned at once, and its last command was not a valid "
         "zero; or a source that has left sends commands without declaring its token again",
-        "cmd_vel_mux sends nothing when its source falls silent (yujin_ocs #16), twist_mux nothing when it is locked "
-        "(PR #42): whether the robot stops depends on the next node. joystick_drivers #92: a lost joystick repeats its "
-        "last command without end.",
+        "cmd_vel_mux sends nothing when its source stops sending (yujin_ocs #16), twist_mux nothing when it is locked "
+        "(PR #42): whether the robot stops depends on the next node. joystick_drivers #92: after the joystick is lost, its "
+        "last command is repeated without end.",
     ),
     StopReason.COMMAND_INVALID: Reason(
         "the source's last command was undecodable, NaN, infinite, far beyond the limits, or had components "
         "that a ground robot does not have",
-        "An invalid command must not refresh the age of the last good one: diff_drive_controller keeps the "
+        "An invalid command must not refresh the age of the last valid one: diff_drive_controller keeps the "
         "reference from before a NaN, and the NaN refreshes its age.",
     ),
     StopReason.COMMAND_STALE: Reason(
-        f"commands arrive, but late, replayed, out of order or from another epoch, and no good one for "
+        f"commands arrive, but late, replayed, out of order or from another epoch, and none was accepted for "
         f"{DEFAULTS.command_timeout_s:g} s",
         "A network that stalls delivers its backlog in one burst: teleop_twist_joy #27, “ghost commands”. "
         "pr2_controllers #320 asks for an expiry of each command.",
     ),
     StopReason.COMMAND_TIMEOUT: Reason(
-        f"the source's last good command is older than {DEFAULTS.command_timeout_s:g} s",
-        "A process can be alive and hung: PX4 #20519 and #18346. The heartbeat must be the intent itself. "
+        f"the source's last accepted command is older than {DEFAULTS.command_timeout_s:g} s",
+        "A process can be alive and hung: PX4 #20519 and #18346. The commands themselves must be the heartbeat. "
         "The reference stacks wait 0.25 s to 5 s.",
     ),
     StopReason.NO_COMMAND: Reason(
         "the source has sent no command since start, or it commanded zero and then deleted its liveliness token "
         "(it has left)",
-        "A program that starts with its stick pushed must not move the robot. ArduPilot #6623: a latched override is "
+        "A program that starts while the stick is pushed must not move the robot. ArduPilot #6623: a latched override is "
         "replayed on reconnect.",
     ),
     StopReason.SCAN_BLIND: Reason(
         f"the barrier leaves less than {DEFAULTS.creep_m_s:g} m/s because of a hidden place: no scan rules out an "
         "object there",
-        "Unseen is not free. A lidar that looks ahead proves nothing about driving back.",
+        "Space that was not seen may be occupied. A lidar that looks ahead proves nothing about driving back.",
     ),
     StopReason.OBSTACLE: Reason(
         f"the barrier leaves less than {DEFAULTS.creep_m_s:g} m/s because of a point that two scans have shown: the "
@@ -150,7 +150,7 @@ REASONS: Mapping[StopReason, Reason] = {
 
 
 def reasons_table(reasons: Mapping[StopReason, Reason] = REASONS) -> str:
-    """The most restrictive first.
+    """Return the table of stop reasons, the most restrictive first.
 
     Raises:
         ValueError: a StopReason has no row.
@@ -177,13 +177,13 @@ def reasons_table(reasons: Mapping[StopReason, Reason] = REASONS) -> str:
 
 
 def numbers_table() -> str:
-    """The defaults behind the letters of the formula."""
+    """Return the table of the defaults of the barrier's formula."""
     d = DEFAULTS
     rows = (
         ("`d`", "stop distance", f"{d.stop_distance_m:.2f} m", "`stop_distance_m`"),
         (
             "`a`",
-            "deceleration that the base is trusted with",
+            "trusted deceleration of the base",
             f"{d.deceleration_m_s2:g} m/s²",
             "`deceleration_m_s2`",
         ),
@@ -220,18 +220,18 @@ def _table(head: Row, rows: Iterable[Row]) -> str:
 
 
 def seen_table() -> str:
-    """The defaults of seen space."""
+    """Return the table of the defaults of seen space."""
     d, law = DEFAULTS, DEFAULTS.law()
     rows = (
         ("`w`: diameter of the smallest obstacle", f"{d.smallest_obstacle_m:g} m", "`smallest_obstacle_m`"),
         ("distance from the hull beyond which no point limits a motion", f"{law.reach_m:.2f} m", "computed"),
         (
-            "how long seen space counts as free when it is out of view",
+            "time for which space that was seen free counts as free when out of view",
             f"{d.unseen_memory_s:g} s",
             "`unseen_memory_s`",
         ),
         (
-            "closing speed that is permitted on a hidden place",
+            "permitted closing speed toward a hidden place",
             f"{d.blind_creep_m_s:g} m/s",
             "`blind_creep_m_s`",
         ),
@@ -241,7 +241,7 @@ def seen_table() -> str:
             "`works_in_the_open`",
         ),
         (
-            "scans that cover the place without a reading, after which a remembered point is dropped",
+            "number of scans that cover a remembered point and find nothing there, after which it is dropped",
             f"{MISSES}",
             "fixed",
         ),
@@ -251,11 +251,11 @@ def seen_table() -> str:
 
 
 def profiles_table() -> str:
-    """What each lidar profile takes for "no return"."""
+    """Return the table of the readings that mean "no return" in each lidar profile."""
     return _table(
         (
             "profile",
-            "“no return”, beside +Inf and beyond `range_max`",
+            "“no return”, besides +Inf and readings beyond `range_max`",
             "trusted from the start",
             "trusted without a return for",
             "timeout",
@@ -292,7 +292,7 @@ EXAMPLES = Path(__file__).parents[2] / "deploy" / "examples"
 
 
 def motions_table() -> str:
-    """What a robot with one front lidar may do, strict and with each of the two settings that permit more."""
+    """Return the table of motions that a robot with one front lidar may do, with each of the two relaxed settings."""
     text = (EXAMPLES / "amr_one_lidar.toml").read_text()
     variants = {
         "one lidar": text,
@@ -306,7 +306,7 @@ def motions_table() -> str:
         rows.append((name, "at rest", *(_permitted(p.at_rest) for p in found)))
         rows.append(("", "after driving ahead", *(_permitted(p.after_driving) for p in found)))
     motions = tuple(p.motion.name for p in _examined(text))
-    return _table(("lidars", "asked for", *motions), rows)
+    return _table(("lidars", "commanded", *motions), rows)
 
 
 def _examined(text: str) -> tuple[Permitted, ...]:
@@ -326,33 +326,33 @@ def _permitted(decision: Decision) -> str:
 # --- the state diagram
 
 TICK_S = 0.09
-"""As long as two steps may lie apart without an overrun, so that few of them outlast every timeout."""
+"""Nearly the longest time between two steps without an overrun, so that few steps are longer than every timeout."""
 SETTLE_TICKS = 4
-"""After each event the world stays as it is for so long, which is beyond every timeout."""
+"""Number of steps after each event in which the world does not change; together longer than every timeout."""
 
 BEAMS = 360
 NOISE_M = 1e-3
 FORWARD, BACK = Velocity(0.5, 0.0), Velocity(-0.5, 0.0)
 CLEAR_M, NEAR_M, TOO_NEAR_M = 3.0, 0.65, 0.50
-"""From the lidar, with a round hull of 0.25 m: far away, so that the barrier slows, so that it stops."""
+"""Distances from the lidar, with a round hull of 0.25 m: free; the barrier slows the robot; the barrier stops it."""
 CONFIG: LawConfig = replace(DEFAULTS.law(), sources=(SourceConfig("teleop", 1),))
 
 
 @dataclass(frozen=True)
 class World:
-    """What goes on until an event changes it. At first: nothing."""
+    """The inputs that are repeated at each step until an event changes them; none at first."""
 
     speaking: bool = False
     velocity: Velocity | None = None
-    """What the operator's program sends at each tick while it speaks; None: what cannot be read."""
+    """The velocity that the operator's program sends at each step while `speaking`; None: an undecodable command."""
     token: bool | None = None
     ahead_m: float | None = None
-    """Where the lidar sees something ahead; None: there are no scans."""
+    """Distance of the nearest object ahead of the lidar; None: there are no scans."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """One thing that happens: the world as it is from now on, or a single input of the law."""
+    """A change of the world, or a single input of the law."""
 
     name: str
     change: Callable[[World], World] = lambda world: world
@@ -377,10 +377,10 @@ EVENTS = (
     _command("bad command", None),
     Event("silence", lambda world: replace(world, speaking=False), lambda world: world.speaking),
     Event("token lost", lambda world: replace(world, token=False), lambda world: world.token is not False),
-    Event("token back", lambda world: replace(world, token=True), lambda world: world.token is False),
+    Event("token returns", lambda world: replace(world, token=True), lambda world: world.token is False),
     _scene("scans stop", None),
-    Event("scans back", lambda world: replace(world, ahead_m=CLEAR_M), lambda world: world.ahead_m is None),
-    _scene("way clear", CLEAR_M),
+    Event("scans return", lambda world: replace(world, ahead_m=CLEAR_M), lambda world: world.ahead_m is None),
+    _scene("path clear", CLEAR_M),
     _scene("obstacle near", NEAR_M),
     _scene("obstacle too near", TOO_NEAR_M),
     Event("late tick", late=True),
@@ -399,18 +399,18 @@ NODES = {
     "Limited": "LIMITED by the barrier",
 }
 WORDS = {
-    "a cause comes": frozenset({"bad command", "silence", "token lost", "scans stop"}),
-    "the cause goes": frozenset({"token back", "scans back"}),
+    "a cause begins": frozenset({"bad command", "silence", "token lost", "scans stop"}),
+    "the cause ends": frozenset({"token returns", "scans return"}),
     "motion": frozenset({"forward", "back"}),
 }
-"""One word for events that lead the same way."""
+"""A common name for events with the same effect."""
 
 Edges = dict[tuple[str, str], set[str]]
 """(from, to): the names of the events that lead there."""
 
 
 def node_of(state: State, decision: Decision) -> str:
-    """Which node of the picture this is."""
+    """Return the node of the diagram for a state of the law."""
     if state.estop:
         return "Estop"
     if decision.mode is not Mode.STOPPED:
@@ -426,7 +426,7 @@ def node_of(state: State, decision: Decision) -> str:
 
 @cache
 def transitions() -> Edges:
-    """Every edge of the picture, found breadth first from the initial state; not those from a node to itself."""
+    """Return every edge between different nodes, found breadth first from the initial state."""
     start = _settle(initial_state(CONFIG), World(), 0.0, None)
     queue = deque([start])
     known = {_key(*start)}
@@ -449,7 +449,7 @@ def transitions() -> Edges:
 
 
 def _settle(state: State, world: World, now_s: float, event: Event | None) -> tuple[State, World, Decision]:
-    """The event, and the world as it is from then on for `SETTLE_TICKS`."""
+    """Apply an event, and run the law for `SETTLE_TICKS` steps with the resulting world."""
     if event is not None and event.late:
         now_s += 2 * CONFIG.overrun_s
     now_s += TICK_S
@@ -478,7 +478,7 @@ def _scan(ahead_m: float, now_s: float) -> LaserScan:
 
 
 def _key(state: State, world: World, decision: Decision) -> Hashable:
-    """The settled state, as far as its future depends on it: every age is now, or beyond every timeout."""
+    """Return the part of a settled state that decides its future: every age is zero, or beyond every timeout."""
     (source,) = state.sources
     return (
         world,
@@ -495,7 +495,7 @@ def _key(state: State, world: World, decision: Decision) -> Hashable:
 
 
 def _from_everywhere(edges: Edges) -> dict[str, str]:
-    """Events that lead to one and the same node from every other: drawn once, as a sentence."""
+    """Return the events that lead to the same node from every other node; the page lists them in a sentence."""
     found: dict[str, str] = {}
     for target in NODES:
         others = [edges.get((node, target), set[str]()) for node in NODES if node != target]
@@ -504,7 +504,7 @@ def _from_everywhere(edges: Edges) -> dict[str, str]:
 
 
 def _label(events: set[str]) -> str:
-    """The events in their order, or one word for several."""
+    """Return the events in their order, with common names for groups of them."""
     words: list[str] = []
     for word, meant in WORDS.items():
         if meant <= events:
@@ -514,10 +514,10 @@ def _label(events: set[str]) -> str:
 
 
 def state_diagram() -> str:
-    """Mermaid's `stateDiagram-v2`, flat; what leaves a node as it is, is left out.
+    """Return the state diagram in Mermaid's `stateDiagram-v2`, without events that do not change the node.
 
     Raises:
-        ValueError: the law never reaches a node of the picture.
+        ValueError: the law never reaches a node of the diagram.
     """
     edges = transitions()
     missing = NODES.keys() - {node for edge in edges for node in edge}
@@ -557,7 +557,7 @@ PARTS: sections.Parts = {
 
 
 def regenerated(text: str) -> str:
-    """The document with each part written anew.
+    """Return the document with its generated parts updated.
 
     Raises:
         ValueError: a part has no place in the document, or a StopReason no row.

@@ -10,7 +10,7 @@ Parts = Mapping[str, Callable[[], str]]
 
 
 def regenerated(text: str, parts: Parts, document: str) -> str:
-    """The text with each part written anew.
+    """Return the text with its generated parts updated.
 
     Args:
         text: of the document.
@@ -32,7 +32,7 @@ def regenerated(text: str, parts: Parts, document: str) -> str:
 def main(program: str, document: Path, regenerate: Callable[[str], str]) -> int:
     """`python -m docs.NAME [--check]`."""
     name = f"docs/{document.name}"
-    parser = argparse.ArgumentParser(prog=program, description=f"Write the generated parts of {name} anew.")
+    parser = argparse.ArgumentParser(prog=program, description=f"Update the generated parts of {name}.")
     parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if out of date")
     arguments = parser.parse_args()
     before = document.read_text()

@@ -16,11 +16,11 @@ def what_is_missing(status: SafetyStatus, source: str) -> str | None:
     """Return why a neutral source must not begin to drive; None if it may."""
     own = _find(status, source)
     if own is None:
-        return f"the supervisor knows no source {source}: name it in [supervisor] sources"
+        return f"the supervisor ignores source {source}: add it to [supervisor] sources"
     if status.mode == SafetyStatus.STOPPED:
         return stopped(status)
     if status.mode != SafetyStatus.READY:
-        return f"{plain(status.owner)} drives; let go there first"
+        return f"{plain(status.owner)} drives; it must stop first"
     if not own.armed:
         return f"{source} is not armed: {plain(', '.join(own.reasons))}"
     if not own.neutral or not own.age_s <= HEARD_S:

@@ -287,7 +287,7 @@ class PathService:
                 )
             self._enter(_Phase.DRIVING, now_s)
         elif now_s - self._since_s > ARM_LIMIT_S:
-            self._pause(missing or "no odometry comes", now_s)
+            self._pause(missing or "no odometry arrives", now_s)
 
     def _missing(self, now_s: float) -> str | None:
         """Return why the robot must not start; None if it may."""
@@ -342,7 +342,7 @@ class PathService:
             self._end(Ending.STOPPED, reason)
             return
         self._person.asks_to_go_on()  # discard a request from before this stop
-        self._person.say(f"paused: {reason}; Enter goes on, Ctrl-C ends")
+        self._person.say(f"paused: {reason}; Enter continues, Ctrl-C ends")
 
     def _enter(self, phase: _Phase, now_s: float) -> None:
         if self._phase is _Phase.DRIVING:

@@ -181,11 +181,11 @@ async def test_the_operator_takes_over_and_the_path_goes_on_only_when_it_is_aske
     async with rig.supervisor(), rig.sim(plant), operator.beating(), driving(rig, here(square(1.0))) as run:
         await run.until(lambda: plant.true_pose.x_m > plant.start_pose.x_m + 0.4)
         operator.velocity = (-0.3, 0.0)
-        await run.paused("teleop took over; Enter goes on")
+        await run.paused("teleop took over; Enter continues")
         await rig.pass_time(1.0)
         assert plant.true_velocity.linear_m_s == pytest.approx(-0.3, abs=0.02)
         run.person.enter()
-        await run.paused("teleop drives; let go there first")
+        await run.paused("teleop drives; it must stop first")
         operator.press()
         await rig.pass_time(5.0)
         assert plant.true_velocity == pytest.approx((0.0, 0.0), abs=0.01)
@@ -356,7 +356,7 @@ async def test_a_supervisor_without_this_source_is_named_as_the_reason() -> None
     async with rig.supervisor(config), rig.sim(Plant()), driving(rig, here(square(1.0)), nobody) as run:
         drive = await run.at_its_end(ASK_LIMIT_S + ARM_LIMIT_S + 1.0)
         assert drive.ending is Ending.STOPPED
-        assert "knows no source path" in drive.reason
+        assert "ignores source path" in drive.reason
         assert drive.path is None
 
 

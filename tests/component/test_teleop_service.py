@@ -723,7 +723,7 @@ async def test_a_teleop_that_is_refused_although_nobody_else_is_heard_begins_ane
             await asyncio.sleep(0.1)
         assert b.velocity() == (0.0, 0.0)
         assert len(b.wire.epochs) == 2
-        assert "begins anew" in b.screen.notes[-1]
+        assert "starts again" in b.screen.notes[-1]
         for _ in range(6):
             b.tell(SafetyStatus.READY, sources=[_source("teleop", refused_epoch=5)])
             await asyncio.sleep(0.1)

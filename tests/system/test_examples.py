@@ -72,7 +72,7 @@ async def test_the_teller_of_stops_says_each_in_words(tmp_path: Path) -> None:
             try:
                 assert teller.stdout is not None
                 line = await asyncio.to_thread(teller.stdout.readline)
-                assert "SCAN_STALE: no fresh scan comes (cleared by: a fresh scan; then neutral)" in line
+                assert "SCAN_STALE: there is no fresh scan (cleared by: a fresh scan; then neutral)" in line
                 teller.send_signal(signal.SIGINT)
                 await asyncio.to_thread(teller.communicate, timeout=PATIENCE_S)
                 assert teller.returncode == 0

@@ -101,7 +101,7 @@ async def test_the_operator_takes_over_and_enter_goes_on(tmp_path: Path) -> None
         try:
             await moving(subject)
             subject.type("x")
-            await asyncio.to_thread(terminal.expect, "paused: .*Enter goes on", timeout=PATIENCE_S)
+            await asyncio.to_thread(terminal.expect, "paused: .*Enter continues", timeout=PATIENCE_S)
             subject.type("s")
             await at_rest(subject)
             await subject.ready()

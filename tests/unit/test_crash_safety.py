@@ -57,7 +57,7 @@ def test_the_answer_has_the_figures_and_hides_no_broken_promise() -> None:
         "1 of them",
     ):
         assert words in text
-    assert "does not say" in text, "there is no provenance"
+    assert "does not record" in text, "there is no provenance"
 
 
 def test_the_table_has_a_row_and_what_was_broken_in_one_line() -> None:

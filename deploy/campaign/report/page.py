@@ -115,8 +115,8 @@ def _campaign(one: Campaign) -> Iterator[str]:
     if picture := strips(classes):
         yield (
             "<h3>How long a stop took</h3><figure>"
-            f'<div class="wide">{picture}</div><figcaption>From the fault to zero, on a log axis; each strip is as high '
-            "as its fullest bin. The red line is the bound of the class.</figcaption></figure>"
+            f'<div class="wide">{picture}</div><figcaption>Time from the fault to zero, on a logarithmic axis. Each histogram is '
+            "scaled to its highest bin. The red line is the bound of the class.</figcaption></figure>"
         )
     yield from _broken(one)
     yield from _single(classes, one.mode)
@@ -133,15 +133,15 @@ def _origin(one: Campaign) -> Iterator[str]:
         ):
             yield f"<dt>{name}</dt><dd>{escape(value) or 'unknown'}</dd>"
     if one.unsigned or not one.provenances:
-        some = "of some trials " if one.provenances else ""
-        yield f"<dt>missing</dt><dd>the file does not say {some}which command made them, when, where and from which commit</dd>"
+        which = "some" if one.provenances else "these"
+        yield f"<dt>missing</dt><dd>the file does not record the command, date, machine and commit of {which} trials</dd>"
     yield f"<dt>revision</dt><dd>{escape(one.revision) or 'unknown'}</dd></dl>"
 
 
 def _table(classes: Sequence[ClassFigures], mode: str) -> Iterator[str]:
     wheels = '<th colspan="2">at the wheels<br>p50, max [ms]</th>' if mode == "real" else ""
     yield (
-        '<div class="wide"><table><thead><tr><th class="l">fault</th><th>n</th><th class="l">noticed by</th>'
+        '<div class="wide"><table><thead><tr><th class="l">fault</th><th>n</th><th class="l">detected by</th>'
         '<th>bound<br>[ms]</th><th colspan="3">to zero<br>p50, p99, max [ms]</th><th>beyond<br>bound</th>'
         f'{wheels}<th colspan="2">to standstill<br>p50, max [ms]</th><th colspan="2">distance<br>p50, max [cm]</th>'
         "<th>smallest<br>clearance [cm]</th><th>contacts</th><th>trials that<br>broke a promise</th><th>at most,<br>95 %</th>"
@@ -230,7 +230,7 @@ def _single(classes: Sequence[ClassFigures], mode: str) -> Iterator[str]:
         ]
         yield f"<h4>{escape(one.name)}</h4><p>{'<br>'.join(lines)}</p>{''.join(pictures.values())}"
         if not pictures:
-            yield '<p class="soft">No trial of it carries a timeline.</p>'
+            yield '<p class="soft">No trial of this class has a recorded timeline.</p>'
 
 
 def _picture(one: ClassFigures, case: Case) -> Iterator[tuple[int, str]]:
@@ -239,7 +239,7 @@ def _picture(one: ClassFigures, case: Case) -> Iterator[tuple[int, str]]:
     fault = None if trial is None else fault_of(trial, one.name)
     if trial is None or fault is None or not (picture := timeline(trial, fault)):
         return
-    which = "" if trial.seed == case.seed else ", the one with a timeline that comes nearest"
+    which = "" if trial.seed == case.seed else ": the recorded timeline with the nearest stop time"
     yield trial.seed, f"<figure>{picture}<figcaption>seed {trial.seed}{which}</figcaption></figure>"
 
 
@@ -252,18 +252,18 @@ def _again(one: ClassFigures, mode: str, case: Case) -> str:
 def _how_to_read() -> Iterator[str]:
     yield (
         "<h2>How to read this</h2><ul>"
-        "<li><b>to zero</b>: from the fault to the first zero on cmd_vel of a stop that lasts; if the supervisor is at "
-        "fault, until the base brakes by itself. Only stops by a detector that is meant for the class count; the others "
+        "<li><b>n</b>: number of injections. A short fault needs no stop, and a robot at rest has none. "
+        "Two faults within 2 s of each other count as a pair.</li>"
+        "<li><b>to zero</b>: time from the fault to the first zero on cmd_vel of a lasting stop; for faults of the "
+        "supervisor, until the base brakes by itself. Only stops by the expected detectors of the class count; the others "
         "are listed as <i>or first by</i>.</li>"
-        "<li><b>beyond bound</b>: stops that took longer than the bound, without tolerance. A promise is broken only beyond a "
-        "tolerance: 5 ms on the virtual clock; on a real machine, whose scheduler guarantees no times, 50 ms or more, "
-        "as each record says.</li>"
-        "<li><b>p99</b>: meaningful from 100 stops on; with fewer, look at the longest.</li>"
-        "<li><b>distance</b>: distance driven from the fault to standstill; the speeds differ.</li>"
-        "<li><b>smallest clearance, contacts</b>: over all trials with this fault, whoever moved. People and forklifts "
-        "may run into a robot at rest; only contact by the robot's own motion breaks a promise.</li>"
-        "<li><b>at most</b>: the exact upper bound of Clopper and Pearson, one-sided, 95 %; without a broken promise "
-        "1 − 0.05<sup>1/n</sup>, about 3/n. It holds for trials drawn like these, not for the world.</li>"
-        "<li><b>n</b> is how often the fault was injected. A short fault needs no stop, and a robot at rest shows none. "
-        "Two faults within 2 s of each other count as a pair.</li></ul>"
+        "<li><b>beyond bound</b>: number of stops that took longer than the bound, without tolerance. A promise counts as "
+        "broken only beyond a tolerance: 5 ms on the virtual clock; on a real machine, whose scheduler gives no timing "
+        "guarantee, at least 50 ms. Each record contains its tolerance.</li>"
+        "<li><b>p99</b>: meaningful for 100 or more stops; below that, use the maximum.</li>"
+        "<li><b>distance</b>: distance driven from the fault to standstill; the speeds differ between trials.</li>"
+        "<li><b>smallest clearance, contacts</b>: over all trials with this fault, whether the robot or the object moved. "
+        "People and forklifts may run into a robot at rest; only contact by the robot's own motion breaks a promise.</li>"
+        "<li><b>at most</b>: upper bound of the failure rate (Clopper-Pearson, one-sided, 95 %); without a broken promise "
+        "1 − 0.05<sup>1/n</sup>, about 3/n. It applies to trials of the same distribution, not to every situation.</li></ul>"
     )

@@ -187,10 +187,10 @@ def _walker(*waypoints: tuple[float, float], kind: str = "person") -> str:
         (_racks(1.0, 1.0) + "[[pallets]]\nx_m = 1.5\ny_m = 1.2\n", "stands in"),
         (_racks(-1.5, 0.0), "the robot's start, (-2, 0) m, is in rack tall 1"),
         ("[[columns]]\nx_m = -2.0\ny_m = 0.36\n", "is in column 1"),
-        (_walker((0.0, 1.0), (4.5, 1.0)), "the way of ann leads through east wall"),
-        (_racks(1.0, 1.0) + _walker((-1.0, 1.0), (3.0, 1.0)), "the way of ann leads through rack tall 1"),
-        (_walker((0.0, 1.0), (0.0, 2.0), (2.3, 2.0), kind="forklift"), "the way of ann leads through"),
-        (_walker((-2.0, 0.3), (2.0, 0.3)), "the way of ann begins where the robot starts"),
+        (_walker((0.0, 1.0), (4.5, 1.0)), "the path of ann passes through east wall"),
+        (_racks(1.0, 1.0) + _walker((-1.0, 1.0), (3.0, 1.0)), "the path of ann passes through rack tall 1"),
+        (_walker((0.0, 1.0), (0.0, 2.0), (2.3, 2.0), kind="forklift"), "the path of ann passes through"),
+        (_walker((-2.0, 0.3), (2.0, 0.3)), "the path of ann begins where the robot starts"),
         (_walker((0.0, 1.0), (2.0, 1.0)).replace("ann", "robot"), "robot"),
         ("[[barrels]]\nx_m = 0.0\n", "barrels.0.y_m is missing"),
     ],
@@ -214,7 +214,7 @@ def test_what_stands_just_beside_has_room(tmp_path: Path) -> None:
 
 def test_the_way_of_a_mover_is_checked_also_while_nothing_moves(tmp_path: Path) -> None:
     path = _file(tmp_path, HALL + _walker((0.0, 1.0), (4.5, 1.0)), "yard.toml")
-    with pytest.raises(SceneError, match="leads through east wall"):
+    with pytest.raises(SceneError, match="passes through east wall"):
         build(path)
 
 

@@ -33,19 +33,19 @@ def told(decision: Decision) -> tuple[set[str], set[str]]:
     return {str(r) for r in decision.causes}, {str(r) for r in decision.latched}
 
 
-def test_nobody_has_commanded_and_nothing_was_seen_at_the_start() -> None:
+def test_at_the_start_the_causes_are_a_missing_command_and_a_missing_scan() -> None:
     law = Law(scanning=False)
     assert told(law.decision) == ({"SCAN_STALE", "NO_COMMAND"}, set())
 
 
-def test_an_armed_robot_has_neither() -> None:
+def test_a_driving_robot_has_neither_causes_nor_latches() -> None:
     law = Law()
     law.drive()
     assert law.decision.mode is Mode.DRIVING
     assert told(law.decision) == (set(), set())
 
 
-def test_a_supervisor_that_was_late_once_waits_for_neutral_alone() -> None:
+def test_after_one_late_step_only_a_neutral_command_is_missing() -> None:
     law = Law()
     law.drive()
     law.now_s += 0.13
@@ -78,7 +78,7 @@ def test_a_lost_token_is_a_cause_until_it_is_back() -> None:
     assert told(law.tick(("teleop", FORWARD), liveliness=back())) == (set(), {"SOURCE_LOST"})
 
 
-def test_a_source_that_says_zero_and_leaves_is_not_lost() -> None:
+def test_a_source_that_sends_zero_and_leaves_is_not_lost() -> None:
     law = Law()
     law.drive()
     assert told(law.tick(("teleop", NEUTRAL), liveliness=lost())) == ({"NO_COMMAND"}, set())
@@ -86,27 +86,27 @@ def test_a_source_that_says_zero_and_leaves_is_not_lost() -> None:
     assert law.tick(("teleop", NEUTRAL), liveliness=back()).mode is Mode.READY
 
 
-def test_a_source_that_has_left_and_speaks_without_its_token_is_lost() -> None:
+def test_a_source_that_has_left_and_sends_without_its_token_is_lost() -> None:
     law = Law()
     law.drive()
     law.tick(("teleop", NEUTRAL), liveliness=lost())
     assert told(law.tick(("teleop", NEUTRAL))) == ({"SOURCE_LOST"}, {"NO_COMMAND"})
 
 
-def test_a_source_whose_last_command_was_invalid_is_lost_when_its_token_goes() -> None:
+def test_a_source_whose_last_command_was_invalid_is_lost_when_its_token_is_deleted() -> None:
     law = Law()
     law.drive()
     law.tick(("teleop", NEUTRAL))
     assert "SOURCE_LOST" in told(law.tick(("teleop", None), liveliness=lost()))[0]
 
 
-def test_a_cause_that_ends_within_its_step_is_latched_at_once() -> None:
+def test_a_cause_that_begins_and_ends_within_one_step_is_latched() -> None:
     law = Law()
     law.drive()
     assert told(law.tick(("teleop", FORWARD), liveliness=lost() + back())) == (set(), {"SOURCE_LOST"})
 
 
-def test_an_invalid_command_is_a_cause_until_a_valid_one_comes() -> None:
+def test_an_invalid_command_is_a_cause_until_a_valid_one_arrives() -> None:
     law = Law()
     law.drive()
     assert told(law.tick(("teleop", None))) == ({"COMMAND_INVALID"}, set())
@@ -158,7 +158,7 @@ def test_an_obstacle_is_a_cause_while_the_command_closes_on_it() -> None:
     assert told(law.hold(0.5, ("teleop", FORWARD))) == ({"OBSTACLE"}, set())
 
 
-def test_an_obstacle_that_walked_away_is_over_and_still_sets_nothing_going() -> None:
+def test_an_obstacle_that_moves_away_is_no_longer_a_cause_but_does_not_start_the_robot() -> None:
     law = Law()
     approached(law)
     law.ranges = ring()
@@ -190,7 +190,7 @@ def test_an_obstacle_is_over_at_five_times_the_minimum_useful_speed(
     assert law.decision.reasons == (StopReason.OBSTACLE,)
 
 
-def test_a_slow_command_is_released_where_all_of_it_would_pass() -> None:
+def test_a_block_of_a_slow_command_ends_where_the_full_command_is_permitted() -> None:
     law = Law()
     law.ranges = ring(ahead_m=CONFIG.stop_distance_m + HULL_M)
     slow = FORWARD._replace(linear_m_s=0.05)
@@ -210,7 +210,7 @@ def test_an_obstacle_is_no_cause_while_nothing_is_commanded() -> None:
 
 
 @pytest.mark.parametrize("undecodable", [False, True])
-def test_without_a_valid_scan_nothing_says_that_the_obstacle_is_still_there(*, undecodable: bool) -> None:
+def test_without_a_valid_scan_an_obstacle_is_latched_but_no_cause(*, undecodable: bool) -> None:
     law = Law()
     approached(law)
     law.scanning = False
@@ -222,7 +222,7 @@ def test_without_a_valid_scan_nothing_says_that_the_obstacle_is_still_there(*, u
         assert told(law.decision) == ({"SCAN_STALE"}, {"OBSTACLE"})
 
 
-def test_motion_into_a_gap_of_the_scan_is_a_cause_until_the_gap_is_filled() -> None:
+def test_scan_blind_is_a_cause_until_the_gap_of_the_scan_is_filled() -> None:
     law = Law()
     law.ranges = ring()
     law.ranges[120:241] = np.nan
@@ -233,7 +233,7 @@ def test_motion_into_a_gap_of_the_scan_is_a_cause_until_the_gap_is_filled() -> N
     assert told(law.decision) == (set(), {"SCAN_BLIND"})
 
 
-def test_the_scans_problem_is_the_detail_of_an_invalid_scan() -> None:
+def test_the_detail_of_scan_invalid_is_the_problem_of_the_scan() -> None:
     law = Law()
     law.drive()
     law.ranges = np.full(360, np.nan, dtype=np.float32)
@@ -256,7 +256,7 @@ def test_the_scans_problem_is_the_detail_of_an_invalid_scan() -> None:
         max_size=40,
     )
 )
-def test_each_reason_is_either_a_cause_or_latched(events: list[tuple[object, str]]) -> None:
+def test_every_reason_is_either_a_cause_or_latched_and_never_both(events: list[tuple[object, str]]) -> None:
     law = Law()
     for velocity, event in events:
         law.now_s += 0.2 if event == "late" else 0.0
@@ -277,7 +277,7 @@ def test_each_reason_is_either_a_cause_or_latched(events: list[tuple[object, str
             assert list(part) == [reason for reason in StopReason if reason in part]
 
 
-def test_a_step_without_inputs_still_says_what_holds() -> None:
+def test_a_step_without_inputs_still_reports_the_causes() -> None:
     law = Law()
     law.drive()
     law.scanning = False
@@ -297,9 +297,7 @@ def test_a_step_without_inputs_still_says_what_holds() -> None:
         (210, FORWARD, "something is too close at 30° to the left"),
     ],
 )
-def test_the_direction_of_what_the_barrier_stops_for_is_its_detail(
-    beam: int, motion: Velocity, words: str
-) -> None:
+def test_the_detail_of_a_barrier_stop_is_its_direction(beam: int, motion: Velocity, words: str) -> None:
     law = Law()
     law.drive(motion)
     law.ranges[np.arange(beam - 5, beam + 6) % 360] = 0.6
@@ -308,7 +306,7 @@ def test_the_direction_of_what_the_barrier_stops_for_is_its_detail(
     assert law.tick(("teleop", motion)).detail == words, "when it is latched, too"
 
 
-def test_what_the_barrier_stops_for_is_a_cause_beside_every_other() -> None:
+def test_a_latched_barrier_stop_stays_a_cause_during_an_estop() -> None:
     law = Law()
     law.drive()
     law.ranges = ring(ahead_m=0.5)
@@ -317,7 +315,7 @@ def test_what_the_barrier_stops_for_is_a_cause_beside_every_other() -> None:
     assert told(decision) == ({"ESTOP", "OBSTACLE"}, set())
 
 
-def test_of_a_seen_and_a_hidden_point_that_stop_it_equally_the_seen_one_is_named() -> None:
+def test_obstacle_is_reported_if_a_seen_and_a_hidden_point_limit_the_motion_equally() -> None:
     law = Law()
     law.ranges = ring(ahead_m=0.4)
     law.ranges[200:230] = math.nan

@@ -49,17 +49,17 @@ def test_a_point_is_dropped_at_once_when_every_beam_around_it_returns_from_behin
     assert left(point(), before) == [[1.0, 0.0]], "one beam did not return"
 
 
-def test_a_point_that_a_scan_shows_again_is_the_scan_s_own() -> None:
+def test_a_point_that_a_scan_shows_again_is_no_longer_remembered() -> None:
     for distance_m in (1.0 - SAME_M + 1e-9, 1.0, 1.0 + SAME_M - 1e-9):
         ranges = room()
         ranges[AHEAD + 2] = distance_m
         assert left(point(), ranges) == []
     near, far = room(), room()
     near[BESIDE] = 1.0 - SAME_M - 1e-9
-    assert left(point(), near) == [[1.0, 0.0]], "something else stands before it"
+    assert left(point(), near) == [[1.0, 0.0]], "another object is in front of it"
     far[AHEAD + 3] = 1.0
     far[BESIDE] = NO_RETURN
-    assert left(point(), far) == [[1.0, 0.0]], "that beam passes too far beside it"
+    assert left(point(), far) == [[1.0, 0.0]], "that beam is too far from the point"
 
 
 def test_a_beam_that_ends_at_the_lidar_s_range_shows_nothing_there() -> None:
@@ -71,12 +71,12 @@ def test_a_beam_that_ends_at_the_lidar_s_range_shows_nothing_there() -> None:
     assert len(remember(memory, silent, Mount()).points) == 0
 
 
-def test_a_surface_that_is_met_at_a_slant_shows_a_point_between_two_of_its_returns() -> None:
+def test_two_returns_of_a_slanted_surface_show_a_point_between_them() -> None:
     slant, gap = room(), room(NO_RETURN)
     slant[BESIDE] = (0.82, 0.88, 1.08, 1.14, 1.2)
     assert left(point(), slant) == []
     gap[AHEAD - 2], gap[AHEAD + 2] = 0.8, math.nextafter(0.8 + ONE_SURFACE_M, 2.0)
-    assert left(point(), gap) == [[1.0, 0.0]], "two things, and the point is between them"
+    assert left(point(), gap) == [[1.0, 0.0]], "two objects, with the point between them"
 
 
 def test_a_point_that_no_beam_covers_stays_for_any_number_of_scans() -> None:
@@ -90,7 +90,7 @@ def test_a_point_that_no_beam_covers_stays_for_any_number_of_scans() -> None:
         assert memory.misses.tolist() == [0]
 
 
-def test_a_point_where_covering_beams_find_nothing_is_forgotten_after_so_many_scans_and_not_before() -> None:
+def test_a_point_is_dropped_only_after_the_full_number_of_covering_scans_without_a_reading() -> None:
     ranges, memory = room(NO_RETURN), point()
     for missed in range(1, MISSES):
         memory = remember(memory, view_of(ranges), Mount())
@@ -98,14 +98,14 @@ def test_a_point_where_covering_beams_find_nothing_is_forgotten_after_so_many_sc
     assert remember(memory, view_of(ranges), Mount()).points.tolist() == []
 
 
-def test_a_scan_that_does_not_cover_a_point_neither_counts_nor_forgives_misses() -> None:
+def test_a_scan_that_does_not_cover_a_point_leaves_its_misses_unchanged() -> None:
     dirty = room(NO_RETURN)
     dirty[AHEAD] = UNKNOWN
     assert remember(point(misses=3), view_of(dirty), Mount()).misses.tolist() == [3]
 
 
-def test_a_ray_filled_from_an_earlier_scan_disproves_nothing() -> None:
-    """A direction that is filled from an earlier scan is no new evidence."""
+def test_a_ray_filled_from_an_earlier_scan_does_not_count_as_a_miss() -> None:
+    """A direction that is filled from an earlier scan is not new evidence."""
     view = view_of(room(NO_RETURN))
     explained_s = view.explained_s.copy()
     explained_s[AHEAD] = -0.05
@@ -128,7 +128,7 @@ def test_of_too_many_points_the_nearest_are_kept() -> None:
 
 @pytest.mark.parametrize("sign", [1, -1], ids=["counter-clockwise", "clockwise"])
 @pytest.mark.parametrize("bearing_rad", [-3.14, -3.1, -2.0, -0.7, 0.0, 0.3, 1.57, 2.9, 3.14, math.pi])
-def test_the_beams_beside_a_point_are_asked_whichever_way_the_scan_goes_round(
+def test_the_beams_beside_a_point_are_found_for_both_directions_of_rotation(
     sign: int, bearing_rad: float
 ) -> None:
     geometry = Geometry(BEAMS, -sign * math.pi, sign * BEAM_RAD)
@@ -142,7 +142,7 @@ def test_the_beams_beside_a_point_are_asked_whichever_way_the_scan_goes_round(
 
 
 @pytest.mark.parametrize("sign", [1, -1], ids=["counter-clockwise", "clockwise"])
-def test_beside_a_partial_view_a_point_is_not_covered(sign: int) -> None:
+def test_a_point_outside_a_partial_view_is_not_covered(sign: int) -> None:
     beams = 181
     geometry = Geometry(beams, -sign * math.pi / 2, sign * BEAM_RAD)
     view = view_of(np.full(beams, 3.0), geometry)
@@ -156,7 +156,7 @@ def test_beside_a_partial_view_a_point_is_not_covered(sign: int) -> None:
     assert remember(inside, view, Mount()).points.tolist() == []
 
 
-def test_points_are_looked_for_from_where_the_lidar_is_mounted() -> None:
+def test_the_mount_of_the_lidar_is_applied_to_the_points() -> None:
     mount = Mount(0.5, 0.2, math.pi / 2)
     seen_ahead_of_the_base = AHEAD - BEAMS // 4
     ranges = room(NO_RETURN)
@@ -168,7 +168,7 @@ def test_points_are_looked_for_from_where_the_lidar_is_mounted() -> None:
 
 @pytest.mark.parametrize("yaw_rad", [-3.0, -1.0, 1.0, 3.0])
 @pytest.mark.parametrize("bearing_rad", [-3.0, -1.0, 1.0, 3.0])
-def test_a_point_is_found_however_the_lidar_is_turned(yaw_rad: float, bearing_rad: float) -> None:
+def test_a_point_is_found_at_every_yaw_of_the_lidar(yaw_rad: float, bearing_rad: float) -> None:
     angles = yaw_rad - math.pi + BEAM_RAD * np.arange(BEAMS)
     off_rad = np.abs(np.arctan2(np.sin(angles - bearing_rad), np.cos(angles - bearing_rad)))
     ranges = np.where(off_rad < 0.6 * BEAM_RAD, 1.0, NO_RETURN)
@@ -176,7 +176,7 @@ def test_a_point_is_found_however_the_lidar_is_turned(yaw_rad: float, bearing_ra
     assert left(earlier, ranges, Mount(yaw_rad=yaw_rad)) == []
 
 
-def test_each_of_several_points_is_judged_by_itself() -> None:
+def test_several_points_are_judged_independently() -> None:
     """Ahead: shown by a beam beside it; left: passed by every beam; right: covered; behind: not covered."""
     ranges = room()
     ranges[AHEAD + 2] = 1.0
@@ -193,7 +193,7 @@ def test_a_beam_that_ends_exactly_at_a_point_covers_it() -> None:
         assert remember(point(), view, Mount()).misses.tolist() == misses
 
 
-def test_a_return_beside_a_point_shows_it_up_to_just_that_distance() -> None:
+def test_a_return_shows_a_point_up_to_exactly_the_same_place_distance() -> None:
     """Near the lidar, where no difference of distances is rounded."""
     assert 2 * SAME_M - SAME_M == SAME_M
     for distance_m, shown in ((2 * SAME_M, True), (math.nextafter(2 * SAME_M, 1.0), False)):
@@ -202,7 +202,7 @@ def test_a_return_beside_a_point_shows_it_up_to_just_that_distance() -> None:
         assert (left(point(SAME_M), ranges) == []) is shown
 
 
-def test_two_returns_are_one_surface_only_while_they_differ_by_less() -> None:
+def test_two_returns_are_one_surface_only_below_the_limit_of_their_difference() -> None:
     nearest_m, farthest_m = 0.1, 0.5
     assert farthest_m - nearest_m == ONE_SURFACE_M
     for far_m, shown in ((math.nextafter(farthest_m, 0.0), True), (farthest_m, False)):
@@ -211,7 +211,7 @@ def test_two_returns_are_one_surface_only_while_they_differ_by_less() -> None:
         assert (left(point(0.3), ranges) == []) is shown
 
 
-def test_each_of_two_points_is_met_at_its_own_slant() -> None:
+def test_the_slant_is_computed_separately_for_each_point() -> None:
     ranges = room()
     ranges[BESIDE] = (0.82, 0.88, 1.08, 1.14, 1.2)
     ranges[3 * BEAMS // 4 - 2 : 3 * BEAMS // 4 + 3] = (1.82, 1.88, 2.08, 2.14, 2.2)

@@ -563,7 +563,7 @@ def test_every_answer_to_a_reset_is_a_sentence(alive: tuple[object, ...]) -> Non
     assert answer(estop=True) == (False, "the emergency stop is being pressed")
     assert answer(("teleop", FORWARD), ("path", FORWARD)) == (
         False,
-        "teleop, path still asks for motion; stop it first",
+        "teleop, path still requests motion; stop it first",
     )
     assert law.state.estop is True
     assert answer(("teleop", NEUTRAL), ("path", NEUTRAL)) == (True, "the emergency stop is reset")

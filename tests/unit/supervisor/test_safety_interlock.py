@@ -24,25 +24,25 @@ from wire.freshness import Sent
 from wire.reasons import StopReason
 
 
-def test_it_starts_stopped_because_nobody_has_spoken() -> None:
+def test_the_law_starts_stopped_without_a_command() -> None:
     law = Law()
     assert law.decision.mode is Mode.STOPPED
     assert law.decision.reasons == (StopReason.NO_COMMAND,)
     assert law.decision.output == STANDSTILL
 
 
-def test_it_starts_stopped_because_nothing_has_been_seen() -> None:
+def test_the_law_starts_stopped_without_a_scan() -> None:
     law = Law(scanning=False)
     assert StopReason.SCAN_STALE in law.decision.reasons
 
 
-def test_it_starts_with_the_estop_that_was_pressed_before() -> None:
+def test_the_law_starts_with_an_estop_that_was_not_reset() -> None:
     for estop in (True, False):
         _, decision = step(initial_state(CONFIG, estop=estop), 1000.0, Inputs())
         assert (StopReason.ESTOP in decision.reasons) is estop
 
 
-def test_before_the_first_step_no_time_has_passed() -> None:
+def test_no_distance_is_counted_before_the_first_step() -> None:
     state, _ = step(initial_state(CONFIG), 1000.0, Inputs(odometry=odometry(1.0, 1000.0)))
     assert state.way_m == 0.0
 
@@ -87,7 +87,7 @@ def test_a_command_goes_stale_just_after_its_timeout() -> None:
     [(True, StopReason.COMMAND_TIMEOUT), (False, StopReason.SCAN_STALE)],
     ids=["commands end", "scans end"],
 )
-def test_a_motion_ends_at_the_time_that_was_predicted(
+def test_a_motion_ends_exactly_when_runs_out_s_predicts(
     *, scanning: bool, reason: StopReason, begin_s: float
 ) -> None:
     law = Law(now_s=begin_s)
@@ -108,7 +108,7 @@ def test_a_motion_ends_at_the_time_that_was_predicted(
     assert law.decision.reasons == (reason,)
 
 
-def test_what_does_not_move_does_not_run_out() -> None:
+def test_a_robot_at_rest_has_no_expiry() -> None:
     law = Law(scanning=False)
     assert runs_out_s(law.state) == math.inf
     law.scanning = True
@@ -117,7 +117,7 @@ def test_what_does_not_move_does_not_run_out() -> None:
     assert runs_out_s(law.state) == math.inf
 
 
-def test_a_source_that_wakes_up_still_driving_moves_nothing_until_neutral() -> None:
+def test_a_source_that_resumes_with_a_motion_command_must_send_neutral_first() -> None:
     law = Law()
     law.drive()
     assert law.hold(0.3).reasons == (StopReason.COMMAND_TIMEOUT,)
@@ -126,7 +126,7 @@ def test_a_source_that_wakes_up_still_driving_moves_nothing_until_neutral() -> N
     assert law.tick(("teleop", FORWARD)).output == FORWARD
 
 
-def test_a_lost_token_stops_at_once_and_a_new_one_alone_moves_nothing() -> None:
+def test_a_lost_token_stops_immediately_and_its_return_alone_does_not_arm() -> None:
     law = Law()
     law.tick(("teleop", NEUTRAL), liveliness=back())
     law.tick(("teleop", FORWARD))
@@ -159,7 +159,7 @@ def test_a_token_that_flaps_within_one_step_stops_too() -> None:
         Velocity(0.0, 20.1),
     ],
 )
-def test_a_senseless_command_stops_and_never_refreshes_the_age(velocity: Velocity | None) -> None:
+def test_an_invalid_command_stops_and_does_not_refresh_the_age(velocity: Velocity | None) -> None:
     law = Law()
     law.drive()
     sent_s = law.state.sources[0].sent_s
@@ -173,7 +173,7 @@ def test_a_senseless_command_stops_and_never_refreshes_the_age(velocity: Velocit
     assert law.tick(("teleop", FORWARD)).output == FORWARD
 
 
-def test_a_senseless_command_stops_also_when_a_good_one_follows_in_the_same_step() -> None:
+def test_an_invalid_command_stops_even_if_a_valid_one_follows_in_the_same_step() -> None:
     law = Law()
     law.drive()
     decision = law.tick(("teleop", None), ("teleop", FORWARD))
@@ -181,7 +181,7 @@ def test_a_senseless_command_stops_also_when_a_good_one_follows_in_the_same_step
     assert law.tick(("teleop", FORWARD)).output == STANDSTILL
 
 
-def test_a_source_that_fell_silent_does_not_prevent_a_reset_forever() -> None:
+def test_a_source_that_has_timed_out_does_not_prevent_a_reset() -> None:
     """A source without a token, dead at speed."""
     law = Law()
     law.drive()
@@ -197,7 +197,7 @@ def test_a_command_beyond_the_limits_is_clamped() -> None:
     assert law.drive(Velocity(5.0, -9.0)).output == Velocity(1.0, -2.0)
 
 
-def test_a_stale_scan_stops_and_fresh_scans_alone_move_nothing() -> None:
+def test_a_stale_scan_stops_and_fresh_scans_alone_do_not_arm() -> None:
     law = Law()
     law.drive()
     law.scanning = False
@@ -213,7 +213,7 @@ def test_a_stale_scan_stops_and_fresh_scans_alone_move_nothing() -> None:
     assert law.tick(("teleop", FORWARD)).output == FORWARD
 
 
-def test_a_scan_that_cannot_be_decoded_stops_until_a_good_one_comes() -> None:
+def test_an_undecodable_scan_stops_until_a_valid_scan_and_neutral_arrive() -> None:
     law = Law()
     law.drive()
     law.scanning = False
@@ -224,7 +224,7 @@ def test_a_scan_that_cannot_be_decoded_stops_until_a_good_one_comes() -> None:
     assert law.tick(("teleop", FORWARD)).output == FORWARD
 
 
-def test_a_late_tick_of_its_own_stops() -> None:
+def test_a_late_step_of_the_law_stops() -> None:
     law = Law()
     law.drive()
     law.now_s += law.config.overrun_s
@@ -234,7 +234,7 @@ def test_a_late_tick_of_its_own_stops() -> None:
     assert law.tick(("teleop", FORWARD)).output == FORWARD
 
 
-def test_a_base_that_moves_on_after_its_braking_time_raises_the_alarm() -> None:
+def test_a_base_that_still_moves_after_its_braking_time_raises_the_alarm() -> None:
     law = Law()
     law.drive()
     law.tick(("teleop", NEUTRAL))
@@ -260,7 +260,7 @@ def test_estop_latches_and_neither_neutral_nor_time_releases_it() -> None:
     assert law.hold(5.0, ("teleop", NEUTRAL)).reasons == (StopReason.ESTOP,)
 
 
-def test_a_reset_is_refused_while_a_source_asks_for_motion() -> None:
+def test_a_reset_is_refused_while_a_source_requests_motion() -> None:
     law = Law()
     law.drive()
     law.tick(("teleop", FORWARD), estop=True)
@@ -283,7 +283,7 @@ def test_a_reset_moves_nothing_and_neutral_must_follow_it() -> None:
     assert law.tick(("teleop", FORWARD)).output == FORWARD
 
 
-def test_a_reset_and_a_press_at_once_stay_stopped() -> None:
+def test_a_reset_in_the_same_step_as_a_press_is_refused() -> None:
     law = Law()
     law.tick(("teleop", NEUTRAL), estop=True)
     reply = law.tick(("teleop", NEUTRAL), estop=True, reset=True).reset_reply
@@ -291,7 +291,7 @@ def test_a_reset_and_a_press_at_once_stay_stopped() -> None:
     assert not reply.success
 
 
-def test_a_reset_of_nothing_succeeds_and_says_so() -> None:
+def test_a_reset_without_an_estop_succeeds_and_says_so() -> None:
     reply = Law().tick(reset=True).reset_reply
     assert reply is not None
     assert reply.success
@@ -315,7 +315,7 @@ def test_a_higher_priority_that_is_not_armed_does_not_take_over() -> None:
     assert decision.output == FORWARD
 
 
-def test_a_neutral_heartbeat_does_not_fight_a_driver_of_lower_priority() -> None:
+def test_a_neutral_heartbeat_does_not_interrupt_a_source_of_lower_priority() -> None:
     law = Law()
     law.tick(("teleop", NEUTRAL), ("path", NEUTRAL))
     decision = law.hold(1.0, ("teleop", NEUTRAL), ("path", FORWARD))
@@ -323,7 +323,7 @@ def test_a_neutral_heartbeat_does_not_fight_a_driver_of_lower_priority() -> None
     assert decision.output == FORWARD
 
 
-def test_when_the_owner_dies_nobody_inherits() -> None:
+def test_when_the_owner_dies_no_other_source_takes_over() -> None:
     law = Law()
     law.tick(("teleop", NEUTRAL), ("path", NEUTRAL), liveliness=back())
     law.hold(0.5, ("teleop", BACK), ("path", FORWARD))
@@ -343,13 +343,13 @@ def test_a_source_outside_the_configuration_is_shown_and_moves_nothing() -> None
     assert decision.strangers == ("stranger", "other")
 
 
-def test_a_stranger_s_token_means_nothing() -> None:
+def test_the_token_of_an_unknown_source_is_ignored() -> None:
     law = Law()
     law.drive()
     assert law.tick(("teleop", FORWARD), liveliness=(*back("stranger"), *lost("stranger"))).output == FORWARD
 
 
-def test_only_so_many_strangers_are_remembered() -> None:
+def test_the_number_of_remembered_unknown_sources_is_limited() -> None:
     law = Law()
     decision = law.tick(strangers=tuple(f"stranger{n}" for n in range(100)))
     assert len(decision.strangers) == 8
@@ -397,7 +397,7 @@ def test_a_backlog_after_a_stall_moves_nothing_and_is_counted() -> None:
     assert law.step(Inputs(commands=(live,))).output == STANDSTILL
 
 
-def test_a_backlog_of_a_run_never_heard_before_moves_nothing() -> None:
+def test_a_backlog_of_an_unknown_epoch_moves_nothing() -> None:
     law = Law()
     burst = tuple(law.stamped(NEUTRAL if n < 30 else FORWARD, sent_s=n * 0.05) for n in range(60))
     law.now_s += TICK_S
@@ -424,7 +424,7 @@ def test_a_replayed_run_is_refused() -> None:
     assert law.state.sources[0].counts.epoch == 100
 
 
-def test_one_foreign_command_neither_moves_the_robot_nor_locks_its_operator_out() -> None:
+def test_one_foreign_command_neither_moves_the_robot_nor_locks_out_the_operator() -> None:
     """Formerly, teleop's epoch ended with it, and all its commands were refused until it was restarted."""
     law = Law()
     speak(law, b"A", NEUTRAL, 0.4)
@@ -436,7 +436,7 @@ def test_one_foreign_command_neither_moves_the_robot_nor_locks_its_operator_out(
     assert law.state.sources[0].counts.epoch == 1
 
 
-def test_a_second_program_with_the_same_name_is_refused_for_as_long_as_the_first_speaks() -> None:
+def test_a_second_program_with_the_same_name_is_refused_while_the_first_one_sends() -> None:
     law = Law()
     speak(law, b"A", NEUTRAL, 0.4)
     for n in range(200):
@@ -449,7 +449,7 @@ def test_a_second_program_with_the_same_name_is_refused_for_as_long_as_the_first
 
 
 @pytest.mark.parametrize("pause_s", [0.02, 0.1, 0.2, 0.24, 5.0])
-def test_a_teleop_that_is_killed_and_started_anew_drives_again_soon_after_its_neutral(pause_s: float) -> None:
+def test_a_restarted_teleop_drives_again_soon_after_its_neutral(pause_s: float) -> None:
     law = Law()
     speak(law, b"A", NEUTRAL, 0.4)
     speak(law, b"A", FORWARD, 0.4)
@@ -464,7 +464,7 @@ def test_a_teleop_that_is_killed_and_started_anew_drives_again_soon_after_its_ne
     speak(law, b"B", NEUTRAL, TICK_S)
     law.hold(1.0)
     speak(law, b"A", FORWARD, 2.0)
-    assert law.decision.output == STANDSTILL, "the run before has ended for good"
+    assert law.decision.output == STANDSTILL, "an epoch that was replaced never returns"
 
 
 def test_a_scan_and_a_command_that_arrive_together_between_ticks_both_count() -> None:

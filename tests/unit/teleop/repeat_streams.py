@@ -86,10 +86,10 @@ def with_timeout(timeout_s: float) -> Detector:
     return detector
 
 
-WAYS: tuple[tuple[str, Detector], ...] = (
-    ("moves at once, for 0.6 s after each press", with_timeout(0.6)),
-    ("moves at once, for 0.15 s after each press", with_timeout(0.15)),
-    ("moves once the key repeats (ours)", by_repeats),
+DETECTORS: tuple[tuple[str, Detector], ...] = (
+    ("immediately, for 0.6 s after each press", with_timeout(0.6)),
+    ("immediately, for 0.15 s after each press", with_timeout(0.15)),
+    ("when the key repeats (ours)", by_repeats),
 )
 
 
@@ -123,14 +123,14 @@ def _moving(detector: Detector, presses: Presses) -> list[float]:
 def table() -> list[str]:
     """Return the table in Markdown."""
     rows = [
-        "| | keyboard | starts after | stops again for | moves after the release | after a tap |",
+        "| the robot moves | keyboard | first motion after | interruption | motion after the release | motion after a tap |",
         "|---|---|---|---|---|---|",
     ]
-    for way, detector in WAYS:
+    for name, detector in DETECTORS:
         for keyboard in KEYBOARDS:
             outcome = observe(detector, keyboard)
             rows.append(
-                f"| {way} | {keyboard.name} | " + " | ".join(f"{value:.2f} s" for value in outcome) + " |"
+                f"| {name} | {keyboard.name} | " + " | ".join(f"{value:.2f} s" for value in outcome) + " |"
             )
     return rows
 

@@ -51,14 +51,14 @@ def test_a_key_moves_from_its_press_to_its_release(key: str, velocity: tuple[flo
     assert str(happen(subject, (key, RELEASE), at_s=60.0)) == str(NEUTRAL)
 
 
-def test_of_two_held_keys_the_released_one_leaves_the_other() -> None:
+def test_releasing_one_of_two_held_keys_keeps_the_motion_of_the_other() -> None:
     subject = pilot()
     assert happen(subject, ("i", PRESS), ("l", PRESS)) == Velocity(0.5, -1.0)
     assert happen(subject, ("i", RELEASE)) == Velocity(0.0, -1.0)
     assert happen(subject, ("l", RELEASE)) == NEUTRAL
 
 
-def test_after_a_tapped_turn_the_held_forward_key_goes_on() -> None:
+def test_a_held_forward_key_still_moves_after_a_turn_key_is_tapped() -> None:
     assert happen(pilot(), ("up", PRESS), ("left", PRESS), ("left", RELEASE)) == Velocity(0.5, 0.0)
 
 
@@ -68,14 +68,14 @@ def test_opposite_keys_cancel_and_equal_ones_do_not_add_up() -> None:
 
 
 @pytest.mark.parametrize("key", ["k", "s", "5x", "f1", "escape", "focus out", "\xff", "h", "r"])
-def test_any_other_key_stops_and_a_key_that_is_still_held_must_be_pressed_anew(key: str) -> None:
+def test_any_other_key_stops_and_a_key_that_is_still_held_must_be_pressed_again(key: str) -> None:
     subject = pilot()
     assert happen(subject, ("i", PRESS), (key, PRESS)) == NEUTRAL
     assert happen(subject, ("i", REPEAT)) == NEUTRAL
     assert happen(subject, ("i", RELEASE), ("i", PRESS), at_s=1.1) == Velocity(0.5)
 
 
-def test_letting_go_is_past_every_ramp() -> None:
+def test_letting_go_bypasses_the_ramp() -> None:
     subject = pilot(ramp=Ramp(1.0, 4.0))
     happen(subject, ("i", PRESS))
     assert 0.0 < subject.velocity(1.1).linear_m_s < 0.5
@@ -83,7 +83,7 @@ def test_letting_go_is_past_every_ramp() -> None:
     assert (subject.velocity(1.1), subject.wanted(), subject.next_s) == (NEUTRAL, NEUTRAL, math.inf)
 
 
-def test_a_release_is_past_every_ramp_as_well() -> None:
+def test_a_key_release_bypasses_the_ramp() -> None:
     subject = pilot(ramp=Ramp(1.0, 4.0))
     happen(subject, ("i", PRESS))
     subject.velocity(1.4)
@@ -101,34 +101,34 @@ def test_a_release_is_past_every_ramp_as_well() -> None:
         ("c", (0.5, 0.9)),
     ],
 )
-def test_a_speed_key_changes_ten_per_cent_while_the_motion_goes_on(
+def test_a_speed_key_changes_the_speed_by_ten_per_cent_during_motion(
     key: str, velocity: tuple[float, float]
 ) -> None:
     subject = pilot()
     assert happen(subject, ("u", PRESS), (key, PRESS)) == pytest.approx(velocity)
 
 
-def test_the_speed_ends_at_the_maximum_and_at_a_least_one() -> None:
+def test_the_speed_stays_between_its_minimum_and_its_maximum() -> None:
     subject = pilot()
     assert happen(subject, *[("q", PRESS)] * 50, ("u", PRESS)) == Velocity(1.0, 2.0)
     assert happen(subject, *[("z", PRESS)] * 90) == Velocity(LEAST * 1.0, LEAST * 2.0)
 
 
-def test_a_level_holds_the_speed_down_at_once() -> None:
+def test_a_speed_level_limits_the_speed_immediately() -> None:
     subject = pilot()
     assert happen(subject, ("u", PRESS), ("1", PRESS)) == pytest.approx((0.2, 0.4))
     assert subject.level == 1
     assert happen(subject, ("5", PRESS), at_s=1.1) == Velocity(0.5, 1.0)
 
 
-def test_the_note_names_the_method_and_the_speeds() -> None:
+def test_the_note_names_the_key_detection_and_the_speeds() -> None:
     assert pilot().note == "releases reported: 0.50 m/s, 1.00 rad/s"
     assert pilot(releases=False).note == "by key repeat: 0.50 m/s, 1.00 rad/s"
     assert pilot().explanation.startswith("the terminal reports")
     assert pilot(releases=False).explanation.startswith("no key releases")
 
 
-def test_a_terminal_that_ends_reporting_releases_releases_all_keys() -> None:
+def test_all_keys_are_released_when_the_terminal_stops_reporting_releases() -> None:
     subject = pilot()
     happen(subject, ("i", PRESS))
     subject.rely_on_releases(reported=True)
@@ -165,7 +165,7 @@ events = st.tuples(
 
 
 @given(st.lists(events, max_size=60), st.floats(0.1, 10.0))
-def test_where_releases_are_told_it_moves_only_by_keys_that_are_down(
+def test_with_releases_the_robot_moves_only_while_a_motion_key_is_down(
     stream: list[tuple[str, KeyKind, float]], acceleration: float
 ) -> None:
     subject, down, now_s = pilot(ramp=Ramp(acceleration, acceleration)), set[str](), 0.0
@@ -183,7 +183,9 @@ def test_where_releases_are_told_it_moves_only_by_keys_that_are_down(
 
 
 @given(st.lists(st.tuples(st.sampled_from([*MOTIONS, "k", "q"]), st.floats(0.0, 0.3)), max_size=60))
-def test_without_releases_it_never_moves_without_a_recent_repeat(stream: list[tuple[str, float]]) -> None:
+def test_without_releases_the_robot_stops_when_no_key_has_repeated_recently(
+    stream: list[tuple[str, float]],
+) -> None:
     subject, now_s, longest_s = pilot(releases=False), 0.0, 0.275
     for key, gap_s in stream:
         later_s = now_s + gap_s

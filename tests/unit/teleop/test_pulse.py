@@ -5,14 +5,14 @@ import math
 from teleop.pulse import ANSWER_LIMIT_S, TRIES, Pulse
 
 
-def test_a_terminal_that_never_answered_is_never_lost() -> None:
+def test_a_terminal_that_never_answered_is_not_reported_as_lost() -> None:
     pulse = Pulse()
     for n in range(50):
         pulse.ask(n / 10)
     assert not pulse.is_lost(5.0)
 
 
-def test_a_terminal_that_never_answers_is_asked_a_limited_number_of_times() -> None:
+def test_a_terminal_that_never_answers_is_queried_a_limited_number_of_times() -> None:
     pulse = Pulse()
     for n in range(TRIES):
         assert pulse.is_worth_asking
@@ -31,7 +31,7 @@ def test_a_terminal_that_answered_is_lost_just_after_the_limit() -> None:
     assert pulse.is_lost(math.nextafter(ANSWER_LIMIT_S, 1.0))
 
 
-def test_answers_that_take_long_but_keep_coming_are_answers() -> None:
+def test_slow_but_regular_answers_keep_the_terminal_alive() -> None:
     pulse = Pulse()
     for n in range(40):
         pulse.ask(n / 10)
@@ -41,7 +41,7 @@ def test_answers_that_take_long_but_keep_coming_are_answers() -> None:
     assert pulse.open == 5
 
 
-def test_a_pause_in_the_asking_is_no_loss() -> None:
+def test_a_pause_between_queries_does_not_lose_the_terminal() -> None:
     pulse = Pulse()
     pulse.ask(0.0)
     pulse.answer(0.0)
@@ -53,7 +53,7 @@ def test_a_pause_in_the_asking_is_no_loss() -> None:
     assert pulse.is_lost(60.31)
 
 
-def test_one_answer_brings_it_back_and_more_than_were_asked_for_do_no_harm() -> None:
+def test_one_answer_restores_a_lost_terminal_and_extra_answers_are_ignored() -> None:
     pulse = Pulse()
     pulse.ask(0.0)
     pulse.answer(0.0)

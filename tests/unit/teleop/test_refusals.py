@@ -30,14 +30,16 @@ def told(
 
 
 @pytest.mark.parametrize("grown", [{"epoch": 2}, {"sequence": 2}, {"epoch": 1, "sequence": 1}], ids=str)
-def test_half_a_second_of_refusals_alone_is_reported_and_each_further_half(grown: dict[str, int]) -> None:
+def test_a_source_with_all_commands_refused_is_reported_every_half_second(grown: dict[str, int]) -> None:
     assert told(Refusals(), **grown) == pytest.approx([0.5, 1.0, 1.5])
 
 
 @pytest.mark.parametrize(
     "grown", [{}, {"accepted": 2}, {"accepted": 1, "epoch": 2}, {"accepted": 1, "sequence": 2}], ids=str
 )
-def test_nothing_is_reported_while_a_source_is_accepted_or_nothing_is_refused(grown: dict[str, int]) -> None:
+def test_no_refusal_is_reported_while_some_commands_are_accepted_or_none_are_sent(
+    grown: dict[str, int],
+) -> None:
     assert told(Refusals(), **grown) == []
 
 
@@ -48,24 +50,24 @@ def test_refusals_are_reported_exactly_at_the_limit() -> None:
         assert refusals.all_refused(replace(OWN, refused_epoch=1), time_s) is is_told
 
 
-def test_a_restarted_supervisor_counts_from_nothing() -> None:
+def test_the_counts_of_a_restarted_supervisor_begin_at_zero() -> None:
     refusals = Refusals()
     assert not refusals.all_refused(replace(OWN, accepted=500, refused_epoch=80), 0.0)
     assert not refusals.all_refused(replace(OWN, accepted=0, refused_epoch=0), 10.0)
     assert not refusals.all_refused(replace(OWN, accepted=0, refused_epoch=1), 10.1)
 
 
-def test_another_speaks_when_its_epoch_was_refused_since_the_status_before() -> None:
+def test_another_program_is_detected_by_a_refused_epoch_since_the_last_status() -> None:
     refusals = Refusals()
     heard = replace(OWN, refused_epoch=3)
-    assert not refusals.another_speaks(heard), "the first status says nothing of when"
+    assert not refusals.another_speaks(heard), "the first status does not show when"
     refusals.all_refused(heard, 0.0)
     assert not refusals.another_speaks(heard)
-    assert not refusals.another_speaks(replace(heard, refused_sequence=1)), "its own, late"
+    assert not refusals.another_speaks(replace(heard, refused_sequence=1)), "its own late command"
     assert refusals.another_speaks(replace(heard, refused_epoch=4))
 
 
-def test_a_restarted_supervisor_does_not_make_another_speak() -> None:
+def test_a_restarted_supervisor_does_not_count_as_another_program() -> None:
     refusals = Refusals()
     refusals.all_refused(replace(OWN, refused_epoch=3), 0.0)
     assert not refusals.another_speaks(OWN)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from teleop.repeats import MIN_WINDOW_S, PROOF_S, WINDOW_INTERVALS, Repeats
 
-from .repeat_streams import KEYBOARDS, WAYS, Keyboard, observe, table
+from .repeat_streams import DETECTORS, KEYBOARDS, Keyboard, observe, table
 
 DECISION = Path(__file__).parents[3] / "docs/decisions/0014-hold-to-run.md"
 
@@ -81,7 +81,7 @@ def test_forgotten_it_is_proven_anew_by_what_was_learned() -> None:
 def test_on_every_usual_keyboard_it_neither_stutters_nor_runs_on_and_a_tap_moves_nothing(
     keyboard: Keyboard,
 ) -> None:
-    outcome = observe(WAYS[-1][1], keyboard)
+    outcome = observe(DETECTORS[-1][1], keyboard)
     assert outcome.stutter_s == 0.0
     assert outcome.runs_on_s <= MIN_WINDOW_S + 0.005
     assert outcome.tap_s == 0.0

@@ -30,7 +30,7 @@ CAUSES = {
     "SCAN_STALE": "the newest scan is 0.4 s old",
     "SOURCE_LOST": "the connection to teleop was lost",
     "COMMAND_INVALID": "teleop sent an invalid command",
-    "COMMAND_STALE": "the commands of teleop come too late or out of order",
+    "COMMAND_STALE": "the commands of teleop arrive too late or out of order",
     "COMMAND_TIMEOUT": "teleop was silent for too long",
     "NO_COMMAND": "no source commands the robot",
     "SCAN_BLIND": "the motion would enter unseen space",
@@ -95,12 +95,12 @@ OVER = {
     "OVERRUN": "the supervisor was late",
     "SENSOR_CONFLICT": "two programs published on one sensor's key",
     "BASE_UNRESPONSIVE": "the base did not follow its commands",
-    "ODOM_STALE": "no odometry came",
+    "ODOM_STALE": "there was no odometry",
     "SCAN_INVALID": "the lidar's scans proved nothing",
-    "SCAN_STALE": "no fresh scan came",
+    "SCAN_STALE": "there was no fresh scan",
     "SOURCE_LOST": "the connection to a command source was lost",
     "COMMAND_INVALID": "a command was invalid",
-    "COMMAND_STALE": "commands came too late or out of order",
+    "COMMAND_STALE": "commands arrived too late or out of order",
     "COMMAND_TIMEOUT": "commands were missing for too long",
     "NO_COMMAND": "no source commanded the robot",
     "SCAN_BLIND": "the motion would have entered unseen space",
@@ -132,7 +132,7 @@ def test_a_cause_that_holds_comes_before_a_worse_one_that_is_over() -> None:
 
 
 def test_an_unknown_reason_that_is_over_is_named_in_ascii() -> None:
-    assert said(over("FLOOD\x1b[2J")).what == "it was FLOOD?[2J. Over now"
+    assert said(over("FLOOD\x1b[2J")).what == "the reason was FLOOD?[2J. Over now"
 
 
 def test_who_only_looks_on_is_told_that_the_operator_must_re_arm() -> None:
@@ -199,7 +199,7 @@ def test_the_one_at_fault_is_a_source_where_nobody_owns_the_wheels() -> None:
 
 
 def test_a_cause_without_its_number_is_still_a_sentence() -> None:
-    assert said(stopped("SCAN_STALE")).what == "no fresh scan comes"
+    assert said(stopped("SCAN_STALE")).what == "there is no fresh scan"
     assert said(stopped("SCAN_INVALID")).what.endswith("proves nothing: no usable beams")
     assert said(stopped("OBSTACLE")).what == "too close for this motion"
     assert said(stopped("OBSTACLE", nearest_m=0.3)).what.endswith("motion: 0.30 m")
@@ -269,9 +269,9 @@ def test_another_source_that_drives_is_named_and_whether_it_can_be_relieved() ->
     assert said(newest).what == "joy drives, not you"
     assert said(newest).next_step.startswith("command motion to take over")
     above = status(SafetyStatus.DRIVING, owner="boss", sources=[source("teleop"), source("boss", 200)])
-    assert said(above).next_step.startswith("it must let go first")
+    assert said(above).next_step.startswith("it must stop first")
     unheard = status(SafetyStatus.DRIVING, owner="joy", sources=[])
-    assert said(unheard).next_step.startswith("it must let go first")
+    assert said(unheard).next_step.startswith("it must stop first")
 
 
 def test_limited_says_to_what_and_by_what() -> None:

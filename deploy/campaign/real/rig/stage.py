@@ -448,7 +448,7 @@ class Stage:
             if await self.observer.until(lambda seen: _is_free(seen, pressed_s), PRESS_AGAIN_S):  # noqa: B023 - called at once
                 return time.monotonic() - began_s
         status = self.observer.status
-        reasons = ", ".join(status.reasons) if status is not None else "no status came"
+        reasons = ", ".join(status.reasons) if status is not None else "no status arrived"
         ended = "" if self.teleop.running else f"; teleop has ended: {self.teleop.last_lines}"
         raise StageError(f"not ready to drive {READY_LIMIT_S:g} s after neutral ({reasons}){ended}")
 

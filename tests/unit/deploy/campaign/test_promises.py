@@ -262,7 +262,7 @@ def test_drivable_means_that_once_no_stop_holds() -> None:
     (stopped,) = violations(Seen(statuses=[Status(0.9, FREE), Status(1.5, ("ESTOP",))]), [demand])
     assert (stopped.promise, "ESTOP" in stopped.sentence) == (8, True)
     (silent,) = violations(Seen(), [demand])
-    assert "no status came" in silent.sentence
+    assert "no status arrived" in silent.sentence
 
 
 # --- all

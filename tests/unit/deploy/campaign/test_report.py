@@ -166,13 +166,13 @@ def test_the_page_needs_nothing_from_elsewhere_and_its_pictures_are_sound(tmp_pa
         assert theme in html
 
 
-def test_the_page_says_where_the_trials_come_from_or_that_nobody_knows(tmp_path: Path) -> None:
+def test_the_page_shows_the_provenance_of_the_trials_or_that_it_is_unknown(tmp_path: Path) -> None:
     html = page_of(tmp_path, trial(fault()), PROVENANCE)
     for word in (PROVENANCE.command, PROVENANCE.date, PROVENANCE.machine, PROVENANCE.commit):
         assert word in html
-    assert "does not say" not in html
-    assert "does not say which command" in page_of(tmp_path, trial(fault()))
-    assert "does not say of some trials" in page_of(
+    assert "does not record" not in html
+    assert "and commit of these trials" in page_of(tmp_path, trial(fault()))
+    assert "and commit of some trials" in page_of(
         tmp_path, trial(fault()), PROVENANCE, trial(fault(), seed=2)
     )
 

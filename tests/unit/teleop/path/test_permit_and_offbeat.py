@@ -52,15 +52,15 @@ def test_armed_neutral_and_heard_under_a_ready_supervisor_it_may_begin() -> None
 @pytest.mark.parametrize(
     ("now", "words"),
     [
-        (status(READY, source(name="joy")), "knows no source path"),
+        (status(READY, source(name="joy")), "ignores source path"),
         (status(STOPPED, source(), reasons=["ESTOP", "SCAN_STALE"]), "STOPPED: ESTOP, SCAN_STALE"),
         (
             status(STOPPED, source(), reasons=["OVERRUN"], latched=["OVERRUN"]),
             "STOPPED: OVERRUN (over)",
         ),
         (status(STOPPED, source()), "STOPPED: no reason given"),
-        (status(DRIVING, source(), owner="teleop"), "teleop drives; let go there first"),
-        (status(LIMITED, source(), owner="a\x1b[2J"), "a?[2J drives; let go there first"),
+        (status(DRIVING, source(), owner="teleop"), "teleop drives; it must stop first"),
+        (status(LIMITED, source(), owner="a\x1b[2J"), "a?[2J drives; it must stop first"),
         (
             status(READY, source(armed=False, reasons=["COMMAND_TIMEOUT"])),
             "path is not armed: COMMAND_TIMEOUT",
