@@ -14,6 +14,15 @@ from deploy.command import Config, Endpoint, StatePath
 from deploy.command import exit_with as _exit_with
 from deploy.command import running as _running
 from deploy.command import say as _say
+from deploy.completion import (
+    ANSWER_VARIABLE,
+    camera_names,
+    class_names,
+    hull_names,
+    layout_names,
+    script,
+    shells,
+)
 from wire.extras import require
 
 app = typer.Typer(
@@ -264,7 +273,10 @@ def faults(
     classes: Annotated[
         str,
         typer.Option(
-            "--classes", metavar="NAME,…", help="Run only these classes; `teleop_*` selects by prefix."
+            "--classes",
+            metavar="NAME,…",
+            help="Run only these classes; `teleop_*` selects by prefix.",
+            autocompletion=class_names,
         ),
     ] = "",
     trials: Annotated[
@@ -383,15 +395,30 @@ def render(
     scene: Annotated[
         str,
         typer.Option(
-            "--scene", "--layout", metavar="NAME|FILE", help="Name of a layout, or a layout or MJCF file."
+            "--scene",
+            "--layout",
+            metavar="NAME|FILE",
+            help="Name of a layout, or a layout or MJCF file.",
+            autocompletion=layout_names,
         ),
     ] = "warehouse",
     hull: Annotated[
-        str, typer.Option("--hull", metavar="SHAPE", help="Hull of the robot: round or rectangular.")
+        str,
+        typer.Option(
+            "--hull",
+            metavar="SHAPE",
+            help="Hull of the robot: round or rectangular.",
+            autocompletion=hull_names,
+        ),
     ] = "round",
     camera: Annotated[
         str,
-        typer.Option("--camera", metavar="NAME", help="View: follow, corner, top, or a camera of the scene."),
+        typer.Option(
+            "--camera",
+            metavar="NAME",
+            help="View: follow, corner, top, or a camera of the scene.",
+            autocompletion=camera_names,
+        ),
     ] = "follow",
     size: Annotated[str, typer.Option("--size", metavar="WxH", help="Size in pixels.")] = "1280x720",
     seconds: Annotated[
@@ -499,11 +526,32 @@ def path_follow(
     _exit_with(run)
 
 
+@app.command()
+def completion(
+    *,
+    shell: Annotated[str, typer.Argument(metavar="SHELL", help="bash, zsh or fish.", autocompletion=shells)],
+) -> None:
+    """Print a shell's completion script; evaluate it in ~/.bashrc, ~/.zshrc or config.fish.
+
+    bash, zsh: source <(lifeline completion bash). fish: lifeline completion fish | source.
+    """
+
+    def run() -> int:
+        print(script(shell))
+        return 0
+
+    _exit_with(run)
+
+
 def main() -> NoReturn:
     """Run the command, and exit without the interpreter's shutdown, which can hang if a session is open."""
     code = 1
     try:
-        app()
+        if ANSWER_VARIABLE in os.environ:
+            from typer._completion_classes import completion_init  # noqa: PLC0415
+
+            completion_init()
+        app(prog_name="lifeline")
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else int(end.code is not None)
     except Exception:  # noqa: BLE001 - os._exit prints no traceback
