@@ -1,6 +1,7 @@
 """The command-line tool `lifeline`, one file for each command, and the configuration files.
 
-cli.py             the options of every command
+entry.py           the entry point of `lifeline`
+cli.py             the options of every command; cli_inspection.py those of topic, node, graph and doctor; command.py what they share
 up.py              `lifeline up`: start the stack, with teleop in this terminal; down.py stops it; estop.py reports a latched e-stop
 status.py          `lifeline status`: print the status once
 demo.py            `lifeline demo`: a few trials of the real campaign and a drive at a rack; verdict.py one promise, bound and measurement

@@ -23,6 +23,7 @@ from deploy.completion import (
     script,
     shells,
 )
+from deploy.stack.interrupts import default_until_handled
 from wire.extras import require
 
 app = typer.Typer(
@@ -546,6 +547,7 @@ def completion(
 def main() -> NoReturn:
     """Run the command, and exit without the interpreter's shutdown, which can hang if a session is open."""
     code = 1
+    default_until_handled()
     try:
         if ANSWER_VARIABLE in os.environ:
             from typer._completion_classes import completion_init  # noqa: PLC0415
