@@ -10,8 +10,9 @@ from typing import Annotated, NoReturn
 import typer
 
 from deploy.cli_inspection import doctor, graph, node_app, topic_app
-from deploy.command import Config, Endpoint, StatePath
+from deploy.command import Config, Endpoint, Json, ResultJson, StatePath, print_json
 from deploy.command import exit_with as _exit_with
+from deploy.command import note as _note
 from deploy.command import running as _running
 from deploy.command import say as _say
 from deploy.completion import (
@@ -77,6 +78,9 @@ def up(
         bool | None,
         typer.Option("--viewer/--no-viewer", help="Open MuJoCo's window. Default: only if a display exists."),
     ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="With --detach: print the address and teleop's command as JSON.")
+    ] = False,
 ) -> None:
     """Start sim and supervisor, open teleop in this terminal, and stop everything when teleop ends."""
 
@@ -87,20 +91,24 @@ def up(
 
         sim_options = {None: "", True: "--viewer", False: "--no-viewer"}[viewer]
         launch = Launch.read(config, endpoint, sim_options=sim_options)
-        return command.up(StateDir.choose(state_dir), launch, _say, detach=detach)
+        return command.up(
+            StateDir.choose(state_dir), launch, _note if as_json else _say, detach=detach, as_json=as_json
+        )
 
     _exit_with(run)
 
 
 @app.command()
-def down(*, state_dir: StatePath = None) -> None:
+def down(*, state_dir: StatePath = None, as_json: ResultJson = False) -> None:
     """Stop all processes that were started with this state directory."""
 
     def run() -> int:
         from deploy import down as command  # noqa: PLC0415
         from deploy.stack.statedir import StateDir  # noqa: PLC0415
 
-        command.down(StateDir.choose(state_dir), _say)
+        stopped = command.down(StateDir.choose(state_dir), _note if as_json else _say)
+        if as_json:
+            print_json(stopped)
         return 0
 
     _exit_with(run)
@@ -146,7 +154,10 @@ def watch(
     state_dir: StatePath = None,
     as_json: Annotated[
         bool,
-        typer.Option("--json", help="Print JSON lines, as on a pipe: at least one per second per robot."),
+        typer.Option(
+            "--json",
+            help="Print JSON lines, as on a pipe or a dumb terminal: at least one per second per robot.",
+        ),
     ] = False,
     once: Annotated[
         bool, typer.Option("--once", help="Print one row per robot and exit: 0 if all answer, 1 or 3 if not.")
@@ -193,20 +204,23 @@ def demo(
     *,
     quick: Annotated[bool, typer.Option("--quick", help="Repeat each fault less often.")] = False,
     viewer: Annotated[bool, typer.Option("--viewer", help="Open MuJoCo's window.")] = False,
+    as_json: ResultJson = False,
 ) -> None:
     """Drive, inject faults, and print the measurements. Exit 1 if a promise was broken."""
 
     def run() -> int:
         from deploy.demo import play  # noqa: PLC0415
 
-        return play(_say, quick=quick, viewer=viewer)
+        return play(_note if as_json else _say, quick=quick, viewer=viewer, as_json=as_json)
 
     _exit_with(run)
 
 
 @app.command()
 def check(
-    *, file: Annotated[Path, typer.Argument(metavar="FILE", help="Configuration file, such as robot.toml.")]
+    *,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Configuration file, such as robot.toml.")],
+    as_json: Json = False,
 ) -> None:
     """Check a configuration: its lidars, stopping distance, permitted motions and risks.
 
@@ -217,21 +231,23 @@ def check(
     def run() -> int:
         from deploy.check import check  # noqa: PLC0415
 
-        return check(file)
+        return check(file, as_json=as_json)
 
     _exit_with(run)
 
 
 @app.command()
 def replay_decision(
-    *, file: Annotated[Path, typer.Argument(metavar="FILE", help="A black box file: blackbox/*.jsonl.gz.")]
+    *,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A black box file: blackbox/*.jsonl.gz.")],
+    as_json: Json = False,
 ) -> None:
     """Run the law again over the recording of a stop. Exit 1 if any decision differs from the recording."""
 
     def run() -> int:
         from deploy.replay import replay_decision  # noqa: PLC0415
 
-        return replay_decision(file)
+        return replay_decision(file, as_json=as_json)
 
     _exit_with(run)
 
@@ -292,6 +308,7 @@ def faults(
             help="Start no trial on real processes after M minutes. Exit 1 if a class was not tried by then.",
         ),
     ] = None,
+    as_json: ResultJson = False,
 ) -> None:
     """Inject every fault at random moments, and check every promise.
 
@@ -303,12 +320,12 @@ def faults(
             from deploy.campaign.real import runner  # noqa: PLC0415
 
             wanted = tuple(name.strip() for name in classes.split(",") if name.strip())
-            return runner.run(runner.Orders(trials, wanted, seed or 0, out, minutes))
+            return runner.run(runner.Orders(trials, wanted, seed or 0, out, minutes), as_json=as_json)
         from deploy.campaign.simulated.runner import campaign, default_jobs, replay  # noqa: PLC0415
 
         if seed is not None:
-            return replay(seed, _say)
-        return campaign(seeds, jobs or default_jobs(), out, _say)
+            return replay(seed, _say, as_json=as_json)
+        return campaign(seeds, jobs or default_jobs(), out, _note if as_json else _say, as_json=as_json)
 
     _exit_with(run)
 
@@ -323,13 +340,18 @@ def fault_report(
         ),
     ],
     html: Annotated[Path, typer.Option("--html", metavar="OUT.html", help="The page to write.")],
+    as_json: Json = False,
 ) -> None:
     """Render campaign results as an HTML page."""
 
     def run() -> int:
         from deploy.campaign.report.report import write_report  # noqa: PLC0415
 
-        _say(write_report(files, html))
+        written = write_report(files, html)
+        if as_json:
+            print_json(written._asdict())
+        else:
+            _say(written.sentence)
         return 0
 
     _exit_with(run)
@@ -352,6 +374,7 @@ def soak(
     seed: Annotated[
         int, typer.Option("--seed", min=0, metavar="K", help="Seed of the simulated operator.")
     ] = 0,
+    as_json: ResultJson = False,
 ) -> None:
     """Drive for hours and report growth. Exit 1 if a resource grew, or if the robot stopped without a cause."""
 
@@ -359,7 +382,7 @@ def soak(
         from deploy.campaign.soak.run import Orders  # noqa: PLC0415
         from deploy.campaign.soak.run import soak as drive_about  # noqa: PLC0415
 
-        return drive_about(Orders(hours, out, plot, seed), _say)
+        return drive_about(Orders(hours, out, plot, seed), _note if as_json else _say, as_json=as_json)
 
     _exit_with(run)
 
@@ -368,6 +391,7 @@ def soak(
 def record(
     *,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write: NAME.mcap.")],
+    as_json: ResultJson = False,
     config: Config = None,
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
@@ -377,7 +401,7 @@ def record(
     def run() -> int:
         from deploy.record import record  # noqa: PLC0415
 
-        record(file, _running(config, endpoint, state_dir))
+        record(file, _running(config, endpoint, state_dir), as_json=as_json)
 
     _exit_with(run)
 
@@ -435,6 +459,7 @@ def render(
     caption: Annotated[
         bool, typer.Option(help="Print the mode, speed and nearest distance on each frame.")
     ] = True,
+    as_json: Json = False,
 ) -> None:
     """Render the simulated robot to an image or animation; no display is needed."""
 
@@ -443,7 +468,11 @@ def render(
         from deploy.picture import Wanted  # noqa: PLC0415
         from deploy.render import render as draw  # noqa: PLC0415
 
-        _say(draw(Wanted(out, scene, hull, camera, size, seconds, fps, drive, caption)))
+        rendered = draw(Wanted(out, scene, hull, camera, size, seconds, fps, drive, caption))
+        if as_json:
+            print_json(rendered._asdict())
+        else:
+            _say(rendered.sentence)
         return 0
 
     _exit_with(run)
@@ -457,6 +486,7 @@ def path_square(
     ] = 1.5,
     laps: Laps = 1,
     speed: Speed = 0.4,
+    as_json: ResultJson = False,
     clockwise: Clockwise = False,
     config: Config = None,
     endpoint: Endpoint = None,
@@ -469,7 +499,7 @@ def path_square(
         from teleop.path.shapes import square  # noqa: PLC0415
 
         launch = _running(config, endpoint, state_dir)
-        drive(relative(square(side, laps, clockwise=clockwise)), launch, speed)
+        drive(relative(square(side, laps, clockwise=clockwise)), launch, speed, as_json=as_json)
 
     _exit_with(run)
 
@@ -482,6 +512,7 @@ def path_circle(
     ] = 0.6,
     laps: Laps = 1,
     speed: Speed = 0.4,
+    as_json: ResultJson = False,
     clockwise: Clockwise = False,
     config: Config = None,
     endpoint: Endpoint = None,
@@ -494,7 +525,7 @@ def path_circle(
         from teleop.path.shapes import circle  # noqa: PLC0415
 
         launch = _running(config, endpoint, state_dir)
-        drive(relative(circle(radius, laps, clockwise=clockwise)), launch, speed)
+        drive(relative(circle(radius, laps, clockwise=clockwise)), launch, speed, as_json=as_json)
 
     _exit_with(run)
 
@@ -511,6 +542,7 @@ def path_follow(
         ),
     ] = False,
     speed: Speed = 0.4,
+    as_json: ResultJson = False,
     config: Config = None,
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
@@ -522,7 +554,7 @@ def path_follow(
 
         poses = read_poses(file)
         launch = _running(config, endpoint, state_dir)
-        drive(absolute(poses) if in_place else relative(poses), launch, speed)
+        drive(absolute(poses) if in_place else relative(poses), launch, speed, as_json=as_json)
 
     _exit_with(run)
 

@@ -77,6 +77,7 @@ def topic_type(
     *,
     key: Name,
     full: Annotated[bool, typer.Option("--full", help="Print the definition, too.")] = False,
+    as_json: Json = False,
     config: Config = None,
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
@@ -86,7 +87,7 @@ def topic_type(
     def run() -> int:
         from deploy.topic import show_type  # noqa: PLC0415
 
-        show_type(running(config, endpoint, state_dir), key, full=full)
+        show_type(running(config, endpoint, state_dir), key, full=full, as_json=as_json)
 
     exit_with(run)
 
