@@ -8,7 +8,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from itertools import islice
-from multiprocessing import get_context, parent_process
+from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
 
 from rich.console import Console
@@ -119,7 +119,9 @@ def _lines(seeds: Sequence[int], jobs: int, code: str, console: Console) -> Iter
                         progress.update(task, advance=1, broken=broken)
                         yield line
     except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)  # the workers end with this process
+        for worker in active_children():
+            worker.kill()  # do not wait for the end of its batch
+        pool.shutdown(cancel_futures=True)
         raise
     pool.shutdown()
 
