@@ -1,6 +1,7 @@
 """The command-line tool `lifeline`, one file for each command, and the configuration files.
 
-cli.py             the options of every command
+entry.py           the entry point of `lifeline`
+cli.py             the options of every command; cli_inspection.py those of topic, node, graph and doctor; command.py what they share
 up.py              `lifeline up`: start the stack, with teleop in this terminal; down.py stops it; estop.py reports a latched e-stop
 status.py          `lifeline status`: print the status once
 demo.py            `lifeline demo`: a few trials of the real campaign and a drive at a rack; verdict.py one promise, bound and measurement
@@ -9,6 +10,7 @@ record.py          `lifeline record`: record all messages; recording.py writes a
 render.py          `lifeline render`: draw the robot; picture.py the options; film.py the frames; rehearsal.py robot, law and operator in simulated time
 check.py           `lifeline check`: check a configuration; check_motions.py permitted motions; check_risks.py risks
 replay.py          `lifeline replay-decision`: run the law again over a black box recording
+completion.py      `lifeline completion`: the completion scripts of the shells, and the words that they complete
 stack/             start, find, observe and stop the running robot
 campaign/          `lifeline faults`, `fault-report` and `soak`: fault injection at random moments, on real processes and in virtual time
 supervisord.conf   the programs that supervisord runs

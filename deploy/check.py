@@ -1,8 +1,9 @@
 """`lifeline check`: report a configuration's lidars, stopping distance, permitted motions and risks."""
 
+import json
 import math
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from rich.console import Console
 from rich.table import Table
@@ -56,14 +57,17 @@ class Report(NamedTuple):
     risks: tuple[Risk, ...]
 
 
-def check(file: Path) -> int:
+def check(file: Path, *, as_json: bool = False) -> int:
     """Print the report on a file; return 1 if a setting creates a risk, else 0.
 
     Raises:
         DeployError: the configuration is refused; the message names every error.
     """
     report = examine(file)
-    _print(Console(), file, report)
+    if as_json:
+        print(json.dumps(to_json(report), indent=2))
+    else:
+        _print(Console(), file, report)
     return EXIT_RISKS if report.risks else 0
 
 
@@ -121,6 +125,46 @@ def stopping(config: SupervisorSection, views: tuple[View, ...]) -> Stopping:
     reaction_s = 2.0 * max(view.period_s for view in views) + config.transport_s
     braking_m = speed_m_s**2 / (2.0 * config.deceleration_m_s2)
     return Stopping(speed_m_s, reaction_s, speed_m_s * reaction_s, braking_m, config.stop_distance_m)
+
+
+def to_json(report: Report) -> dict[str, Any]:
+    """Return the report as JSON values."""
+    return {
+        "lidars": [
+            {
+                "name": lidar.name,
+                "topic": lidar.topic,
+                "profile": lidar.profile,
+                "x_m": lidar.x_m,
+                "y_m": lidar.y_m,
+                "yaw_rad": lidar.yaw_rad,
+                **seen.view._asdict(),
+                "timeout_s": report.config.scan_timeout_of(lidar),
+                "assumed": seen.assumed,
+            }
+            for lidar, seen in zip(report.config.all_lidars(), report.lidars, strict=True)
+        ],
+        "stopping": report.stopping._asdict() | {"total_m": report.stopping.total_m},
+        "motions": [
+            {
+                "motion": permitted.motion.name,
+                "at_rest": _decision_json(permitted.at_rest),
+                "after_driving": _decision_json(permitted.after_driving),
+            }
+            for permitted in report.motions
+        ],
+        "risks": [risk._asdict() for risk in report.risks],
+    }
+
+
+def _decision_json(decision: Decision) -> dict[str, Any]:
+    linear_m_s, angular_rad_s = decision.output
+    return {
+        "reasons": sorted(decision.reasons),
+        "linear_m_s": linear_m_s,
+        "angular_rad_s": angular_rad_s,
+        "scale": decision.scale,
+    }
 
 
 def _print(console: Console, file: Path, report: Report) -> None:

@@ -11,10 +11,21 @@ import typer
 
 from deploy.cli_foxglove import foxglove
 from deploy.cli_inspection import doctor, graph, node_app, topic_app
-from deploy.command import Config, Endpoint, StatePath
+from deploy.command import Config, Endpoint, Json, ResultJson, StatePath, print_json
 from deploy.command import exit_with as _exit_with
+from deploy.command import note as _note
 from deploy.command import running as _running
 from deploy.command import say as _say
+from deploy.completion import (
+    ANSWER_VARIABLE,
+    camera_names,
+    class_names,
+    hull_names,
+    layout_names,
+    script,
+    shells,
+)
+from deploy.stack.interrupts import default_until_handled
 from wire.extras import require
 
 app = typer.Typer(
@@ -69,6 +80,9 @@ def up(
         bool | None,
         typer.Option("--viewer/--no-viewer", help="Open MuJoCo's window. Default: only if a display exists."),
     ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="With --detach: print the address and teleop's command as JSON.")
+    ] = False,
 ) -> None:
     """Start sim and supervisor, open teleop in this terminal, and stop everything when teleop ends."""
 
@@ -79,20 +93,24 @@ def up(
 
         sim_options = {None: "", True: "--viewer", False: "--no-viewer"}[viewer]
         launch = Launch.read(config, endpoint, sim_options=sim_options)
-        return command.up(StateDir.choose(state_dir), launch, _say, detach=detach)
+        return command.up(
+            StateDir.choose(state_dir), launch, _note if as_json else _say, detach=detach, as_json=as_json
+        )
 
     _exit_with(run)
 
 
 @app.command()
-def down(*, state_dir: StatePath = None) -> None:
+def down(*, state_dir: StatePath = None, as_json: ResultJson = False) -> None:
     """Stop all processes that were started with this state directory."""
 
     def run() -> int:
         from deploy import down as command  # noqa: PLC0415
         from deploy.stack.statedir import StateDir  # noqa: PLC0415
 
-        command.down(StateDir.choose(state_dir), _say)
+        stopped = command.down(StateDir.choose(state_dir), _note if as_json else _say)
+        if as_json:
+            print_json(stopped)
         return 0
 
     _exit_with(run)
@@ -138,7 +156,9 @@ def watch(
     state_dir: StatePath = None,
     as_json: Annotated[
         bool,
-        typer.Option("--json", help="Print JSON lines instead of a table; default on a pipe."),
+        typer.Option(
+            "--json", help="Print JSON lines instead of a table; default on a pipe or a dumb terminal."
+        ),
     ] = False,
     once: Annotated[
         bool,
@@ -188,20 +208,23 @@ def demo(
     *,
     quick: Annotated[bool, typer.Option("--quick", help="Repeat each fault less often.")] = False,
     viewer: Annotated[bool, typer.Option("--viewer", help="Open MuJoCo's window.")] = False,
+    as_json: ResultJson = False,
 ) -> None:
     """Drive, inject faults, and print the measurements. Exit 1 if a promise was broken."""
 
     def run() -> int:
         from deploy.demo import play  # noqa: PLC0415
 
-        return play(_say, quick=quick, viewer=viewer)
+        return play(_note if as_json else _say, quick=quick, viewer=viewer, as_json=as_json)
 
     _exit_with(run)
 
 
 @app.command()
 def check(
-    *, file: Annotated[Path, typer.Argument(metavar="FILE", help="Configuration file, such as robot.toml.")]
+    *,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Configuration file, such as robot.toml.")],
+    as_json: Json = False,
 ) -> None:
     """Check a configuration: its lidars, stopping distance, permitted motions and risks.
 
@@ -212,21 +235,23 @@ def check(
     def run() -> int:
         from deploy.check import check  # noqa: PLC0415
 
-        return check(file)
+        return check(file, as_json=as_json)
 
     _exit_with(run)
 
 
 @app.command()
 def replay_decision(
-    *, file: Annotated[Path, typer.Argument(metavar="FILE", help="A black box file: blackbox/*.jsonl.gz.")]
+    *,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A black box file: blackbox/*.jsonl.gz.")],
+    as_json: Json = False,
 ) -> None:
     """Run the law again over the recording of a stop. Exit 1 if any decision differs from the recording."""
 
     def run() -> int:
         from deploy.replay import replay_decision  # noqa: PLC0415
 
-        return replay_decision(file)
+        return replay_decision(file, as_json=as_json)
 
     _exit_with(run)
 
@@ -269,7 +294,10 @@ def faults(
     classes: Annotated[
         str,
         typer.Option(
-            "--classes", metavar="NAME,…", help="Run only these classes; `teleop_*` selects by prefix."
+            "--classes",
+            metavar="NAME,…",
+            help="Run only these classes; `teleop_*` selects by prefix.",
+            autocompletion=class_names,
         ),
     ] = "",
     trials: Annotated[
@@ -284,6 +312,7 @@ def faults(
             help="Start no trial on real processes after M minutes. Exit 1 if a class has not been tried by then.",
         ),
     ] = None,
+    as_json: ResultJson = False,
 ) -> None:
     """Inject every fault at random moments, and check every promise.
 
@@ -295,12 +324,12 @@ def faults(
             from deploy.campaign.real import runner  # noqa: PLC0415
 
             wanted = tuple(name.strip() for name in classes.split(",") if name.strip())
-            return runner.run(runner.Orders(trials, wanted, seed or 0, out, minutes))
+            return runner.run(runner.Orders(trials, wanted, seed or 0, out, minutes), as_json=as_json)
         from deploy.campaign.simulated.runner import campaign, default_jobs, replay  # noqa: PLC0415
 
         if seed is not None:
-            return replay(seed, _say)
-        return campaign(seeds, jobs or default_jobs(), out, _say)
+            return replay(seed, _say, as_json=as_json)
+        return campaign(seeds, jobs or default_jobs(), out, _note if as_json else _say, as_json=as_json)
 
     _exit_with(run)
 
@@ -315,13 +344,18 @@ def fault_report(
         ),
     ],
     html: Annotated[Path, typer.Option("--html", metavar="OUT.html", help="The page to write.")],
+    as_json: Json = False,
 ) -> None:
     """Render campaign results as an HTML page."""
 
     def run() -> int:
         from deploy.campaign.report.report import write_report  # noqa: PLC0415
 
-        _say(write_report(files, html))
+        written = write_report(files, html)
+        if as_json:
+            print_json(written._asdict())
+        else:
+            _say(written.sentence)
         return 0
 
     _exit_with(run)
@@ -344,6 +378,7 @@ def soak(
     seed: Annotated[
         int, typer.Option("--seed", min=0, metavar="K", help="Seed of the simulated operator.")
     ] = 0,
+    as_json: ResultJson = False,
 ) -> None:
     """Drive for hours and report growth of memory, descriptors and latency. Exit 1 on growth or a stop without a cause."""
 
@@ -351,7 +386,7 @@ def soak(
         from deploy.campaign.soak.run import Orders  # noqa: PLC0415
         from deploy.campaign.soak.run import soak as drive_about  # noqa: PLC0415
 
-        return drive_about(Orders(hours, out, plot, seed), _say)
+        return drive_about(Orders(hours, out, plot, seed), _note if as_json else _say, as_json=as_json)
 
     _exit_with(run)
 
@@ -360,6 +395,7 @@ def soak(
 def record(
     *,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write: NAME.mcap.")],
+    as_json: ResultJson = False,
     config: Config = None,
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
@@ -369,7 +405,7 @@ def record(
     def run() -> int:
         from deploy.record import record  # noqa: PLC0415
 
-        record(file, _running(config, endpoint, state_dir))
+        record(file, _running(config, endpoint, state_dir), as_json=as_json)
 
     _exit_with(run)
 
@@ -388,15 +424,30 @@ def render(
     scene: Annotated[
         str,
         typer.Option(
-            "--scene", "--layout", metavar="NAME|FILE", help="Name of a layout, or a layout or MJCF file."
+            "--scene",
+            "--layout",
+            metavar="NAME|FILE",
+            help="Name of a layout, or a layout or MJCF file.",
+            autocompletion=layout_names,
         ),
     ] = "warehouse",
     hull: Annotated[
-        str, typer.Option("--hull", metavar="SHAPE", help="Hull of the robot: round or rectangular.")
+        str,
+        typer.Option(
+            "--hull",
+            metavar="SHAPE",
+            help="Hull of the robot: round or rectangular.",
+            autocompletion=hull_names,
+        ),
     ] = "round",
     camera: Annotated[
         str,
-        typer.Option("--camera", metavar="NAME", help="View: follow, corner, top, or a camera of the scene."),
+        typer.Option(
+            "--camera",
+            metavar="NAME",
+            help="View: follow, corner, top, or a camera of the scene.",
+            autocompletion=camera_names,
+        ),
     ] = "follow",
     size: Annotated[str, typer.Option("--size", metavar="WxH", help="Size in pixels.")] = "1280x720",
     seconds: Annotated[
@@ -412,6 +463,7 @@ def render(
     caption: Annotated[
         bool, typer.Option(help="Print the mode, speed and nearest distance on each frame.")
     ] = True,
+    as_json: Json = False,
 ) -> None:
     """Render the simulated robot to an image or animation; no display is needed."""
 
@@ -420,7 +472,11 @@ def render(
         from deploy.picture import Wanted  # noqa: PLC0415
         from deploy.render import render as draw  # noqa: PLC0415
 
-        _say(draw(Wanted(out, scene, hull, camera, size, seconds, fps, drive, caption)))
+        rendered = draw(Wanted(out, scene, hull, camera, size, seconds, fps, drive, caption))
+        if as_json:
+            print_json(rendered._asdict())
+        else:
+            _say(rendered.sentence)
         return 0
 
     _exit_with(run)
@@ -434,6 +490,7 @@ def path_square(
     ] = 1.5,
     laps: Laps = 1,
     speed: Speed = 0.4,
+    as_json: ResultJson = False,
     clockwise: Clockwise = False,
     config: Config = None,
     endpoint: Endpoint = None,
@@ -446,7 +503,7 @@ def path_square(
         from teleop.path.shapes import square  # noqa: PLC0415
 
         launch = _running(config, endpoint, state_dir)
-        drive(relative(square(side, laps, clockwise=clockwise)), launch, speed)
+        drive(relative(square(side, laps, clockwise=clockwise)), launch, speed, as_json=as_json)
 
     _exit_with(run)
 
@@ -459,6 +516,7 @@ def path_circle(
     ] = 0.6,
     laps: Laps = 1,
     speed: Speed = 0.4,
+    as_json: ResultJson = False,
     clockwise: Clockwise = False,
     config: Config = None,
     endpoint: Endpoint = None,
@@ -471,7 +529,7 @@ def path_circle(
         from teleop.path.shapes import circle  # noqa: PLC0415
 
         launch = _running(config, endpoint, state_dir)
-        drive(relative(circle(radius, laps, clockwise=clockwise)), launch, speed)
+        drive(relative(circle(radius, laps, clockwise=clockwise)), launch, speed, as_json=as_json)
 
     _exit_with(run)
 
@@ -488,6 +546,7 @@ def path_follow(
         ),
     ] = False,
     speed: Speed = 0.4,
+    as_json: ResultJson = False,
     config: Config = None,
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
@@ -499,7 +558,24 @@ def path_follow(
 
         poses = read_poses(file)
         launch = _running(config, endpoint, state_dir)
-        drive(absolute(poses) if in_place else relative(poses), launch, speed)
+        drive(absolute(poses) if in_place else relative(poses), launch, speed, as_json=as_json)
+
+    _exit_with(run)
+
+
+@app.command()
+def completion(
+    *,
+    shell: Annotated[str, typer.Argument(metavar="SHELL", help="bash, zsh or fish.", autocompletion=shells)],
+) -> None:
+    """Print a shell's completion script; evaluate it in ~/.bashrc, ~/.zshrc or config.fish.
+
+    bash, zsh: source <(lifeline completion bash). fish: lifeline completion fish | source.
+    """
+
+    def run() -> int:
+        print(script(shell))
+        return 0
 
     _exit_with(run)
 
@@ -507,8 +583,13 @@ def path_follow(
 def main() -> NoReturn:
     """Run the command, and exit without the interpreter's shutdown, which can hang if a session is open."""
     code = 1
+    default_until_handled()
     try:
-        app()
+        if ANSWER_VARIABLE in os.environ:
+            from typer._completion_classes import completion_init  # noqa: PLC0415
+
+            completion_init()
+        app(prog_name="lifeline")
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else int(end.code is not None)
     except Exception:  # noqa: BLE001 - os._exit prints no traceback

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from deploy.command import Config, Endpoint, Json, StatePath, exit_with, running
+from deploy.completion import node_names, topic_names
 
 topic_app = typer.Typer(
     help="Inspect the topics of a running robot. cmd_vel, /robot/cmd_vel and robot/cmd_vel name the same topic.",
@@ -13,8 +14,14 @@ topic_app = typer.Typer(
 )
 node_app = typer.Typer(help="Inspect the nodes of a running robot.", no_args_is_help=True)
 
-Name = Annotated[str, typer.Argument(metavar="KEY", help="Name of a topic, such as cmd_vel.")]
-Names = Annotated[list[str], typer.Argument(metavar="KEY…", help="Names of topics, such as cmd_vel.")]
+Name = Annotated[
+    str,
+    typer.Argument(metavar="KEY", help="Name of a topic, such as cmd_vel.", autocompletion=topic_names),
+]
+Names = Annotated[
+    list[str],
+    typer.Argument(metavar="KEY…", help="Names of topics, such as cmd_vel.", autocompletion=topic_names),
+]
 Listen = Annotated[
     float, typer.Option("--seconds", min=0.1, max=3600.0, metavar="S", help="Listening time in s.")
 ]
@@ -70,6 +77,7 @@ def topic_type(
     *,
     key: Name,
     full: Annotated[bool, typer.Option("--full", help="Also print the definition.")] = False,
+    as_json: Json = False,
     config: Config = None,
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
@@ -79,7 +87,7 @@ def topic_type(
     def run() -> int:
         from deploy.topic import show_type  # noqa: PLC0415
 
-        show_type(running(config, endpoint, state_dir), key, full=full)
+        show_type(running(config, endpoint, state_dir), key, full=full, as_json=as_json)
 
     exit_with(run)
 
@@ -219,7 +227,10 @@ def node_list(
 @node_app.command("info")
 def node_info(
     *,
-    node: Annotated[str, typer.Argument(metavar="NODE", help="Name, pid or session id of a node.")],
+    node: Annotated[
+        str,
+        typer.Argument(metavar="NODE", help="Name, pid or session id of a node.", autocompletion=node_names),
+    ],
     seconds: Listen = 2.0,
     as_json: Json = False,
     config: Config = None,

@@ -1,5 +1,6 @@
 """What the definitions of all commands share: their common options, and how a command ends."""
 
+import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -34,6 +35,9 @@ StatePath = Annotated[
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+ResultJson = Annotated[
+    bool, typer.Option("--json", help="Print only the result, as JSON; progress goes to standard error.")
+]
 
 
 def running(config: Path | None, endpoint: str | None, state_dir: Path | None) -> "Launch":
@@ -47,6 +51,16 @@ def running(config: Path | None, endpoint: str | None, state_dir: Path | None) -
 
 def say(sentence: str) -> None:
     print(f"lifeline: {sentence}", flush=True)
+
+
+def note(sentence: str) -> None:
+    """Report progress on standard error; standard output is for the result."""
+    print(f"lifeline: {sentence}", file=sys.stderr, flush=True)
+
+
+def print_json(document: object) -> None:
+    """Print a result as one JSON document."""
+    print(json.dumps(document, indent=2), flush=True)
 
 
 def exit_with(run: Callable[[], int]) -> NoReturn:

@@ -5,10 +5,12 @@ injected while the robot drives, the stop is measured on cmd_vel and at the whee
 neutral alone. After the faults, the robot drives at a rack and backs out.
 """
 
+import json
 import math
 import statistics
 import time
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 
 from deploy.campaign.classes import BY_NAME, KILL_BOUND_S
 from deploy.campaign.promises import Bounds, Violation, violations
@@ -41,7 +43,7 @@ HUNG, SUPERVISOR_KILLED, SCANS_GONE = "teleop_sigstop", "supervisor_sigkill", "s
 TELEOP_KILLED = "teleop_sigkill"
 
 
-def play(say: Say, *, quick: bool, viewer: bool) -> int:
+def play(say: Say, *, quick: bool, viewer: bool, as_json: bool = False) -> int:
     """Start a robot of its own, play, and take it down; return 0 if every promise was kept, else 1.
 
     Raises:
@@ -71,7 +73,10 @@ def play(say: Say, *, quick: bool, viewer: bool) -> int:
     if interrupted is not None:
         raise interrupted
     verdicts = [*_of_trials(trials), *rack]
-    print_verdicts(verdicts)
+    if as_json:
+        print(json.dumps([asdict(verdict) for verdict in verdicts], indent=2))
+    else:
+        print_verdicts(verdicts)
     for sentence in broken_sentences(trials):
         say(sentence)
     say(summary(verdicts))

@@ -141,7 +141,8 @@ def _terminal() -> Terminal | None:
         return None
     size = os.get_terminal_size(sys.stdout.fileno())
     colours = os.environ.get("COLORTERM") or os.environ.get("TERM", "")
-    return Terminal(size.columns, size.lines, colours, _reports_releases(sys.stdin.fileno()))
+    releases = None if os.environ.get("TERM") == "dumb" else _reports_releases(sys.stdin.fileno())
+    return Terminal(size.columns, size.lines, colours, releases)
 
 
 def _reports_releases(descriptor: int) -> bool | None:

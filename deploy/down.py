@@ -3,7 +3,9 @@
 import os
 import signal
 import time
+from collections.abc import Sequence
 from contextlib import suppress
+from typing import Any
 
 from deploy.stack import processes, takedown
 from deploy.stack.statedir import LockedError, StateDir, UnwritableError, locked
@@ -13,15 +15,15 @@ END_LIMIT_S = 20.0
 """How long `down` waits for `up` to stop everything: more than its slowest shutdown."""
 
 
-def down(state: StateDir, say: Say) -> None:
-    """Stop all processes of a state directory; having none is not an error.
+def down(state: StateDir, say: Say) -> dict[str, Any]:
+    """Stop all processes of a state directory, and return what was stopped; having none is not an error.
 
     Raises:
         DeployError: a process does not end.
     """
     if not state.path.is_dir():
         say("nothing is running")
-        return
+        return _document(was_running=False)
     asked = False
     try:
         asked = _end_the_command_at_work(state)
@@ -35,6 +37,21 @@ def down(state: StateDir, say: Say) -> None:
         say("everything is stopped")
     else:
         say("nothing is running")
+    return _document(
+        was_running=asked or bool(stopped.names),
+        stopped=stopped.names,
+        supervisord_was_killed=stopped.orphaned,
+    )
+
+
+def _document(
+    *, was_running: bool, stopped: Sequence[str] = (), supervisord_was_killed: bool = False
+) -> dict[str, Any]:
+    return {
+        "was_running": was_running,
+        "stopped": list(stopped),
+        "supervisord_was_killed": supervisord_was_killed,
+    }
 
 
 def _end_the_command_at_work(state: StateDir) -> bool:

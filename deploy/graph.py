@@ -29,12 +29,13 @@ def show_graph(launch: Launch, out: Path | None, seconds: float, *, as_json: boo
         traffic, nodes = await robot.traffic(seconds), await robot.nodes()
         names = [node.name for node in nodes]
         wires = wires_of(nodes, traffic, robot.namespace)
+        if out is not None:
+            _write(out, names, wires, f"{robot.namespace} at {launch.bus.endpoint}")
         if as_json:
             print(json.dumps(_to_json(names, wires), indent=2))
         elif out is None:
             print(text_of(names, wires))
         else:
-            _write(out, names, wires, f"{robot.namespace} at {launch.bus.endpoint}")
             print(f"lifeline: {out}: {len(names)} nodes, {len(wires)} connections")
         return 0
 

@@ -1,14 +1,16 @@
 """`lifeline path`: drive the robot along a square, a circle, or a recorded path."""
 
 import asyncio
+import json
 import math
 import os
 import signal
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path as FilePath
-from typing import NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn, TextIO
 
 import numpy as np
 
@@ -103,11 +105,11 @@ def _pose(message: Recorded) -> Pose | None:
 class TerminalPerson:
     """The operator, who presses Enter to continue; absent if input or output is not a terminal."""
 
-    def __init__(self, wake: asyncio.Event) -> None:
+    def __init__(self, wake: asyncio.Event, stream: TextIO | None = None) -> None:
         self._wake = wake
-        self._line = StatusLine()
+        self._line = StatusLine(stream)
         self._asked = False
-        self.present = sys.stdin.isatty() and sys.stdout.isatty()
+        self.present = sys.stdin.isatty() and (stream or sys.stdout).isatty()
         if self.present:
             # In the background, a read then fails instead of stopping this process and its heartbeat.
             signal.signal(signal.SIGTTIN, signal.SIG_IGN)
@@ -196,7 +198,7 @@ def true_distances_m(path: Path, drive: Drive, truth: Sequence[TruthSample]) -> 
 # --- the command
 
 
-def drive(plan: Plan, launch: Launch, speed_m_s: float) -> NoReturn:
+def drive(plan: Plan, launch: Launch, speed_m_s: float, *, as_json: bool = False) -> NoReturn:
     """Drive along a path, and exit: 0 at the end of the path, 1 if stopped, 130 if interrupted.
 
     Raises:
@@ -209,13 +211,19 @@ def drive(plan: Plan, launch: Launch, speed_m_s: float) -> NoReturn:
         raise DeployError(str(error)) from error
     run_process(
         "lifeline",
-        lambda stop: _drive(stop, plan, launch, speed_m_s, teleop),
+        lambda stop: _drive(stop, plan, launch, speed_m_s, teleop, as_json=as_json),
         memory_keeper=bus.memory_keeper,
     )
 
 
 async def _drive(
-    stop: asyncio.Event, plan: Plan, launch: Launch, speed_m_s: float, teleop: TeleopSection
+    stop: asyncio.Event,
+    plan: Plan,
+    launch: Launch,
+    speed_m_s: float,
+    teleop: TeleopSection,
+    *,
+    as_json: bool,
 ) -> int:
     try:
         bus = await reach(launch.bus, stop)
@@ -226,7 +234,7 @@ async def _drive(
     person: TerminalPerson | None = None
     try:
         wake = asyncio.Event()
-        person, witness = TerminalPerson(wake), Witness(bus)
+        person, witness = TerminalPerson(wake, sys.stderr if as_json else None), Witness(bus)
         service = PathService(
             bus,
             plan,
@@ -245,8 +253,11 @@ async def _drive(
         if person is not None:
             person.leave()
         await bus.close()
-    for line in report(done, truth):
-        print(f"lifeline: {line}")
+    if as_json:
+        print(json.dumps(to_json(done, truth), indent=2))
+    else:
+        for line in report(done, truth):
+            print(f"lifeline: {line}")
     return EXIT_CODES[done.ending]
 
 
@@ -279,6 +290,20 @@ def report(done: Drive, truth: Sequence[TruthSample]) -> list[str]:
         turned = math.degrees(abs(wrap(done.pose.yaw_rad - end.yaw_rad)))
         lines.append(f"distance from the end, by odometry: {_mm(away_m)} and {turned:.1f} degrees")
     return lines
+
+
+def to_json(done: Drive, truth: Sequence[TruthSample]) -> dict[str, Any]:
+    """Return the report on a drive as JSON values; `path` is null if the robot did not move."""
+    document: dict[str, Any] = {"ending": done.ending.name, "reason": done.reason or None, "path": None}
+    if done.path is None:
+        return document
+    own = TrackError.of(sample.off_m for sample in done.samples if sample.on_path)
+    real = TrackError.of(true_distances_m(done.path, done, truth))
+    return document | {
+        "path": {"length_m": done.path.length_m, "done_m": done.done_m, "driving_s": done.driving_s},
+        "off_path_by_odometry": None if own is None else asdict(own),
+        "off_path_by_truth": None if real is None else asdict(real),
+    }
 
 
 def _mm(distance_m: float) -> str:

@@ -1,6 +1,7 @@
 """`lifeline record`: record all messages in one MCAP file until Ctrl-C."""
 
 import asyncio
+import json
 import sys
 import time
 from collections.abc import Callable, Iterable
@@ -150,7 +151,7 @@ class Recorder:
         self._report.channels.append(Channel(name, topic.type.__msgtype__, subscription))
 
 
-def record(path: Path, launch: Launch) -> NoReturn:
+def record(path: Path, launch: Launch, *, as_json: bool = False) -> NoReturn:
     """Record until Ctrl-C, and exit: 0 if the file is complete.
 
     Raises:
@@ -164,10 +165,14 @@ def record(path: Path, launch: Launch) -> NoReturn:
         raise RecordingError(str(error)) from error
     sources = [source.name for source in known.sources]
     # No process waits for the recorder's liveliness token to disappear.
-    run_process("lifeline", lambda stop: _record(stop, path, launch, sources), memory_keeper=False)
+    run_process(
+        "lifeline", lambda stop: _record(stop, path, launch, sources, as_json=as_json), memory_keeper=False
+    )
 
 
-async def _record(stop: asyncio.Event, path: Path, launch: Launch, sources: list[str]) -> int:
+async def _record(
+    stop: asyncio.Event, path: Path, launch: Launch, sources: list[str], *, as_json: bool
+) -> int:
     try:
         bus = await reach(launch.bus, stop)
     except NotRunningError as error:
@@ -177,8 +182,8 @@ async def _record(stop: asyncio.Event, path: Path, launch: Launch, sources: list
         return 0
     try:
         writer = RecordingWriter(path)
-        print(f"lifeline: recording to {path}; press Ctrl-C to end", flush=True)
-        screen = StatusLine()
+        screen = StatusLine(sys.stderr if as_json else None)
+        screen.say(f"lifeline: recording to {path}; press Ctrl-C to end")
         report = await Recorder(bus, launch.bus.namespace, sources, writer, screen.show).run(stop)
         screen.clear()
     except RecordingError as error:
@@ -186,7 +191,16 @@ async def _record(stop: asyncio.Event, path: Path, launch: Launch, sources: list
         return EXIT_REFUSED
     finally:
         await bus.close()
-    _print(report, path)
+    if as_json:
+        print(json.dumps(_to_json(report, path), indent=2))
+    else:
+        _print(report, path)
+    if report.failure:
+        print(
+            f"lifeline: cannot write the file any further ({report.failure}): it is readable up to its last flush; "
+            "free disk space, and record to another file",
+            file=sys.stderr,
+        )
     return EXIT_FAILURE if report.failure else 0
 
 
@@ -200,12 +214,20 @@ def _print(report: Report, path: Path) -> None:
     print(
         f"lifeline: {path}: {_summary(report)}, {lost:,} lost" if heard else "lifeline: no messages received"
     )
-    if report.failure:
-        print(
-            f"lifeline: cannot write the file any further ({report.failure}): it is readable up to its last flush; "
-            "free disk space, and record to another file",
-            file=sys.stderr,
-        )
+
+
+def _to_json(report: Report, path: Path) -> dict[str, Any]:
+    return {
+        "file": str(path),
+        "duration_s": round(report.duration_s, 3),
+        "bytes": report.size_bytes,
+        "topics": {
+            channel.name: {"messages": channel.messages, "lost": channel.lost}
+            for channel in report.channels
+            if channel.messages
+        },
+        "failure": report.failure or None,
+    }
 
 
 def _summary(report: Report) -> str:

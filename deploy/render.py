@@ -1,5 +1,7 @@
 """`lifeline render`: render the simulated robot, under the real safety law, to an image or animation."""
 
+from typing import NamedTuple
+
 from deploy.picture import Wanted, parse_size
 from deploy.stack.errors import DeployError
 from deploy.stack.interrupts import interrupts
@@ -9,11 +11,23 @@ MIN_S, MAX_S = 0.1, 120.0
 MIN_FPS, MAX_FPS = 1.0, 60.0
 
 
-def render(wanted: Wanted) -> str:
-    """Write the file, and show the progress on a terminal.
+class Rendered(NamedTuple):
+    """A file that was written."""
 
-    Returns:
-        A sentence about the file.
+    file: str
+    frames: int
+    width: int
+    height: int
+    bytes: int
+
+    @property
+    def sentence(self) -> str:
+        frames = "a picture" if self.frames == 1 else f"{self.frames} frames"
+        return f"wrote {self.file}: {frames} of {self.width}x{self.height}, {self.bytes / 1e6:.2f} MB"
+
+
+def render(wanted: Wanted) -> Rendered:
+    """Write the file, and show the progress on a terminal.
 
     Raises:
         DeployError: An option is invalid or rendering is impossible; nothing has been written.
@@ -37,5 +51,4 @@ def render(wanted: Wanted) -> str:
             raise DeployError(str(error)) from error
     except NoGlError as error:
         raise DeployError(f"cannot render on this machine: {error}") from error
-    frames = "a picture" if wanted.frames == 1 else f"{wanted.frames} frames"
-    return f"wrote {wanted.out}: {frames} of {width}x{height}, {wanted.out.stat().st_size / 1e6:.2f} MB"
+    return Rendered(str(wanted.out), wanted.frames, width, height, wanted.out.stat().st_size)

@@ -1,9 +1,10 @@
 """`lifeline replay-decision`: run the law again over a black box recording, and compare the decisions."""
 
+import json
 import platform
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
@@ -13,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from deploy.stack.errors import DeployError
+from deploy.stack.formatting import number
 from supervisor.blackbox_file import DECISION, INPUTS, STATE, BlackBoxError, Document, dumps, read
 from supervisor.model import STANDSTILL, Decision, Inputs, Mode, Reply, State, Velocity
 from supervisor.safety import step
@@ -65,7 +67,7 @@ class Replay:
     took_s: float = 0.0
 
 
-def replay_decision(path: Path) -> int:
+def replay_decision(path: Path, *, as_json: bool = False) -> int:
     """Replay a black box, print its timeline and the verdict, and return the exit code.
 
     Raises:
@@ -76,7 +78,10 @@ def replay_decision(path: Path) -> int:
         found = replay(document)
     except BlackBoxError as error:
         raise DeployError(str(error)) from error
-    _print(document, found)
+    if as_json:
+        print(json.dumps(to_json(document, found), indent=2))
+    else:
+        _print(document, found)
     return 0 if found.difference is None else EXIT_DIFFERENT
 
 
@@ -90,7 +95,7 @@ def replay(document: Document) -> Replay:
     stop_s = _first_stop_s(document)
     state: State | None = None
     started_s = time.perf_counter()
-    for number, line in enumerate(document.lines, start=2):
+    for line_number, line in enumerate(document.lines, start=2):
         try:
             if "state" in line:
                 if state is None:
@@ -111,7 +116,7 @@ def replay(document: Document) -> Replay:
                     found.rest_s = now_s
         except (KeyError, TypeError, ValueError) as error:
             raise BlackBoxError(
-                f"line {number} of the black box does not match the types of this law: {error}"
+                f"line {line_number} of the black box does not match the types of this law: {error}"
             ) from error
         different = _different(where, recorded, replayed)
         if different is not None:
@@ -185,6 +190,33 @@ def _items(value: object) -> dict[str, object] | None:
 
 
 # --- output
+
+
+def to_json(document: Document, found: Replay) -> dict[str, Any]:
+    """Return the result as JSON values; the times of the timeline count from the stop."""
+    stop_s = _first_stop_s(document)
+    difference = found.difference
+    return {
+        "same": difference is None,
+        "steps": found.steps,
+        "stops": document.header["stops"],
+        "rest_s": None if found.rest_s is None else found.rest_s - stop_s,
+        "difference": None if difference is None else asdict(difference),
+        "timeline": [
+            {
+                "from_s": phase.first_s - stop_s,
+                "to_s": phase.last_s - stop_s,
+                "mode": phase.first.mode.name,
+                "reasons": sorted(phase.first.reasons),
+                "owner": phase.first.owner,
+                "alarm": phase.first.alarm,
+                "commanded": [number(value) for value in phase.first.commanded],
+                "permitted": [number(value) for value in phase.first.output],
+                "nearest_m": number(phase.first.nearest_m),
+            }
+            for phase in found.phases
+        ],
+    }
 
 
 def _print(document: Document, found: Replay) -> None:

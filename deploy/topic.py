@@ -167,7 +167,7 @@ def _node_json(node: Node) -> dict[str, Any]:
     return {"node": node.name, "pid": node.pid, "host": node.host, "session": node.session.session_id}
 
 
-def show_type(launch: Launch, name: str, *, full: bool) -> NoReturn:
+def show_type(launch: Launch, name: str, *, full: bool, as_json: bool = False) -> NoReturn:
     """Print the type of a topic, with --full also its definition."""
 
     async def body(robot: Robot) -> int:
@@ -175,9 +175,12 @@ def show_type(launch: Launch, name: str, *, full: bool) -> NoReturn:
         topic = robot.topic(key)
         if topic is None:
             raise DeployError(f"the type of {key} is unknown: it is not a topic of this robot")
-        print(topic.type.__msgtype__)
-        if full:
-            print(definition(topic.type.__msgtype__).text)
+        type_name = topic.type.__msgtype__
+        text = definition(type_name).text if full else None
+        if as_json:
+            print(json.dumps({"key": key, "type": type_name, "definition": text}, indent=2))
+        else:
+            print("\n".join((type_name, text) if text is not None else (type_name,)))
         return 0
 
     inspect(launch, body)

@@ -1,12 +1,14 @@
 """`lifeline up`: start the stack and run teleop in this terminal."""
 
 import asyncio
+import json
 import os
 import signal
 import subprocess
 import sys
 import termios
 from contextlib import suppress
+from typing import Any
 
 from deploy.estop import latched_sentence
 from deploy.stack import bringup, interrupts, processes, takedown
@@ -22,12 +24,14 @@ TELEOP_LIMIT_S = 4.0
 """Longer than teleop's own shutdown limit of 3 s."""
 
 
-def up(state: StateDir, launch: Launch, say: Say, *, detach: bool) -> int:
+def up(state: StateDir, launch: Launch, say: Say, *, detach: bool, as_json: bool = False) -> int:
     """Start the stack, run teleop, and return teleop's exit code (128 + N if signal N ended it).
 
     Raises:
         DeployError: the stack could not start; every process started here has been stopped.
     """
+    if as_json and not detach:
+        raise DeployError("--json needs --detach: without it, teleop uses this terminal")
     if not detach and not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise DeployError(
             "teleop needs a terminal, but input or output is not one: use --detach to start the robot without teleop, "
@@ -44,6 +48,10 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool) -> int:
                 latched = latched_sentence(state, launch)
                 if latched is not None:
                     say(latched)
+                if as_json:
+                    print(json.dumps(_document(state, launch, is_latched=latched is not None), indent=2))
+                    keep = True
+                    return 0
                 if detach:
                     say(
                         f"running at {launch.bus.endpoint}; check it with `lifeline status`, stop it with `lifeline down`"
@@ -59,6 +67,16 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool) -> int:
                 takedown.stop(state)
                 with suppress(OSError):  # the terminal may be closed
                     say("everything is stopped")
+
+
+def _document(state: StateDir, launch: Launch, *, is_latched: bool) -> dict[str, Any]:
+    return {
+        "endpoint": launch.bus.endpoint,
+        "namespace": launch.bus.namespace,
+        "state_dir": str(state.path),
+        "estop_latched": is_latched,
+        "teleop": launch.command(topics.TELEOP),
+    }
 
 
 def _teleop_here(state: StateDir, launch: Launch, say: Say) -> int:

@@ -1,6 +1,7 @@
 """`lifeline watch`: show the state of one or several robots until Ctrl-C. It publishes nothing."""
 
 import asyncio
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -105,7 +106,7 @@ def watch(robots: Sequence[Launch], *, as_json: bool, once: bool) -> NoReturn:
             await asyncio.wait([asyncio.ensure_future(feed.close()) for feed in feeds], timeout=CLOSE_LIMIT_S)
         return 0
 
-    as_json = as_json or not sys.stdout.isatty()
+    as_json = as_json or not sys.stdout.isatty() or os.environ.get("TERM") == "dumb"
     # No process waits for this command's liveliness token: it has none.
     run_process("lifeline", main, memory_keeper=False)
 

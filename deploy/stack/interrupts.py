@@ -28,6 +28,15 @@ class Interrupted(KeyboardInterrupt):
         self.exit_code = 128 + number
 
 
+def default_until_handled() -> None:
+    """Let SIGINT end the process immediately and silently, until a command handles it; ignored, it stays ignored (nohup).
+
+    Python's own handler raises KeyboardInterrupt wherever the program is, which prints a traceback from an import.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def ignore() -> None:
     """Ignore all further signals: the command is ending."""
     for number in SIGNALS:

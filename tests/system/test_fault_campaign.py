@@ -98,7 +98,7 @@ def test_one_fault_of_each_kind_is_done_measured_and_kept(campaign: Campaign) ->
     assert trials["wire_rogue_cmd_vel"].faults[0].parameters["sent"]
 
     page = campaign.directory / "report.html"
-    assert "every promise was kept" in write_report([campaign.out], page)
+    assert "every promise was kept" in write_report([campaign.out], page).sentence
     assert all(trial.timeline for trial in trials.values())
     # A refused write on cmd_vel need not stop anything; then there is no time and no picture.
     assert 4 <= page.read_text().count("<figure><svg") <= 5

@@ -6,7 +6,6 @@ import os
 import signal
 import socket
 import sys
-import time
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -238,39 +237,6 @@ async def test_published_commands_drive_after_a_zero_and_end_without_a_lost_sour
             assert process.returncode == 0
             await subject.until(lambda: subject.status.mode == 0 and abs(subject.turn_rad_s) < 0.01, "a stop")
             assert subject.status.reasons == ["NO_COMMAND"]
-
-
-@pytest.mark.timed
-async def test_each_command_ends_within_moments_of_ctrl_c(tmp_path: Path) -> None:
-    async with standing(tmp_path) as subject:
-        for arguments in (
-            ("topic", "echo", "scan", "odom", "cmd_vel", "imu"),
-            ("topic", "hz", "scan"),
-            ("topic", "list", "--seconds", "60"),
-            ("graph", "--seconds", "60"),
-        ):
-            process = await start(subject, *arguments)
-            name = " ".join(arguments[:2])
-            if arguments[1] == "echo":
-                assert process.stdout is not None
-                await process.stdout.readline()
-            else:
-                await subscribed(subject, process.pid)
-            began_s = time.monotonic()
-            process.send_signal(signal.SIGINT)
-            _, errors = await asyncio.wait_for(process.communicate(), PATIENCE_S)
-            took_s = time.monotonic() - began_s
-            say(f"Ctrl-C ends lifeline {name} in {1000 * took_s:.0f} ms")
-            assert b"Traceback" not in errors
-            assert took_s < 1.0
-
-
-async def subscribed(subject: Robot, pid: int) -> None:
-    """Wait until a process is connected to the hub."""
-    while True:
-        nodes = await listed(subject, "node", "list")
-        if any(one["pid"] == pid and one["reads"] for one in nodes):
-            return
 
 
 async def test_nothing_running_is_said_in_a_sentence() -> None:

@@ -5,6 +5,7 @@ file contains is not run again.
 """
 
 import itertools
+import json
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -20,6 +21,7 @@ from deploy.campaign.real.progress import Progressing
 from deploy.campaign.real.rig.stage import Route, Stage
 from deploy.campaign.real.trial_run import complete_trial, planned, routes
 from deploy.campaign.report.figures import class_of, time_in
+from deploy.campaign.report.results import results
 from deploy.campaign.report.table import print_results
 from deploy.campaign.trial import Trial
 from deploy.campaign.trial_file import appending, known_trials
@@ -132,14 +134,14 @@ class Made:
         self._longest_s[name] = max(self._longest_s.get(name, 0.0), time_in(trial, name) or 0.0)
 
 
-def run(orders: Orders) -> int:
+def run(orders: Orders, *, as_json: bool = False) -> int:
     """Run the campaign; return 0 if every promise was kept and every possible class was tried, else 1.
 
     Raises:
         DeployError: the orders are invalid, or the robot cannot be started.
     """
     names = chosen(orders.classes)
-    console = Console()
+    console = Console(stderr=as_json)
     with appending(orders.out) as append:
         there = known_trials(orders.out, "real", REVISION)
         plan = schedule(orders, names, there)
@@ -147,7 +149,9 @@ def run(orders: Orders) -> int:
         interrupted = _run_plan(orders, plan, made, console, append) if plan else None
     wanted = set(names)
     everything = [*(one for one in there if class_of(one) in wanted), *made.trials]
-    if everything:
+    if as_json:
+        print(json.dumps(results(everything), indent=2), flush=True)
+    elif everything:
         print_results(everything, console)
     _say_what_became(console, orders, everything)
     missing, without = untried(orders, [name for name in names if name not in made.impossible], everything)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from deploy.campaign.report.figures import Campaign, campaigns
 from deploy.campaign.report.page import page
@@ -23,8 +24,24 @@ def read_campaigns(files: Sequence[Path]) -> tuple[list[Campaign], int]:
     return found, left_out
 
 
-def write_report(files: Sequence[Path], out: Path) -> str:
-    """Write the page; return a sentence for the user.
+class Written(NamedTuple):
+    """The page that was written, and the trials on it."""
+
+    page: str
+    trials: int
+    broken_trials: int
+    trials_of_older_revisions: int
+
+    @property
+    def sentence(self) -> str:
+        verdict = (
+            f"{self.broken_trials:,} broke a promise" if self.broken_trials else "every promise was kept"
+        )
+        return f"{self.page}: {self.trials:,} trials, {verdict}"
+
+
+def write_report(files: Sequence[Path], out: Path) -> Written:
+    """Write the page.
 
     Raises:
         DeployError: as above, or the page cannot be written.
@@ -36,8 +53,7 @@ def write_report(files: Sequence[Path], out: Path) -> str:
     except OSError as error:
         raise DeployError(f"cannot write {out}: {error.strerror}") from error
     trials, broken = sum(one.trials for one in found), sum(one.broken_trials for one in found)
-    verdict = f"{broken:,} broke a promise" if broken else "every promise was kept"
-    return f"{out}: {trials:,} trials, {verdict}"
+    return Written(str(out), trials, broken, left_out)
 
 
 def _records(files: Sequence[Path]) -> Iterator[Trial | Provenance]:

@@ -19,7 +19,7 @@ def print_results(trials: Sequence[Trial], console: Console | None = None) -> No
     """Print the table, and the first broken promises with the commands that replay them."""
     console = console or Console()
     if not console.is_terminal and console.width < MIN_WIDTH:
-        console = Console(width=MIN_WIDTH)
+        console = Console(width=MIN_WIDTH, stderr=console.stderr)
     table = Table(box=None, header_style="bold", pad_edge=False)
     table.add_column("fault", no_wrap=True)
     for title in COLUMNS:

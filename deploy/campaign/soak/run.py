@@ -1,6 +1,7 @@
 """Start a robot, drive it for hours, record the resources that it uses, and judge them."""
 
 import asyncio
+import json
 import math
 import os
 import sys
@@ -21,6 +22,7 @@ from deploy.campaign.soak.sample import Sample
 from deploy.campaign.soak.usage import Usage, usage
 from deploy.stack import bringup, interrupts, processes, takedown
 from deploy.stack.errors import DeployError
+from deploy.stack.formatting import number
 from deploy.stack.keyboard import TypedTeleop, typing
 from deploy.stack.launch import Launch, free_loopback_endpoint
 from deploy.stack.statedir import StateDir, locked
@@ -71,7 +73,7 @@ class _Log:
             print(sample.to_json(), file=self.file, flush=True)
 
 
-def soak(orders: Orders, say: Say) -> int:
+def soak(orders: Orders, say: Say, *, as_json: bool = False) -> int:
     """Run the soak; return 0 if nothing grew and nothing stopped without a cause, else 1.
 
     Raises:
@@ -82,14 +84,17 @@ def soak(orders: Orders, say: Say) -> int:
         files.enter_context(signed(orders.out))
         if orders.plot is not None:
             _opened(files, orders.plot)  # fail now, not after hours
-        _soak(orders, log, say)
+        _soak(orders, log, say, StatusLine(sys.stderr if as_json else None))
         if not log.samples:
             say(f"{log.ended or 'it was too short'}: there is nothing to judge")
             return 1
         judgement = judge(log.samples)
         if log.ended:
             say(f"warning: {log.ended} after {_span(log.samples[-1].time_s)} of {_span(orders.hours * 3600)}")
-        _tell(log.samples, judgement, say)
+        if as_json:
+            print(json.dumps(_to_json(log, judgement), indent=2))
+        else:
+            _tell(log.samples, judgement, say)
         if orders.plot is not None:
             orders.plot.write_text(svg(log.samples, f"lifeline soak, {_span(log.samples[-1].time_s)}"))
             say(f"drawn in {orders.plot}")
@@ -105,7 +110,7 @@ def _opened(files: ExitStack, path: Path | None) -> TextIO | None:
         raise DeployError(f"cannot write {path}: {error.strerror}; choose another file") from error
 
 
-def _soak(orders: Orders, log: _Log, say: Say) -> None:
+def _soak(orders: Orders, log: _Log, say: Say, line: StatusLine) -> None:
     with tempfile.TemporaryDirectory(prefix="lifeline-soak-", ignore_cleanup_errors=True) as directory:
         state = StateDir(Path(directory).resolve())
         state.create()
@@ -115,7 +120,7 @@ def _soak(orders: Orders, log: _Log, say: Say) -> None:
                 try:
                     say("starting sim and supervisor")
                     bringup.start(state, launch, say)
-                    asyncio.run(_drive(orders, state, launch, log, say))
+                    asyncio.run(_drive(orders, state, launch, log, line, say))
                 except interrupts.Interrupted:
                     log.ended = "cut short"
                 finally:
@@ -124,11 +129,12 @@ def _soak(orders: Orders, log: _Log, say: Say) -> None:
                 takedown.stop(state)
 
 
-async def _drive(orders: Orders, state: StateDir, launch: Launch, log: _Log, say: Say) -> None:
+async def _drive(
+    orders: Orders, state: StateDir, launch: Launch, log: _Log, line: StatusLine, say: Say
+) -> None:
     await bringup.wait_until_alive(state, launch, say)
     async with asyncio.timeout(CONNECT_LIMIT_S):
         bus = await open_bus(launch.bus, "client")
-    line = StatusLine()
     try:
         async with typing(launch, {processes.MARK: str(state.path)}) as teleop:
             await _Soak(bus, state, teleop, Random(orders.seed)).run(orders, log, line, say)  # noqa: S311 - no secret
@@ -291,6 +297,30 @@ def _tell(samples: list[Sample], judgement: Judgement, say: Say) -> None:
     if judgement.passed:
         is_short = not all(growth.is_judged for growth in judgement.growths)
         say(f"passed: {'' if is_short else 'nothing grew, and '}nothing stopped without a cause")
+
+
+def _to_json(log: _Log, judgement: Judgement) -> dict[str, Any]:
+    last = log.samples[-1]
+    return {
+        "passed": judgement.passed,
+        "faults": list(judgement.faults),
+        "ended": log.ended or None,
+        "duration_s": last.time_s,
+        "driven_m": last.driven_m,
+        "obstacle_stops": last.obstacle_stops,
+        "black_boxes": last.black_boxes,
+        "growths": [
+            {
+                "process": growth.process,
+                "measure": growth.measure,
+                "level": growth.level,
+                "percent": number(growth.percent),
+                "is_judged": growth.is_judged,
+            }
+            for growth in judgement.growths
+        ],
+        "lost": {key: sum(sample.lost[key] for sample in log.samples) for key in last.lost},
+    }
 
 
 def _span(duration_s: float) -> str:

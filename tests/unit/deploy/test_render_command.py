@@ -91,7 +91,7 @@ def test_the_animation_of_the_readme_still_tells_its_story() -> None:
 @needs_gl
 def test_a_film_has_its_frames_in_its_size_and_moves(tmp_path: Path) -> None:
     wanted = Wanted(tmp_path / "film.webp", scene="empty", size="160x90", seconds=1.2, fps=5.0, drive=True)
-    assert render(wanted).startswith(f"wrote {wanted.out}: 6 frames of 160x90, 0.")
+    assert render(wanted).sentence.startswith(f"wrote {wanted.out}: 6 frames of 160x90, 0.")
     with Image.open(wanted.out) as film:
         assert (getattr(film, "n_frames", 1), film.size) == (6, (160, 90))
         first = np.asarray(film.convert("RGB")).astype(int)
@@ -108,7 +108,7 @@ def test_a_picture_shows_the_end_and_needs_no_caption(tmp_path: Path) -> None:
     for seconds, caption in ((0.1, False), (2.0, False), (2.0, True)):
         out = tmp_path / f"{seconds}{caption}.png"
         wanted = Wanted(out, "empty", "rectangular", "top", "96x64", seconds, drive=True, caption=caption)
-        assert "a picture of 96x64" in render(wanted)
+        assert "a picture of 96x64" in render(wanted).sentence
         pictures.append(np.asarray(Image.open(out)))
     assert (pictures[0] != pictures[1]).any()
     assert (pictures[1] != pictures[2]).any()

@@ -1,0 +1,48 @@
+"""What holds for every command of `lifeline`."""
+
+from collections.abc import Iterator
+
+import typer.core
+import typer.main
+
+from deploy.cli import app
+
+WITHOUT_JSON = {
+    "completion": "prints a script",
+    "foxglove": "serves WebSockets until Ctrl-C",
+    "metrics": "serves HTTP until Ctrl-C",
+    "topic pub": "publishes; it has no result",
+}
+
+
+def commands(
+    group: typer.core.TyperGroup, before: tuple[str, ...] = ()
+) -> Iterator[tuple[str, typer.core.TyperCommand]]:
+    for name, command in group.commands.items():
+        if isinstance(command, typer.core.TyperGroup):
+            yield from commands(command, (*before, name))
+        else:
+            assert isinstance(command, typer.core.TyperCommand)
+            yield " ".join((*before, name)), command
+
+
+def all_commands() -> dict[str, typer.core.TyperCommand]:
+    group = typer.main.get_command(app)
+    assert isinstance(group, typer.core.TyperGroup)
+    return dict(commands(group))
+
+
+def test_every_command_prints_json_except_those_that_have_no_result() -> None:
+    without = {
+        name
+        for name, command in all_commands().items()
+        if not any("--json" in parameter.opts for parameter in command.params)
+    }
+    assert without == set(WITHOUT_JSON)
+
+
+def test_every_command_and_option_has_a_help_text() -> None:
+    for name, command in all_commands().items():
+        assert command.help, name
+        for parameter in command.params:
+            assert getattr(parameter, "help", ""), (name, parameter.name)
