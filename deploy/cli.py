@@ -10,6 +10,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from deploy.cli_inspection import doctor, graph, node_app, topic_app
+from deploy.cli_view import view
 from deploy.command import Config, Endpoint, StatePath
 from deploy.command import exit_with as _exit_with
 from deploy.command import running as _running
@@ -46,6 +47,7 @@ app.add_typer(topic_app, name="topic")
 app.add_typer(node_app, name="node")
 app.command()(graph)
 app.command()(doctor)
+app.command()(view)
 
 Speed = Annotated[
     float, typer.Option("--speed", min=0.05, max=1.0, metavar="V", help="Maximum speed in m/s.")
