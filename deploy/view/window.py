@@ -17,6 +17,9 @@ from deploy.view.page import LOOPBACK, File, fetch
 START_LIMIT_S = 20.0
 POLL_S = 0.05
 END_LIMIT_S = 0.1
+PROXIES = ("HTTPS_PROXY", "HTTP_PROXY", "ALL_PROXY")
+NO_PROXY = f"http://{LOOPBACK}:9"
+"""The discard port, at which nothing listens."""
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
@@ -66,9 +69,10 @@ def program() -> Path:
 
 
 def silent(home: Path) -> dict[str, str]:
-    """Return the environment in which the viewer sends no analytics: its configuration below `home` disables them.
+    """Return the environment in which the viewer connects to no other host.
 
-    There is no option and no variable for this. The configuration of the user is neither read nor changed.
+    Its configuration below `home` disables analytics; there is no option for this. It also asks rerun.io for a list of
+    examples, which a proxy that does not exist prevents. The user's own configuration is neither read nor changed.
     """
     folder = home / "rerun"
     folder.mkdir(parents=True, exist_ok=True)
@@ -81,7 +85,9 @@ def silent(home: Path) -> dict[str, str]:
         "data_dir_path": str(home / "analytics"),
     }
     file.write_text(json.dumps(settings))
-    return {"XDG_CONFIG_HOME": str(home), "RUST_LOG": os.environ.get("RUST_LOG", "error")}
+    proxies = {name: NO_PROXY for upper in PROXIES for name in (upper, upper.lower())}
+    ours = {"NO_PROXY": "127.0.0.1,localhost", "no_proxy": "127.0.0.1,localhost"}
+    return {"XDG_CONFIG_HOME": str(home), "RUST_LOG": os.environ.get("RUST_LOG", "error"), **proxies, **ours}
 
 
 def check_display() -> None:
