@@ -202,7 +202,11 @@ def layout(*, follows: bool) -> rrb.Blueprint:
                         tracking_entity=f"{ODOM}/{BASE}",
                     ),
                 ),
-                rrb.TextLogView(origin=LOG, name="Mode and reasons"),
+                rrb.TextLogView(
+                    origin=LOG,
+                    name="Log",
+                    columns=rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"]),
+                ),
                 row_shares=(3, 1),
             ),
             rrb.Vertical(
