@@ -196,10 +196,11 @@ def layout(*, follows: bool) -> rrb.Blueprint:
                     background=(13, 17, 23),
                     line_grid=rrb.LineGrid3D(spacing=1.0, color=(120, 130, 145, 60)),
                     eye_controls=rrb.EyeControls3D(
-                        position=(-3.2, 0.0, 4.6),
-                        look_target=(0.6, 0.0, 0.0),
+                        position=(-2.8, 0.0, 4.4),
+                        look_target=(0.0, 0.0, 0.0),
                         eye_up=(0.0, 0.0, 1.0),
-                        tracking_entity=f"{ODOM}/{BASE}",
+                        # Only an entity with a shape can be followed.
+                        tracking_entity=f"{ODOM}/{BASE}/outline",
                     ),
                 ),
                 rrb.TextLogView(

@@ -187,7 +187,7 @@ class Scene:
         yield Area(f"{frame}/free", *free_space(view, lidar.mount, law.hull), FREE)
         hidden = self._hidden(place, reading)
         colours = np.tile(np.array(HIDDEN, dtype=np.uint8), (len(hidden), 1))
-        yield Points(f"{frame}/hidden", hidden, colours, 0.016)
+        yield Points(f"{frame}/hidden", hidden, colours, 0.022)
 
     def _hidden(self, place: int, reading: ScanReading) -> Floats:
         """Return the hidden places (n, 2) [m] near the hull that no lidar proves free, in the base frame of this scan."""
