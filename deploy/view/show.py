@@ -112,7 +112,8 @@ class Shown:
         if self._wanted.out is not None:
             await asyncio.wrap_future(self._thread.submit(log.close))
             size = self._wanted.out.stat().st_size
-            print(f"lifeline: {self._wanted.out}: {self._drawn:,} messages, {size / 1e6:.2f} MB")
+            refused = f", {self._scene.undecodable:,} undecodable" if self._scene.undecodable else ""
+            print(f"lifeline: {self._wanted.out}: {self._drawn:,} messages{refused}, {size / 1e6:.2f} MB")
         return 0
 
     async def _on_thread(self, work: Callable[[], Any]) -> Any:  # noqa: ANN401 - any result of the work
@@ -139,8 +140,12 @@ class Shown:
                 raise DeployError(f"cannot write {out} ({error}): choose another file") from error
             return f"writing {out}; press Ctrl-C to end"
         if self._wanted.web:
-            address = log.serve(self._wanted.port + 1)
-            shown = page.serve(window.web_files(address), self._wanted.port, address)
+            address, own_port = log.serve(self._wanted.port + 1), window.free_port()
+            server = window.serve_page(own_port, address)
+            self._at_end.callback(server.close)
+            files = window.files_of(server, own_port)
+            server.close()
+            shown = page.serve(files, self._wanted.port, address)
             return f"open {shown} in a browser on this machine; press Ctrl-C to end"
         self._viewer = window.open_window(log.serve(window.free_port()))
         self._at_end.callback(self._viewer.close)

@@ -44,7 +44,7 @@ class Viewer:
         return self._process.poll() is not None
 
     def close(self) -> None:
-        """End the process, and remove its files."""
+        """End the process, and remove its files; may be called again."""
         self._process.terminate()
         try:
             self._process.wait(END_LIMIT_S)
@@ -107,22 +107,22 @@ def open_window(data_address: str) -> Viewer:
     return Viewer(data_address, "--port", "auto", "--hide-welcome-screen")
 
 
-def web_files(data_address: str) -> dict[str, File]:
-    """Return the files of Rerun's web page, from a server that is ended again.
+def serve_page(port: int, data_address: str) -> Viewer:
+    """Start Rerun's own server of the web page on a port of this machine."""
+    return Viewer("--serve-web", "--web-viewer-port", str(port), data_address)
+
+
+def files_of(server: Viewer, port: int) -> dict[str, File]:
+    """Return the files of the page that a server serves.
 
     Raises:
         DeployError: it does not answer.
     """
-    port = free_port()
-    viewer = Viewer("--serve-web", "--web-viewer-port", str(port), data_address)
-    try:
-        end_s = time.monotonic() + START_LIMIT_S
-        while time.monotonic() < end_s and not viewer.has_ended:
-            with suppress(OSError, HTTPException):
-                return fetch(port)
-            time.sleep(POLL_S)
-    finally:
-        viewer.close()
+    end_s = time.monotonic() + START_LIMIT_S
+    while time.monotonic() < end_s and not server.has_ended:
+        with suppress(OSError, HTTPException):
+            return fetch(port)
+        time.sleep(POLL_S)
     raise DeployError("Rerun's web viewer did not start: use --out FILE.rrd")
 
 
