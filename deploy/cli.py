@@ -11,6 +11,7 @@ import typer
 
 from deploy.cli_foxglove import foxglove
 from deploy.cli_inspection import doctor, graph, node_app, topic_app
+from deploy.cli_view import view
 from deploy.command import Config, Endpoint, Json, ResultJson, StatePath, print_json
 from deploy.command import exit_with as _exit_with
 from deploy.command import note as _note
@@ -59,6 +60,7 @@ app.add_typer(node_app, name="node")
 app.command()(graph)
 app.command()(doctor)
 app.command()(foxglove)
+app.command()(view)
 
 Speed = Annotated[
     float, typer.Option("--speed", min=0.05, max=1.0, metavar="V", help="Maximum speed in m/s.")

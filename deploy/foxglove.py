@@ -19,7 +19,7 @@ from foxglove.websocket import WebSocketServer
 
 from deploy.foxglove_messages import scene_message, transforms_message
 from deploy.inspection.keys import known_topics
-from deploy.recording import MESSAGE_ENCODING, SCHEMA_ENCODING
+from deploy.inspection.recording import MESSAGE_ENCODING, SCHEMA_ENCODING
 from deploy.robot_drawing import Frames, outlines
 from deploy.stack.errors import DeployError
 from deploy.stack.heard_sources import HeardSources

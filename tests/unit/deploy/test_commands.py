@@ -11,6 +11,7 @@ WITHOUT_JSON = {
     "completion": "prints a script",
     "foxglove": "serves WebSockets until Ctrl-C",
     "metrics": "serves HTTP until Ctrl-C",
+    "view": "shows pictures; `topic echo --json` prints the messages",
     "topic pub": "publishes; it has no result",
 }
 
