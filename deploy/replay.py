@@ -13,7 +13,8 @@ from rich.table import Table
 from rich.text import Text
 
 from deploy.stack.errors import DeployError
-from supervisor.blackbox_file import DECISION, INPUTS, STATE, BlackBoxError, Document, dumps, read
+from supervisor.blackbox_file import DECISION, INPUTS, STATE, dumps
+from supervisor.blackbox_reader import BlackBoxError, Document, read, stops_of
 from supervisor.model import STANDSTILL, Decision, Inputs, Mode, Reply, State, Velocity
 from supervisor.safety import step
 
@@ -87,7 +88,7 @@ def replay(document: Document) -> Replay:
         BlackBoxError: a line does not match the types of this law.
     """
     found = Replay()
-    stop_s = _first_stop_s(document)
+    stop_s = stops_of(document.header)[0].now_s
     state: State | None = None
     started_s = time.perf_counter()
     for number, line in enumerate(document.lines, start=2):
@@ -127,13 +128,6 @@ def _state(document: object) -> State:
 
 def _inputs(document: object) -> Inputs:
     return INPUTS.read(document)
-
-
-def _first_stop_s(document: Document) -> float:
-    try:
-        return float(document.header["stops"][0]["now_s"])
-    except (IndexError, KeyError, TypeError, ValueError) as error:
-        raise BlackBoxError(f"the header of the black box names no stop: {error}") from error
 
 
 def _is_at_rest(inputs: Inputs) -> bool:
@@ -191,7 +185,7 @@ def _print(document: Document, found: Replay) -> None:
     console = Console()
     if not console.is_terminal:
         console = Console(width=MIN_WIDTH)
-    stop_s = _first_stop_s(document)
+    stop_s = stops_of(document.header)[0].now_s
     header = document.header
     for stop in header["stops"]:
         console.print(f"{stop['utc']}  {', '.join(stop['reasons'])}", style="bold", highlight=False)
