@@ -33,6 +33,8 @@ ROW_S = 0.25
 """Time between two rows of the table; a change of the mode or the reasons begins another row."""
 TURN_RAD_S = 0.1
 """The table has no turn rates if all are slower: the noise of odometry is."""
+NOISE_M = 0.02
+"""Noise of the nearest distance."""
 MAX_ROWS = 200
 MAX_WIDTH = 160
 PLOT_HEIGHT = 8
@@ -231,10 +233,37 @@ def _is_turn(samples: Sequence[Sample]) -> bool:
 
 
 def _rows(samples: Sequence[Sample]) -> Iterator[Sample]:
-    """Yield the first sample of each phase, and of each `ROW_S` within it; the stop at time zero is one of them."""
-    for _, phase in groupby(samples, key=lambda sample: (sample.time_s >= 0.0, sample.mode, sample.why)):
+    """Yield the first sample of each phase, and of each `ROW_S` within it, unless it repeats the one before.
+
+    The stop at time zero begins a phase.
+    """
+    last: Sample | None = None
+    for _, phase in groupby(samples, key=lambda sample: (sample.time_s >= 0.0, *_outline(sample))):
         for _, grid in groupby(phase, key=lambda sample: sample.time_s // ROW_S):
-            yield next(grid)
+            sample = next(grid)
+            if last is None or not _repeats(sample, last):
+                yield sample
+            last = sample
+
+
+def _outline(sample: Sample) -> tuple[str, str]:
+    return sample.mode, sample.why
+
+
+def _repeats(sample: Sample, last: Sample) -> bool:
+    """Return whether two samples differ only by the noise of a robot at rest."""
+    rates = [*_velocities(sample), *_velocities(last)]
+    is_at_rest = all(abs(v.linear_m_s) < STILL_M_S and abs(v.angular_rad_s) < STILL_RAD_S for v in rates)
+    return (
+        is_at_rest and _outline(sample) == _outline(last) and abs(sample.nearest_m - last.nearest_m) < NOISE_M
+    )
+
+
+def _velocities(sample: Sample) -> Iterator[Velocity]:
+    """Yield the velocities that move the robot or show that it moves."""
+    yield sample.permitted
+    if sample.measured is not None:
+        yield sample.measured
 
 
 def _table(samples: Sequence[Sample]) -> Table:

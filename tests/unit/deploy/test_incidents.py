@@ -11,10 +11,12 @@ import pytest
 from rosbags.highlevel import AnyReader
 from typer.testing import CliRunner, Result
 
+from deploy import incidents
 from deploy.cli import app
 from deploy.incidents import find
 from deploy.inspection.recording import RecordingReader, RecordingWriter
 from deploy.stack.errors import DeployError
+from tests.unit.deploy.inspection.test_incident import stopped
 from tests.unit.deploy.inspection.test_incident_summary import lost_at
 from tests.unit.supervisor.law_harness import BACK, SPIN
 from wire.messages import SafetyStatus, decode
@@ -202,6 +204,42 @@ def test_show_of_a_file_without_a_header_is_refused(state: Path) -> None:
     assert_refused(run(state, "show", "last"), "is not a black box")
 
 
+def test_show_of_a_file_that_ends_before_its_stop_prints_the_stop(state: Path) -> None:
+    path = black_box(state)
+    path.write_bytes(path.read_bytes()[:2500])
+    result = run(state, "show", "last", "--seconds", "0.1")
+    assert result.exit_code == 1
+    assert "SOURCE_LOST: command source lost" in result.stdout
+    assert "●" not in result.stdout
+    assert f"{NAME[:20]}  SOURCE_LOST" in run(state, "list").stdout
+
+
+def test_show_prints_what_was_left_out_and_the_detail_of_the_first_cause(tmp_path: Path) -> None:
+    path = stopped(tmp_path / "blackbox")
+    with gzip.open(path, "rt") as file:
+        header, *lines = file
+    with gzip.open(path, "wt") as file:
+        file.writelines([json.dumps(json.loads(header) | {"left_out_for_memory": 1234}) + "\n", *lines])
+    text = run(tmp_path, "show", "last").stdout
+    assert "left out  1,234 older steps, for lack of space" in text
+    assert "detail    something" in text
+
+
+def test_the_table_has_no_rows_that_repeat_a_robot_at_rest(tmp_path: Path) -> None:
+    lost_at(tmp_path / "blackbox", after_s=1.5)
+    rows = [line for line in run(tmp_path, "show", "last").stdout.splitlines() if "STOPPED" in line]
+    assert 2 < len(rows) < 7
+    assert len(json.loads(run(tmp_path, "show", "last", "--json").stdout)["samples"]) > 75
+
+
+def test_a_long_table_ends_with_the_number_of_its_other_rows(
+    state: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(incidents, "MAX_ROWS", 3)
+    text = run(state, "show", "last").stdout
+    assert re.search(r"… +\d+ more rows: see --json", " ".join(text.split()))
+
+
 # --- export
 
 
@@ -289,3 +327,14 @@ def test_an_export_of_nothing_leaves_no_file(state: Path, tmp_path: Path) -> Non
     file = tmp_path / "incident.mcap"
     assert_refused(run(state, "export", "last", str(file)), "is not a black box")
     assert not file.exists()
+
+
+def test_an_export_without_a_step_leaves_no_file(state: Path, tmp_path: Path) -> None:
+    path = black_box(state)
+    with gzip.open(path, "rt") as file:
+        header = file.readline()
+    with gzip.open(path, "wt") as file:
+        file.write(header + '{"end":true,"steps":0}\n')
+    recording = tmp_path / "incident.mcap"
+    assert_refused(run(state, "export", "last", str(recording)), "contains no messages")
+    assert not recording.exists()

@@ -38,7 +38,7 @@ def brake(drive: Drive, velocity: Velocity, steps: int = BRAKING_STEPS) -> None:
         roll(drive, Velocity(velocity.linear_m_s * share, velocity.angular_rad_s * share))
 
 
-def lost_at(directory: Path, velocity: Velocity = FORWARD) -> Path:
+def lost_at(directory: Path, velocity: Velocity = FORWARD, *, after_s: float = 0.0) -> Path:
     """The source is lost while the robot moves at this velocity; it brakes in 0.32 s."""
     drive, writer = drive_to(directory)
     drive.hold(0.3)
@@ -46,6 +46,8 @@ def lost_at(directory: Path, velocity: Velocity = FORWARD) -> Path:
     roll(drive, velocity)
     drive.step(Inputs(liveliness=lost()))
     brake(drive, velocity)
+    for _ in range(round(after_s / TICK_S)):
+        roll(drive, NEUTRAL)
     drive.box.close()
     return writer.paths[0]
 
