@@ -29,6 +29,8 @@ from wire.topics import CMD_VEL, ESTOP, ODOM, STATUS, Topic, lidar_scan, source_
 
 REORDER_S = 1.0
 """A message that arrived this long before its step is in its place in the order of time; an older one follows it."""
+MAX_WAITING = 20_000
+"""Messages that wait for earlier ones, even if the file's times do not advance."""
 
 
 class IncidentError(DeployError):
@@ -78,7 +80,7 @@ def _in_order(steps: Iterable[Step], converter: "_Converter") -> Iterator[_Heard
         for step in steps:
             for heard in converter.messages(step):
                 heappush(waiting, heard)
-            while waiting and waiting[0].time_s < step.now_s - REORDER_S:
+            while waiting and (waiting[0].time_s < step.now_s - REORDER_S or len(waiting) > MAX_WAITING):
                 yield heappop(waiting)
     except BlackBoxError:
         yield from sorted(waiting)

@@ -1,12 +1,14 @@
 """A black box as ROS messages: the topics, the order of time, and the values."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TypeVar
 
 import pytest
 
+from deploy.inspection import incident
 from deploy.inspection.incident import IncidentError, messages
 from deploy.inspection.recording import Recorded
 from supervisor.blackbox import BlackBox
@@ -149,3 +151,46 @@ def test_a_truncated_file_yields_its_beginning_and_then_the_error(tmp_path: Path
 def test_a_file_that_is_not_there_is_refused_in_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(IncidentError, match=r"cannot read .*No such file"):
         next(messages(tmp_path / "none.jsonl.gz"))
+
+
+def test_few_messages_wait_for_earlier_ones_and_none_is_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = stopped(tmp_path)
+    whole = sorted(messages(path))
+    monkeypatch.setattr(incident, "MAX_WAITING", 0)
+    assert sorted(messages(path)) == whole
+
+
+def test_a_message_far_from_the_stop_is_damage(tmp_path: Path) -> None:
+    writer = WriterAtOnce(tmp_path)
+    drive = Drive(box_of(writer))
+    drive.drive()
+    drive.step(Inputs(commands=(Command("teleop", FORWARD, 1e9),), liveliness=lost()))
+    drive.box.close()
+    with pytest.raises(IncidentError, match="damaged: a message is"):
+        list(messages(writer.paths[0]))
+
+
+def test_a_scan_of_a_lidar_that_is_not_configured_is_left_out(tmp_path: Path) -> None:
+    writer = WriterAtOnce(tmp_path)
+    drive = Drive(box_of(writer))
+    drive.drive()
+    document = drive.scan(drive.now_s)
+    decision = drive.step(Inputs(liveliness=lost()))
+    drive.box.record(drive.now_s, Inputs(scans=(replace(document, lidar=3),)), drive.state, decision)
+    drive.box.close()
+    scans = [m for m in messages(writer.paths[0]) if m.topic == "/robot/scan"]
+    assert len(scans) == round(0.8 / TICK_S)
+
+
+def test_a_value_that_no_message_can_hold_is_damage(tmp_path: Path) -> None:
+    writer = WriterAtOnce(tmp_path)
+    drive = Drive(box_of(writer))
+    drive.drive()
+    decision = drive.step(Inputs(liveliness=lost()))
+    far = replace(drive.scan(drive.now_s), range_max=1e300)
+    drive.box.record(drive.now_s, Inputs(scans=(far,)), drive.state, decision)
+    drive.box.close()
+    with pytest.raises(IncidentError, match="damaged: sensor_msgs/msg/LaserScan"):
+        list(messages(writer.paths[0]))
