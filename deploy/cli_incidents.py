@@ -21,7 +21,7 @@ Id = Annotated[
 
 
 def _directory(config: Path | None, state_dir: Path | None) -> Path:
-    from deploy.incidents import directory_of  # noqa: PLC0415
+    from deploy.inspection.incident_files import directory_of  # noqa: PLC0415
     from deploy.stack.statedir import StateDir  # noqa: PLC0415
 
     return directory_of(running(config, None, state_dir), StateDir.choose(state_dir))
@@ -56,7 +56,8 @@ def incidents_show(
     """Show the seconds around a stop as a table and as plots. Exit 1 if a part of the file cannot be read."""
 
     def run() -> int:
-        from deploy.incidents import find, show  # noqa: PLC0415
+        from deploy.incidents import show  # noqa: PLC0415
+        from deploy.inspection.incident_files import find  # noqa: PLC0415
 
         return show(find(_directory(config, state_dir), incident), seconds, as_json=as_json)
 
@@ -68,6 +69,7 @@ def incidents_export(
     *,
     incident: Id,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write: NAME.mcap.")],
+    as_json: Json = False,
     config: Config = None,
     state_dir: StatePath = None,
 ) -> None:
@@ -77,9 +79,12 @@ def incidents_export(
     """
 
     def run() -> int:
-        from deploy.incidents import export, find  # noqa: PLC0415
+        from deploy.incidents import export  # noqa: PLC0415
+        from deploy.inspection.incident_files import find  # noqa: PLC0415
 
         launch = running(config, None, state_dir)
-        return export(find(_directory(config, state_dir), incident), file, launch.bus.namespace)
+        return export(
+            find(_directory(config, state_dir), incident), file, launch.bus.namespace, as_json=as_json
+        )
 
     exit_with(run)

@@ -42,12 +42,16 @@ def view(
 
     def run() -> int:
         require("view")
+        from deploy.inspection.incident_files import directory_of, find  # noqa: PLC0415
         from deploy.stack.statedir import StateDir  # noqa: PLC0415
         from deploy.view.show import Wanted  # noqa: PLC0415
         from deploy.view.show import view as show  # noqa: PLC0415
-        from deploy.view.sources import found  # noqa: PLC0415
 
-        file = None if what is None else found(what, StateDir.choose(state_dir).path / "blackbox")
-        show(Wanted(file, out, web, port), running(config, endpoint, state_dir))
+        launch = running(config, endpoint, state_dir)
+        if what is None or what.endswith(".mcap"):
+            file = None if what is None else Path(what)
+        else:
+            file = find(directory_of(launch, StateDir.choose(state_dir)), what)
+        show(Wanted(file, out, web, port), launch)
 
     exit_with(run)

@@ -14,20 +14,15 @@ from rich.text import Text
 
 from deploy.campaign.seen import STILL_M_S, STILL_RAD_S
 from deploy.inspection.incident import IncidentError, messages
+from deploy.inspection.incident_files import black_boxes, id_of
 from deploy.inspection.incident_summary import Incident, Sample, read_incident
 from deploy.inspection.plot import Series, plot
 from deploy.inspection.recording import Recorded, RecordingError, RecordingWriter, exists
 from deploy.stack.errors import DeployError
 from deploy.stack.formatting import COLOURS, nearest, printable
-from deploy.stack.launch import Launch
-from deploy.stack.statedir import StateDir
-from supervisor.blackbox_file import OURS, SUFFIX
-from supervisor.config import SupervisorSection
 from supervisor.reckoning import Velocity
-from wire.config import ConfigError, absolute, read_toml, section
 from wire.reasons import words_of
 
-LAST = "last"
 EXIT_INCOMPLETE = 1
 ROW_S = 0.25
 """Time between two rows of the table; a change of the mode or the reasons begins another row."""
@@ -39,68 +34,6 @@ MAX_ROWS = 200
 MAX_WIDTH = 160
 PLOT_HEIGHT = 8
 UNKNOWN = "–"
-
-
-# --- files
-
-
-def directory_of(launch: Launch, state: StateDir) -> Path:
-    """Return the directory of the black boxes.
-
-    Raises:
-        DeployError: the configuration is refused.
-    """
-    try:
-        configured = section(read_toml(launch.config), "supervisor", SupervisorSection).black_box_dir
-        return state.path / "blackbox" if configured is None else absolute(Path(configured))
-    except ConfigError as error:
-        raise DeployError(str(error)) from error
-
-
-def black_boxes(directory: Path) -> list[Path]:
-    """Return the black boxes in a directory in order of time; none if there is no directory.
-
-    Raises:
-        DeployError: the directory cannot be read.
-    """
-    try:
-        return sorted(path for path in directory.iterdir() if OURS.fullmatch(path.name))
-    except FileNotFoundError:
-        return []
-    except OSError as error:
-        raise DeployError(
-            f"cannot read {directory} ({error.strerror}): name another with --state-dir"
-        ) from error
-
-
-def find(directory: Path, name: str) -> Path:
-    """Return the black box with a name, a unique beginning of a name, the path of a file, or the last one.
-
-    Raises:
-        DeployError: there is none, or there are several.
-    """
-    if "/" in name:
-        return Path(name)
-    paths = black_boxes(directory)
-    if name == LAST and paths:
-        return paths[-1]
-    wanted = name.removesuffix(SUFFIX)
-    found = [path for path in paths if _id(path) == wanted] or [
-        path for path in paths if path.name.startswith(wanted)
-    ]
-    if len(found) == 1:
-        return found[0]
-    if not found:
-        some = f"{len(paths)} incidents, none of which is {printable(name)!r}" if paths else "no incidents"
-        raise DeployError(f"{directory} has {some}: see `lifeline incidents list`")
-    raise DeployError(
-        f"{len(found)} incidents begin with {printable(name)!r}, such as {_id(found[0])} and {_id(found[-1])}: "
-        "give more characters"
-    )
-
-
-def _id(path: Path) -> str:
-    return path.name.removesuffix(SUFFIX)
 
 
 # --- list
@@ -131,13 +64,15 @@ def _json_of(path: Path) -> dict[str, Any]:
     try:
         return read_incident(path).to_json()
     except IncidentError as error:
-        return {"id": _id(path), "file": str(path), "problem": printable(str(error))}
+        return {"id": id_of(path), "file": str(path), "problem": printable(str(error))}
 
 
 def _short_ids(paths: Sequence[Path]) -> list[str]:
     """Return the time in each name, or the whole name if several files have this time."""
-    times = [_id(path).split("-", maxsplit=1)[0] for path in paths]
-    return [short if times.count(short) == 1 else _id(path) for path, short in zip(paths, times, strict=True)]
+    times = [id_of(path).split("-", maxsplit=1)[0] for path in paths]
+    return [
+        short if times.count(short) == 1 else id_of(path) for path, short in zip(paths, times, strict=True)
+    ]
 
 
 def _row(path: Path, short: str) -> list[Text]:
@@ -331,7 +266,7 @@ def _plots(incident: Incident, width: int, *, turns: bool) -> Iterator[Text]:
 # --- export
 
 
-def export(path: Path, file: Path, namespace: str) -> int:
+def export(path: Path, file: Path, namespace: str, *, as_json: bool) -> int:
     """Write a black box as a recording. Exit 1 if a part of the black box cannot be read.
 
     Raises:
@@ -362,6 +297,15 @@ def export(path: Path, file: Path, namespace: str) -> int:
                 f"cannot write {file} ({error.strerror}): free disk space or choose another directory"
             ) from error
         raise
+    if as_json:
+        document = {
+            "file": str(file),
+            "messages": counts,
+            "bytes": file.stat().st_size,
+            "problem": problem or None,
+        }
+        print(json.dumps(document, indent=2))
+        return EXIT_INCOMPLETE if problem else 0
     width = max(map(len, counts))
     for topic in sorted(counts):
         print(f"  {topic:<{width}}  {counts[topic]:>9,}")

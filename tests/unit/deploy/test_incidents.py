@@ -13,7 +13,7 @@ from typer.testing import CliRunner, Result
 
 from deploy import incidents
 from deploy.cli import app
-from deploy.incidents import find
+from deploy.inspection.incident_files import find
 from deploy.inspection.recording import RecordingReader, RecordingWriter
 from deploy.stack.errors import DeployError
 from tests.unit.deploy.inspection.test_incident import stopped
