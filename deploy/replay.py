@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from deploy.campaign.seen import STILL_M_S, STILL_RAD_S
 from deploy.stack.errors import DeployError
 from supervisor.blackbox_file import DECISION, INPUTS, STATE, dumps
 from supervisor.blackbox_reader import BlackBoxError, Document, read, stops_of
@@ -21,7 +22,7 @@ from supervisor.safety import step
 EXIT_DIFFERENT = 1
 MIN_WIDTH = 130
 """Width of the table in columns if the output is not a terminal."""
-AT_REST = Velocity(0.01, 0.02)
+AT_REST = Velocity(STILL_M_S, STILL_RAD_S)
 """Below this odometry velocity [m/s, rad/s], the base is at rest."""
 
 COLOURS = {

@@ -112,6 +112,12 @@ class BlackBoxReader:
         others = [f"{SCAN.key}_{lidar.name}" for lidar in self.law.lidars[1:]]
         return (SCAN.key, *others)
 
+    @property
+    def left_out(self) -> int:
+        """Number of older steps of the window that were left out for lack of space."""
+        counts = (self.header.get(f"left_out_for_{reason}") for reason in ("memory", "file_size"))
+        return sum(count for count in counts if isinstance(count, int))
+
     def lines(self, from_s: float = -math.inf) -> Iterator[dict[str, Any]]:
         """Yield all states, and the steps from a time on.
 
@@ -125,7 +131,7 @@ class BlackBoxReader:
                     number += 1
                     if number == 1:
                         continue
-                    if text.startswith(STEP_BEGINS) and _time_s(text) < from_s:
+                    if from_s > -math.inf and text.startswith(STEP_BEGINS) and _time_s(text) < from_s:
                         steps += 1
                         continue
                     line = _object(text)
