@@ -5,9 +5,10 @@ up.py              `lifeline up`: start the stack, with teleop in this terminal;
 status.py          `lifeline status`: print the status once
 demo.py            `lifeline demo`: a few trials of the real campaign and a drive at a rack; verdict.py one promise, bound and measurement
 path.py            `lifeline path`: drive squares, circles and recorded paths
-record.py          `lifeline record`: record all messages; recording.py writes and reads the file
+record.py          `lifeline record`: record all messages
 render.py          `lifeline render`: draw the robot; picture.py the options; film.py the frames; rehearsal.py robot, law and operator in simulated time
 check.py           `lifeline check`: check a configuration; check_motions.py permitted motions; check_risks.py risks
+incidents.py       `lifeline incidents`: list, show and export black boxes
 replay.py          `lifeline replay-decision`: run the law again over a black box recording
 stack/             start, find, observe and stop the running robot
 campaign/          `lifeline faults`, `fault-report` and `soak`: fault injection at random moments, on real processes and in virtual time

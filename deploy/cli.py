@@ -9,6 +9,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
+from deploy.cli_incidents import incidents_app
 from deploy.cli_inspection import doctor, graph, node_app, topic_app
 from deploy.command import Config, Endpoint, StatePath
 from deploy.command import exit_with as _exit_with
@@ -42,6 +43,7 @@ path_app = typer.Typer(
     no_args_is_help=True,
 )
 app.add_typer(path_app, name="path")
+app.add_typer(incidents_app, name="incidents")
 app.add_typer(topic_app, name="topic")
 app.add_typer(node_app, name="node")
 app.command()(graph)

@@ -12,7 +12,7 @@ from typing import NamedTuple, NoReturn
 
 import numpy as np
 
-from deploy.recording import Recorded, RecordingReader
+from deploy.inspection.recording import Recorded, RecordingReader
 from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED, DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.reach import NotRunningError, reach

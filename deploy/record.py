@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
 
-from deploy.recording import Recorded, RecordingError, RecordingWriter, exists
+from deploy.inspection.recording import Recorded, RecordingError, RecordingWriter, exists
 from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED
 from deploy.stack.launch import Launch
 from deploy.stack.reach import NotRunningError, reach

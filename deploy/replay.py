@@ -12,15 +12,17 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from deploy.campaign.seen import STILL_M_S, STILL_RAD_S
 from deploy.stack.errors import DeployError
-from supervisor.blackbox_file import DECISION, INPUTS, STATE, BlackBoxError, Document, dumps, read
+from supervisor.blackbox_file import DECISION, INPUTS, STATE, dumps
+from supervisor.blackbox_reader import BlackBoxError, Document, read, stops_of
 from supervisor.model import STANDSTILL, Decision, Inputs, Mode, Reply, State, Velocity
 from supervisor.safety import step
 
 EXIT_DIFFERENT = 1
 MIN_WIDTH = 130
 """Width of the table in columns if the output is not a terminal."""
-AT_REST = Velocity(0.01, 0.02)
+AT_REST = Velocity(STILL_M_S, STILL_RAD_S)
 """Below this odometry velocity [m/s, rad/s], the base is at rest."""
 
 COLOURS = {
@@ -87,7 +89,7 @@ def replay(document: Document) -> Replay:
         BlackBoxError: a line does not match the types of this law.
     """
     found = Replay()
-    stop_s = _first_stop_s(document)
+    stop_s = stops_of(document.header)[0].now_s
     state: State | None = None
     started_s = time.perf_counter()
     for number, line in enumerate(document.lines, start=2):
@@ -127,13 +129,6 @@ def _state(document: object) -> State:
 
 def _inputs(document: object) -> Inputs:
     return INPUTS.read(document)
-
-
-def _first_stop_s(document: Document) -> float:
-    try:
-        return float(document.header["stops"][0]["now_s"])
-    except (IndexError, KeyError, TypeError, ValueError) as error:
-        raise BlackBoxError(f"the header of the black box names no stop: {error}") from error
 
 
 def _is_at_rest(inputs: Inputs) -> bool:
@@ -191,7 +186,7 @@ def _print(document: Document, found: Replay) -> None:
     console = Console()
     if not console.is_terminal:
         console = Console(width=MIN_WIDTH)
-    stop_s = _first_stop_s(document)
+    stop_s = stops_of(document.header)[0].now_s
     header = document.header
     for stop in header["stops"]:
         console.print(f"{stop['utc']}  {', '.join(stop['reasons'])}", style="bold", highlight=False)

@@ -20,7 +20,7 @@
     estop_files.py    the files of this record
     messages.py       wire messages -> inputs, decision -> wire messages
     blackbox.py       recording of the last minute, written to a file at every stop
-    blackbox_file.py  format of this file
+    blackbox_file.py  format of this file; blackbox_reader.py reads it
     service.py        the asyncio shell: bytes in, one step, bytes out
 
 All but the last nine are pure: no clock, no I/O, no asyncio, no logging.

@@ -31,6 +31,7 @@ from supervisor.model import STANDSTILL, Decision, Inputs, LawConfig, Mode, Stat
 from wire.config import absolute
 from wire.reasons import SEVERITY, StopReason
 from wire.state_directory import state_directory
+from wire.topics import SCAN
 
 _log = logging.getLogger(__name__)
 
@@ -101,9 +102,16 @@ class BlackBox:
     """Records the steps of one supervisor. All methods are called on its event loop."""
 
     def __init__(
-        self, law: LawConfig, writer: Writer, *, window_s: float, utc: Callable[[], float] = time.time
+        self,
+        law: LawConfig,
+        writer: Writer,
+        *,
+        window_s: float,
+        lidar_topics: Sequence[str] = (SCAN.key,),
+        utc: Callable[[], float] = time.time,
     ) -> None:
         self._law = LAW.spell(LAW.pack(law))
+        self._lidar_topics = list(lidar_topics)
         self._writer = writer
         self._window_s = window_s
         self._utc = utc
@@ -224,6 +232,7 @@ class BlackBox:
             "python": platform.python_version(),
             "numpy": np.__version__,
             "machine": platform.machine(),
+            "lidar_topics": self._lidar_topics,
             "config": self._law,
         }
         segments = [(s.state, s.steps) for s in self._segments]
@@ -303,4 +312,5 @@ def black_box(config: SupervisorSection) -> BlackBox:
     """Return the black box for a configuration."""
     directory = state_directory() / "blackbox" if config.black_box_dir is None else Path(config.black_box_dir)
     writer = ThreadWriter(directory, max_files=config.black_box_files)
-    return BlackBox(config.law(), writer, window_s=config.black_box_s)
+    lidar_topics = [lidar.topic for lidar in config.all_lidars()]
+    return BlackBox(config.law(), writer, window_s=config.black_box_s, lidar_topics=lidar_topics)

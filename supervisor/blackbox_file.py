@@ -1,4 +1,4 @@
-"""A black box on disk, `20260704T101530.123Z-OBSTACLE.jsonl.gz`: gzip with one JSON object per line.
+"""Writes a black box, `20260704T101530.123Z-OBSTACLE.jsonl.gz`: gzip with one JSON object per line.
 
     {"format": "lifeline black box", "version": 1, "stops": […], "config": {…}, …}   the header
     {"state": {…}}                               the law's state before the next step; one each second
@@ -7,7 +7,7 @@
     {"end": true, "steps": 4812}                 the file is complete
 
 `law_codec.py` defines the encoding of values. Each second is a separate gzip member. The oldest members are left out
-if the file would become too large.
+if the file would become too large. `blackbox_reader.py` reads the file.
 """
 
 import gzip
@@ -15,13 +15,12 @@ import json
 import marshal
 import os
 import re
-import zlib
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from supervisor.law_codec import codec, record_codec
 from supervisor.model import Decision, Inputs, LawConfig, State
@@ -73,13 +72,6 @@ class Order:
     """Without the suffix."""
     header: dict[str, Any]
     segments: list[Segment]
-
-
-class BlackBoxError(Exception):
-    """The file cannot be replayed; the message says why."""
-
-
-# --- writing
 
 
 def pack_state(state: State) -> bytes:
@@ -205,61 +197,3 @@ def _delete_least_worth(directory: Path, newest: Path, max_files: int) -> None:
             break
         with suppress(OSError):
             path.unlink()
-
-
-# --- reading
-
-
-@dataclass(frozen=True, slots=True)
-class Document:
-    """A black box as decoded JSON."""
-
-    header: dict[str, Any]
-    lines: Sequence[dict[str, Any]]
-    """Its states and steps, in order."""
-
-
-def read(path: Path) -> Document:
-    """Read a complete black box.
-
-    Raises:
-        BlackBoxError: the file cannot be read, is not a black box, has a newer version, or is truncated.
-    """
-    try:
-        file = gzip.open(path, "rt", encoding="utf-8")  # noqa: SIM115 - closed below; only this line's errors
-    except OSError as error:
-        raise BlackBoxError(f"cannot read {path}: {error.strerror}") from error
-    with file:
-        try:
-            header = _object(file.readline())
-        except (OSError, EOFError, ValueError, zlib.error) as error:
-            raise BlackBoxError(_no_black_box(path, error)) from error
-        version = header.get("version")
-        if header.get("format") != FORMAT or not isinstance(version, int):
-            raise BlackBoxError(_no_black_box(path, None))
-        if version > VERSION:
-            raise BlackBoxError(
-                f"{path} has version {version}, and this Lifeline reads up to {VERSION}: replay it with a newer Lifeline"
-            )
-        lines: list[dict[str, Any]] = []
-        try:
-            lines.extend(_object(line) for line in file)
-        except (OSError, EOFError, ValueError, zlib.error) as error:
-            raise BlackBoxError(f"{path} is damaged after {len(lines) + 1} lines: {error}") from error
-    steps = sum("inputs" in line for line in lines)
-    if not lines or lines.pop() != {"end": True, "steps": steps}:
-        raise BlackBoxError(f"{path} is truncated: its end is missing")
-    return Document(header, lines)
-
-
-def _object(line: str) -> dict[str, Any]:
-    document: object = json.loads(line)
-    if not isinstance(document, dict):
-        raise ValueError("a line is not a JSON object")  # noqa: TRY004 - a fault of the file
-    return cast("dict[str, Any]", document)
-
-
-def _no_black_box(path: Path, error: Exception | None) -> str:
-    if isinstance(error, OSError) and error.strerror:
-        return f"cannot read {path}: {error.strerror}"
-    return f"{path} is not a black box of Lifeline"

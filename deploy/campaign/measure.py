@@ -38,6 +38,13 @@ class Stop(NamedTuple):
     distance_m: float | None
 
 
+class Braking(NamedTuple):
+    """Time and distance to a standstill."""
+
+    to_standstill_s: float
+    distance_m: float
+
+
 def stop_after(
     seen: Seen, fault_s: float, base: Sequence[BaseReport] = (), within_s: float = NOTICED_WITHIN_S
 ) -> Stop:
@@ -56,13 +63,25 @@ def stop_after(
     if detector is None:
         return Stop(None, speed_m_s, None, None, None)
     to_zero_s = noticed_s - fault_s if detector.startswith(BASE) else _to_zero_s(seen, fault_s)
-    was_moving = speed_m_s >= MOVING_M_S
-    rest = _rest(seen.motions[start:]) if was_moving else None
-    if before is None or rest is None or rest.time_s - fault_s > 2 * NOTICED_WITHIN_S:
+    rest = braking(seen.motions, fault_s) if speed_m_s >= MOVING_M_S else None
+    if rest is None:
         return Stop(detector, speed_m_s, to_zero_s, None, None)
-    way = [before, *itertools.takewhile(lambda m: m.time_s <= rest.time_s, seen.motions[start:])]
+    return Stop(detector, speed_m_s, to_zero_s, rest.to_standstill_s, rest.distance_m)
+
+
+def braking(motions: Sequence[Motion], from_s: float) -> Braking | None:
+    """Return time and distance from a moment to the standstill.
+
+    Returns:
+        None if there is no sample before the moment, or no lasting standstill within twice `NOTICED_WITHIN_S`.
+    """
+    start = bisect_left(motions, from_s, key=lambda motion: motion.time_s)
+    rest = _rest(motions[start:])
+    if start == 0 or rest is None or rest.time_s - from_s > 2 * NOTICED_WITHIN_S:
+        return None
+    way = [motions[start - 1], *itertools.takewhile(lambda m: m.time_s <= rest.time_s, motions[start:])]
     distance_m = sum(math.dist((a.x_m, a.y_m), (b.x_m, b.y_m)) for a, b in itertools.pairwise(way))
-    return Stop(detector, speed_m_s, to_zero_s, rest.time_s - fault_s, distance_m)
+    return Braking(rest.time_s - from_s, distance_m)
 
 
 def _noticed(

@@ -9,7 +9,7 @@ import pytest
 from deploy.replay import replay
 from supervisor import blackbox
 from supervisor.blackbox import BlackBox, ThreadWriter, Writer
-from supervisor.blackbox_file import Document, read
+from supervisor.blackbox_reader import Document, read
 from supervisor.config import SupervisorSection
 from tests.component.rig import Rig
 from tests.unit.supervisor.black_boxes import WriterAtOnce

@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from deploy.cli import app
+from deploy.inspection.recording import Recorded, RecordingWriter
 from deploy.path import (
     START_LIMIT_M,
     TruthSample,
@@ -17,7 +18,6 @@ from deploy.path import (
     report,
     true_distances_m,
 )
-from deploy.recording import Recorded, RecordingWriter
 from deploy.stack.errors import DeployError
 from teleop.path.legs import Path, to_path
 from teleop.path.pose import PathError, Pose, Poses, placed

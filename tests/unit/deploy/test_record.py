@@ -10,8 +10,8 @@ from rosbags.rosbag2 import Reader
 from typer.testing import CliRunner, Result
 
 from deploy.cli import app
+from deploy.inspection.recording import Recorded, RecordingError, RecordingReader, RecordingWriter
 from deploy.record import MAX_STRANGERS, Recorder, Report
-from deploy.recording import Recorded, RecordingError, RecordingReader, RecordingWriter
 from virtual.network import VirtualNetwork
 from wire import topics
 from wire.messages import M, Odometry, SafetyStatus, Twist, decode, encode, header, odometry, planar_twist

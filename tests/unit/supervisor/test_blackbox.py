@@ -25,7 +25,8 @@ from supervisor.blackbox import (
     BlackBox,
     ThreadWriter,
 )
-from supervisor.blackbox_file import LAW, VERSION, BlackBoxError, Document, Order, read, write
+from supervisor.blackbox_file import LAW, VERSION, Order, write
+from supervisor.blackbox_reader import BlackBoxError, Document, read
 from supervisor.config import SupervisorSection
 from supervisor.model import Command, Inputs, Mode, Odometry, Velocity
 from supervisor.safety import initial_state, step
