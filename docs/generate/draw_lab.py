@@ -59,8 +59,8 @@ class Screen:
         except TimeoutError as error:
             raise TimeoutError("\n".join(self.screen.display)) from error
 
-    async def until_shows(self, *texts: str) -> pyte.Screen:
-        """Wait until the screen shows some texts, whatever the spaces between their words; return a copy of it.
+    async def until_shows(self, *texts: str) -> None:
+        """Wait until the screen shows some texts, whatever the spaces between their words.
 
         Raises:
             TimeoutError: it does not show them.
@@ -68,7 +68,6 @@ class Screen:
         await self._until(
             lambda: all(text in " ".join(" ".join(self.screen.display).split()) for text in texts)
         )
-        return copy.deepcopy(self.screen)
 
     async def run(self, *lines: str) -> None:
         """Type different lines into a shell, each when the one before has ended.
@@ -113,8 +112,9 @@ async def take_screens(endpoint: str) -> dict[str, pyte.Screen]:
             await operator.until_shows("DRIVING", "permitted +0.30")
             await echo.run(f"{LIFELINE} topic echo cmd_vel --once")
             await operator.until_shows("nearest 0.6")
-            screens["lab-teleop.png"] = await operator.until_shows("DRIVING", "measured +0.30")
-            await operator.until_shows("STOPPED", "permitted 0.00")
+            await operator.until_shows("DRIVING", "measured +0.30")
+            screens["lab-teleop.png"] = copy.deepcopy(operator.screen)
+            await operator.until_shows("OBSTACLE", "permitted 0.00")
             await echo.run(
                 f"{LIFELINE} topic echo teleop/cmd_vel --once --field linear.x",
                 f"{LIFELINE} topic echo cmd_vel --once --field linear.x",
