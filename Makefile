@@ -64,6 +64,7 @@ docs: $(STAMP) ## update the generated parts and the drawings of docs/
 	.venv/bin/python -m docs.generate.safety_law
 	.venv/bin/python -m docs.generate.draw_safety_law
 	.venv/bin/python -m docs.generate.draw_dashboard
+	.venv/bin/python -m docs.generate.draw_lab
 	.venv/bin/python -m docs.generate.crash_safety
 	.venv/bin/python -m docs.generate.draw_crash_safety
 

@@ -1,4 +1,4 @@
-"""Runs the real teleop in a pseudo-terminal, and emulates the terminal."""
+"""Runs the real teleop, or another command, in a pseudo-terminal, and emulates the terminal."""
 
 import asyncio
 import fcntl
@@ -51,21 +51,28 @@ class Terminal:
 
 
 @contextmanager
-def teleop(terminal: Terminal, *arguments: str) -> Generator[None]:
-    """Run `python -m teleop` in `terminal` while the context is open, then close the terminal."""
+def running(terminal: Terminal, *command: str, **environment: str) -> Generator[None]:
+    """Run a command in `terminal` while the context is open, then close the terminal."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "teleop", *arguments],
+        command,
         stdin=terminal.slave,
         stdout=terminal.slave,
         stderr=terminal.slave,
         start_new_session=True,
-        env=os.environ | {"TERM": "xterm-256color", "PYTHONIOENCODING": "utf-8"},
+        env=os.environ | {"TERM": "xterm-256color", "PYTHONIOENCODING": "utf-8"} | environment,
     )
     try:
         yield
     finally:
         end(process)
         terminal.close()
+
+
+@contextmanager
+def teleop(terminal: Terminal, *arguments: str) -> Generator[None]:
+    """Run `python -m teleop` in `terminal` while the context is open, then close the terminal."""
+    with running(terminal, sys.executable, "-m", "teleop", *arguments):
+        yield
 
 
 def end(process: "subprocess.Popen[bytes]") -> None:

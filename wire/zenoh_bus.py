@@ -375,7 +375,7 @@ class ZenohBus:
         self._declared.append(subscriber)
         return inbox
 
-    async def declarations(self, *, timeout_s: float = 1.0) -> dict[str, bytes]:
+    async def declarations(self, *, timeout_s: float = 3.0) -> dict[str, bytes]:
         """Return the hub's report of all sessions and their declarations, by key of Zenoh's admin space."""
 
         def ask() -> dict[str, bytes]:

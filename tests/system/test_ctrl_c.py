@@ -18,10 +18,6 @@ pytestmark = [pytest.mark.timeout(240), pytest.mark.timed]
 LIFELINE = str(Path(sys.executable).with_name("lifeline"))
 BOUND_S = 1.0
 """Generous, for a busy machine; the measured time is printed."""
-INTERPRETER_STARTS = b"init_import_site"
-"""On a busy machine, the interpreter may not yet have read a line of the command; its own traceback cannot be prevented."""
-COMPUTING_BOUND_S = 5.0
-"""For commands that use all cores, and render a frame at a time."""
 WORK_S = 1.0
 TAKEDOWN_S = 20.0
 """These commands have started a robot, and stop its processes first."""
@@ -75,7 +71,7 @@ async def took_s(
     _, errors = await asyncio.wait_for(said, PATIENCE_S)
     ended_s = time.monotonic() - began_s
     print(f"\n    measured: Ctrl-C ends lifeline {' '.join(arguments[:4])} in {1000 * ended_s:.0f} ms")
-    assert b"Traceback" not in errors or INTERPRETER_STARTS in errors, errors.decode()
+    assert b"Traceback" not in errors, errors.decode()
     assert process.returncode in ENDS, (arguments, errors)
     return ended_s
 
@@ -118,7 +114,7 @@ async def test_while_it_starts_or_waits_for_a_robot(tmp_path: Path, duration_s: 
 @pytest.mark.parametrize("duration_s", [0.5, 2.0, 4.0])
 async def test_at_work_alone(tmp_path: Path, duration_s: float) -> None:
     for arguments in ALONE:
-        assert await took_s(arguments, tmp_path, after(duration_s)) < COMPUTING_BOUND_S
+        assert await took_s(arguments, tmp_path, after(duration_s)) < BOUND_S
 
 
 @pytest.mark.parametrize("arguments", WITH_A_ROBOT_OF_ITS_OWN)

@@ -1,0 +1,154 @@
+"""Draws the four screenshots of docs/lab.md: `python -m docs.generate.draw_lab`.
+
+A robot with a state directory of its own runs, its keys are pressed, and the commands are typed into a shell.
+"""
+
+import asyncio
+import copy
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pyte
+
+from bench.terminal import Terminal, running, teleop
+from deploy.stack.launch import free_loopback_endpoint
+from docs.generate.terminal_picture import draw
+from wire.state_directory import ENVIRONMENT
+
+ROOT = Path(__file__).parents[2]
+IMAGES = ROOT / "docs" / "images"
+LIFELINE = ".venv/bin/lifeline"
+TELEOP_SIZE, SHELL_SIZE = (112, 31), (84, 40)
+"""Columns and rows."""
+PATIENCE_S = 60.0
+PROMPT = "$ "
+PILLAR = "{x: -1.5, y: 0}"
+"""In the world: 3 m ahead of the robot's start."""
+
+
+class Screen:
+    """A terminal with its emulated screen.
+
+    Args:
+        columns: width of the terminal.
+        rows: height of the terminal.
+    """
+
+    def __init__(self, columns: int, rows: int) -> None:
+        self.screen = pyte.Screen(columns, rows)
+        self._stream = pyte.ByteStream(self.screen)
+        self._changed = asyncio.Event()
+        self.terminal = Terminal(columns, rows, self._see)
+
+    def _see(self, output: bytes) -> None:
+        self._stream.feed(output)
+        self._changed.set()
+
+    async def _until(self, condition: Callable[[], bool]) -> None:
+        try:
+            async with asyncio.timeout(PATIENCE_S):
+                while not condition():
+                    self._changed.clear()
+                    await self._changed.wait()
+        except TimeoutError as error:
+            raise TimeoutError("\n".join(self.screen.display)) from error
+
+    async def until_shows(self, *texts: str) -> None:
+        """Wait until the screen shows some texts, whatever the spaces between their words.
+
+        Raises:
+            TimeoutError: it does not show them.
+        """
+        await self._until(
+            lambda: all(text in " ".join(" ".join(self.screen.display).split()) for text in texts)
+        )
+
+    async def run(self, *lines: str) -> None:
+        """Type different lines into a shell, each when the one before has ended.
+
+        Raises:
+            TimeoutError: one does not end.
+        """
+        await self._until(self._is_at_prompt)
+        for line in lines:
+            self.terminal.type(f"{line}\n")
+            await self._until(lambda row=f"{PROMPT}{line}": self._is_at_prompt() and row in self._rows())
+
+    def _is_at_prompt(self) -> bool:
+        return self._rows()[self.screen.cursor.y] == PROMPT.rstrip()
+
+    def _rows(self) -> list[str]:
+        return [row.rstrip() for row in self.screen.display]
+
+
+async def take_screens(endpoint: str) -> dict[str, pyte.Screen]:
+    """Do the lab's steps, and return the screens by the names of their pictures; the graph draws itself.
+
+    None is drawn on the way: teleop stops the robot when its terminal is not read for half a second.
+
+    Raises:
+        TimeoutError: a step did not end as expected.
+    """
+    screens: dict[str, pyte.Screen] = {}
+    operator = Screen(*TELEOP_SIZE)
+    with teleop(operator.terminal, "--endpoint", endpoint):
+        await operator.until_shows("READY")
+        with shell() as rates:
+            await rates.run(
+                f"{LIFELINE} node list",
+                f"{LIFELINE} topic hz scan odom cmd_vel --seconds 4",
+                f"{LIFELINE} topic delay scan odom cmd_vel --seconds 2",
+            )
+            screens["lab-rates.png"] = rates.screen
+        with shell() as echo:
+            await echo.run(f"{LIFELINE} topic pub sim/obstacle '{PILLAR}' --once")
+            operator.terminal.type("www")
+            await operator.until_shows("DRIVING", "permitted +0.30")
+            await echo.run(f"{LIFELINE} topic echo cmd_vel --once")
+            await operator.until_shows("nearest 0.6")
+            await operator.until_shows("DRIVING", "measured +0.30")
+            screens["lab-teleop.png"] = copy.deepcopy(operator.screen)
+            await operator.until_shows("OBSTACLE", "permitted 0.00")
+            await echo.run(
+                f"{LIFELINE} topic echo teleop/cmd_vel --once --field linear.x",
+                f"{LIFELINE} topic echo cmd_vel --once --field linear.x",
+            )
+            screens["lab-echo.png"] = echo.screen
+        with shell() as graph:
+            await graph.run(f"{LIFELINE} graph --out {IMAGES / 'lab-graph.png'}")
+    return screens
+
+
+@contextmanager
+def shell() -> Generator[Screen]:
+    """A shell at the project's root."""
+    made = Screen(*SHELL_SIZE)
+    bash = shutil.which("bash")
+    assert bash is not None
+    with running(made.terminal, bash, "--norc", "--noprofile", "-i", PS1=PROMPT):
+        yield made
+
+
+def main() -> None:
+    endpoint = free_loopback_endpoint()
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ[ENVIRONMENT] = folder
+        os.chdir(ROOT)
+        lifeline = (sys.executable, "-m", "deploy.cli")
+        try:
+            subprocess.run([*lifeline, "up", "--detach", "--no-viewer", "--endpoint", endpoint], check=True)
+            screens = asyncio.run(take_screens(endpoint))
+        finally:
+            subprocess.run([*lifeline, "down"], check=True)
+    for name, screen in screens.items():
+        draw(screen, IMAGES / name)
+
+
+if __name__ == "__main__":
+    main()
