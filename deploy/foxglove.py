@@ -55,13 +55,14 @@ TRANSFORMS, SCENE = "/tf", "/scene"
 """Topics of the drawing. A robot's topics have at least two parts, so none of them has such a name."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Forwarded:
     """A topic of the robot, and its channel."""
 
     topic: Topic[Any]
-    subscription: Subscription[Any]
     channel: sdk.Channel
+    subscription: Subscription[Any] | None = None
+    """None until the robot is reached."""
 
 
 def foxglove(launch: Launch, listen: str) -> NoReturn:
@@ -72,6 +73,8 @@ def foxglove(launch: Launch, listen: str) -> NoReturn:
     """
     config = _read(launch)
     context = sdk.Context()
+    # Before the server starts: the SDK refuses a client that subscribes at the moment when a channel is added.
+    bridge = Bridge(launch, config, context)
     server = start(context, launch.bus.namespace, listen)
     host = parse_listen(listen)[0]
 
@@ -82,7 +85,7 @@ def foxglove(launch: Launch, listen: str) -> NoReturn:
         )
         if not is_loopback(host):
             print("lifeline: other machines can read the messages, without a password", flush=True)
-        await run_connected(launch.bus, stop, lambda bus: Bridge(launch, config, bus, context).run(stop))
+        await run_connected(launch.bus, stop, lambda bus: bridge.run(bus, stop))
         server.stop()
         return 0
 
@@ -137,10 +140,8 @@ def _read(launch: Launch) -> SupervisorSection:
 class Bridge:
     """Forwards the messages of a robot to the channels of a context, and draws its frames, hull and rings."""
 
-    def __init__(
-        self, launch: Launch, config: SupervisorSection, bus: ZenohBus, context: sdk.Context
-    ) -> None:
-        self._launch, self._bus, self._context = launch, bus, context
+    def __init__(self, launch: Launch, config: SupervisorSection, context: sdk.Context) -> None:
+        self._launch, self._context = launch, context
         self._config: SupervisorSection = config
         # One offset for all messages: a step of the wall clock does not reorder them.
         self._wall_ns = time.time_ns() - round(time.monotonic() * 1e9)
@@ -150,17 +151,19 @@ class Bridge:
         self._forwarded: dict[str, Forwarded] = {}
         self._scans: dict[str, bytes] = {}
         """The last scan of each lidar since the last drawing."""
-        self._strangers = HeardSources(bus.hear_sources(), (source.name for source in config.sources))
         self._run: bytes | None = None
         """The run of the supervisor, as in its stamps."""
         self._add_configured()
 
-    async def run(self, stop: asyncio.Event) -> None:
+    async def run(self, bus: ZenohBus, stop: asyncio.Event) -> None:
         """Forward until `stop`."""
         draw_s = time.monotonic()
+        strangers = HeardSources(bus.hear_sources(), (source.name for source in self._config.sources))
         while not stop.is_set():
-            self._add(map(topics.source_cmd_vel, self._strangers.take_new()))
+            self._add(map(topics.source_cmd_vel, strangers.take_new()))
             for one in list(self._forwarded.values()):
+                if one.subscription is None:
+                    one.subscription = bus.subscribe(one.topic, depth=DEPTH)
                 for arrival in one.subscription.take_raw():
                     if len(arrival.payload) <= MAX_PAYLOAD_BYTES:
                         self._forward(one, arrival)
@@ -221,7 +224,7 @@ class Bridge:
         self._add(known_topics(sources, (lidar.topic for lidar in self._config.all_lidars())))
 
     def _add(self, added: Iterable[Topic[Any]]) -> None:
-        """Subscribe to topics and offer them to the clients."""
+        """Offer topics to the clients; `run` subscribes to them."""
         for topic in added:
             if topic.key in self._forwarded:
                 continue
@@ -233,7 +236,7 @@ class Bridge:
             channel = sdk.Channel(
                 name, schema=schema, message_encoding=MESSAGE_ENCODING, context=self._context
             )
-            self._forwarded[topic.key] = Forwarded(topic, self._bus.subscribe(topic, depth=DEPTH), channel)
+            self._forwarded[topic.key] = Forwarded(topic, channel)
 
     def _time_ns(self, monotonic_s: float) -> int:
         return self._wall_ns + round(monotonic_s * 1e9)

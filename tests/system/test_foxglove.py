@@ -101,11 +101,12 @@ async def standing(tmp_path: Path) -> AsyncGenerator[tuple[Robot, Served]]:
 
 @asynccontextmanager
 async def subscribed(server: Served, *names: str) -> AsyncGenerator[FoxgloveClient]:
-    async with asyncio.timeout(PATIENCE_S), foxglove_client(server.address) as client:
-        await client.until_advertised(*names)
-        await client.subscribe(*names)
-        for name in names:
-            await client.next_of(name)
+    async with foxglove_client(server.address) as client:
+        async with asyncio.timeout(PATIENCE_S):
+            await client.until_advertised(*names)
+            await client.subscribe(*names)
+            for name in names:
+                await client.next_of(name)
         yield client
 
 
@@ -273,7 +274,6 @@ async def socket_that_never_reads(server: Served) -> AsyncGenerator[tuple[asynci
         client.connection.transport.abort()
 
 
-@pytest.mark.timed
 async def test_after_a_restart_of_the_supervisor_its_new_configuration_is_drawn(tmp_path: Path) -> None:
     file = tmp_path / "robot.toml"
     file.write_text("[supervisor]\nstop_distance_m = 0.30\n")
@@ -293,6 +293,20 @@ async def test_after_a_restart_of_the_supervisor_its_new_configuration_is_drawn(
             await client.next_of(STATUS)
             _, code, errors = await server.interrupted()
     assert (code, errors) == (0, b"")
+
+
+async def test_a_server_that_starts_first_serves_as_soon_as_the_supervisor_runs(tmp_path: Path) -> None:
+    endpoint = free_endpoint()
+    async with served(endpoint) as server:
+        async with foxglove_client(server.address):
+            pass  # the next client must not depend on this one
+        subject = Robot(endpoint, tmp_path)
+        try:
+            subject.start(topics.SUPERVISOR)
+            async with subscribed(server, STATUS, CMD_VEL):
+                pass
+        finally:
+            subject.kill(topics.SUPERVISOR)
 
 
 async def test_a_server_without_a_supervisor_ends_at_once(tmp_path: Path) -> None:
