@@ -193,7 +193,7 @@ def _print(console: Console, file: Path, report: Report) -> None:
 
 
 def _lidar_table(report: Report) -> Table:
-    table = Table(title="lidars", title_justify="left")
+    table = Table(title="lidars", title_justify="left", box=None, padding=(0, 1, 0, 0))
     for heading in (
         "name",
         "topic",
@@ -205,7 +205,7 @@ def _lidar_table(report: Report) -> Table:
         "period",
         "timeout",
     ):
-        table.add_column(heading)
+        table.add_column(heading, overflow="fold", no_wrap=heading not in {"mount x, y, yaw", "view"})
     for lidar, (view, _) in zip(report.config.all_lidars(), report.lidars, strict=True):
         gaps = view.beams - 1
         table.add_row(

@@ -179,7 +179,14 @@ def topic_delay(
 @topic_app.command("pub")
 def topic_pub(
     *,
-    key: Name,
+    key: Annotated[
+        str,
+        typer.Argument(
+            metavar="KEY",
+            help="Name of a topic, such as estop or path/cmd_vel.",
+            autocompletion=topic_names,
+        ),
+    ],
     message: Annotated[
         str,
         typer.Argument(metavar="YAML", help="The message, such as '{linear: {x: 0.1}}'; the rest is zero."),

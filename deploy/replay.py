@@ -237,13 +237,14 @@ def _print(document: Document, found: Replay) -> None:
 
 
 def _timeline(phases: Sequence[Phase], stop_s: float) -> Table:
-    table = Table()
-    table.add_column("s from the stop", justify="right", no_wrap=True)
-    table.add_column("for s", justify="right", no_wrap=True)
-    for name in ("mode", "reasons", "owner"):
-        table.add_column(name)
-    for name in ("commanded m/s, rad/s", "permitted m/s, rad/s", "nearest m"):
-        table.add_column(name, no_wrap=True)
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))  # fits into 80 columns
+    for name in ("s from\nthe stop", "for s"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("mode", no_wrap=True)
+    table.add_column("owner", overflow="fold")
+    for name in ("commanded\nm/s, rad/s", "permitted\nm/s, rad/s", "nearest\nm"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("reasons", overflow="fold")
     for i, phase in enumerate(phases):
         end_s = phases[i + 1].first_s if i + 1 < len(phases) else phase.last_s
         first, last = phase.first, phase.last
@@ -252,11 +253,11 @@ def _timeline(phases: Sequence[Phase], stop_s: float) -> Table:
             f"{phase.first_s - stop_s + 0.0:+.3f}",
             f"{end_s - phase.first_s:.3f}",
             Text(first.mode.name, style=COLOURS[first.mode]),
-            f"{reasons}{_reply(first.reset_reply)}".strip(),
             first.owner,
             _span(_twist(first.commanded), _twist(last.commanded)),
             _span(_twist(first.output), _twist(last.output)),
             _span(f"{first.nearest_m:.2f}", f"{last.nearest_m:.2f}"),
+            f"{reasons}{_reply(first.reset_reply)}".strip(),
         )
     return table
 
@@ -271,7 +272,7 @@ def _twist(velocity: Velocity) -> str:
 
 
 def _span(first: str, last: str) -> str:
-    return first if first == last else f"{first} → {last}"
+    return first if first == last else f"{first}\n→ {last}"
 
 
 def _verdict(document: Document, found: Replay, stop_s: float) -> Text:
