@@ -242,7 +242,7 @@ def _timeline(phases: Sequence[Phase], stop_s: float) -> Table:
     table.add_column("for s", justify="right", no_wrap=True)
     for name in ("mode", "reasons", "owner"):
         table.add_column(name)
-    for name in ("commanded m/s, rad/s", "permitted m/s, rad/s", "nearest m"):
+    for name in ("requested m/s, rad/s", "permitted m/s, rad/s", "nearest m"):
         table.add_column(name, no_wrap=True)
     for i, phase in enumerate(phases):
         end_s = phases[i + 1].first_s if i + 1 < len(phases) else phase.last_s
