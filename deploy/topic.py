@@ -114,7 +114,7 @@ def show_info(launch: Launch, name: str, seconds: float, *, as_json: bool) -> No
         writing = [node for node in nodes if key in node.session.writes]
         reading = [node for node in nodes if node.reads(key)]
         if topic is None and heard is None and not writing and not reading:
-            raise DeployError(f"nobody declares or writes {key}: see `lifeline topic list`")
+            raise DeployError(f"no program declares or writes {key}: see `lifeline topic list`")
         problem = _problem(entry)
         if as_json:
             document = entry.to_json() | {

@@ -1,4 +1,4 @@
-"""`lifeline topic pub`: publish on the topics that belong to the caller."""
+"""`lifeline topic pub`: publish on topics that are open to tools."""
 
 import asyncio
 from typing import Any, NoReturn
@@ -18,7 +18,7 @@ ARM_S = 1.0
 
 
 def publish(launch: Launch, name: str, text: str, rate_hz: float | None, *, once: bool) -> NoReturn:
-    """Publish a message on a topic that belongs to the caller, once or until Ctrl-C."""
+    """Publish a message on a topic that is open to tools, once or until Ctrl-C."""
 
     async def body(robot: Robot) -> int:
         key = robot.key(name)
@@ -38,7 +38,9 @@ def publish(launch: Launch, name: str, text: str, rate_hz: float | None, *, once
                 f"commands older than {limit_s:g} s stop the robot: choose --rate {2 / limit_s:.0f} or more"
             )
         if once:
-            raise DeployError(f"{key} is a stream of commands: a single one moves nothing; leave out --once")
+            raise DeployError(
+                f"{key} needs a stream of commands, because one command does not move the robot: leave out --once"
+            )
         return await _publish_as(robot, source, message, period_s)
 
     inspect(launch, body)

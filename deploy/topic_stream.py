@@ -1,4 +1,4 @@
-"""`lifeline topic echo`, `hz`, `bw` and `delay`: the messages of some topics, and figures on them, as they arrive."""
+"""`lifeline topic echo`, `hz`, `bw` and `delay`: print the messages of topics, or their rates, sizes and ages."""
 
 import asyncio
 import json
