@@ -151,7 +151,7 @@ def _summary(incident: Incident) -> Table:
     table.add_row("speed", Text("no odometry" if velocity is None else f"{_speed(velocity)}, by odometry"))
     if rest is not None:
         table.add_row(
-            "braking", Text(f"{rest.distance_m:.3f} m in {rest.to_standstill_s:.2f} s, by odometry")
+            "stopping", Text(f"{rest.distance_m:.3f} m in {rest.to_standstill_s:.2f} s, by odometry")
         )
     if incident.left_out:
         table.add_row("left out", Text(f"{incident.left_out:,} older steps, for lack of space"))

@@ -133,7 +133,7 @@ def draw_sigkill(path: Path, seen: Seen) -> None:
     whole.text(0.015, 0.77, "SIGKILL", color=RED, fontsize=10)
     whole.axvline(AGAIN_S - KILL_S, color=GREY, lw=1.2, ls=(0, (4, 3)))
     whole.text(
-        AGAIN_S - KILL_S + 0.015, 0.77, "started again:\nnothing moves", color=INK, fontsize=9, va="top"
+        AGAIN_S - KILL_S + 0.015, 0.77, "teleop restarted:\nno motion", color=INK, fontsize=9, va="top"
     )
     near.text(1000 * zero_s + 1.5, 0.1, f"zero after\n{1000 * zero_s:.1f} ms", color=INK, fontsize=9)
     whole.set_xlabel("time since the kill [s]")
