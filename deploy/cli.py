@@ -32,7 +32,7 @@ from wire.extras import require
 
 app = typer.Typer(
     name="lifeline",
-    help="A safety supervisor for teleoperated robots: start it, check it, break it, and replay its stops.",
+    help="A safety supervisor for teleoperated robots: start it, inspect it, inject faults, and replay its stops.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,

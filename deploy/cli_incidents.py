@@ -8,7 +8,7 @@ import typer
 from deploy.command import Config, Json, StatePath, exit_with, running
 
 incidents_app = typer.Typer(
-    help="Read the black boxes of a robot: the last seconds before each stop of the moving robot.",
+    help="List, show and export black boxes: the recordings of the time around each stop of a moving robot.",
     no_args_is_help=True,
 )
 

@@ -16,11 +16,11 @@ node_app = typer.Typer(help="Inspect the nodes of a running robot.", no_args_is_
 
 Name = Annotated[
     str,
-    typer.Argument(metavar="KEY", help="Name of a topic, such as cmd_vel.", autocompletion=topic_names),
+    typer.Argument(metavar="TOPIC", help="Name of a topic, such as cmd_vel.", autocompletion=topic_names),
 ]
 Names = Annotated[
     list[str],
-    typer.Argument(metavar="KEY…", help="Names of topics, such as cmd_vel.", autocompletion=topic_names),
+    typer.Argument(metavar="TOPIC…", help="Names of topics, such as cmd_vel.", autocompletion=topic_names),
 ]
 Listen = Annotated[
     float, typer.Option("--seconds", min=0.1, max=3600.0, metavar="S", help="Listening time in s.")
@@ -42,7 +42,7 @@ def topic_list(
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
 ) -> None:
-    """List all topics with their types, permitted writers, actual writers and rates, and all foreign keys."""
+    """List all topics with their types, permitted writers, actual writers and rates, then all other keys."""
 
     def run() -> int:
         from deploy.topic import show_list  # noqa: PLC0415
@@ -244,7 +244,7 @@ def node_info(
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
 ) -> None:
-    """Print a node's process, and the keys that it writes, reads and serves, with their rates."""
+    """Print a node's process, and the topics that it writes, reads and serves, with their rates."""
 
     def run() -> int:
         from deploy.node import show_info  # noqa: PLC0415

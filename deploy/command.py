@@ -1,4 +1,4 @@
-"""What the definitions of all commands share: their common options, and how a command ends."""
+"""The common options of all commands, and how a command ends."""
 
 import json
 import sys

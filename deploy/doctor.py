@@ -35,7 +35,7 @@ from wire.process import run_process
 
 PACKAGES = ("eclipse-zenoh", "numpy", "pydantic", "rich", "rosbags", "typer")
 KEY_REPLY_S = 0.3
-"""How long a terminal may take to say whether it reports key releases."""
+"""Time limit for the terminal's answer whether it reports key releases."""
 COLOURS = {Verdict.OK: "green", Verdict.NOTE: "yellow", Verdict.PROBLEM: "bold red"}
 MARKS = {Verdict.OK: "ok", Verdict.NOTE: "note", Verdict.PROBLEM: "PROBLEM"}
 
@@ -146,7 +146,7 @@ def _terminal() -> Terminal | None:
 
 
 def _reports_releases(descriptor: int) -> bool | None:
-    """Ask the terminal for the flags of the kitty keyboard protocol, then for its attributes, which every one answers."""
+    """Ask the terminal for the flags of the kitty keyboard protocol, then for its attributes, which every terminal answers."""
     before = termios.tcgetattr(descriptor)
     answer = b""
     try:

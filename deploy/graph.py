@@ -36,7 +36,7 @@ def show_graph(launch: Launch, out: Path | None, seconds: float, *, as_json: boo
         elif out is None:
             print(text_of(names, wires))
         else:
-            print(f"lifeline: {out}: {len(names)} nodes, {len(wires)} connections")
+            print(f"lifeline: {out}: {len(names)} nodes, {len(wires)} topics")
         return 0
 
     inspect(launch, body)

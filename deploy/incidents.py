@@ -27,7 +27,7 @@ EXIT_INCOMPLETE = 1
 ROW_S = 0.25
 """Time between two rows of the table; a change of the mode or the reasons begins another row."""
 TURN_RAD_S = 0.1
-"""The table has no turn rates if all are slower: the noise of odometry is."""
+"""The table shows turn rates only if one is at least this fast, because odometry contains noise."""
 NOISE_M = 0.02
 """Noise of the nearest distance."""
 MAX_ROWS = 200
@@ -151,7 +151,7 @@ def _summary(incident: Incident) -> Table:
     table.add_row("speed", Text("no odometry" if velocity is None else f"{_speed(velocity)}, by odometry"))
     if rest is not None:
         table.add_row(
-            "braking", Text(f"{rest.distance_m:.3f} m in {rest.to_standstill_s:.2f} s, by odometry")
+            "stopping", Text(f"{rest.distance_m:.3f} m in {rest.to_standstill_s:.2f} s, by odometry")
         )
     if incident.left_out:
         table.add_row("left out", Text(f"{incident.left_out:,} older steps, for lack of space"))
@@ -161,7 +161,7 @@ def _summary(incident: Incident) -> Table:
 
 
 def _is_turn(samples: Sequence[Sample]) -> bool:
-    """Return whether the robot was commanded to turn on the spot and nothing else."""
+    """Return whether the robot was requested to turn on the spot and nothing else."""
     return all(sample.commanded.linear_m_s == 0.0 for sample in samples) and any(
         sample.commanded.angular_rad_s != 0.0 for sample in samples
     )
@@ -206,7 +206,7 @@ def _table(samples: Sequence[Sample]) -> Table:
     table = Table(box=None, pad_edge=False)
     table.add_column("s", justify="right", no_wrap=True)
     table.add_column("mode", no_wrap=True)
-    for name in ("commanded", "permitted", "measured", "nearest"):
+    for name in ("requested", "permitted", "measured", "nearest"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("reasons", overflow="fold")
     table.add_row("", "", *["m/s, rad/s" if turns else "m/s"] * 3, "m", "", style="dim")
@@ -250,14 +250,19 @@ def _plots(incident: Incident, width: int, *, turns: bool) -> Iterator[Text]:
         return [nan if velocity is None else velocity[turns] for velocity in velocities]
 
     speeds = (
-        Series("commanded", "·", "cyan", values(sample.commanded for sample in samples)),
+        Series("requested", "·", "cyan", values(sample.commanded for sample in samples)),
         Series("permitted", "─", "yellow", values(sample.permitted for sample in samples)),
         Series("measured", "●", "bold green", values(sample.measured for sample in samples)),
     )
     title = "turn rate, rad/s" if turns else "speed, m/s"
     yield plot(title, times_s, speeds, width=width, height=PLOT_HEIGHT)
     distances = (
-        Series("stop distance", "─", "red", [incident.stop_distance_m] * len(samples)),
+        Series(
+            f"stop distance {incident.stop_distance_m:.2f}",
+            "─",
+            "red",
+            [incident.stop_distance_m] * len(samples),
+        ),
         Series("nearest", "●", "bold magenta", [sample.nearest_m for sample in samples]),
     )
     yield plot("distance, m", times_s, distances, width=width, height=PLOT_HEIGHT)

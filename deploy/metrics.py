@@ -1,4 +1,4 @@
-"""`lifeline metrics`: serve what is counted of one robot to Prometheus over HTTP. It publishes nothing on the bus."""
+"""`lifeline metrics`: serve counters and timings of one robot to Prometheus over HTTP. It publishes nothing on the bus."""
 
 import asyncio
 import math

@@ -1,4 +1,4 @@
-"""The accounting of `lifeline metrics`: statuses, odometry and arrivals in, counters and histograms out.
+"""The accounting of `lifeline metrics`: counters and histograms of statuses, odometry and arrivals.
 
 Counters never decrease, also if the supervisor restarts and its own counts begin at zero again.
 """
@@ -16,11 +16,11 @@ from wire.stamp import Stamp
 
 AGE_BOUNDS_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 GAP_BOUNDS_S = (0.005, 0.01, 0.02, 0.03, 0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.3, 0.5, 1.0, 2.0)
-"""Contain the time limits of the default configuration: 0.15, 0.2, 0.25 and 0.3 s."""
+"""Bounds of the buckets; they contain the time limits of the default configuration: 0.15, 0.2, 0.25 and 0.3 s."""
 
 REASONS = frozenset(str(reason) for reason in StopReason)
 UNKNOWN = "UNKNOWN"
-"""The reason under which all names are counted that this version does not know."""
+"""Name under which the reasons that this version does not know are counted."""
 
 MAX_SOURCES = 64
 """Maximum number of command sources that are counted, because each adds series to the database."""
@@ -110,7 +110,7 @@ class RunCounters:
 
 @dataclass(slots=True)
 class Account:
-    """All that was counted of one robot; times are by the monotonic clock [s]."""
+    """All counters of one robot; times are by the monotonic clock [s]."""
 
     stops: Counter[str] = field(default_factory=lambda: Counter(dict.fromkeys((*REASONS, UNKNOWN), 0)))
     """Rising edges of each stop reason. The reasons of the first status that is heard are older than the account."""

@@ -242,7 +242,7 @@ def _timeline(phases: Sequence[Phase], stop_s: float) -> Table:
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("mode", no_wrap=True)
     table.add_column("owner", overflow="fold")
-    for name in ("commanded\nm/s, rad/s", "permitted\nm/s, rad/s", "nearest\nm"):
+    for name in ("requested\nm/s, rad/s", "permitted\nm/s, rad/s", "nearest\nm"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("reasons", overflow="fold")
     for i, phase in enumerate(phases):

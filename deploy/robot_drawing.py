@@ -1,4 +1,4 @@
-"""What a 3D view needs beside a robot's messages: the transforms between its frames, its hull and its rings. Pure."""
+"""The transforms between a robot's frames, its hull and its rings, for a 3D view. Pure."""
 
 import math
 from collections.abc import Iterator

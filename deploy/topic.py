@@ -92,7 +92,7 @@ def _list_table(found: Iterable[Entry]) -> Table:
         table.add_column(name, overflow="fold")
     table.add_column("Hz", justify="right")
     for entry in found:
-        is_wrong = bool(entry.permitted) and entry.permitted not in ANYONE and len(entry.writers) > 1
+        is_wrong = bool(entry.permitted) and entry.permitted != ANYONE and len(entry.writers) > 1
         table.add_row(
             Text(printable(entry.key)),
             entry.type.rpartition("/")[2] or Text("unknown", style="dim"),
@@ -114,7 +114,7 @@ def show_info(launch: Launch, name: str, seconds: float, *, as_json: bool) -> No
         writing = [node for node in nodes if key in node.session.writes]
         reading = [node for node in nodes if node.reads(key)]
         if topic is None and heard is None and not writing and not reading:
-            raise DeployError(f"nobody declares or writes {key}: see `lifeline topic list`")
+            raise DeployError(f"no program declares or writes {key}: see `lifeline topic list`")
         problem = _problem(entry)
         if as_json:
             document = entry.to_json() | {
@@ -132,7 +132,7 @@ def show_info(launch: Launch, name: str, seconds: float, *, as_json: bool) -> No
 
 
 def _problem(entry: Entry) -> str:
-    if not entry.permitted or entry.permitted in ANYONE or len(entry.writers) < 2:
+    if not entry.permitted or entry.permitted == ANYONE or len(entry.writers) < 2:
         return ""
     return (
         f"{len(entry.writers)} programs write {entry.key}, but only one may: stop all but {entry.permitted}"

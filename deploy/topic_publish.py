@@ -1,4 +1,4 @@
-"""`lifeline topic pub`: publish on the topics that belong to the caller."""
+"""`lifeline topic pub`: publish on topics that are open to tools."""
 
 import asyncio
 from typing import Any, NoReturn
@@ -18,7 +18,7 @@ ARM_S = 1.0
 
 
 def publish(launch: Launch, name: str, text: str, rate_hz: float | None, *, once: bool) -> NoReturn:
-    """Publish a message on a topic that belongs to the caller, once or until Ctrl-C."""
+    """Publish a message on a topic that is open to tools, once or until Ctrl-C."""
 
     async def body(robot: Robot) -> int:
         key = robot.key(name)
@@ -38,7 +38,9 @@ def publish(launch: Launch, name: str, text: str, rate_hz: float | None, *, once
                 f"commands older than {limit_s:g} s stop the robot: choose --rate {2 / limit_s:.0f} or more"
             )
         if once:
-            raise DeployError(f"{key} is a stream of commands: a single one moves nothing; leave out --once")
+            raise DeployError(
+                f"{key} needs a stream of commands, because one command does not move the robot: leave out --once"
+            )
         return await _publish_as(robot, source, message, period_s)
 
     inspect(launch, body)
@@ -52,7 +54,7 @@ def may_publish(key: str, topic: Topic[Any] | None, robot: Robot) -> str | None:
     """
     if topic is None:
         raise DeployError(f"{key} is not a topic of this robot: see `lifeline topic list`")
-    if topic.writer in ANYONE:
+    if topic.writer == ANYONE:
         return None
     relative = key.removeprefix(f"{robot.namespace}/")
     source = topics.source_of(relative)
@@ -71,6 +73,7 @@ async def _publish(robot: Robot, topic: Topic[Any], message: Message, period_s: 
     publisher.put(message)
     if once:
         await robot.bus.close()  # the message is sent before the session ends
+        print(f"lifeline: published on {robot.namespace}/{topic.key}", flush=True)
         return 0
     while not robot.stop.is_set():
         await wait_until(robot.stop, asyncio.get_running_loop().time() + period_s)

@@ -1,8 +1,9 @@
-"""`lifeline topic echo`, `hz`, `bw` and `delay`: the messages of some topics, and figures on them, as they arrive."""
+"""`lifeline topic echo`, `hz`, `bw` and `delay`: print the messages of topics, or their rates, sizes and ages."""
 
 import asyncio
 import json
 import math
+import sys
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
@@ -26,6 +27,8 @@ from wire.messages import UndecodableError, decode
 from wire.topics import Topic
 
 REPORT_PERIOD_S = 1.0
+HINT_S = 2.0
+"""How long `topic echo` waits for a first message before it says so."""
 HEX_BYTES = 64
 """How much of a payload of unknown type is printed."""
 
@@ -46,7 +49,10 @@ def echo(launch: Launch, names: Sequence[str], wanted: Echo) -> NoReturn:
     async def body(robot: Robot) -> int:
         keys = [robot.key(name) for name in names]
         with_header: set[str] = set()
+        silent = set(keys)
+        asyncio.get_running_loop().call_later(HINT_S, _note_silence, robot, silent)
         async for sample in _samples(robot, keys):
+            silent.discard(sample.key)
             value = value_of(sample, robot.topic(sample.key))
             if wanted.field:
                 try:
@@ -59,6 +65,16 @@ def echo(launch: Launch, names: Sequence[str], wanted: Echo) -> NoReturn:
         return 0
 
     inspect(launch, body)
+
+
+def _note_silence(robot: Robot, silent: set[str]) -> None:
+    """Name the topics on which nothing has been heard, on standard error."""
+    for key in sorted(silent):
+        what = "" if robot.topic(key) is not None else ", which is not a topic of this robot"
+        print(
+            f"lifeline: nothing heard on {key}{what}: see `lifeline topic list`; still listening",
+            file=sys.stderr,
+        )
 
 
 async def _samples(robot: Robot, keys: Sequence[str]) -> AsyncIterator[Overheard]:

@@ -64,9 +64,10 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool, as_json: bool
                 interrupts.ignore()
         finally:
             if not keep:
-                takedown.stop(state)
+                stopped = takedown.stop(state)
                 with suppress(OSError):  # the terminal may be closed
-                    say("everything is stopped")
+                    if stopped.names:
+                        say("everything is stopped")
 
 
 def _document(state: StateDir, launch: Launch, *, is_latched: bool) -> dict[str, Any]:

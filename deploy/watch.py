@@ -26,7 +26,7 @@ ONCE_LIMIT_S = 2.0
 RETRY_S = 1.0
 CLOSE_LIMIT_S = 0.1
 DEPTH = 64
-"""Statuses kept between two looks; the supervisor sends far fewer."""
+"""Maximum number of statuses kept between two updates; the supervisor sends far fewer."""
 EXIT_PARTLY = 1
 
 

@@ -1,4 +1,4 @@
-"""The rows of `lifeline watch`: what is known of each robot at a moment, as a table and as JSON lines."""
+"""The rows of `lifeline watch`: the state of each robot at a moment, as a table and as JSON lines."""
 
 import json
 from collections.abc import Iterable
@@ -12,7 +12,7 @@ from deploy.stack.formatting import COLOURS, HEARD_LIMIT_S, mode_name, nearest, 
 from wire.messages import Odometry, SafetyStatus, Twist
 
 LINE_PERIOD_S = 0.85
-"""Maximum time between two JSON lines of a robot; with the period of the look (0.1 s) still below 1 s."""
+"""Maximum time between two JSON lines of a robot; with the update period (0.1 s) added, it is still below 1 s."""
 
 COLUMNS = ("robot", "mode", "reasons", "owner", "speed", "nearest", "link")
 NOTHING = "–"
@@ -21,7 +21,7 @@ NO_SUPERVISOR = "no supervisor"
 
 @dataclass(slots=True)
 class Watched:
-    """What was last heard of one robot; times are arrival times by the monotonic clock [s]."""
+    """The last messages of one robot; times are arrival times by the monotonic clock [s]."""
 
     namespace: str
     endpoint: str
@@ -52,7 +52,7 @@ class Row(NamedTuple):
 
 
 def row_at(robot: Watched, now_s: float) -> Row:
-    """Return the row of a robot at `now_s`; what is older than `HEARD_LIMIT_S` is not shown as present."""
+    """Return the row of a robot at `now_s`; values older than `HEARD_LIMIT_S` count as unknown."""
     age_s = None if robot.status is None else max(0.0, now_s - robot.status_s)
     heard = age_s is not None and age_s <= HEARD_LIMIT_S
     recent = robot.odometry is not None and now_s - robot.odometry_s <= HEARD_LIMIT_S

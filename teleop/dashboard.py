@@ -19,7 +19,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
-from teleop.display import asked_text, render, signed
+from teleop.display import render, requested_text, signed
 from teleop.help_page import help_page
 from teleop.pilot import amounts
 from teleop.top_view import Scale, draw_top_view, scale_of
@@ -269,10 +269,10 @@ def _velocities(view: View, columns: int, glyphs: Glyphs) -> list[Line]:
     head = (_label("velocity"), Segment(f"{'forward m/s':<{half}}{'turn rad/s':<{half}}", Tone.DIM))
     status, odom = view.status, view.odom
     if view.control is Control.VIEW_ONLY:
-        asked = None if status is None else (status.commanded.linear.x, status.commanded.angular.z)
-        rows = [_velocity_row("asked", view, asked, asked, half, glyphs, is_old=is_silent(view))]
+        requested = None if status is None else (status.commanded.linear.x, status.commanded.angular.z)
+        rows = [_velocity_row("requested", view, requested, requested, half, glyphs, is_old=is_silent(view))]
     else:
-        rows = [_velocity_row("asked", view, view.wanted, view.sent, half, glyphs)]
+        rows = [_velocity_row("requested", view, view.wanted, view.sent, half, glyphs)]
     permitted = None if status is None else (status.permitted.linear.x, status.permitted.angular.z)
     measured = None if odom is None else (odom.linear_m_s, odom.angular_rad_s)
     rows += [
@@ -483,10 +483,10 @@ def _too_small(view: View, columns: int, rows: int, glyphs: Glyphs) -> list[Line
     reason = (Segment(why[:columns], Tone.DIM),)
     if not view.help:
         return [line, reason][:rows]
-    asked = asked_text(view, unicode=glyphs.unicode)
+    requested = requested_text(view, unicode=glyphs.unicode)
     state = [line]
-    if view.control is not Control.VIEW_ONLY and not line[0].text.startswith(asked):
-        state.append((Segment(asked[:columns]),))
+    if view.control is not Control.VIEW_ONLY and not line[0].text.startswith(requested):
+        state.append((Segment(requested[:columns]),))
     page = help_page(_our_rows(view.help, glyphs), columns, rows - len(state))
     return [*state, *page, reason][:rows]
 

@@ -23,14 +23,19 @@ def render(view: View, width: int, *, unicode: bool = True) -> Line:
         unicode: False: only ASCII.
     """
     omega = "ω" if unicode else "w"
-    asked = Segment(f"{asked_text(view, unicode=unicode)} | ")
+    requested = Segment(f"{requested_text(view, unicode=unicode)} | ")
     news, short_news, nearest = _news(view, omega), _news(view, omega, short=True), _nearest(view)
-    candidates: list[Line] = [(asked, news, *nearest), (asked, news), (asked, short_news), (short_news,)]
+    candidates: list[Line] = [
+        (requested, news, *nearest),
+        (requested, news),
+        (requested, short_news),
+        (short_news,),
+    ]
     fitting = next((line for line in candidates if columns_of(line) <= width), None)
     return (_cut(short_news, width, ELLIPSIS if unicode else "."),) if fitting is None else fitting
 
 
-def asked_text(view: View, *, unicode: bool = True) -> str:
+def requested_text(view: View, *, unicode: bool = True) -> str:
     """Return the requested velocity with its units."""
     omega = "ω" if unicode else "w"
     return f"v {signed(view.wanted.linear_m_s)} m/s {omega} {signed(view.wanted.angular_rad_s)} rad/s"

@@ -170,7 +170,7 @@ def _driving(view: View, status: SafetyStatus) -> tuple[str, str]:
     if view.control is Control.VIEW_ONLY:
         return f"{owner} drives", ""
     if status.owner in ("", view.source):
-        return "as commanded", "SPACE is the emergency stop"
+        return "as requested", "SPACE is the emergency stop"
     own, other = view.own, _source(status, status.owner)
     if own is not None and other is not None and own.priority > other.priority:
         return f"{owner} drives, not you", "command motion to take over; SPACE is the emergency stop"
@@ -181,7 +181,7 @@ def _limited(view: View, status: SafetyStatus) -> News:
     who, step = _driving(view, status)
     why = f": {_detail(status)}" if status.causes and status.detail else _where(status)
     what = f"slowed to {status.scale:.0%}{why}" if status.scale > 0.0 else f"held at zero{why}"
-    if who != "as commanded":
+    if who != "as requested":
         return News("LIMITED", f"{who}; {what}", step, Tone.CAUTION)
     return News("LIMITED", what, "steer away from it, or slow down", Tone.CAUTION)
 

@@ -48,10 +48,13 @@ class Service:
 
 CMD_VEL = Topic("cmd_vel", Twist, "supervisor", 50.0)
 SCAN = Topic("scan", LaserScan, "sim", 20.0)
+ANYONE = "anyone"
+"""The writer of topics that any program may write."""
+
 ODOM = Topic("odom", Odometry, "sim", 50.0)
 STATUS = Topic("supervisor/status", SafetyStatus, "supervisor", 10.0)
-ESTOP = Topic("estop", Bool, "anyone", None)
-OBSTACLE = Topic("sim/obstacle", Point, "tests, tools", None)
+ESTOP = Topic("estop", Bool, ANYONE, None)
+OBSTACLE = Topic("sim/obstacle", Point, ANYONE, None)
 TRUTH = Topic("sim/truth", Odometry, "sim", 50.0)
 """Ground truth of the simulated robot's pose, in the world frame; no driving program may subscribe to it."""
 IMU = Topic("imu", Imu, "sim", 100.0)
@@ -78,9 +81,6 @@ ALIVE_PREFIX = "alive"
 
 SUPERVISOR, TELEOP, SIM = "supervisor", "teleop", "sim"
 """The node names of the three processes."""
-
-ANYONE = ("anyone", "tests, tools")
-"""The writers of topics that any program may write."""
 
 ONLY_SUPERVISOR_WRITES = (CMD_VEL.key, STATUS.key)
 """Keys that the hub refuses from any other client."""

@@ -1,4 +1,4 @@
-"""What was asked, let through and done when: the samples of a trial that a picture is drawn from. Pure."""
+"""The requested, permitted and true velocity of a trial over time, as samples for a drawing. Pure."""
 
 from collections.abc import Iterable, Iterator
 
@@ -8,12 +8,12 @@ from deploy.campaign.trial import Sample
 PERIOD_S = 0.1
 FINE_S = 0.02
 STEP_M_S, STEP_RAD_S = 0.03, 0.15
-"""In a thinned timeline, what has changed by less since the sample before is no change."""
+"""In a thinned timeline, a smaller difference from the previous sample does not count as a change."""
 ROUNDING_S = 1e-6
 
 
 def timeline(seen: Seen, period_s: float = PERIOD_S) -> Iterator[Sample]:
-    """A sample for each period in which the robot was seen."""
+    """Yield a sample for each period in which the robot was seen."""
     commands, statuses = iter(seen.commands), iter(seen.statuses)
     command, status = next(commands, None), next(statuses, None)
     permitted, commanded, reasons = (0.0, 0.0), (0.0, 0.0), tuple[str, ...]()

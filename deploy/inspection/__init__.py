@@ -1,4 +1,4 @@
-"""What the inspection commands share: topic, node, graph and doctor.
+"""Shared modules of the inspection commands topic, node, graph and doctor.
 
 keys.py        names of topics as users write them, and their types
 network.py     which session declares what, as the hub reports it

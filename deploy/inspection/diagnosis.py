@@ -27,7 +27,7 @@ class Verdict(StrEnum):
 
     OK = "ok"
     NOTE = "note"
-    """Worth knowing; it does not prevent motion."""
+    """Information that does not prevent motion."""
     PROBLEM = "problem"
 
 
@@ -203,7 +203,7 @@ def _count(seen: Observed, name: str) -> int:
 def _writers(seen: Observed) -> Iterator[Finding]:
     wrong = 0
     for key, topic in seen.known.items():
-        if topic.writer in ANYONE:
+        if topic.writer == ANYONE:
             continue
         heard = seen.traffic.keys.get(key)
         writing = [node for node in seen.nodes if key in node.session.writes]
@@ -260,7 +260,7 @@ def _rates(seen: Observed) -> Iterator[Finding]:
 
 
 def _limits_s(config: SupervisorSection, namespace: str) -> dict[str, tuple[float, bool]]:
-    """Return by key the time without a message that stops the robot, and whether its silence does."""
+    """Return by key the timeout [s], and whether the robot also stops if no message has ever arrived."""
     limits: dict[str, tuple[float, bool]] = {}
     for lidar in config.all_lidars():
         limits[f"{namespace}/{lidar.topic}"] = (config.scan_timeout_of(lidar), True)

@@ -28,9 +28,9 @@ from wire.freshness import Sent
 from wire.topics import CMD_VEL, ESTOP, ODOM, STATUS, Topic, lidar_scan, source_cmd_vel
 
 REORDER_S = 1.0
-"""A message that arrived this long before its step is in its place in the order of time; an older one follows it."""
+"""Time within which messages are sorted; one that arrived earlier than this before its step may be out of order."""
 MAX_WAITING = 20_000
-"""Messages that wait for earlier ones, even if the file's times do not advance."""
+"""Maximum number of messages that wait to be sorted; it bounds the memory if the file's times do not advance."""
 
 
 class IncidentError(DeployError):

@@ -1,4 +1,4 @@
-"""The files of the incidents: where the black boxes are, and which one a name means."""
+"""Find the directory of the black boxes, and a black box by its name."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The seconds around a stop from a black box: a time series, and what became of the robot. Pure.
+"""The seconds around a stop from a black box: a time series, and how the robot came to rest. Pure.
 
 The figures are those of the fault campaign, with odometry in place of the true motion. Their names are those of
 SafetyStatus and of the campaign's records.
@@ -20,7 +20,7 @@ from supervisor.messages import to_status
 from supervisor.reckoning import Odometer, Pose, Velocity, reckon, where
 
 BEFORE_S = 1.0
-"""Time before the stop in which the last odometry is searched."""
+"""Time before the stop in which the last odometry must have arrived."""
 MAX_STEPS = 100_000
 """Steps that are kept in memory, with 200 bytes each; a black box of a minute has 3,000 to 9,000."""
 
@@ -34,7 +34,7 @@ class Sample(NamedTuple):
     why: str
     """The stop reasons, and those that limit the motion; see SafetyStatus."""
     owner: str
-    """The command source that has the say."""
+    """The command source whose commands are executed."""
     commanded: Velocity
     """The velocity that the owner requests, clamped to the limits."""
     permitted: Velocity

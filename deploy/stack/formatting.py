@@ -1,4 +1,4 @@
-"""How the commands print what a robot reports: mode, speed and nearest distance, as text and as JSON numbers."""
+"""Format the mode, speed and nearest distance of a robot as text and as JSON numbers."""
 
 import math
 

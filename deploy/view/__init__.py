@@ -6,6 +6,6 @@ scene.py        what each message draws (pure)
 sources.py      recordings and black boxes, with the configuration in them
 rerun_log.py    logs primitives to Rerun, and the layout of the viewer: the only file that imports it
 window.py       the viewer as a separate process, on loopback only and without analytics
-page.py         the page of the web viewer, which no other host can see or is asked for anything by
+page.py         the page of the web viewer, which connects to no other host, and which no other host can reach
 show.py         the command
 """

@@ -1,4 +1,4 @@
-"""What a view draws: shapes in metres in named frames, values over time, states and log lines. Pure.
+"""The primitives of a view: shapes in metres in named frames, values over time, states and log lines. Pure.
 
 The first part of a path is the frame: `odom` is the odometry's frame, `base_link` the robot, `<lidar>_scan` the robot at the
 time of the last scan of this lidar. z is up; everything that the robot measures lies in the plane.

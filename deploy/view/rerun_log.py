@@ -45,7 +45,7 @@ from deploy.view.scene import (
 APPLICATION = "lifeline"
 TIMELINE = "time"
 KEPT = "1GiB"
-"""Memory for what a viewer that connects later is sent; beyond it, the oldest data are dropped."""
+"""Size of the buffer that is sent to a viewer when it connects; beyond it, the oldest data are dropped."""
 SHOWN_S = 30.0
 """Seconds that the plots show while the view follows the robot."""
 
@@ -93,13 +93,13 @@ class RerunLog:
         return sink.uri
 
     def fixed(self, primitives: Iterable[Primitive]) -> None:
-        """Log what is valid at all times."""
+        """Log primitives that are valid at all times."""
         for one in primitives:
             path, archetype = _archetype(one)
             self._stream.log(path, archetype, static=True)
 
     def log(self, time_ns: int, primitives: Iterable[Primitive]) -> None:
-        """Log what was drawn at a time [ns] of the wall clock."""
+        """Log primitives with a time [ns] of the wall clock."""
         self._stream.set_time(TIMELINE, timestamp=np.datetime64(time_ns, "ns"))
         for one in primitives:
             self._stream.log(*_archetype(one))

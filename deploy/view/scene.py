@@ -1,4 +1,4 @@
-"""What each message of a robot draws. Pure: the times are arguments, and the scene holds what it has drawn so far.
+"""Converts each message of a robot to shapes, values, states and log lines. Pure: the times are arguments, and the scene holds what it has drawn so far.
 
 The scans are read by the law's own modules (`supervisor.scan`, `seen_space`). The scene reads them without the states of
 sources and odometry that the law has, so its hidden places show what the scans prove, not what the supervisor decided.
@@ -86,7 +86,7 @@ class Scene:
     _travelled_m: float = 0.0
     _trail: deque[tuple[float, float]] = field(init=False)
     _told: tuple[object, ...] = ()
-    """What the last log line was about."""
+    """The contents of the last log line."""
 
     def __post_init__(self) -> None:
         self._trail = deque(maxlen=TRAIL_POINTS)
@@ -98,7 +98,7 @@ class Scene:
         return list(self._topics.values())
 
     def fixed(self) -> Iterator[Primitive]:
-        """Yield what never changes: the hull and its rings, in `base_link`."""
+        """Yield the constant shapes: the hull and its rings, in `base_link`."""
         hull = self.law.hull
         for name, away_m, colour in (
             ("stop", self.law.stop_distance_m, STOP_RING),
@@ -147,7 +147,7 @@ class Scene:
         turn_rad = abs(math.remainder(pose.yaw_rad - self._pose.yaw_rad, math.tau))
         if self._trail:  # the first pose is no travel
             self._travelled_m += step_m + turn_rad * self.law.hull.radius_m
-        # The law's yaw is not cut at half a turn.
+        # The law's yaw is not wrapped at ±π.
         yaw_rad = self._pose.yaw_rad + math.remainder(pose.yaw_rad - self._pose.yaw_rad, math.tau)
         self._pose = pose._replace(yaw_rad=yaw_rad)
         yield Frame(BASE, pose.x_m, pose.y_m, pose.yaw_rad)

@@ -44,7 +44,7 @@ class Wanted:
 
 
 def view(wanted: Wanted, launch: Launch) -> NoReturn:
-    """Show or write what is wanted, until Ctrl-C, the window's end or the end of what is written.
+    """Show or write a robot or a file, until Ctrl-C, until the window closes, or until the file is written.
 
     Raises:
         DeployError: the configuration, the file or the port is refused, or there is no display.

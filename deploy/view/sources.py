@@ -1,4 +1,4 @@
-"""What to show: a recording or a black box, with the configuration of the robot in it."""
+"""Opens a recording or a black box, with the configuration of its robot."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -104,16 +104,22 @@ def _press(world: World, keys: str) -> None:
 
 
 def draw_sigkill(path: Path, seen: Seen) -> None:
-    """The whole story, and its first milliseconds."""
+    """Draw the speeds around the kill, and a detail of the first milliseconds."""
     figure = Figure(figsize=(10, 4.0), layout="constrained")
     whole, near = figure.subplots(1, 2, width_ratios=(3, 2))
     for axes, begin_s, end_s, scale in ((whole, -0.4, 2.2, 1.0), (near, -0.06, 0.02, 1000.0)):
-        asked = [(a.sent_s - KILL_S, a.linear_m_s) for a in seen.asked]
+        requested = [(a.sent_s - KILL_S, a.linear_m_s) for a in seen.asked]
         commands = [(c.arrival_s - KILL_S, c.linear_m_s) for c in seen.commands]
         motions = [(m.time_s - KILL_S, m.linear_m_s) for m in seen.motions]
-        axes.plot(*_scaled(asked, scale), "o", color=GREY, ms=5, mfc="none", label="teleop asks for")
+        axes.plot(*_scaled(requested, scale), "o", color=GREY, ms=5, mfc="none", label="requested (teleop)")
         axes.plot(
-            *_scaled(commands, scale), ".-", drawstyle="steps-post", color=BLUE, lw=1.6, ms=4, label="cmd_vel"
+            *_scaled(commands, scale),
+            ".-",
+            drawstyle="steps-post",
+            color=BLUE,
+            lw=1.6,
+            ms=4,
+            label="permitted (cmd_vel)",
         )
         axes.plot(*_scaled(motions, scale), color=AMBER, lw=2.4, label="the robot's speed")
         axes.axvline(0.0, color=RED, lw=1.6)
@@ -127,7 +133,7 @@ def draw_sigkill(path: Path, seen: Seen) -> None:
     whole.text(0.015, 0.77, "SIGKILL", color=RED, fontsize=10)
     whole.axvline(AGAIN_S - KILL_S, color=GREY, lw=1.2, ls=(0, (4, 3)))
     whole.text(
-        AGAIN_S - KILL_S + 0.015, 0.77, "started again:\nnothing moves", color=INK, fontsize=9, va="top"
+        AGAIN_S - KILL_S + 0.015, 0.77, "teleop restarted:\nno motion", color=INK, fontsize=9, va="top"
     )
     near.text(1000 * zero_s + 1.5, 0.1, f"zero after\n{1000 * zero_s:.1f} ms", color=INK, fontsize=9)
     whole.set_xlabel("time since the kill [s]")

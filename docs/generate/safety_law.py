@@ -395,7 +395,7 @@ NODES = {
     "Latched": "STOPPED, cause over, waits for neutral",
     "Barrier": "STOPPED by the barrier",
     "Ready": "READY, at rest",
-    "Driving": "DRIVING as commanded",
+    "Driving": "DRIVING as requested",
     "Limited": "LIMITED by the barrier",
 }
 WORDS = {

@@ -126,6 +126,17 @@ async def test_messages_are_printed_as_yaml_csv_and_fields(tmp_path: Path) -> No
         assert (code, text) == (1, "robot/nobody: nothing heard\n")
 
 
+async def test_echo_names_the_topics_that_are_silent(tmp_path: Path) -> None:
+    async with standing(tmp_path) as subject:
+        process = await start(subject, "topic", "echo", "joy/cmd_vel", "nosuch")
+        assert process.stderr is not None
+        lines = [(await asyncio.wait_for(process.stderr.readline(), PATIENCE_S)).decode() for _ in range(2)]
+        process.send_signal(signal.SIGINT)
+        await asyncio.wait_for(process.communicate(), PATIENCE_S)
+    assert lines[0].startswith("lifeline: nothing heard on robot/joy/cmd_vel: see `lifeline topic list`")
+    assert "robot/nosuch, which is not a topic of this robot" in lines[1]
+
+
 @pytest.mark.timed
 async def test_rates_sizes_and_ages_are_measured(tmp_path: Path) -> None:
     async with standing(tmp_path) as subject:
@@ -223,7 +234,10 @@ async def test_only_topics_of_the_caller_can_be_published(tmp_path: Path) -> Non
         assert (code, f"pid {holder.pid}" in errors) == (EXIT_REFUSED, True)
         holder.send_signal(signal.SIGINT)
         await asyncio.wait_for(holder.communicate(), PATIENCE_S)
-        assert (await lifeline(subject, "topic", "pub", "estop", "{data: true}"))[0] == 0
+        assert (await lifeline(subject, "topic", "pub", "estop", "{data: true}"))[:2] == (
+            0,
+            "lifeline: published on robot/estop\n",
+        )
         await subject.until(lambda: "ESTOP" in subject.status.reasons, "the e-stop")
 
 

@@ -66,7 +66,11 @@ EXPECTED: tuple[tuple[str, int, tuple[str, ...]], ...] = (
     (f"{LIFELINE} status", 0, ("teleop +│ not alive", "STOPPED", "SOURCE_LOST")),
     (f"{LIFELINE} doctor", 1, ("SOURCE_LOST",)),
     (f"{LIFELINE} incidents list", 0, ("OBSTACLE", r"SOURCE_LOST.* teleop +0\.[45]\d m/s +0\.[01]\d m ")),
-    (f"{LIFELINE} incidents show last", 0, (r"^reason .*SOURCE_LOST", r"^braking +0\.[01]\d+ m in 0\.\d+ s")),
+    (
+        f"{LIFELINE} incidents show last",
+        0,
+        (r"^reason .*SOURCE_LOST", r"^stopping +0\.[01]\d+ m in 0\.\d+ s"),
+    ),
     (TELEOP, 0, ("READY",)),
     (f"{LIFELINE} topic echo cmd_vel --once", 0, (r"\Alinear: {x: 0.0, ",)),
     (f"{LIFELINE} down", 0, ("everything is stopped",)),

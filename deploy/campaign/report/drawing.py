@@ -90,7 +90,7 @@ BOTTOM_PX = TOP_PX + HEIGHT_PX
 
 
 def timeline(trial: Trial, one: Injected) -> str:
-    """Draw commanded, permitted and true speed around a fault, with the stop reasons; empty without a timeline."""
+    """Draw the requested, permitted and true speed around a fault, with the stop reasons; empty without a timeline."""
     begin_s, end_s = one.time_s - BEFORE_S, one.time_s + AFTER_S
     samples = [sample for sample in trial.timeline if begin_s <= sample.time_s <= end_s]
     if len(samples) < 2:

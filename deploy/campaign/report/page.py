@@ -217,8 +217,8 @@ def _broken(one: Campaign) -> Iterator[str]:
 def _single(classes: Sequence[ClassFigures], mode: str) -> Iterator[str]:
     yield "<h3>Single trials</h3><p>The typical one is the median by time to zero."
     yield (
-        ' <span class="key" style="color:var(--soft)"></span>commanded<span class="key" style="color:var(--blue)"></span>'
-        'permitted<span class="key" style="color:var(--amber)"></span>true speed [m/s]; below, why it stood.</p>'
+        ' <span class="key" style="color:var(--soft)"></span>requested<span class="key" style="color:var(--blue)"></span>'
+        'permitted<span class="key" style="color:var(--amber)"></span>true speed [m/s]; below, the stop reasons.</p>'
     )
     for one in classes:
         if one.typical is None or one.worst is None:

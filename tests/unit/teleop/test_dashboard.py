@@ -24,7 +24,8 @@ def shown(view: View, columns: int = 80, rows: int = 24, *, unicode: bool = True
 
 def row_of(view: View, label: str, columns: int = 80, rows: int = 24) -> str:
     """The row of the panel with this label, from the label on."""
-    (row,) = [row for row in shown(view, columns, rows).splitlines() if f" {label} " in row]
+    below_the_head = shown(view, columns, rows).splitlines()[2:]
+    (row,) = [row for row in below_the_head if f" {label} " in row]
     return row[row.index(f" {label} ") + 1 :].rstrip()
 
 
@@ -236,7 +237,7 @@ def test_the_gauge_is_as_long_as_there_is_room(nearest_m: float) -> None:
 def test_the_three_velocities_stand_one_below_the_other() -> None:
     view = driving(status(SafetyStatus.LIMITED, permitted=planar_twist(0.3, -0.24)))
     for label, forward, turn in (
-        ("asked", "+0.50", "-0.40"),
+        ("requested", "+0.50", "-0.40"),
         ("permitted", "+0.30", "-0.24"),
         ("measured", "+0.29", "-0.23"),
     ):
@@ -267,19 +268,19 @@ def bars(view: View, label: str) -> tuple[str, str]:
 def test_bars_go_right_for_forward_and_to_the_side_of_the_turn(
     sent: Velocity, forward: str, turn: str
 ) -> None:
-    assert bars(driving(sent=sent), "asked") == (forward, turn)
+    assert bars(driving(sent=sent), "requested") == (forward, turn)
 
 
 def test_the_number_is_what_is_wanted_and_the_bar_what_is_sent_on_the_way_there() -> None:
     view = driving(wanted=Velocity(1.0, 0.0), sent=NEUTRAL)
-    assert row_of(view, "asked").startswith("asked      +1.00 ────┼────")
+    assert row_of(view, "requested").startswith("requested  +1.00 ────┼────")
 
 
 def test_who_only_looks_on_sees_what_is_asked_for_by_who_drives() -> None:
     newest = status(SafetyStatus.DRIVING, owner="joy", commanded=planar_twist(0.7, 0.1))
     looking = driving(newest, control=Control.VIEW_ONLY, wanted=NEUTRAL, sent=NEUTRAL)
-    assert row_of(looking, "asked").startswith("asked      +0.70")
-    assert row_of(View("view", "", control=Control.VIEW_ONLY), "asked").endswith("not known")
+    assert row_of(looking, "requested").startswith("requested  +0.70")
+    assert row_of(View("view", "", control=Control.VIEW_ONLY), "requested").endswith("not known")
 
 
 def test_the_position_is_that_of_the_odometry() -> None:

@@ -196,7 +196,7 @@ def test_the_dashboard_shows_every_key_and_still_the_state_and_the_command(
         assert f"{row.keys:<7} {row.does}" in screen
     assert lines[0].startswith(" STOPPED: ")
     assert lines[1].endswith(" SCAN_STALE ESTOP ")
-    for label in (" asked ", " permitted ", " measured ", " nearest "):
+    for label in (" requested ", " permitted ", " measured ", " nearest "):
         assert any(label in line for line in lines)
     assert any("? hides all keys" in line for line in lines)
 

@@ -258,9 +258,9 @@ def test_a_source_that_the_supervisor_does_not_know_is_told_so() -> None:
     assert what.next_step == "add it to the sources in robot.toml"
 
 
-def test_driving_as_asked() -> None:
+def test_driving_as_requested() -> None:
     assert said(status(SafetyStatus.DRIVING)) == News(
-        "DRIVING", "as commanded", "SPACE is the emergency stop", Tone.GOOD
+        "DRIVING", "as requested", "SPACE is the emergency stop", Tone.GOOD
     )
 
 

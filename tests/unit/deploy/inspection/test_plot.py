@@ -28,7 +28,7 @@ def test_a_falling_value_is_drawn_from_the_upper_left_to_the_zero_line() -> None
 
 
 @pytest.mark.parametrize("width", [40, 80, 160])
-def test_a_plot_is_as_wide_as_asked_and_the_stop_is_in_one_column(width: int) -> None:
+def test_a_plot_is_as_wide_as_requested_and_the_stop_is_in_one_column(width: int) -> None:
     found = lines(ramp(), width=width)
     assert {len(line) for line in found[1:-1]} == {width}
     (stop,) = {line.index("│") for line in found[1:4]}
@@ -37,7 +37,7 @@ def test_a_plot_is_as_wide_as_asked_and_the_stop_is_in_one_column(width: int) ->
 
 
 def test_the_last_of_two_equal_series_is_visible() -> None:
-    text = "\n".join(lines(ramp("commanded", "."), ramp())[1:])
+    text = "\n".join(lines(ramp("requested", "."), ramp())[1:])
     assert "x" in text
     assert "." not in text.replace("0.", "").replace("1.", "")
 
