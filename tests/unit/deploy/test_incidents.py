@@ -166,7 +166,7 @@ def test_show_prints_the_summary_the_table_and_two_plots(state: Path) -> None:
     assert re.search(r"stopping 0\.\d+ m in 0\.32 s, by odometry", text)
     assert re.search(r"\+0\.000 STOPPED 0\.50 0\.00 0\.50 2\.7\d SOURCE_LOST", text)
     assert "· requested ─ permitted ● measured" in text
-    assert "─ stop distance ● nearest" in text
+    assert "─ stop distance 0.30 ● nearest" in text
     assert max(map(len, result.stdout.splitlines())) <= 80
 
 
