@@ -68,7 +68,9 @@ def exit_with(run: Callable[[], int]) -> NoReturn:
     try:
         code = run()
     except DeployError as error:
-        print(f"lifeline: {error}", file=sys.stderr)
+        from deploy.stack.formatting import printable_lines  # noqa: PLC0415
+
+        print(f"lifeline: {printable_lines(str(error))}", file=sys.stderr)
         code = EXIT_REFUSED
     except ModuleNotFoundError as error:
         extra = missing_extra(error)

@@ -75,9 +75,11 @@ class BlackBoxReader:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
+            if path.is_fifo():
+                raise ValueError("a pipe")  # noqa: TRY301 - to open it waits for a writer
             with gzip.open(path, "rt", encoding="utf-8") as file:
                 header = _object(_line(file, 1))
-        except (OSError, EOFError, ValueError, zlib.error) as error:
+        except (OSError, EOFError, ValueError, RecursionError, zlib.error) as error:
             raise BlackBoxError(_no_black_box(path, error)) from error
         version = header.get("version")
         if header.get("format") != FORMAT or not isinstance(version, int):
@@ -98,7 +100,7 @@ class BlackBoxReader:
         """
         try:
             return cast("LawConfig", LAW.read(self.header["config"]))
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise BlackBoxError(
                 f"the configuration in {self.path} does not match this law: {error}"
             ) from error
@@ -141,7 +143,7 @@ class BlackBoxReader:
                         break
                     steps += "inputs" in line
                     yield line
-        except (OSError, EOFError, ValueError, zlib.error) as error:
+        except (OSError, EOFError, ValueError, RecursionError, zlib.error) as error:
             raise BlackBoxError(f"{self.path} is damaged after {number} lines: {error}") from error
         raise BlackBoxError(f"{self.path} is truncated: its end is missing")
 
@@ -162,7 +164,7 @@ class BlackBoxReader:
                 raise ValueError(f"{now_s:g} s is more than a day from the stop")  # noqa: TRY301 - reported below
             decision = _DECISION.read({**line["decision"], "sources": []})
             return Step(now_s, INPUTS.read(line["inputs"]), decision)
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise BlackBoxError(
                 f"a step of {self.path} does not match the types of this law: {error}"
             ) from error
@@ -186,7 +188,7 @@ def stops_of(header: dict[str, Any]) -> tuple[Stop, ...]:
     """
     try:
         first, *others = map(_stop, header["stops"])
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise BlackBoxError(f"the header of the black box names no stop: {error}") from error
     return (first, *others)
 

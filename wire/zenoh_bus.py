@@ -376,14 +376,19 @@ class ZenohBus:
         return inbox
 
     async def declarations(self, *, timeout_s: float = 3.0) -> dict[str, bytes]:
-        """Return the hub's report of all sessions and their declarations, by key of Zenoh's admin space."""
+        """Return the hub's report of all sessions and their declarations, by key of Zenoh's admin space.
+
+        Any program can answer this query, also with the hub's keys. Therefore only replies of the hub itself are used, and
+        Zenoh must not consolidate replies of equal keys.
+        """
 
         def ask() -> dict[str, bytes]:
-            replies = self._session.get("@/**", timeout=timeout_s)
+            hubs = {str(hub) for hub in self._session.info.peers_zid()}
+            replies = self._session.get("@/**", timeout=timeout_s, consolidation=zenoh.ConsolidationMode.NONE)
             return {
                 str(reply.ok.key_expr): reply.ok.payload.to_bytes()
                 for reply in replies
-                if reply.ok is not None
+                if reply.ok is not None and reply.replier_id is not None and str(reply.replier_id.zid) in hubs
             }
 
         return await _in_thread(ask)

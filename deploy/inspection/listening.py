@@ -15,6 +15,7 @@ from deploy.inspection.nodes import Node, addresses, nodes_of
 from deploy.inspection.sockets import processes_at
 from deploy.inspection.traffic import Traffic
 from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED, DeployError
+from deploy.stack.formatting import printable_lines
 from deploy.stack.launch import Launch
 from deploy.stack.reach import NotRunningError, reach
 from supervisor.config import SupervisorSection
@@ -129,7 +130,7 @@ async def _run(
         print(f"lifeline: {error}", file=sys.stderr)
         return EXIT_NOT_RUNNING
     except (DeployError, BusError) as error:
-        print(f"lifeline: {error}", file=sys.stderr)
+        print(f"lifeline: {printable_lines(str(error))}", file=sys.stderr)
         return EXIT_REFUSED
     except BrokenPipeError:  # the reader of a pipe has ended, as `head` does
         return 0

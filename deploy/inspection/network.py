@@ -95,7 +95,7 @@ def _declarers(payload: bytes, hub_id: str) -> Iterator[str]:
 def _object(payload: bytes) -> dict[str, Any]:
     try:
         return _dict(json.loads(payload))
-    except ValueError:
+    except (ValueError, RecursionError):
         return {}
 
 

@@ -33,6 +33,8 @@ class Writer:
     sequence: int | None = None
     lost: int = 0
     """Samples that never arrived, by gaps in the sequence numbers."""
+    is_copied: bool = False
+    """Whether its sequence numbers did not increase: another program uses its epoch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,10 +105,14 @@ class KeyTraffic:
         """Return the largest number of writers that were active at the same time.
 
         A writer is active from its first sample to its last one. A program that is restarted is a new writer, but its
-        predecessor has ended by then.
+        predecessor has ended by then. A copied epoch has two writers. With more epochs than are counted, there are at
+        least two writers: one program does not restart so often.
         """
         writers = self.writers.values()
-        return max((sum(_is_active(one, other.first_s) for one in writers) for other in writers), default=0)
+        active = (
+            sum(1 + one.is_copied for one in writers if _is_active(one, other.first_s)) for other in writers
+        )
+        return max(active, default=0) if not self.is_flooded else max(2, *active)
 
     def _count(self, epoch: bytes | None, sequence: int | None, arrival_s: float) -> None:
         writer = self.writers.get(epoch)
@@ -118,6 +124,7 @@ class KeyTraffic:
             return
         if sequence is not None and writer.sequence is not None:
             writer.lost += max(0, sequence - writer.sequence - 1)
+            writer.is_copied |= sequence <= writer.sequence
         writer.samples, writer.last_s, writer.sequence = writer.samples + 1, arrival_s, sequence
 
 

@@ -163,7 +163,7 @@ def from_yaml(text: str, message_type: type[M]) -> M:
     try:
         # The pure safe loader makes no objects, and aliases cannot grow what a fixed set of fields reads.
         value: object = YAML(typ="safe", pure=True).load(text)
-    except (YAMLError, ValueError, RecursionError) as error:
+    except (YAMLError, ValueError, LookupError, RecursionError) as error:
         first = str(error).splitlines()[0] if str(error) else "unreadable"
         raise ValueRefusedError(f"this is not YAML: {printable(first)}") from error
     return _filled(defaults_of(message_type), {} if value is None else value, message_type.__msgtype__)

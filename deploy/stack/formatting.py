@@ -23,6 +23,11 @@ def printable(text: str) -> str:
     return "".join(char if char.isprintable() else "?" for char in text)
 
 
+def printable_lines(text: str) -> str:
+    """Replace control characters except line feeds."""
+    return "\n".join(map(printable, text.split("\n")))
+
+
 def number(value: float | None) -> float | None:
     """Return None for NaN and infinity, which JSON cannot represent."""
     return None if value is None or not math.isfinite(value) else round(value, 4)

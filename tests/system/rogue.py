@@ -14,3 +14,12 @@ def open_rogue(endpoint: str) -> zenoh.Session:
     }.items():
         settings.insert_json5(key, json.dumps(value))
     return zenoh.open(settings)
+
+
+def answer(session: zenoh.Session, key: str, payload: bytes) -> zenoh.Queryable[None]:
+    """Answer all queries that match a key with a payload."""
+
+    def reply(query: zenoh.Query) -> None:
+        query.reply(key, payload)
+
+    return session.declare_queryable(key, reply)

@@ -15,7 +15,7 @@ import pytest
 
 from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED
 from tests.system.harness import PATIENCE_S, Robot, free_endpoint, robot
-from tests.system.rogue import open_rogue
+from tests.system.rogue import answer, open_rogue
 from wire import topics
 from wire.stamp import Stamper
 
@@ -187,6 +187,39 @@ async def test_a_second_writer_of_the_scan_is_found(tmp_path: Path, *, declares:
         assert os.getpid() in pids.values()
     else:
         assert info["undeclared_writers"] == 1
+
+
+async def test_a_forged_report_of_the_hub_does_not_hide_a_second_writer(tmp_path: Path) -> None:
+    async with standing(tmp_path) as subject:
+        rogue = await asyncio.to_thread(open_rogue, subject.endpoint)
+        forged = json.dumps({"sessions": [], "locators": ["tcp/x"]}).encode()
+        hub = f"@/{rogue.info.peers_zid()[0]}/peer"
+        declared = [
+            answer(rogue, "@/000/peer", forged),
+            answer(rogue, hub, forged),
+            rogue.declare_publisher("robot/scan"),
+        ]
+        try:
+            code, output, _ = await lifeline(subject, "topic", "info", "scan", "--json")
+        finally:
+            await asyncio.to_thread(rogue.close)  # pyright: ignore[reportUnknownArgumentType]
+    assert len(declared) == 3
+    assert code == 1
+    assert {one["pid"] for one in json.loads(output)["writers"]} >= {os.getpid()}
+
+
+async def test_a_foreign_name_in_an_error_does_not_control_the_terminal(tmp_path: Path) -> None:
+    async with standing(tmp_path) as subject:
+        rogue = await asyncio.to_thread(open_rogue, subject.endpoint)
+        token = rogue.liveliness().declare_token("robot/alive/\x1b]0;title\x07")
+        try:
+            code, _, errors = await lifeline(subject, "node", "info", "nobody")
+        finally:
+            await asyncio.to_thread(rogue.close)  # pyright: ignore[reportUnknownArgumentType]
+    assert code == EXIT_REFUSED
+    assert token is not None
+    assert "?]0;title?" in errors
+    assert "\x1b" not in errors
 
 
 async def test_foreign_keys_are_listed(tmp_path: Path) -> None:

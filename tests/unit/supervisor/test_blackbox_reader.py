@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import pytest
 
 from supervisor import blackbox_reader
 from supervisor.blackbox import BlackBox
+from supervisor.blackbox_file import FORMAT, VERSION
 from supervisor.blackbox_reader import BlackBoxError, BlackBoxReader, read, stops_of
 from tests.unit.supervisor.black_boxes import NOON_UTC_S, Drive, WriterAtOnce
 from tests.unit.supervisor.law_harness import CONFIG
@@ -114,3 +116,25 @@ def test_a_stop_has_its_wall_time_in_nanoseconds() -> None:
 def test_a_header_whose_stops_are_wrong_is_refused(stops: object) -> None:
     with pytest.raises(BlackBoxError, match="names no stop"):
         stops_of({"stops": stops})
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" * 200_000,
+        json.dumps({"format": FORMAT, "version": VERSION, "stops": [{**STOP, "now_s": 10**400}]}),
+    ],
+)
+def test_a_header_of_deep_lists_or_huge_numbers_is_refused(tmp_path: Path, text: str) -> None:
+    damaged = tmp_path / "damaged.jsonl.gz"
+    with gzip.open(damaged, "wt") as file:
+        file.write(text)
+    with pytest.raises(BlackBoxError):
+        BlackBoxReader(damaged)
+
+
+def test_a_pipe_is_refused_without_waiting_for_its_writer(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe.jsonl.gz"
+    os.mkfifo(pipe)
+    with pytest.raises(BlackBoxError, match="not a black box"):
+        BlackBoxReader(pipe)

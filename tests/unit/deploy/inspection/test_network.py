@@ -135,3 +135,7 @@ def test_the_short_name_of_a_program_is_its_module_script_or_command() -> None:
         ((), ""),
     ):
         assert program(arguments) == name
+
+
+def test_a_report_of_deep_lists_is_ignored() -> None:
+    assert network_of({"@/zzz/peer": b"[" * 200_000, **REPORT}) == network_of(REPORT)

@@ -81,3 +81,19 @@ def test_keys_outside_of_the_namespace_are_foreign() -> None:
     for key in ("robot/scan", "robot2/scan", "demo/x"):
         traffic.add(sample(1.0)._replace(key=key))
     assert list(traffic.foreign("robot")) == ["demo/x", "robot2/scan"]
+
+
+def test_a_flood_of_epochs_before_the_first_sample_of_a_writer_does_not_hide_it() -> None:
+    flood = [sample(1.0 + 0.001 * n, bytes([n])) for n in range(MAX_WRITERS)]
+    subject = heard(*flood, sample(1.1, b"sim", 1), sample(1.2, b"sim", 2))
+    assert subject.is_flooded
+    assert subject.concurrent() == 2
+
+
+def test_a_copied_epoch_has_two_writers() -> None:
+    subject = heard(sample(1.0, sequence=7), sample(1.1, sequence=8), sample(1.2, sequence=8))
+    assert subject.concurrent() == 2
+
+
+def test_an_epoch_whose_sequence_increases_has_one_writer() -> None:
+    assert heard(*(sample(1.0 + n, sequence=n) for n in range(3))).concurrent() == 1

@@ -115,3 +115,9 @@ def test_any_text_is_a_message_or_is_refused(text: str) -> None:
     except ValueRefusedError:
         return
     assert all(math.isfinite(value) for _, value in leaves(plain_value(message)))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("text", ["!!bool x", "!!int ''", "{linear: {x: !!int ''}}"])
+def test_a_tag_that_does_not_fit_its_value_is_refused(text: str) -> None:
+    with pytest.raises(ValueRefusedError, match="not YAML"):
+        from_yaml(text, Twist)
