@@ -57,6 +57,39 @@ class Newest(Generic[T]):
         return items
 
 
+class NewestWithin(Generic[T]):
+    """The newest items of all writers together, bounded by number and by size.
+
+    Args:
+        depth: the maximum number of items.
+        size_limit: the maximum size of all items together; a larger single item is dropped.
+        size_of: returns the size of an item.
+    """
+
+    def __init__(self, depth: int, size_limit: int, size_of: Callable[[T], int]) -> None:
+        self._depth, self._size_limit, self._size_of = depth, size_limit, size_of
+        self._items: deque[T] = deque()
+        self._size = 0
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def add(self, item: T) -> int:
+        self._items.append(item)
+        self._size += self._size_of(item)
+        dropped = 0
+        while len(self._items) > self._depth or self._size > self._size_limit:
+            self._size -= self._size_of(self._items.popleft())
+            dropped += 1
+        return dropped
+
+    def take(self) -> list[T]:
+        items = list(self._items)
+        self._items.clear()
+        self._size = 0
+        return items
+
+
 class NewestOfEachWriter(Generic[T]):
     """The newest item of each of `PLACES` writers.
 

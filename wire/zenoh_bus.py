@@ -32,6 +32,7 @@ from wire.bus import (
     Subscription,
 )
 from wire.messages import M, String, TriggerResponse, UndecodableError, decode, encode
+from wire.newest import NewestWithin
 from wire.stamp import Stamper
 from wire.topics import Service, Topic
 
@@ -43,6 +44,8 @@ CLOSE_LIMIT_S = 1.0
 MAX_PENDING_QUERIES = 16
 TX_QUEUE = 16
 """Maximum number of batches of one priority that wait to be sent: the most that Zenoh accepts."""
+OVERHEARD_BYTES = 32 << 20
+"""Maximum size of the samples that wait in an inbox of `overhear`: a foreign payload may have any size."""
 LIVELINESS_DEPTH = 256
 
 Role = Literal["hub", "client"]
@@ -350,10 +353,13 @@ class ZenohBus:
     def overhear(self, expression: str, *, depth: int, wake: asyncio.Event | None = None) -> Inbox[Overheard]:
         """Return an inbox for the samples of all keys that an expression matches, such as `robot/**`.
 
+        At most `OVERHEARD_BYTES` of them wait, and at most `depth` samples.
+
         Raises:
             BusError: it is not a key expression.
         """
-        inbox: Inbox[Overheard] = Inbox(depth, wake)
+        kept = NewestWithin[Overheard](depth, OVERHEARD_BYTES, lambda one: len(one.payload))
+        inbox: Inbox[Overheard] = Inbox(depth, wake, kept)
 
         def on_sample(sample: zenoh.Sample) -> None:
             attachment = sample.attachment

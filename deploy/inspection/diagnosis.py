@@ -225,8 +225,20 @@ def _writers(seen: Observed) -> Iterator[Finding]:
         yield Finding("foreign keys", Verdict.NOTE, f"{printable(key)} is written on this network")
 
 
+def _flood(seen: Observed) -> Iterator[Finding]:
+    if seen.traffic.uncounted:
+        busiest = max(seen.traffic.keys, key=lambda key: seen.traffic.keys[key].samples, default="")
+        yield Finding(
+            "flood",
+            Verdict.PROBLEM,
+            f"{seen.traffic.uncounted} messages arrived too fast to be counted, most of them on {printable(busiest)}; "
+            "rates, clocks and status are not checked",
+            "stop the program that writes them: `lifeline topic info` names it",
+        )
+
+
 def _rates(seen: Observed) -> Iterator[Finding]:
-    if not seen.is_connected or seen.config is None:
+    if not seen.is_connected or seen.config is None or seen.traffic.uncounted:
         return
     limits_s = _limits_s(seen.config, seen.namespace)
     for key, (limit_s, needed) in limits_s.items():
@@ -278,6 +290,8 @@ def _start(seen: Observed, key: str) -> str:
 
 
 def _clocks(seen: Observed) -> Iterator[Finding]:
+    if seen.traffic.uncounted:
+        return
     for key, offset_s in seen.header_offset_s.items():
         if abs(offset_s) > CLOCK_LIMIT_S:
             yield Finding(
@@ -293,7 +307,7 @@ def _clocks(seen: Observed) -> Iterator[Finding]:
 def _stop(seen: Observed) -> Iterator[Finding]:
     status = seen.status
     if status is None:
-        if seen.is_connected:
+        if seen.is_connected and not seen.traffic.uncounted:
             yield Finding(
                 "status", Verdict.PROBLEM, "the supervisor sends no status", "restart the supervisor"
             )
@@ -332,7 +346,7 @@ def _stop(seen: Observed) -> Iterator[Finding]:
 
 
 def _who(status: SafetyStatus) -> str:
-    return status.owner or "no source"
+    return printable(status.owner) or "no source"
 
 
 def _terminal(seen: Observed) -> Iterator[Finding]:
@@ -367,6 +381,7 @@ CHECKS: tuple[Callable[[Observed], Iterator[Finding]], ...] = (
     _connection,
     _nodes,
     _writers,
+    _flood,
     _rates,
     _clocks,
     _stop,

@@ -55,28 +55,43 @@ def topic_of(key: str, namespace: str, known: dict[str, Topic[Any]]) -> Topic[An
 
 
 def matches(expression: str, key: str) -> bool:
-    """Return whether a Zenoh key expression matches a key; `**` stands for any number of parts, `*` for one."""
-    if not expression:
-        return not key
-    first, _, rest = expression.partition("/")
-    if first == "**":
-        tails = [key]
-        while tails[-1]:
-            tails.append(tails[-1].partition("/")[2])
-        return any(matches(rest, tail) for tail in tails)
-    part, _, left = key.partition("/")
-    return bool(part) and _matches_part(first, part) and matches(rest, left)
+    """Return whether a Zenoh key expression matches a key; `**` stands for any number of parts, `*` for one.
+
+    A foreign program may declare any expression: the time is at most quadratic in the lengths.
+    """
+    parts = key.split("/")
+    reached = {0}
+    """The numbers of parts that the expression so far may stand for."""
+    for one in expression.split("/"):
+        if one == "**":
+            reached = {n for first in reached for n in _skipped(parts, first)}
+        else:
+            reached = {n + 1 for n in reached if n < len(parts) and _matches_part(one, parts[n])}
+    return len(parts) in reached
+
+
+def _skipped(parts: list[str], first: int) -> Iterator[int]:
+    """Yield the numbers of parts after `**`, which stands for no part that begins with `@`."""
+    yield first
+    for n in range(first, len(parts)):
+        if parts[n].startswith("@"):
+            return
+        yield n + 1
 
 
 def _matches_part(expression: str, part: str) -> bool:
     if expression == "*":
         return not part.startswith("@")
-    before, wildcard, after = expression.partition("$*")
-    if not wildcard:
+    first, *others = expression.split("$*")
+    if not others:
         return expression == part
-    return (
-        part.startswith(before)
-        and any(_matches_part(after, part[n:]) for n in range(len(before), len(part) + 1))
-        if after
-        else part.startswith(before)
-    )
+    *middle, last = others
+    at = len(first)
+    if not part.startswith(first) or not part.endswith(last) or len(part) < at + len(last):
+        return False
+    for one in middle:  # the leftmost place leaves the most for the rest
+        at = part.find(one, at, len(part) - len(last))
+        if at < 0:
+            return False
+        at += len(one)
+    return True

@@ -96,6 +96,7 @@ class Robot:
             await wait_until(self.stop, min(end_s, loop.time() + 0.1))
             for sample in heard.take():
                 traffic.add(sample)
+        traffic.uncounted = heard.overflowed
         return traffic
 
 

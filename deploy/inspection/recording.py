@@ -131,6 +131,8 @@ class RecordingReader:
         self.cut = False
         """Whether the end is missing or damaged; valid after all messages have been read."""
         try:
+            if path.is_fifo():
+                raise RecordingError(f"{path} is a pipe: name a recording")
             with path.open("rb") as file:
                 magic = file.read(len(MAGIC))
         except OSError as error:

@@ -152,6 +152,8 @@ class Traffic:
         self.keys: dict[str, KeyTraffic] = {}
         self.is_flooded = False
         """Whether there were more keys than are counted."""
+        self.uncounted = 0
+        """Samples that arrived faster than they could be counted."""
 
     def add(self, sample: Overheard) -> None:
         """Count a sample."""

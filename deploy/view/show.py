@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 
 from deploy.inspection.recording import Recorded
 from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED, DeployError
+from deploy.stack.formatting import printable_lines
 from deploy.stack.launch import Launch
 from deploy.stack.reach import NotRunningError, reach
 from deploy.view import page, sources, window
@@ -73,10 +74,10 @@ def view(wanted: Wanted, launch: Launch) -> NoReturn:
             with ExitStack() as at_end:
                 return await Shown(stop, wanted, name, scene, at_end).run(bus, recorded)
         except NotRunningError as error:
-            print(f"lifeline: {error}", file=sys.stderr)
+            print(f"lifeline: {printable_lines(str(error))}", file=sys.stderr)
             return EXIT_NOT_RUNNING
         except DeployError as error:
-            print(f"lifeline: {error}", file=sys.stderr)
+            print(f"lifeline: {printable_lines(str(error))}", file=sys.stderr)
             return EXIT_REFUSED
 
     # This command holds no liveliness token, so no process waits for its end.

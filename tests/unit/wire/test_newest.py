@@ -5,7 +5,7 @@ from typing import NamedTuple
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wire.newest import KEEPS_PLACE_S, PLACES, Newest, NewestOfEachWriter
+from wire.newest import KEEPS_PLACE_S, PLACES, Newest, NewestOfEachWriter, NewestWithin
 
 
 class Sample(NamedTuple):
@@ -160,3 +160,14 @@ def test_no_interleaving_of_floods_loses_a_known_writers_newest_sample(
                 add(f"stranger {now_s} {n}")
         else:
             add(event)
+
+
+def test_items_wait_within_a_number_and_a_size() -> None:
+    kept = NewestWithin[bytes](3, 10, len)
+    assert [kept.add(one) for one in (b"1234", b"5678", b"9")] == [0, 0, 0]
+    assert kept.add(b"ab") == 1
+    assert (len(kept), kept.take()) == (3, [b"5678", b"9", b"ab"])
+    assert kept.add(b"x" * 11) == 1
+    assert kept.take() == []
+    assert [kept.add(b"y" * 10), kept.add(b"z" * 10)] == [0, 1]
+    assert kept.take() == [b"z" * 10]

@@ -192,3 +192,12 @@ def test_a_gap_is_a_problem_just_above_the_timeout() -> None:
     assert problems(running(traffic=traffic(longest_gap_s=limit_s - 1e-6))) == []
     assert len(problems(running(traffic=traffic(longest_gap_s=limit_s + 1e-6)))) == 1
     assert math.isclose(limit_s, 0.24)
+
+
+def test_a_flood_is_a_problem_and_no_reason_to_doubt_the_rest() -> None:
+    seen = running(status=None, header_offset_s={"robot/scan": -3.0})
+    seen.traffic.uncounted = 5
+    problems = [finding for finding in diagnose(seen) if finding.verdict is Verdict.PROBLEM]
+    assert [finding.check for finding in problems] == ["flood"]
+    assert "5 messages arrived too fast to be counted, most of them on robot/scan" in problems[0].what
+    assert not [finding for finding in diagnose(seen) if finding.check in ("rates", "clocks", "status")]

@@ -55,3 +55,18 @@ def test_an_expression_matches_the_keys_that_it_matches_for_zenoh(
     except zenoh.ZError:
         return
     assert matches(str(theirs), "/".join(key)) == theirs.intersects(zenoh.KeyExpr("/".join(key)))
+
+
+@pytest.mark.timeout(5)
+@pytest.mark.parametrize(
+    ("expression", "key"),
+    [("**/a/" * 60 + "b", "/".join("a" * 120)), ("a$*" * 60 + "b", "a" * 240)],
+    ids=["parts", "one part"],
+)
+def test_a_hostile_expression_takes_no_exponential_time(expression: str, key: str) -> None:
+    assert not matches(expression, key)
+
+
+def test_wildcards_do_not_match_the_admin_space() -> None:
+    assert not matches("**", "@/hub")
+    assert matches("**/scan", "scan")
