@@ -280,7 +280,7 @@ async def test_the_web_viewer_listens_on_loopback_alone_and_its_page_may_connect
         (("{tmp}/none.mcap", "--out", "{tmp}/new.rrd"), 2, "No such file or directory"),
         (("{tmp}/old.rrd", "--out", "{tmp}/new.rrd"), 2, "is not an MCAP file"),
         (("{tmp}/none.jsonl.gz", "--out", "{tmp}/new.rrd"), 2, "none.jsonl.gz"),
-        (("20260101", "--out", "{tmp}/new.rrd"), 2, "there is no file and no black box '20260101'"),
+        (("20260101", "--out", "{tmp}/new.rrd"), 2, "has no incidents: see `lifeline incidents list`"),
     ],
 )
 def test_what_cannot_be_shown_is_refused_in_one_sentence(
