@@ -127,7 +127,7 @@ async def test_a_dumb_terminal_gets_no_control_sequences() -> None:
         op.type(b"q")
         await op.ended()
         assert "\x1b" not in op.output
-        assert "one line instead of a picture" in op.output
+        assert "one line instead of a screen" in op.output
 
 
 async def test_it_waits_for_the_hub_and_drives_when_it_comes() -> None:
