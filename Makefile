@@ -14,7 +14,7 @@ export UV := $(UV)
 COMPILE := .venv/bin/python -m compileall -q wire supervisor teleop sim virtual deploy bench tests
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test unit system demo proof proofs coverage check bench docs picture mutation faults campaign
+.PHONY: help setup run test unit system timed demo proof proofs coverage check bench docs picture mutation faults campaign
 
 help: ## print this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -24,7 +24,7 @@ setup: $(STAMP) ## create the environment .venv from uv.lock
 run: $(STAMP) ## drive the robot by keyboard; without a terminal, play the demo
 	@if [ -t 0 ] && [ -t 1 ]; then exec .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
 
-test: $(STAMP) ## run all checks and tests, also with real processes; each commit must pass them
+test: $(STAMP) ## run the checks and all tests that need no idle machine, also with real processes; each commit must pass them
 	$(COMPILE)
 	$(MAKE) --no-print-directory check unit system
 
@@ -32,10 +32,12 @@ test: $(STAMP) ## run all checks and tests, also with real processes; each commi
 unit:
 	.venv/bin/pytest tests/unit tests/component -m "not proof" --numprocesses=auto --dist=worksteal
 
-# The real processes mostly wait: four tests run at a time. Those that measure time run one at a time.
+# The real processes mostly wait: four tests run at a time.
 system:
 	.venv/bin/pytest tests/system -m "not timed and not demo" --numprocesses=4 --dist=worksteal --durations=10
-	.venv/bin/pytest tests/system -m timed --durations=10
+
+timed: $(STAMP) ## run the system tests that measure real time, one at a time, on an idle machine (four minutes)
+	.venv/bin/pytest -s tests/system -m timed --durations=10
 
 demo: $(STAMP) ## play the demo from the checkout and from an installed wheel (two minutes)
 	.venv/bin/pytest -s tests/system -m demo
