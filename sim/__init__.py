@@ -1,6 +1,5 @@
 """The simulated robot: a MuJoCo warehouse with the same keys as a real base.
 
-watchdog.py   the base's own command watchdog (pure: time is an argument)
 drive.py      limits and ramp of the twist, and the wheels' geometry (pure)
 plant.py      the robot in its world: stepping, pose, sensors, contacts, save and restore
 snapshot.py   a saved state of the plant, as a value and as bytes

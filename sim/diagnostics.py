@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from sim.pace import Measured
 from sim.sensor_faults import NO_FAULTS, SensorFaults
-from sim.watchdog import BaseReason
 from wire.messages import DiagnosticArray, DiagnosticStatus, KeyValue, header
+from wire.watchdog import BaseReason
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 HARDWARE = "sim"

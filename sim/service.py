@@ -26,11 +26,11 @@ from sim.pace import Ask, Every, Measured, Pace, Pause, Run, Speed, Step, TimeRe
 from sim.plant import Plant
 from sim.sensor_faults import NO_FAULTS, FaultError, LidarFaults, SensorFaults, parse_faults
 from sim.shown import Mode, Shown
-from sim.watchdog import BaseReason, Watchdog
 from wire import topics
 from wire.bus import Arrival, Bus, Publisher, woken_by
 from wire.messages import LaserScan, Point, SafetyStatus, TriggerResponse, Twist
 from wire.suspend import never_suspended
+from wire.watchdog import BaseReason, Watchdog
 
 _log = logging.getLogger(__name__)
 

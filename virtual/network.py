@@ -24,13 +24,13 @@ from typing import Any
 from virtual.loop import VirtualProcess
 from wire import topics
 from wire.bus import (
-    SOURCES_DEPTH,
     Inbox,
     LivelinessChange,
     NoReplyError,
     ServiceHandler,
     Subscription,
 )
+from wire.inbox import SOURCES_DEPTH
 from wire.messages import M, TriggerResponse, encode
 from wire.stamp import Stamp, Stamper
 from wire.topics import Service, Topic

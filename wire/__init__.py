@@ -1,13 +1,17 @@
 """The interface between the processes: keys, messages, encoding and transport.
 
 topics.py       every key, with its message type, writer and rate (one table)
-messages.py     the messages and their CDR encoding (rosbags); msg/ has their definitions
-ros.py          the standard ROS 2 messages among them
+message_types.py    Lifeline's own message types
+ros.py          the standard ROS 2 message types in use
+messages.py     CDR encoding of the messages (rosbags); msg/ has their definitions
 reasons.py      the stop reasons, with their names and their texts on every screen
 stamp.py        the attachment of each sample: sequence, source time, epoch
 freshness.py    age of a command from its stamp, despite network delays (pure)
-bus.py          the Bus that services use, and the inbox between threads
-zenoh_bus.py    the Bus over Zenoh: the only file that imports it
+watchdog.py     the base's own command watchdog (pure), for sim and every base adapter
+inbox.py        the inbox between the network's threads and asyncio
+bus.py          the Bus that services use: messages
+session.py      a Zenoh session: bytes; the only file that imports Zenoh
+zenoh_bus.py    the Bus over a Zenoh session
 config.py       robot.toml, strictly checked
 quantities.py   bounds of the numbers in robot.toml
 command_line.py shared parts of the processes' command lines

@@ -1,4 +1,4 @@
-"""The Bus that the services use, and the inbox that passes samples from the network's threads to asyncio.
+"""The Bus that the services use: it sends and receives messages.
 
 A service owns one `asyncio.Event`, passes it to every subscription as `wake`, and takes the arrivals:
 
@@ -15,53 +15,50 @@ that waited for a busy loop does not look fresh.
 
 import asyncio
 import logging
-import threading
 from collections.abc import Awaitable, Callable
-from contextlib import suppress
 from dataclasses import dataclass
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
+from wire.inbox import (
+    BusError,
+    Inbox,
+    LivelinessChange,
+    NoReplyError,
+    Overheard,
+    RawArrival,
+    Token,
+    wait_until,
+    woken_by,
+)
 from wire.messages import M, Message, TriggerResponse, UndecodableError, decode
-from wire.newest import Kept, Newest, NewestOfEachWriter
+from wire.newest import NewestOfEachWriter
 from wire.stamp import Stamp, parse_stamp
 from wire.topics import Service, Topic
+
+__all__ = [
+    "Arrival",
+    "Bus",
+    "BusError",
+    "Inbox",
+    "LivelinessChange",
+    "NoReplyError",
+    "Overheard",
+    "Publisher",
+    "RawArrival",
+    "ServiceHandler",
+    "Subscription",
+    "Token",
+    "wait_until",
+    "woken_by",
+]
 
 _log = logging.getLogger(__name__)
 
 REPORT_PERIOD_S = 1.0
 """Minimum time between two log lines about undecodable payloads of one key."""
 
-SOURCES_DEPTH = 64
-"""Maximum number of command source names kept between two takes."""
-
 ServiceHandler = Callable[[str], Awaitable[TriggerResponse]]
 """Called with the text of the query (empty if it has none); returns the response."""
-
-
-class BusError(Exception):
-    """The Bus cannot be opened or used; the message says what to do next."""
-
-
-class NoReplyError(BusError):
-    """No reply to a query arrived in time."""
-
-
-class RawArrival(NamedTuple):
-    """One sample as received bytes, for recorders."""
-
-    payload: bytes
-    attachment: bytes | None
-    arrival_s: float
-
-
-class Overheard(NamedTuple):
-    """One sample of any key, as received bytes, for inspection tools."""
-
-    key: str
-    """The full key, including the namespace."""
-    payload: bytes
-    attachment: bytes | None
-    arrival_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,74 +69,6 @@ class Arrival(Generic[M]):
     """None if the payload was not a message of the topic's type."""
     arrival_s: float
     stamp: Stamp | None
-
-
-@dataclass(frozen=True, slots=True)
-class LivelinessChange:
-    """A node's liveliness token appeared or disappeared. All changes are reported, even those that cancel each other."""
-
-    node: str
-    alive: bool
-    arrival_s: float
-
-
-async def wait_until(wake: asyncio.Event, time_s: float) -> None:
-    """Wait until `wake` is set or the loop's clock reaches `time_s`, so that a service never depends on a message."""
-    try:
-        async with asyncio.timeout_at(time_s):
-            await wake.wait()
-    except TimeoutError:
-        return
-
-
-async def woken_by(wake: asyncio.Event, time_s: float) -> None:
-    """Wait like `wait_until`, but cheaper: at `time_s` a timer sets `wake`, so no timeout exception is raised."""
-    timer = asyncio.get_running_loop().call_at(time_s, wake.set)
-    try:
-        await wake.wait()
-    finally:
-        timer.cancel()
-
-
-T = TypeVar("T")
-
-
-class Inbox(Generic[T]):
-    """A bounded queue from any thread into one event loop.
-
-    Args:
-        depth: the maximum number of items; beyond it, the oldest are dropped.
-        wake: set when an item arrives.
-        kept: storage that is used instead of one of `depth` items, and that decides which items are dropped.
-    """
-
-    def __init__(self, depth: int, wake: asyncio.Event | None, kept: Kept[T] | None = None) -> None:
-        self._kept: Kept[T] = Newest(depth) if kept is None else kept
-        self._wake = wake
-        self._loop = asyncio.get_running_loop()
-        self._woken = False
-        self._lock = threading.Lock()
-        self.overflowed = 0
-        """Number of items dropped since the start."""
-
-    def push(self, item: T, *, wakes: bool = True) -> None:
-        """Add an item and wake the loop; never blocks, never raises, safe on any thread."""
-        with self._lock:
-            self.overflowed += self._kept.add(item)
-            if self._wake is None or self._woken or not wakes:
-                return
-            self._woken = True
-        with suppress(RuntimeError):  # the loop has closed
-            self._loop.call_soon_threadsafe(self._wake.set)
-
-    def take(self) -> list[T]:
-        """Remove and return all items since the last take, oldest first."""
-        if not len(self._kept):
-            return []
-        with self._lock:
-            items = self._kept.take()
-            self._woken = False
-        return items
 
 
 class Subscription(Generic[M]):
@@ -234,12 +163,6 @@ class Publisher(Protocol[M_contra]):
     def begin_anew(self) -> None:
         """Begin a new run of the source: later messages have a new epoch."""
         ...
-
-
-class Token(Protocol):
-    """A liveliness token; it exists until it is withdrawn or its process ends."""
-
-    def withdraw(self) -> None: ...
 
 
 class Bus(Protocol):

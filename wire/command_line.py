@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from wire.config import read_toml
-from wire.zenoh_bus import DEFAULT_ENDPOINT
+from wire.session import DEFAULT_ENDPOINT
 
 EXIT_USAGE = 2
 

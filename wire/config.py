@@ -26,7 +26,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from wire import topics
 from wire.quantities import Acceleration, AngularAcceleration, Between
-from wire.zenoh_bus import DEFAULT_ENDPOINT, BusConfig
+from wire.session import DEFAULT_ENDPOINT, BusConfig
 
 SECTIONS = ("bus", "supervisor", "teleop", "sim")
 

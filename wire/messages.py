@@ -7,9 +7,8 @@ also refuses payloads larger than any message of Lifeline.
 import math
 import time
 from contextlib import suppress
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +17,16 @@ from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.store import Typestore
 
 from wire import ros
+from wire.message_types import (
+    M,
+    Message,
+    SafetyStatus,
+    SourceStatus,
+    TriggerResponse,
+    UndecodableError,
+    planar_twist,
+    zero_twist,
+)
 from wire.ros import (
     Bool,
     Clock,
@@ -75,108 +84,6 @@ __all__ = [
 
 MAX_PAYLOAD_BYTES = 1 << 20
 MAX_SEQUENCE_LENGTH = 1 << 16
-
-
-class UndecodableError(ValueError):
-    """The bytes are not a message of the expected type."""
-
-
-class Message(Protocol):
-    """Any message type of the type store: a dataclass with its ROS type name."""
-
-    __msgtype__: ClassVar[str]
-
-
-M = TypeVar("M", bound=Message)
-
-
-def zero_twist() -> Twist:
-    return planar_twist(0.0, 0.0)
-
-
-def planar_twist(linear_m_s: float, angular_rad_s: float) -> Twist:
-    """Return a Twist with forward velocity [m/s] and turn rate [rad/s, counter-clockwise], all other components zero."""
-    return Twist(Vector3(linear_m_s, 0.0, 0.0), Vector3(0.0, 0.0, angular_rad_s))
-
-
-@dataclass
-class SourceStatus:
-    """`lifeline_msgs/msg/SourceStatus`; msg/SourceStatus.msg documents the fields."""
-
-    UNKNOWN: ClassVar[int] = 0
-    ALIVE: ClassVar[int] = 1
-    LOST: ClassVar[int] = 2
-
-    name: str
-    priority: int
-    liveliness: int
-    armed: bool
-    neutral: bool
-    stamped: bool
-    age_s: float
-    reasons: list[str]
-    accepted: int
-    refused_late: int
-    refused_sequence: int
-    refused_epoch: int
-    refused_invalid: int
-    __msgtype__: ClassVar[str] = "lifeline_msgs/msg/SourceStatus"
-
-
-@dataclass
-class SafetyStatus:
-    """`lifeline_msgs/msg/SafetyStatus`; msg/SafetyStatus.msg documents the fields."""
-
-    STOPPED: ClassVar[int] = 0
-    READY: ClassVar[int] = 1
-    DRIVING: ClassVar[int] = 2
-    LIMITED: ClassVar[int] = 3
-
-    header: Header
-    mode: int = STOPPED
-    reasons: list[str] = field(default_factory=list[str])
-    warning: bool = False
-    alarm: bool = False
-    owner: str = ""
-    commanded: Twist = field(default_factory=zero_twist)
-    permitted: Twist = field(default_factory=zero_twist)
-    scale: float = 0.0
-    nearest_m: float = math.nan
-    nearest_bearing_rad: float = math.nan
-    scan_age_s: float = math.nan
-    scan_problem: str = ""
-    scans_accepted: int = 0
-    scans_refused: int = 0
-    unknown_sources: list[str] = field(default_factory=list[str])
-    sources: list[SourceStatus] = field(default_factory=list[SourceStatus])
-    causes: list[str] = field(default_factory=list[str])
-    latched: list[str] = field(default_factory=list[str])
-    detail: str = ""
-    estop_record_problem: str = ""
-    __msgtype__: ClassVar[str] = "lifeline_msgs/msg/SafetyStatus"
-
-    def causes_and_latched(self) -> tuple[list[str], list[str]]:
-        """Return the reasons that hold now, and those that are over but latched.
-
-        An older supervisor does not distinguish them; then all reasons are treated as holding now.
-        """
-        if self.causes or self.latched:
-            return self.causes, self.latched
-        return self.reasons, []
-
-    def why(self) -> str:
-        """Return the names of the stop reasons as text, with a mark if over: "SCAN_STALE, OVERRUN (over)"."""
-        causes, latched = self.causes_and_latched()
-        return ", ".join([*causes, *(f"{name} (over)" for name in latched)])
-
-
-@dataclass
-class TriggerResponse:
-    """`std_srvs/srv/Trigger` response: whether the request succeeded, and a sentence for the operator."""
-
-    success: bool
-    message: str
-    __msgtype__: ClassVar[str] = "std_srvs/srv/Trigger_Response"
 
 
 _TYPES: tuple[type[Message], ...] = (*ros.TYPES, SourceStatus, SafetyStatus, TriggerResponse)

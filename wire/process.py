@@ -15,7 +15,7 @@ from collections.abc import Callable, Coroutine
 from contextlib import ExitStack, suppress
 from typing import Any, NoReturn
 
-from wire.bus import BusError
+from wire.inbox import BusError
 from wire.memory_keeper import MemoryKeeper
 
 _log = logging.getLogger(__name__)

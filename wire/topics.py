@@ -8,18 +8,8 @@ import re
 from dataclasses import dataclass
 from typing import Any, Generic
 
-from wire.messages import (
-    Bool,
-    Clock,
-    DiagnosticArray,
-    Imu,
-    LaserScan,
-    M,
-    Odometry,
-    Point,
-    SafetyStatus,
-    Twist,
-)
+from wire.message_types import M, SafetyStatus
+from wire.ros import Bool, Clock, DiagnosticArray, Imu, LaserScan, Odometry, Point, Twist
 
 
 @dataclass(frozen=True, slots=True)

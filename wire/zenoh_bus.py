@@ -1,68 +1,22 @@
-"""The Bus over Zenoh: the only file that imports it.
-
-The supervisor opens its session as the hub (`peer`, listening). All other processes connect to it as `client`. Every
-path to the wheels therefore passes the hub, whose access control refuses any other writer of `cmd_vel`. Scouting is
-disabled, and no data leaves the machine unless the endpoint is open to the network.
-
-Callbacks run on Zenoh's threads: they stamp the arrival, pass the bytes on, and return. They are declared with
-`indirect=False`, so they are called directly when a sample arrives, without an intermediate queue that could fill up.
-"""
+"""The Bus over Zenoh: messages on top of a session that sends and receives bytes (session.py)."""
 
 import asyncio
-import json
 import logging
-import threading
-import time
 from collections.abc import Callable
-from concurrent.futures import Future
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
-import zenoh
-
-from wire import topics
-from wire.bus import (
-    SOURCES_DEPTH,
-    BusError,
-    Inbox,
-    LivelinessChange,
-    NoReplyError,
-    Overheard,
-    ServiceHandler,
-    Subscription,
-)
+from wire.bus import ServiceHandler, Subscription
 from wire.messages import M, String, TriggerResponse, UndecodableError, decode, encode
-from wire.newest import NewestWithin
-from wire.stamp import Stamper
+from wire.session import DEFAULT_ENDPOINT, BusConfig, RawPublisher, Role, ZenohSession, open_session
 from wire.topics import Service, Topic
+
+__all__ = ["DEFAULT_ENDPOINT", "BusConfig", "ZenohBus", "open_bus"]
 
 _log = logging.getLogger(__name__)
 
-DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
-CONNECT_RETRY_S = 0.1
-CLOSE_LIMIT_S = 1.0
-MAX_PENDING_QUERIES = 16
-TX_QUEUE = 16
-"""Maximum number of batches of one priority that wait to be sent: the most that Zenoh accepts."""
-OVERHEARD_BYTES = 32 << 20
-"""Maximum size of the samples that wait in an inbox of `overhear`: a foreign payload may have any size."""
-LIVELINESS_DEPTH = 256
-
-Role = Literal["hub", "client"]
-
-
-@dataclass(frozen=True, slots=True)
-class BusConfig:
-    """Endpoint of the hub, namespace of the robot, and lease of the links."""
-
-    endpoint: str = DEFAULT_ENDPOINT
-    namespace: str = "robot"
-    lease_s: float = 0.4
-    """How long a silent link counts as alive. Measured: 0.1 s never expired wrongly in 60 s under 8 CPU hogs."""
-
 
 async def open_bus(config: BusConfig, role: Role, *, on_wait: Callable[[], None] | None = None) -> "ZenohBus":
-    """Open the session; a client waits for its hub without a time limit.
+    """Open a session and return its Bus; a client waits for its hub without a time limit.
 
     Args:
         config: the endpoint and the namespace.
@@ -72,153 +26,18 @@ async def open_bus(config: BusConfig, role: Role, *, on_wait: Callable[[], None]
     Raises:
         BusError: the hub cannot listen, or the endpoint is invalid.
     """
-    settings = _settings(config, role)
-    waiting = False
-    while True:
-        try:
-            return ZenohBus(await _in_thread(lambda: zenoh.open(settings)), config.namespace)
-        except zenoh.ZError as error:
-            if role == "hub":
-                raise BusError(_listen_sentence(config.endpoint, error)) from error
-            if "Unable to connect" not in str(error):
-                raise BusError(
-                    f"cannot use the endpoint {config.endpoint!r}: {_first_line(error)}"
-                ) from error
-        if not waiting and on_wait is not None:
-            on_wait()
-        waiting = True
-        await asyncio.sleep(CONNECT_RETRY_S)
+    return ZenohBus(await open_session(config, role, on_wait=on_wait), config.namespace)
 
 
-def _settings(config: BusConfig, role: Role) -> zenoh.Config:
-    """Return Zenoh's configuration for one of the two roles; the values are based on measurements (design facts in docs)."""
-    values: dict[str, object] = {
-        "mode": "peer" if role == "hub" else "client",
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        # Zenoh moves payloads of 3 KB and more to shared memory, with silent drops under stalls (zenoh #2628).
-        "transport/shared_memory/enabled": False,
-        "transport/link/tx/lease": round(config.lease_s * 1000),
-        # All samples of one loop iteration are sent in a burst: the default of two places would drop the third sample.
-        "transport/link/tx/queue/size/real_time": TX_QUEUE,
-    }
-    if role == "hub":
-        values["listen/endpoints"] = [config.endpoint]
-        values["access_control"] = _access_control(config.namespace)
-        # The hub answers which session declares what (docs/decisions/0042); it is read-only.
-        values["adminspace"] = {"enabled": True, "permissions": {"read": True, "write": False}}
-    else:
-        values["connect/endpoints"] = [config.endpoint]
-        values["connect/timeout_ms"] = (
-            0  # `open_bus` retries the first connection itself, and can be cancelled
-        )
-        values["connect/retry"] = {
-            "period_init_ms": 50,
-            "period_max_ms": 200,
-            "period_increase_factor": 2,
-        }
-    settings = zenoh.Config()
-    for key, value in values.items():
-        try:
-            settings.insert_json5(key, json.dumps(value))
-        except zenoh.ZError as error:
-            raise BusError(f"cannot use the endpoint {config.endpoint!r}: {_first_line(error)}") from error
-    return settings
-
-
-def _access_control(namespace: str) -> dict[str, object]:
-    """Return the access control: only the hub may write the supervisor's keys, hold its token and serve its service."""
-    supervisors_own = [f"{namespace}/{key}" for key in topics.ONLY_SUPERVISOR_WRITES]
-    rules = [
-        ("writes", ["put", "delete"], supervisors_own),
-        ("token", ["liveliness_token"], [f"{namespace}/{topics.alive(topics.SUPERVISOR)}"]),
-        ("service", ["declare_queryable"], [f"{namespace}/{topics.SUPERVISOR_RESET.key}"]),
-    ]
-    return {
-        "enabled": True,
-        "default_permission": "allow",
-        "rules": [
-            {"id": name, "messages": messages, "flows": ["ingress"], "permission": "deny", "key_exprs": keys}
-            for name, messages, keys in rules
-        ],
-        "subjects": [{"id": "anyone"}],
-        "policies": [{"rules": [name for name, _, _ in rules], "subjects": ["anyone"]}],
-    }
-
-
-def _listen_sentence(endpoint: str, error: Exception) -> str:
-    reason = str(error)
-    if "in use" in reason:
-        return (
-            f"the endpoint {endpoint} is already in use: another supervisor may be running "
-            "(see `lifeline status`, stop it with `lifeline down`), or choose another with --endpoint"
-        )
-    return f"cannot listen on the endpoint {endpoint!r}: {_first_line(error)}"
-
-
-def _first_line(error: Exception) -> str:
-    """Return the first line of a Zenoh error without the source location at its end."""
-    return str(error).split(" at ")[0].splitlines()[0]
-
-
-async def _in_thread(work: Callable[[], Any]) -> Any:  # noqa: ANN401 - any result of the work
-    """Run blocking work on a daemon thread, which does not delay the end of the process, unlike an executor's."""
-    future: Future[Any] = Future()
-    future.set_running_or_notify_cancel()  # the waiting task may be cancelled; the work still runs to its end
-
-    def run() -> None:
-        try:
-            future.set_result(work())
-        except BaseException as error:  # noqa: BLE001 - passed to the waiting task
-            future.set_exception(error)
-
-    threading.Thread(target=run, daemon=True, name="zenoh-work").start()
-    return await asyncio.wrap_future(future)
-
-
-def _direct(callback: Callable[[Any], None]) -> "zenoh.handlers.Callback[Any]":
-    return zenoh.handlers.Callback(callback, indirect=False)
-
-
-class ZenohPublisher:
-    """Publishes one topic without batching, at real-time priority; drops samples instead of waiting."""
-
-    def __init__(self, session: zenoh.Session, key: str) -> None:
-        self._publisher = session.declare_publisher(
-            key,
-            congestion_control=zenoh.CongestionControl.DROP,
-            priority=zenoh.Priority.REAL_TIME,
-            express=True,
-        )
-        self._stamper = Stamper()
+class ZenohPublisher(RawPublisher):
+    """Publishes the messages of one topic."""
 
     def put(self, message: Any, true_at_s: float | None = None) -> None:  # noqa: ANN401 - as Publisher[M] for its topic's M
-        self._publisher.put(encode(message), attachment=self._stamper.next(true_at_s).pack())
-
-    def begin_anew(self) -> None:
-        self._stamper = Stamper()
+        self.put_bytes(encode(message), true_at_s=true_at_s)
 
 
-class ZenohToken:
-    """A liveliness token; Zenoh also withdraws it when the process dies."""
-
-    def __init__(self, token: zenoh.LivelinessToken) -> None:
-        self._token = token
-
-    def withdraw(self) -> None:
-        self._token.undeclare()
-
-
-class ZenohBus:
+class ZenohBus(ZenohSession):
     """A Bus over one Zenoh session."""
-
-    def __init__(self, session: zenoh.Session, namespace: str) -> None:
-        self._session = session
-        self._namespace = namespace
-        self._loop = asyncio.get_running_loop()
-        self._pending_queries = 0
-        # A declaration exists only as long as it is referenced.
-        self._declared: list[object] = []
 
     def publisher(self, topic: Topic[M]) -> ZenohPublisher:
         return ZenohPublisher(self._session, self._key(topic.key))
@@ -232,200 +51,38 @@ class ZenohBus:
         repeats_wake: bool = True,
         per_writer: bool = False,
     ) -> Subscription[M]:
-        key = self._key(topic.key)
         subscription = Subscription(
-            key, topic.type, depth=depth, wake=wake, repeats_wake=repeats_wake, per_writer=per_writer
+            self._key(topic.key),
+            topic.type,
+            depth=depth,
+            wake=wake,
+            repeats_wake=repeats_wake,
+            per_writer=per_writer,
         )
-
-        def on_sample(sample: zenoh.Sample) -> None:
-            arrival_s = time.monotonic()
-            # A put on a wildcard reaches all matching subscribers and passes the hub's access control.
-            # Therefore only a sample on exactly this key is accepted.
-            if str(sample.key_expr) != key or sample.kind != zenoh.SampleKind.PUT:
-                return
-            attachment = sample.attachment
-            subscription.push(
-                sample.payload.to_bytes(), None if attachment is None else attachment.to_bytes(), arrival_s
-            )
-
-        self._declared.append(
-            self._session.declare_subscriber(key, _direct(on_sample), allowed_origin=zenoh.Locality.REMOTE)
-        )
+        self.subscribe_raw(topic.key, subscription.push)
         return subscription
 
-    def hear_sources(self) -> Inbox[str]:
-        inbox: Inbox[str] = Inbox(SOURCES_DEPTH, None)
-        prefix = self._key("")
-
-        def on_sample(sample: zenoh.Sample) -> None:
-            source = topics.source_of(str(sample.key_expr).removeprefix(prefix))
-            if source is not None:
-                inbox.push(source)
-
-        key = self._key(topics.source_cmd_vel("*").key)
-        self._declared.append(
-            self._session.declare_subscriber(key, _direct(on_sample), allowed_origin=zenoh.Locality.REMOTE)
-        )
-        return inbox
-
-    def declare_alive(self, node: str) -> ZenohToken:
-        token = self._session.liveliness().declare_token(self._key(topics.alive(node)))
-        self._declared.append(token)
-        return ZenohToken(token)
-
-    def watch_alive(self, wake: asyncio.Event | None = None) -> Inbox[LivelinessChange]:
-        inbox: Inbox[LivelinessChange] = Inbox(LIVELINESS_DEPTH, wake)
-        prefix = self._key(topics.alive(""))
-
-        def on_change(sample: zenoh.Sample) -> None:
-            node = str(sample.key_expr).removeprefix(prefix)
-            inbox.push(LivelinessChange(node, sample.kind == zenoh.SampleKind.PUT, time.monotonic()))
-
-        self._declared.append(
-            self._session.liveliness().declare_subscriber(f"{prefix}*", _direct(on_change), history=True)
-        )
-        return inbox
-
     def serve(self, service: Service, handler: ServiceHandler) -> None:
-        key = self._key(service.key)
+        async def answer(request: bytes) -> bytes:
+            return encode(await _answer(request, handler))
 
-        async def answer(query: zenoh.Query) -> None:
-            try:
-                response = encode(await _answer(query, handler))
-                # A reply may wait for a stopped peer: it runs on a separate thread, never in the loop.
-                await _in_thread(lambda: _reply(query, key, response))
-            finally:
-                self._pending_queries -= 1
-
-        def accept(query: zenoh.Query) -> None:
-            if self._pending_queries >= MAX_PENDING_QUERIES:
-                query.drop()
-                return
-            self._pending_queries += 1
-            task = self._loop.create_task(answer(query))
-            answers.add(task)
-            task.add_done_callback(answers.discard)
-
-        answers: set[asyncio.Task[None]] = set()
-        self._declared.append(
-            self._session.declare_queryable(
-                key, _direct(lambda query: _call_in(self._loop, lambda: accept(query)))
-            )
-        )
+        self.serve_raw(service.key, answer)
 
     async def call(self, service: Service, text: str = "", *, timeout_s: float = 1.0) -> TriggerResponse:
-        key = self._key(service.key)
+        def read(reply: bytes) -> TriggerResponse | None:
+            try:
+                return decode(reply, TriggerResponse)
+            except UndecodableError as error:
+                _log.warning("%s: ignored a reply that is not a Trigger response: %s", service.key, error)
+                return None
+
         request = encode(String(text)) if text else None
-
-        def ask() -> TriggerResponse | None:
-            # Take each reply as it arrives: otherwise Zenoh would wait for the last of several replies.
-            replies = self._session.get(
-                key, payload=request, timeout=timeout_s, consolidation=zenoh.ConsolidationMode.NONE
-            )
-            for reply in replies:
-                if reply.ok is not None:
-                    try:
-                        return decode(reply.ok.payload.to_bytes(), TriggerResponse)
-                    except UndecodableError as error:
-                        _log.warning("%s: ignored a reply that is not a Trigger response: %s", key, error)
-            return None
-
-        response = await _in_thread(ask)
-        if response is None:
-            raise NoReplyError(f"nobody answered {key} within {timeout_s:g} s")
-        return response
-
-    def put_raw(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
-        """Put any bytes on any key, as an attacker on the network can; for tests and the fault campaign.
-
-        Args:
-            key: the full key, including the namespace; it may contain wildcards.
-            payload: any bytes; they are not checked.
-            attachment: any bytes; None: no attachment.
-        """
-        self._session.put(key, payload, attachment=attachment)
-
-    @property
-    def session_id(self) -> str:
-        """Zenoh's id of this session."""
-        return str(self._session.info.zid())
-
-    def overhear(self, expression: str, *, depth: int, wake: asyncio.Event | None = None) -> Inbox[Overheard]:
-        """Return an inbox for the samples of all keys that an expression matches, such as `robot/**`.
-
-        At most `OVERHEARD_BYTES` of them wait, and at most `depth` samples.
-
-        Raises:
-            BusError: it is not a key expression.
-        """
-        kept = NewestWithin[Overheard](depth, OVERHEARD_BYTES, lambda one: len(one.payload))
-        inbox: Inbox[Overheard] = Inbox(depth, wake, kept)
-
-        def on_sample(sample: zenoh.Sample) -> None:
-            attachment = sample.attachment
-            inbox.push(
-                Overheard(
-                    str(sample.key_expr),
-                    sample.payload.to_bytes(),
-                    None if attachment is None else attachment.to_bytes(),
-                    time.monotonic(),
-                )
-            )
-
-        try:
-            subscriber = self._session.declare_subscriber(
-                expression, _direct(on_sample), allowed_origin=zenoh.Locality.REMOTE
-            )
-        except zenoh.ZError as error:
-            raise BusError(f"{expression!r} is not a key: {_first_line(error)}") from error
-        self._declared.append(subscriber)
-        return inbox
-
-    async def declarations(self, *, timeout_s: float = 3.0) -> dict[str, bytes]:
-        """Return the hub's report of all sessions and their declarations, by key of Zenoh's admin space.
-
-        Any program can answer this query, also with the hub's keys. Therefore only replies of the hub itself are used, and
-        Zenoh must not consolidate replies of equal keys.
-        """
-
-        def ask() -> dict[str, bytes]:
-            hubs = {str(hub) for hub in self._session.info.peers_zid()}
-            replies = self._session.get("@/**", timeout=timeout_s, consolidation=zenoh.ConsolidationMode.NONE)
-            return {
-                str(reply.ok.key_expr): reply.ok.payload.to_bytes()
-                for reply in replies
-                if reply.ok is not None and reply.replier_id is not None and str(reply.replier_id.zid) in hubs
-            }
-
-        return await _in_thread(ask)
-
-    async def close(self) -> None:
-        """Close the session; abandon the close after `CLOSE_LIMIT_S` if a stopped peer blocks it."""
-        try:
-            await asyncio.wait_for(_in_thread(self._session.close), CLOSE_LIMIT_S)  # pyright: ignore[reportUnknownArgumentType]
-        except (TimeoutError, zenoh.ZError):
-            _log.info("the session did not close within %.0f s and was abandoned", CLOSE_LIMIT_S)
-
-    def _key(self, relative: str) -> str:
-        return f"{self._namespace}/{relative}"
+        return await self.call_raw(service.key, request, read, timeout_s=timeout_s)
 
 
-async def _answer(query: zenoh.Query, handler: ServiceHandler) -> TriggerResponse:
-    payload = query.payload
+async def _answer(request: bytes, handler: ServiceHandler) -> TriggerResponse:
     try:
-        text = "" if payload is None else decode(payload.to_bytes(), String).data
+        text = decode(request, String).data if request else ""
     except UndecodableError:
         return TriggerResponse(success=False, message="the request is not a std_msgs/msg/String")
     return await handler(text)
-
-
-def _reply(query: zenoh.Query, key: str, response: bytes) -> None:
-    with query:
-        query.reply(key, response)
-
-
-def _call_in(loop: asyncio.AbstractEventLoop, callback: Callable[[], None]) -> None:
-    try:
-        loop.call_soon_threadsafe(callback)
-    except RuntimeError:  # the loop has closed, so no reply is possible
-        return

@@ -16,13 +16,13 @@ from sim.plant import Plant
 from sim.sensor_faults import NO_FAULTS, SensorFaults, parse_faults
 from sim.service import SimService
 from sim.shown import Mode, Shown
-from sim.watchdog import COMMAND_TIMEOUT_S, BaseReason
 from tests.component.rig import Rig
 from virtual.network import VirtualBus
 from wire import topics
 from wire.bus import Arrival, Subscription
 from wire.messages import DiagnosticStatus, LaserScan, M, Point, SafetyStatus, TriggerResponse, planar_twist
 from wire.topics import Topic
+from wire.watchdog import COMMAND_TIMEOUT_S, BaseReason
 
 STREAMS: tuple[Topic[Any], ...] = (
     topics.SCAN,

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple, cast
 from sim.pace import TimeRequestError, parse_time_request
 from sim.sensor_faults import FaultError, parse_faults
 from sim.shown import Mode
-from sim.watchdog import Watchdog
 from supervisor.messages import to_command, to_odometry, to_scan
 from teleop.dashboard import render_dashboard
 from teleop.display import render
@@ -30,6 +29,7 @@ from wire.messages import (
     decode,
 )
 from wire.stamp import parse_stamp
+from wire.watchdog import Watchdog
 
 LARGE_EVERY = 20_000
 TEXT_EVERY = 20

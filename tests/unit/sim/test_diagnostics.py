@@ -8,8 +8,8 @@ import pytest
 from sim.diagnostics import Health, base_reason, to_diagnostics
 from sim.pace import Measured
 from sim.sensor_faults import NO_FAULTS, parse_faults
-from sim.watchdog import BaseReason
 from wire.messages import DiagnosticArray, DiagnosticStatus, decode, encode
+from wire.watchdog import BaseReason
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 

@@ -115,7 +115,7 @@ def _tap(pipe: Path) -> None:
     """Make every plant of this process report its motion."""
     from deploy.campaign.real.rig.wheels import WheelSample, WheelWriter  # noqa: PLC0415 - as above
     from sim.plant import Plant  # noqa: PLC0415
-    from sim.watchdog import BaseReason, Target, Watchdog  # noqa: PLC0415
+    from wire.watchdog import BaseReason, Target, Watchdog  # noqa: PLC0415
 
     writer = WheelWriter(pipe)
     reasons = {reason: index for index, reason in enumerate(BaseReason)}

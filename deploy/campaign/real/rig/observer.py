@@ -10,10 +10,10 @@ from deploy.campaign.measure import BaseReport
 from deploy.campaign.real.rig.wheels import WheelPipe, WheelSample
 from deploy.campaign.seen import Asked, Command, Motion, Seen, Status
 from deploy.stack.observe import seen_within
-from sim.watchdog import BaseReason
 from wire import topics
 from wire.bus import Arrival, Bus, Subscription
 from wire.messages import M, SafetyStatus, Twist
+from wire.watchdog import BaseReason
 from wire.zenoh_bus import ZenohBus
 
 DEPTH = 20_000

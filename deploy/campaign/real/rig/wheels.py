@@ -33,7 +33,7 @@ class WheelSample(NamedTuple):
     is_driven: bool
     """Whether the drive's target is not zero."""
     reason: int
-    """Index of the base's own stop reason in `sim.watchdog.BaseReason`."""
+    """Index of the base's own stop reason in `wire.watchdog.BaseReason`."""
     collisions: int
     """Number since the last reset."""
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from sim.watchdog import COMMAND_TIMEOUT_S, BaseReason, Target, Watchdog
 from wire.freshness import Sent
+from wire.watchdog import COMMAND_TIMEOUT_S, BaseReason, Target, Watchdog
 
 TICK_S = 0.02
 CLOCK_AHEAD_S = 1e6

@@ -1,0 +1,431 @@
+"""A Zenoh session that sends and receives bytes: the only file that imports Zenoh.
+
+The supervisor opens its session as the hub (`peer`, listening). All other processes connect to it as `client`. Every
+path to the wheels therefore passes the hub, whose access control refuses any other writer of `cmd_vel`. Scouting is
+disabled, and no data leaves the machine unless the endpoint is open to the network.
+
+Callbacks run on Zenoh's threads: they stamp the arrival, pass the bytes on, and return. They are declared with
+`indirect=False`, so they are called directly when a sample arrives, without an intermediate queue that could fill up.
+"""
+
+import asyncio
+import json
+import logging
+import threading
+import time
+from collections.abc import Awaitable, Callable
+from concurrent.futures import Future
+from dataclasses import dataclass
+from typing import Any, Literal, TypeVar
+
+import zenoh
+
+from wire import topics
+from wire.inbox import SOURCES_DEPTH, BusError, Inbox, LivelinessChange, NoReplyError, Overheard
+from wire.newest import NewestWithin
+from wire.stamp import Stamper
+
+_log = logging.getLogger(__name__)
+
+DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+CONNECT_RETRY_S = 0.1
+CLOSE_LIMIT_S = 1.0
+MAX_PENDING_QUERIES = 16
+TX_QUEUE = 16
+"""Maximum number of batches of one priority that wait to be sent: the most that Zenoh accepts."""
+OVERHEARD_BYTES = 32 << 20
+"""Maximum size of the samples that wait in an inbox of `overhear`: a foreign payload may have any size."""
+LIVELINESS_DEPTH = 256
+
+Role = Literal["hub", "client"]
+
+Push = Callable[[bytes, bytes | None, float], None]
+"""Called on Zenoh's thread with a sample's payload, its attachment and its arrival time [s]; it must not block."""
+RawHandler = Callable[[bytes], Awaitable[bytes]]
+"""Called with the payload of a query (empty if it has none); returns the payload of the reply."""
+R = TypeVar("R")
+
+
+@dataclass(frozen=True, slots=True)
+class BusConfig:
+    """Endpoint of the hub, namespace of the robot, and lease of the links."""
+
+    endpoint: str = DEFAULT_ENDPOINT
+    namespace: str = "robot"
+    lease_s: float = 0.4
+    """How long a silent link counts as alive. Measured: 0.1 s never expired wrongly in 60 s under 8 CPU hogs."""
+
+
+async def open_session(
+    config: BusConfig, role: Role, *, on_wait: Callable[[], None] | None = None
+) -> zenoh.Session:
+    """Open the session; a client waits for its hub without a time limit.
+
+    Args:
+        config: the endpoint and the namespace.
+        role: `hub` listens, `client` connects.
+        on_wait: called once if the hub does not run yet.
+
+    Raises:
+        BusError: the hub cannot listen, or the endpoint is invalid.
+    """
+    settings = _settings(config, role)
+    waiting = False
+    while True:
+        try:
+            return await _in_thread(lambda: zenoh.open(settings))
+        except zenoh.ZError as error:
+            if role == "hub":
+                raise BusError(_listen_sentence(config.endpoint, error)) from error
+            if "Unable to connect" not in str(error):
+                raise BusError(
+                    f"cannot use the endpoint {config.endpoint!r}: {_first_line(error)}"
+                ) from error
+        if not waiting and on_wait is not None:
+            on_wait()
+        waiting = True
+        await asyncio.sleep(CONNECT_RETRY_S)
+
+
+def _settings(config: BusConfig, role: Role) -> zenoh.Config:
+    """Return Zenoh's configuration for one of the two roles; the values are based on measurements (design facts in docs)."""
+    values: dict[str, object] = {
+        "mode": "peer" if role == "hub" else "client",
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        # Zenoh moves payloads of 3 KB and more to shared memory, with silent drops under stalls (zenoh #2628).
+        "transport/shared_memory/enabled": False,
+        "transport/link/tx/lease": round(config.lease_s * 1000),
+        # All samples of one loop iteration are sent in a burst: the default of two places would drop the third sample.
+        "transport/link/tx/queue/size/real_time": TX_QUEUE,
+    }
+    if role == "hub":
+        values["listen/endpoints"] = [config.endpoint]
+        values["access_control"] = _access_control(config.namespace)
+        # The hub answers which session declares what (docs/decisions/0042); it is read-only.
+        values["adminspace"] = {"enabled": True, "permissions": {"read": True, "write": False}}
+    else:
+        values["connect/endpoints"] = [config.endpoint]
+        values["connect/timeout_ms"] = (
+            0  # `open_bus` retries the first connection itself, and can be cancelled
+        )
+        values["connect/retry"] = {
+            "period_init_ms": 50,
+            "period_max_ms": 200,
+            "period_increase_factor": 2,
+        }
+    settings = zenoh.Config()
+    for key, value in values.items():
+        try:
+            settings.insert_json5(key, json.dumps(value))
+        except zenoh.ZError as error:
+            raise BusError(f"cannot use the endpoint {config.endpoint!r}: {_first_line(error)}") from error
+    return settings
+
+
+def _access_control(namespace: str) -> dict[str, object]:
+    """Return the access control: only the hub may write the supervisor's keys, hold its token and serve its service."""
+    supervisors_own = [f"{namespace}/{key}" for key in topics.ONLY_SUPERVISOR_WRITES]
+    rules = [
+        ("writes", ["put", "delete"], supervisors_own),
+        ("token", ["liveliness_token"], [f"{namespace}/{topics.alive(topics.SUPERVISOR)}"]),
+        ("service", ["declare_queryable"], [f"{namespace}/{topics.SUPERVISOR_RESET.key}"]),
+    ]
+    return {
+        "enabled": True,
+        "default_permission": "allow",
+        "rules": [
+            {"id": name, "messages": messages, "flows": ["ingress"], "permission": "deny", "key_exprs": keys}
+            for name, messages, keys in rules
+        ],
+        "subjects": [{"id": "anyone"}],
+        "policies": [{"rules": [name for name, _, _ in rules], "subjects": ["anyone"]}],
+    }
+
+
+def _listen_sentence(endpoint: str, error: Exception) -> str:
+    reason = str(error)
+    if "in use" in reason:
+        return (
+            f"the endpoint {endpoint} is already in use: another supervisor may be running "
+            "(see `lifeline status`, stop it with `lifeline down`), or choose another with --endpoint"
+        )
+    return f"cannot listen on the endpoint {endpoint!r}: {_first_line(error)}"
+
+
+def _first_line(error: Exception) -> str:
+    """Return the first line of a Zenoh error without the source location at its end."""
+    return str(error).split(" at ")[0].splitlines()[0]
+
+
+async def _in_thread(work: Callable[[], Any]) -> Any:  # noqa: ANN401 - any result of the work
+    """Run blocking work on a daemon thread, which does not delay the end of the process, unlike an executor's."""
+    future: Future[Any] = Future()
+    future.set_running_or_notify_cancel()  # the waiting task may be cancelled; the work still runs to its end
+
+    def run() -> None:
+        try:
+            future.set_result(work())
+        except BaseException as error:  # noqa: BLE001 - passed to the waiting task
+            future.set_exception(error)
+
+    threading.Thread(target=run, daemon=True, name="zenoh-work").start()
+    return await asyncio.wrap_future(future)
+
+
+def _direct(callback: Callable[[Any], None]) -> "zenoh.handlers.Callback[Any]":
+    return zenoh.handlers.Callback(callback, indirect=False)
+
+
+class RawPublisher:
+    """Publishes bytes on one key, without batching, at real-time priority; drops samples instead of waiting."""
+
+    def __init__(self, session: zenoh.Session, key: str) -> None:
+        self._publisher = session.declare_publisher(
+            key,
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.REAL_TIME,
+            express=True,
+        )
+        self._stamper = Stamper()
+
+    def put_bytes(
+        self, payload: bytes, attachment: bytes | None = None, *, true_at_s: float | None = None
+    ) -> None:
+        """Send a payload.
+
+        Args:
+            payload: the encoded message.
+            attachment: its stamp; None: the next stamp of this run.
+            true_at_s: the time of its content by the loop's clock, for this run's stamp; None: now.
+        """
+        stamp = self._stamper.next(true_at_s).pack() if attachment is None else attachment
+        self._publisher.put(payload, attachment=stamp)
+
+    def begin_anew(self) -> None:
+        self._stamper = Stamper()
+
+
+class ZenohToken:
+    """A liveliness token; Zenoh also withdraws it when the process dies."""
+
+    def __init__(self, token: zenoh.LivelinessToken) -> None:
+        self._token = token
+
+    def withdraw(self) -> None:
+        self._token.undeclare()
+
+
+class ZenohSession:
+    """The declarations of one process in a robot's namespace. A declaration exists until the session is closed."""
+
+    def __init__(self, session: zenoh.Session, namespace: str) -> None:
+        self._session = session
+        self._namespace = namespace
+        self._loop = asyncio.get_running_loop()
+        self._pending_queries = 0
+        # A declaration exists only as long as it is referenced.
+        self._declared: list[object] = []
+
+    def publisher_raw(self, key: str) -> RawPublisher:
+        """Return a publisher on a key of the robot."""
+        return RawPublisher(self._session, self._key(key))
+
+    def subscribe_raw(self, key: str, push: Push) -> None:
+        """Call `push` for each sample on exactly this key of the robot."""
+        full_key = self._key(key)
+
+        def on_sample(sample: zenoh.Sample) -> None:
+            arrival_s = time.monotonic()
+            # A put on a wildcard reaches all matching subscribers and passes the hub's access control.
+            # Therefore only a sample on exactly this key is accepted.
+            if str(sample.key_expr) != full_key or sample.kind != zenoh.SampleKind.PUT:
+                return
+            attachment = sample.attachment
+            push(sample.payload.to_bytes(), None if attachment is None else attachment.to_bytes(), arrival_s)
+
+        self._declared.append(
+            self._session.declare_subscriber(
+                full_key, _direct(on_sample), allowed_origin=zenoh.Locality.REMOTE
+            )
+        )
+
+    def hear_sources(self) -> Inbox[str]:
+        inbox: Inbox[str] = Inbox(SOURCES_DEPTH, None)
+        prefix = self._key("")
+
+        def on_sample(sample: zenoh.Sample) -> None:
+            source = topics.source_of(str(sample.key_expr).removeprefix(prefix))
+            if source is not None:
+                inbox.push(source)
+
+        key = self._key(topics.source_cmd_vel("*").key)
+        self._declared.append(
+            self._session.declare_subscriber(key, _direct(on_sample), allowed_origin=zenoh.Locality.REMOTE)
+        )
+        return inbox
+
+    def declare_alive(self, node: str) -> ZenohToken:
+        token = self._session.liveliness().declare_token(self._key(topics.alive(node)))
+        self._declared.append(token)
+        return ZenohToken(token)
+
+    def watch_alive(self, wake: asyncio.Event | None = None) -> Inbox[LivelinessChange]:
+        inbox: Inbox[LivelinessChange] = Inbox(LIVELINESS_DEPTH, wake)
+        prefix = self._key(topics.alive(""))
+
+        def on_change(sample: zenoh.Sample) -> None:
+            node = str(sample.key_expr).removeprefix(prefix)
+            inbox.push(LivelinessChange(node, sample.kind == zenoh.SampleKind.PUT, time.monotonic()))
+
+        self._declared.append(
+            self._session.liveliness().declare_subscriber(f"{prefix}*", _direct(on_change), history=True)
+        )
+        return inbox
+
+    def serve_raw(self, key: str, handler: RawHandler) -> None:
+        """Answer queries on a key of the robot; the handler runs in this event loop."""
+        full_key = self._key(key)
+
+        async def answer(query: zenoh.Query) -> None:
+            try:
+                payload = query.payload
+                response = await handler(b"" if payload is None else payload.to_bytes())
+                # A reply may wait for a stopped peer: it runs on a separate thread, never in the loop.
+                await _in_thread(lambda: _reply(query, full_key, response))
+            finally:
+                self._pending_queries -= 1
+
+        def accept(query: zenoh.Query) -> None:
+            if self._pending_queries >= MAX_PENDING_QUERIES:
+                query.drop()
+                return
+            self._pending_queries += 1
+            task = self._loop.create_task(answer(query))
+            answers.add(task)
+            task.add_done_callback(answers.discard)
+
+        answers: set[asyncio.Task[None]] = set()
+        self._declared.append(
+            self._session.declare_queryable(
+                full_key, _direct(lambda query: _call_in(self._loop, lambda: accept(query)))
+            )
+        )
+
+    async def call_raw(
+        self, key: str, request: bytes | None, read: Callable[[bytes], R | None], *, timeout_s: float
+    ) -> R:
+        """Query a key of the robot, and return the first reply that `read` accepts.
+
+        Args:
+            key: the key, relative to the robot's namespace.
+            request: the payload; None: no payload.
+            read: returns None for a reply that is not valid; called on another thread.
+            timeout_s: how long to wait.
+
+        Raises:
+            NoReplyError: no such reply arrived in time.
+        """
+        full_key = self._key(key)
+
+        def ask() -> R | None:
+            # Take each reply as it arrives: otherwise Zenoh would wait for the last of several replies.
+            replies = self._session.get(
+                full_key, payload=request, timeout=timeout_s, consolidation=zenoh.ConsolidationMode.NONE
+            )
+            for reply in replies:
+                answer = None if reply.ok is None else read(reply.ok.payload.to_bytes())
+                if answer is not None:
+                    return answer
+            return None
+
+        answer = await _in_thread(ask)
+        if answer is None:
+            raise NoReplyError(f"nobody answered {full_key} within {timeout_s:g} s")
+        return answer
+
+    def put_raw(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
+        """Put any bytes on any key, as an attacker on the network can; for tests and the fault campaign.
+
+        Args:
+            key: the full key, including the namespace; it may contain wildcards.
+            payload: any bytes; they are not checked.
+            attachment: any bytes; None: no attachment.
+        """
+        self._session.put(key, payload, attachment=attachment)
+
+    @property
+    def session_id(self) -> str:
+        """Zenoh's id of this session."""
+        return str(self._session.info.zid())
+
+    def overhear(self, expression: str, *, depth: int, wake: asyncio.Event | None = None) -> Inbox[Overheard]:
+        """Return an inbox for the samples of all keys that an expression matches, such as `robot/**`.
+
+        At most `OVERHEARD_BYTES` of them wait, and at most `depth` samples.
+
+        Raises:
+            BusError: it is not a key expression.
+        """
+        kept = NewestWithin[Overheard](depth, OVERHEARD_BYTES, lambda one: len(one.payload))
+        inbox: Inbox[Overheard] = Inbox(depth, wake, kept)
+
+        def on_sample(sample: zenoh.Sample) -> None:
+            attachment = sample.attachment
+            inbox.push(
+                Overheard(
+                    str(sample.key_expr),
+                    sample.payload.to_bytes(),
+                    None if attachment is None else attachment.to_bytes(),
+                    time.monotonic(),
+                )
+            )
+
+        try:
+            subscriber = self._session.declare_subscriber(
+                expression, _direct(on_sample), allowed_origin=zenoh.Locality.REMOTE
+            )
+        except zenoh.ZError as error:
+            raise BusError(f"{expression!r} is not a key: {_first_line(error)}") from error
+        self._declared.append(subscriber)
+        return inbox
+
+    async def declarations(self, *, timeout_s: float = 3.0) -> dict[str, bytes]:
+        """Return the hub's report of all sessions and their declarations, by key of Zenoh's admin space.
+
+        Any program can answer this query, also with the hub's keys. Therefore only replies of the hub itself are used, and
+        Zenoh must not consolidate replies of equal keys.
+        """
+
+        def ask() -> dict[str, bytes]:
+            hubs = {str(hub) for hub in self._session.info.peers_zid()}
+            replies = self._session.get("@/**", timeout=timeout_s, consolidation=zenoh.ConsolidationMode.NONE)
+            return {
+                str(reply.ok.key_expr): reply.ok.payload.to_bytes()
+                for reply in replies
+                if reply.ok is not None and reply.replier_id is not None and str(reply.replier_id.zid) in hubs
+            }
+
+        return await _in_thread(ask)
+
+    async def close(self) -> None:
+        """Close the session; abandon the close after `CLOSE_LIMIT_S` if a stopped peer blocks it."""
+        try:
+            await asyncio.wait_for(_in_thread(self._session.close), CLOSE_LIMIT_S)  # pyright: ignore[reportUnknownArgumentType]
+        except (TimeoutError, zenoh.ZError):
+            _log.info("the session did not close within %.0f s and was abandoned", CLOSE_LIMIT_S)
+
+    def _key(self, relative: str) -> str:
+        return f"{self._namespace}/{relative}"
+
+
+def _reply(query: zenoh.Query, key: str, response: bytes) -> None:
+    with query:
+        query.reply(key, response)
+
+
+def _call_in(loop: asyncio.AbstractEventLoop, callback: Callable[[], None]) -> None:
+    try:
+        loop.call_soon_threadsafe(callback)
+    except RuntimeError:  # the loop has closed, so no reply is possible
+        return
