@@ -11,7 +11,7 @@ export UV_PYTHON_DOWNLOADS := never
 export UV := $(UV)
 
 # With PYTHONDONTWRITEBYTECODE, each process would compile all modules again, which takes half a second.
-COMPILE := .venv/bin/python -m compileall -q wire supervisor teleop sim virtual deploy bench tests
+COMPILE := .venv/bin/python -m compileall -q wire supervisor teleop sim ros2 virtual deploy bench tests
 
 .DEFAULT_GOAL := help
 .PHONY: help setup run test unit system timed demo proof proofs coverage check bench docs picture mutation faults campaign

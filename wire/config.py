@@ -28,7 +28,7 @@ from wire import topics
 from wire.quantities import Acceleration, AngularAcceleration, Between
 from wire.session import DEFAULT_ENDPOINT, BusConfig
 
-SECTIONS = ("bus", "supervisor", "teleop", "sim")
+SECTIONS = ("bus", "supervisor", "teleop", "sim", "ros2")
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=32)]
 """One chunk of a key: the name of a namespace, a node or a command source."""
@@ -80,7 +80,7 @@ def _is_not_taken(name: str) -> str:
 
 
 TAKEN_NAMES = frozenset(
-    {topics.ALIVE_PREFIX, topics.SUPERVISOR, topics.SIM}
+    {topics.ALIVE_PREFIX, topics.SUPERVISOR, topics.SIM, topics.ROS2}
     | {
         first
         for entry in (*topics.TOPICS, *topics.SERVICES)

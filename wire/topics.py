@@ -69,8 +69,8 @@ MAX_LIDAR_TOPIC = 64
 ALIVE_PREFIX = "alive"
 """`alive/<node>` is each process's liveliness token."""
 
-SUPERVISOR, TELEOP, SIM = "supervisor", "teleop", "sim"
-"""The node names of the three processes."""
+SUPERVISOR, TELEOP, SIM, ROS2 = "supervisor", "teleop", "sim", "ros2"
+"""The node names of the processes."""
 
 ONLY_SUPERVISOR_WRITES = (CMD_VEL.key, STATUS.key)
 """Keys that the hub refuses from any other client."""

@@ -1,0 +1,99 @@
+"""The section `[ros2]` of robot.toml: the topics of a ROS 2 robot, and its command sources.
+
+It imports nothing of ROS: the commands of `lifeline` check it too.
+"""
+
+import re
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
+
+from wire.config import Conflict, Name, Section
+from wire.quantities import Between
+
+MAX_TOPIC = 128
+
+
+def _is_topic(value: str) -> str:
+    if (
+        re.fullmatch(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*", value) is None
+        or len(value) > MAX_TOPIC
+    ):
+        raise ValueError(
+            f"must be a ROS 2 topic such as scan or /robot/scan, with at most {MAX_TOPIC} characters"
+        )
+    return value
+
+
+def _is_namespace(value: str) -> str:
+    return value and _is_topic(value)
+
+
+RosTopic = Annotated[str, AfterValidator(_is_topic)]
+RosNamespace = Annotated[str, AfterValidator(_is_namespace)]
+# A key repeats every 30 to 50 ms, after a delay of 0.25 to 0.66 s. Longer than 1 s is no hold.
+Hold = Annotated[float, Between(0.05, 1.0, "the robot drives on for this long after the key is released")]
+DomainId = Annotated[int, Between(0, 232)]
+
+
+class RosSourceSection(Section):
+    """A ROS 2 topic that commands the robot, as one of the sources of `[supervisor]`."""
+
+    name: Name
+    """One of `[supervisor] sources`."""
+    topic: RosTopic
+    stamped: bool = False
+    """Whether its type is TwistStamped."""
+    hold_s: Hold | None = None
+    """How long a command is repeated for a program that publishes only on key events; then neutral."""
+    arm: Literal["on_neutral", "on_request"] = "on_neutral"
+    """`on_request`: for a program that never sends zero; a person calls /lifeline/arm after each stop."""
+
+
+class Ros2Section(Section):
+    """The ROS 2 side of the robot; without this section, nothing of ROS is needed."""
+
+    namespace: RosNamespace = ""
+    domain_id: DomainId = 0
+    discovery_range: Literal["localhost", "subnet"] = "localhost"
+    scan: RosTopic | Annotated[tuple[RosTopic, ...], Field(min_length=1, max_length=4, strict=False)] = "scan"
+    """One topic for each lidar of `[supervisor]`, in the same order."""
+    odom: RosTopic = "odom"
+    cmd_vel: RosTopic = "cmd_vel"
+    stamped: bool = False
+    """Whether the base listens to TwistStamped."""
+    frame_id: Annotated[str, Field(min_length=1, max_length=64)] = "base_link"
+    """The frame of a TwistStamped."""
+    command_timeout_s: Annotated[float, Between(0.02, 1.0)] = 0.15
+    """The bridge's own watchdog: without a fresh command of the supervisor for this long, it commands zero."""
+    python: Annotated[str, Field(min_length=1)] | None = None
+    """The interpreter of the environment with rclpy; default: `.ros2/bin/python` of the checkout."""
+    sources: Annotated[tuple[RosSourceSection, ...], Field(max_length=8, strict=False)] = ()
+
+    @property
+    def scans(self) -> tuple[str, ...]:
+        return (self.scan,) if isinstance(self.scan, str) else self.scan
+
+    def resolved(self, topic: str) -> str:
+        """Return the absolute name of a topic."""
+        if topic.startswith("/"):
+            return topic
+        return "/".join(["", *filter(None, [self.namespace.strip("/"), topic])])
+
+    def conflicts(self) -> Iterator[Conflict]:
+        taken = {self.resolved(self.cmd_vel): "cmd_vel"}
+        for index, source in enumerate(self.sources):
+            if source.name in [other.name for other in self.sources[:index]]:
+                yield Conflict(("sources", index, "name"), source.name, "each source needs a name of its own")
+            topic = self.resolved(source.topic)
+            if topic in taken:
+                message = (
+                    f"is already the topic of {taken[topic]}: remap the program to a topic of its own, "
+                    f"such as /{source.name}/cmd_vel"
+                )
+                yield Conflict(("sources", index, "topic"), source.topic, message)
+            taken[topic] = f"the source {source.name}"
+        for index, topic in enumerate(self.scans):
+            if topic in self.scans[:index]:
+                yield Conflict(("scan", index), topic, "each lidar needs a topic of its own")
