@@ -1,5 +1,14 @@
 """The ROS 2 process: connects a ROS 2 robot and its command topics to the supervisor (docs/ros2.md).
 
 config.py       `[ros2]` of robot.toml; imports nothing of ROS
-cdr.py          where the velocities, times and frames are in a CDR message (pure)
+node.py         the ROS 2 node: the only file that imports rclpy
+service.py      the asyncio shell between the node and the Zenoh session
+source.py       the commands of one topic, with hold and arming on request (pure)
+samples.py      the messages of one topic, separated by writer (pure)
+guard.py        detects the death of a publisher's process on this host
+base.py         the robot's command topic, with the base's own watchdog (pure)
+endpoints.py    what discovery knows of a topic; mismatches in plain words (pure)
+diagnostics.py  the reports on /diagnostics and /lifeline/status (pure)
+status.py       the beginning of a SafetyStatus, read from its bytes (pure)
+cdr.py          where the velocities are in the bytes of a message (pure)
 """

@@ -13,6 +13,8 @@ _HEADER = len(LITTLE_ENDIAN)
 _TWIST = struct.Struct("<6d")
 TWIST_BYTES = _HEADER + _TWIST.size
 MAX_FRAME_ID = 256
+TRUE = LITTLE_ENDIAN + b"\x01"
+"""A `std_msgs/msg/Bool`."""
 
 
 class Planar(NamedTuple):
@@ -91,11 +93,6 @@ def bool_of(payload: bytes) -> bool | None:
     if payload[:_HEADER] != LITTLE_ENDIAN or not _HEADER < len(payload) <= _HEADER + 4:
         return None
     return payload[_HEADER] != 0
-
-
-def boolean(value: bool) -> bytes:  # noqa: FBT001 - it is the message's only content
-    """Return the payload of a `std_msgs/msg/Bool`."""
-    return LITTLE_ENDIAN + bytes([value])
 
 
 def trigger_reply(payload: bytes) -> tuple[bool, str] | None:
