@@ -8,6 +8,7 @@ presence.py     which programs publish on the topics of the sources, and which o
 source.py       the commands of one topic, with hold and arming on request (pure)
 samples.py      the messages of one topic, separated by writer (pure)
 guard.py        detects the death of a publisher's process on this host
+check_base.py   measure how long the base keeps its last command
 base.py         the robot's command topic, with the base's own watchdog (pure)
 endpoints.py    what discovery knows of a topic; mismatches in plain words (pure)
 diagnostics.py  the reports on /diagnostics and /lifeline/status (pure)
