@@ -175,8 +175,7 @@ def test_two_publishers_on_a_sources_topic_are_both_refused_and_named(stack: Sta
     first = stack.source(name="first")
     stack.drive(first)
     second = stack.source(name="second")
-    report = stack.watch.report(f"source {SOURCE}", "all publish")
-    assert "/first and /second" in report.message
+    report = stack.watch.report(f"source {SOURCE}", "/first and /second all publish")
     assert report.level == report.ERROR
     stack.stays_at_rest()
     second.tell(v=0.1)
@@ -197,8 +196,7 @@ def test_another_publisher_on_the_robots_topic_raises_an_alarm_that_names_it(sta
 
 def test_a_stamped_publisher_on_a_plain_topic_is_reported_with_the_key_to_change(stack: Stack) -> None:
     stamped = stack.source("--stamped", name="stamped")
-    report = stack.watch.report(f"source {SOURCE}", "TwistStamped")
-    assert "/stamped" in report.message
+    report = stack.watch.report(f"source {SOURCE}", "/stamped uses geometry_msgs/msg/TwistStamped")
     assert "set stamped of the source joy = true" in report.message
     stamped.end()
 
@@ -260,10 +258,12 @@ def test_a_planner_that_never_sends_zero_moves_only_after_a_persons_request(stac
 
 def test_a_driven_robot_stops_30_cm_before_the_pillar_and_may_back_out(stack: Stack) -> None:
     source = stack.source()
-    stack.drive(source, 0.5)
-    stack.watch.until(
-        lambda w: w.status is not None and "OBSTACLE" in w.status.reasons, "the stop", within_s=60.0
-    )
+    reasons: list[str] = []
+    while "OBSTACLE" not in reasons:  # a loaded machine may stop the robot for another reason first
+        stack.drive(source, 0.5)
+        stack.watch.until(lambda w: w.status is not None and w.status.mode == w.status.STOPPED, "a stop")
+        assert stack.watch.status is not None
+        reasons = stack.watch.status.reasons
     stack.rest_after(0)
     assert stack.watch.status is not None
     print(f"\nclearance after the stop: {stack.watch.status.nearest_m:.3f} m")
