@@ -1,0 +1,124 @@
+"""`python -m bench.ros2_crash`: run the trials that are missing in the file, and print the table."""
+
+import argparse
+import random
+import sys
+import tempfile
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import IO
+
+from bench.ros2_crash.isolation import can_isolate, is_isolated, isolate
+from bench.ros2_crash.run import run
+from bench.ros2_crash.stage import program_of
+from bench.ros2_crash.table import markdown, rows
+from bench.ros2_crash.trial import Fault, Teleop, Trial, cases, missing, parse
+from deploy.campaign.provenance import commit, machine
+from deploy.campaign.trial import PROVENANCE_BEGINS, Provenance
+from deploy.campaign.trial_file import whole_lines
+from deploy.stack.errors import DeployError
+
+TRIALS = 20
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        prog="python -m bench.ros2_crash",
+        description="Kill, stop and unplug a keyboard node that drives a ROS 2 robot at 0.5 m/s, and measure time and "
+        "distance to standstill. Needs `make ros2`; teleop_twist_keyboard is tried if it is installed, or if "
+        "LIFELINE_TELEOP_TWIST_KEYBOARD names its file. Unplugging needs root.",
+        epilog="exit code: 0; 1 if a trial could not run. The file is extended: an interrupted run can be resumed",
+    )
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FILE", help="JSON lines: one for each trial"
+    )
+    parser.add_argument(
+        "--trials", type=int, default=TRIALS, help="number of trials of each case (default: %(default)s)"
+    )
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no trial after this time")
+    parser.add_argument(
+        "--lifeline",
+        choices=("no", "yes", "both"),
+        default="both",
+        help="whether Lifeline is between the node and the robot (default: %(default)s)",
+    )
+    parser.add_argument("--seed", type=int, default=1, help="seed of the moments (default: %(default)s)")
+    arguments = parser.parse_args()
+    if not is_isolated() and can_isolate():
+        isolate()
+    try:
+        sys.exit(measure(arguments))
+    except DeployError as error:
+        sys.exit(f"ros2_crash: {error}")
+
+
+def measure(arguments: argparse.Namespace) -> int:
+    """Run what is missing, and print the table; return the exit code."""
+    done, failed = read(arguments.out), 0
+    lifeline = {"no": [False], "yes": [True], "both": [False, True]}[arguments.lifeline]
+    wanted = cases([one for one in Teleop if program_of(one) is not None], _faults(), lifeline)
+    end_s = time.monotonic() + 60 * arguments.minutes
+    with appending(arguments.out) as file:
+        for case, number in missing(wanted, arguments.trials, done):
+            if time.monotonic() > end_s:
+                break
+            moments = random.Random(f"{arguments.seed} {case} {number}")
+            with tempfile.TemporaryDirectory() as logs:
+                try:
+                    trial = run(case, number, Path(logs), moments)
+                except (AssertionError, TimeoutError) as error:
+                    failed += 1
+                    print(f"not run: {case} {number}: {error}", file=sys.stderr, flush=True)
+                    continue
+            done.append(trial)
+            file.write(trial.line() + "\n")
+            file.flush()
+            print(trial.line(), flush=True)
+    print(markdown(rows(done)))
+    return int(failed > 0)
+
+
+def _faults() -> list[Fault]:
+    return [fault for fault in Fault if fault is not Fault.UNPLUG or is_isolated()]
+
+
+def read(path: Path) -> list[Trial]:
+    """Return the trials of a file; none if there is no file.
+
+    Raises:
+        DeployError: a line is not a trial.
+    """
+    if not path.exists():
+        return []
+    try:
+        return [
+            parse(one) for one in whole_lines(path, "the trials") if not one.startswith(PROVENANCE_BEGINS)
+        ]
+    except ValueError as error:
+        raise DeployError(f"{path}: {error}; choose another --out") from error
+
+
+@contextmanager
+def appending(path: Path) -> Generator[IO[str]]:
+    """Open a file to append whole lines; at the end, a line says where and when they were measured."""
+    whole = "".join(whole_lines(path, "the trials")) if path.exists() else ""
+    path.write_text(whole)
+    begun = Provenance(
+        command="python -m bench.ros2_crash",
+        date=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        machine=machine(),
+        commit=commit(),
+    )
+    with path.open("a") as file:
+        try:
+            yield file
+        finally:
+            if file.tell() > len(whole.encode()):
+                file.write(begun.line() + "\n")
+
+
+if __name__ == "__main__":
+    main()
