@@ -2,6 +2,7 @@
 
 import argparse
 import random
+import signal
 import sys
 import tempfile
 import time
@@ -49,6 +50,7 @@ def main() -> None:
     arguments = parser.parse_args()
     if not is_isolated() and can_isolate():
         isolate()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # the trial ends its processes
     try:
         sys.exit(measure(arguments))
     except DeployError as error:
