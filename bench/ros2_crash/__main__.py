@@ -10,7 +10,8 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import IO
+from types import FrameType
+from typing import IO, NoReturn
 
 from bench.ros2_crash.isolation import can_isolate, is_isolated, isolate
 from bench.ros2_crash.run import run
@@ -50,11 +51,16 @@ def main() -> None:
     arguments = parser.parse_args()
     if not is_isolated() and can_isolate():
         isolate()
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # the trial ends its processes
+    signal.signal(signal.SIGTERM, _end)
     try:
         sys.exit(measure(arguments))
     except DeployError as error:
         sys.exit(f"ros2_crash: {error}")
+
+
+def _end(_: int, __: FrameType | None) -> NoReturn:
+    """End the trial's processes, then this one."""
+    sys.exit(1)
 
 
 def measure(arguments: argparse.Namespace) -> int:

@@ -18,6 +18,8 @@ DRIVE_LIMIT_S = 5.0
 AT_REST_M_S = 0.005
 MOMENTS_S = 0.2
 """The fault comes at a random moment of this span after the robot has reached its speed."""
+BETWEEN_KEYS_S = 0.5
+"""A person does not press two keys in the same millisecond: the neutral command must be one of its own."""
 STOP_KEYS = {Teleop.LAB: "s", Teleop.KEYBOARD: "k"}
 DRIVE_KEYS = {Teleop.LAB: "wwwww", Teleop.KEYBOARD: "i"}
 HELD_KEYS = {Teleop.LAB: None, Teleop.KEYBOARD: "i"}
@@ -46,6 +48,7 @@ def _drive_and_measure(made: Stage, case: Case, number: int, moments: random.Ran
     """
     observer = made.observer
     made.terminal.send(STOP_KEYS[case.teleop])
+    time.sleep(BETWEEN_KEYS_S)
     with pressing(made.terminal, DRIVE_KEYS[case.teleop], then=HELD_KEYS[case.teleop]):
         try:
             observer.until(_drives, f"{SPEED_M_S} m/s", after=len(observer.lines), within_s=DRIVE_LIMIT_S)

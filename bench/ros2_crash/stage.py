@@ -23,12 +23,12 @@ ONLY_UDP = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
 """Two namespaces of one machine share /dev/shm: with shared memory, no message would pass the cable."""
 CABLE_SUBNET = 77
 UP_LIMIT_S, POLL_S = 10.0, 0.02
-HOLD_S = {Teleop.KEYBOARD: "hold_s = 0.6", Teleop.LAB: ""}
+HOLD_S = {Teleop.KEYBOARD: ", hold_s = 0.6", Teleop.LAB: ""}
 """teleop_twist_keyboard publishes only on key events: its command is held until the key repeats."""
 
 CONFIG = """
 [ros2]
-sources = [{{ name = "teleop", topic = "/teleop/cmd_vel", {hold} }}]
+sources = [{{ name = "teleop", topic = "/teleop/cmd_vel"{hold} }}]
 discovery_range = "{discovery}"
 domain_id = {domain}
 """
