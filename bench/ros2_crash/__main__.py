@@ -6,21 +6,16 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Generator
-from contextlib import contextmanager
-from datetime import UTC, datetime
 from pathlib import Path
 from types import FrameType
-from typing import IO, NoReturn
+from typing import NoReturn
 
 from bench.ros2_crash.isolation import can_isolate, is_isolated, isolate
+from bench.ros2_crash.results import appending, read
 from bench.ros2_crash.run import run
 from bench.ros2_crash.stage import program_of
 from bench.ros2_crash.table import markdown, rows
-from bench.ros2_crash.trial import Fault, Teleop, Trial, cases, missing, parse
-from deploy.campaign.provenance import commit, machine
-from deploy.campaign.trial import PROVENANCE_BEGINS, Provenance
-from deploy.campaign.trial_file import whole_lines
+from bench.ros2_crash.trial import Fault, Teleop, cases, missing
 from deploy.stack.errors import DeployError
 
 TRIALS = 20
@@ -91,41 +86,6 @@ def measure(arguments: argparse.Namespace) -> int:
 
 def _faults() -> list[Fault]:
     return [fault for fault in Fault if fault is not Fault.UNPLUG or is_isolated()]
-
-
-def read(path: Path) -> list[Trial]:
-    """Return the trials of a file; none if there is no file.
-
-    Raises:
-        DeployError: a line is not a trial.
-    """
-    if not path.exists():
-        return []
-    try:
-        return [
-            parse(one) for one in whole_lines(path, "the trials") if not one.startswith(PROVENANCE_BEGINS)
-        ]
-    except ValueError as error:
-        raise DeployError(f"{path}: {error}; choose another --out") from error
-
-
-@contextmanager
-def appending(path: Path) -> Generator[IO[str]]:
-    """Open a file to append whole lines; at the end, a line says where and when they were measured."""
-    whole = "".join(whole_lines(path, "the trials")) if path.exists() else ""
-    path.write_text(whole)
-    begun = Provenance(
-        command="python -m bench.ros2_crash",
-        date=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        machine=machine(),
-        commit=commit(),
-    )
-    with path.open("a") as file:
-        try:
-            yield file
-        finally:
-            if file.tell() > len(whole.encode()):
-                file.write(begun.line() + "\n")
 
 
 if __name__ == "__main__":
