@@ -13,6 +13,8 @@ _HEADER = len(LITTLE_ENDIAN)
 _TWIST = struct.Struct("<6d")
 TWIST_BYTES = _HEADER + _TWIST.size
 MAX_FRAME_ID = 256
+TRUE = LITTLE_ENDIAN + b"\x01"
+"""A `std_msgs/msg/Bool`."""
 
 
 class Planar(NamedTuple):
@@ -67,6 +69,18 @@ def planar_of(twist: bytes) -> Planar | None:
     return Planar(x, yaw)
 
 
+def odometry_velocity(payload: bytes) -> Planar | None:
+    """Return the planar velocity in a `nav_msgs/msg/Odometry`; None if it has none that is finite.
+
+    The message ends with the twist and its covariance of 36 doubles.
+    """
+    end = len(payload) - 36 * 8
+    if payload[:_HEADER] != LITTLE_ENDIAN or end < TWIST_BYTES:
+        return None
+    x, *_, yaw = _TWIST.unpack_from(payload, end - _TWIST.size)
+    return Planar(x, yaw) if math.isfinite(x) and math.isfinite(yaw) else None
+
+
 def twist(velocity: Planar) -> bytes:
     """Return the payload of a `geometry_msgs/msg/Twist`."""
     return LITTLE_ENDIAN + _TWIST.pack(velocity.linear_m_s, 0.0, 0.0, 0.0, 0.0, velocity.angular_rad_s)
@@ -91,11 +105,6 @@ def bool_of(payload: bytes) -> bool | None:
     if payload[:_HEADER] != LITTLE_ENDIAN or not _HEADER < len(payload) <= _HEADER + 4:
         return None
     return payload[_HEADER] != 0
-
-
-def boolean(value: bool) -> bytes:  # noqa: FBT001 - it is the message's only content
-    """Return the payload of a `std_msgs/msg/Bool`."""
-    return LITTLE_ENDIAN + bytes([value])
 
 
 def trigger_reply(payload: bytes) -> tuple[bool, str] | None:

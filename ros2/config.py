@@ -7,9 +7,10 @@ import re
 from collections.abc import Iterator
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, ConfigDict, Field
 
-from wire.config import Conflict, Name, Section
+from wire import topics
+from wire.config import Conflict, Name, Section, Sections
 from wire.quantities import Between
 
 MAX_TOPIC = 128
@@ -97,3 +98,35 @@ class Ros2Section(Section):
         for index, topic in enumerate(self.scans):
             if topic in self.scans[:index]:
                 yield Conflict(("scan", index), topic, "each lidar needs a topic of its own")
+
+
+class LidarTopic(Section):
+    """The wire topic of one of the supervisor's lidars; the other keys are ignored."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    topic: str
+
+
+class SupervisorValues(Section):
+    """The values of `[supervisor]` that the ROS 2 process needs; the supervisor checks the section itself."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    command_timeout_s: Annotated[float, Between(0.03, 2.0)] = 0.2
+    lidars: Annotated[tuple[LidarTopic, ...], Field(strict=False)] | None = None
+
+    @property
+    def lidar_topics(self) -> tuple[str, ...]:
+        return (topics.SCAN.key,) if self.lidars is None else tuple(lidar.topic for lidar in self.lidars)
+
+
+def fit_to_lidars(sections: Sections) -> Iterator[Conflict]:
+    """Yield a conflict if `[ros2] scan` does not name one topic for each lidar."""
+    config, supervisor = sections.get(Ros2Section), sections.get(SupervisorValues)
+    if config is None or supervisor is None:
+        return
+    lidars = len(supervisor.lidar_topics)
+    if len(config.scans) != lidars:
+        message = f"must name one topic for each of the {lidars} lidars of [supervisor], in the same order"
+        yield Conflict(("ros2", "scan"), config.scan, message)

@@ -1,0 +1,117 @@
+"""Detects the death of a publisher's process on this host, long before DDS does (20 s by default).
+
+Fast DDS puts the process id into each endpoint's identity. A pidfd of that process becomes readable when it ends.
+"""
+
+import asyncio
+import os
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import NamedTuple
+
+EPROSIMA = b"\x01\x0f"
+HOST, PID = slice(2, 4), slice(4, 6)
+"""Positions in the identity of an endpoint: Fast DDS's id of the host, and the lower half of the process id."""
+PROC = Path("/proc")
+DDS_LIBRARIES = (b"libfastdds", b"libfastrtps")
+
+
+class Guarded(NamedTuple):
+    """A process that is watched."""
+
+    pid: int
+    pidfd: int
+
+
+def pid_of(gid: bytes, own_gid: bytes, candidates: Iterable[int]) -> int | None:
+    """Return the process of an endpoint; None if it cannot be determined.
+
+    Args:
+        gid: the endpoint's identity.
+        own_gid: the identity of any endpoint of this process.
+        candidates: the processes of this host that use Fast DDS.
+    """
+    if gid[:2] != EPROSIMA or own_gid[:2] != EPROSIMA or gid[HOST] != own_gid[HOST]:
+        return None
+    low = int.from_bytes(gid[PID], "little")
+    found = [pid for pid in candidates if pid & 0xFFFF == low]
+    return found[0] if len(found) == 1 else None
+
+
+def dds_processes(low: int) -> list[int]:
+    """Return the processes of this host that use Fast DDS and whose id has these lower 16 bits.
+
+    The memory map of another user's process cannot be read; such a process is included.
+    """
+    found: list[int] = []
+    for entry in PROC.iterdir():
+        if not entry.name.isdigit() or int(entry.name) & 0xFFFF != low:
+            continue
+        try:
+            maps = (entry / "maps").read_bytes()
+        except PermissionError:
+            found.append(int(entry.name))
+            continue
+        except OSError:  # it has ended
+            continue
+        if any(library in maps for library in DDS_LIBRARIES):
+            found.append(int(entry.name))
+    return found
+
+
+def is_stopped(pid: int) -> bool:
+    """Return whether a process is stopped by a signal, as by Ctrl-Z."""
+    try:
+        fields = (PROC / str(pid) / "stat").read_bytes().rpartition(b")")[2].split()
+    except OSError:
+        return False
+    return fields[:1] in ([b"T"], [b"t"])
+
+
+class Guard:
+    """Watches the processes of publishers.
+
+    Args:
+        on_death: called in the event loop with the identity of a publisher whose process has ended.
+    """
+
+    def __init__(self, on_death: Callable[[bytes], None]) -> None:
+        self._on_death = on_death
+        self._loop = asyncio.get_running_loop()
+        self._guarded: dict[bytes, Guarded] = {}
+
+    def watch(self, gid: bytes, own_gid: bytes) -> int | None:
+        """Watch the process of a publisher; return its id, or None if it is not known."""
+        guarded = self._guarded.get(gid)
+        if guarded is not None:
+            return guarded.pid
+        pid = pid_of(gid, own_gid, dds_processes(int.from_bytes(gid[PID], "little")))
+        if pid is None:
+            return None
+        try:
+            pidfd = os.pidfd_open(pid)
+        except OSError:
+            return None
+        self._guarded[gid] = Guarded(pid, pidfd)
+        self._loop.add_reader(pidfd, self._ended, gid)
+        return pid
+
+    def stopped(self) -> frozenset[bytes]:
+        """Return the watched publishers whose processes are stopped by a signal."""
+        return frozenset(gid for gid, guarded in self._guarded.items() if is_stopped(guarded.pid))
+
+    def forget(self, kept: Iterable[bytes]) -> None:
+        """Stop watching all publishers but these."""
+        for gid in set(self._guarded).difference(kept):
+            self._release(gid)
+
+    def _ended(self, gid: bytes) -> None:
+        self._release(gid)
+        self._on_death(gid)
+
+    def _release(self, gid: bytes) -> None:
+        guarded = self._guarded.pop(gid)
+        self._loop.remove_reader(guarded.pidfd)
+        with suppress(OSError):
+            os.close(guarded.pidfd)

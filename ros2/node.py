@@ -1,0 +1,188 @@
+# pyright: basic, reportMissingImports=false, reportAttributeAccessIssue=false
+"""The ROS 2 side: the only file that imports rclpy. All messages are CDR bytes here.
+
+rclpy spins on a thread of its own. Its callbacks take the time, call the given function, and return. Services run in a
+second node on a second thread, because a handler may wait. An exception in a callback ends the process (`on_failure`):
+otherwise its tokens would stay, and nothing would be published.
+"""
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import Twist, TwistStamped
+from nav_msgs.msg import Odometry
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import serialize_message
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
+
+from ros2 import ros
+from ros2.diagnostics import Level, Report
+from ros2.endpoints import Endpoint
+from ros2.samples import Sample
+
+TYPES: dict[str, Any] = {
+    ros.TWIST: Twist,
+    ros.TWIST_STAMPED: TwistStamped,
+    ros.LASER_SCAN: LaserScan,
+    ros.ODOMETRY: Odometry,
+    ros.BOOL: Bool,
+    ros.DIAGNOSTIC_ARRAY: DiagnosticArray,
+    ros.DIAGNOSTIC_STATUS: DiagnosticStatus,
+}
+LEVELS = {
+    Level.OK: DiagnosticStatus.OK,
+    Level.WARN: DiagnosticStatus.WARN,
+    Level.ERROR: DiagnosticStatus.ERROR,
+}
+DEPTH = 5
+UNKNOWN = "_NODE_NAME_UNKNOWN_"
+"""The name of a node whose endpoints were discovered before its name."""
+
+
+class RosNode:
+    """Lifeline's node in a ROS 2 domain.
+
+    Args:
+        domain_id: the ROS domain.
+        on_failure: called on any thread with an exception of a callback; it must end the process.
+    """
+
+    def __init__(self, domain_id: int, on_failure: Callable[[BaseException], None]) -> None:
+        self._on_failure = on_failure
+        # The process handles its signals itself (wire/process.py).
+        rclpy.init(args=[], domain_id=domain_id, signal_handler_options=SignalHandlerOptions.NO)
+        # Fewer entities: each one costs time at every wake-up of the executor.
+        self._node = Node("lifeline", start_parameter_services=False, enable_rosout=False)
+        self._services = Node("lifeline_services", start_parameter_services=False, enable_rosout=False)
+
+    def start(self) -> None:
+        """Begin to receive; call it after all declarations."""
+        for node in (self._node, self._services):
+            threading.Thread(target=self._spin, args=(node,), daemon=True, name=node.get_name()).start()
+
+    def _spin(self, node: Node) -> None:
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        try:
+            executor.spin()
+        except ExternalShutdownException:
+            return
+        except BaseException as error:  # noqa: BLE001 - on_failure ends the process
+            self._on_failure(error)
+
+    def subscribe(
+        self,
+        topic: str,
+        type_name: str,
+        heard: Callable[[Sample], None],
+        matched: Callable[[], None],
+        *,
+        is_reliable: bool = False,
+    ) -> None:
+        """Call `heard` for each message, and `matched` when a publisher appears or disappears; both on rclpy's thread.
+
+        A best-effort subscription receives from every publisher, and never an old message that was sent again.
+        """
+
+        def on_message(payload: bytes, info: dict[str, int]) -> None:
+            heard(
+                Sample(
+                    payload,
+                    time.monotonic(),
+                    info["source_timestamp"],
+                    info["publication_sequence_number"] or 0,
+                )
+            )
+
+        self._node.create_subscription(
+            TYPES[type_name],
+            topic,
+            on_message,
+            QoSProfile(
+                depth=DEPTH,
+                reliability=ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT,
+            ),
+            raw=True,
+            event_callbacks=SubscriptionEventCallbacks(
+                matched=lambda _: matched(), use_default_callbacks=False
+            ),
+        )
+
+    def publisher(self, topic: str, type_name: str, matched: Callable[[], None]) -> Callable[[bytes], None]:
+        """Return a function that publishes CDR bytes, reliable and volatile, without waiting.
+
+        `matched` is called on rclpy's thread when a subscription appears or disappears.
+        """
+        publisher = self._node.create_publisher(
+            TYPES[type_name],
+            topic,
+            QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE),
+            event_callbacks=PublisherEventCallbacks(matched=lambda _: matched(), use_default_callbacks=False),
+        )
+        return publisher.publish
+
+    def serve(self, name: str, handler: Callable[[], tuple[bool, str]]) -> None:
+        """Answer a `std_srvs/srv/Trigger` service; the handler may wait, on a thread of its own."""
+
+        def on_request(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            response.success, response.message = handler()
+            return response
+
+        self._services.create_service(Trigger, name, on_request)
+
+    def publishers(self, topic: str) -> list[Endpoint]:
+        """Return all publishers of a topic, this node's included."""
+        return [_endpoint(e) for e in self._node.get_publishers_info_by_topic(topic)]
+
+    def subscriptions(self, topic: str) -> list[Endpoint]:
+        """Return all subscriptions of a topic, this node's included."""
+        return [_endpoint(e) for e in self._node.get_subscriptions_info_by_topic(topic)]
+
+    @property
+    def name(self) -> str:
+        return self._node.get_fully_qualified_name()
+
+    def encode_array(self, reports: Sequence[Report]) -> bytes:
+        """Return a `diagnostic_msgs/msg/DiagnosticArray` with one status for each report."""
+        array = DiagnosticArray(status=[_status(report) for report in reports])
+        array.header.stamp = self._node.get_clock().now().to_msg()
+        return serialize_message(array)
+
+    def encode_status(self, report: Report) -> bytes:
+        """Return a `diagnostic_msgs/msg/DiagnosticStatus`."""
+        return serialize_message(_status(report))
+
+    def close(self) -> None:
+        """Leave the domain, so that other nodes notice it at once."""
+        rclpy.try_shutdown()
+
+
+def _endpoint(info: Any) -> Endpoint:  # noqa: ANN401 - rclpy has no types
+    name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+    return Endpoint(
+        "a new node" if UNKNOWN in name else name,
+        info.topic_type,
+        bytes(info.endpoint_gid),
+        info.qos_profile.reliability == ReliabilityPolicy.RELIABLE,
+        info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL,
+    )
+
+
+def _status(report: Report) -> DiagnosticStatus:
+    return DiagnosticStatus(
+        level=LEVELS[report.level],
+        name=f"lifeline: {report.name}",
+        message=report.message,
+        hardware_id="lifeline",
+        values=[KeyValue(key=key, value=value) for key, value in report.values],
+    )

@@ -1,0 +1,58 @@
+"""The messages of one topic, separated by writer.
+
+A ROS 2 message does not name its writer before Kilted, but it has the writer's sequence number. Each run of a writer
+counts from 1, so the messages of two writers, or of a restarted one, form separate sequences. Each sequence gets an
+identity of its own, which becomes the epoch of the messages on the wire.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+LONGEST_GAP = 1000
+"""Messages that may be lost without the next one counting as another writer's."""
+MAX_WRITERS = 8
+
+
+class Sample(NamedTuple):
+    """One received message."""
+
+    payload: bytes
+    """CDR with its encapsulation header."""
+    arrival_s: float
+    """By the local monotonic clock."""
+    source_time_ns: int
+    """When it was published, by the writer's wall clock."""
+    sequence: int
+    """Number of the message in the run of its writer."""
+
+
+class _Writer(NamedTuple):
+    gid: bytes
+    sequence: int
+    heard_s: float
+
+
+class Writers:
+    """Finds the writer of each message from its sequence number.
+
+    Args:
+        new_gid: returns the identity of another writer (16 bytes).
+    """
+
+    def __init__(self, new_gid: Callable[[], bytes]) -> None:
+        self._new_gid = new_gid
+        self._writers: list[_Writer] = []
+
+    def gid_of(self, sample: Sample) -> bytes:
+        """Return the identity of the writer (16 bytes)."""
+        continued = [w for w in self._writers if 0 < sample.sequence - w.sequence <= LONGEST_GAP]
+        # The nearest sequence; of equal ones, the one that was heard longest ago.
+        before = max(continued, key=lambda w: (w.sequence, -w.heard_s), default=None)
+        gid = self._new_gid() if before is None else before.gid
+        others = [w for w in self._writers if w is not before]
+        self._writers = [_Writer(gid, sample.sequence, sample.arrival_s), *others[: MAX_WRITERS - 1]]
+        return gid
+
+    def active(self, now_s: float, window_s: float) -> int:
+        """Return how many writers were heard within the last `window_s`."""
+        return sum(now_s - w.heard_s <= window_s for w in self._writers)

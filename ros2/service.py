@@ -1,0 +1,378 @@
+"""The asyncio shell of the ROS 2 process: it connects the robot's topics with the keys of the wire.
+
+Scans and odometry pass on the node's thread, as bytes. Commands in both directions pass through the event loop, which
+also owns the tokens and the base's watchdog: if it hangs, nothing is published.
+"""
+
+import asyncio
+import logging
+import math
+import os
+import time
+from collections.abc import Callable, Coroutine
+from dataclasses import dataclass
+from functools import partial
+
+from ros2 import cdr, ros
+from ros2.base import Base
+from ros2.config import Ros2Section, RosSourceSection
+from ros2.diagnostics import Level, Report, supervisor_report
+from ros2.presence import Presence, Programs
+from ros2.reports import base_report, sensor_report, source_report
+from ros2.ros import Ros, twist_type
+from ros2.samples import Sample, Writers
+from ros2.source import Command, Source
+from ros2.status import Status, status_of
+from wire import topics
+from wire.inbox import Inbox, LivelinessChange, NoReplyError, RawArrival, Token, woken_by
+from wire.session import RawPublisher, ZenohSession
+from wire.stamp import GID_BYTES, Stamp
+from wire.suspend import never_suspended
+from wire.watchdog import BaseReason
+
+_log = logging.getLogger(__name__)
+
+COMMAND_DEPTH = 32
+LOOK_PERIOD_S = 0.5
+"""Time between two looks at discovery, whose changes are also reported at once."""
+POLL_PERIOD_S = 0.05
+"""Time between two checks for processes that are stopped by a signal."""
+REPORT_PERIOD_S = 1.0
+STATUS_SILENT_S = 0.5
+RESET_LIMIT_S = 1.0
+REQUEST_LIMIT_S = 2.0
+EXEC_SUFFIX = "_exec"
+"""`<source>_exec` is the token of `lifeline ros2 exec --source <source>`."""
+
+
+@dataclass(slots=True)
+class _Feed:
+    """A command source: its topic, its token and its publisher on the wire."""
+
+    section: RosSourceSection
+    source: Source
+    programs: Programs
+    out: RawPublisher
+    heard: Inbox[Sample]
+    token: Token | None = None
+
+
+@dataclass(slots=True)
+class _Sensor:
+    """A sensor's topic."""
+
+    name: str
+    topic: str
+    type_name: str
+    writers: Writers
+    messages: int = 0
+    reported: int = 0
+    """Number of messages at the last report."""
+
+
+class Ros2Service:
+    """One robot's ROS 2 side on one Zenoh session.
+
+    Args:
+        session: the session, as a client of the supervisor.
+        node: the ROS 2 node; `run` starts it.
+        config: `[ros2]`.
+        command_timeout_s: the supervisor's command timeout, for commands that are adapted here.
+        lidar_topics: the wire topics of the lidars, in the order of `[ros2] scan`.
+        suspended_s: returns how long the machine was suspended since the last call [s].
+    """
+
+    def __init__(
+        self,
+        session: ZenohSession,
+        node: Ros,
+        config: Ros2Section,
+        *,
+        command_timeout_s: float,
+        lidar_topics: tuple[str, ...],
+        suspended_s: Callable[[], float] = never_suspended,
+    ) -> None:
+        self._session, self._node, self._config = session, node, config
+        self._suspended_s = suspended_s
+        self._loop = asyncio.get_running_loop()
+        self._wake = asyncio.Event()
+        self._matches: Inbox[None] = Inbox(1, self._wake)
+        """Filled when a publisher or a subscription appears or disappears."""
+        self._presence = Presence(node, self._on_programs)
+
+        self._sensors = [
+            self._sensor(f"scan {topic}", topic, ros.LASER_SCAN, topics.lidar_scan(on_wire).key)
+            for topic, on_wire in zip(config.scans, lidar_topics, strict=True)
+        ]
+        self._sensors.append(self._sensor("odom", config.odom, ros.ODOMETRY, topics.ODOM.key))
+        self._feeds = [self._feed(section, command_timeout_s) for section in config.sources]
+
+        self._base = Base(config.command_timeout_s)
+        self._cmd_vel_topic = config.resolved(config.cmd_vel)
+        self._cmd_vel = node.publisher(
+            self._cmd_vel_topic, twist_type(stamped=config.stamped), self._on_match
+        )
+        self._commands: Inbox[RawArrival] = Inbox(1, self._wake)
+        session.subscribe_raw(topics.CMD_VEL.key, partial(_push, self._commands))
+        self._alive: Inbox[LivelinessChange] = session.watch_alive(self._wake)
+
+        self._statuses: Inbox[RawArrival] = Inbox(1, self._wake)
+        session.subscribe_raw(topics.STATUS.key, partial(_push, self._statuses))
+        self._status: Status | None = None
+        self._status_s = -math.inf
+        self._status_out = node.publisher("/lifeline/status", ros.DIAGNOSTIC_STATUS, self._on_match)
+        self._diagnostics = node.publisher("/diagnostics", ros.DIAGNOSTIC_ARRAY, self._on_match)
+        self._diagnostics_out = session.publisher_raw(topics.DIAGNOSTICS.key)
+        self._reported: list[tuple[str, Level, str]] = []
+        self._next_look_s = self._next_poll_s = self._next_report_s = 0.0
+
+        self._estop = session.publisher_raw(topics.ESTOP.key)
+        for is_reliable in (False, True):  # from every publisher, and again if the message is lost
+            node.subscribe(
+                config.resolved(topics.ESTOP.key),
+                ros.BOOL,
+                self._on_estop,
+                self._on_match,
+                is_reliable=is_reliable,
+            )
+        node.serve("/lifeline/reset", partial(self._on_request, self._reset))
+        node.serve("/lifeline/arm", partial(self._on_request, self._arm))
+
+    def _sensor(self, name: str, relative: str, type_name: str, key: str) -> _Sensor:
+        sensor = _Sensor(name, self._config.resolved(relative), type_name, Writers(_new_gid))
+        out = self._session.publisher_raw(key)
+
+        def on_message(sample: Sample) -> None:
+            """Pass a message on; called on the node's thread."""
+            sensor.messages += 1
+            gid = sensor.writers.gid_of(sample)
+            out.put_bytes(sample.payload, Stamp(sample.sequence, sample.source_time_ns, gid).pack())
+
+        self._node.subscribe(sensor.topic, type_name, on_message, self._on_match)
+        return sensor
+
+    def _feed(self, section: RosSourceSection, timeout_s: float) -> _Feed:
+        topic, type_name = self._config.resolved(section.topic), twist_type(stamped=section.stamped)
+        source = Source(
+            Writers(_new_gid),
+            stamped=section.stamped,
+            hold_s=section.hold_s,
+            on_request=section.arm == "on_request",
+            timeout_s=timeout_s,
+        )
+        feed = _Feed(
+            section,
+            source,
+            self._presence.watch(topic, type_name),
+            self._session.publisher_raw(topics.source_cmd_vel(section.name).key),
+            Inbox(COMMAND_DEPTH, self._wake),
+        )
+        self._node.subscribe(topic, type_name, feed.heard.push, self._on_match)
+        return feed
+
+    # --- callbacks on the node's threads
+
+    def _on_match(self) -> None:
+        self._matches.push(None)
+
+    def _on_estop(self, sample: Sample) -> None:
+        """Press the e-stop; a message that is not a Bool may be a press: unproven means stop."""
+        if cdr.bool_of(sample.payload) is not False:
+            self._estop.put_bytes(cdr.TRUE)
+
+    def _on_request(self, answer: Callable[[], Coroutine[None, None, tuple[bool, str]]]) -> tuple[bool, str]:
+        try:
+            return asyncio.run_coroutine_threadsafe(answer(), self._loop).result(REQUEST_LIMIT_S)
+        except (TimeoutError, RuntimeError):
+            return False, "Lifeline did not answer in time"
+
+    # --- the loop
+
+    async def run(self, stop: asyncio.Event) -> None:
+        """Connect until `stop` is set; then command zero and return."""
+        token = self._session.declare_alive(topics.ROS2)
+        stopping = asyncio.ensure_future(stop.wait())
+        stopping.add_done_callback(lambda _: self._wake.set())
+        self._node.start()
+        try:
+            while not stop.is_set():
+                # The base is served every 30 ms at least, so that all other work waits for no timer of its own.
+                due_s = min([self._base.due_s, *(feed.source.due_s() for feed in self._feeds)])
+                await woken_by(self._wake, due_s)
+                self._wake.clear()
+                self._serve_base()
+                self._serve_sources()
+                self._look(self._loop.time())
+        finally:
+            stopping.cancel()
+            self._publish(cdr.STANDSTILL)
+            for feed in self._feeds:
+                self._end(feed)
+            token.withdraw()
+
+    def _serve_base(self) -> None:
+        """Take the supervisor's commands and token, and publish what the watchdog decides."""
+        for change in self._alive.take():
+            if change.node == topics.SUPERVISOR:
+                self._base.supervisor_alive(change.alive, change.arrival_s)
+            elif change.node.endswith(EXEC_SUFFIX):
+                for feed in self._feeds:
+                    if feed.section.name == change.node.removesuffix(EXEC_SUFFIX):
+                        self._presence.wrapper(feed.programs, alive=change.alive)
+        commands = self._commands.take()
+        for command in commands:
+            self._base.command(*command)
+        # Evaluated last, so that it covers a suspend while the commands were taken.
+        if self._suspended_s() > 0.0:
+            self._base.resumed(self._loop.time())
+        now_s = self._loop.time()
+        if now_s >= self._base.due_s:
+            before = self._base.reason
+            self._publish(self._base.target(now_s, repeated=not commands))
+            if self._base.reason is not before:
+                _log.info("base: %s", _base_text(self._base.reason))
+
+    def _publish(self, velocity: cdr.Planar) -> None:
+        if self._config.stamped:
+            self._cmd_vel(cdr.twist_stamped(velocity, time.time_ns(), self._config.frame_id))
+        else:
+            self._cmd_vel(cdr.twist(velocity))
+
+    def _serve_sources(self) -> None:
+        for feed in self._feeds:
+            for sample in feed.heard.take():
+                if not feed.source.present:  # a message may arrive before the match is reported
+                    self._presence.look_at(feed.programs)
+                _put(feed, feed.source.heard(sample))
+            _put(feed, feed.source.repeat(self._loop.time()))
+
+    def _look(self, now_s: float) -> None:
+        """Follow discovery and the processes, and publish the reports."""
+        if self._matches.take() or now_s >= self._next_look_s:
+            self._next_look_s = now_s + LOOK_PERIOD_S
+            others = self._presence.others(self._cmd_vel_topic)
+            self._presence.look()
+            self._report(
+                now_s,
+                base_report(
+                    self._cmd_vel_topic,
+                    twist_type(stamped=self._config.stamped),
+                    others,
+                    self._node.subscriptions(self._cmd_vel_topic),
+                    _base_text(self._base.reason),
+                ),
+            )
+        elif now_s >= self._next_poll_s:
+            self._next_poll_s = now_s + POLL_PERIOD_S
+            self._presence.poll()
+        self._pass_status(now_s)
+
+    def _on_programs(self, programs: Programs) -> None:
+        """Serve a source while exactly one live program publishes on its topic."""
+        for feed in self._feeds:
+            if feed.programs is programs:
+                if programs.alone:
+                    self._begin(feed)
+                else:
+                    self._end(feed)
+
+    def _begin(self, feed: _Feed) -> None:
+        if feed.token is None:
+            feed.source.attend(self._loop.time())
+            feed.token = self._session.declare_alive(feed.section.name)
+            _log.info("%s", self._source_report(feed).message)
+
+    def _end(self, feed: _Feed) -> None:
+        if feed.token is not None:
+            feed.token.withdraw()
+            feed.token = None
+            feed.source.leave()
+            _log.info("source %s ended: %s", feed.section.name, self._source_report(feed).message)
+
+    # --- requests
+
+    async def _reset(self) -> tuple[bool, str]:
+        try:
+            return await self._session.call_raw(
+                topics.SUPERVISOR_RESET.key, None, cdr.trigger_reply, timeout_s=RESET_LIMIT_S
+            )
+        except NoReplyError as error:
+            return False, str(error)
+
+    async def _arm(self) -> tuple[bool, str]:
+        """Send one neutral command for each source that a person arms."""
+        on_request = [feed for feed in self._feeds if feed.section.arm == "on_request"]
+        if not on_request:
+            return False, 'no source has arm = "on_request": send zero velocity with the source itself'
+        armed: list[str] = []
+        for feed in on_request:
+            commands = feed.source.arm(self._loop.time())
+            _put(feed, commands)
+            armed += [feed.section.name] if commands else []
+        if not armed:
+            return False, "no program publishes on the topic of such a source"
+        _log.info("armed on request: %s", ", ".join(armed))
+        return True, f"sent zero velocity for {' and '.join(armed)}"
+
+    # --- reports
+
+    def _pass_status(self, now_s: float) -> None:
+        """Publish the supervisor's status, which comes 10 times a second and on a change."""
+        fresh = self._statuses.take()
+        if fresh:
+            self._status, self._status_s = status_of(fresh[-1].payload), fresh[-1].arrival_s
+        elif self._status is None or now_s - self._status_s <= STATUS_SILENT_S:
+            return
+        else:
+            self._status = None
+        self._status_out(self._node.encode_status(self._mode_report()))
+
+    def _mode_report(self) -> Report:
+        return supervisor_report(self._status, _base_text(self._base.reason))
+
+    def _source_report(self, feed: _Feed) -> Report:
+        return source_report(feed.section, feed.programs, feed.source.accepted, feed.source.refused)
+
+    def _report(self, now_s: float, base: Report) -> None:
+        """Publish all reports once a second, and at once when a source, the mode or the base's topic has changed."""
+        first = [self._mode_report(), *map(self._source_report, self._feeds), base]
+        outline = [(report.name, report.level, report.message) for report in first]
+        if now_s < self._next_report_s and outline == self._reported:
+            return
+        self._reported = outline
+        self._next_report_s = now_s + REPORT_PERIOD_S
+        array = self._node.encode_array([*first, *(self._sensor_report(s, now_s) for s in self._sensors)])
+        self._diagnostics(array)
+        self._diagnostics_out.put_bytes(array)
+
+    def _sensor_report(self, sensor: _Sensor, now_s: float) -> Report:
+        arrived, sensor.reported = sensor.messages - sensor.reported, sensor.messages
+        return sensor_report(
+            sensor.name,
+            sensor.topic,
+            sensor.type_name,
+            self._node.publishers(sensor.topic),
+            writers=sensor.writers.active(now_s, REPORT_PERIOD_S),
+            arrived=arrived,
+        )
+
+
+def _put(feed: _Feed, commands: list[Command]) -> None:
+    for command in commands:
+        sent = command.sent
+        stamp = None if sent is None else Stamp(sent.sequence, round(sent.source_time_s * 1e9), sent.epoch)
+        feed.out.put_bytes(
+            command.twist, None if stamp is None else stamp.pack(), true_at_s=command.true_at_s
+        )
+
+
+def _push(inbox: Inbox[RawArrival], payload: bytes, attachment: bytes | None, arrival_s: float) -> None:
+    inbox.push(RawArrival(payload, attachment, arrival_s))
+
+
+def _new_gid() -> bytes:
+    return os.urandom(GID_BYTES)
+
+
+def _base_text(reason: BaseReason) -> str:
+    return "follows the supervisor" if reason is BaseReason.OK else str(reason)
