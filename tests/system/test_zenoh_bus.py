@@ -16,7 +16,7 @@ from tests.system.harness import free_endpoint
 from tests.system.rogue import open_rogue
 from wire import topics
 from wire.bus import Arrival, BusError, NoReplyError
-from wire.messages import TriggerResponse, Twist, encode, planar_twist
+from wire.messages import TriggerResponse, Twist, decode, encode, planar_twist
 from wire.stamp import Stamper
 from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
 
@@ -206,6 +206,28 @@ async def test_a_query_is_answered_and_nobody_s_silence_is_an_error() -> None:
         ).message == "done at once"
         with pytest.raises(NoReplyError, match="robot/sim/reset"):
             await client.call(topics.SIM_RESET, timeout_s=0.2)
+
+
+@pytest.mark.parametrize(
+    ("request_bytes", "reply"),
+    [(b"\0\1\0\0\0", "done"), (b"reset", "the request is not a std_msgs/msg/String")],
+)
+async def test_the_empty_trigger_request_of_a_ros_2_bridge_is_served(
+    request_bytes: bytes, reply: str
+) -> None:
+    async with hub_and_client() as (hub, client, _):
+
+        async def answer(text: str) -> TriggerResponse:
+            return TriggerResponse(success=True, message=f"done {text}".strip())
+
+        hub.serve(topics.SUPERVISOR_RESET, answer)
+        response = await client.call_raw(
+            topics.SUPERVISOR_RESET.key,
+            request_bytes,
+            lambda reply: decode(reply, TriggerResponse),
+            timeout_s=WITHIN_S,
+        )
+        assert response.message == reply
 
 
 async def test_a_port_in_use_is_one_sentence_that_says_what_to_do() -> None:
