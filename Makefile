@@ -5,6 +5,7 @@ PYTHON ?= python3
 UV := $(shell uv --version >/dev/null 2>&1 && command -v uv || echo .uv/bin/uv)
 OWN_UV := $(filter .uv/bin/uv,$(UV))
 STAMP := .venv/.made-from-lock
+ROS2_STAMP := .ros2/.made-from-lock
 
 # Use the machine's Python: uv must not download one.
 export UV_PYTHON_DOWNLOADS := never
@@ -14,12 +15,23 @@ export UV := $(UV)
 COMPILE := .venv/bin/python -m compileall -q wire supervisor teleop sim ros2 virtual deploy bench tests
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test unit system timed demo proof proofs coverage check bench docs picture mutation faults campaign
+# rclpy comes from ROS 2 Jazzy if it is installed, else from PyPI's wheels, which exist for CPython on x86_64 Linux only.
+ROS := $(wildcard /opt/ros/jazzy)
+ROS2_PYTHON := $(if $(ROS),/usr/bin/python3.12,$(PYTHON))
+HAS_RCLPY := $(ROS2_PYTHON) -c 'import platform, sys; sys.exit(not ("$(ROS)" or \
+  (sys.implementation.name, sys.platform, platform.machine()) == ("cpython", "linux", "x86_64") \
+  and (3, 11) <= sys.version_info < (3, 15)))'
+NO_RCLPY := ROS 2 is not installed in /opt/ros/jazzy, and PyPI has no rclpy for this machine \
+  (only for CPython 3.11 to 3.14 on x86_64 Linux)
+
+.PHONY: help setup ros2 test-ros2 run test unit system timed demo proof proofs coverage check bench docs picture mutation faults campaign
 
 help: ## print this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-9s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: $(STAMP) ## create the environment .venv from uv.lock
+
+ros2: $(ROS2_STAMP) ## create the environment .ros2 with rclpy, in which `python -m ros2` runs
 
 run: $(STAMP) ## drive the robot by keyboard; without a terminal, play the demo
 	@if [ -t 0 ] && [ -t 1 ]; then exec .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
@@ -41,6 +53,14 @@ timed: $(STAMP) ## run the system tests that measure real time, one at a time, o
 
 demo: $(STAMP) ## play the demo from the checkout and from an installed wheel (two minutes)
 	.venv/bin/pytest -s tests/system -m demo
+
+# The processes of ROS find each other through the machine's shared memory and ports: one test at a time.
+test-ros2: $(STAMP) ## run the tests with real ROS 2 processes; skipped where rclpy cannot be installed
+	@if $(HAS_RCLPY); then \
+	  $(MAKE) --no-print-directory ros2 && .venv/bin/pytest tests/ros2 --durations=10; \
+	else \
+	  echo "skipped: $(NO_RCLPY)"; \
+	fi
 
 proof: $(STAMP) ## run the proofs of the law, and check that the unit tests reach every branch of the pure modules (15 minutes)
 	$(COMPILE)
@@ -91,6 +111,13 @@ $(STAMP): uv.lock pyproject.toml | $(OWN_UV)
 	$(UV) sync --locked --all-extras --compile-bytecode --python $(PYTHON)
 	@.venv/bin/python -c 'from deploy.stack.supervisord import fetch, find_uv; fetch(find_uv(), print)'
 	$(COMPILE)
+	@touch $@
+
+$(ROS2_STAMP): uv.lock pyproject.toml | $(OWN_UV)
+	@$(HAS_RCLPY) || { echo "$(NO_RCLPY)" >&2; exit 1; }
+	$(if $(ROS),$(UV) venv --quiet --clear --system-site-packages --python $(ROS2_PYTHON) .ros2)
+	UV_PROJECT_ENVIRONMENT=.ros2 $(UV) sync --locked --compile-bytecode --python $(ROS2_PYTHON) \
+	  --only-group $(if $(ROS),ros2,ros2-wheels)
 	@touch $@
 
 .uv/bin/uv:
