@@ -8,7 +8,7 @@ demo.py            `lifeline demo`: a few trials of the real campaign and a driv
 path.py            `lifeline path`: drive squares, circles and recorded paths
 record.py          `lifeline record`: record all messages
 render.py          `lifeline render`: draw the robot; picture.py the options; film.py the frames; rehearsal.py robot, law and operator in simulated time
-check.py           `lifeline check`: check a configuration; check_motions.py permitted motions; check_risks.py risks
+check.py           `lifeline check`: check a configuration; check_motions.py permitted motions; check_risks.py risks; check_ros2.py the ROS 2 side
 incidents.py       `lifeline incidents`: list, show and export black boxes
 replay.py          `lifeline replay-decision`: run the law again over a black box recording
 completion.py      `lifeline completion`: the completion scripts of the shells, and the words that they complete

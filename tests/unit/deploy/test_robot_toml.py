@@ -52,7 +52,7 @@ def test_the_example_names_every_key_of_ros_2_in_comments_because_the_section_it
     (source,) = document["ros2"].pop("sources")
     python = document["ros2"].pop("python")
     assert {**document["ros2"], "sources": []} == _keys(Ros2Section())
-    assert python == ".ros2/bin/python"
+    assert python.endswith(".ros2/bin/python")
     assert source.keys() == RosSourceSection.model_fields.keys()
     defaults = {name: field.default for name, field in RosSourceSection.model_fields.items()}
     assert all(source[name] == defaults[name] for name in ("stamped", "arm"))
