@@ -2,13 +2,17 @@
 
 config.py       `[ros2]` of robot.toml; imports nothing of ROS
 node.py         the ROS 2 node: the only file that imports rclpy
+ros.py          the interface of the node
 service.py      the asyncio shell between the node and the Zenoh session
+presence.py     which programs publish on the topics of the sources, and which of them are alive
 source.py       the commands of one topic, with hold and arming on request (pure)
 samples.py      the messages of one topic, separated by writer (pure)
 guard.py        detects the death of a publisher's process on this host
+check_base.py   measure how long the base keeps its last command
 base.py         the robot's command topic, with the base's own watchdog (pure)
 endpoints.py    what discovery knows of a topic; mismatches in plain words (pure)
 diagnostics.py  the reports on /diagnostics and /lifeline/status (pure)
+reports.py      the report of each topic (pure)
 status.py       the beginning of a SafetyStatus, read from its bytes (pure)
 cdr.py          where the velocities are in the bytes of a message (pure)
 """

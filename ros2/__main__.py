@@ -4,6 +4,7 @@ import asyncio
 import logging
 import os
 
+from ros2.check_base import check_base
 from ros2.config import Ros2Section, SupervisorValues, fit_to_lidars
 from ros2.service import Ros2Service
 from wire.command_line import log_to_stderr, read_document, refuse, service_parser
@@ -22,6 +23,12 @@ def main() -> None:
         "and its command topic. The section [ros2] of the configuration names them.",
         epilog="exit code: 0 after SIGTERM or Ctrl-C, 1 after an error, 2 for a wrong configuration",
     )
+    parser.add_argument(
+        "--check-base",
+        action="store_true",
+        help="measure how long the base keeps its last command when its commands end; the robot turns on the spot",
+    )
+    parser.add_argument("--yes", action="store_true", help="with --check-base: move the robot without asking")
     arguments = parser.parse_args()
     try:
         document = read_document(arguments)
@@ -45,6 +52,9 @@ def main() -> None:
             f"this Python has no rclpy ({error}): create the environment with `make ros2`, or on a robot run "
             "`. /opt/ros/jazzy/setup.sh` first",
         )
+
+    if arguments.check_base:
+        run_process("ros2", lambda stop: check_base(stop, config, RosNode, ask=not arguments.yes))
 
     async def run(stop: asyncio.Event) -> int:
         loop = asyncio.get_running_loop()

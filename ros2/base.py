@@ -58,7 +58,3 @@ class Base:
         self.reason = target.reason
         self.due_s = now_s + (PERIOD_S if repeated else PATIENCE_S)
         return cdr.Planar(target.linear_m_s, target.angular_rad_s)
-
-    def runs_out_s(self, now_s: float) -> float:
-        """Return when `target` must be called next."""
-        return max(now_s, self.due_s)

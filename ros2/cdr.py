@@ -69,6 +69,18 @@ def planar_of(twist: bytes) -> Planar | None:
     return Planar(x, yaw)
 
 
+def odometry_velocity(payload: bytes) -> Planar | None:
+    """Return the planar velocity in a `nav_msgs/msg/Odometry`; None if it has none that is finite.
+
+    The message ends with the twist and its covariance of 36 doubles.
+    """
+    end = len(payload) - 36 * 8
+    if payload[:_HEADER] != LITTLE_ENDIAN or end < TWIST_BYTES:
+        return None
+    x, *_, yaw = _TWIST.unpack_from(payload, end - _TWIST.size)
+    return Planar(x, yaw) if math.isfinite(x) and math.isfinite(yaw) else None
+
+
 def twist(velocity: Planar) -> bytes:
     """Return the payload of a `geometry_msgs/msg/Twist`."""
     return LITTLE_ENDIAN + _TWIST.pack(velocity.linear_m_s, 0.0, 0.0, 0.0, 0.0, velocity.angular_rad_s)

@@ -1,6 +1,5 @@
 """What the ROS 2 process reports: one report for each topic, and one for the supervisor (pure)."""
 
-from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -51,9 +50,3 @@ def supervisor_report(status: Status | None, base: str) -> Report:
         ("base", base),
     )
     return Report("supervisor", level, f"{status.mode}{why}", values)
-
-
-def topic_report(name: str, problems: Sequence[str], fine: str, values: Sequence[tuple[str, str]]) -> Report:
-    """Return the report of a topic: an error with all problems, else what is fine."""
-    level = Level.ERROR if problems else Level.OK
-    return Report(name, level, "; ".join(problems) or fine, tuple(values))

@@ -25,18 +25,19 @@ from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
+from ros2 import ros
 from ros2.diagnostics import Level, Report
 from ros2.endpoints import Endpoint
 from ros2.samples import Sample
 
 TYPES: dict[str, Any] = {
-    "geometry_msgs/msg/Twist": Twist,
-    "geometry_msgs/msg/TwistStamped": TwistStamped,
-    "sensor_msgs/msg/LaserScan": LaserScan,
-    "nav_msgs/msg/Odometry": Odometry,
-    "std_msgs/msg/Bool": Bool,
-    "diagnostic_msgs/msg/DiagnosticArray": DiagnosticArray,
-    "diagnostic_msgs/msg/DiagnosticStatus": DiagnosticStatus,
+    ros.TWIST: Twist,
+    ros.TWIST_STAMPED: TwistStamped,
+    ros.LASER_SCAN: LaserScan,
+    ros.ODOMETRY: Odometry,
+    ros.BOOL: Bool,
+    ros.DIAGNOSTIC_ARRAY: DiagnosticArray,
+    ros.DIAGNOSTIC_STATUS: DiagnosticStatus,
 }
 LEVELS = {
     Level.OK: DiagnosticStatus.OK,
@@ -44,6 +45,8 @@ LEVELS = {
     Level.ERROR: DiagnosticStatus.ERROR,
 }
 DEPTH = 5
+UNKNOWN = "_NODE_NAME_UNKNOWN_"
+"""The name of a node whose endpoints were discovered before its name."""
 
 
 class RosNode:
@@ -165,9 +168,9 @@ class RosNode:
 
 
 def _endpoint(info: Any) -> Endpoint:  # noqa: ANN401 - rclpy has no types
-    namespace = info.node_namespace.rstrip("/")
+    name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
     return Endpoint(
-        f"{namespace}/{info.node_name}",
+        "a new node" if UNKNOWN in name else name,
         info.topic_type,
         bytes(info.endpoint_gid),
         info.qos_profile.reliability == ReliabilityPolicy.RELIABLE,

@@ -1,0 +1,121 @@
+"""Which programs publish on the topics of the command sources, and which of them are alive.
+
+ROS's discovery lists a killed program for up to 20 s. Its process, if it runs on this host, and the token of
+`lifeline ros2 exec` show its end at once.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from ros2.endpoints import Endpoint
+from ros2.guard import Guard
+from ros2.ros import Ros
+
+PREFIX_BYTES = 12
+"""All endpoints of one process have the same first bytes."""
+
+
+@dataclass(slots=True)
+class Programs:
+    """The programs on one topic."""
+
+    topic: str
+    type_name: str
+    everyone: list[Endpoint] = field(default_factory=list[Endpoint])
+    """All publishers but those that have died, whatever their type is."""
+    live: list[Endpoint] = field(default_factory=list[Endpoint])
+    """The publishers of the expected type that have not died."""
+    pid: int | None = None
+    """The watched process of the only live program; None if it is not known."""
+    stopped: bool = False
+    """Whether a live program is stopped by a signal."""
+    wrapped: bool = False
+    """Whether a program started by `lifeline ros2 exec` holds the source."""
+
+    @property
+    def alone(self) -> bool:
+        """Whether exactly one live program publishes, and is not stopped."""
+        return len(self.live) == 1 and not self.stopped
+
+
+class Presence:
+    """Watches the programs of several topics.
+
+    Args:
+        ros: the node.
+        changed: called in the event loop when the programs of a topic may have changed.
+    """
+
+    def __init__(self, ros: Ros, changed: Callable[[Programs], None]) -> None:
+        self._ros = ros
+        self._changed = changed
+        self._guard = Guard(self._on_death)
+        self._dead: set[bytes] = set()
+        """Publishers whose process has ended, although discovery still lists them."""
+        self._own_gid = b""
+        self._topics: list[Programs] = []
+
+    def watch(self, topic: str, type_name: str) -> Programs:
+        """Watch a topic; the returned record is updated."""
+        programs = Programs(topic, type_name)
+        self._topics.append(programs)
+        return programs
+
+    def look(self) -> None:
+        """Ask discovery for the publishers of all topics."""
+        listed: set[bytes] = set()
+        for programs in self._topics:
+            listed |= self.look_at(programs)
+        self._dead &= listed
+        self._guard.forget(listed - self._dead)
+
+    def look_at(self, programs: Programs) -> set[bytes]:
+        """Ask discovery for the publishers of one topic, and return their identities."""
+        publishers = self._ros.publishers(programs.topic)
+        programs.everyone = self.without_dead(publishers)
+        programs.live = [p for p in programs.everyone if p.type_name == programs.type_name]
+        programs.pid = None
+        if len(programs.live) == 1:
+            programs.pid = self._guard.watch(programs.live[0].gid, self._own_gid)
+        programs.stopped = self._is_stopped(programs)
+        self._changed(programs)
+        return {publisher.gid for publisher in publishers}
+
+    def poll(self) -> None:
+        """Check whether a watched process was stopped or continued."""
+        for programs in self._topics:
+            if programs.stopped != self._is_stopped(programs):
+                programs.stopped = not programs.stopped
+                self._changed(programs)
+
+    def without_dead(self, endpoints: list[Endpoint]) -> list[Endpoint]:
+        """Return the endpoints whose process has not ended."""
+        return [endpoint for endpoint in endpoints if endpoint.gid not in self._dead]
+
+    def others(self, topic: str) -> list[Endpoint]:
+        """Return the publishers of a topic in other processes."""
+        publishers = self._ros.publishers(topic)
+        if not self._own_gid:
+            self._own_gid = next((p.gid for p in publishers if p.node == self._ros.name), b"")
+        own = self._own_gid[:PREFIX_BYTES]
+        return self.without_dead([p for p in publishers if p.gid[:PREFIX_BYTES] != own])
+
+    def wrapper(self, programs: Programs, *, alive: bool) -> None:
+        """Process the token of `lifeline ros2 exec`: if it goes, its program has ended."""
+        programs.wrapped = alive
+        if not alive:
+            self._end(programs)
+
+    def _is_stopped(self, programs: Programs) -> bool:
+        stopped = self._guard.stopped()
+        return any(publisher.gid in stopped for publisher in programs.live)
+
+    def _on_death(self, gid: bytes) -> None:
+        self._dead.add(gid)
+        for programs in self._topics:
+            if any(publisher.gid == gid for publisher in programs.live):
+                self.look_at(programs)
+
+    def _end(self, programs: Programs) -> None:
+        self._dead.update(publisher.gid for publisher in programs.live)
+        self.look_at(programs)

@@ -1,0 +1,73 @@
+"""The interface between the service and ROS 2. All messages are CDR bytes."""
+
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from ros2.diagnostics import Report
+from ros2.endpoints import Endpoint
+from ros2.samples import Sample
+
+TWIST, TWIST_STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
+LASER_SCAN, ODOMETRY, BOOL = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry", "std_msgs/msg/Bool"
+DIAGNOSTIC_ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
+DIAGNOSTIC_STATUS = "diagnostic_msgs/msg/DiagnosticStatus"
+
+
+def twist_type(*, stamped: bool) -> str:
+    return TWIST_STAMPED if stamped else TWIST
+
+
+class Ros(Protocol):
+    """One node. Its callbacks run on threads of its own, and must not block."""
+
+    @property
+    def name(self) -> str:
+        """Full name of the node."""
+        ...
+
+    def start(self) -> None:
+        """Begin to receive; call it after all declarations."""
+        ...
+
+    def subscribe(
+        self,
+        topic: str,
+        type_name: str,
+        heard: Callable[[Sample], None],
+        matched: Callable[[], None],
+        *,
+        is_reliable: bool = False,
+    ) -> None:
+        """Call `heard` for each message, and `matched` when a publisher appears or disappears."""
+        ...
+
+    def publisher(self, topic: str, type_name: str, matched: Callable[[], None]) -> Callable[[bytes], None]:
+        """Return a function that publishes a message without waiting.
+
+        `matched` is called when a subscription appears or disappears.
+        """
+        ...
+
+    def serve(self, name: str, handler: Callable[[], tuple[bool, str]]) -> None:
+        """Answer a `std_srvs/srv/Trigger` service; the handler may wait."""
+        ...
+
+    def publishers(self, topic: str) -> list[Endpoint]:
+        """Return all publishers of a topic, this node's included."""
+        ...
+
+    def subscriptions(self, topic: str) -> list[Endpoint]:
+        """Return all subscriptions of a topic, this node's included."""
+        ...
+
+    def encode_array(self, reports: Sequence[Report]) -> bytes:
+        """Return a `diagnostic_msgs/msg/DiagnosticArray` with one status for each report."""
+        ...
+
+    def encode_status(self, report: Report) -> bytes:
+        """Return a `diagnostic_msgs/msg/DiagnosticStatus`."""
+        ...
+
+    def close(self) -> None:
+        """Leave the domain, so that other nodes notice it at once."""
+        ...

@@ -1,0 +1,20 @@
+"""Fixtures of the tests with real ROS 2 processes (`make test-ros2`)."""
+
+from collections.abc import Generator
+from pathlib import Path
+
+import pytest
+
+from tests.ros2.host import ROS_PYTHON, Host, ros_domain
+
+
+@pytest.fixture
+def host(tmp_path: Path) -> Generator[Host]:
+    """Starts the processes of a test in a domain of its own, and ends them."""
+    assert ROS_PYTHON.exists(), "there is no environment with rclpy: run `make test-ros2`"
+    with ros_domain() as domain:
+        made = Host(domain, tmp_path)
+        try:
+            yield made
+        finally:
+            made.close()

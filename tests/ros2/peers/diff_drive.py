@@ -1,0 +1,91 @@
+"""A small differential-drive robot: /odom at 50 Hz, /scan at 20 Hz in a room with a pillar, moved by /cmd_vel.
+
+`--timeout none` keeps the last command. A line `{"reset": true}` puts it back at its start, at rest. Its odometry is exact,
+and is also published as /odom/truth, under the name that the simulated robot uses.
+"""
+# pyright: basic, reportMissingImports=false
+
+import argparse
+import math
+import time
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import Twist, TwistStamped
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import LaserScan
+
+from tests.ros2.peers import room
+from tests.ros2.peers.drive import Drive
+from tests.ros2.peers.ros_node import SENSOR, make_node, qos, spin
+
+ODOM_HZ, SCAN_HZ = 50.0, 20.0
+STEP_S = 1.0 / ODOM_HZ
+
+
+def timeout(text: str) -> float | None:
+    return None if text == "none" else float(text)
+
+
+class Robot:
+    """The base and its lidar as a node."""
+
+    def __init__(self, options: argparse.Namespace, ros_arguments: list[str]) -> None:
+        self.node = make_node("diff_drive", ros_arguments)
+        self._timeout_s = options.timeout
+        self._drive = Drive(options.timeout)
+        self._stepped_s = time.monotonic()
+        self._odom = self.node.create_publisher(Odometry, "odom", qos())
+        self._truth = self.node.create_publisher(Odometry, "odom/truth", qos())
+        self._scan = self.node.create_publisher(LaserScan, "scan", SENSOR)
+        if options.stamped:
+            self.node.create_subscription(TwistStamped, "cmd_vel", lambda one: self._obey(one.twist), qos())
+        else:
+            self.node.create_subscription(Twist, "cmd_vel", self._obey, qos())
+        self.node.create_timer(STEP_S, self._step)
+        self.node.create_timer(1.0 / SCAN_HZ, self._look)
+
+    def reset(self, _: dict[str, Any]) -> None:
+        self._drive = Drive(self._timeout_s)
+
+    def _obey(self, twist: Twist) -> None:
+        self._drive.command(time.monotonic(), twist.linear.x, twist.angular.z)
+
+    def _step(self) -> None:
+        now_s = time.monotonic()
+        self._drive.step(now_s, now_s - self._stepped_s)
+        self._stepped_s = now_s
+        drive, odom = self._drive, Odometry()
+        odom.header.stamp = self.node.get_clock().now().to_msg()
+        odom.header.frame_id, odom.child_frame_id = "odom", "base_link"
+        odom.pose.pose.position.x, odom.pose.pose.position.y = drive.x_m, drive.y_m
+        odom.pose.pose.orientation.z = math.sin(drive.yaw_rad / 2)
+        odom.pose.pose.orientation.w = math.cos(drive.yaw_rad / 2)
+        odom.twist.twist.linear.x, odom.twist.twist.angular.z = drive.v_m_s, drive.w_rad_s
+        self._odom.publish(odom)
+        self._truth.publish(odom)
+
+    def _look(self) -> None:
+        drive, scan = self._drive, LaserScan()
+        scan.header.stamp = self.node.get_clock().now().to_msg()
+        scan.header.frame_id = "lidar"
+        scan.angle_increment = math.tau / room.BEAMS
+        scan.angle_min = -math.pi
+        scan.angle_max = math.pi - scan.angle_increment
+        scan.scan_time = 1.0 / SCAN_HZ
+        scan.range_min, scan.range_max = 0.1, 12.0
+        ranges = room.ranges_m(drive.x_m, drive.y_m, drive.yaw_rad)
+        scan.ranges = np.where(ranges <= scan.range_max, ranges, np.inf).astype(np.float32).tolist()
+        self._scan.publish(scan)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--timeout", type=timeout, default=0.5, metavar="SECONDS|none")
+    parser.add_argument("--stamped", action="store_true", help="cmd_vel is a TwistStamped")
+    robot = Robot(*parser.parse_known_args())
+    spin(robot.node, robot.reset)
+
+
+if __name__ == "__main__":
+    main()

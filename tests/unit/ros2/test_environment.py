@@ -1,0 +1,43 @@
+"""The environment variables of a Python with rclpy."""
+
+from pathlib import Path
+
+from ros2.environment import ros_variables
+
+NOWHERE = Path("/nowhere")
+
+
+def environment_of_wheels(root: Path) -> Path:
+    for name in ("ros_rclpy.libs", "ros_rcl.libs", "numpy.libs"):
+        (root / "env/lib/python3.11/site-packages" / name).mkdir(parents=True)
+    return root / "env/bin/python"
+
+
+def test_the_wheels_find_their_libraries_before_all_others_without_a_second_start(tmp_path: Path) -> None:
+    variables = ros_variables(environment_of_wheels(tmp_path), {"LD_LIBRARY_PATH": "/mine"}, NOWHERE)
+    libraries = tmp_path / "env/lib"
+    packages = libraries / "python3.11/site-packages"
+    assert variables == {
+        "_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1",
+        "LD_LIBRARY_PATH": f"{libraries}:{packages}/ros_rcl.libs:{packages}/ros_rclpy.libs:/mine",
+    }
+
+
+def test_an_installed_ros_is_found_without_its_setup_script(tmp_path: Path) -> None:
+    (tmp_path / "ros/lib/python3.12/site-packages").mkdir(parents=True)
+    ros = tmp_path / "ros"
+    assert ros_variables(tmp_path / "env/bin/python", {"PYTHONPATH": "/mine"}, ros) == {
+        "AMENT_PREFIX_PATH": str(ros),
+        "LD_LIBRARY_PATH": f"{ros}/lib",
+        "PYTHONPATH": f"{ros}/lib/python3.12/site-packages:/mine",
+    }
+
+
+def test_a_sourced_ros_is_left_as_it_is(tmp_path: Path) -> None:
+    (tmp_path / "ros").mkdir()
+    python = tmp_path / "env/bin/python"
+    assert ros_variables(python, {"AMENT_PREFIX_PATH": "/opt/ros/other"}, tmp_path / "ros") == {}
+
+
+def test_without_ros_nothing_is_set(tmp_path: Path) -> None:
+    assert ros_variables(tmp_path / "env/bin/python", {}, NOWHERE) == {}
