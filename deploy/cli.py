@@ -12,6 +12,7 @@ import typer
 from deploy.cli_foxglove import foxglove
 from deploy.cli_incidents import incidents_app
 from deploy.cli_inspection import doctor, graph, node_app, topic_app
+from deploy.cli_ros2 import ros2_app
 from deploy.cli_view import view
 from deploy.command import Config, Endpoint, Json, ResultJson, StatePath, print_json
 from deploy.command import exit_with as _exit_with
@@ -59,6 +60,7 @@ app.add_typer(path_app, name="path")
 app.add_typer(incidents_app, name="incidents")
 app.add_typer(topic_app, name="topic")
 app.add_typer(node_app, name="node")
+app.add_typer(ros2_app, name="ros2")
 app.command()(graph)
 app.command()(doctor)
 app.command()(foxglove)

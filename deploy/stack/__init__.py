@@ -9,6 +9,7 @@ launch.py       arguments and environment of the processes, and a check of the e
 supervisord.py  fetch supervisord with uv, start it, and query it over its socket
 processes.py    find the processes of a state directory, and signal them
 statedir.py     the state directory: its files and its lock
+bound_child.py  run a program in the foreground so that neither of the two processes outlives the other
 keyboard.py     run the real teleop on a pseudo-terminal, and type keys
 observe.py      which nodes are alive, the newest status and the newest odometry
 reach.py        connect a client to the hub, for commands that run until Ctrl-C

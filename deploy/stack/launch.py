@@ -12,8 +12,8 @@ from deploy.stack.processes import MARK
 from deploy.stack.statedir import StateDir, read_json
 from wire import topics
 from wire.config import BusSection, ConfigError, absolute, read_toml, section
+from wire.session import BusConfig
 from wire.state_directory import ENVIRONMENT
-from wire.zenoh_bus import BusConfig
 
 DEFAULT_CONFIG = Path(__file__).resolve().parents[1] / "robot.toml"
 SIMULATED = (topics.SUPERVISOR, topics.SIM)

@@ -446,3 +446,27 @@ def test_a_sim_is_not_needed_to_start_without_one(robot: Robot) -> None:
     command = [sys.executable, "-c", code, *robot.command("up", "--detach", "--no-sim")[3:]]
     up = subprocess.run(command, capture_output=True, text=True, check=False, timeout=COMMAND_LIMIT_S)
     assert up.returncode == 0, up.stderr
+
+
+def test_the_base_is_checked_in_the_environment_of_ros_2_and_its_exit_code_is_passed_on(
+    robot: Robot, ros2_config: Path
+) -> None:
+    options = ["--config", str(ros2_config), "--endpoint", robot.endpoint, "--yes"]
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "deploy.cli",
+            "ros2",
+            "check-base",
+            "--state-dir",
+            str(robot.state.path),
+            *options,
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=COMMAND_LIMIT_S,
+    )
+    words = f"-m ros2 --config {ros2_config} --endpoint {robot.endpoint} --check-base --yes"
+    assert (done.returncode, done.stdout) == (7, f"checked {words}\n")
