@@ -1,21 +1,25 @@
 """`python -m bench.ros2_crash`: run the trials that are missing in the file, and print the table."""
 
 import argparse
+import itertools
 import random
 import signal
 import sys
 import tempfile
 import time
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
+import pexpect
+
 from bench.ros2_crash.isolation import can_isolate, is_isolated, isolate
 from bench.ros2_crash.results import appending, read
 from bench.ros2_crash.run import run
-from bench.ros2_crash.stage import program_of
+from bench.ros2_crash.stage import program_of, stage
 from bench.ros2_crash.table import markdown, rows
-from bench.ros2_crash.trial import Fault, Teleop, cases, missing
+from bench.ros2_crash.trial import Case, Fault, Setup, Teleop, Trial, cases, missing
 from deploy.stack.errors import DeployError
 
 TRIALS = 20
@@ -64,24 +68,43 @@ def measure(arguments: argparse.Namespace) -> int:
     lifeline = {"no": [False], "yes": [True], "both": [False, True]}[arguments.lifeline]
     wanted = cases([one for one in Teleop if program_of(one) is not None], _faults(), lifeline)
     end_s = time.monotonic() + 60 * arguments.minutes
+    todo = missing(wanted, arguments.trials, done)
     with appending(arguments.out) as file:
-        for case, number in missing(wanted, arguments.trials, done):
+        for setup, trials in itertools.groupby(todo, lambda one: one[0].setup):
             if time.monotonic() > end_s:
                 break
-            moments = random.Random(f"{arguments.seed} {case} {number}")
             with tempfile.TemporaryDirectory() as logs:
                 try:
-                    trial = run(case, number, Path(logs), moments)
-                except (AssertionError, TimeoutError) as error:
+                    for trial in run_block(setup, trials, Path(logs), arguments.seed, end_s):
+                        done.append(trial)
+                        file.write(trial.line() + "\n")
+                        file.flush()
+                        print(trial.line(), flush=True)
+                except (AssertionError, TimeoutError, pexpect.ExceptionPexpect) as error:
                     failed += 1
-                    print(f"not run: {case} {number}: {error}", file=sys.stderr, flush=True)
-                    continue
-            done.append(trial)
-            file.write(trial.line() + "\n")
-            file.flush()
-            print(trial.line(), flush=True)
+                    print(f"not run: {setup}: {error}\n{last_words(Path(logs))}", file=sys.stderr, flush=True)
     print(markdown(rows(done)))
     return int(failed > 0)
+
+
+def run_block(
+    setup: Setup, trials: Iterable[tuple[Case, int]], logs: Path, seed: int, end_s: float
+) -> Iterator[Trial]:
+    """Run trials one after the other with the same processes of the robot.
+
+    Raises:
+        AssertionError: a process does not start, or the robot does not drive.
+    """
+    with stage(setup, logs) as made:
+        for case, number in trials:
+            if time.monotonic() > end_s:
+                return
+            yield run(made, case, number, random.Random(f"{seed} {case} {number}"))
+
+
+def last_words(logs: Path) -> str:
+    """Return the ends of the processes' logs."""
+    return "\n".join(f"{path.name}: {path.read_text()[-600:]}" for path in sorted(logs.glob("*-*.log")))
 
 
 def _faults() -> list[Fault]:

@@ -6,9 +6,10 @@ import random
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from pathlib import Path
 
-from bench.ros2_crash.stage import Stage, digest_of, stage
+import pexpect
+
+from bench.ros2_crash.stage import Stage, digest_of
 from bench.ros2_crash.trial import LIMIT_S, SPEED_M_S, Case, Teleop, Trial
 from tests.ros2.host import Line
 from tests.ros2.keyboards import pressing
@@ -18,6 +19,7 @@ DRIVE_LIMIT_S = 5.0
 AT_REST_M_S = 0.005
 MOMENTS_S = 0.2
 """The fault comes at a random moment of this span after the robot has reached its speed."""
+BEFORE_NS = 1_000_000_000
 BETWEEN_KEYS_S = 0.5
 """A person does not press two keys in the same millisecond: the neutral command must be one of its own."""
 STOP_KEYS = {Teleop.LAB: "s", Teleop.KEYBOARD: "k"}
@@ -25,43 +27,52 @@ DRIVE_KEYS = {Teleop.LAB: "wwwww", Teleop.KEYBOARD: "i"}
 HELD_KEYS = {Teleop.LAB: None, Teleop.KEYBOARD: "i"}
 
 
-def run(case: Case, number: int, logs: Path, moments: random.Random) -> Trial:
+def run(made: Stage, case: Case, number: int, moments: random.Random) -> Trial:
     """Run one trial.
 
     Raises:
         AssertionError: a process does not start, or the robot does not drive.
     """
-    with stage(case, logs) as made:
+    with made.operator(case.teleop) as terminal:
         for _ in range(DRIVE_TRIES - 1):
             try:
-                return _drive_and_measure(made, case, number, moments)
+                return _drive_and_measure(made, terminal, case, number, moments)
             except TimeoutError:
                 continue  # DDS had not found the robot yet, or the supervisor was not ready
-        return _drive_and_measure(made, case, number, moments)
+        return _drive_and_measure(made, terminal, case, number, moments)
 
 
-def _drive_and_measure(made: Stage, case: Case, number: int, moments: random.Random) -> Trial:
+def _drive_and_measure(
+    made: Stage, terminal: "pexpect.spawn[str]", case: Case, number: int, moments: random.Random
+) -> Trial:
     """Press the keys, inject the fault at speed, and measure.
 
     Raises:
         TimeoutError: the robot does not drive.
     """
     observer = made.observer
-    made.terminal.send(STOP_KEYS[case.teleop])
+    terminal.send(STOP_KEYS[case.teleop])
     time.sleep(BETWEEN_KEYS_S)
-    with pressing(made.terminal, DRIVE_KEYS[case.teleop], then=HELD_KEYS[case.teleop]):
+    with pressing(terminal, DRIVE_KEYS[case.teleop], then=HELD_KEYS[case.teleop]):
         try:
             observer.until(_drives, f"{SPEED_M_S} m/s", after=len(observer.lines), within_s=DRIVE_LIMIT_S)
         except AssertionError as error:
             raise TimeoutError(str(error)) from error
         time.sleep(moments.uniform(0.0, MOMENTS_S))
+        begin = len(observer.lines)
         begin_ns = time.monotonic_ns()
-        made.inject(case.fault)
+        made.inject(case.fault, terminal)
         with suppress(AssertionError):  # the robot may not stop
             observer.until(
-                lambda line: line["at_ns"] >= begin_ns and _rests(line), "standstill", within_s=LIMIT_S
+                lambda line: line["at_ns"] >= begin_ns and _rests(line),
+                "standstill",
+                after=begin,
+                within_s=LIMIT_S,
             )
-    return _measured(case, number, observer.of("odom"), observer.of("cmd_vel"), begin_ns)
+    from_ns = begin_ns - BEFORE_NS
+    return _measured(
+        case, number, observer.of("odom", from_ns=from_ns), observer.of("cmd_vel", from_ns=from_ns), begin_ns
+    )
 
 
 def _drives(line: Line) -> bool:

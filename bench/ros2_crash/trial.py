@@ -12,6 +12,10 @@ LIMIT_S = 5.0
 """How long after the fault a robot may still stop; then it counts as not stopped."""
 
 
+BLOCK = 5
+"""So many trials of each case run before those of another setup."""
+
+
 class Teleop(StrEnum):
     """The operator's node."""
 
@@ -39,6 +43,15 @@ class Robot(StrEnum):
 
 
 @dataclass(frozen=True)
+class Setup:
+    """The processes that one trial after the other uses."""
+
+    robot: Robot
+    lifeline: bool
+    cable: bool
+
+
+@dataclass(frozen=True)
 class Case:
     """One row of the table."""
 
@@ -46,6 +59,10 @@ class Case:
     fault: Fault
     robot: Robot
     lifeline: bool
+
+    @property
+    def setup(self) -> Setup:
+        return Setup(self.robot, self.lifeline, self.fault is Fault.UNPLUG)
 
 
 @dataclass(frozen=True)
@@ -104,7 +121,7 @@ def cases(teleops: Sequence[Teleop], faults: Sequence[Fault], lifeline: Sequence
 
 
 def missing(wanted: Sequence[Case], count: int, done: Iterable[Trial]) -> list[tuple[Case, int]]:
-    """Return the trials that are still to run, one of each case after the other, with their numbers.
+    """Return the trials that are still to run, with their numbers, in blocks that use the same setup.
 
     Args:
         wanted: the cases.
@@ -112,4 +129,6 @@ def missing(wanted: Sequence[Case], count: int, done: Iterable[Trial]) -> list[t
         done: the trials that have run.
     """
     so_far = Counter(trial.case for trial in done)
-    return [(case, number) for number in range(1, count + 1) for case in wanted if number > so_far[case]]
+    setups = list(dict.fromkeys(case.setup for case in wanted))
+    trials = [(case, number) for number in range(1, count + 1) for case in wanted if number > so_far[case]]
+    return sorted(trials, key=lambda one: ((one[1] - 1) // BLOCK, setups.index(one[0].setup)))

@@ -1,11 +1,12 @@
 """The cases, trials and table of `bench.ros2_crash`."""
 
+import itertools
 from dataclasses import replace
 
 import pytest
 
 from bench.ros2_crash.table import markdown, rows
-from bench.ros2_crash.trial import Case, Fault, Robot, Teleop, Trial, cases, missing, parse
+from bench.ros2_crash.trial import BLOCK, Case, Fault, Robot, Teleop, Trial, cases, missing, parse
 
 TRIAL = Trial(
     Teleop.LAB,
@@ -35,10 +36,17 @@ def test_each_combination_is_a_case() -> None:
     assert len(set(found)) == len(found) == 2 * 3 * 2 * 2
 
 
-def test_an_interrupted_run_continues_with_the_case_that_has_the_fewest_trials() -> None:
+def test_an_interrupted_run_continues_with_the_trials_that_are_missing() -> None:
     other = Case(Teleop.LAB, Fault.STOP, Robot.TIMEOUT, lifeline=False)
     assert missing([TRIAL.case, other], 2, [TRIAL]) == [(other, 1), (TRIAL.case, 2), (other, 2)]
     assert missing([TRIAL.case], 1, [TRIAL]) == []
+
+
+def test_trials_of_the_same_setup_run_one_after_the_other_in_blocks() -> None:
+    todo = missing(cases([Teleop.LAB], list(Fault), [False, True]), 2 * BLOCK, [])
+    setups = [setup for setup, _ in itertools.groupby(case.setup for case, _ in todo)]
+    assert len(setups) == 2 * len(set(setups)) == 16
+    assert max(number for _, number in todo[: len(todo) // 2]) == BLOCK
 
 
 def test_the_table_has_the_median_and_the_largest_of_each_case() -> None:
