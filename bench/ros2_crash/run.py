@@ -14,8 +14,8 @@ from bench.ros2_crash.trial import LIMIT_S, SPEED_M_S, Case, Teleop, Trial
 from tests.ros2.host import Line
 from tests.ros2.keyboards import pressing
 
-DRIVE_TRIES = 4
-DRIVE_LIMIT_S = 5.0
+DRIVE_TRIES = 8
+DRIVE_LIMIT_S = 2.5
 AT_REST_M_S = 0.005
 MOMENTS_S = 0.2
 """The fault comes at a random moment of this span after the robot has reached its speed."""
