@@ -51,6 +51,7 @@ class Source:
         self._adapts = hold_s is not None or on_request
         self._timeout_s = timeout_s
         self._track = Track()
+        self._program = b""
         self._held = NEUTRAL
         self._held_until_s = -math.inf
         self._released = True
@@ -62,10 +63,17 @@ class Source:
         self.accepted = 0
         self.refused = 0
 
-    def attend(self, now_s: float) -> None:
-        """Begin to serve: from now on, exactly one live program publishes. Its messages are another epoch."""
+    def attend(self, program: bytes, now_s: float) -> None:
+        """Begin to serve: from now on, exactly one live program publishes.
+
+        Args:
+            program: its DDS identity, or any other.
+            now_s: the present time.
+        """
         self.present = True
-        self._writers.forget()
+        if program != self._program:
+            self._program = program
+            self._writers.forget()
         self._wait_for_release(now_s)
 
     def leave(self) -> None:

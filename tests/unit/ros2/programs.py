@@ -17,6 +17,7 @@ TIMEOUT_S = 0.2
 WALL_S = 1_700_000_000.0
 """The programs stamp by the wall clock."""
 BRIDGE = b"bridge"
+PROGRAM = b"program"
 
 
 def new_source(
@@ -67,7 +68,8 @@ class Robot:
     """Number of zero velocities that reached the supervisor."""
 
     def __post_init__(self) -> None:
-        self.source.attend(self.now_s)
+        self.source.attend(PROGRAM + bytes([0]), self.now_s)
+        self._runs = 0
         self._liveliness: list[Liveliness] = [Liveliness("teleop", alive=True)]
 
     @property
@@ -108,8 +110,9 @@ class Robot:
 
     def begin(self, program: Program | None = None) -> None:
         """Serve a program from now on, as when its token appears."""
+        self._runs += program is not self.program
         self.program = program or Program()
-        self.source.attend(self.now_s)
+        self.source.attend(PROGRAM + bytes([self._runs]), self.now_s)
         self._liveliness.append(Liveliness("teleop", alive=True))
 
     def end(self) -> None:

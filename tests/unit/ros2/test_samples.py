@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ros2.samples import LATELY_S, LONGEST_GAP, MAX_WRITERS, Sample, Writers
+from ros2.samples import ACTIVE_S, LONGEST_GAP, MAX_WRITERS, Sample, Writers
 
 
 class Topic:
@@ -67,7 +67,7 @@ def test_a_writer_that_pauses_continues_its_own_run_and_not_an_earlier_one() -> 
     topic = Topic()
     topic.hear(1, 2, 3)
     assert topic.hear(1, 2, 3) == ["w1"] * 3
-    topic.now_s += LATELY_S
+    topic.now_s += ACTIVE_S
     assert topic.hear(4) == ["w1"]
 
 
