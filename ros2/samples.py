@@ -11,6 +11,8 @@ from typing import NamedTuple
 LONGEST_GAP = 1000
 """Messages that may be lost without the next one counting as another writer's."""
 MAX_WRITERS = 8
+ACTIVE_S = 1.0
+"""A writer that was silent for longer does not compete with one that was heard since."""
 
 
 class Sample(NamedTuple):
@@ -43,11 +45,18 @@ class Writers:
         self._new_gid = new_gid
         self._writers: list[_Writer] = []
 
+    def forget(self) -> None:
+        """Forget all writers: another program begins, and its sequence may pass those of earlier ones."""
+        self._writers = []
+
     def gid_of(self, sample: Sample) -> bytes:
         """Return the identity of the writer (16 bytes)."""
         continued = [w for w in self._writers if 0 < sample.sequence - w.sequence <= LONGEST_GAP]
-        # The nearest sequence; of equal ones, the one that was heard longest ago.
-        before = max(continued, key=lambda w: (w.sequence, -w.heard_s), default=None)
+        active = [w for w in continued if sample.arrival_s - w.heard_s <= ACTIVE_S]
+        if active:  # the nearest sequence; of equal ones, the one that was heard longest ago
+            before = max(active, key=lambda w: (w.sequence, -w.heard_s))
+        else:
+            before = max(continued, key=lambda w: w.heard_s, default=None)
         gid = self._new_gid() if before is None else before.gid
         others = [w for w in self._writers if w is not before]
         self._writers = [_Writer(gid, sample.sequence, sample.arrival_s), *others[: MAX_WRITERS - 1]]
