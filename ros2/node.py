@@ -95,7 +95,6 @@ class RosNode:
 
         A best-effort subscription receives from every publisher, and never an old message that was sent again.
         """
-
         arrivals = itertools.count(1)
 
         def on_message(payload: bytes, info: dict[str, Any]) -> None:
