@@ -239,7 +239,7 @@ def test_what_ros_2_reports_is_a_problem_or_a_note_by_its_level() -> None:
 
 
 def test_a_ros_2_process_that_does_not_run_or_cannot_start_is_a_problem() -> None:
-    (missing,) = problems(ros2(nodes=ros2().nodes[:1] + ros2().nodes[2:]))
+    (missing,) = problems(ros2(nodes=[one for one in ros2().nodes if one.name != "ros2"]))
     assert missing.what == "the ROS 2 process does not run"
     (problem,) = problems(ros2(ros2_problem="x is missing: run `make ros2`"))
     assert problem.what == "x is missing: run `make ros2`"
