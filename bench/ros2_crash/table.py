@@ -5,7 +5,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from bench.ros2_crash.trial import LIMIT_S, Case, Trial
+from bench.ros2_crash.trial import LIMIT_S, Case, Fault, Teleop, Trial, cases
 from deploy.campaign.report.statistics import quantile
 
 
@@ -26,11 +26,15 @@ class Row:
 
 
 def rows(trials: Iterable[Trial]) -> list[Row]:
-    """Return a row for each case, in the order of their first trials."""
+    """Return a row for each case; those without and with Lifeline follow each other."""
     by_case: dict[Case, list[Trial]] = defaultdict(list)
     for trial in trials:
         by_case[trial.case].append(trial)
-    return [_row(case, of_case) for case, of_case in by_case.items()]
+    return [
+        _row(case, by_case[case])
+        for case in cases(list(Teleop), list(Fault), [False, True])
+        if case in by_case
+    ]
 
 
 def _row(case: Case, trials: Sequence[Trial]) -> Row:

@@ -61,3 +61,14 @@ def test_the_table_names_the_robots_that_did_not_stop_and_their_distance_is_a_lo
     keeps = replace(TRIAL, robot=Robot.KEEPS, standstill_s=None, distance_m=2.5)
     table = markdown(rows([keeps, keeps]))
     assert "| keeps the last command | no | 2 | 0 within 5 s | none | none | > 2.50 (2.50) m |" in table
+
+
+def test_the_rows_without_and_with_lifeline_follow_each_other() -> None:
+    without = [TRIAL, replace(TRIAL, fault=Fault.STOP)]
+    found = rows([*without, *(replace(trial, lifeline=True) for trial in without)])
+    assert [(row.case.fault, row.case.lifeline) for row in found] == [
+        (Fault.KILL, False),
+        (Fault.KILL, True),
+        (Fault.STOP, False),
+        (Fault.STOP, True),
+    ]
