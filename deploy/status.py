@@ -86,6 +86,7 @@ class Look:
             "warning": status.warning if status else None,
             "alarm": status.alarm if status else None,
             "estop_record_problem": status.estop_record_problem if status else None,
+            "rmw_zenoh_nodes": status.rmw_zenoh_nodes if status else None,
             "linear_m_s": number(twist.linear.x if twist else None),
             "angular_rad_s": number(twist.angular.z if twist else None),
             "nearest_m": number(status.nearest_m if status else None),
@@ -167,6 +168,11 @@ def table(look: Look) -> Table | Text:
             table.add_row("e-stop", f"latched until reset, even after a restart: {RESET}")
         if status.estop_record_problem:
             table.add_row("e-stop record", Text(status.estop_record_problem, style="bold red"))
+        if status.rmw_zenoh_nodes:
+            nodes = ", ".join(status.rmw_zenoh_nodes)
+            table.add_row(
+                "not read", Text(printable(f"{nodes}: they use the keys of rmw_zenoh"), style="yellow")
+            )
         table.add_row("speed", speed(look.twist) if look.twist else "unknown: no odometry")
         table.add_row("nearest", nearest(status.nearest_m, status.nearest_bearing_rad, " from the hull"))
     for report in look.ros2:

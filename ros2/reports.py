@@ -55,7 +55,7 @@ def _guards(programs: Programs) -> str:
 
 
 def sensor_report(
-    name: str, topic: str, type_name: str, publishers: Sequence[Endpoint], *, writers: int, arrived: int
+    name: str, topic: str, type_name: str, publishers: Sequence[Endpoint], *, writers: int
 ) -> Report:
     """Return the report of a sensor's topic.
 
@@ -65,14 +65,13 @@ def sensor_report(
         type_name: the expected type.
         publishers: all publishers of the topic.
         writers: number of writers that were heard lately.
-        arrived: number of messages since the last report.
     """
     problems = _wrong(wrong_types(topic, type_name, publishers, ""))
     if not publishers:
         problems.append(f"no node publishes on {topic}: start the driver, or correct the topic in [ros2]")
     elif writers > 1:
         problems.append(f"{writers} writers publish on {topic} ({names(publishers)}): end all but one")
-    elif not problems and not arrived:
+    elif not problems and not writers:
         problems.append(f"{names(publishers)} publishes nothing on {topic}")
     return _report(name, problems, f"{names(publishers)} on {topic}", [("topic", f"{topic} ({type_name})")])
 

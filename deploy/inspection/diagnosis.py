@@ -374,6 +374,15 @@ def _stop(seen: Observed) -> Iterator[Finding]:
         yield Finding(
             "e-stop record", Verdict.PROBLEM, printable(status.estop_record_problem), "free the disk"
         )
+    if status.rmw_zenoh_nodes:
+        yield Finding(
+            "rmw_zenoh",
+            Verdict.NOTE,
+            printable(
+                f"nobody reads the topics of {', '.join(status.rmw_zenoh_nodes)}: they use the keys of rmw_zenoh"
+            ),
+            "start them with another RMW_IMPLEMENTATION, and set [ros2]; or connect them to their own router",
+        )
     if status.alarm:
         yield Finding(
             "alarm", Verdict.PROBLEM, "the base moves although zero is commanded", "cut the robot's power"

@@ -69,6 +69,13 @@ def test_control_sequences_from_the_network_do_not_reach_the_terminal() -> None:
     assert row(seen, "causes") == "[bold]?[2J: ?"
 
 
+def test_nodes_that_use_the_keys_of_rmw_zenoh_have_a_row_only_if_there_are_any() -> None:
+    assert row(look(), "not read") is None
+    seen = look(rmw_zenoh_nodes=["/talker", "/\x1b[2J", "and 3 more"])
+    assert row(seen, "not read") == "/talker, /?[2J, and 3 more: they use the keys of rmw_zenoh"
+    assert json.loads(seen.to_json())["rmw_zenoh_nodes"] == ["/talker", "/\x1b[2J", "and 3 more"]
+
+
 def test_json_has_what_holds_what_is_over_and_the_detail() -> None:
     document = json.loads(
         look(reasons=["OVERRUN", "OBSTACLE"], causes=["OBSTACLE"], latched=["OVERRUN"], detail="x").to_json()

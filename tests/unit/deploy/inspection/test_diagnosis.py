@@ -161,6 +161,14 @@ def test_a_cause_and_a_latched_reason_are_explained(reason: StopReason) -> None:
     assert (finding.check, finding.what.endswith("Over now")) == ("latched", True)
 
 
+def test_nodes_that_use_the_keys_of_rmw_zenoh_are_a_note_with_their_names() -> None:
+    seen = running(status=SafetyStatus(header(""), rmw_zenoh_nodes=["/talker", "and 3 more"]))
+    (finding,) = [finding for finding in diagnose(seen) if finding.check == "rmw_zenoh"]
+    assert finding.verdict is Verdict.NOTE
+    assert "/talker, and 3 more" in finding.what
+    assert not [finding for finding in diagnose(running()) if finding.check == "rmw_zenoh"]
+
+
 def test_nothing_from_the_wire_can_control_the_terminal() -> None:
     status = SafetyStatus(
         header(""),
@@ -169,6 +177,7 @@ def test_nothing_from_the_wire_can_control_the_terminal() -> None:
         detail="\x07",
         unknown_sources=["\x1b]0;x"],
         estop_record_problem="\x1b",
+        rmw_zenoh_nodes=["\x1b]0;x"],
         alarm=True,
     )
     heard = traffic(key="foreign/\x1b[2J")
