@@ -31,11 +31,13 @@ class Programs:
     """Whether a live program is stopped by a signal."""
     wrapped: bool = False
     """Whether a program started by `lifeline ros2 exec` holds the source."""
+    lapsed: set[bytes] = field(default_factory=set[bytes])
+    """Publishers without the token of `lifeline ros2 exec` that they had; it returns if only a link was interrupted."""
 
     @property
-    def alone(self) -> bool:
-        """Whether exactly one live program publishes, and is not stopped."""
-        return len(self.live) == 1 and not self.stopped
+    def only(self) -> bytes | None:
+        """The identity of the only live program; None if there is none, if it is stopped, or if there are several."""
+        return self.live[0].gid if len(self.live) == 1 and not self.stopped else None
 
 
 class Presence:
@@ -72,7 +74,8 @@ class Presence:
     def look_at(self, programs: Programs) -> set[bytes]:
         """Ask discovery for the publishers of one topic, and return their identities."""
         publishers = self._ros.publishers(programs.topic)
-        programs.everyone = self.without_dead(publishers)
+        programs.lapsed &= {publisher.gid for publisher in publishers}
+        programs.everyone = [p for p in self.without_dead(publishers) if p.gid not in programs.lapsed]
         programs.live = [p for p in programs.everyone if p.type_name == programs.type_name]
         programs.pid = None
         if len(programs.live) == 1:
@@ -101,10 +104,10 @@ class Presence:
         return self.without_dead([p for p in publishers if p.gid[:PREFIX_BYTES] != own])
 
     def wrapper(self, programs: Programs, *, alive: bool) -> None:
-        """Process the token of `lifeline ros2 exec`: if it goes, its program has ended."""
+        """Process the token of `lifeline ros2 exec`: without it, its program counts as ended."""
         programs.wrapped = alive
-        if not alive:
-            self._end(programs)
+        programs.lapsed = set() if alive else programs.lapsed | {p.gid for p in programs.live}
+        self.look_at(programs)
 
     def _is_stopped(self, programs: Programs) -> bool:
         stopped = self._guard.stopped()
@@ -115,7 +118,3 @@ class Presence:
         for programs in self._topics:
             if any(publisher.gid == gid for publisher in programs.live):
                 self.look_at(programs)
-
-    def _end(self, programs: Programs) -> None:
-        self._dead.update(publisher.gid for publisher in programs.live)
-        self.look_at(programs)
