@@ -31,8 +31,6 @@ class Programs:
     """Whether a live program is stopped by a signal."""
     wrapped: bool = False
     """Whether a program started by `lifeline ros2 exec` holds the source."""
-    lapsed: set[bytes] = field(default_factory=set[bytes])
-    """Publishers without the token of `lifeline ros2 exec` that they had; it returns if only a link was interrupted."""
 
     @property
     def only(self) -> bytes | None:
@@ -54,6 +52,8 @@ class Presence:
         self._guard = Guard(self._on_death)
         self._dead: set[bytes] = set()
         """Publishers whose process has ended, although discovery still lists them."""
+        self._unheld: set[bytes] = set()
+        """Publishers whose `lifeline ros2 exec` is not heard."""
         self._own_gid = b""
         self._topics: list[Programs] = []
 
@@ -69,13 +69,13 @@ class Presence:
         for programs in self._topics:
             listed |= self.look_at(programs)
         self._dead &= listed
+        self._unheld &= listed
         self._guard.forget(listed - self._dead)
 
     def look_at(self, programs: Programs) -> set[bytes]:
         """Ask discovery for the publishers of one topic, and return their identities."""
         publishers = self._ros.publishers(programs.topic)
-        programs.lapsed &= {publisher.gid for publisher in publishers}
-        programs.everyone = [p for p in self.without_dead(publishers) if p.gid not in programs.lapsed]
+        programs.everyone = self.without_dead(publishers)
         programs.live = [p for p in programs.everyone if p.type_name == programs.type_name]
         programs.pid = None
         if len(programs.live) == 1:
@@ -93,7 +93,7 @@ class Presence:
 
     def without_dead(self, endpoints: list[Endpoint]) -> list[Endpoint]:
         """Return the endpoints whose process has not ended."""
-        return [endpoint for endpoint in endpoints if endpoint.gid not in self._dead]
+        return [endpoint for endpoint in endpoints if endpoint.gid not in self._dead | self._unheld]
 
     def others(self, topic: str) -> list[Endpoint]:
         """Return the publishers of a topic in other processes."""
@@ -104,9 +104,15 @@ class Presence:
         return self.without_dead([p for p in publishers if p.gid[:PREFIX_BYTES] != own])
 
     def wrapper(self, programs: Programs, *, alive: bool) -> None:
-        """Process the token of `lifeline ros2 exec`: without it, its program counts as ended."""
+        """Process the token of `lifeline ros2 exec`: if it goes, its program counts as ended until it returns.
+
+        A token that goes and returns is one whose link was cut, whose process was stopped, or whose supervisor restarted.
+        """
         programs.wrapped = alive
-        programs.lapsed = set() if alive else programs.lapsed | {p.gid for p in programs.live}
+        if alive:
+            self._unheld -= {publisher.gid for publisher in self._ros.publishers(programs.topic)}
+        else:
+            self._unheld |= {publisher.gid for publisher in programs.live}
         self.look_at(programs)
 
     def _is_stopped(self, programs: Programs) -> bool:

@@ -21,7 +21,16 @@ from typing import Any, Literal, TypeVar
 import zenoh
 
 from wire import topics
-from wire.inbox import SOURCES_DEPTH, BusError, Inbox, LivelinessChange, NoReplyError, Overheard
+from wire.foreign_nodes import NODE_TOKENS
+from wire.inbox import (
+    FOREIGN_DEPTH,
+    SOURCES_DEPTH,
+    BusError,
+    Inbox,
+    LivelinessChange,
+    NoReplyError,
+    Overheard,
+)
 from wire.newest import NewestWithin
 from wire.stamp import Stamper
 
@@ -271,15 +280,23 @@ class ZenohSession:
         return ZenohToken(token)
 
     def watch_alive(self, wake: asyncio.Event | None = None) -> Inbox[LivelinessChange]:
-        inbox: Inbox[LivelinessChange] = Inbox(LIVELINESS_DEPTH, wake)
         prefix = self._key(topics.alive(""))
+        return self._watch_tokens(f"{prefix}*", prefix, Inbox(LIVELINESS_DEPTH, wake))
+
+    def watch_foreign_nodes(self) -> Inbox[LivelinessChange]:
+        return self._watch_tokens(NODE_TOKENS, "", Inbox(FOREIGN_DEPTH, None))
+
+    def _watch_tokens(
+        self, expression: str, prefix: str, inbox: Inbox[LivelinessChange]
+    ) -> Inbox[LivelinessChange]:
+        """Report the tokens that match a key expression, without their common prefix."""
 
         def on_change(sample: zenoh.Sample) -> None:
             node = str(sample.key_expr).removeprefix(prefix)
             inbox.push(LivelinessChange(node, sample.kind == zenoh.SampleKind.PUT, time.monotonic()))
 
         self._declared.append(
-            self._session.liveliness().declare_subscriber(f"{prefix}*", _direct(on_change), history=True)
+            self._session.liveliness().declare_subscriber(expression, _direct(on_change), history=True)
         )
         return inbox
 
