@@ -1,6 +1,6 @@
 """The supervisor's promises, through ROS: a ROS source, Lifeline, and a ROS robot, all as real processes.
 
-The robot has a timeout of 0.5 s of its own, and is in a room with a pillar 4 m ahead.
+The robot has a timeout of 0.5 s of its own, and is in a room whose wall is 10 m ahead.
 """
 
 import math
@@ -266,7 +266,7 @@ def test_a_planner_that_never_sends_zero_moves_only_after_a_persons_request(stac
         peer.end()
 
 
-def test_a_driven_robot_stops_30_cm_before_the_pillar_and_may_back_out(stack: Stack) -> None:
+def test_a_driven_robot_stops_30_cm_before_the_wall_and_may_back_out(stack: Stack) -> None:
     source = stack.source()
     reasons: list[str] = []
     while "OBSTACLE" not in reasons:  # a loaded machine may stop the robot for another reason first
