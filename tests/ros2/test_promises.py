@@ -1,6 +1,6 @@
 """The supervisor's promises, through ROS: a ROS source, Lifeline, and a ROS robot, all as real processes.
 
-The robot has a timeout of 0.5 s of its own, and is in a room whose wall is 10 m ahead.
+The robot has a timeout of 0.5 s of its own, and is in a room whose wall is 5.5 m ahead.
 """
 
 import math
