@@ -8,7 +8,7 @@ from typing import IO
 
 from bench.ros2_crash.trial import Trial, parse
 from deploy.campaign.provenance import commit, machine
-from deploy.campaign.trial import PROVENANCE_BEGINS, Provenance
+from deploy.campaign.trial import PROVENANCE_BEGINS, Provenance, parse_provenance
 from deploy.campaign.trial_file import whole_lines
 from deploy.stack.errors import DeployError
 
@@ -27,6 +27,14 @@ def read(path: Path) -> list[Trial]:
         ]
     except ValueError as error:
         raise DeployError(f"{path}: {error}; choose another --out") from error
+
+
+def read_origins(path: Path) -> list[Provenance]:
+    """Return where and when the trials of a file were measured, in the order of the runs."""
+    lines = whole_lines(path, "the trials")
+    return sorted(
+        (parse_provenance(line) for line in lines if line.startswith(PROVENANCE_BEGINS)), key=lambda o: o.date
+    )
 
 
 @contextmanager

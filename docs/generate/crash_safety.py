@@ -5,6 +5,7 @@ The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
     answer    the time in which a robot stops when its teleop is killed
     real      the table of the campaign with real processes: docs/campaign/real.jsonl
     virtual   the table of the campaign on a virtual clock: docs/campaign/virtual.jsonl.gz
+    ros2      keyboard nodes of ROS 2, with and without Lifeline: docs/campaign/ros2.jsonl
     soak      the resources after an hour of driving: docs/campaign/soak.jsonl.gz
 
 `--check` writes nothing and fails if a part is out of date; tests/unit/test_crash_safety.py does the same.
@@ -15,6 +16,9 @@ from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
+from bench.ros2_crash.results import read as read_ros2
+from bench.ros2_crash.results import read_origins
+from bench.ros2_crash.table import markdown, rows
 from deploy.campaign.classes import BY_NAME
 from deploy.campaign.report.figures import Campaign, ClassFigures, Spread
 from deploy.campaign.report.page import FEW, percent, verdict
@@ -31,6 +35,7 @@ RESULTS = {
     "real": Path(__file__).parents[1] / "campaign" / "real.jsonl",
     "virtual": Path(__file__).parents[1] / "campaign" / "virtual.jsonl.gz",
 }
+ROS2 = Path(__file__).parents[1] / "campaign" / "ros2.jsonl"
 SOAK = Path(__file__).parents[1] / "campaign" / "soak.jsonl.gz"
 COMMANDS = {
     "real": "lifeline faults --out docs/campaign/real.jsonl",
@@ -199,10 +204,23 @@ def _missing(mode: str) -> str:
 
 # --- the document
 
+
+def ros2_table() -> str:
+    """Return the table of the keyboard nodes, with where and when it was measured."""
+    origins = read_origins(ROS2)
+    first, last = origins[0], origins[-1]
+    return (
+        f"{markdown(rows(read_ros2(ROS2)))}\n"
+        f"`{first.command} --out docs/campaign/ros2.jsonl`, {first.date} to {last.date}, {first.machine}, "
+        f"commits {first.commit} to {last.commit}."
+    )
+
+
 PARTS: sections.Parts = {
     "answer": lambda: answer(result("real")),
     "real": lambda: table("real", result("real")),
     "virtual": lambda: table("virtual", result("virtual")),
+    "ros2": ros2_table,
     "soak": lambda: soaked(*read_samples(SOAK)),
 }
 
