@@ -25,9 +25,12 @@ TYPE_HASHES = {
     ros.TWIST_STAMPED: "RIHS01_5f0fcd4f81d5d06ad9b4c4c63e3ea51b82d6ae4d0558f1d475229b1121db6f64",
     ros.DIAGNOSTIC_ARRAY: "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
     ros.DIAGNOSTIC_STATUS: "RIHS01_b0e3e692ea2d54a8af2f4ef1930e81556a2db55216b771f8a7d2724ed47bf0e4",
+    ros.LASER_SCAN: "RIHS01_64c191398013af96509d518dac71d5164f9382553fce5c1f8cca5be7924bd828",
+    ros.ODOMETRY: "RIHS01_3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0",
+    ros.BOOL: "RIHS01_feb91e995ff9ebd09c0cb3d2aed18b11077585839fb5db80193b62d74528f6c9",
     TRIGGER: "RIHS01_eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
 }
-"""The types that Lifeline publishes or serves, as ROS 2 Jazzy defines them (REP 2016)."""
+"""The hashes of the types that Lifeline uses, as ROS 2 Jazzy defines them (REP 2016)."""
 
 RELIABLE, BEST_EFFORT, VOLATILE = "1", "2", "2"
 MAX_TOKEN = 1024
@@ -149,6 +152,16 @@ def announced_by(token: str) -> Announced | None:
     is_reliable = qos.partition(":")[0] != BEST_EFFORT
     endpoint = Endpoint(name, _ros_type(_named(type_name)), gid_of(token), is_reliable)
     return Announced(Kind(kind), _named(topic), type_hash, endpoint)
+
+
+def with_hash(announced: Announced) -> Endpoint:
+    """Return the endpoint of a subscription; its type tells whether its hash is not the one that Lifeline publishes."""
+    endpoint, own = announced.endpoint, TYPE_HASHES.get(announced.endpoint.type_name)
+    if own is None or announced.type_hash == own:
+        return endpoint
+    return endpoint._replace(
+        type_name=f"{endpoint.type_name} of another ROS 2 release ({announced.type_hash})"
+    )
 
 
 def gid_of(token: str) -> bytes:

@@ -125,6 +125,21 @@ def is_loopback(endpoint: str) -> bool:
         return host == "localhost"
 
 
+def same_endpoint(one: str, other: str) -> bool:
+    """Return whether two endpoints cannot both be listened on: the same port, and the same host or both on this machine."""
+    (host, port), (other_host, other_port) = _host_and_port(one), _host_and_port(other)
+    return port == other_port and (host == other_host or (_is_here(one) and _is_here(other)))
+
+
+def _host_and_port(endpoint: str) -> tuple[str, str]:
+    host, _, port = endpoint.split("/", 1)[1].rpartition(":")
+    return host.lower(), port
+
+
+def _is_here(endpoint: str) -> bool:
+    return is_loopback(endpoint) or _host_and_port(endpoint)[0] in {"0.0.0.0", "[::]"}  # noqa: S104 - compared only
+
+
 class BaseSection(Section):
     """The values of `[sim]` for the base and its sensors that other sections must fit.
 
