@@ -1,14 +1,15 @@
 """The command-line tool `lifeline`, one file for each command, and the configuration files.
 
 entry.py           the entry point of `lifeline`
-cli.py             the options of every command; cli_inspection.py those of topic, node, graph and doctor; command.py what they share
+cli.py             the options of every command; cli_inspection.py those of topic, node, graph and doctor; cli_ros2.py those of ros2; command.py what they share
 up.py              `lifeline up`: start the stack, with teleop in this terminal; down.py stops it; estop.py reports a latched e-stop
 status.py          `lifeline status`: print the status once
 demo.py            `lifeline demo`: a few trials of the real campaign and a drive at a rack; verdict.py one promise, bound and measurement
 path.py            `lifeline path`: drive squares, circles and recorded paths
+ros2_exec.py       `lifeline ros2 exec`: run a ROS 2 program with a token; ros2_check_base.py test the base; ros2_profile.py print the Fast DDS profile
 record.py          `lifeline record`: record all messages
 render.py          `lifeline render`: draw the robot; picture.py the options; film.py the frames; rehearsal.py robot, law and operator in simulated time
-check.py           `lifeline check`: check a configuration; check_motions.py permitted motions; check_risks.py risks
+check.py           `lifeline check`: check a configuration; check_motions.py permitted motions; check_risks.py risks; check_ros2.py the ROS 2 side
 incidents.py       `lifeline incidents`: list, show and export black boxes
 replay.py          `lifeline replay-decision`: run the law again over a black box recording
 completion.py      `lifeline completion`: the completion scripts of the shells, and the words that they complete
@@ -16,7 +17,7 @@ stack/             start, find, observe and stop the running robot
 campaign/          `lifeline faults`, `fault-report` and `soak`: fault injection at random moments, on real processes and in virtual time
 supervisord.conf   the programs that supervisord runs
 robot.toml         every key of the configuration, with its default
-examples/          configurations of real robots
+examples/          configurations of real robots, of zenoh-bridge-ros2dds and of Foxglove
 
 Commands use campaign/ and stack/, campaign/ uses stack/, never the reverse.
 """

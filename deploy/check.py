@@ -11,8 +11,10 @@ from rich.text import Text
 
 from deploy.check_motions import Permitted, View, permitted_motions
 from deploy.check_risks import Risk, risks
+from deploy.check_ros2 import RosTopicUse, ros2_risks, ros2_table, topics_of
 from deploy.stack.errors import DeployError
 from deploy.stack.robot_file import read_robot
+from ros2.config import Ros2Section
 from sim.config import SimSection
 from supervisor.config import SupervisorSection
 from supervisor.lidar_config import FULL_TURN_SLACK_RAD, NamedLidarSection
@@ -55,6 +57,8 @@ class Report(NamedTuple):
     stopping: Stopping
     motions: tuple[Permitted, ...]
     risks: tuple[Risk, ...]
+    ros2: tuple[RosTopicUse, ...] = ()
+    """The topics of `[ros2]`; empty without this section."""
 
 
 def check(file: Path, *, as_json: bool = False) -> int:
@@ -84,12 +88,17 @@ def examine(file: Path) -> Report:
     config, sim = sections[SupervisorSection], sections.get(SimSection)
     lidars = tuple(_seen(lidar, sim) for lidar in config.all_lidars())
     views = tuple(lidar.view for lidar in lidars)
+    ros2 = sections.get(Ros2Section)
     return Report(
         config,
         lidars,
         stopping(config, views),
         tuple(permitted_motions(config, views)),
-        tuple(risks(config, sim, sections[BusSection])),
+        (
+            *risks(config, sim, sections[BusSection]),
+            *(() if ros2 is None else ros2_risks(ros2, config)),
+        ),
+        () if ros2 is None else tuple(topics_of(ros2, config)),
     )
 
 
@@ -153,6 +162,7 @@ def to_json(report: Report) -> dict[str, Any]:
             }
             for permitted in report.motions
         ],
+        "ros2": [topic._asdict() for topic in report.ros2],
         "risks": [risk._asdict() for risk in report.risks],
     }
 
@@ -175,6 +185,9 @@ def _print(console: Console, file: Path, report: Report) -> None:
             keys = ", ".join(seen.assumed)
             text = f"{lidar.name}: assumed {keys}; set these keys in its table, or the motions below may be wrong"
             console.print(Text(text, style="yellow"), soft_wrap=True)
+    if report.ros2:
+        console.print()
+        console.print(ros2_table(report.ros2))
     way = report.stopping
     console.print(
         Text(

@@ -12,6 +12,7 @@ import typer
 from deploy.cli_foxglove import foxglove
 from deploy.cli_incidents import incidents_app
 from deploy.cli_inspection import doctor, graph, node_app, topic_app
+from deploy.cli_ros2 import ros2_app
 from deploy.cli_view import view
 from deploy.command import Config, Endpoint, Json, ResultJson, StatePath, print_json
 from deploy.command import exit_with as _exit_with
@@ -59,6 +60,7 @@ app.add_typer(path_app, name="path")
 app.add_typer(incidents_app, name="incidents")
 app.add_typer(topic_app, name="topic")
 app.add_typer(node_app, name="node")
+app.add_typer(ros2_app, name="ros2")
 app.command()(graph)
 app.command()(doctor)
 app.command()(foxglove)
@@ -84,11 +86,21 @@ def up(
         bool | None,
         typer.Option("--viewer/--no-viewer", help="Open MuJoCo's window. Default: only if a display exists."),
     ] = None,
+    sim: Annotated[
+        bool,
+        typer.Option(
+            "--sim/--no-sim",
+            help="Simulate the base. With a section ros2 in the configuration, no sim starts.",
+        ),
+    ] = True,
     as_json: Annotated[
         bool, typer.Option("--json", help="With --detach: print the address and teleop's command as JSON.")
     ] = False,
 ) -> None:
-    """Start sim and supervisor, open teleop in this terminal, and stop everything when teleop ends."""
+    """Start the robot, open teleop in this terminal, and stop everything when teleop ends.
+
+    The robot is supervisor and sim, or supervisor and ros2 if the configuration has a section ros2.
+    """
 
     def run() -> int:
         from deploy import up as command  # noqa: PLC0415
@@ -96,7 +108,7 @@ def up(
         from deploy.stack.statedir import StateDir  # noqa: PLC0415
 
         sim_options = {None: "", True: "--viewer", False: "--no-viewer"}[viewer]
-        launch = Launch.read(config, endpoint, sim_options=sim_options)
+        launch = Launch.read(config, endpoint, sim_options=sim_options, with_sim=sim)
         return command.up(
             StateDir.choose(state_dir), launch, _note if as_json else _say, detach=detach, as_json=as_json
         )

@@ -19,7 +19,8 @@ SOURCE = "teleop"
 STANDSTILL = Velocity(0.0, 0.0)
 
 FORWARD_M_S, BACK_M_S = 0.8, -0.4
-WARM_UP_S = 0.2
+WARM_UP_S = 0.3
+"""Longer than a command timeout: until then, the operator's commands are unproven."""
 READY_S = 0.5
 """How long the operator waits before driving."""
 REST_S = 1.3

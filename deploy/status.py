@@ -14,7 +14,7 @@ from deploy.estop import RESET, latched_sentence
 from deploy.stack import supervisord
 from deploy.stack.errors import EXIT_NOT_RUNNING
 from deploy.stack.formatting import COLOURS, mode_name, nearest, number, printable, speed
-from deploy.stack.launch import Launch
+from deploy.stack.launch import SIMULATED, Launch
 from deploy.stack.observe import observing
 from deploy.stack.statedir import StateDir
 from wire import topics
@@ -26,8 +26,6 @@ LISTEN_LIMIT_S = 1.0
 
 EXIT_PARTLY = 1
 
-NODES = (topics.SUPERVISOR, topics.SIM, topics.TELEOP)
-NEEDED = (topics.SUPERVISOR, topics.SIM)
 ESTOP = "ESTOP"
 
 
@@ -44,10 +42,17 @@ class Look:
     odometry: Odometry | None
     latched: str | None = None
     """The message that a robot started now has its e-stop latched; None if it is not latched."""
+    needed: tuple[str, ...] = SIMULATED
+    """The nodes without which the robot does not run."""
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """The nodes that are always shown."""
+        return (*self.needed, topics.TELEOP)
 
     @property
     def exit_code(self) -> int:
-        if all(node in self.alive for node in NEEDED) and self.status is not None:
+        if all(node in self.alive for node in self.needed) and self.status is not None:
             return 0
         return EXIT_PARTLY if self.connected or self.programs else EXIT_NOT_RUNNING
 
@@ -65,7 +70,7 @@ class Look:
             "endpoint": self.endpoint,
             "running": self.exit_code == 0,
             "nodes": {
-                node: {"alive": node in self.alive, "process": self.programs.get(node)} for node in NODES
+                node: {"alive": node in self.alive, "process": self.programs.get(node)} for node in self.nodes
             },
             "mode": self.mode,
             "reasons": status.reasons if status else None,
@@ -100,7 +105,9 @@ async def _look(state: StateDir, launch: Launch) -> Look:
         async with observing(launch.bus, CONNECT_LIMIT_S) as observer:
             await observer.until(
                 lambda robot: (
-                    robot.status is not None and robot.odometry is not None and robot.alive.issuperset(NEEDED)
+                    robot.status is not None
+                    and robot.odometry is not None
+                    and robot.alive.issuperset(launch.nodes)
                 ),
                 LISTEN_LIMIT_S,
             )
@@ -111,6 +118,7 @@ async def _look(state: StateDir, launch: Launch) -> Look:
                 programs=programs,
                 status=observer.status,
                 odometry=observer.odometry,
+                needed=launch.nodes,
             )
     except TimeoutError:
         return Look(
@@ -121,6 +129,7 @@ async def _look(state: StateDir, launch: Launch) -> Look:
             status=None,
             odometry=None,
             latched=latched_sentence(state, launch),
+            needed=launch.nodes,
         )
 
 
@@ -132,10 +141,10 @@ def table(look: Look) -> Table | Text:
     table = Table(show_header=False, title=look.endpoint, title_justify="left")
     table.add_column(style="bold")
     table.add_column()
-    for node in (*NODES, *sorted(look.alive.difference(NODES))):
+    for node in (*look.nodes, *sorted(look.alive.difference(look.nodes))):
         alive = node in look.alive
         note = f" (process {look.programs[node]})" if node in look.programs else ""
-        style = "green" if alive else "red" if node in NEEDED else "dim"
+        style = "green" if alive else "red" if node in look.needed else "dim"
         table.add_row(node, Text(f"{'alive' if alive else 'not alive'}{note}", style=style))
     if look.status is None:
         table.add_row("mode", Text(f"unknown: no status within {LISTEN_LIMIT_S:g} s", style="bold red"))

@@ -13,7 +13,7 @@ from typing import Any
 from deploy.estop import latched_sentence
 from deploy.stack import bringup, interrupts, processes, takedown
 from deploy.stack.errors import DeployError
-from deploy.stack.launch import Launch
+from deploy.stack.launch import SIMULATED, Launch
 from deploy.stack.statedir import StateDir, locked
 from deploy.stack.takedown import Say
 from teleop.terminal import RESTORE
@@ -43,6 +43,8 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool, as_json: bool
         bringup.check_nothing_runs(state)
         try:
             try:
+                if launch.nodes != SIMULATED:
+                    say(_starting(launch))
                 bringup.start(state, launch, say)
                 asyncio.run(bringup.wait_until_alive(state, launch, say))
                 latched = latched_sentence(state, launch)
@@ -70,11 +72,20 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool, as_json: bool
                         say("everything is stopped")
 
 
+def _starting(launch: Launch) -> str:
+    """Return what is started, for a robot that is not simulated."""
+    started = " and ".join(launch.nodes)
+    if topics.ROS2 in launch.nodes:
+        return f"starting {started}, because the configuration has [ros2]"
+    return f"starting {started} without a sim: the base must connect to {launch.bus.endpoint}"
+
+
 def _document(state: StateDir, launch: Launch, *, is_latched: bool) -> dict[str, Any]:
     return {
         "endpoint": launch.bus.endpoint,
         "namespace": launch.bus.namespace,
         "state_dir": str(state.path),
+        "nodes": launch.nodes,
         "estop_latched": is_latched,
         "teleop": launch.command(topics.TELEOP),
     }

@@ -6,6 +6,7 @@ second node on a second thread, because a handler may wait. An exception in a ca
 otherwise its tokens would stay, and nothing would be published.
 """
 
+import itertools
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -45,6 +46,7 @@ LEVELS = {
     Level.ERROR: DiagnosticStatus.ERROR,
 }
 DEPTH = 5
+MAX_SEQUENCE = 2**63 - 1
 UNKNOWN = "_NODE_NAME_UNKNOWN_"
 """The name of a node whose endpoints were discovered before its name."""
 
@@ -95,16 +97,14 @@ class RosNode:
 
         A best-effort subscription receives from every publisher, and never an old message that was sent again.
         """
+        arrivals = itertools.count(1)
 
-        def on_message(payload: bytes, info: dict[str, int]) -> None:
-            heard(
-                Sample(
-                    payload,
-                    time.monotonic(),
-                    info["source_timestamp"],
-                    info["publication_sequence_number"] or 0,
-                )
-            )
+        def on_message(payload: bytes, info: dict[str, Any]) -> None:
+            arrival_s = time.monotonic()
+            sequence, arrived = info["publication_sequence_number"], next(arrivals)
+            if sequence is None or not 0 < sequence <= MAX_SEQUENCE:  # the middleware does not support it
+                sequence = arrived
+            heard(Sample(payload, arrival_s, info["source_timestamp"], sequence))
 
         self._node.create_subscription(
             TYPES[type_name],

@@ -11,6 +11,8 @@ from typing import NamedTuple
 LONGEST_GAP = 1000
 """Messages that may be lost without the next one counting as another writer's."""
 MAX_WRITERS = 8
+ACTIVE_S = 1.0
+"""A writer that was silent for longer does not compete with one that was heard since."""
 
 
 class Sample(NamedTuple):
@@ -45,6 +47,10 @@ class Writers:
         self._new_gid = new_gid
         self._writers: list[_Writer] = []
 
+    def forget(self) -> None:
+        """Forget all writers: another program begins, and its sequence may pass those of earlier ones."""
+        self._writers = []
+
     def gid_of(self, sample: Sample) -> bytes:
         """Return the identity of the writer (16 bytes)."""
         gid = sample.gid or self._continued_by(sample) or self._new_gid()
@@ -55,8 +61,10 @@ class Writers:
     def _continued_by(self, sample: Sample) -> bytes | None:
         """Return the identity of the writer whose sequence a message continues; None if it continues none."""
         continued = [w for w in self._writers if 0 < sample.sequence - w.sequence <= LONGEST_GAP]
-        # The nearest sequence; of equal ones, the one that was heard longest ago.
-        before = max(continued, key=lambda w: (w.sequence, -w.heard_s), default=None)
+        active = [w for w in continued if sample.arrival_s - w.heard_s <= ACTIVE_S]
+        if active:  # the nearest sequence; of equal ones, the one that was heard longest ago
+            return max(active, key=lambda w: (w.sequence, -w.heard_s)).gid
+        before = max(continued, key=lambda w: w.heard_s, default=None)
         return None if before is None else before.gid
 
     def active(self, now_s: float, window_s: float) -> int:

@@ -278,7 +278,7 @@ class Ros2Service:
 
     def _begin(self, feed: _Feed) -> None:
         if feed.token is None:
-            feed.source.attend(self._loop.time())
+            feed.source.attend(feed.programs.live[0].gid, self._loop.time())
             feed.token = self._session.declare_alive(feed.section.name)
             _log.info("%s", self._source_report(feed).message)
 

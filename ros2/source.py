@@ -51,6 +51,7 @@ class Source:
         self._adapts = hold_s is not None or on_request
         self._timeout_s = timeout_s
         self._track = Track()
+        self._program = b""
         self._held = NEUTRAL
         self._held_until_s = -math.inf
         self._next_s = math.inf
@@ -60,14 +61,21 @@ class Source:
         self.accepted = 0
         self.refused = 0
 
-    def attend(self, now_s: float) -> None:
+    def attend(self, program: bytes, now_s: float) -> None:
         """Begin to serve: from now on, exactly one live program publishes.
+
+        Args:
+            program: its DDS identity, or any other.
+            now_s: the present time.
 
         A held key of a program that starts, or that returns from a stop, must first be released: until the program has
         been silent for `hold_s`, no neutral is sent for it. Without this, a program that streams its commands would
         start to move the robot by itself.
         """
         self.present = True
+        if program != self._program:
+            self._program = program
+            self._writers.forget()
         self._held, self._held_until_s = NEUTRAL, -math.inf
         if self._hold_s is not None:
             self._quiet_from_s = now_s + self._hold_s

@@ -238,7 +238,13 @@ def _see(state: State, scan: LaserScan) -> State:
     lidar, sight = config.lidars[place], state.sights[place]
     tolerance_s = FALL_TOLERANCE_S if scan.sent_tolerance_s is None else scan.sent_tolerance_s
     track, verdict, on_way_s = judge(
-        sight.track, scan.sent, scan.arrival_s, lidar.timeout_s, tolerance_s, may_return=True
+        sight.track,
+        scan.sent,
+        scan.arrival_s,
+        lidar.timeout_s,
+        tolerance_s,
+        may_return=True,
+        trusts_arrival=True,
     )
     before, taken_s = sight.scan, scan.arrival_s - on_way_s
     writers = _heard(sight.writers, scan.writer, scan.arrival_s)

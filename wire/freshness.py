@@ -13,8 +13,12 @@ Slow drift is followed at the rate `DRIFT`.
 An epoch keeps its source as long as its messages arrive. Another epoch may begin its proof only after a silence longer
 than the timeout. Only a completed proof ends the previous epoch permanently; until then, the previous epoch may return.
 A stray message therefore cannot take a source away from its active sender (docs/decisions/0020).
+
+A message without a stamp has no age. A backlog arrives in a burst, so unstamped commands are unproven until they have
+arrived for a whole timeout, and again after each gap that is longer than the timeout (docs/decisions/0043).
 """
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
@@ -60,7 +64,7 @@ class Heard(NamedTuple):
 
 
 class Track(NamedTuple):
-    """State of one source's stream of stamped commands."""
+    """State of one source's stream of commands."""
 
     last: Sent | None = None
     arrival_s: float = 0.0
@@ -72,6 +76,10 @@ class Track(NamedTuple):
     replaced: Heard | None = None
     """The newest message of the previous epoch, which may return until the present epoch is proven."""
     ended: tuple[bytes, ...] = ()
+    unstamped_since_s: float = 0.0
+    """Arrival of the first unstamped command after the last gap."""
+    unstamped_at_s: float = -math.inf
+    """Arrival of the newest unstamped command."""
 
 
 def judge(
@@ -82,12 +90,13 @@ def judge(
     fall_tolerance_s: float = FALL_TOLERANCE_S,
     *,
     may_return: bool = False,
+    trusts_arrival: bool = False,
 ) -> tuple[Track, Verdict, float]:
     """Check the freshness of a command or scan.
 
     Args:
         track: the state of its source.
-        sent: its stamp; None: it has no stamp, and is fresh on arrival unless stamped messages of the source arrive.
+        sent: its stamp; None: it has no stamp. It is refused while stamped messages of the source arrive.
         arrival_s: its arrival time by the local monotonic clock.
         timeout_s: the maximum age of a command, the time for which a baseline must be stable, and the silence after
             which another epoch may begin.
@@ -95,12 +104,14 @@ def judge(
         may_return: whether an ended epoch may be proven again after another epoch was proven. False for commands,
             which may be from an outdated intention. True for lidars: a driver without attachments has the same epoch
             in every run, and after another lidar's epoch, it would be refused permanently.
+        trusts_arrival: whether a message without a stamp is fresh on arrival. False for commands, of which a burst may
+            be a backlog. True for lidars: a scan alone moves nothing, and its returns must not be discarded.
 
     Returns:
         The new track, the verdict, and the transport time of the command [s].
     """
     if sent is None:
-        return track, Verdict.EPOCH if _speaks(track, arrival_s, timeout_s) else Verdict.FRESH, 0.0
+        return *_hear_unstamped(track, arrival_s, timeout_s, trusts_arrival=trusts_arrival), 0.0
     if track.last is None:
         return _anchor(sent, arrival_s), Verdict.UNPROVEN, 0.0
     newest = Heard(track.last, arrival_s=track.arrival_s)
@@ -122,6 +133,19 @@ def judge(
     if on_way_s > timeout_s:
         return track, Verdict.LATE, on_way_s
     return track, Verdict.FRESH if track.proven else Verdict.UNPROVEN, on_way_s
+
+
+def _hear_unstamped(
+    track: Track, arrival_s: float, timeout_s: float, *, trusts_arrival: bool
+) -> tuple[Track, Verdict]:
+    """Handle an unstamped message: it is proven by messages that arrive for one timeout without a longer gap."""
+    if _speaks(track, arrival_s, timeout_s):
+        return track, Verdict.EPOCH
+    goes_on = arrival_s - track.unstamped_at_s <= timeout_s
+    since_s = track.unstamped_since_s if goes_on else arrival_s
+    track = track._replace(unstamped_since_s=since_s, unstamped_at_s=arrival_s)
+    proven = trusts_arrival or arrival_s - since_s >= timeout_s
+    return track, Verdict.FRESH if proven else Verdict.UNPROVEN
 
 
 def _take_turns(

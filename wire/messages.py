@@ -78,6 +78,7 @@ __all__ = [
     "laser_scan",
     "odometry",
     "planar_twist",
+    "request_text",
     "yaw_of",
     "zero_twist",
 ]
@@ -148,6 +149,25 @@ def decode(payload: bytes, message_type: type[M]) -> M:
             with suppress(Exception):
                 return cast("M", _old_store.deserialize_cdr(payload, message_type.__msgtype__))
         raise UndecodableError(str(error)) from error
+
+
+_CDR_HEADERS = (b"\0\0", b"\0\1")
+_CDR_HEADER_BYTES = 4
+
+
+def request_text(payload: bytes) -> str:
+    """Return the text of a request; "" if it has none.
+
+    A request without fields, such as that of `std_srvs/srv/Trigger`, is a CDR header and one dummy byte in ROS 2, which
+    some senders pad to four. A text of one character is longer than that.
+
+    Raises:
+        UndecodableError: the bytes are neither empty, nor a request without fields, nor a `std_msgs/msg/String`.
+    """
+    dummy_bytes = len(payload) - _CDR_HEADER_BYTES
+    if not payload or (0 <= dummy_bytes <= 4 and payload.startswith(_CDR_HEADERS)):
+        return ""
+    return decode(payload, String).data
 
 
 class Definition(NamedTuple):

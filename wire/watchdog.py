@@ -89,7 +89,8 @@ class Watchdog:
             linear_m_s: the forward velocity.
             angular_rad_s: the turn rate, counter-clockwise.
             sent: its stamp, with the time of its decision; None, as from a plain ROS 2 writer: it counts from its
-                arrival, unless stamped commands arrive.
+                arrival, after such commands have arrived for one timeout without a longer gap, and unless stamped
+                commands arrive.
         """
         if not (math.isfinite(linear_m_s) and math.isfinite(angular_rad_s)):
             self.refused_count += 1

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from wire.bus import ServiceHandler, Subscription
-from wire.messages import M, String, TriggerResponse, UndecodableError, decode, encode
+from wire.messages import M, String, TriggerResponse, UndecodableError, decode, encode, request_text
 from wire.session import DEFAULT_ENDPOINT, BusConfig, RawPublisher, Role, ZenohSession, open_session
 from wire.topics import Service, Topic
 
@@ -82,7 +82,7 @@ class ZenohBus(ZenohSession):
 
 async def _answer(request: bytes, handler: ServiceHandler) -> TriggerResponse:
     try:
-        text = decode(request, String).data if request else ""
+        text = request_text(request)
     except UndecodableError:
         return TriggerResponse(success=False, message="the request is not a std_msgs/msg/String")
     return await handler(text)

@@ -1,4 +1,4 @@
-"""Starts sim and supervisor, and waits until they are alive; the caller holds the state directory's lock."""
+"""Starts the nodes of a robot, and waits until they are alive; the caller holds the state directory's lock."""
 
 import json
 import time
@@ -9,9 +9,7 @@ from deploy.stack.launch import Launch, check_endpoint_is_free
 from deploy.stack.observe import observing
 from deploy.stack.statedir import StateDir
 from deploy.stack.takedown import Say, listed
-from wire import topics
 
-NODES: tuple[str, ...] = (topics.SUPERVISOR, topics.SIM)
 ALIVE_LIMIT_S = 20.0
 ASK_PERIOD_S = 0.2
 
@@ -46,7 +44,7 @@ def start(state: StateDir, launch: Launch, say: Say) -> None:
     preflight.check(launch)
     uv = supervisord.find_uv()
     supervisord.fetch(uv, say)
-    for node in NODES:
+    for node in launch.nodes:
         state.log(node).unlink(missing_ok=True)
     state.record.write_text(json.dumps(launch.to_record()))
     supervisord.start(uv, state, launch)
@@ -61,6 +59,7 @@ async def wait_until_alive(state: StateDir, launch: Launch, say: Say, limit_s: f
     deadline_s = time.monotonic() + limit_s
     health = _Health(state)
     said: set[str] = set()
+    wanted = set(launch.nodes)
 
     def waiting_for(missing: set[str]) -> None:
         nonlocal said
@@ -68,14 +67,14 @@ async def wait_until_alive(state: StateDir, launch: Launch, say: Say, limit_s: f
             say(f"waiting for {' and '.join(sorted(missing))}")
         said = missing
 
-    waiting_for(set(NODES))
+    waiting_for(wanted)
     while True:
         try:
             async with observing(launch.bus, ASK_PERIOD_S) as observer:
                 while time.monotonic() < deadline_s:
-                    if await observer.until(lambda robot: robot.alive >= set(NODES), ASK_PERIOD_S):
+                    if await observer.until(lambda robot: robot.alive >= wanted, ASK_PERIOD_S):
                         return
-                    waiting_for(set(NODES) - observer.alive)
+                    waiting_for(wanted - observer.alive)
                     health.check()
         except TimeoutError:
             health.check()

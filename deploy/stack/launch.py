@@ -12,10 +12,14 @@ from deploy.stack.processes import MARK
 from deploy.stack.statedir import StateDir, read_json
 from wire import topics
 from wire.config import BusSection, ConfigError, absolute, read_toml, section
+from wire.session import BusConfig
 from wire.state_directory import ENVIRONMENT
-from wire.zenoh_bus import BusConfig
 
 DEFAULT_CONFIG = Path(__file__).resolve().parents[1] / "robot.toml"
+SIMULATED = (topics.SUPERVISOR, topics.SIM)
+"""The nodes of a simulated robot."""
+UNUSED = "false"
+"""The command of a program that is not started."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,10 +29,16 @@ class Launch:
     config: Path
     bus: BusConfig
     sim_options: str = ""
+    nodes: tuple[str, ...] = SIMULATED
+    """What `lifeline up` starts, the hub first."""
 
     @classmethod
-    def read(cls, config: Path | None, endpoint: str | None, *, sim_options: str = "") -> "Launch":
+    def read(
+        cls, config: Path | None, endpoint: str | None, *, sim_options: str = "", with_sim: bool = True
+    ) -> "Launch":
         """Read the file's `[bus]`; `endpoint` overrides the file's.
+
+        With `[ros2]`, the base is a ROS 2 robot. Otherwise it is the sim, if `with_sim`.
 
         Raises:
             DeployError: the file or the endpoint is refused.
@@ -38,7 +48,9 @@ class Launch:
             document = read_toml(path)
             if endpoint is not None:
                 document["bus"] = {**document.get("bus", {}), "endpoint": endpoint}
-            return cls(path, section(document, "bus", BusSection).to_bus_config(), sim_options)
+            base = (topics.ROS2,) if topics.ROS2 in document else (topics.SIM,) if with_sim else ()
+            bus = section(document, "bus", BusSection).to_bus_config()
+            return cls(path, bus, sim_options, (topics.SUPERVISOR, *base))
         except ConfigError as error:
             raise DeployError(str(error)) from error
 
@@ -48,7 +60,7 @@ class Launch:
         record = read_json(state.record)
         try:
             bus = BusConfig(record["endpoint"], record["namespace"], record["lease_s"])
-            return cls(Path(record["config"]), bus)
+            return cls(Path(record["config"]), bus, nodes=tuple(record.get("nodes", SIMULATED)))
         except (KeyError, TypeError):
             return None
 
@@ -59,10 +71,20 @@ class Launch:
             "namespace": self.bus.namespace,
             "lease_s": self.bus.lease_s,
             "config": str(self.config),
+            "nodes": self.nodes,
         }
 
     def environment(self, state: StateDir) -> dict[str, str]:
-        """Return the environment variables that supervisord.conf uses."""
+        """Return the environment variables that supervisord.conf uses.
+
+        Raises:
+            DeployError: the ROS 2 process cannot be started.
+        """
+        ros2 = UNUSED
+        if topics.ROS2 in self.nodes:
+            from deploy.stack import ros2_program  # noqa: PLC0415 - not without [ros2]
+
+            ros2 = ros2_program.shell_command(state, self.config, self.bus)
         return {
             MARK: str(state.path),
             ENVIRONMENT: str(state.path),  # where the supervisor writes its black boxes
@@ -70,6 +92,11 @@ class Launch:
             "LIFELINE_CONFIG": str(self.config),
             "LIFELINE_ENDPOINT": self.bus.endpoint,
             "LIFELINE_SIM_OPTIONS": self.sim_options,
+            "LIFELINE_ROS2_COMMAND": ros2,
+            **{
+                f"LIFELINE_START_{node.upper()}": str(node in self.nodes).lower()
+                for node in (topics.SIM, topics.ROS2)
+            },
         }
 
     def command(self, module: str) -> list[str]:

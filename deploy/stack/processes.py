@@ -19,7 +19,7 @@ from wire import memory_keeper
 
 MARK = "LIFELINE_STACK"
 POLL_S = 0.02
-OURS = ("supervisor", "sim", "teleop")
+OURS = ("supervisor", "sim", "ros2", "teleop")
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from supervisor.config import SupervisorSection
 from supervisor.fit import fit_to_base
 from supervisor.safety import IMPLAUSIBLE_FACTOR
 from teleop.config import TeleopSection
-from wire.config import BusSection, Conflict, Section, Sections, read_sections
+from wire.config import BusSection, Conflict, Fit, Section, Sections, read_sections
 
 MOUNT_TOLERANCE = 0.01
 """Rounding tolerance of a mount [m or rad]."""
@@ -34,7 +34,15 @@ def read_robot(document: dict[str, Any], *, simulated: bool) -> Sections:
     }
     if simulated or "sim" in document:
         models["sim"] = SimSection
-    return read_sections(document, models, fit_to_base, fit_to_supervisor, fit_to_simulation)
+    fits: list[Fit] = [fit_to_base, fit_to_supervisor, fit_to_simulation]
+    if "ros2" in document:
+        # Without the section, nothing of ROS is imported.
+        from deploy.stack.ros2_fit import fit_to_ros2  # noqa: PLC0415
+        from ros2.config import Ros2Section, apart_from_hub  # noqa: PLC0415
+
+        models["ros2"] = Ros2Section
+        fits += [fit_to_ros2, apart_from_hub]
+    return read_sections(document, models, *fits)
 
 
 def fit_to_simulation(sections: Sections) -> Iterator[Conflict]:

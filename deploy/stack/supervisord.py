@@ -169,11 +169,11 @@ def _ask(state: StateDir, method: str) -> Any:  # noqa: ANN401 - whatever the me
 
 
 def programs(state: StateDir) -> list[Program] | None:
-    """Return the programs and their states; None if supervisord does not answer."""
+    """Return the programs that were started, and their states; None if supervisord does not answer."""
     answer = cast("list[dict[str, Any]] | None", _ask(state, "supervisor.getAllProcessInfo"))
     if answer is None:
         return None
-    return [Program(p["name"], p["statename"], int(p["pid"]), int(p["start"])) for p in answer]
+    return [Program(p["name"], p["statename"], int(p["pid"]), int(p["start"])) for p in answer if p["start"]]
 
 
 def shutdown(state: StateDir) -> bool:

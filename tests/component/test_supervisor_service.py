@@ -214,6 +214,20 @@ async def test_the_estop_of_a_dead_client_stays() -> None:
         assert rig.newest_status.reasons == ["ESTOP"]
 
 
+async def test_a_burst_without_attachments_moves_nothing() -> None:
+    """Thirty commands with a neutral among them, as a bridge delivers them after a stall."""
+    rig = Rig()
+    key = topics.source_cmd_vel(topics.TELEOP).key
+    async with rig.supervisor(), rig.lidar():
+        await rig.pass_time(0.5)
+        for velocity in [(0.0, 0.0)] * 10 + [(0.4, 0.0)] * 20:
+            rig.outsider.send(key, encode(planar_twist(*velocity)), None)
+        for _ in range(20):
+            await rig.pass_time(0.02)
+            assert rig.output() == ZERO
+        assert rig.newest_status.reasons == ["NO_COMMAND"]
+
+
 async def test_a_source_without_attachments_is_served_and_shown_as_such() -> None:
     rig = Rig()
     key = topics.source_cmd_vel(topics.TELEOP).key

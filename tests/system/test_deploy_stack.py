@@ -21,6 +21,7 @@ import pytest
 
 from deploy.stack import processes, supervisord, takedown
 from deploy.stack.statedir import StateDir
+from tests.system import fake_ros2
 from tests.system.ports import free_endpoint
 from wire import topics
 from wire.bus import NoReplyError
@@ -374,3 +375,98 @@ async def _reset_at(endpoint: str) -> None:
             return
     finally:
         await bus.close()
+
+
+# --- a robot that is not simulated
+
+
+@pytest.fixture
+def ros2_config(robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A configuration with `[ros2]`, whose interpreter runs a stand-in for the ROS 2 process."""
+    monkeypatch.setenv(fake_ros2.OUTPUT, str(tmp_path / "started"))
+    monkeypatch.setenv("AMENT_PREFIX_PATH", "/opt/ros/jazzy")  # as if its setup.sh had been sourced
+    monkeypatch.setenv("PYTHONPATH", "/opt/ros/jazzy/lib/python3.12/site-packages")
+    config = tmp_path / "robot.toml"
+    config.write_text(f'[ros2]\npython = "{fake_ros2.interpreter(tmp_path)}"\n')
+    return config
+
+
+def test_a_ros_2_robot_comes_up_without_a_sim_is_seen_and_goes_down(
+    robot: Robot, ros2_config: Path, tmp_path: Path
+) -> None:
+    up = robot.run("up", "--detach", "--config", str(ros2_config))
+    assert up.returncode == 0, up.stderr
+    assert "starting supervisor and ros2, because the configuration has [ros2]" in up.stdout
+    assert robot.pids().keys() == {"supervisord", "supervisor", "ros2"}
+
+    seen = robot.seen(lambda seen: seen["running"], "not running")
+    assert list(seen["nodes"]) == ["supervisor", "ros2", "teleop"]
+    assert "sim" not in robot.run("status").stdout
+
+    started = json.loads((tmp_path / "started").read_text())
+    assert started["arguments"] == [
+        *("-m", "ros2", "--config", str(ros2_config), "--endpoint", robot.endpoint)
+    ]
+    packages, ros = started["environment"]["PYTHONPATH"].split(":")
+    assert ros == "/opt/ros/jazzy/lib/python3.12/site-packages"
+    assert sorted(link.name for link in Path(packages).iterdir()) == ["ros2", "wire"]
+    assert (Path(packages) / "ros2" / "config.py").is_file()
+
+    killed = robot.pids()["ros2"]
+    os.kill(killed, signal.SIGKILL)
+    _wait_for(lambda: robot.pids().get("ros2", killed) != killed, "no restart")
+    robot.seen(lambda seen: seen["running"], "no restart")
+
+    assert robot.run("down").stdout == "lifeline: everything is stopped\n"
+    assert robot.pids() == {}
+
+
+def test_without_a_sim_only_the_supervisor_starts(robot: Robot) -> None:
+    up = robot.run("up", "--detach", "--no-sim")
+    assert up.returncode == 0, up.stderr
+    assert f"without a sim: the base must connect to {robot.endpoint}" in up.stdout
+    assert robot.pids().keys() == {"supervisord", "supervisor"}
+    seen = robot.seen(lambda seen: seen["running"], "not running")
+    assert list(seen["nodes"]) == ["supervisor", "teleop"]
+
+
+def test_a_missing_python_of_ros_2_is_one_sentence_and_starts_nothing(
+    robot: Robot, ros2_config: Path
+) -> None:
+    ros2_config.write_text('[ros2]\npython = "nowhere/python"\n')
+    done = robot.run("up", "--detach", "--config", str(ros2_config))
+    _refused(done, r"nowhere/python is missing: run `make ros2`.*\[ros2\] python")
+    assert robot.pids() == {}
+
+
+def test_a_sim_is_not_needed_to_start_without_one(robot: Robot) -> None:
+    code = (
+        "import sys; sys.modules['mujoco'] = sys.modules['PIL'] = None; from deploy.entry import main; main()"
+    )
+    command = [sys.executable, "-c", code, *robot.command("up", "--detach", "--no-sim")[3:]]
+    up = subprocess.run(command, capture_output=True, text=True, check=False, timeout=COMMAND_LIMIT_S)
+    assert up.returncode == 0, up.stderr
+
+
+def test_the_base_is_checked_in_the_environment_of_ros_2_and_its_exit_code_is_passed_on(
+    robot: Robot, ros2_config: Path
+) -> None:
+    options = ["--config", str(ros2_config), "--endpoint", robot.endpoint, "--yes"]
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "deploy.cli",
+            "ros2",
+            "check-base",
+            "--state-dir",
+            str(robot.state.path),
+            *options,
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=COMMAND_LIMIT_S,
+    )
+    words = f"-m ros2 --config {ros2_config} --endpoint {robot.endpoint} --check-base --yes"
+    assert (done.returncode, done.stdout) == (7, f"checked {words}\n")

@@ -1,6 +1,7 @@
 """The Bus over real Zenoh: refused messages, the death of a process, and closing."""
 
 import asyncio
+import json
 import os
 import signal
 import subprocess
@@ -11,12 +12,14 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
+import zenoh
 
+from deploy.stack.launch import DEFAULT_CONFIG
 from tests.system.harness import free_endpoint
 from tests.system.rogue import open_rogue
 from wire import topics
 from wire.bus import Arrival, BusError, NoReplyError
-from wire.messages import TriggerResponse, Twist, encode, planar_twist
+from wire.messages import TriggerResponse, Twist, decode, encode, planar_twist
 from wire.stamp import Stamper
 from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
 
@@ -208,6 +211,28 @@ async def test_a_query_is_answered_and_nobody_s_silence_is_an_error() -> None:
             await client.call(topics.SIM_RESET, timeout_s=0.2)
 
 
+@pytest.mark.parametrize(
+    ("request_bytes", "reply"),
+    [(b"\0\1\0\0\0", "done"), (b"reset", "the request is not a std_msgs/msg/String")],
+)
+async def test_the_empty_trigger_request_of_a_ros_2_bridge_is_served(
+    request_bytes: bytes, reply: str
+) -> None:
+    async with hub_and_client() as (hub, client, _):
+
+        async def answer(text: str) -> TriggerResponse:
+            return TriggerResponse(success=True, message=f"done {text}".strip())
+
+        hub.serve(topics.SUPERVISOR_RESET, answer)
+        response = await client.call_raw(
+            topics.SUPERVISOR_RESET.key,
+            request_bytes,
+            lambda reply: decode(reply, TriggerResponse),
+            timeout_s=WITHIN_S,
+        )
+        assert response.message == reply
+
+
 async def test_a_port_in_use_is_one_sentence_that_says_what_to_do() -> None:
     async with hub_and_client() as (_, _, config):
         with pytest.raises(BusError, match=r"already in use.*lifeline down.*--endpoint"):
@@ -264,3 +289,28 @@ async def test_what_one_turn_of_a_loop_says_arrives_whole() -> None:
                 lambda last=burst * 12.0 + 11: came() and arrived[-1] == last, "a burst's last sample"
             )
         assert [x for x in arrived if x >= 0.0] == [float(n) for n in range(600)]
+
+
+@pytest.mark.parametrize(
+    "path", sorted((DEFAULT_CONFIG.parent / "examples").glob("zenoh-bridge-*.json5")), ids=str
+)
+async def test_a_bridge_with_our_example_waits_for_the_hub_and_reaches_it(path: Path) -> None:
+    """The session of the bridge, without its plugin."""
+    config = BusConfig(free_endpoint())
+    settings = zenoh.Config.from_file(str(path))
+    settings.insert_json5("connect/endpoints", json.dumps([config.endpoint]))
+    opening = asyncio.create_task(asyncio.to_thread(zenoh.open, settings))
+    await asyncio.sleep(0.3)  # the bridge has tried in vain
+    assert not opening.done()
+    hub = await open_bus(config, "hub")
+    try:
+        scans = hub.subscribe(topics.SCAN, depth=100)
+        with await asyncio.wait_for(opening, WITHIN_S) as session:
+
+            def arrived() -> bool:
+                session.put("robot/scan", b"\0")
+                return bool(scans.take())
+
+            await until(arrived, "a sample")
+    finally:
+        await hub.close()

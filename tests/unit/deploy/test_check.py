@@ -39,7 +39,9 @@ FRONT = lidar(f"view_rad = [{-QUARTER}, {QUARTER}]", "beams = 360", "range_max_m
 
 
 def test_there_is_an_example_for_each_of_the_usual_robots() -> None:
-    assert set(EXAMPLES) == {"turtlebot4", "amr_one_lidar", "amr_two_lidars"}
+    ros2 = {"turtlebot4", "clearpath", "ros2_diff_drive"}
+    assert set(EXAMPLES) == {"amr_one_lidar", "amr_two_lidars", *ros2}
+    assert {name for name in EXAMPLES if examine(EXAMPLES[name]).ros2} == ros2
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
@@ -49,6 +51,11 @@ def test_an_example_is_valid_says_all_about_its_lidars_and_may_drive_ahead_at_fu
     ahead = motion(found, "ahead")
     for decision in (ahead.at_rest, ahead.after_driving):
         assert decision.output == Velocity(found.config.max_linear_m_s, 0.0)
+
+
+@pytest.mark.parametrize("name", ["turtlebot4", "clearpath", "ros2_diff_drive"])
+def test_a_ros_2_robot_of_an_example_may_do_everything(name: str) -> None:
+    assert all(p.at_rest.scale == p.after_driving.scale == 1.0 for p in examine(EXAMPLES[name]).motions)
 
 
 def test_a_turtlebot_4_sees_all_around_and_may_do_everything() -> None:
@@ -244,6 +251,51 @@ def test_a_real_base_has_to_be_measured(tmp_path: Path) -> None:
     assert (risk.setting, "measure it" in risk.sentence) == ("deceleration_m_s2 = 1.5", True)
 
 
+# --- ROS 2
+
+ROS2 = """\
+[supervisor]
+max_linear_m_s = 0.5
+[ros2]
+namespace = "r7"
+discovery_range = "subnet"
+command_timeout_s = 0.2
+sources = [
+  { name = "joy", topic = "joy/cmd_vel", hold_s = 0.6 },
+  { name = "path", topic = "/nav/cmd_vel", stamped = true, arm = "on_request" },
+]
+"""
+
+
+def test_the_topics_of_ros_2_are_listed_with_absolute_names_types_and_holds(tmp_path: Path) -> None:
+    topics = {topic.use: topic for topic in report(tmp_path, ROS2 + FRONT).ros2}
+    assert {use: (one.direction, one.topic, one.type) for use, one in topics.items()} == {
+        "lidar lidar": ("in", "/r7/scan", "sensor_msgs/msg/LaserScan"),
+        "odometry": ("in", "/r7/odom", "nav_msgs/msg/Odometry"),
+        "source joy": ("in", "/r7/joy/cmd_vel", "geometry_msgs/msg/Twist"),
+        "source path": ("in", "/nav/cmd_vel", "geometry_msgs/msg/TwistStamped"),
+        "base": ("out", "/r7/cmd_vel", "geometry_msgs/msg/Twist"),
+    }
+    assert topics["source joy"].note == (
+        "held for 0.6 s: up to 30 cm after the last key press, before it brakes"
+    )
+    assert topics["source path"].note == "armed by /lifeline/arm after each stop"
+    assert topics["base"].note == "zero after 0.2 s without the supervisor"
+
+
+def test_what_ros_2_settings_risk_is_named(tmp_path: Path) -> None:
+    risks = {risk.setting: risk.sentence for risk in report(tmp_path, ROS2 + FRONT).risks}
+    assert "DDS has no access control" in risks['[ros2] discovery_range = "subnet"']
+    assert "may drive 0.10 m after the supervisor hangs" in risks["[ros2] command_timeout_s = 0.2"]
+    assert "up to 30 cm" in risks["hold_s of joy = 0.6"]
+    assert "/lifeline/arm" in risks['arm of path = "on_request"']
+
+
+def test_the_defaults_of_ros_2_add_no_risk(tmp_path: Path) -> None:
+    (risk,) = report(tmp_path, "[ros2]\n" + FRONT).risks
+    assert risk.setting == "deceleration_m_s2 = 1.5"
+
+
 # --- the command
 
 
@@ -276,6 +328,16 @@ def test_with_a_risk_the_exit_code_is_1_and_what_is_assumed_is_said(tmp_path: Pa
     assert code == 1
     assert "lidar: assumed period_s, beams, range_max_m" in output
     assert "no: SCAN_BLIND" in output
+
+
+def test_the_topics_of_ros_2_are_printed_only_with_its_section(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(ROS2)
+    output = run(path)[1]
+    assert "ROS 2 topics" in output
+    assert "/r7/joy/cmd_vel" in output
+    path.write_text(FRONT)
+    assert "ROS 2" not in run(path)[1]
 
 
 def test_what_is_refused_is_listed_whole_with_exit_code_2(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """deploy/robot.toml contains every key with its default."""
 
+import re
 import tomllib
 from typing import Any
 
@@ -7,6 +8,7 @@ import pytest
 from pydantic import BaseModel
 
 from deploy.stack.launch import DEFAULT_CONFIG
+from ros2.config import Ros2Section, RosSourceSection
 from sim.config import SimSection
 from supervisor.config import SupervisorSection
 from teleop.config import TeleopSection
@@ -26,15 +28,32 @@ def _keys(values: BaseModel) -> dict[str, Any]:
 
 
 def test_there_is_a_model_for_every_section() -> None:
-    assert tuple(MODELS) == SECTIONS
+    assert (*MODELS, "ros2") == SECTIONS
 
 
-@pytest.mark.parametrize("name", SECTIONS)
+@pytest.mark.parametrize("name", MODELS)
 def test_the_example_names_every_key_with_its_default(name: str) -> None:
     document = tomllib.loads(DEFAULT_CONFIG.read_text())
     assert document[name] == _keys(MODELS[name]())
 
 
-@pytest.mark.parametrize("name", SECTIONS)
+@pytest.mark.parametrize("name", MODELS)
 def test_the_example_is_what_the_defaults_are(name: str) -> None:
     assert section(read_toml(DEFAULT_CONFIG), name, MODELS[name]) == MODELS[name]()
+
+
+def test_the_example_names_every_key_of_ros_2_in_comments_because_the_section_itself_changes_what_starts() -> (
+    None
+):
+    text = DEFAULT_CONFIG.read_text()
+    assert "ros2" not in tomllib.loads(text)
+    lines = text[text.index("# [ros2]") :].splitlines()
+    document = tomllib.loads("\n".join(line[2:] for line in lines if re.match(r"# (\[|\w+ = )", line)))
+    (source,) = document["ros2"].pop("sources")
+    python = document["ros2"].pop("python")
+    assert {**document["ros2"], "sources": []} == _keys(Ros2Section())
+    assert python.endswith(".ros2/bin/python")
+    assert source.keys() == RosSourceSection.model_fields.keys()
+    defaults = {name: field.default for name, field in RosSourceSection.model_fields.items()}
+    assert all(source[name] == defaults[name] for name in ("stamped", "arm"))
+    assert Ros2Section.model_validate({**document["ros2"], "sources": [source]})

@@ -1,6 +1,7 @@
 """`lifeline status`: what it prints of a stop, for people and as JSON."""
 
 import json
+from dataclasses import replace
 from typing import Any
 
 from rich.console import Console
@@ -75,3 +76,12 @@ def test_json_has_what_holds_what_is_over_and_the_detail() -> None:
     assert (document["causes"], document["latched"], document["detail"]) == (["OBSTACLE"], ["OVERRUN"], "x")
     older = json.loads(look(reasons=["ESTOP"]).to_json())
     assert (older["causes"], older["latched"], older["detail"]) == (["ESTOP"], [], "")
+
+
+def test_only_the_nodes_that_were_started_are_needed() -> None:
+    real = replace(look(), alive=frozenset({"supervisor", "ros2"}), needed=("supervisor", "ros2"))
+    assert (real.exit_code, row(real, "ros2"), row(real, "sim")) == (0, "alive", None)
+    assert list(json.loads(real.to_json())["nodes"]) == ["supervisor", "ros2", "teleop"]
+    assert replace(real, alive=frozenset({"supervisor"})).exit_code == 1
+    alone = replace(look(), alive=frozenset({"supervisor"}), needed=("supervisor",))
+    assert alone.exit_code == 0

@@ -10,8 +10,17 @@ import numpy as np
 from supervisor.blackbox import FILE_BYTES, BlackBox
 from supervisor.blackbox_file import Order, write
 from supervisor.model import Command, Decision, Inputs, LaserScan, Liveliness, Odometry, State, Velocity
-from supervisor.safety import initial_state, step
-from tests.unit.supervisor.law_harness import CONFIG, FORWARD, NEUTRAL, TICK_S, laser_scan, ring
+from supervisor.safety import step
+from tests.unit.supervisor.law_harness import (
+    CONFIG,
+    FORWARD,
+    NEUTRAL,
+    TICK_S,
+    laser_scan,
+    on_time,
+    proven_state,
+    ring,
+)
 from wire.freshness import Sent
 
 NOON_UTC_S = 1_783_166_400.0
@@ -57,7 +66,7 @@ class Drive:
     now_s: float = 1000.0
 
     def __post_init__(self) -> None:
-        self.state: State = initial_state(CONFIG)
+        self.state: State = proven_state(CONFIG)
         self.sequence = 0
         self.rng = np.random.default_rng(1)
 
@@ -72,7 +81,7 @@ class Drive:
         """20 ms with a scan and a command that arrive at their end."""
         arrival_s = self.now_s + TICK_S
         return self.step(
-            Inputs(commands=(Command("teleop", velocity, arrival_s),), scans=(self.scan(arrival_s),))
+            Inputs(commands=(on_time("teleop", velocity, arrival_s),), scans=(self.scan(arrival_s),))
         )
 
     def scan(self, arrival_s: float, *, ahead_m: float | None = None) -> LaserScan:
@@ -98,7 +107,7 @@ class Drive:
     def _meet(self) -> Decision:
         return self.step(
             Inputs(
-                commands=(Command("teleop", FORWARD, self.now_s + TICK_S),),
+                commands=(on_time("teleop", FORWARD, self.now_s + TICK_S),),
                 scans=(self.scan(self.now_s + TICK_S, ahead_m=0.45),),
             )
         )

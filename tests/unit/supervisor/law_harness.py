@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from itertools import count
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from supervisor.model import (
     Velocity,
 )
 from supervisor.safety import initial_state, step
-from wire.freshness import Sent
+from wire.freshness import Sent, Track
 
 TICK_S = 0.02
 BEAMS = 360
@@ -67,6 +68,28 @@ def laser_scan(ranges: np.ndarray, arrival_s: float) -> LaserScan:
     )
 
 
+_sequences = count(1)
+
+
+def proven_state(config: LawConfig, *, now_s: float = 1000.0) -> State:
+    """The initial state, except that the run of each source that `on_time` stamps is proven already."""
+    state = initial_state(config)
+    sources = (
+        source._replace(
+            track=Track(
+                Sent(source.config.name.encode(), next(_sequences), now_s - 1.0), now_s - 1.0, proven=True
+            )
+        )
+        for source in state.sources
+    )
+    return state._replace(sources=tuple(sources))
+
+
+def on_time(source: str, velocity: Velocity | None, arrival_s: float) -> Command:
+    """A command that was sent as it arrives, of the run that `proven_state` proves."""
+    return Command(source, velocity, arrival_s, Sent(source.encode(), next(_sequences), arrival_s))
+
+
 @dataclass
 class Law:
     """The law over time. Scans arrive at every tick unless `scanning` is off; sources send on request."""
@@ -77,7 +100,7 @@ class Law:
     room_m: float = 3.0
 
     def __post_init__(self) -> None:
-        self.state: State = initial_state(self.config)
+        self.state: State = proven_state(self.config, now_s=self.now_s)
         self.ranges = ring(self.room_m)
         self.sequence = 0
         self.noise_m = 0.0
@@ -95,10 +118,15 @@ class Law:
         return self.decision
 
     def tick(self, *commands: tuple[str, Velocity | None], **inputs: object) -> Decision:
-        """The step 20 ms later, with commands that arrive now without stamps, and other inputs."""
+        """The step 20 ms later, with commands that arrive now without delay, and other inputs."""
         self.now_s += TICK_S
-        arrived = tuple(Command(source, velocity, self.now_s) for source, velocity in commands)
+        arrived = tuple(on_time(source, velocity, self.now_s) for source, velocity in commands)
         return self.step(Inputs(commands=arrived, **inputs))  # type: ignore[arg-type]
+
+    def tick_unstamped(self, *velocities: Velocity | None) -> Decision:
+        """The step 20 ms later, with commands of teleop that arrive now and bear no stamp."""
+        self.now_s += TICK_S
+        return self.step(Inputs(commands=tuple(Command("teleop", v, self.now_s) for v in velocities)))
 
     def hold(self, seconds: float, *commands: tuple[str, Velocity | None]) -> Decision:
         """The same commands at every tick for a while."""

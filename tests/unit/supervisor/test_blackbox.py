@@ -28,10 +28,10 @@ from supervisor.blackbox import (
 from supervisor.blackbox_file import LAW, VERSION, Order, write
 from supervisor.blackbox_reader import BlackBoxError, Document, read
 from supervisor.config import SupervisorSection
-from supervisor.model import Command, Inputs, Mode, Odometry, Velocity
+from supervisor.model import Inputs, Mode, Odometry, Velocity
 from supervisor.safety import initial_state, step
 from tests.unit.supervisor.black_boxes import NOON_UTC_S, Drive, KeepingWriter, WriterAtOnce
-from tests.unit.supervisor.law_harness import CONFIG, FORWARD, NEUTRAL, TICK_S, lost
+from tests.unit.supervisor.law_harness import CONFIG, FORWARD, NEUTRAL, TICK_S, lost, on_time
 from wire.reasons import StopReason
 from wire.state_directory import ENVIRONMENT
 
@@ -117,7 +117,7 @@ def test_a_stop_at_rest_is_not_written(drive: Drive, writer: WriterAtOnce, reaso
 
 def test_a_stop_while_the_robot_still_brakes_is_written(drive: Drive, writer: WriterAtOnce) -> None:
     drive.drive()
-    drive.step(Inputs(commands=(Command("teleop", NEUTRAL, drive.now_s + TICK_S),)))
+    drive.step(Inputs(commands=(on_time("teleop", NEUTRAL, drive.now_s + TICK_S),)))
     rolling = Odometry(FORWARD, drive.now_s + TICK_S)
     assert drive.step(Inputs(odometry=rolling)).mode is Mode.READY
     drive.step(Inputs(estop=True))
@@ -167,8 +167,8 @@ def test_a_source_that_waits_with_an_old_reason_writes_nothing_when_the_owner_le
     drive.drive()
     for velocity in (FORWARD, NEUTRAL):
         arrival_s = drive.now_s + TICK_S
-        pushed = Command("joy", FORWARD, arrival_s)
-        decision = drive.step(Inputs(commands=(Command("teleop", velocity, arrival_s), pushed)))
+        pushed = on_time("joy", FORWARD, arrival_s)
+        decision = drive.step(Inputs(commands=(on_time("teleop", velocity, arrival_s), pushed)))
     assert (decision.owner, decision.mode) == ("joy", Mode.STOPPED)
     drive.hold(2 * TAIL_S, NEUTRAL)
     assert writer.paths == []
@@ -180,7 +180,7 @@ def test_a_stop_while_a_base_without_odometry_still_brakes_is_written(
     """The command has been zero for some steps: only the base's ramps show that it may still move."""
     drive.drive()
     for _ in range(5):
-        assert drive.step(Inputs(commands=(Command("teleop", NEUTRAL, drive.now_s),))).mode is Mode.READY
+        assert drive.step(Inputs(commands=(on_time("teleop", NEUTRAL, drive.now_s),))).mode is Mode.READY
     drive.step(Inputs(estop=True))
     drive.hold(TAIL_S + TICK_S)
     assert [path.name[21:] for path in writer.paths] == ["ESTOP.jsonl.gz"]
@@ -272,7 +272,7 @@ def test_60_s_of_150_steps_a_second_and_360_beams_take_less_than_15_mb() -> None
     tracemalloc.start()
     for i in range(150 * 70):
         now_s = 1000.0 + i / 150
-        command = Command("teleop", Velocity(0.1, i * 1e-5), now_s)
+        command = on_time("teleop", Velocity(0.1, i * 1e-5), now_s)
         scans = (drive.scan(now_s),) if i % 7 == 0 else ()
         drive.box.record(now_s, Inputs((command,), scans=scans), state, decision)
     used, _ = tracemalloc.get_traced_memory()
@@ -287,7 +287,7 @@ def test_a_flood_of_10_000_commands_a_second_is_bounded_in_bytes_and_the_header_
     keeping = KeepingWriter()
     drive = Drive(box_of(keeping))
     decision = drive.drive()
-    flood = tuple(Command("teleop", FORWARD, drive.now_s) for _ in range(32))
+    flood = tuple(on_time("teleop", FORWARD, drive.now_s) for _ in range(32))
     most = 0
     for _ in range(int(10_000 / 32 * WINDOW_S)):
         drive.now_s += 0.0032
@@ -305,7 +305,7 @@ def test_a_flood_after_the_stop_does_not_push_the_stop_out() -> None:
     drive.drive()
     decision = drive.stop()
     stop_s = drive.now_s
-    flood = tuple(Command("teleop", FORWARD, drive.now_s) for _ in range(10_000))
+    flood = tuple(on_time("teleop", FORWARD, drive.now_s) for _ in range(10_000))
     while not keeping.orders:
         drive.now_s += 1e-4
         drive.box.record(drive.now_s, Inputs(flood), drive.state, decision)

@@ -21,7 +21,7 @@ import pytest
 from supervisor.clearance import ConvexPolygon
 from supervisor.config import SupervisorSection
 from supervisor.messages import HEADER_EPOCH, to_scan
-from supervisor.model import STANDSTILL, Command, Inputs, Mode, Velocity
+from supervisor.model import STANDSTILL, Inputs, Mode, Velocity
 from supervisor.safety import initial_state, step
 from tests.unit.supervisor.law_harness import (
     BACK,
@@ -37,6 +37,8 @@ from tests.unit.supervisor.law_harness import (
     laser_scan,
     lost,
     odometry,
+    on_time,
+    proven_state,
     ring,
 )
 from wire import messages as ros
@@ -58,12 +60,12 @@ def full(reading: float) -> np.ndarray:
 @pytest.mark.parametrize("motion", [FORWARD, BACK])
 def test_a_fresh_scan_of_nothing_but_dropped_readings_is_not_clear(reading: float, motion: Velocity) -> None:
     """Nav2 scan.cpp: a fresh scan that is all NaN, all zero or all too close reads as clear."""
-    state = initial_state(CONFIG)
+    state = proven_state(CONFIG)
     now_s = 1000.0
     for velocity in (NEUTRAL, NEUTRAL, motion, motion):
         now_s += TICK_S
         scan = laser_scan(full(reading), now_s)
-        state, decision = step(state, now_s, Inputs((Command("teleop", velocity, now_s),), scans=(scan,)))
+        state, decision = step(state, now_s, Inputs((on_time("teleop", velocity, now_s),), scans=(scan,)))
         assert decision.output == STANDSTILL
     assert set(decision.reasons) & {StopReason.SCAN_INVALID, StopReason.OBSTACLE}
 
@@ -85,7 +87,7 @@ def test_a_scan_from_the_future_goes_stale_by_its_arrival(ahead_s: float) -> Non
         law.now_s += TICK_S
         scan = laser_scan(ring() + np.float32(1e-4 * (n % 2)), law.now_s)
         sent = Sent(HEADER_EPOCH, n + 1, law.now_s + ahead_s)
-        command = Command("teleop", NEUTRAL if n < 50 else FORWARD, law.now_s)
+        command = on_time("teleop", NEUTRAL if n < 50 else FORWARD, law.now_s)
         law.step(Inputs((command,), scans=(replace(scan, sent=sent, sent_tolerance_s=0.25),)))
     assert law.decision.output == FORWARD
     assert law.hold(SCAN_TIMEOUT_S - TICK_S, ("teleop", FORWARD)).output == FORWARD
@@ -101,7 +103,7 @@ def test_a_clock_that_leaps_into_the_future_and_back_neither_extends_nor_locks_o
         law.now_s += TICK_S
         scan = laser_scan(ring() + np.float32(1e-4 * (n % 2)), law.now_s)
         sent = Sent(HEADER_EPOCH, n + 1, law.now_s + leap_s.get(n, 0.0))
-        command = Command("teleop", NEUTRAL if n < 50 or n > 100 else FORWARD, law.now_s)
+        command = on_time("teleop", NEUTRAL if n < 50 or n > 100 else FORWARD, law.now_s)
         law.step(Inputs((command,), scans=(replace(scan, sent=sent, sent_tolerance_s=0.25),)))
         if n in range(75, 101):
             assert law.decision.output == STANDSTILL, "the proof of the clock began anew, and no scan counted"
@@ -139,7 +141,7 @@ def test_a_driver_that_republishes_its_last_scan_with_its_old_header_goes_stale(
         taken_s = law.now_s if n < 60 else taken_s
         scan = laser_scan(ring() + np.float32(1e-4 * (n % 2)), law.now_s)
         sent = Sent(HEADER_EPOCH, n + 1, taken_s)
-        command = Command("teleop", NEUTRAL if n < 50 else FORWARD, law.now_s)
+        command = on_time("teleop", NEUTRAL if n < 50 else FORWARD, law.now_s)
         law.step(Inputs((command,), scans=(replace(scan, sent=sent, sent_tolerance_s=0.25),)))
         if n == 59:
             assert law.decision.output == FORWARD
@@ -276,7 +278,7 @@ def test_a_supervisor_that_hung_moves_nothing_when_it_goes_on() -> None:
     law = Law()
     law.drive()
     law.now_s += 2.0
-    command = Command("teleop", FORWARD, law.now_s)
+    command = on_time("teleop", FORWARD, law.now_s)
     assert law.step(Inputs((command,))).output == STANDSTILL
     assert StopReason.OVERRUN in law.decision.reasons
     assert law.hold(1.0, ("teleop", FORWARD)).output == STANDSTILL

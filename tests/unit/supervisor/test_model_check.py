@@ -6,6 +6,7 @@ The law itself is run, not a model of it. States whose future cannot differ are 
 * which reasons are latched on a source matters only as: none, only the barrier's (an escape clears them),
   or others (a neutral clears them);
 * counters are left out: no rule reads them;
+* stamped commands are on time, and their epochs are proven: delays are tested elsewhere;
 * the robot does not move: moving surroundings are tested elsewhere. Near objects are straight ahead, so only the
   existence of remembered and earlier points matters.
 
@@ -40,8 +41,9 @@ from supervisor.model import (
     Velocity,
 )
 from supervisor.reckoning import Odometer, Pose
-from supervisor.safety import BARRIER_REASONS, WRITER_WINDOW_S, initial_state, step
+from supervisor.safety import BARRIER_REASONS, WRITER_WINDOW_S, step
 from supervisor.scan import Moment, ScanReading, read_scan
+from tests.unit.supervisor.law_harness import on_time, proven_state
 from wire.reasons import StopReason
 
 TICK_S = 0.125
@@ -116,6 +118,7 @@ class Event:
     suspended: bool = False
     scan: str | None = "clear"
     writers: tuple[bytes, ...] = (LIDAR,)
+    stamped: bool = True
 
     def inputs(self, now_s: float, state: State) -> Inputs:
         last = state.sights[0].scan
@@ -128,7 +131,10 @@ class Event:
                 scans.append(LaserScan(ranges, -math.pi, increment, 0.05, 12.0, now_s, writer=writer))
                 ranges = one if ranges is other else other
         return Inputs(
-            commands=tuple(Command(source, velocity, now_s) for source, velocity in self.commands),
+            commands=tuple(
+                on_time(source, velocity, now_s) if self.stamped else Command(source, velocity, now_s)
+                for source, velocity in self.commands
+            ),
             liveliness=self.liveliness,
             scans=tuple(scans),
             odometry=None if self.odometry is None else Odometry(self.odometry, now_s),
@@ -200,6 +206,21 @@ WRITERS = [
     Event("no scan", scan=None),
     Event("forward without a scan", (("teleop", FORWARD),), scan=None),
 ]
+UNSTAMPED = [replace(event, stamped=False) for event in [*_TIME, *_TELEOP, *_tokens("teleop"), *_STOPS[:2]]]
+
+
+@dataclass(frozen=True)
+class Unstamped:
+    """How long commands without stamps have arrived without a gap [ticks], independent of the law's track."""
+
+    run: int = 0
+    silent: int = OLD_TICKS
+
+    def after(self, event: Event) -> "Unstamped":
+        silent = min(OLD_TICKS, self.silent + (OLD_TICKS if event.late else 1))
+        if not any(velocity is not None for _, velocity in event.commands):
+            return Unstamped(self.run, silent)
+        return Unstamped(0 if silent == OLD_TICKS else min(OLD_TICKS, self.run + silent), 0)
 
 
 @dataclass(frozen=True)
@@ -211,9 +232,20 @@ class Monitor:
     """It has moved since the last stop; where only a reading that nothing confirms keeps it, that is no stop."""
     barrier: bool = False
     """The last stop was the barrier's alone: a motion away from it does for its owner's neutral."""
+    unstamped: Unstamped | None = None
+    """If the only source sends no stamps."""
+
+    @property
+    def proven(self) -> bool:
+        """Whether the newest command counts."""
+        return self.unstamped is None or self.unstamped.run == OLD_TICKS
 
     def after(self, event: Event, decision: Decision) -> "Monitor":
-        said = frozenset(source for source, velocity in event.commands if velocity == NEUTRAL)
+        unstamped = None if event.stamped else (self.unstamped or Unstamped()).after(event)
+        return replace(replace(self, unstamped=unstamped)._hear(event, decision), unstamped=unstamped)
+
+    def _hear(self, event: Event, decision: Decision) -> "Monitor":
+        said = frozenset(source for source, velocity in event.commands if velocity == NEUTRAL and self.proven)
         if decision.mode is not Mode.STOPPED:
             escaped = {decision.owner} if self.barrier and decision.output == BACK else set[str]()
             waits = decision.mode is Mode.LIMITED and decision.output == STANDSTILL
@@ -251,6 +283,11 @@ def _key(state: State, monitor: Monitor, *, rivals: bool) -> Hashable:
         )
         for source in state.sources
     )
+    if monitor.unstamped is not None:
+        track = state.sources[0].track
+        silent = _age(now_s, track.unstamped_at_s)
+        run_s = track.unstamped_at_s - track.unstamped_since_s
+        sources = (*sources, (silent, 0 if silent == OLD_TICKS else min(OLD_TICKS, round(run_s / TICK_S))))
     (sight,) = state.sights
     scan, seen = sight.scan, None
     if scan is not None and scan.view is not None:
@@ -306,6 +343,7 @@ def _check(before: State, decision: Decision, monitor: Monitor, way: Callable[[]
         assert len(before.sights[0].earlier) or _showed_something(before), way()
     if output != STANDSTILL:
         assert decision.owner in monitor.neutral, way()
+        assert monitor.proven, way()
         assert not before.estop, way()
         owner = next(s for s in decision.sources if s.config.name == decision.owner)
         assert owner.alive is not False, way()
@@ -318,7 +356,7 @@ def _showed_something(state: State) -> bool:
     return scan is not None and len(scan.around.points) > 0
 
 
-def _recovers(state: State) -> bool:
+def _recovers(state: State, *, stamped: bool) -> bool:
     """Promise 8: clear scans, a base that stands, a reset and the operator's neutral make it drivable again."""
     assert state.now_s is not None
     now_s = state.now_s
@@ -330,12 +368,14 @@ def _recovers(state: State) -> bool:
         *[Event("", neutral, odometry=STANDSTILL)] * (WINDOW_TICKS - 1),
     ):
         now_s += TICK_S
-        state, decision = step(state, now_s, event.inputs(now_s, state))
+        state, decision = step(state, now_s, replace(event, stamped=stamped).inputs(now_s, state))
         assert decision.output == STANDSTILL
         if all(source.armed for source in state.sources) and len(state.sights[0].writers) == 1:
             break
     now_s += TICK_S
-    state, decision = step(state, now_s, Event("", (("teleop", FORWARD),)).inputs(now_s, state))
+    state, decision = step(
+        state, now_s, Event("", (("teleop", FORWARD),), stamped=stamped).inputs(now_s, state)
+    )
     return decision.output == FORWARD
 
 
@@ -384,7 +424,7 @@ def _the_robot_gets_nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def explore(events: list[Event], config: LawConfig, visit: Callable[[State], None]) -> tuple[int, int]:
     """Visit every reachable state with every event; return the number of states and transitions."""
-    state, _ = step(initial_state(config), 0.0, Inputs())
+    state, _ = step(proven_state(config, now_s=0.0), 0.0, Inputs())
     start = (state, Monitor())
     queue: deque[tuple[tuple[State, Monitor], tuple[Any, ...]]] = deque([(start, ())])
     rivals = any(STRANGER in event.writers for event in events)
@@ -423,6 +463,7 @@ def _names(way: tuple[Any, ...]) -> list[str]:
         ("two sources", TWO_SOURCES, {StopReason.SOURCE_LOST, StopReason.OBSTACLE}),
         ("a base", BASE, {StopReason.ODOM_STALE, StopReason.BASE_UNRESPONSIVE, StopReason.BASE_RUNAWAY}),
         ("two writers", WRITERS, {StopReason.SENSOR_CONFLICT}),
+        ("no stamps", UNSTAMPED, {StopReason.COMMAND_TIMEOUT, StopReason.COMMAND_INVALID}),
     ],
 )
 @pytest.mark.proof
@@ -435,7 +476,7 @@ def test_every_reachable_state_keeps_the_promises_and_recovers(
     def visit(state: State) -> None:
         for source in state.sources:
             reasons.update(source.latched)
-        assert _recovers(state)
+        assert _recovers(state, stamped=all(event.stamped for event in events))
 
     alone = all(source == "teleop" for event in events for source, _ in event.commands)
     config = replace(CONFIG, sources=CONFIG.sources[:1]) if alone else CONFIG

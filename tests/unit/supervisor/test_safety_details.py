@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from supervisor.model import STANDSTILL, Command, Inputs, LaserScan, Mode, Velocity
+from supervisor.model import STANDSTILL, Inputs, LaserScan, Mode, Velocity
 from supervisor.safety import IMPLAUSIBLE_FACTOR, RUNAWAY_GRACE_S
 from tests.unit.supervisor.law_harness import (
     BACK,
@@ -23,6 +23,7 @@ from tests.unit.supervisor.law_harness import (
     laser_scan,
     lost,
     odometry,
+    on_time,
     ring,
 )
 from wire.freshness import Sent
@@ -31,7 +32,7 @@ from wire.reasons import StopReason
 
 def at_zero() -> Law:
     """A law that drives and whose last command and scan came at time 0, where timeouts add up exactly."""
-    law = Law(now_s=0.0)
+    law = Law(now_s=-1.0)
     law.tick(("teleop", NEUTRAL))
     law.now_s = -TICK_S
     law.state = law.state._replace(now_s=None)
@@ -50,7 +51,7 @@ def test_a_scan_goes_stale_just_after_its_timeout() -> None:
     timeout_s = SCAN_TIMEOUT_S
     for now_s in (0.1, 0.2, timeout_s):
         law.now_s = now_s
-        law.step(Inputs(commands=(Command("teleop", FORWARD, now_s),)))
+        law.step(Inputs(commands=(on_time("teleop", FORWARD, now_s),)))
         assert law.decision.output == FORWARD
     law.now_s = math.nextafter(timeout_s, 1.0)
     assert law.step().reasons == (StopReason.SCAN_STALE,)
@@ -185,18 +186,19 @@ def test_the_time_on_the_way_counts_into_the_age() -> None:
 
 def test_each_source_s_state_is_told() -> None:
     law = Law()
-    law.tick(("teleop", NEUTRAL))
+    law.tick_unstamped(NEUTRAL)
     teleop = law.state.sources[0]
     assert teleop.stamped is False
     assert teleop.invalid is False
     law.now_s += TICK_S
     law.step(Inputs(commands=(law.stamped(NEUTRAL, sent_s=law.now_s),)))
     assert law.state.sources[0].stamped is True
-    law.tick(("teleop", None))
+    law.tick_unstamped(None)
     assert law.state.sources[0].invalid is True
     assert law.state.sources[0].stamped is False
     law.now_s += CONFIG.command_timeout_s
-    law.tick(("teleop", NEUTRAL))
+    for _ in range(12):
+        law.tick_unstamped(NEUTRAL)
     assert law.state.sources[0].invalid is False
 
 
@@ -223,13 +225,14 @@ def test_a_command_without_a_stamp_is_anothers_while_somebody_who_stamps_is_hear
     assert not law.decision.reasons
     accepted = law.state.sources[0].counts.accepted
     for _ in range(3):
-        assert law.tick(("teleop", FORWARD)).output == NEUTRAL
+        assert law.tick_unstamped(FORWARD).output == NEUTRAL
     source = law.state.sources[0]
     assert (source.counts.epoch, source.counts.accepted, source.stamped) == (3, accepted, True)
     assert source.velocity == NEUTRAL
     law.hold(CONFIG.command_timeout_s + TICK_S)
-    law.drive()
-    assert law.decision.output == FORWARD, "nobody else is heard any more"
+    for _ in range(12):
+        law.tick_unstamped(NEUTRAL)
+    assert law.tick_unstamped(FORWARD).output == FORWARD, "nobody else is heard any more"
     assert law.state.sources[0].stamped is False
 
 
@@ -264,7 +267,7 @@ def sent_scan(law: Law, *, late_s: float = 0.0, sequence: int, ranges: np.ndarra
     noisy = (law.ranges if ranges is None else ranges) + np.float32(1e-4 * (sequence % 2))
     scan = laser_scan(noisy, law.now_s)
     return Inputs(
-        commands=(Command("teleop", law.asked, law.now_s),),
+        commands=(on_time("teleop", law.asked, law.now_s),),
         scans=(replace(scan, sent=Sent(b"L", sequence, law.now_s - late_s + 77.0), writer=b"L"),),
     )
 
@@ -366,9 +369,9 @@ def test_a_lidar_is_seen_again_after_another_one_took_its_place(law_with_stamped
 def test_a_late_scan_counts_as_none(law_with_stamped_scans: Law) -> None:
     law = law_with_stamped_scans
     law.now_s += 0.09
-    law.step(Inputs(commands=(Command("teleop", FORWARD, law.now_s),)))
+    law.step(Inputs(commands=(on_time("teleop", FORWARD, law.now_s),)))
     law.now_s += 0.09
-    law.step(Inputs(commands=(Command("teleop", FORWARD, law.now_s),)))
+    law.step(Inputs(commands=(on_time("teleop", FORWARD, law.now_s),)))
     law.now_s += 0.09
     law.step(sent_scan(law, sequence=31, late_s=0.26))
     assert law.decision.scan_counts.late == 1
@@ -404,12 +407,12 @@ def test_the_reaction_time_is_the_scan_s_age_its_period_and_the_way_to_the_wheel
         law.now_s += 0.08
         law.step(
             Inputs(
-                commands=(Command("teleop", NEUTRAL, law.now_s),),
+                commands=(on_time("teleop", NEUTRAL, law.now_s),),
                 scans=(laser_scan(ranges + np.float32(n * 1e-6), law.now_s),),
             )
         )
     law.now_s += 0.05
-    decision = law.step(Inputs(commands=(Command("teleop", Velocity(1.0, 0.0), law.now_s),)))
+    decision = law.step(Inputs(commands=(on_time("teleop", Velocity(1.0, 0.0), law.now_s),)))
     lost_m_s = CONFIG.deceleration_m_s2 * (0.05 + 0.08 + CONFIG.transport_s)
     kappa = math.sqrt(lost_m_s**2 + 2 * CONFIG.deceleration_m_s2 * (1.0 - 0.25 - 0.3)) - lost_m_s
     assert decision.output.linear_m_s == pytest.approx(kappa, rel=1e-3)
@@ -477,7 +480,7 @@ def test_a_frozen_lidar_is_noticed_in_motion() -> None:
         moving = Velocity(0.0, 1.0) if spinning else Velocity(0.5, 0.0)
         law.step(
             Inputs(
-                commands=(Command("teleop", velocity, law.now_s),),
+                commands=(on_time("teleop", velocity, law.now_s),),
                 scans=(laser_scan(ranges, law.now_s),),
                 odometry=replace(odometry(0.0, law.now_s), velocity=moving),
             )
@@ -498,7 +501,7 @@ def test_what_the_robot_drives_toward_between_scans_is_nearer_than_the_scan_show
     for reported_m_s in (0.0, 0.6, -0.6):
         law = Law(scanning=False)
         law.now_s += TICK_S
-        commands = (Command("teleop", NEUTRAL, law.now_s),)
+        commands = (on_time("teleop", NEUTRAL, law.now_s),)
         moving = odometry(reported_m_s, law.now_s)
         law.step(
             Inputs(commands=commands, scans=(laser_scan(ring(ahead_m=0.8), law.now_s),), odometry=moving)
@@ -506,7 +509,7 @@ def test_what_the_robot_drives_toward_between_scans_is_nearer_than_the_scan_show
         for _ in range(5):
             law.now_s += TICK_S
             moving = odometry(reported_m_s, law.now_s)
-            law.step(Inputs(commands=(Command("teleop", asked, law.now_s),), odometry=moving))
+            law.step(Inputs(commands=(on_time("teleop", asked, law.now_s),), odometry=moving))
         outputs.append(law.decision.output.linear_m_s)
     standing, closing, leaving = outputs
     assert closing < standing - 0.02
@@ -633,7 +636,7 @@ def test_a_robot_pushed_at_something_near_may_not_help_with_its_wheels() -> None
     law.now_s += TICK_S
     law.step(
         Inputs(
-            commands=(Command("teleop", NEUTRAL, law.now_s),),
+            commands=(on_time("teleop", NEUTRAL, law.now_s),),
             scans=(laser_scan(ring(ahead_m=0.54), law.now_s),),
             odometry=odometry(0.5, law.now_s),
         )

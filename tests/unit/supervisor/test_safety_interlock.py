@@ -18,6 +18,7 @@ from tests.unit.supervisor.law_harness import (
     laser_scan,
     lost,
     odometry,
+    on_time,
     ring,
 )
 from wire.freshness import Sent
@@ -67,7 +68,7 @@ def test_a_neutral_and_a_motion_within_one_tick_both_count() -> None:
 
 
 def test_a_command_goes_stale_just_after_its_timeout() -> None:
-    law = Law(now_s=0.0)
+    law = Law(now_s=-1.0)
     law.tick(("teleop", NEUTRAL))
     law.now_s = -TICK_S  # so that the command comes at 0, where its timeout adds up exactly
     law.state = law.state._replace(now_s=None)
@@ -470,6 +471,6 @@ def test_a_restarted_teleop_drives_again_soon_after_its_neutral(pause_s: float) 
 def test_a_scan_and_a_command_that_arrive_together_between_ticks_both_count() -> None:
     law = Law(scanning=False)
     law.now_s += TICK_S
-    neutral = Command("teleop", NEUTRAL, law.now_s - 0.001)
+    neutral = on_time("teleop", NEUTRAL, law.now_s - 0.001)
     decision = law.step(Inputs(commands=(neutral,), scans=(laser_scan(ring(), law.now_s),)))
     assert decision.mode is Mode.READY

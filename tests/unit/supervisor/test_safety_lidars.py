@@ -9,7 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from supervisor.clearance import Barrier, ConvexPolygon, moved, permitted_scale, survey
-from supervisor.model import STANDSTILL, Command, Decision, Inputs, LawConfig, Mode, Odometry, Velocity
+from supervisor.model import STANDSTILL, Decision, Inputs, LawConfig, Mode, Odometry, Velocity
 from supervisor.reckoning import between, where
 from supervisor.safety import GID_BYTES, REMEMBERED_WRITERS, WRITER_WINDOW_S, initial_state, runs_out_s, step
 from supervisor.scan import LaserScan, Lidar, Mount, rays_of
@@ -22,6 +22,8 @@ from tests.unit.supervisor.law_harness import (
     TICK_S,
     Law,
     laser_scan,
+    on_time,
+    proven_state,
     ring,
 )
 from tests.unit.supervisor.views import gap_to_rays_m
@@ -52,7 +54,7 @@ class Lidars:
     ranges: dict[int, np.ndarray] = field(default_factory=dict[int, np.ndarray])
 
     def __post_init__(self) -> None:
-        self.state = initial_state(self.config)
+        self.state = proven_state(self.config)
         self.count = 0
 
     def scan(self, place: int, writer: bytes) -> LaserScan:
@@ -63,7 +65,7 @@ class Lidars:
     def tick(self, velocity: Velocity = NEUTRAL, **inputs: object) -> Decision:
         self.now_s += TICK_S
         scans = tuple(self.scan(place, writer) for place in self.speaking for writer in self.writers)
-        told = Inputs(commands=(Command("teleop", velocity, self.now_s),), scans=scans)
+        told = Inputs(commands=(on_time("teleop", velocity, self.now_s),), scans=scans)
         self.state, self.decision = step(self.state, self.now_s, replace(told, **inputs))  # type: ignore[arg-type]
         return self.decision
 

@@ -18,6 +18,7 @@ from tests.unit.supervisor.law_harness import (
     back,
     lost,
     odometry,
+    on_time,
     ring,
 )
 from wire.freshness import Sent
@@ -52,9 +53,9 @@ class Stage(Law):
     def go(self, ticks: int = 1, **inputs: object) -> None:
         for _ in range(ticks):
             self.now_s += TICK_S
-            commands = [Command("other", self.other, self.now_s)]
+            commands = [on_time("other", self.other, self.now_s)]
             if self.speaks:
-                commands.append(Command("teleop", self.teleop, self.now_s))
+                commands.append(on_time("teleop", self.teleop, self.now_s))
             self.step(Inputs(commands=tuple(commands), **inputs))  # type: ignore[arg-type]
 
     def step(self, inputs: Inputs | None = None) -> Decision:
@@ -170,10 +171,10 @@ def replay(law: Stage) -> None:
     law.speaks = False
     for _ in range(40):
         law.now_s += TICK_S
-        sent = Sent(b"A", 7, law.now_s)
+        sent = Sent(b"teleop", 0, law.now_s)
         law.step(
             Inputs(
-                commands=(Command("other", law.other, law.now_s), Command("teleop", FORWARD, law.now_s, sent))
+                commands=(on_time("other", law.other, law.now_s), Command("teleop", FORWARD, law.now_s, sent))
             )
         )
 

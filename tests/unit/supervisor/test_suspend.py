@@ -6,7 +6,16 @@ from dataclasses import replace
 import pytest
 
 from supervisor.model import Command, Inputs, Mode
-from tests.unit.supervisor.law_harness import CONFIG, FORWARD, NEUTRAL, SCAN_TIMEOUT_S, TICK_S, Law, odometry
+from tests.unit.supervisor.law_harness import (
+    CONFIG,
+    FORWARD,
+    NEUTRAL,
+    SCAN_TIMEOUT_S,
+    TICK_S,
+    Law,
+    odometry,
+    on_time,
+)
 from wire.reasons import StopReason
 
 SLEPT_S = 3600.0
@@ -57,7 +66,7 @@ def test_after_a_suspend_motion_alone_never_moves_and_neutral_arms() -> None:
 
 def test_what_comes_with_the_first_step_after_a_suspend_does_not_count() -> None:
     law = driving()
-    resume(law, Command("teleop", NEUTRAL, law.now_s + 0.001), Command("teleop", FORWARD, law.now_s + 0.001))
+    resume(law, on_time("teleop", NEUTRAL, law.now_s + 0.001), on_time("teleop", FORWARD, law.now_s + 0.001))
     assert law.state.sights[0].scan is None, "a scan that was taken in with the suspend may be older than it"
     (teleop,) = [s for s in law.decision.sources if s.config.name == "teleop"]
     assert teleop.neutral_s < law.now_s
@@ -108,7 +117,7 @@ def test_overrun_is_held_until_just_after_the_timeouts(is_over: bool) -> None:  
     while law.now_s + 0.05 < HELD_S:
         law.tick(("teleop", FORWARD))
     law.now_s = math.nextafter(HELD_S, math.inf) if is_over else HELD_S
-    law.step(Inputs(commands=(Command("teleop", NEUTRAL, law.now_s),)))
+    law.step(Inputs(commands=(on_time("teleop", NEUTRAL, law.now_s),)))
     assert (law.decision.mode is Mode.READY) is is_over
 
 

@@ -1,6 +1,8 @@
 """How old a command is: backlogs, replays, skewed and stepping clocks."""
 
 import math
+import random
+from itertools import accumulate
 
 import pytest
 
@@ -64,18 +66,6 @@ def test_a_sequence_that_stands_still_or_goes_back_is_refused() -> None:
     stream = Stream().settle()
     assert stream.send(sequence=stream.sequence) is Verdict.SEQUENCE
     assert stream.send(sequence=1) is Verdict.SEQUENCE
-
-
-def test_what_bears_no_stamp_is_anothers_for_one_timeout_after_the_last_word_of_somebody_who_stamps() -> None:
-    def verdict(track: Track, arrival_s: float) -> Verdict:
-        left, verdict, on_way_s = judge(track, None, arrival_s, 0.25)
-        assert (left, on_way_s) == (track, 0.0)
-        return verdict
-
-    track = Track(Sent(b"A", 1, 0.0), arrival_s=1.0)
-    assert verdict(track, 1.25) is Verdict.EPOCH
-    assert verdict(track, math.nextafter(1.25, 2.0)) is Verdict.FRESH
-    assert verdict(Track(), 0.0) is Verdict.FRESH, "nobody has said anything"
 
 
 def test_a_clock_that_steps_forward_starts_the_proof_anew_and_is_fresh_again() -> None:
@@ -408,3 +398,97 @@ def test_a_new_epoch_may_begin_at_any_sequence() -> None:
     """As for a restarted supervisor."""
     assert Listener().hear(b"A", 2**62, 0.0) is Verdict.UNPROVEN
     assert heard().hear(b"B", 2**62, 1.0) is Verdict.UNPROVEN
+
+
+# --- messages without a stamp
+
+
+class Unstamped:
+    """One source that sends no stamps."""
+
+    def __init__(self, track: Track = Track(), *, trusts_arrival: bool = False) -> None:  # noqa: B008 - immutable
+        self.track = track
+        self.trusts_arrival = trusts_arrival
+
+    def hear(self, *arrivals_s: float) -> list[Verdict]:
+        """Return the verdict on each message."""
+        verdicts: list[Verdict] = []
+        for arrival_s in arrivals_s:
+            self.track, verdict, on_way_s = judge(
+                self.track, None, arrival_s, TIMEOUT_S, trusts_arrival=self.trusts_arrival
+            )
+            assert on_way_s == 0.0
+            verdicts.append(verdict)
+        return verdicts
+
+
+BEYOND_S = math.nextafter(TIMEOUT_S, 1.0)
+
+
+def test_a_burst_without_stamps_proves_nothing() -> None:
+    burst_s = [5.0 + n * 1e-4 for n in range(1000)]
+    assert set(Unstamped().hear(*burst_s)) == {Verdict.UNPROVEN}
+
+
+@pytest.mark.parametrize(
+    ("arrival_s", "verdict"),
+    [(math.nextafter(TIMEOUT_S, 0.0), Verdict.UNPROVEN), (TIMEOUT_S, Verdict.FRESH)],
+)
+def test_messages_without_stamps_are_proven_after_one_timeout(arrival_s: float, verdict: Verdict) -> None:
+    assert Unstamped().hear(0.0, 0.1, arrival_s) == [Verdict.UNPROVEN] * 2 + [verdict]
+
+
+@pytest.mark.parametrize(("gap_s", "verdict"), [(TIMEOUT_S, Verdict.FRESH), (BEYOND_S, Verdict.UNPROVEN)])
+def test_a_gap_longer_than_the_timeout_starts_the_proof_anew(gap_s: float, verdict: Verdict) -> None:
+    source = Unstamped()
+    assert source.hear(-TIMEOUT_S, -0.1, 0.0)[-1] is Verdict.FRESH
+    assert source.hear(gap_s) == [verdict]
+
+
+def test_the_proof_after_a_gap_takes_one_timeout_again() -> None:
+    source = Unstamped()
+    source.hear(-TIMEOUT_S, -0.1, 0.0)
+    assert source.hear(2.0, 2.1, 2.19, 2.2, 2.3) == [Verdict.UNPROVEN] * 3 + [Verdict.FRESH] * 2
+
+
+def test_an_unproven_gap_starts_the_proof_anew_as_well() -> None:
+    assert Unstamped().hear(0.0, BEYOND_S, 0.3) == [Verdict.UNPROVEN] * 3
+
+
+def test_a_message_without_a_stamp_is_refused_for_one_timeout_after_the_last_stamped_one() -> None:
+    heard = Track(Sent(b"A", 1, 0.0), arrival_s=1.0)
+    source = Unstamped(heard)
+    assert source.hear(1.1, 1.0 + TIMEOUT_S) == [Verdict.EPOCH] * 2
+    assert source.track == heard, "what is refused proves nothing"
+    assert source.hear(math.nextafter(1.0 + TIMEOUT_S, 2.0), 1.3, 1.4, 1.5) == [
+        *[Verdict.UNPROVEN] * 3,
+        Verdict.FRESH,
+    ]
+
+
+def test_a_stamped_message_ends_the_proof_of_those_without() -> None:
+    source = Unstamped()
+    assert source.hear(-TIMEOUT_S, -0.1, 0.0)[-1] is Verdict.FRESH
+    source.track, verdict, _ = judge(source.track, Sent(b"A", 1, 0.0), 0.05, TIMEOUT_S)
+    assert verdict is Verdict.UNPROVEN
+    assert source.hear(0.1, 0.25, 0.26) == [Verdict.EPOCH, Verdict.EPOCH, Verdict.UNPROVEN]
+
+
+@pytest.mark.parametrize("arrival_s", [0.0, math.nan])
+def test_a_message_without_a_stamp_whose_arrival_is_trusted_is_fresh_at_once(arrival_s: float) -> None:
+    assert Unstamped(trusts_arrival=True).hear(arrival_s) == [Verdict.FRESH]
+    speaks = Unstamped(Track(Sent(b"A", 1, 0.0), arrival_s=1.0), trusts_arrival=True)
+    assert speaks.hear(1.1) == [Verdict.EPOCH]
+
+
+@pytest.mark.parametrize("rate_hz", [10.0, 20.0, 50.0])
+@pytest.mark.parametrize("seed", range(5))
+def test_jitter_does_not_interrupt_a_source_without_stamps(rate_hz: float, seed: int) -> None:
+    """Each message is late by up to 90 ms, but stays behind the one before, as on a stream."""
+    chance = random.Random(seed)
+    sent_s = [n / rate_hz for n in range(2000)]
+    arrivals_s = list(accumulate((at_s + chance.uniform(0.0, 0.09) for at_s in sent_s), max))
+    verdicts = Unstamped().hear(*arrivals_s)
+    first = verdicts.index(Verdict.FRESH)
+    assert arrivals_s[first] <= arrivals_s[0] + TIMEOUT_S + 1 / rate_hz + 0.09
+    assert set(verdicts[first:]) == {Verdict.FRESH}

@@ -13,10 +13,12 @@ from wire import topics
 from wire.messages import (
     APPENDED_FROM,
     MAX_PAYLOAD_BYTES,
+    Bool,
     LaserScan,
     Message,
     SafetyStatus,
     SourceStatus,
+    String,
     TriggerResponse,
     Twist,
     UndecodableError,
@@ -27,6 +29,7 @@ from wire.messages import (
     laser_scan,
     odometry,
     planar_twist,
+    request_text,
     yaw_of,
 )
 
@@ -130,6 +133,38 @@ def test_the_beams_of_a_scan_share_a_full_turn_unless_they_are_told_apart() -> N
 def test_a_trigger_response_is_ros_2s() -> None:
     payload = encode(TriggerResponse(success=True, message="ok"))
     assert payload == b"\x00\x01\x00\x00\x01\x00\x00\x00\x03\x00\x00\x00ok\x00"
+
+
+@pytest.mark.parametrize("cdr_header", [b"\0\1\0\0", b"\0\1\0\3", b"\0\0\0\0"])
+@pytest.mark.parametrize("dummy", [b"", b"\0", b"\x7f", b"\0\xaa\xbb\xcc"])
+def test_a_trigger_request_of_ros_2_is_a_request_without_a_text(cdr_header: bytes, dummy: bytes) -> None:
+    """zenoh-bridge-ros2dds sends five bytes; Fast CDR pads to eight, and leaves the padding unset."""
+    assert request_text(cdr_header + dummy) == ""
+
+
+def test_a_request_without_a_payload_has_no_text() -> None:
+    assert request_text(b"") == ""
+
+
+@pytest.mark.parametrize("text", ["", "a", "at once"])
+def test_the_text_of_a_request_is_returned(text: str) -> None:
+    assert request_text(encode(String(text))) == text
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [b"\0", b"\0\1\0", b"\1\1\0\0\0", b"\0\2\0\0\0", b"reset", b"\0\1\0\0" + 5 * b"\0", b"\xff" * 20],
+)
+def test_a_request_that_is_neither_empty_nor_a_text_is_refused(payload: bytes) -> None:
+    with pytest.raises(UndecodableError):
+        request_text(payload)
+
+
+@pytest.mark.parametrize("padding", [b"", b"\xaa", b"\xaa\xbb", b"\xaa\xbb\xcc"])
+@pytest.mark.parametrize("pressed", [False, True])
+def test_a_padded_estop_of_ros_2_is_decoded(padding: bytes, *, pressed: bool) -> None:
+    """Fast CDR sends a Bool as eight bytes, of which the last three are unset."""
+    assert decode(encode(Bool(data=pressed)) + padding, Bool).data is pressed
 
 
 def test_a_definition_holds_the_types_within_the_type_and_their_hash() -> None:

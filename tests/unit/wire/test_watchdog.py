@@ -16,8 +16,15 @@ CLOCK_AHEAD_S = 1e6
 def _obeying(at_s: float = 0.0) -> Watchdog:
     watchdog = Watchdog()
     watchdog.supervisor_alive(alive=True)
+    _prove(watchdog, at_s)
     assert watchdog.command(at_s, 0.5, -0.2)
     return watchdog
+
+
+def _prove(watchdog: Watchdog, at_s: float) -> None:
+    """Send commands without stamps for one timeout, so that the next one at `at_s` is obeyed."""
+    for early_s in (COMMAND_TIMEOUT_S + 0.001, 0.1, 0.05):
+        assert not watchdog.command(at_s - early_s, 0.9, 0.9)
 
 
 def _assert_stopped(target: Target, reason: BaseReason) -> None:
@@ -47,13 +54,16 @@ def test_a_command_ends_just_after_its_timeout() -> None:
 def test_a_command_after_a_timeout_is_obeyed_again() -> None:
     watchdog = _obeying()
     watchdog.target(1.0)
+    _prove(watchdog, 1.0)
     watchdog.command(1.0, 0.1, 0.0)
     assert watchdog.target(1.0) == (0.1, 0.0, BaseReason.OK)
 
 
 def test_a_time_that_is_not_a_number_is_too_late() -> None:
     _assert_stopped(_obeying().target(math.nan), BaseReason.COMMAND_TIMEOUT)
-    _assert_stopped(_obeying(at_s=math.nan).target(0.0), BaseReason.COMMAND_TIMEOUT)
+    watchdog = _obeying()
+    assert not watchdog.command(math.nan, 0.5, -0.2)
+    _assert_stopped(watchdog.target(0.0), BaseReason.COMMAND_STALE)
 
 
 def test_a_lost_token_stops_at_once_however_fresh_the_command() -> None:
@@ -89,6 +99,7 @@ def test_a_command_from_before_a_suspend_does_not_drive_after_it() -> None:
 def test_a_command_that_was_still_on_its_way_during_a_suspend_does_not_count() -> None:
     watchdog = _obeying()
     watchdog.resumed(1.0)
+    _prove(watchdog, 1.0 + watchdog.command_timeout_s)
     assert not watchdog.command(1.0 + watchdog.command_timeout_s, 0.3, 0.0)
     _assert_stopped(watchdog.target(1.0 + watchdog.command_timeout_s), BaseReason.NO_COMMAND)
     later_s = math.nextafter(1.0 + watchdog.command_timeout_s, 2.0)
@@ -181,7 +192,36 @@ def test_a_command_without_a_stamp_stops_while_somebody_who_stamps_is_heard() ->
     base = Driven()
     assert not base.watchdog.command(base.now_s + COMMAND_TIMEOUT_S / 2, 0.9, 0.0)
     _assert_stopped(base.watchdog.target(base.now_s), BaseReason.COMMAND_STALE)
-    assert base.watchdog.command(base.now_s + 2 * COMMAND_TIMEOUT_S, 0.9, 0.0)
+    _prove(base.watchdog, base.now_s + 3 * COMMAND_TIMEOUT_S)
+    assert base.watchdog.command(base.now_s + 3 * COMMAND_TIMEOUT_S, 0.9, 0.0)
+
+
+# --- commands without stamps
+
+
+def test_a_backlog_without_stamps_does_not_move_the_base() -> None:
+    """A ROS 2 bridge whose link stalls delivers everything at once."""
+    watchdog = Watchdog()
+    watchdog.supervisor_alive(alive=True)
+    for number in range(30):
+        assert not watchdog.command(1.0 + number * 1e-4, 0.5, 0.0)
+    _assert_stopped(watchdog.target(1.003), BaseReason.NO_COMMAND)
+
+
+def test_a_backlog_without_stamps_does_not_move_a_base_that_obeyed_before_the_stall() -> None:
+    watchdog = _obeying()
+    for number in range(30):
+        assert not watchdog.command(3.0 + number * 1e-4, 0.5, 0.0)
+    _assert_stopped(watchdog.target(3.003), BaseReason.COMMAND_TIMEOUT)
+
+
+@pytest.mark.parametrize("rate_hz", [10.0, 20.0, 50.0])
+def test_a_plain_ros_2_node_drives_the_base_after_one_timeout(rate_hz: float) -> None:
+    watchdog = Watchdog()
+    watchdog.supervisor_alive(alive=True)
+    for number in range(100):
+        at_s = number / rate_hz
+        assert watchdog.command(at_s, 0.5, 0.0) is (at_s >= COMMAND_TIMEOUT_S)
 
 
 @pytest.mark.parametrize("bad", [{"sequence": 1}, {"epoch": b"B"}], ids=["out of order", "of another epoch"])

@@ -120,7 +120,7 @@ class Stage:
         """Whether the robot has just been observed driving."""
         self.routes = {topics.TELEOP: Route.DIRECT, topics.SIM: Route.DIRECT}
         launch = Launch.read(DEFAULT_CONFIG, free_loopback_endpoint(), sim_options=sim_options)
-        self.launch = ArmedLaunch(launch.config, launch.bus, launch.sim_options, self.directory)
+        self.launch = ArmedLaunch(launch.config, launch.bus, launch.sim_options, directory=self.directory)
 
     @property
     def observer(self) -> Observer:

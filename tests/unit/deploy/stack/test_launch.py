@@ -7,7 +7,13 @@ from pathlib import Path
 import pytest
 
 from deploy.stack.errors import DeployError
-from deploy.stack.launch import DEFAULT_CONFIG, Launch, check_endpoint_is_free, free_loopback_endpoint
+from deploy.stack.launch import (
+    DEFAULT_CONFIG,
+    SIMULATED,
+    Launch,
+    check_endpoint_is_free,
+    free_loopback_endpoint,
+)
 from deploy.stack.statedir import StateDir
 from deploy.stack.supervisord import find_uv
 
@@ -70,3 +76,34 @@ def test_the_uv_of_make_setup_is_found(tmp_path: Path, monkeypatch: pytest.Monke
     uv.parent.mkdir(parents=True)
     uv.touch(mode=0o755)
     assert find_uv() == str(uv)
+
+
+def test_what_starts_follows_the_configuration_and_the_option(tmp_path: Path) -> None:
+    config = tmp_path / "robot.toml"
+    config.write_text("[sim]\n")
+    assert Launch.read(config, None).nodes == SIMULATED == ("supervisor", "sim")
+    assert Launch.read(config, None, with_sim=False).nodes == ("supervisor",)
+    config.write_text("[sim]\n[ros2]\n")
+    for with_sim in (True, False):
+        assert Launch.read(config, None, with_sim=with_sim).nodes == ("supervisor", "ros2")
+
+
+def test_the_nodes_of_a_stack_are_in_its_record_and_an_older_record_is_of_a_simulated_robot(
+    tmp_path: Path,
+) -> None:
+    state = StateDir(tmp_path)
+    launch = Launch.read(None, None, with_sim=False)
+    state.record.write_text(json.dumps(launch.to_record()))
+    assert Launch.running(state) == launch
+    older = {key: value for key, value in launch.to_record().items() if key != "nodes"}
+    state.record.write_text(json.dumps(older))
+    running = Launch.running(state)
+    assert running is not None
+    assert running.nodes == SIMULATED
+
+
+def test_programs_that_are_not_wanted_do_not_start(tmp_path: Path) -> None:
+    for with_sim, wanted in ((True, "true"), (False, "false")):
+        variables = Launch.read(None, None, with_sim=with_sim).environment(StateDir(tmp_path))
+        assert variables["LIFELINE_START_SIM"] == wanted
+        assert (variables["LIFELINE_START_ROS2"], variables["LIFELINE_ROS2_COMMAND"]) == ("false", "false")

@@ -62,3 +62,17 @@ def test_a_scene_is_looked_for_beside_the_configuration(tmp_path: Path) -> None:
         check(launch(tmp_path, '[sim]\nscene = "mine.toml"'))
     (tmp_path / "mine.toml").write_text((MODELS.parent / "layouts" / "empty.toml").read_text())
     check(launch(tmp_path, '[sim]\nscene = "mine.toml"'))
+
+
+def test_without_a_sim_its_scene_and_hull_are_not_checked_but_every_section_is(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text('[supervisor.footprint]\nradius_m = 0.24\n[sim]\nscene = "attic"')
+    check(Launch.read(path, None, with_sim=False))
+    path.write_text("[teleop]\nlevel = 6")
+    with pytest.raises(DeployError, match=r"teleop\.level"):
+        check(Launch.read(path, None, with_sim=False))
+
+
+def test_a_missing_python_of_ros_2_is_refused_before_anything_starts(tmp_path: Path) -> None:
+    with pytest.raises(DeployError, match="make ros2"):
+        check(launch(tmp_path, '[ros2]\npython = "absent"'))

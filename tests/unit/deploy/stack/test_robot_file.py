@@ -7,6 +7,7 @@ import pytest
 
 from deploy.stack.launch import DEFAULT_CONFIG
 from deploy.stack.robot_file import read_robot
+from ros2.config import Ros2Section
 from sim.config import SimSection
 from supervisor.config import SupervisorSection
 from wire.config import ConfigError, read_toml
@@ -112,3 +113,45 @@ def test_a_lidar_of_too_few_beams_is_refused() -> None:
 
 def test_a_source_of_teleop_shadows_no_node() -> None:
     assert "teleop.source = 'sim': is a node or a topic" in refusal({"teleop": {"source": "sim"}})
+
+
+# --- ROS 2
+
+
+def test_each_ros_2_source_is_one_of_the_supervisors_and_not_the_keyboards() -> None:
+    def document(name: str) -> dict[str, Any]:
+        return {"ros2": {"sources": [{"name": name, "topic": "commands"}]}}
+
+    assert read_robot(document("joy"), simulated=False)[Ros2Section].sources[0].name == "joy"
+    message = refusal(document("planner"), simulated=False)
+    assert (
+        "ros2.sources.0.name = 'planner': is none of [supervisor] sources, which are teleop, joy, path"
+        in message
+    )
+    message = refusal(document("teleop"), simulated=False)
+    assert "ros2.sources.0.name = 'teleop': is the source of the keyboard" in message
+    assert "such as joy" in message
+    assert read_robot({**document("teleop"), "teleop": {"source": "joy"}}, simulated=False)
+
+
+def test_there_is_one_scan_topic_of_ros_2_for_each_lidar() -> None:
+    two: dict[str, Any] = {"supervisor": {"lidars": [FRONT, REAR]}}
+    assert read_robot({**two, "ros2": {"scan": ["scan", "rear/scan"]}}, simulated=False)
+    message = refusal({**two, "ros2": {}}, simulated=False)
+    assert "ros2.scan = 'scan': must name one topic for each lidar of [supervisor]" in message
+    assert "there are 2 (front, rear)" in message
+    message = refusal({"ros2": {"scan": ["scan", "rear/scan"]}}, simulated=False)
+    assert "ros2.scan = ['scan', 'rear/scan']" in message
+    assert "there is 1 (lidar)" in message
+
+
+def test_the_timeout_of_ros_2_is_at_least_two_ticks() -> None:
+    assert read_robot({"ros2": {"command_timeout_s": 0.04}}, simulated=False)
+    message = refusal({"ros2": {"command_timeout_s": math.nextafter(0.04, 0.0)}}, simulated=False)
+    assert "ros2.command_timeout_s = 0.03" in message
+    assert "2 ticks of [supervisor] tick_hz = 50" in message
+
+
+def test_without_its_section_there_is_no_ros_2() -> None:
+    assert read_robot({}, simulated=True).get(Ros2Section) is None
+    assert "ros2.domain_id = 300" in refusal({"ros2": {"domain_id": 300}}, simulated=False)

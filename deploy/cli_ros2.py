@@ -1,0 +1,73 @@
+"""The definitions of `lifeline ros2`. Each command imports its modules only when it runs."""
+
+from typing import Annotated
+
+import typer
+
+from deploy.command import Config, Endpoint, StatePath, exit_with, running
+
+ros2_app = typer.Typer(help="Run ROS 2 programs and robots under the supervisor.", no_args_is_help=True)
+
+
+@ros2_app.command("exec", context_settings={"allow_interspersed_args": False})
+def ros2_exec(
+    *,
+    command: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="CMD", help="After --: the program that commands the robot, and its arguments."
+        ),
+    ],
+    source: Annotated[
+        str, typer.Option("--source", metavar="NAME", help="The command source that the program is.")
+    ],
+    config: Config = None,
+    endpoint: Endpoint = None,
+    state_dir: StatePath = None,
+) -> None:
+    """Run a program that commands the robot, such as a teleop, and stop the robot as soon as it ends.
+
+    Exit with the program's own code, or 128 + N if signal N ended it. If this command is killed, so is the program.
+    """
+
+    def run() -> int:
+        from deploy.ros2_exec import run as hold  # noqa: PLC0415
+
+        hold(running(config, endpoint, state_dir), source, command)
+
+    exit_with(run)
+
+
+@ros2_app.command("check-base")
+def ros2_check_base(
+    *,
+    yes: Annotated[bool, typer.Option("--yes", help="Move the robot without asking.")] = False,
+    config: Config = None,
+    endpoint: Endpoint = None,
+    state_dir: StatePath = None,
+) -> None:
+    """Measure whether the base stops by itself when its commands end. The robot moves: lift its wheels."""
+
+    def run() -> int:
+        from deploy.ros2_check_base import check_base  # noqa: PLC0415
+        from deploy.stack.statedir import StateDir  # noqa: PLC0415
+
+        check_base(running(config, endpoint, state_dir), StateDir.choose(state_dir), ask=not yes)
+
+    exit_with(run)
+
+
+@ros2_app.command("profile")
+def ros2_profile() -> None:
+    """Print a Fast DDS profile with which a program's end is seen after 0.3 s instead of 20 s, on any host.
+
+    Write it to a file, and start the program with FASTRTPS_DEFAULT_PROFILES_FILE=FILE.
+    """
+
+    def run() -> int:
+        from deploy.ros2_profile import profile  # noqa: PLC0415
+
+        print(profile(), end="")
+        return 0
+
+    exit_with(run)

@@ -1,0 +1,12 @@
+"""`lifeline ros2 profile`: the Fast DDS profile with a short lease, which is a file of the package `ros2`."""
+
+from importlib.resources import files
+
+from wire import topics
+
+NAME = "fastdds_short_lease.xml"
+
+
+def profile() -> str:
+    """Return the profile as XML."""
+    return (files(topics.ROS2) / NAME).read_text(encoding="utf-8")

@@ -1,0 +1,133 @@
+"""How `python -m ros2` is started: its interpreter has rclpy and is not Lifeline's own, so it needs variables of its own.
+
+It finds Lifeline's packages by a directory of links, because Lifeline's environment has packages for another Python.
+"""
+
+import os
+import shlex
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+
+from deploy.stack.errors import DeployError
+from deploy.stack.statedir import StateDir, UnwritableError
+from ros2.config import Ros2Section
+from ros2.environment import ros_variables
+from wire import topics
+from wire.config import ConfigError, absolute, read_toml, section
+from wire.session import BusConfig
+from wire.state_directory import checkout
+
+PACKAGES = ("ros2", "wire")
+ROOT = Path(__file__).resolve().parents[2]
+"""Where Lifeline's packages are: the checkout, or `site-packages`."""
+ALL_ROS = Path("/opt/ros")
+SEARCH = "PYTHONPATH"
+IS_SET_UP = "AMENT_PREFIX_PATH"
+
+
+def interpreter(config: Path) -> Path:
+    """Return the Python of the ROS 2 process: `[ros2] python`, else `.ros2/bin/python` of the checkout.
+
+    With `rmw = "zenoh"` it needs no rclpy: this Python, unless `[ros2] python` names another one.
+
+    Args:
+        config: robot.toml; a relative path in it begins in its directory.
+
+    Raises:
+        DeployError: the section is refused, the interpreter is missing, or the installed ROS 2 is not set up.
+    """
+    try:
+        ros2 = section(read_toml(config), "ros2", Ros2Section)
+        named = ros2.python
+        if named is None and ros2.rmw == "zenoh":
+            return Path(sys.executable)
+        python = _default() if named is None else config.parent / _expanded(named)
+    except ConfigError as error:
+        raise DeployError(str(error)) from error
+    if python is None or not os.access(python, os.X_OK):
+        missing = "no Python with rclpy is known" if python is None else f"{python} is missing"
+        raise DeployError(
+            f"{missing}: run `make ros2` in a checkout, or name the interpreter of an environment with rclpy in "
+            "[ros2] python"
+        )
+    installed = unused_ros(ros_variables(python, os.environ), os.environ, ALL_ROS)
+    if installed:
+        raise DeployError(f"ROS 2 is not set up in this shell: run `. {installed[0]}/setup.sh` first")
+    return python
+
+
+def _expanded(named: str) -> Path:
+    """Return the path with `~` replaced; a relative path stays relative."""
+    return absolute(Path(named)) if named.startswith("~") else Path(named)
+
+
+def _default() -> Path | None:
+    root = checkout()
+    return None if root is None else root / ".ros2" / "bin" / "python"
+
+
+def unused_ros(variables: Mapping[str, str], present: Mapping[str, str], all_ros: Path) -> list[Path]:
+    """Return the installed ROS 2 distributions if none of them is set up and no other rclpy is known.
+
+    Args:
+        variables: those that `ros_variables` adds.
+        present: those that are set now.
+        all_ros: the directory of the distributions.
+    """
+    if variables or IS_SET_UP in present:
+        return []
+    return sorted(path.parent for path in all_ros.glob("*/setup.sh"))
+
+
+def command(python: Path, config: Path, bus: BusConfig, *options: str) -> list[str]:
+    """Return the command line of the ROS 2 process."""
+    common = ["--config", str(config), "--endpoint", bus.endpoint]
+    return [str(python), "-m", topics.ROS2, *common, *options]
+
+
+def variables_of(python: Path, packages: Path, present: Mapping[str, str]) -> dict[str, str]:
+    """Return the variables to set for the ROS 2 process, in addition to those that are set now.
+
+    Args:
+        python: its interpreter.
+        packages: the directory that `link_packages` has made.
+        present: the variables that are set now.
+    """
+    ros = ros_variables(python, present)
+    others = ros.get(SEARCH, present.get(SEARCH, ""))
+    return {**ros, SEARCH: ":".join(filter(None, [str(packages), others]))}
+
+
+def link_packages(state: StateDir) -> Path:
+    """Make a directory with links to the packages that the ROS 2 process imports, and return it.
+
+    Raises:
+        UnwritableError: the state directory is not writable.
+    """
+    directory = state.path / "packages"
+    try:
+        directory.mkdir(exist_ok=True)
+        for name in PACKAGES:
+            link = directory / name
+            if link.is_symlink() and link.readlink() == ROOT / name:
+                continue
+            link.unlink(missing_ok=True)
+            with suppress(FileExistsError):  # another command has just made it
+                link.symlink_to(ROOT / name)
+    except OSError as error:
+        raise UnwritableError(state, error) from error
+    return directory
+
+
+def shell_command(state: StateDir, config: Path, bus: BusConfig) -> str:
+    """Return the command with its variables for supervisord.conf, as a line of shell words.
+
+    Raises:
+        DeployError: the interpreter is missing, or the state directory is not writable.
+    """
+    python = interpreter(config)
+    variables = variables_of(python, link_packages(state), os.environ)
+    words = [f"{name}={value}" for name, value in variables.items()]
+    return shlex.join(["/usr/bin/env", *words, *command(python, config, bus)])

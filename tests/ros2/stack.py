@@ -1,0 +1,202 @@
+"""The supervisor and the ROS 2 process between a robot and its command sources, all as real processes."""
+
+import asyncio
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from tests.ros2.host import PATIENCE_S, ROS_PYTHON, Host, Line, Peer
+from tests.system.ports import free_endpoint
+from wire import topics
+from wire.messages import DiagnosticArray, DiagnosticStatus, SafetyStatus
+from wire.zenoh_bus import BusConfig, open_bus
+
+SPEED_M_S = 0.3
+SOURCE, TOPIC = "joy", "/joy_vel"
+
+CONFIGURATION = """
+[bus]
+endpoint = "{endpoint}"
+[supervisor]
+black_box_dir = "{folder}/blackbox"
+sources = [{{ name = "teleop", priority = 100 }}, {{ name = "joy", priority = 90 }}, {{ name = "keys", priority = 80 }}, {{ name = "plan", priority = 10 }}]
+[ros2]
+domain_id = {domain}
+{ros2}
+sources = [
+  {{ name = "joy", topic = "/joy_vel" }},
+  {{ name = "keys", topic = "/keys_vel", hold_s = 0.6 }},
+  {{ name = "plan", topic = "/plan_vel", arm = "on_request" }},
+]
+"""
+
+
+class Watch:
+    """Follows the supervisor's status and the reports of the ROS 2 process, on a thread of its own."""
+
+    def __init__(self, endpoint: str) -> None:
+        self._changed = threading.Condition()
+        self.status: SafetyStatus | None = None
+        self.statuses = 0
+        """Number of statuses so far."""
+        self.reports: dict[str, DiagnosticStatus] = {}
+        self._end: Callable[[], object] = lambda: None
+        self._thread = threading.Thread(target=lambda: asyncio.run(self._run(endpoint)), daemon=True)
+        self._thread.start()
+
+    async def _run(self, endpoint: str) -> None:
+        ended, wake = False, asyncio.Event()
+        loop = asyncio.get_running_loop()
+
+        def end() -> None:
+            nonlocal ended
+            ended = True
+            wake.set()
+
+        self._end = lambda: loop.call_soon_threadsafe(end)
+        bus = await open_bus(BusConfig(endpoint), "client")
+        statuses = bus.subscribe(topics.STATUS, wake=wake)
+        reports = bus.subscribe(topics.DIAGNOSTICS, wake=wake, depth=8)
+        try:
+            while not ended:
+                await wake.wait()
+                wake.clear()
+                status = statuses.latest()
+                arrays = [a.message for a in reports.take() if a.message is not None]
+                with self._changed:
+                    if status is not None:
+                        self.status = status.message
+                        self.statuses += 1
+                    for array in arrays:
+                        self._add(array)
+                    self._changed.notify_all()
+        finally:
+            await bus.close()
+
+    def _add(self, array: DiagnosticArray) -> None:
+        self.reports.update({status.name.removeprefix("lifeline: "): status for status in array.status})
+
+    def until(self, condition: Callable[["Watch"], bool], what: str, within_s: float = PATIENCE_S) -> None:
+        with self._changed:
+            if not self._changed.wait_for(lambda: condition(self), within_s):
+                raise AssertionError(f"not seen within {within_s:g} s: {what}; {self.status}; {self.reports}")
+
+    def report(self, name: str, part: str) -> DiagnosticStatus:
+        """Wait until a report contains a text, and return it."""
+        self.until(lambda w: name in w.reports and part in w.reports[name].message, f"{part!r} in {name}")
+        return self.reports[name]
+
+    def close(self) -> None:
+        self._end()
+        self._thread.join(5.0)
+
+
+class Stack:
+    """The supervisor, the ROS 2 process, an observer and a watch; the caller starts the robot."""
+
+    def __init__(self, host: Host, folder: Path, ros2: str = "") -> None:
+        self.host = host
+        self.endpoint = free_endpoint()
+        self.config = folder / "robot.toml"
+        self.config.write_text(
+            CONFIGURATION.format(endpoint=self.endpoint, folder=folder, domain=host.domain, ros2=ros2)
+        )
+        self._variables = {"LIFELINE_STATE_DIR": str(folder / "state")}
+        (folder / "state").mkdir()
+        self.observer = host.start("observer").ready()
+        self.supervisor = self.start_supervisor()
+        self.bridge = self.start_bridge()
+        self.watch = Watch(self.endpoint)
+
+    def start_supervisor(self) -> Peer:
+        command = [sys.executable, "-m", "supervisor", "--config", str(self.config)]
+        self.supervisor = self.host.run("supervisor", command, {**self.host.variables, **self._variables})
+        return self.supervisor
+
+    def start_bridge(self) -> Peer:
+        command = [str(ROS_PYTHON), "-m", "ros2", "--config", str(self.config)]
+        self.bridge = self.host.run("ros2", command, self.host.variables)
+        return self.bridge
+
+    def source(self, *options: str, name: str = "source", topic: str = TOPIC) -> Peer:
+        return self.host.start("source", "--name", name, "--topic", topic, *options).ready()
+
+    def armed(self, source: str = SOURCE) -> None:
+        """Wait until a source is armed and neutral, by a status that was sent from now on."""
+        before = self.watch.statuses
+
+        def is_armed(watch: Watch) -> bool:
+            status = watch.status
+            return (
+                watch.statuses > before + 1  # one may be on its way
+                and status is not None
+                and any(s.name == source and s.armed and s.neutral for s in status.sources)
+            )
+
+        self.watch.until(is_armed, f"{source} armed")
+
+    def drive(self, source: Peer, speed_m_s: float = SPEED_M_S, name: str = SOURCE) -> None:
+        """Have a source command zero, and then a speed, until the robot has it."""
+        source.tell(v=0.0)
+        self.armed(name)
+        seen = len(self.observer.lines)
+        source.tell(v=speed_m_s)
+        self.observer.until(
+            lambda line: line.get("topic") == "odom" and abs(line["v"] - speed_m_s) < 0.02,
+            f"{speed_m_s} m/s",
+            after=seen,
+        )
+
+    def zero_after(self, from_ns: int, within_s: float = 2.0) -> float:
+        """Return when zero was first on cmd_vel after a time [ms], from which on only zeros follow for ten messages."""
+        zeros = 0
+        first: Line = {}
+
+        def ten_zeros(line: Line) -> bool:
+            nonlocal zeros, first
+            if line.get("topic") != "cmd_vel" or line["at_ns"] < from_ns:
+                return False
+            if line["v"] or line["w"]:
+                zeros = 0
+                return False
+            first = line if zeros == 0 else first
+            zeros += 1
+            return zeros == 10
+
+        self.observer.until(ten_zeros, "zero on cmd_vel", within_s=within_s)
+        return (first["at_ns"] - from_ns) / 1e6
+
+    def rest_after(self, from_ns: int, within_s: float = 5.0) -> float:
+        """Return when the robot stood after a time [ms]."""
+        rest = self.observer.until(
+            lambda line: line.get("topic") == "odom" and line["at_ns"] > from_ns and abs(line["v"]) < 0.005,
+            "standstill",
+            within_s=within_s,
+        )
+        return (rest["at_ns"] - from_ns) / 1e6
+
+    def stays_at_rest(self, messages: int = 50) -> None:
+        """Check that the next commands on cmd_vel are all zero."""
+        from_ns, count = time.monotonic_ns(), 0
+
+        def enough(line: Line) -> bool:
+            nonlocal count
+            count += line.get("topic") == "cmd_vel" and line["at_ns"] > from_ns
+            return count >= messages
+
+        self.observer.until(enough, f"{messages} messages on cmd_vel")
+        moving = [line for line in self.observer.of("cmd_vel", from_ns=from_ns) if line["v"] or line["w"]]
+        assert not moving, moving[:3]
+
+    def close(self) -> None:
+        self.watch.close()
+
+
+def send(peer: Peer, number: signal.Signals) -> int:
+    """Send a signal, and return the time just before [ns]."""
+    at_ns = time.monotonic_ns()
+    peer.process.send_signal(number)
+    return at_ns
