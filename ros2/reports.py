@@ -9,7 +9,7 @@ from ros2.presence import Programs
 
 
 def source_report(
-    section: RosSourceSection, programs: Programs, accepted: int, refused: int, problem: str | None
+    section: RosSourceSection, programs: Programs, accepted: int, refused: int, problem: str | None = None
 ) -> Report:
     """Return the report of a command source.
 
@@ -66,7 +66,7 @@ def sensor_report(
     *,
     writers: int,
     arrived: int,
-    problem: str | None,
+    problem: str | None = None,
 ) -> Report:
     """Return the report of a sensor's topic.
 
