@@ -33,8 +33,8 @@ TYPE_HASHES = {
 """The hashes of the types that Lifeline uses, as ROS 2 Jazzy defines them (REP 2016)."""
 
 RELIABLE, BEST_EFFORT, VOLATILE = "1", "2", "2"
-MAX_TOKEN = 1024
-"""No ROS name is so long that a token is longer."""
+MAX_NAME = 255
+"""Maximum length of a name in ROS 2."""
 
 
 class Kind(StrEnum):
@@ -142,15 +142,15 @@ def endpoint_token(
 def announced_by(token: str) -> Announced | None:
     """Return the publisher or subscription of a token; None if it announces something else, or is not one."""
     parts = token.split("/")
-    if len(parts) != 13 or len(token) > MAX_TOKEN or parts[0] != ADMIN_SPACE:
+    if len(parts) != 13 or parts[0] != ADMIN_SPACE:
         return None
     kind, _, namespace, node, topic, type_name, type_hash, qos = parts[5:]
     if kind not in {Kind.PUBLISHER, Kind.SUBSCRIPTION}:
         return None
-    name = f"{_named(namespace).rstrip('/')}/{node}"
+    name = _shown(f"{_named(namespace).rstrip('/')}/{node}")
     # Durability matters to DDS only: Zenoh connects endpoints of any QoS.
     is_reliable = qos.partition(":")[0] != BEST_EFFORT
-    endpoint = Endpoint(name, _ros_type(_named(type_name)), gid_of(token), is_reliable)
+    endpoint = Endpoint(name, _shown(_ros_type(_named(type_name))), gid_of(token), is_reliable)
     return Announced(Kind(kind), _named(topic), type_hash, endpoint)
 
 
@@ -167,6 +167,11 @@ def with_hash(announced: Announced) -> Endpoint:
 def gid_of(token: str) -> bytes:
     """Return the identity of the endpoint that a token announces (16 bytes): the one in its attachments."""
     return xxh3_128(token.encode())
+
+
+def _shown(name: str) -> str:
+    """Return a name from the network for a report: at most as long as ROS names are, and printable."""
+    return "".join(c if c.isprintable() else "?" for c in name[:MAX_NAME])
 
 
 def _mangled(name: str) -> str:

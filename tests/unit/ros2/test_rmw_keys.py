@@ -8,6 +8,7 @@ from rosbags.interfaces.typing import FieldDesc
 from rosbags.typesys import Stores, get_typestore
 
 from ros2 import ros
+from ros2.endpoints import wrong_types
 from ros2.rmw_keys import (
     ANY_HASH,
     TRIGGER,
@@ -21,6 +22,7 @@ from ros2.rmw_keys import (
     is_of,
     node_token,
     tokens_on,
+    with_hash,
 )
 
 SESSION = "3c0cd9de34e45f7341800863af673f2"
@@ -122,11 +124,36 @@ def test_any_other_text_announces_nothing(text: str) -> None:
         FOREIGN.replace("/MP/", "/SS/"),
         FOREIGN.replace("@ros2_lv", "@ros3_lv"),
         f"{FOREIGN}/more",
-        FOREIGN.replace("driver", "d" * 1024),
     ],
 )
 def test_a_token_that_is_none_of_a_topic_announces_nothing(token: str) -> None:
     assert announced_by(token) is None
+
+
+def test_a_name_from_the_network_is_shown_printable_and_not_too_long() -> None:
+    announced = announced_by(FOREIGN.replace("/driver/", f"/a\x1b[2J\n{'d' * 300}/"))
+    assert announced is not None
+    assert announced.endpoint.node.startswith("/robot/arm/a?[2J?ddd")
+    assert len(announced.endpoint.node) == 255
+
+
+def test_a_subscription_to_another_definition_of_a_type_is_shown_as_another_type() -> None:
+    token = endpoint_token(
+        7, SESSION, "/base", 1, Kind.SUBSCRIPTION, "/cmd_vel", ros.TWIST, "TypeHashNotSupported"
+    )
+    humble = announced_by(token)
+    assert humble is not None
+    shown = with_hash(humble)
+    assert shown.type_name == "geometry_msgs/msg/Twist of another ROS 2 release (TypeHashNotSupported)"
+    sentence = wrong_types("/cmd_vel", ros.TWIST, [shown], "stamped")
+    assert sentence is not None
+    assert "/base uses geometry_msgs/msg/Twist of another ROS 2 release" in sentence
+    jazzy = announced_by(token.replace("TypeHashNotSupported", TYPE_HASHES[ros.TWIST]))
+    assert jazzy is not None
+    assert with_hash(jazzy) == jazzy.endpoint
+    unknown = announced_by(token.replace("Twist_", "Wrench_"))
+    assert unknown is not None
+    assert with_hash(unknown) == unknown.endpoint
 
 
 @pytest.mark.parametrize("name", [name for name in TYPE_HASHES if "/msg/" in name])
