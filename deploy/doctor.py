@@ -23,8 +23,10 @@ from deploy.stack import supervisord
 from deploy.stack.errors import DeployError
 from deploy.stack.formatting import printable
 from deploy.stack.launch import Launch, check_endpoint_is_free
+from deploy.stack.observe import DEPTH
 from deploy.stack.reach import NotRunningError, reach
 from deploy.stack.robot_file import read_robot
+from deploy.stack.ros2_reports import reports_of
 from deploy.stack.statedir import StateDir
 from supervisor.config import SupervisorSection
 from supervisor.estop_files import is_recorded
@@ -85,8 +87,10 @@ def _at_rest(launch: Launch, state: StateDir) -> Observed:
     )
     try:
         document = read_toml(launch.config)
-        seen.has_sim = "sim" in document
+        seen.has_sim = topics.SIM in document
         seen.config = read_robot(document, simulated=False)[SupervisorSection]
+        seen.has_ros2 = topics.ROS2 in document
+        seen.ros2_problem = _ros2_problem(launch) if seen.has_ros2 else ""
     except ConfigError as error:
         seen.config_problem = str(error)
     if state.path.exists() and not os.access(state.path, os.W_OK | os.X_OK):
@@ -94,6 +98,17 @@ def _at_rest(launch: Launch, state: StateDir) -> Observed:
     seen.is_stale = state.record.exists() and supervisord.programs(state) is None
     seen.is_estop_recorded = is_recorded(state.path, launch.bus.namespace)
     return seen
+
+
+def _ros2_problem(launch: Launch) -> str:
+    """Return why the ROS 2 process cannot be started on this machine; empty if it can."""
+    from deploy.stack.ros2_program import interpreter  # noqa: PLC0415 - not without [ros2]
+
+    try:
+        interpreter(launch.config)
+    except DeployError as error:
+        return str(error)
+    return ""
 
 
 def _version(package: str) -> str | None:
@@ -119,10 +134,14 @@ async def _listen(seen: Observed, robot: Robot, seconds: float) -> None:
     """Observe a running robot."""
     seen.is_connected, seen.known = True, robot.known
     statuses = robot.bus.subscribe(topics.STATUS)
+    diagnostics = robot.bus.subscribe(topics.DIAGNOSTICS, depth=DEPTH)
     scans, odometry = robot.bus.subscribe(topics.SCAN), robot.bus.subscribe(topics.ODOM)
     seen.traffic = await robot.traffic(seconds)
     if (status := statuses.latest()) is not None:
         seen.status = status.message
+    for array in diagnostics.take():
+        if array.message is not None:
+            seen.ros2_reports = reports_of(array.message) or seen.ros2_reports
     for topic, newest in ((topics.SCAN, scans.latest()), (topics.ODOM, odometry.latest())):
         if newest is not None and newest.message is not None:
             stamp = newest.message.header.stamp

@@ -11,11 +11,12 @@ from rich.table import Table
 from rich.text import Text
 
 from deploy.estop import RESET, latched_sentence
-from deploy.stack import supervisord
+from deploy.stack import ros2_reports, supervisord
 from deploy.stack.errors import EXIT_NOT_RUNNING
 from deploy.stack.formatting import COLOURS, mode_name, nearest, number, printable, speed
 from deploy.stack.launch import SIMULATED, Launch
 from deploy.stack.observe import observing
+from deploy.stack.ros2_reports import Report
 from deploy.stack.statedir import StateDir
 from wire import topics
 from wire.messages import Odometry, SafetyStatus, Twist
@@ -23,6 +24,8 @@ from wire.messages import Odometry, SafetyStatus, Twist
 CONNECT_LIMIT_S = 1.0
 LISTEN_LIMIT_S = 1.0
 """Status and odometry arrive at least ten times in this period."""
+ROS2_LIMIT_S = 1.5
+"""The ROS 2 process reports once a second."""
 
 EXIT_PARTLY = 1
 
@@ -44,6 +47,8 @@ class Look:
     """The message that a robot started now has its e-stop latched; None if it is not latched."""
     needed: tuple[str, ...] = SIMULATED
     """The nodes without which the robot does not run."""
+    ros2: tuple[Report, ...] = ()
+    """The reports of the ROS 2 process; empty without one."""
 
     @property
     def nodes(self) -> tuple[str, ...]:
@@ -81,11 +86,14 @@ class Look:
             "warning": status.warning if status else None,
             "alarm": status.alarm if status else None,
             "estop_record_problem": status.estop_record_problem if status else None,
+            "rmw_zenoh_nodes": status.rmw_zenoh_nodes if status else None,
             "linear_m_s": number(twist.linear.x if twist else None),
             "angular_rad_s": number(twist.angular.z if twist else None),
             "nearest_m": number(status.nearest_m if status else None),
             "nearest_bearing_rad": number(status.nearest_bearing_rad if status else None),
         }
+        if self.ros2:
+            document["ros2"] = [report.to_json() for report in self.ros2]
         return json.dumps(document, indent=2)
 
 
@@ -101,6 +109,7 @@ def show_status(state: StateDir, launch: Launch, *, as_json: bool) -> int:
 
 async def _look(state: StateDir, launch: Launch) -> Look:
     programs = {p.name: p.state for p in supervisord.programs(state) or ()}
+    with_ros2 = topics.ROS2 in launch.nodes
     try:
         async with observing(launch.bus, CONNECT_LIMIT_S) as observer:
             await observer.until(
@@ -108,8 +117,9 @@ async def _look(state: StateDir, launch: Launch) -> Look:
                     robot.status is not None
                     and robot.odometry is not None
                     and robot.alive.issuperset(launch.nodes)
+                    and (bool(robot.ros2) or not with_ros2)
                 ),
-                LISTEN_LIMIT_S,
+                ROS2_LIMIT_S if with_ros2 else LISTEN_LIMIT_S,
             )
             return Look(
                 endpoint=launch.bus.endpoint,
@@ -119,6 +129,7 @@ async def _look(state: StateDir, launch: Launch) -> Look:
                 status=observer.status,
                 odometry=observer.odometry,
                 needed=launch.nodes,
+                ros2=observer.ros2,
             )
     except TimeoutError:
         return Look(
@@ -157,8 +168,16 @@ def table(look: Look) -> Table | Text:
             table.add_row("e-stop", f"latched until reset, even after a restart: {RESET}")
         if status.estop_record_problem:
             table.add_row("e-stop record", Text(status.estop_record_problem, style="bold red"))
+        if status.rmw_zenoh_nodes:
+            nodes = ", ".join(status.rmw_zenoh_nodes)
+            table.add_row(
+                "not read", Text(printable(f"{nodes}: they use the keys of rmw_zenoh"), style="yellow")
+            )
         table.add_row("speed", speed(look.twist) if look.twist else "unknown: no odometry")
         table.add_row("nearest", nearest(status.nearest_m, status.nearest_bearing_rad, " from the hull"))
+    for report in look.ros2:
+        if report.name != ros2_reports.SUPERVISOR:
+            table.add_row(Text(report.name), Text(report.message, style=ros2_reports.COLOURS[report.level]))
     return table
 
 

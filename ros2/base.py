@@ -4,6 +4,8 @@ A ROS 2 base keeps its last command for its own timeout, or for ever. The watchd
 base has: without a fresh command of a live supervisor, it commands zero, 50 times a second.
 """
 
+import math
+
 from ros2 import cdr
 from wire.freshness import Sent
 from wire.stamp import parse_stamp
@@ -41,7 +43,8 @@ class Base:
         """Process a command of the supervisor, and have it published at once."""
         if arrival_s < self._changed_s:
             return
-        velocity = cdr.planar_of(payload) or cdr.Planar(float("nan"), float("nan"))
+        twist = cdr.twist_of(payload, stamped=False)
+        velocity = (None if twist is None else cdr.planar_of(twist)) or cdr.Planar(math.nan, math.nan)
         stamp = parse_stamp(attachment)
         sent: Sent | None = None if stamp is None else stamp.sent()
         self._watchdog.command(arrival_s, velocity.linear_m_s, velocity.angular_rad_s, sent)

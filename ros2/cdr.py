@@ -1,7 +1,8 @@
 """Where the values of some ROS 2 messages are in their CDR bytes, so that a message is passed on without a codec.
 
-A little-endian message begins with the encapsulation header `00 01 00 00`; all offsets are aligned from its end. Padding
-bytes may have any value, and may follow the message.
+A little-endian message begins with the encapsulation header `00 01`, and two bytes that may count the padding at its end
+(Cyclone DDS); all offsets are aligned from the end of the header. Padding bytes may have any value, and may follow the
+message.
 """
 
 import math
@@ -27,9 +28,14 @@ class Planar(NamedTuple):
 STANDSTILL = Planar(0.0, 0.0)
 
 
+def is_little_endian(payload: bytes) -> bool:
+    """Return whether a payload begins with the header of little-endian CDR."""
+    return len(payload) >= _HEADER and payload[:2] == LITTLE_ENDIAN[:2]
+
+
 def twist_of(payload: bytes, *, stamped: bool) -> bytes | None:
     """Return the payload of a `geometry_msgs/msg/Twist`, or of the Twist in a `TwistStamped`; None if it is neither."""
-    if payload[:_HEADER] != LITTLE_ENDIAN:
+    if not is_little_endian(payload):
         return None
     start = _HEADER
     if stamped:
@@ -60,7 +66,7 @@ def _aligned(offset: int, size: int) -> int:
 
 
 def planar_of(twist: bytes) -> Planar | None:
-    """Return the planar velocity of a Twist's payload; None if it is not finite, or if another component is not zero."""
+    """Return the planar velocity of a Twist from `twist_of`; None if it is not finite, or if another component is not zero."""
     if len(twist) != TWIST_BYTES:
         return None
     x, y, z, roll, pitch, yaw = _TWIST.unpack_from(twist, _HEADER)
@@ -75,7 +81,7 @@ def odometry_velocity(payload: bytes) -> Planar | None:
     The message ends with the twist and its covariance of 36 doubles.
     """
     end = len(payload) - 36 * 8
-    if payload[:_HEADER] != LITTLE_ENDIAN or end < TWIST_BYTES:
+    if not is_little_endian(payload) or end < TWIST_BYTES:
         return None
     x, *_, yaw = _TWIST.unpack_from(payload, end - _TWIST.size)
     return Planar(x, yaw) if math.isfinite(x) and math.isfinite(yaw) else None
@@ -102,7 +108,7 @@ def twist_stamped(velocity: Planar, time_ns: int, frame_id: str) -> bytes:
 
 def bool_of(payload: bytes) -> bool | None:
     """Return the value of a `std_msgs/msg/Bool`; None if it is not one."""
-    if payload[:_HEADER] != LITTLE_ENDIAN or not _HEADER < len(payload) <= _HEADER + 4:
+    if not is_little_endian(payload) or not _HEADER < len(payload) <= _HEADER + 4:
         return None
     return payload[_HEADER] != 0
 
@@ -110,7 +116,7 @@ def bool_of(payload: bytes) -> bool | None:
 def trigger_reply(payload: bytes) -> tuple[bool, str] | None:
     """Return `success` and `message` of a `std_srvs/srv/Trigger` response; None if it is not one."""
     at = _HEADER + 4
-    if payload[:_HEADER] != LITTLE_ENDIAN or len(payload) < at + 4:
+    if not is_little_endian(payload) or len(payload) < at + 4:
         return None
     (length,) = struct.unpack_from("<I", payload, at)
     text = payload[at + 4 : at + 4 + length]

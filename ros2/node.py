@@ -100,11 +100,12 @@ class RosNode:
         arrivals = itertools.count(1)
 
         def on_message(payload: bytes, info: dict[str, Any]) -> None:
-            arrival_s = time.monotonic()
+            arrival_ns = time.monotonic_ns()
+            age_ns = time.time_ns() - info["source_timestamp"]
             sequence, arrived = info["publication_sequence_number"], next(arrivals)
             if sequence is None or not 0 < sequence <= MAX_SEQUENCE:  # the middleware does not support it
                 sequence = arrived
-            heard(Sample(payload, arrival_s, info["source_timestamp"], sequence))
+            heard(Sample(payload, arrival_ns * 1e-9, arrival_ns - age_ns, sequence))
 
         self._node.create_subscription(
             TYPES[type_name],

@@ -54,6 +54,8 @@ class Presence:
         self._guard = Guard(self._on_death)
         self._dead: set[bytes] = set()
         """Publishers whose process has ended, although discovery still lists them."""
+        self._unheld: set[bytes] = set()
+        """Publishers whose `lifeline ros2 exec` is not heard."""
         self._own_gid = b""
         self._topics: list[Programs] = []
 
@@ -69,6 +71,7 @@ class Presence:
         for programs in self._topics:
             listed |= self.look_at(programs)
         self._dead &= listed
+        self._unheld &= listed
         self._guard.forget(listed - self._dead)
 
     def look_at(self, programs: Programs) -> set[bytes]:
@@ -92,7 +95,7 @@ class Presence:
 
     def without_dead(self, endpoints: list[Endpoint]) -> list[Endpoint]:
         """Return the endpoints whose process has not ended."""
-        return [endpoint for endpoint in endpoints if endpoint.gid not in self._dead]
+        return [endpoint for endpoint in endpoints if endpoint.gid not in self._dead | self._unheld]
 
     def others(self, topic: str) -> list[Endpoint]:
         """Return the publishers of a topic in other processes."""
@@ -103,10 +106,16 @@ class Presence:
         return self.without_dead([p for p in publishers if p.gid[:PREFIX_BYTES] != own])
 
     def wrapper(self, programs: Programs, *, alive: bool) -> None:
-        """Process the token of `lifeline ros2 exec`: if it goes, its program has ended."""
+        """Process the token of `lifeline ros2 exec`: if it goes, its program counts as ended until it returns.
+
+        A token that goes and returns is one whose link was cut, whose process was stopped, or whose supervisor restarted.
+        """
         programs.wrapped = alive
-        if not alive:
-            self._end(programs)
+        if alive:
+            self._unheld -= {publisher.gid for publisher in self._ros.publishers(programs.topic)}
+        else:
+            self._unheld |= {publisher.gid for publisher in programs.live}
+        self.look_at(programs)
 
     def _is_stopped(self, programs: Programs) -> bool:
         stopped = self._guard.stopped()
@@ -117,7 +126,3 @@ class Presence:
         for programs in self._topics:
             if any(publisher.gid == gid for publisher in programs.live):
                 self.look_at(programs)
-
-    def _end(self, programs: Programs) -> None:
-        self._dead.update(publisher.gid for publisher in programs.live)
-        self.look_at(programs)

@@ -65,7 +65,6 @@ def sensor_report(
     publishers: Sequence[Endpoint],
     *,
     writers: int,
-    arrived: int,
     problem: str | None = None,
 ) -> Report:
     """Return the report of a sensor's topic.
@@ -76,7 +75,6 @@ def sensor_report(
         type_name: the expected type.
         publishers: all publishers of the topic.
         writers: number of writers that were heard lately.
-        arrived: number of messages since the last report.
         problem: why messages of the topic were refused lately; None if none was.
     """
     problems = _wrong(wrong_types(topic, type_name, publishers, ""), problem)
@@ -84,7 +82,7 @@ def sensor_report(
         problems.append(f"no node publishes on {topic}: start the driver, or correct the topic in [ros2]")
     elif writers > 1:
         problems.append(f"{writers} writers publish on {topic} ({names(publishers)}): end all but one")
-    elif not problems and not arrived:
+    elif not problems and not writers:
         problems.append(f"{names(publishers)} publishes nothing on {topic}")
     return _report(name, problems, f"{names(publishers)} on {topic}", [("topic", f"{topic} ({type_name})")])
 

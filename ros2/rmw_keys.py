@@ -16,6 +16,7 @@ from typing import NamedTuple
 from ros2 import ros
 from ros2.endpoints import Endpoint
 from ros2.xxh3 import xxh3_128
+from wire.stamp import Stamp, parse_stamp
 
 ADMIN_SPACE = "@ros2_lv"
 TRIGGER = "std_srvs/srv/Trigger"
@@ -33,6 +34,8 @@ TYPE_HASHES = {
 """The hashes of the types that Lifeline uses, as ROS 2 Jazzy defines them (REP 2016)."""
 
 RELIABLE, BEST_EFFORT, VOLATILE = "1", "2", "2"
+MAX_TIME_NS = 1 << 62
+"""In the year 2116; a later time could not be passed on."""
 MAX_NAME = 255
 """Maximum length of a name in ROS 2."""
 
@@ -162,6 +165,14 @@ def with_hash(announced: Announced) -> Endpoint:
     return endpoint._replace(
         type_name=f"{endpoint.type_name} of another ROS 2 release ({announced.type_hash})"
     )
+
+
+def stamp_of(attachment: bytes | None) -> Stamp | None:
+    """Return the stamp of a message, with its writer's wall clock; None if it has none, or none that is possible."""
+    stamp = parse_stamp(attachment)
+    if stamp is None or stamp.sequence < 0 or not 0 < stamp.source_time_ns < MAX_TIME_NS:
+        return None
+    return stamp
 
 
 def gid_of(token: str) -> bytes:

@@ -29,6 +29,7 @@ from ros2.rmw_keys import (
     gid_of,
     is_of,
     node_token,
+    stamp_of,
     tokens_on,
     with_hash,
 )
@@ -207,9 +208,10 @@ class RmwZenoh:
         self, topic: str, overheard: Overheard, heard: Callable[[Sample], None], *, needs_stamp: bool
     ) -> None:
         payload, arrival_s = overheard.payload, overheard.arrival_s
-        stamp = parse_stamp(overheard.attachment)
+        stamp = stamp_of(overheard.attachment)
         if stamp is not None:
-            heard(Sample(payload, arrival_s, stamp.source_time_ns, stamp.sequence, stamp.gid))
+            source_time_ns = time.monotonic_ns() - (time.time_ns() - stamp.source_time_ns)
+            heard(Sample(payload, arrival_s, source_time_ns, stamp.sequence, stamp.gid))
             return
         if not needs_stamp:
             heard(Sample(payload, arrival_s, 0, 0))

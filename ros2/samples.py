@@ -23,7 +23,11 @@ class Sample(NamedTuple):
     arrival_s: float
     """By the local monotonic clock."""
     source_time_ns: int
-    """When it was published, by the writer's wall clock."""
+    """When it was published, by a clock with a constant difference to the local monotonic one.
+
+    ROS stamps it with the writer's wall clock. The node subtracts its age by the local wall clock from the arrival time, so
+    that a step of a clock that both share has no effect.
+    """
     sequence: int
     """Number of the message in the run of its writer."""
     gid: bytes | None = None

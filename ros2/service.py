@@ -65,9 +65,6 @@ class _Sensor:
     topic: str
     type_name: str
     writers: Writers
-    messages: int = 0
-    reported: int = 0
-    """Number of messages at the last report."""
 
 
 class Ros2Service:
@@ -144,7 +141,6 @@ class Ros2Service:
 
         def on_message(sample: Sample) -> None:
             """Pass a message on; called on the node's thread."""
-            sensor.messages += 1
             gid = sensor.writers.gid_of(sample)
             out.put_bytes(sample.payload, Stamp(sample.sequence, sample.source_time_ns, gid).pack())
 
@@ -352,14 +348,12 @@ class Ros2Service:
         self._diagnostics_out.put_bytes(array)
 
     def _sensor_report(self, sensor: _Sensor, now_s: float) -> Report:
-        arrived, sensor.reported = sensor.messages - sensor.reported, sensor.messages
         return sensor_report(
             sensor.name,
             sensor.topic,
             sensor.type_name,
             self._node.publishers(sensor.topic),
             writers=sensor.writers.active(now_s, REPORT_PERIOD_S),
-            arrived=arrived,
             problem=self._node.problem(sensor.topic),
         )
 

@@ -54,8 +54,10 @@ class Source:
         self._program = b""
         self._held = NEUTRAL
         self._held_until_s = -math.inf
+        self._released = True
+        """With `hold_s`: whether the program has been neutral or silent since it was last interrupted."""
         self._next_s = math.inf
-        self._quiet_from_s = math.inf
+        self._true_at_s = -math.inf
         self.present = False
         """Whether exactly one live program publishes."""
         self.accepted = 0
@@ -67,65 +69,69 @@ class Source:
         Args:
             program: its DDS identity, or any other.
             now_s: the present time.
-
-        A held key of a program that starts, or that returns from a stop, must first be released: until the program has
-        been silent for `hold_s`, no neutral is sent for it. Without this, a program that streams its commands would
-        start to move the robot by itself.
         """
         self.present = True
         if program != self._program:
             self._program = program
             self._writers.forget()
-        self._held, self._held_until_s = NEUTRAL, -math.inf
-        if self._hold_s is not None:
-            self._quiet_from_s = now_s + self._hold_s
-            self._next_s = self._quiet_from_s
+        self._wait_for_release(now_s)
 
     def leave(self) -> None:
         """Stop to serve: no program publishes, or more than one."""
         self.present = False
-        self._next_s = self._quiet_from_s = math.inf
+        self._next_s = math.inf
 
     def heard(self, sample: Sample) -> list[Command]:
         """Return the commands that follow from a message."""
         gid = self._writers.gid_of(sample)
-        if not self.present:
+        commands = self._commands(sample, gid) if self.present else []
+        if commands:
+            self.accepted += 1
+        else:
             self.refused += 1
-            return []
+        return commands
+
+    def _commands(self, sample: Sample, gid: bytes) -> list[Command]:
         twist = cdr.twist_of(sample.payload, stamped=self._stamped) or b""
         sent = Sent(gid, sample.sequence, sample.source_time_ns * 1e-9)
         if not self._adapts:
-            self.accepted += 1
             return [Command(twist, sample.arrival_s, sent)]
         self._track, verdict, on_way_s = judge(self._track, sent, sample.arrival_s, self._timeout_s)
         if verdict is not Verdict.FRESH:
-            self.refused += 1
-            if self._hold_s is not None:
-                self._not_yet_quiet(sample.arrival_s)
+            # A message that was on its way for so long shows that the program was not silent meanwhile.
+            if not self._released or on_way_s > self._timeout_s:
+                self._wait_for_release(sample.arrival_s)
             return []
-        self.accepted += 1
-        if self._hold_s is None:
-            return [Command(twist, sample.arrival_s - on_way_s)]
-        return self._hold(twist, sample.arrival_s, on_way_s)
+        if self._hold_s is not None and not self._hold(twist, sample.arrival_s, on_way_s, self._hold_s):
+            return []
+        return self._adapted(twist, sample.arrival_s - on_way_s)
 
-    def _hold(self, twist: bytes, arrival_s: float, on_way_s: float) -> list[Command]:
-        assert self._hold_s is not None
-        is_neutral = cdr.planar_of(twist) == cdr.STANDSTILL
-        if not is_neutral and arrival_s < self._quiet_from_s:
-            self._not_yet_quiet(arrival_s)
-        if cdr.planar_of(twist) is None:  # refused once as invalid, and never repeated
-            self._held, self._held_until_s = NEUTRAL, -math.inf
-            return [Command(twist, arrival_s - on_way_s)]
+    def _hold(self, twist: bytes, arrival_s: float, on_way_s: float, hold_s: float) -> bool:
+        """Hold a command from now on; return whether it passes itself."""
+        velocity = cdr.planar_of(twist)
+        if velocity is None:  # refused once as invalid, and never repeated
+            self._wait_for_release(arrival_s)
+            return True
+        if velocity == cdr.STANDSTILL:
+            self._released = True
+        if not self._released:
+            self._wait_for_release(arrival_s)
+            return False
         self._held = twist
-        self._held_until_s = arrival_s - on_way_s + self._hold_s
+        self._held_until_s = arrival_s - on_way_s + hold_s
         self._next_s = arrival_s + PERIOD_S
-        return [Command(twist, arrival_s - on_way_s)]
+        return True
 
-    def _not_yet_quiet(self, arrival_s: float) -> None:
-        """Restart the wait for silence, if it is not over."""
-        assert self._hold_s is not None
-        if arrival_s < self._quiet_from_s:
-            self._quiet_from_s = arrival_s + self._hold_s
+    def _wait_for_release(self, now_s: float) -> None:
+        """With `hold_s`: pass nothing until the program sends zero, or has been silent for `hold_s` from now on.
+
+        A held key of a program that starts, that returns from a stop, or whose messages were delayed must first be
+        released. Without this, a program that streams its commands would start to move the robot by itself.
+        """
+        self._held, self._held_until_s = NEUTRAL, -math.inf
+        if self._hold_s is not None:
+            self._released = False
+            self._next_s = now_s + self._hold_s
 
     def due_s(self) -> float:
         """Return when `repeat` must be called next; infinite if it need not."""
@@ -133,13 +139,24 @@ class Source:
 
     def repeat(self, now_s: float) -> list[Command]:
         """Return the repeated command that is due: the held one, or neutral once it is no longer held."""
-        if now_s < self._next_s:
+        if self._hold_s is None or now_s < self._next_s:
             return []
+        if now_s - self._next_s > min(self._hold_s, self._timeout_s):
+            # This process was stopped, so it does not know whether the program was silent.
+            self._wait_for_release(now_s)
+            return []
+        self._released = True
         self._next_s = max(self._next_s + PERIOD_S, now_s)
-        if now_s < self._held_until_s:
-            return [Command(self._held, now_s)]
-        return [Command(NEUTRAL, now_s)] if now_s >= self._quiet_from_s else []
+        return self._adapted(self._held if now_s < self._held_until_s else NEUTRAL, now_s)
 
     def arm(self, now_s: float) -> list[Command]:
         """Return the neutral command of a person's request; empty if no program publishes."""
-        return [Command(NEUTRAL, now_s)] if self.present else []
+        if not self.present:
+            return []
+        self._released = True
+        return self._adapted(NEUTRAL, now_s)
+
+    def _adapted(self, twist: bytes, true_at_s: float) -> list[Command]:
+        """Return a command with a time that never decreases: a decrease would look like a step of this clock."""
+        self._true_at_s = max(self._true_at_s, true_at_s)
+        return [Command(twist, self._true_at_s)]

@@ -7,7 +7,7 @@ the reader with rosbags.
 import struct
 from typing import NamedTuple
 
-from ros2.cdr import LITTLE_ENDIAN, Planar
+from ros2.cdr import LITTLE_ENDIAN, Planar, is_little_endian
 from wire.message_types import SafetyStatus
 
 MODES = {
@@ -41,7 +41,7 @@ class _Reader:
     """
 
     def __init__(self, payload: bytes) -> None:
-        if payload[: len(LITTLE_ENDIAN)] != LITTLE_ENDIAN:
+        if not is_little_endian(payload):
             raise ValueError("not little-endian CDR")
         self._body = payload[len(LITTLE_ENDIAN) :]
         self._at = 0

@@ -1,6 +1,7 @@
 """Convert wire messages to the law's inputs, and decisions to wire messages. No decision is made here."""
 
 import math
+from collections.abc import Sequence
 
 from supervisor.model import Command, Decision, LaserScan, Odometry, Source, Velocity
 from wire import messages as ros
@@ -82,7 +83,9 @@ def to_twist(velocity: Velocity) -> ros.Twist:
     return ros.planar_twist(velocity.linear_m_s, velocity.angular_rad_s)
 
 
-def to_status(decision: Decision, now_s: float, estop_record_problem: str = "") -> ros.SafetyStatus:
+def to_status(
+    decision: Decision, now_s: float, estop_record_problem: str = "", rmw_zenoh_nodes: Sequence[str] = ()
+) -> ros.SafetyStatus:
     return ros.SafetyStatus(
         header=ros.header("base_link"),
         mode=int(decision.mode),
@@ -105,6 +108,7 @@ def to_status(decision: Decision, now_s: float, estop_record_problem: str = "") 
         latched=[reason.value for reason in decision.latched],
         detail=decision.detail,
         estop_record_problem=estop_record_problem,
+        rmw_zenoh_nodes=list(rmw_zenoh_nodes),
     )
 
 

@@ -17,6 +17,7 @@ from supervisor.model import Decision, Inputs, LaserScan, Liveliness, Mode, Repl
 from supervisor.safety import initial_state, runs_out_s, step
 from wire import topics
 from wire.bus import Bus, woken_by
+from wire.foreign_nodes import ForeignNodes
 from wire.messages import TriggerResponse, zero_twist
 from wire.suspend import never_suspended
 
@@ -86,6 +87,8 @@ class SupervisorService:
         self._estops = bus.subscribe(topics.ESTOP, depth=ESTOP_DEPTH, wake=self._wake)
         self._alive = bus.watch_alive(self._wake)
         self._sources = bus.hear_sources()  # read at the next step: an unknown source cannot move the robot
+        self._foreign_tokens = bus.watch_foreign_nodes()  # read at each status: it concerns the display only
+        self._foreign_nodes = ForeignNodes()
         self._cmd_vel = bus.publisher(topics.CMD_VEL)
         self._status = bus.publisher(topics.STATUS)
         bus.serve(topics.SUPERVISOR_RESET, self._on_reset)
@@ -204,7 +207,9 @@ class SupervisorService:
         self._next_status_s = (
             due_s + self._status_s if due_s > now_s - self._tick_s else now_s + self._status_s
         )
-        self._status.put(to_status(decision, now_s, record.problem))
+        for change in self._foreign_tokens.take():
+            self._foreign_nodes.change(change.node, alive=change.alive)
+        self._status.put(to_status(decision, now_s, record.problem, self._foreign_nodes.names()))
 
     async def _on_reset(self, _: str) -> TriggerResponse:
         waiting: asyncio.Future[Reply] = self._loop.create_future()

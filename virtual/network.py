@@ -30,7 +30,7 @@ from wire.bus import (
     ServiceHandler,
     Subscription,
 )
-from wire.inbox import SOURCES_DEPTH
+from wire.inbox import FOREIGN_DEPTH, SOURCES_DEPTH
 from wire.messages import M, TriggerResponse, encode
 from wire.stamp import Stamp, Stamper
 from wire.topics import Service, Topic
@@ -239,6 +239,8 @@ class VirtualBus:
         self._watchers: list[Inbox[LivelinessChange]] = []
         self._ears: list[Inbox[str]] = []
         self._sees: Counter[str] = Counter()
+        self.foreign_nodes: Inbox[LivelinessChange] | None = None
+        """Tokens of rmw_zenoh; the network has none of its own. None: nobody watches them."""
 
     @property
     def is_hub(self) -> bool:
@@ -289,6 +291,10 @@ class VirtualBus:
         for node in self.alive:
             watcher.push(LivelinessChange(node, alive=True, arrival_s=now_s))
         return watcher
+
+    def watch_foreign_nodes(self) -> Inbox[LivelinessChange]:
+        self.foreign_nodes = Inbox(FOREIGN_DEPTH, None)
+        return self.foreign_nodes
 
     def serve(self, service: Service, handler: ServiceHandler) -> None:
         self.services[service.key] = handler

@@ -201,6 +201,10 @@ class Bus(Protocol):
         """Return an inbox for all changes of the nodes' tokens; existing tokens are reported first."""
         ...
 
+    def watch_foreign_nodes(self) -> Inbox[LivelinessChange]:
+        """Return an inbox for the tokens (their full keys) of nodes that use the keys of rmw_zenoh."""
+        ...
+
     def serve(self, service: Service, handler: ServiceHandler) -> None:
         """Answer a service's queries with the handler's responses; the handler runs in this event loop."""
         ...

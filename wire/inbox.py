@@ -9,6 +9,8 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 from wire.newest import Kept, Newest
 
 SOURCES_DEPTH = 64
+FOREIGN_DEPTH = 1024
+"""Changes of foreign nodes' tokens kept between two statuses; a large ROS 2 system starts with hundreds."""
 """Maximum number of command source names kept between two takes."""
 
 

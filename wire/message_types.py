@@ -86,6 +86,7 @@ class SafetyStatus:
     latched: list[str] = field(default_factory=list[str])
     detail: str = ""
     estop_record_problem: str = ""
+    rmw_zenoh_nodes: list[str] = field(default_factory=list[str])
     __msgtype__: ClassVar[str] = "lifeline_msgs/msg/SafetyStatus"
 
     def causes_and_latched(self) -> tuple[list[str], list[str]]:

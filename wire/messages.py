@@ -102,17 +102,17 @@ def _definitions() -> Typesdict:
     return definitions
 
 
-APPENDED_FROM = {SafetyStatus.__msgtype__: "causes"}
-"""By type, the first field that was appended after the first recordings; a message without these fields still decodes."""
+APPENDED_FROM = {SafetyStatus.__msgtype__: ("causes", "rmw_zenoh_nodes")}
+"""By type, the first field of each group that was appended to it, the oldest group first.
+
+A message from before a group was appended still decodes.
+"""
 
 
-def _before_growth(definitions: Typesdict) -> Typesdict:
-    """Return the definitions of the types before fields were appended."""
-    before = dict(definitions)
-    for name, first in APPENDED_FROM.items():
-        constants, fields = definitions[name]
-        before[name] = constants, fields[: [field for field, _ in fields].index(first)]
-    return before
+def _before(definitions: Typesdict, name: str, first: str) -> Typesdict:
+    """Return the definitions as they were before this field of a type was appended."""
+    constants, fields = definitions[name]
+    return {**definitions, name: (constants, fields[: [field for field, _ in fields].index(first)])}
 
 
 def _typestore(definitions: Typesdict) -> Typestore:
@@ -125,8 +125,13 @@ def _typestore(definitions: Typesdict) -> Typestore:
     return store
 
 
-_store = _typestore(_definitions())
-_old_store = _typestore(_before_growth(_definitions()))
+_present = _definitions()
+_store = _typestore(_present)
+_older_stores = {
+    name: [_typestore(_before(_present, name, first)) for first in reversed(firsts)]
+    for name, firsts in APPENDED_FROM.items()
+}
+"""By type, a type store for each of its earlier forms, the newest first."""
 
 
 def encode(message: Message) -> bytes:
@@ -145,9 +150,9 @@ def decode(payload: bytes, message_type: type[M]) -> M:
     try:
         return cast("M", _store.deserialize_cdr(payload, message_type.__msgtype__))
     except Exception as error:  # generated code may raise any exception on invalid bytes
-        if message_type.__msgtype__ in APPENDED_FROM:
+        for store in _older_stores.get(message_type.__msgtype__, ()):
             with suppress(Exception):
-                return cast("M", _old_store.deserialize_cdr(payload, message_type.__msgtype__))
+                return cast("M", store.deserialize_cdr(payload, message_type.__msgtype__))
         raise UndecodableError(str(error)) from error
 
 

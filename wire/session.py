@@ -21,7 +21,16 @@ from typing import Any, Literal, TypeVar
 import zenoh
 
 from wire import topics
-from wire.inbox import SOURCES_DEPTH, BusError, Inbox, LivelinessChange, NoReplyError, Overheard
+from wire.foreign_nodes import NODE_TOKENS
+from wire.inbox import (
+    FOREIGN_DEPTH,
+    SOURCES_DEPTH,
+    BusError,
+    Inbox,
+    LivelinessChange,
+    NoReplyError,
+    Overheard,
+)
 from wire.newest import NewestWithin
 from wire.stamp import Stamper
 
@@ -285,13 +294,21 @@ class ZenohSession:
         return ZenohToken(token)
 
     def watch_alive(self, wake: asyncio.Event | None = None) -> Inbox[LivelinessChange]:
-        inbox: Inbox[LivelinessChange] = Inbox(LIVELINESS_DEPTH, wake)
         prefix = self._key(topics.alive(""))
+        return self._watch_tokens(f"{prefix}*", prefix, Inbox(LIVELINESS_DEPTH, wake))
+
+    def watch_foreign_nodes(self) -> Inbox[LivelinessChange]:
+        return self._watch_tokens(NODE_TOKENS, "", Inbox(FOREIGN_DEPTH, None))
+
+    def _watch_tokens(
+        self, expression: str, prefix: str, inbox: Inbox[LivelinessChange]
+    ) -> Inbox[LivelinessChange]:
+        """Report the tokens that match a key expression, without their common prefix."""
 
         def on_change(key: str, alive: bool) -> None:  # noqa: FBT001 - as TokenChange
             inbox.push(LivelinessChange(key.removeprefix(prefix), alive, time.monotonic()))
 
-        self.watch_tokens(f"{prefix}*", on_change)
+        self.watch_tokens(expression, on_change)
         return inbox
 
     def watch_tokens(self, expression: str, changed: TokenChange) -> None:

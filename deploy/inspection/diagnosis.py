@@ -10,7 +10,9 @@ from typing import Any, NamedTuple
 
 from deploy.inspection.nodes import Node, describe
 from deploy.inspection.traffic import Traffic
+from deploy.stack import ros2_reports
 from deploy.stack.formatting import mode_name, printable
+from deploy.stack.ros2_reports import Level, Report
 from supervisor.config import SupervisorSection
 from wire import topics
 from wire.messages import SafetyStatus
@@ -66,6 +68,11 @@ class Observed:
     config: SupervisorSection | None = None
     has_sim: bool = True
     """Whether the configuration describes a simulated base."""
+    has_ros2: bool = False
+    """Whether the base is a ROS 2 robot."""
+    ros2_problem: str = ""
+    """Why the ROS 2 process cannot be started on this machine."""
+    ros2_reports: Sequence[Report] = ()
     state_problem: str = ""
     """Why the state directory cannot be used."""
     is_stale: bool = False
@@ -116,7 +123,14 @@ def _configuration(seen: Observed) -> Iterator[Finding]:
         yield Finding("configuration", Verdict.PROBLEM, seen.config_problem, remedy)
         return
     yield Finding("configuration", Verdict.OK, seen.config_path)
-    if not seen.has_sim:
+    if seen.has_ros2:
+        yield Finding(
+            "base",
+            Verdict.NOTE,
+            "nothing here proves that the base stops by itself when the ROS 2 process dies",
+            "measure it with `lifeline ros2 check-base`",
+        )
+    elif not seen.has_sim:
         yield Finding(
             "base",
             Verdict.NOTE,
@@ -164,7 +178,14 @@ def _nodes(seen: Observed) -> Iterator[Finding]:
     if not seen.is_connected:
         return
     named = {node.name for node in seen.nodes if node.is_named}
-    if topics.SIM not in named and f"{seen.namespace}/{topics.CMD_VEL.key}" not in _read_by_others(seen):
+    if seen.has_ros2 and topics.ROS2 not in named:
+        yield Finding(
+            "base",
+            Verdict.PROBLEM,
+            "the ROS 2 process does not run",
+            "start it with `lifeline up`, or check its log",
+        )
+    elif topics.SIM not in named and f"{seen.namespace}/{topics.CMD_VEL.key}" not in _read_by_others(seen):
         yield Finding(
             "base",
             Verdict.PROBLEM,
@@ -217,7 +238,7 @@ def _writers(seen: Observed) -> Iterator[Finding]:
                 "writers",
                 Verdict.PROBLEM,
                 f"{number} programs write {key}: {who}",
-                f"stop all but {topic.writer}",
+                f"stop all but {_writer(seen, topic)}",
             )
     if seen.is_connected and not wrong:
         yield Finding("writers", Verdict.OK, "no topic has more writers than permitted")
@@ -285,8 +306,22 @@ def _limits_s(config: SupervisorSection, namespace: str) -> dict[str, tuple[floa
 
 def _start(seen: Observed, key: str) -> str:
     topic = seen.known.get(key)
-    writer = "its writer" if topic is None else topic.writer
+    writer = "its writer" if topic is None else _writer(seen, topic)
     return f"start {writer}, or check its log"
+
+
+def _writer(seen: Observed, topic: Topic[Any]) -> str:
+    """Return the process that writes a topic of this robot."""
+    return topics.ROS2 if seen.has_ros2 and topic.writer == topics.SIM else topic.writer
+
+
+def _ros2(seen: Observed) -> Iterator[Finding]:
+    if seen.ros2_problem:
+        yield Finding("ros2", Verdict.PROBLEM, printable(seen.ros2_problem))
+    verdicts = {Level.OK: Verdict.OK, Level.WARN: Verdict.NOTE, Level.ERROR: Verdict.PROBLEM}
+    for report in seen.ros2_reports:
+        if report.name != ros2_reports.SUPERVISOR:  # the supervisor itself has reported this
+            yield Finding("ros2", verdicts[report.level], f"{report.name}: {report.message}")
 
 
 def _clocks(seen: Observed) -> Iterator[Finding]:
@@ -339,6 +374,15 @@ def _stop(seen: Observed) -> Iterator[Finding]:
         yield Finding(
             "e-stop record", Verdict.PROBLEM, printable(status.estop_record_problem), "free the disk"
         )
+    if status.rmw_zenoh_nodes:
+        yield Finding(
+            "rmw_zenoh",
+            Verdict.NOTE,
+            printable(
+                f"nobody reads the topics of {', '.join(status.rmw_zenoh_nodes)}: they use the keys of rmw_zenoh"
+            ),
+            "start them with another RMW_IMPLEMENTATION, and set [ros2]; or connect them to their own router",
+        )
     if status.alarm:
         yield Finding(
             "alarm", Verdict.PROBLEM, "the base moves although zero is commanded", "cut the robot's power"
@@ -380,6 +424,7 @@ CHECKS: tuple[Callable[[Observed], Iterator[Finding]], ...] = (
     _state,
     _connection,
     _nodes,
+    _ros2,
     _writers,
     _flood,
     _rates,

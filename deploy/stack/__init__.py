@@ -8,6 +8,7 @@ ros2_program.py how the ROS 2 process is started in an environment of its own
 launch.py       arguments and environment of the processes, and a check of the endpoint
 supervisord.py  fetch supervisord with uv, start it, and query it over its socket
 processes.py    find the processes of a state directory, and signal them
+ros2_reports.py what the ROS 2 process reports of its topics
 statedir.py     the state directory: its files and its lock
 bound_child.py  run a program in the foreground so that neither of the two processes outlives the other
 keyboard.py     run the real teleop on a pseudo-terminal, and type keys

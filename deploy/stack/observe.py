@@ -1,4 +1,4 @@
-"""Observe a running robot: which nodes are alive, the newest status and the newest odometry."""
+"""Observe a running robot: which nodes are alive, the newest status, odometry and reports of the ROS 2 process."""
 
 import asyncio
 import time
@@ -6,10 +6,14 @@ from collections.abc import AsyncGenerator, Callable
 from contextlib import asynccontextmanager
 
 from deploy.stack.errors import DeployError
+from deploy.stack.ros2_reports import Report, reports_of
 from wire import topics
 from wire.bus import Bus, BusError, wait_until
 from wire.messages import Odometry, SafetyStatus
 from wire.zenoh_bus import BusConfig, open_bus
+
+DEPTH = 8
+"""Diagnostics that wait: a base and the ROS 2 process may both write them."""
 
 
 class Observer:
@@ -20,10 +24,13 @@ class Observer:
         """The nodes that are alive."""
         self.status: SafetyStatus | None = None
         self.odometry: Odometry | None = None
+        self.ros2: tuple[Report, ...] = ()
+        """The reports of the ROS 2 process; empty without one."""
         self._wake = asyncio.Event()
         self._liveliness = bus.watch_alive(self._wake)
         self._statuses = bus.subscribe(topics.STATUS, wake=self._wake)
         self._odometry = bus.subscribe(topics.ODOM, wake=self._wake)
+        self._diagnostics = bus.subscribe(topics.DIAGNOSTICS, depth=DEPTH, wake=self._wake)
 
     async def until(self, condition: Callable[["Observer"], bool], limit_s: float) -> bool:
         """Wait until the condition holds; return whether it did within `limit_s`."""
@@ -41,6 +48,9 @@ class Observer:
             self.status = status.message
         if (odometry := self._odometry.latest()) is not None:
             self.odometry = odometry.message
+        for diagnostics in self._diagnostics.take():
+            if diagnostics.message is not None:
+                self.ros2 = reports_of(diagnostics.message) or self.ros2
 
 
 async def seen_within(limit_s: float, wake: asyncio.Event, is_seen: Callable[[], bool]) -> bool:

@@ -13,6 +13,7 @@ from tests.component.rig import Rig
 from virtual.loop import VirtualLoop
 from virtual.network import HOP_S
 from wire import topics
+from wire.bus import LivelinessChange
 from wire.messages import (
     Bool,
     SafetyStatus,
@@ -212,6 +213,19 @@ async def test_the_estop_of_a_dead_client_stays() -> None:
         rig.velocity = ZERO
         await rig.pass_time(60.0)
         assert rig.newest_status.reasons == ["ESTOP"]
+
+
+async def test_the_status_names_nodes_that_use_the_keys_of_rmw_zenoh_while_they_live() -> None:
+    rig = Rig()
+    token = "@ros2_lv/0/aa11/0/0/NN/%/%robot/planner"
+    async with rig.supervisor() as hub, rig.lidar():
+        await rig.pass_time(0.3)
+        assert rig.newest_status.rmw_zenoh_nodes == []
+        assert hub.foreign_nodes is not None
+        for alive, names in ((True, ["/robot/planner"]), (False, [])):
+            hub.foreign_nodes.push(LivelinessChange(token, alive, 0.0))
+            await rig.pass_time(0.15)
+            assert rig.newest_status.rmw_zenoh_nodes == names
 
 
 async def test_a_burst_without_attachments_moves_nothing() -> None:

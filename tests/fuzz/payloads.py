@@ -379,6 +379,7 @@ def _statuses() -> list[Message]:
         causes=["OBSTACLE"],
         latched=["SCAN_STALE"],
         detail="something is too close at 40° to the left",
+        rmw_zenoh_nodes=["/talker", "\x1b]0;x\x07"],
     )
     return [SafetyStatus(header("base_link", 1)), full]
 

@@ -412,6 +412,15 @@ def test_a_ros_2_robot_comes_up_without_a_sim_is_seen_and_goes_down(
     assert sorted(link.name for link in Path(packages).iterdir()) == ["ros2", "wire"]
     assert (Path(packages) / "ros2" / "config.py").is_file()
 
+    reported = robot.seen(lambda seen: "ros2" in seen, "no reports")["ros2"]
+    assert [(one["name"], one["level"]) for one in reported] == [("source joy", "warn"), ("scan", "error")]
+    assert reported[0]["values"]["guards"] == "process 12 on this host, command timeout"
+    shown = robot.run("status").stdout
+    assert "no program publishes on /joy/cmd_vel" in " ".join(shown.split())
+    assert "\x1b[2J" not in shown
+    doctor = robot.run("doctor")
+    assert "source joy: no program publishes on /joy/cmd_vel" in " ".join(doctor.stdout.split())
+
     killed = robot.pids()["ros2"]
     os.kill(killed, signal.SIGKILL)
     _wait_for(lambda: robot.pids().get("ros2", killed) != killed, "no restart")

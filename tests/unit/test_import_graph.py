@@ -6,7 +6,7 @@ from graphlib import CycleError, TopologicalSorter
 import grimp
 import pytest
 
-PACKAGES = ("wire", "supervisor", "teleop", "sim", "virtual", "deploy", "bench", "tests.fuzz")
+PACKAGES = ("wire", "supervisor", "teleop", "sim", "ros2", "virtual", "deploy", "bench", "tests.fuzz")
 
 Arrows = dict[str, set[str]]
 

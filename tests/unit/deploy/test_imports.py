@@ -21,7 +21,7 @@ def test_the_commands_help_loads_neither_zenoh_nor_pydantic_nor_numpy(tmp_path: 
     assert _python(code, tmp_path) == "set()"
 
 
-@pytest.mark.parametrize("name", ["supervisor", "teleop", "sim", "virtual", "wire", "deploy"])
+@pytest.mark.parametrize("name", ["supervisor", "teleop", "sim", "ros2", "virtual", "wire", "deploy"])
 def test_our_names_are_ours_from_any_directory(name: str, tmp_path: Path) -> None:
     found = _python(f"import {name}; print({name}.__file__)", tmp_path)
     root = checkout()

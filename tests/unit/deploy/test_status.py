@@ -6,6 +6,7 @@ from typing import Any
 
 from rich.console import Console
 
+from deploy.stack.ros2_reports import Level, Report
 from deploy.status import Look, table
 from wire.messages import SafetyStatus, header
 
@@ -68,6 +69,13 @@ def test_control_sequences_from_the_network_do_not_reach_the_terminal() -> None:
     assert row(seen, "causes") == "[bold]?[2J: ?"
 
 
+def test_nodes_that_use_the_keys_of_rmw_zenoh_have_a_row_only_if_there_are_any() -> None:
+    assert row(look(), "not read") is None
+    seen = look(rmw_zenoh_nodes=["/talker", "/\x1b[2J", "and 3 more"])
+    assert row(seen, "not read") == "/talker, /?[2J, and 3 more: they use the keys of rmw_zenoh"
+    assert json.loads(seen.to_json())["rmw_zenoh_nodes"] == ["/talker", "/\x1b[2J", "and 3 more"]
+
+
 def test_json_has_what_holds_what_is_over_and_the_detail() -> None:
     document = json.loads(
         look(reasons=["OVERRUN", "OBSTACLE"], causes=["OBSTACLE"], latched=["OVERRUN"], detail="x").to_json()
@@ -85,3 +93,17 @@ def test_only_the_nodes_that_were_started_are_needed() -> None:
     assert replace(real, alive=frozenset({"supervisor"})).exit_code == 1
     alone = replace(look(), alive=frozenset({"supervisor"}), needed=("supervisor",))
     assert alone.exit_code == 0
+
+
+def test_the_reports_of_ros_2_have_a_row_each_but_the_one_that_repeats_the_mode() -> None:
+    reports = (
+        Report("supervisor", Level.WARN, "STOPPED", {}),
+        Report("source joy", Level.OK, "/teleop on /joy/cmd_vel, guarded by process 12", {"hold_s": "0.6"}),
+        Report("scan scan", Level.ERROR, "no node publishes on /scan [bold]", {}),
+    )
+    seen = replace(look(), ros2=reports)
+    assert row(seen, "source joy") == "/teleop on /joy/cmd_vel, guarded by process 12"
+    assert row(seen, "scan scan") == "no node publishes on /scan [bold]"
+    assert printed(seen).count("STOPPED") == 1
+    assert [report["name"] for report in json.loads(seen.to_json())["ros2"]] == [r.name for r in reports]
+    assert "ros2" not in json.loads(look().to_json())

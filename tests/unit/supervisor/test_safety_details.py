@@ -202,6 +202,15 @@ def test_each_source_s_state_is_told() -> None:
     assert law.state.sources[0].invalid is False
 
 
+def test_an_accepted_command_tells_again_that_its_source_stamps() -> None:
+    law = Law()
+    law.tick(("teleop", NEUTRAL))
+    law.tick_unstamped(None)
+    assert law.state.sources[0].stamped is False
+    law.tick(("teleop", NEUTRAL))
+    assert law.state.sources[0].stamped is True
+
+
 def test_commands_whose_clock_is_not_proven_yet_refuse_nothing() -> None:
     """A source with stamps has sent nothing yet: it is silent, not late."""
     law = Law()

@@ -74,11 +74,34 @@ OLD_STATUS = bytes.fromhex(
 """A status as it was recorded before `causes`, `latched` and `detail` were appended."""
 
 
+STATUS_BEFORE_RMW_ZENOH = bytes.fromhex(
+    "0001000001000000020000000a000000626173655f6c696e6b00000001000000090000004f42535441434c4500000000"
+    "0700000074656c656f700000000000000000000000000000000000000000000000000000000000000000000000000000"
+    "000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000"
+    "000000000000000000000000000000000000e03f000000000000e03f000000000000d03f000000000000000001000000"
+    "0000000000000000000000000000000000000000000000000000000001000000090000004f42535441434c4500000000"
+    "01000000080000004f56455252554e000600000061686561640000000a0000006469736b2066756c6c00"
+)
+"""A status as it was recorded before `rmw_zenoh_nodes` was appended."""
+
+
+def test_a_status_from_before_the_last_field_was_appended_still_decodes() -> None:
+    back = decode(STATUS_BEFORE_RMW_ZENOH, SafetyStatus)
+    assert (back.owner, back.scale) == ("teleop", 0.5)
+    assert (back.causes, back.latched, back.detail) == (["OBSTACLE"], ["OVERRUN"], "ahead")
+    assert (back.estop_record_problem, back.rmw_zenoh_nodes) == ("disk full", [])
+
+
+def test_the_status_comes_back_with_the_nodes_that_use_other_keys() -> None:
+    status = SafetyStatus(header(""), detail="x", rmw_zenoh_nodes=["/talker", "and 3 more"])
+    assert decode(encode(status), SafetyStatus).rmw_zenoh_nodes == ["/talker", "and 3 more"]
+
+
 def test_a_status_from_before_fields_were_appended_still_decodes() -> None:
     back = decode(OLD_STATUS, SafetyStatus)
     assert (back.reasons, back.owner, back.scale) == (["OVERRUN", "SCAN_STALE"], "teleop", 0.5)
     assert [source.refused_invalid for source in back.sources] == [5]
-    assert (back.causes, back.latched, back.detail) == ([], [], "")
+    assert (back.causes, back.latched, back.detail, back.rmw_zenoh_nodes) == ([], [], "", [])
     assert back.causes_and_latched() == (["OVERRUN", "SCAN_STALE"], [])
 
 
@@ -112,9 +135,12 @@ def test_the_status_parts_what_holds_from_what_is_over() -> None:
 
 
 def test_every_type_that_has_grown_names_its_first_new_field() -> None:
-    for name, first in APPENDED_FROM.items():
+    for name, firsts in APPENDED_FROM.items():
         text = definition(name).text.partition("===")[0]
-        assert re.search(rf"^\S+ {first}\b", text, re.MULTILINE)
+        places = [re.search(rf"^\S+ {first}\b", text, re.MULTILINE) for first in firsts]
+        starts = [place.start() for place in places if place is not None]
+        assert len(starts) == len(firsts)
+        assert starts == sorted(starts)
 
 
 @pytest.mark.parametrize("yaw_rad", [0.0, 1.0, -3.0, math.pi])

@@ -10,6 +10,7 @@ from deploy.inspection.network import Session
 from deploy.inspection.nodes import Node
 from deploy.inspection.sockets import Process
 from deploy.inspection.traffic import Traffic
+from deploy.stack.ros2_reports import Level, Report
 from supervisor.config import SupervisorSection
 from wire.bus import Overheard
 from wire.messages import SafetyStatus, header
@@ -160,6 +161,14 @@ def test_a_cause_and_a_latched_reason_are_explained(reason: StopReason) -> None:
     assert (finding.check, finding.what.endswith("Over now")) == ("latched", True)
 
 
+def test_nodes_that_use_the_keys_of_rmw_zenoh_are_a_note_with_their_names() -> None:
+    seen = running(status=SafetyStatus(header(""), rmw_zenoh_nodes=["/talker", "and 3 more"]))
+    (finding,) = [finding for finding in diagnose(seen) if finding.check == "rmw_zenoh"]
+    assert finding.verdict is Verdict.NOTE
+    assert "/talker, and 3 more" in finding.what
+    assert not [finding for finding in diagnose(running()) if finding.check == "rmw_zenoh"]
+
+
 def test_nothing_from_the_wire_can_control_the_terminal() -> None:
     status = SafetyStatus(
         header(""),
@@ -168,6 +177,7 @@ def test_nothing_from_the_wire_can_control_the_terminal() -> None:
         detail="\x07",
         unknown_sources=["\x1b]0;x"],
         estop_record_problem="\x1b",
+        rmw_zenoh_nodes=["\x1b]0;x"],
         alarm=True,
     )
     heard = traffic(key="foreign/\x1b[2J")
@@ -201,3 +211,49 @@ def test_a_flood_is_a_problem_and_no_reason_to_doubt_the_rest() -> None:
     assert [finding.check for finding in problems] == ["flood"]
     assert "5 messages arrived too fast to be counted, most of them on robot/scan" in problems[0].what
     assert not [finding for finding in diagnose(seen) if finding.check in ("rates", "clocks", "status")]
+
+
+# --- ROS 2
+
+
+def ros2(**fields: object) -> Observed:
+    """A ROS 2 robot at which nothing is wrong."""
+    nodes = [
+        node("supervisor", "robot/cmd_vel", "robot/scan"),
+        node("ros2", "robot/scan robot/odom", "robot/cmd_vel", 2),
+        node("joy", "robot/joy/cmd_vel", "", 3),
+    ]
+    return running(**{"has_sim": False, "has_ros2": True, "nodes": nodes, **fields})
+
+
+def test_a_ros_2_robot_is_healthy_and_its_base_can_be_measured() -> None:
+    seen = ros2(ros2_reports=[Report("source joy", Level.OK, "/teleop, guarded by process 12", {})])
+    assert problems(seen) == []
+    findings = {(finding.check, finding.what): finding for finding in diagnose(seen)}
+    assert findings["ros2", "source joy: /teleop, guarded by process 12"].verdict is Verdict.OK
+    (base,) = (finding for finding in findings.values() if finding.check == "base")
+    assert (base.verdict, base.remedy) == (Verdict.NOTE, "measure it with `lifeline ros2 check-base`")
+
+
+def test_what_ros_2_reports_is_a_problem_or_a_note_by_its_level() -> None:
+    reports = [
+        Report("supervisor", Level.ERROR, "the mode is reported elsewhere", {}),
+        Report("source joy", Level.WARN, "no program publishes on /joy/cmd_vel", {}),
+        Report("cmd_vel", Level.ERROR, "/nav2 also publishes on /cmd_vel", {}),
+    ]
+    seen = ros2(ros2_reports=reports)
+    assert [finding.what for finding in problems(seen)] == ["cmd_vel: /nav2 also publishes on /cmd_vel"]
+    notes = [f.what for f in diagnose(seen) if f.check == "ros2" and f.verdict is Verdict.NOTE]
+    assert notes == ["source joy: no program publishes on /joy/cmd_vel"]
+
+
+def test_a_ros_2_process_that_does_not_run_or_cannot_start_is_a_problem() -> None:
+    (missing,) = problems(ros2(nodes=[one for one in ros2().nodes if one.name != "ros2"]))
+    assert missing.what == "the ROS 2 process does not run"
+    (problem,) = problems(ros2(ros2_problem="x is missing: run `make ros2`"))
+    assert problem.what == "x is missing: run `make ros2`"
+
+
+def test_the_writer_of_the_sensors_of_a_ros_2_robot_is_its_ros_2_process() -> None:
+    (silent,) = problems(ros2(traffic=traffic(key="robot/odom")))
+    assert silent.remedy == "start ros2, or check its log"
