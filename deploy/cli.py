@@ -229,6 +229,7 @@ def demo(
     """Drive, inject faults, and print the measurements. Exit 1 if a promise was broken."""
 
     def run() -> int:
+        require("sim")  # before anything is announced
         from deploy.demo import play  # noqa: PLC0415
 
         return play(_note if as_json else _say, quick=quick, viewer=viewer, as_json=as_json)
@@ -336,6 +337,7 @@ def faults(
     """
 
     def run() -> int:
+        require("sim")
         if not virtual:
             from deploy.campaign.real import runner  # noqa: PLC0415
 
@@ -399,6 +401,7 @@ def soak(
     """Drive for hours and report growth of memory, descriptors and latency. Exit 1 on growth or a stop without a cause."""
 
     def run() -> int:
+        require("sim")
         from deploy.campaign.soak.run import Orders  # noqa: PLC0415
         from deploy.campaign.soak.run import soak as drive_about  # noqa: PLC0415
 

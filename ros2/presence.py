@@ -35,9 +35,9 @@ class Programs:
     """Whether a program started by `lifeline ros2 exec` holds the source."""
 
     @property
-    def alone(self) -> bool:
-        """Whether exactly one live program publishes, and is not stopped."""
-        return len(self.live) == 1 and not self.stopped
+    def only(self) -> bytes | None:
+        """The identity of the only live program; None if there is none, if it is stopped, or if there are several."""
+        return self.live[0].gid if len(self.live) == 1 and not self.stopped else None
 
 
 class Presence:

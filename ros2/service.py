@@ -10,6 +10,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Coroutine
+from concurrent.futures import CancelledError
 from dataclasses import dataclass
 from functools import partial
 
@@ -41,8 +42,7 @@ REPORT_PERIOD_S = 1.0
 STATUS_SILENT_S = 0.5
 RESET_LIMIT_S = 1.0
 REQUEST_LIMIT_S = 2.0
-EXEC_SUFFIX = "_exec"
-"""`<source>_exec` is the token of `lifeline ros2 exec --source <source>`."""
+LATE = False, "Lifeline did not answer in time"
 
 
 @dataclass(slots=True)
@@ -55,6 +55,8 @@ class _Feed:
     out: RawPublisher
     heard: Inbox[Sample]
     token: Token | None = None
+    program: bytes | None = None
+    """Identity of the program that is served; None: none is."""
 
 
 @dataclass(slots=True)
@@ -177,10 +179,20 @@ class Ros2Service:
             self._estop.put_bytes(cdr.TRUE)
 
     def _on_request(self, answer: Callable[[], Coroutine[None, None, tuple[bool, str]]]) -> tuple[bool, str]:
+        """Answer a request in the loop; one that the loop takes up too late is not executed, because it has failed."""
+        deadline_s = self._loop.time() + REQUEST_LIMIT_S
+
+        async def in_time() -> tuple[bool, str]:
+            return LATE if self._loop.time() >= deadline_s else await answer()
+
+        request = in_time()
         try:
-            return asyncio.run_coroutine_threadsafe(answer(), self._loop).result(REQUEST_LIMIT_S)
-        except (TimeoutError, RuntimeError):
-            return False, "Lifeline did not answer in time"
+            return asyncio.run_coroutine_threadsafe(request, self._loop).result(REQUEST_LIMIT_S)
+        except (TimeoutError, CancelledError):
+            return LATE
+        except RuntimeError:  # the loop has closed
+            request.close()
+            return LATE
 
     # --- the loop
 
@@ -211,9 +223,9 @@ class Ros2Service:
         for change in self._alive.take():
             if change.node == topics.SUPERVISOR:
                 self._base.supervisor_alive(change.alive, change.arrival_s)
-            elif change.node.endswith(EXEC_SUFFIX):
+            elif change.node.endswith(topics.EXEC_SUFFIX):
                 for feed in self._feeds:
-                    if feed.section.name == change.node.removesuffix(EXEC_SUFFIX):
+                    if feed.section.name == change.node.removesuffix(topics.EXEC_SUFFIX):
                         self._presence.wrapper(feed.programs, alive=change.alive)
         commands = self._commands.take()
         for command in commands:
@@ -265,23 +277,23 @@ class Ros2Service:
 
     def _on_programs(self, programs: Programs) -> None:
         """Serve a source while exactly one live program publishes on its topic."""
+        only = programs.only
         for feed in self._feeds:
-            if feed.programs is programs:
-                if programs.alone:
-                    self._begin(feed)
-                else:
-                    self._end(feed)
+            if feed.programs is programs and feed.program != only:
+                self._end(feed)
+                if only is not None:
+                    self._begin(feed, only)
 
-    def _begin(self, feed: _Feed) -> None:
-        if feed.token is None:
-            feed.source.attend(feed.programs.live[0].gid, self._loop.time())
-            feed.token = self._session.declare_alive(feed.section.name)
-            _log.info("%s", self._source_report(feed).message)
+    def _begin(self, feed: _Feed, program: bytes) -> None:
+        feed.program = program
+        feed.source.attend(program, self._loop.time())
+        feed.token = self._session.declare_alive(feed.section.name)
+        _log.info("%s", self._source_report(feed).message)
 
     def _end(self, feed: _Feed) -> None:
         if feed.token is not None:
             feed.token.withdraw()
-            feed.token = None
+            feed.token = feed.program = None
             feed.source.leave()
             _log.info("source %s ended: %s", feed.section.name, self._source_report(feed).message)
 

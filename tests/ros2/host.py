@@ -83,6 +83,8 @@ class Peer:
     def _read(self) -> None:
         with _of(self.process.stdout) as stdout:
             for line in stdout:
+                if not line.startswith("{"):  # Fast DDS prints its errors there too
+                    continue
                 with self._changed:
                     self.lines.append(json.loads(line))
                     self._changed.notify_all()

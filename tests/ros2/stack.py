@@ -115,6 +115,7 @@ class Stack:
         )
         self._variables = {"LIFELINE_STATE_DIR": str(folder / "state")}
         (folder / "state").mkdir()
+        self._sources: list[Peer] = []
         self.observer = host.start("observer", *observer).ready()
         self.supervisor = self.start_supervisor()
         self.bridge = self.start_bridge()
@@ -130,8 +131,18 @@ class Stack:
         self.bridge = self.host.run("ros2", command, self.host.variables)
         return self.bridge
 
+    def tidy(self) -> None:
+        """End all sources, and continue what a test has stopped."""
+        for peer in self._sources:
+            peer.end()
+        self._sources.clear()
+        for peer in (self.supervisor, self.bridge):
+            peer.process.send_signal(signal.SIGCONT)
+
     def source(self, *options: str, name: str = "source", topic: str = TOPIC) -> Peer:
-        return self.host.start("source", "--name", name, "--topic", topic, *options).ready()
+        peer = self.host.start("source", "--name", name, "--topic", topic, *options)
+        self._sources.append(peer)
+        return peer.ready()
 
     def armed(self, source: str = SOURCE) -> None:
         """Wait until a source is armed and neutral, by a status that was sent from now on."""

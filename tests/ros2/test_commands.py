@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 
+from deploy.ros2_profile import NAME
 from deploy.stack import processes, takedown
 from deploy.stack.statedir import StateDir
 from tests.ros2.host import ROOT, ROS_PYTHON, Host, Line, Peer
@@ -24,6 +25,8 @@ from wire.messages import SafetyStatus
 
 SPEED_M_S = 0.3
 COMMAND_LIMIT_S = 60
+GENEROUS_LEASE_S = 3.0
+"""The lease is 0.3 s, the default 20 s."""
 AT_ONCE_MS = 150.0
 """Less than the supervisor's command timeout of 200 ms."""
 
@@ -166,3 +169,21 @@ def test_a_program_under_exec_drives_again_after_a_restart_of_the_supervisor(rob
     )
     robot.watch.report("source joy", "lifeline ros2 exec")
     robot.drive(wrapper, -SPEED_M_S)
+
+
+def test_with_the_profile_discovery_forgets_a_killed_program_within_its_lease(host: Host) -> None:
+    """Without it, discovery lists the program for another 20 s."""
+    profile = host.variables | {"FASTRTPS_DEFAULT_PROFILES_FILE": str(ROOT / "ros2" / NAME)}
+    watcher = host.start("publishers", "--topic", "/joy_vel").ready()
+    command = [str(ROS_PYTHON), "-m", "tests.ros2.peers.source", "--topic", "/joy_vel"]
+    source = host.run("source", command, profile, ends_with_stdin=True).ready()
+    watcher.until(lambda line: line.get("publishers") == 1, "the source")
+    seen = len(watcher.lines)
+    for _ in range(40):  # longer than a lease
+        source.until(lambda line: "sent" in line, "a message", after=len(source.lines))
+    assert len(watcher.lines) == seen, "a living program is not forgotten"
+    killed_ns = source.kill()
+    gone = watcher.until(lambda line: line.get("publishers") == 0, "the end", after=seen)
+    took_s = (gone["at_ns"] - killed_ns) / 1e9
+    print(f"\nkilled with the profile: discovery has forgotten it after {took_s:.2f} s")
+    assert took_s < GENEROUS_LEASE_S

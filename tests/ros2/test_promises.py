@@ -1,8 +1,9 @@
 """The supervisor's promises, through ROS: a ROS source, Lifeline, and a ROS robot, all as real processes.
 
-The robot has a timeout of 0.5 s of its own, and is in a room with a pillar 4 m ahead.
+The robot has a timeout of 0.5 s of its own, and is in a room whose wall is 10 m ahead.
 """
 
+import math
 import signal
 import statistics
 from collections.abc import Generator, Sequence
@@ -16,8 +17,10 @@ from tests.ros2.stack import SOURCE, SPEED_M_S, Stack, send
 KILLS = 20
 TIMEOUT_MS = 200.0
 """The supervisor's command timeout."""
-MARGIN_MS = 80.0
+MARGIN_MS = 250.0
 """Generous: for a loaded machine. The figures are printed."""
+BASE_TIMEOUT_MS, BRAKING_MS = 500.0, 300.0
+"""Of the robot itself."""
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +38,13 @@ def stack(tmp_path_factory: pytest.TempPathFactory) -> Generator[Stack]:
             if made is not None:
                 made.close()
             host.close()
+
+
+@pytest.fixture(autouse=True)
+def tidy(stack: Stack) -> Generator[None]:
+    """End the sources of each test, also of one that failed."""
+    yield
+    stack.tidy()
 
 
 def directions() -> Generator[float]:
@@ -111,7 +121,7 @@ def test_sigkill_of_the_ros2_process_leaves_the_robots_own_timeout_and_a_restart
         stack.watch.report(f"source {SOURCE}", "guarded by")
         stack.stays_at_rest()
     show("SIGKILL of the ROS 2 process to standstill, by the robot's own timeout of 0.5 s", times_ms)
-    assert max(times_ms) < 500.0 + 500.0
+    assert max(times_ms) < BASE_TIMEOUT_MS + BRAKING_MS + MARGIN_MS
     source.end()
 
 
@@ -122,7 +132,7 @@ def test_a_stopped_ros2_process_leaves_the_robots_own_timeout_and_delivers_no_ol
     stack.drive(source, -SPEED_M_S)
     rest_ms = stack.rest_after(send(stack.bridge, signal.SIGSTOP))
     show("SIGSTOP of the ROS 2 process to standstill", [rest_ms])
-    assert rest_ms < 1000.0
+    assert rest_ms < BASE_TIMEOUT_MS + BRAKING_MS + MARGIN_MS
     at_ns = send(stack.bridge, signal.SIGCONT)
     stack.stays_at_rest()
     assert all(line["v"] == 0.0 for line in stack.observer.of("cmd_vel", from_ns=at_ns))
@@ -256,7 +266,7 @@ def test_a_planner_that_never_sends_zero_moves_only_after_a_persons_request(stac
         peer.end()
 
 
-def test_a_driven_robot_stops_30_cm_before_the_pillar_and_may_back_out(stack: Stack) -> None:
+def test_a_driven_robot_stops_30_cm_before_the_wall_and_may_back_out(stack: Stack) -> None:
     source = stack.source()
     reasons: list[str] = []
     while "OBSTACLE" not in reasons:  # a loaded machine may stop the robot for another reason first
@@ -270,3 +280,41 @@ def test_a_driven_robot_stops_30_cm_before_the_pillar_and_may_back_out(stack: St
     assert stack.watch.status.nearest_m > 0.29
     stack.drive(source, -SPEED_M_S)
     source.end()
+
+
+def test_a_command_that_is_not_finite_stops_the_robot_at_once(stack: Stack) -> None:
+    source = stack.source()
+    stack.drive(source)
+    seen = len(source.lines)
+    source.tell(v=math.nan)
+    sent = source.until(
+        lambda line: "sent" in line and math.isnan(line["sent"][0]), "the message", after=seen
+    )
+    took_ms = stack.zero_after(sent["at_ns"])
+    show("NaN to zero on cmd_vel", [took_ms])
+    assert took_ms < MARGIN_MS
+    stack.watch.report("supervisor", "COMMAND_INVALID")
+    stack.drive(source, -SPEED_M_S)
+    source.end()
+
+
+def test_a_command_above_the_limits_is_limited_and_an_implausible_one_is_refused(stack: Stack) -> None:
+    source = stack.source()
+    source.tell(v=0.0)
+    stack.armed()
+    source.tell(v=0.0, w=3.0)
+    stack.observer.until(
+        lambda line: line.get("topic") == "cmd_vel" and line["w"] == 2.0,
+        "the limit",
+        after=len(stack.observer.lines),
+    )
+    source.tell(v=0.0, w=100.0)
+    stack.watch.report("supervisor", "COMMAND_INVALID")
+    stack.stays_at_rest()
+    source.end()
+
+
+def test_cmd_vel_was_finite_and_within_the_limits_in_all_these_tests(stack: Stack) -> None:
+    commands = stack.observer.of("cmd_vel")
+    assert len(commands) > 100
+    assert all(abs(line["v"]) <= 1.0 and abs(line["w"]) <= 2.0 for line in commands)  # false for NaN

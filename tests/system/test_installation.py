@@ -16,11 +16,12 @@ import pytest
 from deploy.stack.errors import EXIT_REFUSED
 from deploy.stack.supervisord import find_uv
 from supervisor.estop_files import record_path
+from tests.system import fake_ros2
 from tests.system.operators import ROOT, Operator, until
 from tests.system.ports import free_endpoint
 from wire.state_directory import ENVIRONMENT
 
-PACKAGES = ("wire", "supervisor", "teleop", "sim", "virtual", "deploy")
+PACKAGES = ("wire", "supervisor", "teleop", "sim", "ros2", "virtual", "deploy")
 BUILD_LIMIT_S = 60.0
 COMMAND_LIMIT_S = 30.0
 DEMO_LIMIT_S = 80.0
@@ -204,6 +205,26 @@ def test_an_installed_supervisor_finds_the_record_of_an_estop_from_any_working_d
     finally:
         record.unlink()
     assert "ESTOP" in status.stdout, status.stdout + status.stderr
+
+
+def test_installed_without_extras_a_robot_that_is_not_simulated_comes_up(
+    plain: Installed, tmp_path: Path
+) -> None:
+    config = tmp_path / "robot.toml"
+    config.write_text(f'[ros2]\npython = "{fake_ros2.interpreter(tmp_path)}"\n')
+    for options in (["--no-sim"], ["--config", str(config)]):
+        endpoint = free_endpoint()
+        try:
+            up = plain.lifeline("up", "--detach", "--endpoint", endpoint, *options)
+            assert up.returncode == 0, up.stderr
+            status = plain.lifeline("status")
+            assert status.returncode == 0, status.stdout
+        finally:
+            assert plain.lifeline("down").returncode == 0
+
+
+def test_installed_without_extras_the_profile_of_fast_dds_is_printed(plain: Installed) -> None:
+    assert "leaseDuration" in plain.lifeline("ros2", "profile").stdout
 
 
 @pytest.mark.parametrize("example", ["robot.toml", "examples/turtlebot4.toml"])

@@ -20,6 +20,7 @@ from tests.ros2.peers.drive import Drive
 from tests.ros2.peers.ros_node import SENSOR, make_node, qos, spin
 
 ODOM_HZ, SCAN_HZ = 50.0, 20.0
+NOISE_M = 0.002
 STEP_S = 1.0 / ODOM_HZ
 
 
@@ -37,6 +38,7 @@ class Robot:
         self._stepped_s = time.monotonic()
         self._odom = self.node.create_publisher(Odometry, "odom", qos())
         self._truth = self.node.create_publisher(Odometry, "odom/truth", qos())
+        self._random = np.random.default_rng()
         self._scan = self.node.create_publisher(LaserScan, "scan", SENSOR)
         if options.stamped:
             self.node.create_subscription(TwistStamped, "cmd_vel", lambda one: self._obey(one.twist), qos())
@@ -75,6 +77,8 @@ class Robot:
         scan.scan_time = 1.0 / SCAN_HZ
         scan.range_min, scan.range_max = 0.1, 12.0
         ranges = room.ranges_m(drive.x_m, drive.y_m, drive.yaw_rad)
+        # Two equal scans of a real lidar are a frozen one.
+        ranges += self._random.normal(0.0, NOISE_M, len(ranges))
         scan.ranges = np.where(ranges <= scan.range_max, ranges, np.inf).astype(np.float32).tolist()
         self._scan.publish(scan)
 

@@ -180,6 +180,15 @@ def test_a_new_key_press_after_silence_drives_again() -> None:
         assert robot.moves
 
 
+def test_a_key_event_is_held_from_when_it_was_published() -> None:
+    robot = hold_key(keyboard())
+    robot.wait(1.0)
+    robot.say(SPEED_M_S, late_s=0.14)
+    repeated = [robot.source.repeat(robot.now_s + PERIOD_S * n)[0] for n in range(1, 14)]
+    moving = [command.true_at_s - robot.now_s for command in repeated if command.twist == TWIST]
+    assert HOLD_S - 0.14 - PERIOD_S <= moving[-1] <= HOLD_S - 0.14
+
+
 def test_a_key_for_zero_stops_at_once() -> None:
     robot = hold_key(keyboard())
     robot.say(0.0)

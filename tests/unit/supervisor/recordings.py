@@ -16,10 +16,10 @@ import numpy.typing as npt
 
 from supervisor.config import FootprintSection, LidarSection, SupervisorSection
 from supervisor.messages import to_scan
-from supervisor.model import Command, Decision, Inputs, LaserScan, LawConfig, Odometry, State, Velocity
+from supervisor.model import Decision, Inputs, LaserScan, LawConfig, Odometry, State, Velocity
 from supervisor.near_memory import Remembered
-from supervisor.safety import initial_state, step
-from tests.unit.supervisor.law_harness import NEUTRAL, TICK_S
+from supervisor.safety import step
+from tests.unit.supervisor.law_harness import NEUTRAL, TICK_S, on_time, proven_state
 from wire import messages as ros
 from wire.bus import Arrival
 
@@ -289,13 +289,13 @@ class Replay:
     driven: int = 0
 
     def __post_init__(self) -> None:
-        self.state = initial_state(self.recording.config)
+        self.state = proven_state(self.recording.config, now_s=START_S)
         self.state, self.decision = step(self.state, START_S - TICK_S, Inputs())
 
     def step(self, now_s: float, scan: LaserScan | None = None, odometry: Odometry | None = None) -> Decision:
         """Whenever the robot stops, the operator sends neutral, then requests motion again."""
         wanted = NEUTRAL if self.decision.reasons else self.motion
-        command = Command("teleop", wanted, now_s)
+        command = on_time("teleop", wanted, now_s)
         inputs = Inputs(commands=(command,), scans=() if scan is None else (scan,), odometry=odometry)
         self.state, self.decision = step(self.state, now_s, inputs)
         self.driven += self.decision.output != NEUTRAL

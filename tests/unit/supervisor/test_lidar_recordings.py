@@ -13,10 +13,10 @@ import pytest
 
 from supervisor.config import LidarSection, SupervisorSection
 from supervisor.lidar import PROFILES
-from supervisor.model import STANDSTILL, Command, Decision, Inputs, LawConfig, Odometry, Velocity
-from supervisor.safety import initial_state, step
+from supervisor.model import STANDSTILL, Decision, Inputs, LawConfig, Odometry, Velocity
+from supervisor.safety import step
 from tests.unit.supervisor import recordings
-from tests.unit.supervisor.law_harness import NEUTRAL, TICK_S, with_lidar
+from tests.unit.supervisor.law_harness import NEUTRAL, TICK_S, on_time, proven_state, with_lidar
 from tests.unit.supervisor.recordings import ROBOTS, SLOW, START_S, Ranges, Recording, Replay
 from wire.reasons import StopReason
 
@@ -57,14 +57,14 @@ def _drive(recording: Recording, ranges: Ranges, motion: Velocity = SLOW) -> Dec
 
     Before that, every beam has had a return, because some profiles trust no silence otherwise.
     """
-    state = initial_state(recording.config)
+    state = proven_state(recording.config, now_s=START_S)
     now_s = START_S
     for seen in (np.full(len(ranges), 5.0, dtype=np.float32), ranges, recording.noisy(ranges, 1)):
         now_s += TICK_S
         state, _ = step(state, now_s, Inputs(scans=(recording.scan(seen, now_s),)))
     for velocity in (NEUTRAL, motion):
         now_s += TICK_S
-        state, decision = step(state, now_s, Inputs(commands=(Command("teleop", velocity, now_s),)))
+        state, decision = step(state, now_s, Inputs(commands=(on_time("teleop", velocity, now_s),)))
     return decision
 
 
@@ -209,14 +209,14 @@ def test_an_odometry_spike_neither_stops_it_for_good_nor_hides_what_is_ahead(
 
 def _while_moving(recording: Recording, scans: Callable[[int], Ranges]) -> list[Decision]:
     """Scans by arrival alone while odometry says that the robot moves at 0.3 m/s."""
-    state = initial_state(recording.config)
+    state = proven_state(recording.config, now_s=START_S)
     decisions: list[Decision] = []
     for n in range(40):
         now_s = START_S + n * TICK_S
         odometry = Odometry(Velocity(0.3, 0.0), now_s)
         velocity = NEUTRAL if n < 5 else SLOW
         inputs = Inputs(
-            commands=(Command("teleop", velocity, now_s),),
+            commands=(on_time("teleop", velocity, now_s),),
             scans=(recording.scan(scans(n), now_s),),
             odometry=odometry,
         )

@@ -1,0 +1,179 @@
+"""The ROS 2 process on the virtual network: a node without ROS, a robot's lidar, and programs that command it."""
+
+import asyncio
+import itertools
+from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping
+from contextlib import asynccontextmanager
+from typing import Any, TypeVar, cast
+
+import numpy as np
+
+from ros2 import cdr
+from ros2.config import Ros2Section
+from ros2.endpoints import Endpoint
+from ros2.ros import TWIST
+from ros2.samples import Sample
+from ros2.service import Ros2Service
+from tests.component.rig import Rig, laser_scan
+from tests.unit.ros2.fake_ros import NAME, FakeRos
+from tests.unit.ros2.programs import Program
+from virtual.network import VirtualBus
+from wire import topics
+from wire.inbox import Inbox, LivelinessChange, NoReplyError, Token
+from wire.messages import encode
+from wire.session import Push, ZenohSession
+from wire.stamp import Stamp, Stamper, parse_stamp
+
+R = TypeVar("R")
+
+CMD_VEL, TELEOP, SCAN, ODOM = "/cmd_vel", "/teleop/cmd_vel", "/scan", "/odom"
+OWN = Endpoint(NAME, TWIST, b"own process " + b"0001")
+BASE = Endpoint("/base", TWIST, b"base process" + b"0001")
+
+
+class _Push:
+    """Stands for a subscription on a virtual bus."""
+
+    def __init__(self, push: Push) -> None:
+        self.push = push
+
+
+class _RawPublisher:
+    def __init__(self, session: "VirtualSession", key: str) -> None:
+        self._session, self._key = session, key
+        self._stamper = Stamper(session.bus.network.new_gid())
+
+    def put_bytes(
+        self, payload: bytes, attachment: bytes | None = None, *, true_at_s: float | None = None
+    ) -> None:
+        bus = self._session.bus
+        now_s = bus.network.loop.time()
+        stamp = attachment or self._stamper.next(now_s if true_at_s is None else true_at_s).pack()
+        parsed = parse_stamp(stamp)
+        assert parsed is not None
+        self._session.sent.setdefault(self._key, []).append((payload, parsed))
+        bus.send(self._key, payload, stamp)
+
+
+class VirtualSession:
+    """The part of a `ZenohSession` that the ROS 2 process uses, on a virtual bus."""
+
+    def __init__(self, bus: VirtualBus) -> None:
+        self.bus = bus
+        self.sent: dict[str, list[tuple[bytes, Stamp]]] = {}
+        """All samples that were put, by key."""
+
+    def publisher_raw(self, key: str) -> _RawPublisher:
+        return _RawPublisher(self, key)
+
+    def subscribe_raw(self, key: str, push: Push) -> None:
+        self.bus.subscriptions.setdefault(key, []).append(cast("Any", _Push(push)))
+        self.bus.network.listened.add(key)
+
+    def declare_alive(self, node: str) -> Token:
+        return self.bus.declare_alive(node)
+
+    def watch_alive(self, wake: asyncio.Event | None = None) -> Inbox[LivelinessChange]:
+        return self.bus.watch_alive(wake)
+
+    async def call_raw(
+        self, key: str, request: bytes | None, read: Callable[[bytes], R | None], *, timeout_s: float
+    ) -> R:
+        assert request is None
+        answer = read(encode(await self.bus.call(topics.Service(key, "anyone"), timeout_s=timeout_s)))
+        if answer is None:
+            raise NoReplyError(key)
+        return answer
+
+
+class Ros2Robot:
+    """The ROS 2 process of one robot; `sources` are entries of `[[ros2.sources]]`."""
+
+    def __init__(self, *sources: Mapping[str, object], stamped: bool = False) -> None:
+        self.rig = Rig()
+        self.node = FakeRos()
+        self.node.listed[CMD_VEL] = [OWN]
+        self.node.listening[CMD_VEL] = [BASE]
+        self.suspended_s = 0.0
+        self.session = VirtualSession(self.rig.network.open_joined(topics.ROS2))
+        config = Ros2Section.model_validate({"sources": list(sources), "stamped": stamped})
+        self.service = Ros2Service(
+            cast("ZenohSession", self.session),
+            self.node,
+            config,
+            command_timeout_s=0.2,
+            lidar_topics=(topics.SCAN.key,),
+            suspended_s=self._take_suspended_s,
+        )
+        self.ranges = np.full(360, 3.0)
+        self.program = Program()
+        self.velocity: tuple[float, float] | None = None
+        """What the program publishes at 20 Hz; None: nothing."""
+        self._jitter = itertools.cycle((0.0, 1e-4))  # no real scan repeats itself
+        self._scans = Program()
+
+    def _take_suspended_s(self) -> float:
+        suspended_s, self.suspended_s = self.suspended_s, 0.0
+        return suspended_s
+
+    @asynccontextmanager
+    async def running(self) -> AsyncGenerator["Ros2Robot"]:
+        """Run the process, the lidar at 20 Hz and the program."""
+        stop = asyncio.Event()
+        running = asyncio.create_task(self.service.run(stop))
+        try:
+            async with self.rig.every(0.05, self._publish):
+                yield self
+        finally:
+            stop.set()
+            await running
+
+    def _publish(self) -> None:
+        scan = encode(laser_scan(self.ranges + next(self._jitter)))
+        self.hear(SCAN, self._scans.sample(scan, self.now_s))
+        if self.velocity is not None:
+            self.say(*self.velocity)
+
+    @property
+    def now_s(self) -> float:
+        return self.rig.loop.time()
+
+    def hear(self, topic: str, sample: Sample) -> None:
+        """Let a message arrive, at each subscription of its topic."""
+        for heard in self.node.heard[topic]:
+            heard(sample)
+
+    def say(self, linear_m_s: float, angular_rad_s: float = 0.0, late_s: float = 0.0) -> None:
+        """Publish one command of the program."""
+        payload = cdr.twist(cdr.Planar(linear_m_s, angular_rad_s))
+        self.hear(TELEOP, self.program.sample(payload, self.now_s, late_s))
+
+    def discover(self, *programs: Endpoint) -> None:
+        """Set the publishers of the command topic that discovery knows."""
+        self.node.listed[TELEOP] = list(programs)
+        self.node.matched()
+
+    async def request(self, service: str) -> tuple[bool, str]:
+        """Call a service of the node, as its thread does in the event loop."""
+        handler: Any = self.node.services[service]
+        answer: Callable[[], Awaitable[tuple[bool, str]]] = handler.args[0]
+        return await answer()
+
+    async def pass_time(self, seconds: float) -> list[cdr.Planar]:
+        """Let time pass; return what was published on the base's command topic."""
+        self.node.published[CMD_VEL] = []
+        await self.rig.pass_time(seconds)
+        return self.outputs()
+
+    def outputs(self) -> list[cdr.Planar]:
+        planar = [cdr.planar_of(payload) for payload in self.node.published[CMD_VEL]]
+        return [velocity for velocity in planar if velocity is not None]
+
+    async def drive(self, linear_m_s: float = 0.5) -> None:
+        """Arm the steady program, and drive."""
+        self.velocity = (0.0, 0.0)
+        await self.pass_time(0.6)
+        assert self.rig.newest_status.reasons == []
+        self.velocity = (linear_m_s, 0.0)
+        outputs = await self.pass_time(0.2)
+        assert outputs[-1] == (linear_m_s, 0.0)
