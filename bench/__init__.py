@@ -12,5 +12,6 @@ __main__.py    python -m bench
 
 estop_kill.py    press the e-stop, kill the supervisor, and count the runs that stay latched
 black_box.py     cost of the black box: time, memory, file size
+ros2_crash/      kill, stop and unplug the keyboard node of a ROS 2 robot, without and with Lifeline
 scene_search.py  search random scenes (scenes/) for one in which the law lets the hull come too close to an object
 """

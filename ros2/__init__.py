@@ -18,5 +18,6 @@ endpoints.py    what discovery knows of a topic; mismatches in plain words (pure
 diagnostics.py  the reports on /diagnostics and /lifeline/status (pure)
 reports.py      the report of each topic (pure)
 status.py       the beginning of a SafetyStatus, read from its bytes (pure)
+environment.py  the environment variables of a Python with rclpy (pure)
 cdr.py          where the velocities are in the bytes of a message (pure)
 """

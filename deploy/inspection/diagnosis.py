@@ -177,7 +177,7 @@ def _connection(seen: Observed) -> Iterator[Finding]:
 def _nodes(seen: Observed) -> Iterator[Finding]:
     if not seen.is_connected:
         return
-    named = {node.name for node in seen.nodes if node.is_named}
+    named = {name for node in seen.nodes if node.is_named for name in node.name.split("+")}
     if seen.has_ros2 and topics.ROS2 not in named:
         yield Finding(
             "base",

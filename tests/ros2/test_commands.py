@@ -132,6 +132,8 @@ def test_a_ros_2_robot_comes_up_drives_is_shown_and_goes_down(robot: Robot) -> N
     assert all(report["level"] == "ok" for report in reports.values()), reports
     shown = " ".join(robot.lifeline("status").stdout.split())
     assert "guarded by process" in shown
+    findings = json.loads(robot.lifeline("doctor", "--json").stdout)
+    assert [one["what"] for one in findings if one["verdict"] == "problem"] == []
     source.end()
 
     doctor = robot.lifeline("doctor")

@@ -1,6 +1,6 @@
 """The supervisor's promises, through ROS: a ROS source, Lifeline, and a ROS robot, all as real processes.
 
-The robot has a timeout of 0.5 s of its own, and is in a room whose wall is 10 m ahead.
+The robot has a timeout of 0.5 s of its own, and is in a room whose wall is 5.5 m ahead.
 """
 
 import math
@@ -284,7 +284,7 @@ def test_a_driven_robot_stops_30_cm_before_the_wall_and_may_back_out(stack: Stac
 
 def test_a_command_that_is_not_finite_stops_the_robot_at_once(stack: Stack) -> None:
     source = stack.source()
-    stack.drive(source)
+    stack.drive(source, -SPEED_M_S)  # away from the wall of the test before
     seen = len(source.lines)
     source.tell(v=math.nan)
     sent = source.until(

@@ -218,3 +218,17 @@ def test_while_it_waits_for_the_supervisor_a_signal_ends_it_and_nothing_has_star
         assert wrapper.returncode == 128 + number
         assert ended_within(handle, PATIENCE_S)
         os.close(handle)
+
+
+async def test_the_token_goes_while_both_are_stopped_as_by_ctrl_z_and_returns_with_them(
+    tmp_path: Path,
+) -> None:
+    async with supervised(tmp_path) as (subject, tokens), started(subject, tokens) as (wrapper, program):
+        for pid in (wrapper.pid, program):
+            os.kill(pid, signal.SIGSTOP)
+        await subject.until(lambda: not tokens.look(), "the end of the token")
+        for pid in (wrapper.pid, program):
+            os.kill(pid, signal.SIGCONT)
+        await subject.until(tokens.look, "the token again")
+        os.kill(program, signal.SIGTERM)
+        assert wrapper.wait(PATIENCE_S) == 128 + signal.SIGTERM

@@ -3,7 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-HALF_LENGTH_M, HALF_WIDTH_M = 10.0, 4.0
+# The walls are within the range of the lidar from everywhere: a direction without any return is soon unseen space.
+HALF_LENGTH_M, HALF_WIDTH_M = 5.5, 4.0
 PILLAR_M = (4.0, 2.0)
 PILLAR_RADIUS_M = 0.2
 BEAMS = 360

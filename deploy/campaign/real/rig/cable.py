@@ -64,6 +64,12 @@ class Cable:
         """Prefix that runs a command in the namespace, with its own process id."""
         return ("ip", "netns", "exec", self.name)
 
+    @property
+    def is_up(self) -> bool:
+        """Whether both ends have a carrier; the kernel reports it up to a second after plugging."""
+        ends = (("-n", self.name, "link", "show", self._there), ("link", "show", self._here))
+        return all("state UP" in _ip(*end) for end in ends)
+
     def unplug(self) -> None:
         # On the far side: the near address remains, and its listeners continue.
         _ip("-n", self.name, "link", "set", self._there, "down")
@@ -89,7 +95,8 @@ def _names(number: int) -> tuple[str, str, str]:
     return f"lifeline-{number}", f"lf{number}h", f"lf{number}t"
 
 
-def _ip(*arguments: str) -> None:
+def _ip(*arguments: str) -> str:
+    """Run ip; return its output."""
     try:
         done = subprocess.run(
             ["ip", *arguments],  # noqa: S607 - the system's
@@ -102,3 +109,4 @@ def _ip(*arguments: str) -> None:
         raise DeployError(f"cannot run ip: {error}") from error
     if done.returncode != 0:
         raise DeployError(f"`ip {' '.join(arguments)}` failed: {done.stderr.strip()}")
+    return done.stdout

@@ -220,8 +220,7 @@ def ros2(**fields: object) -> Observed:
     """A ROS 2 robot at which nothing is wrong."""
     nodes = [
         node("supervisor", "robot/cmd_vel", "robot/scan"),
-        node("ros2", "robot/scan robot/odom", "robot/cmd_vel", 2),
-        node("joy", "robot/joy/cmd_vel", "", 3),
+        node("joy+ros2", "robot/scan robot/odom robot/joy/cmd_vel", "robot/cmd_vel", 2),
     ]
     return running(**{"has_sim": False, "has_ros2": True, "nodes": nodes, **fields})
 
@@ -248,8 +247,8 @@ def test_what_ros_2_reports_is_a_problem_or_a_note_by_its_level() -> None:
 
 
 def test_a_ros_2_process_that_does_not_run_or_cannot_start_is_a_problem() -> None:
-    (missing,) = problems(ros2(nodes=[one for one in ros2().nodes if one.name != "ros2"]))
-    assert missing.what == "the ROS 2 process does not run"
+    missing, source = problems(ros2(nodes=[one for one in ros2().nodes if one.name == "supervisor"]))
+    assert (missing.what, source.check) == ("the ROS 2 process does not run", "command source")
     (problem,) = problems(ros2(ros2_problem="x is missing: run `make ros2`"))
     assert problem.what == "x is missing: run `make ros2`"
 

@@ -1,0 +1,74 @@
+"""The cases, trials and table of `bench.ros2_crash`."""
+
+import itertools
+from dataclasses import replace
+
+import pytest
+
+from bench.ros2_crash.table import markdown, rows
+from bench.ros2_crash.trial import BLOCK, Case, Fault, Robot, Teleop, Trial, cases, missing, parse
+
+TRIAL = Trial(
+    Teleop.LAB,
+    Fault.KILL,
+    Robot.TIMEOUT,
+    lifeline=False,
+    number=1,
+    speed_m_s=0.5,
+    zero_s=None,
+    standstill_s=0.75,
+    distance_m=0.3,
+)
+
+
+def test_a_trial_is_read_as_it_was_written() -> None:
+    assert parse(TRIAL.line()) == TRIAL
+
+
+@pytest.mark.parametrize("line", ["[]", "{}", "{", TRIAL.line().replace('"number"', '"count"')])
+def test_another_line_is_no_trial(line: str) -> None:
+    with pytest.raises(ValueError, match=r"."):
+        parse(line)
+
+
+def test_each_combination_is_a_case() -> None:
+    found = cases(list(Teleop), list(Fault), [False, True])
+    assert len(set(found)) == len(found) == 2 * 3 * 2 * 2
+
+
+def test_an_interrupted_run_continues_with_the_trials_that_are_missing() -> None:
+    other = Case(Teleop.LAB, Fault.STOP, Robot.TIMEOUT, lifeline=False)
+    assert missing([TRIAL.case, other], 2, [TRIAL]) == [(other, 1), (TRIAL.case, 2), (other, 2)]
+    assert missing([TRIAL.case], 1, [TRIAL]) == []
+
+
+def test_trials_of_the_same_setup_run_one_after_the_other_in_blocks() -> None:
+    todo = missing(cases([Teleop.LAB], list(Fault), [False, True]), 2 * BLOCK, [])
+    setups = [setup for setup, _ in itertools.groupby(case.setup for case, _ in todo)]
+    assert len(setups) == 2 * len(set(setups)) == 16
+    assert max(number for _, number in todo[: len(todo) // 2]) == BLOCK
+
+
+def test_the_table_has_the_median_and_the_largest_of_each_case() -> None:
+    trials = [replace(TRIAL, standstill_s=s, distance_m=s / 2, zero_s=s / 10) for s in (0.9, 0.7, 0.8)]
+    assert (
+        "| lab_teleop | SIGKILL | stops after 0.5 s | no | 3 | all | 0.080 s | 0.80 (0.90) s | 0.40 (0.45) m |"
+        in (markdown(rows(trials)))
+    )
+
+
+def test_the_table_names_the_robots_that_did_not_stop_and_their_distance_is_a_lower_bound() -> None:
+    keeps = replace(TRIAL, robot=Robot.KEEPS, standstill_s=None, distance_m=2.5)
+    table = markdown(rows([keeps, keeps]))
+    assert "| keeps the last command | no | 2 | 0 within 5 s | none | none | > 2.50 (2.50) m |" in table
+
+
+def test_the_rows_without_and_with_lifeline_follow_each_other() -> None:
+    without = [TRIAL, replace(TRIAL, fault=Fault.STOP)]
+    found = rows([*without, *(replace(trial, lifeline=True) for trial in without)])
+    assert [(row.case.fault, row.case.lifeline) for row in found] == [
+        (Fault.KILL, False),
+        (Fault.KILL, True),
+        (Fault.STOP, False),
+        (Fault.STOP, True),
+    ]
