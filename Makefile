@@ -6,6 +6,7 @@ UV := $(shell uv --version >/dev/null 2>&1 && command -v uv || echo .uv/bin/uv)
 OWN_UV := $(filter .uv/bin/uv,$(UV))
 STAMP := .venv/.made-from-lock
 ROS2_STAMP := .ros2/.made-from-lock
+RMW_ZENOH_STAMP := .rmw-zenoh/.made-from-lock
 
 # Use the machine's Python: uv must not download one.
 export UV_PYTHON_DOWNLOADS := never
@@ -23,6 +24,7 @@ HAS_RCLPY := $(ROS2_PYTHON) -c 'import platform, sys; sys.exit(not ("$(ROS)" or 
   and (3, 11) <= sys.version_info < (3, 15)))'
 NO_RCLPY := ROS 2 is not installed in /opt/ros/jazzy, and PyPI has no rclpy for this machine \
   (only for CPython 3.11 to 3.14 on x86_64 Linux)
+NO_RMW_ZENOH := zenoh-ros2-sdk cannot be installed on this machine
 
 .PHONY: help setup ros2 test-ros2 run test unit system timed demo proof proofs coverage check bench docs picture mutation faults campaign
 
@@ -57,7 +59,9 @@ demo: $(STAMP) ## play the demo from the checkout and from an installed wheel (t
 # The processes of ROS find each other through the machine's shared memory and ports: one test at a time.
 test-ros2: $(STAMP) ## run the tests with real ROS 2 processes; skipped where rclpy cannot be installed
 	@if $(HAS_RCLPY); then \
-	  $(MAKE) --no-print-directory ros2 && .venv/bin/pytest tests/ros2 --durations=10; \
+	  $(MAKE) --no-print-directory ros2 && \
+	  { $(MAKE) --no-print-directory $(RMW_ZENOH_STAMP) || echo "the tests of rmw_zenoh are skipped: $(NO_RMW_ZENOH)"; } && \
+	  .venv/bin/pytest tests/ros2 --durations=10; \
 	else \
 	  echo "skipped: $(NO_RCLPY)"; \
 	fi
@@ -118,6 +122,10 @@ $(ROS2_STAMP): uv.lock pyproject.toml | $(OWN_UV)
 	$(if $(ROS),$(UV) venv --quiet --clear --system-site-packages --python $(ROS2_PYTHON) .ros2)
 	UV_PROJECT_ENVIRONMENT=.ros2 $(UV) sync --locked --compile-bytecode --python $(ROS2_PYTHON) \
 	  --only-group $(if $(ROS),ros2,ros2-wheels)
+	@touch $@
+
+$(RMW_ZENOH_STAMP): uv.lock pyproject.toml | $(OWN_UV)
+	UV_PROJECT_ENVIRONMENT=.rmw-zenoh $(UV) sync --locked --compile-bytecode --python $(PYTHON) --only-group rmw-zenoh
 	@touch $@
 
 .uv/bin/uv:

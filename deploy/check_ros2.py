@@ -64,7 +64,13 @@ def held_cm(hold_s: float, config: SupervisorSection) -> float:
 
 def ros2_risks(ros2: Ros2Section, config: SupervisorSection) -> Iterator[Risk]:
     """Yield every risk that `[ros2]` creates."""
-    if ros2.discovery_range == "subnet":
+    if ros2.rmw == "zenoh":
+        yield Risk(
+            f'[ros2] rmw = "zenoh", router = "{ros2.router}"',
+            "Every program that reaches the router can publish scans, odometry and commands, also to the base itself, unless the "
+            "router has access control. Without the router, only the base's own timeout stops the robot.",
+        )
+    elif ros2.discovery_range == "subnet":
         yield Risk(
             '[ros2] discovery_range = "subnet"',
             "Any machine in this network can publish scans, odometry and commands, also to the base itself: DDS has no "

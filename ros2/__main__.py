@@ -1,11 +1,17 @@
-"""`python -m ros2`: the ROS 2 side of a robot. It runs in an environment with rclpy (`make ros2`)."""
+"""`python -m ros2`: the ROS 2 side of a robot.
+
+It runs in an environment with rclpy (`make ros2`), or for a robot with rmw_zenoh in any environment of Lifeline.
+"""
 
 import asyncio
 import logging
 import os
+from collections.abc import Callable
 
-from ros2.check_base import check_base
-from ros2.config import Ros2Section, SupervisorValues, fit_to_lidars
+from ros2.check_base import MakeNode, check_base
+from ros2.config import Ros2Section, SupervisorValues, apart_from_hub, fit_to_lidars
+from ros2.rmw_zenoh import RmwZenoh
+from ros2.ros import Ros
 from ros2.service import Ros2Service
 from wire.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.config import BusSection, ConfigError, Section, read_sections
@@ -37,24 +43,16 @@ def main() -> None:
             "ros2": Ros2Section,
             "supervisor": SupervisorValues,
         }
-        sections = read_sections(document, models, fit_to_lidars)
+        sections = read_sections(document, models, fit_to_lidars, apart_from_hub)
         bus_section, config = sections[BusSection], sections[Ros2Section]
         supervisor = sections[SupervisorValues]
     except ConfigError as error:
         refuse("ros2", error)
-    set_environment(config)
     log_to_stderr()
-    try:
-        from ros2.node import RosNode  # noqa: PLC0415 - after the environment is set
-    except ImportError as error:
-        refuse(
-            "ros2",
-            f"this Python has no rclpy ({error}): create the environment with `make ros2`, or on a robot run "
-            "`. /opt/ros/jazzy/setup.sh` first",
-        )
+    make_node = _over_zenoh(config, bus_section) if config.rmw == "zenoh" else _over_dds(config)
 
     if arguments.check_base:
-        run_process("ros2", lambda stop: check_base(stop, config, RosNode, ask=not arguments.yes))
+        run_process("ros2", lambda stop: check_base(stop, config, make_node, ask=not arguments.yes))
 
     async def run(stop: asyncio.Event) -> int:
         loop = asyncio.get_running_loop()
@@ -68,7 +66,7 @@ def main() -> None:
             bus, "client", on_wait=lambda: _log.info("waiting for the supervisor on %s", bus.endpoint)
         )
         wire = ZenohSession(session, bus.namespace)
-        node = RosNode(config.domain_id, on_failure)
+        node = await make_node(on_failure)
         try:
             service = Ros2Service(
                 wire,
@@ -78,7 +76,8 @@ def main() -> None:
                 lidar_topics=supervisor.lidar_topics,
                 suspended_s=SuspendMeter().suspended_s,
             )
-            _log.info("node %s in domain %d, %s", node.name, config.domain_id, config.discovery_range)
+            where = config.router if config.rmw == "zenoh" else config.discovery_range
+            _log.info("node %s in domain %d, %s", node.name, config.domain_id, where)
             running = asyncio.ensure_future(service.run(stop))
             await asyncio.wait({running, failed}, return_when=asyncio.FIRST_COMPLETED)
             if failed.done():
@@ -92,6 +91,39 @@ def main() -> None:
         return 0
 
     run_process("ros2", run, memory_keeper=bus_section.memory_keeper)
+
+
+def _over_dds(config: Ros2Section) -> MakeNode:
+    """Import rclpy; refuse a Python without it."""
+    set_environment(config)
+    try:
+        from ros2.node import RosNode  # noqa: PLC0415 - after the environment is set
+    except ImportError as error:
+        refuse(
+            "ros2",
+            f"this Python has no rclpy ({error}): create the environment with `make ros2`, or on a robot run "
+            "`. /opt/ros/jazzy/setup.sh` first",
+        )
+
+    async def make_node(on_failure: Callable[[BaseException], None]) -> Ros:
+        return RosNode(config.domain_id, on_failure)
+
+    return make_node
+
+
+def _over_zenoh(config: Ros2Section, bus: BusSection) -> MakeNode:
+    """Connect to the robot's router, without a time limit."""
+    router = config.to_router_config(bus)
+
+    async def make_node(on_failure: Callable[[BaseException], None]) -> Ros:
+        session = await open_session(
+            router,
+            "client",
+            on_wait=lambda: _log.info("waiting for the robot's router on %s", router.endpoint),
+        )
+        return RmwZenoh(ZenohSession(session, router.namespace), config.domain_id, on_failure)
+
+    return make_node
 
 
 def set_environment(config: Ros2Section) -> None:

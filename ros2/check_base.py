@@ -8,7 +8,7 @@ import asyncio
 import math
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 
 from ros2 import cdr, ros
 from ros2.config import Ros2Section
@@ -27,13 +27,16 @@ STOP_LIMIT_S = 3.0
 GOOD_S = 1.0
 """A base that stops within this time limits the damage of a dead computer to about one metre."""
 
+MakeNode = Callable[[Callable[[BaseException], None]], Awaitable[Ros]]
+"""Returns the node; its argument is called on any thread with an exception of a callback."""
+
 EXIT_NO_TIMEOUT, EXIT_NOT_MEASURED = 1, 3
 
 
 async def check_base(
     stop: asyncio.Event,
     config: Ros2Section,
-    make_node: Callable[[int, Callable[[BaseException], None]], Ros],
+    make_node: MakeNode,
     *,
     ask: bool,
 ) -> int:
@@ -42,7 +45,7 @@ async def check_base(
     Args:
         stop: set by a signal; the robot is then commanded zero.
         config: `[ros2]`.
-        make_node: returns the node of a domain.
+        make_node: returns the node.
         ask: whether a person must confirm that the robot may move.
     """
     loop = asyncio.get_running_loop()
@@ -51,7 +54,7 @@ async def check_base(
         print(f"the node failed: {error}")
         loop.call_soon_threadsafe(stop.set)
 
-    node = make_node(config.domain_id, on_failure)
+    node = await make_node(on_failure)
     check = _Check(stop, config, node)
     node.start()
     try:

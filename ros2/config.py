@@ -10,8 +10,9 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, ConfigDict, Field
 
 from wire import topics
-from wire.config import Conflict, Name, Section, Sections
+from wire.config import BusSection, Conflict, Endpoint, Name, Section, Sections, same_endpoint
 from wire.quantities import Between
+from wire.session import BusConfig
 
 MAX_TOPIC = 128
 
@@ -57,6 +58,10 @@ class Ros2Section(Section):
 
     namespace: RosNamespace = ""
     domain_id: DomainId = 0
+    rmw: Literal["dds", "zenoh"] = "dds"
+    """`zenoh`: the nodes of the robot use rmw_zenoh_cpp."""
+    router: Endpoint = "tcp/127.0.0.1:7448"
+    """With `rmw = "zenoh"`: where the robot's rmw_zenohd listens."""
     discovery_range: Literal["localhost", "subnet"] = "localhost"
     scan: RosTopic | Annotated[tuple[RosTopic, ...], Field(min_length=1, max_length=4, strict=False)] = "scan"
     """One topic for each lidar of `[supervisor]`, in the same order."""
@@ -75,6 +80,10 @@ class Ros2Section(Section):
     @property
     def scans(self) -> tuple[str, ...]:
         return (self.scan,) if isinstance(self.scan, str) else self.scan
+
+    def to_router_config(self, bus: BusSection) -> BusConfig:
+        """Return how the session of the robot's domain connects to its router."""
+        return BusConfig(self.router, str(self.domain_id), bus.lease_s)
 
     def resolved(self, topic: str) -> str:
         """Return the absolute name of a topic."""
@@ -130,3 +139,20 @@ def fit_to_lidars(sections: Sections) -> Iterator[Conflict]:
     if len(config.scans) != lidars:
         message = f"must name one topic for each of the {lidars} lidars of [supervisor], in the same order"
         yield Conflict(("ros2", "scan"), config.scan, message)
+
+
+def apart_from_hub(sections: Sections) -> Iterator[Conflict]:
+    """Yield a conflict if the robot's router and Lifeline's hub would listen on the same port."""
+    config, bus = sections.get(Ros2Section), sections.get(BusSection)
+    if (
+        config is None
+        or bus is None
+        or config.rmw != "zenoh"
+        or not same_endpoint(config.router, bus.endpoint)
+    ):
+        return
+    message = (
+        f"is also [bus] endpoint = {bus.endpoint!r}, where Lifeline itself listens: if rmw_zenohd listens there, give "
+        "[bus] endpoint another port"
+    )
+    yield Conflict(("ros2", "router"), config.router, message)

@@ -86,6 +86,8 @@ class Guard:
         guarded = self._guarded.get(gid)
         if guarded is not None:
             return guarded.pid
+        if gid[:2] != EPROSIMA:
+            return None
         pid = pid_of(gid, own_gid, dds_processes(int.from_bytes(gid[PID], "little")))
         if pid is None:
             return None

@@ -59,6 +59,8 @@ class RosNode:
         on_failure: called on any thread with an exception of a callback; it must end the process.
     """
 
+    discovery = "discovery"
+
     def __init__(self, domain_id: int, on_failure: Callable[[BaseException], None]) -> None:
         self._on_failure = on_failure
         # The process handles its signals itself (wire/process.py).
@@ -148,6 +150,10 @@ class RosNode:
     def subscriptions(self, topic: str) -> list[Endpoint]:
         """Return all subscriptions of a topic, this node's included."""
         return [_endpoint(e) for e in self._node.get_subscriptions_info_by_topic(topic)]
+
+    def problem(self, topic: str) -> str | None:  # noqa: ARG002 - as Ros
+        """Return None: DDS itself gives each message its source time."""
+        return None
 
     @property
     def name(self) -> str:

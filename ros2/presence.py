@@ -21,6 +21,8 @@ class Programs:
 
     topic: str
     type_name: str
+    discovery: str = "discovery"
+    """What shows the end of its programs."""
     everyone: list[Endpoint] = field(default_factory=list[Endpoint])
     """All publishers but those that have died, whatever their type is."""
     live: list[Endpoint] = field(default_factory=list[Endpoint])
@@ -59,7 +61,7 @@ class Presence:
 
     def watch(self, topic: str, type_name: str) -> Programs:
         """Watch a topic; the returned record is updated."""
-        programs = Programs(topic, type_name)
+        programs = Programs(topic, type_name, self._ros.discovery)
         self._topics.append(programs)
         return programs
 

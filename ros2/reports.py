@@ -8,7 +8,9 @@ from ros2.endpoints import Endpoint, names, wrong_qos, wrong_types
 from ros2.presence import Programs
 
 
-def source_report(section: RosSourceSection, programs: Programs, accepted: int, refused: int) -> Report:
+def source_report(
+    section: RosSourceSection, programs: Programs, accepted: int, refused: int, problem: str | None = None
+) -> Report:
     """Return the report of a command source.
 
     Args:
@@ -16,6 +18,7 @@ def source_report(section: RosSourceSection, programs: Programs, accepted: int, 
         programs: the programs on its topic.
         accepted: number of its messages that were passed on.
         refused: number of the others.
+        problem: why messages of its topic were refused lately; None if none was.
     """
     topic, live = programs.topic, programs.live
     problems: list[str] = []
@@ -24,7 +27,8 @@ def source_report(section: RosSourceSection, programs: Programs, accepted: int, 
     if programs.stopped:
         problems.append(f"the process of {names(live)} is stopped by a signal: continue or end it")
     problems += _wrong(
-        wrong_types(topic, programs.type_name, programs.everyone, f"stamped of the source {section.name}")
+        wrong_types(topic, programs.type_name, programs.everyone, f"stamped of the source {section.name}"),
+        problem,
     )
     name = f"source {section.name}"
     if not live and not problems:
@@ -51,11 +55,17 @@ def _guards(programs: Programs) -> str:
     """Return what detects the program's end, the earliest first."""
     guards = [f"process {programs.pid} on this host"] if programs.pid is not None else []
     guards += ["lifeline ros2 exec"] if programs.wrapped else []
-    return ", ".join([*guards, "discovery", "the command timeout"])
+    return ", ".join([*guards, programs.discovery, "the command timeout"])
 
 
 def sensor_report(
-    name: str, topic: str, type_name: str, publishers: Sequence[Endpoint], *, writers: int
+    name: str,
+    topic: str,
+    type_name: str,
+    publishers: Sequence[Endpoint],
+    *,
+    writers: int,
+    problem: str | None = None,
 ) -> Report:
     """Return the report of a sensor's topic.
 
@@ -65,8 +75,9 @@ def sensor_report(
         type_name: the expected type.
         publishers: all publishers of the topic.
         writers: number of writers that were heard lately.
+        problem: why messages of the topic were refused lately; None if none was.
     """
-    problems = _wrong(wrong_types(topic, type_name, publishers, ""))
+    problems = _wrong(wrong_types(topic, type_name, publishers, ""), problem)
     if not publishers:
         problems.append(f"no node publishes on {topic}: start the driver, or correct the topic in [ros2]")
     elif writers > 1:

@@ -25,6 +25,11 @@ class Ros(Protocol):
         """Full name of the node."""
         ...
 
+    @property
+    def discovery(self) -> str:
+        """What shows the end of another program's endpoints, for the reports."""
+        ...
+
     def start(self) -> None:
         """Begin to receive; call it after all declarations."""
         ...
@@ -58,6 +63,10 @@ class Ros(Protocol):
 
     def subscriptions(self, topic: str) -> list[Endpoint]:
         """Return all subscriptions of a topic, this node's included."""
+        ...
+
+    def problem(self, topic: str) -> str | None:
+        """Return a sentence if messages of a topic were refused lately; None if none was."""
         ...
 
     def encode_array(self, reports: Sequence[Report]) -> bytes:

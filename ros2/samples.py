@@ -1,8 +1,8 @@
 """The messages of one topic, separated by writer.
 
-A ROS 2 message does not name its writer before Kilted, but it has the writer's sequence number. Each run of a writer
+A message of DDS does not name its writer before Kilted, but it has the writer's sequence number. Each run of a writer
 counts from 1, so the messages of two writers, or of a restarted one, form separate sequences. Each sequence gets an
-identity of its own, which becomes the epoch of the messages on the wire.
+identity of its own, which becomes the epoch of the messages on the wire. A message of rmw_zenoh names its writer.
 """
 
 from collections.abc import Callable
@@ -30,6 +30,8 @@ class Sample(NamedTuple):
     """
     sequence: int
     """Number of the message in the run of its writer."""
+    gid: bytes | None = None
+    """The identity of its writer (16 bytes); None if the message does not name it."""
 
 
 class _Writer(NamedTuple):
@@ -55,16 +57,19 @@ class Writers:
 
     def gid_of(self, sample: Sample) -> bytes:
         """Return the identity of the writer (16 bytes)."""
+        gid = sample.gid or self._continued_by(sample) or self._new_gid()
+        others = [w for w in self._writers if w.gid != gid]
+        self._writers = [_Writer(gid, sample.sequence, sample.arrival_s), *others[: MAX_WRITERS - 1]]
+        return gid
+
+    def _continued_by(self, sample: Sample) -> bytes | None:
+        """Return the identity of the writer whose sequence a message continues; None if it continues none."""
         continued = [w for w in self._writers if 0 < sample.sequence - w.sequence <= LONGEST_GAP]
         active = [w for w in continued if sample.arrival_s - w.heard_s <= ACTIVE_S]
         if active:  # the nearest sequence; of equal ones, the one that was heard longest ago
-            before = max(active, key=lambda w: (w.sequence, -w.heard_s))
-        else:
-            before = max(continued, key=lambda w: w.heard_s, default=None)
-        gid = self._new_gid() if before is None else before.gid
-        others = [w for w in self._writers if w is not before]
-        self._writers = [_Writer(gid, sample.sequence, sample.arrival_s), *others[: MAX_WRITERS - 1]]
-        return gid
+            return max(active, key=lambda w: (w.sequence, -w.heard_s)).gid
+        before = max(continued, key=lambda w: w.heard_s, default=None)
+        return None if before is None else before.gid
 
     def active(self, now_s: float, window_s: float) -> int:
         """Return how many writers were heard within the last `window_s`."""

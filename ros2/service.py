@@ -339,7 +339,13 @@ class Ros2Service:
         return supervisor_report(self._status, _base_text(self._base.reason))
 
     def _source_report(self, feed: _Feed) -> Report:
-        return source_report(feed.section, feed.programs, feed.source.accepted, feed.source.refused)
+        return source_report(
+            feed.section,
+            feed.programs,
+            feed.source.accepted,
+            feed.source.refused,
+            self._node.problem(feed.programs.topic),
+        )
 
     def _report(self, now_s: float, base: Report) -> None:
         """Publish all reports once a second, and at once when a source, the mode or the base's topic has changed."""
@@ -360,6 +366,7 @@ class Ros2Service:
             sensor.type_name,
             self._node.publishers(sensor.topic),
             writers=sensor.writers.active(now_s, REPORT_PERIOD_S),
+            problem=self._node.problem(sensor.topic),
         )
 
 

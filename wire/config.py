@@ -19,7 +19,6 @@ from pydantic import (
     ConfigDict,
     Field,
     ValidationError,
-    field_validator,
     model_validator,
 )
 from pydantic_core import InitErrorDetails, PydanticCustomError
@@ -93,22 +92,25 @@ FreeName = Annotated[Name, AfterValidator(_is_not_taken)]
 """A name that shadows no node and no topic: a command source, or a further lidar's topic."""
 
 
+def _is_an_endpoint(value: str) -> str:
+    match = re.fullmatch(r"(tcp|tls|quic)/(\[[0-9a-fA-F:]+\]|[^:/\s]+):(\d{1,5})", value)
+    if match is None or not 0 < int(match[3]) < 65536:
+        raise ValueError("expected PROTOCOL/HOST:PORT such as tcp/127.0.0.1:7447")
+    return value
+
+
+Endpoint = Annotated[str, AfterValidator(_is_an_endpoint)]
+"""Where a Zenoh session connects or listens."""
+
+
 class BusSection(Section):
     """`[bus]`: shared by all processes."""
 
-    endpoint: str = DEFAULT_ENDPOINT
+    endpoint: Endpoint = DEFAULT_ENDPOINT
     namespace: Name = "robot"
     # Zenoh's own default of 10 s is far too long for a robot; below 0.1 s a busy machine loses links.
     lease_s: Annotated[float, Between(0.1, 2.0)] = 0.4
     memory_keeper: bool = True
-
-    @field_validator("endpoint")
-    @classmethod
-    def _is_an_endpoint(cls, value: str) -> str:
-        match = re.fullmatch(r"(tcp|tls|quic)/(\[[0-9a-fA-F:]+\]|[^:/\s]+):(\d{1,5})", value)
-        if match is None or not 0 < int(match[3]) < 65536:
-            raise ValueError("expected PROTOCOL/HOST:PORT such as tcp/127.0.0.1:7447")
-        return value
 
     def to_bus_config(self) -> BusConfig:
         return BusConfig(self.endpoint, self.namespace, self.lease_s)
@@ -121,6 +123,21 @@ def is_loopback(endpoint: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return host == "localhost"
+
+
+def same_endpoint(one: str, other: str) -> bool:
+    """Return whether two endpoints cannot both be listened on: the same port, and the same host or both on this machine."""
+    (host, port), (other_host, other_port) = _host_and_port(one), _host_and_port(other)
+    return port == other_port and (host == other_host or (_is_here(one) and _is_here(other)))
+
+
+def _host_and_port(endpoint: str) -> tuple[str, str]:
+    host, _, port = endpoint.split("/", 1)[1].rpartition(":")
+    return host.lower(), port
+
+
+def _is_here(endpoint: str) -> bool:
+    return is_loopback(endpoint) or _host_and_port(endpoint)[0] in {"0.0.0.0", "[::]"}  # noqa: S104 - compared only
 
 
 class BaseSection(Section):

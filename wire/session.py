@@ -52,6 +52,8 @@ Push = Callable[[bytes, bytes | None, float], None]
 """Called on Zenoh's thread with a sample's payload, its attachment and its arrival time [s]; it must not block."""
 RawHandler = Callable[[bytes], Awaitable[bytes]]
 """Called with the payload of a query (empty if it has none); returns the payload of the reply."""
+TokenChange = Callable[[str, bool], None]
+"""Called on Zenoh's thread with the full key of a token, and whether it exists; it must not block."""
 R = TypeVar("R")
 
 
@@ -186,6 +188,10 @@ def _direct(callback: Callable[[Any], None]) -> "zenoh.handlers.Callback[Any]":
     return zenoh.handlers.Callback(callback, indirect=False)
 
 
+def _no_attachment(_: bytes | None) -> bytes | None:
+    return None
+
+
 class RawPublisher:
     """Publishes bytes on one key, without batching, at real-time priority; drops samples instead of waiting."""
 
@@ -275,7 +281,15 @@ class ZenohSession:
         return inbox
 
     def declare_alive(self, node: str) -> ZenohToken:
-        token = self._session.liveliness().declare_token(self._key(topics.alive(node)))
+        return self.declare_token(self._key(topics.alive(node)))
+
+    def declare_token(self, key: str) -> ZenohToken:
+        """Declare a liveliness token on any key.
+
+        Args:
+            key: the full key, including the namespace.
+        """
+        token = self._session.liveliness().declare_token(key)
         self._declared.append(token)
         return ZenohToken(token)
 
@@ -291,25 +305,52 @@ class ZenohSession:
     ) -> Inbox[LivelinessChange]:
         """Report the tokens that match a key expression, without their common prefix."""
 
+        def on_change(key: str, alive: bool) -> None:  # noqa: FBT001 - as TokenChange
+            inbox.push(LivelinessChange(key.removeprefix(prefix), alive, time.monotonic()))
+
+        self.watch_tokens(expression, on_change)
+        return inbox
+
+    def watch_tokens(self, expression: str, changed: TokenChange) -> None:
+        """Call `changed` for each token that an expression matches: for those that exist, and at each change.
+
+        Args:
+            expression: a full key expression, including the namespace.
+            changed: called on Zenoh's thread; it must not block.
+        """
+
         def on_change(sample: zenoh.Sample) -> None:
-            node = str(sample.key_expr).removeprefix(prefix)
-            inbox.push(LivelinessChange(node, sample.kind == zenoh.SampleKind.PUT, time.monotonic()))
+            changed(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
         self._declared.append(
             self._session.liveliness().declare_subscriber(expression, _direct(on_change), history=True)
         )
-        return inbox
 
-    def serve_raw(self, key: str, handler: RawHandler) -> None:
-        """Answer queries on a key of the robot; the handler runs in this event loop."""
+    def serve_raw(
+        self,
+        key: str,
+        handler: RawHandler,
+        *,
+        stamp_reply: Callable[[bytes | None], bytes | None] = _no_attachment,
+        is_complete: bool = False,
+    ) -> None:
+        """Answer queries on a key of the robot.
+
+        Args:
+            key: the key, relative to the robot's namespace.
+            handler: runs in this event loop.
+            stamp_reply: returns the attachment of a reply from that of its query; called in this event loop.
+            is_complete: whether a query for complete answers is also answered, as ROS 2 clients send it.
+        """
         full_key = self._key(key)
 
         async def answer(query: zenoh.Query) -> None:
             try:
-                payload = query.payload
+                payload, asked = query.payload, query.attachment
                 response = await handler(b"" if payload is None else payload.to_bytes())
+                attachment = stamp_reply(None if asked is None else asked.to_bytes())
                 # A reply may wait for a stopped peer: it runs on a separate thread, never in the loop.
-                await _in_thread(lambda: _reply(query, full_key, response))
+                await _in_thread(lambda: _reply(query, full_key, response, attachment))
             finally:
                 self._pending_queries -= 1
 
@@ -325,7 +366,9 @@ class ZenohSession:
         answers: set[asyncio.Task[None]] = set()
         self._declared.append(
             self._session.declare_queryable(
-                full_key, _direct(lambda query: _call_in(self._loop, lambda: accept(query)))
+                full_key,
+                _direct(lambda query: _call_in(self._loop, lambda: accept(query))),
+                complete=is_complete,
             )
         )
 
@@ -386,15 +429,27 @@ class ZenohSession:
         """
         kept = NewestWithin[Overheard](depth, OVERHEARD_BYTES, lambda one: len(one.payload))
         inbox: Inbox[Overheard] = Inbox(depth, wake, kept)
+        self.hear(expression, inbox.push)
+        return inbox
+
+    def hear(self, expression: str, heard: Callable[[Overheard], None]) -> None:
+        """Call `heard` on Zenoh's thread for the samples of all keys that an expression matches; it must not block.
+
+        A put on a wildcard also matches, and a delete has an empty payload.
+
+        Raises:
+            BusError: it is not a key expression.
+        """
 
         def on_sample(sample: zenoh.Sample) -> None:
+            arrival_s = time.monotonic()
             attachment = sample.attachment
-            inbox.push(
+            heard(
                 Overheard(
                     str(sample.key_expr),
                     sample.payload.to_bytes(),
                     None if attachment is None else attachment.to_bytes(),
-                    time.monotonic(),
+                    arrival_s,
                 )
             )
 
@@ -405,7 +460,6 @@ class ZenohSession:
         except zenoh.ZError as error:
             raise BusError(f"{expression!r} is not a key: {_first_line(error)}") from error
         self._declared.append(subscriber)
-        return inbox
 
     async def declarations(self, *, timeout_s: float = 3.0) -> dict[str, bytes]:
         """Return the hub's report of all sessions and their declarations, by key of Zenoh's admin space.
@@ -436,9 +490,9 @@ class ZenohSession:
         return f"{self._namespace}/{relative}"
 
 
-def _reply(query: zenoh.Query, key: str, response: bytes) -> None:
+def _reply(query: zenoh.Query, key: str, response: bytes, attachment: bytes | None) -> None:
     with query:
-        query.reply(key, response)
+        query.reply(key, response, attachment=attachment)
 
 
 def _call_in(loop: asyncio.AbstractEventLoop, callback: Callable[[], None]) -> None:

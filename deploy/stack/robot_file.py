@@ -38,10 +38,10 @@ def read_robot(document: dict[str, Any], *, simulated: bool) -> Sections:
     if "ros2" in document:
         # Without the section, nothing of ROS is imported.
         from deploy.stack.ros2_fit import fit_to_ros2  # noqa: PLC0415
-        from ros2.config import Ros2Section  # noqa: PLC0415
+        from ros2.config import Ros2Section, apart_from_hub  # noqa: PLC0415
 
         models["ros2"] = Ros2Section
-        fits.append(fit_to_ros2)
+        fits += [fit_to_ros2, apart_from_hub]
     return read_sections(document, models, *fits)
 
 

@@ -5,6 +5,7 @@ It finds Lifeline's packages by a directory of links, because Lifeline's environ
 
 import os
 import shlex
+import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -29,6 +30,8 @@ IS_SET_UP = "AMENT_PREFIX_PATH"
 def interpreter(config: Path) -> Path:
     """Return the Python of the ROS 2 process: `[ros2] python`, else `.ros2/bin/python` of the checkout.
 
+    With `rmw = "zenoh"` it needs no rclpy: this Python, unless `[ros2] python` names another one.
+
     Args:
         config: robot.toml; a relative path in it begins in its directory.
 
@@ -36,7 +39,10 @@ def interpreter(config: Path) -> Path:
         DeployError: the section is refused, the interpreter is missing, or the installed ROS 2 is not set up.
     """
     try:
-        named = section(read_toml(config), "ros2", Ros2Section).python
+        ros2 = section(read_toml(config), "ros2", Ros2Section)
+        named = ros2.python
+        if named is None and ros2.rmw == "zenoh":
+            return Path(sys.executable)
         python = _default() if named is None else config.parent / _expanded(named)
     except ConfigError as error:
         raise DeployError(str(error)) from error

@@ -70,7 +70,8 @@ class Peer:
         self.lines: list[Line] = []
         self.shared_memory: set[str] = set()
         """Fast DDS's files that it used when it was killed or ended."""
-        self._log = log
+        self.log = log
+        """Where its stderr goes."""
         self._changed = threading.Condition()
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
@@ -131,7 +132,7 @@ class Peer:
         return [line for line in list(self.lines) if line.get("topic") == topic and line["at_ns"] >= from_ns]
 
     def picture(self) -> str:
-        return f"exit code {self.process.poll()}, last lines {self.lines[-3:]}, log: {self._log.read_text()[-1500:]}"
+        return f"exit code {self.process.poll()}, last lines {self.lines[-3:]}, log: {self.log.read_text()[-1500:]}"
 
     def kill(self) -> int:
         """SIGKILL and reap it; return the time just before, by CLOCK_MONOTONIC [ns]."""

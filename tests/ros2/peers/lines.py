@@ -12,7 +12,9 @@ READY = "ready"
 
 def say(**fields: Any) -> None:  # noqa: ANN401 - any values of JSON
     """Print a line; `at_ns` is the time by CLOCK_MONOTONIC unless it is given."""
-    print(json.dumps({"at_ns": time.monotonic_ns(), **fields}), flush=True)
+    # One write for each line, so that the lines of several threads are not mixed.
+    sys.stdout.write(json.dumps({"at_ns": time.monotonic_ns(), **fields}) + "\n")
+    sys.stdout.flush()
 
 
 def listen(obey: Callable[[dict[str, Any]], None], at_end: Callable[[], object]) -> None:

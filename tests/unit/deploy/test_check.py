@@ -291,6 +291,16 @@ def test_what_ros_2_settings_risk_is_named(tmp_path: Path) -> None:
     assert "/lifeline/arm" in risks['arm of path = "on_request"']
 
 
+def test_the_router_of_rmw_zenoh_is_a_risk_and_the_range_of_dds_then_is_none(tmp_path: Path) -> None:
+    text = ROS2.replace("[ros2]", '[ros2]\nrmw = "zenoh"')
+    risks = {risk.setting: risk.sentence for risk in report(tmp_path, text + FRONT).risks}
+    assert (
+        "Every program that reaches the router"
+        in risks['[ros2] rmw = "zenoh", router = "tcp/127.0.0.1:7448"']
+    )
+    assert '[ros2] discovery_range = "subnet"' not in risks
+
+
 def test_the_defaults_of_ros_2_add_no_risk(tmp_path: Path) -> None:
     (risk,) = report(tmp_path, "[ros2]\n" + FRONT).risks
     assert risk.setting == "deceleration_m_s2 = 1.5"

@@ -16,12 +16,16 @@ def _no_match() -> None:
 class FakeRos:
     """Implements the Protocol `Ros`."""
 
+    discovery = "discovery"
+
     def __init__(self) -> None:
         self.name = NAME
         self.listed: dict[str, list[Endpoint]] = {}
         """Publishers by topic."""
         self.listening: dict[str, list[Endpoint]] = {}
         """Subscriptions by topic."""
+        self.problems: dict[str, str] = {}
+        """Why messages were refused, by topic."""
         self.heard: dict[str, list[Callable[[Sample], None]]] = {}
         self.matched: Callable[[], None] = _no_match
         self.published: dict[str, list[bytes]] = {}
@@ -62,6 +66,9 @@ class FakeRos:
 
     def subscriptions(self, topic: str) -> list[Endpoint]:
         return list(self.listening.get(topic, ()))
+
+    def problem(self, topic: str) -> str | None:
+        return self.problems.get(topic)
 
     def encode_array(self, reports: Sequence[Report]) -> bytes:
         self.arrays.append(list(reports))

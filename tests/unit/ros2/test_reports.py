@@ -55,6 +55,13 @@ def test_the_guards_are_listed_from_the_earliest_on_and_the_hold_is_named() -> N
     assert dict(report.values)["hold_s"] == "0.6"
 
 
+def test_refused_messages_are_an_error_of_their_topic() -> None:
+    source = source_report(STEADY, programs(TELEOP), 0, 0, "messages have no attachment")
+    assert (source.level, source.message) == (Level.ERROR, "messages have no attachment")
+    sensor = sensor_report("odom", "/odom", TWIST, [BASE], writers=1, problem="messages have no attachment")
+    assert (sensor.level, sensor.message) == (Level.ERROR, "messages have no attachment")
+
+
 def test_two_programs_are_an_error_that_names_both() -> None:
     report = source_report(STEADY, programs(TELEOP, OTHER), 0, 5)
     assert report.level is Level.ERROR

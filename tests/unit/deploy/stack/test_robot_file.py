@@ -152,6 +152,12 @@ def test_the_timeout_of_ros_2_is_at_least_two_ticks() -> None:
     assert "2 ticks of [supervisor] tick_hz = 50" in message
 
 
+def test_the_router_of_rmw_zenoh_has_another_port_than_the_supervisor() -> None:
+    message = refusal({"ros2": {"rmw": "zenoh", "router": "tcp/localhost:7447"}}, simulated=False)
+    assert "ros2.router = 'tcp/localhost:7447'" in message
+    assert "give [bus] endpoint another port" in message
+
+
 def test_without_its_section_there_is_no_ros_2() -> None:
     assert read_robot({}, simulated=True).get(Ros2Section) is None
     assert "ros2.domain_id = 300" in refusal({"ros2": {"domain_id": 300}}, simulated=False)

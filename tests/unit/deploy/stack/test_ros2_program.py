@@ -1,6 +1,7 @@
 """How the ROS 2 process is started: its interpreter, its variables, and the packages that it finds."""
 
 import shlex
+import sys
 from pathlib import Path
 
 import pytest
@@ -45,6 +46,12 @@ def test_a_relative_interpreter_is_looked_for_beside_the_configuration(tmp_path:
     here = python(tmp_path)
     assert interpreter(config(tmp_path, 'python = "env/bin/python"')) == here
     assert interpreter(config(tmp_path, f'python = "{here}"')) == here
+
+
+def test_a_robot_with_rmw_zenoh_needs_no_rclpy(tmp_path: Path) -> None:
+    here = python(tmp_path)
+    assert interpreter(config(tmp_path, 'rmw = "zenoh"')) == Path(sys.executable)
+    assert interpreter(config(tmp_path, f'rmw = "zenoh"\npython = "{here}"')) == here
 
 
 def test_the_default_interpreter_is_that_of_make_ros2(
