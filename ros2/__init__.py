@@ -4,7 +4,6 @@ config.py       `[ros2]` of robot.toml; imports nothing of ROS
 node.py         the ROS 2 node over DDS: the only file that imports rclpy
 rmw_zenoh.py    the same over Zenoh, for a robot with rmw_zenoh, without rclpy
 rmw_keys.py     the keys, tokens and hashes of rmw_zenoh (pure)
-xxh3.py         the hash that identifies an endpoint of rmw_zenoh (pure)
 report_cdr.py   the bytes of reports and of answers, without rclpy (pure)
 ros.py          the interface of the node
 service.py      the asyncio shell between the node and the Zenoh session

@@ -9,14 +9,14 @@ In its names, `%` replaces `/`; an empty QoS field is rmw_zenoh's default. Sourc
 github.com/ros2/rmw_zenoh.
 """
 
+import hashlib
 import re
 from enum import StrEnum
 from typing import NamedTuple
 
 from ros2 import ros
 from ros2.endpoints import Endpoint
-from ros2.xxh3 import xxh3_128
-from wire.stamp import Stamp, parse_stamp
+from wire.stamp import GID_BYTES, Stamp, parse_stamp
 
 ADMIN_SPACE = "@ros2_lv"
 TRIGGER = "std_srvs/srv/Trigger"
@@ -176,8 +176,11 @@ def stamp_of(attachment: bytes | None) -> Stamp | None:
 
 
 def gid_of(token: str) -> bytes:
-    """Return the identity of the endpoint that a token announces (16 bytes): the one in its attachments."""
-    return xxh3_128(token.encode())
+    """Return an identity for the endpoint that a token announces (16 bytes).
+
+    rmw_zenoh uses another hash, XXH3. Nothing here compares the two: an epoch is taken from the messages.
+    """
+    return hashlib.blake2b(token.encode(), digest_size=GID_BYTES).digest()
 
 
 def _shown(name: str) -> str:
