@@ -119,7 +119,8 @@ $(STAMP): uv.lock pyproject.toml | $(OWN_UV)
 
 $(ROS2_STAMP): uv.lock pyproject.toml | $(OWN_UV)
 	@$(HAS_RCLPY) || { echo "$(NO_RCLPY)" >&2; exit 1; }
-	$(if $(ROS),$(UV) venv --quiet --clear --system-site-packages --python $(ROS2_PYTHON) .ros2)
+	@# Anew each time: a second sync would remove rclpy, which its wheels install under a name that the lock does not have.
+	$(UV) venv --quiet --clear $(if $(ROS),--system-site-packages) --python $(ROS2_PYTHON) .ros2
 	UV_PROJECT_ENVIRONMENT=.ros2 $(UV) sync --locked --compile-bytecode --python $(ROS2_PYTHON) \
 	  --only-group $(if $(ROS),ros2,ros2-wheels)
 	@touch $@
