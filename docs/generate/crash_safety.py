@@ -5,7 +5,7 @@ The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
     answer    the time in which a robot stops when its teleop is killed
     real      the table of the campaign with real processes: docs/campaign/real.jsonl
     virtual   the table of the campaign on a virtual clock: docs/campaign/virtual.jsonl.gz
-    ros2      keyboard nodes of ROS 2, with and without Lifeline: docs/campaign/ros2.jsonl
+    ros2      keyboard nodes of ROS 2, with and without Lifeline: docs/campaign/ros2_crash.jsonl
     soak      the resources after an hour of driving: docs/campaign/soak.jsonl.gz
 
 `--check` writes nothing and fails if a part is out of date; tests/unit/test_crash_safety.py does the same.
@@ -35,7 +35,7 @@ RESULTS = {
     "real": Path(__file__).parents[1] / "campaign" / "real.jsonl",
     "virtual": Path(__file__).parents[1] / "campaign" / "virtual.jsonl.gz",
 }
-ROS2 = Path(__file__).parents[1] / "campaign" / "ros2.jsonl"
+ROS2 = Path(__file__).parents[1] / "campaign" / "ros2_crash.jsonl"
 SOAK = Path(__file__).parents[1] / "campaign" / "soak.jsonl.gz"
 COMMANDS = {
     "real": "lifeline faults --out docs/campaign/real.jsonl",
@@ -211,7 +211,7 @@ def ros2_table() -> str:
     first, last = origins[0], origins[-1]
     return (
         f"{markdown(rows(read_ros2(ROS2)))}\n"
-        f"`{first.command} --out docs/campaign/ros2.jsonl`, {first.date} to {last.date}, {first.machine}, "
+        f"`{first.command} --out docs/campaign/ros2_crash.jsonl`, {first.date} to {last.date}, {first.machine}, "
         f"commits {first.commit} to {last.commit}."
     )
 
