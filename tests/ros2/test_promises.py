@@ -142,19 +142,34 @@ def test_a_stopped_ros2_process_leaves_the_robots_own_timeout_and_delivers_no_ol
     source.end()
 
 
-def test_sigterm_of_the_ros2_process_leaves_zero_on_cmd_vel(stack: Stack) -> None:
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_the_ros2_process_leaves_zero_on_cmd_vel_when_it_is_ended(
+    stack: Stack, number: signal.Signals
+) -> None:
     source = stack.source()
-    stack.drive(source)
-    at_ns = send(stack.bridge, signal.SIGTERM)
+    stack.drive(source, SPEED_M_S if number == signal.SIGTERM else -SPEED_M_S)
+    at_ns = send(stack.bridge, number)
     zero = stack.observer.until(
         lambda line: line.get("topic") == "cmd_vel" and line["at_ns"] > at_ns and line["v"] == 0.0, "zero"
     )
-    show("SIGTERM of the ROS 2 process to zero", [(zero["at_ns"] - at_ns) / 1e6])
+    show(f"{number.name} of the ROS 2 process to zero", [(zero["at_ns"] - at_ns) / 1e6])
     assert stack.bridge.process.wait(10) == 0
     stack.start_bridge()
     stack.watch.report(f"source {SOURCE}", "guarded by")
     stack.stays_at_rest()
-    source.end()
+
+
+def test_ctrl_c_of_the_supervisor_stops_the_robot_and_a_restart_moves_nothing(stack: Stack) -> None:
+    source = stack.source()
+    stack.drive(source)
+    took_ms = stack.zero_after(send(stack.supervisor, signal.SIGINT))
+    show("Ctrl-C of the supervisor to zero", [took_ms])
+    assert took_ms < MARGIN_MS
+    assert stack.supervisor.process.wait(10) == 0
+    stack.start_supervisor()
+    stack.watch.report("supervisor", "STOPPED")
+    stack.stays_at_rest()
+    stack.drive(source, -SPEED_M_S)
 
 
 def test_sigkill_of_the_supervisor_stops_the_robot_and_a_restart_moves_nothing(stack: Stack) -> None:
