@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
+MOST_NAMES = 4
+
 
 class Endpoint(NamedTuple):
     """A publisher or a subscription of any node."""
@@ -19,8 +21,11 @@ class Endpoint(NamedTuple):
 
 
 def names(endpoints: Sequence[Endpoint]) -> str:
-    """Return the names of the nodes, as in "/a and /b"."""
-    return " and ".join(sorted(endpoint.node for endpoint in endpoints)) or "none"
+    """Return the names of the nodes, as in "/a and /b"; of many, the first ones and how many more endpoints there are."""
+    nodes = sorted(endpoint.node for endpoint in endpoints)
+    if len(nodes) > MOST_NAMES:
+        nodes[MOST_NAMES:] = [f"{len(nodes) - MOST_NAMES} more"]
+    return " and ".join(nodes) or "none"
 
 
 def wrong_types(topic: str, expected: str, endpoints: Sequence[Endpoint], option: str) -> str | None:

@@ -51,3 +51,9 @@ def test_only_a_subscription_that_requests_old_messages_is_a_mismatch_of_qos() -
 
 def test_the_type_of_a_command_topic_follows_the_option() -> None:
     assert (twist_type(stamped=False), twist_type(stamped=True)) == (TWIST, TWIST_STAMPED)
+
+
+def test_of_many_endpoints_the_first_four_are_named_and_the_others_counted() -> None:
+    many = [Endpoint(f"/n{number}", "geometry_msgs/msg/Twist", bytes(16)) for number in range(7)]
+    assert names(many[:4]) == "/n0 and /n1 and /n2 and /n3"
+    assert names(many) == "/n0 and /n1 and /n2 and /n3 and 3 more"
