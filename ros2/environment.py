@@ -1,6 +1,6 @@
-"""The environment variables of a Python with rclpy: of the wheels from PyPI, or of an installed ROS 2.
+"""The environment variables that a Python needs to import rclpy, from PyPI's wheels or from an installed ROS 2.
 
-It imports nothing of ROS. `make ros2` creates the environment `.ros2`.
+This module does not import ROS. `make ros2` creates the environment `.ros2`.
 """
 
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ LIBRARIES = "LD_LIBRARY_PATH"
 def ros_variables(python: Path, present: Mapping[str, str], ros: Path = ROS) -> dict[str, str]:
     """Return the variables with which this interpreter can import rclpy.
 
-    The wheels' Python starts itself again unless their libraries are on the path. An installed ROS needs what its
+    Without these variables, a Python with the wheels restarts itself to set them. An installed ROS needs what its
     `setup.bash` sets; if that was sourced already, nothing is added.
 
     Args:

@@ -1,7 +1,7 @@
 """A keyboard teleop that publishes only when a key arrives, as teleop_twist_keyboard does.
 
 i and , drive at 0.5 m/s, j and l turn at 1 rad/s, any other key stops; Ctrl-C sends zero and quits. While no key arrives,
-it is silent: the terminal's repeat of a held key is its only heartbeat.
+it is silent: of a held key, it sees only the terminal's repeats.
 """
 # pyright: basic, reportMissingImports=false
 
