@@ -52,6 +52,8 @@ class Source:
         self._timeout_s = timeout_s
         self._track = Track()
         self._program = b""
+        self._sequence: int | None = None
+        """Number of the program's last message."""
         self._held = NEUTRAL
         self._held_until_s = -math.inf
         self._released = True
@@ -74,6 +76,7 @@ class Source:
         if program != self._program:
             self._program = program
             self._writers.forget()
+        self._sequence = None
         self._wait_for_release(now_s)
 
     def leave(self) -> None:
@@ -96,6 +99,11 @@ class Source:
         sent = Sent(gid, sample.sequence, sample.source_time_ns * 1e-9)
         if not self._adapts:
             return [Command(twist, sample.arrival_s, sent)]
+        is_next = self._sequence is None or sample.sequence == self._sequence + 1
+        self._sequence = sample.sequence
+        if not is_next and sample.arrival_s > self._held_until_s:
+            # Messages were lost, so the silence before this one was not the program's.
+            self._wait_for_release(sample.arrival_s)
         self._track, verdict, on_way_s = judge(self._track, sent, sample.arrival_s, self._timeout_s)
         if verdict is not Verdict.FRESH:
             # A message that was on its way for so long shows that the program was not silent meanwhile.

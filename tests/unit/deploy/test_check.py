@@ -39,7 +39,7 @@ FRONT = lidar(f"view_rad = [{-QUARTER}, {QUARTER}]", "beams = 360", "range_max_m
 
 
 def test_there_is_an_example_for_each_of_the_usual_robots() -> None:
-    ros2 = {"turtlebot4", "clearpath", "ros2_diff_drive"}
+    ros2 = {"turtlebot4", "clearpath", "ros2_diff_drive", "ros2_trial"}
     assert set(EXAMPLES) == {"amr_one_lidar", "amr_two_lidars", *ros2}
     assert {name for name in EXAMPLES if examine(EXAMPLES[name]).ros2} == ros2
 

@@ -454,3 +454,23 @@ def test_under_hold_s_no_motion_passes_before_zero_or_silence(
             now_s += TICK_S
             passed += source.repeat(now_s)
         assert [command.twist for command in passed[:1]] in ([], [NEUTRAL])
+
+
+@pytest.mark.parametrize("lost", [1, 37, 1500])
+def test_a_streaming_program_whose_messages_were_lost_does_not_move_the_robot_again_by_itself(
+    lost: int,
+) -> None:
+    robot = hold_key(keyboard(), 1.5)
+    assert robot.moves
+    robot.wait(1.5)
+    assert not robot.moves
+    robot.program.sequence += lost
+    robot.stream(SPEED_M_S, 1.0)
+    assert not robot.moves
+
+
+def test_a_lost_message_within_the_hold_does_not_interrupt_a_held_key() -> None:
+    robot = hold_key(keyboard(), 1.5)
+    robot.program.sequence += 3
+    robot.stream(SPEED_M_S, 0.5)
+    assert robot.moves
