@@ -6,6 +6,7 @@ rmw_zenoh.py    the same over Zenoh, for a robot with rmw_zenoh, without rclpy
 rmw_keys.py     the keys, tokens and hashes of rmw_zenoh (pure)
 report_cdr.py   the bytes of reports and of answers, without rclpy (pure)
 ros.py          the interface of the node
+program.py      the command line of `python -m ros2`
 service.py      the asyncio shell between the node and the Zenoh session
 presence.py     which programs publish on the topics of the sources, and which of them are alive
 source.py       the commands of one topic, with hold and arming on request (pure)

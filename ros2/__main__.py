@@ -1,137 +1,18 @@
-"""`python -m ros2`: the ROS 2 side of a robot.
+"""`python -m ros2`: the ROS 2 side of a robot. It runs in an environment with rclpy (`make ros2`)."""
 
-It runs in an environment with rclpy (`make ros2`), or for a robot with rmw_zenoh in any environment of Lifeline.
-"""
+import sys
+from importlib.util import find_spec
 
-import asyncio
-import logging
-import os
-from collections.abc import Callable
-
-from ros2.check_base import MakeNode, check_base
-from ros2.config import Ros2Section, SupervisorValues, apart_from_hub, fit_to_lidars
-from ros2.rmw_zenoh import RmwZenoh
-from ros2.ros import Ros
-from ros2.service import Ros2Service
-from wire.command_line import log_to_stderr, read_document, refuse, service_parser
-from wire.config import BusSection, ConfigError, Section, read_sections
-from wire.process import run_process
-from wire.session import ZenohSession, open_session
-from wire.suspend import SuspendMeter
-
-_log = logging.getLogger("ros2")
-
-
-def main() -> None:
-    parser = service_parser(
-        "ros2",
-        description="Connect a ROS 2 robot to the supervisor: its scans and odometry, the topics of its command sources, "
-        "and its command topic. The section [ros2] of the configuration names them.",
-        epilog="exit code: 0 after SIGTERM or Ctrl-C, 1 after an error, 2 for a wrong configuration",
-    )
-    parser.add_argument(
-        "--check-base",
-        action="store_true",
-        help="measure how long the base keeps its last command when its commands end; the robot turns on the spot",
-    )
-    parser.add_argument("--yes", action="store_true", help="with --check-base: move the robot without asking")
-    arguments = parser.parse_args()
-    try:
-        document = read_document(arguments)
-        models: dict[str, type[Section]] = {
-            "bus": BusSection,
-            "ros2": Ros2Section,
-            "supervisor": SupervisorValues,
-        }
-        sections = read_sections(document, models, fit_to_lidars, apart_from_hub)
-        bus_section, config = sections[BusSection], sections[Ros2Section]
-        supervisor = sections[SupervisorValues]
-    except ConfigError as error:
-        refuse("ros2", error)
-    log_to_stderr()
-    make_node = _over_zenoh(config, bus_section) if config.rmw == "zenoh" else _over_dds(config)
-
-    if arguments.check_base:
-        run_process("ros2", lambda stop: check_base(stop, config, make_node, ask=not arguments.yes))
-
-    async def run(stop: asyncio.Event) -> int:
-        loop = asyncio.get_running_loop()
-        failed: asyncio.Future[None] = loop.create_future()
-
-        def on_failure(error: BaseException) -> None:
-            loop.call_soon_threadsafe(lambda: failed.done() or failed.set_exception(error))
-
-        bus = bus_section.to_bus_config()
-        session = await open_session(
-            bus, "client", on_wait=lambda: _log.info("waiting for the supervisor on %s", bus.endpoint)
-        )
-        wire = ZenohSession(session, bus.namespace)
-        node = await make_node(on_failure)
-        try:
-            service = Ros2Service(
-                wire,
-                node,
-                config,
-                command_timeout_s=supervisor.command_timeout_s,
-                lidar_topics=supervisor.lidar_topics,
-                suspended_s=SuspendMeter().suspended_s,
-            )
-            where = config.router if config.rmw == "zenoh" else config.discovery_range
-            _log.info("node %s in domain %d, %s", node.name, config.domain_id, where)
-            running = asyncio.ensure_future(service.run(stop))
-            await asyncio.wait({running, failed}, return_when=asyncio.FIRST_COMPLETED)
-            if failed.done():
-                running.cancel()
-                await asyncio.wait({running})
-                failed.result()
-            await running
-        finally:
-            await wire.close()
-            await asyncio.to_thread(node.close)
-        return 0
-
-    run_process("ros2", run, memory_keeper=bus_section.memory_keeper)
-
-
-def _over_dds(config: Ros2Section) -> MakeNode:
-    """Import rclpy; refuse a Python without it."""
-    set_environment(config)
-    try:
-        from ros2.node import RosNode  # noqa: PLC0415 - after the environment is set
-    except ImportError as error:
-        refuse(
-            "ros2",
-            f"this Python has no rclpy ({error}): create the environment with `make ros2`, or on a robot run "
-            "`. /opt/ros/jazzy/setup.sh` first",
-        )
-
-    async def make_node(on_failure: Callable[[BaseException], None]) -> Ros:
-        return RosNode(config.domain_id, on_failure)
-
-    return make_node
-
-
-def _over_zenoh(config: Ros2Section, bus: BusSection) -> MakeNode:
-    """Connect to the robot's router, without a time limit."""
-    router = config.to_router_config(bus)
-
-    async def make_node(on_failure: Callable[[BaseException], None]) -> Ros:
-        session = await open_session(
-            router,
-            "client",
-            on_wait=lambda: _log.info("waiting for the robot's router on %s", router.endpoint),
-        )
-        return RmwZenoh(ZenohSession(session, router.namespace), config.domain_id, on_failure)
-
-    return make_node
-
-
-def set_environment(config: Ros2Section) -> None:
-    """Set what rclpy and Fast DDS read from the environment, unless the user has chosen it."""
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = config.discovery_range.upper()
-    # Shared memory leaves files behind when a process is killed; for messages of some kilobytes it is not faster.
-    os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
-
+NEEDED = ("numpy", "pydantic", "zenoh")
+"""rclpy is checked when it is needed: a robot with rmw_zenoh does without."""
 
 if __name__ == "__main__":
+    missing = [name for name in NEEDED if find_spec(name) is None]
+    if missing:
+        sys.exit(
+            f"ros2: {sys.executable} has no {', '.join(missing)}: create the environment with `make ros2`, or name the "
+            "interpreter of one in [ros2] python"
+        )
+    from ros2.program import main
+
     main()
