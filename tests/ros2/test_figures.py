@@ -58,7 +58,7 @@ def test_a_command_takes_a_few_milliseconds_more_than_through_a_bare_relay(stack
         try:
             passed = arrival(stack.observer, turn_rad_s, marks[0])
             relay = arrival(relayed, turn_rad_s, marks[1])
-        except AssertionError:  # the robot was stopped, or the message was lost: arm again, and leave this command out
+        except AssertionError:  # stopped, or the message was lost: arm again, leave this command out
             source.tell(v=0.0)
             stack.armed()
             continue
