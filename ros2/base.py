@@ -7,6 +7,7 @@ base has: without a fresh command of a live supervisor, it commands zero, 50 tim
 import math
 
 from ros2 import cdr
+from ros2.config import Ros2Section
 from wire.freshness import Sent
 from wire.stamp import parse_stamp
 from wire.watchdog import BaseReason, Watchdog
@@ -14,6 +15,19 @@ from wire.watchdog import BaseReason, Watchdog
 PERIOD_S = 0.02
 PATIENCE_S = 0.03
 """How long to wait for the supervisor's next command, which comes every 20 ms, before the last one is repeated."""
+
+
+def message(velocity: cdr.Planar, config: Ros2Section, time_ns: int) -> bytes:
+    """Return a command in the type of the robot's command topic.
+
+    Args:
+        velocity: the velocity of the robot.
+        config: `[ros2]`.
+        time_ns: the stamp of a TwistStamped, by the wall clock.
+    """
+    if config.stamped:
+        return cdr.twist_stamped(velocity, time_ns, config.frame_id)
+    return cdr.twist(velocity)
 
 
 class Base:

@@ -11,6 +11,7 @@ import time
 from collections.abc import Awaitable, Callable
 
 from ros2 import cdr, ros
+from ros2.base import message
 from ros2.config import Ros2Section
 from ros2.endpoints import names
 from ros2.ros import Ros, twist_type
@@ -77,10 +78,7 @@ class _Check:
         self._turn_rad_s = math.nan
 
     def command(self, velocity: cdr.Planar) -> None:
-        if self._config.stamped:
-            self._publish(cdr.twist_stamped(velocity, time.time_ns(), self._config.frame_id))
-        else:
-            self._publish(cdr.twist(velocity))
+        self._publish(message(velocity, self._config, time.time_ns()))
 
     async def run(self, *, ask: bool) -> int:
         print(f"waiting for odometry on {self._odom_topic}")

@@ -39,6 +39,10 @@ class Programs:
         """The identity of the only live program; None if there is none, if it is stopped, or if there are several."""
         return self.live[0].gid if len(self.live) == 1 and not self.stopped else None
 
+    def runs_any(self, publishers: frozenset[bytes]) -> bool:
+        """Return whether one of these publishers is live on the topic."""
+        return any(publisher.gid in publishers for publisher in self.live)
+
 
 class Presence:
     """Watches the programs of several topics.
@@ -82,15 +86,16 @@ class Presence:
         programs.pid = None
         if len(programs.live) == 1:
             programs.pid = self._guard.watch(programs.live[0].gid, self._own_gid)
-        programs.stopped = self._is_stopped(programs)
+        programs.stopped = programs.runs_any(self._guard.stopped())
         self._changed(programs)
         return {publisher.gid for publisher in publishers}
 
     def poll(self) -> None:
         """Check whether a watched process was stopped or continued."""
+        stopped = self._guard.stopped()
         for programs in self._topics:
-            if programs.stopped != self._is_stopped(programs):
-                programs.stopped = not programs.stopped
+            before, programs.stopped = programs.stopped, programs.runs_any(stopped)
+            if programs.stopped != before:
                 self._changed(programs)
 
     def without_dead(self, endpoints: list[Endpoint]) -> list[Endpoint]:
@@ -116,10 +121,6 @@ class Presence:
         else:
             self._unheld |= {publisher.gid for publisher in programs.live}
         self.look_at(programs)
-
-    def _is_stopped(self, programs: Programs) -> bool:
-        stopped = self._guard.stopped()
-        return any(publisher.gid in stopped for publisher in programs.live)
 
     def _on_death(self, gid: bytes) -> None:
         self._dead.add(gid)

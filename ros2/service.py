@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from ros2 import cdr, ros
-from ros2.base import Base
+from ros2.base import Base, message
 from ros2.config import Ros2Section, RosSourceSection
 from ros2.diagnostics import Level, Report, supervisor_report
 from ros2.presence import Presence, Programs
@@ -241,16 +241,14 @@ class Ros2Service:
                 _log.info("base: %s", _base_text(self._base.reason))
 
     def _publish(self, velocity: cdr.Planar) -> None:
-        if self._config.stamped:
-            self._cmd_vel(cdr.twist_stamped(velocity, time.time_ns(), self._config.frame_id))
-        else:
-            self._cmd_vel(cdr.twist(velocity))
+        self._cmd_vel(message(velocity, self._config, time.time_ns()))
 
     def _serve_sources(self) -> None:
         for feed in self._feeds:
-            for sample in feed.heard.take():
-                if not feed.source.present:  # a message may arrive before the match is reported
-                    self._presence.look_at(feed.programs)
+            samples = feed.heard.take()
+            if samples and not feed.source.present:  # a message may arrive before the match is reported
+                self._presence.look_at(feed.programs)
+            for sample in samples:
                 _put(feed, feed.source.heard(sample))
             _put(feed, feed.source.repeat(self._loop.time()))
 

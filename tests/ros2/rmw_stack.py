@@ -5,12 +5,11 @@ import sys
 from pathlib import Path
 
 from tests.ros2.host import ROOT, Host, Peer
-from tests.ros2.stack import SOURCE, SPEED_M_S, TOPIC, Stack, Watch
+from tests.ros2.stack import SOURCE, TOPIC, Stack, Watch
 from tests.system.ports import free_endpoint
 
 RMW_PYTHON = ROOT / ".rmw-zenoh/bin/python"
 DOMAIN = 16
-ATTEMPTS, DRIVE_LIMIT_S = 5, 4.0
 
 CONFIGURATION = """
 [bus]
@@ -70,26 +69,6 @@ class RmwStack(Stack):
         source = self.node("rmw_source", "--name", name, "--topic", topic, *options)
         self._sources.append(source)
         return source
-
-    def drive(self, source: Peer, speed_m_s: float = SPEED_M_S, name: str = SOURCE) -> None:
-        """Have a source command zero, and then a speed, until the robot has it; again if a loaded machine stops it."""
-        for attempt in range(ATTEMPTS):
-            source.tell(v=0.0)
-            self.armed(name)
-            seen = len(self.observer.lines)
-            source.tell(v=speed_m_s)
-            try:
-                self.observer.until(
-                    lambda line: line.get("topic") == "odom" and abs(line["v"] - speed_m_s) < 0.02,
-                    f"{speed_m_s} m/s",
-                    after=seen,
-                    within_s=DRIVE_LIMIT_S,
-                )
-            except AssertionError:
-                if attempt == ATTEMPTS - 1:
-                    raise
-            else:
-                return
 
     def end_sources(self) -> None:
         """End the sources that are left of a test that failed."""
