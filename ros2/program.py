@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 from ros2.check_base import MakeNode, check_base
 from ros2.config import Ros2Section, SupervisorValues, apart_from_hub, fit_to_lidars
+from ros2.environment import dds_variables
 from ros2.rmw_zenoh import RmwZenoh
 from ros2.ros import Ros
 from ros2.service import Ros2Service
@@ -95,7 +96,7 @@ def main() -> None:
 
 def _over_dds(config: Ros2Section) -> MakeNode:
     """Import rclpy; refuse a Python without it."""
-    set_environment(config)
+    os.environ.update(dds_variables(config.discovery_range, os.environ))
     try:
         from ros2.node import RosNode  # noqa: PLC0415 - after the environment is set
     except ImportError as error:
@@ -124,10 +125,3 @@ def _over_zenoh(config: Ros2Section, bus: BusSection) -> MakeNode:
         return RmwZenoh(ZenohSession(session, router.namespace), config.domain_id, on_failure)
 
     return make_node
-
-
-def set_environment(config: Ros2Section) -> None:
-    """Set what rclpy and Fast DDS read from the environment, unless the user has chosen it."""
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = config.discovery_range.upper()
-    # Shared memory leaves files behind when a process is killed; for messages of some kilobytes it is not faster.
-    os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")

@@ -13,14 +13,12 @@ import pexpect
 
 from bench.ros2_crash.trial import Fault, Setup, Teleop
 from deploy.campaign.real.rig.cable import Cable
+from ros2.environment import dds_variables
 from tests.ros2.host import ROS_PYTHON, Host, Peer, ros_domain
 from tests.ros2.keyboards import LAB_TELEOP, upstream_teleop
 from tests.system.ports import free_endpoint
 from wire.state_directory import ENVIRONMENT
 
-SUBNET = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
-ONLY_UDP = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
-"""Two namespaces of one machine share /dev/shm: with shared memory, no message would pass the cable."""
 CABLE_SUBNET = 77
 UP_LIMIT_S, POLL_S = 10.0, 0.02
 TOPICS = {Teleop.LAB: "/teleop/cmd_vel", Teleop.KEYBOARD: "/keyboard/cmd_vel"}
@@ -112,14 +110,15 @@ def stage(setup: Setup, logs: Path) -> Generator[Stage]:
         domain = ending.enter_context(ros_domain())
         cable = None
         beyond: tuple[str, ...] = ()
-        reach: dict[str, str] = {ENVIRONMENT: str(logs)}
+        reach = dds_variables("localhost", {})
         if setup.cable:
             cable = Cable(os.getpid(), subnet=CABLE_SUBNET)
             ending.callback(cable.close)
             wait_until_up(cable)
-            beyond, reach = cable.prefix, reach | SUBNET
-        here = Host(domain, logs, extra=reach)
-        there = Host(domain, logs, prefix=beyond, extra=reach | (ONLY_UDP if cable else {}))
+            beyond, reach = cable.prefix, dds_variables("subnet", {})
+        state = {ENVIRONMENT: str(logs)}
+        here = Host(domain, logs, discovery=reach, extra=state)
+        there = Host(domain, logs, prefix=beyond, discovery=reach, extra=state)
         ending.callback(here.close)
         ending.callback(there.close)
 

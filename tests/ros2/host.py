@@ -20,7 +20,7 @@ from typing import IO, Any
 
 import pexpect
 
-from ros2.environment import ros_variables
+from ros2.environment import DISCOVERY_RANGE, dds_variables, ros_variables
 from tests.ros2.peers.lines import READY
 
 ROOT = Path(__file__).parents[2]
@@ -31,6 +31,8 @@ END_LIMIT_S = 5.0
 DOMAINS = range(30, 100)
 """Above those that people use by hand; from 102 on, the ports of a domain are those of outgoing connections."""
 SHARED_MEMORY = Path("/dev/shm")
+WITH_SHARED_MEMORY = {DISCOVERY_RANGE: "LOCALHOST"}
+"""How Fast DDS communicates on one host by default."""
 PORTS_FROM, PORTS_PER_DOMAIN = 7400, 250
 """How DDS numbers its ports by domain."""
 
@@ -172,28 +174,40 @@ class Host:
         domain: the ROS domain.
         logs: where their stderr goes.
         prefix: starts each command, such as `ip netns exec NAME`.
+        discovery: how its peers find others; default: the variables of the process `ros2` on one host.
         extra: further environment variables.
     """
 
     def __init__(
-        self, domain: int, logs: Path, *, prefix: Sequence[str] = (), extra: dict[str, str] | None = None
+        self,
+        domain: int,
+        logs: Path,
+        *,
+        prefix: Sequence[str] = (),
+        discovery: dict[str, str] | None = None,
+        extra: dict[str, str] | None = None,
     ) -> None:
         self.domain = domain
         self._logs, self._prefix, self._extra = logs, prefix, extra or {}
+        self._discovery = dds_variables("localhost", {}) if discovery is None else discovery
         self._peers: list[Peer] = []
         self._terminals: list[pexpect.spawn[str]] = []
         self._used: set[str] = set()
 
     @property
     def variables(self) -> dict[str, str]:
-        """The environment of a process with rclpy."""
+        """The environment of a peer."""
+        return {**self.rclpy_variables, **self._discovery, **self._extra}
+
+    @property
+    def rclpy_variables(self) -> dict[str, str]:
+        """The environment of a process with rclpy that chooses its discovery itself."""
         own = {
             "ROS_DOMAIN_ID": str(self.domain),
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
             "ROS_LOG_DIR": str(self._logs),
         }
-        return {**os.environ, **ros_variables(ROS_PYTHON, os.environ), **own, **self._extra}
+        return {**os.environ, **ros_variables(ROS_PYTHON, os.environ), **own}
 
     def start(self, peer: str, *options: str) -> Peer:
         """Start a peer, a module of `tests/ros2/peers`, in the environment of ROS."""

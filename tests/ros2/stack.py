@@ -120,6 +120,7 @@ class Stack:
         self.supervisor = self.start_supervisor()
         self.bridge = self.start_bridge()
         self.watch = Watch(self.endpoint)
+        self.observer.until(lambda line: line.get("topic") == "cmd_vel", "discovery of the process ros2")
 
     def start_supervisor(self) -> Peer:
         command = [sys.executable, "-m", "supervisor", "--config", str(self.config)]
@@ -128,7 +129,7 @@ class Stack:
 
     def start_bridge(self) -> Peer:
         command = [str(ROS_PYTHON), "-m", "ros2", "--config", str(self.config)]
-        self.bridge = self.host.run("ros2", command, self.host.variables)
+        self.bridge = self.host.run("ros2", command, self.host.rclpy_variables)
         return self.bridge
 
     def tidy(self) -> None:

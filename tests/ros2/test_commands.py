@@ -143,6 +143,10 @@ def test_a_ros_2_robot_comes_up_drives_is_shown_and_goes_down(robot: Robot) -> N
     assert all(report["level"] == "ok" for report in reports.values()), reports
     shown = " ".join(robot.lifeline("status").stdout.split())
     assert "guarded by process" in shown
+    source.tell(v=0.0)
+    robot.watch.until(
+        lambda w: w.status is not None and w.status.mode == SafetyStatus.READY, "READY for motion"
+    )
     findings = json.loads(robot.lifeline("doctor", "--json").stdout)
     assert [one["what"] for one in findings if one["verdict"] == "problem"] == []
     source.end()

@@ -8,7 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from tests.ros2.host import ROS_PYTHON, SHARED_MEMORY, Host, Line, Peer, shared_memory_of
+from tests.ros2.host import (
+    ROS_PYTHON,
+    SHARED_MEMORY,
+    WITH_SHARED_MEMORY,
+    Host,
+    Line,
+    Peer,
+    shared_memory_of,
+)
 from tests.ros2.keyboards import KEY_TELEOP, LAB_TELEOP, VARIABLE, holding, pressing, upstream_teleop
 from tests.system.ports import free_endpoint
 
@@ -149,7 +157,7 @@ def test_the_simulated_robot_is_a_ros_robot(host: Host) -> None:
 
 
 def test_what_a_killed_process_leaves_in_shared_memory_is_removed(host: Host, tmp_path: Path) -> None:
-    other = Host(host.domain, tmp_path)
+    other = Host(host.domain, tmp_path, discovery=WITH_SHARED_MEMORY)
     source = other.start("source").ready()
     files = shared_memory_of(source.pid)
     source.kill()

@@ -2,7 +2,9 @@
 
 from pathlib import Path
 
-from ros2.environment import ros_variables
+import pytest
+
+from ros2.environment import LOCALHOST_PROFILE, dds_variables, ros_variables
 
 NOWHERE = Path("/nowhere")
 
@@ -41,3 +43,29 @@ def test_a_sourced_ros_is_left_as_it_is(tmp_path: Path) -> None:
 
 def test_without_ros_nothing_is_set(tmp_path: Path) -> None:
     assert ros_variables(tmp_path / "env/bin/python", {}, NOWHERE) == {}
+
+
+@pytest.mark.parametrize("present", [{}, {"FASTRTPS_DEFAULT_PROFILES_FILE": "/mine.xml"}])
+def test_on_one_host_a_node_uses_udp_on_the_loopback_interface_only(present: dict[str, str]) -> None:
+    assert dds_variables("localhost", present) == {
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
+        "FASTRTPS_DEFAULT_PROFILES_FILE": str(LOCALHOST_PROFILE),
+        "FASTDDS_DEFAULT_PROFILES_FILE": str(LOCALHOST_PROFILE),
+    }
+    assert LOCALHOST_PROFILE.is_file()
+
+
+def test_another_middleware_has_the_range_of_ros() -> None:
+    variables = dds_variables("localhost", {"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"})
+    assert variables["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+
+
+def test_in_a_subnet_only_shared_memory_is_excluded_and_the_users_transports_remain() -> None:
+    assert dds_variables("subnet", {"RMW_IMPLEMENTATION": "rmw_fastrtps_cpp"}) == {
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
+        "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
+    }
+    assert (
+        dds_variables("subnet", {"FASTDDS_BUILTIN_TRANSPORTS": "LARGE_DATA"})["FASTDDS_BUILTIN_TRANSPORTS"]
+        == "LARGE_DATA"
+    )
