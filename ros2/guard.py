@@ -32,11 +32,15 @@ def pid_of(gid: bytes, own_gid: bytes, candidates: Iterable[int]) -> int | None:
         own_gid: the identity of any endpoint of this process.
         candidates: the processes of this host that use Fast DDS.
     """
-    if gid[:2] != EPROSIMA or own_gid[:2] != EPROSIMA or gid[HOST] != own_gid[HOST]:
+    if own_gid[:2] != EPROSIMA or gid[HOST] != own_gid[HOST]:
         return None
-    low = int.from_bytes(gid[PID], "little")
-    found = [pid for pid in candidates if pid & 0xFFFF == low]
+    found = [pid for pid in candidates if may_be_of(gid, pid)]
     return found[0] if len(found) == 1 else None
+
+
+def may_be_of(gid: bytes, pid: int) -> bool:
+    """Return whether an endpoint's identity has the lower half of a process id."""
+    return gid[:2] == EPROSIMA and int.from_bytes(gid[PID], "little") == pid & 0xFFFF
 
 
 def dds_processes(low: int) -> list[int]:

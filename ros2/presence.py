@@ -4,15 +4,18 @@ ROS's discovery lists a killed program for up to 20 s. Its process, if it runs o
 `lifeline ros2 exec` show its end at once.
 """
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from ros2.endpoints import Endpoint
-from ros2.guard import Guard
+from ros2.guard import Guard, may_be_of
 from ros2.ros import Ros
 
 PREFIX_BYTES = 12
 """All endpoints of one process have the same first bytes."""
+MAX_GUARDED = 8
+"""Number of programs on one topic whose processes are watched."""
 
 
 @dataclass(slots=True)
@@ -83,9 +86,9 @@ class Presence:
         publishers = self._ros.publishers(programs.topic)
         programs.everyone = self.without_dead(publishers)
         programs.live = [p for p in programs.everyone if p.type_name == programs.type_name]
-        programs.pid = None
-        if len(programs.live) == 1:
-            programs.pid = self._guard.watch(programs.live[0].gid, self._own_gid)
+        # Several are refused, but each is watched, so that a killed one does not hinder its successor.
+        pids = [self._guard.watch(p.gid, self._own_gid) for p in programs.live[:MAX_GUARDED]]
+        programs.pid = pids[0] if len(pids) == 1 else None
         programs.stopped = programs.runs_any(self._guard.stopped())
         self._changed(programs)
         return {publisher.gid for publisher in publishers}
@@ -106,7 +109,9 @@ class Presence:
         """Return the publishers of a topic in other processes."""
         publishers = self._ros.publishers(topic)
         if not self._own_gid:
-            self._own_gid = next((p.gid for p in publishers if p.node == self._ros.name), b"")
+            named = [p.gid for p in publishers if p.node == self._ros.name]
+            # A second process ros2 has a node of the same name.
+            self._own_gid = next((gid for gid in named if may_be_of(gid, os.getpid())), named[0] if named else b"")
         own = self._own_gid[:PREFIX_BYTES]
         return self.without_dead([p for p in publishers if p.gid[:PREFIX_BYTES] != own])
 

@@ -88,7 +88,13 @@ def sensor_report(
 
 
 def base_report(
-    topic: str, type_name: str, others: Sequence[Endpoint], subscriptions: Sequence[Endpoint], base: str
+    topic: str,
+    type_name: str,
+    others: Sequence[Endpoint],
+    subscriptions: Sequence[Endpoint],
+    base: str,
+    *,
+    own_node: str,
 ) -> Report:
     """Return the report of the robot's command topic.
 
@@ -98,16 +104,20 @@ def base_report(
         others: its publishers in other processes.
         subscriptions: its subscriptions.
         base: state of the base's watchdog.
+        own_node: name of this process's node.
     """
     problems = _wrong(
         wrong_types(topic, type_name, subscriptions, "stamped"), wrong_qos(topic, subscriptions)
     )
-    if others:
+    foreign = [other for other in others if other.node != own_node]
+    if foreign:
         problems.insert(
             0,
-            f"{names(others)} also publishes on {topic}, past the supervisor, so the robot may move although "
+            f"{names(foreign)} also publishes on {topic}, past the supervisor, so the robot may move although "
             "Lifeline commands zero: end it, or remap it to the topic of a source",
         )
+    if len(foreign) < len(others):
+        problems.insert(0, f"a second process ros2 of Lifeline publishes on {topic}: end one of the two")
     if not subscriptions:
         problems.append(f"no node listens on {topic}: start the base's driver, or correct cmd_vel in [ros2]")
     values = [("topic", f"{topic} ({type_name})"), ("base", base)]

@@ -266,6 +266,7 @@ class Ros2Service:
                     others,
                     self._node.subscriptions(self._cmd_vel_topic),
                     _base_text(self._base.reason),
+                    own_node=self._node.name,
                 ),
             )
         elif now_s >= self._next_poll_s:

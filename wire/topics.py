@@ -72,8 +72,8 @@ ALIVE_PREFIX = "alive"
 SUPERVISOR, TELEOP, SIM, ROS2 = "supervisor", "teleop", "sim", "ros2"
 """The node names of the processes."""
 
-EXEC_SUFFIX = "_exec"
-"""`<source>_exec` is the node of `lifeline ros2 exec --source <source>`."""
+EXEC_SUFFIX = "-exec"
+"""`<source>-exec` is the node of `lifeline ros2 exec --source <source>`; no source has a hyphen in its name."""
 
 ONLY_SUPERVISOR_WRITES = (CMD_VEL.key, STATUS.key)
 """Keys that the hub refuses from any other client."""

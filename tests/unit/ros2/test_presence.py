@@ -167,6 +167,16 @@ async def test_a_flapping_token_beside_another_program_serves_neither() -> None:
     assert watched.programs.live == [A, B]
 
 
+async def test_a_killed_program_with_two_publishers_does_not_hinder_its_successor(child: Child) -> None:
+    both = [Endpoint("/a", TWIST, gid_of(child.pid, entity)) for entity in (1, 2)]
+    watched = Watched(*both, B)
+    assert watched.programs.only is None
+    child.kill()
+    while watched.programs.only is None:
+        await watched.next_change()
+    assert watched.programs.only == B.gid
+
+
 async def test_the_end_of_a_wrapper_is_forgotten_with_its_program() -> None:
     watched = Watched(A)
     watched.presence.wrapper(watched.programs, alive=False)
@@ -184,6 +194,14 @@ async def test_the_publishers_of_other_processes_are_the_others() -> None:
     sibling = Endpoint("/lifeline_services", TWIST, own.gid[:12] + b"9999")
     watched.ros.listed[CMD_VEL] = [own, sibling, A]
     assert watched.presence.others(CMD_VEL) == [A]
+
+
+async def test_a_second_process_with_a_node_of_the_same_name_is_another_one(child: Child) -> None:
+    watched = Watched()
+    second = Endpoint(NAME, TWIST, gid_of(child.pid))
+    fresh = Presence(watched.ros, lambda _: None)
+    watched.ros.listed[CMD_VEL].insert(0, second)
+    assert fresh.others(CMD_VEL) == [second]
 
 
 async def test_before_discovery_knows_the_own_publisher_all_others_are_reported() -> None:

@@ -1,7 +1,7 @@
 """The report of each topic: its level, its sentence and its values."""
 
 from ros2.config import RosSourceSection
-from ros2.diagnostics import Level
+from ros2.diagnostics import Level, Report
 from ros2.endpoints import Endpoint
 from ros2.presence import Programs
 from ros2.reports import base_report, sensor_report, source_report
@@ -133,8 +133,19 @@ def test_a_sensor_of_another_type_is_named_once() -> None:
 # --- the base
 
 
+def of_base(others: list[Endpoint], subscriptions: list[Endpoint], base: str = "OK") -> Report:
+    return base_report("/cmd_vel", TWIST, others, subscriptions, base, own_node="/lifeline")
+
+
+def test_a_second_process_of_lifeline_is_named_as_such() -> None:
+    second = OTHER._replace(node="/lifeline")
+    twice = "a second process ros2 of Lifeline publishes on /cmd_vel: end one of the two"
+    assert of_base([second], [BASE]).message == twice
+    assert of_base([second, OTHER], [BASE]).message.startswith(f"{twice}; /other also publishes")
+
+
 def test_a_base_that_listens_is_fine() -> None:
-    report = base_report("/cmd_vel", TWIST, [], [BASE], "follows the supervisor")
+    report = of_base([], [BASE], "follows the supervisor")
     assert report == (
         "cmd_vel",
         Level.OK,
@@ -144,7 +155,7 @@ def test_a_base_that_listens_is_fine() -> None:
 
 
 def test_a_base_that_does_not_listen_is_an_error() -> None:
-    report = base_report("/cmd_vel", TWIST, [], [], "NO_COMMAND")
+    report = of_base([], [], "NO_COMMAND")
     assert report.level is Level.ERROR
     assert report.message == (
         "no node listens on /cmd_vel: start the base's driver, or correct cmd_vel in [ros2]"
@@ -153,7 +164,7 @@ def test_a_base_that_does_not_listen_is_an_error() -> None:
 
 def test_another_publisher_past_the_supervisor_is_the_first_problem() -> None:
     listening = BASE._replace(type_name=TWIST_STAMPED, is_transient=True)
-    report = base_report("/cmd_vel", TWIST, [OTHER], [listening], "OK")
+    report = of_base([OTHER], [listening])
     assert report.level is Level.ERROR
     first, second, third = report.message.split("; ")
     assert first.startswith("/other also publishes on /cmd_vel, past the supervisor")
