@@ -5,7 +5,7 @@ Fast DDS puts the process id into each endpoint's identity. A pidfd of that proc
 
 import asyncio
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -34,12 +34,22 @@ def pid_of(gid: bytes, own_gid: bytes, candidates: Iterable[int]) -> int | None:
     """
     if own_gid[:2] != EPROSIMA or gid[HOST] != own_gid[HOST]:
         return None
-    found = [pid for pid in candidates if may_be_of(gid, pid)]
+    found = [pid for pid in candidates if _may_be_of(gid, pid)]
     return found[0] if len(found) == 1 else None
 
 
-def may_be_of(gid: bytes, pid: int) -> bool:
-    """Return whether an endpoint's identity has the lower half of a process id."""
+def of_this_process(gids: Sequence[bytes]) -> bytes:
+    """Return the identity that belongs to this process; the first one if none shows it, and empty if there is none.
+
+    Args:
+        gids: the endpoints with the name of this process's node; a second process `ros2` has the same name.
+    """
+    own = (gid for gid in gids if _may_be_of(gid, os.getpid()))
+    return next(own, gids[0] if gids else b"")
+
+
+def _may_be_of(gid: bytes, pid: int) -> bool:
+    """Return whether an identity has the lower half of a process id."""
     return gid[:2] == EPROSIMA and int.from_bytes(gid[PID], "little") == pid & 0xFFFF
 
 

@@ -4,12 +4,11 @@ ROS's discovery lists a killed program for up to 20 s. Its process, if it runs o
 `lifeline ros2 exec` show its end at once.
 """
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from ros2.endpoints import Endpoint
-from ros2.guard import Guard, may_be_of
+from ros2.guard import Guard, of_this_process
 from ros2.ros import Ros
 
 PREFIX_BYTES = 12
@@ -109,9 +108,7 @@ class Presence:
         """Return the publishers of a topic in other processes."""
         publishers = self._ros.publishers(topic)
         if not self._own_gid:
-            named = [p.gid for p in publishers if p.node == self._ros.name]
-            # A second process ros2 has a node of the same name.
-            self._own_gid = next((gid for gid in named if may_be_of(gid, os.getpid())), named[0] if named else b"")
+            self._own_gid = of_this_process([p.gid for p in publishers if p.node == self._ros.name])
         own = self._own_gid[:PREFIX_BYTES]
         return self.without_dead([p for p in publishers if p.gid[:PREFIX_BYTES] != own])
 
