@@ -56,7 +56,7 @@ timed: $(STAMP) ## run the system tests that measure real time, one at a time, o
 demo: $(STAMP) ## play the demo from the checkout and from an installed wheel (two minutes)
 	.venv/bin/pytest -s tests/system -m demo
 
-# The processes of ROS find each other through the machine's shared memory and ports: one test at a time.
+# These tests measure times of many processes, and share the machine's ports: one test at a time.
 test-ros2: $(STAMP) ## run the tests with real ROS 2 processes; skipped where rclpy cannot be installed
 	@if $(HAS_RCLPY); then \
 	  $(MAKE) --no-print-directory ros2 && \

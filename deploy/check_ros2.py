@@ -1,4 +1,4 @@
-"""The ROS 2 side of `lifeline check`: the topics with their types, and what the settings of `[ros2]` risk."""
+"""The part of `lifeline check` for `[ros2]`: the topics with their types, and the risks of the settings."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -27,7 +27,7 @@ class RosTopicUse(NamedTuple):
 
 
 def topics_of(ros2: Ros2Section, config: SupervisorSection) -> Iterator[RosTopicUse]:
-    """Yield every topic of a section that fits to `[supervisor]`."""
+    """Yield every topic of a section that agrees with `[supervisor]`."""
     for lidar, topic in zip(config.all_lidars(), ros2.scans, strict=True):
         yield RosTopicUse(f"lidar {lidar.name}", "in", ros2.resolved(topic), "sensor_msgs/msg/LaserScan")
     yield RosTopicUse("odometry", "in", ros2.resolved(ros2.odom), "nav_msgs/msg/Odometry")
@@ -78,10 +78,10 @@ def ros2_risks(ros2: Ros2Section, config: SupervisorSection) -> Iterator[Risk]:
         )
     default_s = Ros2Section().command_timeout_s
     if ros2.command_timeout_s > default_s:
-        way_m = config.max_linear_m_s * ros2.command_timeout_s
+        distance_m = config.max_linear_m_s * ros2.command_timeout_s
         yield Risk(
             f"[ros2] command_timeout_s = {ros2.command_timeout_s:g}",
-            f"The base may drive {way_m:.2f} m after the supervisor hangs.",
+            f"The base may drive {distance_m:.2f} m after the supervisor hangs.",
         )
     for source in ros2.sources:
         if source.hold_s is not None:

@@ -6,7 +6,9 @@ import typer
 
 from deploy.command import Config, Endpoint, StatePath, exit_with, running
 
-ros2_app = typer.Typer(help="Run ROS 2 programs and robots under the supervisor.", no_args_is_help=True)
+ros2_app = typer.Typer(
+    help="Run ROS 2 programs under the supervisor, and check the base of a ROS 2 robot.", no_args_is_help=True
+)
 
 
 @ros2_app.command("exec", context_settings={"allow_interspersed_args": False})
@@ -18,14 +20,12 @@ def ros2_exec(
             metavar="CMD", help="After --: the program that commands the robot, and its arguments."
         ),
     ],
-    source: Annotated[
-        str, typer.Option("--source", metavar="NAME", help="The command source that the program is.")
-    ],
+    source: Annotated[str, typer.Option("--source", metavar="NAME", help="Command source of the program.")],
     config: Config = None,
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
 ) -> None:
-    """Run a program that commands the robot, such as a teleop, and stop the robot as soon as it ends.
+    """Run a program that commands the robot, such as a teleop, and stop the robot as soon as the program ends.
 
     Exit with the program's own code, or 128 + N if signal N ended it. If this command is killed, so is the program.
     """
@@ -46,7 +46,7 @@ def ros2_check_base(
     endpoint: Endpoint = None,
     state_dir: StatePath = None,
 ) -> None:
-    """Measure whether the base stops by itself when its commands end. The robot moves: lift its wheels."""
+    """Measure how long the base moves after its commands end. The robot turns on the spot: keep 1 m around it free."""
 
     def run() -> int:
         from deploy.ros2_check_base import check_base  # noqa: PLC0415
@@ -59,7 +59,7 @@ def ros2_check_base(
 
 @ros2_app.command("profile")
 def ros2_profile() -> None:
-    """Print a Fast DDS profile with which a program's end is seen after 0.3 s instead of 20 s, on any host.
+    """Print a Fast DDS profile for programs on other hosts: their death is detected after 0.3 s instead of 20 s.
 
     Write it to a file, and start the program with FASTRTPS_DEFAULT_PROFILES_FILE=FILE.
     """

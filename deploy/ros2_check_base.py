@@ -1,4 +1,4 @@
-"""`lifeline ros2 check-base`: become `python -m ros2 --check-base` in the environment of ROS 2."""
+"""`lifeline ros2 check-base`: replace this process by `python -m ros2 --check-base` in the environment of ROS 2."""
 
 import os
 import sys
@@ -12,7 +12,7 @@ from wire import topics
 
 
 def check_base(launch: Launch, state: StateDir, *, ask: bool) -> NoReturn:
-    """Measure whether the base stops by itself; the output and the exit code are those of the ROS 2 process.
+    """Measure the timeout of the base; the output and the exit code are those of the ROS 2 process.
 
     Raises:
         DeployError: the configuration has no `[ros2]`, or the interpreter is missing.

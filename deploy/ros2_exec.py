@@ -1,7 +1,7 @@
 """`lifeline ros2 exec`: run a program that commands the robot, and hold a token exactly while it runs.
 
-The ROS 2 process watches the token: when it goes, the source is lost at once, on any host and with any middleware. It goes
-when the program ends, also by SIGKILL, and when this process is killed, because the kernel then closes its connection.
+The ROS 2 process watches the token: when it disappears, the source is lost at once, on any host and with any middleware. The
+token disappears when the program ends, also by SIGKILL, and when this process is killed, because the kernel closes its connection.
 """
 
 import asyncio
@@ -24,7 +24,7 @@ from wire.memory_keeper import MemoryKeeper
 from wire.session import BusConfig, ZenohSession, open_session
 
 EXIT_NOT_FOUND, EXIT_NOT_EXECUTABLE = 127, 126
-"""As a shell returns them."""
+"""The exit codes of a shell for the same failures."""
 
 
 def run(launch: Launch, source: str, command: list[str]) -> NoReturn:
@@ -56,7 +56,7 @@ def run(launch: Launch, source: str, command: list[str]) -> NoReturn:
 
 
 def check_source(source: str, ros2: Ros2Section | None, config: str) -> None:
-    """Refuse a name that the ROS 2 process would not watch; without `[ros2]`, the file is not the robot's own.
+    """Refuse a name that the ROS 2 process would not watch; without `[ros2]`, which may be on another host, any name is accepted.
 
     Raises:
         DeployError: `[ros2]` has no such source.
@@ -65,8 +65,8 @@ def check_source(source: str, ros2: Ros2Section | None, config: str) -> None:
         TypeAdapter(FreeName).validate_python(source)
     except ValidationError as error:
         raise DeployError(
-            f"{printable(source)!r} is no name of a command source: use small letters, digits and _, and no name of a node "
-            "or topic"
+            f"{printable(source)!r} is no name of a command source: use lowercase letters, digits and _, and not the name "
+            "of a node or topic"
         ) from error
     if ros2 is None or source in (names := [one.name for one in ros2.sources]):
         return
@@ -126,7 +126,7 @@ def _on_end(token: Token, ended: asyncio.Event) -> None:
 
 
 async def _check_alone(session: ZenohSession, bus: BusConfig, source: str) -> None:
-    """Refuse to be the second holder of a token: it would hide the end of the first one.
+    """Refuse to be the second holder of a token: the token would remain when the first holder ends.
 
     Raises:
         BusError: another session holds it.

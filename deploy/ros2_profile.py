@@ -1,4 +1,4 @@
-"""`lifeline ros2 profile`: the Fast DDS profile with a short lease, which is a file of the package `ros2`."""
+"""`lifeline ros2 profile`: reads the Fast DDS profile with a short lease from the package `ros2`."""
 
 from importlib.resources import files
 

@@ -4,7 +4,7 @@ import sys
 from importlib.util import find_spec
 
 NEEDED = ("numpy", "pydantic", "zenoh")
-"""rclpy is checked when it is needed: a robot with rmw_zenoh does without."""
+"""rclpy is checked later, because a robot with rmw_zenoh does not need it."""
 
 if __name__ == "__main__":
     missing = [name for name in NEEDED if find_spec(name) is None]

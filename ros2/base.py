@@ -1,7 +1,7 @@
 """The robot's command topic: the supervisor's commands, with the base's own watchdog (pure).
 
-A ROS 2 base keeps its last command for its own timeout, or for ever. The watchdog here is the one that the simulated
-base has: without a fresh command of a live supervisor, it commands zero, 50 times a second.
+A ROS 2 base keeps its last command until its own timeout, or without a limit. The watchdog here is the same as that of
+the simulated base: without a fresh command of a live supervisor, it commands zero, 50 times a second.
 """
 
 import math
@@ -54,7 +54,7 @@ class Base:
         self.due_s = 0.0
 
     def command(self, payload: bytes, attachment: bytes | None, arrival_s: float) -> None:
-        """Process a command of the supervisor, and have it published at once."""
+        """Process a command of the supervisor; the next `target` is due immediately."""
         if arrival_s < self._changed_s:
             return
         twist = cdr.twist_of(payload, stamped=False)

@@ -1,4 +1,4 @@
-"""Where the values of some ROS 2 messages are in their CDR bytes, so that a message is passed on without a codec.
+"""Reads and writes velocities and a few other values of ROS 2 messages at their places in CDR, without a codec.
 
 A little-endian message begins with the encapsulation header `00 01`, and two bytes that may count the padding at its end
 (Cyclone DDS); all offsets are aligned from the end of the header. Padding bytes may have any value, and may follow the
@@ -15,7 +15,7 @@ _TWIST = struct.Struct("<6d")
 TWIST_BYTES = _HEADER + _TWIST.size
 MAX_FRAME_ID = 256
 TRUE = LITTLE_ENDIAN + b"\x01"
-"""A `std_msgs/msg/Bool`."""
+"""The payload of a `std_msgs/msg/Bool` that is true."""
 
 
 class Planar(NamedTuple):

@@ -1,7 +1,7 @@
 """`lifeline ros2 check-base`: measure how long the base keeps its last command when its commands end.
 
-If the ROS 2 process or its computer dies, only the base's own timeout stops the robot. Therefore it is measured: the
-robot turns on the spot, the commands end without a zero, and odometry shows when the robot stands.
+If the ROS 2 process or its computer dies, only the base's own timeout stops the robot. To measure this timeout, the robot
+turns on the spot, the commands end without a zero, and odometry shows when the robot stands.
 """
 
 import asyncio
@@ -26,7 +26,7 @@ PERIOD_S = 0.05
 ODOM_LIMIT_S = 5.0
 STOP_LIMIT_S = 3.0
 GOOD_S = 1.0
-"""A base that stops within this time limits the damage of a dead computer to about one metre."""
+"""At 1 m/s, a base that stops within this time travels about 1 m after its computer dies."""
 
 MakeNode = Callable[[Callable[[BaseException], None]], Awaitable[Ros]]
 """Returns the node; its argument is called on any thread with an exception of a callback."""
@@ -41,7 +41,7 @@ async def check_base(
     *,
     ask: bool,
 ) -> int:
-    """Run the check; return 0 if the base stops by itself, 1 if not, 3 if that could not be measured.
+    """Run the check; return 0 if the base stops by itself, 1 if not, 3 if its timeout could not be measured.
 
     Args:
         stop: set by a signal; the robot is then commanded zero.
@@ -136,7 +136,7 @@ class _Check:
         if self._stop.is_set():
             return self._not_measured("ended by a signal")
         print(
-            f"the base still moved {STOP_LIMIT_S:g} s after its last command: it keeps its last command for ever or too long. "
+            f"the base still moved {STOP_LIMIT_S:g} s after its last command: it keeps its last command without a limit, or for too long. "
             "If Lifeline's computer dies while the robot moves, nothing stops it. Set the cmd_vel timeout of the base's controller "
             "(ros2_control: cmd_vel_timeout, in s; it must not be 0.0, which switches the timeout off)"
         )

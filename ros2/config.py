@@ -34,7 +34,7 @@ def _is_namespace(value: str) -> str:
 
 RosTopic = Annotated[str, AfterValidator(_is_topic)]
 RosNamespace = Annotated[str, AfterValidator(_is_namespace)]
-# A key repeats every 30 to 50 ms, after a delay of 0.25 to 0.66 s. Longer than 1 s is no hold.
+# A held key repeats every 30 to 50 ms, after a delay of 0.25 to 0.66 s, so no keyboard needs a hold above 1 s.
 Hold = Annotated[float, Between(0.05, 1.0, "the robot drives on for this long after the key is released")]
 DomainId = Annotated[int, Between(0, 232)]
 
@@ -54,7 +54,7 @@ class RosSourceSection(Section):
 
 
 class Ros2Section(Section):
-    """The ROS 2 side of the robot; without this section, nothing of ROS is needed."""
+    """The ROS 2 side of the robot; without this section, Lifeline needs no ROS."""
 
     namespace: RosNamespace = ""
     domain_id: DomainId = 0
@@ -72,7 +72,7 @@ class Ros2Section(Section):
     frame_id: Annotated[str, Field(min_length=1, max_length=64)] = "base_link"
     """The frame of a TwistStamped."""
     command_timeout_s: Annotated[float, Between(0.02, 1.0)] = 0.15
-    """The bridge's own watchdog: without a fresh command of the supervisor for this long, it commands zero."""
+    """Timeout of the watchdog in this process: without a fresh command of the supervisor for this long, it commands zero."""
     python: Annotated[str, Field(min_length=1)] | None = None
     """The interpreter of the environment with rclpy; default: `.ros2/bin/python` of the checkout."""
     sources: Annotated[tuple[RosSourceSection, ...], Field(max_length=8, strict=False)] = ()

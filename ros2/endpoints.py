@@ -1,4 +1,4 @@
-"""What ROS 2's discovery knows of a topic, and each mismatch in plain words (pure)."""
+"""The endpoints that ROS 2's discovery lists for a topic, and a sentence for each mismatch (pure)."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -14,7 +14,7 @@ class Endpoint(NamedTuple):
     type_name: str
     """Such as `geometry_msgs/msg/Twist`."""
     gid: bytes
-    """Its DDS identity, 16 bytes."""
+    """Its identity (16 bytes): that of DDS, or with rmw_zenoh a hash of its token."""
     is_reliable: bool = True
     is_transient: bool = False
     """Whether a subscription requests, or a publisher offers, messages from before the match (transient local)."""

@@ -1,4 +1,4 @@
-"""The environment variables of a process with rclpy: with which it can be imported, and how it reaches other nodes.
+"""The environment variables with which a process can import rclpy and reach other nodes.
 
 This module does not import ROS. `make ros2` creates the environment `.ros2`.
 """
@@ -11,7 +11,7 @@ WHEELS_ARE_SET_UP = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 LIBRARIES = "LD_LIBRARY_PATH"
 LOCALHOST_PROFILE = Path(__file__).with_name("fastdds_localhost.xml")
 PROFILE_FILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
-"""Where Fast DDS 2 and 3 look for a profile."""
+"""The variables that name the profile of Fast DDS 2 and of Fast DDS 3."""
 DISCOVERY_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
 
@@ -45,9 +45,8 @@ def ros_variables(python: Path, present: Mapping[str, str], ros: Path = ROS) -> 
 def dds_variables(discovery_range: str, present: Mapping[str, str]) -> dict[str, str]:
     """Return the variables with which a node finds others: on one host over loopback only, and without shared memory.
 
-    In shared memory, Fast DDS blocks a process's publishers for up to 0.35 s when another process joins, and killed
-    processes leave files; for messages of some kilobytes it is not faster. A Fast DDS profile of the user counts only
-    beyond this host.
+    With shared memory, Fast DDS blocks a process's publishers for up to 0.35 s when another process joins, and killed
+    processes leave files. A Fast DDS profile of the user has an effect only with `subnet` (docs/decisions/0046).
 
     Args:
         discovery_range: `localhost` or `subnet`.

@@ -75,7 +75,7 @@ def dds_processes(low: int) -> list[int]:
 
 
 def is_stopped(pid: int) -> bool:
-    """Return whether a process is stopped by a signal, as by Ctrl-Z."""
+    """Return whether a process is stopped by a signal, such as that of Ctrl-Z."""
     try:
         fields = (PROC / str(pid) / "stat").read_bytes().rpartition(b")")[2].split()
     except OSError:

@@ -1,9 +1,9 @@
 # pyright: basic, reportMissingImports=false, reportAttributeAccessIssue=false
-"""The ROS 2 side: the only file that imports rclpy. All messages are CDR bytes here.
+"""The ROS 2 node over DDS: the only file that imports rclpy. All messages are CDR bytes here.
 
 rclpy spins on a thread of its own. Its callbacks take the time, call the given function, and return. Services run in a
 second node on a second thread, because a handler may wait. An exception in a callback ends the process (`on_failure`):
-otherwise its tokens would stay, and nothing would be published.
+otherwise its tokens would remain although it publishes nothing.
 """
 
 import itertools
@@ -152,7 +152,7 @@ class RosNode:
         return [_endpoint(e) for e in self._node.get_subscriptions_info_by_topic(topic)]
 
     def problem(self, topic: str) -> str | None:  # noqa: ARG002 - as Ros
-        """Return None: DDS itself gives each message its source time."""
+        """Return None: DDS stamps each message with its source time, so none is refused."""
         return None
 
     @property

@@ -1,6 +1,6 @@
 """The program of `python -m ros2`: reads the configuration, opens session and node, and runs the service.
 
-It runs in an environment with rclpy (`make ros2`), or for a robot with rmw_zenoh in any environment of Lifeline.
+It runs in an environment with rclpy (`make ros2`); for a robot with rmw_zenoh, in any environment of Lifeline.
 """
 
 import asyncio
@@ -95,7 +95,7 @@ def main() -> None:
 
 
 def _over_dds(config: Ros2Section) -> MakeNode:
-    """Import rclpy; refuse a Python without it."""
+    """Return the function that makes the node over DDS; refuse a Python without rclpy."""
     os.environ.update(dds_variables(config.discovery_range, os.environ))
     try:
         from ros2.node import RosNode  # noqa: PLC0415 - after the environment is set
@@ -113,7 +113,7 @@ def _over_dds(config: Ros2Section) -> MakeNode:
 
 
 def _over_zenoh(config: Ros2Section, bus: BusSection) -> MakeNode:
-    """Connect to the robot's router, without a time limit."""
+    """Return the function that makes the node over Zenoh; it waits for the robot's router without a time limit."""
     router = config.to_router_config(bus)
 
     async def make_node(on_failure: Callable[[BaseException], None]) -> Ros:

@@ -1,4 +1,4 @@
-"""Writes reports and the answers of services as CDR, where rclpy is not there to do it (pure).
+"""Writes reports and the responses of services as CDR, for a process without rclpy (pure).
 
 tests/unit/ros2/test_report_cdr.py compares each message with rosbags.
 """

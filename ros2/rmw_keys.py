@@ -35,7 +35,7 @@ TYPE_HASHES = {
 
 RELIABLE, BEST_EFFORT, VOLATILE = "1", "2", "2"
 MAX_TIME_NS = 1 << 62
-"""In the year 2116; a later time could not be passed on."""
+"""In the year 2116; a stamp that is later is refused."""
 MAX_NAME = 255
 """Maximum length of a name in ROS 2."""
 
@@ -158,7 +158,7 @@ def announced_by(token: str) -> Announced | None:
 
 
 def with_hash(announced: Announced) -> Endpoint:
-    """Return the endpoint of a subscription; its type tells whether its hash is not the one that Lifeline publishes."""
+    """Return the endpoint of a subscription; its type also names a hash that differs from that of Lifeline's publisher."""
     endpoint, own = announced.endpoint, TYPE_HASHES.get(announced.endpoint.type_name)
     if own is None or announced.type_hash == own:
         return endpoint
@@ -168,7 +168,7 @@ def with_hash(announced: Announced) -> Endpoint:
 
 
 def stamp_of(attachment: bytes | None) -> Stamp | None:
-    """Return the stamp of a message, with its writer's wall clock; None if it has none, or none that is possible."""
+    """Return the stamp of a message, with its writer's wall clock; None if it has none, or impossible values."""
     stamp = parse_stamp(attachment)
     if stamp is None or stamp.sequence < 0 or not 0 < stamp.source_time_ns < MAX_TIME_NS:
         return None
@@ -178,7 +178,7 @@ def stamp_of(attachment: bytes | None) -> Stamp | None:
 def gid_of(token: str) -> bytes:
     """Return an identity for the endpoint that a token announces (16 bytes).
 
-    rmw_zenoh uses another hash, XXH3. Nothing here compares the two: an epoch is taken from the messages.
+    rmw_zenoh uses another hash, XXH3. The two are never compared: an epoch is taken from the messages.
     """
     return hashlib.blake2b(token.encode(), digest_size=GID_BYTES).digest()
 

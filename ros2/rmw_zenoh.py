@@ -1,7 +1,7 @@
-"""The ROS 2 side for a robot whose RMW is rmw_zenoh: its keys and tokens on a Zenoh session, without rclpy.
+"""The ROS 2 node for a robot with rmw_zenoh: its keys and tokens on a Zenoh session, without rclpy.
 
 The session is a client of the robot's router. A token disappears within milliseconds after its process was killed, so
-it also guards the sources. Callbacks run on Zenoh's threads; an exception in one ends the process (`on_failure`).
+it also detects the death of a source. Callbacks run on Zenoh's threads; an exception in one ends the process (`on_failure`).
 """
 
 import asyncio
@@ -44,7 +44,7 @@ P = ParamSpec("P")
 
 NODE = "/lifeline"
 RECENT_S = 2.0
-"""How long a refused message is reported."""
+"""How long a report names a problem after the last refused message."""
 
 
 class RmwZenoh:

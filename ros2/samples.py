@@ -12,7 +12,7 @@ LONGEST_GAP = 1000
 """Messages that may be lost without the next one counting as another writer's."""
 MAX_WRITERS = 8
 ACTIVE_S = 1.0
-"""A writer that was silent for longer does not compete with one that was heard since."""
+"""A message goes to a writer that was silent for longer only if it continues none of those heard since."""
 
 
 class Sample(NamedTuple):

@@ -35,7 +35,7 @@ _log = logging.getLogger(__name__)
 
 COMMAND_DEPTH = 32
 LOOK_PERIOD_S = 0.5
-"""Time between two looks at discovery, whose changes are also reported at once."""
+"""Time between two queries of discovery; a change of discovery also causes one at once."""
 POLL_PERIOD_S = 0.05
 """Time between two checks for processes that are stopped by a signal."""
 REPORT_PERIOD_S = 1.0
@@ -126,7 +126,10 @@ class Ros2Service:
         self._next_look_s = self._next_poll_s = self._next_report_s = 0.0
 
         self._estop = session.publisher_raw(topics.ESTOP.key)
-        for is_reliable in (False, True):  # from every publisher, and again if the message is lost
+        for is_reliable in (
+            False,
+            True,
+        ):  # best effort matches every publisher; reliable repeats a lost message
             node.subscribe(
                 config.resolved(topics.ESTOP.key),
                 ros.BOOL,
@@ -179,7 +182,7 @@ class Ros2Service:
             self._estop.put_bytes(cdr.TRUE)
 
     def _on_request(self, answer: Callable[[], Coroutine[None, None, tuple[bool, str]]]) -> tuple[bool, str]:
-        """Answer a request in the loop; one that the loop takes up too late is not executed, because it has failed."""
+        """Answer a request in the loop; after the time limit it is not executed, because its caller was sent a failure."""
         deadline_s = self._loop.time() + REQUEST_LIMIT_S
 
         async def in_time() -> tuple[bool, str]:
@@ -197,14 +200,14 @@ class Ros2Service:
     # --- the loop
 
     async def run(self, stop: asyncio.Event) -> None:
-        """Connect until `stop` is set; then command zero and return."""
+        """Pass messages in both directions until `stop` is set; then command zero and return."""
         token = self._session.declare_alive(topics.ROS2)
         stopping = asyncio.ensure_future(stop.wait())
         stopping.add_done_callback(lambda _: self._wake.set())
         self._node.start()
         try:
             while not stop.is_set():
-                # The base is served every 30 ms at least, so that all other work waits for no timer of its own.
+                # The base is due at least every 30 ms, so all other work needs no timer of its own.
                 due_s = min([self._base.due_s, *(feed.source.due_s() for feed in self._feeds)])
                 await woken_by(self._wake, due_s)
                 self._wake.clear()
@@ -253,7 +256,7 @@ class Ros2Service:
             _put(feed, feed.source.repeat(self._loop.time()))
 
     def _look(self, now_s: float) -> None:
-        """Follow discovery and the processes, and publish the reports."""
+        """Query discovery, check for stopped processes, and publish the reports."""
         if self._matches.take() or now_s >= self._next_look_s:
             self._next_look_s = now_s + LOOK_PERIOD_S
             others = self._presence.others(self._cmd_vel_topic)

@@ -26,7 +26,7 @@ class Command(NamedTuple):
     twist: bytes
     """A `geometry_msgs/msg/Twist`; any other bytes if the message was not a Twist, so that it is refused as invalid."""
     true_at_s: float
-    """When it was true."""
+    """When it was requested, or repeated, by the local monotonic clock."""
     sent: Sent | None = None
     """The stamp of its writer; None if the adapter made or repeated the command."""
 
@@ -66,10 +66,10 @@ class Source:
         self.refused = 0
 
     def attend(self, program: bytes, now_s: float) -> None:
-        """Begin to serve: from now on, exactly one live program publishes.
+        """Begin to pass commands on: from now on, exactly one live program publishes.
 
         Args:
-            program: its DDS identity, or any other.
+            program: the identity of its publisher.
             now_s: the present time.
         """
         self.present = True
@@ -80,12 +80,12 @@ class Source:
         self._wait_for_release(now_s)
 
     def leave(self) -> None:
-        """Stop to serve: no program publishes, or more than one."""
+        """Stop passing commands on: no program publishes, or more than one."""
         self.present = False
         self._next_s = math.inf
 
     def heard(self, sample: Sample) -> list[Command]:
-        """Return the commands that follow from a message."""
+        """Return the commands to send for a message; empty if it is refused."""
         gid = self._writers.gid_of(sample)
         commands = self._commands(sample, gid) if self.present else []
         if commands:
@@ -106,7 +106,7 @@ class Source:
             self._wait_for_release(sample.arrival_s)
         self._track, verdict, on_way_s = judge(self._track, sent, sample.arrival_s, self._timeout_s)
         if verdict is not Verdict.FRESH:
-            # A message that was on its way for so long shows that the program was not silent meanwhile.
+            # A message with such a delay shows that the program was not silent meanwhile.
             if not self._released or on_way_s > self._timeout_s:
                 self._wait_for_release(sample.arrival_s)
             return []
@@ -115,9 +115,9 @@ class Source:
         return self._adapted(twist, sample.arrival_s - on_way_s)
 
     def _hold(self, twist: bytes, arrival_s: float, on_way_s: float, hold_s: float) -> bool:
-        """Hold a command from now on; return whether it passes itself."""
+        """Hold a command from now on; return whether the message itself is passed on."""
         velocity = cdr.planar_of(twist)
-        if velocity is None:  # refused once as invalid, and never repeated
+        if velocity is None:  # passed on, so that the supervisor refuses it as invalid, and never repeated
             self._wait_for_release(arrival_s)
             return True
         if velocity == cdr.STANDSTILL:
@@ -158,7 +158,7 @@ class Source:
         return self._adapted(self._held if now_s < self._held_until_s else NEUTRAL, now_s)
 
     def arm(self, now_s: float) -> list[Command]:
-        """Return the neutral command of a person's request; empty if no program publishes."""
+        """Return the neutral command that a person requests; empty if no program publishes."""
         if not self.present:
             return []
         self._released = True

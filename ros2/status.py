@@ -20,7 +20,7 @@ MAX_REASONS = 64
 
 
 class Status(NamedTuple):
-    """What the supervisor decided."""
+    """The supervisor's mode, reasons and velocities."""
 
     mode: str
     reasons: tuple[str, ...]

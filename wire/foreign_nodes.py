@@ -1,11 +1,11 @@
-"""ROS 2 nodes on the hub that use the keys of rmw_zenoh, by their liveliness tokens.
+"""Names the ROS 2 nodes on the hub that use the keys of rmw_zenoh, from their liveliness tokens.
 
-Lifeline does not read their topics: rmw_zenoh adds domain, type and type hash to each key, so a command of such a node
-reaches nobody. Its liveliness token names it. Token of a node:
+Lifeline does not read their topics on the hub: rmw_zenoh adds domain, type and type hash to each key, so a command of such
+a node has no effect. Token of a node:
 
     @ros2_lv/<domain>/<session>/<node id>/<node id>/NN/<enclave>/<namespace>/<name>
 
-where `%` replaces each slash (rmw_zenoh, docs/design.md). Pure.
+where `%` replaces each slash (docs/design.md of github.com/ros2/rmw_zenoh). Pure.
 """
 
 NODE_TOKENS = "@ros2_lv/*/*/*/*/NN/*/*/*"

@@ -1,4 +1,4 @@
-"""The inbox that passes samples from the network's threads to asyncio, and what it may contain."""
+"""The inbox that passes samples from the network's threads to asyncio, and the types of its items."""
 
 import asyncio
 import threading
@@ -9,9 +9,9 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 from wire.newest import Kept, Newest
 
 SOURCES_DEPTH = 64
-FOREIGN_DEPTH = 1024
-"""Changes of foreign nodes' tokens kept between two statuses; a large ROS 2 system starts with hundreds."""
 """Maximum number of command source names kept between two takes."""
+FOREIGN_DEPTH = 1024
+"""Maximum number of changes of foreign nodes' tokens kept between two statuses; a large ROS 2 system starts with hundreds."""
 
 
 class BusError(Exception):
@@ -23,7 +23,7 @@ class NoReplyError(BusError):
 
 
 class RawArrival(NamedTuple):
-    """One sample as received bytes, for recorders."""
+    """One sample of a known key, as received bytes."""
 
     payload: bytes
     attachment: bytes | None

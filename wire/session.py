@@ -99,7 +99,7 @@ async def open_session(
 
 
 def _settings(config: BusConfig, role: Role) -> zenoh.Config:
-    """Return Zenoh's configuration for one of the two roles; the values are based on measurements (design facts in docs)."""
+    """Return Zenoh's configuration for one of the two roles; the values are based on measurements."""
     values: dict[str, object] = {
         "mode": "peer" if role == "hub" else "client",
         "scouting/multicast/enabled": False,
@@ -118,7 +118,7 @@ def _settings(config: BusConfig, role: Role) -> zenoh.Config:
     else:
         values["connect/endpoints"] = [config.endpoint]
         values["connect/timeout_ms"] = (
-            0  # `open_bus` retries the first connection itself, and can be cancelled
+            0  # `open_session` retries the first connection itself, and can be cancelled
         )
         values["connect/retry"] = {
             "period_init_ms": 50,
@@ -135,7 +135,7 @@ def _settings(config: BusConfig, role: Role) -> zenoh.Config:
 
 
 def _access_control(namespace: str) -> dict[str, object]:
-    """Return the access control: only the hub may write the supervisor's keys, hold its token and serve its service."""
+    """Return the access control: only the hub may write the supervisor's keys, declare its token and serve its service."""
     supervisors_own = [f"{namespace}/{key}" for key in topics.ONLY_SUPERVISOR_WRITES]
     rules = [
         ("writes", ["put", "delete"], supervisors_own),
@@ -218,6 +218,7 @@ class RawPublisher:
         self._publisher.put(payload, attachment=stamp)
 
     def begin_anew(self) -> None:
+        """Begin a new epoch, as after a restart of the process."""
         self._stamper = Stamper()
 
 
@@ -266,6 +267,7 @@ class ZenohSession:
         )
 
     def hear_sources(self) -> Inbox[str]:
+        """Return an inbox for the name of a command source, one for each of its commands."""
         inbox: Inbox[str] = Inbox(SOURCES_DEPTH, None)
         prefix = self._key("")
 
@@ -281,6 +283,7 @@ class ZenohSession:
         return inbox
 
     def declare_alive(self, node: str) -> ZenohToken:
+        """Declare the liveliness token of a node or a command source of the robot."""
         return self.declare_token(self._key(topics.alive(node)))
 
     def declare_token(self, key: str) -> ZenohToken:
@@ -294,10 +297,12 @@ class ZenohSession:
         return ZenohToken(token)
 
     def watch_alive(self, wake: asyncio.Event | None = None) -> Inbox[LivelinessChange]:
+        """Return an inbox for the changes of the robot's liveliness tokens, with the tokens that exist already."""
         prefix = self._key(topics.alive(""))
         return self._watch_tokens(f"{prefix}*", prefix, Inbox(LIVELINESS_DEPTH, wake))
 
     def watch_foreign_nodes(self) -> Inbox[LivelinessChange]:
+        """Return an inbox for the changes of the tokens of nodes with rmw_zenoh (wire/foreign_nodes.py)."""
         return self._watch_tokens(NODE_TOKENS, "", Inbox(FOREIGN_DEPTH, None))
 
     def _watch_tokens(

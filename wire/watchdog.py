@@ -3,8 +3,8 @@
 The age of a command counts from its decision, not from its arrival: a suspended supervisor or a stalled link may deliver
 an outdated command (docs/decisions/0022).
 
-Pure: time is an argument, in seconds of any monotonic clock. The watchdog does not require a neutral command to re-arm:
-the supervisor does, and all commands pass it first.
+Pure: time is an argument, in seconds of any monotonic clock. The watchdog does not require a neutral command to re-arm,
+because all commands first pass the supervisor, which requires it.
 """
 
 import math
@@ -47,7 +47,7 @@ class Watchdog:
             raise ValueError(f"command_timeout_s must be positive and finite, not {command_timeout_s}.")
         self.command_timeout_s = command_timeout_s
         self.refused_count = 0
-        """Number of commands that were not finite."""
+        """Number of refused commands that were not finite."""
         self._supervisor_alive = False
         self._track = Track()
         self._decided_at_s: float | None = None

@@ -1,4 +1,4 @@
-"""`python -m bench.ros2_crash`: run the trials that are missing in the file, and print the table."""
+"""`python -m bench.ros2_crash`: run the trials that the file does not contain yet, and print the table."""
 
 import argparse
 import itertools
@@ -39,14 +39,21 @@ def main() -> None:
     parser.add_argument(
         "--trials", type=int, default=TRIALS, help="number of trials of each case (default: %(default)s)"
     )
-    parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no trial after this time")
+    parser.add_argument(
+        "--minutes",
+        type=float,
+        default=float("inf"),
+        help="begin no trial after this many minutes (default: no limit)",
+    )
     parser.add_argument(
         "--lifeline",
         choices=("no", "yes", "both"),
         default="both",
         help="whether Lifeline is between the node and the robot (default: %(default)s)",
     )
-    parser.add_argument("--seed", type=int, default=1, help="seed of the moments (default: %(default)s)")
+    parser.add_argument(
+        "--seed", type=int, default=1, help="seed of the times of the faults (default: %(default)s)"
+    )
     arguments = parser.parse_args()
     if not is_isolated() and can_isolate():
         isolate()

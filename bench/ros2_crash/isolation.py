@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 INSIDE = "LIFELINE_ISOLATED"
-"""Set in the process that runs inside."""
+"""The variable that is set inside the namespace."""
 
 
 def can_isolate() -> bool:

@@ -21,7 +21,7 @@ MOMENTS_S = 0.2
 """The fault comes at a random moment of this span after the robot has reached its speed."""
 BEFORE_NS = 1_000_000_000
 BETWEEN_KEYS_S = 0.5
-"""A person does not press two keys in the same millisecond: the neutral command must be one of its own."""
+"""Without this pause, the neutral command and the first motion command would arrive together."""
 STOP_KEYS = {Teleop.LAB: "s", Teleop.KEYBOARD: "k"}
 DRIVE_KEYS = {Teleop.LAB: "wwwww", Teleop.KEYBOARD: "i"}
 HELD_KEYS = {Teleop.LAB: None, Teleop.KEYBOARD: "i"}

@@ -1,4 +1,4 @@
-"""The robot, its observer and the operator's node as real processes; with Lifeline, also supervisor and bridge."""
+"""The robot, its observer and the operator's node as real processes; with Lifeline, also supervisor and ros2."""
 
 import hashlib
 import os
@@ -22,7 +22,7 @@ from wire.state_directory import ENVIRONMENT
 CABLE_SUBNET = 77
 UP_LIMIT_S, POLL_S = 10.0, 0.02
 TOPICS = {Teleop.LAB: "/teleop/cmd_vel", Teleop.KEYBOARD: "/keyboard/cmd_vel"}
-"""To which the nodes are remapped with Lifeline."""
+"""The topics to which the nodes are remapped with Lifeline."""
 QUIT_KEYS = {Teleop.LAB: "q", Teleop.KEYBOARD: "\x03"}
 
 # teleop_twist_keyboard publishes only on key events: its command is held until the key repeats.
@@ -143,7 +143,7 @@ def wait_until_up(cable: Cable) -> None:
 
 
 def _start_lifeline(host: Host, setup: Setup, logs: Path) -> None:
-    """Start the supervisor, and the bridge between it and ROS."""
+    """Start the supervisor and the ROS 2 process."""
     config, endpoint = logs / "robot.toml", free_endpoint()
     discovery = "subnet" if setup.cable else "localhost"
     config.write_text(CONFIG.format(discovery=discovery, domain=host.domain))

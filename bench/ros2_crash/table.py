@@ -17,7 +17,7 @@ class Row:
     count: int
     stopped: int
     zero_p50_s: float
-    """Of the trials with a zero on /cmd_vel."""
+    """Median over the trials with a zero on /cmd_vel."""
     standstill_p50_s: float
     standstill_max_s: float
     distance_p50_m: float
@@ -54,7 +54,7 @@ def _row(case: Case, trials: Sequence[Trial]) -> Row:
 
 
 def markdown(found: Iterable[Row]) -> str:
-    """Return the table."""
+    """Return the table as markdown."""
     lines = [
         "| teleop | fault | robot | Lifeline | n | stopped | zero p50 | standstill p50 (max) | distance p50 (max) |",
         "|---|---|---|---|---|---|---|---|---|",

@@ -9,11 +9,11 @@ from enum import StrEnum
 
 SPEED_M_S = 0.5
 LIMIT_S = 5.0
-"""How long after the fault a robot may still stop; then it counts as not stopped."""
+"""Time after the fault until which a robot can still stop; after that, it counts as not stopped."""
 
 
 BLOCK = 5
-"""So many trials of each case run before those of another setup."""
+"""Number of trials of each case that run before the setup changes."""
 
 
 class Teleop(StrEnum):
@@ -24,7 +24,7 @@ class Teleop(StrEnum):
 
 
 class Fault(StrEnum):
-    """What happens to it."""
+    """What happens to the operator's node."""
 
     KILL = "SIGKILL"
     STOP = "SIGSTOP"
@@ -44,7 +44,7 @@ class Robot(StrEnum):
 
 @dataclass(frozen=True)
 class Setup:
-    """The processes that one trial after the other uses."""
+    """The processes that consecutive trials share."""
 
     robot: Robot
     lifeline: bool
@@ -74,7 +74,7 @@ class Trial:
     robot: Robot
     lifeline: bool
     number: int
-    """1, 2, … in its case."""
+    """Number of the trial in its case, from 1."""
     speed_m_s: float
     """True speed at the fault."""
     zero_s: float | None
@@ -84,7 +84,7 @@ class Trial:
     distance_m: float
     """True distance until standstill, or within `LIMIT_S`."""
     program: str = ""
-    """Of a program that is not in this repository: the beginning of its SHA-256."""
+    """The beginning of the SHA-256 of a program that is not in this repository; empty for others."""
 
     @property
     def case(self) -> Case:

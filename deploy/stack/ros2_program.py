@@ -1,6 +1,6 @@
-"""How `python -m ros2` is started: its interpreter has rclpy and is not Lifeline's own, so it needs variables of its own.
+"""Builds the command line and the variables of `python -m ros2`, whose interpreter has rclpy and is not Lifeline's own.
 
-It finds Lifeline's packages by a directory of links, because Lifeline's environment has packages for another Python.
+That interpreter finds Lifeline's packages in a directory of links, because Lifeline's environment may be for another Python.
 """
 
 import os

@@ -1,6 +1,6 @@
-"""The reports of the ROS 2 process, from `robot/diagnostics`. Pure.
+"""Reads the reports of the ROS 2 process from `robot/diagnostics`. Pure.
 
-Anyone may write this topic, so the texts are printable and bounded, and other statuses are ignored.
+Any client may write this topic, so the texts are made printable and bounded, and other statuses are ignored.
 """
 
 from enum import StrEnum
@@ -31,7 +31,7 @@ COLOURS = {Level.OK: "green", Level.WARN: "yellow", Level.ERROR: "bold red"}
 
 
 class Report(NamedTuple):
-    """What the ROS 2 process reports of one topic."""
+    """The report of one topic."""
 
     name: str
     """Such as `source joy`, `scan scan` or `cmd_vel`."""

@@ -1,4 +1,4 @@
-"""The supervisor and the ROS 2 process between a robot and its command sources, which use rmw_zenoh; without rclpy."""
+"""The supervisor and the ROS 2 process between a robot and its command sources with rmw_zenoh; without rclpy."""
 
 import os
 import sys
@@ -71,7 +71,7 @@ class RmwStack(Stack):
         return source
 
     def end_sources(self) -> None:
-        """End the sources that are left of a test that failed."""
+        """End the sources that a failed test left."""
         for source in self._sources:
             if source.process.poll() is None:
                 source.end()

@@ -160,7 +160,7 @@ class Stack:
         self.watch.until(is_armed, f"{source} armed")
 
     def drive(self, source: Peer, speed_m_s: float = SPEED_M_S, name: str = SOURCE) -> None:
-        """Have a source command zero, and then a speed, until the robot has it.
+        """Make a source command zero and then a speed, until the robot moves at this speed.
 
         A loaded machine may stop the robot in between (OVERRUN): the source then begins again.
         """
@@ -181,7 +181,7 @@ class Stack:
         raise AssertionError(f"not at {speed_m_s} m/s after {ATTEMPTS} attempts; {self.watch.status}")
 
     def zero_after(self, from_ns: int, within_s: float = 2.0) -> float:
-        """Return when zero was first on cmd_vel after a time [ms], from which on only zeros follow for ten messages."""
+        """Return the time from `from_ns` to the first of ten consecutive zeros on cmd_vel [ms]."""
         zeros = 0
         first: Line = {}
 
@@ -200,7 +200,7 @@ class Stack:
         return (first["at_ns"] - from_ns) / 1e6
 
     def rest_after(self, from_ns: int, within_s: float = 5.0) -> float:
-        """Return when the robot stood after a time [ms]."""
+        """Return the time from `from_ns` to standstill [ms]."""
         rest = self.observer.until(
             lambda line: line.get("topic") == "odom" and line["at_ns"] > from_ns and abs(line["v"]) < 0.005,
             "standstill",
@@ -209,7 +209,7 @@ class Stack:
         return (rest["at_ns"] - from_ns) / 1e6
 
     def stays_at_rest(self, messages: int = 50) -> None:
-        """Check that the next commands on cmd_vel are all zero."""
+        """Check that the next messages on cmd_vel are all zero."""
         from_ns, count = time.monotonic_ns(), 0
 
         def enough(line: Line) -> bool:

@@ -27,7 +27,7 @@ SPEED_M_S = 0.3
 ATTEMPTS = 5
 COMMAND_LIMIT_S = 60
 GENEROUS_LEASE_S = 3.0
-"""The lease is 0.3 s, the default 20 s."""
+"""Ten times the lease of 0.3 s in the profile; the default lease is 20 s."""
 AT_ONCE_MS = 150.0
 """Less than the supervisor's command timeout of 200 ms."""
 
@@ -70,7 +70,7 @@ class Robot:
         )
 
     def zero_after(self, from_ns: int) -> float:
-        """Return when zero was on cmd_vel after a time [ms]."""
+        """Return the time from `from_ns` to the first zero on cmd_vel [ms]."""
 
         def is_zero(line: Line) -> bool:
             return line.get("topic") == "cmd_vel" and line["at_ns"] >= from_ns and line["v"] == 0.0
@@ -87,7 +87,7 @@ def lifeline(state: StateDir, *words: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture
 def robot(host: Host, tmp_path: Path) -> Generator[Robot]:
-    """Not in pytest's own directory, which has too long a path for a socket on some machines."""
+    """Start a robot; its state is outside pytest's own directory, whose path is too long for a socket on some machines."""
     state = StateDir(Path(tempfile.mkdtemp(prefix="lifeline-test-")).resolve())
     endpoint, config = free_endpoint(), tmp_path / "robot.toml"
     config.write_text(

@@ -1,4 +1,4 @@
-"""What Lifeline costs between a ROS source and a ROS robot, beside a bare relay in the same run."""
+"""Latency and processor time that Lifeline adds between a ROS source and a ROS robot, beside a bare relay of the same run."""
 
 import os
 import statistics

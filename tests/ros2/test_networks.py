@@ -17,7 +17,7 @@ LONGEST_GAP_S = 0.25
 """Between the command timeout and the 0.35 s for which Fast DDS blocks a process that uses shared memory."""
 LIMIT_S = 60.0
 ADDRESS, INODE = 1, 9
-"""Fields of /proc/net/udp."""
+"""Columns of /proc/net/udp."""
 LOOPBACK = "0100007F"
 
 
@@ -45,7 +45,7 @@ def test_on_one_host_the_ros2_process_has_no_socket_beyond_the_loopback_interfac
 
 
 def test_programs_that_start_do_not_interrupt_a_driven_robot(stack: Stack, tmp_path: Path) -> None:
-    """They use shared memory, as ROS 2 does by default."""
+    """The programs use shared memory, as ROS 2 does by default."""
     others = Host(stack.host.domain, tmp_path, discovery=WITH_SHARED_MEMORY)
     stack.drive(stack.source())
     begin = len(stack.observer.lines)

@@ -1,4 +1,4 @@
-"""The programs that the ROS 2 process is tested against, each against the others."""
+"""Tests of the peers themselves: robots, sources and observers without Lifeline."""
 
 import itertools
 import signal

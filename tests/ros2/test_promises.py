@@ -1,6 +1,6 @@
 """The supervisor's promises, through ROS: a ROS source, Lifeline, and a ROS robot, all as real processes.
 
-The robot has a timeout of 0.5 s of its own, and is in a room whose wall is 5.5 m ahead.
+The robot has its own timeout of 0.5 s. The wall of its room is 5.5 m ahead.
 """
 
 import math
@@ -19,7 +19,7 @@ KILLS = 20
 TIMEOUT_MS = 200.0
 """The supervisor's command timeout."""
 MARGIN_MS = 250.0
-"""Generous: for a loaded machine. The figures are printed."""
+"""Tolerance for a loaded machine; the measured times are printed."""
 ESTOP_SUBSCRIPTIONS = 2
 BASE_TIMEOUT_MS, BRAKING_MS = 500.0, 300.0
 """Of the robot itself."""

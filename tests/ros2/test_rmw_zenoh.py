@@ -23,7 +23,7 @@ KILLS = 20
 TIMEOUT_MS = 200.0
 """The supervisor's command timeout."""
 MARGIN_MS = 80.0
-"""Generous: for a loaded machine. The figures are printed."""
+"""Tolerance for a loaded machine; the measured times are printed."""
 BASE_TIMEOUT_MS = 500.0
 
 pytestmark = pytest.mark.skipif(

@@ -1,6 +1,6 @@
-"""What the peers have in common as nodes of rmw_zenoh, by the package zenoh-ros2-sdk.
+"""Makes the endpoints of the peers that are nodes of rmw_zenoh, with the package zenoh-ros2-sdk.
 
-They run in the environment `.rmw-zenoh`. The package takes each type from its definition, and calculates nothing here.
+These peers run in the environment `.rmw-zenoh`. Rosbags supplies the definition and the hash of each type.
 """
 # pyright: basic, reportMissingImports=false
 

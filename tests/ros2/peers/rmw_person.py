@@ -1,6 +1,6 @@
 """A person's tools over rmw_zenoh: a line `{"call": "/lifeline/reset"}` calls a Trigger service, and prints the answer.
 
-The package calculates the hash of the service by itself. Each status on /diagnostics is printed.
+The package calculates the hash of the service. Each status on /diagnostics is printed.
 """
 # pyright: basic, reportMissingImports=false
 

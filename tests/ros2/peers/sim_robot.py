@@ -1,7 +1,7 @@
 """Lifeline's simulated robot as a ROS 2 robot: /scan, /odom, /odom/truth and /cmd_vel, for an unmodified `python -m sim`.
 
-It is the hub of the endpoint that the sim connects to, and takes the place of the supervisor: it holds its token, and
-repeats the last command of /cmd_vel to the sim at 50 Hz. Messages are passed on in their bytes. With `--timeout none` it
+It is the hub of the endpoint that the sim connects to, and replaces the supervisor: it declares the supervisor's token, and
+repeats the last command of /cmd_vel to the sim at 50 Hz. Messages are passed on as bytes. With `--timeout none` it
 keeps the last command. A line `{"reset": true}` forgets the command and puts the robot back at its start; it answers
 `{"reset": true}` once that is done.
 """

@@ -65,7 +65,7 @@ def test_the_default_interpreter_is_that_of_make_ros2(
         interpreter(config(tmp_path))
 
 
-def test_an_installed_ros_2_that_is_not_set_up_is_told(
+def test_an_installed_ros_2_that_is_not_set_up_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     python(tmp_path)
@@ -114,7 +114,7 @@ def test_only_the_packages_of_the_ros_2_process_are_linked(tmp_path: Path) -> No
         assert (directory / "ros2" / "__init__.py").samefile(ros2_program.ROOT / "ros2" / "__init__.py")
 
 
-def test_an_unwritable_state_directory_is_told(tmp_path: Path) -> None:
+def test_an_unwritable_state_directory_is_refused(tmp_path: Path) -> None:
     (tmp_path / "packages").touch()
     with pytest.raises(DeployError, match="cannot write in the state directory"):
         link_packages(StateDir(tmp_path))
