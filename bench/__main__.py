@@ -13,6 +13,9 @@ ROUNDS = 200
 SECONDS = 15.0
 HEARTBEAT_SECONDS = 30.0
 SIM_ROUNDS = 80
+HEADING = """# Benchmarks
+
+Time and memory of the supervisor, lateness of teleop's heartbeat, and speed of the simulated robot."""
 
 
 def main() -> None:
@@ -55,11 +58,12 @@ def main() -> None:
         tuple(measure_heartbeats(arguments.heartbeat_seconds)),
         tuple(measure_pace(arguments.sim_rounds)),
     )
-    show(results)
+    sheets, verdicts = results.sheets(), results.verdicts()
+    show(sheets, verdicts)
     if arguments.json is not None:
         write_json(results, arguments.json)
     if arguments.markdown is not None:
-        write_markdown(results, arguments.markdown, _command(arguments))
+        write_markdown(arguments.markdown, HEADING, _command(arguments), sheets, verdicts)
 
 
 def _command(arguments: argparse.Namespace) -> str:

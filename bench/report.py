@@ -329,18 +329,18 @@ def _git(*arguments: str) -> str:
     return done.stdout.strip()
 
 
-def show(results: Results) -> None:
+def show(sheets: Iterable[Sheet], verdicts: Iterable[Verdict]) -> None:
     """Print the tables and verdicts."""
     # A pipe has no width; the default width would truncate the tables.
     console = Console() if sys.stdout.isatty() else Console(width=130)
-    for sheet in results.sheets():
+    for sheet in sheets:
         table = Table(title=sheet.title, title_justify="left", title_style="bold")
         for number, column in enumerate(sheet.columns):
             table.add_column(column, justify="left" if number == 0 else "right")
         for row in sheet.rows:
             table.add_row(*row)
         console.print(table)
-    for verdict in results.verdicts():
+    for verdict in verdicts:
         sentence = verdict.sentence()
         console.print(sentence, style="bold red" if sentence.startswith("OVER") else "green", highlight=False)
     console.print(f"{machine()}; commit {commit()}", style="dim", highlight=False)
@@ -349,7 +349,7 @@ def show(results: Results) -> None:
 def write_json(results: Results, path: Path) -> None:
     """Write one JSON object a line: first the run, then one for each row and each target."""
     lines: list[dict[str, object]] = [
-        {"kind": "run", "date": _now(), "machine": machine(), "commit": commit()},
+        {"kind": "run", "date": now(), "machine": machine(), "commit": commit()},
         *({"kind": "step", **asdict(timing)} for timing in results.timings),
         *({**asdict(memory), "kind": "memory", "step": memory.kind} for memory in results.memory),
         *({"kind": "process", **asdict(load)} for load in results.loads),
@@ -360,24 +360,32 @@ def write_json(results: Results, path: Path) -> None:
     path.write_text("".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines))
 
 
-def write_markdown(results: Results, path: Path, command: str) -> None:
-    """Write the markdown document."""
+def write_markdown(
+    path: Path, heading: str, command: str, sheets: Iterable[Sheet], verdicts: Iterable[Verdict]
+) -> None:
+    """Write the markdown document.
+
+    Args:
+        path: the file.
+        heading: title and introduction.
+        command: that wrote the document.
+        sheets: its tables.
+        verdicts: its targets.
+    """
     parts = [
-        "# Benchmarks",
-        "",
-        "Time and memory of the supervisor, lateness of teleop's heartbeat, and speed of the simulated robot.",
+        heading,
         "Written by the command below; do not edit.",
         "",
         f"* command: `{command}`",
-        f"* date: {_now()}",
+        f"* date: {now()}",
         f"* machine: {machine()}",
         f"* commit: {commit()}",
         "",
         "## Targets",
         "",
-        *(f"* {verdict.sentence()}" for verdict in results.verdicts()),
+        *(f"* {verdict.sentence()}" for verdict in verdicts),
     ]
-    for sheet in results.sheets():
+    for sheet in sheets:
         parts += [
             "",
             f"## {sheet.title}",
@@ -391,5 +399,6 @@ def write_markdown(results: Results, path: Path, command: str) -> None:
     path.write_text("\n".join(parts) + "\n")
 
 
-def _now() -> str:
+def now() -> str:
+    """Return the date and time of day in UTC."""
     return datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
