@@ -5,6 +5,9 @@ from pathlib import Path
 
 from bench.heartbeat import measure_heartbeats
 from bench.law import measure_memory, time_steps
+from bench.peers.results import read
+from bench.peers.table import sheets as peers_sheets
+from bench.peers.table import verdicts as peers_verdicts
 from bench.process import measure_process
 from bench.report import Results, show, write_json, write_markdown
 from bench.sim import measure_pace
@@ -60,6 +63,9 @@ def main() -> None:
     )
     sheets, verdicts = results.sheets(), results.verdicts()
     show(sheets, verdicts)
+    peers = read()  # a run of its own, which takes longer
+    if peers is not None:
+        sheets, verdicts = sheets + peers_sheets(peers), verdicts + peers_verdicts(peers)
     if arguments.json is not None:
         write_json(results, arguments.json)
     if arguments.markdown is not None:

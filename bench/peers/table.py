@@ -16,7 +16,9 @@ TARGET_DEATH_RATIO, TARGET_DEATH_P99_MS = 1.3, 8.0
 
 def sheets(peers: Peers) -> list[Sheet]:
     reference = peers.names[REFERENCE]
-    return [trip_sheet(peers.names, reference, peers.trips), death_sheet(peers.names, peers.deaths)]
+    origin = "Run of {date} by `{command}`: {machine}; commit {commit}.".format(**peers.run)
+    both = trip_sheet(peers.names, reference, peers.trips), death_sheet(peers.names, peers.deaths)
+    return [sheet.with_note(origin) for sheet in both]
 
 
 def verdicts(peers: Peers) -> list[Verdict]:

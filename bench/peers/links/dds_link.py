@@ -27,10 +27,10 @@ _kept: list[object] = []
 
 
 @dataclass
-class Message(IdlStruct, typename="Message"):  # pyright: ignore
+class Message(IdlStruct, typename="Message"):  # pyright: ignore[reportGeneralTypeIssues, reportCallIssue]
     """A payload."""
 
-    data: array[uint8, PAYLOAD_BYTES]  # pyright: ignore
+    data: array[uint8, PAYLOAD_BYTES]  # pyright: ignore[reportInvalidTypeForm]
 
 
 class _Heard(Listener):
