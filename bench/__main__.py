@@ -9,7 +9,8 @@ from bench.peers.results import read
 from bench.peers.table import sheets as peers_sheets
 from bench.peers.table import verdicts as peers_verdicts
 from bench.process import measure_process
-from bench.report import Results, show, write_json, write_markdown
+from bench.report import Results, write_json
+from bench.rig.sheet import show, write_markdown
 from bench.sim import measure_pace
 
 ROUNDS = 200

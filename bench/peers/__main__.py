@@ -8,7 +8,7 @@ from bench.peers import death, round_trip
 from bench.peers.kinds import REFERENCE, Kind, kinds
 from bench.peers.results import Peers, write
 from bench.peers.table import sheets, verdicts
-from bench.report import commit, machine, now, show
+from bench.rig.sheet import commit, machine, now, show
 
 ROUNDS, COUNT, KILLS = 5, 40, 20
 

@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 from bench.peers.kinds import ROOT, Kind
-from bench.terminal import end
+from bench.rig.terminal import end
 from deploy.stack.launch import free_loopback_endpoint
 
 LIMIT_S = 20.0

@@ -7,8 +7,8 @@ import asyncio
 import itertools
 import sys
 
-from bench import scenery
-from bench.feed import BEAMS, ODOM_HZ, SCAN_HZ, at_rate, client, feeding, scan
+from bench.rig import scenery
+from bench.rig.feed import BEAMS, ODOM_HZ, SCAN_HZ, at_rate, client, feeding, scan
 from wire import topics
 from wire.messages import odometry
 

@@ -11,8 +11,8 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from bench.feed import supervisor
-from bench.terminal import end
+from bench.rig.feed import supervisor
+from bench.rig.terminal import end
 from deploy.stack.launch import free_loopback_endpoint
 from ros2.environment import dds_variables, ros_variables
 

@@ -8,7 +8,7 @@ from bench.peers.death import Death
 from bench.peers.kinds import REFERENCE
 from bench.peers.results import Peers
 from bench.peers.round_trip import RATES_HZ, RoundTrip
-from bench.report import Sheet, Verdict
+from bench.rig.sheet import Sheet, Verdict
 
 TARGET_TRIP_RATIO, TARGET_TRIP_MORE_MS = 1.3, 1.0
 TARGET_DEATH_RATIO, TARGET_DEATH_P99_MS = 1.3, 8.0
