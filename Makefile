@@ -7,6 +7,7 @@ OWN_UV := $(filter .uv/bin/uv,$(UV))
 STAMP := .venv/.made-from-lock
 ROS2_STAMP := .ros2/.made-from-lock
 RMW_ZENOH_STAMP := .rmw-zenoh/.made-from-lock
+PEERS_STAMP := .peers/.made-from-lock
 
 # Use the machine's Python: uv must not download one.
 export UV_PYTHON_DOWNLOADS := never
@@ -26,10 +27,10 @@ NO_RCLPY := ROS 2 is not installed in /opt/ros/jazzy, and PyPI has no rclpy for 
   (only for CPython 3.11 to 3.14 on x86_64 Linux)
 NO_RMW_ZENOH := zenoh-ros2-sdk cannot be installed on this machine
 
-.PHONY: help setup ros2 test-ros2 run test unit system timed demo proof proofs coverage check bench docs picture mutation faults campaign
+.PHONY: help setup ros2 test-ros2 run test unit system timed demo proof proofs coverage check bench bench-peers docs picture mutation faults campaign
 
 help: ## print this list
-	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-9s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: $(STAMP) ## create the environment .venv from uv.lock
 
@@ -50,7 +51,7 @@ unit:
 system:
 	.venv/bin/pytest tests/system -m "not timed and not demo" --numprocesses=4 --dist=worksteal --durations=10
 
-timed: $(STAMP) ## run the system tests that measure real time, one at a time, on an idle machine (four minutes)
+timed: $(STAMP) $(PEERS_STAMP) ## run the system tests that measure real time, one at a time, on an idle machine (four minutes)
 	.venv/bin/pytest -s tests/system -m timed --durations=10
 
 demo: $(STAMP) ## play the demo from the checkout and from an installed wheel (two minutes)
@@ -85,6 +86,10 @@ check: $(STAMP) ## run ruff, pyright and import-linter
 
 bench: $(STAMP) ## measure time and memory of the law, supervisor, teleop and sim (four minutes)
 	.venv/bin/python -m bench
+
+bench-peers: $(STAMP) $(PEERS_STAMP) ## compare the supervisor with bare relays over Zenoh, MQTT, DDS, rclpy and TCP (15 minutes)
+	@if $(HAS_RCLPY); then $(MAKE) --no-print-directory ros2; fi
+	.venv/bin/python -m bench.peers
 
 docs: $(STAMP) ## update the generated parts and the drawings of docs/
 	.venv/bin/python -m docs.generate.safety_law
@@ -127,6 +132,10 @@ $(ROS2_STAMP): uv.lock pyproject.toml | $(OWN_UV)
 
 $(RMW_ZENOH_STAMP): uv.lock pyproject.toml | $(OWN_UV)
 	UV_PROJECT_ENVIRONMENT=.rmw-zenoh $(UV) sync --locked --compile-bytecode --python $(PYTHON) --only-group rmw-zenoh
+	@touch $@
+
+$(PEERS_STAMP): uv.lock pyproject.toml | $(OWN_UV)
+	UV_PROJECT_ENVIRONMENT=.peers $(UV) sync --locked --compile-bytecode --python $(PYTHON) --only-group peers
 	@touch $@
 
 .uv/bin/uv:

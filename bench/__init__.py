@@ -1,17 +1,17 @@
 """Benchmarks of time and memory: the law, the supervisor, teleop and the sim. They are not tests and never fail.
 
-scenery.py     scans, and the speeds of odometry and commands, for all benchmarks
 law.py         step(): time and memory, compared with plain numpy on the same arrays
 process.py     the real supervisor process over real Zenoh: CPU, memory, rate and gaps of cmd_vel
-heartbeat.py   the real teleop in the terminal of terminal.py: lateness of its heartbeat while it draws
+heartbeat.py   the real teleop in a terminal: lateness of its heartbeat while it draws
 relay.py       reference for process.py: the supervisor's traffic without a law
-feed.py        inputs at the robot's rates, and the supervisor under test, for process.py and heartbeat.py
 sim.py         the simulated robot, unpaced, compared with MuJoCo alone
-report.py      the results as terminal tables, markdown and JSON lines
+report.py      the results as tables, verdicts and JSON lines
 __main__.py    python -m bench
 
 estop_kill.py    press the e-stop, kill the supervisor, and count the runs that stay latched
 black_box.py     cost of the black box: time, memory, file size
+peers/           the supervisor beside bare relays over Zenoh, MQTT, DDS, rclpy and TCP
 ros2_crash/      kill, stop and unplug the keyboard node of a ROS 2 robot, without and with Lifeline
+rig/             scans, feeds, the supervisor under test, a terminal, and tables, for all of them
 scene_search.py  search random scenes (scenes/) for one in which the law lets the hull come too close to an object
 """

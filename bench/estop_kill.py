@@ -18,9 +18,9 @@ from collections import Counter
 from collections.abc import Callable, Coroutine
 from pathlib import Path
 
-from bench import scenery
-from bench.feed import BEAMS, ODOM_HZ, SCAN_HZ, at_rate, client, feeding, scan
-from bench.terminal import end
+from bench.rig import scenery
+from bench.rig.feed import BEAMS, ODOM_HZ, SCAN_HZ, at_rate, client, feeding, scan
+from bench.rig.terminal import end
 from deploy.stack.launch import free_loopback_endpoint
 from wire import topics
 from wire.bus import Arrival, wait_until

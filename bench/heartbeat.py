@@ -10,9 +10,20 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from bench import scenery
-from bench.feed import BEAMS, ODOM_HZ, SCAN_HZ, START_S, at_rate, client, feeding, mode_of, scan, supervisor
-from bench.terminal import Terminal, teleop
+from bench.rig import scenery
+from bench.rig.feed import (
+    BEAMS,
+    ODOM_HZ,
+    SCAN_HZ,
+    START_S,
+    at_rate,
+    client,
+    feeding,
+    mode_of,
+    scan,
+    supervisor,
+)
+from bench.rig.terminal import Terminal, teleop
 from wire import topics
 from wire.bus import Arrival, Subscription
 from wire.messages import SafetyStatus, Twist, odometry

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench import scenery
+from bench.rig import scenery
 from supervisor.config import SupervisorSection
 from supervisor.model import Command, Inputs, LaserScan, Mode, Odometry, State, Velocity
 from supervisor.safety import initial_state, step

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bench import scenery
-from bench.feed import (
+from bench.rig import scenery
+from bench.rig.feed import (
     BEAMS,
     ODOM_HZ,
     SCAN_HZ,

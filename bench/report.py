@@ -1,50 +1,12 @@
-"""Reports the results as terminal tables, markdown and JSON lines."""
+"""The results of `python -m bench` as tables, verdicts and JSON lines."""
 
 import json
-import os
-import platform
-import subprocess
-import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 
-from rich.console import Console
-from rich.table import Table
-
 from bench import heartbeat, law, process, sim
-
-MEASURED = ("sim", "supervisor", "teleop", "wire")
-"""The measured packages."""
-
-_LOAD_BEFORE = os.getloadavg()[0]
-"""The machine's load average before the benchmarks."""
-
-
-@dataclass(frozen=True)
-class Sheet:
-    """One table with explanatory notes."""
-
-    title: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    notes: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """One target and its measurement."""
-
-    what: str
-    measured: float
-    target: float
-    unit: str
-
-    def sentence(self) -> str:
-        state = "on target" if self.measured <= self.target else "OVER TARGET"
-        return f"{state}: {self.what} {self.measured:.3g} {self.unit}, at most {self.target:.3g} {self.unit}"
+from bench.rig.sheet import Sheet, Verdict, commit, machine, now
 
 
 @dataclass(frozen=True)
@@ -304,52 +266,10 @@ def _pace_sheet(paces: Iterable[sim.Pace]) -> Sheet:
     )
 
 
-def machine() -> str:
-    """Describe the machine, without its name."""
-    return (
-        f"{os.cpu_count()} cores ({platform.machine()}), load average {_LOAD_BEFORE:.1f} before, {platform.system()}, "
-        f"Python {platform.python_version()}, numpy {version('numpy')}, eclipse-zenoh {version('eclipse-zenoh')}"
-    )
-
-
-def commit() -> str:
-    """Return the measured commit, and the measured packages with local changes."""
-    revision = _git("rev-parse", "--short", "HEAD")
-    if not revision:
-        return "unknown"
-    changed = [package for package in MEASURED if _git("status", "--porcelain", "--", package)]
-    return f"{revision}, with changes in {', '.join(changed)}" if changed else revision
-
-
-def _git(*arguments: str) -> str:
-    try:
-        done = subprocess.run(["git", *arguments], capture_output=True, text=True, check=False, timeout=10)
-    except OSError:
-        return ""
-    return done.stdout.strip()
-
-
-def show(results: Results) -> None:
-    """Print the tables and verdicts."""
-    # A pipe has no width; the default width would truncate the tables.
-    console = Console() if sys.stdout.isatty() else Console(width=130)
-    for sheet in results.sheets():
-        table = Table(title=sheet.title, title_justify="left", title_style="bold")
-        for number, column in enumerate(sheet.columns):
-            table.add_column(column, justify="left" if number == 0 else "right")
-        for row in sheet.rows:
-            table.add_row(*row)
-        console.print(table)
-    for verdict in results.verdicts():
-        sentence = verdict.sentence()
-        console.print(sentence, style="bold red" if sentence.startswith("OVER") else "green", highlight=False)
-    console.print(f"{machine()}; commit {commit()}", style="dim", highlight=False)
-
-
 def write_json(results: Results, path: Path) -> None:
     """Write one JSON object a line: first the run, then one for each row and each target."""
     lines: list[dict[str, object]] = [
-        {"kind": "run", "date": _now(), "machine": machine(), "commit": commit()},
+        {"kind": "run", "date": now(), "machine": machine(), "commit": commit()},
         *({"kind": "step", **asdict(timing)} for timing in results.timings),
         *({**asdict(memory), "kind": "memory", "step": memory.kind} for memory in results.memory),
         *({"kind": "process", **asdict(load)} for load in results.loads),
@@ -358,38 +278,3 @@ def write_json(results: Results, path: Path) -> None:
         *({"kind": "target", **asdict(verdict)} for verdict in results.verdicts()),
     ]
     path.write_text("".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines))
-
-
-def write_markdown(results: Results, path: Path, command: str) -> None:
-    """Write the markdown document."""
-    parts = [
-        "# Benchmarks",
-        "",
-        "Time and memory of the supervisor, lateness of teleop's heartbeat, and speed of the simulated robot.",
-        "Written by the command below; do not edit.",
-        "",
-        f"* command: `{command}`",
-        f"* date: {_now()}",
-        f"* machine: {machine()}",
-        f"* commit: {commit()}",
-        "",
-        "## Targets",
-        "",
-        *(f"* {verdict.sentence()}" for verdict in results.verdicts()),
-    ]
-    for sheet in results.sheets():
-        parts += [
-            "",
-            f"## {sheet.title}",
-            "",
-            f"| {' | '.join(sheet.columns)} |",
-            f"|{'|'.join(['---'] + ['--:'] * (len(sheet.columns) - 1))}|",
-            *(f"| {' | '.join(row)} |" for row in sheet.rows),
-            "",
-            *(f"* {note}" for note in sheet.notes),
-        ]
-    path.write_text("\n".join(parts) + "\n")
-
-
-def _now() -> str:
-    return datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pyte
 
-from bench.terminal import Terminal, end, teleop
+from bench.rig.terminal import Terminal, end, teleop
 from deploy.stack.launch import free_loopback_endpoint
 from docs.generate.terminal_picture import draw
 from teleop.view import Odom

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pyte
 
-from bench.terminal import Terminal, running, teleop
+from bench.rig.terminal import Terminal, running, teleop
 from deploy.stack.launch import free_loopback_endpoint
 from docs.generate.terminal_picture import draw
 from wire.state_directory import ENVIRONMENT

@@ -18,7 +18,7 @@ import numpy as np
 from PIL import Image
 from rerun.experimental import ViewerClient
 
-from bench.terminal import end
+from bench.rig.terminal import end
 from deploy.inspection.recording import Recorded, RecordingReader
 from deploy.stack.launch import free_loopback_endpoint
 from deploy.view.page import LOOPBACK

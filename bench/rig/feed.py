@@ -10,8 +10,8 @@ from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from bench import scenery
-from bench.terminal import end
+from bench.rig import scenery
+from bench.rig.terminal import end
 from deploy.stack.launch import free_loopback_endpoint
 from wire.bus import BusError
 from wire.messages import LaserScan, SafetyStatus, laser_scan

@@ -10,6 +10,7 @@ import sys
 import termios
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
+from typing import Any
 
 ARE_YOU_THERE, I_AM = b"\x1b[5n", "\x1b[0n"
 END_LIMIT_S = 5.0
@@ -75,7 +76,7 @@ def teleop(terminal: Terminal, *arguments: str) -> Generator[None]:
         yield
 
 
-def end(process: "subprocess.Popen[bytes]") -> None:
+def end(process: "subprocess.Popen[Any]") -> None:
     """Terminate a process, and kill it if it does not end in time."""
     process.terminate()
     try:

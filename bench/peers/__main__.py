@@ -1,0 +1,63 @@
+"""`python -m bench.peers`: compare the supervisor with bare relays of other transports. Always exit 0 unless one fails."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from bench.peers import death, round_trip
+from bench.peers.kinds import REFERENCE, Kind, kinds
+from bench.peers.results import Peers, write
+from bench.peers.table import sheets, verdicts
+from bench.rig.sheet import commit, machine, now, show
+
+ROUNDS, COUNT, KILLS = 5, 40, 20
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        prog="python -m bench.peers",
+        description="Measure the round trip of a command and the time from a SIGKILL to its notice, through the supervisor and "
+        "through bare relays over Zenoh, MQTT, CycloneDDS, rclpy and TCP, interleaved. Takes about fifteen minutes.",
+        epilog="exit code: 0, even if a target is missed; 1 if a process fails",
+    )
+    parser.add_argument("--rounds", type=int, default=ROUNDS, help="default: %(default)s")
+    parser.add_argument(
+        "--count", type=int, default=COUNT, help="commands per kind, rate and round (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--kills", type=int, default=KILLS, help="kills per kind and round (default: %(default)s)"
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write all times as JSON lines")
+    options = parser.parse_args()
+
+    present: list[Kind] = []
+    for number, kind in enumerate(kinds()):
+        missing = kind.missing()
+        if missing is None:
+            present.append(kind)
+        elif number <= REFERENCE:
+            sys.exit(f"bench.peers: {kind.name}: {missing}: run `make bench-peers`")
+        else:
+            print(f"left out: {kind.name}: {missing}", file=sys.stderr)
+
+    def tell(text: str) -> None:
+        print(text, file=sys.stderr, flush=True)
+
+    try:
+        trips = round_trip.measure(present, options.rounds, options.count, tell)
+        watched = [kind for kind in present if kind.has_presence]
+        deaths = death.measure(watched, options.rounds, options.kills, tell)
+    except RuntimeError as error:
+        sys.exit(f"bench.peers: {error}")
+    command = (
+        f"python -m bench.peers --rounds {options.rounds} --count {options.count} --kills {options.kills}"
+    )
+    run = {"command": command, "date": now(), "machine": machine(), "commit": commit()}
+    peers = Peers(run, tuple(trips), tuple(deaths))
+    if options.json is not None:
+        write(peers, options.json)
+    show(sheets(peers), verdicts(peers))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,61 @@
+"""Passes each message on: `python -m bench.peers.relay LINK ADDRESS callback|asyncio`.
+
+`callback` sends on the transport's own thread. `asyncio` wakes an event loop, which sends, as the supervisor does.
+"""
+
+import argparse
+import asyncio
+import threading
+from collections import deque
+from collections.abc import Callable
+from importlib import import_module
+
+Send = Callable[[bytes], None]
+
+
+def connect(link: str, address: str, heard: Send) -> Send:
+    module = import_module(f"bench.peers.links.{link}_link")
+    return module.connect(address, "relay", heard)
+
+
+def in_callback(link: str, address: str) -> None:
+    ready, send = threading.Event(), list[Send]()
+
+    def heard(payload: bytes) -> None:
+        ready.wait()
+        send[0](payload)
+
+    send.append(connect(link, address, heard))
+    ready.set()
+    threading.Event().wait()
+
+
+async def in_loop(link: str, address: str) -> None:
+    loop, wake, waiting = asyncio.get_running_loop(), asyncio.Event(), deque[bytes]()
+
+    def heard(payload: bytes) -> None:
+        waiting.append(payload)
+        loop.call_soon_threadsafe(wake.set)
+
+    send = connect(link, address, heard)
+    while True:
+        await wake.wait()
+        wake.clear()
+        while waiting:
+            send(waiting.popleft())
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m bench.peers.relay", description=__doc__)
+    parser.add_argument("link")
+    parser.add_argument("address")
+    parser.add_argument("mode", choices=("callback", "asyncio"))
+    options = parser.parse_args()
+    if options.mode == "callback":
+        in_callback(options.link, options.address)
+    else:
+        asyncio.run(in_loop(options.link, options.address))
+
+
+if __name__ == "__main__":
+    main()

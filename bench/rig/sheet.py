@@ -1,0 +1,133 @@
+"""Tables and verdicts of the benchmarks, on the terminal and in markdown."""
+
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+MEASURED = ("sim", "supervisor", "teleop", "wire")
+"""The measured packages."""
+
+_LOAD_BEFORE = os.getloadavg()[0]
+"""The machine's load average before the benchmarks."""
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """One table with explanatory notes."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    notes: tuple[str, ...]
+
+    def with_note(self, note: str) -> "Sheet":
+        return replace(self, notes=(*self.notes, note))
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One target and its measurement."""
+
+    what: str
+    measured: float
+    target: float
+    unit: str
+
+    def sentence(self) -> str:
+        state = "on target" if self.measured <= self.target else "OVER TARGET"
+        return f"{state}: {self.what} {self.measured:.3g} {self.unit}, at most {self.target:.3g} {self.unit}"
+
+
+def machine() -> str:
+    """Describe the machine, without its name."""
+    return (
+        f"{os.cpu_count()} cores ({platform.machine()}), load average {_LOAD_BEFORE:.1f} before, {platform.system()}, "
+        f"Python {platform.python_version()}, numpy {version('numpy')}, eclipse-zenoh {version('eclipse-zenoh')}"
+    )
+
+
+def commit() -> str:
+    """Return the measured commit, and the measured packages with local changes."""
+    revision = _git("rev-parse", "--short", "HEAD")
+    if not revision:
+        return "unknown"
+    changed = [package for package in MEASURED if _git("status", "--porcelain", "--", package)]
+    return f"{revision}, with changes in {', '.join(changed)}" if changed else revision
+
+
+def _git(*arguments: str) -> str:
+    try:
+        done = subprocess.run(["git", *arguments], capture_output=True, text=True, check=False, timeout=10)
+    except OSError:
+        return ""
+    return done.stdout.strip()
+
+
+def show(sheets: Iterable[Sheet], verdicts: Iterable[Verdict]) -> None:
+    """Print the tables and verdicts."""
+    # A pipe has no width; the default width would truncate the tables.
+    console = Console() if sys.stdout.isatty() else Console(width=130)
+    for sheet in sheets:
+        table = Table(title=sheet.title, title_justify="left", title_style="bold")
+        for number, column in enumerate(sheet.columns):
+            table.add_column(column, justify="left" if number == 0 else "right")
+        for row in sheet.rows:
+            table.add_row(*row)
+        console.print(table)
+    for verdict in verdicts:
+        sentence = verdict.sentence()
+        console.print(sentence, style="bold red" if sentence.startswith("OVER") else "green", highlight=False)
+    console.print(f"{machine()}; commit {commit()}", style="dim", highlight=False)
+
+
+def write_markdown(
+    path: Path, heading: str, command: str, sheets: Iterable[Sheet], verdicts: Iterable[Verdict]
+) -> None:
+    """Write the markdown document.
+
+    Args:
+        path: the file.
+        heading: title and introduction.
+        command: that wrote the document.
+        sheets: its tables.
+        verdicts: its targets.
+    """
+    parts = [
+        heading,
+        "Written by the command below; do not edit.",
+        "",
+        f"* command: `{command}`",
+        f"* date: {now()}",
+        f"* machine: {machine()}",
+        f"* commit: {commit()}",
+        "",
+        "## Targets",
+        "",
+        *(f"* {verdict.sentence()}" for verdict in verdicts),
+    ]
+    for sheet in sheets:
+        parts += [
+            "",
+            f"## {sheet.title}",
+            "",
+            f"| {' | '.join(sheet.columns)} |",
+            f"|{'|'.join(['---'] + ['--:'] * (len(sheet.columns) - 1))}|",
+            *(f"| {' | '.join(row)} |" for row in sheet.rows),
+            "",
+            *(f"* {note}" for note in sheet.notes),
+        ]
+    path.write_text("\n".join(parts) + "\n")
+
+
+def now() -> str:
+    """Return the date and time of day in UTC."""
+    return datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
