@@ -230,11 +230,17 @@ async def _back_out(stage: Stage, say: Say) -> list[Verdict]:
     motions = observer.look().motions
     final_m, top_m_s = motions[-1].clearance_m, max(motion.linear_m_s for motion in motions)
     say(f"  standing {_cm(final_m)} before it; backing out")
-    stage.teleop.press(BACK_OUT_KEYS)
-    backed_out = await observer.until(
-        lambda seen: seen.motions[-1].clearance_m > final_m + BACKED_OUT_M, MOVE_LIMIT_S
-    )
-    stage.teleop.press("s")
+    backed_out = False
+    for _ in range(RACK_TRIES):
+        stage.teleop.press(BACK_OUT_KEYS)
+        backed_out = await observer.until(
+            lambda seen: seen.motions[-1].clearance_m > final_m + BACKED_OUT_M, MOVE_LIMIT_S
+        )
+        stage.teleop.press("s")
+        if backed_out:
+            break
+        reasons = " ".join(observer.look().statuses[-1].reasons)
+        say(f"  the robot did not back out ({reasons}); again")
     pressed_s = time.monotonic()
     await observer.until(lambda seen: standing_since_s(seen, pressed_s) is not None, MOVE_LIMIT_S)
     seen = observer.finished()

@@ -13,7 +13,7 @@ from rich.text import Text
 from deploy.estop import RESET, latched_sentence
 from deploy.stack import ros2_reports, supervisord
 from deploy.stack.errors import EXIT_NOT_RUNNING
-from deploy.stack.formatting import COLOURS, mode_name, nearest, number, printable, speed
+from deploy.stack.formatting import COLOURS, GO_NEUTRAL, mode_name, nearest, number, printable, speed
 from deploy.stack.launch import SIMULATED, Launch
 from deploy.stack.observe import observing
 from deploy.stack.ros2_reports import Report
@@ -164,7 +164,7 @@ def table(look: Look) -> Table | Text:
         table.add_row("mode", Text(look.mode or "", style=COLOURS[look.mode or "STOPPED"]))
         for name, why in _why(status):
             table.add_row(name, Text(why))
-        if ESTOP in status.reasons:
+        if ESTOP in status.causes_and_latched()[0]:
             table.add_row("e-stop", f"latched until reset, even after a restart: {RESET}")
         if status.estop_record_problem:
             table.add_row("e-stop record", Text(status.estop_record_problem, style="bold red"))
@@ -188,5 +188,5 @@ def _why(status: SafetyStatus) -> Iterator[tuple[str, str]]:
         detail = f": {status.detail}" if status.detail else ""
         yield "causes", printable(f"{', '.join(causes)}{detail}")
     if latched:
-        hint = "" if causes else ": no longer present; press s in teleop to drive again"
+        hint = "" if causes else f": no longer present; {GO_NEUTRAL} to drive again"
         yield "latched", printable(f"{', '.join(latched)}{hint}")

@@ -13,7 +13,7 @@ from collections.abc import Awaitable, Callable
 from ros2 import cdr, ros
 from ros2.base import message
 from ros2.config import Ros2Section
-from ros2.endpoints import names
+from ros2.endpoints import clause
 from ros2.ros import Ros, twist_type
 from ros2.samples import Sample
 from wire.inbox import Inbox, woken_by
@@ -23,6 +23,8 @@ MOVING_RAD_S = 0.1
 STANDING_RAD_S = 0.03
 TURN_S = 1.5
 PERIOD_S = 0.05
+DISCOVERY_S = 1.5
+"""For discovery to find the other publishers: each node announces itself every 0.5 s to 3 s, and when it hears a new one."""
 ODOM_LIMIT_S = 5.0
 STOP_LIMIT_S = 3.0
 GOOD_S = 1.0
@@ -87,9 +89,9 @@ class _Check:
                 f"no odometry arrived on {self._odom_topic} within {ODOM_LIMIT_S:g} s: start the base's driver, or "
                 "correct odom in [ros2]"
             )
-        publishers = self._node.publishers(self._topic)
-        if len(publishers) > 1:  # this process is one
-            return self._not_measured(f"{names(publishers)} publish on {self._topic}: end all others first")
+        await self._until(lambda: False, DISCOVERY_S)
+        if rival := self._rival():
+            return self._not_measured(rival)
         if not self._node.subscriptions(self._topic):
             return self._not_measured(f"no node listens on {self._topic}: correct cmd_vel in [ros2]")
         print(
@@ -97,7 +99,19 @@ class _Check:
         )
         if ask and not await self._confirmed():
             return self._not_measured("not confirmed, so the robot was not moved")
+        if rival := self._rival():
+            return self._not_measured(rival)
         return await self._measure()
+
+    def _rival(self) -> str | None:
+        """Return a sentence if another program commands the base; None if none is known."""
+        publishers = self._node.publishers(self._topic)
+        if len(publishers) <= 1:  # this process
+            return None
+        others = [p for p in publishers if p.node != self._node.name]
+        if not others:
+            return f"Lifeline itself commands {self._topic}: end it first with `lifeline down`"
+        return f"{clause(others, 'publish')} on {self._topic}: end all other programs that command the base first"
 
     async def _confirmed(self) -> bool:
         if not sys.stdin.isatty():
@@ -116,6 +130,8 @@ class _Check:
     async def _measure(self) -> int:
         end_s = self._loop.time() + TURN_S
         while self._loop.time() < end_s and not self._stop.is_set():
+            if rival := self._rival():
+                return self._not_measured(rival)
             self.command(cdr.Planar(0.0, TURN_RAD_S))
             await self._until(lambda: False, PERIOD_S)
         silent_s = self._loop.time()

@@ -28,6 +28,12 @@ def names(endpoints: Sequence[Endpoint]) -> str:
     return " and ".join(nodes) or "none"
 
 
+def clause(endpoints: Sequence[Endpoint], verb: str) -> str:
+    """Return subject and verb, as in "/a listens" and "/a and /b listen"."""
+    ending = "" if len(endpoints) > 1 else "es" if verb.endswith("sh") else "s"
+    return f"{names(endpoints)} {verb}{ending}"
+
+
 def wrong_types(topic: str, expected: str, endpoints: Sequence[Endpoint], option: str) -> str | None:
     """Return a sentence if an endpoint of a topic has another type, which DDS does not connect; None if none has.
 
@@ -44,7 +50,7 @@ def wrong_types(topic: str, expected: str, endpoints: Sequence[Endpoint], option
     advice = f"give it a topic with {expected}"
     if option and kind.removesuffix("Stamped") == expected.removesuffix("Stamped"):
         advice = f"set {option} = {'true' if kind.endswith('Stamped') else 'false'}"
-    return f"{names(wrong)} uses {kind} on {topic}, but {expected} is expected, so they are not connected: {advice}"
+    return f"{clause(wrong, 'use')} {kind} on {topic}, but {expected} is expected, so they are not connected: {advice}"
 
 
 def wrong_qos(topic: str, subscriptions: Sequence[Endpoint]) -> str | None:
@@ -53,6 +59,6 @@ def wrong_qos(topic: str, subscriptions: Sequence[Endpoint]) -> str | None:
     if not wrong:
         return None
     return (
-        f"{names(wrong)} requests {topic} with durability transient local, which would also deliver an old command, "
+        f"{clause(wrong, 'request')} {topic} with durability transient local, which would also deliver an old command, "
         "so they are not connected: set its durability to volatile"
     )

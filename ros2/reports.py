@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from ros2.config import RosSourceSection
 from ros2.diagnostics import Level, Report
-from ros2.endpoints import Endpoint, names, wrong_qos, wrong_types
+from ros2.endpoints import Endpoint, clause, names, wrong_qos, wrong_types
 from ros2.presence import Programs
 
 
@@ -83,7 +83,7 @@ def sensor_report(
     elif writers > 1:
         problems.append(f"{writers} writers publish on {topic} ({names(publishers)}): end all but one")
     elif not problems and not writers:
-        problems.append(f"{names(publishers)} publishes nothing on {topic}")
+        problems.append(f"{clause(publishers, 'publish')} nothing on {topic}")
     return _report(name, problems, f"{names(publishers)} on {topic}", [("topic", f"{topic} ({type_name})")])
 
 
@@ -113,7 +113,7 @@ def base_report(
     if foreign:
         problems.insert(
             0,
-            f"{names(foreign)} also publishes on {topic}, past the supervisor, so the robot may move although "
+            f"{clause(foreign, 'publish')} on {topic} too, bypassing the supervisor, so the robot may move although "
             "Lifeline commands zero: end it, or remap it to the topic of a source",
         )
     if len(foreign) < len(others):
@@ -121,7 +121,7 @@ def base_report(
     if not subscriptions:
         problems.append(f"no node listens on {topic}: start the base's driver, or correct cmd_vel in [ros2]")
     values = [("topic", f"{topic} ({type_name})"), ("base", base)]
-    return _report("cmd_vel", problems, f"{names(subscriptions)} listens on {topic}", values)
+    return _report("cmd_vel", problems, f"{clause(subscriptions, 'listen')} on {topic}", values)
 
 
 def _wrong(*sentences: str | None) -> list[str]:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from deploy.inspection.nodes import Node, describe
 from deploy.inspection.traffic import Traffic
 from deploy.stack import ros2_reports
-from deploy.stack.formatting import mode_name, printable
+from deploy.stack.formatting import GO_NEUTRAL, mode_name, printable
 from deploy.stack.ros2_reports import Level, Report
 from supervisor.config import SupervisorSection
 from wire import topics
@@ -355,13 +355,13 @@ def _stop(seen: Observed) -> Iterator[Finding]:
         words = words_of(name)
         detail = f": {status.detail}" if name == causes[0] and status.detail else ""
         what = name if words is None else f"{name}: {words.now.replace('WHO', _who(status))}"
-        remedy = "" if words is None else words.step.replace("NEUTRAL", "press s in teleop")
+        remedy = "" if words is None else words.step.replace("NEUTRAL", GO_NEUTRAL)
         yield Finding("stop", Verdict.PROBLEM, printable(f"{what}{detail}"), remedy)
     for name in latched:
         words = words_of(name)
         what = name if words is None else f"{name}: {words.over}"
         yield Finding(
-            "latched", Verdict.PROBLEM, printable(f"{what}. Over now"), "press s in teleop: it sends zero"
+            "latched", Verdict.PROBLEM, printable(f"{what}. Over now"), f"{GO_NEUTRAL}: it sends zero"
         )
     for source in status.unknown_sources:
         yield Finding(

@@ -9,6 +9,9 @@ MODES = ("STOPPED", "READY", "DRIVING", "LIMITED")
 
 COLOURS = {"STOPPED": "bold red", "READY": "green", "DRIVING": "bold green", "LIMITED": "yellow"}
 
+GO_NEUTRAL = "release the keys or the stick (teleop: s)"
+"""How a person has the source that drives send neutral."""
+
 HEARD_LIMIT_S = 1.0
 """A robot counts as heard while its last status is not older; at least ten statuses arrive in this period."""
 

@@ -512,7 +512,7 @@ async def test_the_base_is_reported_with_other_publishers_and_types() -> None:
         await robot.pass_time(0.05)
         report = robot.node.report("cmd_vel")
     assert report.level is Level.ERROR
-    assert report.message.startswith("/a also publishes on /cmd_vel, past the supervisor")
+    assert report.message.startswith("/a publishes on /cmd_vel too, bypassing the supervisor")
     assert report.message.endswith("set stamped = true")
 
 

@@ -73,10 +73,16 @@ def test_check_base_measures_whether_the_base_has_a_timeout(
     host: Host, tmp_path: Path, timeout: str, code: int, sentence: str
 ) -> None:
     host.start("diff_drive", "--timeout", timeout).ready()
-    config = tmp_path / "robot.toml"
+    done = check_base(host, tmp_path)
+    assert sentence in done.stdout, done.stdout + done.stderr
+    assert done.returncode == code
+
+
+def check_base(host: Host, folder: Path) -> "subprocess.CompletedProcess[str]":
+    config = folder / "check.toml"
     config.write_text(f"[ros2]\ndomain_id = {host.domain}\n")
     lifeline = Path(sys.executable).with_name("lifeline")
-    done = subprocess.run(
+    return subprocess.run(
         [lifeline, "ros2", "check-base", "--config", config, "--yes"],
         cwd=ROOT,
         stdin=subprocess.DEVNULL,
@@ -85,5 +91,19 @@ def test_check_base_measures_whether_the_base_has_a_timeout(
         timeout=CHECK_LIMIT_S,
         check=False,
     )
-    assert sentence in done.stdout, done.stdout + done.stderr
-    assert done.returncode == code
+
+
+def test_check_base_moves_nothing_while_lifeline_or_another_program_commands_the_base(
+    host: Host, make_stack: MakeStack, tmp_path: Path
+) -> None:
+    host.start("diff_drive").ready()
+    other = host.start("source", "--name", "other").ready()
+    done = check_base(host, tmp_path)
+    assert "/other publishes on /cmd_vel" in done.stdout, done.stdout + done.stderr
+    assert done.returncode == 3
+    other.end()
+    stack = make_stack()
+    done = check_base(host, tmp_path)
+    assert "Lifeline itself commands /cmd_vel" in done.stdout, done.stdout + done.stderr
+    assert done.returncode == 3
+    assert not any(line["w"] for line in stack.observer.of("cmd_vel"))

@@ -48,7 +48,17 @@ def test_what_holds_and_what_is_over_have_a_row_each() -> None:
 def test_where_all_is_over_it_says_what_to_do() -> None:
     seen = look(reasons=["OVERRUN", "SCAN_STALE"], latched=["OVERRUN", "SCAN_STALE"])
     assert row(seen, "causes") is None
-    assert row(seen, "latched") == "OVERRUN, SCAN_STALE: no longer present; press s in teleop to drive again"
+    assert (
+        row(seen, "latched")
+        == "OVERRUN, SCAN_STALE: no longer present; release the keys or the stick (teleop: s) to drive again"
+    )
+
+
+def test_an_estop_that_was_reset_is_not_shown_as_latched_until_reset() -> None:
+    pressed = look(reasons=["ESTOP"], causes=["ESTOP"])
+    assert (row(pressed, "e-stop") or "").startswith("latched until reset")
+    reset = look(reasons=["ESTOP", "SCAN_STALE"], causes=["SCAN_STALE"], latched=["ESTOP"])
+    assert row(reset, "e-stop") is None
 
 
 def test_the_reasons_of_an_older_supervisor_are_taken_to_hold() -> None:

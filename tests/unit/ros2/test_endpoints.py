@@ -1,6 +1,6 @@
 """Mismatches of types and of QoS, in plain words."""
 
-from ros2.endpoints import Endpoint, names, wrong_qos, wrong_types
+from ros2.endpoints import Endpoint, clause, names, wrong_qos, wrong_types
 from ros2.ros import BOOL, TWIST, TWIST_STAMPED, twist_type
 
 TELEOP = Endpoint("/teleop", TWIST, b"1" * 16)
@@ -11,6 +11,12 @@ def test_the_names_of_nodes_are_a_sorted_list_in_words() -> None:
     assert names([]) == "none"
     assert names([TELEOP]) == "/teleop"
     assert names([TELEOP, JOY]) == "/joy and /teleop"
+
+
+def test_the_verb_agrees_with_the_number_of_nodes() -> None:
+    assert clause([TELEOP], "listen") == "/teleop listens"
+    assert clause([TELEOP], "publish") == "/teleop publishes"
+    assert clause([TELEOP, JOY], "publish") == "/joy and /teleop publish"
 
 
 def test_endpoints_of_the_expected_type_are_no_problem() -> None:

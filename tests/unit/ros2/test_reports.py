@@ -141,7 +141,7 @@ def test_a_second_process_of_lifeline_is_named_as_such() -> None:
     second = OTHER._replace(node="/lifeline")
     twice = "a second process ros2 of Lifeline publishes on /cmd_vel: end one of the two"
     assert of_base([second], [BASE]).message == twice
-    assert of_base([second, OTHER], [BASE]).message.startswith(f"{twice}; /other also publishes")
+    assert of_base([second, OTHER], [BASE]).message.startswith(f"{twice}; /other publishes")
 
 
 def test_a_base_that_listens_is_fine() -> None:
@@ -167,6 +167,6 @@ def test_another_publisher_past_the_supervisor_is_the_first_problem() -> None:
     report = of_base([OTHER], [listening])
     assert report.level is Level.ERROR
     first, second, third = report.message.split("; ")
-    assert first.startswith("/other also publishes on /cmd_vel, past the supervisor")
+    assert first.startswith("/other publishes on /cmd_vel too, bypassing the supervisor")
     assert second.endswith("set stamped = true")
     assert third.startswith("/base requests /cmd_vel with durability transient local")
