@@ -15,6 +15,12 @@ from wire.quantities import Between
 from wire.session import BusConfig
 
 MAX_TOPIC = 128
+OWN_TOPICS = {
+    "/diagnostics": "Lifeline's reports",
+    "/lifeline/status": "Lifeline's status",
+    "/lifeline/reset": "Lifeline's reset",
+    "/lifeline/arm": "Lifeline's arming",
+}
 
 
 def _is_topic(value: str) -> str:
@@ -92,7 +98,16 @@ class Ros2Section(Section):
         return "/".join(["", *filter(None, [self.namespace.strip("/"), topic])])
 
     def conflicts(self) -> Iterator[Conflict]:
-        taken = {self.resolved(self.cmd_vel): "cmd_vel"}
+        taken = {**OWN_TOPICS, self.resolved(topics.ESTOP.key): "the e-stop"}
+        for path, topic in self._robots_topics():
+            name = self.resolved(topic)
+            if path[0] == "scan" and taken.get(name) == "scan":
+                yield Conflict(path, topic, "each lidar needs a topic of its own")
+            elif name in taken:
+                yield Conflict(
+                    path, topic, f"is already the topic of {taken[name]}, whose messages are others"
+                )
+            taken.setdefault(name, str(path[0]))
         for index, source in enumerate(self.sources):
             if source.name in [other.name for other in self.sources[:index]]:
                 yield Conflict(("sources", index, "name"), source.name, "each source needs a name of its own")
@@ -104,9 +119,13 @@ class Ros2Section(Section):
                 )
                 yield Conflict(("sources", index, "topic"), source.topic, message)
             taken[topic] = f"the source {source.name}"
+
+    def _robots_topics(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
+        """Yield the path of each key that names a topic of the robot, and the topic."""
+        yield ("cmd_vel",), self.cmd_vel
+        yield ("odom",), self.odom
         for index, topic in enumerate(self.scans):
-            if topic in self.scans[:index]:
-                yield Conflict(("scan", index), topic, "each lidar needs a topic of its own")
+            yield ("scan",) if isinstance(self.scan, str) else ("scan", index), topic
 
 
 class LidarTopic(Section):

@@ -13,6 +13,8 @@ LOCALHOST_PROFILE = Path(__file__).with_name("fastdds_localhost.xml")
 PROFILE_FILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 """The variables that name the profile of Fast DDS 2 and of Fast DDS 3."""
 DISCOVERY_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+OLD_DISCOVERY_RANGE = "ROS_LOCALHOST_ONLY"
+"""Replaces the range where it is set."""
 
 
 def ros_variables(python: Path, present: Mapping[str, str], ros: Path = ROS) -> dict[str, str]:
@@ -52,11 +54,28 @@ def dds_variables(discovery_range: str, present: Mapping[str, str]) -> dict[str,
         discovery_range: `localhost` or `subnet`.
         present: the variables that are set now.
     """
-    is_fast_dds = present.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp").startswith("rmw_fastrtps")
+    is_fast_dds = (present.get("RMW_IMPLEMENTATION") or "rmw_fastrtps_cpp").startswith("rmw_fastrtps")
     if discovery_range == "localhost" and is_fast_dds:
-        return {DISCOVERY_RANGE: "SYSTEM_DEFAULT", **dict.fromkeys(PROFILE_FILES, str(LOCALHOST_PROFILE))}
+        return {
+            DISCOVERY_RANGE: "SYSTEM_DEFAULT",
+            **dict.fromkeys(PROFILE_FILES, str(LOCALHOST_PROFILE)),
+            "SKIP_DEFAULT_XML_FILE": "1",  # a profile in the working directory
+        }
     transports = present.get("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
     return {DISCOVERY_RANGE: discovery_range.upper(), "FASTDDS_BUILTIN_TRANSPORTS": transports}
+
+
+def missing_middleware(present: Mapping[str, str]) -> str | None:
+    """Return a sentence if the chosen middleware is not installed, with which rclpy ends the process; None if it is.
+
+    Args:
+        present: the variables that are set now.
+    """
+    name = present.get("RMW_IMPLEMENTATION", "")
+    folders = filter(None, present.get(LIBRARIES, "").split(":"))
+    if not name or any((Path(folder) / f"lib{name}.so").exists() for folder in folders):
+        return None
+    return f"RMW_IMPLEMENTATION={name} is not installed for this Python: install it, or unset the variable"
 
 
 def _joined(first: list[Path], rest: str) -> str:

@@ -30,11 +30,11 @@ def pid_of(gid: bytes, own_gid: bytes, candidates: Iterable[int]) -> int | None:
     Args:
         gid: the endpoint's identity.
         own_gid: the identity of any endpoint of this process.
-        candidates: the processes of this host that use Fast DDS.
+        candidates: the processes that may have it, of this host.
     """
-    if own_gid[:2] != EPROSIMA or gid[HOST] != own_gid[HOST]:
+    if gid[:2] != EPROSIMA or own_gid[:2] != EPROSIMA or gid[HOST] != own_gid[HOST]:
         return None
-    found = [pid for pid in candidates if _may_be_of(gid, pid)]
+    found = list(candidates)
     return found[0] if len(found) == 1 else None
 
 
@@ -54,13 +54,14 @@ def _may_be_of(gid: bytes, pid: int) -> bool:
 
 
 def dds_processes(low: int) -> list[int]:
-    """Return the processes of this host that use Fast DDS and whose id has these lower 16 bits.
+    """Return the processes of this host that use Fast DDS and that see these lower 16 bits in their own id.
 
-    The memory map of another user's process cannot be read; such a process is included.
+    In a container, a process sees another id than the host does, and puts it into its identity. The memory map of another
+    user's process cannot be read; such a process is included.
     """
     found: list[int] = []
     for entry in PROC.iterdir():
-        if not entry.name.isdigit() or int(entry.name) & 0xFFFF != low:
+        if not entry.name.isdigit() or inner_pid(entry) & 0xFFFF != low:
             continue
         try:
             maps = (entry / "maps").read_bytes()
@@ -72,6 +73,19 @@ def dds_processes(low: int) -> list[int]:
         if any(library in maps for library in DDS_LIBRARIES):
             found.append(int(entry.name))
     return found
+
+
+def inner_pid(entry: Path) -> int:
+    """Return the id that a process has in its own pid namespace; 0 if it has ended.
+
+    Args:
+        entry: its directory in /proc.
+    """
+    try:
+        status = (entry / "status").read_bytes()
+    except OSError:
+        return 0
+    return int((status.partition(b"NSpid:")[2].partition(b"\n")[0].split() or [entry.name])[-1])
 
 
 def is_stopped(pid: int) -> bool:

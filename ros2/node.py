@@ -45,7 +45,13 @@ LEVELS = {
     Level.WARN: DiagnosticStatus.WARN,
     Level.ERROR: DiagnosticStatus.ERROR,
 }
-DEPTH = 5
+QUALITIES = {
+    ros.Quality.BEST_EFFORT: QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT),
+    ros.Quality.RELIABLE: QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE),
+    ros.Quality.LATCHED: QoSProfile(
+        depth=5, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+    ),
+}
 MAX_SEQUENCE = 2**63 - 1
 UNKNOWN = "_NODE_NAME_UNKNOWN_"
 """The name of a node whose endpoints were discovered before its name."""
@@ -91,12 +97,9 @@ class RosNode:
         heard: Callable[[Sample], None],
         matched: Callable[[], None],
         *,
-        is_reliable: bool = False,
+        quality: ros.Quality = ros.Quality.BEST_EFFORT,
     ) -> None:
-        """Call `heard` for each message, and `matched` when a publisher appears or disappears; both on rclpy's thread.
-
-        A best-effort subscription receives from every publisher, and never an old message that was sent again.
-        """
+        """Call `heard` for each message, and `matched` when a publisher appears or disappears; both on rclpy's thread."""
         arrivals = itertools.count(1)
 
         def on_message(payload: bytes, info: dict[str, Any]) -> None:
@@ -111,10 +114,7 @@ class RosNode:
             TYPES[type_name],
             topic,
             on_message,
-            QoSProfile(
-                depth=DEPTH,
-                reliability=ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT,
-            ),
+            QUALITIES[quality],
             raw=True,
             event_callbacks=SubscriptionEventCallbacks(
                 matched=lambda _: matched(), use_default_callbacks=False

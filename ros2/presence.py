@@ -29,6 +29,8 @@ class Programs:
     """All publishers but those that have died, whatever their type is."""
     live: list[Endpoint] = field(default_factory=list[Endpoint])
     """The publishers of the expected type that have not died."""
+    outlived: list[Endpoint] = field(default_factory=list[Endpoint])
+    """Publishers whose `lifeline ros2 exec` has ended, although they have not."""
     pid: int | None = None
     """The watched process of the only live program; None if it is not known."""
     stopped: bool = False
@@ -85,6 +87,7 @@ class Presence:
         publishers = self._ros.publishers(programs.topic)
         programs.everyone = self.without_dead(publishers)
         programs.live = [p for p in programs.everyone if p.type_name == programs.type_name]
+        programs.outlived = [p for p in publishers if p.gid in self._unheld - self._dead]
         # Several are refused, but each is watched, so that a killed one does not hinder its successor.
         pids = [self._guard.watch(p.gid, self._own_gid) for p in programs.live[:MAX_GUARDED]]
         programs.pid = pids[0] if len(pids) == 1 else None

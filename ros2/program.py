@@ -10,12 +10,13 @@ from collections.abc import Callable
 
 from ros2.check_base import MakeNode, check_base
 from ros2.config import Ros2Section, SupervisorValues, apart_from_hub, fit_to_lidars
-from ros2.environment import dds_variables
+from ros2.environment import OLD_DISCOVERY_RANGE, dds_variables, missing_middleware
 from ros2.rmw_zenoh import RmwZenoh
 from ros2.ros import Ros
 from ros2.service import Ros2Service
 from wire.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.config import BusSection, ConfigError, Section, read_sections
+from wire.inbox import BusError
 from wire.process import run_process
 from wire.session import ZenohSession, open_session
 from wire.suspend import SuspendMeter
@@ -96,7 +97,11 @@ def main() -> None:
 
 def _over_dds(config: Ros2Section) -> MakeNode:
     """Return the function that makes the node over DDS; refuse a Python without rclpy."""
+    os.environ.pop(OLD_DISCOVERY_RANGE, None)
     os.environ.update(dds_variables(config.discovery_range, os.environ))
+    missing = missing_middleware(os.environ)
+    if missing is not None:
+        refuse("ros2", missing)
     try:
         from ros2.node import RosNode  # noqa: PLC0415 - after the environment is set
     except ImportError as error:
@@ -107,7 +112,13 @@ def _over_dds(config: Ros2Section) -> MakeNode:
         )
 
     async def make_node(on_failure: Callable[[BaseException], None]) -> Ros:
-        return RosNode(config.domain_id, on_failure)
+        try:
+            return RosNode(config.domain_id, on_failure)
+        except Exception as error:  # of rclpy, of several types
+            first = str(error).strip().partition("\n")[0]
+            raise BusError(
+                f"rclpy cannot create a node: {first}: check the variables ROS_… and RMW_…"
+            ) from error
 
     return make_node
 

@@ -6,6 +6,7 @@ from ros2.config import RosSourceSection
 from ros2.diagnostics import Level, Report
 from ros2.endpoints import Endpoint, clause, names, wrong_qos, wrong_types
 from ros2.presence import Programs
+from ros2.ros import BOOL
 
 
 def source_report(
@@ -26,6 +27,11 @@ def source_report(
         problems.append(f"{names(live)} all publish on {topic}, so none is obeyed: end all but one")
     if programs.stopped:
         problems.append(f"the process of {names(live)} is stopped by a signal: continue or end it")
+    if programs.outlived:
+        problems.append(
+            f"{clause(programs.outlived, 'publish')} on {topic} although its `lifeline ros2 exec` has ended, so it is not "
+            "obeyed: end it if it still runs"
+        )
     problems += _wrong(
         wrong_types(topic, programs.type_name, programs.everyone, f"stamped of the source {section.name}"),
         problem,
@@ -85,6 +91,13 @@ def sensor_report(
     elif not problems and not writers:
         problems.append(f"{clause(publishers, 'publish')} nothing on {topic}")
     return _report(name, problems, f"{names(publishers)} on {topic}", [("topic", f"{topic} ({type_name})")])
+
+
+def estop_report(topic: str, publishers: Sequence[Endpoint]) -> Report:
+    """Return the report of the e-stop's topic, on which no button is necessary."""
+    problems = _wrong(wrong_types(topic, BOOL, publishers, ""))
+    fine = f"{names(publishers)} on {topic}" if publishers else f"no button publishes on {topic}"
+    return _report("estop", problems, fine, [("topic", f"{topic} ({BOOL})")])
 
 
 def base_report(

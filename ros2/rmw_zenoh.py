@@ -89,7 +89,7 @@ class RmwZenoh:
         heard: Callable[[Sample], None],
         matched: Callable[[], None],
         *,
-        is_reliable: bool = False,
+        quality: ros.Quality = ros.Quality.BEST_EFFORT,
     ) -> None:
         """Call `heard` for each stamped message, and `matched` when a publisher appears or disappears.
 
@@ -98,7 +98,9 @@ class RmwZenoh:
         """
         expression = f"{self._domain_id}/{data_key(topic, type_name, ANY_HASH)}"
         self._watch(topic, matched)
-        self._announce(Kind.SUBSCRIPTION, topic, type_name, is_reliable=is_reliable)
+        self._announce(
+            Kind.SUBSCRIPTION, topic, type_name, is_reliable=quality is not ros.Quality.BEST_EFFORT
+        )
 
         def on_sample(overheard: Overheard) -> None:
             if overheard.payload and is_of(overheard.key, expression):

@@ -1,6 +1,7 @@
 """The interface between the service and ROS 2. All messages are CDR bytes."""
 
 from collections.abc import Callable, Sequence
+from enum import Enum, auto
 from typing import Protocol
 
 from ros2.diagnostics import Report
@@ -15,6 +16,17 @@ DIAGNOSTIC_STATUS = "diagnostic_msgs/msg/DiagnosticStatus"
 
 def twist_type(*, stamped: bool) -> str:
     return TWIST_STAMPED if stamped else TWIST
+
+
+class Quality(Enum):
+    """What a subscription requests, and from which publishers it therefore receives."""
+
+    BEST_EFFORT = auto()
+    """From every publisher, and never an old message."""
+    RELIABLE = auto()
+    """From reliable publishers, again if a message is lost."""
+    LATCHED = auto()
+    """From transient local publishers, also their last message from before the match."""
 
 
 class Ros(Protocol):
@@ -41,7 +53,7 @@ class Ros(Protocol):
         heard: Callable[[Sample], None],
         matched: Callable[[], None],
         *,
-        is_reliable: bool = False,
+        quality: Quality = Quality.BEST_EFFORT,
     ) -> None:
         """Call `heard` for each message, and `matched` when a publisher appears or disappears."""
         ...

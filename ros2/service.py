@@ -19,7 +19,7 @@ from ros2.base import Base, message
 from ros2.config import Ros2Section, RosSourceSection
 from ros2.diagnostics import Level, Report, supervisor_report
 from ros2.presence import Presence, Programs
-from ros2.reports import base_report, sensor_report, source_report
+from ros2.reports import base_report, estop_report, sensor_report, source_report
 from ros2.ros import Ros, twist_type
 from ros2.samples import Sample, Writers
 from ros2.source import Command, Source
@@ -27,6 +27,7 @@ from ros2.status import Status, status_of
 from wire import topics
 from wire.inbox import Inbox, LivelinessChange, NoReplyError, RawArrival, Token, woken_by
 from wire.session import RawPublisher, ZenohSession
+from wire.stall import StallMeter
 from wire.stamp import GID_BYTES, Stamp
 from wire.suspend import never_suspended
 from wire.watchdog import BaseReason
@@ -43,6 +44,7 @@ STATUS_SILENT_S = 0.5
 RESET_LIMIT_S = 1.0
 REQUEST_LIMIT_S = 2.0
 LATE = False, "Lifeline did not answer in time"
+STALLED = False, "Lifeline was stopped meanwhile: ask again in a second"
 
 
 @dataclass(slots=True)
@@ -95,6 +97,7 @@ class Ros2Service:
         self._suspended_s = suspended_s
         self._loop = asyncio.get_running_loop()
         self._wake = asyncio.Event()
+        self._stall = StallMeter(self._loop.time())
         self._matches: Inbox[None] = Inbox(1, self._wake)
         """Filled when a publisher or a subscription appears or disappears."""
         self._presence = Presence(node, self._on_programs)
@@ -126,17 +129,9 @@ class Ros2Service:
         self._next_look_s = self._next_poll_s = self._next_report_s = 0.0
 
         self._estop = session.publisher_raw(topics.ESTOP.key)
-        for is_reliable in (
-            False,
-            True,
-        ):  # best effort matches every publisher; reliable repeats a lost message
-            node.subscribe(
-                config.resolved(topics.ESTOP.key),
-                ros.BOOL,
-                self._on_estop,
-                self._on_match,
-                is_reliable=is_reliable,
-            )
+        self._estop_topic = config.resolved(topics.ESTOP.key)
+        for quality in ros.Quality:  # a press must arrive from any button, also one before the start
+            node.subscribe(self._estop_topic, ros.BOOL, self._on_estop, self._on_match, quality=quality)
         node.serve("/lifeline/reset", partial(self._on_request, self._reset))
         node.serve("/lifeline/arm", partial(self._on_request, self._arm))
 
@@ -186,7 +181,10 @@ class Ros2Service:
         deadline_s = self._loop.time() + REQUEST_LIMIT_S
 
         async def in_time() -> tuple[bool, str]:
-            return LATE if self._loop.time() >= deadline_s else await answer()
+            now_s = self._loop.time()
+            if self._stall.may_be_old(now_s):
+                return STALLED
+            return LATE if now_s >= deadline_s else await answer()
 
         request = in_time()
         try:
@@ -211,6 +209,7 @@ class Ros2Service:
                 due_s = min([self._base.due_s, *(feed.source.due_s() for feed in self._feeds)])
                 await woken_by(self._wake, due_s)
                 self._wake.clear()
+                self._stall.turn(self._loop.time())
                 self._serve_base()
                 self._serve_sources()
                 self._look(self._loop.time())
@@ -351,7 +350,7 @@ class Ros2Service:
 
     def _report(self, now_s: float, base: Report) -> None:
         """Publish all reports once a second, and at once when a source, the mode or the base's topic has changed."""
-        first = [self._mode_report(), *map(self._source_report, self._feeds), base]
+        first = [self._mode_report(), *map(self._source_report, self._feeds), base, self._estop_report()]
         outline = [(report.name, report.level, report.message) for report in first]
         if now_s < self._next_report_s and outline == self._reported:
             return
@@ -360,6 +359,9 @@ class Ros2Service:
         array = self._node.encode_array([*first, *(self._sensor_report(s, now_s) for s in self._sensors)])
         self._diagnostics(array)
         self._diagnostics_out.put_bytes(array)
+
+    def _estop_report(self) -> Report:
+        return estop_report(self._estop_topic, self._node.publishers(self._estop_topic))
 
     def _sensor_report(self, sensor: _Sensor, now_s: float) -> Report:
         return sensor_report(

@@ -19,6 +19,7 @@ from wire import topics
 from wire.bus import Bus, woken_by
 from wire.foreign_nodes import ForeignNodes
 from wire.messages import TriggerResponse, zero_twist
+from wire.stall import StallMeter
 from wire.suspend import never_suspended
 
 _log = logging.getLogger(__name__)
@@ -26,6 +27,7 @@ _log = logging.getLogger(__name__)
 COMMAND_DEPTH = 32
 """Commands of one source kept between two steps; only a flood exceeds it, and then the newest are kept."""
 ESTOP_DEPTH = 32
+STALLED = "the supervisor was stopped meanwhile: reset again in a second"
 RESET_ON_DISK_S = 0.3
 """Maximum time that the reply to a reset waits for the disk."""
 
@@ -58,6 +60,7 @@ class SupervisorService:
         self._loop = asyncio.get_running_loop()
         self._state = initial_state(config.law(), estop=self._estop_record.latched_at_start)
         self._wake = asyncio.Event()
+        self._stall = StallMeter(self._loop.time())
         self._resets: list[asyncio.Future[Reply]] = []
         self._estop_overflowed = 0
         self._last: Decision | None = None
@@ -102,6 +105,7 @@ class SupervisorService:
         try:
             while not stop.is_set():
                 await woken_by(self._wake, min(next_tick_s, runs_out_s(self._state)))
+                self._stall.turn(self._loop.time())
                 inputs = self._gather()
                 now_s = self._loop.time()
                 on_tick = now_s >= next_tick_s
@@ -212,6 +216,9 @@ class SupervisorService:
         self._status.put(to_status(decision, now_s, record.problem, self._foreign_nodes.names()))
 
     async def _on_reset(self, _: str) -> TriggerResponse:
+        if self._stall.may_be_old(self._loop.time()):  # its caller may have been told that it failed
+            _log.info("reset: %s", STALLED)
+            return TriggerResponse(success=False, message=STALLED)
         waiting: asyncio.Future[Reply] = self._loop.create_future()
         self._resets.append(waiting)
         self._wake.set()

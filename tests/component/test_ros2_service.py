@@ -461,7 +461,7 @@ async def test_only_a_message_that_is_surely_false_does_not_press_the_estop(
         robot.hear("/estop", Program().sample(payload, robot.now_s))
         await robot.pass_time(0.1)
     sent = robot.session.sent.get(topics.ESTOP.key, [])
-    assert len(sent) == (2 if pressed else 0), "from each of the two subscriptions"
+    assert len(sent) == (3 if pressed else 0), "from each of the three subscriptions"
     assert all(decode(one, Bool).data for one, _ in sent)
 
 
@@ -498,7 +498,7 @@ async def test_all_reports_are_published_once_a_second_on_both_sides() -> None:
     assert 8 <= len(robot.node.arrays) <= 11
     assert len(robot.session.sent[topics.DIAGNOSTICS.key]) - before == len(robot.node.arrays)
     names = [report.name for report in robot.node.arrays[-1]]
-    assert names == ["supervisor", "source teleop", "cmd_vel", "scan scan", "odom"]
+    assert names == ["supervisor", "source teleop", "cmd_vel", "estop", "scan scan", "odom"]
 
 
 async def test_the_base_is_reported_with_other_publishers_and_types() -> None:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 from ros2.diagnostics import Report
 from ros2.endpoints import Endpoint
+from ros2.ros import Quality
 from ros2.samples import Sample
 
 NAME = "/lifeline"
@@ -45,7 +46,7 @@ class FakeRos:
         heard: Callable[[Sample], None],
         matched: Callable[[], None],
         *,
-        is_reliable: bool = False,
+        quality: Quality = Quality.BEST_EFFORT,
     ) -> None:
         assert not self.is_started
         self.heard.setdefault(topic, []).append(heard)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from ros2.environment import LOCALHOST_PROFILE, dds_variables, ros_variables
+from ros2.environment import LOCALHOST_PROFILE, dds_variables, missing_middleware, ros_variables
 
 NOWHERE = Path("/nowhere")
 
@@ -45,10 +45,13 @@ def test_without_ros_nothing_is_set(tmp_path: Path) -> None:
     assert ros_variables(tmp_path / "env/bin/python", {}, NOWHERE) == {}
 
 
-@pytest.mark.parametrize("present", [{}, {"FASTRTPS_DEFAULT_PROFILES_FILE": "/mine.xml"}])
+@pytest.mark.parametrize(
+    "present", [{}, {"FASTRTPS_DEFAULT_PROFILES_FILE": "/mine.xml"}, {"RMW_IMPLEMENTATION": ""}]
+)
 def test_on_one_host_a_node_uses_udp_on_the_loopback_interface_only(present: dict[str, str]) -> None:
     assert dds_variables("localhost", present) == {
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
+        "SKIP_DEFAULT_XML_FILE": "1",
         "FASTRTPS_DEFAULT_PROFILES_FILE": str(LOCALHOST_PROFILE),
         "FASTDDS_DEFAULT_PROFILES_FILE": str(LOCALHOST_PROFILE),
     }
@@ -69,3 +72,13 @@ def test_in_a_subnet_only_shared_memory_is_excluded_and_the_users_transports_rem
         dds_variables("subnet", {"FASTDDS_BUILTIN_TRANSPORTS": "LARGE_DATA"})["FASTDDS_BUILTIN_TRANSPORTS"]
         == "LARGE_DATA"
     )
+
+
+def test_a_middleware_that_is_not_installed_is_named(tmp_path: Path) -> None:
+    (tmp_path / "librmw_fastrtps_cpp.so").touch()
+    present = {"LD_LIBRARY_PATH": f"/nowhere:{tmp_path}"}
+    assert missing_middleware(present) is None
+    assert missing_middleware(present | {"RMW_IMPLEMENTATION": "rmw_fastrtps_cpp"}) is None
+    sentence = missing_middleware(present | {"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"})
+    assert sentence is not None
+    assert sentence.startswith("RMW_IMPLEMENTATION=rmw_cyclonedds_cpp is not installed")

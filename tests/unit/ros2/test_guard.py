@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ros2 import guard
-from ros2.guard import Guard, dds_processes, is_stopped, pid_of
+from ros2.guard import Guard, dds_processes, inner_pid, is_stopped, pid_of
 from tests.unit.ros2.processes import LIMIT_S, OWN_GID, Child, gid_of, go_on, stop
 
 
@@ -32,9 +32,26 @@ class Deaths:
 # --- the process of an identity
 
 
-def test_the_process_of_an_endpoint_is_the_only_candidate_with_its_lower_bits() -> None:
-    assert pid_of(gid_of(0x1_2345), OWN_GID, [0x1_2345, 0x1_2346]) == 0x1_2345
-    assert pid_of(gid_of(0x1_2345), OWN_GID, [0x1_2346]) is None
+def test_the_process_of_an_endpoint_is_the_only_candidate() -> None:
+    assert pid_of(gid_of(0x1_2345), OWN_GID, [0x1_2345]) == 0x1_2345
+    assert pid_of(gid_of(0x1_2345), OWN_GID, []) is None
+
+
+@pytest.mark.parametrize(
+    ("status", "inner"),
+    [
+        (b"Name:\tx\nNSpid:\t4711\nNSsid:\t1\n", 4711),
+        (b"NSpid:\t4711\t12\n", 12),
+        (b"Name:\tx\n", 4711),
+    ],
+    ids=["host", "container", "old kernel"],
+)
+def test_the_inner_id_is_that_of_the_innermost_namespace(tmp_path: Path, status: bytes, inner: int) -> None:
+    entry = tmp_path / "4711"
+    entry.mkdir()
+    assert inner_pid(entry) == 0
+    (entry / "status").write_bytes(status)
+    assert inner_pid(entry) == inner
 
 
 def test_of_two_candidates_none_is_watched() -> None:
@@ -86,8 +103,12 @@ def test_a_process_that_has_ended_is_no_candidate_although_nobody_has_reaped_it(
 def test_another_users_process_is_a_candidate_and_an_ended_one_is_not(
     error: type[OSError], *, is_included: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refuse(_: Path) -> bytes:
-        raise error
+    read = Path.read_bytes
+
+    def refuse(path: Path) -> bytes:
+        if path.name == "maps":
+            raise error
+        return read(path)
 
     monkeypatch.setattr(Path, "read_bytes", refuse)
     assert (os.getpid() in dds_processes(os.getpid() & 0xFFFF)) is is_included
