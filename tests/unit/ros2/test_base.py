@@ -5,8 +5,9 @@ import math
 import pytest
 
 from ros2 import cdr
-from ros2.base import PATIENCE_S, PERIOD_S, Base
+from ros2.base import PATIENCE_S, PERIOD_S, Base, message
 from ros2.cdr import STANDSTILL, Planar
+from ros2.config import Ros2Section
 from wire.stamp import Stamp
 from wire.watchdog import BaseReason
 
@@ -167,3 +168,10 @@ def test_a_command_that_was_delayed_moves_nothing() -> None:
     robot.now_s += 0.5
     robot.base.command(PAYLOAD, robot.stamp(robot.now_s - 0.5), robot.now_s)
     assert robot.base.target(robot.now_s, repeated=False) == STANDSTILL
+
+
+def test_a_command_has_the_type_that_the_base_listens_to() -> None:
+    velocity = Planar(0.3, -0.2)
+    assert message(velocity, Ros2Section(), 7) == cdr.twist(velocity)
+    stamped = Ros2Section(stamped=True, frame_id="base")
+    assert message(velocity, stamped, 7) == cdr.twist_stamped(velocity, 7, "base")

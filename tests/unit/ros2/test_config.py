@@ -119,6 +119,16 @@ def test_a_source_on_the_topic_of_the_base_is_refused() -> None:
     assert "is already the topic of cmd_vel: remap the program" in message
 
 
+def test_a_topic_has_one_type_of_message() -> None:
+    for values, holder in (
+        ({"odom": "cmd_vel"}, "cmd_vel"),
+        ({"scan": "odom"}, "odom"),
+        ({"scan": ["front", "/estop"]}, "the e-stop"),
+        ({"sources": [source(topic="/lifeline/reset")]}, "Lifeline's reset"),
+    ):
+        assert f"is already the topic of {holder}" in refusal(**values)
+
+
 def test_two_lidars_need_two_topics() -> None:
     assert ros2(scan=["front", "rear"]).scans == ("front", "rear")
     message = refusal(scan=["front", "front"])

@@ -4,8 +4,8 @@ from ros2.config import RosSourceSection
 from ros2.diagnostics import Level, Report
 from ros2.endpoints import Endpoint
 from ros2.presence import Programs
-from ros2.reports import base_report, sensor_report, source_report
-from ros2.ros import LASER_SCAN, TWIST, TWIST_STAMPED
+from ros2.reports import base_report, estop_report, sensor_report, source_report
+from ros2.ros import BOOL, LASER_SCAN, TWIST, TWIST_STAMPED
 
 TELEOP = Endpoint("/teleop", TWIST, b"1" * 16)
 OTHER = Endpoint("/other", TWIST, b"2" * 16)
@@ -68,6 +68,25 @@ def test_two_programs_are_an_error_that_names_both() -> None:
     assert report.message == (
         "/other and /teleop all publish on /teleop/cmd_vel, so none is obeyed: end all but one"
     )
+
+
+def test_a_program_that_outlived_its_wrapper_is_named() -> None:
+    none = programs()
+    none.outlived = [TELEOP]
+    report = source_report(STEADY, none, 0, 0)
+    assert report.level is Level.ERROR
+    assert report.message.startswith(
+        "/teleop publishes on /teleop/cmd_vel although its `lifeline ros2 exec` has ended"
+    )
+
+
+def test_an_estop_needs_no_button_but_one_of_the_right_type() -> None:
+    button = OTHER._replace(type_name=BOOL)
+    assert estop_report("/estop", []).message == "no button publishes on /estop"
+    assert estop_report("/estop", [button]).message == "/other on /estop"
+    wrong = estop_report("/estop", [OTHER])
+    assert wrong.level is Level.ERROR
+    assert wrong.message.startswith("/other uses geometry_msgs/msg/Twist on /estop")
 
 
 def test_a_stopped_program_is_an_error() -> None:
