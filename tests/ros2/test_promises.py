@@ -216,7 +216,7 @@ def test_two_publishers_on_a_sources_topic_are_both_refused_and_named(stack: Sta
 
 def test_another_publisher_on_the_robots_topic_raises_an_alarm_that_names_it(stack: Stack) -> None:
     stranger = stack.source("--silent", name="stranger", topic="/cmd_vel")
-    report = stack.watch.report("cmd_vel", "/stranger also publishes")
+    report = stack.watch.report("cmd_vel", "/stranger publishes")
     assert report.level == report.ERROR
     stranger.end()
     stack.watch.report("cmd_vel", "listens on")

@@ -114,7 +114,7 @@ def test_a_second_program_on_the_topic_stops_the_robot_and_both_are_named(runnin
 
 def test_another_publisher_on_cmd_vel_is_reported(running: RmwStack) -> None:
     rogue = running.source("--silent", name="rogue", topic="/cmd_vel")
-    running.watch.report("cmd_vel", "/rogue also publishes on /cmd_vel, past the supervisor")
+    running.watch.report("cmd_vel", "/rogue publishes on /cmd_vel too, bypassing the supervisor")
     rogue.end()
     running.watch.report("cmd_vel", "/base listens on /cmd_vel")
 
