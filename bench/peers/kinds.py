@@ -87,7 +87,7 @@ def kinds() -> list[Kind]:
         Kind("bare Zenoh relay, asyncio", "zenoh", PEERS_PYTHON),
         Kind("bare Zenoh relay, in the callback", "zenoh", PEERS_PYTHON, "callback", has_presence=False),
         Kind("MQTT (mosquitto, paho), asyncio", "mqtt", PEERS_PYTHON),
-        Kind("CycloneDDS, asyncio", "dds", PEERS_PYTHON),
+        Kind("CycloneDDS, asyncio", "dds", PEERS_PYTHON, has_presence=False),
         Kind("rclpy over Fast DDS, in the callback", "ros", ROS_PYTHON, "callback", has_presence=False),
         Kind("TCP, asyncio", "tcp", PEERS_PYTHON),
     ]

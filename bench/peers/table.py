@@ -110,7 +110,7 @@ def death_sheet(names: Sequence[str], deaths: Sequence[Death]) -> Sheet:
         tuple(row(name) for name in names if _of(name, deaths)),
         (
             "Lifeline's supervisor: until zero is on cmd_vel. Zenoh: a liveliness token. MQTT: the will.",
-            "CycloneDDS: an automatic liveliness with a lease of 100 ms. TCP: the end of the stream.",
+            "TCP: the end of the stream.",
         ),
     )
 

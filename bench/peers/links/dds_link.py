@@ -1,8 +1,6 @@
-"""CycloneDDS, reliable and volatile, over loopback. The lease of an automatic liveliness shows an end; the address is a domain."""
+"""CycloneDDS, reliable and volatile, over loopback. The address is a domain."""
 # pyright: basic, reportMissingImports=false
 
-import threading
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -16,8 +14,6 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 PAYLOAD_BYTES = 48
-LEASE_MS = 100
-POLL_S = 0.01
 CONFIG = """<CycloneDDS><Domain><General>
 <Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces><AllowMulticast>false</AllowMulticast>
 </General><Discovery><ParticipantIndex>auto</ParticipantIndex>
@@ -44,24 +40,11 @@ class _Heard(Listener):
                 self._heard(bytes(message.data))
 
 
-class _Lost(Listener):
-    def __init__(self, lost: Callable[[], None]) -> None:
-        super().__init__()
-        self._lost, self._was_alive = lost, threading.Event()
-
-    def on_liveliness_changed(self, reader: DataReader, status: object) -> None:  # noqa: ARG002 - as Listener
-        if getattr(status, "alive_count", 0) > 0:
-            self._was_alive.set()
-        elif self._was_alive.is_set():
-            self._lost()
-
-
 def _qos() -> Qos:
     return Qos(
         Policy.Reliability.Reliable(duration(milliseconds=100)),
         Policy.Durability.Volatile,
         Policy.History.KeepLast(1),
-        Policy.Liveliness.Automatic(lease_duration=duration(milliseconds=LEASE_MS)),
     )
 
 
@@ -78,17 +61,3 @@ def connect(address: str, role: str, heard: Callable[[bytes], None]) -> Callable
     writer = DataWriter(participant, Topic(participant, says, Message), _qos())
     _kept.append(DataReader(participant, Topic(participant, hears, Message), _qos(), listener=_Heard(heard)))
     return lambda payload: writer.write(Message(data=list(payload)))
-
-
-def hold(address: str) -> None:
-    participant = _participant(address)
-    writer = DataWriter(participant, Topic(participant, "alive", Message), _qos())
-    _kept.append(writer)
-    while not writer.get_matched_subscriptions():
-        time.sleep(POLL_S)
-
-
-def watch(address: str, lost: Callable[[], None]) -> None:
-    participant = _participant(address)
-    topic = Topic(participant, "alive", Message)
-    _kept.append(DataReader(participant, topic, _qos(), listener=_Lost(lost)))
