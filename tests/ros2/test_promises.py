@@ -219,7 +219,7 @@ def test_another_publisher_on_the_robots_topic_raises_an_alarm_that_names_it(sta
     report = stack.watch.report("cmd_vel", "/stranger publishes")
     assert report.level == report.ERROR
     stranger.end()
-    stack.watch.report("cmd_vel", "listens on")
+    stack.watch.report("cmd_vel", "listen")
 
 
 def test_a_stamped_publisher_on_a_plain_topic_is_reported_with_the_key_to_change(stack: Stack) -> None:
