@@ -5,7 +5,7 @@ Fast DDS puts the process id into each endpoint's identity. A pidfd of that proc
 
 import asyncio
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -30,7 +30,7 @@ def pid_of(gid: bytes, own_gid: bytes, candidates: Iterable[int]) -> int | None:
     Args:
         gid: the endpoint's identity.
         own_gid: the identity of any endpoint of this process.
-        candidates: the processes that may have it, of this host.
+        candidates: the processes that may have it, of this host; not read for an endpoint of another one.
     """
     if gid[:2] != EPROSIMA or own_gid[:2] != EPROSIMA or gid[HOST] != own_gid[HOST]:
         return None
@@ -53,26 +53,24 @@ def _may_be_of(gid: bytes, pid: int) -> bool:
     return gid[:2] == EPROSIMA and int.from_bytes(gid[PID], "little") == pid & 0xFFFF
 
 
-def dds_processes(low: int) -> list[int]:
-    """Return the processes of this host that use Fast DDS and that see these lower 16 bits in their own id.
+def dds_processes(low: int) -> Iterator[int]:
+    """Yield the processes of this host that use Fast DDS and that see these lower 16 bits in their own id.
 
     In a container, a process sees another id than the host does, and puts it into its identity. The memory map of another
     user's process cannot be read; such a process is included.
     """
-    found: list[int] = []
     for entry in PROC.iterdir():
         if not entry.name.isdigit() or inner_pid(entry) & 0xFFFF != low:
             continue
         try:
             maps = (entry / "maps").read_bytes()
         except PermissionError:
-            found.append(int(entry.name))
+            yield int(entry.name)
             continue
         except OSError:  # it has ended
             continue
         if any(library in maps for library in DDS_LIBRARIES):
-            found.append(int(entry.name))
-    return found
+            yield int(entry.name)
 
 
 def inner_pid(entry: Path) -> int:
@@ -114,8 +112,6 @@ class Guard:
         guarded = self._guarded.get(gid)
         if guarded is not None:
             return guarded.pid
-        if gid[:2] != EPROSIMA:
-            return None
         pid = pid_of(gid, own_gid, dds_processes(int.from_bytes(gid[PID], "little")))
         if pid is None:
             return None

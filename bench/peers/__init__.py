@@ -1,7 +1,7 @@
 """Compares the supervisor with other ways to pass a command on and to notice a death: `python -m bench.peers`.
 
-* links/: one file for each transport, with the same functions
-* relay.py, driver.py, holder.py, feeder.py: the processes
+* links/: one file for each transport, with the same functions, and the message
+* relay.py, driver.py, holder.py, watcher.py, feeder.py: the processes
 * kinds.py: what is compared, and how it is started
 * round_trip.py, death.py: the measurements
 * table.py: statistics and the document

@@ -7,23 +7,17 @@ command that was not heard within the limit is missing.
 
 import argparse
 import json
-import struct
 import sys
 import threading
 import time
-from importlib import import_module
 
-TWIST = struct.Struct("<6d")
-TURN = struct.Struct("<d")
-TURN_AT = slice(40, 48)
+from bench.peers.links import link_of
+from bench.peers.links.payload import payload_of, turn_of
+
 PROBE_RAD_S = 0.05
 FIRST_RAD_S, STEP_RAD_S = 0.1, 1e-4
 KEEP_HZ = 20.0
 NEUTRAL_S, PROBE_S, START_LIMIT_S, LIMIT_S = 0.4, 0.3, 30.0, 0.5
-
-
-def payload(turn_rad_s: float) -> bytes:
-    return TWIST.pack(0.0, 0.0, 0.0, 0.0, 0.0, turn_rad_s)
 
 
 class Driver:
@@ -32,12 +26,12 @@ class Driver:
     def __init__(self, link: str, address: str) -> None:
         self._heard_ns: dict[float, int] = {}
         self._changed = threading.Condition()
-        self._send = import_module(f"bench.peers.links.{link}_link").connect(address, "driver", self._hear)
+        self._send = link_of(link).connect(address, "driver", self._hear)
 
     def _hear(self, message: bytes) -> None:
         at_ns = time.monotonic_ns()
         with self._changed:
-            self._heard_ns.setdefault(TURN.unpack(message[TURN_AT])[0], at_ns)
+            self._heard_ns.setdefault(turn_of(message), at_ns)
             self._changed.notify_all()
 
     def start(self) -> None:
@@ -51,7 +45,7 @@ class Driver:
             for turn_rad_s, duration_s in ((0.0, NEUTRAL_S), (PROBE_RAD_S, PROBE_S)):
                 end_s = time.monotonic() + duration_s
                 while time.monotonic() < end_s:
-                    self._send(payload(turn_rad_s))
+                    self._send(payload_of(turn_rad_s))
                     time.sleep(1.0 / KEEP_HZ)
             if PROBE_RAD_S in self._heard_ns:
                 return
@@ -65,7 +59,7 @@ class Driver:
         for number in range(count):
             turn_rad_s = FIRST_RAD_S + number * STEP_RAD_S
             sent_ns[turn_rad_s] = time.monotonic_ns()
-            self._send(payload(turn_rad_s))
+            self._send(payload_of(turn_rad_s))
             next_s += 1.0 / rate_hz
             time.sleep(max(0.0, next_s - time.monotonic()))
         with self._changed:

@@ -2,12 +2,13 @@
 
 import sys
 import threading
-from importlib import import_module
+
+from bench.peers.links import link_of
 
 
 def main() -> None:
     link, address = sys.argv[1:]
-    import_module(f"bench.peers.links.{link}_link").hold(address)
+    link_of(link).hold(address)
     print("present", flush=True)
     threading.Event().wait()
 

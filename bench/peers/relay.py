@@ -8,14 +8,10 @@ import asyncio
 import threading
 from collections import deque
 from collections.abc import Callable
-from importlib import import_module
+
+from bench.peers.links import link_of
 
 Send = Callable[[bytes], None]
-
-
-def connect(link: str, address: str, heard: Send) -> Send:
-    module = import_module(f"bench.peers.links.{link}_link")
-    return module.connect(address, "relay", heard)
 
 
 def in_callback(link: str, address: str) -> None:
@@ -25,7 +21,7 @@ def in_callback(link: str, address: str) -> None:
         ready.wait()
         send[0](payload)
 
-    send.append(connect(link, address, heard))
+    send.append(link_of(link).connect(address, "relay", heard))
     ready.set()
     threading.Event().wait()
 
@@ -37,7 +33,7 @@ async def in_loop(link: str, address: str) -> None:
         waiting.append(payload)
         loop.call_soon_threadsafe(wake.set)
 
-    send = connect(link, address, heard)
+    send = link_of(link).connect(address, "relay", heard)
     while True:
         await wake.wait()
         wake.clear()

@@ -6,14 +6,13 @@ The first line is printed when it watches. Times of two processes of one machine
 import sys
 import threading
 import time
-from importlib import import_module
+
+from bench.peers.links import link_of
 
 
 def main() -> None:
     link, address = sys.argv[1:]
-    import_module(f"bench.peers.links.{link}_link").watch(
-        address, lambda: print(time.monotonic_ns(), flush=True)
-    )
+    link_of(link).watch(address, lambda: print(time.monotonic_ns(), flush=True))
     print("watching", flush=True)
     threading.Event().wait()
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.ros2.host import ROS_PYTHON, Host, ros_domain
+from tests.ros2.stack import Stack
 
 
 @pytest.fixture
@@ -18,3 +19,15 @@ def host(tmp_path: Path) -> Generator[Host]:
             yield made
         finally:
             made.close()
+
+
+@pytest.fixture
+def stack(host: Host, tmp_path: Path) -> Generator[Stack]:
+    """The small robot with Lifeline, for one test."""
+    host.start("diff_drive").ready()
+    made = Stack(host, tmp_path)
+    try:
+        yield made
+    finally:
+        made.tidy()
+        made.close()

@@ -12,12 +12,14 @@ from pathlib import Path
 from tests.ros2.host import PATIENCE_S, ROS_PYTHON, Host, Line, Peer
 from tests.system.ports import free_endpoint
 from wire import topics
-from wire.messages import DiagnosticArray, DiagnosticStatus, SafetyStatus
+from wire.messages import DiagnosticArray, DiagnosticStatus, SafetyStatus, SourceStatus
 from wire.zenoh_bus import BusConfig, open_bus
 
 SPEED_M_S = 0.3
 ATTEMPTS, SPEED_LIMIT_S = 5, 3.0
 SOURCE, TOPIC = "joy", "/joy_vel"
+ESTOP_SUBSCRIPTIONS, LATCHED_ESTOP_SUBSCRIPTIONS = 2, 3
+"""Those of the process `ros2` that match a volatile and a transient local button."""
 
 CONFIGURATION = """
 [bus]
@@ -147,17 +149,24 @@ class Stack:
 
     def armed(self, source: str = SOURCE) -> None:
         """Wait until a source is armed and neutral, by a status that was sent from now on."""
+        self._fresh(source, lambda seen: seen.armed and seen.neutral, "armed")
+
+    def neutral(self, source: str = SOURCE) -> None:
+        """Wait until a source is heard and neutral, by a status that was sent from now on."""
+        self._fresh(source, lambda seen: seen.neutral, "neutral")
+
+    def _fresh(self, source: str, holds: Callable[[SourceStatus], bool], what: str) -> None:
         before = self.watch.statuses
 
-        def is_armed(watch: Watch) -> bool:
+        def is_so(watch: Watch) -> bool:
             status = watch.status
             return (
                 watch.statuses > before + 1  # one may be on its way
                 and status is not None
-                and any(s.name == source and s.armed and s.neutral for s in status.sources)
+                and any(seen.name == source and holds(seen) for seen in status.sources)
             )
 
-        self.watch.until(is_armed, f"{source} armed")
+        self.watch.until(is_so, f"{source} {what}")
 
     def drive(self, source: Peer, speed_m_s: float = SPEED_M_S, name: str = SOURCE) -> None:
         """Make a source command zero and then a speed, until the robot moves at this speed.

@@ -3,27 +3,15 @@
 import os
 import statistics
 import time
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-import pytest
-
-from tests.ros2.host import Host, Line, Peer
+from tests.ros2.host import Line, Peer
 from tests.ros2.stack import TOPIC, Stack
 
 COMMANDS = 200
 CPU_S = 10.0
 RELAYED = "/relayed"
-
-
-@pytest.fixture
-def stack(host: Host, tmp_path: Path) -> Generator[Stack]:
-    host.start("diff_drive").ready()
-    made = Stack(host, tmp_path)
-    try:
-        yield made
-    finally:
-        made.close()
 
 
 def arrival(observer: Peer, turn_rad_s: float, after: int) -> Line:

@@ -1,30 +1,20 @@
 """Requests and presses that reach their process at another time than a person made them."""
 
 import signal
-from collections.abc import Generator
 from pathlib import Path
-
-import pytest
 
 from ros2 import cdr
 from tests.ros2.host import Host, Line, Peer
-from tests.ros2.stack import SPEED_M_S, Stack, send
+from tests.ros2.stack import (
+    ESTOP_SUBSCRIPTIONS,
+    LATCHED_ESTOP_SUBSCRIPTIONS,
+    SPEED_M_S,
+    Stack,
+    send,
+)
 
-ESTOP_SUBSCRIPTIONS = 2
-LATCHED_ESTOP_SUBSCRIPTIONS = 3
 REQUESTS = 5
 ROUNDS = 10
-
-
-@pytest.fixture
-def stack(host: Host, tmp_path: Path) -> Generator[Stack]:
-    host.start("diff_drive").ready()
-    made = Stack(host, tmp_path)
-    try:
-        yield made
-    finally:
-        made.tidy()
-        made.close()
 
 
 def calling(stack: Stack, *services: str) -> Peer:
@@ -42,15 +32,6 @@ def reset(caller: Peer) -> Line:
     seen = len(caller.lines)
     caller.tell(service="/lifeline/reset")
     return caller.until(lambda line: "success" in line, "a reply", after=seen)
-
-
-def until_neutral(stack: Stack) -> None:
-    """Wait for a status from now on in which the supervisor hears the source again."""
-    before = stack.watch.statuses
-    stack.watch.until(
-        lambda w: w.statuses > before + 1 and w.status is not None and w.status.sources[1].neutral,
-        "a neutral command",
-    )
 
 
 def test_a_request_to_arm_whose_caller_has_gone_does_not_move_the_robot(stack: Stack) -> None:
@@ -88,7 +69,7 @@ def test_a_reset_that_was_answered_as_failed_does_not_unlatch_the_estop_later(st
         failed = reset(caller)
         send(stack.supervisor, signal.SIGCONT)
         assert not failed["success"]
-        until_neutral(stack)
+        stack.neutral()
         status = stack.watch.status
         assert status is not None
         assert "ESTOP" in status.reasons

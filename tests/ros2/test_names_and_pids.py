@@ -3,8 +3,6 @@
 import os
 import signal
 import sys
-from collections.abc import Generator
-from pathlib import Path
 
 import pytest
 
@@ -13,17 +11,6 @@ from tests.ros2.stack import SOURCE, SPEED_M_S, TOPIC, Stack, send
 
 SOURCE_WORDS = (str(ROS_PYTHON), "-m", "tests.ros2.peers.source", "--topic", TOPIC)
 SHELL = 'echo $0 > /proc/sys/kernel/ns_last_pid; "$@"; exit'
-
-
-@pytest.fixture
-def stack(host: Host, tmp_path: Path) -> Generator[Stack]:
-    host.start("diff_drive").ready()
-    made = Stack(host, tmp_path)
-    try:
-        yield made
-    finally:
-        made.tidy()
-        made.close()
 
 
 def contained_source(host: Host, pid: int) -> Peer:

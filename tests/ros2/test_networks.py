@@ -11,37 +11,23 @@ import pytest
 from ros2.environment import DISCOVERY_RANGE
 from tests.ros2.host import ROS_PYTHON, WITH_SHARED_MEMORY, Host, ros_domain
 from tests.ros2.stack import Stack
+from tests.system.process_state import listening
 
 JOINING = 8
 LONGEST_GAP_S = 0.25
 """Between the command timeout and the 0.35 s for which Fast DDS blocks a process that uses shared memory."""
 LIMIT_S = 60.0
-ADDRESS, INODE = 1, 9
-"""Columns of /proc/net/udp."""
 LOOPBACK = "0100007F"
 
 
-def udp_addresses(pid: int) -> set[str]:
-    """Return the local addresses of the UDP sockets of a process, as /proc/net/udp writes them."""
-    descriptors = Path(f"/proc/{pid}/fd")
-    inodes = {str(one.readlink()).removeprefix("socket:[").removesuffix("]") for one in descriptors.iterdir()}
-    rows = [line.split() for line in Path(f"/proc/{pid}/net/udp").read_text().splitlines()[1:]]
-    return {row[ADDRESS].split(":")[0] for row in rows if row[INODE] in inodes}
-
-
-@pytest.fixture
-def stack(host: Host, tmp_path: Path) -> Generator[Stack]:
-    host.start("diff_drive").ready()
-    made = Stack(host, tmp_path)
-    try:
-        yield made
-    finally:
-        made.close()
+def addresses(pid: int) -> set[str]:
+    """Return the local addresses on which a process receives, as the kernel writes them."""
+    return {address for address, _ in listening(pid)}
 
 
 def test_on_one_host_the_ros2_process_has_no_socket_beyond_the_loopback_interface(stack: Stack) -> None:
     stack.watch.report("cmd_vel", "diff_drive")
-    assert udp_addresses(stack.bridge.pid) == {LOOPBACK}
+    assert addresses(stack.bridge.pid) == {LOOPBACK}
 
 
 def test_programs_that_start_do_not_interrupt_a_driven_robot(stack: Stack, tmp_path: Path) -> None:

@@ -13,14 +13,13 @@ from pathlib import Path
 import pytest
 
 from tests.ros2.host import Host, ros_domain
-from tests.ros2.stack import SOURCE, SPEED_M_S, Stack, send
+from tests.ros2.stack import ESTOP_SUBSCRIPTIONS, SOURCE, SPEED_M_S, Stack, send
 
 KILLS = 20
 TIMEOUT_MS = 200.0
 """The supervisor's command timeout."""
 MARGIN_MS = 250.0
 """Tolerance for a loaded machine; the measured times are printed."""
-ESTOP_SUBSCRIPTIONS = 2
 BASE_TIMEOUT_MS, BRAKING_MS = 500.0, 300.0
 """Of the robot itself."""
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.ros2.host import ROOT, ROS_PYTHON, Host, Peer, shared_memory_of
-from tests.ros2.test_networks import LOOPBACK, udp_addresses
+from tests.ros2.test_networks import LOOPBACK, addresses
 from tests.system.ports import free_endpoint
 
 PROFILE = """<?xml version="1.0" encoding="UTF-8"?>
@@ -56,7 +56,7 @@ def test_no_variable_of_the_user_brings_shared_memory_or_other_interfaces_into_t
 ) -> None:
     bridge = start(host, tmp_path, variables)
     until_connected(host)
-    assert udp_addresses(bridge.pid) == {LOOPBACK}
+    assert addresses(bridge.pid) == {LOOPBACK}
     assert not shared_memory_of(bridge.pid)
 
 
@@ -66,7 +66,7 @@ def test_a_profile_in_the_working_directory_does_not_replace_that_of_the_process
     (tmp_path / "DEFAULT_FASTRTPS_PROFILES.xml").write_text(PROFILE)
     bridge = start(host, tmp_path, {})
     until_connected(host)
-    assert udp_addresses(bridge.pid) == {LOOPBACK}
+    assert addresses(bridge.pid) == {LOOPBACK}
     assert not shared_memory_of(bridge.pid)
 
 

@@ -1,6 +1,9 @@
 """The state of a process by the kernel."""
 
+from contextlib import suppress
 from pathlib import Path
+
+LISTENING = "0A"
 
 
 def state_of(pid: int) -> str:
@@ -24,3 +27,20 @@ def _parent_of(pid: int) -> int | None:
 
 def _fields_after_name(pid: int) -> list[str]:
     return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+
+
+def listening(pid: int) -> set[tuple[str, int]]:
+    """Return where a process and its children listen: addresses as the kernel writes them, and ports."""
+    inodes: set[str] = set()
+    for process in (pid, *children_of(pid)):
+        for entry in Path(f"/proc/{process}/fd").iterdir():
+            with suppress(OSError):
+                inodes.add(entry.readlink().name)
+    found: set[tuple[str, int]] = set()
+    for table in ("tcp", "tcp6", "udp", "udp6"):
+        for line in Path(f"/proc/{pid}/net/{table}").read_text().splitlines()[1:]:
+            fields = line.split()
+            address, _, port = fields[1].partition(":")
+            if f"socket:[{fields[9]}]" in inodes and (fields[3] == LISTENING or table.startswith("udp")):
+                found.add((address, int(port, 16)))
+    return found

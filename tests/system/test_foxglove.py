@@ -28,6 +28,7 @@ from tests.system.foxglove_client import (
     foxglove_client,
 )
 from tests.system.harness import PATIENCE_S, Robot, free_endpoint, is_zero, robot
+from tests.system.process_state import listening
 from tests.system.test_record import lifeline
 from wire import topics
 from wire.messages import definition, encode, planar_twist
@@ -110,18 +111,6 @@ async def subscribed(server: Served, *names: str) -> AsyncGenerator[FoxgloveClie
         yield client
 
 
-def listening(pid: int) -> set[str]:
-    """Return the local addresses in hexadecimal on which a process listens."""
-    own = {str(entry.readlink()) for entry in Path(f"/proc/{pid}/fd").iterdir()}
-    found: set[str] = set()
-    for table in ("tcp", "tcp6"):
-        for row in Path(f"/proc/{pid}/net/{table}").read_text().splitlines()[1:]:
-            columns = row.split()
-            if columns[3] == "0A" and f"socket:[{columns[9]}]" in own:
-                found.add(columns[1])
-    return found
-
-
 async def test_each_topic_has_its_ros_type_and_encoding(tmp_path: Path) -> None:
     async with standing(tmp_path) as (_, server), foxglove_client(server.address) as client:
         async with asyncio.timeout(PATIENCE_S):
@@ -141,7 +130,7 @@ async def test_each_topic_has_its_ros_type_and_encoding(tmp_path: Path) -> None:
             ("protobuf", "foxglove.FrameTransforms"),
             ("protobuf", "foxglove.SceneUpdate"),
         ]
-        assert listening(server.process.pid) == {f"0100007F:{server.port:04X}"}
+        assert listening(server.process.pid) == {("0100007F", server.port)}
 
 
 def decoded(channel: dict[str, Any], payload: bytes) -> Any:  # noqa: ANN401 - a generated type

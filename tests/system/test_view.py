@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Generator
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, contextmanager
 from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ import rerun.chunk
 
 from deploy.inspection.recording import RecordingReader
 from tests.system.harness import PATIENCE_S, Robot, free_endpoint, robot
-from tests.system.process_state import children_of
+from tests.system.process_state import listening
 
 pytestmark = pytest.mark.timeout(180)
 SHAPES = {
@@ -45,7 +45,6 @@ VELOCITIES = {
 }
 LOOPBACK = {"0100007F", "00000000000000000000000001000000"}
 """127.0.0.1 and ::1, as the kernel writes them."""
-LISTENING = "0A"
 
 
 def say(text: str) -> None:
@@ -212,23 +211,6 @@ def free_ports() -> int:
 
 def port_of(endpoint: str) -> int:
     return int(endpoint.rpartition(":")[2])
-
-
-def listening(pid: int) -> set[tuple[str, int]]:
-    """Return where a process and its children listen: addresses as the kernel writes them, and ports."""
-    inodes: set[str] = set()
-    for process in (pid, *children_of(pid)):
-        for entry in Path(f"/proc/{process}/fd").iterdir():
-            with suppress(OSError):
-                inodes.add(entry.readlink().name)
-    found: set[tuple[str, int]] = set()
-    for table in ("tcp", "tcp6", "udp", "udp6"):
-        for line in Path(f"/proc/{pid}/net/{table}").read_text().splitlines()[1:]:
-            fields = line.split()
-            address, _, port = fields[1].partition(":")
-            if f"socket:[{fields[9]}]" in inodes and (fields[3] == LISTENING or table.startswith("udp")):
-                found.add((address, int(port, 16)))
-    return found
 
 
 async def test_the_web_viewer_listens_on_loopback_alone_and_its_page_may_connect_nowhere_else(

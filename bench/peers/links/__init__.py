@@ -6,3 +6,11 @@
 
 A payload is a planar Twist, six doubles, 48 bytes. Functions whose transport needs no such role are absent.
 """
+
+from importlib import import_module
+from types import ModuleType
+
+
+def link_of(name: str) -> ModuleType:
+    """Import the file of a transport; each one needs packages that other environments lack."""
+    return import_module(f"{__name__}.{name}_link")

@@ -13,7 +13,8 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-PAYLOAD_BYTES = 48
+from bench.peers.links.payload import PAYLOAD_BYTES
+
 CONFIG = """<CycloneDDS><Domain><General>
 <Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces><AllowMulticast>false</AllowMulticast>
 </General><Discovery><ParticipantIndex>auto</ParticipantIndex>

@@ -2,19 +2,16 @@
 
 import asyncio
 import os
-import struct
 import threading
 import time
 from collections.abc import Callable
 from itertools import count
 
+from bench.peers.links.payload import CDR_HEADER, payload_of, turn_of
 from wire import topics
 from wire.session import BusConfig, ZenohSession, open_session
 from wire.stamp import GID_BYTES, Stamp
 
-CDR_HEADER = b"\x00\x01\x00\x00"
-TURN = struct.Struct("<d")
-TURN_AT = slice(40, 48)
 SPEED_RAD_S, PERIOD_S, NEUTRAL_EVERY = 0.3, 0.05, 10
 _kept: list[object] = []
 
@@ -43,7 +40,9 @@ def _source(session: ZenohSession) -> Callable[[bytes], None]:
 
 
 def _hear_cmd_vel(session: ZenohSession, heard: Callable[[bytes], None]) -> None:
-    session.subscribe_raw(topics.CMD_VEL.key, lambda payload, _attachment, _arrival_s: heard(payload[4:]))
+    session.subscribe_raw(
+        topics.CMD_VEL.key, lambda payload, _attachment, _arrival_s: heard(payload[len(CDR_HEADER) :])
+    )
 
 
 def connect(address: str, role: str, heard: Callable[[bytes], None]) -> Callable[[bytes], None]:
@@ -64,11 +63,11 @@ def hold(address: str) -> None:
         for number in count():
             # The first neutral command may arrive before the sensors do.
             turn_rad_s = SPEED_RAD_S if turns.is_set() or number % NEUTRAL_EVERY else 0.0
-            send(bytes(40) + TURN.pack(turn_rad_s))
+            send(payload_of(turn_rad_s))
             time.sleep(PERIOD_S)
 
     def heard(payload: bytes) -> None:
-        if TURN.unpack(payload[TURN_AT])[0]:
+        if turn_of(payload):
             turns.set()
 
     _hear_cmd_vel(session, heard)
@@ -82,7 +81,7 @@ def watch(address: str, lost: Callable[[], None]) -> None:
 
     def heard(payload: bytes) -> None:
         nonlocal moved
-        moves = TURN.unpack(payload[TURN_AT])[0] != 0.0
+        moves = turn_of(payload) != 0.0
         if moved and not moves:
             lost()
         moved = moves

@@ -11,7 +11,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
-CDR_HEADER = b"\x00\x01\x00\x00"
+from bench.peers.links.payload import CDR_HEADER, PAYLOAD_BYTES
+
 RELIABLE = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 
 
@@ -20,7 +21,9 @@ def connect(address: str, role: str, heard: Callable[[bytes], None]) -> Callable
     node = Node(f"bench_{role}", start_parameter_services=False, enable_rosout=False)
     hears, says = ("command", "output") if role == "relay" else ("output", "command")
     publisher = node.create_publisher(Twist, says, RELIABLE)
-    node.create_subscription(Twist, hears, lambda payload: heard(payload[4:52]), RELIABLE, raw=True)
+    node.create_subscription(
+        Twist, hears, lambda payload: heard(payload[len(CDR_HEADER) :][:PAYLOAD_BYTES]), RELIABLE, raw=True
+    )
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     threading.Thread(target=executor.spin, daemon=True).start()

@@ -4,7 +4,8 @@ import socket
 import threading
 from collections.abc import Callable
 
-FRAME_BYTES = 48
+from bench.peers.links.payload import PAYLOAD_BYTES
+
 _kept: list[object] = []
 
 
@@ -19,9 +20,9 @@ def _frames(stream: socket.socket, heard: Callable[[bytes], None]) -> None:
     buffer = b""
     while chunk := stream.recv(4096):
         buffer += chunk
-        while len(buffer) >= FRAME_BYTES:
-            heard(buffer[:FRAME_BYTES])
-            buffer = buffer[FRAME_BYTES:]
+        while len(buffer) >= PAYLOAD_BYTES:
+            heard(buffer[:PAYLOAD_BYTES])
+            buffer = buffer[PAYLOAD_BYTES:]
 
 
 def connect(address: str, role: str, heard: Callable[[bytes], None]) -> Callable[[bytes], None]:

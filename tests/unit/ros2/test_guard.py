@@ -81,6 +81,12 @@ def test_a_publisher_of_another_host_or_vendor_has_no_process_here(gid: bytes, o
     assert pid_of(gid, own_gid, [77]) is None
 
 
+def test_processes_are_not_searched_for_a_publisher_of_another_host() -> None:
+    candidates = iter([77])
+    assert pid_of(gid_of(77, host=b"\x12\x35"), OWN_GID, candidates) is None
+    assert next(candidates) == 77
+
+
 def test_only_processes_that_have_loaded_dds_are_candidates(
     child: Child, monkeypatch: pytest.MonkeyPatch
 ) -> None:
