@@ -51,7 +51,7 @@ unit:
 system:
 	.venv/bin/pytest tests/system -m "not timed and not demo" --numprocesses=4 --dist=worksteal --durations=10
 
-timed: $(STAMP) $(PEERS_STAMP) ## run the system tests that measure real time, one at a time, on an idle machine (four minutes)
+timed: $(STAMP) $(PEERS_STAMP) ## run the system tests that measure real time, one at a time, on an idle machine (six minutes)
 	.venv/bin/pytest -s tests/system -m timed --durations=10
 
 demo: $(STAMP) ## play the demo from the checkout and from an installed wheel (two minutes)

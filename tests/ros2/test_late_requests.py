@@ -64,7 +64,7 @@ def test_a_reset_that_was_answered_as_failed_does_not_unlatch_the_estop_later(st
     for _ in range(ROUNDS):
         stack.armed()
         button.tell(estop=True)
-        stack.watch.report("supervisor", "ESTOP")
+        stack.watch.until(lambda w: w.status is not None and "ESTOP" in w.status.reasons, "the press")
         send(stack.supervisor, signal.SIGSTOP)
         failed = reset(caller)
         send(stack.supervisor, signal.SIGCONT)
