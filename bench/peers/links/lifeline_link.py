@@ -9,6 +9,7 @@ from itertools import count
 
 from bench.peers.links.payload import CDR_HEADER, payload_of, turn_of
 from wire import topics
+from wire.memory_keeper import MemoryKeeper
 from wire.session import BusConfig, ZenohSession, open_session
 from wire.stamp import GID_BYTES, Stamp
 
@@ -56,6 +57,7 @@ def connect(address: str, role: str, heard: Callable[[bytes], None]) -> Callable
 def hold(address: str) -> None:
     """Command neutral, and then turn the robot until the process is killed; return when it turns."""
     session, turns = _open(address), threading.Event()
+    _kept.append(MemoryKeeper())  # as teleop has one
     _kept.append(session.declare_alive(topics.TELEOP))
     send = _source(session)
 
