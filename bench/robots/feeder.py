@@ -19,7 +19,7 @@ from collections.abc import Callable, Sequence
 from bench.rig import scenery
 from bench.rig.feed import BEAMS, ODOM_HZ, SCAN_HZ, scan
 from wire import topics
-from wire.messages import SafetyStatus, decode, encode, odometry, planar_twist
+from wire.messages import SafetyStatus, UndecodableError, decode, encode, odometry, planar_twist
 from wire.session import BusConfig, ZenohSession, open_session
 from wire.stamp import parse_stamp
 
@@ -48,7 +48,9 @@ class Robot:
     def __init__(self, session: ZenohSession, scans: Sequence[bytes], moved: Callable[[], None]) -> None:
         self.heard: list[tuple[float, float, bool]] = []
         """Of each command to the base: arrival and time of its decision [s], and whether it moves the robot."""
-        self._statuses: list[tuple[float, bytes]] = []
+        self.garbled: list[tuple[float, str, str, str]] = []
+        """Of each message that its key does not permit: arrival [s], key, payload and attachment."""
+        self._statuses: list[tuple[float, bytes, bytes | None]] = []
         self._moved = moved
         self._session = session  # it exists only as long as it is referenced
         self._motion: Motion = (0.0, 0.0)
@@ -65,6 +67,9 @@ class Robot:
         session.subscribe_raw(topics.STATUS.key, self._hear_status)
 
     def _hear_cmd_vel(self, payload: bytes, attachment: bytes | None, arrival_s: float) -> None:
+        if len(payload) != _TWIST.size:
+            self._tell_garbled(arrival_s, topics.CMD_VEL.key, payload, attachment)
+            return
         linear_m_s, *_, angular_rad_s = _TWIST.unpack(payload)
         stamp = parse_stamp(attachment)
         decided_s = arrival_s if stamp is None else stamp.source_time_ns * 1e-9
@@ -74,8 +79,11 @@ class Robot:
         if moves:
             self._moved()
 
-    def _hear_status(self, payload: bytes, _attachment: bytes | None, arrival_s: float) -> None:
-        self._statuses.append((arrival_s, payload))
+    def _hear_status(self, payload: bytes, attachment: bytes | None, arrival_s: float) -> None:
+        self._statuses.append((arrival_s, payload, attachment))
+
+    def _tell_garbled(self, arrival_s: float, key: str, payload: bytes, attachment: bytes | None) -> None:
+        self.garbled.append((arrival_s, key, payload.hex(), (attachment or b"").hex()))
 
     def put_scan(self) -> None:
         self._scans.put_bytes(next(self._next_scan))
@@ -100,8 +108,15 @@ class Robot:
 
     def statuses(self) -> list[tuple[float, bool, list[str]]]:
         """Return of each status its arrival [s], whether the robot is stopped, and the reasons."""
-        decoded = [(at_s, decode(payload, SafetyStatus)) for at_s, payload in self._statuses]
-        return [(at_s, status.mode == SafetyStatus.STOPPED, list(status.reasons)) for at_s, status in decoded]
+        found: list[tuple[float, bool, list[str]]] = []
+        for at_s, payload, attachment in self._statuses:
+            try:
+                status = decode(payload, SafetyStatus)
+            except UndecodableError:
+                self._tell_garbled(at_s, topics.STATUS.key, payload, attachment)
+            else:
+                found.append((at_s, status.mode == SafetyStatus.STOPPED, list(status.reasons)))
+        return found
 
 
 def send(robots: Sequence[Robot], ended: threading.Event) -> list[tuple[float, float]]:
@@ -163,7 +178,10 @@ def main() -> None:
 
     threading.Thread(target=obey, daemon=True).start()
     late = send(robots, ended)
-    found = [{"heard": robot.heard.copy(), "statuses": robot.statuses()} for robot in robots]
+    found = [
+        {"heard": robot.heard.copy(), "statuses": robot.statuses(), "garbled": robot.garbled}
+        for robot in robots
+    ]
     print(json.dumps({"robots": found, "late": late}), flush=True)
 
 

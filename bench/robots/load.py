@@ -46,3 +46,8 @@ def machine() -> Machine:
     )
     busy = user + nice + system + irq + soft_irq + stolen
     return Machine(busy, stolen, busy + idle + waiting)
+
+
+def busy_percent(before: Machine, after: Machine) -> float:
+    """Return the busy share of all cores between two readings [%]."""
+    return 100.0 * (after.busy - before.busy) / (after.total - before.total)

@@ -23,7 +23,9 @@ class Crowd:
     feeder_percent: float
     """Of one core: the process that feeds all robots."""
     busy_percent: float
-    """Of all cores of the machine."""
+    """Of all cores of the machine, during the drive."""
+    kills_busy_percent: float
+    """The same during the kills: the operators that are killed need processor time, too."""
     stolen_percent: float
     """Part of `busy_percent` that the host of a virtual machine took."""
     other_percent: float
@@ -37,6 +39,8 @@ class Crowd:
     """From the decision to the arrival in this bench."""
     late_p99_ms: float
     """Lateness of the feeder's samples."""
+    garbled: int
+    """Number of messages that their key does not permit."""
     stood: int
     """Number of robots that stopped during the drive without cause."""
     reasons: dict[str, int]

@@ -21,13 +21,13 @@ from bench.peers.kinds import ROOT, wait_until_listening
 from bench.rig.feed import Supervisor, supervisor
 from bench.rig.terminal import end
 from bench.robots import stats
-from bench.robots.load import machine, usage
+from bench.robots.load import busy_percent, machine, usage
 from bench.robots.results import Crowd
 
 STARTING = 2
 """Number of supervisors that start at the same time."""
 DRIVE_LIMIT_S, SETTLE_S = 30.0, 3.0
-KILLED = 4
+KILLED = 2
 """Number of robots whose operators are killed; the others drive."""
 HOLD_S = (0.2, 0.4)
 """How long an operator drives before it is killed: random, so that the kills have no fixed place between two ticks."""
@@ -73,10 +73,17 @@ def measure(robots: int, seconds: float, kills: int, tell: Callable[[str], None]
         killed = min(robots, KILLED)
         feeder.tell(f"release {' '.join(map(str, range(killed)))}")
         time.sleep(STAND_S)
+        kills_before = machine()
         kills_s = _kill(endpoints[:killed], kills)
+        kills_busy_percent = busy_percent(kills_before, machine())
         feeder.tell("end")
         found = json.loads(feeder.line(DUMP_LIMIT_S))
 
+    for number, robot in enumerate(found["robots"]):
+        for at_s, key, payload, attachment in robot["garbled"]:
+            tell(
+                f"robot {number}, {at_s - window[0]:.3f} s: garbled {key}: {payload}, attachment {attachment}"
+            )
     heard: list[list[stats.Heard]] = [[tuple(one) for one in robot["heard"]] for robot in found["robots"]]
     late_ms = [1000.0 * late_s for due_s, late_s in found["late"] if window[0] <= due_s < window[1]]
     gaps_ms = [gap for commands in heard for gap in stats.gaps_ms(window, commands)]
@@ -89,7 +96,7 @@ def measure(robots: int, seconds: float, kills: int, tell: Callable[[str], None]
         for killed_s in times_s
     ]
     ticks = machine_after.total - machine_before.total
-    busy = (machine_after.busy - machine_before.busy) / ticks
+    drive_busy_percent = busy_percent(machine_before, machine_after)
     own_s = sum(one.cpu_s for one in used) + feeder_used.cpu_s
     return Crowd(
         robots=robots,
@@ -97,15 +104,17 @@ def measure(robots: int, seconds: float, kills: int, tell: Callable[[str], None]
         cpu_percent=tuple(100.0 * one.cpu_s / took_s for one in used),
         delay_percent=float(np.mean([100.0 * one.delay_s / took_s for one in used])),
         feeder_percent=100.0 * feeder_used.cpu_s / took_s,
-        busy_percent=100.0 * busy,
+        busy_percent=drive_busy_percent,
+        kills_busy_percent=kills_busy_percent,
         stolen_percent=100.0 * (machine_after.stolen - machine_before.stolen) / ticks,
-        other_percent=100.0 * max(0.0, busy * (os.cpu_count() or 1) - own_s / took_s),
+        other_percent=max(0.0, drive_busy_percent * (os.cpu_count() or 1) - 100.0 * own_s / took_s),
         gap_p50_ms=stats.percentile(gaps_ms, 50),
         gap_p99_ms=stats.percentile(gaps_ms, 99),
         gap_max_ms=stats.percentile(gaps_ms, 100),
         decided_gap_p99_ms=stats.percentile(decided_ms, 99),
         transit_p99_ms=stats.percentile(transits_ms, 99),
         late_p99_ms=stats.percentile(late_ms, 99),
+        garbled=sum(len(robot["garbled"]) for robot in found["robots"]),
         stood=sum(stats.stood(window, commands) for commands in heard),
         reasons={
             name: sum(name in of for of in causes)

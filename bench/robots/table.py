@@ -32,7 +32,7 @@ COLUMNS = (
 
 def sheets(robots: Robots) -> list[Sheet]:
     origin = "Run of {date} by `{command}`: {machine}; commit {commit}.".format(**robots.run)
-    return [sheet(robots.crowds).with_note(origin)]
+    return [sheet(robots.crowds).with_note("The curve: [robots.svg](images/robots.svg).").with_note(origin)]
 
 
 def sheet(crowds: Sequence[Crowd]) -> Sheet:
@@ -43,10 +43,12 @@ def sheet(crowds: Sequence[Crowd]) -> Sheet:
         COLUMNS,
         tuple(_row(one) for one in crowds),
         (
-            "CPU of each supervisor, of all, of the feeder and of everything else, in % of one core; busy in % of all cores.",
+            "CPU of each supervisor, of all, of the feeder and of everything else, in % of one core.",
+            "busy: the machine, in % of all cores, during the drive / the kills.",
             "stood: number of robots that stopped without cause while driving, and the number for each reason.",
             "waiting: time that a supervisor's threads were ready to run but waited for a core, in % of the duration.",
             f"gap: between two messages on cmd_vel. From the decision to its arrival, p99: at most {transit_ms:.1f} ms.",
+            f"{sum(one.garbled for one in crowds)} messages had a content that their key does not permit.",
             "stop: from the SIGKILL of the operator to zero on cmd_vel, while the other robots drive.",
             "feeder: one process that plays sensors, operators and bases of all robots; late: its samples.",
         ),
@@ -61,7 +63,7 @@ def _row(one: Crowd) -> tuple[str, ...]:
         f"{sum(one.cpu_percent):.0f}",
         f"{one.feeder_percent:.0f}",
         f"{one.other_percent:.0f}",
-        f"{one.busy_percent:.0f}",
+        f"{one.busy_percent:.0f} / {one.kills_busy_percent:.0f}",
         f"{one.delay_percent:.1f}",
         f"{one.gap_p50_ms:.1f}",
         f"{one.gap_p99_ms:.1f}",
