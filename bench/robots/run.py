@@ -55,7 +55,7 @@ def measure(robots: int, seconds: float, kills: int, tell: Callable[[str], None]
         supervisors = _start(robots, ending)
         endpoints = [one.endpoint for one in supervisors]
         feeder = ending.enter_context(_program("feeder", *endpoints))
-        with suppress(queue.Empty):  # with too many robots, some never drive: that is a result
+        with suppress(TimeoutError):  # with too many robots, some never drive: that is a result
             feeder.line(DRIVE_LIMIT_S)
         time.sleep(SETTLE_S)
 
@@ -77,7 +77,9 @@ def measure(robots: int, seconds: float, kills: int, tell: Callable[[str], None]
         kills_s = _kill(endpoints[:killed], kills)
         kills_busy_percent = busy_percent(kills_before, machine())
         feeder.tell("end")
-        found = json.loads(feeder.line(DUMP_LIMIT_S))
+        while (line := feeder.line(DUMP_LIMIT_S)).startswith("driving"):
+            pass  # it came after its limit
+        found = json.loads(line)
 
     for number, robot in enumerate(found["robots"]):
         for at_s, key, payload, attachment in robot["garbled"]:
@@ -195,7 +197,10 @@ class _Operators:
     def _started(self) -> int:
         """Return the pid of the next operator."""
         while True:
-            word, pid = self.arrivals.get(timeout=HOLD_LIMIT_S)
+            try:
+                word, pid = self.arrivals.get(timeout=HOLD_LIMIT_S)
+            except queue.Empty:
+                raise TimeoutError("an operator was not started in time") from None
             if word == "started":
                 return pid
 
@@ -233,9 +238,12 @@ class _Program:
 
         Raises:
             RuntimeError: it has ended.
-            queue.Empty: it prints nothing within the limit.
+            TimeoutError: it prints nothing within the limit.
         """
-        line = self.lines.get(timeout=limit_s)
+        try:
+            line = self.lines.get(timeout=limit_s)
+        except queue.Empty:
+            raise TimeoutError("a program of the bench prints nothing") from None
         if not line:
             raise RuntimeError("a program of the bench has failed")
         return line
