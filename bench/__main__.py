@@ -5,12 +5,15 @@ from pathlib import Path
 
 from bench.heartbeat import measure_heartbeats
 from bench.law import measure_memory, time_steps
-from bench.peers.results import read
+from bench.peers.results import read as read_peers
 from bench.peers.table import sheets as peers_sheets
 from bench.peers.table import verdicts as peers_verdicts
 from bench.process import measure_process
 from bench.report import Results, write_json
 from bench.rig.sheet import show, write_markdown
+from bench.robots.results import read as read_robots
+from bench.robots.table import sheets as robots_sheets
+from bench.robots.table import verdicts as robots_verdicts
 from bench.sim import measure_pace
 
 ROUNDS = 200
@@ -64,9 +67,11 @@ def main() -> None:
     )
     sheets, verdicts = results.sheets(), results.verdicts()
     show(sheets, verdicts)
-    peers = read()  # a run of its own, which takes longer
-    if peers is not None:
+    # Runs of their own, which take longer.
+    if (peers := read_peers()) is not None:
         sheets, verdicts = sheets + peers_sheets(peers), verdicts + peers_verdicts(peers)
+    if (robots := read_robots()) is not None:
+        sheets, verdicts = sheets + robots_sheets(robots), verdicts + robots_verdicts(robots)
     if arguments.json is not None:
         write_json(results, arguments.json)
     if arguments.markdown is not None:

@@ -1,0 +1,60 @@
+"""`python -m bench.robots`: measure how many robots one machine can supervise. Always exit 0 unless a process fails."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from bench.rig.sheet import commit, machine, now, show
+from bench.robots.results import Robots, write
+from bench.robots.run import measure
+from bench.robots.table import sheets, verdicts
+
+ROBOTS = [1, 5, 10, 20, 25, 30]
+SECONDS = 20.0
+KILLS = 40
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        prog="python -m bench.robots",
+        description="Run several robots on this machine, a supervisor process for each, and measure processor time, gaps of "
+        "cmd_vel, stops without cause, and the time from the SIGKILL of an operator to zero. Takes about six minutes.",
+        epilog="exit code: 0, even if a target is missed; 1 if a process fails",
+    )
+    parser.add_argument(
+        "--robots",
+        type=int,
+        nargs="+",
+        default=ROBOTS,
+        metavar="N",
+        help=f"numbers of robots (default: {' '.join(map(str, ROBOTS))})",
+    )
+    parser.add_argument(
+        "--seconds", type=float, default=SECONDS, help="duration of each drive (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--kills", type=int, default=KILLS, help="kills for each number of robots (default: %(default)s)"
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the results as JSON lines")
+    options = parser.parse_args()
+
+    def tell(text: str) -> None:
+        print(text, file=sys.stderr, flush=True)
+
+    try:
+        crowds = [measure(number, options.seconds, options.kills, tell) for number in options.robots]
+    except RuntimeError as error:
+        sys.exit(f"bench.robots: {error}")
+    command = (
+        f"python -m bench.robots --robots {' '.join(map(str, options.robots))} --seconds {options.seconds:g} "
+        f"--kills {options.kills}"
+    )
+    run = {"command": command, "date": now(), "machine": machine(), "commit": commit()}
+    robots = Robots(run, tuple(crowds))
+    if options.json is not None:
+        write(robots, options.json)
+    show(sheets(robots), verdicts(robots))
+
+
+if __name__ == "__main__":
+    main()

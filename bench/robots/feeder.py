@@ -1,0 +1,189 @@
+"""Plays sensors, operator and base of many robots: `python -m bench.robots.feeder ENDPOINT …`.
+
+One thread sends prepared bytes at their times, and Zenoh's threads note what arrives, so that the feeder costs little. The
+streams are spread evenly over their periods. A line on the standard input is a command: `release NUMBER …` takes the operator
+away from these robots, `end` ends. Prints `driving` when each robot has moved, and at the end one line of JSON: all that was heard.
+"""
+
+import argparse
+import asyncio
+import heapq
+import itertools
+import json
+import struct
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+
+from bench.rig import scenery
+from bench.rig.feed import BEAMS, ODOM_HZ, SCAN_HZ, scan
+from wire import topics
+from wire.messages import SafetyStatus, UndecodableError, decode, encode, odometry, planar_twist
+from wire.session import BusConfig, ZenohSession, open_session
+from wire.stamp import parse_stamp
+
+COMMAND_HZ = 20.0
+CRUISE_M_S = 0.3
+SCANS = 64
+NEUTRAL_EVERY = 10
+"""While its robot stands, an operator releases the keys for one command of so many: only neutral ends a stop."""
+SPREAD = 0.618034
+"""The golden ratio's fraction: its multiples are spread evenly between 0 and 1."""
+_TWIST = struct.Struct("<4x6d")
+
+Motion = tuple[float, float]
+"""Linear [m/s] and angular [rad/s] velocity."""
+
+
+class Robot:
+    """One robot at its supervisor.
+
+    Args:
+        session: at the supervisor of this robot.
+        scans: encoded scans.
+        moved: called on Zenoh's thread when the robot moves for the first time.
+    """
+
+    def __init__(self, session: ZenohSession, scans: Sequence[bytes], moved: Callable[[], None]) -> None:
+        self.heard: list[tuple[float, float, bool]] = []
+        """Of each command to the base: arrival and time of its decision [s], and whether it moves the robot."""
+        self.garbled: list[tuple[float, str, str, str]] = []
+        """Of each message that its key does not permit: arrival [s], key, payload and attachment."""
+        self._statuses: list[tuple[float, bytes, bytes | None]] = []
+        self._moved = moved
+        self._session = session  # it exists only as long as it is referenced
+        self._motion: Motion = (0.0, 0.0)
+        self._odometry_of: dict[Motion, bytes] = {}
+        self._next_scan = itertools.cycle(scans)
+        self._number = itertools.count()
+        self._has_operator = True
+        self._neutral, self._cruise = (encode(planar_twist(speed, 0.0)) for speed in (0.0, CRUISE_M_S))
+        self._scans = session.publisher_raw(topics.SCAN.key)
+        self._odometry = session.publisher_raw(topics.ODOM.key)
+        self._commands = session.publisher_raw(topics.source_cmd_vel(topics.TELEOP).key)
+        self._token = session.declare_alive(topics.TELEOP)
+        session.subscribe_raw(topics.CMD_VEL.key, self._hear_cmd_vel)
+        session.subscribe_raw(topics.STATUS.key, self._hear_status)
+
+    def _hear_cmd_vel(self, payload: bytes, attachment: bytes | None, arrival_s: float) -> None:
+        if len(payload) != _TWIST.size:
+            self._tell_garbled(arrival_s, topics.CMD_VEL.key, payload, attachment)
+            return
+        linear_m_s, *_, angular_rad_s = _TWIST.unpack(payload)
+        stamp = parse_stamp(attachment)
+        decided_s = arrival_s if stamp is None else stamp.source_time_ns * 1e-9
+        moves = linear_m_s != 0.0 or angular_rad_s != 0.0
+        self.heard.append((arrival_s, decided_s, moves))
+        self._motion = linear_m_s, angular_rad_s
+        if moves:
+            self._moved()
+
+    def _hear_status(self, payload: bytes, attachment: bytes | None, arrival_s: float) -> None:
+        self._statuses.append((arrival_s, payload, attachment))
+
+    def _tell_garbled(self, arrival_s: float, key: str, payload: bytes, attachment: bytes | None) -> None:
+        self.garbled.append((arrival_s, key, payload.hex(), (attachment or b"").hex()))
+
+    def put_scan(self) -> None:
+        self._scans.put_bytes(next(self._next_scan))
+
+    def put_odometry(self) -> None:
+        motion = self._motion
+        payload = self._odometry_of.get(motion)
+        if payload is None:
+            payload = self._odometry_of[motion] = encode(odometry((0.0, 0.0, 0.0), motion))
+        self._odometry.put_bytes(payload)
+
+    def put_command(self) -> None:
+        if not self._has_operator:
+            return
+        releases = self._motion == (0.0, 0.0) and next(self._number) % NEUTRAL_EVERY == 0
+        self._commands.put_bytes(self._neutral if releases else self._cruise)
+
+    def release(self) -> None:
+        """Take the operator away: the robot stops."""
+        self._has_operator = False
+        self._token.withdraw()
+
+    def statuses(self) -> list[tuple[float, bool, list[str]]]:
+        """Return of each status its arrival [s], whether the robot is stopped, and the reasons."""
+        found: list[tuple[float, bool, list[str]]] = []
+        for at_s, payload, attachment in self._statuses:
+            try:
+                status = decode(payload, SafetyStatus)
+            except UndecodableError:
+                self._tell_garbled(at_s, topics.STATUS.key, payload, attachment)
+            else:
+                found.append((at_s, status.mode == SafetyStatus.STOPPED, list(status.reasons)))
+        return found
+
+
+def send(robots: Sequence[Robot], ended: threading.Event) -> list[tuple[float, float]]:
+    """Send all streams until the end, and return of each sample its due time [s] and its lateness [s]."""
+    rates = (SCAN_HZ, ODOM_HZ, COMMAND_HZ)
+    acts = [
+        (act, rate_hz)
+        for robot in robots
+        for act, rate_hz in zip((robot.put_scan, robot.put_odometry, robot.put_command), rates, strict=True)
+    ]
+    began_s = time.monotonic()
+    due = [(began_s + number * SPREAD % 1.0 / rate_hz, number) for number, (_, rate_hz) in enumerate(acts)]
+    heapq.heapify(due)
+    late: list[tuple[float, float]] = []
+    while not ended.is_set():
+        due_s, number = due[0]
+        now_s = time.monotonic()
+        if now_s < due_s:
+            time.sleep(due_s - now_s)
+            now_s = time.monotonic()
+        late.append((due_s, now_s - due_s))
+        act, rate_hz = acts[number]
+        act()
+        heapq.heapreplace(due, (max(due_s + 1.0 / rate_hz, now_s), number))
+    return late
+
+
+async def _sessions(endpoints: Sequence[str]) -> list[ZenohSession]:
+    configs = [BusConfig(endpoint) for endpoint in endpoints]
+    return [ZenohSession(await open_session(config, "client"), config.namespace) for config in configs]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m bench.robots.feeder", description=__doc__)
+    parser.add_argument("endpoints", nargs="+", metavar="ENDPOINT")
+    endpoints: list[str] = parser.parse_args().endpoints
+    scans = [encode(scan(ranges)) for ranges in scenery.scans(BEAMS, SCANS, wall_m=scenery.ROOM_M)]
+    waiting, ended = set(range(len(endpoints))), threading.Event()
+
+    def moved(number: int) -> None:
+        if number in waiting:
+            waiting.discard(number)
+            if not waiting:
+                print("driving", flush=True)
+
+    robots = [
+        Robot(session, scans, lambda n=number: moved(n))
+        for number, session in enumerate(asyncio.run(_sessions(endpoints)))
+    ]
+
+    def obey() -> None:
+        for line in sys.stdin:
+            word, *numbers = line.split()
+            if word == "end":
+                break
+            for number in numbers:
+                robots[int(number)].release()
+        ended.set()
+
+    threading.Thread(target=obey, daemon=True).start()
+    late = send(robots, ended)
+    found = [
+        {"heard": robot.heard.copy(), "statuses": robot.statuses(), "garbled": robot.garbled}
+        for robot in robots
+    ]
+    print(json.dumps({"robots": found, "late": late}), flush=True)
+
+
+if __name__ == "__main__":
+    main()

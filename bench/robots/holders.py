@@ -1,0 +1,39 @@
+"""Starts operators that are to be killed: `python -m bench.robots.holders`.
+
+Each line `NUMBER ENDPOINT` on the standard input starts an operator in a process of its own, who drives the robot of this
+endpoint. Prints `started NUMBER PID`, and `driving NUMBER PID` when the robot moves. The processes are forks of this one, which
+imports everything and opens nothing: a new interpreter for each of them would itself be a load for the robots.
+"""
+
+import ctypes
+import os
+import signal
+import sys
+import threading
+
+from bench.peers.links import lifeline_link
+
+PR_SET_PDEATHSIG = 1
+
+
+def main() -> None:
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # the kernel buries the children
+    libc = ctypes.CDLL(None)
+    for line in sys.stdin:
+        number, endpoint = line.split()
+        pid = os.fork()
+        if pid == 0:
+            libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+            lifeline_link.hold(endpoint)
+            _tell(f"driving {number} {os.getpid()}")
+            threading.Event().wait()
+        _tell(f"started {number} {pid}")
+
+
+def _tell(text: str) -> None:
+    """Print a line in one write: several processes share the pipe."""
+    os.write(1, f"{text}\n".encode())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,53 @@
+"""The processor time of processes and of the machine, from /proc."""
+
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Usage:
+    """What the threads of a process have used until now."""
+
+    cpu_s: float
+    delay_s: float
+    """Ready to run, but waiting for a core."""
+    slices: int
+    """Number of times that a thread was given a core."""
+
+    def __sub__(self, other: "Usage") -> "Usage":
+        return Usage(self.cpu_s - other.cpu_s, self.delay_s - other.delay_s, self.slices - other.slices)
+
+
+@dataclass(frozen=True)
+class Machine:
+    """The times of all cores until now, in clock ticks."""
+
+    busy: int
+    stolen: int
+    """Taken by the host of a virtual machine; a part of `busy`."""
+    total: int
+
+
+def usage(pid: int) -> Usage:
+    """Return the usage of a process; that of a thread is missing once it has ended."""
+    rows: list[list[int]] = []
+    for path in Path(f"/proc/{pid}/task").glob("*/schedstat"):
+        with suppress(OSError):  # the thread has ended
+            rows.append([int(word) for word in path.read_text().split()])
+    return Usage(
+        sum(row[0] for row in rows) / 1e9, sum(row[1] for row in rows) / 1e9, sum(row[2] for row in rows)
+    )
+
+
+def machine() -> Machine:
+    user, nice, system, idle, waiting, irq, soft_irq, stolen = (
+        int(word) for word in Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:9]
+    )
+    busy = user + nice + system + irq + soft_irq + stolen
+    return Machine(busy, stolen, busy + idle + waiting)
+
+
+def busy_percent(before: Machine, after: Machine) -> float:
+    """Return the busy share of all cores between two readings [%]."""
+    return 100.0 * (after.busy - before.busy) / (after.total - before.total)

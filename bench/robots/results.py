@@ -1,0 +1,93 @@
+"""The stored measurements, one JSON object a line: the run, then one for each number of robots."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any, cast
+
+STORED = Path(__file__).resolve().parents[2] / "docs/campaign/bench_robots.jsonl"
+
+
+@dataclass(frozen=True)
+class Crowd:
+    """The measurement with one number of robots; the percentiles are of all robots together."""
+
+    robots: int
+    seconds: float
+    """Duration of the drive; the kills follow."""
+    cpu_percent: tuple[float, ...]
+    """Of one core: each supervisor."""
+    delay_percent: float
+    """Time that a supervisor's threads were ready to run but waited for a core, mean, of the duration."""
+    feeder_percent: float
+    """Of one core: the process that feeds all robots."""
+    busy_percent: float
+    """Of all cores of the machine, during the drive."""
+    kills_busy_percent: float
+    """The same during the kills: the operators that are killed need processor time, too."""
+    stolen_percent: float
+    """Part of `busy_percent` that the host of a virtual machine took."""
+    other_percent: float
+    """Of one core: what was neither a supervisor nor the feeder. Much of it means that other work spoiled the measurement."""
+    gap_p50_ms: float
+    gap_p99_ms: float
+    gap_max_ms: float
+    decided_gap_p99_ms: float
+    """Between the decisions in the supervisors: without transport and without this bench's own delay."""
+    transit_p99_ms: float
+    """From the decision to the arrival in this bench."""
+    late_p99_ms: float
+    """Lateness of the feeder's samples."""
+    garbled: int
+    """Number of messages that their key does not permit."""
+    stood: int
+    """Number of robots that stopped during the drive without cause."""
+    reasons: dict[str, int]
+    """Number of robots for each reason of such a stop."""
+    kills: int
+    stop_ms: tuple[float, ...]
+    """From the SIGKILL of the operator to zero on cmd_vel; missing where the operator never got the robot to drive."""
+
+
+@dataclass(frozen=True)
+class Robots:
+    """One run of `python -m bench.robots`."""
+
+    run: dict[str, str]
+    """Command, date, machine and commit."""
+    crowds: tuple[Crowd, ...]
+
+
+def write(robots: Robots, path: Path) -> None:
+    rows: Iterable[dict[str, object]] = (
+        {"row": "run", **robots.run},
+        *(
+            {"row": "robots", **{name: _short(value) for name, value in asdict(crowd).items()}}
+            for crowd in robots.crowds
+        ),
+    )
+    path.write_text("".join(json.dumps(row, ensure_ascii=False) + "\n" for row in rows))
+
+
+def read(path: Path = STORED) -> Robots | None:
+    """Return the stored run; None if there is none."""
+    if not path.exists():
+        return None
+    run: dict[str, str] = {}
+    crowds: list[Crowd] = []
+    tuples = [field.name for field in fields(Crowd) if field.type == tuple[float, ...]]
+    for line in path.read_text().splitlines():
+        row = json.loads(line)
+        if row.pop("row") == "robots":
+            crowds.append(Crowd(**row | {name: tuple(row[name]) for name in tuples}))
+        else:
+            run = row
+    return Robots(run, tuple(crowds))
+
+
+def _short(value: Any) -> object:  # noqa: ANN401 - any field
+    """Round figures: microseconds are enough."""
+    if isinstance(value, float):
+        return round(value, 3)
+    return [round(one, 3) for one in cast("tuple[float, ...]", value)] if isinstance(value, tuple) else value

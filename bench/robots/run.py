@@ -1,0 +1,281 @@
+"""Measures one number of robots: first they drive, then the operators of some of them are killed again and again."""
+
+import json
+import os
+import queue
+import random
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from bench.peers.kinds import ROOT, wait_until_listening
+from bench.rig.feed import Supervisor, supervisor
+from bench.rig.terminal import end
+from bench.robots import stats
+from bench.robots.load import busy_percent, machine, usage
+from bench.robots.results import Crowd
+
+STARTING = 2
+"""Number of supervisors that start at the same time."""
+DRIVE_LIMIT_S, SETTLE_S = 30.0, 3.0
+KILLED = 2
+"""Number of robots whose operators are killed; the others drive."""
+HOLD_S = (0.2, 0.4)
+"""How long an operator drives before it is killed: random, so that the kills have no fixed place between two ticks."""
+HOLD_LIMIT_S = 5.0
+STAND_S = 0.3
+"""Before the next operator comes."""
+KILLS_LIMIT_S = 60.0
+DUMP_LIMIT_S = 60.0
+
+
+def measure(robots: int, seconds: float, kills: int, tell: Callable[[str], None]) -> Crowd:
+    """Measure a number of robots.
+
+    Args:
+        robots: number of robots.
+        seconds: duration of the drive.
+        kills: number of kills, distributed over at most `KILLED` robots.
+        tell: called with a sentence of progress.
+
+    Raises:
+        RuntimeError: a process fails.
+    """
+    with ExitStack() as ending:
+        tell(f"{robots} robots: start")
+        supervisors = _start(robots, ending)
+        endpoints = [one.endpoint for one in supervisors]
+        feeder = ending.enter_context(_program("feeder", *endpoints))
+        with suppress(TimeoutError):  # with too many robots, some never drive: that is a result
+            feeder.line(DRIVE_LIMIT_S)
+        time.sleep(SETTLE_S)
+
+        tell(f"{robots} robots: drive")
+        pids = [one.pid for one in supervisors]
+        before, machine_before, feeder_before = [usage(pid) for pid in pids], machine(), usage(feeder.pid)
+        began_s = time.monotonic()
+        time.sleep(seconds)
+        window = began_s, time.monotonic()
+        took_s = window[1] - window[0]
+        used = [usage(pid) - earlier for pid, earlier in zip(pids, before, strict=True)]
+        machine_after, feeder_used = machine(), usage(feeder.pid) - feeder_before
+
+        tell(f"{robots} robots: {kills} kills")
+        killed = min(robots, KILLED)
+        feeder.tell(f"release {' '.join(map(str, range(killed)))}")
+        time.sleep(STAND_S)
+        kills_before = machine()
+        kills_s = _kill(endpoints[:killed], kills)
+        kills_busy_percent = busy_percent(kills_before, machine())
+        feeder.tell("end")
+        while (line := feeder.line(DUMP_LIMIT_S)).startswith("driving"):
+            pass  # it came after its limit
+        found = json.loads(line)
+
+    for number, robot in enumerate(found["robots"]):
+        for at_s, key, payload, attachment in robot["garbled"]:
+            tell(
+                f"robot {number}, {at_s - window[0]:.3f} s: garbled {key}: {payload}, attachment {attachment}"
+            )
+    heard: list[list[stats.Heard]] = [[tuple(one) for one in robot["heard"]] for robot in found["robots"]]
+    late_ms = [1000.0 * late_s for due_s, late_s in found["late"] if window[0] <= due_s < window[1]]
+    gaps_ms = [gap for commands in heard for gap in stats.gaps_ms(window, commands)]
+    decided_ms = [gap for commands in heard for gap in stats.gaps_ms(window, commands, decided=True)]
+    transits_ms = [transit for commands in heard for transit in stats.transits_ms(window, commands)]
+    causes = [stats.reasons(window, robot["statuses"]) for robot in found["robots"]]
+    stops_ms = [
+        stats.stop_ms(killed_s, commands)
+        for times_s, commands in zip(kills_s, heard, strict=False)
+        for killed_s in times_s
+    ]
+    ticks = machine_after.total - machine_before.total
+    drive_busy_percent = busy_percent(machine_before, machine_after)
+    own_s = sum(one.cpu_s for one in used) + feeder_used.cpu_s
+    return Crowd(
+        robots=robots,
+        seconds=took_s,
+        cpu_percent=tuple(100.0 * one.cpu_s / took_s for one in used),
+        delay_percent=float(np.mean([100.0 * one.delay_s / took_s for one in used])),
+        feeder_percent=100.0 * feeder_used.cpu_s / took_s,
+        busy_percent=drive_busy_percent,
+        kills_busy_percent=kills_busy_percent,
+        stolen_percent=100.0 * (machine_after.stolen - machine_before.stolen) / ticks,
+        other_percent=max(0.0, drive_busy_percent * (os.cpu_count() or 1) - 100.0 * own_s / took_s),
+        gap_p50_ms=stats.percentile(gaps_ms, 50),
+        gap_p99_ms=stats.percentile(gaps_ms, 99),
+        gap_max_ms=stats.percentile(gaps_ms, 100),
+        decided_gap_p99_ms=stats.percentile(decided_ms, 99),
+        transit_p99_ms=stats.percentile(transits_ms, 99),
+        late_p99_ms=stats.percentile(late_ms, 99),
+        garbled=sum(len(robot["garbled"]) for robot in found["robots"]),
+        stood=sum(stats.stood(window, commands) for commands in heard),
+        reasons={
+            name: sum(name in of for of in causes)
+            for name in sorted({reason for of in causes for reason in of})
+        },
+        kills=kills,
+        stop_ms=tuple(stop for stop in stops_ms if stop is not None),
+    )
+
+
+def _start(robots: int, ending: ExitStack) -> list[Supervisor]:
+    """Start the supervisors, few at a time: an import in each core leaves no time for the others to listen."""
+    supervisors: list[Supervisor] = []
+
+    def terminate_all() -> None:
+        """End them together, before each of them is waited for."""
+        for one in supervisors:
+            with suppress(ProcessLookupError):
+                os.kill(one.pid, signal.SIGTERM)
+
+    for number in range(robots):
+        supervisors.append(ending.enter_context(supervisor()))
+        if number >= STARTING:
+            wait_until_listening(supervisors[number - STARTING].endpoint)
+    for one in supervisors[-STARTING:]:
+        wait_until_listening(one.endpoint)
+    ending.callback(terminate_all)
+    return supervisors
+
+
+def _kill(endpoints: Sequence[str], kills: int) -> list[list[float]]:
+    """Let an operator drive each robot, kill it, and repeat; return the times of the kills of each robot [s]."""
+    with _program("holders") as holders:
+        operators = [_Operators(holders, number, endpoint) for number, endpoint in enumerate(endpoints)]
+
+        def sort() -> None:
+            while line := holders.lines.get():
+                word, number, pid = line.split()
+                operators[int(number)].arrivals.put((word, int(pid)))
+
+        threading.Thread(target=sort, daemon=True).start()
+        until_s = time.monotonic() + KILLS_LIMIT_S
+        with ThreadPoolExecutor(len(operators)) as pool:
+            shares = [len(range(number, kills, len(operators))) for number in range(len(operators))]
+            killing = [
+                pool.submit(one.kill, share, until_s) for one, share in zip(operators, shares, strict=True)
+            ]
+            return [future.result() for future in killing]
+
+
+class _Operators:
+    """The operators of one robot, one after the other."""
+
+    def __init__(self, holders: "_Program", number: int, endpoint: str) -> None:
+        self.arrivals: queue.Queue[tuple[str, int]] = queue.Queue()
+        """A word and the pid of an operator."""
+        self._holders = holders
+        self._line = f"{number} {endpoint}"
+        self._chance = random.Random(number)
+
+    def kill(self, times: int, until_s: float) -> list[float]:
+        """Kill this number of operators, and return when it happened [s]; those that never drove are missing."""
+        killed_s: list[float] = []
+        for _ in range(times):
+            if time.monotonic() > until_s:
+                break
+            self._holders.tell(self._line)
+            pid = self._started()
+            drives = self._drives(pid)
+            time.sleep(self._chance.uniform(*HOLD_S))
+            at_s = time.monotonic()
+            os.kill(pid, signal.SIGKILL)
+            if drives:
+                killed_s.append(at_s)
+            time.sleep(STAND_S)
+        return killed_s
+
+    def _started(self) -> int:
+        """Return the pid of the next operator."""
+        while True:
+            try:
+                word, pid = self.arrivals.get(timeout=HOLD_LIMIT_S)
+            except queue.Empty:
+                raise TimeoutError("an operator was not started in time") from None
+            if word == "started":
+                return pid
+
+    def _drives(self, pid: int) -> bool:
+        """Wait until an operator drives; return whether it did so within the limit."""
+        with suppress(queue.Empty):
+            while self.arrivals.get(timeout=HOLD_LIMIT_S) != ("driving", pid):
+                pass
+            return True
+        return False
+
+
+@dataclass(frozen=True)
+class _Program:
+    """A running program of this package."""
+
+    process: "subprocess.Popen[str]"
+    lines: "queue.Queue[str]"
+    """What it prints; an empty line at its end."""
+    told: threading.Lock = field(default_factory=threading.Lock)
+
+    @property
+    def pid(self) -> int:
+        return self.process.pid
+
+    def tell(self, line: str) -> None:
+        stdin = self.process.stdin
+        assert stdin is not None
+        with self.told:
+            stdin.write(line + "\n")
+            stdin.flush()
+
+    def line(self, limit_s: float) -> str:
+        """Return its next line.
+
+        Raises:
+            RuntimeError: it has ended.
+            TimeoutError: it prints nothing within the limit.
+        """
+        try:
+            line = self.lines.get(timeout=limit_s)
+        except queue.Empty:
+            raise TimeoutError("a program of the bench prints nothing") from None
+        if not line:
+            raise RuntimeError("a program of the bench has failed")
+        return line
+
+
+@contextmanager
+def _program(name: str, *arguments: str) -> Generator[_Program]:
+    process: subprocess.Popen[Any] = subprocess.Popen(
+        [sys.executable, "-m", f"bench.robots.{name}", *arguments],
+        cwd=ROOT,
+        # A thread of the numeric library would make a fork unsafe.
+        env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    lines: queue.Queue[str] = queue.Queue()
+    stdin, stdout = process.stdin, process.stdout
+    assert stdin is not None
+    assert stdout is not None
+
+    def read() -> None:
+        for line in stdout:
+            lines.put(line)
+        lines.put("")
+
+    reader = threading.Thread(target=read, daemon=True)
+    reader.start()
+    try:
+        yield _Program(process, lines)
+    finally:
+        end(process)
+        reader.join()
+        stdin.close()
+        stdout.close()

@@ -1,0 +1,91 @@
+"""Draws docs/images/robots.svg from the stored run of `make bench-robots`: `python -m docs.generate.draw_robots`.
+
+Load, gaps of cmd_vel, and times to stop, over the number of robots on one machine. Draws nothing if no run is stored.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from bench.robots.results import Crowd, read
+from bench.robots.stats import percentile
+from bench.robots.table import TARGET_GAP_P99_MS, TARGET_ROBOTS, TARGET_STOP_P99_MS
+from docs.generate.palette import DANGER, GREY, INK, LIGHT, RING, ROBOT
+
+PICTURE = Path(__file__).parents[1] / "images/robots.svg"
+
+
+def draw(crowds: Sequence[Crowd], path: Path) -> None:
+    """Draw three panels over the number of robots; red: the targets."""
+    figure = Figure(figsize=(11, 3.4), layout="constrained")
+    load, gaps, stops = figure.subplots(1, 3)
+    robots = [one.robots for one in crowds]
+
+    load.plot(robots, [one.busy_percent for one in crowds], ".-", color=GREY, label="machine, all cores")
+    load.plot(
+        robots, [sum(one.cpu_percent) for one in crowds], ".-", color=ROBOT, label="supervisors, of one core"
+    )
+    load.plot(
+        robots, [one.feeder_percent for one in crowds], ".-", color=RING, label="this bench, of one core"
+    )
+    load.set_title("CPU [%]", fontsize=11)
+    load.set_ylim(0)
+
+    gaps.plot(robots, [one.gap_p50_ms for one in crowds], ".-", color=GREY, label="p50")
+    gaps.plot(robots, [one.gap_p99_ms for one in crowds], ".-", color=ROBOT, label="p99")
+    gaps.plot(robots, [one.gap_max_ms for one in crowds], ".:", color=RING, label="maximum")
+    _target(gaps, TARGET_GAP_P99_MS)
+    gaps.set_title("gaps of cmd_vel [ms]", fontsize=11)
+    gaps.set_ylim(0)
+
+    for one in crowds:
+        stops.plot([one.robots] * len(one.stop_ms), one.stop_ms, "_", color=ROBOT, alpha=0.35, ms=9)
+    for percent, colour in ((50, GREY), (99, ROBOT)):
+        stops.plot(
+            robots,
+            [percentile(one.stop_ms, percent) for one in crowds],
+            ".-",
+            color=colour,
+            label=f"p{percent}",
+        )
+    _target(stops, TARGET_STOP_P99_MS)
+    stops.set_title("SIGKILL to zero [ms]", fontsize=11)
+    stops.set_yscale("log")
+    stops.set_yticks((1, 3, 10, 30, 100, 300), ("1", "3", "10", "30", "100", "300"))
+
+    for axes in (load, gaps, stops):
+        axes.set_xlabel("robots")
+        axes.set_xlim(0)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.grid(color=LIGHT, lw=0.6)
+        axes.legend(fontsize=8, frameon=False)
+    figure.savefig(path, metadata={"Date": None, "Creator": None})
+
+
+def _target(axes: Axes, limit_ms: float) -> None:
+    """Mark the target for the p99: a line up to its number of robots."""
+    axes.plot([0, TARGET_ROBOTS], [limit_ms, limit_ms], color=DANGER, lw=1.6)
+    axes.plot([TARGET_ROBOTS], [limit_ms], "v", color=DANGER, ms=6, label="target of the p99")
+
+
+def main() -> None:
+    # A fixed salt: the same picture from the same run.
+    mpl.rcParams.update(
+        {
+            "font.size": 10,
+            "axes.edgecolor": GREY,
+            "text.color": INK,
+            "axes.labelcolor": INK,
+            "svg.hashsalt": "robots",
+        }
+    )
+    stored = read()
+    if stored is not None:
+        draw(stored.crowds, PICTURE)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,129 @@
+"""The statistics of `bench.robots`: gaps, stops and their reasons, verdicts and the stored file."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from bench.robots.load import Machine, busy_percent
+from bench.robots.results import Crowd, Robots, read, write
+from bench.robots.stats import Heard, gaps_ms, percentile, reasons, stood, stop_ms, transits_ms
+from bench.robots.table import sheet, sheets, verdicts
+
+WINDOW = (1.0, 2.0)
+MOVES, STANDS = True, False
+RUN = {"command": "python -m bench.robots", "date": "today", "machine": "2 cores", "commit": "abc"}
+
+
+def crowd(robots: int, gap_p99_ms: float = 21.0, stop_ms: tuple[float, ...] = (2.0, 4.0)) -> Crowd:
+    return Crowd(
+        robots=robots,
+        seconds=20.0,
+        cpu_percent=(5.0,) * robots,
+        delay_percent=2.0,
+        feeder_percent=20.0,
+        busy_percent=60.0,
+        kills_busy_percent=70.0,
+        stolen_percent=0.0,
+        other_percent=1.0,
+        gap_p50_ms=20.0,
+        gap_p99_ms=gap_p99_ms,
+        gap_max_ms=25.0,
+        decided_gap_p99_ms=21.0,
+        transit_p99_ms=1.5,
+        late_p99_ms=0.5,
+        garbled=0,
+        stood=0,
+        reasons={},
+        kills=2,
+        stop_ms=stop_ms,
+    )
+
+
+def test_gaps_are_between_the_commands_within_the_window() -> None:
+    heard: list[Heard] = [
+        (0.99, 0.98, MOVES),
+        (1.0, 0.99, MOVES),
+        (1.02, 1.0, MOVES),
+        (1.05, 1.04, MOVES),
+        (2.0, 1.99, MOVES),
+    ]
+    assert gaps_ms(WINDOW, heard) == pytest.approx([20.0, 30.0])
+    assert gaps_ms(WINDOW, heard, decided=True) == pytest.approx([10.0, 40.0])
+    assert transits_ms(WINDOW, heard) == pytest.approx([10.0, 20.0, 10.0])
+
+
+def test_a_robot_that_is_once_commanded_to_stand_has_stopped() -> None:
+    assert not stood(WINDOW, [(0.9, 0.9, STANDS), (1.0, 1.0, MOVES), (2.0, 2.0, STANDS)])
+    assert stood(WINDOW, [(1.0, 1.0, MOVES), (1.5, 1.5, STANDS), (1.6, 1.6, MOVES)])
+
+
+def test_a_robot_without_commands_has_stopped() -> None:
+    assert stood(WINDOW, [(0.9, 0.9, MOVES)])
+
+
+def test_the_reasons_are_those_of_stopped_statuses_within_the_window() -> None:
+    statuses = [
+        (0.9, True, ["NO_COMMAND"]),
+        (1.0, True, ["OVERRUN", "SCAN_STALE"]),
+        (1.1, False, ["OBSTACLE"]),
+        (1.2, True, ["OVERRUN"]),
+        (2.0, True, ["ESTOP"]),
+    ]
+    assert reasons(WINDOW, statuses) == {"OVERRUN", "SCAN_STALE"}
+
+
+def test_a_stop_lasts_from_the_kill_to_the_first_zero() -> None:
+    heard: list[Heard] = [(0.9, 0.9, STANDS), (0.99, 0.99, MOVES), (1.01, 1.0, MOVES), (1.02, 1.01, STANDS)]
+    assert stop_ms(1.0, heard) == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize(
+    "heard",
+    [
+        [],
+        [(0.9, 0.9, STANDS), (1.01, 1.0, STANDS)],  # it stood when its operator was killed
+        [(0.9, 0.9, MOVES), (1.01, 1.0, MOVES)],
+    ],
+)
+def test_without_motion_before_and_a_zero_after_there_is_no_stop(heard: list[Heard]) -> None:
+    assert stop_ms(1.0, heard) is None
+
+
+def test_the_busy_share_is_that_between_two_readings() -> None:
+    assert busy_percent(Machine(100, 0, 1000), Machine(250, 0, 1200)) == 75.0
+
+
+def test_a_percentile_of_nothing_is_not_a_number() -> None:
+    assert math.isnan(percentile([], 99))
+    assert percentile([1.0, 3.0], 50) == 2.0
+
+
+def test_the_verdicts_are_interpolated_at_the_target() -> None:
+    robots = Robots(
+        RUN, (crowd(30, gap_p99_ms=40.0, stop_ms=(20.0,)), crowd(20, gap_p99_ms=20.0, stop_ms=(10.0,)))
+    )
+    assert [verdict.measured for verdict in verdicts(robots)] == [30.0, 15.0, 0.0]
+
+
+def test_no_verdict_extrapolates() -> None:
+    assert verdicts(Robots(RUN, (crowd(20),))) == []
+    assert verdicts(Robots(RUN, ())) == []
+
+
+def test_the_table_has_a_row_for_each_number_of_robots() -> None:
+    table = sheet([crowd(1), replace(crowd(30), stood=2, reasons={"OVERRUN": 2, "SCAN_STALE": 1})])
+    assert [row[0] for row in table.rows] == ["1", "30"]
+    assert all(len(row) == len(table.columns) for row in table.rows)
+    assert [row[10] for row in table.rows] == ["0", "2 (OVERRUN 2, SCAN_STALE 1)"]
+    [told] = sheets(Robots(RUN, (crowd(1),)))
+    assert told.notes[-1] == "Run of today by `python -m bench.robots`: 2 cores; commit abc."
+
+
+def test_a_stored_run_is_read_as_it_was_written(tmp_path: Path) -> None:
+    file = tmp_path / "robots.jsonl"
+    assert read(file) is None
+    robots = Robots(RUN, (crowd(1), replace(crowd(2), stood=1, reasons={"OVERRUN": 1})))
+    write(robots, file)
+    assert read(file) == robots
