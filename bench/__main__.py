@@ -12,6 +12,7 @@ from bench.process import measure_process
 from bench.report import Results, write_json
 from bench.rig.sheet import show, write_markdown
 from bench.sim import measure_pace
+from bench.wakeup import measure_wakeup
 
 ROUNDS = 200
 SECONDS = 15.0
@@ -61,6 +62,7 @@ def main() -> None:
         tuple(measure_process(arguments.seconds)),
         tuple(measure_heartbeats(arguments.heartbeat_seconds)),
         tuple(measure_pace(arguments.sim_rounds)),
+        tuple(measure_wakeup()),
     )
     sheets, verdicts = results.sheets(), results.verdicts()
     show(sheets, verdicts)
