@@ -1,8 +1,8 @@
 """Time breakdown of a supervisor's wake-up: each section in a loop (hot) and immediately after sleep (cold).
 
-A share of a core follows from the cold times, since the service sleeps between two ticks. Each cold section pays for the
-cold caches alone, while in the service the first section warms them for the next: "a whole tick" and "a whole scan" run
-their sections in sequence after one sleep.
+Times are CPU times of the thread. The cold times show the share of a core, since the service sleeps between two ticks.
+Each cold section pays for the cold caches alone, while in the service the first section warms them for the next: "a whole
+tick" and "a whole scan" run their sections in sequence after one sleep.
 """
 
 import asyncio
