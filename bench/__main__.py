@@ -15,6 +15,7 @@ from bench.robots.results import read as read_robots
 from bench.robots.table import sheets as robots_sheets
 from bench.robots.table import verdicts as robots_verdicts
 from bench.sim import measure_pace
+from bench.wakeup import measure_wakeup
 
 ROUNDS = 200
 SECONDS = 15.0
@@ -64,6 +65,7 @@ def main() -> None:
         tuple(measure_process(arguments.seconds)),
         tuple(measure_heartbeats(arguments.heartbeat_seconds)),
         tuple(measure_pace(arguments.sim_rounds)),
+        tuple(measure_wakeup()),
     )
     sheets, verdicts = results.sheets(), results.verdicts()
     show(sheets, verdicts)

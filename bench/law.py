@@ -12,7 +12,7 @@ import numpy as np
 
 from bench.rig import scenery
 from supervisor.config import SupervisorSection
-from supervisor.model import Command, Inputs, LaserScan, Mode, Odometry, State, Velocity
+from supervisor.model import Command, Decision, Inputs, LaserScan, Mode, Odometry, State, Velocity
 from supervisor.safety import initial_state, step
 from wire.freshness import Sent
 
@@ -37,11 +37,11 @@ COLD_ROUNDS_SHARE = 2
 class Driver:
     """Runs the law in virtual time, with inputs prepared in advance so that only `step()` is measured."""
 
-    def __init__(self, beams: int) -> None:
-        self._ranges = scenery.scans(beams, SCANS)
+    def __init__(self, beams: int, *, wall_m: float = scenery.WALL_M) -> None:
+        self._ranges = scenery.scans(beams, SCANS, wall_m=wall_m)
         self._increment = scenery.angle_increment(beams)
-        self._state: State = initial_state(CONFIG)
-        self._now_s = 1000.0
+        self.state: State = initial_state(CONFIG)
+        self.now_s = 1000.0
         self._ticks = 0
         self.mode = Mode.STOPPED
         self._neutral_first()
@@ -53,8 +53,8 @@ class Driver:
     def inputs(self, velocity: Velocity | None = None, *, scan: bool) -> Inputs:
         """Return the inputs of the next tick: a stamped command, odometry and optionally a stamped scan."""
         self._ticks += 1
-        self._now_s += TICK_S
-        sent = Sent(b"bench", self._ticks, self._now_s)
+        self.now_s += TICK_S
+        sent = Sent(b"bench", self._ticks, self.now_s)
         velocity = velocity or Velocity(scenery.FORWARD_M_S, scenery.TURN_RAD_S)
         reading = LaserScan(
             self._ranges[self._ticks % SCANS],
@@ -62,18 +62,19 @@ class Driver:
             self._increment,
             scenery.RANGE_MIN_M,
             scenery.RANGE_MAX_M,
-            self._now_s,
+            self.now_s,
             sent,
         )
         return Inputs(
-            commands=(Command("teleop", velocity, self._now_s, sent),),
+            commands=(Command("teleop", velocity, self.now_s, sent),),
             scans=(reading,) if scan else (),
-            odometry=Odometry(Velocity(scenery.ODOMETRY_M_S, scenery.TURN_RAD_S), self._now_s),
+            odometry=Odometry(Velocity(scenery.ODOMETRY_M_S, scenery.TURN_RAD_S), self.now_s),
         )
 
-    def step(self, inputs: Inputs) -> None:
-        self._state, decision = step(self._state, self._now_s, inputs)
+    def step(self, inputs: Inputs) -> Decision:
+        self.state, decision = step(self.state, self.now_s, inputs)
         self.mode = decision.mode
+        return decision
 
 
 class PlainNumpy:
@@ -213,7 +214,7 @@ def _memory_of(driver: Driver, *, scan: bool) -> tuple[float, float, float]:
     return peak_bytes / MEMORY_STEPS, state_bytes / MEMORY_STEPS, growth_blocks / GROWTH_STEPS
 
 
-def _microseconds(work: Callable[[], None]) -> float:
+def _microseconds(work: Callable[[], object]) -> float:
     started_ns = time.perf_counter_ns()
     work()
     return (time.perf_counter_ns() - started_ns) / 1000

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from bench import heartbeat, law, process, sim
+from bench import heartbeat, law, process, sim, wakeup
 from bench.rig.sheet import Sheet, Verdict, commit, machine, now
 
 
@@ -19,6 +19,7 @@ class Results:
     """The first is that of the relay."""
     heartbeats: tuple[heartbeat.Heartbeat, ...]
     paces: tuple[sim.Pace, ...]
+    sections: tuple[wakeup.Section, ...]
 
     def verdicts(self) -> list[Verdict]:
         verdicts: list[Verdict] = []
@@ -52,6 +53,7 @@ class Results:
             _load_sheet(self.loads),
             _heartbeat_sheet(self.heartbeats),
             _pace_sheet(self.paces),
+            _wakeup_sheet(self.sections),
         ]
         return [sheet for sheet in sheets if sheet.rows]
 
@@ -266,6 +268,40 @@ def _pace_sheet(paces: Iterable[sim.Pace]) -> Sheet:
     )
 
 
+def _wakeup_sheet(sections: Iterable[wakeup.Section]) -> Sheet:
+    return Sheet(
+        "Sections of a supervisor's wake-up, CPU time in µs, in a loop and after sleep",
+        ("section", "Hz", "hot p50", "cold p50", "cold / hot", "hot % of a core", "cold % of a core"),
+        tuple(
+            (
+                s.section,
+                f"{s.rate_hz:.0f}",
+                f"{s.hot_us:.1f}",
+                f"{s.cold_us:.1f}",
+                f"{s.cold_to_hot:.1f}",
+                f"{s.hot_percent:.2f}",
+                f"{s.cold_percent:.2f}",
+            )
+            for s in sections
+        ),
+        (
+            (
+                f"hot: in a loop; waits of {1000 * wakeup.HOT_WAIT_S:g} ms. cold: immediately after "
+                f"{1000 * law.COLD_SLEEP_S:.0f} ms of sleep; waits of that duration. All sections alternate."
+            ),
+            (
+                "Hz: the robot's rate; the shares of a core are the medians at that rate. free and limited are "
+                "alternatives. The reference is a thread that only sleeps and wakes: the minimum for a wake-up on this machine."
+            ),
+            (
+                "Each section alone pays for cold caches. a whole tick (odometry) and a whole scan are a sequence after one "
+                "sleep: decode, step(), encode cmd_vel, record. They are therefore less than the sum of their sections."
+            ),
+            "decode: push into the subscription, take, and convert to the law's input. encode: with conversion and stamp.",
+        ),
+    )
+
+
 def write_json(results: Results, path: Path) -> None:
     """Write one JSON object a line: first the run, then one for each row and each target."""
     lines: list[dict[str, object]] = [
@@ -275,6 +311,7 @@ def write_json(results: Results, path: Path) -> None:
         *({"kind": "process", **asdict(load)} for load in results.loads),
         *({"kind": "heartbeat", **asdict(beat)} for beat in results.heartbeats),
         *({"kind": "sim", **asdict(pace)} for pace in results.paces),
+        *({"kind": "wakeup", **asdict(section)} for section in results.sections),
         *({"kind": "target", **asdict(verdict)} for verdict in results.verdicts()),
     ]
     path.write_text("".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines))

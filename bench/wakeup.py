@@ -1,0 +1,138 @@
+"""Time breakdown of a supervisor's wake-up: each section in a loop (hot) and immediately after sleep (cold).
+
+Times are CPU times of the thread. The cold times show the share of a core, since the service sleeps between two ticks.
+Each cold section pays for the cold caches alone, while in the service the first section warms them for the next: "a whole
+tick" and "a whole scan" run their sections in sequence after one sleep.
+"""
+
+import asyncio
+import queue
+import threading
+import time
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.law import COLD_SLEEP_S
+from bench.wakeup_sections import SCAN_HZ, TICK_HZ, Prepare, prepared_sections
+from wire.bus import Inbox, woken_by
+
+ROUNDS = 70
+BLOCK = 4
+"""Hot runs of a section in each round; the first is not counted, because it follows another section."""
+HOT_WAIT_S = 0.0005
+"""Duration of the waits in a loop: long enough that the loop has to wait, too short for the caches to grow cold."""
+REFERENCE = "reference: time.sleep"
+
+Measure = Callable[[float], Awaitable[float]]
+"""Sleeps for a time [s], 0 for none, runs the section and returns the CPU time of its thread [µs]."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """Median CPU times of one section, and how often the supervisor runs it at the robot's rates."""
+
+    section: str
+    rate_hz: float
+    hot_us: float
+    cold_us: float
+
+    @property
+    def cold_to_hot(self) -> float:
+        return self.cold_us / self.hot_us
+
+    @property
+    def hot_percent(self) -> float:
+        """Share of a core [%]."""
+        return self.hot_us * self.rate_hz * 1e-4
+
+    @property
+    def cold_percent(self) -> float:
+        return self.cold_us * self.rate_hz * 1e-4
+
+
+def measure_wakeup(rounds: int = ROUNDS, cold_sleep_s: float = COLD_SLEEP_S) -> list[Section]:
+    """Measure all sections in each round, so that load on the machine affects all of them."""
+    return asyncio.run(_measure(rounds, cold_sleep_s))
+
+
+async def _measure(rounds: int, cold_sleep_s: float) -> list[Section]:
+    sections = _sections()
+    hot: dict[str, list[float]] = {name: [] for name in sections}
+    cold: dict[str, list[float]] = {name: [] for name in sections}
+    for _ in range(rounds):
+        for name, (_, hot_sleep_s, measure) in sections.items():
+            hot[name] += [await measure(hot_sleep_s) for _ in range(BLOCK)][1:]
+        for name, (_, _, measure) in sections.items():
+            cold[name].append(await measure(cold_sleep_s))
+    return [summarize(name, rate_hz, hot[name], cold[name]) for name, (rate_hz, _, _) in sections.items()]
+
+
+def summarize(section: str, rate_hz: float, hot_us: Sequence[float], cold_us: Sequence[float]) -> Section:
+    """Return a section with the medians of its times."""
+    return Section(section, rate_hz, float(np.median(hot_us)), float(np.median(cold_us)))
+
+
+def _sections() -> dict[str, tuple[float, float, Measure]]:
+    """Return by name: the rate, the sleep before a hot run, and the measurement."""
+    return {
+        REFERENCE: (TICK_HZ, HOT_WAIT_S, _sleep),
+        "wait for a timer": (TICK_HZ, HOT_WAIT_S, _timer_wait),
+        "wake from another thread": (SCAN_HZ, HOT_WAIT_S, _thread_wake()),
+        **{name: (rate_hz, 0.0, _timed(prepare)) for name, (rate_hz, prepare) in prepared_sections().items()},
+    }
+
+
+def _timed(prepare: Prepare) -> Measure:
+    async def measure(sleep_s: float) -> float:
+        run = prepare()
+        if sleep_s:
+            time.sleep(sleep_s)  # noqa: ASYNC251 - asyncio's own wait would warm the caches
+        started_ns = time.thread_time_ns()
+        run()
+        return _since_us(started_ns)
+
+    return measure
+
+
+async def _sleep(sleep_s: float) -> float:
+    started_ns = time.thread_time_ns()
+    time.sleep(sleep_s)  # noqa: ASYNC251 - the reference has no event loop
+    return _since_us(started_ns)
+
+
+async def _timer_wait(sleep_s: float) -> float:
+    wake = asyncio.Event()
+    time_s = asyncio.get_running_loop().time() + sleep_s
+    started_ns = time.thread_time_ns()
+    await woken_by(wake, time_s)
+    return _since_us(started_ns)
+
+
+def _thread_wake() -> Measure:
+    """Return the measurement of a wait that ends by an item from another thread; only the loop's thread counts."""
+    wake = asyncio.Event()
+    inbox: Inbox[int] = Inbox(1, wake)
+    sleeps_s: queue.SimpleQueue[float] = queue.SimpleQueue()
+
+    def push() -> None:
+        while True:
+            time.sleep(sleeps_s.get())
+            inbox.push(1)
+
+    threading.Thread(target=push, name="bench wake", daemon=True).start()
+
+    async def measure(sleep_s: float) -> float:
+        wake.clear()
+        sleeps_s.put(sleep_s)
+        started_ns = time.thread_time_ns()
+        await wake.wait()
+        inbox.take()
+        return _since_us(started_ns)
+
+    return measure
+
+
+def _since_us(started_ns: int) -> float:
+    return (time.thread_time_ns() - started_ns) / 1000
