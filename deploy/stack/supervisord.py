@@ -24,6 +24,8 @@ from wire.state_directory import checkout
 
 REQUIREMENT = "supervisor==4.3.0"
 CONFIGURATION = Path(__file__).resolve().parents[1] / "supervisord.conf"
+PLUGIN = CONFIGURATION.with_name("supervisord_plugin")
+"""The only directory of Lifeline that supervisord imports from."""
 START_LIMIT_S = 20.0
 FETCH_LIMIT_S = 180.0
 ANSWER_LIMIT_S = 3.0
@@ -86,7 +88,7 @@ def starting(uv: str, state: StateDir, launch: Launch, say: Callable[[str], None
         DeployError: it cannot be fetched, or did not start.
     """
     command = _command(uv, "--configuration", str(CONFIGURATION))
-    environment = launch.environment(state)
+    environment = launch.environment(state) | {"PYTHONPATH": str(PLUGIN)}
     with _running(command, cwd=state.path, environment=environment) as child:
         yield
         done = _end_of(child, START_LIMIT_S)
