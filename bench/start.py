@@ -28,14 +28,14 @@ from wire.zenoh_bus import ZenohBus
 BARE = "python -c pass"
 LIBRARIES = "numpy and zenoh"
 PROGRAMS = {
-    BARE: "pass",
-    LIBRARIES: "import numpy, zenoh",
-    "supervisor": "import supervisor.__main__",
-    "sim": "import sim.program",
-    "teleop": "import teleop.__main__",
-    "lifeline up": "import deploy.cli, deploy.up",
+    BARE: ("-c", "pass"),
+    LIBRARIES: ("-c", "import numpy, zenoh"),
+    "supervisor": ("-m", "supervisor", "--help"),
+    "sim": ("-m", "sim", "--help"),
+    "teleop": ("-m", "teleop", "--help"),
+    "lifeline up": ("-c", "import deploy.cli, deploy.up"),
 }
-"""By name, the statement that a new interpreter runs."""
+"""By name, the arguments of an interpreter that loads a program's modules and ends."""
 COMMAND_HZ = 20.0
 SETTLED_S = 3.2
 """More than the `startsecs` of supervisord.conf: a process that dies earlier is restarted after a pause."""
@@ -75,12 +75,10 @@ def measure_imports(rounds: int) -> list[Imports]:
     """Start one interpreter for each program in turn, `rounds` times."""
     taken_ms: dict[str, list[float]] = {program: [] for program in PROGRAMS}
     for number in range(-1, rounds):
-        for program, statement in PROGRAMS.items():
+        for program, arguments in PROGRAMS.items():
             began_s = time.perf_counter()
             # With pipes, the end of the process is noticed at once; without, a time limit polls every 50 ms.
-            subprocess.run(
-                [sys.executable, "-c", statement], check=True, capture_output=True, timeout=RUN_LIMIT_S
-            )
+            subprocess.run([sys.executable, *arguments], check=True, capture_output=True, timeout=RUN_LIMIT_S)
             if number >= 0:  # the first round fills the caches
                 taken_ms[program].append(1000.0 * (time.perf_counter() - began_s))
     return [summary(program, times_ms, taken_ms[LIBRARIES]) for program, times_ms in taken_ms.items()]
