@@ -7,6 +7,7 @@ from supervisor.model import Command, Decision, LaserScan, Odometry, Source, Vel
 from wire import messages as ros
 from wire.bus import Arrival
 from wire.freshness import Sent
+from wire.stamp import Stamp
 
 HEADER_EPOCH = b"header"
 """Epoch of scans whose only stamp is in their header."""
@@ -59,24 +60,22 @@ def to_scan(arrival: Arrival[ros.LaserScan], header_tolerance_s: float, lidar: i
         tolerance_s,
         scan.angle_max,
         lidar,
-        _writer_of(arrival, scan.header),
+        _writer_of(arrival.stamp, scan.header.frame_id),
     )
 
 
-def _writer_of(arrival: Arrival[ros.LaserScan] | Arrival[ros.Odometry], header: ros.Header) -> bytes:
+def _writer_of(stamp: Stamp | None, frame_id: str) -> bytes:
     """Return the identity of a sample's sender: the gid of the attachment, else the frame id."""
-    return b"frame " + header.frame_id.encode()[:32] if arrival.stamp is None else arrival.stamp.gid
+    return b"frame " + frame_id.encode()[:32] if stamp is None else stamp.gid
 
 
-def to_odometry(arrival: Arrival[ros.Odometry]) -> Odometry | None:
+def to_odometry(arrival: Arrival[ros.Motion]) -> Odometry | None:
     """Return the base's velocity with its arrival time and sender; None if it is not finite."""
-    if arrival.message is None:
+    motion = arrival.message
+    if motion is None or not (math.isfinite(motion.linear_m_s) and math.isfinite(motion.angular_rad_s)):
         return None
-    twist = arrival.message.twist.twist
-    velocity = Velocity(twist.linear.x, twist.angular.z)
-    if not (math.isfinite(velocity.linear_m_s) and math.isfinite(velocity.angular_rad_s)):
-        return None
-    return Odometry(velocity, arrival.arrival_s, _writer_of(arrival, arrival.message.header))
+    velocity = Velocity(motion.linear_m_s, motion.angular_rad_s)
+    return Odometry(velocity, arrival.arrival_s, _writer_of(arrival.stamp, motion.frame_id))
 
 
 def to_twist(velocity: Velocity) -> ros.Twist:

@@ -19,7 +19,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from operator import attrgetter, itemgetter
-from typing import NamedTuple
 
 import numpy as np
 
@@ -29,7 +28,6 @@ from supervisor.clearance import (
     Block,
     Floats,
     Kind,
-    Surroundings,
     moved,
     nothing_around,
     permitted_scale,
@@ -54,13 +52,13 @@ from supervisor.model import (
     Writer,
 )
 from supervisor.near_memory import Remembered, remember
+from supervisor.reach import KnownPoints, in_reach
 from supervisor.reckoning import (
     STANDSTILL,
     Pose,
     Velocity,
     back_then,
     between,
-    displacement,
     reckon,
     remembered,
 )
@@ -642,7 +640,7 @@ def _decide(
     scale, block, useful = 1.0, None, _useful(commanded, config)
     if not reasons and commanded != STANDSTILL:
         worth = config.creep_m_s / max(config.creep_m_s, _hull_speed(commanded, config))
-        scale, block = _barrier(state, _known_points(state, now_s, usable), useful, worth)
+        scale, block = _barrier(state, _points_in_reach(state, now_s, usable, useful), useful, worth)
         scale = 0.0 if scale < worth else scale
         if block is not None and _is_confirmed(state, block):
             state = _stop_at(state, now_s, block, _reason_of(block))
@@ -650,7 +648,7 @@ def _decide(
     elif reasons & BARRIER_REASONS and usable and commanded != STANDSTILL:
         useful_m_s = RELEASED_FACTOR * config.creep_m_s
         worth = useful_m_s / max(useful_m_s, _hull_speed(commanded, config))
-        block = _barrier(state, _known_points(state, now_s, usable), useful, worth)[1]
+        block = _barrier(state, _points_in_reach(state, now_s, usable, useful), useful, worth)[1]
     if block is not None:
         causes |= {_reason_of(block)}
     output = STANDSTILL
@@ -662,39 +660,43 @@ def _decide(
     return state, _explain(state, now_s, reasons, causes, block, commanded, scale, reply)
 
 
-class KnownPoints(NamedTuple):
-    """Points that are known from one pose, seen or hidden, and the barrier that applies to them."""
-
-    around: Surroundings
-    """The points in the base frame at that pose."""
-    here: Surroundings | None
-    """The points in the present base frame by odometry; None if the robot has hardly moved since."""
-    barrier: Barrier
-
-
-def _known_points(state: State, now_s: float, usable: Usable) -> list[KnownPoints]:
-    """Return all known points: seen, remembered and hidden."""
+def _points_in_reach(state: State, now_s: float, usable: Usable, commanded: Velocity) -> list[KnownPoints]:
+    """Return all points, seen, remembered and hidden, that may limit a twist of the base on its way to the command."""
+    config, fastest_m_s = state.config, _fastest_m_s(state, commanded)
     shown: list[tuple[Place, float]] = []
     for _, scan in usable:
         assert scan.view is not None  # a usable scan has one
-        reaction_s = now_s - scan.taken_s + scan.period_s + state.config.transport_s
+        reaction_s = now_s - scan.taken_s + scan.period_s + config.transport_s
         shown.append((Place(scan.view.pose, scan.around), reaction_s))
     slowest_s = max(reaction_s for _, reaction_s in shown)
     shown.extend((place, slowest_s) for place in state.places)
-    return [_known_from(state, now_s, place, reaction_s) for place, reaction_s in shown]
+    known: list[KnownPoints] = []
+    for place, reaction_s in shown:
+        barrier = Barrier(
+            stop_distance_m=config.stop_distance_m,
+            deceleration_m_s2=config.deceleration_m_s2,
+            reaction_s=reaction_s,
+            hidden_creep_m_s=config.blind_creep_m_s,
+        )
+        points = in_reach(place, state.odometer, now_s, barrier, fastest_m_s)
+        if points is not None:
+            known.append(points)
+    return known
 
 
-def _known_from(state: State, now_s: float, place: Place, reaction_s: float) -> KnownPoints:
-    config, around = state.config, place.around
-    barrier = Barrier(
-        stop_distance_m=config.stop_distance_m,
-        deceleration_m_s2=config.deceleration_m_s2,
-        reaction_s=reaction_s,
-        hidden_creep_m_s=config.blind_creep_m_s,
+def _fastest_m_s(state: State, commanded: Velocity) -> float:
+    """Return an upper bound of the hull's speed under every twist that `_barrier` checks."""
+    least, most, measured = state.following.least, state.following.most, state.odometer.velocity
+    fastest = Velocity(
+        max(map(abs, (commanded.linear_m_s, least.linear_m_s, most.linear_m_s, measured.linear_m_s))),
+        max(
+            map(
+                abs,
+                (commanded.angular_rad_s, least.angular_rad_s, most.angular_rad_s, measured.angular_rad_s),
+            )
+        ),
     )
-    way = displacement(state.odometer, place.pose, now_s)
-    here = None if way is None else survey(around.hull, moved(around.points, way), around.kind)
-    return KnownPoints(around, here, barrier)
+    return _hull_speed(fastest, state.config)
 
 
 def _barrier(
@@ -707,6 +709,8 @@ def _barrier(
     along that arc first. Neither check latches a stop, because the base only has to slow down. The base may also
     reach its command on one axis before the other; a point that such a twist closes on does block.
     """
+    if not known:
+        return 1.0, None
     config, following = state.config, state.following
     scale, block = _permitted(known, commanded, worth)
     measured = None if state.odometry is None else state.odometer.velocity

@@ -16,11 +16,12 @@ from supervisor.messages import to_command, to_odometry, to_scan, to_status, to_
 from supervisor.model import Decision, Inputs, LaserScan, Liveliness, Mode, Reply
 from supervisor.safety import initial_state, runs_out_s, step
 from wire import topics
-from wire.bus import Bus, woken_by
+from wire.bus import Bus
 from wire.foreign_nodes import ForeignNodes
-from wire.messages import TriggerResponse, zero_twist
+from wire.messages import TriggerResponse, decode_motion, zero_twist
 from wire.stall import StallMeter
 from wire.suspend import never_suspended
+from wire.turns import Turns
 
 _log = logging.getLogger(__name__)
 
@@ -59,7 +60,8 @@ class SupervisorService:
         self._status_s = 1.0 / config.status_hz
         self._loop = asyncio.get_running_loop()
         self._state = initial_state(config.law(), estop=self._estop_record.latched_at_start)
-        self._wake = asyncio.Event()
+        self._turns = Turns(self._turn, self._has_news)
+        self._next_tick_s = 0.0
         self._stall = StallMeter(self._loop.time())
         self._resets: list[asyncio.Future[Reply]] = []
         self._estop_overflowed = 0
@@ -71,25 +73,21 @@ class SupervisorService:
         self._record_changed = asyncio.Event()
         self._estop_record.watch(self._on_record)
 
-        names = [source.name for source in config.sources]
-        self._commands = {
-            # An unchanged command only extends a permission, which can wait for the next tick.
-            name: bus.subscribe(
-                topics.source_cmd_vel(name), depth=COMMAND_DEPTH, wake=self._wake, repeats_wake=False
-            )
-            for name in names
-        }
+        # An unchanged command only extends a permission, which can wait for the next tick. So can an unknown source,
+        # which cannot move the robot.
+        self._commands, self._strangers = bus.subscribe_sources(
+            [source.name for source in config.sources], depth=COMMAND_DEPTH, wake=self._turns
+        )
         self._lidars = [
             (
-                bus.subscribe(topics.lidar_scan(lidar.topic), wake=self._wake, per_writer=True),
+                bus.subscribe(topics.lidar_scan(lidar.topic), wake=self._turns, per_writer=True),
                 config.scan_timeout_of(lidar),
             )
             for lidar in config.all_lidars()
         ]
         self._odometry = bus.subscribe(topics.ODOM, per_writer=True)  # read at the next tick: not urgent
-        self._estops = bus.subscribe(topics.ESTOP, depth=ESTOP_DEPTH, wake=self._wake)
-        self._alive = bus.watch_alive(self._wake)
-        self._sources = bus.hear_sources()  # read at the next step: an unknown source cannot move the robot
+        self._estops = bus.subscribe(topics.ESTOP, depth=ESTOP_DEPTH, wake=self._turns)
+        self._alive = bus.watch_alive(self._turns)
         self._foreign_tokens = bus.watch_foreign_nodes()  # read at each status: it concerns the display only
         self._foreign_nodes = ForeignNodes()
         self._cmd_vel = bus.publisher(topics.CMD_VEL)
@@ -99,34 +97,41 @@ class SupervisorService:
     async def run(self, stop: asyncio.Event) -> None:
         """Supervise until `stop` is set; then command zero and return."""
         token = self._bus.declare_alive(topics.SUPERVISOR)
-        stopping = asyncio.ensure_future(stop.wait())
-        stopping.add_done_callback(lambda _: self._wake.set())
-        next_tick_s = self._loop.time()
+        self._next_tick_s = self._loop.time()
         try:
-            while not stop.is_set():
-                await woken_by(self._wake, min(next_tick_s, runs_out_s(self._state)))
-                self._stall.turn(self._loop.time())
-                inputs = self._gather()
-                now_s = self._loop.time()
-                on_tick = now_s >= next_tick_s
-                if on_tick:
-                    next_tick_s = max(next_tick_s + self._tick_s, now_s)
-                before = self._state
-                self._state, decision = step(before, now_s, inputs)
-                self._publish(decision, now_s, on_tick=on_tick)
-                if self._black_box is not None:
-                    self._black_box.record(now_s, inputs, before, decision)
+            await self._turns.run_until(stop)
         finally:
-            stopping.cancel()
             self._cmd_vel.put(zero_twist())
             token.withdraw()
             self._estop_record.close()
             if self._black_box is not None:
                 self._black_box.close()
 
+    def _turn(self) -> float:
+        """Run a step of the law; return the time of the next one [s]."""
+        self._stall.turn(self._loop.time())
+        inputs = self._gather()
+        now_s = self._loop.time()
+        on_tick = now_s >= self._next_tick_s
+        if on_tick:
+            self._next_tick_s = max(self._next_tick_s + self._tick_s, now_s)
+        before = self._state
+        self._state, decision = step(before, now_s, inputs)
+        self._publish(decision, now_s, on_tick=on_tick)
+        if self._black_box is not None:
+            self._black_box.record(now_s, inputs, before, decision)
+        return min(self._next_tick_s, runs_out_s(self._state))
+
+    def _has_news(self) -> bool:
+        """Return whether something has arrived that cannot wait for the next tick."""
+        return (
+            not (self._estops.is_empty and self._alive.is_empty)
+            or not all(subscription.is_empty for subscription in self._commands.values())
+            or not all(subscription.is_empty for subscription, _ in self._lidars)
+        )
+
     def _gather(self) -> Inputs:
         """Return everything received since the last step."""
-        self._wake.clear()
         estops = self._estops.take()
         # A flood on this key may hide a press, and an undecodable message may be one: unproven means stop.
         estop = any(e.message is None or e.message.data for e in estops)
@@ -151,7 +156,8 @@ class SupervisorService:
             scans.extend(scan for scan in heard if scan is not None)
             if arrivals and arrivals[-1].message is None:
                 undecodable.append(place)
-        odometry = [heard for heard in map(to_odometry, self._odometry.take()) if heard is not None]
+        motions = self._odometry.take_as(decode_motion)
+        odometry = [heard for heard in map(to_odometry, motions) if heard is not None]
         return Inputs(
             commands=tuple(commands),
             liveliness=tuple(liveliness),
@@ -159,7 +165,7 @@ class SupervisorService:
             undecodable_lidars=tuple(undecodable),
             odometry=odometry[-1] if odometry else None,
             odometry_writers=tuple(heard.writer for heard in odometry),
-            strangers=tuple(name for name in self._sources.take() if name not in self._commands),
+            strangers=tuple(self._strangers.take()),
             estop=estop,
             reset=bool(self._resets),
             # Evaluated last, so that it covers a suspend while the other inputs were gathered.
@@ -221,7 +227,7 @@ class SupervisorService:
             return TriggerResponse(success=False, message=STALLED)
         waiting: asyncio.Future[Reply] = self._loop.create_future()
         self._resets.append(waiting)
-        self._wake.set()
+        self._turns.run_now()
         reply = await waiting
         message = reply.message
         if reply.success:
@@ -242,7 +248,7 @@ class SupervisorService:
     def _on_record(self) -> None:
         """Handle a change of the e-stop record; called on the record's thread."""
         with suppress(RuntimeError):  # the loop has closed
-            self._loop.call_soon_threadsafe(self._wake.set)
+            self._loop.call_soon_threadsafe(self._turns.run_now)
             self._loop.call_soon_threadsafe(self._record_changed.set)
 
 

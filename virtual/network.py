@@ -15,7 +15,7 @@ A bus belongs to one run of one process. A process can be blocked in three ways:
 import asyncio
 import contextvars
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import partial
 from random import Random
@@ -29,9 +29,10 @@ from wire.bus import (
     NoReplyError,
     ServiceHandler,
     Subscription,
+    Wake,
 )
 from wire.inbox import FOREIGN_DEPTH, SOURCES_DEPTH
-from wire.messages import M, TriggerResponse, encode
+from wire.messages import M, TriggerResponse, Twist, encode
 from wire.stamp import Stamp, Stamper
 from wire.topics import Service, Topic
 
@@ -237,7 +238,7 @@ class VirtualBus:
         self.session: _Session | None = None
         self._opened: asyncio.Future[None] | None = None
         self._watchers: list[Inbox[LivelinessChange]] = []
-        self._ears: list[Inbox[str]] = []
+        self._ears: list[tuple[Inbox[str], frozenset[str]]] = []
         self._sees: Counter[str] = Counter()
         self.foreign_nodes: Inbox[LivelinessChange] | None = None
         """Tokens of rmw_zenoh; the network has none of its own. None: nobody watches them."""
@@ -261,7 +262,7 @@ class VirtualBus:
         topic: Topic[M],
         *,
         depth: int = 1,
-        wake: asyncio.Event | None = None,
+        wake: Wake | None = None,
         repeats_wake: bool = True,
         per_writer: bool = False,
     ) -> Subscription[M]:
@@ -272,9 +273,21 @@ class VirtualBus:
         self.network.listened.add(topic.key)
         return subscription
 
+    def subscribe_sources(
+        self, names: Collection[str], *, depth: int, wake: Wake
+    ) -> tuple[dict[str, Subscription[Twist]], Inbox[str]]:
+        subscriptions = {
+            name: self.subscribe(topics.source_cmd_vel(name), depth=depth, wake=wake, repeats_wake=False)
+            for name in names
+        }
+        return subscriptions, self._ear(frozenset(names))
+
     def hear_sources(self) -> Inbox[str]:
+        return self._ear(frozenset())
+
+    def _ear(self, except_for: frozenset[str]) -> Inbox[str]:
         ear: Inbox[str] = Inbox(SOURCES_DEPTH, None)
-        self._ears.append(ear)
+        self._ears.append((ear, except_for))
         self.network.has_ears = True
         return ear
 
@@ -284,7 +297,7 @@ class VirtualBus:
         self.network.tell_token(self, node, 1)
         return VirtualToken(self, node)
 
-    def watch_alive(self, wake: asyncio.Event | None = None) -> Inbox[LivelinessChange]:
+    def watch_alive(self, wake: Wake | None = None) -> Inbox[LivelinessChange]:
         watcher: Inbox[LivelinessChange] = Inbox(LIVELINESS_DEPTH, wake)
         self._watchers.append(watcher)
         now_s = self.network.loop.time()
@@ -373,8 +386,9 @@ class VirtualBus:
         for subscription in self.subscriptions.get(key, ()):
             subscription.push(payload, attachment, now_s)
         if self._ears and (source := topics.source_of(key)) is not None:
-            for ear in self._ears:
-                ear.push(source)
+            for ear, except_for in self._ears:
+                if source not in except_for:
+                    ear.push(source)
 
     def see(self, node: str, change: int) -> None:
         """Count one token of a node more or less; report the first and the last one to the watchers."""

@@ -1,6 +1,6 @@
 """The Bus that the services use: it sends and receives messages.
 
-A service owns one `asyncio.Event`, passes it to every subscription as `wake`, and takes the arrivals:
+A service owns one `Wake`, such as an `asyncio.Event`, passes it to every subscription as `wake`, and takes the arrivals:
 
     wake = asyncio.Event()
     scans = bus.subscribe(topics.SCAN, wake=wake)
@@ -13,11 +13,9 @@ Arrivals are stamped on the network's thread with the loop's monotonic clock, so
 that waited for a busy loop does not look fresh.
 """
 
-import asyncio
 import logging
-from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from collections.abc import Awaitable, Callable, Collection
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from wire.inbox import (
     BusError,
@@ -27,10 +25,11 @@ from wire.inbox import (
     Overheard,
     RawArrival,
     Token,
+    Wake,
     wait_until,
     woken_by,
 )
-from wire.messages import M, Message, TriggerResponse, UndecodableError, decode
+from wire.messages import M, Message, TriggerResponse, Twist, UndecodableError, decode
 from wire.newest import NewestOfEachWriter
 from wire.stamp import Stamp, parse_stamp
 from wire.topics import Service, Topic
@@ -48,6 +47,7 @@ __all__ = [
     "ServiceHandler",
     "Subscription",
     "Token",
+    "Wake",
     "wait_until",
     "woken_by",
 ]
@@ -57,15 +57,16 @@ _log = logging.getLogger(__name__)
 REPORT_PERIOD_S = 1.0
 """Minimum time between two log lines about undecodable payloads of one key."""
 
+R = TypeVar("R")
+
 ServiceHandler = Callable[[str], Awaitable[TriggerResponse]]
 """Called with the text of the query (empty if it has none); returns the response."""
 
 
-@dataclass(frozen=True, slots=True)
-class Arrival(Generic[M]):
+class Arrival(NamedTuple, Generic[R]):
     """One decoded sample, with its arrival time by the loop's clock [s] and its sender's stamp."""
 
-    message: M | None
+    message: R | None
     """None if the payload was not a message of the topic's type."""
     arrival_s: float
     stamp: Stamp | None
@@ -80,7 +81,7 @@ class Subscription(Generic[M]):
         message_type: type[M],
         *,
         depth: int,
-        wake: asyncio.Event | None,
+        wake: Wake | None,
         repeats_wake: bool = True,
         per_writer: bool = False,
     ) -> None:
@@ -98,6 +99,10 @@ class Subscription(Generic[M]):
         """Number of samples dropped before they were taken."""
         return self._inbox.overflowed
 
+    @property
+    def is_empty(self) -> bool:
+        return self._inbox.is_empty
+
     def push(self, payload: bytes, attachment: bytes | None, arrival_s: float) -> None:
         """Add a sample; called by the Bus."""
         wakes = self._repeats_wake or payload != self._last_payload
@@ -106,7 +111,11 @@ class Subscription(Generic[M]):
 
     def take(self) -> list[Arrival[M]]:
         """Remove and return the kept samples since the last take, oldest first."""
-        return [self._decode(*item) for item in self._inbox.take()]
+        return self.take_as(self._read)
+
+    def take_as(self, read: Callable[[bytes], R]) -> "list[Arrival[R]]":
+        """Like `take`, but decode with `read`, which raises UndecodableError for payloads that are not a message."""
+        return [self._decode(*item, read) for item in self._inbox.take()]
 
     def take_raw(self) -> list[RawArrival]:
         """Like `take`, but return the received bytes."""
@@ -116,9 +125,14 @@ class Subscription(Generic[M]):
         """Take all samples and return the newest decodable one; None if there is none."""
         return next((a for a in reversed(self.take()) if a.message is not None), None)
 
-    def _decode(self, payload: bytes, attachment: bytes | None, arrival_s: float) -> Arrival[M]:
+    def _read(self, payload: bytes) -> M:
+        return decode(payload, self._type)
+
+    def _decode(
+        self, payload: bytes, attachment: bytes | None, arrival_s: float, read: Callable[[bytes], R]
+    ) -> "Arrival[R]":
         try:
-            message = decode(payload, self._type)
+            message = read(payload)
         except UndecodableError as error:
             self.undecodable += 1
             if arrival_s >= self._next_report_s:
@@ -175,7 +189,7 @@ class Bus(Protocol):
         topic: Topic[M],
         *,
         depth: int = 1,
-        wake: asyncio.Event | None = None,
+        wake: Wake | None = None,
         repeats_wake: bool = True,
         per_writer: bool = False,
     ) -> Subscription[M]:
@@ -191,13 +205,26 @@ class Bus(Protocol):
         """
         ...
 
+    def subscribe_sources(
+        self, names: Collection[str], *, depth: int, wake: Wake
+    ) -> "tuple[dict[str, Subscription[Twist]], Inbox[str]]":
+        """Subscribe to the commands of all sources, with one delivery for each command.
+
+        An unchanged command does not set `wake`.
+
+        Returns:
+            the subscription to each of the named sources, and an inbox for the names of all other sources, one for
+            each of their commands.
+        """
+        ...
+
     def hear_sources(self) -> Inbox[str]:
         """Return an inbox that receives the name of a command source for each of its commands."""
         ...
 
     def declare_alive(self, node: str) -> Token: ...
 
-    def watch_alive(self, wake: asyncio.Event | None = None) -> Inbox[LivelinessChange]:
+    def watch_alive(self, wake: Wake | None = None) -> Inbox[LivelinessChange]:
         """Return an inbox for all changes of the nodes' tokens; existing tokens are reported first."""
         ...
 

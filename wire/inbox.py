@@ -3,6 +3,7 @@
 import asyncio
 import threading
 from contextlib import suppress
+from contextvars import copy_context
 from dataclasses import dataclass
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
@@ -38,6 +39,14 @@ class Overheard(NamedTuple):
     payload: bytes
     attachment: bytes | None
     arrival_s: float
+
+
+class Wake(Protocol):
+    """Wakes a service: an `asyncio.Event`, or an object that acts at once."""
+
+    def set(self) -> None:
+        """Called in the service's event loop after an item arrived."""
+        ...
 
 
 class Token(Protocol):
@@ -85,10 +94,12 @@ class Inbox(Generic[T]):
         kept: storage that is used instead of one of `depth` items, and that decides which items are dropped.
     """
 
-    def __init__(self, depth: int, wake: asyncio.Event | None, kept: Kept[T] | None = None) -> None:
+    def __init__(self, depth: int, wake: Wake | None, kept: Kept[T] | None = None) -> None:
         self._kept: Kept[T] = Newest(depth) if kept is None else kept
         self._wake = wake
         self._loop = asyncio.get_running_loop()
+        self._context = copy_context()
+        """Of the receiver: what a wake starts belongs to it, not to the sender."""
         self._woken = False
         self._lock = threading.Lock()
         self.overflowed = 0
@@ -102,7 +113,11 @@ class Inbox(Generic[T]):
                 return
             self._woken = True
         with suppress(RuntimeError):  # the loop has closed
-            self._loop.call_soon_threadsafe(self._wake.set)
+            self._loop.call_soon_threadsafe(self._wake.set, context=self._context)
+
+    @property
+    def is_empty(self) -> bool:
+        return not len(self._kept)
 
     def take(self) -> list[T]:
         """Remove and return all items since the last take, oldest first."""

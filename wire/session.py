@@ -13,7 +13,7 @@ import json
 import logging
 import threading
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any, Literal, TypeVar
@@ -30,6 +30,7 @@ from wire.inbox import (
     LivelinessChange,
     NoReplyError,
     Overheard,
+    Wake,
 )
 from wire.newest import NewestWithin
 from wire.stamp import Stamper
@@ -250,19 +251,44 @@ class ZenohSession:
     def subscribe_raw(self, key: str, push: Push) -> None:
         """Call `push` for each sample on exactly this key of the robot."""
         full_key = self._key(key)
+        # A put on a wildcard reaches all matching subscribers and passes the hub's access control.
+        # Therefore only a sample on exactly this key is accepted.
+        self._subscribe(full_key, lambda heard_on: push if heard_on == full_key else None)
+
+    def subscribe_sources_raw(self, pushes: Mapping[str, Push], other: Callable[[str], None]) -> None:
+        """Subscribe to the commands of all sources.
+
+        Args:
+            pushes: by the name of a source, called for each of its commands.
+            other: called with the name of any other source for each of its commands, on Zenoh's thread.
+        """
+        by_key = {self._key(topics.source_cmd_vel(name).key): push for name, push in pushes.items()}
+        prefix = self._key("")
+
+        def push_of(heard_on: str) -> Push | None:
+            push = by_key.get(heard_on)
+            if push is None:
+                source = topics.source_of(heard_on.removeprefix(prefix))
+                if source is not None:
+                    other(source)
+            return push
+
+        self._subscribe(self._key(topics.source_cmd_vel("*").key), push_of)
+
+    def _subscribe(self, expression: str, push_of: Callable[[str], Push | None]) -> None:
+        """Pass each sample that an expression matches to the `Push` for its full key, if there is one."""
 
         def on_sample(sample: zenoh.Sample) -> None:
             arrival_s = time.monotonic()
-            # A put on a wildcard reaches all matching subscribers and passes the hub's access control.
-            # Therefore only a sample on exactly this key is accepted.
-            if str(sample.key_expr) != full_key or sample.kind != zenoh.SampleKind.PUT:
+            push = push_of(str(sample.key_expr))
+            if push is None or sample.kind != zenoh.SampleKind.PUT:
                 return
             attachment = sample.attachment
             push(sample.payload.to_bytes(), None if attachment is None else attachment.to_bytes(), arrival_s)
 
         self._declared.append(
             self._session.declare_subscriber(
-                full_key, _direct(on_sample), allowed_origin=zenoh.Locality.REMOTE
+                expression, _direct(on_sample), allowed_origin=zenoh.Locality.REMOTE
             )
         )
 
@@ -296,7 +322,7 @@ class ZenohSession:
         self._declared.append(token)
         return ZenohToken(token)
 
-    def watch_alive(self, wake: asyncio.Event | None = None) -> Inbox[LivelinessChange]:
+    def watch_alive(self, wake: Wake | None = None) -> Inbox[LivelinessChange]:
         """Return an inbox for the changes of the robot's liveliness tokens, with the tokens that exist already."""
         prefix = self._key(topics.alive(""))
         return self._watch_tokens(f"{prefix}*", prefix, Inbox(LIVELINESS_DEPTH, wake))
@@ -424,7 +450,7 @@ class ZenohSession:
         """Zenoh's id of this session."""
         return str(self._session.info.zid())
 
-    def overhear(self, expression: str, *, depth: int, wake: asyncio.Event | None = None) -> Inbox[Overheard]:
+    def overhear(self, expression: str, *, depth: int, wake: Wake | None = None) -> Inbox[Overheard]:
         """Return an inbox for the samples of all keys that an expression matches, such as `robot/**`.
 
         At most `OVERHEARD_BYTES` of them wait, and at most `depth` samples.

@@ -1,12 +1,13 @@
 """The Bus over Zenoh: messages on top of a session that sends and receives bytes (session.py)."""
 
-import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
+from wire import topics
 from wire.bus import ServiceHandler, Subscription
-from wire.messages import M, String, TriggerResponse, UndecodableError, decode, encode, request_text
+from wire.inbox import SOURCES_DEPTH, Inbox, Wake
+from wire.messages import M, String, TriggerResponse, Twist, UndecodableError, decode, encode, request_text
 from wire.session import DEFAULT_ENDPOINT, BusConfig, RawPublisher, Role, ZenohSession, open_session
 from wire.topics import Service, Topic
 
@@ -47,7 +48,7 @@ class ZenohBus(ZenohSession):
         topic: Topic[M],
         *,
         depth: int = 1,
-        wake: asyncio.Event | None = None,
+        wake: Wake | None = None,
         repeats_wake: bool = True,
         per_writer: bool = False,
     ) -> Subscription[M]:
@@ -61,6 +62,19 @@ class ZenohBus(ZenohSession):
         )
         self.subscribe_raw(topic.key, subscription.push)
         return subscription
+
+    def subscribe_sources(
+        self, names: Collection[str], *, depth: int, wake: Wake
+    ) -> tuple[dict[str, Subscription[Twist]], Inbox[str]]:
+        subscriptions = {
+            name: Subscription(
+                self._key(topics.source_cmd_vel(name).key), Twist, depth=depth, wake=wake, repeats_wake=False
+            )
+            for name in names
+        }
+        others: Inbox[str] = Inbox(SOURCES_DEPTH, None)
+        self.subscribe_sources_raw({name: one.push for name, one in subscriptions.items()}, others.push)
+        return subscriptions, others
 
     def serve(self, service: Service, handler: ServiceHandler) -> None:
         async def answer(request: bytes) -> bytes:

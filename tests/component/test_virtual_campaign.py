@@ -29,7 +29,7 @@ from tests.component.rig import Rig, laser_scan
 from wire import topics
 
 ROOT = Path(__file__).parents[2]
-FEW = (8, 11, 3, 5, 0, 1, 2, 4, 6, 7, 9, 10)
+FEW = (8, 11, 14, 3, 5, 0, 1, 2, 4, 6, 7, 9)
 """This many seeds must suffice to find a missing essential rule; the fastest first."""
 
 

@@ -27,6 +27,7 @@ from wire.messages import (
     Twist,
     UndecodableError,
     decode,
+    decode_motion,
 )
 from wire.stamp import parse_stamp
 from wire.watchdog import Watchdog
@@ -136,6 +137,8 @@ class Decoders:
             return True
         subscription = self._subscriptions[given.message_type]
         subscription.push(given.payload, given.attachment, ARRIVALS_APART_S * given.number)
+        if given.message_type is Odometry:
+            self._motion(subscription, given)
         (arrival,) = subscription.take()
         _stamped(given.attachment)
         self._convert(arrival)
@@ -152,16 +155,19 @@ class Decoders:
                 to_scan(arrival, HEADER_TOLERANCE_S)
                 self._scan = Scan.of(scan)
             case Odometry() as message:
-                told = to_odometry(arrival)
-                assert told is None or all(map(math.isfinite, told.velocity)), (
-                    "odometry that is no number was taken"
-                )
                 self._odom = Odom.of(message)
             case SafetyStatus() as status:
                 self._status = status
                 Mode.of(status.mode)
             case _:
                 return
+
+    def _motion(self, subscription: Subscription[Any], given: Case) -> None:
+        """Read the payload as the supervisor does, and leave it for the other receivers."""
+        (arrival,) = subscription.take_as(decode_motion)
+        subscription.push(given.payload, given.attachment, arrival.arrival_s)
+        told = to_odometry(arrival)
+        assert told is None or all(map(math.isfinite, told.velocity)), "odometry that is no number was taken"
 
     def _command(self, arrival: Arrival[Twist]) -> None:
         velocity = to_command("teleop", arrival).velocity

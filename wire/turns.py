@@ -1,0 +1,75 @@
+"""Runs a service turn by turn: when something has arrived, and when a time has come.
+
+A turn runs in the loop's callback itself. A task that waits for an event would need two more passes of the loop for each
+turn, each with a system call.
+"""
+
+import asyncio
+from collections.abc import Callable
+
+
+class Turns:
+    """The turns of one service; a `wire.inbox.Wake` for its inboxes.
+
+    Args:
+        turn: runs a turn; returns the time of the next one by the loop's clock [s], if nothing arrives until then.
+        has_news: whether something has arrived since the last turn. Several inboxes may wake for the same turn.
+    """
+
+    def __init__(self, turn: Callable[[], float], has_news: Callable[[], bool]) -> None:
+        self._turn = turn
+        self._has_news = has_news
+        self._loop = asyncio.get_running_loop()
+        self._timer: asyncio.TimerHandle | None = None
+        self._runs = False
+        self._failed: asyncio.Future[None] = self._loop.create_future()
+
+    def set(self) -> None:
+        """Run a turn, unless another one has taken everything that arrived."""
+        if self._runs and self._has_news():
+            self.run_now()
+
+    def run_now(self) -> None:
+        """Run a turn, if turns are run at all."""
+        if not self._runs:
+            return
+        try:
+            due_s = self._turn()
+        except Exception as error:  # noqa: BLE001 - raised again by `run_until`
+            self._end()
+            self._failed.set_exception(error)
+            return
+        if self._timer is not None and self._timer.when() == due_s:
+            return  # an arrival has not changed the time
+        self._cancel_timer()
+        self._timer = self._loop.call_at(due_s, self._on_time)
+
+    async def run_until(self, stop: asyncio.Event) -> None:
+        """Run turns until `stop` is set, beginning now.
+
+        Raises:
+            Exception: a turn raised it.
+        """
+        stopping = asyncio.ensure_future(stop.wait())
+        self._runs = not stop.is_set()
+        try:
+            self.run_now()
+            await asyncio.wait({stopping, self._failed}, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            self._end()
+            stopping.cancel()
+        if self._failed.done():
+            self._failed.result()
+
+    def _on_time(self) -> None:
+        self._timer = None
+        self.run_now()
+
+    def _end(self) -> None:
+        self._runs = False
+        self._cancel_timer()
+
+    def _cancel_timer(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
