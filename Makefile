@@ -84,7 +84,7 @@ check: $(STAMP) ## run ruff, pyright and import-linter
 	.venv/bin/pyright
 	.venv/bin/lint-imports
 
-bench: $(STAMP) ## measure time and memory of the law, supervisor, teleop and sim (four minutes)
+bench: $(STAMP) ## measure time and memory of the law, supervisor, teleop and sim, and their start (five minutes)
 	.venv/bin/python -m bench
 
 bench-peers: $(STAMP) $(PEERS_STAMP) ## compare the supervisor with bare relays over Zenoh, MQTT, DDS, rclpy and TCP (15 minutes)

@@ -6,6 +6,7 @@ process.py     the real supervisor process over real Zenoh: CPU, memory, rate an
 heartbeat.py   the real teleop in a terminal: lateness of its heartbeat while it draws
 relay.py       reference for process.py: the supervisor's traffic without a law
 sim.py         the simulated robot, unpaced, compared with MuJoCo alone
+start.py       imports of each process, `lifeline up`, and the restart of a killed supervisor
 report.py      the results as tables, verdicts and JSON lines
 __main__.py    python -m bench
 

@@ -15,22 +15,26 @@ from bench.robots.results import read as read_robots
 from bench.robots.table import sheets as robots_sheets
 from bench.robots.table import verdicts as robots_verdicts
 from bench.sim import measure_pace
+from bench.start import measure_imports, measure_starts
 from bench.wakeup import measure_wakeup
 
 ROUNDS = 200
 SECONDS = 15.0
 HEARTBEAT_SECONDS = 30.0
 SIM_ROUNDS = 80
+IMPORT_ROUNDS = 10
+START_ROUNDS = 5
 HEADING = """# Benchmarks
 
-Time and memory of the supervisor, lateness of teleop's heartbeat, and speed of the simulated robot."""
+Time and memory of the supervisor, lateness of teleop's heartbeat, speed of the simulated robot, and time to
+start and restart."""
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(
         prog="python -m bench",
-        description="Measure the supervisor's time and memory, the lateness of teleop's heartbeat, and the speed of the "
-        "simulation. Takes about four minutes.",
+        description="Measure the supervisor's time and memory, the lateness of teleop's heartbeat, the speed of the "
+        "simulation, and the time to start and restart. Takes about five minutes.",
         epilog="exit code: always 0, even if a target is missed: these are benchmarks, not tests",
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the results as JSON lines")
@@ -58,6 +62,12 @@ def main() -> None:
         default=SIM_ROUNDS,
         help="number of simulated seconds for each scene (default: %(default)s)",
     )
+    parser.add_argument(
+        "--start-rounds",
+        type=int,
+        default=START_ROUNDS,
+        help="number of starts, each with one restart (default: %(default)s)",
+    )
     arguments = parser.parse_args()
     results = Results(
         tuple(time_steps(arguments.rounds)),
@@ -66,6 +76,8 @@ def main() -> None:
         tuple(measure_heartbeats(arguments.heartbeat_seconds)),
         tuple(measure_pace(arguments.sim_rounds)),
         tuple(measure_wakeup()),
+        tuple(measure_imports(IMPORT_ROUNDS)),
+        tuple(measure_starts(arguments.start_rounds)),
     )
     sheets, verdicts = results.sheets(), results.verdicts()
     show(sheets, verdicts)
@@ -90,6 +102,8 @@ def _command(arguments: argparse.Namespace) -> str:
         command += f" --heartbeat-seconds {arguments.heartbeat_seconds:g}"
     if arguments.sim_rounds != SIM_ROUNDS:
         command += f" --sim-rounds {arguments.sim_rounds}"
+    if arguments.start_rounds != START_ROUNDS:
+        command += f" --start-rounds {arguments.start_rounds}"
     return command
 
 

@@ -5,7 +5,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from bench import heartbeat, law, process, sim, wakeup
+import numpy as np
+
+from bench import heartbeat, law, process, sim, start, wakeup
 from bench.rig.sheet import Sheet, Verdict, commit, machine, now
 
 
@@ -20,6 +22,8 @@ class Results:
     heartbeats: tuple[heartbeat.Heartbeat, ...]
     paces: tuple[sim.Pace, ...]
     sections: tuple[wakeup.Section, ...]
+    imports: tuple[start.Imports, ...]
+    starts: tuple[start.Start, ...]
 
     def verdicts(self) -> list[Verdict]:
         verdicts: list[Verdict] = []
@@ -44,6 +48,18 @@ class Results:
                 Verdict(f"{what}, processor time,", pace.plant_ms, sim.TARGET_MS, "ms"),
                 Verdict(f"{what}, times MuJoCo alone,", pace.plant_to_bare, sim.TARGET_TO_BARE, "×"),
             ]
+        if self.starts:
+            up_s = float(np.median([one.up_s for one in self.starts]))
+            drivable_s = float(np.median([one.drivable_s for one in self.starts]))
+            verdicts += [
+                Verdict("`lifeline up --detach`, median,", up_s, start.TARGET_UP_S, "s"),
+                Verdict(
+                    "from SIGKILL of the supervisor to drivable, median,",
+                    drivable_s,
+                    start.TARGET_DRIVABLE_S,
+                    "s",
+                ),
+            ]
         return verdicts
 
     def sheets(self) -> list[Sheet]:
@@ -54,6 +70,8 @@ class Results:
             _heartbeat_sheet(self.heartbeats),
             _pace_sheet(self.paces),
             _wakeup_sheet(self.sections),
+            _imports_sheet(self.imports),
+            _starts_sheet(self.starts),
         ]
         return [sheet for sheet in sheets if sheet.rows]
 
@@ -302,6 +320,57 @@ def _wakeup_sheet(sections: Iterable[wakeup.Section]) -> Sheet:
     )
 
 
+def _imports_sheet(imports: Iterable[start.Imports]) -> Sheet:
+    return Sheet(
+        "Imports: a new interpreter that loads the modules of one program and ends, in ms",
+        ("program", "p50", "p90", "/ numpy and zenoh", "runs"),
+        tuple(
+            (
+                one.program,
+                f"{one.median_ms:.0f}",
+                f"{one.p90_ms:.0f}",
+                f"{one.to_libraries:.2f}",
+                f"{one.runs}",
+            )
+            for one in imports
+        ),
+        (
+            "With warm caches and compiled byte code. / numpy and zenoh: the median of the ratios of each round.",
+            "lifeline up: the imports of the command itself, not of the processes that it starts.",
+        ),
+    )
+
+
+def _starts_sheet(starts: Sequence[start.Start]) -> Sheet:
+    rows = (
+        ("lifeline up --detach, until every node is alive", [one.up_s for one in starts]),
+        ("SIGKILL of the supervisor until its restart", [one.respawned_s for one in starts]),
+        ("SIGKILL of the supervisor until drivable", [one.drivable_s for one in starts]),
+    )
+    return Sheet(
+        "Start and restart under supervisord, in s",
+        ("what", "p50", "min", "max", "runs"),
+        tuple(
+            (
+                what,
+                f"{np.median(taken_s):.2f}",
+                f"{min(taken_s):.2f}",
+                f"{max(taken_s):.2f}",
+                f"{len(taken_s)}",
+            )
+            for what, taken_s in rows
+            if taken_s
+        ),
+        (
+            (
+                "drivable: the first status READY, while a source sends zero velocity at 20 Hz. It includes the timeouts of "
+                "0.2 s and 0.24 s for which the supervisor observes a command source and a lidar before it trusts them."
+            ),
+            "The restart is measured to the nearest 10 ms, and may therefore appear to come before the kill.",
+        ),
+    )
+
+
 def write_json(results: Results, path: Path) -> None:
     """Write one JSON object a line: first the run, then one for each row and each target."""
     lines: list[dict[str, object]] = [
@@ -312,6 +381,8 @@ def write_json(results: Results, path: Path) -> None:
         *({"kind": "heartbeat", **asdict(beat)} for beat in results.heartbeats),
         *({"kind": "sim", **asdict(pace)} for pace in results.paces),
         *({"kind": "wakeup", **asdict(section)} for section in results.sections),
+        *({"kind": "import", **asdict(one)} for one in results.imports),
+        *({"kind": "start", **asdict(one)} for one in results.starts),
         *({"kind": "target", **asdict(verdict)} for verdict in results.verdicts()),
     ]
     path.write_text("".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines))

@@ -6,7 +6,7 @@ tick" and "a whole scan" run their sections in sequence after one sleep.
 """
 
 import asyncio
-import queue
+import math
 import threading
 import time
 from collections.abc import Awaitable, Callable, Sequence
@@ -16,7 +16,8 @@ import numpy as np
 
 from bench.law import COLD_SLEEP_S
 from bench.wakeup_sections import SCAN_HZ, TICK_HZ, Prepare, prepared_sections
-from wire.bus import Inbox, woken_by
+from wire.bus import Inbox
+from wire.turns import Turns
 
 ROUNDS = 70
 BLOCK = 4
@@ -79,7 +80,7 @@ def _sections() -> dict[str, tuple[float, float, Measure]]:
     return {
         REFERENCE: (TICK_HZ, HOT_WAIT_S, _sleep),
         "wait for a timer": (TICK_HZ, HOT_WAIT_S, _timer_wait),
-        "wake from another thread": (SCAN_HZ, HOT_WAIT_S, _thread_wake()),
+        "wake from another thread": (SCAN_HZ, HOT_WAIT_S, _thread_wake),
         **{name: (rate_hz, 0.0, _timed(prepare)) for name, (rate_hz, prepare) in prepared_sections().items()},
     }
 
@@ -103,35 +104,34 @@ async def _sleep(sleep_s: float) -> float:
 
 
 async def _timer_wait(sleep_s: float) -> float:
-    wake = asyncio.Event()
-    time_s = asyncio.get_running_loop().time() + sleep_s
-    started_ns = time.thread_time_ns()
-    await woken_by(wake, time_s)
-    return _since_us(started_ns)
+    """Measure from the end of a turn to the begin of the next one, which comes by the timer."""
+    loop, stop, marks_ns = asyncio.get_running_loop(), asyncio.Event(), list[int]()
+
+    def turn() -> float:
+        marks_ns.append(time.thread_time_ns())
+        if len(marks_ns) == 2:
+            stop.set()
+        return loop.time() + sleep_s
+
+    await Turns(turn, lambda: True).run_until(stop)
+    return (marks_ns[1] - marks_ns[0]) / 1000
 
 
-def _thread_wake() -> Measure:
-    """Return the measurement of a wait that ends by an item from another thread; only the loop's thread counts."""
-    wake = asyncio.Event()
-    inbox: Inbox[int] = Inbox(1, wake)
-    sleeps_s: queue.SimpleQueue[float] = queue.SimpleQueue()
+async def _thread_wake(sleep_s: float) -> float:
+    """Measure as `_timer_wait` a turn that comes by an item from another thread; only the loop's thread counts."""
+    stop, marks_ns = asyncio.Event(), list[int]()
 
-    def push() -> None:
-        while True:
-            time.sleep(sleeps_s.get())
-            inbox.push(1)
+    def turn() -> float:
+        marks_ns.append(time.thread_time_ns())
+        if inbox.take():
+            stop.set()
+        return math.inf
 
-    threading.Thread(target=push, name="bench wake", daemon=True).start()
-
-    async def measure(sleep_s: float) -> float:
-        wake.clear()
-        sleeps_s.put(sleep_s)
-        started_ns = time.thread_time_ns()
-        await wake.wait()
-        inbox.take()
-        return _since_us(started_ns)
-
-    return measure
+    turns = Turns(turn, lambda: not inbox.is_empty)
+    inbox: Inbox[int] = Inbox(1, turns)
+    threading.Timer(sleep_s, inbox.push, (1,)).start()
+    await turns.run_until(stop)
+    return (marks_ns[-1] - marks_ns[0]) / 1000
 
 
 def _since_us(started_ns: int) -> float:

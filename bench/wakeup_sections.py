@@ -14,7 +14,7 @@ from supervisor.model import Decision, Mode
 from wire import topics
 from wire.bus import Subscription
 from wire.message_types import M, Message
-from wire.messages import encode, laser_scan, odometry, planar_twist
+from wire.messages import decode_motion, encode, laser_scan, odometry, planar_twist
 from wire.stamp import Stamper
 
 BEAMS = 360
@@ -40,7 +40,9 @@ def prepared_sections() -> dict[str, tuple[float, Prepare]]:
         commands, [planar_twist(*velocity)], lambda: [to_command(topics.TELEOP, a) for a in commands.take()]
     )
     motion = _decode(
-        motions, [odometry((1.0, 2.0, 0.3), velocity)], lambda: [to_odometry(a) for a in motions.take()]
+        motions,
+        [odometry((1.0, 2.0, 0.3), velocity)],
+        lambda: [to_odometry(a) for a in motions.take_as(decode_motion)],
     )
     scan = _decode(scans, sent_scans, lambda: [to_scan(a, TICK_S) for a in scans.take()])
     free, wall = Driver(BEAMS, wall_m=scenery.ROOM_M), Driver(BEAMS)

@@ -287,12 +287,12 @@ def _within(
     """
     far = distance_m.take(hits)
     near = hits[far < far_m]
-    around = survey(hull, rays.points(near, distance_m))
     if len(near):
+        around = survey(hull, rays.points(near, distance_m))
         return around, *around.nearest()
     if len(hits):
-        return around, *survey(hull, rays.points(hits, distance_m)).nearest()
-    return around, math.inf, math.nan
+        return nothing_around(hull), *survey(hull, rays.points(hits, distance_m)).nearest()
+    return nothing_around(hull), math.inf, math.nan
 
 
 def _view(

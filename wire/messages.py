@@ -8,12 +8,15 @@ import math
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple, NoReturn, cast
 
 import numpy as np
 import numpy.typing as npt
+from rosbags.interfaces import Msgdef
 from rosbags.interfaces.typing import Typesdict
+from rosbags.serde.cdr import generate_deserialize_cdr, generate_getsize_cdr, generate_serialize_cdr
 from rosbags.typesys import get_types_from_msg
+from rosbags.typesys.base import normalize_fieldname
 from rosbags.typesys.store import Typestore
 
 from wire import cdr, ros
@@ -118,9 +121,36 @@ def _before(definitions: Typesdict, name: str, first: str) -> Typesdict:
     return {**definitions, name: (constants, fields[: [field for field, _ in fields].index(first)])}
 
 
+def _no_ros1(*_: object) -> NoReturn:
+    raise NotImplementedError("ROS 1 is not supported")
+
+
+class _CdrStore(Typestore):
+    """A type store that generates only CDR code; that for ROS 1 takes as long again at the start of each process."""
+
+    def get_msgdef(self, typename: str) -> Msgdef[object]:
+        if typename not in self.cache:
+            fields = [(normalize_fieldname(name), desc) for name, desc in self.fielddefs[typename][1]]
+            getsize_cdr, size_cdr = generate_getsize_cdr(fields, self)
+            self.cache[typename] = Msgdef(
+                typename,
+                fields,
+                self.types[typename],
+                size_cdr,
+                getsize_cdr,
+                generate_serialize_cdr(fields, self, "le"),
+                generate_serialize_cdr(fields, self, "be"),
+                generate_deserialize_cdr(fields, self, "le"),
+                generate_deserialize_cdr(fields, self, "be"),
+                0,
+                *(_no_ros1,) * 7,
+            )
+        return self.cache[typename]
+
+
 def _typestore(definitions: Typesdict) -> Typestore:
     """Return a type store with only Lifeline's types, and with classes that a type checker knows."""
-    store = Typestore(max_sequence_length=MAX_SEQUENCE_LENGTH)
+    store = _CdrStore(max_sequence_length=MAX_SEQUENCE_LENGTH)
     for message_type in _TYPES:
         name = message_type.__msgtype__
         store.fielddefs[name] = definitions[name]

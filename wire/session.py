@@ -39,6 +39,8 @@ _log = logging.getLogger(__name__)
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 CONNECT_RETRY_S = 0.1
+RECONNECT_MS = 50
+"""Period of a client's attempts to reconnect."""
 CLOSE_LIMIT_S = 1.0
 MAX_PENDING_QUERIES = 16
 TX_QUEUE = 16
@@ -121,10 +123,11 @@ def _settings(config: BusConfig, role: Role) -> zenoh.Config:
         values["connect/timeout_ms"] = (
             0  # `open_session` retries the first connection itself, and can be cancelled
         )
+        # A supervisor that was killed listens again after some tenths of a second: a longer period would add to that.
         values["connect/retry"] = {
-            "period_init_ms": 50,
-            "period_max_ms": 200,
-            "period_increase_factor": 2,
+            "period_init_ms": RECONNECT_MS,
+            "period_max_ms": RECONNECT_MS,
+            "period_increase_factor": 1,
         }
     settings = zenoh.Config()
     for key, value in values.items():

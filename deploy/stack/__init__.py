@@ -6,7 +6,7 @@ preflight.py    check the configuration before the start; preflight_sim.py the s
 robot_file.py   read and check all sections of a robot.toml; ros2_fit.py the section of ROS 2 against the others
 ros2_program.py how the ROS 2 process is started in an environment of its own
 launch.py       arguments and environment of the processes, and a check of the endpoint
-supervisord.py  fetch supervisord with uv, start it, and query it over its socket
+supervisord.py  fetch supervisord with uv, start it, and query it over its socket; ../supervisord_plugin runs in it
 processes.py    find the processes of a state directory, and signal them
 ros2_reports.py what the ROS 2 process reports of its topics
 statedir.py     the state directory: its files and its lock

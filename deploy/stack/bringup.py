@@ -36,18 +36,21 @@ def start(state: StateDir, launch: Launch, say: Say) -> None:
     """Start supervisord with its programs, without waiting until they are alive.
 
     Raises:
-        DeployError: the start is impossible or failed; no process is left running.
+        DeployError: the start is impossible or failed. No node is left running, but possibly supervisord: the caller
+            stops everything with takedown.py.
     """
     check_nothing_runs(state)
     state.forget()
     check_endpoint_is_free(launch.bus.endpoint)
-    preflight.check(launch)
+    sections = preflight.check_sections(launch)
     uv = supervisord.find_uv()
-    supervisord.fetch(uv, say)
     for node in launch.nodes:
         state.log(node).unlink(missing_ok=True)
     state.record.write_text(json.dumps(launch.to_record()))
-    supervisord.start(uv, state, launch)
+    with supervisord.starting(uv, state, launch, say):
+        preflight.check_world(launch, sections)  # takes as long as supervisord's start
+    for node in launch.nodes:
+        supervisord.start_program(state, node)
 
 
 async def wait_until_alive(state: StateDir, launch: Launch, say: Say, limit_s: float = ALIVE_LIMIT_S) -> None:

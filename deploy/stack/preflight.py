@@ -4,20 +4,28 @@ from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.robot_file import read_robot
 from wire import topics
-from wire.config import ConfigError, read_toml
+from wire.config import ConfigError, Sections, read_toml
 
 
-def check(launch: Launch) -> None:
-    """Refuse a configuration that would fail or be unsafe at runtime.
+def check_sections(launch: Launch) -> Sections:
+    """Refuse a configuration that would fail or be unsafe at runtime, and return its sections.
 
     Raises:
-        DeployError: a section or the scene is invalid, the simulated robot extends beyond the footprint, or the
-            interpreter of the ROS 2 process is missing.
+        DeployError: a section is invalid, or does not fit the others.
     """
     try:
-        sections = read_robot(read_toml(launch.config), simulated=topics.SIM in launch.nodes)
+        return read_robot(read_toml(launch.config), simulated=topics.SIM in launch.nodes)
     except ConfigError as error:
         raise DeployError(str(error)) from error
+
+
+def check_world(launch: Launch, sections: Sections) -> None:
+    """Check what the sections refer to.
+
+    Raises:
+        DeployError: the scene is invalid, the simulated robot extends beyond the footprint, or the interpreter of the
+            ROS 2 process is missing.
+    """
     if topics.SIM in launch.nodes:
         from deploy.stack.preflight_sim import check_scene  # noqa: PLC0415 - needs the extra `sim`
 

@@ -11,8 +11,8 @@ import socket
 import subprocess
 import sys
 import xmlrpc.client
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Generator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -24,6 +24,8 @@ from wire.state_directory import checkout
 
 REQUIREMENT = "supervisor==4.3.0"
 CONFIGURATION = Path(__file__).resolve().parents[1] / "supervisord.conf"
+PLUGIN = CONFIGURATION.with_name("supervisord_plugin")
+"""The only directory of Lifeline that supervisord imports from."""
 START_LIMIT_S = 20.0
 FETCH_LIMIT_S = 180.0
 ANSWER_LIMIT_S = 3.0
@@ -58,36 +60,52 @@ def find_uv() -> str:
     )
 
 
-def fetch(uv: str, say: Callable[[str], None]) -> None:
+def fetch(uv: str, say: Callable[[str], None]) -> bool:
     """Create supervisord's environment, unless uv has it already; then no network access is needed.
+
+    Returns:
+        Whether it was created now.
 
     Raises:
         DeployError: supervisord cannot be fetched.
     """
     if _run(_command(uv, "--version"), limit_s=START_LIMIT_S).returncode == 0:
-        return
+        return False
     say(f"fetching {REQUIREMENT} (once)")
     done = _run(_command(uv, "--version", offline=False), limit_s=FETCH_LIMIT_S)
     if done.returncode != 0:
         raise DeployError(
             f"uv could not fetch {REQUIREMENT}; this needs access to the package index once:\n{_indented(done.stderr)}"
         )
+    return True
 
 
-def start(uv: str, state: StateDir, launch: Launch) -> None:
-    """Start supervisord as a daemon; its socket exists on return.
+@contextmanager
+def starting(uv: str, state: StateDir, launch: Launch, say: Callable[[str], None]) -> Generator[None]:
+    """Start supervisord as a daemon, without programs, while the context is open; on exit, it answers.
 
     Raises:
-        DeployError: it did not start.
+        DeployError: it cannot be fetched, or did not start.
     """
-    done = _run(
-        _command(uv, "--configuration", str(CONFIGURATION)),
-        limit_s=START_LIMIT_S,
-        cwd=state.path,
-        environment=launch.environment(state),
-    )
+    command = _command(uv, "--configuration", str(CONFIGURATION))
+    environment = launch.environment(state) | {"PYTHONPATH": str(PLUGIN)}
+    with _running(command, cwd=state.path, environment=environment) as child:
+        yield
+        done = _end_of(child, START_LIMIT_S)
+    if done.returncode != 0 and fetch(uv, say):
+        done = _run(command, limit_s=START_LIMIT_S, cwd=state.path, environment=environment)
     if done.returncode != 0:
         raise DeployError(f"supervisord did not start:\n{_indented(done.stderr or done.stdout)}")
+
+
+def start_program(state: StateDir, name: str) -> None:
+    """Start a program immediately; supervisord itself would start it after its first poll, which takes a second.
+
+    Raises:
+        DeployError: supervisord refuses or does not answer.
+    """
+    if _ask(state, "supervisor.startProcess", name, False) is not True:  # noqa: FBT003 - XML-RPC has no keywords
+        raise DeployError(f"supervisord did not start {name}; see {state.log('supervisord')}")
 
 
 def _command(uv: str, *arguments: str, offline: bool = True) -> list[str]:
@@ -104,6 +122,15 @@ def _run(
     cwd: Path | None = None,
     environment: dict[str, str] | None = None,
 ) -> subprocess.CompletedProcess[str]:
+    with _running(command, cwd=cwd, environment=environment) as child:
+        return _end_of(child, limit_s)
+
+
+@contextmanager
+def _running(
+    command: list[str], *, cwd: Path | None = None, environment: dict[str, str] | None = None
+) -> Generator["subprocess.Popen[str]"]:
+    """Run a command while the context is open; kill it on exit if it still runs."""
     # With this project on the PYTHONPATH, supervisord would import Lifeline's `supervisor` instead of its own.
     inherited = {k: v for k, v in os.environ.items() if k not in {"PYTHONPATH", "PYTHONHOME"}}
     try:
@@ -121,16 +148,23 @@ def _run(
         raise DeployError(
             f"cannot run {command[0]} ({error.strerror}): give the path of a working uv in UV"
         ) from error
+    with child:  # on exit, close its pipes and wait for it
+        try:
+            yield child
+        finally:
+            if child.poll() is None:  # uv and its children that are not yet daemons
+                with suppress(ProcessLookupError):
+                    os.killpg(child.pid, signal.SIGKILL)
+
+
+def _end_of(child: "subprocess.Popen[str]", limit_s: float) -> subprocess.CompletedProcess[str]:
+    """Wait for the end of a command, and return its output."""
     try:
         output, errors = child.communicate(timeout=limit_s)
     except subprocess.TimeoutExpired as error:
+        command = cast("list[str]", child.args)
         raise DeployError(f"uv did not finish within {limit_s:g} s: {' '.join(command)}") from error
-    finally:
-        if child.poll() is None:  # uv and its children that are not yet daemons
-            with suppress(ProcessLookupError):
-                os.killpg(child.pid, signal.SIGKILL)
-            child.wait()
-    return subprocess.CompletedProcess(command, child.wait(), output, errors)
+    return subprocess.CompletedProcess(child.args, child.wait(), output, errors)
 
 
 def _indented(text: str) -> str:
@@ -159,11 +193,11 @@ class _UnixTransport(xmlrpc.client.Transport):
         return connection
 
 
-def _ask(state: StateDir, method: str) -> Any:  # noqa: ANN401 - whatever the method answers
+def _ask(state: StateDir, method: str, *arguments: object) -> Any:  # noqa: ANN401 - whatever the method answers
     """Call a method; return None if supervisord does not answer."""
     with xmlrpc.client.ServerProxy("http://localhost/RPC2", transport=_UnixTransport(state.socket)) as server:
         try:
-            return getattr(server, method)()
+            return getattr(server, method)(*arguments)
         except (OSError, http.client.HTTPException, xmlrpc.client.Error):
             return None
 

@@ -95,6 +95,10 @@ def robot() -> Generator[Robot]:
     shutil.rmtree(directory)
 
 
+RESTART_LIMIT_S = 0.7
+"""Less than the second for which supervisord's loop sleeps."""
+
+
 def _wait_for(condition: Callable[[], bool], what: str) -> None:
     deadline_s = time.monotonic() + WAIT_LIMIT_S
     while not condition():
@@ -137,6 +141,19 @@ def test_a_robot_comes_up_is_seen_and_goes_down(robot: Robot) -> None:
     again = robot.run("down")
     assert (again.returncode, again.stdout) == (0, "lifeline: nothing is running\n")
     assert robot.run("status").returncode == 3
+
+
+def test_a_killed_supervisor_of_a_real_robot_is_restarted_immediately(robot: Robot) -> None:
+    """No log line of a sim wakes supervisord, whose own loop would sleep for a second."""
+    assert robot.run("up", "--detach", "--no-sim").returncode == 0
+    _wait_for(
+        lambda: [p.state for p in supervisord.programs(robot.state) or ()] == ["RUNNING"], "not yet settled"
+    )
+    first = robot.pids()["supervisor"]
+    os.kill(first, signal.SIGKILL)
+    killed_s = time.monotonic()
+    _wait_for(lambda: robot.pids().get("supervisor", first) != first, "no restart")
+    assert time.monotonic() - killed_s < RESTART_LIMIT_S
 
 
 def test_a_killed_supervisor_is_restarted_and_a_killed_supervisord_is_cleaned_up_after(robot: Robot) -> None:

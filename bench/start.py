@@ -1,0 +1,179 @@
+"""Measures how long the processes take to start: their imports, `lifeline up`, and the restart of a killed supervisor.
+
+The reference in the same run is the bare interpreter, and the two libraries that every process needs.
+"""
+
+import asyncio
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from bench.rig.feed import START_S, at_rate, client, feeding
+from deploy.stack import processes
+from deploy.stack.launch import free_loopback_endpoint
+from deploy.stack.statedir import StateDir
+from wire import topics
+from wire.bus import Subscription
+from wire.messages import SafetyStatus, zero_twist
+from wire.zenoh_bus import ZenohBus
+
+BARE = "python -c pass"
+LIBRARIES = "numpy and zenoh"
+PROGRAMS = {
+    BARE: ("-c", "pass"),
+    LIBRARIES: ("-c", "import numpy, zenoh"),
+    "supervisor": ("-m", "supervisor", "--help"),
+    "sim": ("-m", "sim", "--help"),
+    "teleop": ("-m", "teleop", "--help"),
+    "lifeline up": ("-c", "import deploy.cli, deploy.up"),
+}
+"""By name, the arguments of an interpreter that loads a program's modules and ends."""
+COMMAND_HZ = 20.0
+SETTLED_S = 3.2
+"""More than the `startsecs` of supervisord.conf: a process that dies earlier is restarted after a pause."""
+RUN_LIMIT_S = 60.0
+
+TARGET_UP_S = 2.0
+TARGET_DRIVABLE_S = 0.7
+
+_CLOCK_TICKS_S = os.sysconf("SC_CLK_TCK")
+
+
+@dataclass(frozen=True)
+class Imports:
+    """The time of a process that only imports the modules of one program, with warm caches."""
+
+    program: str
+    median_ms: float
+    p90_ms: float
+    runs: int
+    to_libraries: float
+    """The median of the ratios to numpy and zenoh in the same round."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """One start of the simulated robot, and one restart of its supervisor after SIGKILL."""
+
+    up_s: float
+    """From `lifeline up --detach` to its end, when every node is alive."""
+    respawned_s: float
+    """From SIGKILL to the new process, as supervisord starts it."""
+    drivable_s: float
+    """From SIGKILL to the first status READY: the next command moves the robot."""
+
+
+def measure_imports(rounds: int) -> list[Imports]:
+    """Start one interpreter for each program in turn, `rounds` times."""
+    taken_ms: dict[str, list[float]] = {program: [] for program in PROGRAMS}
+    for number in range(-1, rounds):
+        for program, arguments in PROGRAMS.items():
+            began_s = time.perf_counter()
+            # With pipes, the end of the process is noticed at once; without, a time limit polls every 50 ms.
+            subprocess.run([sys.executable, *arguments], check=True, capture_output=True, timeout=RUN_LIMIT_S)
+            if number >= 0:  # the first round fills the caches
+                taken_ms[program].append(1000.0 * (time.perf_counter() - began_s))
+    return [summary(program, times_ms, taken_ms[LIBRARIES]) for program, times_ms in taken_ms.items()]
+
+
+def summary(program: str, times_ms: list[float], libraries_ms: list[float]) -> Imports:
+    """Return the statistics of one program beside the times of the libraries in the same rounds."""
+    times, reference = np.array(times_ms), np.array(libraries_ms)
+    return Imports(
+        program,
+        median_ms=float(np.median(times)),
+        p90_ms=float(np.percentile(times, 90)),
+        runs=len(times_ms),
+        to_libraries=float(np.median(times / reference)),
+    )
+
+
+def measure_starts(rounds: int) -> list[Start]:
+    """Start the simulated robot, kill its supervisor, and stop everything, `rounds` times.
+
+    Raises:
+        RuntimeError: the robot does not start, or does not become drivable.
+    """
+    return [_start_once() for _ in range(rounds)]
+
+
+def _start_once() -> Start:
+    endpoint = free_loopback_endpoint()
+    with tempfile.TemporaryDirectory() as folder:
+        options = ("--state-dir", folder)
+        try:
+            began_s = time.perf_counter()
+            _lifeline("up", "--detach", "--no-viewer", "--endpoint", endpoint, *options)
+            up_s = time.perf_counter() - began_s
+            try:
+                respawned_s, drivable_s = asyncio.run(_kill(StateDir.choose(Path(folder)), endpoint))
+            except TimeoutError as error:
+                raise RuntimeError("the robot does not become drivable") from error
+        finally:
+            _lifeline("down", *options)
+    return Start(up_s, respawned_s, drivable_s)
+
+
+def _lifeline(*arguments: str) -> None:
+    command = [sys.executable, "-c", "from deploy.entry import main; main()", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=RUN_LIMIT_S)
+    if done.returncode != 0:
+        raise RuntimeError(f"lifeline {arguments[0]} failed: {done.stderr}")
+
+
+async def _kill(state: StateDir, endpoint: str) -> tuple[float, float]:
+    """Kill the supervisor while a neutral source is live; return the times of its restart and of READY [s]."""
+    async with client(endpoint) as bus:
+        commands = bus.publisher(topics.source_cmd_vel(topics.TELEOP))
+        statuses = _Statuses(bus)
+        async with feeding([at_rate(COMMAND_HZ, lambda: commands.put(zero_twist()))]):
+            await statuses.ready()
+            await asyncio.sleep(SETTLED_S)
+            killed = _supervisor(state)
+            killed_s, killed_boot_s = time.monotonic(), time.clock_gettime(time.CLOCK_BOOTTIME)
+            os.kill(killed, signal.SIGKILL)
+            drivable_s = await statuses.ready() - killed_s
+            respawned_s = _started_s(_supervisor(state)) - killed_boot_s
+    return respawned_s, drivable_s
+
+
+class _Statuses:
+    """The statuses of the supervisor, each run by its own."""
+
+    def __init__(self, bus: ZenohBus) -> None:
+        self._wake = asyncio.Event()
+        self._statuses: Subscription[SafetyStatus] = bus.subscribe(topics.STATUS, depth=64, wake=self._wake)
+        self._seen: set[bytes] = set()
+
+    async def ready(self) -> float:
+        """Wait until a run that was not yet ready is; return the time of arrival [s]."""
+        async with asyncio.timeout(START_S):
+            while True:
+                self._wake.clear()
+                for arrival in self._statuses.take():
+                    run = None if arrival.stamp is None else arrival.stamp.gid
+                    ready = arrival.message is not None and arrival.message.mode == SafetyStatus.READY
+                    if ready and run is not None and run not in self._seen:
+                        self._seen.add(run)
+                        return arrival.arrival_s
+                await self._wake.wait()
+
+
+def _supervisor(state: StateDir) -> int:
+    """Return the pid of the running supervisor."""
+    (found,) = [process.pid for process in processes.of(state.path) if process.name == topics.SUPERVISOR]
+    return found
+
+
+def _started_s(pid: int) -> float:
+    """Return when a process was started [s since boot], to the nearest clock tick of 10 ms."""
+    fields = re.sub(r".*\)", "", Path(f"/proc/{pid}/stat").read_text(), flags=re.DOTALL).split()
+    return int(fields[19]) / _CLOCK_TICKS_S

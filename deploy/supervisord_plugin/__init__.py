@@ -1,0 +1,1 @@
+"""Code that runs in supervisord's own interpreter; only supervisord imports it."""

@@ -1,0 +1,102 @@
+"""The turns of a service, in a real event loop."""
+
+import asyncio
+import math
+from collections.abc import Callable
+
+import pytest
+
+from wire.inbox import Inbox
+from wire.turns import Turns
+
+
+def _turns_until(count: int, due_s: Callable[[], float]) -> tuple[Turns, asyncio.Event, list[float]]:
+    """Return turns that stop after a number of them, and the times at which they ran."""
+    loop, stop, ran_s = asyncio.get_running_loop(), asyncio.Event(), list[float]()
+
+    def turn() -> float:
+        ran_s.append(loop.time())
+        if len(ran_s) == count:
+            stop.set()
+        return due_s()
+
+    return Turns(turn, lambda: True), stop, ran_s
+
+
+async def test_turns_come_at_their_times_and_not_before() -> None:
+    loop = asyncio.get_running_loop()
+    due_s = [loop.time() + 0.01 * number for number in range(1, 5)]
+    turns, stop, ran_s = _turns_until(4, iter(due_s).__next__)
+    await turns.run_until(stop)
+    assert len(ran_s) == 4
+    assert all(ran + 1e-6 >= due for ran, due in zip(ran_s[1:], due_s, strict=False))
+
+
+async def test_an_arrival_runs_a_turn_before_its_time() -> None:
+    turns, stop, ran_s = _turns_until(2, lambda: math.inf)
+    asyncio.get_running_loop().call_later(0.01, turns.set)
+    await asyncio.wait_for(turns.run_until(stop), 5.0)
+    assert len(ran_s) == 2
+
+
+async def test_what_arrives_together_in_several_inboxes_takes_one_turn() -> None:
+    stop, taken = asyncio.Event(), list[list[int]]()
+
+    def turn() -> float:
+        taken.append([item for inbox in inboxes for item in inbox.take()])
+        if len(taken) == 2:
+            stop.set()
+        return math.inf
+
+    turns = Turns(turn, lambda: any(not inbox.is_empty for inbox in inboxes))
+    inboxes = [Inbox[int](4, turns) for _ in range(3)]
+
+    def arrive(number: int) -> None:
+        for inbox in inboxes:
+            inbox.push(number)
+
+    asyncio.get_running_loop().call_later(0.01, arrive, 1)
+    await asyncio.wait_for(turns.run_until(stop), 5.0)
+    assert taken == [[], [1, 1, 1]]
+
+
+async def test_what_arrives_before_the_first_turn_is_left_to_it() -> None:
+    turns, stop, ran_s = _turns_until(1, lambda: math.inf)
+    turns.set()
+    turns.run_now()
+    assert not ran_s
+    await turns.run_until(stop)
+    assert len(ran_s) == 1
+
+
+async def test_after_the_stop_no_turn_runs() -> None:
+    turns, stop, ran_s = _turns_until(1, lambda: 0.0)
+    await turns.run_until(stop)
+    turns.set()
+    turns.run_now()
+    await asyncio.sleep(0)
+    assert len(ran_s) == 1
+
+
+async def test_the_error_of_a_turn_ends_the_service_and_every_later_turn() -> None:
+    count = 0
+
+    def turn() -> float:
+        nonlocal count
+        count += 1
+        if count == 2:
+            raise ZeroDivisionError("the second turn")
+        return 0.0
+
+    turns = Turns(turn, lambda: True)
+    with pytest.raises(ZeroDivisionError, match="the second turn"):
+        await asyncio.wait_for(turns.run_until(asyncio.Event()), 5.0)
+    turns.set()
+    assert count == 2
+
+
+async def test_a_stop_before_the_begin_runs_no_turn() -> None:
+    turns, stop, ran_s = _turns_until(1, lambda: 0.0)
+    stop.set()
+    await turns.run_until(stop)
+    assert not ran_s
