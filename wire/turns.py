@@ -22,7 +22,8 @@ class Turns:
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
         self._runs = False
-        self._failed: asyncio.Future[None] = self._loop.create_future()
+        self._failed = asyncio.Event()
+        self._error: BaseException | None = None
 
     def set(self) -> None:
         """Run a turn, unless another one has taken everything that arrived."""
@@ -35,9 +36,10 @@ class Turns:
             return
         try:
             due_s = self._turn()
-        except Exception as error:  # noqa: BLE001 - raised again by `run_until`
+        except BaseException as error:  # noqa: BLE001 - raised again by `run_until`; a panic in Zenoh is no Exception
             self._end()
-            self._failed.set_exception(error)
+            self._error = error
+            self._failed.set()
             return
         if self._timer is not None and self._timer.when() == due_s:
             return  # an arrival has not changed the time
@@ -48,18 +50,19 @@ class Turns:
         """Run turns until `stop` is set, beginning now.
 
         Raises:
-            Exception: a turn raised it.
+            BaseException: a turn raised it.
         """
-        stopping = asyncio.ensure_future(stop.wait())
+        ends = [asyncio.ensure_future(event.wait()) for event in (stop, self._failed)]
         self._runs = not stop.is_set()
         try:
             self.run_now()
-            await asyncio.wait({stopping, self._failed}, return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
         finally:
             self._end()
-            stopping.cancel()
-        if self._failed.done():
-            self._failed.result()
+            for end in ends:
+                end.cancel()
+        if self._error is not None:
+            raise self._error
 
     def _on_time(self) -> None:
         self._timer = None

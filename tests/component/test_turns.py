@@ -95,6 +95,21 @@ async def test_the_error_of_a_turn_ends_the_service_and_every_later_turn() -> No
     assert count == 2
 
 
+class Panic(BaseException):
+    """As pyo3 raises it for a panic in Rust: not an `Exception`."""
+
+
+@pytest.mark.parametrize("error", [Panic("in Rust"), GeneratorExit(), StopIteration()], ids=repr)
+async def test_an_error_that_is_no_exception_ends_the_service_too(error: BaseException) -> None:
+    """Else the process would live on, with its token, and without a timer for its next turn."""
+
+    def turn() -> float:
+        raise error
+
+    with pytest.raises((Panic, GeneratorExit, RuntimeError)):
+        await asyncio.wait_for(Turns(turn, lambda: True).run_until(asyncio.Event()), 5.0)
+
+
 async def test_a_stop_before_the_begin_runs_no_turn() -> None:
     turns, stop, ran_s = _turns_until(1, lambda: 0.0)
     stop.set()
