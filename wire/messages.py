@@ -201,7 +201,7 @@ def decode_motion(payload: bytes) -> Motion:
     Raises:
         UndecodableError: as `decode`.
     """
-    motion = cdr.unpack_motion(payload)
+    motion = cdr.unpack_motion(payload) if len(payload) <= MAX_PAYLOAD_BYTES else None
     if motion is None:
         odom = decode(payload, Odometry)
         twist = odom.twist.twist

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from tests.fuzz import payloads
 from wire import cdr
 from wire.messages import (
+    MAX_PAYLOAD_BYTES,
     Odometry,
     Point,
     Pose,
@@ -139,6 +140,15 @@ FRAME_AT = 4 + 8
 def test_another_layout_is_left_to_the_codec(payload: bytes) -> None:
     assert cdr.unpack_motion(payload) is None
     assert cdr.unpack_twist(payload) is None
+
+
+@pytest.mark.parametrize("names", [("x" * MAX_PAYLOAD_BYTES, ""), ("", "x" * MAX_PAYLOAD_BYTES)])
+def test_the_motion_of_a_payload_above_1_mib_is_refused_as_by_the_codec(names: tuple[str, str]) -> None:
+    payload = encode(_odometry(*names, Twist(Vector3(0.5, 0.0, 0.0), Vector3(0.0, 0.0, 0.1))))
+    with pytest.raises(UndecodableError):
+        decode(payload, Odometry)
+    with pytest.raises(UndecodableError):
+        decode_motion(payload)
 
 
 def test_the_options_of_the_header_may_have_any_value() -> None:
