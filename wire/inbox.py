@@ -121,7 +121,7 @@ class Inbox(Generic[T]):
 
     def take(self) -> list[T]:
         """Remove and return all items since the last take, oldest first."""
-        if not len(self._kept):
+        if not len(self._kept) and not self._woken:
             return []
         with self._lock:
             items = self._kept.take()

@@ -8,6 +8,7 @@ import pytest
 
 from wire.bus import Inbox, Subscription
 from wire.messages import Twist, encode, planar_twist
+from wire.newest import NewestWithin
 from wire.stamp import Stamper
 
 GOOD = encode(planar_twist(0.1, 0.0))
@@ -112,3 +113,15 @@ async def test_the_newest_sample_of_each_writer_is_kept_by_the_epoch_of_its_stam
         None,
     ]
     assert subscription.overflowed == 298
+
+
+async def test_after_an_item_that_is_too_large_to_keep_the_next_one_wakes_again() -> None:
+    wake = asyncio.Event()
+    inbox = Inbox(4, wake, NewestWithin[bytes](4, 10, len))
+    inbox.push(bytes(11))
+    await asyncio.wait_for(wake.wait(), 5.0)
+    assert inbox.take() == []
+    wake.clear()
+    inbox.push(b"small")
+    await asyncio.wait_for(wake.wait(), 5.0)
+    assert inbox.take() == [b"small"]
