@@ -52,14 +52,19 @@ def test_a_hangup_that_nohup_ignores_stays_ignored() -> None:
 
 @pytest.mark.parametrize("number", interrupts.SIGNALS)
 def test_a_signal_that_is_held_back_is_raised_after_the_context(number: signal.Signals) -> None:
-    reached_its_end = False
-    with interrupts.interrupts():
-        with pytest.raises(interrupts.Interrupted) as raised, interrupts.held_back():
+    finished: list[bool] = []
+
+    def work() -> None:
+        with interrupts.held_back():
             os.kill(os.getpid(), number)
             os.kill(os.getpid(), signal.SIGTERM)
-            reached_its_end = True
+            finished.append(True)
+
+    with interrupts.interrupts():
+        with pytest.raises(interrupts.Interrupted) as raised:
+            work()
         assert raised.value.exit_code == 128 + number
-    assert reached_its_end
+    assert finished
 
 
 def test_without_a_signal_nothing_is_raised_and_a_later_one_is_handled() -> None:
