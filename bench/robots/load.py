@@ -7,7 +7,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Usage:
-    """Processor time that the running threads of a process have used until now."""
+    """Processor time that the existing threads of a process have used until now."""
 
     cpu_s: float
     delay_s: float

@@ -1,4 +1,4 @@
-"""Draws docs/images/robots.svg from the stored run of `make bench-robots`: `python -m docs.generate.draw_robots`.
+"""Draws docs/images/robots.svg from the stored run of `python -m bench.robots --json`: `python -m docs.generate.draw_robots`.
 
 Panels: load, gaps of cmd_vel and stop times over the number of robots on one machine. Without a stored run, draws nothing.
 """
