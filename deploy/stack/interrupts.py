@@ -64,9 +64,10 @@ def interrupts() -> Generator[None]:
 
 @contextmanager
 def held_back() -> Generator[None]:
-    """Handle signals only after the context: an import of compiled modules would turn `Interrupted` into an ImportError.
+    """Postpone the handling of signals to the end of the context, and handle the first of them.
 
-    They are not blocked, because another thread of this process would then receive them.
+    While compiled modules are imported, `Interrupted` would become an ImportError. The signals are not blocked, because
+    another thread of this process would then receive them.
     """
     received: list[int] = []
 

@@ -21,7 +21,7 @@ def check_sections(launch: Launch) -> Sections:
 
 
 def check_world(launch: Launch, sections: Sections) -> None:
-    """Check what the sections refer to.
+    """Check what the sections refer to: the scene and the hull of a sim, and the interpreter of the ROS 2 process.
 
     Raises:
         DeployError: the scene is invalid, the simulated robot extends beyond the footprint, or the interpreter of the
