@@ -30,7 +30,7 @@ NO_RMW_ZENOH := zenoh-ros2-sdk cannot be installed on this machine
 .PHONY: help setup ros2 test-ros2 run test unit system timed demo proof proofs coverage check bench bench-peers bench-robots docs picture mutation faults campaign
 
 help: ## print this list
-	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: $(STAMP) ## create the environment .venv from uv.lock
 

@@ -1,7 +1,7 @@
 """Benchmarks of time and memory: the law, the supervisor, teleop and the sim. They are not tests and never fail.
 
 law.py         step(): time and memory, compared with plain numpy on the same arrays
-wakeup.py      time breakdown of a supervisor's wake-up, in a loop and after sleep (wakeup_sections.py: what it times)
+wakeup.py      time breakdown of a supervisor's wake-up, in a loop and after sleep (wakeup_sections.py: the timed sections)
 process.py     the real supervisor process over real Zenoh: CPU, memory, rate and gaps of cmd_vel
 heartbeat.py   the real teleop in a terminal: lateness of its heartbeat while it draws
 relay.py       reference for process.py: the supervisor's traffic without a law

@@ -313,7 +313,7 @@ def _wakeup_sheet(sections: Iterable[wakeup.Section]) -> Sheet:
             ),
             (
                 "Each section alone pays for cold caches. a whole tick (odometry) and a whole scan are a sequence after one "
-                "sleep: decode, step(), encode cmd_vel, record. They are therefore less than the sum of their sections."
+                "sleep: decode, step(), encode cmd_vel, record. They therefore take less than the sum of their sections."
             ),
             "decode: push into the subscription, take, and convert to the law's input. encode: with conversion and stamp.",
         ),
@@ -322,7 +322,7 @@ def _wakeup_sheet(sections: Iterable[wakeup.Section]) -> Sheet:
 
 def _imports_sheet(imports: Iterable[start.Imports]) -> Sheet:
     return Sheet(
-        "Imports: a new interpreter that loads the modules of one program and ends, in ms",
+        "Imports: a new interpreter that imports the modules of one program and ends, in ms",
         ("program", "p50", "p90", "/ numpy and zenoh", "runs"),
         tuple(
             (
@@ -366,7 +366,7 @@ def _starts_sheet(starts: Sequence[start.Start]) -> Sheet:
                 "drivable: the first status READY, while a source sends zero velocity at 20 Hz. It includes the timeouts of "
                 "0.2 s and 0.24 s for which the supervisor observes a command source and a lidar before it trusts them."
             ),
-            "The restart is measured to the nearest 10 ms, and may therefore appear to come before the kill.",
+            "The time of the restart is rounded down to 10 ms, and may therefore appear to be before the kill.",
         ),
     )
 

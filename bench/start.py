@@ -1,6 +1,6 @@
 """Measures how long the processes take to start: their imports, `lifeline up`, and the restart of a killed supervisor.
 
-The reference in the same run is the bare interpreter, and the two libraries that every process needs.
+The references in the same run are a bare interpreter, and one that imports only numpy and zenoh.
 """
 
 import asyncio
@@ -35,7 +35,7 @@ PROGRAMS = {
     "teleop": ("-m", "teleop", "--help"),
     "lifeline up": ("-c", "import deploy.cli, deploy.up"),
 }
-"""By name, the arguments of an interpreter that loads a program's modules and ends."""
+"""By name, the arguments of an interpreter that imports a program's modules and ends."""
 COMMAND_HZ = 20.0
 SETTLED_S = 3.2
 """More than the `startsecs` of supervisord.conf: a process that dies earlier is restarted after a pause."""
@@ -49,14 +49,14 @@ _CLOCK_TICKS_S = os.sysconf("SC_CLK_TCK")
 
 @dataclass(frozen=True)
 class Imports:
-    """The time of a process that only imports the modules of one program, with warm caches."""
+    """The time of a process that imports the modules of one program and ends, with warm caches."""
 
     program: str
     median_ms: float
     p90_ms: float
     runs: int
     to_libraries: float
-    """The median of the ratios to numpy and zenoh in the same round."""
+    """The median of the ratios to the import of numpy and zenoh in the same round."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +64,9 @@ class Start:
     """One start of the simulated robot, and one restart of its supervisor after SIGKILL."""
 
     up_s: float
-    """From `lifeline up --detach` to its end, when every node is alive."""
+    """Duration of `lifeline up --detach`, which ends when every node is alive."""
     respawned_s: float
-    """From SIGKILL to the new process, as supervisord starts it."""
+    """From SIGKILL to the start of the new process."""
     drivable_s: float
     """From SIGKILL to the first status READY: the next command moves the robot."""
 
@@ -146,7 +146,7 @@ async def _kill(state: StateDir, endpoint: str) -> tuple[float, float]:
 
 
 class _Statuses:
-    """The statuses of the supervisor, each run by its own."""
+    """The statuses of the supervisor, which tell its runs apart by their stamps."""
 
     def __init__(self, bus: ZenohBus) -> None:
         self._wake = asyncio.Event()
@@ -154,7 +154,7 @@ class _Statuses:
         self._seen: set[bytes] = set()
 
     async def ready(self) -> float:
-        """Wait until a run that was not yet ready is; return the time of arrival [s]."""
+        """Wait for the first status READY of a further run; return its arrival time [s]."""
         async with asyncio.timeout(START_S):
             while True:
                 self._wake.clear()
@@ -174,6 +174,6 @@ def _supervisor(state: StateDir) -> int:
 
 
 def _started_s(pid: int) -> float:
-    """Return when a process was started [s since boot], to the nearest clock tick of 10 ms."""
+    """Return when a process was started [s since boot], rounded down to the clock tick, usually 10 ms."""
     fields = re.sub(r".*\)", "", Path(f"/proc/{pid}/stat").read_text(), flags=re.DOTALL).split()
     return int(fields[19]) / _CLOCK_TICKS_S

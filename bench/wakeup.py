@@ -1,8 +1,8 @@
 """Time breakdown of a supervisor's wake-up: each section in a loop (hot) and immediately after sleep (cold).
 
-Times are CPU times of the thread. The cold times show the share of a core, since the service sleeps between two ticks.
-Each cold section pays for the cold caches alone, while in the service the first section warms them for the next: "a whole
-tick" and "a whole scan" run their sections in sequence after one sleep.
+Times are CPU times of the thread. The cold times give the supervisor's share of a core, because it sleeps between two
+ticks. Each section is measured cold on its own, while in the supervisor each section warms the caches for the next one: "a
+whole tick" and "a whole scan" run their sections in sequence after one sleep.
 """
 
 import asyncio
@@ -23,7 +23,7 @@ ROUNDS = 70
 BLOCK = 4
 """Hot runs of a section in each round; the first is not counted, because it follows another section."""
 HOT_WAIT_S = 0.0005
-"""Duration of the waits in a loop: long enough that the loop has to wait, too short for the caches to grow cold."""
+"""Duration of the hot waits: long enough that the event loop has to wait, too short for the caches to become cold."""
 REFERENCE = "reference: time.sleep"
 
 Measure = Callable[[float], Awaitable[float]]
@@ -104,7 +104,7 @@ async def _sleep(sleep_s: float) -> float:
 
 
 async def _timer_wait(sleep_s: float) -> float:
-    """Measure from the end of a turn to the begin of the next one, which comes by the timer."""
+    """Measure from one turn to the next one, which a timer starts."""
     loop, stop, marks_ns = asyncio.get_running_loop(), asyncio.Event(), list[int]()
 
     def turn() -> float:
@@ -118,7 +118,7 @@ async def _timer_wait(sleep_s: float) -> float:
 
 
 async def _thread_wake(sleep_s: float) -> float:
-    """Measure as `_timer_wait` a turn that comes by an item from another thread; only the loop's thread counts."""
+    """Measure from one turn to the next one, which an item from another thread starts; only the loop's thread counts."""
     stop, marks_ns = asyncio.Event(), list[int]()
 
     def turn() -> float:

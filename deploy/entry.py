@@ -7,7 +7,8 @@ from deploy.stack.interrupts import default_until_handled
 default_until_handled()  # before the slow imports, of which `typing` is one
 
 COLLECT_AFTER = 50_000
-"""New objects until garbage is collected: Python's own 700 would search what the imports create again and again."""
+"""Number of new objects that starts a garbage collection. Python's default is 700 to 2,000, by version: the imports would
+start many collections, which find no garbage."""
 
 
 def main() -> None:

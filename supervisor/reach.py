@@ -1,12 +1,13 @@
-"""Selection of the points that may limit a motion; the others cannot, whatever twist of that speed the base has.
+"""Selection of the points that may limit a motion of the base, by their distance from the hull.
 
-No point of the hull moves faster than V = |v| + |ω|·radius. A point limits no twist if it is farther from the hull than
+No point of the hull moves faster than V = |v| + |ω|·radius. A point limits no such twist if it is farther from the hull
+than
 
-    d + V·T + V²/2a
+    d + e + V·T + V²/2a
 
-with the stop distance d, the reaction time T and the deceleration a of the barrier (clearance.py): there κ is at least V,
-and the base stops on its path before it comes within d of the point. On a free path, no point is left, and the barrier
-permits the command as it is.
+with the stop distance d, the reaction time T and the deceleration a of the barrier, and the extra distance e on an arc
+(`STRAY_M`), all of clearance.py. There the permitted speed κ is at least V, and the base stops on its path before it comes
+within d + e of the point. On a free path no point is selected, and the barrier permits the whole command.
 """
 
 import math
@@ -46,13 +47,13 @@ def in_reach(
     Args:
         place: the points, and the odometer pose that is their frame.
         odometer: the newest odometer.
-        now_s: the time.
+        now_s: the present time.
         barrier: the parameters of this step.
         fastest_m_s: an upper bound of the speed of any point of the hull.
     """
     hull = place.around.hull
     way = displacement(odometer, place.pose, now_s)
-    # A point has come nearer by odometry by no more than the hull has moved.
+    # By odometry, a point has come nearer by no more than the hull has moved.
     moved_m = 0.0 if way is None else math.hypot(way.x_m, way.y_m) + abs(way.yaw_rad) * hull.radius_m
     around = nearer_than(place.around, reach_m(fastest_m_s, barrier) + moved_m)
     if around is None:

@@ -661,7 +661,7 @@ def _decide(
 
 
 def _points_in_reach(state: State, now_s: float, usable: Usable, commanded: Velocity) -> list[KnownPoints]:
-    """Return all points, seen, remembered and hidden, that may limit a twist of the base on its way to the command."""
+    """Return the seen, remembered and hidden points that may limit a twist of the base until it reaches the command."""
     config, fastest_m_s = state.config, _fastest_m_s(state, commanded)
     shown: list[tuple[Place, float]] = []
     for _, scan in usable:

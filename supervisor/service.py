@@ -73,8 +73,8 @@ class SupervisorService:
         self._record_changed = asyncio.Event()
         self._estop_record.watch(self._on_record)
 
-        # An unchanged command only extends a permission, which can wait for the next tick. So can an unknown source,
-        # which cannot move the robot.
+        # An unchanged command only extends a permission and can wait for the next tick. So can a command of an unknown
+        # source, which cannot move the robot.
         self._commands, self._strangers = bus.subscribe_sources(
             [source.name for source in config.sources], depth=COMMAND_DEPTH, wake=self._turns
         )

@@ -114,7 +114,7 @@ class Subscription(Generic[M]):
         return self.take_as(self._read)
 
     def take_as(self, read: Callable[[bytes], R]) -> "list[Arrival[R]]":
-        """Like `take`, but decode with `read`, which raises UndecodableError for payloads that are not a message."""
+        """Like `take`, but decode with `read`, which raises UndecodableError for a payload that is not a valid message."""
         return [self._decode(*item, read) for item in self._inbox.take()]
 
     def take_raw(self) -> list[RawArrival]:
@@ -213,8 +213,8 @@ class Bus(Protocol):
         An unchanged command does not set `wake`.
 
         Returns:
-            the subscription to each of the named sources, and an inbox for the names of all other sources, one for
-            each of their commands.
+            the subscriptions by the name of their source, and an inbox that receives the name of any other source
+            for each of its commands.
         """
         ...
 

@@ -1,8 +1,8 @@
-"""Messages of fixed layout, read and written by offset; the robot's commands and odometry, most of all messages, are such.
+"""Encoding and decoding by offset of the most frequent messages: Twist, and the velocity in an Odometry.
 
-The general codec (messages.py) creates an object for each part of a message, of which an Odometry has fourteen. The
-supervisor reads only two of its numbers. A payload in any other layout, such as big-endian or padded, is left to that
-codec, so both accept the same payloads.
+The general codec (messages.py) creates an object for each part of a message, but the supervisor reads only two numbers
+and the frame id of an Odometry. A payload in any other layout, such as big-endian or padded, is left to the general
+codec; so both accept the same payloads.
 """
 
 import struct
@@ -11,7 +11,7 @@ from typing import NamedTuple
 from wire.ros import Twist, Vector3
 
 LITTLE_ENDIAN = b"\0\1"
-"""Begin of the encapsulation header of the payloads that are read here; two bytes of options follow."""
+"""The first two bytes of the encapsulation header of the payloads that are read here; two bytes of options follow."""
 
 _NO_OPTIONS = b"\0\0"
 _HEADER_BYTES = 4
@@ -24,10 +24,10 @@ _VELOCITY_BYTES = (6 + 36) * 8
 
 
 class Motion(NamedTuple):
-    """The part of an Odometry that tells how the base moves."""
+    """The planar velocity of the base, and the frame id, from an Odometry."""
 
     frame_id: str
-    """Of the header."""
+    """The frame id of the header."""
     linear_m_s: float
     """Forward velocity."""
     angular_rad_s: float
@@ -35,6 +35,7 @@ class Motion(NamedTuple):
 
 
 def pack_twist(twist: Twist) -> bytes:
+    """Return the Twist as little-endian CDR with its encapsulation header."""
     linear, angular = twist.linear, twist.angular
     return _TWIST.pack(
         LITTLE_ENDIAN + _NO_OPTIONS, linear.x, linear.y, linear.z, angular.x, angular.y, angular.z

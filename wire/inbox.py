@@ -42,10 +42,10 @@ class Overheard(NamedTuple):
 
 
 class Wake(Protocol):
-    """Wakes a service: an `asyncio.Event`, or an object that acts at once."""
+    """Wakes a service: an `asyncio.Event`, or an object that runs the service at once (`wire.turns.Turns`)."""
 
     def set(self) -> None:
-        """Called in the service's event loop after an item arrived."""
+        """Wake the service; called in its event loop after an item has arrived."""
         ...
 
 
@@ -99,7 +99,7 @@ class Inbox(Generic[T]):
         self._wake = wake
         self._loop = asyncio.get_running_loop()
         self._context = copy_context()
-        """Of the receiver: what a wake starts belongs to it, not to the sender."""
+        """Context of the receiver, in which `wake` is set; what it schedules then also runs in it, not in the sender's."""
         self._woken = False
         self._lock = threading.Lock()
         self.overflowed = 0

@@ -123,7 +123,7 @@ def _settings(config: BusConfig, role: Role) -> zenoh.Config:
         values["connect/timeout_ms"] = (
             0  # `open_session` retries the first connection itself, and can be cancelled
         )
-        # A supervisor that was killed listens again after some tenths of a second: a longer period would add to that.
+        # A killed supervisor listens again after some tenths of a second; a longer period would add to that time.
         values["connect/retry"] = {
             "period_init_ms": RECONNECT_MS,
             "period_max_ms": RECONNECT_MS,
@@ -259,11 +259,11 @@ class ZenohSession:
         self._subscribe(full_key, lambda heard_on: push if heard_on == full_key else None)
 
     def subscribe_sources_raw(self, pushes: Mapping[str, Push], other: Callable[[str], None]) -> None:
-        """Subscribe to the commands of all sources.
+        """Subscribe to the commands of all sources; everything is called on Zenoh's thread.
 
         Args:
-            pushes: by the name of a source, called for each of its commands.
-            other: called with the name of any other source for each of its commands, on Zenoh's thread.
+            pushes: by the name of a source, what is called for each of its commands.
+            other: called with the name of any other source for each of its commands.
         """
         by_key = {self._key(topics.source_cmd_vel(name).key): push for name, push in pushes.items()}
         prefix = self._key("")

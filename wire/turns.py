@@ -1,7 +1,7 @@
-"""Runs a service turn by turn: when something has arrived, and when a time has come.
+"""Runs the turns of a service: at each arrival, and at the time that the previous turn returned.
 
-A turn runs in the loop's callback itself. A task that waits for an event would need two more passes of the loop for each
-turn, each with a system call.
+A turn runs in the callback of the event loop. A task that waits for an event would need more passes of the loop for
+each turn, each with a system call.
 """
 
 import asyncio
@@ -9,11 +9,11 @@ from collections.abc import Callable
 
 
 class Turns:
-    """The turns of one service; a `wire.inbox.Wake` for its inboxes.
+    """Runs the turns of one service, and is the `wire.inbox.Wake` of its inboxes.
 
     Args:
-        turn: runs a turn; returns the time of the next one by the loop's clock [s], if nothing arrives until then.
-        has_news: whether something has arrived since the last turn. Several inboxes may wake for the same turn.
+        turn: runs one turn, and returns the time of the next one if nothing arrives before, by the loop's clock [s].
+        has_news: returns whether something has arrived since the last turn; an earlier wake may have run the turn for it.
     """
 
     def __init__(self, turn: Callable[[], float], has_news: Callable[[], bool]) -> None:
@@ -26,12 +26,12 @@ class Turns:
         self._error: BaseException | None = None
 
     def set(self) -> None:
-        """Run a turn, unless another one has taken everything that arrived."""
+        """Run a turn, unless an earlier one has taken everything that arrived, or `run_until` is not running."""
         if self._runs and self._has_news():
             self.run_now()
 
     def run_now(self) -> None:
-        """Run a turn, if turns are run at all."""
+        """Run a turn, whether or not something has arrived; do nothing while `run_until` is not running."""
         if not self._runs:
             return
         try:
@@ -42,12 +42,12 @@ class Turns:
             self._failed.set()
             return
         if self._timer is not None and self._timer.when() == due_s:
-            return  # an arrival has not changed the time
+            return  # the timer is already set to this time
         self._cancel_timer()
         self._timer = self._loop.call_at(due_s, self._on_time)
 
     async def run_until(self, stop: asyncio.Event) -> None:
-        """Run turns until `stop` is set, beginning now.
+        """Run a turn now, and further turns until `stop` is set.
 
         Raises:
             BaseException: a turn raised it.

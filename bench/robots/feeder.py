@@ -1,8 +1,9 @@
 """Plays sensors, operator and base of many robots: `python -m bench.robots.feeder ENDPOINT …`.
 
-One thread sends prepared bytes at their times, and Zenoh's threads note what arrives, so that the feeder costs little. The
-streams are spread evenly over their periods. A line on the standard input is a command: `release NUMBER …` takes the operator
-away from these robots, `end` ends. Prints `driving` when each robot has moved, and at the end one line of JSON: all that was heard.
+One thread sends prepared bytes at their times, and Zenoh's threads record what arrives, so the feeder needs little CPU. The
+streams are spread evenly over their periods. Each line on the standard input is a command: `release NUMBER …` removes the
+operator of these robots, and `end` ends the program. Prints `driving` when every robot has moved, and at the end all recorded
+messages as one line of JSON.
 """
 
 import argparse
@@ -27,7 +28,7 @@ COMMAND_HZ = 20.0
 CRUISE_M_S = 0.3
 SCANS = 64
 NEUTRAL_EVERY = 10
-"""While its robot stands, an operator releases the keys for one command of so many: only neutral ends a stop."""
+"""While its robot is stopped, an operator sends one neutral command in this many: only neutral ends a stop."""
 SPREAD = 0.618034
 """The golden ratio's fraction: its multiples are spread evenly between 0 and 1."""
 _TWIST = struct.Struct("<4x6d")
@@ -37,22 +38,22 @@ Motion = tuple[float, float]
 
 
 class Robot:
-    """One robot at its supervisor.
+    """Plays the sensors, operator and base of one robot, and records what its supervisor sends.
 
     Args:
-        session: at the supervisor of this robot.
+        session: connected to the supervisor of this robot.
         scans: encoded scans.
         moved: called on Zenoh's thread when the robot moves for the first time.
     """
 
     def __init__(self, session: ZenohSession, scans: Sequence[bytes], moved: Callable[[], None]) -> None:
         self.heard: list[tuple[float, float, bool]] = []
-        """Of each command to the base: arrival and time of its decision [s], and whether it moves the robot."""
+        """For each command to the base: its arrival and decision time [s], and whether it moves the robot."""
         self.garbled: list[tuple[float, str, str, str]] = []
-        """Of each message that its key does not permit: arrival [s], key, payload and attachment."""
+        """For each message that its key does not permit: arrival time [s], key, payload and attachment."""
         self._statuses: list[tuple[float, bytes, bytes | None]] = []
         self._moved = moved
-        self._session = session  # it exists only as long as it is referenced
+        self._session = session  # a session is closed when nothing refers to it
         self._motion: Motion = (0.0, 0.0)
         self._odometry_of: dict[Motion, bytes] = {}
         self._next_scan = itertools.cycle(scans)
@@ -68,7 +69,7 @@ class Robot:
 
     def _hear_cmd_vel(self, payload: bytes, attachment: bytes | None, arrival_s: float) -> None:
         if len(payload) != _TWIST.size:
-            self._tell_garbled(arrival_s, topics.CMD_VEL.key, payload, attachment)
+            self._record_garbled(arrival_s, topics.CMD_VEL.key, payload, attachment)
             return
         linear_m_s, *_, angular_rad_s = _TWIST.unpack(payload)
         stamp = parse_stamp(attachment)
@@ -82,7 +83,7 @@ class Robot:
     def _hear_status(self, payload: bytes, attachment: bytes | None, arrival_s: float) -> None:
         self._statuses.append((arrival_s, payload, attachment))
 
-    def _tell_garbled(self, arrival_s: float, key: str, payload: bytes, attachment: bytes | None) -> None:
+    def _record_garbled(self, arrival_s: float, key: str, payload: bytes, attachment: bytes | None) -> None:
         self.garbled.append((arrival_s, key, payload.hex(), (attachment or b"").hex()))
 
     def put_scan(self) -> None:
@@ -102,25 +103,25 @@ class Robot:
         self._commands.put_bytes(self._neutral if releases else self._cruise)
 
     def release(self) -> None:
-        """Take the operator away: the robot stops."""
+        """Remove the operator, so that the robot stops."""
         self._has_operator = False
         self._token.withdraw()
 
     def statuses(self) -> list[tuple[float, bool, list[str]]]:
-        """Return of each status its arrival [s], whether the robot is stopped, and the reasons."""
+        """Return for each status its arrival time [s], whether the robot is stopped, and the reasons."""
         found: list[tuple[float, bool, list[str]]] = []
         for at_s, payload, attachment in self._statuses:
             try:
                 status = decode(payload, SafetyStatus)
             except UndecodableError:
-                self._tell_garbled(at_s, topics.STATUS.key, payload, attachment)
+                self._record_garbled(at_s, topics.STATUS.key, payload, attachment)
             else:
                 found.append((at_s, status.mode == SafetyStatus.STOPPED, list(status.reasons)))
         return found
 
 
 def send(robots: Sequence[Robot], ended: threading.Event) -> list[tuple[float, float]]:
-    """Send all streams until the end, and return of each sample its due time [s] and its lateness [s]."""
+    """Send all streams until `ended` is set; return the due time [s] and the lateness [s] of each sample."""
     rates = (SCAN_HZ, ODOM_HZ, COMMAND_HZ)
     acts = [
         (act, rate_hz)
@@ -167,7 +168,7 @@ def main() -> None:
         for number, session in enumerate(asyncio.run(_sessions(endpoints)))
     ]
 
-    def obey() -> None:
+    def read_commands() -> None:
         for line in sys.stdin:
             word, *numbers = line.split()
             if word == "end":
@@ -176,7 +177,7 @@ def main() -> None:
                 robots[int(number)].release()
         ended.set()
 
-    threading.Thread(target=obey, daemon=True).start()
+    threading.Thread(target=read_commands, daemon=True).start()
     late = send(robots, ended)
     found = [
         {"heard": robot.heard.copy(), "statuses": robot.statuses(), "garbled": robot.garbled}

@@ -1,8 +1,8 @@
-"""Starts operators that are to be killed: `python -m bench.robots.holders`.
+"""Starts operators for `bench.robots` to kill: `python -m bench.robots.holders`.
 
-Each line `NUMBER ENDPOINT` on the standard input starts an operator in a process of its own, who drives the robot of this
-endpoint. Prints `started NUMBER PID`, and `driving NUMBER PID` when the robot moves. The processes are forks of this one, which
-imports everything and opens nothing: a new interpreter for each of them would itself be a load for the robots.
+Each line `NUMBER ENDPOINT` on the standard input starts an operator, a process that drives the robot at this endpoint. Prints
+`started NUMBER PID`, and `driving NUMBER PID` when the robot moves. The processes are forks of this one, which has imported all
+modules and opened no session: starting a new interpreter for each of them would load the machine.
 """
 
 import ctypes
@@ -17,7 +17,7 @@ PR_SET_PDEATHSIG = 1
 
 
 def main() -> None:
-    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # the kernel buries the children
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # the kernel reaps the children
     libc = ctypes.CDLL(None)
     for line in sys.stdin:
         number, endpoint = line.split()

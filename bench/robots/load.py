@@ -1,4 +1,4 @@
-"""The processor time of processes and of the machine, from /proc."""
+"""Reads the processor time of processes and of the machine from /proc."""
 
 from contextlib import suppress
 from dataclasses import dataclass
@@ -7,13 +7,13 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Usage:
-    """What the threads of a process have used until now."""
+    """Processor time that the existing threads of a process have used until now."""
 
     cpu_s: float
     delay_s: float
-    """Ready to run, but waiting for a core."""
+    """Time for which threads were ready to run but waited for a core."""
     slices: int
-    """Number of times that a thread was given a core."""
+    """Number of times that a thread received a core."""
 
     def __sub__(self, other: "Usage") -> "Usage":
         return Usage(self.cpu_s - other.cpu_s, self.delay_s - other.delay_s, self.slices - other.slices)
@@ -30,7 +30,7 @@ class Machine:
 
 
 def usage(pid: int) -> Usage:
-    """Return the usage of a process; that of a thread is missing once it has ended."""
+    """Return the usage of a process, without that of threads that have ended."""
     rows: list[list[int]] = []
     for path in Path(f"/proc/{pid}/task").glob("*/schedstat"):
         with suppress(OSError):  # the thread has ended
@@ -41,6 +41,7 @@ def usage(pid: int) -> Usage:
 
 
 def machine() -> Machine:
+    """Return the times of all cores."""
     user, nice, system, idle, waiting, irq, soft_irq, stolen = (
         int(word) for word in Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:9]
     )

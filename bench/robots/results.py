@@ -1,4 +1,4 @@
-"""The stored measurements, one JSON object a line: the run, then one for each number of robots."""
+"""Writes and reads the stored measurements, one JSON object a line: the run, then each number of robots."""
 
 import json
 from collections.abc import Iterable
@@ -25,20 +25,20 @@ class Crowd:
     busy_percent: float
     """Of all cores of the machine, during the drive."""
     kills_busy_percent: float
-    """The same during the kills: the operators that are killed need processor time, too."""
+    """The same during the kills, when the killed operators also use processor time."""
     stolen_percent: float
     """Part of `busy_percent` that the host of a virtual machine took."""
     other_percent: float
-    """Of one core: what was neither a supervisor nor the feeder. Much of it means that other work spoiled the measurement."""
+    """Of one core: all other processes. A high value means that other work disturbed the measurement."""
     gap_p50_ms: float
     gap_p99_ms: float
     gap_max_ms: float
     decided_gap_p99_ms: float
-    """Between the decisions in the supervisors: without transport and without this bench's own delay."""
+    """Time between the decisions in the supervisors, without the delays of transport and of this bench."""
     transit_p99_ms: float
     """From the decision to the arrival in this bench."""
     late_p99_ms: float
-    """Lateness of the feeder's samples."""
+    """Lateness at which the feeder sends its samples."""
     garbled: int
     """Number of messages that their key does not permit."""
     stood: int
@@ -47,7 +47,7 @@ class Crowd:
     """Number of robots for each reason of such a stop."""
     kills: int
     stop_ms: tuple[float, ...]
-    """From the SIGKILL of the operator to zero on cmd_vel; missing where the operator never got the robot to drive."""
+    """From the SIGKILL of the operator to zero on cmd_vel; without the kills before which the robot never drove."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Measures one number of robots: first they drive, then the operators of some of them are killed again and again."""
+"""Measures one number of robots: all of them drive, then the operators of some of them are killed repeatedly."""
 
 import json
 import os
@@ -30,10 +30,10 @@ DRIVE_LIMIT_S, SETTLE_S = 30.0, 3.0
 KILLED = 2
 """Number of robots whose operators are killed; the others drive."""
 HOLD_S = (0.2, 0.4)
-"""How long an operator drives before it is killed: random, so that the kills have no fixed place between two ticks."""
+"""Range of the random time that an operator drives before its kill, so that kills have no fixed phase in a tick."""
 HOLD_LIMIT_S = 5.0
 STAND_S = 0.3
-"""Before the next operator comes."""
+"""Time from a kill to the start of the next operator."""
 KILLS_LIMIT_S = 60.0
 DUMP_LIMIT_S = 60.0
 
@@ -45,7 +45,7 @@ def measure(robots: int, seconds: float, kills: int, tell: Callable[[str], None]
         robots: number of robots.
         seconds: duration of the drive.
         kills: number of kills, distributed over at most `KILLED` robots.
-        tell: called with a sentence of progress.
+        tell: called with lines that report the progress.
 
     Raises:
         RuntimeError: a process fails.
@@ -78,7 +78,7 @@ def measure(robots: int, seconds: float, kills: int, tell: Callable[[str], None]
         kills_busy_percent = busy_percent(kills_before, machine())
         feeder.tell("end")
         while (line := feeder.line(DUMP_LIMIT_S)).startswith("driving"):
-            pass  # it came after its limit
+            pass  # the robots drove only after the limit
         found = json.loads(line)
 
     for number, robot in enumerate(found["robots"]):
@@ -128,11 +128,11 @@ def measure(robots: int, seconds: float, kills: int, tell: Callable[[str], None]
 
 
 def _start(robots: int, ending: ExitStack) -> list[Supervisor]:
-    """Start the supervisors, few at a time: an import in each core leaves no time for the others to listen."""
+    """Start the supervisors, `STARTING` at a time: more of them would delay each other beyond the time limit of a start."""
     supervisors: list[Supervisor] = []
 
     def terminate_all() -> None:
-        """End them together, before each of them is waited for."""
+        """Signal all supervisors before waiting for each of them."""
         for one in supervisors:
             with suppress(ProcessLookupError):
                 os.kill(one.pid, signal.SIGTERM)
@@ -148,7 +148,7 @@ def _start(robots: int, ending: ExitStack) -> list[Supervisor]:
 
 
 def _kill(endpoints: Sequence[str], kills: int) -> list[list[float]]:
-    """Let an operator drive each robot, kill it, and repeat; return the times of the kills of each robot [s]."""
+    """Repeatedly let an operator drive each robot, and kill it; return the times of the kills of each robot [s]."""
     with _program("holders") as holders:
         operators = [_Operators(holders, number, endpoint) for number, endpoint in enumerate(endpoints)]
 
@@ -168,7 +168,7 @@ def _kill(endpoints: Sequence[str], kills: int) -> list[list[float]]:
 
 
 class _Operators:
-    """The operators of one robot, one after the other."""
+    """Starts and kills the operators of one robot, one after the other."""
 
     def __init__(self, holders: "_Program", number: int, endpoint: str) -> None:
         self.arrivals: queue.Queue[tuple[str, int]] = queue.Queue()
@@ -178,7 +178,7 @@ class _Operators:
         self._chance = random.Random(number)
 
     def kill(self, times: int, until_s: float) -> list[float]:
-        """Kill this number of operators, and return when it happened [s]; those that never drove are missing."""
+        """Kill a number of operators; return the times of the kills [s], without operators that never drove."""
         killed_s: list[float] = []
         for _ in range(times):
             if time.monotonic() > until_s:

@@ -1,4 +1,4 @@
-"""Gaps, stops and their reasons, from the commands and statuses that were heard of a robot (pure)."""
+"""Computes gaps, stops and their reasons from the commands and statuses of a robot (pure)."""
 
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
@@ -6,14 +6,15 @@ from itertools import pairwise
 import numpy as np
 
 Heard = tuple[float, float, bool]
-"""A command to the base: its arrival [s], the time of its decision [s], and whether it moves the robot."""
+"""A command to the base: its arrival and decision time [s], and whether it moves the robot."""
 Status = tuple[float, bool, Sequence[str]]
-"""Its arrival [s], whether the robot is stopped, and the reasons."""
+"""A status: its arrival time [s], whether the robot is stopped, and the reasons."""
 Window = tuple[float, float]
-"""Begin and end [s]."""
+"""Begin and end of an interval [s]."""
 
 
 def within(window: Window, commands: Iterable[Heard]) -> list[Heard]:
+    """Return the commands that arrived within a window."""
     begin_s, end_s = window
     return [command for command in commands if begin_s <= command[0] < end_s]
 
@@ -31,12 +32,12 @@ def gaps_ms(window: Window, commands: Iterable[Heard], *, decided: bool = False)
 
 
 def transits_ms(window: Window, commands: Iterable[Heard]) -> list[float]:
-    """Return the time from the decision of each command to its arrival [ms]; both are by the same clock."""
+    """Return the time from the decision of each command to its arrival [ms]; both times are by one clock."""
     return [1000.0 * (arrival_s - decided_s) for arrival_s, decided_s, _ in within(window, commands)]
 
 
 def stood(window: Window, commands: Iterable[Heard]) -> bool:
-    """Whether a robot that should have driven all the time was ever commanded to stand, or was not commanded at all."""
+    """Return whether a robot that should drive throughout the window got a zero command, or no command at all."""
     found = within(window, commands)
     return not found or not all(moves for _, _, moves in found)
 
@@ -50,9 +51,9 @@ def reasons(window: Window, statuses: Iterable[Status]) -> set[str]:
 
 
 def stop_ms(killed_s: float, commands: Sequence[Heard]) -> float | None:
-    """Return the time from a kill to the first command to stand [ms].
+    """Return the time from a kill to the first zero command [ms].
 
-    None if the robot already stood when its operator was killed, or never stopped.
+    None if the robot did not move when its operator was killed, or never stopped.
     """
     before = [moves for arrival_s, _, moves in commands if arrival_s < killed_s]
     if not before or not before[-1]:
@@ -68,5 +69,5 @@ def stop_ms(killed_s: float, commands: Sequence[Heard]) -> float | None:
 
 
 def percentile(values: Sequence[float], percent: float) -> float:
-    """Return a percentile; NaN of nothing."""
+    """Return a percentile; NaN if there are no values."""
     return float(np.percentile(np.array(values), percent)) if values else float("nan")

@@ -1,4 +1,4 @@
-"""The statistics of the measurements, as a table and verdicts (pure)."""
+"""Renders the measurements as a table and verdicts (pure)."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -45,12 +45,12 @@ def sheet(crowds: Sequence[Crowd]) -> Sheet:
         (
             "CPU of each supervisor, of all, of the feeder and of everything else, in % of one core.",
             "busy: the machine, in % of all cores, during the drive / the kills.",
-            "stood: number of robots that stopped without cause while driving, and the number for each reason.",
+            "stood: number of robots that stopped without cause while driving, with their number for each reason.",
             "waiting: time that a supervisor's threads were ready to run but waited for a core, in % of the duration.",
             f"gap: between two messages on cmd_vel. From the decision to its arrival, p99: at most {transit_ms:.1f} ms.",
-            f"{sum(one.garbled for one in crowds)} messages had a content that their key does not permit.",
+            f"{sum(one.garbled for one in crowds)} messages had content that their key does not permit.",
             "stop: from the SIGKILL of the operator to zero on cmd_vel, while the other robots drive.",
-            "feeder: one process that plays sensors, operators and bases of all robots; late: its samples.",
+            "feeder: one process that plays sensors, operators and bases of all robots; late: the lateness of its samples.",
         ),
     )
 
@@ -77,7 +77,7 @@ def _row(one: Crowd) -> tuple[str, ...]:
 
 
 def verdicts(robots: Robots) -> list[Verdict]:
-    """Return the verdicts at `TARGET_ROBOTS`, between the nearest two numbers if it was not measured; none beyond the last."""
+    """Return the verdicts at `TARGET_ROBOTS`, interpolated if it was not measured; none outside the measured numbers."""
     crowds = sorted(robots.crowds, key=lambda one: one.robots)
     if not crowds or not crowds[0].robots <= TARGET_ROBOTS <= crowds[-1].robots:
         return []

@@ -36,8 +36,8 @@ def start(state: StateDir, launch: Launch, say: Say) -> None:
     """Start supervisord with its programs, without waiting until they are alive.
 
     Raises:
-        DeployError: the start is impossible or failed. No node is left running, but possibly supervisord: the caller
-            stops everything with takedown.py.
+        DeployError: the start is impossible or failed. supervisord and nodes may still run: the caller stops them
+            with takedown.py.
     """
     check_nothing_runs(state)
     state.forget()
@@ -48,7 +48,7 @@ def start(state: StateDir, launch: Launch, say: Say) -> None:
         state.log(node).unlink(missing_ok=True)
     state.record.write_text(json.dumps(launch.to_record()))
     with supervisord.starting(uv, state, launch, say):
-        preflight.check_world(launch, sections)  # takes as long as supervisord's start
+        preflight.check_world(launch, sections)  # while supervisord starts
     for node in launch.nodes:
         supervisord.start_program(state, node)
 

@@ -1,6 +1,7 @@
 """Checks the configuration before the start. Without a sim, it needs neither MuJoCo nor a scene."""
 
 from deploy.stack.errors import DeployError
+from deploy.stack.interrupts import held_back
 from deploy.stack.launch import Launch
 from deploy.stack.robot_file import read_robot
 from wire import topics
@@ -20,14 +21,15 @@ def check_sections(launch: Launch) -> Sections:
 
 
 def check_world(launch: Launch, sections: Sections) -> None:
-    """Check what the sections refer to.
+    """Check what the sections refer to: the scene and the hull of a sim, and the interpreter of the ROS 2 process.
 
     Raises:
         DeployError: the scene is invalid, the simulated robot extends beyond the footprint, or the interpreter of the
             ROS 2 process is missing.
     """
     if topics.SIM in launch.nodes:
-        from deploy.stack.preflight_sim import check_scene  # noqa: PLC0415 - needs the extra `sim`
+        with held_back():
+            from deploy.stack.preflight_sim import check_scene  # noqa: PLC0415 - needs the extra `sim`
 
         check_scene(launch, sections)
     if topics.ROS2 in launch.nodes:

@@ -25,7 +25,7 @@ from wire.state_directory import checkout
 REQUIREMENT = "supervisor==4.3.0"
 CONFIGURATION = Path(__file__).resolve().parents[1] / "supervisord.conf"
 PLUGIN = CONFIGURATION.with_name("supervisord_plugin")
-"""The only directory of Lifeline that supervisord imports from."""
+"""The only directory of Lifeline from which supervisord imports."""
 START_LIMIT_S = 20.0
 FETCH_LIMIT_S = 180.0
 ANSWER_LIMIT_S = 3.0
@@ -64,7 +64,7 @@ def fetch(uv: str, say: Callable[[str], None]) -> bool:
     """Create supervisord's environment, unless uv has it already; then no network access is needed.
 
     Returns:
-        Whether it was created now.
+        True if it was created now, False if uv had it already.
 
     Raises:
         DeployError: supervisord cannot be fetched.
@@ -82,7 +82,7 @@ def fetch(uv: str, say: Callable[[str], None]) -> bool:
 
 @contextmanager
 def starting(uv: str, state: StateDir, launch: Launch, say: Callable[[str], None]) -> Generator[None]:
-    """Start supervisord as a daemon, without programs, while the context is open; on exit, it answers.
+    """Start supervisord as a daemon, without its programs, while the context is open; it has started on exit.
 
     Raises:
         DeployError: it cannot be fetched, or did not start.
@@ -99,7 +99,7 @@ def starting(uv: str, state: StateDir, launch: Launch, say: Callable[[str], None
 
 
 def start_program(state: StateDir, name: str) -> None:
-    """Start a program immediately; supervisord itself would start it after its first poll, which takes a second.
+    """Request the start of a program; with `autostart`, supervisord would start it only after its first poll, of a second.
 
     Raises:
         DeployError: supervisord refuses or does not answer.
@@ -130,7 +130,7 @@ def _run(
 def _running(
     command: list[str], *, cwd: Path | None = None, environment: dict[str, str] | None = None
 ) -> Generator["subprocess.Popen[str]"]:
-    """Run a command while the context is open; kill it on exit if it still runs."""
+    """Start a command; kill it on exit from the context if it still runs."""
     # With this project on the PYTHONPATH, supervisord would import Lifeline's `supervisor` instead of its own.
     inherited = {k: v for k, v in os.environ.items() if k not in {"PYTHONPATH", "PYTHONHOME"}}
     try:
@@ -158,7 +158,7 @@ def _running(
 
 
 def _end_of(child: "subprocess.Popen[str]", limit_s: float) -> subprocess.CompletedProcess[str]:
-    """Wait for the end of a command, and return its output."""
+    """Wait for the end of a command; return its exit code and output."""
     try:
         output, errors = child.communicate(timeout=limit_s)
     except subprocess.TimeoutExpired as error:

@@ -1,7 +1,7 @@
-"""Plug-in of supervisord: restart a program that died immediately, not up to a second later.
+"""Plug-in of supervisord: restart a dead program immediately, not a second later.
 
 supervisord's loop sleeps for a second unless a file becomes ready. The death of a child does not end this sleep, because
-Python resumes it after a signal; after the child is reaped, the loop sleeps again before it restarts the program. This
+Python resumes it after a signal. When the child is reaped, the loop sleeps once more before it restarts the program. This
 plug-in makes a pipe ready at both moments. It runs in supervisord's interpreter and environment, not in Lifeline's.
 """
 
@@ -22,6 +22,7 @@ class Wakeup:
         signal.set_wakeup_fd(self._end, warn_on_full_buffer=False)
 
     def wake(self, _event: object) -> None:
+        """End the sleep of the loop; called at each change of a program's state."""
         with suppress(BlockingIOError):
             os.write(self._end, b"\0")
 
@@ -41,7 +42,9 @@ class Wakeup:
 
 def make_wakeup(supervisord: Any) -> object:  # noqa: ANN401 - supervisord has no types
     """Add the pipe to the loop; called once, before supervisord becomes a daemon."""
-    os.environ.pop("PYTHONPATH", None)  # only for this file, not for the programs
+    os.environ.pop(
+        "PYTHONPATH", None
+    )  # it was set for the import of this file; the programs must not inherit it
     wakeup = Wakeup()
     supervisord.options.get_socket_map()[wakeup.descriptor] = wakeup
     events: Any = importlib.import_module("supervisor.events")

@@ -1,6 +1,6 @@
-"""Draws docs/images/robots.svg from the stored run of `make bench-robots`: `python -m docs.generate.draw_robots`.
+"""Draws docs/images/robots.svg from the stored run of `python -m bench.robots --json`: `python -m docs.generate.draw_robots`.
 
-Load, gaps of cmd_vel, and times to stop, over the number of robots on one machine. Draws nothing if no run is stored.
+Panels: load, gaps of cmd_vel and stop times over the number of robots on one machine. Without a stored run, draws nothing.
 """
 
 from collections.abc import Sequence
@@ -66,13 +66,13 @@ def draw(crowds: Sequence[Crowd], path: Path) -> None:
 
 
 def _target(axes: Axes, limit_ms: float) -> None:
-    """Mark the target for the p99: a line up to its number of robots."""
+    """Mark the target for the p99 by a line up to the target's number of robots."""
     axes.plot([0, TARGET_ROBOTS], [limit_ms, limit_ms], color=DANGER, lw=1.6)
     axes.plot([TARGET_ROBOTS], [limit_ms], "v", color=DANGER, ms=6, label="target of the p99")
 
 
 def main() -> None:
-    # A fixed salt: the same picture from the same run.
+    # A fixed salt, so that the same run gives the same file.
     mpl.rcParams.update(
         {
             "font.size": 10,

@@ -11,7 +11,7 @@ from wire.turns import Turns
 
 
 def _turns_until(count: int, due_s: Callable[[], float]) -> tuple[Turns, asyncio.Event, list[float]]:
-    """Return turns that stop after a number of them, and the times at which they ran."""
+    """Return turns that stop after `count` of them, the stop event, and the list of the times at which they ran."""
     loop, stop, ran_s = asyncio.get_running_loop(), asyncio.Event(), list[float]()
 
     def turn() -> float:
@@ -39,7 +39,7 @@ async def test_an_arrival_runs_a_turn_before_its_time() -> None:
     assert len(ran_s) == 2
 
 
-async def test_what_arrives_together_in_several_inboxes_takes_one_turn() -> None:
+async def test_items_that_arrive_together_in_several_inboxes_take_one_turn() -> None:
     stop, taken = asyncio.Event(), list[list[int]]()
 
     def turn() -> float:
@@ -60,7 +60,7 @@ async def test_what_arrives_together_in_several_inboxes_takes_one_turn() -> None
     assert taken == [[], [1, 1, 1]]
 
 
-async def test_what_arrives_before_the_first_turn_is_left_to_it() -> None:
+async def test_before_run_until_no_turn_runs() -> None:
     turns, stop, ran_s = _turns_until(1, lambda: math.inf)
     turns.set()
     turns.run_now()
@@ -78,7 +78,7 @@ async def test_after_the_stop_no_turn_runs() -> None:
     assert len(ran_s) == 1
 
 
-async def test_the_error_of_a_turn_ends_the_service_and_every_later_turn() -> None:
+async def test_the_error_of_a_turn_is_raised_and_no_later_turn_runs() -> None:
     count = 0
 
     def turn() -> float:
@@ -96,12 +96,12 @@ async def test_the_error_of_a_turn_ends_the_service_and_every_later_turn() -> No
 
 
 class Panic(BaseException):
-    """As pyo3 raises it for a panic in Rust: not an `Exception`."""
+    """The kind of error that pyo3 raises for a panic in Rust: not an `Exception`."""
 
 
 @pytest.mark.parametrize("error", [Panic("in Rust"), GeneratorExit(), StopIteration()], ids=repr)
-async def test_an_error_that_is_no_exception_ends_the_service_too(error: BaseException) -> None:
-    """Else the process would live on, with its token, and without a timer for its next turn."""
+async def test_an_error_that_is_not_an_exception_is_raised_by_run_until_too(error: BaseException) -> None:
+    """Otherwise the process would stay alive, with its token, without a timer for its next turn."""
 
     def turn() -> float:
         raise error
@@ -110,7 +110,7 @@ async def test_an_error_that_is_no_exception_ends_the_service_too(error: BaseExc
         await asyncio.wait_for(Turns(turn, lambda: True).run_until(asyncio.Event()), 5.0)
 
 
-async def test_a_stop_before_the_begin_runs_no_turn() -> None:
+async def test_no_turn_runs_if_the_stop_is_already_set() -> None:
     turns, stop, ran_s = _turns_until(1, lambda: 0.0)
     stop.set()
     await turns.run_until(stop)

@@ -163,7 +163,7 @@ class Decoders:
                 return
 
     def _motion(self, subscription: Subscription[Any], given: Case) -> None:
-        """Read the payload as the supervisor does, and leave it for the other receivers."""
+        """Decode the payload as the supervisor does, and push it again for the other receivers."""
         (arrival,) = subscription.take_as(decode_motion)
         subscription.push(given.payload, given.attachment, arrival.arrival_s)
         told = to_odometry(arrival)

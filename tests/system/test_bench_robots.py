@@ -12,7 +12,7 @@ from bench.robots.results import read
 ROBOTS, KILLS = 2, 2
 RUN_LIMIT_S = 80.0
 GENEROUS_GAP_P50_MS, GENEROUS_STOP_MS, GENEROUS_CPU_PERCENT = 40.0, 200.0, 50.0
-"""For a loaded machine; `make bench-robots` measures."""
+"""Loose limits, for a loaded machine; `make bench-robots` measures against the targets."""
 
 pytestmark = [pytest.mark.timed, pytest.mark.timeout(90)]
 

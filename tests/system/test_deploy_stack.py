@@ -96,7 +96,7 @@ def robot() -> Generator[Robot]:
 
 
 RESTART_LIMIT_S = 0.7
-"""Less than the second for which supervisord's loop sleeps."""
+"""Less than the sleep of supervisord's loop, 1 s."""
 
 
 def _wait_for(condition: Callable[[], bool], what: str) -> None:
@@ -144,10 +144,11 @@ def test_a_robot_comes_up_is_seen_and_goes_down(robot: Robot) -> None:
 
 
 def test_a_killed_supervisor_of_a_real_robot_is_restarted_immediately(robot: Robot) -> None:
-    """No log line of a sim wakes supervisord, whose own loop would sleep for a second."""
+    """Without a sim, no log line wakes supervisord from its sleep of a second: only the plug-in does."""
     assert robot.run("up", "--detach", "--no-sim").returncode == 0
     _wait_for(
-        lambda: [p.state for p in supervisord.programs(robot.state) or ()] == ["RUNNING"], "not yet settled"
+        lambda: [p.state for p in supervisord.programs(robot.state) or ()] == ["RUNNING"],
+        "the supervisor is not RUNNING",
     )
     first = robot.pids()["supervisor"]
     os.kill(first, signal.SIGKILL)

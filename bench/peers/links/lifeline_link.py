@@ -57,7 +57,7 @@ def connect(address: str, role: str, heard: Callable[[bytes], None]) -> Callable
 def hold(address: str) -> None:
     """Command neutral, and then turn the robot until the process is killed; return when it turns."""
     session, turns = _open(address), threading.Event()
-    _kept.append(MemoryKeeper())  # as teleop has one
+    _kept.append(MemoryKeeper())  # as in teleop
     _kept.append(session.declare_alive(topics.TELEOP))
     send = _source(session)
 

@@ -54,7 +54,7 @@ def test_gaps_are_between_the_commands_within_the_window() -> None:
     assert transits_ms(WINDOW, heard) == pytest.approx([10.0, 20.0, 10.0])
 
 
-def test_a_robot_that_is_once_commanded_to_stand_has_stopped() -> None:
+def test_a_robot_with_one_zero_command_within_the_window_has_stopped() -> None:
     assert not stood(WINDOW, [(0.9, 0.9, STANDS), (1.0, 1.0, MOVES), (2.0, 2.0, STANDS)])
     assert stood(WINDOW, [(1.0, 1.0, MOVES), (1.5, 1.5, STANDS), (1.6, 1.6, MOVES)])
 
@@ -83,19 +83,19 @@ def test_a_stop_lasts_from_the_kill_to_the_first_zero() -> None:
     "heard",
     [
         [],
-        [(0.9, 0.9, STANDS), (1.01, 1.0, STANDS)],  # it stood when its operator was killed
+        [(0.9, 0.9, STANDS), (1.01, 1.0, STANDS)],  # it did not move when its operator was killed
         [(0.9, 0.9, MOVES), (1.01, 1.0, MOVES)],
     ],
 )
-def test_without_motion_before_and_a_zero_after_there_is_no_stop(heard: list[Heard]) -> None:
+def test_a_stop_needs_motion_before_the_kill_and_a_zero_after_it(heard: list[Heard]) -> None:
     assert stop_ms(1.0, heard) is None
 
 
-def test_the_busy_share_is_that_between_two_readings() -> None:
+def test_the_busy_share_is_computed_between_two_readings() -> None:
     assert busy_percent(Machine(100, 0, 1000), Machine(250, 0, 1200)) == 75.0
 
 
-def test_a_percentile_of_nothing_is_not_a_number() -> None:
+def test_the_percentile_of_no_values_is_nan() -> None:
     assert math.isnan(percentile([], 99))
     assert percentile([1.0, 3.0], 50) == 2.0
 
@@ -107,7 +107,7 @@ def test_the_verdicts_are_interpolated_at_the_target() -> None:
     assert [verdict.measured for verdict in verdicts(robots)] == [30.0, 15.0, 0.0]
 
 
-def test_no_verdict_extrapolates() -> None:
+def test_there_is_no_verdict_outside_the_measured_numbers() -> None:
     assert verdicts(Robots(RUN, (crowd(20),))) == []
     assert verdicts(Robots(RUN, ())) == []
 

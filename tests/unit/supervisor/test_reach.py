@@ -1,4 +1,4 @@
-"""The selection of the points that may limit a motion, against the barrier on all points."""
+"""The selection of the points that may limit a motion, compared with the barrier on all points."""
 
 import math
 from random import Random
@@ -40,7 +40,7 @@ def _barrier(random: Random) -> Barrier:
 
 @pytest.mark.parametrize("hull", HULLS, ids=["circle", "rectangle", "behind the axle", "triangle"])
 def test_the_points_in_reach_permit_what_all_points_permit(hull: Hull) -> None:
-    """Also which point blocks is the same, and for a base that has moved since."""
+    """The scale and the blocking point are the same, also for a base that has moved since the scan."""
     random, left_out = Random(7), 0
     for _ in range(TRIALS):
         barrier, kind = _barrier(random), random.choice(list(Kind))
@@ -61,7 +61,7 @@ def test_the_points_in_reach_permit_what_all_points_permit(hull: Hull) -> None:
     assert 0 < left_out < TRIALS
 
 
-def test_the_reach_is_reaction_and_braking_beyond_the_stop_distance_and_the_margin_for_straying() -> None:
+def test_the_reach_is_stop_distance_stray_reaction_and_braking_distance() -> None:
     assert reach_m(0.0, BARRIER) == pytest.approx(0.31)
     assert reach_m(1.5, BARRIER) == pytest.approx(0.31 + 1.5 * 0.1 + 1.5**2 / 3.0)
 
@@ -82,7 +82,7 @@ def test_only_points_nearer_than_the_distance_remain_in_their_order() -> None:
 @pytest.mark.parametrize(
     "way", [Pose(0.03, 0.04, 0.0), Pose(0.0, 0.0, 0.1), Pose(0.0, 0.0, -0.1), Pose(0.0, -0.02, 0.1)]
 )
-def test_a_base_that_has_moved_reaches_as_much_farther_as_its_hull_has_moved(hull: Hull, way: Pose) -> None:
+def test_the_reach_grows_by_the_distance_that_the_hull_has_moved(hull: Hull, way: Pose) -> None:
     limit_m = reach_m(0.5, BARRIER) + math.hypot(way.x_m, way.y_m) + abs(way.yaw_rad) * hull.radius_m
 
     def at(clearance_m: float, pose: Pose) -> bool:
@@ -97,7 +97,7 @@ def test_a_base_that_has_moved_reaches_as_much_farther_as_its_hull_has_moved(hul
     assert not at(limit_m - 1e-6, Pose(0.0, 0.0, 0.0))
 
 
-def test_the_points_here_are_those_of_the_present_base_frame() -> None:
+def test_the_points_here_are_in_the_present_base_frame() -> None:
     points = np.array([[0.7, 0.1], [0.6, -0.2]])
     place = Place(Pose(0.0, 0.0, 0.0), survey(HULLS[1], points, Kind.REMEMBERED))
     still = in_reach(place, Odometer(), 0.0, BARRIER, 1.0)

@@ -179,6 +179,15 @@ def test_a_base_that_is_too_fast_on_its_present_arc_brakes_along_that_one_first(
     assert tick(law, swerve, has).output == swerve
 
 
+def test_a_base_on_another_arc_that_approaches_nothing_is_not_slowed() -> None:
+    """Something is within reach, but behind the base."""
+    law = Law(room_m=8.0)
+    law.ranges[:8] = 0.6
+    swerve, has = Velocity(0.1, 1.0), Velocity(1.0, 0.0)
+    tick(law, NEUTRAL, has)
+    assert tick(law, swerve, has).output == swerve
+
+
 def test_a_base_on_the_commanded_arc_is_left_to_the_barrier() -> None:
     law = Law(room_m=8.0)
     law.ranges[170:191] = 0.8

@@ -1,4 +1,4 @@
-"""Reading and writing by offset agrees with the general codec, for valid and for damaged payloads."""
+"""Encoding and decoding by offset, compared with the general codec on valid and damaged payloads."""
 
 import math
 from random import Random

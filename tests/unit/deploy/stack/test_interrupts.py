@@ -48,3 +48,28 @@ def test_a_hangup_that_nohup_ignores_stays_ignored() -> None:
             os.kill(os.getpid(), signal.SIGHUP)
     finally:
         signal.signal(signal.SIGHUP, before)
+
+
+@pytest.mark.parametrize("number", interrupts.SIGNALS)
+def test_a_signal_that_is_held_back_is_raised_after_the_context(number: signal.Signals) -> None:
+    finished: list[bool] = []
+
+    def work() -> None:
+        with interrupts.held_back():
+            os.kill(os.getpid(), number)
+            os.kill(os.getpid(), signal.SIGTERM)
+            finished.append(True)
+
+    with interrupts.interrupts():
+        with pytest.raises(interrupts.Interrupted) as raised:
+            work()
+        assert raised.value.exit_code == 128 + number
+    assert finished
+
+
+def test_without_a_signal_nothing_is_raised_and_a_later_one_is_handled() -> None:
+    with interrupts.interrupts():
+        with interrupts.held_back():
+            pass
+        with pytest.raises(interrupts.Interrupted):
+            os.kill(os.getpid(), signal.SIGINT)

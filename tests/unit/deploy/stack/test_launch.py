@@ -102,6 +102,6 @@ def test_the_nodes_of_a_stack_are_in_its_record_and_an_older_record_is_of_a_simu
     assert running.nodes == SIMULATED
 
 
-def test_without_ros_2_its_command_does_nothing(tmp_path: Path) -> None:
+def test_without_ros_2_its_command_is_false(tmp_path: Path) -> None:
     variables = Launch.read(None, None).environment(StateDir(tmp_path))
     assert variables["LIFELINE_ROS2_COMMAND"] == "false"
