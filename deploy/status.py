@@ -11,13 +11,14 @@ from rich.table import Table
 from rich.text import Text
 
 from deploy.estop import RESET, latched_sentence
-from deploy.stack import ros2_reports, supervisord
+from deploy.stack import processes, ros2_reports, supervisord
 from deploy.stack.errors import EXIT_NOT_RUNNING
 from deploy.stack.formatting import COLOURS, GO_NEUTRAL, mode_name, nearest, number, printable, speed
 from deploy.stack.launch import SIMULATED, Launch
 from deploy.stack.observe import observing
 from deploy.stack.ros2_reports import Report
 from deploy.stack.statedir import StateDir
+from deploy.stack.takedown import listed
 from wire import topics
 from wire.messages import Odometry, SafetyStatus, Twist
 
@@ -47,6 +48,8 @@ class Look:
     """The message that a robot started now has its e-stop latched; None if it is not latched."""
     needed: tuple[str, ...] = SIMULATED
     """The nodes without which the robot does not run."""
+    left_over: str = ""
+    """The processes of an interrupted start or stop, if no node runs."""
     ros2: tuple[Report, ...] = ()
     """The reports of the ROS 2 process; empty without one."""
 
@@ -141,13 +144,18 @@ async def _look(state: StateDir, launch: Launch) -> Look:
             odometry=None,
             latched=latched_sentence(state, launch),
             needed=launch.nodes,
+            left_over=listed(processes.of(state.path)),
         )
 
 
 def table(look: Look) -> Table | Text:
     """Format the status as a table for the terminal."""
     if look.exit_code == EXIT_NOT_RUNNING:
-        idle = f"nothing is running at {look.endpoint}; start with `lifeline up`"
+        idle = (
+            f"no node is running at {look.endpoint}, but {look.left_over}: clean up with `lifeline down`"
+            if look.left_over
+            else f"nothing is running at {look.endpoint}; start with `lifeline up`"
+        )
         return Text(idle if look.latched is None else f"{idle}\n{look.latched}")
     table = Table(show_header=False, title=look.endpoint, title_justify="left")
     table.add_column(style="bold")

@@ -117,3 +117,12 @@ def test_the_reports_of_ros_2_have_a_row_each_but_the_one_that_repeats_the_mode(
     assert printed(seen).count("STOPPED") == 1
     assert [report["name"] for report in json.loads(seen.to_json())["ros2"]] == [r.name for r in reports]
     assert "ros2" not in json.loads(look().to_json())
+
+
+def test_what_an_interrupted_start_left_is_named_with_the_way_to_clean_up() -> None:
+    nothing = replace(look(), connected=False, alive=frozenset[str](), status=None)
+    assert printed(nothing) == "nothing is running at tcp/127.0.0.1:7447; start with `lifeline up`\n"
+    left = replace(nothing, left_over="supervisord (pid 4)")
+    assert printed(left) == (
+        "no node is running at tcp/127.0.0.1:7447, but supervisord (pid 4): clean up with `lifeline down`\n"
+    )
