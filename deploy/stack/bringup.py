@@ -36,21 +36,17 @@ def start(state: StateDir, launch: Launch, say: Say) -> None:
     """Start supervisord with its programs, without waiting until they are alive.
 
     Raises:
-        DeployError: the start is impossible or failed. supervisord and nodes may still run: the caller stops them
-            with takedown.py.
+        DeployError: the start is impossible or failed; no process is left running.
     """
     check_nothing_runs(state)
     state.forget()
     check_endpoint_is_free(launch.bus.endpoint)
-    sections = preflight.check_sections(launch)
+    preflight.check(launch)
     uv = supervisord.find_uv()
     for node in launch.nodes:
         state.log(node).unlink(missing_ok=True)
     state.record.write_text(json.dumps(launch.to_record()))
-    with supervisord.starting(uv, state, launch, say):
-        preflight.check_world(launch, sections)  # while supervisord starts
-    for node in launch.nodes:
-        supervisord.start_program(state, node)
+    supervisord.start(uv, state, launch, say)
 
 
 async def wait_until_alive(state: StateDir, launch: Launch, say: Say, limit_s: float = ALIVE_LIMIT_S) -> None:

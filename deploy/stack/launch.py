@@ -93,6 +93,10 @@ class Launch:
             "LIFELINE_ENDPOINT": self.bus.endpoint,
             "LIFELINE_SIM_OPTIONS": self.sim_options,
             "LIFELINE_ROS2_COMMAND": ros2,
+            **{
+                f"LIFELINE_START_{node.upper()}": str(node in self.nodes).lower()
+                for node in (topics.SIM, topics.ROS2)
+            },
         }
 
     def command(self, module: str) -> list[str]:

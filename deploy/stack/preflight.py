@@ -5,28 +5,20 @@ from deploy.stack.interrupts import held_back
 from deploy.stack.launch import Launch
 from deploy.stack.robot_file import read_robot
 from wire import topics
-from wire.config import ConfigError, Sections, read_toml
+from wire.config import ConfigError, read_toml
 
 
-def check_sections(launch: Launch) -> Sections:
-    """Refuse a configuration that would fail or be unsafe at runtime, and return its sections.
+def check(launch: Launch) -> None:
+    """Refuse a configuration that would fail or be unsafe at runtime.
 
     Raises:
-        DeployError: a section is invalid, or does not fit the others.
+        DeployError: a section or the scene is invalid, the simulated robot extends beyond the footprint, or the
+            interpreter of the ROS 2 process is missing.
     """
     try:
-        return read_robot(read_toml(launch.config), simulated=topics.SIM in launch.nodes)
+        sections = read_robot(read_toml(launch.config), simulated=topics.SIM in launch.nodes)
     except ConfigError as error:
         raise DeployError(str(error)) from error
-
-
-def check_world(launch: Launch, sections: Sections) -> None:
-    """Check what the sections refer to: the scene and the hull of a sim, and the interpreter of the ROS 2 process.
-
-    Raises:
-        DeployError: the scene is invalid, the simulated robot extends beyond the footprint, or the interpreter of the
-            ROS 2 process is missing.
-    """
     if topics.SIM in launch.nodes:
         with held_back():
             from deploy.stack.preflight_sim import check_scene  # noqa: PLC0415 - needs the extra `sim`

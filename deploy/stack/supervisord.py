@@ -11,8 +11,8 @@ import socket
 import subprocess
 import sys
 import xmlrpc.client
-from collections.abc import Callable, Generator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -80,32 +80,19 @@ def fetch(uv: str, say: Callable[[str], None]) -> bool:
     return True
 
 
-@contextmanager
-def starting(uv: str, state: StateDir, launch: Launch, say: Callable[[str], None]) -> Generator[None]:
-    """Start supervisord as a daemon, without its programs, while the context is open; it has started on exit.
+def start(uv: str, state: StateDir, launch: Launch, say: Callable[[str], None]) -> None:
+    """Start supervisord as a daemon; its socket exists on return, and it starts the programs immediately.
 
     Raises:
         DeployError: it cannot be fetched, or did not start.
     """
     command = _command(uv, "--configuration", str(CONFIGURATION))
     environment = launch.environment(state) | {"PYTHONPATH": str(PLUGIN)}
-    with _running(command, cwd=state.path, environment=environment) as child:
-        yield
-        done = _end_of(child, START_LIMIT_S)
+    done = _run(command, limit_s=START_LIMIT_S, cwd=state.path, environment=environment)
     if done.returncode != 0 and fetch(uv, say):
         done = _run(command, limit_s=START_LIMIT_S, cwd=state.path, environment=environment)
     if done.returncode != 0:
         raise DeployError(f"supervisord did not start:\n{_indented(done.stderr or done.stdout)}")
-
-
-def start_program(state: StateDir, name: str) -> None:
-    """Request the start of a program; with `autostart`, supervisord would start it only after its first poll, of a second.
-
-    Raises:
-        DeployError: supervisord refuses or does not answer.
-    """
-    if _ask(state, "supervisor.startProcess", name, False) is not True:  # noqa: FBT003 - XML-RPC has no keywords
-        raise DeployError(f"supervisord did not start {name}; see {state.log('supervisord')}")
 
 
 def _command(uv: str, *arguments: str, offline: bool = True) -> list[str]:
@@ -122,15 +109,6 @@ def _run(
     cwd: Path | None = None,
     environment: dict[str, str] | None = None,
 ) -> subprocess.CompletedProcess[str]:
-    with _running(command, cwd=cwd, environment=environment) as child:
-        return _end_of(child, limit_s)
-
-
-@contextmanager
-def _running(
-    command: list[str], *, cwd: Path | None = None, environment: dict[str, str] | None = None
-) -> Generator["subprocess.Popen[str]"]:
-    """Start a command; kill it on exit from the context if it still runs."""
     # With this project on the PYTHONPATH, supervisord would import Lifeline's `supervisor` instead of its own.
     inherited = {k: v for k, v in os.environ.items() if k not in {"PYTHONPATH", "PYTHONHOME"}}
     try:
@@ -148,23 +126,16 @@ def _running(
         raise DeployError(
             f"cannot run {command[0]} ({error.strerror}): give the path of a working uv in UV"
         ) from error
-    with child:  # on exit, close its pipes and wait for it
-        try:
-            yield child
-        finally:
-            if child.poll() is None:  # uv and its children that are not yet daemons
-                with suppress(ProcessLookupError):
-                    os.killpg(child.pid, signal.SIGKILL)
-
-
-def _end_of(child: "subprocess.Popen[str]", limit_s: float) -> subprocess.CompletedProcess[str]:
-    """Wait for the end of a command; return its exit code and output."""
     try:
         output, errors = child.communicate(timeout=limit_s)
     except subprocess.TimeoutExpired as error:
-        command = cast("list[str]", child.args)
         raise DeployError(f"uv did not finish within {limit_s:g} s: {' '.join(command)}") from error
-    return subprocess.CompletedProcess(child.args, child.wait(), output, errors)
+    finally:
+        if child.poll() is None:  # uv and its children that are not yet daemons
+            with suppress(ProcessLookupError):
+                os.killpg(child.pid, signal.SIGKILL)
+            child.wait()
+    return subprocess.CompletedProcess(command, child.wait(), output, errors)
 
 
 def _indented(text: str) -> str:

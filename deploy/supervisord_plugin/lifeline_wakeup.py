@@ -1,8 +1,8 @@
-"""Plug-in of supervisord: restart a dead program immediately, not a second later.
+"""Plug-in of supervisord: start programs, and restart a dead one, immediately and not a second later.
 
 supervisord's loop sleeps for a second unless a file becomes ready. The death of a child does not end this sleep, because
 Python resumes it after a signal. When the child is reaped, the loop sleeps once more before it restarts the program. This
-plug-in makes a pipe ready at both moments. It runs in supervisord's interpreter and environment, not in Lifeline's.
+plug-in makes a pipe ready at both moments, and when the loop begins. It runs in supervisord's interpreter and environment, not in Lifeline's.
 """
 
 import importlib
@@ -47,6 +47,7 @@ def make_wakeup(supervisord: Any) -> object:  # noqa: ANN401 - supervisord has n
     )  # it was set for the import of this file; the programs must not inherit it
     wakeup = Wakeup()
     supervisord.options.get_socket_map()[wakeup.descriptor] = wakeup
+    wakeup.wake(None)  # the first turn of the loop starts the programs
     events: Any = importlib.import_module("supervisor.events")
     events.subscribe(events.ProcessStateEvent, wakeup.wake)
     return wakeup

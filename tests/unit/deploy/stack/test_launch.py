@@ -102,6 +102,8 @@ def test_the_nodes_of_a_stack_are_in_its_record_and_an_older_record_is_of_a_simu
     assert running.nodes == SIMULATED
 
 
-def test_without_ros_2_its_command_is_false(tmp_path: Path) -> None:
-    variables = Launch.read(None, None).environment(StateDir(tmp_path))
-    assert variables["LIFELINE_ROS2_COMMAND"] == "false"
+def test_programs_that_are_not_wanted_do_not_start(tmp_path: Path) -> None:
+    for with_sim, wanted in ((True, "true"), (False, "false")):
+        variables = Launch.read(None, None, with_sim=with_sim).environment(StateDir(tmp_path))
+        assert variables["LIFELINE_START_SIM"] == wanted
+        assert (variables["LIFELINE_START_ROS2"], variables["LIFELINE_ROS2_COMMAND"]) == ("false", "false")

@@ -6,7 +6,7 @@ import pytest
 
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import DEFAULT_CONFIG, Launch
-from deploy.stack.preflight import check_sections, check_world
+from deploy.stack.preflight import check
 from sim.scene import MODELS
 
 
@@ -14,10 +14,6 @@ def launch(directory: Path, text: str) -> Launch:
     path = directory / "robot.toml"
     path.write_text(text)
     return Launch.read(path, None)
-
-
-def check(launch: Launch) -> None:
-    check_world(launch, check_sections(launch))
 
 
 RECTANGLE = '[sim]\nhull = "rectangular"\n[supervisor.footprint]\n'
