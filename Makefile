@@ -87,11 +87,11 @@ check: $(STAMP) ## run ruff, pyright and import-linter
 bench: $(STAMP) ## measure time and memory of the law, supervisor, teleop and sim, and their start (five minutes)
 	.venv/bin/python -m bench
 
-bench-peers: $(STAMP) $(PEERS_STAMP) ## compare the supervisor with bare relays over Zenoh, MQTT, DDS, rclpy and TCP (15 minutes)
+bench-peers: $(STAMP) $(PEERS_STAMP) ## compare the supervisor with bare relays over Zenoh, MQTT, DDS, rclpy and TCP (four minutes)
 	@if $(HAS_RCLPY); then $(MAKE) --no-print-directory ros2; fi
 	.venv/bin/python -m bench.peers
 
-bench-robots: $(STAMP) ## measure CPU, gaps and stops of 1 to 30 robots on this machine (seven minutes)
+bench-robots: $(STAMP) ## measure CPU, gaps and stops of 1 to 30 robots on this machine (six minutes)
 	.venv/bin/python -m bench.robots
 
 docs: $(STAMP) ## update the generated parts and the drawings of docs/

@@ -17,7 +17,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         prog="python -m bench.peers",
         description="Measure the round trip of a command and the time from a SIGKILL to its notice, through the supervisor and "
-        "through bare relays over Zenoh, MQTT, CycloneDDS, rclpy and TCP, interleaved. Takes about fifteen minutes.",
+        "through bare relays over Zenoh, MQTT, CycloneDDS, rclpy and TCP, interleaved. Takes about four minutes.",
         epilog="exit code: 0, even if a target is missed; 1 if a process fails",
     )
     parser.add_argument("--rounds", type=int, default=ROUNDS, help="default: %(default)s")

@@ -18,7 +18,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         prog="python -m bench.robots",
         description="Run several robots on this machine, a supervisor process for each, and measure processor time, gaps of "
-        "cmd_vel, stops without cause, and the time from the SIGKILL of an operator to zero. Takes about seven minutes.",
+        "cmd_vel, stops without cause, and the time from the SIGKILL of an operator to zero. Takes about six minutes.",
         epilog="exit code: 0, even if a target is missed; 1 if a process fails",
     )
     parser.add_argument(
