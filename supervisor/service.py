@@ -88,6 +88,12 @@ class SupervisorService:
         self._odometry = bus.subscribe(topics.ODOM, per_writer=True)  # read at the next tick: not urgent
         self._estops = bus.subscribe(topics.ESTOP, depth=ESTOP_DEPTH, wake=self._turns)
         self._alive = bus.watch_alive(self._turns)
+        self._urgent = (
+            self._estops,
+            self._alive,
+            *self._commands.values(),
+            *(subscription for subscription, _ in self._lidars),
+        )
         self._foreign_tokens = bus.watch_foreign_nodes()  # read at each status: it concerns the display only
         self._foreign_nodes = ForeignNodes()
         self._cmd_vel = bus.publisher(topics.CMD_VEL)
@@ -124,11 +130,7 @@ class SupervisorService:
 
     def _has_news(self) -> bool:
         """Return whether something has arrived that cannot wait for the next tick."""
-        return (
-            not (self._estops.is_empty and self._alive.is_empty)
-            or not all(subscription.is_empty for subscription in self._commands.values())
-            or not all(subscription.is_empty for subscription, _ in self._lidars)
-        )
+        return any(not inbox.is_empty for inbox in self._urgent)
 
     def _gather(self) -> Inputs:
         """Return everything received since the last step."""

@@ -298,17 +298,7 @@ class ZenohSession:
     def hear_sources(self) -> Inbox[str]:
         """Return an inbox for the name of a command source, one for each of its commands."""
         inbox: Inbox[str] = Inbox(SOURCES_DEPTH, None)
-        prefix = self._key("")
-
-        def on_sample(sample: zenoh.Sample) -> None:
-            source = topics.source_of(str(sample.key_expr).removeprefix(prefix))
-            if source is not None:
-                inbox.push(source)
-
-        key = self._key(topics.source_cmd_vel("*").key)
-        self._declared.append(
-            self._session.declare_subscriber(key, _direct(on_sample), allowed_origin=zenoh.Locality.REMOTE)
-        )
+        self.subscribe_sources_raw({}, inbox.push)
         return inbox
 
     def declare_alive(self, node: str) -> ZenohToken:

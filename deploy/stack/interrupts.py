@@ -14,8 +14,9 @@ signals before it raises.
 """
 
 import signal
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from types import FrameType
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -51,15 +52,8 @@ def interrupts() -> Generator[None]:
         ignore()
         raise Interrupted(number)
 
-    before = {number: signal.getsignal(number) for number in SIGNALS}
-    for number, handler in before.items():
-        if handler is not signal.SIG_IGN:
-            signal.signal(number, on_signal)
-    try:
+    with _handled_by(on_signal):
         yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 @contextmanager
@@ -70,18 +64,23 @@ def held_back() -> Generator[None]:
     another thread of this process would then receive them.
     """
     received: list[int] = []
+    try:
+        with _handled_by(lambda number, _frame: received.append(number)):
+            yield
+    finally:
+        if received:
+            signal.raise_signal(received[0])
 
-    def note(number: int, _frame: object) -> None:
-        received.append(number)
 
+@contextmanager
+def _handled_by(handler: Callable[[int, FrameType | None], None]) -> Generator[None]:
+    """Handle all signals that are not ignored by `handler`, and restore the previous handlers on exit."""
     before = {number: signal.getsignal(number) for number in SIGNALS}
-    handlers = {number: handler for number, handler in before.items() if callable(handler)}
-    for number in handlers:
-        signal.signal(number, note)
+    for number, previous in before.items():
+        if previous is not signal.SIG_IGN:
+            signal.signal(number, handler)
     try:
         yield
     finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
-        if received:
-            handlers[signal.Signals(received[0])](received[0], None)
+        for number, previous in before.items():
+            signal.signal(number, previous)

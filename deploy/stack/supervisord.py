@@ -164,11 +164,11 @@ class _UnixTransport(xmlrpc.client.Transport):
         return connection
 
 
-def _ask(state: StateDir, method: str, *arguments: object) -> Any:  # noqa: ANN401 - whatever the method answers
+def _ask(state: StateDir, method: str) -> Any:  # noqa: ANN401 - whatever the method answers
     """Call a method; return None if supervisord does not answer."""
     with xmlrpc.client.ServerProxy("http://localhost/RPC2", transport=_UnixTransport(state.socket)) as server:
         try:
-            return getattr(server, method)(*arguments)
+            return getattr(server, method)()
         except (OSError, http.client.HTTPException, xmlrpc.client.Error):
             return None
 
