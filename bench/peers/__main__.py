@@ -8,7 +8,8 @@ from bench.peers import death, round_trip
 from bench.peers.kinds import REFERENCE, Kind, kinds
 from bench.peers.results import Peers, write
 from bench.peers.table import sheets, verdicts
-from bench.rig.sheet import commit, machine, now, show
+from bench.rig.sheet import show
+from bench.rig.stored import this_run
 
 ROUNDS, COUNT, KILLS = 5, 40, 20
 
@@ -52,8 +53,7 @@ def main() -> None:
     command = (
         f"python -m bench.peers --rounds {options.rounds} --count {options.count} --kills {options.kills}"
     )
-    run = {"command": command, "date": now(), "machine": machine(), "commit": commit()}
-    peers = Peers(run, tuple(trips), tuple(deaths))
+    peers = Peers(this_run(command), tuple(trips), tuple(deaths))
     if options.json is not None:
         write(peers, options.json)
     show(sheets(peers), verdicts(peers))

@@ -1,12 +1,11 @@
 """The stored measurements, one JSON object a line: the run, then each round trip and each death."""
 
-import json
-from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from bench.peers.death import Death
 from bench.peers.round_trip import RoundTrip
+from bench.rig.stored import read_rows, write_rows
 
 STORED = Path(__file__).resolve().parents[2] / "docs/campaign/bench_peers.jsonl"
 
@@ -27,28 +26,19 @@ class Peers:
 
 
 def write(peers: Peers, path: Path) -> None:
-    rows: Iterable[dict[str, object]] = (
-        {"row": "run", **peers.run},
-        *({"row": "trip", **asdict(trip)} for trip in peers.trips),
-        *({"row": "death", **asdict(death)} for death in peers.deaths),
-    )
-    path.write_text("".join(json.dumps(row, ensure_ascii=False) + "\n" for row in rows))
+    trips = (("trip", asdict(trip)) for trip in peers.trips)
+    deaths = (("death", asdict(death)) for death in peers.deaths)
+    write_rows(path, peers.run, (*trips, *deaths))
 
 
 def read(path: Path = STORED) -> Peers | None:
     """Return the stored run; None if there is none."""
-    if not path.exists():
+    stored = read_rows(path)
+    if stored is None:
         return None
-    run: dict[str, str] = {}
-    trips: list[RoundTrip] = []
-    deaths: list[Death] = []
-    for line in path.read_text().splitlines():
-        row = json.loads(line)
-        match row.pop("row"):
-            case "trip":
-                trips.append(RoundTrip(**row | {"times_ms": tuple(row["times_ms"])}))
-            case "death":
-                deaths.append(Death(**row | {"times_ms": tuple(row["times_ms"])}))
-            case _:
-                run = row
+    run, rows = stored
+    for _, fields in rows:
+        fields["times_ms"] = tuple(fields["times_ms"])
+    trips = (RoundTrip(**fields) for kind, fields in rows if kind == "trip")
+    deaths = (Death(**fields) for kind, fields in rows if kind == "death")
     return Peers(run, tuple(trips), tuple(deaths))

@@ -9,6 +9,7 @@ from bench.peers.kinds import REFERENCE
 from bench.peers.results import Peers
 from bench.peers.round_trip import RATES_HZ, RoundTrip
 from bench.rig.sheet import Sheet, Verdict
+from bench.rig.stored import origin
 
 TARGET_TRIP_RATIO, TARGET_TRIP_MORE_MS = 1.3, 1.0
 TARGET_DEATH_RATIO, TARGET_DEATH_P99_MS = 1.3, 8.0
@@ -16,9 +17,8 @@ TARGET_DEATH_RATIO, TARGET_DEATH_P99_MS = 1.3, 8.0
 
 def sheets(peers: Peers) -> list[Sheet]:
     reference = peers.names[REFERENCE]
-    origin = "Run of {date} by `{command}`: {machine}; commit {commit}.".format(**peers.run)
     both = trip_sheet(peers.names, reference, peers.trips), death_sheet(peers.names, peers.deaths)
-    return [sheet.with_note(origin) for sheet in both]
+    return [sheet.with_note(origin(peers.run)) for sheet in both]
 
 
 def verdicts(peers: Peers) -> list[Verdict]:

@@ -4,7 +4,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from bench.rig.sheet import commit, machine, now, show
+from bench.rig.sheet import show
+from bench.rig.stored import this_run
 from bench.robots.results import Robots, write
 from bench.robots.run import measure
 from bench.robots.table import sheets, verdicts
@@ -49,8 +50,7 @@ def main() -> None:
         f"python -m bench.robots --robots {' '.join(map(str, options.robots))} --seconds {options.seconds:g} "
         f"--kills {options.kills}"
     )
-    run = {"command": command, "date": now(), "machine": machine(), "commit": commit()}
-    robots = Robots(run, tuple(crowds))
+    robots = Robots(this_run(command), tuple(crowds))
     if options.json is not None:
         write(robots, options.json)
     show(sheets(robots), verdicts(robots))

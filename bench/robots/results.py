@@ -1,10 +1,10 @@
 """Writes and reads the stored measurements, one JSON object a line: the run, then each number of robots."""
 
-import json
-from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, cast
+
+from bench.rig.stored import read_rows, write_rows
 
 STORED = Path(__file__).resolve().parents[2] / "docs/campaign/bench_robots.jsonl"
 
@@ -60,29 +60,20 @@ class Robots:
 
 
 def write(robots: Robots, path: Path) -> None:
-    rows: Iterable[dict[str, object]] = (
-        {"row": "run", **robots.run},
-        *(
-            {"row": "robots", **{name: _short(value) for name, value in asdict(crowd).items()}}
-            for crowd in robots.crowds
-        ),
-    )
-    path.write_text("".join(json.dumps(row, ensure_ascii=False) + "\n" for row in rows))
+    rows = [{name: _short(value) for name, value in asdict(crowd).items()} for crowd in robots.crowds]
+    write_rows(path, robots.run, (("robots", row) for row in rows))
 
 
 def read(path: Path = STORED) -> Robots | None:
     """Return the stored run; None if there is none."""
-    if not path.exists():
+    stored = read_rows(path)
+    if stored is None:
         return None
-    run: dict[str, str] = {}
-    crowds: list[Crowd] = []
+    run, rows = stored
     tuples = [field.name for field in fields(Crowd) if field.type == tuple[float, ...]]
-    for line in path.read_text().splitlines():
-        row = json.loads(line)
-        if row.pop("row") == "robots":
-            crowds.append(Crowd(**row | {name: tuple(row[name]) for name in tuples}))
-        else:
-            run = row
+    for _, row in rows:
+        row |= {name: tuple(row[name]) for name in tuples}
+    crowds = (Crowd(**row) for _, row in rows)
     return Robots(run, tuple(crowds))
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from bench.rig.sheet import Sheet, Verdict
+from bench.rig.stored import origin
 from bench.robots.results import Crowd, Robots
 from bench.robots.stats import percentile
 
@@ -31,8 +32,11 @@ COLUMNS = (
 
 
 def sheets(robots: Robots) -> list[Sheet]:
-    origin = "Run of {date} by `{command}`: {machine}; commit {commit}.".format(**robots.run)
-    return [sheet(robots.crowds).with_note("The curve: [robots.svg](images/robots.svg).").with_note(origin)]
+    return [
+        sheet(robots.crowds)
+        .with_note("The curve: [robots.svg](images/robots.svg).")
+        .with_note(origin(robots.run))
+    ]
 
 
 def sheet(crowds: Sequence[Crowd]) -> Sheet:
