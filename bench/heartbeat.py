@@ -4,7 +4,7 @@ import asyncio
 import itertools
 import math
 import time
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +23,7 @@ from bench.rig.feed import (
     scan,
     supervisor,
 )
+from bench.rig.sheet import Sheet, Verdict
 from bench.rig.terminal import Terminal, teleop
 from wire import topics
 from wire.bus import Arrival, Subscription
@@ -205,3 +206,65 @@ class _Robot:
             arrival_max_ms=float(arrival_ms.max()),
             output_kb_s=output_kb_s,
         )
+
+
+def heartbeat_sheet(heartbeats: Iterable[Heartbeat]) -> Sheet:
+    return Sheet(
+        "Teleop's heartbeat while it draws: lateness in ms against a grid of 50 ms",
+        (
+            "screen",
+            "size",
+            "mode",
+            "s",
+            "beats",
+            "missed",
+            "sent p50",
+            "p99",
+            "max",
+            "arrival p50",
+            "p99",
+            "max",
+            "kB/s",
+        ),
+        tuple(
+            (
+                beat.screen,
+                f"{beat.columns}×{beat.rows}",
+                beat.mode,
+                f"{beat.seconds:.0f}",
+                f"{beat.beats}",
+                f"{beat.missed}",
+                f"{beat.sent_p50_ms:.1f}",
+                f"{beat.sent_p99_ms:.1f}",
+                f"{beat.sent_max_ms:.1f}",
+                f"{beat.arrival_p50_ms:.1f}",
+                f"{beat.arrival_p99_ms:.1f}",
+                f"{beat.arrival_max_ms:.1f}",
+                f"{beat.output_kb_s:.1f}",
+            )
+            for beat in heartbeats
+        ),
+        (
+            (
+                "The real teleop in a pseudo-terminal that reads all its output, with scans at 20 Hz, odometry at 50 Hz "
+                "and the supervisor's status at 10 Hz, all of which change; at full speed, with three key presses a second."
+            ),
+            (
+                "sent: by the source time in each command's stamp. arrival: at this program, through the hub; it "
+                "includes this program's delays. The grid goes through the earliest beat."
+            ),
+            "kB/s: teleop's output to the terminal.",
+        ),
+    )
+
+
+def verdicts(heartbeats: Iterable[Heartbeat]) -> list[Verdict]:
+    return [
+        Verdict(
+            f"the heartbeat's lateness, p99, {beat.screen} at {beat.columns}×{beat.rows},",
+            beat.sent_p99_ms,
+            TARGET_P99_MS,
+            "ms",
+        )
+        for beat in heartbeats
+    ]

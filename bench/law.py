@@ -5,12 +5,13 @@ import itertools
 import sys
 import time
 import tracemalloc
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from bench.rig import scenery
+from bench.rig.sheet import Sheet, Verdict
 from supervisor.config import SupervisorSection
 from supervisor.model import Command, Decision, Inputs, LaserScan, Mode, Odometry, State, Velocity
 from supervisor.safety import initial_state, step
@@ -222,3 +223,92 @@ def _microseconds(work: Callable[[], object]) -> float:
 
 def _assert_limited(driver: Driver) -> None:
     assert driver.mode is Mode.LIMITED, f"the barrier must be active, the mode is {driver.mode.name}"
+
+
+def timing_sheet(timings: Iterable[Timing]) -> Sheet:
+    return Sheet(
+        "step() in µs, driving at a wall with the barrier active",
+        (
+            "beams",
+            "scan p50",
+            "scan p99",
+            "tick p50",
+            "tick p99",
+            "numpy p50",
+            "scan / numpy",
+            "per beam",
+            "cold p50",
+            "cold numpy p50",
+        ),
+        tuple(
+            (
+                f"{t.beams:,}",
+                f"{t.scan_median_us:.0f}",
+                f"{t.scan_p99_us:.0f}",
+                f"{t.tick_median_us:.0f}",
+                f"{t.tick_p99_us:.0f}",
+                f"{t.numpy_median_us:.0f}",
+                f"{t.scan_to_numpy:.1f}",
+                f"{t.per_beam_to_360:.2f}",
+                f"{t.cold_median_us:.0f}",
+                f"{t.cold_numpy_us:.0f}",
+            )
+            for t in timings
+        ),
+        (
+            (
+                "scan: a step with a new scan, odometry and a command. tick: a step with odometry and a command, "
+                "the points moved by odometry."
+            ),
+            (
+                "numpy: ranges → points → distances from the hull → the smallest, in plain numpy on the same arrays, "
+                "alternating with the steps. scan / numpy is the median of the ratios of each round, since a slow machine "
+                "slows both."
+            ),
+            (
+                "Scans of all sizes alternate, as other work does between two real ticks; "
+                "one size alone in a tight loop is faster by about a tenth."
+            ),
+            "per beam: the time of a scan step for each beam, relative to that at 360; 1 is linear.",
+            f"cold: a scan step, and the plain numpy, immediately after {1000 * COLD_SLEEP_S:.0f} ms of sleep.",
+        ),
+    )
+
+
+def memory_sheet(memory: Iterable[Memory]) -> Sheet:
+    return Sheet(
+        "step() and memory",
+        ("beams", "step", "peak kB", "left in the state kB", "growth, blocks per step"),
+        tuple(
+            (
+                f"{m.beams:,}",
+                m.kind,
+                f"{m.peak_bytes / 1000:.1f}",
+                f"{m.state_bytes / 1000:.1f}",
+                f"{m.growth_blocks:.2f}",
+            )
+            for m in memory
+        ),
+        (
+            (
+                f"Means of {MEMORY_STEPS} steps. peak: the maximum memory during a step beyond that held before. "
+                "left: the memory kept after the step, which replaces the previous state (both by tracemalloc)."
+            ),
+            (
+                "growth: of the interpreter's memory blocks from the first step to the last "
+                "(sys.getallocatedblocks); zero means no leak."
+            ),
+        ),
+    )
+
+
+def verdicts(timings: Iterable[Timing]) -> list[Verdict]:
+    found: list[Verdict] = []
+    for timing in timings:
+        if timing.beams == TARGET_BEAMS:
+            what = f"a step with a new scan of {timing.beams} beams, median,"
+            found.append(Verdict(what, timing.scan_median_us, TARGET_US, "µs"))
+        else:
+            what = f"time for each beam at {timing.beams:,} beams"
+            found.append(Verdict(what, timing.per_beam_to_360, 1.0, f"× that at {TARGET_BEAMS}"))
+    return found

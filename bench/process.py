@@ -1,4 +1,8 @@
-"""Measures the real supervisor process over real Zenoh at the robot's rates, and a bare relay in its place."""
+"""Measures the real supervisor process over real Zenoh at the robot's rates.
+
+References of the same run: a bare relay in its place, and a process that only sleeps and wakes as often as the
+supervisor's event loop.
+"""
 
 import asyncio
 import itertools
@@ -6,9 +10,9 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Coroutine, Generator
+from collections.abc import Coroutine, Generator, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +31,7 @@ from bench.rig.feed import (
     scan,
     supervisor,
 )
+from bench.rig.sheet import Sheet, Verdict
 from wire import topics
 from wire.bus import Subscription
 from wire.messages import SafetyStatus, Twist, odometry, planar_twist
@@ -42,8 +47,11 @@ Phase = tuple[str, float, float]
 """Its name, the distance of the wall [m], and the commanded speed [m/s]."""
 ECHO = "free path, topic echo of everything"
 """In this phase, `lifeline topic echo` prints every message of the robot."""
+RELAY = "a bare relay instead"
+SLEEPER = "only sleeps and wakes"
 
 TARGET_CPU_PERCENT = 6.0
+TARGET_TO_RELAY = 1.35
 TARGET_RSS_MB = 100.0
 
 _CLOCK_TICKS_S = os.sysconf("SC_CLK_TCK")
@@ -63,6 +71,8 @@ class Load:
     """CPU of the thread with the event loop, the law, and all encoding and decoding."""
     zenoh_percent: float
     """CPU of the other threads."""
+    wakes_hz: float
+    """How often the thread with the event loop goes to sleep."""
     rss_mb: float
     cmd_vel_hz: float
     gap_p50_ms: float
@@ -73,7 +83,7 @@ class Load:
 
 
 def measure_process(seconds: float) -> list[Load]:
-    """Measure a bare relay; then a supervisor on a free path, limited by the barrier, and while everything is printed.
+    """Measure a relay; a supervisor on a free path, limited by the barrier, and while everything is printed; a sleeper.
 
     Raises:
         RuntimeError: a process does not start or sends nothing.
@@ -83,8 +93,22 @@ def measure_process(seconds: float) -> list[Load]:
         ("limited by the barrier", scenery.WALL_M, scenery.FORWARD_M_S),
     )
     echoed = (ECHO, CLEAR_M, CRUISE_M_S)
-    [relay] = _measure_in("bench.relay", [("a bare relay instead", CLEAR_M, CRUISE_M_S)], seconds)
-    return [relay, *_measure_in("supervisor", [free, limited, echoed], seconds)]
+    [relay] = _measure_in("bench.relay", [(RELAY, CLEAR_M, CRUISE_M_S)], seconds)
+    loads = _measure_in("supervisor", [free, limited, echoed], seconds)
+    return [relay, *loads, _measure_sleeper(loads[0].wakes_hz, seconds)]
+
+
+def _measure_sleeper(wakes_hz: float, seconds: float) -> Load:
+    """Measure an event loop that does nothing but wake `wakes_hz` times a second."""
+    process = subprocess.Popen([sys.executable, "-m", "bench.sleeper", f"{wakes_hz}"])
+    try:
+        time.sleep(WARM_UP_S)
+        began = _Usage(process.pid)
+        time.sleep(seconds)
+        return began.load_until_now(SLEEPER)
+    finally:
+        process.kill()
+        process.wait()
 
 
 def _measure_in(module: str, phases: list[Phase], seconds: float) -> list[Load]:
@@ -159,27 +183,11 @@ class _Driver:
         await asyncio.sleep(WARM_UP_S)
         accepted = await self._scans_accepted()
         self._arrivals_s.clear()
-        began_s, began_cpu_s, began_loop_s = time.monotonic(), _cpu_s(pid), _cpu_s(pid, pid)
+        began = _Usage(pid)
         await asyncio.sleep(seconds)
-        took_s = time.monotonic() - began_s
-        cpu_s, loop_s = _cpu_s(pid) - began_cpu_s, _cpu_s(pid, pid) - began_loop_s
-        arrivals_s = self._arrivals_s.copy()
-        gaps_ms = 1000 * np.diff(arrivals_s)
+        load = began.load_until_now(phase, self._arrivals_s.copy())
         scans = await self._scans_accepted() - accepted
-        return Load(
-            phase=phase,
-            seconds=took_s,
-            mode=self._mode,
-            cpu_percent=100 * cpu_s / took_s,
-            loop_percent=100 * loop_s / took_s,
-            zenoh_percent=100 * (cpu_s - loop_s) / took_s,
-            rss_mb=_rss_mb(pid),
-            cmd_vel_hz=len(arrivals_s) / took_s,
-            gap_p50_ms=float(np.percentile(gaps_ms, 50)),
-            gap_p99_ms=float(np.percentile(gaps_ms, 99)),
-            gap_max_ms=float(gaps_ms.max()),
-            scans_hz=scans / took_s,
-        )
+        return replace(load, mode=self._mode, scans_hz=scans / load.seconds)
 
     async def _scans_accepted(self) -> int:
         """Return the number of accepted scans in the next status."""
@@ -195,6 +203,40 @@ class _Driver:
         return status.scans_accepted
 
 
+class _Usage:
+    """What a process has used until now."""
+
+    def __init__(self, pid: int) -> None:
+        self._pid = pid
+        self._time_s, self._cpu_s, self._loop_s = time.monotonic(), _cpu_s(pid), _cpu_s(pid, pid)
+        self._sleeps = _status(pid, "voluntary_ctxt_switches")
+
+    def load_until_now(self, phase: str, arrivals_s: Sequence[float] = ()) -> Load:
+        """Return the load since this usage, with the arrival times of its `cmd_vel` [s]."""
+        now = _Usage(self._pid)
+        took_s, cpu_s, loop_s = (
+            now._time_s - self._time_s,
+            now._cpu_s - self._cpu_s,
+            now._loop_s - self._loop_s,
+        )
+        gaps_ms = 1000 * np.diff(arrivals_s) if len(arrivals_s) > 1 else np.zeros(1)
+        return Load(
+            phase=phase,
+            seconds=took_s,
+            mode="",
+            cpu_percent=100 * cpu_s / took_s,
+            loop_percent=100 * loop_s / took_s,
+            zenoh_percent=100 * (cpu_s - loop_s) / took_s,
+            wakes_hz=(now._sleeps - self._sleeps) / took_s,
+            rss_mb=_status(self._pid, "VmRSS") / 1024,
+            cmd_vel_hz=len(arrivals_s) / took_s,
+            gap_p50_ms=float(np.percentile(gaps_ms, 50)),
+            gap_p99_ms=float(np.percentile(gaps_ms, 99)),
+            gap_max_ms=float(gaps_ms.max()),
+            scans_hz=0.0,
+        )
+
+
 def _cpu_s(pid: int, thread: int | None = None) -> float:
     """Return user and system time of a process or thread [s]; the main thread has the process's id."""
     path = f"/proc/{pid}/stat" if thread is None else f"/proc/{pid}/task/{thread}/stat"
@@ -202,8 +244,82 @@ def _cpu_s(pid: int, thread: int | None = None) -> float:
     return (int(fields[11]) + int(fields[12])) / _CLOCK_TICKS_S
 
 
-def _rss_mb(pid: int) -> float:
+def _status(pid: int, name: str) -> int:
+    """Return a number of the main thread's /proc/<pid>/status."""
     for line in Path(f"/proc/{pid}/status").read_text().splitlines():
-        if line.startswith("VmRSS:"):
-            return int(line.split()[1]) / 1024
+        if line.startswith(f"{name}:"):
+            return int(line.split()[1])
     raise RuntimeError("the process has ended")
+
+
+def load_sheet(loads: Sequence[Load]) -> Sheet:
+    return Sheet(
+        "The supervisor process over Zenoh: 20 Hz scans of 360 beams, 20 Hz commands, 50 Hz odometry",
+        (
+            "phase",
+            "mode",
+            "s",
+            "CPU %",
+            "/ relay",
+            "loop %",
+            "Zenoh %",
+            "wakes /s",
+            "RSS MB",
+            "cmd_vel Hz",
+            "gap p50 ms",
+            "p99",
+            "max",
+        ),
+        tuple(
+            (
+                load.phase,
+                load.mode,
+                f"{load.seconds:.0f}",
+                f"{load.cpu_percent:.1f}",
+                f"{load.cpu_percent / loads[0].cpu_percent:.2f}",
+                f"{load.loop_percent:.1f}",
+                f"{load.zenoh_percent:.1f}",
+                f"{load.wakes_hz:.0f}",
+                f"{load.rss_mb:.0f}",
+                f"{load.cmd_vel_hz:.1f}",
+                f"{load.gap_p50_ms:.1f}",
+                f"{load.gap_p99_ms:.1f}",
+                f"{load.gap_max_ms:.1f}",
+            )
+            for load in loads
+        ),
+        (
+            (
+                "CPU: of one core, user and system, from /proc/<pid>/stat. loop: the thread with the event loop, the "
+                "law, encoding and decoding. Zenoh: all other threads."
+            ),
+            (
+                "relay: the same traffic through a process without a law, bench/relay.py. If a core sleeps between "
+                "ticks its caches grow cold, and on some machines the same code takes several times as long as in a "
+                "loop; / relay compares both under the same conditions."
+            ),
+            (
+                "wakes: of the event loop. only sleeps and wakes: an asyncio process that does nothing else, as often as "
+                "the supervisor on a free path; no program in Python with these wake-ups can cost less on this machine."
+            ),
+            ("topic echo: another process prints every message as YAML, on the same two cores."),
+            (
+                "cmd_vel and its gaps are measured by the driver; under the barrier the output also changes between "
+                "ticks, and each change is sent immediately."
+            ),
+        ),
+    )
+
+
+def verdicts(loads: Sequence[Load]) -> list[Verdict]:
+    found: list[Verdict] = []
+    relay_percent = loads[0].cpu_percent
+    for load in loads[1:-1]:
+        found += [
+            Verdict(f"CPU, {load.phase},", load.cpu_percent, TARGET_CPU_PERCENT, "% of one core"),
+            Verdict(f"resident memory, {load.phase},", load.rss_mb, TARGET_RSS_MB, "MB"),
+        ]
+        if load.phase != ECHO:  # the relay was measured without the printing process
+            to_relay = load.cpu_percent / relay_percent
+            found.append(Verdict(f"CPU, {load.phase},", to_relay, TARGET_TO_RELAY, "× the relay's"))
+    return found

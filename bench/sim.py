@@ -5,10 +5,12 @@ alternately, so that load on the machine slows both.
 """
 
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
+from bench.rig.sheet import Sheet, Verdict
 from sim import mj
 from sim.build import Build
 from sim.config import SimSection
@@ -133,3 +135,44 @@ def measure_pace(rounds: int) -> list[Pace]:
         )
         for scene, moving in SCENES
     ]
+
+
+def pace_sheet(paces: Iterable[Pace]) -> Sheet:
+    return Sheet(
+        "The simulated robot, unpaced, with a scan of 360 beams 20 times a simulated second, on one core",
+        ("scene", "geoms", "× real time", "ms", "ms p90", "MuJoCo alone ×", "ms", "rate / MuJoCo's"),
+        tuple(
+            (
+                pace.what,
+                f"{pace.geoms}",
+                f"{pace.real_time_factor:.0f}",
+                f"{pace.plant_ms:.2f}",
+                f"{pace.plant_p90_ms:.2f}",
+                f"{pace.bare_factor:.0f}",
+                f"{pace.bare_ms:.2f}",
+                f"{1.0 / pace.plant_to_bare:.2f}",
+            )
+            for pace in paces
+        ),
+        (
+            (
+                "ms: CPU time of the thread for a simulated second of 500 steps and 20 scans, median of the rounds. "
+                "The robot drives; the target of 10 ms is a hundred times real time."
+            ),
+            (
+                "MuJoCo alone: mj_step and mj_multiRay in a loop on the same model, alternating with the robot; the target "
+                "is 80 % of its rate, which is 1.25 times its time."
+            ),
+        ),
+    )
+
+
+def verdicts(paces: Iterable[Pace]) -> list[Verdict]:
+    found: list[Verdict] = []
+    for pace in paces:
+        what = f"a simulated second of {pace.what}"
+        found += [
+            Verdict(f"{what}, processor time,", pace.plant_ms, TARGET_MS, "ms"),
+            Verdict(f"{what}, times MuJoCo alone,", pace.plant_to_bare, TARGET_TO_BARE, "×"),
+        ]
+    return found

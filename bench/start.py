@@ -11,12 +11,14 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from bench.rig.feed import START_S, at_rate, client, feeding
+from bench.rig.sheet import Sheet, Verdict
 from deploy.stack import processes
 from deploy.stack.launch import free_loopback_endpoint
 from deploy.stack.statedir import StateDir
@@ -177,3 +179,65 @@ def _started_s(pid: int) -> float:
     """Return when a process was started [s since boot], rounded down to the clock tick, usually 10 ms."""
     fields = re.sub(r".*\)", "", Path(f"/proc/{pid}/stat").read_text(), flags=re.DOTALL).split()
     return int(fields[19]) / _CLOCK_TICKS_S
+
+
+def imports_sheet(imports: Iterable[Imports]) -> Sheet:
+    return Sheet(
+        "Imports: a new interpreter that imports the modules of one program and ends, in ms",
+        ("program", "p50", "p90", "/ numpy and zenoh", "runs"),
+        tuple(
+            (
+                one.program,
+                f"{one.median_ms:.0f}",
+                f"{one.p90_ms:.0f}",
+                f"{one.to_libraries:.2f}",
+                f"{one.runs}",
+            )
+            for one in imports
+        ),
+        (
+            "With warm caches and compiled byte code. / numpy and zenoh: the median of the ratios of each round.",
+            "lifeline up: the imports of the command itself, not of the processes that it starts.",
+        ),
+    )
+
+
+def starts_sheet(starts: Sequence[Start]) -> Sheet:
+    rows = (
+        ("lifeline up --detach, until every node is alive", [one.up_s for one in starts]),
+        ("SIGKILL of the supervisor until its restart", [one.respawned_s for one in starts]),
+        ("SIGKILL of the supervisor until drivable", [one.drivable_s for one in starts]),
+    )
+    return Sheet(
+        "Start and restart under supervisord, in s",
+        ("what", "p50", "min", "max", "runs"),
+        tuple(
+            (
+                what,
+                f"{np.median(taken_s):.2f}",
+                f"{min(taken_s):.2f}",
+                f"{max(taken_s):.2f}",
+                f"{len(taken_s)}",
+            )
+            for what, taken_s in rows
+            if taken_s
+        ),
+        (
+            (
+                "drivable: the first status READY, while a source sends zero velocity at 20 Hz. It includes the timeouts of "
+                "0.2 s and 0.24 s for which the supervisor observes a command source and a lidar before it trusts them."
+            ),
+            "The time of the restart is rounded down to 10 ms, and may therefore appear to be before the kill.",
+        ),
+    )
+
+
+def verdicts(starts: Sequence[Start]) -> list[Verdict]:
+    if not starts:
+        return []
+    up_s = float(np.median([one.up_s for one in starts]))
+    drivable_s = float(np.median([one.drivable_s for one in starts]))
+    return [
+        Verdict("`lifeline up --detach`, median,", up_s, TARGET_UP_S, "s"),
+        Verdict("from SIGKILL of the supervisor to drivable, median,", drivable_s, TARGET_DRIVABLE_S, "s"),
+    ]

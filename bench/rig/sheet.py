@@ -43,7 +43,8 @@ class Verdict:
     unit: str
 
     def sentence(self) -> str:
-        state = "on target" if self.measured <= self.target else "OVER TARGET"
+        over = self.measured - self.target
+        state = "on target" if over <= 0.0 else f"OVER TARGET by {over:.2g}"
         return f"{state}: {self.what} {self.measured:.3g} {self.unit}, at most {self.target:.3g} {self.unit}"
 
 
