@@ -313,13 +313,12 @@ def load_sheet(loads: Sequence[Load]) -> Sheet:
 
 def verdicts(loads: Sequence[Load]) -> list[Verdict]:
     found: list[Verdict] = []
-    relay_percent = loads[0].cpu_percent
     for load in loads[1:-1]:
         found += [
             Verdict(f"CPU, {load.phase},", load.cpu_percent, TARGET_CPU_PERCENT, "% of one core"),
             Verdict(f"resident memory, {load.phase},", load.rss_mb, TARGET_RSS_MB, "MB"),
         ]
         if load.phase != ECHO:  # the relay was measured without the printing process
-            to_relay = load.cpu_percent / relay_percent
+            to_relay = load.cpu_percent / loads[0].cpu_percent
             found.append(Verdict(f"CPU, {load.phase},", to_relay, TARGET_TO_RELAY, "× the relay's"))
     return found
