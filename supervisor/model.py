@@ -132,6 +132,8 @@ class Liveliness:
 
     source: str
     alive: bool
+    epoch: bytes = b""
+    """Of the token of one run of the source; empty for the source's token, which other clients may hold too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,6 +203,8 @@ class Source(NamedTuple):
     stamped: bool = False
     alive: bool | None = None
     """Whether its liveliness token exists; None if it never had one."""
+    lost: bytes = b""
+    """The epoch whose commands arrived last when its own token was deleted; empty if it is back."""
     invalid: bool = False
     """Whether its last command was invalid."""
     latched: Reasons = frozenset({StopReason.NO_COMMAND})
