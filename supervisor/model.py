@@ -197,7 +197,7 @@ class Source(NamedTuple):
     sent_s: float = -math.inf
     """When that command was sent, by the local clock: arrival time minus transport time."""
     neutral_s: float = -math.inf
-    """When its last accepted neutral command arrived."""
+    """When its last accepted neutral command was sent, as `sent_s`: one that waited for this process came before the stop ended."""
     refused_s: float = -math.inf
     """When one of its commands was last refused as not fresh."""
     stamped: bool = False

@@ -567,13 +567,14 @@ def _accept(source: Source, command: Command, config: LawConfig) -> Source:
     if verdict is not Verdict.FRESH:
         refused_s = source.refused_s if verdict is Verdict.UNPROVEN else command.arrival_s
         return source._replace(stamped=stamped, track=track, counts=counts, refused_s=refused_s)
+    sent_s = command.arrival_s - on_way_s
     return source._replace(
         stamped=stamped,
         track=track,
         counts=counts,
         velocity=velocity,
-        sent_s=command.arrival_s - on_way_s,
-        neutral_s=command.arrival_s if velocity == STANDSTILL else source.neutral_s,
+        sent_s=sent_s,
+        neutral_s=sent_s if velocity == STANDSTILL else source.neutral_s,
         invalid=False,
     )
 

@@ -48,6 +48,8 @@ TX_QUEUE = 16
 OVERHEARD_BYTES = 32 << 20
 """Maximum size of the samples that wait in an inbox of `overhear`: a foreign payload may have any size."""
 LIVELINESS_DEPTH = 256
+MAX_SOURCE_NAME = 64
+"""Names of command sources are cut at this length: a key may have 64 KiB, and the status repeats the names of unknown sources."""
 
 Role = Literal["hub", "client"]
 
@@ -268,7 +270,7 @@ class ZenohSession:
 
         Args:
             pushes: by the name of a source, what is called for each of its commands.
-            other: called with the name of any other source for each of its commands.
+            other: called with the name of any other source for each of its commands, cut at `MAX_SOURCE_NAME`.
         """
         by_key = {self._key(topics.source_cmd_vel(name).key): push for name, push in pushes.items()}
         prefix = self._key("")
@@ -278,7 +280,7 @@ class ZenohSession:
             if push is None:
                 source = topics.source_of(heard_on.removeprefix(prefix))
                 if source is not None:
-                    other(source)
+                    other(source[:MAX_SOURCE_NAME])
             return push
 
         self._subscribe(self._key(topics.source_cmd_vel("*").key), push_of)
