@@ -55,13 +55,13 @@ def main() -> None:
             models["sim"] = BaseSection
         sections = read_sections(document, models, fit_to_base)
         bus_section, config = sections[BusSection], sections[SupervisorSection]
+        contract = config.contract(bus_section.more_keys)
         recorder, directory = black_box(config), state_directory()
     except ConfigError as error:
         refuse("supervisor", error)
     log_to_stderr()
 
     async def run(stop: asyncio.Event) -> int:
-        contract = config.contract(bus_section.more_keys)
         bus = await open_bus(replace(bus_section.to_bus_config(), contract=contract), "hub")
         try:
             if not is_loopback(bus_section.endpoint):
