@@ -90,6 +90,33 @@ def read_bundle(directory: Path, now_s: float) -> Bundle:
     return Bundle(key.stem, *known, hosts, float(ends_s), authority, certificate, key)
 
 
+def choose_bundle(directory: Path, now_s: float, *, is_hub: bool) -> Bundle:
+    """Read a bundle, or the one of several in a directory that a process needs.
+
+    The computer of a robot has two: the hub takes that of the role supervisor, and all other processes take the other one.
+
+    Args:
+        directory: a bundle, or a directory of bundles.
+        now_s: the time, in seconds since the epoch.
+        is_hub: whether the process is the hub.
+
+    Raises:
+        BundleError: as `read_bundle`, or there is not exactly one that fits.
+    """
+    within = sorted({key.parent for key in directory.glob(f"*/*{KEY_SUFFIX}")})
+    if not within or any(directory.glob(f"*{KEY_SUFFIX}")):
+        return read_bundle(directory, now_s)
+    bundles = [read_bundle(one, now_s) for one in within]
+    fitting = [bundle for bundle in bundles if (bundle.role is Role.SUPERVISOR) is is_hub]
+    if len(fitting) == 1:
+        return fitting[0]
+    named = ", ".join(f"{bundle.name} ({bundle.role})" for bundle in bundles)
+    wanted = "one bundle of the role supervisor" if is_hub else "one bundle of another role than supervisor"
+    raise BundleError(
+        f"{directory} must have {wanted} for this process, but has {named}: name one with --keys"
+    )
+
+
 def _key_in(directory: Path) -> Path:
     if not directory.is_dir():
         raise BundleError(f"there is no bundle of keys at {directory}: {HOW_TO_ISSUE} and copy it there")

@@ -13,7 +13,7 @@ import json
 import logging
 import threading
 import time
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Collection, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
@@ -23,7 +23,8 @@ from typing import Any, Literal, TypeVar
 import zenoh
 
 from wire import tls, topics
-from wire.bundle import Bundle, BundleError, read_bundle
+from wire.access import LOCAL_ROLES, Contract, access_control
+from wire.bundle import Bundle, BundleError, choose_bundle
 from wire.foreign_nodes import NODE_TOKENS
 from wire.inbox import (
     FOREIGN_DEPTH,
@@ -37,6 +38,7 @@ from wire.inbox import (
 )
 from wire.link_trouble import LOG_FILTER
 from wire.newest import NewestWithin
+from wire.roles import Role as ParticipantRole
 from wire.stamp import Stamper
 from wire.zenoh_log import why_refused
 
@@ -58,6 +60,8 @@ TX_QUEUE = 16
 OVERHEARD_BYTES = 32 << 20
 """Maximum size of the samples that wait in an inbox of `overhear`: a foreign payload may have any size."""
 LIVELINESS_DEPTH = 256
+MAX_SOURCE_NAME = 64
+"""Names of command sources are cut at this length: a key may have 64 KiB, and the status repeats the names of unknown sources."""
 
 Role = Literal["hub", "client"]
 
@@ -80,6 +84,10 @@ class BusConfig:
     """How long a silent link counts as alive. Measured: 0.1 s never expired wrongly in 60 s under 8 CPU hogs."""
     keys: Path | None = None
     """The directory of this process's bundle (bundle.py), which endpoints with TLS need; unused with tcp."""
+    contract: Contract = Contract()
+    """The robot's own keys; only the hub uses them, for its access control."""
+    local: tuple[ParticipantRole, ...] = LOCAL_ROLES
+    """What the hub accepts from programs of this machine, which have no certificate."""
 
 
 async def open_session(
@@ -232,7 +240,7 @@ def _bundle(config: BusConfig, role: Role) -> Bundle | None:
     if config.keys is None:
         raise BusError(tls.without_keys(config.endpoint))
     try:
-        bundle = read_bundle(config.keys, time.time())
+        bundle = choose_bundle(config.keys, time.time(), is_hub=role == "hub")
     except BundleError as error:
         raise BusError(str(error)) from error
     misfit = tls.misfit(bundle, config.endpoint, config.namespace, is_hub=role == "hub")
@@ -259,7 +267,7 @@ def _settings(config: BusConfig, role: Role, bundle: Bundle | None) -> zenoh.Con
     endpoint = tls.zenoh_endpoint(config.endpoint)
     if role == "hub":
         values["listen/endpoints"] = [endpoint]
-        values["access_control"] = _access_control(config.namespace)
+        values["access_control"] = access_control(config.namespace, config.contract, config.local)
         # The hub answers which session declares what (docs/decisions/0042); it is read-only.
         values["adminspace"] = {"enabled": True, "permissions": {"read": True, "write": False}}
     else:
@@ -280,26 +288,6 @@ def _settings(config: BusConfig, role: Role, bundle: Bundle | None) -> zenoh.Con
         except zenoh.ZError as error:
             raise BusError(f"cannot use the endpoint {config.endpoint!r}: {_first_line(error)}") from error
     return settings
-
-
-def _access_control(namespace: str) -> dict[str, object]:
-    """Return the access control: only the hub may write the supervisor's keys, declare its token and serve its service."""
-    supervisors_own = [f"{namespace}/{key}" for key in topics.ONLY_SUPERVISOR_WRITES]
-    rules = [
-        ("writes", ["put", "delete"], supervisors_own),
-        ("token", ["liveliness_token"], [f"{namespace}/{topics.alive(topics.SUPERVISOR)}"]),
-        ("service", ["declare_queryable"], [f"{namespace}/{topics.SUPERVISOR_RESET.key}"]),
-    ]
-    return {
-        "enabled": True,
-        "default_permission": "allow",
-        "rules": [
-            {"id": name, "messages": messages, "flows": ["ingress"], "permission": "deny", "key_exprs": keys}
-            for name, messages, keys in rules
-        ],
-        "subjects": [{"id": "anyone"}],
-        "policies": [{"rules": [name for name, _, _ in rules], "subjects": ["anyone"]}],
-    }
 
 
 def _listen_sentence(endpoint: str, error: Exception) -> str:
@@ -351,6 +339,11 @@ class RawPublisher:
             express=True,
         )
         self._stamper = Stamper()
+
+    @property
+    def epoch(self) -> bytes:
+        """The epoch in the stamps of this run."""
+        return self._stamper.gid
 
     def put_bytes(
         self, payload: bytes, attachment: bytes | None = None, *, true_at_s: float | None = None
@@ -407,7 +400,7 @@ class ZenohSession:
 
         Args:
             pushes: by the name of a source, what is called for each of its commands.
-            other: called with the name of any other source for each of its commands.
+            other: called with the name of any other source for each of its commands, cut at `MAX_SOURCE_NAME`.
         """
         by_key = {self._key(topics.source_cmd_vel(name).key): push for name, push in pushes.items()}
         prefix = self._key("")
@@ -417,7 +410,7 @@ class ZenohSession:
             if push is None:
                 source = topics.source_of(heard_on.removeprefix(prefix))
                 if source is not None:
-                    other(source)
+                    other(source[:MAX_SOURCE_NAME])
             return push
 
         self._subscribe(self._key(topics.source_cmd_vel("*").key), push_of)
@@ -445,9 +438,9 @@ class ZenohSession:
         self.subscribe_sources_raw({}, inbox.push)
         return inbox
 
-    def declare_alive(self, node: str) -> ZenohToken:
-        """Declare the liveliness token of a node or a command source of the robot."""
-        return self.declare_token(self._key(topics.alive(node)))
+    def declare_alive(self, node: str, epoch: bytes = b"") -> ZenohToken:
+        """Declare the liveliness token of a node or a command source of the robot, or of one run of it."""
+        return self.declare_token(self._key(topics.alive(node, epoch)))
 
     def declare_token(self, key: str) -> ZenohToken:
         """Declare a liveliness token on any key.
@@ -459,24 +452,35 @@ class ZenohSession:
         self._declared.append(token)
         return ZenohToken(token)
 
-    def watch_alive(self, wake: Wake | None = None) -> Inbox[LivelinessChange]:
-        """Return an inbox for the changes of the robot's liveliness tokens, with the tokens that exist already."""
+    def watch_alive(
+        self, wake: Wake | None = None, nodes: Collection[str] | None = None
+    ) -> Inbox[LivelinessChange]:
+        """Return an inbox for the changes of the robot's liveliness tokens, with the tokens that exist already.
+
+        Args:
+            wake: set at a change.
+            nodes: whose tokens are watched, with those of their runs; `$*` stands for any characters. A process that
+                must notice a death watches nothing else, because a flood of other tokens would delay it. None: the
+                tokens of all nodes, without those of their runs.
+        """
+        inbox: Inbox[LivelinessChange] = Inbox(LIVELINESS_DEPTH, wake)
         prefix = self._key(topics.alive(""))
-        return self._watch_tokens(f"{prefix}*", prefix, Inbox(LIVELINESS_DEPTH, wake))
+
+        def on_change(key: str, alive: bool) -> None:  # noqa: FBT001 - as TokenChange
+            token = topics.token_of(key.removeprefix(prefix))
+            if token is not None:
+                inbox.push(LivelinessChange(token[0], alive, time.monotonic(), token[1]))
+
+        for expression in ["*"] if nodes is None else [f"{node}/**" for node in nodes]:
+            self.watch_tokens(f"{prefix}{expression}", on_change)
+        return inbox
 
     def watch_foreign_nodes(self) -> Inbox[LivelinessChange]:
         """Return an inbox for the changes of the tokens of nodes with rmw_zenoh (wire/foreign_nodes.py)."""
-        return self._watch_tokens(NODE_TOKENS, "", Inbox(FOREIGN_DEPTH, None))
-
-    def _watch_tokens(
-        self, expression: str, prefix: str, inbox: Inbox[LivelinessChange]
-    ) -> Inbox[LivelinessChange]:
-        """Report the tokens that match a key expression, without their common prefix."""
-
-        def on_change(key: str, alive: bool) -> None:  # noqa: FBT001 - as TokenChange
-            inbox.push(LivelinessChange(key.removeprefix(prefix), alive, time.monotonic()))
-
-        self.watch_tokens(expression, on_change)
+        inbox: Inbox[LivelinessChange] = Inbox(FOREIGN_DEPTH, None)
+        self.watch_tokens(
+            NODE_TOKENS, lambda key, alive: inbox.push(LivelinessChange(key, alive, time.monotonic()))
+        )
         return inbox
 
     def watch_tokens(self, expression: str, changed: TokenChange) -> None:
@@ -545,6 +549,9 @@ class ZenohSession:
     ) -> R:
         """Query a key of the robot, and return the first reply that `read` accepts.
 
+        Any client can answer a query whose key its queryable matches. A reply for the supervisor therefore counts only if
+        it comes from the session that holds the token of the supervisor's run, which the hub refuses to all others.
+
         Args:
             key: the key, relative to the robot's namespace.
             request: the payload; None: no payload.
@@ -555,13 +562,17 @@ class ZenohSession:
             NoReplyError: no such reply arrived in time.
         """
         full_key = self._key(key)
+        is_supervisors = key == topics.SUPERVISOR_RESET.key
 
         def ask() -> R | None:
+            supervisors = self._supervisors(timeout_s) if is_supervisors else set[bytes]()
             # Take each reply as it arrives: otherwise Zenoh would wait for the last of several replies.
             replies = self._session.get(
                 full_key, payload=request, timeout=timeout_s, consolidation=zenoh.ConsolidationMode.NONE
             )
             for reply in replies:
+                if is_supervisors and _replier(reply) not in supervisors:
+                    continue
                 answer = None if reply.ok is None else read(reply.ok.payload.to_bytes())
                 if answer is not None:
                     return answer
@@ -571,6 +582,17 @@ class ZenohSession:
         if answer is None:
             raise NoReplyError(f"nobody answered {full_key} within {timeout_s:g} s")
         return answer
+
+    def _supervisors(self, timeout_s: float) -> set[bytes]:
+        """Return the ids of the sessions that hold the token of a supervisor's run; blocks for a round trip."""
+        prefix = self._key(topics.alive(""))
+        expression = f"{prefix}{topics.SUPERVISOR}/*"
+        tokens = [
+            topics.token_of(str(reply.ok.key_expr).removeprefix(prefix))
+            for reply in self._session.liveliness().get(expression, timeout=timeout_s)
+            if reply.ok is not None
+        ]
+        return {token[1] for token in tokens if token is not None}
 
     def put_raw(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
         """Put any bytes on any key, as an attacker on the network can; for tests and the fault campaign.
@@ -586,6 +608,11 @@ class ZenohSession:
     def session_id(self) -> str:
         """Zenoh's id of this session."""
         return str(self._session.info.zid())
+
+    @property
+    def run_id(self) -> bytes:
+        """The same id as the epoch of this session's token, by which its replies are known."""
+        return _id_bytes(self._session.info.zid())
 
     def overhear(self, expression: str, *, depth: int, wake: Wake | None = None) -> Inbox[Overheard]:
         """Return an inbox for the samples of all keys that an expression matches, such as `robot/**`.
@@ -656,6 +683,15 @@ class ZenohSession:
 
     def _key(self, relative: str) -> str:
         return f"{self._namespace}/{relative}"
+
+
+def _id_bytes(zid: zenoh.ZenohId) -> bytes:
+    """Return the id of a session as 16 bytes; its text has no leading zeros."""
+    return bytes.fromhex(str(zid).zfill(32))
+
+
+def _replier(reply: zenoh.Reply) -> bytes | None:
+    return None if reply.replier_id is None else _id_bytes(reply.replier_id.zid)
 
 
 def _reply(query: zenoh.Query, key: str, response: bytes, attachment: bytes | None) -> None:

@@ -50,6 +50,11 @@ def misfit(bundle: Bundle, endpoint: str, namespace: str, *, is_hub: bool) -> st
             f"--robot {namespace}`, or change [bus] namespace"
         )
     host = host_of(endpoint)
+    if not is_hub and bundle.role is Role.SUPERVISOR:
+        return (
+            f"{who} has the role supervisor, which only the hub has: issue one for this program, for instance with "
+            "`lifeline keys issue NAME --role base` for the base"
+        )
     if not is_hub:
         return (
             f"{endpoint}: a certificate cannot be checked against an IPv6 address: give a host name or an IPv4 address"

@@ -20,6 +20,7 @@ from tests.system.rogue import open_rogue
 from wire import topics
 from wire.bus import Arrival, BusError, NoReplyError
 from wire.messages import TriggerResponse, Twist, decode, encode, planar_twist
+from wire.session import MAX_SOURCE_NAME
 from wire.stamp import Stamper
 from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
 
@@ -131,15 +132,31 @@ async def test_the_hub_and_the_bus_refuse_a_stranger_on_the_supervisors_keys(key
             rogue.close()
 
 
+async def test_the_name_of_an_unknown_source_is_cut() -> None:
+    async with hub_and_client() as (hub, client, _):
+        _, strangers = hub.subscribe_sources(["teleop"], depth=1, wake=asyncio.Event())
+        names: list[str] = []
+
+        def came() -> bool:
+            client.put_raw(f"robot/{'x' * 40_000}/cmd_vel", encode(planar_twist(0.0, 0.0)))
+            names.extend(strangers.take())
+            return bool(names)
+
+        await until(came, "the name")
+        assert set(names) == {"x" * MAX_SOURCE_NAME}
+
+
 async def test_a_stranger_cannot_pose_as_the_supervisor() -> None:
     async with hub_and_client() as (_, client, config):
         watcher = await open_bus(config, "client")
         changes = watcher.watch_alive()
         client.declare_alive(topics.SUPERVISOR)
-        client.declare_alive("stranger")
+        client.declare_alive(topics.TELEOP)
         seen: list[str] = []
         try:
-            await until(lambda: seen.extend(c.node for c in changes.take()) or "stranger" in seen, "a token")
+            await until(
+                lambda: seen.extend(c.node for c in changes.take()) or topics.TELEOP in seen, "a token"
+            )
             assert topics.SUPERVISOR not in seen
         finally:
             await watcher.close()
@@ -202,6 +219,7 @@ async def test_a_query_is_answered_and_nobody_s_silence_is_an_error() -> None:
         async def answer(text: str) -> TriggerResponse:
             return TriggerResponse(success=True, message=f"done {text}".strip())
 
+        hub.declare_alive(topics.SUPERVISOR, hub.run_id)
         hub.serve(topics.SUPERVISOR_RESET, answer)
         assert (await client.call(topics.SUPERVISOR_RESET, timeout_s=WITHIN_S)).message == "done"
         assert (
@@ -223,6 +241,7 @@ async def test_the_empty_trigger_request_of_a_ros_2_bridge_is_served(
         async def answer(text: str) -> TriggerResponse:
             return TriggerResponse(success=True, message=f"done {text}".strip())
 
+        hub.declare_alive(topics.SUPERVISOR, hub.run_id)
         hub.serve(topics.SUPERVISOR_RESET, answer)
         response = await client.call_raw(
             topics.SUPERVISOR_RESET.key,

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from deploy.keys.certificates import Subject, make_authority, sign
-from wire.bundle import BundleError, read_bundle
+from wire.bundle import BundleError, choose_bundle, read_bundle
 from wire.roles import ANY, Role
 
 NOW_S = float(round(time.time()))
@@ -104,3 +104,20 @@ def test_files_of_different_bundles_do_not_fit_together(tmp_path: Path, alice: P
 def test_a_directory_that_is_missing_or_a_file_is_refused(tmp_path: Path, alice: Path) -> None:
     assert "there is no bundle of keys at" in refusal(tmp_path / "none")
     assert "there is no bundle of keys at" in refusal(alice / "alice.key")
+
+
+def test_each_process_finds_its_bundle_in_a_directory_of_two(tmp_path: Path) -> None:
+    write(tmp_path / "robot7", Subject("robot7", Role.SUPERVISOR, "r7"))
+    with pytest.raises(
+        BundleError, match=r"must have one bundle of another role.*robot7 \(supervisor\).*--keys"
+    ):
+        choose_bundle(tmp_path, NOW_S, is_hub=False)
+    write(tmp_path / "wheels", Subject("wheels", Role.BASE, "r7"))
+    assert choose_bundle(tmp_path, NOW_S, is_hub=True).name == "robot7"
+    assert choose_bundle(tmp_path, NOW_S, is_hub=False).name == "wheels"
+    assert choose_bundle(tmp_path / "wheels", NOW_S, is_hub=False).name == "wheels"
+    write(tmp_path / "vera", Subject("vera", Role.VIEWER, "r7"))
+    with pytest.raises(BundleError, match=r"vera \(viewer\), wheels \(base\)"):
+        choose_bundle(tmp_path, NOW_S, is_hub=False)
+    with pytest.raises(BundleError, match="there is no bundle of keys"):
+        choose_bundle(tmp_path / "none", NOW_S, is_hub=True)

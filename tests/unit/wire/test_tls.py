@@ -97,11 +97,16 @@ def test_only_a_supervisor_is_the_hub_but_each_role_connects(role: Role) -> None
     assert tls.misfit(bundle(role), "quic/robot7:1", "robot", is_hub=False) is None
 
 
+def test_a_client_is_no_supervisor() -> None:
+    assert "--role base" in str(tls.misfit(bundle(), "quic/robot7:1", "robot", is_hub=False))
+
+
 def test_a_bundle_for_another_robot_does_not_fit() -> None:
     for is_hub in (True, False):
         sentence = tls.misfit(bundle(namespace="r7"), "quic/robot7:1", "robot", is_hub=is_hub)
         assert "is for the robot r7, not for robot" in str(sentence)
-        assert tls.misfit(bundle(namespace=ANY), "quic/robot7:1", "robot", is_hub=is_hub) is None
+        of_all = bundle(Role.SUPERVISOR if is_hub else Role.VIEWER, ANY)
+        assert tls.misfit(of_all, "quic/robot7:1", "robot", is_hub=is_hub) is None
 
 
 def test_a_client_cannot_check_an_ipv6_address() -> None:
