@@ -132,6 +132,8 @@ class Liveliness:
 
     source: str
     alive: bool
+    epoch: bytes = b""
+    """Of the token of one run of the source; empty for the source's token, which other clients may hold too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,12 +197,14 @@ class Source(NamedTuple):
     sent_s: float = -math.inf
     """When that command was sent, by the local clock: arrival time minus transport time."""
     neutral_s: float = -math.inf
-    """When its last accepted neutral command arrived."""
+    """When its last accepted neutral command was sent, as `sent_s`: one that waited for this process came before the stop ended."""
     refused_s: float = -math.inf
     """When one of its commands was last refused as not fresh."""
     stamped: bool = False
     alive: bool | None = None
     """Whether its liveliness token exists; None if it never had one."""
+    lost: bytes = b""
+    """The epoch whose commands arrived last when its own token was deleted; empty if it is back."""
     invalid: bool = False
     """Whether its last command was invalid."""
     latched: Reasons = frozenset({StopReason.NO_COMMAND})

@@ -40,6 +40,7 @@ from supervisor.model import (
     Decision,
     Inputs,
     LawConfig,
+    Liveliness,
     Mode,
     Odometry,
     Past,
@@ -521,14 +522,38 @@ def _hear(state: State, inputs: Inputs) -> tuple[dict[str, Source], dict[str, li
                 passing.setdefault(command.source, []).append(StopReason.COMMAND_INVALID)
     for change in inputs.liveliness:  # after the commands, because a source sends zero before it leaves
         if change.source in sources:
-            source = sources[change.source]._replace(alive=change.alive)
-            if not change.alive:
+            source, is_end = _mark_alive(sources[change.source], change)
+            if is_end:
                 if source.neutral and not source.invalid:
                     source = source._replace(velocity=None)
                 else:
                     passing.setdefault(change.source, []).append(StopReason.SOURCE_LOST)
             sources[change.source] = source
     return sources, passing
+
+
+def _mark_alive(source: Source, change: Liveliness) -> tuple[Source, bool]:
+    """Remember a change of a token; return also whether it ends the source.
+
+    The source's token may be held by others as well, and then outlives it. The token of the run that commands ends with
+    it; the tokens of other runs prove nothing about it.
+    """
+    if not change.epoch:
+        return source._replace(alive=change.alive), not change.alive
+    if change.alive:
+        return (source._replace(lost=b"") if source.lost == change.epoch else source), False
+    if not _commands(source, change.epoch):
+        return source, False
+    return source._replace(lost=change.epoch), True
+
+
+def _commands(source: Source, epoch: bytes) -> bool:
+    """Return whether the newest commands of a source are from this epoch."""
+    return source.track.last is not None and source.track.last.epoch == epoch
+
+
+def _is_lost(source: Source) -> bool:
+    return source.alive is False or (source.lost != b"" and _commands(source, source.lost))
 
 
 def _accept(source: Source, command: Command, config: LawConfig) -> Source:
@@ -542,13 +567,14 @@ def _accept(source: Source, command: Command, config: LawConfig) -> Source:
     if verdict is not Verdict.FRESH:
         refused_s = source.refused_s if verdict is Verdict.UNPROVEN else command.arrival_s
         return source._replace(stamped=stamped, track=track, counts=counts, refused_s=refused_s)
+    sent_s = command.arrival_s - on_way_s
     return source._replace(
         stamped=stamped,
         track=track,
         counts=counts,
         velocity=velocity,
-        sent_s=command.arrival_s - on_way_s,
-        neutral_s=command.arrival_s if velocity == STANDSTILL else source.neutral_s,
+        sent_s=sent_s,
+        neutral_s=sent_s if velocity == STANDSTILL else source.neutral_s,
         invalid=False,
     )
 
@@ -575,7 +601,7 @@ def _clamp(value: float, limit: float) -> float:
 def _own_causes(source: Source, now_s: float, config: LawConfig) -> Reasons:
     """Return the causes that prevent this source alone from driving now."""
     causes: set[StopReason] = set()
-    if source.alive is False and source.velocity is not None:
+    if _is_lost(source) and source.velocity is not None:
         causes.add(StopReason.SOURCE_LOST)
     if source.invalid:
         causes.add(StopReason.COMMAND_INVALID)

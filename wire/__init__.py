@@ -8,6 +8,7 @@ reasons.py      the stop reasons, with their names and their texts on every scre
 stamp.py        the attachment of each sample: sequence, source time, epoch
 freshness.py    age of a command from its stamp, despite network delays (pure)
 watchdog.py     the base's own command watchdog (pure), for sim and every base adapter
+roles.py        the roles of the participants, and the common names of their certificates (pure)
 foreign_nodes.py    ROS 2 nodes that use the keys of rmw_zenoh (pure)
 inbox.py        the inbox between the network's threads and asyncio
 bus.py          the Bus that services use: messages

@@ -13,7 +13,7 @@ import json
 import logging
 import threading
 import time
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Collection, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any, Literal, TypeVar
@@ -48,6 +48,8 @@ TX_QUEUE = 16
 OVERHEARD_BYTES = 32 << 20
 """Maximum size of the samples that wait in an inbox of `overhear`: a foreign payload may have any size."""
 LIVELINESS_DEPTH = 256
+MAX_SOURCE_NAME = 64
+"""Names of command sources are cut at this length: a key may have 64 KiB, and the status repeats the names of unknown sources."""
 
 Role = Literal["hub", "client"]
 
@@ -143,7 +145,7 @@ def _access_control(namespace: str) -> dict[str, object]:
     supervisors_own = [f"{namespace}/{key}" for key in topics.ONLY_SUPERVISOR_WRITES]
     rules = [
         ("writes", ["put", "delete"], supervisors_own),
-        ("token", ["liveliness_token"], [f"{namespace}/{topics.alive(topics.SUPERVISOR)}"]),
+        ("token", ["liveliness_token"], [f"{namespace}/{topics.alive(topics.SUPERVISOR)}/**"]),
         ("service", ["declare_queryable"], [f"{namespace}/{topics.SUPERVISOR_RESET.key}"]),
     ]
     return {
@@ -208,6 +210,11 @@ class RawPublisher:
         )
         self._stamper = Stamper()
 
+    @property
+    def epoch(self) -> bytes:
+        """The epoch in the stamps of this run."""
+        return self._stamper.gid
+
     def put_bytes(
         self, payload: bytes, attachment: bytes | None = None, *, true_at_s: float | None = None
     ) -> None:
@@ -263,7 +270,7 @@ class ZenohSession:
 
         Args:
             pushes: by the name of a source, what is called for each of its commands.
-            other: called with the name of any other source for each of its commands.
+            other: called with the name of any other source for each of its commands, cut at `MAX_SOURCE_NAME`.
         """
         by_key = {self._key(topics.source_cmd_vel(name).key): push for name, push in pushes.items()}
         prefix = self._key("")
@@ -273,7 +280,7 @@ class ZenohSession:
             if push is None:
                 source = topics.source_of(heard_on.removeprefix(prefix))
                 if source is not None:
-                    other(source)
+                    other(source[:MAX_SOURCE_NAME])
             return push
 
         self._subscribe(self._key(topics.source_cmd_vel("*").key), push_of)
@@ -301,9 +308,9 @@ class ZenohSession:
         self.subscribe_sources_raw({}, inbox.push)
         return inbox
 
-    def declare_alive(self, node: str) -> ZenohToken:
-        """Declare the liveliness token of a node or a command source of the robot."""
-        return self.declare_token(self._key(topics.alive(node)))
+    def declare_alive(self, node: str, epoch: bytes = b"") -> ZenohToken:
+        """Declare the liveliness token of a node or a command source of the robot, or of one run of it."""
+        return self.declare_token(self._key(topics.alive(node, epoch)))
 
     def declare_token(self, key: str) -> ZenohToken:
         """Declare a liveliness token on any key.
@@ -315,24 +322,35 @@ class ZenohSession:
         self._declared.append(token)
         return ZenohToken(token)
 
-    def watch_alive(self, wake: Wake | None = None) -> Inbox[LivelinessChange]:
-        """Return an inbox for the changes of the robot's liveliness tokens, with the tokens that exist already."""
+    def watch_alive(
+        self, wake: Wake | None = None, nodes: Collection[str] | None = None
+    ) -> Inbox[LivelinessChange]:
+        """Return an inbox for the changes of the robot's liveliness tokens, with the tokens that exist already.
+
+        Args:
+            wake: set at a change.
+            nodes: whose tokens are watched, with those of their runs; `$*` stands for any characters. A process that
+                must notice a death watches nothing else, because a flood of other tokens would delay it. None: the
+                tokens of all nodes, without those of their runs.
+        """
+        inbox: Inbox[LivelinessChange] = Inbox(LIVELINESS_DEPTH, wake)
         prefix = self._key(topics.alive(""))
-        return self._watch_tokens(f"{prefix}*", prefix, Inbox(LIVELINESS_DEPTH, wake))
+
+        def on_change(key: str, alive: bool) -> None:  # noqa: FBT001 - as TokenChange
+            token = topics.token_of(key.removeprefix(prefix))
+            if token is not None:
+                inbox.push(LivelinessChange(token[0], alive, time.monotonic(), token[1]))
+
+        for expression in ["*"] if nodes is None else [f"{node}/**" for node in nodes]:
+            self.watch_tokens(f"{prefix}{expression}", on_change)
+        return inbox
 
     def watch_foreign_nodes(self) -> Inbox[LivelinessChange]:
         """Return an inbox for the changes of the tokens of nodes with rmw_zenoh (wire/foreign_nodes.py)."""
-        return self._watch_tokens(NODE_TOKENS, "", Inbox(FOREIGN_DEPTH, None))
-
-    def _watch_tokens(
-        self, expression: str, prefix: str, inbox: Inbox[LivelinessChange]
-    ) -> Inbox[LivelinessChange]:
-        """Report the tokens that match a key expression, without their common prefix."""
-
-        def on_change(key: str, alive: bool) -> None:  # noqa: FBT001 - as TokenChange
-            inbox.push(LivelinessChange(key.removeprefix(prefix), alive, time.monotonic()))
-
-        self.watch_tokens(expression, on_change)
+        inbox: Inbox[LivelinessChange] = Inbox(FOREIGN_DEPTH, None)
+        self.watch_tokens(
+            NODE_TOKENS, lambda key, alive: inbox.push(LivelinessChange(key, alive, time.monotonic()))
+        )
         return inbox
 
     def watch_tokens(self, expression: str, changed: TokenChange) -> None:
@@ -401,6 +419,9 @@ class ZenohSession:
     ) -> R:
         """Query a key of the robot, and return the first reply that `read` accepts.
 
+        Any client can answer a query whose key its queryable matches. A reply for the supervisor therefore counts only if
+        it comes from the session that holds the token of the supervisor's run, which the hub refuses to all others.
+
         Args:
             key: the key, relative to the robot's namespace.
             request: the payload; None: no payload.
@@ -411,13 +432,17 @@ class ZenohSession:
             NoReplyError: no such reply arrived in time.
         """
         full_key = self._key(key)
+        is_supervisors = key == topics.SUPERVISOR_RESET.key
 
         def ask() -> R | None:
+            supervisors = self._supervisors(timeout_s) if is_supervisors else set[bytes]()
             # Take each reply as it arrives: otherwise Zenoh would wait for the last of several replies.
             replies = self._session.get(
                 full_key, payload=request, timeout=timeout_s, consolidation=zenoh.ConsolidationMode.NONE
             )
             for reply in replies:
+                if is_supervisors and _replier(reply) not in supervisors:
+                    continue
                 answer = None if reply.ok is None else read(reply.ok.payload.to_bytes())
                 if answer is not None:
                     return answer
@@ -427,6 +452,17 @@ class ZenohSession:
         if answer is None:
             raise NoReplyError(f"nobody answered {full_key} within {timeout_s:g} s")
         return answer
+
+    def _supervisors(self, timeout_s: float) -> set[bytes]:
+        """Return the ids of the sessions that hold the token of a supervisor's run; blocks for a round trip."""
+        prefix = self._key(topics.alive(""))
+        expression = f"{prefix}{topics.SUPERVISOR}/*"
+        tokens = [
+            topics.token_of(str(reply.ok.key_expr).removeprefix(prefix))
+            for reply in self._session.liveliness().get(expression, timeout=timeout_s)
+            if reply.ok is not None
+        ]
+        return {token[1] for token in tokens if token is not None}
 
     def put_raw(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
         """Put any bytes on any key, as an attacker on the network can; for tests and the fault campaign.
@@ -442,6 +478,11 @@ class ZenohSession:
     def session_id(self) -> str:
         """Zenoh's id of this session."""
         return str(self._session.info.zid())
+
+    @property
+    def run_id(self) -> bytes:
+        """The same id as the epoch of this session's token, by which its replies are known."""
+        return _id_bytes(self._session.info.zid())
 
     def overhear(self, expression: str, *, depth: int, wake: Wake | None = None) -> Inbox[Overheard]:
         """Return an inbox for the samples of all keys that an expression matches, such as `robot/**`.
@@ -512,6 +553,15 @@ class ZenohSession:
 
     def _key(self, relative: str) -> str:
         return f"{self._namespace}/{relative}"
+
+
+def _id_bytes(zid: zenoh.ZenohId) -> bytes:
+    """Return the id of a session as 16 bytes; its text has no leading zeros."""
+    return bytes.fromhex(str(zid).zfill(32))
+
+
+def _replier(reply: zenoh.Reply) -> bytes | None:
+    return None if reply.replier_id is None else _id_bytes(reply.replier_id.zid)
 
 
 def _reply(query: zenoh.Query, key: str, response: bytes, attachment: bytes | None) -> None:

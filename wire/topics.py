@@ -67,7 +67,7 @@ SIM_TIME = Service("sim/time", "sim", "pause, run, step N, speed FACTOR; nothing
 MAX_LIDAR_TOPIC = 64
 
 ALIVE_PREFIX = "alive"
-"""`alive/<node>` is each process's liveliness token."""
+"""`alive/<node>` is each process's liveliness token; `alive/<node>/<epoch>` is that of one run of it."""
 
 SUPERVISOR, TELEOP, SIM, ROS2 = "supervisor", "teleop", "sim", "ros2"
 """The node names of the processes."""
@@ -114,9 +114,21 @@ def lidar_scan(topic: str) -> Topic[LaserScan]:
     return Topic(topic, LaserScan, SCAN.writer, SCAN.rate_hz)
 
 
-def alive(node: str) -> str:
-    """Return the key of a node's liveliness token."""
-    return f"{ALIVE_PREFIX}/{node}"
+def alive(node: str, epoch: bytes = b"") -> str:
+    """Return the key of a node's liveliness token, or of the token of one of its runs.
+
+    Any client can hold the same token, which then outlives the node. The token of a run is the node's own: its epoch is
+    the gid in the stamps of a source's commands, or the id of a server's session.
+    """
+    return f"{ALIVE_PREFIX}/{node}/{epoch.hex()}" if epoch else f"{ALIVE_PREFIX}/{node}"
+
+
+def token_of(text: str) -> tuple[str, bytes] | None:
+    """Return the node and the epoch (empty: none) of a token's key after `alive/`; None if it has another form."""
+    node, slash, epoch = text.partition("/")
+    if not slash:
+        return node, b""
+    return (node, bytes.fromhex(epoch)) if re.fullmatch("([0-9a-f]{2}){1,16}", epoch) else None
 
 
 TOPICS: tuple[Topic[Any], ...] = (

@@ -20,6 +20,7 @@ from tests.system.rogue import open_rogue
 from wire import topics
 from wire.bus import Arrival, BusError, NoReplyError
 from wire.messages import TriggerResponse, Twist, decode, encode, planar_twist
+from wire.session import MAX_SOURCE_NAME
 from wire.stamp import Stamper
 from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
 
@@ -129,6 +130,20 @@ async def test_the_hub_and_the_bus_refuse_a_stranger_on_the_supervisors_keys(key
             assert arrivals[-1].message == planar_twist(0.1, 0.0)
         finally:
             rogue.close()
+
+
+async def test_the_name_of_an_unknown_source_is_cut() -> None:
+    async with hub_and_client() as (hub, client, _):
+        _, strangers = hub.subscribe_sources(["teleop"], depth=1, wake=asyncio.Event())
+        names: list[str] = []
+
+        def came() -> bool:
+            client.put_raw(f"robot/{'x' * 40_000}/cmd_vel", encode(planar_twist(0.0, 0.0)))
+            names.extend(strangers.take())
+            return bool(names)
+
+        await until(came, "the name")
+        assert set(names) == {"x" * MAX_SOURCE_NAME}
 
 
 async def test_a_stranger_cannot_pose_as_the_supervisor() -> None:

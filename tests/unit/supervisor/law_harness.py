@@ -146,12 +146,12 @@ class Law:
         return Command("teleop", velocity, self.now_s, Sent(epoch, self.sequence, sent_s))
 
 
-def lost(source: str = "teleop") -> tuple[Liveliness, ...]:
-    return (Liveliness(source, alive=False),)
+def lost(source: str = "teleop", epoch: bytes = b"") -> tuple[Liveliness, ...]:
+    return (Liveliness(source, alive=False, epoch=epoch),)
 
 
-def back(source: str = "teleop") -> tuple[Liveliness, ...]:
-    return (Liveliness(source, alive=True),)
+def back(source: str = "teleop", epoch: bytes = b"") -> tuple[Liveliness, ...]:
+    return (Liveliness(source, alive=True, epoch=epoch),)
 
 
 def odometry(linear_m_s: float, arrival_s: float) -> Odometry:

@@ -1,6 +1,7 @@
 """The interlock: its stops, and that only a neutral command after the cause permits motion again."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -354,6 +355,29 @@ def test_the_number_of_remembered_unknown_sources_is_limited() -> None:
     law = Law()
     decision = law.tick(strangers=tuple(f"stranger{n}" for n in range(100)))
     assert len(decision.strangers) == 8
+
+
+@pytest.mark.parametrize("sent_before_s", [0.05, 0.15])
+def test_a_neutral_command_that_waited_while_the_supervisor_was_stopped_does_not_arm(
+    sent_before_s: float,
+) -> None:
+    law = Law()
+    for velocity in (*[NEUTRAL] * 20, FORWARD):
+        law.now_s += TICK_S
+        law.step(Inputs(commands=(law.stamped(velocity, sent_s=law.now_s),)))
+    law.now_s += 0.3
+    waited = [
+        law.stamped(velocity, sent_s=law.now_s - sent_before_s + n * 0.01)
+        for n, velocity in enumerate((NEUTRAL, FORWARD))
+    ]
+    assert StopReason.OVERRUN in law.step().reasons
+    law.now_s += 0.002
+    arrived = tuple(replace(command, arrival_s=law.now_s) for command in waited)
+    assert law.step(Inputs(commands=arrived)).output == STANDSTILL
+    for velocity in (NEUTRAL, FORWARD):
+        law.now_s += TICK_S
+        law.step(Inputs(commands=(law.stamped(velocity, sent_s=law.now_s),)))
+    assert law.decision.output == FORWARD
 
 
 def test_all_reasons_are_named_the_most_restrictive_first() -> None:
