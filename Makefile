@@ -99,6 +99,7 @@ bench-link: $(STAMP) ## measure false stops over links that lose packets, in net
 
 docs: $(STAMP) ## update the generated parts and the drawings of docs/
 	.venv/bin/python -m docs.generate.safety_law
+	.venv/bin/python -m docs.generate.access
 	.venv/bin/python -m docs.generate.draw_safety_law
 	.venv/bin/python -m docs.generate.draw_dashboard
 	.venv/bin/python -m docs.generate.draw_lab

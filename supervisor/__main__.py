@@ -8,6 +8,7 @@ if __name__ == "__main__":
 
 import asyncio
 import logging
+from dataclasses import replace
 from pathlib import Path
 
 from supervisor.blackbox import black_box
@@ -60,7 +61,8 @@ def main() -> None:
     log_to_stderr()
 
     async def run(stop: asyncio.Event) -> int:
-        bus = await open_bus(bus_section.to_bus_config(), "hub")
+        contract = config.contract(bus_section.more_keys)
+        bus = await open_bus(replace(bus_section.to_bus_config(), contract=contract), "hub")
         try:
             if not is_loopback(bus_section.endpoint):
                 _log.warning(

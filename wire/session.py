@@ -11,6 +11,7 @@ Callbacks run on Zenoh's threads: they stamp the arrival, pass the bytes on, and
 import asyncio
 import json
 import logging
+import os
 import threading
 import time
 from collections.abc import Awaitable, Callable, Collection, Mapping
@@ -21,6 +22,7 @@ from typing import Any, Literal, TypeVar
 import zenoh
 
 from wire import topics
+from wire.access import LOCAL_ROLES, Contract, access_control
 from wire.foreign_nodes import NODE_TOKENS
 from wire.inbox import (
     FOREIGN_DEPTH,
@@ -33,6 +35,7 @@ from wire.inbox import (
     Wake,
 )
 from wire.newest import NewestWithin
+from wire.roles import Role as ParticipantRole
 from wire.stamp import Stamper
 
 _log = logging.getLogger(__name__)
@@ -43,6 +46,10 @@ RECONNECT_MS = 50
 """Period of a client's attempts to reconnect."""
 CLOSE_LIMIT_S = 1.0
 MAX_PENDING_QUERIES = 16
+RECEIVING_THREADS = ("ZENOH_RUNTIME", "(rx: (worker_threads: 32))")
+"""Zenoh reads it when it opens the first session. It closes a TCP link with SO_LINGER: if the other side does not answer, a
+receiving thread waits up to ten seconds. Two dead clients would occupy Zenoh's default of two threads, and the commands of
+all others would stop."""
 TX_QUEUE = 16
 """Maximum number of batches of one priority that wait to be sent: the most that Zenoh accepts."""
 OVERHEARD_BYTES = 32 << 20
@@ -70,6 +77,10 @@ class BusConfig:
     namespace: str = "robot"
     lease_s: float = 0.4
     """How long a silent link counts as alive. Measured: 0.1 s never expired wrongly in 60 s under 8 CPU hogs."""
+    contract: Contract = Contract()
+    """The robot's own keys; only the hub uses them, for its access control."""
+    local: tuple[ParticipantRole, ...] = LOCAL_ROLES
+    """What the hub accepts from programs of this machine, which have no certificate."""
 
 
 async def open_session(
@@ -85,6 +96,8 @@ async def open_session(
     Raises:
         BusError: the hub cannot listen, or the endpoint is invalid.
     """
+    if role == "hub":
+        os.environ.setdefault(*RECEIVING_THREADS)
     settings = _settings(config, role)
     waiting = False
     while True:
@@ -117,7 +130,7 @@ def _settings(config: BusConfig, role: Role) -> zenoh.Config:
     }
     if role == "hub":
         values["listen/endpoints"] = [config.endpoint]
-        values["access_control"] = _access_control(config.namespace)
+        values["access_control"] = access_control(config.namespace, config.contract, config.local)
         # The hub answers which session declares what (docs/decisions/0042); it is read-only.
         values["adminspace"] = {"enabled": True, "permissions": {"read": True, "write": False}}
     else:
@@ -138,26 +151,6 @@ def _settings(config: BusConfig, role: Role) -> zenoh.Config:
         except zenoh.ZError as error:
             raise BusError(f"cannot use the endpoint {config.endpoint!r}: {_first_line(error)}") from error
     return settings
-
-
-def _access_control(namespace: str) -> dict[str, object]:
-    """Return the access control: only the hub may write the supervisor's keys, declare its token and serve its service."""
-    supervisors_own = [f"{namespace}/{key}" for key in topics.ONLY_SUPERVISOR_WRITES]
-    rules = [
-        ("writes", ["put", "delete"], supervisors_own),
-        ("token", ["liveliness_token"], [f"{namespace}/{topics.alive(topics.SUPERVISOR)}/**"]),
-        ("service", ["declare_queryable"], [f"{namespace}/{topics.SUPERVISOR_RESET.key}"]),
-    ]
-    return {
-        "enabled": True,
-        "default_permission": "allow",
-        "rules": [
-            {"id": name, "messages": messages, "flows": ["ingress"], "permission": "deny", "key_exprs": keys}
-            for name, messages, keys in rules
-        ],
-        "subjects": [{"id": "anyone"}],
-        "policies": [{"rules": [name for name, _, _ in rules], "subjects": ["anyone"]}],
-    }
 
 
 def _listen_sentence(endpoint: str, error: Exception) -> str:

@@ -1,13 +1,16 @@
-"""The robot's host of test_two_hosts.py: `python -m tests.system.two_hosts` inside its network namespace.
+"""The robot's host of test_two_hosts.py: `python -m tests.system.two_hosts SCENARIO` inside its network namespace.
 
-Supervisor, simulated base and observer run here; the operator's teleop runs in the other namespace, which the relay connects. Drives,
-cuts the link, checks that the robot stops and stays stopped, and drives again. Prints what it has measured as a line of JSON;
-an assertion that fails ends it with exit code 1.
+Supervisor, simulated base and observer run here; the operator's teleop runs in the other namespace, which the relay connects. Prints
+what it has measured as a line of JSON; an assertion that fails ends it with exit code 1.
+
+    cut       cut the link of the driving operator: the robot stops, and stays stopped until the returned operator sends neutral
+    viewers   let the links of viewers die: the operator drives on
 """
 
 import argparse
 import asyncio
 import json
+import subprocess
 import sys
 from pathlib import Path as File
 
@@ -20,14 +23,17 @@ from tests.system.harness import PATIENCE_S, Robot, is_zero
 from wire import topics
 from wire.messages import SafetyStatus
 
-NUMBER = 1
-"""Of the path in the relay."""
+OPERATORS, VIEWERS = 1, 2
+"""Paths in the relay."""
 PORT = 7447
 TIMEOUT_S, TICK_S = 0.2, 0.02
 MACHINE_S = 0.2
 """What a loaded machine may add; the measured time is printed."""
 WATCH_S = 1.0
 DELAY_S = 0.01
+LINGER_S = 10.0
+"""Time for which Zenoh waits when it closes a TCP link that does not answer."""
+NUMBER_OF_VIEWERS = 4
 
 
 async def drive_and_cut(robot: Robot, relay: Program) -> dict[str, float]:
@@ -66,20 +72,54 @@ def _tell(relay: Program, command: str) -> None:
     relay.expect("done", PATIENCE_S)
 
 
-async def run(arguments: argparse.Namespace, relay: Program) -> dict[str, float]:
-    address = f"{arguments.protocol}/{Pair.b_address(NUMBER)}:{PORT}"
-    robot = Robot(address, arguments.logs)
+async def viewers_die(robot: Robot, relay: Program, operator: str) -> dict[str, float]:
+    """Return how long the robot drove without a stop after the viewers' links died [s]."""
+    address = f"tcp/{Pair.b_address(VIEWERS)}:{PORT}"
+    viewers = subprocess.Popen(
+        [*inside(operator), sys.executable, "-m", "tests.system.viewers", address, str(NUMBER_OF_VIEWERS)],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
     try:
-        robot.start(topics.SUPERVISOR)
+        assert viewers.stdout is not None
+        assert viewers.stdout.readline() == "watching\n"
+        await robot.until(lambda: robot.status.owner == topics.TELEOP, "teleop's heartbeat")
+        await robot.drive("w", 0.1)  # slowly: the aisle is short
+        begin_s = asyncio.get_running_loop().time()
+        _tell(relay, "lose")
+        await robot.never(
+            lambda: any(at_s > begin_s and is_zero(twist) for at_s, twist in robot.outputs),
+            "the robot stopped when the links of viewers died",
+            LINGER_S,
+        )
+        return {"drove_s": robot.outputs[-1][0] - begin_s}
+    finally:
+        viewers.kill()
+        viewers.communicate()
+
+
+async def run(arguments: argparse.Namespace, relay: Program) -> dict[str, float]:
+    robot = Robot(f"tcp/{Pair.b_address(OPERATORS)}:{PORT}", arguments.logs)
+    try:
+        robot.start(topics.SUPERVISOR, "--endpoint", f"tcp/0.0.0.0:{PORT}")
         robot.start(topics.SIM)
         await robot.observe()
         robot.terminal = pexpect.spawn(
             "ip",
-            [*inside(arguments.operator)[1:], sys.executable, "-m", topics.TELEOP, "--endpoint", address],
+            [
+                *inside(arguments.operator)[1:],
+                sys.executable,
+                "-m",
+                topics.TELEOP,
+                "--endpoint",
+                robot.endpoint,
+            ],
             dimensions=(24, 100),
             env=robot.environment,
         )
         robot.terminal.delaybeforesend = None
+        if arguments.scenario == "viewers":
+            return await viewers_die(robot, relay, arguments.operator)
         return await drive_and_cut(robot, relay)
     finally:
         await robot.close()
@@ -87,14 +127,21 @@ async def run(arguments: argparse.Namespace, relay: Program) -> dict[str, float]
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.system.two_hosts", description=__doc__)
+    parser.add_argument("scenario", choices=("cut", "viewers"))
     parser.add_argument("operator", help="name of the operator's namespace")
     parser.add_argument("fds", type=int, nargs=2, help="file descriptors of the two TUN devices")
-    parser.add_argument("--protocol", default="tcp")
     parser.add_argument("--logs", type=File, required=True)
     arguments = parser.parse_args()
+    paths = {OPERATORS: Path(loss=0.0, delay_s=DELAY_S, jitter_s=0.0), VIEWERS: Path(1.0, DELAY_S, 0.0)}
     with program("relay", (), tuple(map(str, arguments.fds)), arguments.fds) as relay:
-        path = Path(loss=0.0, delay_s=DELAY_S, jitter_s=0.0)
-        relay.tell(json.dumps({"paths": {NUMBER: (path.loss, path.delay_s, path.jitter_s)}, "seed": 1}))
+        relay.tell(
+            json.dumps(
+                {
+                    "paths": {number: (one.loss, one.delay_s, one.jitter_s) for number, one in paths.items()},
+                    "seed": 1,
+                }
+            )
+        )
         relay.expect("ready", PATIENCE_S)
         print(json.dumps(asyncio.run(run(arguments, relay))), flush=True)
 
