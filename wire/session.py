@@ -11,6 +11,7 @@ Callbacks run on Zenoh's threads: they stamp the arrival, pass the bytes on, and
 import asyncio
 import json
 import logging
+import os
 import threading
 import time
 from collections.abc import Awaitable, Callable, Collection, Mapping
@@ -20,7 +21,7 @@ from typing import Any, Literal, TypeVar
 
 import zenoh
 
-from wire import topics
+from wire import limits, topics
 from wire.foreign_nodes import NODE_TOKENS
 from wire.inbox import (
     FOREIGN_DEPTH,
@@ -33,6 +34,7 @@ from wire.inbox import (
     Wake,
 )
 from wire.newest import NewestWithin
+from wire.process_limits import never_linger, raise_open_files
 from wire.stamp import Stamper
 
 _log = logging.getLogger(__name__)
@@ -86,6 +88,9 @@ async def open_session(
         BusError: the hub cannot listen, or the endpoint is invalid.
     """
     settings = _settings(config, role)
+    if role == "hub":
+        os.environ.setdefault("ZENOH_RUNTIME", limits.RUNTIME)  # read once, when the first session is opened
+    never_linger()
     waiting = False
     while True:
         try:
@@ -118,6 +123,7 @@ def _settings(config: BusConfig, role: Role) -> zenoh.Config:
     if role == "hub":
         values["listen/endpoints"] = [config.endpoint]
         values["access_control"] = _access_control(config.namespace)
+        values |= limits.hub_settings(config.namespace, raise_open_files(limits.WANTED_FILES))
         # The hub answers which session declares what (docs/decisions/0042); it is read-only.
         values["adminspace"] = {"enabled": True, "permissions": {"read": True, "write": False}}
     else:
