@@ -96,6 +96,7 @@ bench-robots: $(STAMP) ## measure CPU, gaps and stops of 1 to 30 robots on this 
 
 docs: $(STAMP) ## update the generated parts and the drawings of docs/
 	.venv/bin/python -m docs.generate.safety_law
+	.venv/bin/python -m docs.generate.access
 	.venv/bin/python -m docs.generate.draw_safety_law
 	.venv/bin/python -m docs.generate.draw_dashboard
 	.venv/bin/python -m docs.generate.draw_lab

@@ -186,7 +186,7 @@ class SimService:
         """Process the supervisor's token, its commands, and requests to place the pillar."""
         self._wake.clear()
         for change in self._alive.take():
-            if not change.epoch:  # clients cannot hold this token: the hub refuses it
+            if change.node == topics.SUPERVISOR and not change.epoch:
                 self._supervisor_changed_s = change.arrival_s
                 self._watchdog.supervisor_alive(change.alive)
         for command in self._cmd_vel.take():

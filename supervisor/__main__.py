@@ -8,6 +8,7 @@ if __name__ == "__main__":
 
 import asyncio
 import logging
+from dataclasses import replace
 from pathlib import Path
 
 from supervisor.blackbox import black_box
@@ -56,13 +57,14 @@ def main() -> None:
             models["sim"] = BaseSection
         sections = read_sections(document, models, fit_to_base)
         bus_section, config = sections[BusSection], sections[SupervisorSection]
+        contract = config.contract(bus_section.more_keys)
         recorder, directory = black_box(config), state_directory()
     except ConfigError as error:
         refuse("supervisor", error)
     log_to_stderr()
 
     async def run(stop: asyncio.Event) -> int:
-        bus = await open_bus(bus_section.to_bus_config(), "hub")
+        bus = await open_bus(replace(bus_section.to_bus_config(), contract=contract), "hub")
         try:
             if not is_loopback(bus_section.endpoint):
                 _log.warning(

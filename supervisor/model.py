@@ -16,7 +16,7 @@ from supervisor.near_memory import Remembered
 from supervisor.reckoning import STANDSTILL, Odometer, Pose, Velocity
 from supervisor.scan import LaserScan, Lidar, ScanReading, View
 from wire.freshness import Sent, Track, Verdict
-from wire.reasons import StopReason
+from wire.reasons import Limit, StopReason
 
 Reasons = frozenset[StopReason]
 
@@ -76,6 +76,8 @@ class LawConfig:
     base_acceleration_m_s2: float
     """Least acceleration of the base toward its command."""
     base_angular_acceleration_rad_s2: float
+    blind_budget_m: float = math.inf
+    """How far the base may drive on a command that is not renewed; infinite in recordings that do not have it."""
 
     @cached_property
     def reach_m(self) -> float:
@@ -329,5 +331,7 @@ class Decision(NamedTuple):
     """Stop reasons that hold now, most severe first; they may limit the motion without a stop."""
     latched: tuple[StopReason, ...] = ()
     """Stop reasons whose causes have ended, but that the owner has not yet cleared with a neutral command."""
+    limit: Limit | None = None
+    """What reduces the speed without a cause; None: nothing, or the barrier."""
     detail: str = ""
     """Details of the first cause, as part of a sentence; empty if there are none."""

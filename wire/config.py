@@ -11,7 +11,7 @@ import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, Self, TypeVar
+from typing import Annotated, Any, Literal, NamedTuple, Self, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -24,7 +24,9 @@ from pydantic import (
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from wire import topics
+from wire.access import LOCAL_ROLES
 from wire.quantities import Acceleration, AngularAcceleration, Between
+from wire.roles import Role
 from wire.session import DEFAULT_ENDPOINT, BusConfig
 
 SECTIONS = ("bus", "supervisor", "teleop", "sim", "ros2")
@@ -103,6 +105,24 @@ Endpoint = Annotated[str, AfterValidator(_is_an_endpoint)]
 """Where a Zenoh session connects or listens."""
 
 
+def _is_another_key(key: str) -> str:
+    chunks = key.removesuffix("/**").split("/")
+    if (
+        len(key) > topics.MAX_LIDAR_TOPIC
+        or not all(re.fullmatch(r"[a-zA-Z][a-zA-Z0-9_]*", chunk) for chunk in chunks)
+        or chunks[0] in TAKEN_NAMES
+        or chunks[-1] in {topics.CMD_VEL.key, "holder"}
+    ):
+        raise ValueError(
+            "must be a key of another topic, relative to the namespace, such as camera/image or camera/**"
+        )
+    return key
+
+
+MoreKey = Annotated[str, AfterValidator(_is_another_key)]
+"""A key that is not in the table of topics; a last part `**` stands for all keys below."""
+
+
 class BusSection(Section):
     """`[bus]`: shared by all processes."""
 
@@ -111,9 +131,14 @@ class BusSection(Section):
     # Zenoh's own default of 10 s is far too long for a robot; below 0.1 s a busy machine loses links.
     lease_s: Annotated[float, Between(0.1, 2.0)] = 0.4
     memory_keeper: bool = True
+    without_certificate: Literal["participant", "viewer"] = "participant"
+    """What the hub takes a program for that shows no certificate."""
+    more_keys: Annotated[list[MoreKey], Field(max_length=32)] = []
+    """Keys of other topics that such programs, bases and sensors may write."""
 
     def to_bus_config(self) -> BusConfig:
-        return BusConfig(self.endpoint, self.namespace, self.lease_s)
+        local = LOCAL_ROLES if self.without_certificate == "participant" else (Role.VIEWER,)
+        return BusConfig(self.endpoint, self.namespace, self.lease_s, local=local)
 
 
 def is_loopback(endpoint: str) -> bool:

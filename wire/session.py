@@ -22,6 +22,7 @@ from typing import Any, Literal, TypeVar
 import zenoh
 
 from wire import limits, topics
+from wire.access import LOCAL_ROLES, Contract, access_control
 from wire.foreign_nodes import NODE_TOKENS
 from wire.inbox import (
     FOREIGN_DEPTH,
@@ -35,6 +36,7 @@ from wire.inbox import (
 )
 from wire.newest import NewestWithin
 from wire.process_limits import never_linger, raise_open_files
+from wire.roles import Role as ParticipantRole
 from wire.stamp import Stamper
 
 _log = logging.getLogger(__name__)
@@ -72,6 +74,10 @@ class BusConfig:
     namespace: str = "robot"
     lease_s: float = 0.4
     """How long a silent link counts as alive. Measured: 0.1 s never expired wrongly in 60 s under 8 CPU hogs."""
+    contract: Contract = Contract()
+    """The robot's own keys; only the hub uses them, for its access control."""
+    local: tuple[ParticipantRole, ...] = LOCAL_ROLES
+    """What the hub accepts from programs of this machine, which have no certificate."""
 
 
 async def open_session(
@@ -122,7 +128,7 @@ def _settings(config: BusConfig, role: Role) -> zenoh.Config:
     }
     if role == "hub":
         values["listen/endpoints"] = [config.endpoint]
-        values["access_control"] = _access_control(config.namespace)
+        values["access_control"] = access_control(config.namespace, config.contract, config.local)
         values |= limits.hub_settings(config.namespace, raise_open_files(limits.WANTED_FILES))
         # The hub answers which session declares what (docs/decisions/0042); it is read-only.
         values["adminspace"] = {"enabled": True, "permissions": {"read": True, "write": False}}
@@ -144,26 +150,6 @@ def _settings(config: BusConfig, role: Role) -> zenoh.Config:
         except zenoh.ZError as error:
             raise BusError(f"cannot use the endpoint {config.endpoint!r}: {_first_line(error)}") from error
     return settings
-
-
-def _access_control(namespace: str) -> dict[str, object]:
-    """Return the access control: only the hub may write the supervisor's keys, declare its token and serve its service."""
-    supervisors_own = [f"{namespace}/{key}" for key in topics.ONLY_SUPERVISOR_WRITES]
-    rules = [
-        ("writes", ["put", "delete"], supervisors_own),
-        ("token", ["liveliness_token"], [f"{namespace}/{topics.alive(topics.SUPERVISOR)}/**"]),
-        ("service", ["declare_queryable"], [f"{namespace}/{topics.SUPERVISOR_RESET.key}"]),
-    ]
-    return {
-        "enabled": True,
-        "default_permission": "allow",
-        "rules": [
-            {"id": name, "messages": messages, "flows": ["ingress"], "permission": "deny", "key_exprs": keys}
-            for name, messages, keys in rules
-        ],
-        "subjects": [{"id": "anyone"}],
-        "policies": [{"rules": [name for name, _, _ in rules], "subjects": ["anyone"]}],
-    }
 
 
 def _listen_sentence(endpoint: str, error: Exception) -> str:

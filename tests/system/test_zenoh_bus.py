@@ -151,10 +151,12 @@ async def test_a_stranger_cannot_pose_as_the_supervisor() -> None:
         watcher = await open_bus(config, "client")
         changes = watcher.watch_alive()
         client.declare_alive(topics.SUPERVISOR)
-        client.declare_alive("stranger")
+        client.declare_alive(topics.TELEOP)
         seen: list[str] = []
         try:
-            await until(lambda: seen.extend(c.node for c in changes.take()) or "stranger" in seen, "a token")
+            await until(
+                lambda: seen.extend(c.node for c in changes.take()) or topics.TELEOP in seen, "a token"
+            )
             assert topics.SUPERVISOR not in seen
         finally:
             await watcher.close()
@@ -217,6 +219,7 @@ async def test_a_query_is_answered_and_nobody_s_silence_is_an_error() -> None:
         async def answer(text: str) -> TriggerResponse:
             return TriggerResponse(success=True, message=f"done {text}".strip())
 
+        hub.declare_alive(topics.SUPERVISOR, hub.run_id)
         hub.serve(topics.SUPERVISOR_RESET, answer)
         assert (await client.call(topics.SUPERVISOR_RESET, timeout_s=WITHIN_S)).message == "done"
         assert (
@@ -238,6 +241,7 @@ async def test_the_empty_trigger_request_of_a_ros_2_bridge_is_served(
         async def answer(text: str) -> TriggerResponse:
             return TriggerResponse(success=True, message=f"done {text}".strip())
 
+        hub.declare_alive(topics.SUPERVISOR, hub.run_id)
         hub.serve(topics.SUPERVISOR_RESET, answer)
         response = await client.call_raw(
             topics.SUPERVISOR_RESET.key,

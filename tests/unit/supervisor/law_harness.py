@@ -25,6 +25,8 @@ TICK_S = 0.02
 BEAMS = 360
 
 CONFIG = SupervisorSection().law()
+ANY_AGE = replace(CONFIG, blind_budget_m=math.inf)
+"""The permitted speed does not fall with the age of a command."""
 SCAN_TIMEOUT_S = CONFIG.lidars[0].timeout_s
 
 CONFIRMED_S = 2 * TICK_S

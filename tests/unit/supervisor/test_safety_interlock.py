@@ -8,6 +8,7 @@ import pytest
 from supervisor.model import STANDSTILL, Command, Inputs, Mode, Velocity
 from supervisor.safety import ROUNDING_S, initial_state, runs_out_s, step
 from tests.unit.supervisor.law_harness import (
+    ANY_AGE,
     BACK,
     CONFIG,
     FORWARD,
@@ -69,7 +70,7 @@ def test_a_neutral_and_a_motion_within_one_tick_both_count() -> None:
 
 
 def test_a_command_goes_stale_just_after_its_timeout() -> None:
-    law = Law(now_s=-1.0)
+    law = Law(ANY_AGE, now_s=-1.0)
     law.tick(("teleop", NEUTRAL))
     law.now_s = -TICK_S  # so that the command comes at 0, where its timeout adds up exactly
     law.state = law.state._replace(now_s=None)
@@ -92,7 +93,7 @@ def test_a_command_goes_stale_just_after_its_timeout() -> None:
 def test_a_motion_ends_exactly_when_runs_out_s_predicts(
     *, scanning: bool, reason: StopReason, begin_s: float
 ) -> None:
-    law = Law(now_s=begin_s)
+    law = Law(ANY_AGE, now_s=begin_s)
     law.drive()
     law.scanning = scanning
     last_s, goes_on = law.now_s, [] if scanning else [("teleop", FORWARD)]
