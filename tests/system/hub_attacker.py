@@ -85,7 +85,7 @@ def deaf(endpoint: str) -> Attempt:
     session = open_rogue(endpoint)
 
     def attempt(_: int) -> None:
-        session.put("robot/x", FLOOD, priority=zenoh.Priority.REAL_TIME)
+        session.put("robot/scan", FLOOD, priority=zenoh.Priority.REAL_TIME)
 
     return attempt
 
