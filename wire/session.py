@@ -96,8 +96,6 @@ async def open_session(
     Raises:
         BusError: the hub cannot listen, or the endpoint is invalid.
     """
-    if role == "hub":
-        os.environ.setdefault(*RECEIVING_THREADS)
     settings = _settings(config, role)
     waiting = False
     while True:
@@ -133,6 +131,7 @@ def _settings(config: BusConfig, role: Role) -> zenoh.Config:
         values["access_control"] = access_control(config.namespace, config.contract, config.local)
         # The hub answers which session declares what (docs/decisions/0042); it is read-only.
         values["adminspace"] = {"enabled": True, "permissions": {"read": True, "write": False}}
+        os.environ.setdefault(*RECEIVING_THREADS)
     else:
         values["connect/endpoints"] = [config.endpoint]
         values["connect/timeout_ms"] = (
