@@ -20,9 +20,12 @@ from supervisor.service import SupervisorService
 from wire.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.config import BaseSection, BusSection, ConfigError, Section, is_loopback, read_sections
 from wire.process import run_process
+from wire.session import start_log
 from wire.state_directory import state_directory
 from wire.suspend import SuspendMeter
+from wire.tls import is_secure
 from wire.zenoh_bus import open_bus
+from wire.zenoh_log import report_refusals
 
 _log = logging.getLogger("supervisor")
 
@@ -55,16 +58,18 @@ def main() -> None:
             models["sim"] = BaseSection
         sections = read_sections(document, models, fit_to_base)
         bus_section, config = sections[BusSection], sections[SupervisorSection]
+        contract = config.contract(bus_section.more_keys)
         recorder, directory = black_box(config), state_directory()
     except ConfigError as error:
         refuse("supervisor", error)
     log_to_stderr()
 
     async def run(stop: asyncio.Event) -> int:
-        contract = config.contract(bus_section.more_keys)
+        if is_secure(bus_section.endpoint):
+            report_refusals(start_log, _log.warning)
         bus = await open_bus(replace(bus_section.to_bus_config(), contract=contract), "hub")
         try:
-            if not is_loopback(bus_section.endpoint):
+            if not is_loopback(bus_section.endpoint) and not is_secure(bus_section.endpoint):
                 _log.warning(
                     "%s is open to the network: anyone who can reach it can drive the robot",
                     bus_section.endpoint,

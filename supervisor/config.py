@@ -14,7 +14,7 @@ from supervisor.model import LawConfig, SourceConfig
 from supervisor.scan import Lidar
 from wire import topics
 from wire.access import Contract
-from wire.config import Conflict, FreeName, Section
+from wire.config import ConfigError, Conflict, FreeName, Section
 from wire.quantities import Acceleration, AngularAcceleration, Between, Distance, Speed, TurnRate
 
 # Fast enough for every timeout and distance of the law, and slow enough for a process to keep.
@@ -222,9 +222,20 @@ class SupervisorSection(Section):
                 yield Conflict(where, lidar.topic, "only the first lidar may be on this topic: list it first")
 
     def contract(self, more_keys: Iterable[str]) -> Contract:
-        """Return the robot's own keys, for the hub's access control."""
+        """Return the robot's own keys, for the hub's access control.
+
+        Raises:
+            ConfigError: one of the other keys is that of a command source or a lidar.
+        """
         sources = tuple(source.name for source in self.sources)
-        return Contract(sources, tuple(lidar.topic for lidar in self.all_lidars()), tuple(more_keys))
+        lidars = tuple(lidar.topic for lidar in self.all_lidars())
+        taken = {name.partition("/")[0] for name in (*sources, *lidars)}
+        for key in more_keys:
+            if key.partition("/")[0] in taken:
+                raise ConfigError(
+                    f"[bus] more_keys: {key!r} begins like a command source or a lidar; choose another name"
+                )
+        return Contract(sources, lidars, tuple(more_keys))
 
     def law(self) -> LawConfig:
         """Return the configuration of the pure law."""

@@ -13,6 +13,9 @@ foreign_nodes.py    ROS 2 nodes that use the keys of rmw_zenoh (pure)
 inbox.py        the inbox between the network's threads and asyncio
 bus.py          the Bus that services use: messages
 session.py      a Zenoh session: bytes; the only file that imports Zenoh
+bundle.py       the certificates and the key of a participant, and their check
+tls.py          endpoints with certificates, and Zenoh's settings for them (pure)
+link_trouble.py    why a link is refused: Zenoh's log lines as sentences (pure); zenoh_log.py reads them; link_probe.py tries once
 zenoh_bus.py    the Bus over a Zenoh session
 config.py       robot.toml, strictly checked
 quantities.py   bounds of the numbers in robot.toml

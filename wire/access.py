@@ -113,7 +113,8 @@ def grants_of(role: Role, namespace: str, contract: Contract) -> Iterator[Grant]
     """Yield what the hub allows to one role: to read everything, and what the table of topics has for it."""
     everything = f"{namespace}/**"
     alive = f"{namespace}/{topics.alive('**')}"
-    yield Grant(("declare_subscriber",), "ingress", (everything,))
+    # A subscription may be wider, as that of `lifeline topic list`; what it receives is limited by the next rule.
+    yield Grant(("declare_subscriber",), "ingress", ("**",))
     yield Grant(("put", "query", "reply"), "egress", (everything, ADMIN_SPACE))
     yield Grant(("declare_subscriber", "declare_queryable"), "egress", ("**",))
     yield Grant(

@@ -16,13 +16,16 @@ import threading
 import time
 from collections.abc import Awaitable, Callable, Collection, Mapping
 from concurrent.futures import Future
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import zenoh
 
-from wire import topics
+from wire import tls, topics
 from wire.access import LOCAL_ROLES, Contract, access_control
+from wire.bundle import Bundle, BundleError, choose_bundle
 from wire.foreign_nodes import NODE_TOKENS
 from wire.inbox import (
     FOREIGN_DEPTH,
@@ -34,9 +37,11 @@ from wire.inbox import (
     Overheard,
     Wake,
 )
+from wire.link_trouble import LOG_FILTER
 from wire.newest import NewestWithin
 from wire.roles import Role as ParticipantRole
 from wire.stamp import Stamper
+from wire.zenoh_log import why_refused
 
 _log = logging.getLogger(__name__)
 
@@ -44,6 +49,11 @@ DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 CONNECT_RETRY_S = 0.1
 RECONNECT_MS = 50
 """Period of a client's attempts to reconnect."""
+OPEN_LIMIT_MS = 3000
+"""Limit of one attempt to connect with certificates. QUIC does not notice that nobody listens, and repeats its first packet
+less and less often: after Zenoh's default of 10 s, a client would notice a restarted supervisor only seconds later."""
+TROUBLE_PERIOD_S = 10.0
+"""Period of a client's attempts to find out why it cannot connect; each takes 0.3 s of the processor."""
 CLOSE_LIMIT_S = 1.0
 MAX_PENDING_QUERIES = 16
 RECEIVING_THREADS = ("ZENOH_RUNTIME", "(rx: (worker_threads: 32))")
@@ -77,6 +87,8 @@ class BusConfig:
     namespace: str = "robot"
     lease_s: float = 0.4
     """How long a silent link counts as alive. Measured: 0.1 s never expired wrongly in 60 s under 8 CPU hogs."""
+    keys: Path | None = None
+    """The directory of this process's bundle (bundle.py), which endpoints with TLS need; unused with tcp."""
     contract: Contract = Contract()
     """The robot's own keys; only the hub uses them, for its access control."""
     local: tuple[ParticipantRole, ...] = LOCAL_ROLES
@@ -84,23 +96,32 @@ class BusConfig:
 
 
 async def open_session(
-    config: BusConfig, role: Role, *, on_wait: Callable[[], None] | None = None
+    config: BusConfig,
+    role: Role,
+    *,
+    on_wait: Callable[[], None] | None = None,
+    say: Callable[[str], None] = _log.warning,
 ) -> zenoh.Session:
     """Open the session; a client waits for its hub without a time limit.
 
     Args:
-        config: the endpoint and the namespace.
+        config: the endpoint, the namespace, and the keys if the endpoint needs them.
         role: `hub` listens, `client` connects.
         on_wait: called once if the hub does not run yet.
+        say: called in this event loop with a sentence about a certificate that ends, now or later.
 
     Raises:
-        BusError: the hub cannot listen, or the endpoint is invalid.
+        BusError: the hub cannot listen, the endpoint is invalid, or a certificate is refused.
     """
-    settings = _settings(config, role)
+    bundle = await _in_thread(lambda: _bundle(config, role))
+    if bundle is not None and (soon := tls.ends_soon(bundle, time.time())) is not None:
+        say(soon)
+    settings = _settings(config, role, bundle)
+    trouble = None if bundle is None else _Trouble(config)
     waiting = False
     while True:
         try:
-            return await _in_thread(lambda: zenoh.open(settings))
+            session = await _in_thread(lambda: zenoh.open(settings))
         except zenoh.ZError as error:
             if role == "hub":
                 raise BusError(_listen_sentence(config.endpoint, error)) from error
@@ -108,13 +129,132 @@ async def open_session(
                 raise BusError(
                     f"cannot use the endpoint {config.endpoint!r}: {_first_line(error)}"
                 ) from error
+        else:
+            if bundle is not None:
+                guard = _Guard(session, config, role, bundle, say)
+                await _in_thread(guard.check)
+            return session
         if not waiting and on_wait is not None:
             on_wait()
         waiting = True
+        if trouble is not None:
+            await trouble.check()
         await asyncio.sleep(CONNECT_RETRY_S)
 
 
-def _settings(config: BusConfig, role: Role) -> zenoh.Config:
+class _Trouble:
+    """Finds out whether a client waits for its hub in vain, because a certificate is refused."""
+
+    def __init__(self, config: BusConfig) -> None:
+        self._config = config
+        self._next_s = 0.0
+        self._refused: str | None = None
+
+    async def check(self) -> None:
+        """Try in a separate process, at most every `TROUBLE_PERIOD_S`.
+
+        Raises:
+            BusError: two processes in succession were refused for the same reason; a supervisor that ends refuses only one.
+        """
+        now_s = time.monotonic()
+        if now_s < self._next_s:
+            return
+        config, before = self._config, self._refused
+        self._refused = await why_refused(config.endpoint, config.namespace, str(config.keys))
+        if self._refused is None:
+            self._next_s = now_s + TROUBLE_PERIOD_S
+        elif self._refused == before:
+            raise BusError(f"cannot connect to {config.endpoint}: {self._refused}")
+
+
+class _Guard:
+    """Watches the links of a session with certificates."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        config: BusConfig,
+        role: Role,
+        bundle: Bundle,
+        say: Callable[[str], None],
+    ) -> None:
+        self._session, self._config, self._role, self._bundle = session, config, role, bundle
+        self._say = say
+        self._loop = asyncio.get_running_loop()
+        self._said: set[str] = set()
+        # The listener exists as long as it is referenced, and this session as long as its process.
+        _GUARDS.append(self)
+        self._listener = session.info.declare_link_events_listener(_direct(self._on_event))
+
+    def check(self) -> None:
+        """Check the link that a client has opened.
+
+        Raises:
+            BusError: the other side is not a supervisor.
+        """
+        if self._role == "client" and not all(self._is_hub(link) for link in self._session.info.links()):
+            self._session.close()  # pyright: ignore[reportUnknownMemberType]
+            raise BusError(f"cannot connect to {self._config.endpoint}: {tls.NOT_A_HUB}")
+
+    def _is_hub(self, link: zenoh.Link) -> bool:
+        return tls.is_hub_name(link.auth_identifier)
+
+    def _on_event(self, event: zenoh.LinkEvent) -> None:
+        """Called on Zenoh's thread."""
+        link, is_new = event.link, event.kind == zenoh.SampleKind.PUT
+        if not link.is_streamed:  # the datagrams of a connection, whose streams are another link
+            return
+        if self._role == "hub":
+            change = "connected" if is_new else "disconnected"
+            _log.info("%s %s at %s", link.auth_identifier, change, link.dst)
+        elif is_new and not self._is_hub(link):
+            threading.Thread(target=self._session.close, daemon=True, name="zenoh-refuse").start()  # pyright: ignore[reportUnknownMemberType, reportUnknownArgumentType]
+            self._say_once(f"the link to {self._config.endpoint} is closed: {tls.NOT_A_HUB}")
+        if not is_new and time.time() >= self._bundle.ends_s:
+            self._say_once(tls.has_ended(self._bundle))
+
+    def _say_once(self, sentence: str) -> None:
+        if sentence not in self._said:
+            self._said.add(sentence)
+            _call_in(self._loop, lambda: self._say(sentence))
+
+
+_GUARDS: list[_Guard] = []
+
+
+def try_once(config: BusConfig) -> None:
+    """Connect as a client and close, with Zenoh's log on standard output; nothing else reports the result."""
+    start_log()
+    with suppress(zenoh.ZError):
+        zenoh.open(_settings(config, "client", _bundle(config, "client"))).close()  # pyright: ignore[reportUnknownMemberType]
+
+
+def start_log() -> None:
+    """Write Zenoh's warnings about links to standard output."""
+    zenoh.init_log_from_env_or(LOG_FILTER)
+
+
+def _bundle(config: BusConfig, role: Role) -> Bundle | None:
+    """Return the bundle that the endpoint needs; None with tcp.
+
+    Raises:
+        BusError: it is missing or refused.
+    """
+    if not tls.is_secure(config.endpoint):
+        return None
+    if config.keys is None:
+        raise BusError(tls.without_keys(config.endpoint))
+    try:
+        bundle = choose_bundle(config.keys, time.time(), is_hub=role == "hub")
+    except BundleError as error:
+        raise BusError(str(error)) from error
+    misfit = tls.misfit(bundle, config.endpoint, config.namespace, is_hub=role == "hub")
+    if misfit is not None:
+        raise BusError(misfit)
+    return bundle
+
+
+def _settings(config: BusConfig, role: Role, bundle: Bundle | None) -> zenoh.Config:
     """Return Zenoh's configuration for one of the two roles; the values are based on measurements."""
     values: dict[str, object] = {
         "mode": "peer" if role == "hub" else "client",
@@ -126,14 +266,18 @@ def _settings(config: BusConfig, role: Role) -> zenoh.Config:
         # All samples of one loop iteration are sent in a burst: the default of two places would drop the third sample.
         "transport/link/tx/queue/size/real_time": TX_QUEUE,
     }
+    if bundle is not None:
+        values["transport/link/tls"] = tls.settings(bundle)
+        values["transport/unicast/open_timeout"] = OPEN_LIMIT_MS
+    endpoint = tls.zenoh_endpoint(config.endpoint)
     if role == "hub":
-        values["listen/endpoints"] = [config.endpoint]
+        values["listen/endpoints"] = [endpoint]
         values["access_control"] = access_control(config.namespace, config.contract, config.local)
         # The hub answers which session declares what (docs/decisions/0042); it is read-only.
         values["adminspace"] = {"enabled": True, "permissions": {"read": True, "write": False}}
         os.environ.setdefault(*RECEIVING_THREADS)
     else:
-        values["connect/endpoints"] = [config.endpoint]
+        values["connect/endpoints"] = [endpoint]
         values["connect/timeout_ms"] = (
             0  # `open_session` retries the first connection itself, and can be cancelled
         )
