@@ -275,7 +275,6 @@ def _settings(config: BusConfig, role: Role, bundle: Bundle | None) -> zenoh.Con
         values |= limits.hub_settings(config.namespace, raise_open_files(limits.WANTED_FILES))
         # The hub answers which session declares what (docs/decisions/0042); it is read-only.
         values["adminspace"] = {"enabled": True, "permissions": {"read": True, "write": False}}
-        os.environ.setdefault(*RECEIVING_THREADS)
     else:
         values["connect/endpoints"] = [endpoint]
         values["connect/timeout_ms"] = (
