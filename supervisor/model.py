@@ -205,8 +205,8 @@ class Source(NamedTuple):
     stamped: bool = False
     alive: bool | None = None
     """Whether its liveliness token exists; None if it never had one."""
-    lost: bytes = b""
-    """The epoch whose commands arrived last when its own token was deleted; empty if it is back."""
+    lost: bool = False
+    """Whether the token of the run whose commands arrived last was deleted, and is not back."""
     invalid: bool = False
     """Whether its last command was invalid."""
     latched: Reasons = frozenset({StopReason.NO_COMMAND})

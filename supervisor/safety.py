@@ -540,20 +540,14 @@ def _mark_alive(source: Source, change: Liveliness) -> tuple[Source, bool]:
     """
     if not change.epoch:
         return source._replace(alive=change.alive), not change.alive
-    if change.alive:
-        return (source._replace(lost=b"") if source.lost == change.epoch else source), False
     if not _commands(source, change.epoch):
         return source, False
-    return source._replace(lost=change.epoch), True
+    return source._replace(lost=not change.alive), not change.alive
 
 
 def _commands(source: Source, epoch: bytes) -> bool:
     """Return whether the newest commands of a source are from this epoch."""
     return source.track.last is not None and source.track.last.epoch == epoch
-
-
-def _is_lost(source: Source) -> bool:
-    return source.alive is False or (source.lost != b"" and _commands(source, source.lost))
 
 
 def _accept(source: Source, command: Command, config: LawConfig) -> Source:
@@ -563,6 +557,8 @@ def _accept(source: Source, command: Command, config: LawConfig) -> Source:
         counts = source.counts._replace(invalid=source.counts.invalid + 1)
         return source._replace(stamped=stamped, invalid=True, counts=counts)
     track, verdict, on_way_s = judge(source.track, command.sent, command.arrival_s, config.command_timeout_s)
+    if track.last is not None and not _commands(source, track.last.epoch):
+        source = source._replace(lost=False)  # another run commands now
     stamped, counts = stamped or (verdict is Verdict.EPOCH and source.stamped), source.counts.add(verdict)
     if verdict is not Verdict.FRESH:
         refused_s = source.refused_s if verdict is Verdict.UNPROVEN else command.arrival_s
@@ -601,7 +597,7 @@ def _clamp(value: float, limit: float) -> float:
 def _own_causes(source: Source, now_s: float, config: LawConfig) -> Reasons:
     """Return the causes that prevent this source alone from driving now."""
     causes: set[StopReason] = set()
-    if _is_lost(source) and source.velocity is not None:
+    if (source.alive is False or source.lost) and source.velocity is not None:
         causes.add(StopReason.SOURCE_LOST)
     if source.invalid:
         causes.add(StopReason.COMMAND_INVALID)
@@ -678,8 +674,9 @@ def _decide(
     if block is not None:
         causes |= {_reason_of(block)}
     output = STANDSTILL
-    if not reasons:
-        renewed = 1.0 if owner is None else _renewed(owner, commanded, now_s, config)
+    if not reasons and commanded != STANDSTILL:
+        assert owner is not None  # without one, there is a reason
+        renewed = _renewed(owner, commanded, now_s, config)
         if renewed < scale:
             scale, limit = renewed, Limit.COMMAND_AGE
         output = Velocity(scale * commanded.linear_m_s, scale * commanded.angular_rad_s)
@@ -690,19 +687,19 @@ def _decide(
 
 
 def _renewed(owner: Source, commanded: Velocity, now_s: float, config: LawConfig) -> float:
-    """Return the share of a command that its age permits.
+    """Return the share of a motion that the age of its command permits; more than one if it permits more.
 
     The permitted speed falls linearly to zero at the command timeout. Its sum over the ticks until then is at most the blind
     budget: this is how far the robot can drive, or its rim can turn, on a command that was not renewed, without braking.
     """
     if math.isinf(config.blind_budget_m):
-        return 1.0
+        return math.inf
     speed_m_s = max(abs(commanded.linear_m_s), abs(commanded.angular_rad_s) * config.hull.radius_m)
     # An output lasts until the next tick, while the permitted speed falls further: `transport_s` includes a tick.
     timeout_s, tick_s = config.command_timeout_s, config.transport_s
     fresh_m_s = 2.0 * config.blind_budget_m * timeout_s / (timeout_s + tick_s / 2.0) ** 2
     permitted_m_s = max(0.0, fresh_m_s * (1.0 - (now_s - owner.sent_s) / timeout_s))
-    return 1.0 if speed_m_s <= permitted_m_s else permitted_m_s / speed_m_s
+    return permitted_m_s / speed_m_s
 
 
 def _points_in_reach(state: State, now_s: float, usable: Usable, commanded: Velocity) -> list[KnownPoints]:

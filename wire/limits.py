@@ -29,7 +29,10 @@ clients has no limit otherwise: fragments of one byte occupy 8 KB each, and key 
 ACCEPTOR_THREADS = 4
 """Number of Zenoh's threads that accept connections and poll their sockets. With one, as is Zenoh's default, a single
 `close` that waits for its peer stops all reading: after one lease, every client loses its link."""
-RUNTIME = f"(acc: (worker_threads: {ACCEPTOR_THREADS}))"
+RECEIVING_THREADS = 32
+"""Number of Zenoh's threads that receive. Closing a TCP link that does not answer occupies one for up to ten seconds
+(SO_LINGER). With two, as is Zenoh's default, two dead clients can stop the commands of all others."""
+RUNTIME = f"(acc: (worker_threads: {ACCEPTOR_THREADS}), rx: (worker_threads: {RECEIVING_THREADS}))"
 """Value of Zenoh's environment variable `ZENOH_RUNTIME`."""
 
 

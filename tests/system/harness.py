@@ -26,6 +26,7 @@ PATIENCE_S = 20.0
 """Time limit for expected events on a loaded machine."""
 POLL_S = 0.01
 DRIVE_TRIES = 4
+VIEWER = "viewer"
 
 T = TypeVar("T")
 
@@ -36,6 +37,8 @@ class Robot:
 
     endpoint: str
     logs: Path
+    keys: dict[str, Path] = field(default_factory=dict[str, Path])
+    """Bundles by node, if the endpoint needs certificates; `viewer` is the observer's."""
     processes: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict[str, subprocess.Popen[bytes]])
     terminal: "pexpect.spawn[bytes] | None" = None
     bus: ZenohBus | None = None
@@ -48,11 +51,15 @@ class Robot:
         """Start `supervisor` or `sim` with additional options."""
         with (self.logs / f"{node}.log").open("ab") as log:
             self.processes[node] = subprocess.Popen(
-                [sys.executable, "-m", node, "--endpoint", self.endpoint, *options],
+                [sys.executable, "-m", node, "--endpoint", self.endpoint, *self.keys_of(node), *options],
                 stdout=log,
                 stderr=log,
                 env=self.environment,
             )
+
+    def keys_of(self, node: str) -> list[str]:
+        """Return the options that name the bundle of a node."""
+        return ["--keys", str(self.keys[node])] if node in self.keys else []
 
     def start_teleop(self, module: str = topics.TELEOP) -> None:
         """Start the real keyboard teleop in a terminal of its own."""
@@ -115,7 +122,7 @@ class Robot:
     async def observe(self) -> None:
         """Open the observer's own session; the hub must be starting."""
         async with asyncio.timeout(PATIENCE_S):
-            self.bus = await open_bus(BusConfig(self.endpoint), "client")
+            self.bus = await open_bus(BusConfig(self.endpoint, keys=self.keys.get(VIEWER)), "client")
         self.cmd_vel: Subscription[Twist] = self.bus.subscribe(topics.CMD_VEL, depth=5000)
         self.odom: Subscription[Odometry] = self.bus.subscribe(topics.ODOM, depth=5000)
         self.statuses: Subscription[SafetyStatus] = self.bus.subscribe(topics.STATUS, depth=500)

@@ -67,6 +67,21 @@ def test_an_aged_command_is_limited_by_its_age_and_stops_nothing() -> None:
     assert decision.scale == pytest.approx(0.4 * 0.2 / 0.215**2 * (1.0 - 0.14 / 0.2))
     assert law.tick(("teleop", FULL)).output == FULL  # without a neutral command
     assert law.decision.limit is None
+    neutral = law.tick(("teleop", NEUTRAL))
+    assert (neutral.mode, neutral.scale, neutral.limit) == (Mode.READY, 1.0, None)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "rim_m_s"), [(FORWARD, 0.5), (BACK, 0.5), (SPIN, 0.5), (Velocity(0.1, 1.6), 0.4)]
+)
+def test_the_faster_of_the_origin_and_the_rim_has_the_permitted_speed(
+    velocity: Velocity, rim_m_s: float
+) -> None:
+    law = law_with()
+    law.tick(("teleop", NEUTRAL))
+    law.tick(("teleop", velocity))
+    scale = law.hold(0.18).scale
+    assert scale == pytest.approx(0.4 * 0.2 / 0.215**2 * (1.0 - 0.18 / 0.2) / rim_m_s)
 
 
 @pytest.mark.parametrize("velocity", [FULL, SPIN, BACK])
