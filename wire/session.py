@@ -11,6 +11,7 @@ Callbacks run on Zenoh's threads: they stamp the arrival, pass the bytes on, and
 import asyncio
 import json
 import logging
+import os
 import threading
 import time
 from collections.abc import Awaitable, Callable, Collection, Mapping
@@ -55,6 +56,10 @@ TROUBLE_PERIOD_S = 10.0
 """Period of a client's attempts to find out why it cannot connect; each takes 0.3 s of the processor."""
 CLOSE_LIMIT_S = 1.0
 MAX_PENDING_QUERIES = 16
+RECEIVING_THREADS = ("ZENOH_RUNTIME", "(rx: (worker_threads: 32))")
+"""Zenoh reads it when it opens the first session. It closes a TCP link with SO_LINGER: if the other side does not answer, a
+receiving thread waits up to ten seconds. Two dead clients would occupy Zenoh's default of two threads, and the commands of
+all others would stop."""
 TX_QUEUE = 16
 """Maximum number of batches of one priority that wait to be sent: the most that Zenoh accepts."""
 OVERHEARD_BYTES = 32 << 20
@@ -108,6 +113,8 @@ async def open_session(
     Raises:
         BusError: the hub cannot listen, the endpoint is invalid, or a certificate is refused.
     """
+    if role == "hub":
+        os.environ.setdefault(*RECEIVING_THREADS)
     bundle = await _in_thread(lambda: _bundle(config, role))
     if bundle is not None and (soon := tls.ends_soon(bundle, time.time())) is not None:
         say(soon)
