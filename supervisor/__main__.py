@@ -17,9 +17,11 @@ from supervisor.estop_files import RecordFiles, record_path
 from supervisor.estop_record import EstopRecord
 from supervisor.fit import fit_to_base
 from supervisor.service import SupervisorService
+from wire import limits
 from wire.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.config import BaseSection, BusSection, ConfigError, Section, is_loopback, read_sections
 from wire.process import run_process
+from wire.process_limits import bound_memory
 from wire.session import start_log
 from wire.state_directory import state_directory
 from wire.suspend import SuspendMeter
@@ -81,6 +83,7 @@ def main() -> None:
             await bus.close()
         return 0
 
+    bound_memory(limits.MEMORY_BYTES)
     run_process("supervisor", run, memory_keeper=bus_section.memory_keeper)
 
 

@@ -10,6 +10,8 @@ freshness.py    age of a command from its stamp, despite network delays (pure)
 watchdog.py     the base's own command watchdog (pure), for sim and every base adapter
 roles.py        the roles of the participants, and the common names of their certificates (pure)
 foreign_nodes.py    ROS 2 nodes that use the keys of rmw_zenoh (pure)
+limits.py       what the hub permits its clients (pure)
+process_limits.py   open files, memory and closing sockets of this process
 inbox.py        the inbox between the network's threads and asyncio
 bus.py          the Bus that services use: messages
 session.py      a Zenoh session: bytes; the only file that imports Zenoh

@@ -23,7 +23,7 @@ from typing import Any, Literal, TypeVar
 
 import zenoh
 
-from wire import tls, topics
+from wire import limits, tls, topics
 from wire.access import LOCAL_ROLES, Contract, access_control
 from wire.bundle import Bundle, BundleError, choose_bundle
 from wire.foreign_nodes import NODE_TOKENS
@@ -39,6 +39,7 @@ from wire.inbox import (
 )
 from wire.link_trouble import LOG_FILTER
 from wire.newest import NewestWithin
+from wire.process_limits import never_linger, raise_open_files
 from wire.roles import Role as ParticipantRole
 from wire.stamp import Stamper
 from wire.zenoh_log import why_refused
@@ -56,10 +57,6 @@ TROUBLE_PERIOD_S = 10.0
 """Period of a client's attempts to find out why it cannot connect; each takes 0.3 s of the processor."""
 CLOSE_LIMIT_S = 1.0
 MAX_PENDING_QUERIES = 16
-RECEIVING_THREADS = ("ZENOH_RUNTIME", "(rx: (worker_threads: 32))")
-"""Zenoh reads it when it opens the first session. It closes a TCP link with SO_LINGER: if the other side does not answer, a
-receiving thread waits up to ten seconds. Two dead clients would occupy Zenoh's default of two threads, and the commands of
-all others would stop."""
 TX_QUEUE = 16
 """Maximum number of batches of one priority that wait to be sent: the most that Zenoh accepts."""
 OVERHEARD_BYTES = 32 << 20
@@ -113,8 +110,6 @@ async def open_session(
     Raises:
         BusError: the hub cannot listen, the endpoint is invalid, or a certificate is refused.
     """
-    if role == "hub":
-        os.environ.setdefault(*RECEIVING_THREADS)
     bundle = await _in_thread(lambda: _bundle(config, role))
     if bundle is not None and (soon := tls.ends_soon(bundle, time.time())) is not None:
         say(soon)
@@ -281,6 +276,9 @@ def _settings(config: BusConfig, role: Role, bundle: Bundle | None) -> zenoh.Con
     if role == "hub":
         values["listen/endpoints"] = [endpoint]
         values["access_control"] = access_control(config.namespace, config.contract, config.local)
+        os.environ.setdefault("ZENOH_RUNTIME", limits.RUNTIME)  # read once, when the first session is opened
+        never_linger()
+        values |= limits.hub_settings(config.namespace, raise_open_files(limits.WANTED_FILES))
         # The hub answers which session declares what (docs/decisions/0042); it is read-only.
         values["adminspace"] = {"enabled": True, "permissions": {"read": True, "write": False}}
     else:
