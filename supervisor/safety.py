@@ -694,7 +694,8 @@ def _renewed(owner: Source, commanded: Velocity, now_s: float, config: LawConfig
     """
     if math.isinf(config.blind_budget_m):
         return math.inf
-    speed_m_s = max(abs(commanded.linear_m_s), abs(commanded.angular_rad_s) * config.hull.radius_m)
+    rim_m_s = abs(commanded.angular_rad_s) * config.hull.radius_m
+    speed_m_s = max(config.creep_m_s, abs(commanded.linear_m_s), rim_m_s)
     # An output lasts until the next tick, while the permitted speed falls further: `transport_s` includes a tick.
     timeout_s, tick_s = config.command_timeout_s, config.transport_s
     fresh_m_s = 2.0 * config.blind_budget_m * timeout_s / (timeout_s + tick_s / 2.0) ** 2

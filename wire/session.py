@@ -119,27 +119,33 @@ async def open_session(
     settings = _settings(config, role, bundle)
     trouble = None if bundle is None else _Trouble(config)
     waiting = False
-    while True:
-        try:
-            session = await _in_thread(lambda: zenoh.open(settings))
-        except zenoh.ZError as error:
-            if role == "hub":
-                raise BusError(_listen_sentence(config.endpoint, error)) from error
-            if "Unable to connect" not in str(error):
-                raise BusError(
-                    f"cannot use the endpoint {config.endpoint!r}: {_first_line(error)}"
-                ) from error
-        else:
-            if bundle is not None:
-                guard = _Guard(session, config, role, bundle, say)
-                await _in_thread(guard.check)
-            return session
+    while (session := await _in_thread(lambda: _opened(settings, config, role))) is None:
         if not waiting and on_wait is not None:
             on_wait()
         waiting = True
         if trouble is not None:
             await trouble.check()
         await asyncio.sleep(CONNECT_RETRY_S)
+    if bundle is not None:
+        guard = _Guard(session, config, role, bundle, say)
+        await _in_thread(guard.check)
+    return session
+
+
+def _opened(settings: zenoh.Config, config: BusConfig, role: Role) -> zenoh.Session | None:
+    """Return the session; None if the hub of a client does not run yet.
+
+    Raises:
+        BusError: the hub cannot listen, or the endpoint is invalid.
+    """
+    try:
+        return zenoh.open(settings)
+    except zenoh.ZError as error:
+        if role == "hub":
+            raise BusError(_listen_sentence(config.endpoint, error)) from error
+        if "Unable to connect" not in str(error):
+            raise BusError(f"cannot use the endpoint {config.endpoint!r}: {_first_line(error)}") from error
+        return None
 
 
 class _Trouble:

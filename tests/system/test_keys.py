@@ -287,10 +287,11 @@ async def test_a_certificate_that_expires_closes_its_link_and_a_new_one_opens_it
             await until(
                 lambda: "a client was refused: its certificate has expired" in log(), "that it stays closed"
             )
-            assert log().count("operator@robot connected") == 1
+            # Before, within the second of the end, links are accepted and closed at once.
+            before = log().count("operator@robot connected")
             assert ours.bundle("alice", Role.OPERATOR) == alice
             await until(
-                lambda: log().count("operator@robot connected") == 2, "the link with the new certificate"
+                lambda: log().count("operator@robot connected") > before, "the link with the new certificate"
             )
 
 

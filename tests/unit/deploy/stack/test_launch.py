@@ -1,6 +1,7 @@
 """The checks before the start."""
 
 import json
+import shlex
 import socket
 from pathlib import Path
 
@@ -42,6 +43,21 @@ def test_a_stack_is_found_again_by_its_record(tmp_path: Path) -> None:
     launch = Launch.read(None, "tcp/127.0.0.1:2222")
     state.record.write_text(json.dumps(launch.to_record()))
     assert Launch.running(state) == launch
+
+
+def test_keys_reach_every_process_of_the_stack(tmp_path: Path) -> None:
+    state, keys = StateDir(tmp_path), tmp_path / "my keys"
+    launch = Launch.read(None, "quic/127.0.0.1:2222", keys)
+    options = ["--endpoint", "quic/127.0.0.1:2222", "--keys", str(keys)]
+    assert launch.command("teleop")[-4:] == options
+    assert shlex.split(launch.environment(state)["LIFELINE_BUS_OPTIONS"]) == options
+    state.record.write_text(json.dumps(launch.to_record()))
+    assert Launch.running(state) == launch
+    assert launch.with_keys(Path("/other")).bus.keys == Path("/other")
+    with pytest.raises(DeployError, match=r"needs certificates.*--keys"):
+        Launch.read(None, "quic/127.0.0.1:2222")
+    with pytest.raises(DeployError, match=r"no user ~nobody-here.*--keys"):
+        launch.with_keys(Path("~nobody-here/k"))
 
 
 def test_a_free_endpoint_is_free() -> None:
