@@ -27,7 +27,7 @@ NO_RCLPY := ROS 2 is not installed in /opt/ros/jazzy, and PyPI has no rclpy for 
   (only for CPython 3.11 to 3.14 on x86_64 Linux)
 NO_RMW_ZENOH := zenoh-ros2-sdk cannot be installed on this machine
 
-.PHONY: help setup ros2 test-ros2 run test unit system timed demo proof proofs coverage check bench bench-peers bench-robots docs picture mutation faults campaign
+.PHONY: help setup ros2 test-ros2 run test unit system timed demo proof proofs coverage check bench bench-peers bench-robots bench-link docs picture mutation faults campaign
 
 help: ## print this list
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -94,14 +94,20 @@ bench-peers: $(STAMP) $(PEERS_STAMP) ## compare the supervisor with bare relays 
 bench-robots: $(STAMP) ## measure CPU, gaps and stops of 1 to 30 robots on this machine (six minutes)
 	.venv/bin/python -m bench.robots
 
+bench-link: $(STAMP) ## measure false stops over links that lose packets, in network namespaces (root; four minutes)
+	.venv/bin/python -m bench.link
+
 docs: $(STAMP) ## update the generated parts and the drawings of docs/
 	.venv/bin/python -m docs.generate.safety_law
+	.venv/bin/python -m docs.generate.access
 	.venv/bin/python -m docs.generate.draw_safety_law
 	.venv/bin/python -m docs.generate.draw_dashboard
 	.venv/bin/python -m docs.generate.draw_lab
 	.venv/bin/python -m docs.generate.crash_safety
 	.venv/bin/python -m docs.generate.draw_crash_safety
 	.venv/bin/python -m docs.generate.draw_robots
+	.venv/bin/python -m docs.generate.link
+	.venv/bin/python -m docs.generate.draw_link
 
 faults: $(STAMP) ## inject every class of fault three times into real processes, and run 1,000 virtual trials (15 minutes)
 	.venv/bin/lifeline faults --trials 3 --minutes 8

@@ -1,7 +1,7 @@
 """The command-line tool `lifeline`, one file for each command, and the configuration files.
 
 entry.py           the entry point of `lifeline`
-cli.py             the options of every command; cli_inspection.py those of topic, node, graph and doctor; cli_ros2.py those of ros2; command.py what they share
+cli.py             the options of every command; cli_inspection.py those of topic, node, graph and doctor; cli_ros2.py those of ros2; cli_keys.py those of keys; command.py what they share
 up.py              `lifeline up`: start the stack, with teleop in this terminal; down.py stops it; estop.py reports a latched e-stop
 status.py          `lifeline status`: print the status once
 demo.py            `lifeline demo`: a few trials of the real campaign and a drive at a rack; verdict.py one promise, bound and measurement
@@ -13,11 +13,12 @@ check.py           `lifeline check`: check a configuration; check_motions.py per
 incidents.py       `lifeline incidents`: list, show and export black boxes
 replay.py          `lifeline replay-decision`: run the law again over a black box recording
 completion.py      `lifeline completion`: the completion scripts of the shells, and the words that they complete
+keys/              `lifeline keys`: an authority, its certificates, and the bundles for other computers
 stack/             start, find, observe and stop the running robot
 campaign/          `lifeline faults`, `fault-report` and `soak`: fault injection at random moments, on real processes and in virtual time
 supervisord.conf   the programs that supervisord runs
 robot.toml         every key of the configuration, with its default
 examples/          configurations of real robots, of zenoh-bridge-ros2dds and of Foxglove
 
-Commands use campaign/ and stack/, campaign/ uses stack/, never the reverse.
+Commands use campaign/, keys/ and stack/, campaign/ and keys/ use stack/, never the reverse.
 """

@@ -12,9 +12,10 @@ import typer
 from deploy.cli_foxglove import foxglove
 from deploy.cli_incidents import incidents_app
 from deploy.cli_inspection import doctor, graph, node_app, topic_app
+from deploy.cli_keys import keys_app
 from deploy.cli_ros2 import ros2_app
 from deploy.cli_view import view
-from deploy.command import Config, Endpoint, Json, ResultJson, StatePath, print_json
+from deploy.command import Config, Endpoint, Json, KeysPath, ResultJson, StatePath, print_json
 from deploy.command import exit_with as _exit_with
 from deploy.command import note as _note
 from deploy.command import running as _running
@@ -61,6 +62,7 @@ app.add_typer(incidents_app, name="incidents")
 app.add_typer(topic_app, name="topic")
 app.add_typer(node_app, name="node")
 app.add_typer(ros2_app, name="ros2")
+app.add_typer(keys_app, name="keys")
 app.command()(graph)
 app.command()(doctor)
 app.command()(foxglove)
@@ -78,6 +80,7 @@ def up(
     *,
     config: Config = None,
     endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
     detach: Annotated[
         bool, typer.Option("--detach", help="Start in the background, without teleop.")
@@ -108,7 +111,7 @@ def up(
         from deploy.stack.statedir import StateDir  # noqa: PLC0415
 
         sim_options = {None: "", True: "--viewer", False: "--no-viewer"}[viewer]
-        launch = Launch.read(config, endpoint, sim_options=sim_options, with_sim=sim)
+        launch = Launch.read(config, endpoint, keys_dir, sim_options=sim_options, with_sim=sim)
         return command.up(
             StateDir.choose(state_dir), launch, _note if as_json else _say, detach=detach, as_json=as_json
         )
@@ -137,6 +140,7 @@ def status(
     *,
     config: Config = None,
     endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
@@ -146,7 +150,7 @@ def status(
         from deploy.stack.statedir import StateDir  # noqa: PLC0415
         from deploy.status import show_status  # noqa: PLC0415
 
-        launch = _running(config, endpoint, state_dir)
+        launch = _running(config, endpoint, state_dir, keys_dir)
         return show_status(StateDir.choose(state_dir), launch, as_json=as_json)
 
     _exit_with(run)
@@ -169,6 +173,7 @@ def watch(
             "--config", metavar="FILE", help="Configuration file of a robot; repeat for several robots."
         ),
     ] = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
     as_json: Annotated[
         bool,
@@ -190,7 +195,11 @@ def watch(
         from deploy.watch import watch as show  # noqa: PLC0415
 
         named = config or endpoint
-        robots = launches(config or (), endpoint or ()) if named else [_running(None, None, state_dir)]
+        robots = (
+            launches(config or (), endpoint or (), keys_dir)
+            if named
+            else [_running(None, None, state_dir, keys_dir)]
+        )
         show(robots, as_json=as_json, once=once)
 
     _exit_with(run)
@@ -207,6 +216,7 @@ def metrics(
     ] = "127.0.0.1:9464",
     config: Config = None,
     endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
 ) -> None:
     """Serve counters and timings of a robot to Prometheus, until Ctrl-C."""
@@ -214,7 +224,7 @@ def metrics(
     def run() -> int:
         from deploy.metrics import metrics as serve  # noqa: PLC0415
 
-        serve(_running(config, endpoint, state_dir), listen)
+        serve(_running(config, endpoint, state_dir, keys_dir), listen)
 
     _exit_with(run)
 
@@ -417,6 +427,7 @@ def record(
     as_json: ResultJson = False,
     config: Config = None,
     endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
 ) -> None:
     """Record all messages in an MCAP file, as rosbag2 does, until Ctrl-C."""
@@ -424,7 +435,7 @@ def record(
     def run() -> int:
         from deploy.record import record  # noqa: PLC0415
 
-        record(file, _running(config, endpoint, state_dir), as_json=as_json)
+        record(file, _running(config, endpoint, state_dir, keys_dir), as_json=as_json)
 
     _exit_with(run)
 
@@ -513,6 +524,7 @@ def path_square(
     clockwise: Clockwise = False,
     config: Config = None,
     endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
 ) -> None:
     """Drive a square whose first side begins at the robot and points ahead."""
@@ -521,7 +533,7 @@ def path_square(
         from deploy.path import drive, relative  # noqa: PLC0415
         from teleop.path.shapes import square  # noqa: PLC0415
 
-        launch = _running(config, endpoint, state_dir)
+        launch = _running(config, endpoint, state_dir, keys_dir)
         drive(relative(square(side, laps, clockwise=clockwise)), launch, speed, as_json=as_json)
 
     _exit_with(run)
@@ -539,6 +551,7 @@ def path_circle(
     clockwise: Clockwise = False,
     config: Config = None,
     endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
 ) -> None:
     """Drive a circle whose centre is to the side of the robot."""
@@ -547,7 +560,7 @@ def path_circle(
         from deploy.path import drive, relative  # noqa: PLC0415
         from teleop.path.shapes import circle  # noqa: PLC0415
 
-        launch = _running(config, endpoint, state_dir)
+        launch = _running(config, endpoint, state_dir, keys_dir)
         drive(relative(circle(radius, laps, clockwise=clockwise)), launch, speed, as_json=as_json)
 
     _exit_with(run)
@@ -568,6 +581,7 @@ def path_follow(
     as_json: ResultJson = False,
     config: Config = None,
     endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
 ) -> None:
     """Replay a recorded path, reversing where it reversed."""
@@ -576,7 +590,7 @@ def path_follow(
         from deploy.path import absolute, drive, read_poses, relative  # noqa: PLC0415
 
         poses = read_poses(file)
-        launch = _running(config, endpoint, state_dir)
+        launch = _running(config, endpoint, state_dir, keys_dir)
         drive(absolute(poses) if in_place else relative(poses), launch, speed, as_json=as_json)
 
     _exit_with(run)

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from deploy.command import Config, Endpoint, StatePath, exit_with, running
+from deploy.command import Config, Endpoint, KeysPath, StatePath, exit_with, running
 
 
 def foxglove(
@@ -19,6 +19,7 @@ def foxglove(
     ] = "127.0.0.1:8765",
     config: Config = None,
     endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
 ) -> None:
     """Serve all messages, frames and safety distances to Foxglove, read-only, until Ctrl-C."""
@@ -26,6 +27,6 @@ def foxglove(
     def run() -> int:
         from deploy.foxglove import foxglove as serve  # noqa: PLC0415
 
-        serve(running(config, endpoint, state_dir), listen)
+        serve(running(config, endpoint, state_dir, keys_dir), listen)
 
     exit_with(run)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from deploy.command import Config, Endpoint, Json, StatePath, exit_with, running
+from deploy.command import Config, Endpoint, Json, KeysPath, StatePath, exit_with, running
 from deploy.completion import node_names, topic_names
 
 topic_app = typer.Typer(
@@ -40,6 +40,7 @@ def topic_list(
     as_json: Json = False,
     config: Config = None,
     endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
 ) -> None:
     """List all topics with their types, permitted writers, actual writers and rates, then all other keys."""
@@ -47,7 +48,7 @@ def topic_list(
     def run() -> int:
         from deploy.topic import show_list  # noqa: PLC0415
 
-        show_list(running(config, endpoint, state_dir), seconds, as_json=as_json)
+        show_list(running(config, endpoint, state_dir, keys_dir), seconds, as_json=as_json)
 
     exit_with(run)
 
@@ -60,6 +61,7 @@ def topic_info(
     as_json: Json = False,
     config: Config = None,
     endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
 ) -> None:
     """Print the writers and readers of a topic. Exit 1 if it has more writers than permitted."""
@@ -67,7 +69,7 @@ def topic_info(
     def run() -> int:
         from deploy.topic import show_info  # noqa: PLC0415
 
-        show_info(running(config, endpoint, state_dir), key, seconds, as_json=as_json)
+        show_info(running(config, endpoint, state_dir, keys_dir), key, seconds, as_json=as_json)
 
     exit_with(run)
 
@@ -80,6 +82,7 @@ def topic_type(
     as_json: Json = False,
     config: Config = None,
     endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
 ) -> None:
     """Print the ROS 2 type of a topic."""
@@ -87,7 +90,7 @@ def topic_type(
     def run() -> int:
         from deploy.topic import show_type  # noqa: PLC0415
 
-        show_type(running(config, endpoint, state_dir), key, full=full, as_json=as_json)
+        show_type(running(config, endpoint, state_dir, keys_dir), key, full=full, as_json=as_json)
 
     exit_with(run)
 
@@ -104,6 +107,7 @@ def topic_echo(
     as_json: Json = False,
     config: Config = None,
     endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
 ) -> None:
     """Print the messages of topics as YAML, until Ctrl-C."""
@@ -111,7 +115,7 @@ def topic_echo(
     def run() -> int:
         from deploy.topic_stream import Echo, echo  # noqa: PLC0415
 
-        echo(running(config, endpoint, state_dir), keys, Echo(once, field, as_csv, as_json))
+        echo(running(config, endpoint, state_dir, keys_dir), keys, Echo(once, field, as_csv, as_json))
 
     exit_with(run)
 
@@ -124,6 +128,7 @@ def topic_hz(
     as_json: Json = False,
     config: Config = None,
     endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
 ) -> None:
     """Measure the rates of topics, and the gaps between messages. Exit 1 if nothing was heard."""
@@ -131,7 +136,7 @@ def topic_hz(
     def run() -> int:
         from deploy.topic_stream import measure, rate_report  # noqa: PLC0415
 
-        measure(running(config, endpoint, state_dir), keys, rate_report, seconds, as_json=as_json)
+        measure(running(config, endpoint, state_dir, keys_dir), keys, rate_report, seconds, as_json=as_json)
 
     exit_with(run)
 
@@ -144,6 +149,7 @@ def topic_bw(
     as_json: Json = False,
     config: Config = None,
     endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
 ) -> None:
     """Measure the bandwidth of topics. Exit 1 if nothing was heard."""
@@ -151,7 +157,7 @@ def topic_bw(
     def run() -> int:
         from deploy.topic_stream import measure, size_report  # noqa: PLC0415
 
-        measure(running(config, endpoint, state_dir), keys, size_report, seconds, as_json=as_json)
+        measure(running(config, endpoint, state_dir, keys_dir), keys, size_report, seconds, as_json=as_json)
 
     exit_with(run)
 
@@ -164,6 +170,7 @@ def topic_delay(
     as_json: Json = False,
     config: Config = None,
     endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
 ) -> None:
     """Measure the ages of messages at arrival, from the senders' stamps. Exit 1 if nothing was heard."""
@@ -171,7 +178,7 @@ def topic_delay(
     def run() -> int:
         from deploy.topic_stream import age_report, measure  # noqa: PLC0415
 
-        measure(running(config, endpoint, state_dir), keys, age_report, seconds, as_json=as_json)
+        measure(running(config, endpoint, state_dir, keys_dir), keys, age_report, seconds, as_json=as_json)
 
     exit_with(run)
 
@@ -198,6 +205,7 @@ def topic_pub(
     once: Annotated[bool, typer.Option("--once", help="Publish one message and exit.")] = False,
     config: Config = None,
     endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
 ) -> None:
     """Publish an e-stop, an obstacle, or the commands of a command source that no other program holds.
@@ -208,7 +216,7 @@ def topic_pub(
     def run() -> int:
         from deploy.topic_publish import publish  # noqa: PLC0415
 
-        publish(running(config, endpoint, state_dir), key, message, rate, once=once)
+        publish(running(config, endpoint, state_dir, keys_dir), key, message, rate, once=once)
 
     exit_with(run)
 
@@ -219,6 +227,7 @@ def node_list(
     as_json: Json = False,
     config: Config = None,
     endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
 ) -> None:
     """List all nodes with their processes. A program without a liveliness token is listed by its program name."""
@@ -226,7 +235,7 @@ def node_list(
     def run() -> int:
         from deploy.node import show_list  # noqa: PLC0415
 
-        show_list(running(config, endpoint, state_dir), as_json=as_json)
+        show_list(running(config, endpoint, state_dir, keys_dir), as_json=as_json)
 
     exit_with(run)
 
@@ -242,6 +251,7 @@ def node_info(
     as_json: Json = False,
     config: Config = None,
     endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
 ) -> None:
     """Print a node's process, and the topics that it writes, reads and serves, with their rates."""
@@ -249,7 +259,7 @@ def node_info(
     def run() -> int:
         from deploy.node import show_info  # noqa: PLC0415
 
-        show_info(running(config, endpoint, state_dir), node, seconds, as_json=as_json)
+        show_info(running(config, endpoint, state_dir, keys_dir), node, seconds, as_json=as_json)
 
     exit_with(run)
 
@@ -264,6 +274,7 @@ def graph(
     as_json: Json = False,
     config: Config = None,
     endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
 ) -> None:
     """Show which nodes communicate, from the hub's sessions and the received messages."""
@@ -271,7 +282,7 @@ def graph(
     def run() -> int:
         from deploy.graph import show_graph  # noqa: PLC0415
 
-        show_graph(running(config, endpoint, state_dir), out, seconds, as_json=as_json)
+        show_graph(running(config, endpoint, state_dir, keys_dir), out, seconds, as_json=as_json)
 
     exit_with(run)
 
@@ -282,6 +293,7 @@ def doctor(
     as_json: Json = False,
     config: Config = None,
     endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
 ) -> None:
     """Explain why the robot does not move, or why the system cannot start. Exit 1 if there is a problem."""
@@ -290,7 +302,7 @@ def doctor(
         from deploy.doctor import doctor as examine  # noqa: PLC0415
         from deploy.stack.statedir import StateDir  # noqa: PLC0415
 
-        launch = running(config, endpoint, state_dir)
+        launch = running(config, endpoint, state_dir, keys_dir)
         examine(launch, StateDir.choose(state_dir), seconds, as_json=as_json)
 
     exit_with(run)

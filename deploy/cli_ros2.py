@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from deploy.command import Config, Endpoint, StatePath, exit_with, running
+from deploy.command import Config, Endpoint, KeysPath, StatePath, exit_with, running
 
 ros2_app = typer.Typer(
     help="Run ROS 2 programs under the supervisor, and check the base of a ROS 2 robot.", no_args_is_help=True
@@ -23,6 +23,7 @@ def ros2_exec(
     source: Annotated[str, typer.Option("--source", metavar="NAME", help="Command source of the program.")],
     config: Config = None,
     endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
 ) -> None:
     """Run a program that commands the robot, such as a teleop, and stop the robot as soon as the program ends.
@@ -33,7 +34,7 @@ def ros2_exec(
     def run() -> int:
         from deploy.ros2_exec import run as hold  # noqa: PLC0415
 
-        hold(running(config, endpoint, state_dir), source, command)
+        hold(running(config, endpoint, state_dir, keys_dir), source, command)
 
     exit_with(run)
 
@@ -44,6 +45,7 @@ def ros2_check_base(
     yes: Annotated[bool, typer.Option("--yes", help="Move the robot without asking.")] = False,
     config: Config = None,
     endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
 ) -> None:
     """Measure how long the base moves after its commands end. The robot turns on the spot: keep 1 m around it free."""
@@ -52,7 +54,7 @@ def ros2_check_base(
         from deploy.ros2_check_base import check_base  # noqa: PLC0415
         from deploy.stack.statedir import StateDir  # noqa: PLC0415
 
-        check_base(running(config, endpoint, state_dir), StateDir.choose(state_dir), ask=not yes)
+        check_base(running(config, endpoint, state_dir, keys_dir), StateDir.choose(state_dir), ask=not yes)
 
     exit_with(run)
 

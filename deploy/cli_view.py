@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from deploy.command import Config, Endpoint, StatePath, exit_with, running
+from deploy.command import Config, Endpoint, KeysPath, StatePath, exit_with, running
 from wire.extras import require
 
 
@@ -36,6 +36,7 @@ def view(
     ] = 9090,
     config: Config = None,
     endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
     state_dir: StatePath = None,
 ) -> None:
     """Show the robot in Rerun: hull, lidars, seen space, velocities, mode and reasons."""
@@ -47,7 +48,7 @@ def view(
         from deploy.view.show import Wanted  # noqa: PLC0415
         from deploy.view.show import view as show  # noqa: PLC0415
 
-        launch = running(config, endpoint, state_dir)
+        launch = running(config, endpoint, state_dir, keys_dir)
         if what is None or what.endswith(".mcap"):
             file = None if what is None else Path(what)
         else:

@@ -26,6 +26,14 @@ Endpoint = Annotated[
         help="Address on which the supervisor listens. Default: the one in the configuration.",
     ),
 ]
+KeysPath = Annotated[
+    Path | None,
+    typer.Option(
+        "--keys",
+        metavar="DIR",
+        help="Bundle of this computer's certificate and key, for endpoints quic/ and tls/. Default: the one in the configuration.",
+    ),
+]
 StatePath = Annotated[
     Path | None,
     typer.Option(
@@ -40,13 +48,18 @@ ResultJson = Annotated[
 ]
 
 
-def running(config: Path | None, endpoint: str | None, state_dir: Path | None) -> "Launch":
+def running(
+    config: Path | None, endpoint: str | None, state_dir: Path | None, keys: Path | None = None
+) -> "Launch":
     """Return the connection settings from the command line, else the running stack, else the configuration."""
     from deploy.stack.launch import Launch  # noqa: PLC0415
     from deploy.stack.statedir import StateDir  # noqa: PLC0415
 
-    running = Launch.running(StateDir.choose(state_dir)) if config is None and endpoint is None else None
-    return running or Launch.read(config, endpoint)
+    is_named = config is not None or endpoint is not None
+    running = None if is_named else Launch.running(StateDir.choose(state_dir))
+    if running is None:
+        return Launch.read(config, endpoint, keys)
+    return running if keys is None else running.with_keys(keys)
 
 
 def say(sentence: str) -> None:

@@ -83,13 +83,13 @@ async def _publish(robot: Robot, topic: Topic[Any], message: Message, period_s: 
 
 async def _publish_as(robot: Robot, source: str, message: Message, period_s: float) -> int:
     """Command the robot as a source: zero first, which arms it, then the message; zero at the end."""
-    holder = Holder(robot.bus, source, about_this_process(source))
+    publisher = robot.bus.publisher(topics.source_cmd_vel(source))
+    holder = Holder(robot.bus, source, publisher, about_this_process(source))
     try:
         await holder.claim()
     except HeldError as error:
         raise DeployError(f"the command source {source} is held by {error}") from error
     loop = asyncio.get_running_loop()
-    publisher = robot.bus.publisher(topics.source_cmd_vel(source))
     print(f"lifeline: zero for {ARM_S:g} s, which arms {source}, then the message, until Ctrl-C", flush=True)
     armed_s = loop.time() + ARM_S
     try:

@@ -30,12 +30,13 @@ DEPTH = 64
 EXIT_PARTLY = 1
 
 
-def launches(configs: Sequence[Path], endpoints: Sequence[str]) -> list[Launch]:
+def launches(configs: Sequence[Path], endpoints: Sequence[str], keys: Path | None = None) -> list[Launch]:
     """Return the robots that the options name, without repetitions.
 
     Args:
         configs: one file for each robot, or one file for all endpoints.
         endpoints: one for each robot.
+        keys: the bundle for all of them; None: those of the files.
 
     Raises:
         DeployError: a file or an endpoint is refused, or several files meet endpoints.
@@ -44,9 +45,9 @@ def launches(configs: Sequence[Path], endpoints: Sequence[str]) -> list[Launch]:
         raise DeployError("several --config and --endpoint together are ambiguous: repeat only one of them")
     config = configs[0] if configs else None
     if endpoints:
-        found = [Launch.read(config, endpoint) for endpoint in endpoints]
+        found = [Launch.read(config, endpoint, keys) for endpoint in endpoints]
     else:
-        found = [Launch.read(each, None) for each in configs or [None]]
+        found = [Launch.read(each, None, keys) for each in configs or [None]]
     return list({launch.bus: launch for launch in found}.values())
 
 

@@ -60,6 +60,15 @@ class _Feed:
     token: Token | None = None
     program: bytes | None = None
     """Identity of the program that is served; None: none is."""
+    epoch: bytes = b""
+    """The epoch of its commands; empty before the first."""
+    run: Token | None = None
+    """The token of this run."""
+
+    def end_of_run(self) -> None:
+        if self.run is not None:
+            self.run.withdraw()
+        self.epoch, self.run = b"", None
 
 
 @dataclass(slots=True)
@@ -120,7 +129,8 @@ class Ros2Service:
         )
         self._commands: Inbox[RawArrival] = Inbox(1, self._wake)
         session.subscribe_raw(topics.CMD_VEL.key, partial(_push, self._commands))
-        self._alive: Inbox[LivelinessChange] = session.watch_alive(self._wake)
+        wrappers = [f"{section.name}{topics.EXEC_SUFFIX}" for section in config.sources]
+        self._alive: Inbox[LivelinessChange] = session.watch_alive(self._wake, [topics.SUPERVISOR, *wrappers])
 
         self._statuses: Inbox[RawArrival] = Inbox(1, self._wake)
         session.subscribe_raw(topics.STATUS.key, partial(_push, self._statuses))
@@ -229,12 +239,8 @@ class Ros2Service:
     def _serve_base(self) -> None:
         """Take the supervisor's commands and token, and publish what the watchdog decides."""
         for change in self._alive.take():
-            if change.node == topics.SUPERVISOR:
-                self._base.supervisor_alive(change.alive, change.arrival_s)
-            elif change.node.endswith(topics.EXEC_SUFFIX):
-                for feed in self._feeds:
-                    if feed.section.name == change.node.removesuffix(topics.EXEC_SUFFIX):
-                        self._presence.wrapper(feed.programs, alive=change.alive)
+            if not change.epoch:
+                self._on_token(change)
         commands = self._commands.take()
         for command in commands:
             self._base.command(*command)
@@ -257,8 +263,16 @@ class Ros2Service:
             if samples and not feed.source.present:  # a message may arrive before the match is reported
                 self._presence.look_at(feed.programs)
             for sample in samples:
-                _put(feed, feed.source.heard(sample))
-            _put(feed, feed.source.repeat(self._loop.time()))
+                self._put(feed, feed.source.heard(sample))
+            self._put(feed, feed.source.repeat(self._loop.time()))
+
+    def _on_token(self, change: LivelinessChange) -> None:
+        if change.node == topics.SUPERVISOR:
+            self._base.supervisor_alive(change.alive, change.arrival_s)
+            return
+        for feed in self._feeds:
+            if change.node == f"{feed.section.name}{topics.EXEC_SUFFIX}":
+                self._presence.wrapper(feed.programs, alive=change.alive)
 
     def _look(self, now_s: float) -> None:
         """Query discovery, check for stopped processes, and publish the reports."""
@@ -301,8 +315,21 @@ class Ros2Service:
         if feed.token is not None:
             feed.token.withdraw()
             feed.token = feed.program = None
+            feed.end_of_run()
             feed.source.leave()
             _log.info("source %s ended: %s", feed.section.name, self._source_report(feed).message)
+
+    def _put(self, feed: _Feed, commands: list[Command]) -> None:
+        for command in commands:
+            sent = command.sent
+            epoch = feed.out.epoch if sent is None else sent.epoch
+            if epoch != feed.epoch:
+                feed.end_of_run()
+                feed.epoch, feed.run = epoch, self._session.declare_alive(feed.section.name, epoch)
+            stamp = None if sent is None else Stamp(sent.sequence, round(sent.source_time_s * 1e9), epoch)
+            feed.out.put_bytes(
+                command.twist, None if stamp is None else stamp.pack(), true_at_s=command.true_at_s
+            )
 
     # --- requests
 
@@ -322,7 +349,7 @@ class Ros2Service:
         armed: list[str] = []
         for feed in on_request:
             commands = feed.source.arm(self._loop.time())
-            _put(feed, commands)
+            self._put(feed, commands)
             armed += [feed.section.name] if commands else []
         if not armed:
             return False, "no program publishes on the topic of such a source"
@@ -377,15 +404,6 @@ class Ros2Service:
             self._node.publishers(sensor.topic),
             writers=sensor.writers.active(now_s, REPORT_PERIOD_S),
             problem=self._node.problem(sensor.topic),
-        )
-
-
-def _put(feed: _Feed, commands: list[Command]) -> None:
-    for command in commands:
-        sent = command.sent
-        stamp = None if sent is None else Stamp(sent.sequence, round(sent.source_time_s * 1e9), sent.epoch)
-        feed.out.put_bytes(
-            command.twist, None if stamp is None else stamp.pack(), true_at_s=command.true_at_s
         )
 
 

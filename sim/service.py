@@ -139,7 +139,7 @@ class SimService:
 
         # An unchanged command does not wake the loop: it is processed before the next step, which is soon enough.
         self._cmd_vel = bus.subscribe(topics.CMD_VEL, wake=self._wake, repeats_wake=False)
-        self._alive = bus.watch_alive(self._wake)
+        self._alive = bus.watch_alive(self._wake, [topics.SUPERVISOR])
         self._obstacles = bus.subscribe(topics.OBSTACLE, depth=OBSTACLE_DEPTH, wake=self._wake)
         self._statuses = None if on_frame is None else bus.subscribe(topics.STATUS)  # for display only
         self._status: SafetyStatus | None = None
@@ -186,7 +186,7 @@ class SimService:
         """Process the supervisor's token, its commands, and requests to place the pillar."""
         self._wake.clear()
         for change in self._alive.take():
-            if change.node == topics.SUPERVISOR:
+            if change.node == topics.SUPERVISOR and not change.epoch:
                 self._supervisor_changed_s = change.arrival_s
                 self._watchdog.supervisor_alive(change.alive)
         for command in self._cmd_vel.take():

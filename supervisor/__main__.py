@@ -9,6 +9,7 @@ if __name__ == "__main__":
 import asyncio
 import logging
 import os
+from dataclasses import replace
 from pathlib import Path
 
 from supervisor.blackbox import black_box
@@ -17,13 +18,18 @@ from supervisor.estop_files import RecordFiles, record_path
 from supervisor.estop_record import EstopRecord
 from supervisor.fit import fit_to_base
 from supervisor.service import SupervisorService
+from wire import limits
 from wire.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.config import BaseSection, BusSection, ConfigError, Section, is_loopback, read_sections
 from wire.notify import take_notifier
 from wire.process import run_process
+from wire.process_limits import bound_memory
+from wire.session import start_log
 from wire.state_directory import state_directory
 from wire.suspend import SuspendMeter
+from wire.tls import is_secure
 from wire.zenoh_bus import open_bus
+from wire.zenoh_log import report_refusals
 
 _log = logging.getLogger("supervisor")
 
@@ -56,6 +62,7 @@ def main() -> None:
             models["sim"] = BaseSection
         sections = read_sections(document, models, fit_to_base)
         bus_section, config = sections[BusSection], sections[SupervisorSection]
+        contract = config.contract(bus_section.more_keys)
         recorder, directory = black_box(config), state_directory()
     except ConfigError as error:
         refuse("supervisor", error)
@@ -63,9 +70,11 @@ def main() -> None:
     notifier = take_notifier(os.environ)
 
     async def run(stop: asyncio.Event) -> int:
-        bus = await open_bus(bus_section.to_bus_config(), "hub")
+        if is_secure(bus_section.endpoint):
+            report_refusals(start_log, _log.warning)
+        bus = await open_bus(replace(bus_section.to_bus_config(), contract=contract), "hub")
         try:
-            if not is_loopback(bus_section.endpoint):
+            if not is_loopback(bus_section.endpoint) and not is_secure(bus_section.endpoint):
                 _log.warning(
                     "%s is open to the network: anyone who can reach it can drive the robot",
                     bus_section.endpoint,
@@ -78,6 +87,7 @@ def main() -> None:
             await bus.close()
         return 0
 
+    bound_memory(limits.MEMORY_BYTES)
     run_process("supervisor", run, memory_keeper=bus_section.memory_keeper)
 
 

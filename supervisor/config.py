@@ -3,7 +3,7 @@
 lidar_config.py defines the lidars; fit.py compares these numbers with those of the base.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Annotated, Self
 
 from pydantic import Field, model_validator
@@ -13,7 +13,8 @@ from supervisor.lidar_config import LidarSection, NamedLidarSection
 from supervisor.model import LawConfig, SourceConfig
 from supervisor.scan import Lidar
 from wire import topics
-from wire.config import Conflict, FreeName, Section
+from wire.access import Contract
+from wire.config import ConfigError, Conflict, FreeName, Section
 from wire.quantities import Acceleration, AngularAcceleration, Between, Distance, Speed, TurnRate
 
 # Fast enough for every timeout and distance of the law, and slow enough for a process to keep.
@@ -35,6 +36,7 @@ Deceleration = Annotated[float, Between(0.1, 10.0)]
 MinimumSpeed = Annotated[float, Between(0.001, 0.1)]
 # From a higher creep speed, the base could not stop within a hand's width.
 BlindCreep = Annotated[float, Between(0.0, 0.2)]
+BlindBudget = Annotated[float, Between(0.01, 2.0)]
 RunawaySpeed = Annotated[float, Between(0.01, 0.5)]
 RunawayTurnRate = Annotated[float, Between(0.01, 1.0)]
 # From the width of a cord to that of a person's body.
@@ -95,6 +97,7 @@ class SupervisorSection(Section):
     unseen_memory_s: Memory = 0.0
     works_in_the_open: bool = False
     blind_creep_m_s: BlindCreep = 0.0
+    blind_budget_m: BlindBudget = 0.2
     odometry: bool = True
     odom_timeout_s: OdomTimeout = 0.3
     runaway_linear_m_s: RunawaySpeed = 0.05
@@ -218,6 +221,22 @@ class SupervisorSection(Section):
             if lidar.topic == topics.SCAN.key and index > 0:
                 yield Conflict(where, lidar.topic, "only the first lidar may be on this topic: list it first")
 
+    def contract(self, more_keys: Iterable[str]) -> Contract:
+        """Return the robot's own keys, for the hub's access control.
+
+        Raises:
+            ConfigError: one of the other keys is that of a command source or a lidar.
+        """
+        sources = tuple(source.name for source in self.sources)
+        lidars = tuple(lidar.topic for lidar in self.all_lidars())
+        taken = {name.partition("/")[0] for name in (*sources, *lidars)}
+        for key in more_keys:
+            if key.partition("/")[0] in taken:
+                raise ConfigError(
+                    f"[bus] more_keys: {key!r} begins like a command source or a lidar; choose another name"
+                )
+        return Contract(sources, lidars, tuple(more_keys))
+
     def law(self) -> LawConfig:
         """Return the configuration of the pure law."""
         return LawConfig(
@@ -237,6 +256,7 @@ class SupervisorSection(Section):
             max_linear_m_s=self.max_linear_m_s,
             max_angular_rad_s=self.max_angular_rad_s,
             blind_creep_m_s=self.blind_creep_m_s,
+            blind_budget_m=self.blind_budget_m,
             runaway_linear_m_s=self.runaway_linear_m_s,
             runaway_angular_rad_s=self.runaway_angular_rad_s,
             smallest_obstacle_m=self.smallest_obstacle_m,

@@ -3,7 +3,7 @@
 import math
 
 from supervisor.model import Reasons
-from wire.reasons import SEVERITY, StopReason
+from wire.reasons import SEVERITY, Limit, StopReason
 
 AHEAD_DEG = 10
 """Directions within this angle of straight ahead or behind are named "ahead" or "behind"."""
@@ -11,6 +11,7 @@ AHEAD_DEG = 10
 
 def detail_of(
     causes: Reasons,
+    limit: Limit | None = None,
     *,
     scan_problem: str = "",
     block_bearing_rad: float = math.nan,
@@ -20,10 +21,13 @@ def detail_of(
 
     Args:
         causes: the causes that hold now.
+        limit: what reduces the command without a cause.
         scan_problem: why the newest scan proves nothing.
         block_bearing_rad: bearing of the blocking point in the base frame; NaN if there is none.
         writers: for each sensor with several active writers, its name and theirs.
     """
+    if limit is not None:
+        return "the next command is late"
     where = bearing_in_words(block_bearing_rad)
     match min(causes, key=SEVERITY.__getitem__, default=None):
         case StopReason.SENSOR_CONFLICT:

@@ -103,7 +103,7 @@ def to_status(
         scans_refused=decision.scan_counts.late + decision.scan_counts.sequence + decision.scan_counts.epoch,
         unknown_sources=list(decision.strangers),
         sources=[_source_status(source, now_s) for source in decision.sources],
-        causes=[reason.value for reason in decision.causes],
+        causes=[reason.value for reason in (*decision.causes, *([decision.limit] if decision.limit else []))],
         latched=[reason.value for reason in decision.latched],
         detail=decision.detail,
         estop_record_problem=estop_record_problem,

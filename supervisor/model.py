@@ -16,7 +16,7 @@ from supervisor.near_memory import Remembered
 from supervisor.reckoning import STANDSTILL, Odometer, Pose, Velocity
 from supervisor.scan import LaserScan, Lidar, ScanReading, View
 from wire.freshness import Sent, Track, Verdict
-from wire.reasons import StopReason
+from wire.reasons import Limit, StopReason
 
 Reasons = frozenset[StopReason]
 
@@ -76,6 +76,8 @@ class LawConfig:
     base_acceleration_m_s2: float
     """Least acceleration of the base toward its command."""
     base_angular_acceleration_rad_s2: float
+    blind_budget_m: float = math.inf
+    """How far the base may drive on a command that is not renewed; infinite in recordings that do not have it."""
 
     @cached_property
     def reach_m(self) -> float:
@@ -132,6 +134,8 @@ class Liveliness:
 
     source: str
     alive: bool
+    epoch: bytes = b""
+    """Of the token of one run of the source; empty for the source's token, which other clients may hold too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,12 +199,14 @@ class Source(NamedTuple):
     sent_s: float = -math.inf
     """When that command was sent, by the local clock: arrival time minus transport time."""
     neutral_s: float = -math.inf
-    """When its last accepted neutral command arrived."""
+    """When its last accepted neutral command was sent, as `sent_s`: one that waited for this process came before the stop ended."""
     refused_s: float = -math.inf
     """When one of its commands was last refused as not fresh."""
     stamped: bool = False
     alive: bool | None = None
     """Whether its liveliness token exists; None if it never had one."""
+    lost: bytes = b""
+    """The epoch whose commands arrived last when its own token was deleted; empty if it is back."""
     invalid: bool = False
     """Whether its last command was invalid."""
     latched: Reasons = frozenset({StopReason.NO_COMMAND})
@@ -325,5 +331,7 @@ class Decision(NamedTuple):
     """Stop reasons that hold now, most severe first; they may limit the motion without a stop."""
     latched: tuple[StopReason, ...] = ()
     """Stop reasons whose causes have ended, but that the owner has not yet cleared with a neutral command."""
+    limit: Limit | None = None
+    """What reduces the speed without a cause; None: nothing, or the barrier."""
     detail: str = ""
     """Details of the first cause, as part of a sentence; empty if there are none."""

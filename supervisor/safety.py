@@ -40,6 +40,7 @@ from supervisor.model import (
     Decision,
     Inputs,
     LawConfig,
+    Liveliness,
     Mode,
     Odometry,
     Past,
@@ -67,7 +68,7 @@ from supervisor.seen_space import Lookout, hidden_places, lookout
 from supervisor.stop_rules import RaisedBy, raised_by
 from supervisor.transition import at_least, is_on_another_arc, lags, mixtures
 from wire.freshness import FALL_TOLERANCE_S, Verdict, judge
-from wire.reasons import SEVERITY, StopReason
+from wire.reasons import SEVERITY, Limit, StopReason
 
 IMPLAUSIBLE_FACTOR = 10.0
 """A command above the limits by more than this factor is invalid; a smaller one is clamped."""
@@ -521,14 +522,38 @@ def _hear(state: State, inputs: Inputs) -> tuple[dict[str, Source], dict[str, li
                 passing.setdefault(command.source, []).append(StopReason.COMMAND_INVALID)
     for change in inputs.liveliness:  # after the commands, because a source sends zero before it leaves
         if change.source in sources:
-            source = sources[change.source]._replace(alive=change.alive)
-            if not change.alive:
+            source, is_end = _mark_alive(sources[change.source], change)
+            if is_end:
                 if source.neutral and not source.invalid:
                     source = source._replace(velocity=None)
                 else:
                     passing.setdefault(change.source, []).append(StopReason.SOURCE_LOST)
             sources[change.source] = source
     return sources, passing
+
+
+def _mark_alive(source: Source, change: Liveliness) -> tuple[Source, bool]:
+    """Remember a change of a token; return also whether it ends the source.
+
+    The source's token may be held by others as well, and then outlives it. The token of the run that commands ends with
+    it; the tokens of other runs prove nothing about it.
+    """
+    if not change.epoch:
+        return source._replace(alive=change.alive), not change.alive
+    if change.alive:
+        return (source._replace(lost=b"") if source.lost == change.epoch else source), False
+    if not _commands(source, change.epoch):
+        return source, False
+    return source._replace(lost=change.epoch), True
+
+
+def _commands(source: Source, epoch: bytes) -> bool:
+    """Return whether the newest commands of a source are from this epoch."""
+    return source.track.last is not None and source.track.last.epoch == epoch
+
+
+def _is_lost(source: Source) -> bool:
+    return source.alive is False or (source.lost != b"" and _commands(source, source.lost))
 
 
 def _accept(source: Source, command: Command, config: LawConfig) -> Source:
@@ -542,13 +567,14 @@ def _accept(source: Source, command: Command, config: LawConfig) -> Source:
     if verdict is not Verdict.FRESH:
         refused_s = source.refused_s if verdict is Verdict.UNPROVEN else command.arrival_s
         return source._replace(stamped=stamped, track=track, counts=counts, refused_s=refused_s)
+    sent_s = command.arrival_s - on_way_s
     return source._replace(
         stamped=stamped,
         track=track,
         counts=counts,
         velocity=velocity,
-        sent_s=command.arrival_s - on_way_s,
-        neutral_s=command.arrival_s if velocity == STANDSTILL else source.neutral_s,
+        sent_s=sent_s,
+        neutral_s=sent_s if velocity == STANDSTILL else source.neutral_s,
         invalid=False,
     )
 
@@ -575,7 +601,7 @@ def _clamp(value: float, limit: float) -> float:
 def _own_causes(source: Source, now_s: float, config: LawConfig) -> Reasons:
     """Return the causes that prevent this source alone from driving now."""
     causes: set[StopReason] = set()
-    if source.alive is False and source.velocity is not None:
+    if _is_lost(source) and source.velocity is not None:
         causes.add(StopReason.SOURCE_LOST)
     if source.invalid:
         causes.add(StopReason.COMMAND_INVALID)
@@ -637,7 +663,7 @@ def _decide(
     reasons = shared | ({StopReason.NO_COMMAND} if owner is None else owner.latched)
     commanded = STANDSTILL if owner is None or owner.velocity is None else owner.velocity
     causes = shared | ({StopReason.NO_COMMAND} if owner is None else _own_causes(owner, now_s, config))
-    scale, block, useful = 1.0, None, _useful(commanded, config)
+    scale, block, useful, limit = 1.0, None, _useful(commanded, config), None
     if not reasons and commanded != STANDSTILL:
         worth = config.creep_m_s / max(config.creep_m_s, _hull_speed(commanded, config))
         scale, block = _barrier(state, _points_in_reach(state, now_s, usable, useful), useful, worth)
@@ -653,11 +679,30 @@ def _decide(
         causes |= {_reason_of(block)}
     output = STANDSTILL
     if not reasons:
+        renewed = 1.0 if owner is None else _renewed(owner, commanded, now_s, config)
+        if renewed < scale:
+            scale, limit = renewed, Limit.COMMAND_AGE
         output = Velocity(scale * commanded.linear_m_s, scale * commanded.angular_rad_s)
     since_s = now_s if state.stopped_s is None else state.stopped_s
     stopped_s = since_s if output == STANDSTILL else None
     state = state._replace(now_s=now_s, output=output, stopped_s=stopped_s)
-    return state, _explain(state, now_s, reasons, causes, block, commanded, scale, reply)
+    return state, _explain(state, now_s, reasons, causes, block, limit, commanded, scale, reply)
+
+
+def _renewed(owner: Source, commanded: Velocity, now_s: float, config: LawConfig) -> float:
+    """Return the share of a command that its age permits.
+
+    The permitted speed falls linearly to zero at the command timeout. Its sum over the ticks until then is at most the blind
+    budget: this is how far the robot can drive, or its rim can turn, on a command that was not renewed, without braking.
+    """
+    if math.isinf(config.blind_budget_m):
+        return 1.0
+    speed_m_s = max(abs(commanded.linear_m_s), abs(commanded.angular_rad_s) * config.hull.radius_m)
+    # An output lasts until the next tick, while the permitted speed falls further: `transport_s` includes a tick.
+    timeout_s, tick_s = config.command_timeout_s, config.transport_s
+    fresh_m_s = 2.0 * config.blind_budget_m * timeout_s / (timeout_s + tick_s / 2.0) ** 2
+    permitted_m_s = max(0.0, fresh_m_s * (1.0 - (now_s - owner.sent_s) / timeout_s))
+    return 1.0 if speed_m_s <= permitted_m_s else permitted_m_s / speed_m_s
 
 
 def _points_in_reach(state: State, now_s: float, usable: Usable, commanded: Velocity) -> list[KnownPoints]:
@@ -785,6 +830,7 @@ def _explain(
     reasons: Reasons,
     causes: Reasons,
     block: Block | None,
+    limit: Limit | None,
     commanded: Velocity,
     scale: float,
     reply: Reply | None,
@@ -818,8 +864,10 @@ def _explain(
         reset_reply=reply,
         causes=_by_severity(causes),
         latched=_by_severity(reasons - causes),
+        limit=limit,
         detail=detail_of(
             causes,
+            limit,
             scan_problem=scan_problem,
             block_bearing_rad=math.nan if block is None else math.atan2(block.y_m, block.x_m),
             writers=_conflicts(state, now_s) if StopReason.SENSOR_CONFLICT in causes else (),

@@ -68,7 +68,7 @@ class SupervisorService:
         self._next_tick_s = 0.0
         self._stall = StallMeter(self._loop.time())
         self._resets: list[asyncio.Future[Reply]] = []
-        self._estop_overflowed = 0
+        self._estop_overflowed = self._alive_overflowed = 0
         self._last: Decision | None = None
         self._published: tuple[object, ...] | None = None
         """The outline of the last published status."""
@@ -91,7 +91,7 @@ class SupervisorService:
         ]
         self._odometry = bus.subscribe(topics.ODOM, per_writer=True)  # read at the next tick: not urgent
         self._estops = bus.subscribe(topics.ESTOP, depth=ESTOP_DEPTH, wake=self._turns)
-        self._alive = bus.watch_alive(self._turns)
+        self._alive = bus.watch_alive(self._turns, list(self._commands))
         self._urgent = (
             self._estops,
             self._alive,
@@ -106,14 +106,15 @@ class SupervisorService:
 
     async def run(self, stop: asyncio.Event) -> None:
         """Supervise until `stop` is set; then command zero and return."""
-        token = self._bus.declare_alive(topics.SUPERVISOR)
+        tokens = [self._bus.declare_alive(topics.SUPERVISOR, epoch) for epoch in (b"", self._bus.run_id)]
         self._next_tick_s = self._loop.time()
         try:
             await self._turns.run_until(stop)
         finally:
             self._cmd_vel.put(zero_twist())
             self._notifier.stopping()
-            token.withdraw()
+            for token in tokens:
+                token.withdraw()
             self._estop_record.close()
             if self._black_box is not None:
                 self._black_box.close()
@@ -151,11 +152,10 @@ class SupervisorService:
             for name, subscription in self._commands.items()
             for arrival in subscription.take()
         ]
-        liveliness = [
-            Liveliness(change.node, change.alive)
-            for change in self._alive.take()
-            if change.node in self._commands
-        ]
+        liveliness = [Liveliness(change.node, change.alive, change.epoch) for change in self._alive.take()]
+        if self._alive.overflowed > self._alive_overflowed:  # a flood of tokens may hide a death
+            self._alive_overflowed = self._alive.overflowed
+            liveliness += [Liveliness(name, alive=False) for name in self._commands]
         scans: list[LaserScan] = []
         undecodable: list[int] = []
         for place, (subscription, timeout_s) in enumerate(self._lidars):

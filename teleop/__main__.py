@@ -11,7 +11,7 @@ import asyncio
 import os
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import NoReturn
@@ -85,7 +85,8 @@ async def _run(stop: asyncio.Event, options: Options) -> int:
             on_releases = pilot.rely_on_releases if isinstance(pilot, Hold) else None
             terminal = stack.enter_context(Terminal(wake, plain=options.plain, on_releases=on_releases))
             _greet(terminal, options)
-            bus = await _Waiting(options, terminal, wake, stop).connect()
+            waiting = _Waiting(options, terminal, wake, stop)
+            bus = await waiting.connect()
             if bus is not None:
                 teleop = Teleop(
                     bus,
@@ -96,6 +97,7 @@ async def _run(stop: asyncio.Event, options: Options) -> int:
                     render=_render(options),
                     wake=wake,
                 )
+                waiting.pass_warnings_to(lambda text: teleop.note(text, Tone.CAUTION))
                 if options.gamepad is not None:
                     stack.enter_context(options.gamepad.reading(wake=wake, say=teleop.note))
                 if isinstance(pilot, Hold):
@@ -120,7 +122,22 @@ class _Waiting:
         self._options, self._terminal, self._wake, self._stop = options, terminal, wake, stop
         self._render = _render(options)
         self._events: list[Event] = []
+        self._warnings: list[str] = []
+        self._say = self._warn
         self._has_help = False
+
+    def pass_warnings_to(self, say: Callable[[str], None]) -> None:
+        """Pass the warnings about this connection on, those so far and all later ones."""
+        for text in self._warnings:
+            say(text)
+        self._say = say
+
+    def _on_warning(self, text: str) -> None:
+        self._say(text)
+
+    def _warn(self, text: str) -> None:
+        self._warnings.append(text)
+        self._note(text)
 
     async def connect(self) -> Bus | None:
         """Return the bus as soon as the supervisor runs; None if the operator quit."""
@@ -130,7 +147,8 @@ class _Waiting:
             quits = "Ctrl-C" if self._options.setup.control is Control.HOLD else "q"
             self._note(f"waiting for the supervisor at {section.endpoint}; {quits} quits")
 
-        opening = asyncio.ensure_future(open_bus(section.to_bus_config(), "client", on_wait=on_wait))
+        config = section.to_bus_config()
+        opening = asyncio.ensure_future(open_bus(config, "client", on_wait=on_wait, say=self._on_warning))
         stopping = asyncio.ensure_future(self._stop.wait())
         for task in (opening, stopping):
             task.add_done_callback(lambda _: self._wake.set())

@@ -1,6 +1,7 @@
 """Exclusive use of a command source's name by one program, even if several start simultaneously.
 
-A holder has the source's token and answers the service `<source>/holder` with a sentence about itself. A program that
+A holder has the source's token, that of its own run, and answers the service `<source>/holder` with a sentence about
+itself. Anyone may hold the source's token; it proves nothing about a holder. A program that
 wants the name first becomes a candidate, by declaring a token `<source>.<mark>`, and then checks the other tokens:
 
     the holder answers                            give up
@@ -23,8 +24,8 @@ import time
 from contextlib import suppress
 
 from wire import topics
-from wire.bus import Bus, Inbox, LivelinessChange, NoReplyError, Token
-from wire.messages import TriggerResponse
+from wire.bus import Bus, Inbox, LivelinessChange, NoReplyError, Publisher, Token
+from wire.messages import TriggerResponse, Twist
 
 ASK_LIMIT_S = 1.0
 SILENT_LIMIT_S = 1.0
@@ -39,22 +40,29 @@ class HeldError(Exception):
 
 
 class Holder:
-    """Holds a source's name for this program, from `claim` to `release`."""
+    """Holds a source's name for this program, from `claim` to `release`.
 
-    def __init__(self, bus: Bus, source: str, about: str) -> None:
-        self._bus, self._source, self._about = bus, source, about
+    Args:
+        bus: its bus.
+        source: the name.
+        commands: publishes the source's commands.
+        about: a sentence about this program.
+    """
+
+    def __init__(self, bus: Bus, source: str, commands: Publisher[Twist], about: str) -> None:
+        self._bus, self._source, self._commands, self._about = bus, source, commands, about
         self._candidate = f"{source}.{secrets.token_hex(8)}"
-        self._token: Token | None = None
+        self._tokens: list[Token] = []
         self._serves = False
-        self._changes: Inbox[LivelinessChange] = bus.watch_alive()
-        self._alive: set[str] = set()
+        self._changes: Inbox[LivelinessChange] = bus.watch_alive(nodes=[source, f"{source}.$*"])
+        self._alive: set[tuple[str, bytes]] = set()
 
     @property
     def holds(self) -> bool:
-        return self._token is not None
+        return bool(self._tokens)
 
     async def claim(self) -> None:
-        """Acquire the name, and declare its token.
+        """Acquire the name, and declare its tokens.
 
         Raises:
             HeldError: another program holds the name.
@@ -65,15 +73,26 @@ class Holder:
             if not self._serves:
                 self._serves = True
                 self._bus.serve(topics.source_holder(self._source), self._answer)
-            self._token = self._bus.declare_alive(self._source)
+            # The run's token first: where it exists, the source's token never stands alone for a holder.
+            self._tokens = [self._declare_run(), self._bus.declare_alive(self._source)]
         finally:
             candidacy.withdraw()
 
+    def begin_anew(self) -> None:
+        """Begin a new run: its commands have a new epoch, and so has its token."""
+        self._commands.begin_anew()
+        if self._tokens:
+            self._tokens[0].withdraw()
+            self._tokens[0] = self._declare_run()
+
+    def _declare_run(self) -> Token:
+        return self._bus.declare_alive(self._source, self._commands.epoch)
+
     def release(self) -> None:
-        """Withdraw the token, if there is one."""
-        if self._token is not None:
-            self._token.withdraw()
-            self._token = None
+        """Withdraw the tokens, if there are any."""
+        for token in self._tokens:
+            token.withdraw()
+        self._tokens.clear()
 
     async def leave(self) -> None:
         """Withdraw the token after the zero that was just sent, so that the source is not reported as lost."""
@@ -91,7 +110,7 @@ class Holder:
             others = self._others()
             if not others:
                 return
-            if any(self._source < other < self._candidate for other in others):
+            if any(self._source < node < self._candidate for node, _ in others):
                 raise HeldError("another program that starts at this very moment")
             deadline_s = min(deadline_s, clock() + SILENT_LIMIT_S)
             if clock() >= deadline_s:
@@ -104,15 +123,14 @@ class Holder:
             if answer.success:
                 raise HeldError(answer.message)
 
-    def _others(self) -> set[str]:
-        """Return the tokens of the holder and of the other candidates."""
+    def _others(self) -> set[tuple[str, bytes]]:
+        """Return the tokens of the holder's run and of the other candidates."""
         for change in self._changes.take():
-            (self._alive.add if change.alive else self._alive.discard)(change.node)
-        candidates = f"{self._source}."
+            (self._alive.add if change.alive else self._alive.discard)((change.node, change.epoch))
         return {
-            node
-            for node in self._alive
-            if (node == self._source or node.startswith(candidates)) and node != self._candidate
+            (node, epoch)
+            for node, epoch in self._alive
+            if (epoch if node == self._source else node != self._candidate)
         }
 
     async def _answer(self, _: str) -> TriggerResponse:

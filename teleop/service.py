@@ -141,7 +141,7 @@ class Teleop:
         self._telemetry = Telemetry(bus, pictures=setup.pictures)
         self._estop = bus.publisher(topics.ESTOP)
         self._cmd_vel = bus.publisher(topics.source_cmd_vel(setup.source))
-        self._holder = None if pilot is None else Holder(bus, setup.source, setup.about)
+        self._holder = None if pilot is None else Holder(bus, setup.source, self._cmd_vel, setup.about)
         self._events: deque[Event] = deque(maxlen=KEPT_EVENTS)
         self._bell = WarningBell()
         self._sent = NEUTRAL
@@ -427,7 +427,8 @@ class Teleop:
                 self._let_go()
         if self._refusals.all_refused(own, now_s):
             self._let_go()
-            self._cmd_vel.begin_anew()
+            if self._holder is not None:
+                self._holder.begin_anew()
             self._has_rival = False
             self.note("the supervisor refused all commands: this program starts again, at zero", Tone.CAUTION)
 

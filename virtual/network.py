@@ -17,6 +17,7 @@ import contextvars
 from collections import Counter
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from functools import partial
 from random import Random
 from typing import Any
@@ -219,6 +220,10 @@ class VirtualPublisher:
         if network.is_heard(self._key):
             bus.send(self._key, encode(message), stamp.pack())
 
+    @property
+    def epoch(self) -> bytes:
+        return self._stamper.gid
+
     def begin_anew(self) -> None:
         self._stamper = Stamper(self._bus.network.new_gid())
 
@@ -237,7 +242,8 @@ class VirtualBus:
         """The nodes for which it holds tokens."""
         self.session: _Session | None = None
         self._opened: asyncio.Future[None] | None = None
-        self._watchers: list[Inbox[LivelinessChange]] = []
+        self._watchers: list[tuple[Inbox[LivelinessChange], tuple[str, ...]]] = []
+        """With the patterns of the tokens that each watches; none: all tokens of nodes."""
         self._ears: list[tuple[Inbox[str], frozenset[str]]] = []
         self._sees: Counter[str] = Counter()
         self.foreign_nodes: Inbox[LivelinessChange] | None = None
@@ -250,7 +256,11 @@ class VirtualBus:
     @property
     def alive(self) -> list[str]:
         """The nodes whose tokens it sees."""
-        return [node for node, count in self._sees.items() if count > 0]
+        return [node for node in self._tokens if "/" not in node]
+
+    @property
+    def _tokens(self) -> list[str]:
+        return [token for token, count in self._sees.items() if count > 0]
 
     # --- Bus
 
@@ -291,18 +301,26 @@ class VirtualBus:
         self.network.has_ears = True
         return ear
 
-    def declare_alive(self, node: str) -> VirtualToken:
+    @property
+    def run_id(self) -> bytes:
+        return b"virtual session!"
+
+    def declare_alive(self, node: str, epoch: bytes = b"") -> VirtualToken:
+        node = topics.alive(node, epoch).removeprefix(topics.alive(""))
         self.own.append(node)
         self.see(node, 1)
         self.network.tell_token(self, node, 1)
         return VirtualToken(self, node)
 
-    def watch_alive(self, wake: Wake | None = None) -> Inbox[LivelinessChange]:
+    def watch_alive(
+        self, wake: Wake | None = None, nodes: Collection[str] | None = None
+    ) -> Inbox[LivelinessChange]:
         watcher: Inbox[LivelinessChange] = Inbox(LIVELINESS_DEPTH, wake)
-        self._watchers.append(watcher)
-        now_s = self.network.loop.time()
-        for node in self.alive:
-            watcher.push(LivelinessChange(node, alive=True, arrival_s=now_s))
+        named = () if nodes is None else [node.replace("$*", "*") for node in nodes]
+        patterns = tuple(pattern for node in named for pattern in (node, f"{node}/*"))
+        self._watchers.append((watcher, patterns))
+        for node in self._tokens:
+            self._tell(watcher, patterns, node, alive=True)
         return watcher
 
     def watch_foreign_nodes(self) -> Inbox[LivelinessChange]:
@@ -399,9 +417,16 @@ class VirtualBus:
 
     def tell_alive(self, node: str, *, alive: bool) -> None:
         """Report a change of liveliness to the watchers of this bus."""
-        now_s = self.network.loop.time()
-        for watcher in self._watchers:
-            watcher.push(LivelinessChange(node, alive, now_s))
+        for watcher, patterns in self._watchers:
+            self._tell(watcher, patterns, node, alive=alive)
+
+    def _tell(
+        self, watcher: Inbox[LivelinessChange], patterns: tuple[str, ...], node: str, *, alive: bool
+    ) -> None:
+        token = topics.token_of(node)
+        matches = any(fnmatchcase(node, pattern) for pattern in patterns) if patterns else "/" not in node
+        if token is not None and matches:
+            watcher.push(LivelinessChange(token[0], alive, self.network.loop.time(), token[1]))
 
     def withdraw(self, token: VirtualToken, node: str) -> None:  # noqa: ARG002 - each token once
         if self.is_dead or node not in self.own:

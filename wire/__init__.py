@@ -8,10 +8,16 @@ reasons.py      the stop reasons, with their names and their texts on every scre
 stamp.py        the attachment of each sample: sequence, source time, epoch
 freshness.py    age of a command from its stamp, despite network delays (pure)
 watchdog.py     the base's own command watchdog (pure), for sim and every base adapter
+roles.py        the roles of the participants, and the common names of their certificates (pure)
 foreign_nodes.py    ROS 2 nodes that use the keys of rmw_zenoh (pure)
+limits.py       what the hub permits its clients (pure)
+process_limits.py   open files, memory and closing sockets of this process
 inbox.py        the inbox between the network's threads and asyncio
 bus.py          the Bus that services use: messages
 session.py      a Zenoh session: bytes; the only file that imports Zenoh
+bundle.py       the certificates and the key of a participant, and their check
+tls.py          endpoints with certificates, and Zenoh's settings for them (pure)
+link_trouble.py    why a link is refused: Zenoh's log lines as sentences (pure); zenoh_log.py reads them; link_probe.py tries once
 zenoh_bus.py    the Bus over a Zenoh session
 config.py       robot.toml, strictly checked
 quantities.py   bounds of the numbers in robot.toml

@@ -174,6 +174,11 @@ class Publisher(Protocol[M_contra]):
         """
         ...
 
+    @property
+    def epoch(self) -> bytes:
+        """The epoch in the stamps of this run: 16 bytes."""
+        ...
+
     def begin_anew(self) -> None:
         """Begin a new run of the source: later messages have a new epoch."""
         ...
@@ -222,10 +227,25 @@ class Bus(Protocol):
         """Return an inbox that receives the name of a command source for each of its commands."""
         ...
 
-    def declare_alive(self, node: str) -> Token: ...
+    @property
+    def run_id(self) -> bytes:
+        """Epoch of the token of a server: the id of its session, which Zenoh adds to each of its replies."""
+        ...
 
-    def watch_alive(self, wake: Wake | None = None) -> Inbox[LivelinessChange]:
-        """Return an inbox for all changes of the nodes' tokens; existing tokens are reported first."""
+    def declare_alive(self, node: str, epoch: bytes = b"") -> Token:
+        """Declare the token of a node, or of one run of it (`topics.alive`)."""
+        ...
+
+    def watch_alive(
+        self, wake: Wake | None = None, nodes: Collection[str] | None = None
+    ) -> Inbox[LivelinessChange]:
+        """Return an inbox for all changes of the nodes' tokens; existing tokens are reported first.
+
+        Args:
+            wake: set at a change.
+            nodes: whose tokens are watched, with those of their runs; `$*` stands for any characters. None: the tokens
+                of all nodes, without those of their runs.
+        """
         ...
 
     def watch_foreign_nodes(self) -> Inbox[LivelinessChange]:

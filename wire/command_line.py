@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from wire.config import read_toml
-from wire.session import DEFAULT_ENDPOINT
+from wire.session import DEFAULT_ENDPOINT, BusConfig
 
 EXIT_USAGE = 2
 
@@ -24,20 +24,33 @@ def service_parser(node: str, **options: Any) -> argparse.ArgumentParser:  # noq
     parser.add_argument(
         "--endpoint",
         metavar="tcp/HOST:PORT",
-        help=f"address on which the supervisor listens (default: {DEFAULT_ENDPOINT})",
+        help=f"address on which the supervisor listens (default: {DEFAULT_ENDPOINT}); quic/HOST:PORT and tls/HOST:PORT need "
+        "--keys",
+    )
+    parser.add_argument(
+        "--keys",
+        metavar="DIR",
+        help="bundle of this computer's certificate and key, made by `lifeline keys issue`",
     )
     return parser
 
 
 def read_document(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Read the configuration file of a command line; its `--endpoint` replaces the file's.
+    """Read the configuration file of a command line; its `--endpoint` and `--keys` replace the file's.
 
     Raises:
         ConfigError: the file cannot be read.
     """
     document = read_toml(arguments.config)
     override(document, "bus", "endpoint", arguments.endpoint)
+    override(document, "bus", "keys", arguments.keys)
     return document
+
+
+def bus_options(bus: BusConfig) -> list[str]:
+    """Return the options that lead a process to the same endpoint with the same keys."""
+    keys = [] if bus.keys is None else ["--keys", str(bus.keys)]
+    return ["--endpoint", bus.endpoint, *keys]
 
 
 def override(document: dict[str, Any], section: str, key: str, value: str | None) -> None:

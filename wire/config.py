@@ -11,7 +11,7 @@ import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, Self, TypeVar
+from typing import Annotated, Any, Literal, NamedTuple, Self, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -23,8 +23,10 @@ from pydantic import (
 )
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from wire import topics
+from wire import tls, topics
+from wire.access import LOCAL_ROLES
 from wire.quantities import Acceleration, AngularAcceleration, Between
+from wire.roles import ANY, Role
 from wire.session import DEFAULT_ENDPOINT, BusConfig
 
 SECTIONS = ("bus", "supervisor", "teleop", "sim", "ros2")
@@ -93,9 +95,9 @@ FreeName = Annotated[Name, AfterValidator(_is_not_taken)]
 
 
 def _is_an_endpoint(value: str) -> str:
-    match = re.fullmatch(r"(tcp|tls|quic)/(\[[0-9a-fA-F:]+\]|[^:/\s]+):(\d{1,5})", value)
-    if match is None or not 0 < int(match[3]) < 65536:
-        raise ValueError("expected PROTOCOL/HOST:PORT such as tcp/127.0.0.1:7447")
+    match = re.fullmatch(r"(tcp|tls|quic)/(\[[0-9a-fA-F:]+\]|[^:/\s]+):(\d{1,5})(\?mixed_rel=[01])?", value)
+    if match is None or not 0 < int(match[3]) < 65536 or (match[4] and match[1] != "quic"):
+        raise ValueError("expected PROTOCOL/HOST:PORT such as tcp/127.0.0.1:7447 or quic/robot7:7447")
     return value
 
 
@@ -103,22 +105,64 @@ Endpoint = Annotated[str, AfterValidator(_is_an_endpoint)]
 """Where a Zenoh session connects or listens."""
 
 
+def _is_one_robot(name: str) -> str:
+    if name == ANY:
+        raise ValueError("stands for all robots in a certificate; choose another name")
+    return name
+
+
+def _absolute(path: str) -> str:
+    try:
+        return str(absolute(Path(path)))
+    except ConfigError as error:
+        raise ValueError(str(error)) from error
+
+
+def _is_another_key(key: str) -> str:
+    chunks = key.removesuffix("/**").split("/")
+    if (
+        len(key) > topics.MAX_LIDAR_TOPIC
+        or not all(re.fullmatch(r"[a-zA-Z][a-zA-Z0-9_]*", chunk) for chunk in chunks)
+        or chunks[0] in TAKEN_NAMES
+        or chunks[-1] in {topics.CMD_VEL.key, "holder"}
+    ):
+        raise ValueError(
+            "must be a key of another topic, relative to the namespace, such as camera/image or camera/**"
+        )
+    return key
+
+
+MoreKey = Annotated[str, AfterValidator(_is_another_key)]
+"""A key that is not in the table of topics; a last part `**` stands for all keys below."""
+
+
 class BusSection(Section):
     """`[bus]`: shared by all processes."""
 
     endpoint: Endpoint = DEFAULT_ENDPOINT
-    namespace: Name = "robot"
+    namespace: Annotated[Name, AfterValidator(_is_one_robot)] = "robot"
+    keys: Annotated[str, Field(min_length=1), AfterValidator(_absolute)] | None = None
     # Zenoh's own default of 10 s is far too long for a robot; below 0.1 s a busy machine loses links.
     lease_s: Annotated[float, Between(0.1, 2.0)] = 0.4
     memory_keeper: bool = True
+    without_certificate: Literal["participant", "viewer"] = "participant"
+    """What the hub takes a program for that shows no certificate."""
+    more_keys: Annotated[list[MoreKey], Field(max_length=32)] = []
+    """Keys of other topics that such programs, bases and sensors may write."""
+
+    def conflicts(self) -> Iterator[Conflict]:
+        if tls.is_secure(self.endpoint) and self.keys is None:
+            yield Conflict(("endpoint",), None, tls.without_keys(self.endpoint))
 
     def to_bus_config(self) -> BusConfig:
-        return BusConfig(self.endpoint, self.namespace, self.lease_s)
+        local = LOCAL_ROLES if self.without_certificate == "participant" else (Role.VIEWER,)
+        keys = None if self.keys is None else Path(self.keys)
+        return BusConfig(self.endpoint, self.namespace, self.lease_s, keys, local=local)
 
 
 def is_loopback(endpoint: str) -> bool:
     """Return whether an endpoint is reachable only from this machine."""
-    host = endpoint.split("/", 1)[1].rsplit(":", 1)[0].strip("[]")
+    host = tls.host_of(endpoint).strip("[]")
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -132,7 +176,7 @@ def same_endpoint(one: str, other: str) -> bool:
 
 
 def _host_and_port(endpoint: str) -> tuple[str, str]:
-    host, _, port = endpoint.split("/", 1)[1].rpartition(":")
+    host, _, port = endpoint.partition("/")[2].partition("?")[0].rpartition(":")
     return host.lower(), port
 
 
@@ -190,6 +234,7 @@ def read_toml(path: Path | None) -> dict[str, Any]:
         ) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path} is not TOML: {error}") from error
+    _locate_keys(document, path)
     unknown = [name for name in document if name not in SECTIONS]
     if unknown:
         raise ConfigError(
@@ -197,6 +242,15 @@ def read_toml(path: Path | None) -> dict[str, Any]:
             f"there are {', '.join(f'[{n}]' for n in SECTIONS)}"
         )
     return document
+
+
+def _locate_keys(document: dict[str, Any], path: Path) -> None:
+    """Make `[bus] keys` absolute: a relative path in a file begins in the directory of the file."""
+    match document.get("bus"):
+        case {"keys": str() as keys, **others} if keys and not keys.startswith("~"):
+            document["bus"] = {**others, "keys": str(path.resolve().parent / keys)}
+        case _:
+            pass
 
 
 class Sections:

@@ -62,6 +62,8 @@ class LivelinessChange:
     node: str
     alive: bool
     arrival_s: float
+    epoch: bytes = b""
+    """Of the token of one run of the node (`topics.alive`); empty for the node's token."""
 
 
 async def wait_until(wake: asyncio.Event, time_s: float) -> None:

@@ -25,6 +25,12 @@ class StopReason(StrEnum):
     OBSTACLE = "OBSTACLE"
 
 
+class Limit(StrEnum):
+    """What reduces the speed, beside the barrier, without a stop: named in the status after the causes."""
+
+    COMMAND_AGE = "COMMAND_AGE"
+
+
 SEVERITY = {reason: rank for rank, reason in enumerate(StopReason)}
 
 
@@ -134,7 +140,16 @@ WORDS: Mapping[StopReason, Words] = {
     ),
 }
 
-_BY_NAME = {str(reason): words for reason, words in WORDS.items()}
+LIMIT_WORDS: Mapping[Limit, Words] = {
+    Limit.COMMAND_AGE: Words(
+        now="the commands of WHO arrive late",
+        over="commands arrived late",
+        caption="commands come late",
+        step="slow down, or mend the connection",
+    )
+}
+
+_BY_NAME = {str(reason): words for reason, words in (*WORDS.items(), *LIMIT_WORDS.items())}
 
 
 def words_of(name: str) -> Words | None:

@@ -11,16 +11,21 @@ Callbacks run on Zenoh's threads: they stamp the arrival, pass the bytes on, and
 import asyncio
 import json
 import logging
+import os
 import threading
 import time
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Collection, Mapping
 from concurrent.futures import Future
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import zenoh
 
-from wire import topics
+from wire import limits, tls, topics
+from wire.access import LOCAL_ROLES, Contract, access_control
+from wire.bundle import Bundle, BundleError, choose_bundle
 from wire.foreign_nodes import NODE_TOKENS
 from wire.inbox import (
     FOREIGN_DEPTH,
@@ -32,8 +37,13 @@ from wire.inbox import (
     Overheard,
     Wake,
 )
+from wire.link_trouble import LOG_FILTER
 from wire.newest import NewestWithin
+from wire.process_limits import never_linger, raise_open_files
+from wire.reconnection import Reconnection
+from wire.roles import Role as ParticipantRole
 from wire.stamp import Stamper
+from wire.zenoh_log import why_refused
 
 _log = logging.getLogger(__name__)
 
@@ -41,6 +51,13 @@ DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 CONNECT_RETRY_S = 0.1
 RECONNECT_MS = 50
 """Period of a client's attempts to reconnect."""
+SETTLE_S = 0.4
+"""How long a client refuses samples after it has reconnected to the same hub: some are under wrong keys. Measured: for up to 0.07 s."""
+OPEN_LIMIT_MS = 3000
+"""Limit of one attempt to connect with certificates. QUIC does not notice that nobody listens, and repeats its first packet
+less and less often: after Zenoh's default of 10 s, a client would notice a restarted supervisor only seconds later."""
+TROUBLE_PERIOD_S = 10.0
+"""Period of a client's attempts to find out why it cannot connect; each takes 0.3 s of the processor."""
 CLOSE_LIMIT_S = 1.0
 MAX_PENDING_QUERIES = 16
 TX_QUEUE = 16
@@ -48,6 +65,8 @@ TX_QUEUE = 16
 OVERHEARD_BYTES = 32 << 20
 """Maximum size of the samples that wait in an inbox of `overhear`: a foreign payload may have any size."""
 LIVELINESS_DEPTH = 256
+MAX_SOURCE_NAME = 64
+"""Names of command sources are cut at this length: a key may have 64 KiB, and the status repeats the names of unknown sources."""
 
 Role = Literal["hub", "client"]
 
@@ -68,26 +87,41 @@ class BusConfig:
     namespace: str = "robot"
     lease_s: float = 0.4
     """How long a silent link counts as alive. Measured: 0.1 s never expired wrongly in 60 s under 8 CPU hogs."""
+    keys: Path | None = None
+    """The directory of this process's bundle (bundle.py), which endpoints with TLS need; unused with tcp."""
+    contract: Contract = Contract()
+    """The robot's own keys; only the hub uses them, for its access control."""
+    local: tuple[ParticipantRole, ...] = LOCAL_ROLES
+    """What the hub accepts from programs of this machine, which have no certificate."""
 
 
 async def open_session(
-    config: BusConfig, role: Role, *, on_wait: Callable[[], None] | None = None
+    config: BusConfig,
+    role: Role,
+    *,
+    on_wait: Callable[[], None] | None = None,
+    say: Callable[[str], None] = _log.warning,
 ) -> zenoh.Session:
     """Open the session; a client waits for its hub without a time limit.
 
     Args:
-        config: the endpoint and the namespace.
+        config: the endpoint, the namespace, and the keys if the endpoint needs them.
         role: `hub` listens, `client` connects.
         on_wait: called once if the hub does not run yet.
+        say: called in this event loop with a sentence about a certificate that ends, now or later.
 
     Raises:
-        BusError: the hub cannot listen, or the endpoint is invalid.
+        BusError: the hub cannot listen, the endpoint is invalid, or a certificate is refused.
     """
-    settings = _settings(config, role)
+    bundle = await _in_thread(lambda: _bundle(config, role))
+    if bundle is not None and (soon := tls.ends_soon(bundle, time.time())) is not None:
+        say(soon)
+    settings = _settings(config, role, bundle)
+    trouble = None if bundle is None else _Trouble(config)
     waiting = False
     while True:
         try:
-            return await _in_thread(lambda: zenoh.open(settings))
+            session = await _in_thread(lambda: zenoh.open(settings))
         except zenoh.ZError as error:
             if role == "hub":
                 raise BusError(_listen_sentence(config.endpoint, error)) from error
@@ -95,13 +129,132 @@ async def open_session(
                 raise BusError(
                     f"cannot use the endpoint {config.endpoint!r}: {_first_line(error)}"
                 ) from error
+        else:
+            if bundle is not None:
+                guard = _Guard(session, config, role, bundle, say)
+                await _in_thread(guard.check)
+            return session
         if not waiting and on_wait is not None:
             on_wait()
         waiting = True
+        if trouble is not None:
+            await trouble.check()
         await asyncio.sleep(CONNECT_RETRY_S)
 
 
-def _settings(config: BusConfig, role: Role) -> zenoh.Config:
+class _Trouble:
+    """Finds out whether a client waits for its hub in vain, because a certificate is refused."""
+
+    def __init__(self, config: BusConfig) -> None:
+        self._config = config
+        self._next_s = 0.0
+        self._refused: str | None = None
+
+    async def check(self) -> None:
+        """Try in a separate process, at most every `TROUBLE_PERIOD_S`.
+
+        Raises:
+            BusError: two processes in succession were refused for the same reason; a supervisor that ends refuses only one.
+        """
+        now_s = time.monotonic()
+        if now_s < self._next_s:
+            return
+        config, before = self._config, self._refused
+        self._refused = await why_refused(config.endpoint, config.namespace, str(config.keys))
+        if self._refused is None:
+            self._next_s = now_s + TROUBLE_PERIOD_S
+        elif self._refused == before:
+            raise BusError(f"cannot connect to {config.endpoint}: {self._refused}")
+
+
+class _Guard:
+    """Watches the links of a session with certificates."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        config: BusConfig,
+        role: Role,
+        bundle: Bundle,
+        say: Callable[[str], None],
+    ) -> None:
+        self._session, self._config, self._role, self._bundle = session, config, role, bundle
+        self._say = say
+        self._loop = asyncio.get_running_loop()
+        self._said: set[str] = set()
+        # The listener exists as long as it is referenced, and this session as long as its process.
+        _GUARDS.append(self)
+        self._listener = session.info.declare_link_events_listener(_direct(self._on_event))
+
+    def check(self) -> None:
+        """Check the link that a client has opened.
+
+        Raises:
+            BusError: the other side is not a supervisor.
+        """
+        if self._role == "client" and not all(self._is_hub(link) for link in self._session.info.links()):
+            self._session.close()  # pyright: ignore[reportUnknownMemberType]
+            raise BusError(f"cannot connect to {self._config.endpoint}: {tls.NOT_A_HUB}")
+
+    def _is_hub(self, link: zenoh.Link) -> bool:
+        return tls.is_hub_name(link.auth_identifier)
+
+    def _on_event(self, event: zenoh.LinkEvent) -> None:
+        """Called on Zenoh's thread."""
+        link, is_new = event.link, event.kind == zenoh.SampleKind.PUT
+        if not link.is_streamed:  # the datagrams of a connection, whose streams are another link
+            return
+        if self._role == "hub":
+            change = "connected" if is_new else "disconnected"
+            _log.info("%s %s at %s", link.auth_identifier, change, link.dst)
+        elif is_new and not self._is_hub(link):
+            threading.Thread(target=self._session.close, daemon=True, name="zenoh-refuse").start()  # pyright: ignore[reportUnknownMemberType, reportUnknownArgumentType]
+            self._say_once(f"the link to {self._config.endpoint} is closed: {tls.NOT_A_HUB}")
+        if not is_new and time.time() >= self._bundle.ends_s:
+            self._say_once(tls.has_ended(self._bundle))
+
+    def _say_once(self, sentence: str) -> None:
+        if sentence not in self._said:
+            self._said.add(sentence)
+            _call_in(self._loop, lambda: self._say(sentence))
+
+
+_GUARDS: list[_Guard] = []
+
+
+def try_once(config: BusConfig) -> None:
+    """Connect as a client and close, with Zenoh's log on standard output; nothing else reports the result."""
+    start_log()
+    with suppress(zenoh.ZError):
+        zenoh.open(_settings(config, "client", _bundle(config, "client"))).close()  # pyright: ignore[reportUnknownMemberType]
+
+
+def start_log() -> None:
+    """Write Zenoh's warnings about links to standard output."""
+    zenoh.init_log_from_env_or(LOG_FILTER)
+
+
+def _bundle(config: BusConfig, role: Role) -> Bundle | None:
+    """Return the bundle that the endpoint needs; None with tcp.
+
+    Raises:
+        BusError: it is missing or refused.
+    """
+    if not tls.is_secure(config.endpoint):
+        return None
+    if config.keys is None:
+        raise BusError(tls.without_keys(config.endpoint))
+    try:
+        bundle = choose_bundle(config.keys, time.time(), is_hub=role == "hub")
+    except BundleError as error:
+        raise BusError(str(error)) from error
+    misfit = tls.misfit(bundle, config.endpoint, config.namespace, is_hub=role == "hub")
+    if misfit is not None:
+        raise BusError(misfit)
+    return bundle
+
+
+def _settings(config: BusConfig, role: Role, bundle: Bundle | None) -> zenoh.Config:
     """Return Zenoh's configuration for one of the two roles; the values are based on measurements."""
     values: dict[str, object] = {
         "mode": "peer" if role == "hub" else "client",
@@ -113,13 +266,20 @@ def _settings(config: BusConfig, role: Role) -> zenoh.Config:
         # All samples of one loop iteration are sent in a burst: the default of two places would drop the third sample.
         "transport/link/tx/queue/size/real_time": TX_QUEUE,
     }
+    if bundle is not None:
+        values["transport/link/tls"] = tls.settings(bundle)
+        values["transport/unicast/open_timeout"] = OPEN_LIMIT_MS
+    endpoint = tls.zenoh_endpoint(config.endpoint)
     if role == "hub":
-        values["listen/endpoints"] = [config.endpoint]
-        values["access_control"] = _access_control(config.namespace)
+        values["listen/endpoints"] = [endpoint]
+        values["access_control"] = access_control(config.namespace, config.contract, config.local)
+        os.environ.setdefault("ZENOH_RUNTIME", limits.RUNTIME)  # read once, when the first session is opened
+        never_linger()
+        values |= limits.hub_settings(config.namespace, raise_open_files(limits.WANTED_FILES))
         # The hub answers which session declares what (docs/decisions/0042); it is read-only.
         values["adminspace"] = {"enabled": True, "permissions": {"read": True, "write": False}}
     else:
-        values["connect/endpoints"] = [config.endpoint]
+        values["connect/endpoints"] = [endpoint]
         values["connect/timeout_ms"] = (
             0  # `open_session` retries the first connection itself, and can be cancelled
         )
@@ -136,26 +296,6 @@ def _settings(config: BusConfig, role: Role) -> zenoh.Config:
         except zenoh.ZError as error:
             raise BusError(f"cannot use the endpoint {config.endpoint!r}: {_first_line(error)}") from error
     return settings
-
-
-def _access_control(namespace: str) -> dict[str, object]:
-    """Return the access control: only the hub may write the supervisor's keys, declare its token and serve its service."""
-    supervisors_own = [f"{namespace}/{key}" for key in topics.ONLY_SUPERVISOR_WRITES]
-    rules = [
-        ("writes", ["put", "delete"], supervisors_own),
-        ("token", ["liveliness_token"], [f"{namespace}/{topics.alive(topics.SUPERVISOR)}"]),
-        ("service", ["declare_queryable"], [f"{namespace}/{topics.SUPERVISOR_RESET.key}"]),
-    ]
-    return {
-        "enabled": True,
-        "default_permission": "allow",
-        "rules": [
-            {"id": name, "messages": messages, "flows": ["ingress"], "permission": "deny", "key_exprs": keys}
-            for name, messages, keys in rules
-        ],
-        "subjects": [{"id": "anyone"}],
-        "policies": [{"rules": [name for name, _, _ in rules], "subjects": ["anyone"]}],
-    }
 
 
 def _listen_sentence(endpoint: str, error: Exception) -> str:
@@ -208,6 +348,11 @@ class RawPublisher:
         )
         self._stamper = Stamper()
 
+    @property
+    def epoch(self) -> bytes:
+        """The epoch in the stamps of this run."""
+        return self._stamper.gid
+
     def put_bytes(
         self, payload: bytes, attachment: bytes | None = None, *, true_at_s: float | None = None
     ) -> None:
@@ -246,6 +391,16 @@ class ZenohSession:
         self._pending_queries = 0
         # A declaration exists only as long as it is referenced.
         self._declared: list[object] = []
+        self._reconnection = Reconnection(SETTLE_S)
+        self._declared.append(
+            session.info.declare_transport_events_listener(_direct(self._on_transport), history=True)
+        )
+
+    def _on_transport(self, event: zenoh.TransportEvent) -> None:
+        # A hub refuses no sample of its clients, since one of them may be an e-stop.
+        is_to_hub = event.transport.whatami != zenoh.WhatAmI.CLIENT
+        if is_to_hub and event.kind == zenoh.SampleKind.PUT:
+            self._reconnection.opened(str(event.transport.zid), time.monotonic())
 
     def publisher_raw(self, key: str) -> RawPublisher:
         """Return a publisher on a key of the robot."""
@@ -263,7 +418,7 @@ class ZenohSession:
 
         Args:
             pushes: by the name of a source, what is called for each of its commands.
-            other: called with the name of any other source for each of its commands.
+            other: called with the name of any other source for each of its commands, cut at `MAX_SOURCE_NAME`.
         """
         by_key = {self._key(topics.source_cmd_vel(name).key): push for name, push in pushes.items()}
         prefix = self._key("")
@@ -273,7 +428,7 @@ class ZenohSession:
             if push is None:
                 source = topics.source_of(heard_on.removeprefix(prefix))
                 if source is not None:
-                    other(source)
+                    other(source[:MAX_SOURCE_NAME])
             return push
 
         self._subscribe(self._key(topics.source_cmd_vel("*").key), push_of)
@@ -283,6 +438,8 @@ class ZenohSession:
 
         def on_sample(sample: zenoh.Sample) -> None:
             arrival_s = time.monotonic()
+            if not self._reconnection.is_settled(arrival_s):
+                return
             push = push_of(str(sample.key_expr))
             if push is None or sample.kind != zenoh.SampleKind.PUT:
                 return
@@ -301,9 +458,9 @@ class ZenohSession:
         self.subscribe_sources_raw({}, inbox.push)
         return inbox
 
-    def declare_alive(self, node: str) -> ZenohToken:
-        """Declare the liveliness token of a node or a command source of the robot."""
-        return self.declare_token(self._key(topics.alive(node)))
+    def declare_alive(self, node: str, epoch: bytes = b"") -> ZenohToken:
+        """Declare the liveliness token of a node or a command source of the robot, or of one run of it."""
+        return self.declare_token(self._key(topics.alive(node, epoch)))
 
     def declare_token(self, key: str) -> ZenohToken:
         """Declare a liveliness token on any key.
@@ -315,24 +472,35 @@ class ZenohSession:
         self._declared.append(token)
         return ZenohToken(token)
 
-    def watch_alive(self, wake: Wake | None = None) -> Inbox[LivelinessChange]:
-        """Return an inbox for the changes of the robot's liveliness tokens, with the tokens that exist already."""
+    def watch_alive(
+        self, wake: Wake | None = None, nodes: Collection[str] | None = None
+    ) -> Inbox[LivelinessChange]:
+        """Return an inbox for the changes of the robot's liveliness tokens, with the tokens that exist already.
+
+        Args:
+            wake: set at a change.
+            nodes: whose tokens are watched, with those of their runs; `$*` stands for any characters. A process that
+                must notice a death watches nothing else, because a flood of other tokens would delay it. None: the
+                tokens of all nodes, without those of their runs.
+        """
+        inbox: Inbox[LivelinessChange] = Inbox(LIVELINESS_DEPTH, wake)
         prefix = self._key(topics.alive(""))
-        return self._watch_tokens(f"{prefix}*", prefix, Inbox(LIVELINESS_DEPTH, wake))
+
+        def on_change(key: str, alive: bool) -> None:  # noqa: FBT001 - as TokenChange
+            token = topics.token_of(key.removeprefix(prefix))
+            if token is not None:
+                inbox.push(LivelinessChange(token[0], alive, time.monotonic(), token[1]))
+
+        for expression in ["*"] if nodes is None else [f"{node}/**" for node in nodes]:
+            self.watch_tokens(f"{prefix}{expression}", on_change)
+        return inbox
 
     def watch_foreign_nodes(self) -> Inbox[LivelinessChange]:
         """Return an inbox for the changes of the tokens of nodes with rmw_zenoh (wire/foreign_nodes.py)."""
-        return self._watch_tokens(NODE_TOKENS, "", Inbox(FOREIGN_DEPTH, None))
-
-    def _watch_tokens(
-        self, expression: str, prefix: str, inbox: Inbox[LivelinessChange]
-    ) -> Inbox[LivelinessChange]:
-        """Report the tokens that match a key expression, without their common prefix."""
-
-        def on_change(key: str, alive: bool) -> None:  # noqa: FBT001 - as TokenChange
-            inbox.push(LivelinessChange(key.removeprefix(prefix), alive, time.monotonic()))
-
-        self.watch_tokens(expression, on_change)
+        inbox: Inbox[LivelinessChange] = Inbox(FOREIGN_DEPTH, None)
+        self.watch_tokens(
+            NODE_TOKENS, lambda key, alive: inbox.push(LivelinessChange(key, alive, time.monotonic()))
+        )
         return inbox
 
     def watch_tokens(self, expression: str, changed: TokenChange) -> None:
@@ -401,6 +569,9 @@ class ZenohSession:
     ) -> R:
         """Query a key of the robot, and return the first reply that `read` accepts.
 
+        Any client can answer a query whose key its queryable matches. A reply for the supervisor therefore counts only if
+        it comes from the session that holds the token of the supervisor's run, which the hub refuses to all others.
+
         Args:
             key: the key, relative to the robot's namespace.
             request: the payload; None: no payload.
@@ -411,13 +582,17 @@ class ZenohSession:
             NoReplyError: no such reply arrived in time.
         """
         full_key = self._key(key)
+        is_supervisors = key == topics.SUPERVISOR_RESET.key
 
         def ask() -> R | None:
+            supervisors = self._supervisors(timeout_s) if is_supervisors else set[bytes]()
             # Take each reply as it arrives: otherwise Zenoh would wait for the last of several replies.
             replies = self._session.get(
                 full_key, payload=request, timeout=timeout_s, consolidation=zenoh.ConsolidationMode.NONE
             )
             for reply in replies:
+                if is_supervisors and _replier(reply) not in supervisors:
+                    continue
                 answer = None if reply.ok is None else read(reply.ok.payload.to_bytes())
                 if answer is not None:
                     return answer
@@ -427,6 +602,17 @@ class ZenohSession:
         if answer is None:
             raise NoReplyError(f"nobody answered {full_key} within {timeout_s:g} s")
         return answer
+
+    def _supervisors(self, timeout_s: float) -> set[bytes]:
+        """Return the ids of the sessions that hold the token of a supervisor's run; blocks for a round trip."""
+        prefix = self._key(topics.alive(""))
+        expression = f"{prefix}{topics.SUPERVISOR}/*"
+        tokens = [
+            topics.token_of(str(reply.ok.key_expr).removeprefix(prefix))
+            for reply in self._session.liveliness().get(expression, timeout=timeout_s)
+            if reply.ok is not None
+        ]
+        return {token[1] for token in tokens if token is not None}
 
     def put_raw(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
         """Put any bytes on any key, as an attacker on the network can; for tests and the fault campaign.
@@ -442,6 +628,11 @@ class ZenohSession:
     def session_id(self) -> str:
         """Zenoh's id of this session."""
         return str(self._session.info.zid())
+
+    @property
+    def run_id(self) -> bytes:
+        """The same id as the epoch of this session's token, by which its replies are known."""
+        return _id_bytes(self._session.info.zid())
 
     def overhear(self, expression: str, *, depth: int, wake: Wake | None = None) -> Inbox[Overheard]:
         """Return an inbox for the samples of all keys that an expression matches, such as `robot/**`.
@@ -459,7 +650,8 @@ class ZenohSession:
     def hear(self, expression: str, heard: Callable[[Overheard], None]) -> None:
         """Call `heard` on Zenoh's thread for the samples of all keys that an expression matches; it must not block.
 
-        A put on a wildcard also matches, and a delete has an empty payload.
+        A put on a wildcard also matches, and a delete has an empty payload. After a reconnection, samples may come under
+        a wrong key (wire/reconnection.py): none is refused here, because one of them may be an e-stop.
 
         Raises:
             BusError: it is not a key expression.
@@ -512,6 +704,15 @@ class ZenohSession:
 
     def _key(self, relative: str) -> str:
         return f"{self._namespace}/{relative}"
+
+
+def _id_bytes(zid: zenoh.ZenohId) -> bytes:
+    """Return the id of a session as 16 bytes; its text has no leading zeros."""
+    return bytes.fromhex(str(zid).zfill(32))
+
+
+def _replier(reply: zenoh.Reply) -> bytes | None:
+    return None if reply.replier_id is None else _id_bytes(reply.replier_id.zid)
 
 
 def _reply(query: zenoh.Query, key: str, response: bytes, attachment: bytes | None) -> None:

@@ -50,7 +50,8 @@ class Stamper:
     """
 
     def __init__(self, gid: bytes | None = None) -> None:
-        self._gid = gid or os.urandom(GID_BYTES)
+        self.gid = gid or os.urandom(GID_BYTES)
+        """The epoch."""
         self._sequence = count(1)
 
     def next(self, true_at_s: float | None = None) -> Stamp:
@@ -60,4 +61,4 @@ class Stamper:
             true_at_s: the time of the sample's content by `time.monotonic`; None: now.
         """
         source_time_ns = time.monotonic_ns() if true_at_s is None else round(true_at_s * 1e9)
-        return Stamp(next(self._sequence), source_time_ns, self._gid)
+        return Stamp(next(self._sequence), source_time_ns, self.gid)

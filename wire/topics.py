@@ -1,4 +1,4 @@
-"""All keys of the wire, with type, writer and rate. No other file contains a key.
+"""All keys of the wire, with type, writer, rate, and the roles that may write them. No other file contains a key.
 
 Keys are relative to the robot's namespace (`robot` by default); the Bus adds it as a prefix.
 They follow the zenoh-bridge-ros2dds mapping: ROS 2 topic `/robot/cmd_vel` is key `robot/cmd_vel`.
@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Generic
 
 from wire.message_types import M, SafetyStatus
+from wire.roles import Role
 from wire.ros import Bool, Clock, DiagnosticArray, Imu, LaserScan, Odometry, Point, Twist
 
 
@@ -21,6 +22,8 @@ class Topic(Generic[M]):
     writer: str
     rate_hz: float | None
     """None for a topic without a fixed rate."""
+    roles: tuple[Role, ...] = ()
+    """Whose puts the hub accepts; none: only the supervisor, which is the hub, writes it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,40 +37,47 @@ class Service:
     server: str
     wants: str = ""
     """The requests that its text may contain; empty if it takes no text."""
+    roles: tuple[Role, ...] = ()
+    """Whose replies the hub accepts; none: only the supervisor serves it."""
 
 
 CMD_VEL = Topic("cmd_vel", Twist, "supervisor", 50.0)
-SCAN = Topic("scan", LaserScan, "sim", 20.0)
+SENSORS = (Role.SENSOR, Role.BASE)
+"""A simulated robot, and a ROS 2 process, are base and sensors in one."""
+SCAN = Topic("scan", LaserScan, "sim", 20.0, SENSORS)
 ANYONE = "anyone"
 """The writer of topics that any program may write."""
 
-ODOM = Topic("odom", Odometry, "sim", 50.0)
+ODOM = Topic("odom", Odometry, "sim", 50.0, (Role.BASE,))
 STATUS = Topic("supervisor/status", SafetyStatus, "supervisor", 10.0)
-ESTOP = Topic("estop", Bool, ANYONE, None)
-OBSTACLE = Topic("sim/obstacle", Point, ANYONE, None)
-TRUTH = Topic("sim/truth", Odometry, "sim", 50.0)
+ESTOP = Topic("estop", Bool, ANYONE, None, (Role.OPERATOR, Role.ESTOP, Role.BASE))
+OBSTACLE = Topic("sim/obstacle", Point, ANYONE, None, (Role.OPERATOR,))
+TRUTH = Topic("sim/truth", Odometry, "sim", 50.0, (Role.BASE,))
 """Ground truth of the simulated robot's pose, in the world frame; no driving program may subscribe to it."""
-IMU = Topic("imu", Imu, "sim", 100.0)
-DIAGNOSTICS = Topic("diagnostics", DiagnosticArray, "sim", 1.0)
+IMU = Topic("imu", Imu, "sim", 100.0, SENSORS)
+DIAGNOSTICS = Topic("diagnostics", DiagnosticArray, "sim", 1.0, SENSORS)
 """Also published immediately on a contact of the hull."""
-CLOCK = Topic("clock", Clock, "sim", 50.0)
+CLOCK = Topic("clock", Clock, "sim", 50.0, (Role.BASE,))
 """Simulated time; with `--speed 2` it runs twice as fast as real time."""
 
 SUPERVISOR_RESET = Service("supervisor/reset", "supervisor")
-SIM_RESET = Service("sim/reset", "sim")
+SIM_RESET = Service("sim/reset", "sim", roles=(Role.BASE,))
 SIM_FAULTS = Service(
     "sim/faults",
     "sim",
     "none, or some of freeze, all_nan, silent, blocked FROM TO [CODE], dropout SHARE [CODE], beams SHARE [CODE], "
     "stray SHARE, reach METRES, rate HZ, each for one lidar with NAME: before it, no_odom, odom_zero, odom_freeze, "
     "odom_scale FACTOR, joined by ';'; nothing: which are in force",
+    (Role.BASE,),
 )
-SIM_TIME = Service("sim/time", "sim", "pause, run, step N, speed FACTOR; nothing: how time passes now")
+SIM_TIME = Service(
+    "sim/time", "sim", "pause, run, step N, speed FACTOR; nothing: how time passes now", (Role.BASE,)
+)
 
 MAX_LIDAR_TOPIC = 64
 
 ALIVE_PREFIX = "alive"
-"""`alive/<node>` is each process's liveliness token."""
+"""`alive/<node>` is each process's liveliness token; `alive/<node>/<epoch>` is that of one run of it."""
 
 SUPERVISOR, TELEOP, SIM, ROS2 = "supervisor", "teleop", "sim", "ros2"
 """The node names of the processes."""
@@ -76,17 +86,17 @@ EXEC_SUFFIX = "-exec"
 """`<source>-exec` is the node of `lifeline ros2 exec --source <source>`; no source has a hyphen in its name."""
 
 ONLY_SUPERVISOR_WRITES = (CMD_VEL.key, STATUS.key)
-"""Keys that the hub refuses from any other client."""
+"""Keys that the hub refuses from every client."""
 
 
 def source_cmd_vel(source: str) -> Topic[Twist]:
     """Return the topic of the commands of one source (`teleop`, `joy`, `path`, …)."""
-    return Topic(f"{source}/cmd_vel", Twist, source, 20.0)
+    return Topic(f"{source}/cmd_vel", Twist, source, 20.0, (Role.OPERATOR,))
 
 
 def source_holder(source: str) -> Service:
     """Return the service at which the process that holds a command source describes itself in one sentence."""
-    return Service(f"{source}/holder", source)
+    return Service(f"{source}/holder", source, roles=(Role.OPERATOR,))
 
 
 def source_of(key: str) -> str | None:
@@ -111,19 +121,33 @@ def lidar_scan(topic: str) -> Topic[LaserScan]:
     first, last = topic.split("/", maxsplit=1)[0], topic.rsplit("/", maxsplit=1)[-1]
     if topic in taken or first in {ALIVE_PREFIX, SUPERVISOR, SIM} or last in {CMD_VEL.key, "holder"}:
         raise ValueError("is already used for another topic or a node; choose a key such as scan_rear")
-    return Topic(topic, LaserScan, SCAN.writer, SCAN.rate_hz)
+    return Topic(topic, LaserScan, SCAN.writer, SCAN.rate_hz, SCAN.roles)
 
 
-def alive(node: str) -> str:
-    """Return the key of a node's liveliness token."""
-    return f"{ALIVE_PREFIX}/{node}"
+def alive(node: str, epoch: bytes = b"") -> str:
+    """Return the key of a node's liveliness token, or of the token of one of its runs.
 
+    Any client can hold the same token, which then outlives the node. The token of a run is the node's own: its epoch is
+    the gid in the stamps of a source's commands, or the id of a server's session.
+    """
+    return f"{ALIVE_PREFIX}/{node}/{epoch.hex()}" if epoch else f"{ALIVE_PREFIX}/{node}"
+
+
+def token_of(text: str) -> tuple[str, bytes] | None:
+    """Return the node and the epoch (empty: none) of a token's key after `alive/`; None if it has another form."""
+    node, slash, epoch = text.partition("/")
+    if not slash:
+        return node, b""
+    return (node, bytes.fromhex(epoch)) if re.fullmatch("([0-9a-f]{2}){1,16}", epoch) else None
+
+
+SOURCE_PLACEHOLDER, LIDAR_PLACEHOLDER = "<source>", "<lidar>"
 
 TOPICS: tuple[Topic[Any], ...] = (
-    source_cmd_vel("<source>"),
+    source_cmd_vel(SOURCE_PLACEHOLDER),
     CMD_VEL,
     SCAN,
-    Topic("<lidar>", LaserScan, SCAN.writer, SCAN.rate_hz),
+    Topic(LIDAR_PLACEHOLDER, LaserScan, SCAN.writer, SCAN.rate_hz, SCAN.roles),
     ODOM,
     STATUS,
     ESTOP,
@@ -133,4 +157,4 @@ TOPICS: tuple[Topic[Any], ...] = (
     DIAGNOSTICS,
     CLOCK,
 )
-SERVICES = (SUPERVISOR_RESET, SIM_RESET, SIM_FAULTS, SIM_TIME, source_holder("<source>"))
+SERVICES = (SUPERVISOR_RESET, SIM_RESET, SIM_FAULTS, SIM_TIME, source_holder(SOURCE_PLACEHOLDER))

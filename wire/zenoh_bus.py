@@ -16,18 +16,25 @@ __all__ = ["DEFAULT_ENDPOINT", "BusConfig", "ZenohBus", "open_bus"]
 _log = logging.getLogger(__name__)
 
 
-async def open_bus(config: BusConfig, role: Role, *, on_wait: Callable[[], None] | None = None) -> "ZenohBus":
+async def open_bus(
+    config: BusConfig,
+    role: Role,
+    *,
+    on_wait: Callable[[], None] | None = None,
+    say: Callable[[str], None] = _log.warning,
+) -> "ZenohBus":
     """Open a session and return its Bus; a client waits for its hub without a time limit.
 
     Args:
         config: the endpoint and the namespace.
         role: `hub` listens, `client` connects.
         on_wait: called once if the hub does not run yet.
+        say: called in this event loop with a sentence about a certificate that ends, now or later.
 
     Raises:
-        BusError: the hub cannot listen, or the endpoint is invalid.
+        BusError: the hub cannot listen, the endpoint is invalid, or a certificate is refused.
     """
-    return ZenohBus(await open_session(config, role, on_wait=on_wait), config.namespace)
+    return ZenohBus(await open_session(config, role, on_wait=on_wait, say=say), config.namespace)
 
 
 class ZenohPublisher(RawPublisher):

@@ -2,12 +2,12 @@
 
 import argparse
 import sys
-from pathlib import Path
 
 from bench.peers import death, round_trip
 from bench.peers.kinds import REFERENCE, Kind, kinds
 from bench.peers.results import Peers, write
 from bench.peers.table import sheets, verdicts
+from bench.rig.options import count, failing_in_a_sentence, output_file
 from bench.rig.sheet import show
 from bench.rig.stored import this_run
 
@@ -19,16 +19,18 @@ def main() -> None:
         prog="python -m bench.peers",
         description="Measure the round trip of a command and the time from a SIGKILL to its notice, through the supervisor and "
         "through bare relays over Zenoh, MQTT, CycloneDDS, rclpy and TCP, interleaved. Takes about four minutes.",
-        epilog="exit code: 0, even if a target is missed; 1 if a process fails",
-    )
-    parser.add_argument("--rounds", type=int, default=ROUNDS, help="default: %(default)s")
-    parser.add_argument(
-        "--count", type=int, default=COUNT, help="commands per kind, rate and round (default: %(default)s)"
+        epilog="exit code: 0, even if a target is missed; 1 if a process fails; 130 after Ctrl-C",
     )
     parser.add_argument(
-        "--kills", type=int, default=KILLS, help="kills per kind and round (default: %(default)s)"
+        "--rounds", type=count, default=ROUNDS, help="number of rounds (default: %(default)s)"
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write all times as JSON lines")
+    parser.add_argument(
+        "--count", type=count, default=COUNT, help="commands per kind, rate and round (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--kills", type=count, default=KILLS, help="kills per kind and round (default: %(default)s)"
+    )
+    parser.add_argument("--json", type=output_file, metavar="FILE", help="write all times as JSON lines")
     options = parser.parse_args()
 
     present: list[Kind] = []
@@ -44,12 +46,10 @@ def main() -> None:
     def tell(text: str) -> None:
         print(text, file=sys.stderr, flush=True)
 
-    try:
+    with failing_in_a_sentence("bench.peers"):
         trips = round_trip.measure(present, options.rounds, options.count, tell)
         watched = [kind for kind in present if kind.has_presence]
         deaths = death.measure(watched, options.rounds, options.kills, tell)
-    except RuntimeError as error:
-        sys.exit(f"bench.peers: {error}")
     command = (
         f"python -m bench.peers --rounds {options.rounds} --count {options.count} --kills {options.kills}"
     )

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bench.rig.feed import supervisor
-from bench.rig.terminal import end
+from bench.rig.terminal import end, sparing_from_ctrl_c
 from deploy.stack.launch import free_loopback_endpoint
 from ros2.environment import dds_variables, ros_variables
 
@@ -100,7 +100,8 @@ REFERENCE = 1
 @contextmanager
 def running(command: Sequence[str], environment: dict[str, str]) -> Generator["subprocess.Popen[bytes]"]:
     """Run a program while the context is open; its errors are shown."""
-    process = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=subprocess.DEVNULL)
+    with sparing_from_ctrl_c():
+        process = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=subprocess.DEVNULL)
     try:
         yield process
     finally:

@@ -27,9 +27,16 @@ def write_rows(path: Path, run: dict[str, str], rows: Iterable[Row]) -> None:
 
 
 def read_rows(path: Path) -> tuple[dict[str, str], list[Row]] | None:
-    """Return the run and its measurements; None if the file does not exist."""
+    """Return the run and its measurements; None if the file does not exist.
+
+    Raises:
+        RuntimeError: the file is not a stored run.
+    """
     if not path.exists():
         return None
-    run, *rows = map(json.loads, path.read_text().splitlines())
-    del run["row"]
-    return run, [(row.pop("row"), row) for row in rows]
+    try:
+        run, *rows = map(json.loads, path.read_text().splitlines())
+        del run["row"]
+        return run, [(row.pop("row"), row) for row in rows]
+    except (ValueError, KeyError, TypeError) as error:
+        raise RuntimeError(f"{path} is not a stored run of a bench") from error

@@ -4,6 +4,7 @@ import asyncio
 import fcntl
 import os
 import pty
+import signal
 import struct
 import subprocess
 import sys
@@ -74,6 +75,16 @@ def teleop(terminal: Terminal, *arguments: str) -> Generator[None]:
     """Run `python -m teleop` in `terminal` while the context is open, then close the terminal."""
     with running(terminal, sys.executable, "-m", "teleop", *arguments):
         yield
+
+
+@contextmanager
+def sparing_from_ctrl_c() -> Generator[None]:
+    """Let processes that start while the context is open ignore Ctrl-C: the bench ends them, and they print no traceback."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # a new process inherits the mask
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def end(process: "subprocess.Popen[Any]") -> None:

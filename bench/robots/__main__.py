@@ -2,8 +2,8 @@
 
 import argparse
 import sys
-from pathlib import Path
 
+from bench.rig.options import count, duration_s, failing_in_a_sentence, output_file
 from bench.rig.sheet import show
 from bench.rig.stored import this_run
 from bench.robots.results import Robots, write
@@ -20,32 +20,30 @@ def main() -> None:
         prog="python -m bench.robots",
         description="Run several robots on this machine, a supervisor process for each, and measure processor time, gaps of "
         "cmd_vel, stops without cause, and the time from the SIGKILL of an operator to zero. Takes about six minutes.",
-        epilog="exit code: 0, even if a target is missed; 1 if a process fails",
+        epilog="exit code: 0, even if a target is missed; 1 if a process fails; 130 after Ctrl-C",
     )
     parser.add_argument(
         "--robots",
-        type=int,
+        type=count,
         nargs="+",
         default=ROBOTS,
         metavar="N",
         help=f"numbers of robots (default: {' '.join(map(str, ROBOTS))})",
     )
     parser.add_argument(
-        "--seconds", type=float, default=SECONDS, help="duration of each drive (default: %(default)s)"
+        "--seconds", type=duration_s, default=SECONDS, help="duration of each drive (default: %(default)s)"
     )
     parser.add_argument(
-        "--kills", type=int, default=KILLS, help="kills for each number of robots (default: %(default)s)"
+        "--kills", type=count, default=KILLS, help="kills for each number of robots (default: %(default)s)"
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the results as JSON lines")
+    parser.add_argument("--json", type=output_file, metavar="FILE", help="write the results as JSON lines")
     options = parser.parse_args()
 
     def tell(text: str) -> None:
         print(text, file=sys.stderr, flush=True)
 
-    try:
+    with failing_in_a_sentence("bench.robots"):
         crowds = [measure(number, options.seconds, options.kills, tell) for number in options.robots]
-    except RuntimeError as error:
-        sys.exit(f"bench.robots: {error}")
     command = (
         f"python -m bench.robots --robots {' '.join(map(str, options.robots))} --seconds {options.seconds:g} "
         f"--kills {options.kills}"

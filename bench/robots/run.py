@@ -19,7 +19,7 @@ import numpy as np
 
 from bench.peers.kinds import ROOT, wait_until_listening
 from bench.rig.feed import Supervisor, supervisor
-from bench.rig.terminal import end
+from bench.rig.terminal import end, sparing_from_ctrl_c
 from bench.robots import stats
 from bench.robots.load import busy_percent, machine, usage
 from bench.robots.results import Crowd
@@ -51,7 +51,8 @@ def measure(robots: int, seconds: float, kills: int, tell: Callable[[str], None]
         RuntimeError: a process fails.
     """
     with ExitStack() as ending:
-        tell(f"{robots} robots: start")
+        crowd = "1 robot" if robots == 1 else f"{robots} robots"
+        tell(f"{crowd}: start")
         supervisors = _start(robots, ending)
         endpoints = [one.endpoint for one in supervisors]
         feeder = ending.enter_context(_program("feeder", *endpoints))
@@ -59,7 +60,7 @@ def measure(robots: int, seconds: float, kills: int, tell: Callable[[str], None]
             feeder.line(DRIVE_LIMIT_S)
         time.sleep(SETTLE_S)
 
-        tell(f"{robots} robots: drive")
+        tell(f"{crowd}: drive")
         pids = [one.pid for one in supervisors]
         before, machine_before, feeder_before = [usage(pid) for pid in pids], machine(), usage(feeder.pid)
         began_s = time.monotonic()
@@ -69,7 +70,7 @@ def measure(robots: int, seconds: float, kills: int, tell: Callable[[str], None]
         used = [usage(pid) - earlier for pid, earlier in zip(pids, before, strict=True)]
         machine_after, feeder_used = machine(), usage(feeder.pid) - feeder_before
 
-        tell(f"{robots} robots: {kills} kills")
+        tell(f"{crowd}: {kills} kills")
         killed = min(robots, KILLED)
         feeder.tell(f"release {' '.join(map(str, range(killed)))}")
         time.sleep(STAND_S)
@@ -150,7 +151,10 @@ def _start(robots: int, ending: ExitStack) -> list[Supervisor]:
 def _kill(endpoints: Sequence[str], kills: int) -> list[list[float]]:
     """Repeatedly let an operator drive each robot, and kill it; return the times of the kills of each robot [s]."""
     with _program("holders") as holders:
-        operators = [_Operators(holders, number, endpoint) for number, endpoint in enumerate(endpoints)]
+        ended = threading.Event()
+        operators = [
+            _Operators(holders, number, endpoint, ended) for number, endpoint in enumerate(endpoints)
+        ]
 
         def sort() -> None:
             while line := holders.lines.get():
@@ -164,24 +168,28 @@ def _kill(endpoints: Sequence[str], kills: int) -> list[list[float]]:
             killing = [
                 pool.submit(one.kill, share, until_s) for one, share in zip(operators, shares, strict=True)
             ]
-            return [future.result() for future in killing]
+            try:
+                return [future.result() for future in killing]
+            finally:
+                ended.set()  # after Ctrl-C, no further kill
 
 
 class _Operators:
     """Starts and kills the operators of one robot, one after the other."""
 
-    def __init__(self, holders: "_Program", number: int, endpoint: str) -> None:
+    def __init__(self, holders: "_Program", number: int, endpoint: str, ended: threading.Event) -> None:
         self.arrivals: queue.Queue[tuple[str, int]] = queue.Queue()
         """A word and the pid of an operator."""
         self._holders = holders
         self._line = f"{number} {endpoint}"
         self._chance = random.Random(number)
+        self._ended = ended
 
     def kill(self, times: int, until_s: float) -> list[float]:
         """Kill a number of operators; return the times of the kills [s], without operators that never drove."""
         killed_s: list[float] = []
         for _ in range(times):
-            if time.monotonic() > until_s:
+            if time.monotonic() > until_s or self._ended.is_set():
                 break
             self._holders.tell(self._line)
             pid = self._started()
@@ -251,15 +259,16 @@ class _Program:
 
 @contextmanager
 def _program(name: str, *arguments: str) -> Generator[_Program]:
-    process: subprocess.Popen[Any] = subprocess.Popen(
-        [sys.executable, "-m", f"bench.robots.{name}", *arguments],
-        cwd=ROOT,
-        # A thread of the numeric library would make a fork unsafe.
-        env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
+    with sparing_from_ctrl_c():
+        process: subprocess.Popen[Any] = subprocess.Popen(
+            [sys.executable, "-m", f"bench.robots.{name}", *arguments],
+            cwd=ROOT,
+            # A thread of the numeric library would make a fork unsafe.
+            env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
     lines: queue.Queue[str] = queue.Queue()
     stdin, stdout = process.stdin, process.stdout
     assert stdin is not None

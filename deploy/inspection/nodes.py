@@ -97,11 +97,11 @@ def _command(arguments: list[str]) -> str:
 
 def _node(session: Session, process: Process | None, namespace: str, endpoint: str) -> Node:
     prefix = f"{namespace}/{topics.alive('')}"
-    # A token with a dot belongs to a candidate for a source's name (teleop/holder.py).
+    # A token with a slash is that of one run; a token with a dot belongs to a candidate for a source's name (teleop/holder.py).
     names = sorted(
         token.removeprefix(prefix)
         for token in session.tokens
-        if token.startswith(prefix) and "." not in token
+        if token.startswith(prefix) and "." not in token and "/" not in token.removeprefix(prefix)
     )
     fallback = program(process.arguments) if process is not None else ""
     host = (session.address or _listening(endpoint)).rpartition(":")[0] if process is None else "local"

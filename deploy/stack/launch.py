@@ -4,13 +4,14 @@ import errno
 import shlex
 import socket
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from deploy.stack.errors import DeployError
 from deploy.stack.processes import MARK
 from deploy.stack.statedir import StateDir, read_json
 from wire import topics
+from wire.command_line import bus_options, override
 from wire.config import BusSection, ConfigError, absolute, read_toml, section
 from wire.session import BusConfig
 from wire.state_directory import ENVIRONMENT
@@ -34,9 +35,15 @@ class Launch:
 
     @classmethod
     def read(
-        cls, config: Path | None, endpoint: str | None, *, sim_options: str = "", with_sim: bool = True
+        cls,
+        config: Path | None,
+        endpoint: str | None,
+        keys: Path | None = None,
+        *,
+        sim_options: str = "",
+        with_sim: bool = True,
     ) -> "Launch":
-        """Read the file's `[bus]`; `endpoint` overrides the file's.
+        """Read the file's `[bus]`; `endpoint` and `keys` override the file's.
 
         With `[ros2]`, the base is a ROS 2 robot. Otherwise it is the sim, if `with_sim`.
 
@@ -46,8 +53,8 @@ class Launch:
         try:
             path = absolute(config or DEFAULT_CONFIG).resolve()
             document = read_toml(path)
-            if endpoint is not None:
-                document["bus"] = {**document.get("bus", {}), "endpoint": endpoint}
+            override(document, "bus", "endpoint", endpoint)
+            override(document, "bus", "keys", None if keys is None else str(keys))
             base = (topics.ROS2,) if topics.ROS2 in document else (topics.SIM,) if with_sim else ()
             bus = section(document, "bus", BusSection).to_bus_config()
             return cls(path, bus, sim_options, (topics.SUPERVISOR, *base))
@@ -59,10 +66,27 @@ class Launch:
         """Return the launch of the running stack of a state directory; None if there is no record."""
         record = read_json(state.record)
         try:
-            bus = BusConfig(record["endpoint"], record["namespace"], record["lease_s"])
+            keys = record.get("keys")
+            bus = BusConfig(
+                record["endpoint"],
+                record["namespace"],
+                record["lease_s"],
+                None if keys is None else Path(keys),
+            )
             return cls(Path(record["config"]), bus, nodes=tuple(record.get("nodes", SIMULATED)))
         except (KeyError, TypeError):
             return None
+
+    def with_keys(self, keys: Path) -> "Launch":
+        """Return the same robot, reached with another bundle.
+
+        Raises:
+            DeployError: the path begins with `~NAME` and there is no such user.
+        """
+        try:
+            return replace(self, bus=replace(self.bus, keys=absolute(keys)))
+        except ConfigError as error:
+            raise DeployError(f"{error}, with --keys") from error
 
     def to_record(self) -> dict[str, object]:
         """Return the record that `running` reads."""
@@ -70,6 +94,7 @@ class Launch:
             "endpoint": self.bus.endpoint,
             "namespace": self.bus.namespace,
             "lease_s": self.bus.lease_s,
+            "keys": None if self.bus.keys is None else str(self.bus.keys),
             "config": str(self.config),
             "nodes": self.nodes,
         }
@@ -90,7 +115,7 @@ class Launch:
             ENVIRONMENT: str(state.path),  # where the supervisor writes its black boxes
             "LIFELINE_PYTHON": sys.executable,
             "LIFELINE_CONFIG": str(self.config),
-            "LIFELINE_ENDPOINT": self.bus.endpoint,
+            "LIFELINE_BUS_OPTIONS": shlex.join(bus_options(self.bus)),
             "LIFELINE_SIM_OPTIONS": self.sim_options,
             "LIFELINE_ROS2_COMMAND": ros2,
             **{
@@ -101,8 +126,7 @@ class Launch:
 
     def command(self, module: str) -> list[str]:
         """Return the command line of a module, run with this interpreter."""
-        options = ["--config", str(self.config), "--endpoint", self.bus.endpoint]
-        return [sys.executable, "-m", module, *options]
+        return [sys.executable, "-m", module, "--config", str(self.config), *bus_options(self.bus)]
 
     @property
     def drive(self) -> str:
@@ -116,7 +140,7 @@ def check_endpoint_is_free(endpoint: str) -> None:
     Raises:
         DeployError: the port is in use, or the address does not belong to this machine.
     """
-    protocol, address = endpoint.split("/", 1)
+    protocol, _, address = endpoint.partition("/")
     if protocol == "quic":  # not TCP: the supervisor reports the error itself
         return
     host, port = address.rsplit(":", 1)

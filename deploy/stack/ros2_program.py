@@ -15,6 +15,7 @@ from deploy.stack.statedir import StateDir, UnwritableError
 from ros2.config import Ros2Section
 from ros2.environment import ros_variables
 from wire import topics
+from wire.command_line import bus_options
 from wire.config import ConfigError, absolute, read_toml, section
 from wire.session import BusConfig
 from wire.state_directory import checkout
@@ -83,8 +84,7 @@ def unused_ros(variables: Mapping[str, str], present: Mapping[str, str], all_ros
 
 def command(python: Path, config: Path, bus: BusConfig, *options: str) -> list[str]:
     """Return the command line of the ROS 2 process."""
-    common = ["--config", str(config), "--endpoint", bus.endpoint]
-    return [str(python), "-m", topics.ROS2, *common, *options]
+    return [str(python), "-m", topics.ROS2, "--config", str(config), *bus_options(bus), *options]
 
 
 def variables_of(python: Path, packages: Path, present: Mapping[str, str]) -> dict[str, str]:

@@ -18,21 +18,19 @@ from docs.generate.palette import DANGER, GREY, INK, LIGHT, RING, ROBOT
 PICTURE = Path(__file__).parents[1] / "images/robots.svg"
 
 
-def draw(crowds: Sequence[Crowd], path: Path) -> None:
-    """Draw three panels over the number of robots; red: the targets."""
+def draw(crowds: Sequence[Crowd], cores: int, path: Path) -> None:
+    """Draw three panels over the number of robots; red: the limit of the machine, and the targets."""
     figure = Figure(figsize=(11, 3.4), layout="constrained")
     load, gaps, stops = figure.subplots(1, 3)
     robots = [one.robots for one in crowds]
 
-    load.plot(robots, [one.busy_percent for one in crowds], ".-", color=GREY, label="machine, all cores")
-    load.plot(
-        robots, [sum(one.cpu_percent) for one in crowds], ".-", color=ROBOT, label="supervisors, of one core"
-    )
-    load.plot(
-        robots, [one.feeder_percent for one in crowds], ".-", color=RING, label="this bench, of one core"
-    )
-    load.set_title("CPU [%]", fontsize=11)
-    load.set_ylim(0)
+    load.plot(robots, [cores * one.busy_percent for one in crowds], ".-", color=GREY, label="machine")
+    load.plot(robots, [sum(one.cpu_percent) for one in crowds], ".-", color=ROBOT, label="supervisors")
+    load.plot(robots, [one.feeder_percent for one in crowds], ".-", color=RING, label="sensors and operators")
+    load.axhline(100 * cores, color=DANGER, lw=1.6, label=f"limit: {cores} cores")
+    load.set_title("CPU [% of one core]", fontsize=11)
+    load.set_ylim(0, 110 * cores)
+    load.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(0, 0.9))  # below the limit
 
     gaps.plot(robots, [one.gap_p50_ms for one in crowds], ".-", color=GREY, label="p50")
     gaps.plot(robots, [one.gap_p99_ms for one in crowds], ".-", color=ROBOT, label="p99")
@@ -56,12 +54,13 @@ def draw(crowds: Sequence[Crowd], path: Path) -> None:
     stops.set_yscale("log")
     stops.set_yticks((1, 3, 10, 30, 100, 300), ("1", "3", "10", "30", "100", "300"))
 
+    for axes in (gaps, stops):
+        axes.legend(fontsize=8, frameon=False)
     for axes in (load, gaps, stops):
         axes.set_xlabel("robots")
         axes.set_xlim(0)
         axes.spines[["top", "right"]].set_visible(False)
         axes.grid(color=LIGHT, lw=0.6)
-        axes.legend(fontsize=8, frameon=False)
     figure.savefig(path, metadata={"Date": None, "Creator": None})
 
 
@@ -69,6 +68,11 @@ def _target(axes: Axes, limit_ms: float) -> None:
     """Mark the target for the p99 by a line up to the target's number of robots."""
     axes.plot([0, TARGET_ROBOTS], [limit_ms, limit_ms], color=DANGER, lw=1.6)
     axes.plot([TARGET_ROBOTS], [limit_ms], "v", color=DANGER, ms=6, label="target of the p99")
+
+
+def _cores(run: dict[str, str]) -> int:
+    """Return the number of cores with which the description of the machine begins."""
+    return int(run["machine"].split()[0])
 
 
 def main() -> None:
@@ -84,7 +88,7 @@ def main() -> None:
     )
     stored = read()
     if stored is not None:
-        draw(stored.crowds, PICTURE)
+        draw(stored.crowds, _cores(stored.run), PICTURE)
 
 
 if __name__ == "__main__":

@@ -154,7 +154,7 @@ class PathService:
         self._statuses = bus.subscribe(topics.STATUS, depth=DEPTH, wake=wake)
         self._keys = bus.subscribe(topics.source_cmd_vel(operator), depth=DEPTH, wake=wake)
         self._off_beat = OffBeat(1.0 / operator_rate_hz)
-        self._holder = Holder(bus, SOURCE, about)
+        self._holder = Holder(bus, SOURCE, self._cmd_vel, about)
 
         self._start(asyncio.get_running_loop().time())
         self._course: Course | None = None

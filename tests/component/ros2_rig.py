@@ -2,7 +2,7 @@
 
 import asyncio
 import itertools
-from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping
+from collections.abc import AsyncGenerator, Awaitable, Callable, Collection, Mapping
 from contextlib import asynccontextmanager
 from typing import Any, TypeVar, cast
 
@@ -43,6 +43,10 @@ class _RawPublisher:
         self._session, self._key = session, key
         self._stamper = Stamper(session.bus.network.new_gid())
 
+    @property
+    def epoch(self) -> bytes:
+        return self._stamper.gid
+
     def put_bytes(
         self, payload: bytes, attachment: bytes | None = None, *, true_at_s: float | None = None
     ) -> None:
@@ -70,11 +74,13 @@ class VirtualSession:
         self.bus.subscriptions.setdefault(key, []).append(cast("Any", _Push(push)))
         self.bus.network.listened.add(key)
 
-    def declare_alive(self, node: str) -> Token:
-        return self.bus.declare_alive(node)
+    def declare_alive(self, node: str, epoch: bytes = b"") -> Token:
+        return self.bus.declare_alive(node, epoch)
 
-    def watch_alive(self, wake: asyncio.Event | None = None) -> Inbox[LivelinessChange]:
-        return self.bus.watch_alive(wake)
+    def watch_alive(
+        self, wake: asyncio.Event | None = None, nodes: Collection[str] | None = None
+    ) -> Inbox[LivelinessChange]:
+        return self.bus.watch_alive(wake, nodes)
 
     async def call_raw(
         self, key: str, request: bytes | None, read: Callable[[bytes], R | None], *, timeout_s: float

@@ -385,7 +385,7 @@ async def test_a_plan_that_fails_ends_it_with_its_sentence() -> None:
 
 async def test_a_name_that_is_held_is_not_spoken_in() -> None:
     rig = Rig()
-    rig.outsider.declare_alive("path")
+    rig.outsider.declare_alive("path", b"some other run..")
     async with rig.supervisor(), rig.sim(Plant()), driving(rig, here(square(1.0))) as run:
         await run.until(run.task.done, 5.0)
         error = run.task.exception()
@@ -396,7 +396,7 @@ async def test_a_name_that_is_held_is_not_spoken_in() -> None:
 
 async def test_it_can_be_ended_while_it_takes_its_name() -> None:
     rig = Rig()
-    rig.outsider.declare_alive("path")
+    rig.outsider.declare_alive("path", b"some other run..")
     async with driving(rig, here(square(1.0))) as run:
         await rig.pass_time(0.1)
         run.stop.set()

@@ -29,6 +29,8 @@ from wire.stamp import Stamp
 CMD_VEL = topics.source_cmd_vel("teleop")
 PERIOD_S = 0.05
 INSTANT_S = 4e-4
+RUN = b"some other run.."
+"""The epoch of another program."""
 """Long enough for immediate reactions, short against every period."""
 
 
@@ -669,15 +671,25 @@ async def test_of_two_candidates_the_smaller_mark_begins_once_the_other_has_give
 
 async def test_a_holder_that_does_not_answer_is_waited_for_and_then_named_as_such() -> None:
     wire = Wire()
-    wire.open_joined("other").declare_alive("teleop")  # and nobody who serves
+    wire.open_joined("other").declare_alive("teleop", RUN)  # and nobody who serves
     async with bench(wire=wire) as b:
         assert "held by a teleop that does not answer" in str(b.running.exception())
-        assert (wire.commands(), wire.alive()) == ([], ["teleop"])
+        assert (wire.commands(), wire.alive()) == ([], [])
+
+
+async def test_a_stranger_with_the_token_of_a_source_keeps_nobody_from_driving_as_it() -> None:
+    wire = Wire()
+    wire.open_joined("other").declare_alive("teleop")
+    made = Bench(wire)
+    await made.started()
+    made.stop.set()
+    await asyncio.wait({made.running})
+    assert made.running.exception() is None
 
 
 async def test_the_token_of_a_program_that_has_just_died_is_waited_out() -> None:
     wire = Wire()
-    token = wire.open_joined("other").declare_alive("teleop")
+    token = wire.open_joined("other").declare_alive("teleop", RUN)
     made = Bench(wire)
     await asyncio.sleep(ASK_LIMIT_S + SILENT_LIMIT_S / 2)
     token.withdraw()

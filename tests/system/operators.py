@@ -60,6 +60,7 @@ class Hub:
         self._twists: list[Twist] = []
         self._arrivals_s: list[float] = []
         bus.serve(topics.SUPERVISOR_RESET, self._refuse)
+        bus.declare_alive(topics.SUPERVISOR, bus.run_id)
 
     async def _refuse(self, _: str) -> TriggerResponse:
         return TriggerResponse(success=False, message="joy is not neutral")

@@ -1,5 +1,6 @@
 """The state of a process by the kernel."""
 
+import os
 from contextlib import suppress
 from pathlib import Path
 
@@ -9,6 +10,20 @@ LISTENING = "0A"
 def state_of(pid: int) -> str:
     """Return the state as one letter, as ps shows it: S sleeps, T is stopped."""
     return _fields_after_name(pid)[0]
+
+
+def cpu_s(pid: int) -> float:
+    """Return the CPU time that a process has used [s]."""
+    user, system = _fields_after_name(pid)[11:13]
+    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+
+
+def memory_bytes(pid: int) -> int:
+    """Return the resident memory of a process; 0 if it has ended."""
+    try:
+        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except (FileNotFoundError, ProcessLookupError):
+        return 0
 
 
 def children_of(pid: int) -> list[int]:

@@ -19,6 +19,16 @@ from tests.system.rogue import answer, open_rogue
 from wire import topics
 from wire.stamp import Stamper
 
+ROOT = Path(__file__).parents[2]
+FOREIGN = """
+import sys, threading
+sys.path.insert(0, ".")
+from tests.system.rogue import open_rogue
+session = open_rogue(sys.argv[1])
+print("open", flush=True)
+threading.Event().wait()
+"""
+
 pytestmark = pytest.mark.timeout(120)
 
 
@@ -57,9 +67,9 @@ async def listed(subject: Robot, *arguments: str) -> Any:  # noqa: ANN401 - any 
 
 
 @asynccontextmanager
-async def standing(tmp_path: Path) -> AsyncGenerator[Robot]:
+async def standing(tmp_path: Path, config: Path | None = None) -> AsyncGenerator[Robot]:
     """A robot without an operator, whose sim publishes."""
-    async with robot(tmp_path, teleop=False) as subject:
+    async with robot(tmp_path, teleop=False, config=config) as subject:
         await subject.until(
             lambda: "SCAN_STALE" not in subject.status.reasons and bool(subject.travel), "scans"
         )
@@ -210,38 +220,48 @@ async def test_a_forged_report_of_the_hub_does_not_hide_a_second_writer(tmp_path
 
 async def test_a_foreign_name_in_an_error_does_not_control_the_terminal(tmp_path: Path) -> None:
     async with standing(tmp_path) as subject:
-        rogue = await asyncio.to_thread(open_rogue, subject.endpoint)
-        token = rogue.liveliness().declare_token("robot/alive/\x1b]0;title\x07")
+        program = tmp_path / "\x1b]0;title\x07"
+        program.write_text(FOREIGN)
+        rogue = await asyncio.create_subprocess_exec(
+            sys.executable, str(program), subject.endpoint, cwd=ROOT, stdout=asyncio.subprocess.PIPE
+        )
         try:
+            assert rogue.stdout is not None
+            await asyncio.wait_for(rogue.stdout.readline(), PATIENCE_S)
             code, _, errors = await lifeline(subject, "node", "info", "nobody")
         finally:
-            await asyncio.to_thread(rogue.close)  # pyright: ignore[reportUnknownArgumentType]
+            rogue.kill()
+            await rogue.communicate()
     assert code == EXIT_REFUSED
-    assert token is not None
     assert "?]0;title?" in errors
     assert "\x1b" not in errors
 
 
-async def test_foreign_keys_are_listed(tmp_path: Path) -> None:
-    async with standing(tmp_path) as subject:
+async def test_the_key_of_another_topic_is_listed_if_the_configuration_admits_it(tmp_path: Path) -> None:
+    config = tmp_path / "robot.toml"
+    config.write_text('[bus]\nmore_keys = ["camera/**"]\n')
+    async with standing(tmp_path, config) as subject:
         rogue = await asyncio.to_thread(open_rogue, subject.endpoint)
         ended = asyncio.Event()
 
         async def write() -> None:
             while not ended.is_set():
-                rogue.put("another/robot/scan", b"\x00\x01\xff")
+                rogue.put("robot/camera/front", b"\x00\x01\xff")
+                rogue.put("another/robot/scan", b"refused")
+                rogue.put("robot/secret", b"refused")
                 await asyncio.sleep(0.02)
 
         writing = asyncio.ensure_future(write())
         try:
             entries = {one["key"]: one for one in await listed(subject, "topic", "list", "--seconds", "1")}
-            code, text, _ = await lifeline(subject, "topic", "echo", "/another/robot/scan", "--once")
+            code, text, _ = await lifeline(subject, "topic", "echo", "camera/front", "--once")
         finally:
             ended.set()
             await writing
             await asyncio.to_thread(rogue.close)  # pyright: ignore[reportUnknownArgumentType]
-    assert entries["another/robot/scan"]["type"] is None
-    assert entries["another/robot/scan"]["writers"] == ["undeclared"]
+    assert entries["robot/camera/front"]["type"] is None
+    assert entries["robot/camera/front"]["writers"] == ["undeclared"]
+    assert not {"another/robot/scan", "robot/secret"} & entries.keys()
     assert (code, text) == (0, 'bytes: 3\nhex: "00 01 ff"\n---\n')
 
 

@@ -197,7 +197,7 @@ async def test_what_cannot_run_is_one_sentence_with_the_code_of_a_shell(tmp_path
         ):
             done = run(command(subject.endpoint, program))
             assert (done.returncode, words in done.stderr, "Traceback" in done.stderr) == (code, True, False)
-        assert not tokens.look()
+        await subject.until(lambda: not tokens.look(), "the end of the token")
 
 
 def run(words: list[str]) -> subprocess.CompletedProcess[str]:

@@ -20,11 +20,13 @@ from tests.system.rogue import open_rogue
 from wire import topics
 from wire.bus import Arrival, BusError, NoReplyError
 from wire.messages import TriggerResponse, Twist, decode, encode, planar_twist
+from wire.session import MAX_SOURCE_NAME, SETTLE_S
 from wire.stamp import Stamper
 from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
 
 WITHIN_S = 20.0
 """Time limit for expected events on a loaded machine."""
+NAMED_KEYS = Path(__file__).with_name("named_keys.py")
 STUBBORN = Path(__file__).with_name("stubborn_source.py")
 
 
@@ -131,15 +133,31 @@ async def test_the_hub_and_the_bus_refuse_a_stranger_on_the_supervisors_keys(key
             rogue.close()
 
 
+async def test_the_name_of_an_unknown_source_is_cut() -> None:
+    async with hub_and_client() as (hub, client, _):
+        _, strangers = hub.subscribe_sources(["teleop"], depth=1, wake=asyncio.Event())
+        names: list[str] = []
+
+        def came() -> bool:
+            client.put_raw(f"robot/{'x' * 40_000}/cmd_vel", encode(planar_twist(0.0, 0.0)))
+            names.extend(strangers.take())
+            return bool(names)
+
+        await until(came, "the name")
+        assert set(names) == {"x" * MAX_SOURCE_NAME}
+
+
 async def test_a_stranger_cannot_pose_as_the_supervisor() -> None:
     async with hub_and_client() as (_, client, config):
         watcher = await open_bus(config, "client")
         changes = watcher.watch_alive()
         client.declare_alive(topics.SUPERVISOR)
-        client.declare_alive("stranger")
+        client.declare_alive(topics.TELEOP)
         seen: list[str] = []
         try:
-            await until(lambda: seen.extend(c.node for c in changes.take()) or "stranger" in seen, "a token")
+            await until(
+                lambda: seen.extend(c.node for c in changes.take()) or topics.TELEOP in seen, "a token"
+            )
             assert topics.SUPERVISOR not in seen
         finally:
             await watcher.close()
@@ -196,12 +214,52 @@ async def test_clients_see_the_hub_die_and_come_back() -> None:
         await hub.close()
 
 
+async def test_after_a_stopped_hub_goes_on_samples_count_only_once_the_link_has_settled() -> None:
+    config = BusConfig(free_endpoint(), lease_s=0.2)
+    keys = ["cmd_vel", "teleop/cmd_vel", "joy/cmd_vel", "supervisor/status"]
+    hub = subprocess.Popen(
+        [sys.executable, NAMED_KEYS, config.endpoint, *(f"robot/{key}" for key in keys)],
+        stdin=subprocess.PIPE,
+    )
+    clients = [await open_bus(config, "client") for _ in range(4)]
+    heard: list[tuple[int, str, str, float]] = []
+
+    def hear(client: int, key: str) -> Callable[[bytes, bytes | None, float], None]:
+        return lambda payload, _, arrival_s: heard.append(
+            (client, f"robot/{key}", payload.decode(), arrival_s)
+        )
+
+    def all_hear() -> bool:
+        return len({(client, key) for client, key, *_ in heard}) == len(clients) * len(keys)
+
+    try:
+        for number, client in enumerate(clients):
+            for key in keys:
+                client.subscribe_raw(key, hear(number, key))
+        await until(all_hear, "samples of all keys")
+        for _ in range(5):
+            os.kill(hub.pid, signal.SIGSTOP)
+            await asyncio.sleep(2.0 * config.lease_s)  # the fault itself: longer than the lease
+            heard.clear()
+            continued_s = time.monotonic()
+            os.kill(hub.pid, signal.SIGCONT)
+            await until(all_hear, "samples after the stop")
+            assert not [one for one in heard if one[1] != one[2]]
+            assert min(arrival_s for *_, arrival_s in heard) >= continued_s + SETTLE_S
+    finally:
+        hub.kill()
+        hub.communicate()
+        for client in clients:
+            await client.close()
+
+
 async def test_a_query_is_answered_and_nobody_s_silence_is_an_error() -> None:
     async with hub_and_client() as (hub, client, _):
 
         async def answer(text: str) -> TriggerResponse:
             return TriggerResponse(success=True, message=f"done {text}".strip())
 
+        hub.declare_alive(topics.SUPERVISOR, hub.run_id)
         hub.serve(topics.SUPERVISOR_RESET, answer)
         assert (await client.call(topics.SUPERVISOR_RESET, timeout_s=WITHIN_S)).message == "done"
         assert (
@@ -223,6 +281,7 @@ async def test_the_empty_trigger_request_of_a_ros_2_bridge_is_served(
         async def answer(text: str) -> TriggerResponse:
             return TriggerResponse(success=True, message=f"done {text}".strip())
 
+        hub.declare_alive(topics.SUPERVISOR, hub.run_id)
         hub.serve(topics.SUPERVISOR_RESET, answer)
         response = await client.call_raw(
             topics.SUPERVISOR_RESET.key,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from docs.generate import safety_law
+from docs.generate import access, link, safety_law
 from supervisor.config import SupervisorSection
 from wire.reasons import StopReason
 
@@ -30,6 +30,18 @@ def test_the_generated_parts_of_the_safety_law_are_up_to_date() -> None:
     """`make docs` regenerates them."""
     text = safety_law.DOCUMENT.read_text()
     assert safety_law.regenerated(text) == text
+
+
+def test_the_generated_parts_of_the_links_are_up_to_date() -> None:
+    """`make docs` regenerates them."""
+    text = link.DOCUMENT.read_text()
+    assert link.regenerated(text) == text
+
+
+def test_the_table_of_roles_is_up_to_date() -> None:
+    """`make docs` regenerates it."""
+    text = access.DOCUMENT.read_text()
+    assert access.regenerated(text) == text
 
 
 @pytest.mark.parametrize("reason", StopReason)

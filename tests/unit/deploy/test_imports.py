@@ -21,6 +21,11 @@ def test_the_commands_help_loads_neither_zenoh_nor_pydantic_nor_numpy(tmp_path: 
     assert _python(code, tmp_path) == "set()"
 
 
+def test_only_the_command_keys_loads_cryptography(tmp_path: Path) -> None:
+    modules = "supervisor.__main__, teleop.__main__, sim.program, ros2.program, deploy.cli, deploy.watch, deploy.up, wire.link_probe"
+    assert _python(f"import sys, {modules}; print('cryptography' in sys.modules)", tmp_path) == "False"
+
+
 @pytest.mark.parametrize("name", ["supervisor", "teleop", "sim", "ros2", "virtual", "wire", "deploy"])
 def test_our_names_are_ours_from_any_directory(name: str, tmp_path: Path) -> None:
     found = _python(f"import {name}; print({name}.__file__)", tmp_path)

@@ -25,6 +25,8 @@ TICK_S = 0.02
 BEAMS = 360
 
 CONFIG = SupervisorSection().law()
+ANY_AGE = replace(CONFIG, blind_budget_m=math.inf)
+"""The permitted speed does not fall with the age of a command."""
 SCAN_TIMEOUT_S = CONFIG.lidars[0].timeout_s
 
 CONFIRMED_S = 2 * TICK_S
@@ -146,12 +148,12 @@ class Law:
         return Command("teleop", velocity, self.now_s, Sent(epoch, self.sequence, sent_s))
 
 
-def lost(source: str = "teleop") -> tuple[Liveliness, ...]:
-    return (Liveliness(source, alive=False),)
+def lost(source: str = "teleop", epoch: bytes = b"") -> tuple[Liveliness, ...]:
+    return (Liveliness(source, alive=False, epoch=epoch),)
 
 
-def back(source: str = "teleop") -> tuple[Liveliness, ...]:
-    return (Liveliness(source, alive=True),)
+def back(source: str = "teleop", epoch: bytes = b"") -> tuple[Liveliness, ...]:
+    return (Liveliness(source, alive=True, epoch=epoch),)
 
 
 def odometry(linear_m_s: float, arrival_s: float) -> Odometry:

@@ -8,14 +8,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from supervisor.model import Decision, Inputs, Mode, SourceConfig, Velocity
-from supervisor.safety import RELEASED_FACTOR
+from supervisor.model import Command, Decision, Inputs, Mode, SourceConfig, Velocity
+from supervisor.reckoning import STANDSTILL
+from supervisor.safety import RELEASED_FACTOR, initial_state
 from tests.unit.supervisor.law_harness import (
     BACK,
     CONFIG,
     FORWARD,
     NEUTRAL,
     SPIN,
+    TICK_S,
     UNSEEN_S,
     Law,
     back,
@@ -76,6 +78,52 @@ def test_a_lost_token_is_a_cause_until_it_is_back() -> None:
     law.drive()
     assert told(law.tick(("teleop", FORWARD), liveliness=lost())) == ({"SOURCE_LOST"}, set())
     assert told(law.tick(("teleop", FORWARD), liveliness=back())) == (set(), {"SOURCE_LOST"})
+
+
+def test_the_end_of_the_run_that_commands_is_a_cause_though_others_hold_the_token_of_its_source() -> None:
+    law = Law()
+    law.drive()
+    law.tick(("teleop", FORWARD), liveliness=back() + back(epoch=b"teleop"))
+    assert told(law.tick(("teleop", FORWARD), liveliness=lost(epoch=b"teleop"))) == ({"SOURCE_LOST"}, set())
+    assert law.decision.output == STANDSTILL
+    # The tokens of others do not bring it back.
+    foreign = back() + back(epoch=b"other") + lost(epoch=b"other")
+    assert told(law.tick(("teleop", NEUTRAL), liveliness=foreign)) == ({"SOURCE_LOST"}, set())
+    assert told(law.tick(("teleop", FORWARD), liveliness=back(epoch=b"teleop"))) == (set(), {"SOURCE_LOST"})
+
+
+def test_the_end_of_a_run_that_does_not_command_stops_nothing() -> None:
+    law = Law()
+    law.drive()
+    assert law.tick(("teleop", FORWARD), liveliness=lost(epoch=b"other")).mode is Mode.DRIVING
+
+
+def test_the_end_of_a_run_stops_no_source_that_sends_no_stamps() -> None:
+    law = Law()
+    law.state = initial_state(law.config)
+    for _ in range(20):
+        law.tick_unstamped(NEUTRAL)
+    law.tick_unstamped(FORWARD)
+    law.now_s += TICK_S
+    command = Command("teleop", FORWARD, law.now_s)
+    assert law.step(Inputs(commands=(command,), liveliness=lost(epoch=b"other"))).mode is Mode.DRIVING
+
+
+def test_a_run_that_ended_is_forgotten_once_another_run_commands() -> None:
+    law = Law()
+    law.drive()
+    law.tick(("teleop", FORWARD), liveliness=lost(epoch=b"teleop"))
+    law.hold(0.3)
+    for _ in range(20):
+        law.now_s += TICK_S
+        law.step(Inputs(commands=(law.stamped(NEUTRAL, sent_s=law.now_s, epoch=b"next"),)))
+    assert law.decision.mode is Mode.READY
+
+
+def test_a_run_that_sends_zero_and_ends_is_not_lost() -> None:
+    law = Law()
+    law.drive()
+    assert told(law.tick(("teleop", NEUTRAL), liveliness=lost(epoch=b"teleop"))) == ({"NO_COMMAND"}, set())
 
 
 def test_a_source_that_sends_zero_and_leaves_is_not_lost() -> None:

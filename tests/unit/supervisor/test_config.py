@@ -228,3 +228,15 @@ def test_a_lidar_shadows_no_node_and_no_other_topic(topic: str) -> None:
 def test_two_sources_of_one_name_are_refused_by_their_place() -> None:
     source = {"name": "a", "priority": 1}
     assert "supervisor.sources.1.name = 'a': each source needs a name" in refusal(sources=[source, source])
+
+
+@pytest.mark.parametrize("key", ["teleop/**", "joy/other", "scan/**", "scan"])
+def test_another_key_must_not_begin_like_a_source_or_a_lidar(key: str) -> None:
+    with pytest.raises(ConfigError, match="more_keys"):
+        SupervisorSection().contract([key])
+
+
+def test_the_contract_names_the_sources_the_lidars_and_the_other_keys() -> None:
+    contract = SupervisorSection().contract(["camera/**"])
+    assert contract.sources == ("teleop", "joy", "path")
+    assert (contract.lidars, contract.more_keys) == (("scan",), ("camera/**",))

@@ -375,6 +375,7 @@ EVENTS = [
     "lost teleop",
     "back teleop",
     "flap teleop",
+    "killed teleop",
     "lost path",
     "back path",
     "odometry",
@@ -564,7 +565,7 @@ class Life:
                 self._command(source, velocity, before_s + gap_s * (n + 1) / len(commands))
                 for n, (source, velocity) in enumerate(commands)
             ),
-            liveliness=_liveliness(event),
+            liveliness=_liveliness(event, self.state),
             scans=() if scan == "none" else (self._scan(scan),),
             undecodable_lidars=(0,) if event == "bad scan" else (),
             odometry=self._odometry(event),
@@ -610,7 +611,7 @@ class Life:
         return Odometry(odd.get(event, self.state.output), self.now_s) if self.has_odometry else None
 
 
-def _liveliness(event: str) -> tuple[Liveliness, ...]:
+def _liveliness(event: str, state: State) -> tuple[Liveliness, ...]:
     match event.split(" "):
         case ["lost", source]:
             return (Liveliness(source, alive=False),)
@@ -618,8 +619,16 @@ def _liveliness(event: str) -> tuple[Liveliness, ...]:
             return (Liveliness(source, alive=True),)
         case ["flap", source]:
             return (Liveliness(source, alive=False), Liveliness(source, alive=True))
+        case ["killed", source]:  # somebody else holds the token of the source as well
+            return (Liveliness(source, alive=False, epoch=_run_of(source, state)),)
         case _:
             return ()
+
+
+def _run_of(name: str, state: State) -> bytes:
+    """Return the epoch of a source's newest commands; empty if they have none."""
+    last = next(s.track.last for s in state.sources if s.config.name == name)
+    return b"" if last is None else last.epoch
 
 
 driven: list[bool] = []

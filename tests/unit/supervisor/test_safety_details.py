@@ -9,6 +9,7 @@ import pytest
 from supervisor.model import STANDSTILL, Inputs, LaserScan, Mode, Velocity
 from supervisor.safety import IMPLAUSIBLE_FACTOR, RUNAWAY_GRACE_S
 from tests.unit.supervisor.law_harness import (
+    ANY_AGE,
     BACK,
     CONFIG,
     CONFIRMED_S,
@@ -169,7 +170,7 @@ def test_the_warning_comes_just_inside_its_distance() -> None:
 
 
 def test_the_time_on_the_way_counts_into_the_age() -> None:
-    law = Law()
+    law = Law(ANY_AGE)
     for _ in range(20):
         law.now_s += TICK_S
         law.step(Inputs(commands=(law.stamped(NEUTRAL, sent_s=law.now_s),)))

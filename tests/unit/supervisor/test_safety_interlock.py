@@ -1,12 +1,14 @@
 """The interlock: its stops, and that only a neutral command after the cause permits motion again."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from supervisor.model import STANDSTILL, Command, Inputs, Mode, Velocity
 from supervisor.safety import ROUNDING_S, initial_state, runs_out_s, step
 from tests.unit.supervisor.law_harness import (
+    ANY_AGE,
     BACK,
     CONFIG,
     FORWARD,
@@ -68,7 +70,7 @@ def test_a_neutral_and_a_motion_within_one_tick_both_count() -> None:
 
 
 def test_a_command_goes_stale_just_after_its_timeout() -> None:
-    law = Law(now_s=-1.0)
+    law = Law(ANY_AGE, now_s=-1.0)
     law.tick(("teleop", NEUTRAL))
     law.now_s = -TICK_S  # so that the command comes at 0, where its timeout adds up exactly
     law.state = law.state._replace(now_s=None)
@@ -91,7 +93,7 @@ def test_a_command_goes_stale_just_after_its_timeout() -> None:
 def test_a_motion_ends_exactly_when_runs_out_s_predicts(
     *, scanning: bool, reason: StopReason, begin_s: float
 ) -> None:
-    law = Law(now_s=begin_s)
+    law = Law(ANY_AGE, now_s=begin_s)
     law.drive()
     law.scanning = scanning
     last_s, goes_on = law.now_s, [] if scanning else [("teleop", FORWARD)]
@@ -354,6 +356,29 @@ def test_the_number_of_remembered_unknown_sources_is_limited() -> None:
     law = Law()
     decision = law.tick(strangers=tuple(f"stranger{n}" for n in range(100)))
     assert len(decision.strangers) == 8
+
+
+@pytest.mark.parametrize("sent_before_s", [0.05, 0.15])
+def test_a_neutral_command_that_waited_while_the_supervisor_was_stopped_does_not_arm(
+    sent_before_s: float,
+) -> None:
+    law = Law()
+    for velocity in (*[NEUTRAL] * 20, FORWARD):
+        law.now_s += TICK_S
+        law.step(Inputs(commands=(law.stamped(velocity, sent_s=law.now_s),)))
+    law.now_s += 0.3
+    waited = [
+        law.stamped(velocity, sent_s=law.now_s - sent_before_s + n * 0.01)
+        for n, velocity in enumerate((NEUTRAL, FORWARD))
+    ]
+    assert StopReason.OVERRUN in law.step().reasons
+    law.now_s += 0.002
+    arrived = tuple(replace(command, arrival_s=law.now_s) for command in waited)
+    assert law.step(Inputs(commands=arrived)).output == STANDSTILL
+    for velocity in (NEUTRAL, FORWARD):
+        law.now_s += TICK_S
+        law.step(Inputs(commands=(law.stamped(velocity, sent_s=law.now_s),)))
+    assert law.decision.output == FORWARD
 
 
 def test_all_reasons_are_named_the_most_restrictive_first() -> None:

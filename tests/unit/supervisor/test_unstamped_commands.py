@@ -6,7 +6,7 @@ from itertools import accumulate
 import pytest
 
 from supervisor.model import STANDSTILL, Command, Inputs, Mode, Velocity
-from tests.unit.supervisor.law_harness import CONFIG, FORWARD, NEUTRAL, TICK_S, Law
+from tests.unit.supervisor.law_harness import ANY_AGE, CONFIG, FORWARD, NEUTRAL, TICK_S, Law
 from wire.reasons import StopReason
 
 TIMEOUT_S = CONFIG.command_timeout_s
@@ -26,7 +26,7 @@ def held(law: Law, velocity: Velocity, seconds: float, period_s: float = 0.04) -
 
 def driving() -> Law:
     """A source without stamps drives the robot."""
-    law = Law()
+    law = Law(ANY_AGE)
     held(law, NEUTRAL, 2 * TIMEOUT_S)
     assert held(law, FORWARD, 0.2)[-1] == FORWARD
     return law
@@ -101,7 +101,7 @@ def test_a_source_without_stamps_at_10_or_20_hz_drives_on_in_spite_of_jitter(
 ) -> None:
     """Each command is late by up to 70 ms, for a minute."""
     chance = random.Random(seed)
-    law = Law()
+    law = Law(ANY_AGE)
     start_s = law.now_s
     sent_s = [start_s + n / rate_hz for n in range(round(60.0 * rate_hz))]
     arrivals_s = list(accumulate((at_s + chance.uniform(0.0, 0.07) for at_s in sent_s), max))

@@ -3,9 +3,12 @@
 from pathlib import Path
 
 import pytest
+from pydantic import ValidationError
 
 from supervisor.config import SupervisorSection
+from wire.access import LOCAL_ROLES
 from wire.config import BusSection, ConfigError, absolute, is_loopback, read_toml, section
+from wire.roles import Role
 
 
 def refusal(document: dict[str, object], name: str = "supervisor") -> str:
@@ -102,3 +105,36 @@ def test_an_entry_that_is_refused_is_not_also_missing() -> None:
     assert "supervisor.sources.0.name = 'scan'" in message
     assert "at least 1 item" not in message
     assert "at least 1 item" in refusal({"supervisor": {"sources": []}})
+
+
+@pytest.mark.parametrize("key", ["camera/**", "camera/image", "map", "a/b/c_1"])
+def test_the_key_of_another_topic_is_accepted(key: str) -> None:
+    assert BusSection(more_keys=[key]).more_keys == [key]
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "**",
+        "*",
+        "camera/*",
+        "ca$*",
+        "/map",
+        "map/",
+        "cmd_vel",
+        "a/cmd_vel",
+        "a/holder",
+        "scan",
+        "supervisor/**",
+        "alive/**",
+        "m" * 65,
+    ],
+)
+def test_a_key_that_would_reach_into_the_contract_is_refused(key: str) -> None:
+    with pytest.raises(ValidationError, match="must be a key of another topic"):
+        BusSection(more_keys=[key])
+
+
+def test_a_program_without_a_certificate_is_a_participant_or_only_reads() -> None:
+    assert BusSection().to_bus_config().local == LOCAL_ROLES
+    assert BusSection(without_certificate="viewer").to_bus_config().local == (Role.VIEWER,)

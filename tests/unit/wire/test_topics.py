@@ -42,3 +42,16 @@ def test_what_is_no_relative_key_is_refused(topic: str) -> None:
 def test_a_key_that_is_something_else_s_is_refused(topic: str) -> None:
     with pytest.raises(ValueError, match="already used"):
         topics.lidar_scan(topic)
+
+
+@pytest.mark.parametrize("epoch", [b"", b"\x00", b"sixteen bytes..."])
+def test_a_token_names_its_node_and_its_run(epoch: bytes) -> None:
+    key = topics.alive("teleop", epoch)
+    assert topics.token_of(key.removeprefix(topics.alive(""))) == ("teleop", epoch)
+
+
+@pytest.mark.parametrize(
+    "text", ["teleop/", "teleop/xy", "teleop/abc", "teleop/AB", "teleop/ab/cd", f"a/{'00' * 17}"]
+)
+def test_a_token_of_another_form_is_no_token_of_a_run(text: str) -> None:
+    assert topics.token_of(text) is None

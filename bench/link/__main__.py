@@ -1,0 +1,172 @@
+"""`python -m bench.link`: measure false stops over links that lose packets. Exit 0, or 1 if a program fails."""
+
+import argparse
+import math
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import FrameType
+from typing import NoReturn
+
+from bench.link.conditions import LOSSES, ROUND_TRIPS_S, Link, grid
+from bench.link.namespaces import NoNamespaceError
+from bench.link.results import Results, read, write
+from bench.link.run import Plan, measure
+from bench.link.table import sheets, verdicts
+from bench.rig.sheet import show
+from bench.rig.stored import this_run
+from wire.session import BusConfig
+
+FLOWS = 2
+SECONDS = 200.0
+LATE_MS = 5.0
+
+
+def share_percent(text: str) -> float:
+    return _checked(text, lambda value: 0.0 <= value <= 100.0, "from 0 to 100")
+
+
+def at_least_zero(text: str) -> float:
+    return _checked(text, lambda value: value >= 0.0, "of at least 0")
+
+
+def positive(text: str) -> float:
+    return _checked(text, lambda value: value > 0.0, "greater than 0")
+
+
+def count(text: str) -> int:
+    return int(
+        _checked(text, lambda value: value >= 1.0 and value.is_integer(), "of at least 1, without fraction")
+    )
+
+
+def _checked(text: str, holds: Callable[[float], bool], wanted: str) -> float:
+    """Return a finite number that fulfils a condition.
+
+    Raises:
+        ArgumentTypeError: it does not.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value) or not holds(value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number {wanted}")
+    return value
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        prog="python -m bench.link",
+        description="Measure false stops per hour of commands at 20 Hz, and their worst age, over links that lose, delay "
+        "and reorder packets: TCP, QUIC with mutual TLS and datagrams, and UDP. All conditions run at once, each with "
+        "several flows, between two network namespaces with a router in user space. Needs root. Takes about four "
+        "minutes for each round.",
+        epilog="exit code: 0, even if a target is missed; 1 if a program fails or a round is rejected",
+    )
+    parser.add_argument(
+        "--links",
+        type=Link,
+        nargs="+",
+        default=list(Link),
+        metavar="LINK",
+        help="tcp, quic, udp (default: all)",
+    )
+    parser.add_argument(
+        "--loss-percent",
+        type=share_percent,
+        nargs="+",
+        default=[100 * one for one in LOSSES],
+        metavar="P",
+        help="packets lost, each way (default: 0 1 2 3 5 10)",
+    )
+    parser.add_argument(
+        "--round-trip-ms",
+        type=at_least_zero,
+        nargs="+",
+        default=[1000 * one for one in ROUND_TRIPS_S],
+        metavar="T",
+        help="without jitter (default: 0 20 100 300)",
+    )
+    parser.add_argument(
+        "--lease-s",
+        type=positive,
+        nargs="+",
+        default=[BusConfig().lease_s],
+        metavar="S",
+        help=f"how long a silent link counts as alive (default: {BusConfig().lease_s:g})",
+    )
+    parser.add_argument(
+        "--flows",
+        type=count,
+        default=FLOWS,
+        metavar="N",
+        help="flows of each condition (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--seconds", type=positive, default=SECONDS, help="duration of each round (default: %(default)s)"
+    )
+    parser.add_argument("--rounds", type=count, default=1, metavar="N", help="(default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the first round (default: %(default)s)")
+    parser.add_argument(
+        "--late-ms",
+        type=positive,
+        default=LATE_MS,
+        metavar="T",
+        help="reject a round in which a part of the bench is later than this, p99 (default: %(default)g)",
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="add the results to the JSON lines in FILE")
+    options = parser.parse_args()
+    signal.signal(signal.SIGTERM, _end)
+    try:
+        _measure(options)
+    except (RuntimeError, NoNamespaceError) as error:
+        sys.exit(f"bench.link: {error}")
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+def _end(_: int, __: FrameType | None) -> NoReturn:
+    """End the programs and remove the namespaces, then end this process."""
+    sys.exit(143)
+
+
+def _measure(options: argparse.Namespace) -> None:
+    conditions = grid(
+        options.links,
+        [one / 100 for one in options.loss_percent],
+        [one / 1000 for one in options.round_trip_ms],
+        options.lease_s,
+    )
+    words = ["python -m bench.link"]
+    if options.links != list(Link):
+        words.append(f"--links {' '.join(options.links)}")
+    words += [
+        f"--loss-percent {' '.join(f'{one:g}' for one in options.loss_percent)}",
+        f"--round-trip-ms {' '.join(f'{one:g}' for one in options.round_trip_ms)}",
+        f"--lease-s {' '.join(f'{one:g}' for one in options.lease_s)}",
+        f"--flows {options.flows} --seconds {options.seconds:g} --rounds {options.rounds} --seed {options.seed}",
+    ]
+    before = None if options.json is None else read(options.json)
+    results = before or Results({}, (), ())
+    rejected = 0
+    for number in range(options.rounds):
+        flows: int = options.flows
+        plan = Plan(dict.fromkeys(conditions, flows), options.seconds, options.seed + number)
+        made, measured = measure(plan)
+        rejection = made.rejection(options.late_ms)
+        if rejection is not None:
+            rejected += 1
+            print(f"round {number + 1} is rejected: {rejection}", file=sys.stderr, flush=True)
+            continue
+        results = Results(this_run(" ".join(words)), (*results.rounds, made), (*results.measured, *measured))
+        if options.json is not None:
+            write(results, options.json)
+    if results.rounds:
+        show(sheets(results), verdicts(results))
+    sys.exit(int(rejected > 0))
+
+
+if __name__ == "__main__":
+    main()

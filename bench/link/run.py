@@ -1,0 +1,147 @@
+"""One round: all conditions at once, each with several flows, in one pair of namespaces."""
+
+import json
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bench.link import certificates
+from bench.link.conditions import MAX_CONDITIONS, Condition
+from bench.link.namespaces import Pair, inside, pair
+from bench.link.program import program
+from bench.link.results import Measured, Round
+from bench.link.sessions import PORT, endpoint
+from bench.link.stops import disturbed, length_s, outside
+from bench.rig.sheet import now
+from bench.robots.load import busy_percent, machine
+
+START_LIMIT_S, FRESH_LIMIT_S, END_LIMIT_S = 90.0, 120.0, 60.0
+SETTLE_S = 1.0
+"""Between the begin of the losses and the begin of the count."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What one round measures."""
+
+    flows: Mapping[Condition, int]
+    seconds: float
+    seed: int
+
+
+def measure(plan: Plan) -> tuple[Round, list[Measured]]:
+    """Measure one round.
+
+    Raises:
+        RuntimeError: a program of the bench failed, or no flow was fresh in time.
+        NoNamespaceError: no namespaces can be made here.
+    """
+    conditions = list(plan.flows)
+    if len(conditions) > MAX_CONDITIONS:
+        raise RuntimeError(f"a round can have at most {MAX_CONDITIONS} conditions")
+    numbers = range(1, len(conditions) + 1)
+    owners = [condition for condition in conditions for _ in range(plan.flows[condition])]
+    # Each flow has a hub of its own.
+    hubs = [
+        {
+            "endpoint": endpoint(condition.link, Pair.b_address(number), PORT + flow),
+            "lease_s": condition.lease_s,
+        }
+        for number, condition in zip(numbers, conditions, strict=True)
+        for flow in range(plan.flows[condition])
+    ]
+    paths = {number: _path(condition) for number, condition in zip(numbers, conditions, strict=True)}
+    with tempfile.TemporaryDirectory() as made, pair(numbers) as spaces:
+        folder = Path(made)
+        certificates.make(folder, ("a", "b"), map(Pair.b_address, numbers))
+        fds = (spaces.a_fd, spaces.b_fd)
+        with (
+            program("relay", (), tuple(map(str, fds)), fds) as relay,
+            program("receiver", inside(spaces.b)) as receiver,
+            program("sender", inside(spaces.a)) as sender,
+        ):
+            relay.tell(json.dumps({"paths": paths, "seed": plan.seed}))
+            receiver.tell(json.dumps({"keys": str(folder / "b"), "hubs": hubs}))
+            relay.expect("ready", START_LIMIT_S)
+            receiver.expect("ready", START_LIMIT_S)
+            sender.tell(json.dumps({"keys": str(folder / "a"), "sources": hubs}))
+            sender.expect("ready", START_LIMIT_S)
+            word, *silent = receiver.line(FRESH_LIMIT_S).split()
+            if word != "fresh":
+                names = sorted({str(owners[int(flow)]) for flow in silent})
+                raise RuntimeError(f"no fresh command before the losses began: {', '.join(names)}")
+            relay.tell("lose")
+            relay.expect("done", START_LIMIT_S)
+            time.sleep(SETTLE_S)
+            before = machine()
+            receiver.tell("begin")
+            time.sleep(plan.seconds)
+            receiver.tell("end")
+            heard = json.loads(receiver.line(END_LIMIT_S))
+            busy = busy_percent(before, machine())
+            sender.tell("end")
+            sent = json.loads(sender.line(END_LIMIT_S))
+            relay.tell("end")
+            relayed = json.loads(relay.line(END_LIMIT_S))
+    return _result(plan, owners, heard, sent, relayed, busy)
+
+
+def _path(condition: Condition) -> tuple[float, float, float]:
+    path = condition.path
+    return path.loss, path.delay_s, path.jitter_s
+
+
+def _result(
+    plan: Plan,
+    owners: Sequence[Condition],
+    heard: dict[str, Any],
+    sent: dict[str, Any],
+    relayed: dict[str, Any],
+    busy: float,
+) -> tuple[Round, list[Measured]]:
+    window: tuple[float, float] = tuple(heard["window"])
+    moments = [*heard["late"]["moments"], *sent["moments"], *relayed["late"]["moments"]]
+    spans = disturbed([(due_s, late_s) for due_s, late_s in moments], window)
+    quiet_s = window[1] - window[0] - length_s(spans)
+    found: list[Measured] = []
+    for condition in plan.flows:
+        flows = [heard["flows"][flow] for flow, owner in enumerate(owners) if owner == condition]
+        stops = sum(len(one["stops_s"]) for one in flows)
+        kept = sum(len(outside(one["stops_s"], spans)) for one in flows)
+        found.append(
+            Measured(
+                link=condition.link,
+                loss=condition.loss,
+                round_trip_s=condition.round_trip_s,
+                lease_s=condition.lease_s,
+                flows=len(flows),
+                flow_s=len(flows) * quiet_s,
+                stops=kept,
+                disturbed_stops=stops - kept,
+                worst_age_s=max((one["worst_age_s"] for one in flows), default=0.0),
+                arrived=sum(one["arrived"] for one in flows),
+                refused=sum(one["refused"] for one in flows),
+                links_lost=sum(one["lost"] for one in flows),
+            )
+        )
+    counts = relayed["counts"]
+    made = Round(
+        date=now(),
+        seconds=window[1] - window[0],
+        seed=plan.seed,
+        flows=sum(plan.flows.values()),
+        busy_percent=busy,
+        disturbed_s=length_s(spans),
+        packets=counts["passed"] + counts["lost"],
+        lost=counts["lost"],
+        router_late_p99_ms=1000 * relayed["late"]["p99_s"],
+        router_late_max_ms=1000 * relayed["late"]["max_s"],
+        sender_late_p99_ms=1000 * sent["p99_s"],
+        sender_late_max_ms=1000 * sent["max_s"],
+        receiver_late_p99_ms=1000 * heard["late"]["p99_s"],
+        receiver_late_max_ms=1000 * heard["late"]["max_s"],
+    )
+    return made, found

@@ -1,0 +1,122 @@
+"""Counts the false stops of a flow of commands as the supervisor would stop (pure)."""
+
+import math
+from collections.abc import Iterable, Sequence
+
+from wire.freshness import Sent, Track, Verdict, judge
+
+TIMEOUT_S = 0.2
+"""The supervisor's default command timeout."""
+LATE_S = 0.02
+"""If a part of the bench itself is later than this, a stop near this moment is not the link's."""
+AROUND_S = 0.05
+
+
+class Flow:
+    """The commands of one source, with the verdicts of the law.
+
+    The age of the newest fresh command is the time since its arrival plus its time in transit. When the age exceeds the
+    timeout, the robot stops; the next stop can come only after another fresh command.
+    """
+
+    def __init__(self) -> None:
+        self.stops_s: list[float] = []
+        """When the age exceeded the timeout."""
+        self.worst_age_s = 0.0
+        self.arrived = 0
+        self.refused = 0
+        """Commands that were not fresh: late, out of order, or of a session whose delay was not proven yet."""
+        self._track = Track()
+        self._sent_s = math.nan
+        self.begin_s = math.inf
+
+    @property
+    def is_fresh(self) -> bool:
+        """Whether a fresh command has ever arrived."""
+        return not math.isnan(self._sent_s)
+
+    def begin(self, now_s: float) -> None:
+        """Count from now on."""
+        self.begin_s = now_s
+        if not self.is_fresh:
+            self._sent_s = now_s
+
+    def hear(self, sent: Sent | None, arrival_s: float) -> None:
+        """Take a command.
+
+        Args:
+            sent: its stamp.
+            arrival_s: its arrival by this machine's monotonic clock.
+        """
+        self._track, verdict, on_way_s = judge(self._track, sent, arrival_s, TIMEOUT_S)
+        counts = arrival_s >= self.begin_s
+        self.arrived += counts
+        if verdict is not Verdict.FRESH:
+            self.refused += counts
+            return
+        if counts:
+            self._look(arrival_s)
+        self._sent_s = arrival_s - on_way_s
+
+    def end(self, now_s: float) -> None:
+        """Count the age at the end, too."""
+        self._look(now_s)
+        self.begin_s = math.inf
+
+    def _look(self, now_s: float) -> None:
+        """Count a stop if the newest fresh command became too old before now."""
+        age_s = now_s - self._sent_s
+        self.worst_age_s = max(self.worst_age_s, age_s)
+        if age_s > TIMEOUT_S:
+            self.stops_s.append(self._sent_s + TIMEOUT_S)
+
+
+Span = tuple[float, float]
+"""Begin and end of an interval [s]."""
+
+
+def disturbed(late: Iterable[tuple[float, float]], window: Span) -> list[Span]:
+    """Return the intervals in which the bench itself may have caused a stop, without overlaps.
+
+    Args:
+        late: for each delay of a part of the bench: when it was due, and how late it was [s].
+        window: the measurement; the parts outside it are cut off.
+    """
+    found: list[Span] = []
+    spans = sorted((due_s - AROUND_S, due_s + late_s + TIMEOUT_S + AROUND_S) for due_s, late_s in late)
+    for span in spans:
+        begin_s, end_s = max(span[0], window[0]), min(span[1], window[1])
+        if begin_s >= end_s:
+            continue
+        if found and begin_s <= found[-1][1]:
+            found[-1] = found[-1][0], max(found[-1][1], end_s)
+        else:
+            found.append((begin_s, end_s))
+    return found
+
+
+def outside(stops_s: Iterable[float], spans: Sequence[Span]) -> list[float]:
+    """Return the stops that lie in none of the intervals."""
+    return [stop_s for stop_s in stops_s if not any(begin_s <= stop_s <= end_s for begin_s, end_s in spans)]
+
+
+def length_s(spans: Iterable[Span]) -> float:
+    """Return the length of all intervals together [s]."""
+    return sum(end_s - begin_s for begin_s, end_s in spans)
+
+
+def upper_rate(events: int, time: float, confidence: float = 0.95) -> float:
+    """Return the upper bound of a rate from the number of independent events in a time (Poisson)."""
+    low, high = 0.0, 10.0 + 4.0 * events
+    while high - low > 1e-6 * high:
+        middle = (low + high) / 2
+        if _at_most(events, middle) > 1.0 - confidence:
+            low = middle
+        else:
+            high = middle
+    return high / time
+
+
+def _at_most(events: int, mean: float) -> float:
+    """Return the probability of at most this number of events."""
+    return sum(math.exp(n * math.log(mean) - mean - math.lgamma(n + 1)) for n in range(events + 1))

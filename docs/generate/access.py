@@ -1,0 +1,54 @@
+"""Write the generated part of docs/access.md: `python -m docs.generate.access`.
+
+The part `roles` is the access control as a table, from the grants that the hub applies.
+"""
+
+import sys
+from pathlib import Path
+
+from docs.generate import sections
+from wire.access import Contract, Message, grants_of
+from wire.roles import Role
+
+DOCUMENT = Path(__file__).parents[1] / "access.md"
+NAMESPACE = "robot"
+SHOWN: tuple[tuple[str, Message], ...] = (
+    ("may write", "put"),
+    ("may serve", "declare_queryable"),
+    ("may call", "query"),
+    ("may hold the tokens", "liveliness_token"),
+)
+CONTRACT = Contract(sources=("<source>",), lidars=("<lidar>",), more_keys=("<more_keys>",))
+
+
+def roles_table() -> str:
+    head = ["| role | " + " | ".join(title for title, _ in SHOWN) + " |", "|---|" + "---|" * len(SHOWN)]
+    roles = [role for role in Role if role is not Role.SUPERVISOR]
+    return "\n".join([*head, *(f"| {role} | " + " | ".join(_cells(role)) + " |" for role in roles)])
+
+
+def _cells(role: Role) -> list[str]:
+    keys: dict[Message, list[str]] = {}
+    for grant in grants_of(role, NAMESPACE, CONTRACT):
+        if grant.flow == "ingress":
+            for message in grant.messages:
+                keys.setdefault(message, []).extend(
+                    key.removeprefix(f"{NAMESPACE}/") for key in grant.keys if key.startswith(NAMESPACE)
+                )
+    return [", ".join(f"`{key}`" for key in keys.get(message, [])) or "–" for _, message in SHOWN]
+
+
+PARTS: sections.Parts = {"roles": roles_table}
+
+
+def regenerated(text: str) -> str:
+    """Return the document with its generated part updated.
+
+    Raises:
+        ValueError: the document has no place for it.
+    """
+    return sections.regenerated(text, PARTS, "docs/access.md")
+
+
+if __name__ == "__main__":
+    sys.exit(sections.main("python -m docs.generate.access", DOCUMENT, regenerated))

@@ -1,0 +1,107 @@
+"""What a stranger on the network can pretend: the tokens of others, and answers in their name."""
+
+import asyncio
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.system.harness import Robot, robot
+from tests.system.rogue import answer, open_rogue
+from wire import topics
+from wire.bus import NoReplyError
+from wire.messages import Bool, SafetyStatus, TriggerResponse, encode
+
+pytestmark = pytest.mark.timeout(120)
+
+TOKENS = 1500
+
+
+def say(text: str) -> None:
+    print(f"\n    measured: {text}")
+
+
+@pytest.mark.timed
+async def test_a_killed_teleop_stops_the_robot_at_once_though_a_stranger_holds_its_token(
+    tmp_path: Path,
+) -> None:
+    async with robot(tmp_path, teleop=False) as subject:
+        stranger = open_rogue(subject.endpoint)
+        try:
+            token = stranger.liveliness().declare_token(f"robot/{topics.alive(topics.TELEOP)}")
+            subject.start_teleop()
+            await subject.until(lambda: subject.status.owner == topics.TELEOP, "teleop's heartbeat")
+            await subject.drive()
+            killed_s = subject.kill(topics.TELEOP)
+            to_zero_s = await subject.zero_after(killed_s)
+            await subject.until(lambda: "SOURCE_LOST" in subject.status.reasons, "SOURCE_LOST")
+            say(f"SIGKILL to zero on cmd_vel: {to_zero_s * 1e3:.1f} ms")
+            assert to_zero_s < 0.1, "the command timeout stopped it, not the token"
+            subject.start_teleop()  # which drives again, although the stranger still holds the token
+            await subject.drive()
+            token.undeclare()
+        finally:
+            stranger.close()
+
+
+@pytest.mark.timed
+async def test_the_supervisors_death_is_noticed_at_once_among_the_tokens_of_a_stranger(
+    tmp_path: Path,
+) -> None:
+    async with robot(tmp_path, topics.SUPERVISOR, teleop=False) as subject:
+        assert subject.bus is not None
+        stranger = open_rogue(subject.endpoint)
+        try:
+            tokens = [
+                stranger.liveliness().declare_token(f"robot/{topics.alive(f'x{n}')}") for n in range(TOKENS)
+            ]
+            changes = subject.bus.watch_alive(nodes=[topics.SUPERVISOR])
+            alive: list[bool] = []
+            await subject.until(
+                lambda: alive.extend(c.alive for c in changes.take() if not c.epoch) or alive == [True], "it"
+            )
+            killed_s = subject.signal(topics.SUPERVISOR, signal.SIGKILL)
+            gone: list[float] = []
+            await subject.until(
+                lambda: gone.extend(c.arrival_s for c in changes.take() if not c.alive) or gone != [],
+                "its end",
+            )
+            say(
+                f"SIGKILL to the end of its token, beside {len(tokens)} others: {(gone[0] - killed_s) * 1e3:.1f} ms"
+            )
+            assert gone[0] - killed_s < 0.1
+        finally:
+            stranger.close()
+
+
+async def test_a_strangers_answer_to_a_reset_is_not_believed(tmp_path: Path) -> None:
+    async with robot(tmp_path, teleop=False) as subject:
+        assert subject.bus is not None
+        stranger = open_rogue(subject.endpoint)
+        lie = encode(TriggerResponse(success=True, message="the stranger says that all is well"))
+        answers = [answer(stranger, "robot/**", lie), answer(stranger, "robot/supervisor/*", lie)]
+        try:
+            await _press(subject)
+            for _ in range(5):
+                reply = await subject.bus.call(topics.SUPERVISOR_RESET)
+                assert "stranger" not in reply.message
+            subject.kill(topics.SUPERVISOR)
+            with pytest.raises(NoReplyError):
+                await subject.bus.call(topics.SUPERVISOR_RESET)
+        finally:
+            for one in answers:
+                one.undeclare()
+            stranger.close()
+
+
+async def _press(subject: Robot) -> None:
+    assert subject.bus is not None
+    estop = subject.bus.publisher(topics.ESTOP)
+    deadline_s = time.monotonic() + 20
+    while "ESTOP" not in subject.status.reasons:
+        assert time.monotonic() < deadline_s
+        estop.put(Bool(data=True))
+        subject.look()
+        await asyncio.sleep(0.05)
+    assert subject.status.mode == SafetyStatus.STOPPED

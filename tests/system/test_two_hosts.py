@@ -1,0 +1,50 @@
+"""Operator and robot on two hosts: network namespaces that only a router in user space connects."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from bench.link.namespaces import inside, pair, why_not
+from bench.link.program import ROOT
+from tests.system.two_hosts import LINGER_S, OPERATORS, VIEWERS
+
+LIMIT_S = 110.0
+
+reason = why_not()
+pytestmark = [
+    pytest.mark.timeout(120),
+    pytest.mark.skipif(reason is not None, reason=str(reason)),
+]
+
+
+def play(scenario: str, logs: Path) -> dict[str, float]:
+    """Play a scenario of two_hosts.py in the robot's namespace, and return what it has measured."""
+    with pair([OPERATORS, VIEWERS]) as spaces:
+        fds = (spaces.a_fd, spaces.b_fd)
+        words = [scenario, spaces.a, *map(str, fds), "--logs", str(logs)]
+        done = subprocess.run(
+            [*inside(spaces.b), sys.executable, "-m", "tests.system.two_hosts", *words],
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            timeout=LIMIT_S,
+            check=False,
+            pass_fds=fds,
+        )
+    assert done.returncode == 0, done.stdout + done.stderr
+    measured = json.loads(done.stdout.splitlines()[-1])
+    print(f"\n    measured: {measured}")
+    return measured
+
+
+def test_a_cut_link_stops_the_robot_until_the_returned_operator_sends_neutral(tmp_path: Path) -> None:
+    measured = play("cut", tmp_path)
+    assert measured["to_zero_s"] < measured["to_rest_s"]
+
+
+def test_the_operator_drives_on_when_the_links_of_viewers_die(tmp_path: Path) -> None:
+    """Zenoh waits for a dead TCP link up to ten seconds, on a thread that also receives from the other links."""
+    assert play("viewers", tmp_path)["drove_s"] > 0.9 * LINGER_S

@@ -1,0 +1,150 @@
+"""The robot's host of test_two_hosts.py: `python -m tests.system.two_hosts SCENARIO` inside its network namespace.
+
+Supervisor, simulated base and observer run here; the operator's teleop runs in the other namespace, which the relay connects. Prints
+what it has measured as a line of JSON; an assertion that fails ends it with exit code 1.
+
+    cut       cut the link of the driving operator: the robot stops, and stays stopped until the returned operator sends neutral
+    viewers   let the links of viewers die: the operator drives on
+"""
+
+import argparse
+import asyncio
+import json
+import subprocess
+import sys
+from pathlib import Path as File
+
+import pexpect
+
+from bench.link.conditions import Path
+from bench.link.namespaces import Pair, inside
+from bench.link.program import Program, program
+from tests.system.harness import PATIENCE_S, Robot, is_zero
+from wire import topics
+from wire.messages import SafetyStatus
+
+OPERATORS, VIEWERS = 1, 2
+"""Paths in the relay."""
+PORT = 7447
+TIMEOUT_S, TICK_S = 0.2, 0.02
+MACHINE_S = 0.2
+"""What a loaded machine may add; the measured time is printed."""
+WATCH_S = 1.0
+DELAY_S = 0.01
+LINGER_S = 10.0
+"""Time for which Zenoh waits when it closes a TCP link that does not answer."""
+NUMBER_OF_VIEWERS = 4
+
+
+async def drive_and_cut(robot: Robot, relay: Program) -> dict[str, float]:
+    """Return the times from the cut of the link to zero and to standstill [s]."""
+    assert robot.bus is not None
+    intents = robot.bus.subscribe(topics.source_cmd_vel(topics.TELEOP), depth=1)
+    await robot.until(lambda: robot.status.owner == topics.TELEOP, "teleop's heartbeat")
+    await robot.drive()
+    cut_s = asyncio.get_running_loop().time()
+    _tell(relay, "cut")
+    to_zero_s = await robot.zero_after(cut_s)
+    to_rest_s, _ = await robot.standstill_after(cut_s)
+    assert to_zero_s <= TIMEOUT_S + TICK_S + MACHINE_S, f"zero only {to_zero_s:.3f} s after the cut"
+    assert set(robot.status.reasons) & {"COMMAND_TIMEOUT", "SOURCE_LOST"}, robot.status.reasons
+    await robot.never(lambda: abs(robot.speed_m_s) > 0.01, "it moved while the link was cut", WATCH_S)
+
+    intents.take()
+    _tell(relay, "mend")
+    mended_s = asyncio.get_running_loop().time()
+    moving: list[bool] = []
+
+    def asks() -> bool:
+        moving.extend(one.message is not None and not is_zero(one.message) for one in intents.take())
+        return any(moving)
+
+    await robot.until(asks, "the returned operator still asks for motion")
+    await robot.never(lambda: abs(robot.speed_m_s) > 0.01, "it moved without neutral", WATCH_S)
+    assert robot.status.mode == SafetyStatus.STOPPED, robot.picture()
+    assert all(is_zero(twist) for at_s, twist in robot.outputs if at_s > cut_s + to_zero_s)
+    await robot.drive()
+    return {"to_zero_s": to_zero_s, "to_rest_s": to_rest_s, "back_s": robot.outputs[-1][0] - mended_s}
+
+
+def _tell(relay: Program, command: str) -> None:
+    relay.tell(command)
+    relay.expect("done", PATIENCE_S)
+
+
+async def viewers_die(robot: Robot, relay: Program, operator: str) -> dict[str, float]:
+    """Return how long the robot drove without a stop after the viewers' links died [s]."""
+    address = f"tcp/{Pair.b_address(VIEWERS)}:{PORT}"
+    viewers = subprocess.Popen(
+        [*inside(operator), sys.executable, "-m", "tests.system.viewers", address, str(NUMBER_OF_VIEWERS)],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert viewers.stdout is not None
+        assert viewers.stdout.readline() == "watching\n"
+        await robot.until(lambda: robot.status.owner == topics.TELEOP, "teleop's heartbeat")
+        await robot.drive("w", 0.1)  # slowly: the aisle is short
+        begin_s = asyncio.get_running_loop().time()
+        _tell(relay, "lose")
+        await robot.never(
+            lambda: any(at_s > begin_s and is_zero(twist) for at_s, twist in robot.outputs),
+            "the robot stopped when the links of viewers died",
+            LINGER_S,
+        )
+        return {"drove_s": robot.outputs[-1][0] - begin_s}
+    finally:
+        viewers.kill()
+        viewers.communicate()
+
+
+async def run(arguments: argparse.Namespace, relay: Program) -> dict[str, float]:
+    robot = Robot(f"tcp/{Pair.b_address(OPERATORS)}:{PORT}", arguments.logs)
+    try:
+        robot.start(topics.SUPERVISOR, "--endpoint", f"tcp/0.0.0.0:{PORT}")
+        robot.start(topics.SIM)
+        await robot.observe()
+        robot.terminal = pexpect.spawn(
+            "ip",
+            [
+                *inside(arguments.operator)[1:],
+                sys.executable,
+                "-m",
+                topics.TELEOP,
+                "--endpoint",
+                robot.endpoint,
+            ],
+            dimensions=(24, 100),
+            env=robot.environment,
+        )
+        robot.terminal.delaybeforesend = None
+        if arguments.scenario == "viewers":
+            return await viewers_die(robot, relay, arguments.operator)
+        return await drive_and_cut(robot, relay)
+    finally:
+        await robot.close()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m tests.system.two_hosts", description=__doc__)
+    parser.add_argument("scenario", choices=("cut", "viewers"))
+    parser.add_argument("operator", help="name of the operator's namespace")
+    parser.add_argument("fds", type=int, nargs=2, help="file descriptors of the two TUN devices")
+    parser.add_argument("--logs", type=File, required=True)
+    arguments = parser.parse_args()
+    paths = {OPERATORS: Path(loss=0.0, delay_s=DELAY_S, jitter_s=0.0), VIEWERS: Path(1.0, DELAY_S, 0.0)}
+    with program("relay", (), tuple(map(str, arguments.fds)), arguments.fds) as relay:
+        relay.tell(
+            json.dumps(
+                {
+                    "paths": {number: (one.loss, one.delay_s, one.jitter_s) for number, one in paths.items()},
+                    "seed": 1,
+                }
+            )
+        )
+        relay.expect("ready", PATIENCE_S)
+        print(json.dumps(asyncio.run(run(arguments, relay))), flush=True)
+
+
+if __name__ == "__main__":
+    main()

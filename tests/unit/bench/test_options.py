@@ -1,0 +1,60 @@
+"""Options of the benches, and how a bench ends."""
+
+import argparse
+from pathlib import Path
+
+import pytest
+
+from bench.rig.options import (
+    EXIT_FAILED,
+    EXIT_INTERRUPTED,
+    count,
+    duration_s,
+    failing_in_a_sentence,
+    output_file,
+)
+
+
+def test_a_count_is_at_least_one() -> None:
+    assert count("1") == 1
+    for text in ("0", "-3", "1.5", "x", ""):
+        with pytest.raises(argparse.ArgumentTypeError, match="at least 1"):
+            count(text)
+
+
+def test_a_duration_is_positive_and_finite() -> None:
+    assert duration_s("0.5") == 0.5
+    for text in ("0", "-1", "nan", "inf", "x"):
+        with pytest.raises(argparse.ArgumentTypeError, match="positive number of seconds"):
+            duration_s(text)
+
+
+def test_a_new_file_and_an_old_one_are_accepted(tmp_path: Path) -> None:
+    file = tmp_path / "run.jsonl"
+    assert output_file(str(file)) == file
+    file.write_text("")
+    assert output_file(str(file)) == file
+
+
+def test_a_file_that_cannot_be_written_is_refused_before_the_run(tmp_path: Path) -> None:
+    with pytest.raises(argparse.ArgumentTypeError, match="is a directory"):
+        output_file(str(tmp_path))
+    with pytest.raises(argparse.ArgumentTypeError, match="there is no directory"):
+        output_file(str(tmp_path / "none" / "run.jsonl"))
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "sentence"),
+    [
+        (KeyboardInterrupt(), EXIT_INTERRUPTED, "bench: interrupted; nothing was written\n"),
+        (RuntimeError("it failed"), EXIT_FAILED, "bench: it failed\n"),
+        (TimeoutError(), EXIT_FAILED, "bench: TimeoutError\n"),
+    ],
+)
+def test_a_bench_that_fails_prints_one_sentence(
+    error: BaseException, code: int, sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as end, failing_in_a_sentence("bench"):
+        raise error
+    assert end.value.code == code
+    assert capsys.readouterr().err == sentence

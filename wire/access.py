@@ -1,0 +1,184 @@
+"""What the hub accepts from each participant and sends to it: an allow-list, generated from the table of topics (pure).
+
+Everything that is not listed is refused. A list of what is refused would not do: a put on `robot/**` matches every
+subscriber, but no rule for `robot/cmd_vel`. Zenoh allows a message if an allowed key expression includes the message's key
+expression, so a wildcard passes only where the list has the same wildcard or a wider one.
+
+Participants with a certificate have the role in its common name (`wire.roles`). A participant without one has the roles
+that the configuration gives to the programs of this machine.
+
+The hub checks what comes in (ingress) and what goes out to each participant (egress). Everything may go out within the
+robot's namespace: every participant may read. `delete` is never allowed.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from wire import topics
+from wire.foreign_nodes import NODE_TOKENS
+from wire.roles import ANY, Role, common_name
+
+LOCAL_ROLES = (Role.BASE, Role.SENSOR, Role.OPERATOR, Role.ESTOP, Role.VIEWER)
+"""The roles of a program without a certificate, on this machine."""
+LOCAL_LINKS = ("tcp", "unixsock-stream")
+ADMIN_SPACE = "@/**"
+"""Zenoh's own report of sessions and declarations, for the inspection tools; it is read-only."""
+ROS2_TOKENS = f"{NODE_TOKENS.partition('/')[0]}/**"
+
+Message = Literal[
+    "put",
+    "delete",
+    "query",
+    "reply",
+    "declare_subscriber",
+    "declare_queryable",
+    "liveliness_token",
+    "liveliness_query",
+    "declare_liveliness_subscriber",
+]
+Flow = Literal["ingress", "egress"]
+
+
+@dataclass(frozen=True, slots=True)
+class Contract:
+    """The robot's own keys, beside those that every robot has."""
+
+    sources: tuple[str, ...] = ("teleop", "joy", "path")
+    lidars: tuple[str, ...] = (topics.SCAN.key,)
+    """The scan topics of its lidars."""
+    more_keys: tuple[str, ...] = ()
+    """Keys of its other topics, which sensors, bases and local programs may write."""
+
+
+@dataclass(frozen=True, slots=True)
+class Grant:
+    """Messages on key expressions, in one direction, that the hub allows."""
+
+    messages: tuple[Message, ...]
+    flow: Flow
+    keys: tuple[str, ...]
+    """Full key expressions, including the namespace."""
+
+
+def access_control(
+    namespace: str, contract: Contract, local: Iterable[Role] = LOCAL_ROLES
+) -> dict[str, object]:
+    """Return Zenoh's configuration of the access control.
+
+    Args:
+        namespace: of the robot.
+        contract: its own keys.
+        local: the roles of programs without a certificate.
+    """
+    rules: list[dict[str, object]] = []
+    subjects: list[dict[str, object]] = []
+    policies: list[dict[str, object]] = []
+
+    def add(subject: dict[str, object], grants: Iterable[Grant]) -> None:
+        name = str(subject["id"])
+        own: list[str] = []
+        for number, grant in enumerate(grants):
+            own.append(f"{name} {number}")
+            rules.append(
+                {
+                    "id": own[-1],
+                    "messages": list(grant.messages),
+                    "flows": [grant.flow],
+                    "permission": "allow",
+                    "key_exprs": list(grant.keys),
+                }
+            )
+        subjects.append(subject)
+        policies.append({"rules": own, "subjects": [name]})
+
+    for role in Role:
+        if role is not Role.SUPERVISOR:
+            names = [common_name(role, namespace), common_name(role, ANY)]
+            add({"id": role.value, "cert_common_names": names}, grants_of(role, namespace, contract))
+    every = [grant for role in local for grant in grants_of(role, namespace, contract)]
+    if set(local) >= set(LOCAL_ROLES):
+        every.append(_unknown_sources(namespace))
+    add({"id": "local", "link_protocols": list(LOCAL_LINKS)}, dict.fromkeys(every))
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    }
+
+
+def grants_of(role: Role, namespace: str, contract: Contract) -> Iterator[Grant]:
+    """Yield what the hub allows to one role: to read everything, and what the table of topics has for it."""
+    everything = f"{namespace}/**"
+    alive = f"{namespace}/{topics.alive('**')}"
+    # A subscription may be wider, as that of `lifeline topic list`; what it receives is limited by the next rule.
+    yield Grant(("declare_subscriber",), "ingress", ("**",))
+    yield Grant(("put", "query", "reply"), "egress", (everything, ADMIN_SPACE))
+    yield Grant(("declare_subscriber", "declare_queryable"), "egress", ("**",))
+    yield Grant(
+        ("liveliness_token", "liveliness_query", "declare_liveliness_subscriber"),
+        "egress",
+        ("**", ROS2_TOKENS),
+    )
+    yield Grant(("liveliness_query", "declare_liveliness_subscriber"), "ingress", (alive, ROS2_TOKENS))
+    yield Grant(("query",), "ingress", (ADMIN_SPACE,))
+    kinds: tuple[tuple[tuple[Message, ...], Iterable[str]], ...] = (
+        (("put",), _written_by(role, contract)),
+        (("declare_queryable", "reply"), _served_by(role, contract)),
+        (("query",), _called_by(role, contract)),
+        (("liveliness_token",), _alive_as(role, contract)),
+    )
+    for messages, keys in kinds:
+        full = tuple(f"{namespace}/{key}" for key in keys)
+        if full:
+            yield Grant(messages, "ingress", full)
+    if Role.BASE is role:
+        yield Grant(("liveliness_token",), "ingress", (ROS2_TOKENS,))
+
+
+def _unknown_sources(namespace: str) -> Grant:
+    """Let the supervisor hear a local program that commands under an unknown name, so that the status can say so."""
+    return Grant(("put",), "ingress", (f"{namespace}/{topics.source_cmd_vel('*').key}",))
+
+
+def _written_by(role: Role, contract: Contract) -> Iterator[str]:
+    for topic in topics.TOPICS:
+        if role in topic.roles:
+            yield from _named(topic.key, contract)
+    if role in topics.SENSORS:
+        yield from contract.more_keys
+
+
+def _served_by(role: Role, contract: Contract) -> Iterator[str]:
+    for service in topics.SERVICES:
+        if role in service.roles:
+            yield from _named(service.key, contract)
+
+
+def _called_by(role: Role, contract: Contract) -> Iterator[str]:
+    if role is Role.OPERATOR:
+        for service in topics.SERVICES:
+            yield from _named(service.key, contract)
+
+
+def _alive_as(role: Role, contract: Contract) -> Iterator[str]:
+    """Yield the keys of the tokens that a role may hold: for each node, also those of its runs."""
+    if role is Role.BASE:
+        yield from (f"{topics.alive(node)}/**" for node in (topics.SIM, topics.ROS2))
+    if role is Role.OPERATOR:
+        for source in contract.sources:
+            # The source, the candidates for its name (teleop/holder.py), and its wrapper in ROS 2.
+            nodes = (source, f"{source}.$*", f"{source}{topics.EXEC_SUFFIX}")
+            yield from (f"{topics.alive(node)}/**" for node in nodes)
+
+
+def _named(key: str, contract: Contract) -> Iterator[str]:
+    """Yield the literal keys for an entry of the table, whose key may have a placeholder."""
+    if key == topics.LIDAR_PLACEHOLDER:
+        yield from contract.lidars
+    elif topics.SOURCE_PLACEHOLDER in key:
+        yield from (key.replace(topics.SOURCE_PLACEHOLDER, source) for source in contract.sources)
+    else:
+        yield key

@@ -1,0 +1,62 @@
+"""What the hub permits its clients, as far as Zenoh can be configured (pure; docs/attacks.md).
+
+Every connection needs an open file, and so does every file that the supervisor writes: the black box and the e-stop record
+must still find a free one when strangers hold all connections that the hub permits.
+"""
+
+ACCEPT_TIMEOUT_S = 2.0
+"""How long a new connection may take to introduce itself: three round trips on a slow link, with one lost packet."""
+MAX_SESSIONS = 1000
+MAX_PENDING = 4000
+"""Maximum number of connections that have not introduced themselves yet. Beyond it, the hub closes new ones immediately:
+within `ACCEPT_TIMEOUT_S`, an attacker must open so many to lock others out."""
+RESERVED_FILES = 256
+"""Open files of the supervisor itself."""
+WANTED_FILES = MAX_SESSIONS + MAX_PENDING + RESERVED_FILES
+
+MESSAGE_BYTES = (1 << 20) + (1 << 16)
+"""Maximum size of a message that arrives in fragments: the largest payload of Lifeline, with its key and attachment."""
+BATCH_BYTES = 16 << 10
+"""Size of Zenoh's buffers. A session that reads nothing fills up to thirty of them; larger messages are divided."""
+COMMAND_BYTES = 1024
+"""Maximum size of a command with its attachment; a Twist with its stamp has 85 bytes."""
+QUERY_BYTES = 1 << 16
+
+MEMORY_BYTES = 1 << 30
+"""Maximum size of the supervisor's writable memory, of which it needs 160 MB, mostly stacks. What Zenoh stores for its
+clients has no limit otherwise: fragments of one byte occupy 8 KB each, and key expressions remain until their session ends."""
+
+ACCEPTOR_THREADS = 4
+"""Number of Zenoh's threads that accept connections and poll their sockets. With one, as is Zenoh's default, a single
+`close` that waits for its peer stops all reading: after one lease, every client loses its link."""
+RUNTIME = f"(acc: (worker_threads: {ACCEPTOR_THREADS}))"
+"""Value of Zenoh's environment variable `ZENOH_RUNTIME`."""
+
+
+def hub_settings(namespace: str, open_files: int) -> dict[str, object]:
+    """Return the part of Zenoh's configuration that limits the hub's clients.
+
+    Args:
+        namespace: the robot's namespace.
+        open_files: the maximum number of open files of this process.
+    """
+    free = max(open_files - RESERVED_FILES, 2)
+    sessions = min(MAX_SESSIONS, free // 2)
+    return {
+        "transport/unicast/accept_timeout": round(ACCEPT_TIMEOUT_S * 1000),
+        "transport/unicast/accept_pending": min(MAX_PENDING, free - sessions),
+        "transport/unicast/max_sessions": sessions,
+        "transport/link/tx/batch_size": BATCH_BYTES,
+        # Zenoh's default is 1 GiB for each session, priority and reliability.
+        "transport/link/rx/max_message_size": MESSAGE_BYTES,
+        "low_pass_filter": [
+            _at_most(COMMAND_BYTES, "commands", ["put", "delete"], f"{namespace}/*/cmd_vel"),
+            _at_most(MESSAGE_BYTES, "samples", ["put", "delete"], "**"),
+            _at_most(QUERY_BYTES, "queries", ["query", "reply"], "**"),
+        ],
+    }
+
+
+def _at_most(size: int, name: str, messages: list[str], key: str) -> dict[str, object]:
+    """Return the rule of a low-pass filter that drops larger messages of the clients."""
+    return {"id": name, "messages": messages, "flows": ["ingress"], "key_exprs": [key], "size_limit": size}

@@ -1,0 +1,69 @@
+"""Limits of this process that the kernel enforces: open files, memory, and the time that a closing socket may block."""
+
+import ctypes
+import os
+import resource
+import socket
+import struct
+import sys
+import threading
+import time
+
+LINGER_PERIOD_S = 0.1
+_NO_LINGER = struct.pack("ii", 0, 0)
+
+
+def raise_open_files(wanted: int) -> int:
+    """Raise the soft limit of open files to `wanted`, at most to the hard limit; return how many of them are permitted.
+
+    A shell and systemd start a process with 1,024 as its soft limit, although its hard limit is much higher.
+    """
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft == resource.RLIM_INFINITY or soft >= wanted:
+        return wanted
+    raised = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (raised, hard))
+    return raised
+
+
+def bound_memory(limit_bytes: int) -> None:
+    """End this process instead of letting its memory grow beyond a limit, and so take that of other processes.
+
+    An allocation beyond the limit fails, and Zenoh then aborts. The kernel counts writable memory, with the stacks of
+    the threads. The limit never rises above one that is already in force.
+    """
+    soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    bounds = [limit for limit in (limit_bytes, soft, hard) if limit != resource.RLIM_INFINITY]
+    resource.setrlimit(resource.RLIMIT_DATA, (min(bounds), hard))
+
+
+def never_linger() -> None:
+    """Keep the option SO_LINGER off on all sockets of this process, from a thread; call it once or more.
+
+    Zenoh sets it to 10 s on each TCP link: `close` then blocks one of Zenoh's few threads until the peer has acknowledged
+    the end of the connection. A peer that delays its acknowledgements stops that thread for 40 ms, and a peer whose
+    cable is cut for 10 s; meanwhile other links are not read, and their leases end. Without it, the kernel delivers what
+    is left in the background.
+    """
+    with _lock:
+        if not _started and sys.platform == "linux":
+            _started.append(True)
+            threading.Thread(target=_clear_repeatedly, name="no-linger", daemon=True).start()
+
+
+_lock = threading.Lock()
+_started: list[bool] = []
+
+
+def _clear_repeatedly() -> None:
+    while True:
+        clear_linger()
+        time.sleep(LINGER_PERIOD_S)
+
+
+def clear_linger() -> None:
+    """Switch SO_LINGER off on every socket that is open now; other files are left as they are."""
+    # As PyDLL, which keeps the interpreter's lock: a call takes 4 us with its loop, and never waits.
+    setsockopt = ctypes.PyDLL(None).setsockopt
+    for name in os.listdir("/proc/self/fd"):  # noqa: PTH208 - ten times a second, and a Path for each costs more than the call
+        setsockopt(int(name), socket.SOL_SOCKET, socket.SO_LINGER, _NO_LINGER, len(_NO_LINGER))

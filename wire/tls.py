@@ -1,0 +1,132 @@
+"""Endpoints with mutual TLS: tls/ and quic/, what they need, and Zenoh's settings for them (pure).
+
+Both sides prove who they are with a certificate of the same authority (bundle.py), and nothing falls back to a link without
+encryption. Over QUIC, samples that are useful only while fresh are sent as datagrams, which a lost packet does not delay,
+and all others in streams, which repeat what was lost (`mixed_rel`, zenoh #2476).
+"""
+
+import ipaddress
+
+from wire.bundle import Bundle
+from wire.roles import Role
+
+MIXED_RELIABILITY = "?mixed_rel=1"
+SECURE = ("tls", "quic")
+NOT_A_HUB = "the other side is not a supervisor: its certificate has another role"
+EVERY_ADDRESS = ("0.0.0.0", "[::]")  # noqa: S104 - compared only
+SOON_S = 3 * 86400.0
+"""A certificate that ends within this time needs a new one."""
+
+
+def is_secure(endpoint: str) -> bool:
+    """Return whether an endpoint needs certificates."""
+    return endpoint.partition("/")[0] in SECURE
+
+
+def zenoh_endpoint(endpoint: str) -> str:
+    """Return the endpoint as Zenoh needs it: over QUIC with mixed reliability, unless the endpoint decides."""
+    return endpoint + MIXED_RELIABILITY if endpoint.startswith("quic/") and "?" not in endpoint else endpoint
+
+
+def host_of(endpoint: str) -> str:
+    """Return the host of an endpoint, an IPv6 address in brackets."""
+    return endpoint.partition("/")[2].rpartition(":")[0]
+
+
+def without_keys(endpoint: str) -> str:
+    """Return the sentence that refuses a secure endpoint without keys."""
+    return (
+        f"{endpoint} needs certificates: make them with `lifeline keys`, and name the directory of the bundle with --keys DIR "
+        "or [bus] keys"
+    )
+
+
+def misfit(bundle: Bundle, endpoint: str, namespace: str, *, is_hub: bool) -> str | None:
+    """Return in one sentence why a bundle does not fit its use; None if it does."""
+    who = f"the certificate of {bundle.name} ({bundle.certificate.parent})"
+    if not bundle.is_for(namespace):
+        return (
+            f"{who} is for the robot {bundle.namespace}, not for {namespace}: issue one with `lifeline keys issue NAME "
+            f"--robot {namespace}`, or change [bus] namespace"
+        )
+    host = host_of(endpoint)
+    if not is_hub and bundle.role is Role.SUPERVISOR:
+        return (
+            f"{who} has the role supervisor, which only the hub has: issue one for this program, for instance with "
+            "`lifeline keys issue NAME --role base` for the base"
+        )
+    if not is_hub:
+        return (
+            f"{endpoint}: a certificate cannot be checked against an IPv6 address: give a host name or an IPv4 address"
+            if host.startswith("[")
+            else None
+        )
+    if bundle.role is not Role.SUPERVISOR:
+        return f"{who} has the role {bundle.role}: the supervisor needs one of `lifeline keys issue NAME --role supervisor`"
+    if host not in EVERY_ADDRESS and not _names(bundle, host.strip("[]")):
+        return (
+            f"{who} is not for the host {host}, where others connect: issue it with `lifeline keys issue {bundle.name} "
+            f"--host {host}`"
+        )
+    return None
+
+
+def _names(bundle: Bundle, host: str) -> bool:
+    """Return whether a certificate names a host, or an address in any notation."""
+    return _normal(host) in {_normal(name) for name in bundle.hosts}
+
+
+def _normal(host: str) -> str:
+    try:
+        return str(ipaddress.ip_address(host))
+    except ValueError:
+        return host.lower()
+
+
+def ends_soon(bundle: Bundle, now_s: float) -> str | None:
+    """Return a warning if a certificate ends soon; None if it does not.
+
+    Args:
+        bundle: a bundle that is valid now.
+        now_s: the time, in seconds since the epoch.
+    """
+    left_s = bundle.ends_s - now_s
+    if left_s >= SOON_S:
+        return None
+    left = f"{left_s / 86400.0:.1f} days" if left_s >= 86400.0 else f"{left_s / 3600.0:.1f} hours"
+    return (
+        f"the certificate of {bundle.name} ends in {left}, and the link with it: issue a new one with `lifeline keys issue "
+        f"{bundle.name}`"
+    )
+
+
+def has_ended(bundle: Bundle) -> str:
+    """Return the sentence for a certificate that ended while the link was open."""
+    restart = ", and restart the supervisor" if bundle.role is Role.SUPERVISOR else ""
+    return (
+        f"the link is closed, because the certificate of {bundle.name} has expired: issue a new one with `lifeline keys issue "
+        f"{bundle.name}`, copy its bundle to {bundle.certificate.parent}{restart}"
+    )
+
+
+def is_hub_name(common_name: str | None) -> bool:
+    """Return whether the other side of a client's link is a supervisor of our authority.
+
+    Zenoh also trusts the public authorities of the web; these never sign such a name.
+    """
+    return common_name is not None and common_name.startswith(f"{Role.SUPERVISOR}@")
+
+
+def settings(bundle: Bundle) -> dict[str, str | bool]:
+    """Return the values of Zenoh's `transport/link/tls`: mutual TLS, and links that end with their certificate."""
+    certificate, key = str(bundle.certificate), str(bundle.key)
+    return {
+        "root_ca_certificate": str(bundle.authority),
+        "listen_certificate": certificate,
+        "listen_private_key": key,
+        "connect_certificate": certificate,
+        "connect_private_key": key,
+        "enable_mtls": True,
+        "verify_name_on_connect": True,
+        "close_link_on_expiration": True,
+    }
