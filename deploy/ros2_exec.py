@@ -5,6 +5,7 @@ token disappears when the program ends, also by SIGKILL, and when this process i
 """
 
 import asyncio
+import os
 import sys
 from functools import partial
 from typing import NoReturn
@@ -21,10 +22,13 @@ from wire import topics
 from wire.config import BusSection, ConfigError, FreeName, Section, read_sections, read_toml
 from wire.inbox import BusError, Token
 from wire.memory_keeper import MemoryKeeper
+from wire.notify import Notifier, take_notifier
 from wire.session import BusConfig, ZenohSession, open_session
 
 EXIT_NOT_FOUND, EXIT_NOT_EXECUTABLE = 127, 126
 """The exit codes of a shell for the same failures."""
+REPORT_PERIOD_S = 0.1
+"""Time between two turns of the loop that may report to systemd."""
 
 
 def run(launch: Launch, source: str, command: list[str]) -> NoReturn:
@@ -42,11 +46,12 @@ def run(launch: Launch, source: str, command: list[str]) -> NoReturn:
     except ConfigError as error:
         raise DeployError(str(error)) from error
     check_source(source, sections.get(Ros2Section), str(launch.config))
+    notifier = take_notifier(os.environ)  # before the program inherits the environment
     child = BoundChild(command)  # before the threads of Zenoh
     keeper = MemoryKeeper() if sections[BusSection].memory_keeper else None
     code = EXIT_REFUSED
     try:
-        code = asyncio.run(_hold(launch.bus, source, command[0], child))
+        code = asyncio.run(_hold(launch.bus, source, command[0], child, notifier))
     except BusError as error:
         print(f"lifeline: {error}", file=sys.stderr)
     finally:
@@ -74,7 +79,7 @@ def check_source(source: str, ros2: Ros2Section | None, config: str) -> None:
     raise DeployError(f"{printable(source)!r} is no source of [ros2] in {config}: {there}")
 
 
-async def _hold(bus: BusConfig, source: str, program: str, child: BoundChild) -> int:
+async def _hold(bus: BusConfig, source: str, program: str, child: BoundChild, notifier: Notifier) -> int:
     """Hold the token while the child runs, and return its exit code."""
     loop = asyncio.get_running_loop()
     stopped: asyncio.Future[int] = loop.create_future()
@@ -105,7 +110,10 @@ async def _hold(bus: BusConfig, source: str, program: str, child: BoundChild) ->
     is_running = True
     if failure is not None:
         print(f"lifeline: cannot run {printable(program)}: {failure.strerror}", file=sys.stderr)
+    else:
+        _report(notifier, ended)
     await ended.wait()
+    notifier.stopping()
     await session.close()
     if failure is not None:
         return EXIT_NOT_FOUND if isinstance(failure, FileNotFoundError) else EXIT_NOT_EXECUTABLE
@@ -117,6 +125,14 @@ async def _session(bus: BusConfig) -> ZenohSession:
         print(f"lifeline: waiting for the supervisor at {bus.endpoint}", file=sys.stderr, flush=True)
 
     return ZenohSession(await open_session(bus, "client", on_wait=on_wait), bus.namespace)
+
+
+def _report(notifier: Notifier, ended: asyncio.Event) -> None:
+    """Report to systemd until the program has ended; in the loop, because only the loop can withdraw the token."""
+    loop = asyncio.get_running_loop()
+    if not ended.is_set():
+        notifier.running(loop.time())
+        loop.call_later(REPORT_PERIOD_S, _report, notifier, ended)
 
 
 def _on_end(token: Token, ended: asyncio.Event) -> None:

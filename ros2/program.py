@@ -17,6 +17,7 @@ from ros2.service import Ros2Service
 from wire.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.config import BusSection, ConfigError, Section, read_sections
 from wire.inbox import BusError
+from wire.notify import take_notifier
 from wire.process import run_process
 from wire.session import ZenohSession, open_session
 from wire.suspend import SuspendMeter
@@ -51,6 +52,7 @@ def main() -> None:
     except ConfigError as error:
         refuse("ros2", error)
     log_to_stderr()
+    notifier = take_notifier(os.environ)
     make_node = _over_zenoh(config, bus_section) if config.rmw == "zenoh" else _over_dds(config)
 
     if arguments.check_base:
@@ -77,6 +79,7 @@ def main() -> None:
                 command_timeout_s=supervisor.command_timeout_s,
                 lidar_topics=supervisor.lidar_topics,
                 suspended_s=SuspendMeter().suspended_s,
+                notifier=notifier,
             )
             where = config.router if config.rmw == "zenoh" else config.discovery_range
             _log.info("node %s in domain %d, %s", node.name, config.domain_id, where)

@@ -26,6 +26,7 @@ from ros2.source import Command, Source
 from ros2.status import Status, status_of
 from wire import topics
 from wire.inbox import Inbox, LivelinessChange, NoReplyError, RawArrival, Token, woken_by
+from wire.notify import Notifier
 from wire.session import RawPublisher, ZenohSession
 from wire.stall import StallMeter
 from wire.stamp import GID_BYTES, Stamp
@@ -90,6 +91,7 @@ class Ros2Service:
         command_timeout_s: the supervisor's command timeout, for commands that are adapted here.
         lidar_topics: the wire topics of the lidars, in the order of `[ros2] scan`.
         suspended_s: returns how long the machine was suspended since the last call [s].
+        notifier: reports to systemd in each turn of the loop; None reports nothing.
     """
 
     def __init__(
@@ -101,7 +103,9 @@ class Ros2Service:
         command_timeout_s: float,
         lidar_topics: tuple[str, ...],
         suspended_s: Callable[[], float] = never_suspended,
+        notifier: Notifier | None = None,
     ) -> None:
+        self._notifier = Notifier() if notifier is None else notifier
         self._session, self._node, self._config = session, node, config
         self._suspended_s = suspended_s
         self._loop = asyncio.get_running_loop()
@@ -223,9 +227,11 @@ class Ros2Service:
                 self._serve_base()
                 self._serve_sources()
                 self._look(self._loop.time())
+                self._notifier.running(self._loop.time())
         finally:
             stopping.cancel()
             self._publish(cdr.STANDSTILL)
+            self._notifier.stopping()
             for feed in self._feeds:
                 self._end(feed)
             token.withdraw()

@@ -8,6 +8,7 @@ if __name__ == "__main__":
 
 import asyncio
 import logging
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from supervisor.service import SupervisorService
 from wire import limits
 from wire.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.config import BaseSection, BusSection, ConfigError, Section, is_loopback, read_sections
+from wire.notify import take_notifier
 from wire.process import run_process
 from wire.process_limits import bound_memory
 from wire.session import start_log
@@ -65,6 +67,7 @@ def main() -> None:
     except ConfigError as error:
         refuse("supervisor", error)
     log_to_stderr()
+    notifier = take_notifier(os.environ)
 
     async def run(stop: asyncio.Event) -> int:
         if is_secure(bus_section.endpoint):
@@ -78,7 +81,8 @@ def main() -> None:
                 )
             _log.info("listening on %s", bus_section.endpoint)
             record = await asyncio.to_thread(open_record, directory, bus_section.namespace)
-            await SupervisorService(bus, config, recorder, record, SuspendMeter().suspended_s).run(stop)
+            suspended_s = SuspendMeter().suspended_s
+            await SupervisorService(bus, config, recorder, record, suspended_s, notifier).run(stop)
         finally:
             await bus.close()
         return 0

@@ -19,6 +19,7 @@ from wire import topics
 from wire.bus import Bus
 from wire.foreign_nodes import ForeignNodes
 from wire.messages import TriggerResponse, decode_motion, zero_twist
+from wire.notify import Notifier
 from wire.stall import StallMeter
 from wire.suspend import never_suspended
 from wire.turns import Turns
@@ -42,6 +43,7 @@ class SupervisorService:
         black_box: records every step; None disables recording.
         estop_record: keeps a pressed e-stop across restarts; with None, it is lost when this process ends.
         suspended_s: returns how long the machine was suspended since the last call [s].
+        notifier: reports to systemd after each decision; None reports nothing.
     """
 
     def __init__(
@@ -51,8 +53,10 @@ class SupervisorService:
         black_box: BlackBox | None = None,
         estop_record: Record | None = None,
         suspended_s: Callable[[], float] = never_suspended,
+        notifier: Notifier | None = None,
     ) -> None:
         self._bus = bus
+        self._notifier = Notifier() if notifier is None else notifier
         self._black_box = black_box
         self._suspended_s = suspended_s
         self._estop_record = MemoryRecord() if estop_record is None else estop_record
@@ -108,6 +112,7 @@ class SupervisorService:
             await self._turns.run_until(stop)
         finally:
             self._cmd_vel.put(zero_twist())
+            self._notifier.stopping()
             for token in tokens:
                 token.withdraw()
             self._estop_record.close()
@@ -127,6 +132,7 @@ class SupervisorService:
         self._publish(decision, now_s, on_tick=on_tick)
         if self._black_box is not None:
             self._black_box.record(now_s, inputs, before, decision)
+        self._notifier.running(now_s)  # last: a turn that hangs anywhere reports nothing
         return min(self._next_tick_s, runs_out_s(self._state))
 
     def _has_news(self) -> bool:

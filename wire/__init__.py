@@ -24,6 +24,7 @@ quantities.py   bounds of the numbers in robot.toml
 command_line.py shared parts of the processes' command lines
 extras.py       the extras of an installation, and how to install a missing one
 state_directory.py    where logs, black boxes and the e-stop record are
+notify.py       reports to systemd: ready, running, stopping
 process.py      guaranteed end of a process: signals, exceptions, a bounded close
 memory_keeper.py    helper process, so that a killed process's sockets close immediately
 """
