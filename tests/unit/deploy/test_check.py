@@ -192,7 +192,7 @@ def test_the_complete_example_has_no_risk() -> None:
 @pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:7448", "tcp/localhost:7447", "tls/0.0.0.0:7447"])
 def test_an_endpoint_on_this_machine_or_behind_tls_is_no_risk(tmp_path: Path, endpoint: str) -> None:
     plain = report(tmp_path, "").risks
-    assert report(tmp_path, f'[bus]\nendpoint = "{endpoint}"').risks == plain
+    assert report(tmp_path, f'[bus]\nendpoint = "{endpoint}"\nkeys = "bundle"').risks == plain
 
 
 @pytest.mark.parametrize(
