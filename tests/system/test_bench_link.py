@@ -32,6 +32,7 @@ def namespaces_of(pid: int) -> list[str]:
 
 
 @needs_root
+@pytest.mark.timed  # other tests on both cores would cost a link its lease
 def test_a_short_run_measures_each_link_without_and_with_losses(tmp_path: Path) -> None:
     file = tmp_path / "link.jsonl"
     words = [
