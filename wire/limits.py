@@ -32,6 +32,9 @@ ACCEPTOR_THREADS = 4
 RECEIVING_THREADS = 32
 """Number of Zenoh's threads that receive. Closing a TCP link that does not answer occupies one for up to ten seconds
 (SO_LINGER). With two, as is Zenoh's default, two dead clients can stop the commands of all others."""
+GATEWAY = {"south": [{"filters": [{"modes": ["router", "peer", "client"]}]}]}
+"""Every participant is below the hub. By default, Zenoh takes a router for the way to the rest of the network: it passes it every
+query without a declaration, and waits for its answer to each query for tokens, until the time limit."""
 RUNTIME = f"(acc: (worker_threads: {ACCEPTOR_THREADS}), rx: (worker_threads: {RECEIVING_THREADS}))"
 """Value of Zenoh's environment variable `ZENOH_RUNTIME`."""
 
@@ -50,6 +53,7 @@ def hub_settings(namespace: str, open_files: int) -> dict[str, object]:
         "transport/unicast/accept_pending": min(MAX_PENDING, free - sessions),
         "transport/unicast/max_sessions": sessions,
         "transport/link/tx/batch_size": BATCH_BYTES,
+        "gateway": GATEWAY,
         # Zenoh's default is 1 GiB for each session, priority and reliability.
         "transport/link/rx/max_message_size": MESSAGE_BYTES,
         "low_pass_filter": [

@@ -3,12 +3,15 @@
 import asyncio
 import signal
 import time
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
+from supervisor.config import SupervisorSection
 from tests.system.harness import Robot, robot
 from tests.system.rogue import answer, open_rogue
+from tests.system.zenoh_wire import ROUTER, WireSession
 from wire import topics
 from wire.bus import NoReplyError
 from wire.messages import Bool, SafetyStatus, TriggerResponse, encode
@@ -16,6 +19,9 @@ from wire.messages import Bool, SafetyStatus, TriggerResponse, encode
 pytestmark = pytest.mark.timeout(120)
 
 TOKENS = 1500
+COMMAND_TIMEOUT_S = SupervisorSection().command_timeout_s
+LATE_S = 0.3
+"""How late a tick may be beside other tests."""
 
 
 def say(text: str) -> None:
@@ -92,6 +98,37 @@ async def test_a_strangers_answer_to_a_reset_is_not_believed(tmp_path: Path) -> 
         finally:
             for one in answers:
                 one.undeclare()
+            stranger.close()
+
+
+async def test_a_stranger_cannot_pose_as_a_router_which_would_get_every_query(tmp_path: Path) -> None:
+    """Zenoh passes a router each query without a declaration; a silent one delays each reset by a second."""
+    async with robot(tmp_path, teleop=False) as subject:
+        assert subject.bus is not None
+        with closing(WireSession(subject.endpoint, ROUTER)) as router, pytest.raises(OSError, match="closed"):
+            router.confirm()
+        with closing(WireSession(subject.endpoint)) as client:
+            client.confirm()
+        asked_s = time.monotonic()
+        await subject.bus.call(topics.SUPERVISOR_RESET)
+        say(f"answer to a reset after a router was refused: {(time.monotonic() - asked_s) * 1e3:.1f} ms")
+
+
+async def test_a_copied_token_of_a_run_delays_the_stop_at_most_to_the_command_timeout(tmp_path: Path) -> None:
+    """Tokens can be read by all, so any participant that may hold those of a source may copy them."""
+    async with robot(tmp_path) as subject:
+        stranger = open_rogue(subject.endpoint)
+        try:
+            await subject.drive()
+            alive = stranger.liveliness().get(f"robot/{topics.alive(topics.TELEOP)}/**")
+            held = {str(reply.ok.key_expr) for reply in alive if reply.ok is not None}
+            assert len(held) == 2, "the source's token, and that of its run"
+            copies = [stranger.liveliness().declare_token(key) for key in held]
+            list(stranger.get("@/**", timeout=10.0))  # the hub has processed them
+            to_zero_s = await subject.zero_after(subject.kill(topics.TELEOP))
+            say(f"SIGKILL to zero beside {len(copies)} copied tokens: {to_zero_s * 1e3:.1f} ms")
+            assert to_zero_s < COMMAND_TIMEOUT_S + LATE_S
+        finally:
             stranger.close()
 
 

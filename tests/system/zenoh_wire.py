@@ -14,7 +14,7 @@ _DECLARE = 0x1E
 _NAMED = 0x20
 KEY_EXPRESSION, SUBSCRIBER, QUERYABLE, TOKEN = 0x00, 0x02, 0x04, 0x06
 _VERSION = 9
-_CLIENT = 2
+ROUTER, CLIENT = 0, 2
 _ID_BYTES = 16
 _SIZES = b"\x0a\xff\xff"
 """Sequence numbers of 32 bits, batches of up to 65,535 bytes."""
@@ -32,10 +32,10 @@ def send(link: socket.socket, batch: bytes) -> None:
     link.sendall(struct.pack("<H", len(batch)) + batch)
 
 
-def introduction() -> bytes:
-    """Return the first message of a session, with a new random id."""
+def introduction(mode: int = CLIENT) -> bytes:
+    """Return the first message of a session, with a new random id; a mode is `ROUTER` or `CLIENT`."""
     zid = os.urandom(_ID_BYTES - 1) + b"\x01"
-    return bytes([_INIT | _HAS_SIZES, _VERSION, (_ID_BYTES - 1) << 4 | _CLIENT]) + zid + _SIZES
+    return bytes([_INIT | _HAS_SIZES, _VERSION, (_ID_BYTES - 1) << 4 | mode]) + zid + _SIZES
 
 
 def declaration(kind: int, number: int, key: str) -> bytes:
@@ -47,14 +47,26 @@ def declaration(kind: int, number: int, key: str) -> bytes:
 class WireSession:
     """An open session that never reads and never ends by its lease."""
 
-    def __init__(self, endpoint: str) -> None:
+    def __init__(self, endpoint: str, mode: int = CLIENT) -> None:
         self._link = connect(endpoint)
         self._sequence = 1
-        send(self._link, introduction())
+        send(self._link, introduction(mode))
         cookie = _cookie(self._receive())
         opening = _integer(_LEASE_MS) + _integer(self._sequence) + _integer(len(cookie)) + cookie
         send(self._link, bytes([_OPEN]) + opening)
         self._receive()
+
+    def confirm(self) -> None:
+        """Wait until the hub sends something, such as a sign of life.
+
+        Raises:
+            OSError: it has closed the session.
+        """
+        if not self._receive():
+            raise OSError("the hub has closed the session")
+
+    def close(self) -> None:
+        self._link.close()
 
     def frame(self, messages: bytes) -> None:
         """Send messages; a frame may have up to 40,000 bytes."""
@@ -69,8 +81,9 @@ class WireSession:
         self._sequence += 1
 
     def _receive(self) -> bytes:
-        (size,) = struct.unpack("<H", self._link.recv(2, socket.MSG_WAITALL))
-        return self._link.recv(size, socket.MSG_WAITALL)
+        """Return the next batch; empty if the hub has closed the connection."""
+        size = self._link.recv(2, socket.MSG_WAITALL)
+        return self._link.recv(int.from_bytes(size, "little"), socket.MSG_WAITALL) if size else b""
 
 
 def _cookie(answer: bytes) -> bytes:
