@@ -155,7 +155,8 @@ class SupervisorService:
         liveliness = [Liveliness(change.node, change.alive, change.epoch) for change in self._alive.take()]
         if self._alive.overflowed > self._alive_overflowed:  # a flood of tokens may hide a death
             self._alive_overflowed = self._alive.overflowed
-            liveliness += [Liveliness(name, alive=False) for name in self._commands]
+            # It stops every source. The token that is not deleted will not come again, so it counts as back.
+            liveliness += [Liveliness(name, alive) for name in self._commands for alive in (False, True)]
         scans: list[LaserScan] = []
         undecodable: list[int] = []
         for place, (subscription, timeout_s) in enumerate(self._lidars):

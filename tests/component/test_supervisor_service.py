@@ -203,6 +203,18 @@ async def test_a_flood_of_estop_messages_cannot_hide_a_press() -> None:
         assert rig.newest_status.reasons == ["ESTOP"]
 
 
+async def test_a_flood_of_tokens_stops_the_robot_which_drives_again_after_it() -> None:
+    rig = Rig()
+    async with rig.supervisor() as hub, rig.lidar(), rig.source():
+        await rig.drive(0.5)
+        for n in range(1000):
+            hub.tell_alive(f"{topics.TELEOP}/{n:04x}", alive=True)
+        await rig.pass_time(0.1)
+        assert rig.output() == ZERO
+        assert rig.newest_status.reasons == ["SOURCE_LOST"]
+        await rig.drive(0.5)
+
+
 async def test_the_estop_of_a_dead_client_stays() -> None:
     rig = Rig()
     async with rig.supervisor(), rig.lidar(), rig.source():
