@@ -3,6 +3,7 @@
 lidar_config.py defines the lidars; fit.py compares these numbers with those of the base.
 """
 
+import math
 from collections.abc import Iterable, Iterator
 from typing import Annotated, Self
 
@@ -162,6 +163,17 @@ class SupervisorSection(Section):
         ):
             if not (value := getattr(self, key)) < (most := getattr(self, limit)):
                 yield Conflict((key,), value, f"must be less than {limit} = {most:g}")
+        if self.blind_budget_m < (least_m := self._least_budget_m()):
+            message = (
+                f"permits less than creep_m_s = {self.creep_m_s:g} once a command is half as old as command_timeout_s = "
+                f"{self.command_timeout_s:g}: set at least {math.ceil(least_m * 1e4) / 1e4:g}, or a shorter timeout"
+            )
+            yield Conflict(("blind_budget_m",), self.blind_budget_m, message)
+
+    def _least_budget_m(self) -> float:
+        """Return the budget with which a command as old as half its timeout permits the minimum useful speed."""
+        timeout_s = self.command_timeout_s
+        return self.creep_m_s * (timeout_s + self.transport_s / 2.0) ** 2 / timeout_s
 
     def _conflicts_of_lidars(self) -> Iterator[Conflict]:
         if self.lidars is not None and "lidar" in self.model_fields_set:

@@ -52,6 +52,14 @@ def test_the_time_for_transport_includes_a_tick() -> None:
     assert "at least a tick of 0.03125 s" in message
 
 
+def test_a_command_at_half_its_timeout_permits_the_minimum_useful_speed() -> None:
+    assert (
+        "supervisor.blind_budget_m = 0.01: permits less than creep_m_s = 0.02 once a command is half as old as "
+        "command_timeout_s = 2: set at least 0.0407, or a shorter timeout"
+    ) in refusal(command_timeout_s=2.0, blind_budget_m=0.01)
+    assert load(command_timeout_s=2.0, blind_budget_m=0.0407)
+
+
 def test_the_warning_comes_no_later_than_the_stop() -> None:
     assert load(stop_distance_m=0.4, warning_distance_m=0.4)
     message = refusal(stop_distance_m=0.4, warning_distance_m=math.nextafter(0.4, 0.0))
