@@ -11,10 +11,10 @@ from typing import Any
 from bench.link import certificates
 from bench.link.conditions import MAX_CONDITIONS, Condition
 from bench.link.namespaces import Pair, inside, pair
-from bench.link.program import program
 from bench.link.results import Measured, Round
 from bench.link.sessions import PORT, endpoint
 from bench.link.stops import disturbed, length_s, outside
+from bench.rig.program import program
 from bench.rig.sheet import now
 from bench.robots.load import busy_percent, machine
 
@@ -59,9 +59,9 @@ def measure(plan: Plan) -> tuple[Round, list[Measured]]:
         certificates.make(folder, ("a", "b"), map(Pair.b_address, numbers))
         fds = (spaces.a_fd, spaces.b_fd)
         with (
-            program("relay", (), tuple(map(str, fds)), fds) as relay,
-            program("receiver", inside(spaces.b)) as receiver,
-            program("sender", inside(spaces.a)) as sender,
+            program("bench.link.relay", (), tuple(map(str, fds)), fds) as relay,
+            program("bench.link.receiver", inside(spaces.b)) as receiver,
+            program("bench.link.sender", inside(spaces.a)) as sender,
         ):
             relay.tell(json.dumps({"paths": paths, "seed": plan.seed}))
             receiver.tell(json.dumps({"keys": str(folder / "b"), "hubs": hubs}))

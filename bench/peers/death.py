@@ -8,7 +8,8 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
-from bench.peers.kinds import ROOT, Kind
+from bench.peers.kinds import Kind
+from bench.rig.program import ROOT
 from bench.rig.terminal import end
 from deploy.stack.launch import free_loopback_endpoint
 

@@ -5,24 +5,22 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Generator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from bench.rig.feed import supervisor
+from bench.rig.program import ROOT, wait_until_listening
 from bench.rig.terminal import end, sparing_from_ctrl_c
 from deploy.stack.launch import free_loopback_endpoint
 from ros2.environment import dds_variables, ros_variables
 
-ROOT = Path(__file__).resolve().parents[2]
 PEERS_PYTHON = ROOT / ".peers/bin/python"
 ROS_PYTHON = ROOT / ".ros2/bin/python"
 DOMAIN = 27
 """Of DDS; tests use those from 30 on."""
 BROKER = "/usr/sbin/mosquitto"
-LISTEN_LIMIT_S = 10.0
 
 
 @dataclass(frozen=True)
@@ -126,19 +124,3 @@ def _broker(address: str) -> Generator[None]:
         with running([path, "-c", str(config)], dict(os.environ)):
             wait_until_listening(address)
             yield
-
-
-def wait_until_listening(address: str) -> None:
-    """Wait until a TCP port is open, by the kernel's table: a connection would be a client.
-
-    Raises:
-        RuntimeError: nothing listens in time.
-    """
-    port = f":{int(address.rpartition(':')[2]):04X}"
-    deadline_s = time.monotonic() + LISTEN_LIMIT_S
-    while time.monotonic() < deadline_s:
-        rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
-        if any(row[1].endswith(port) and row[3] == "0A" for row in rows):
-            return
-        time.sleep(0.01)
-    raise RuntimeError(f"nothing listens on {address}")

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.peers.kinds import ROOT, Kind
+from bench.peers.kinds import Kind
+from bench.rig.program import ROOT
 
 RATES_HZ = (20.0, 100.0, 500.0)
 LIMIT_S = 120.0

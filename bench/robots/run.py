@@ -5,21 +5,16 @@ import os
 import queue
 import random
 import signal
-import subprocess
-import sys
 import threading
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, field
-from typing import Any
+from contextlib import ExitStack, suppress
 
 import numpy as np
 
-from bench.peers.kinds import ROOT, wait_until_listening
 from bench.rig.feed import Supervisor, supervisor
-from bench.rig.terminal import end, sparing_from_ctrl_c
+from bench.rig.program import Program, SilentError, program, wait_until_listening
 from bench.robots import stats
 from bench.robots.load import busy_percent, machine, usage
 from bench.robots.results import Crowd
@@ -55,8 +50,8 @@ def measure(robots: int, seconds: float, kills: int, tell: Callable[[str], None]
         tell(f"{crowd}: start")
         supervisors = _start(robots, ending)
         endpoints = [one.endpoint for one in supervisors]
-        feeder = ending.enter_context(_program("feeder", *endpoints))
-        with suppress(TimeoutError):  # with too many robots, some never drive: that is a result
+        feeder = ending.enter_context(program("bench.robots.feeder", arguments=endpoints))
+        with suppress(SilentError):  # with too many robots, some never drive: that is a result
             feeder.line(DRIVE_LIMIT_S)
         time.sleep(SETTLE_S)
 
@@ -150,7 +145,7 @@ def _start(robots: int, ending: ExitStack) -> list[Supervisor]:
 
 def _kill(endpoints: Sequence[str], kills: int) -> list[list[float]]:
     """Repeatedly let an operator drive each robot, and kill it; return the times of the kills of each robot [s]."""
-    with _program("holders") as holders:
+    with program("bench.robots.holders") as holders:
         ended = threading.Event()
         operators = [
             _Operators(holders, number, endpoint, ended) for number, endpoint in enumerate(endpoints)
@@ -177,7 +172,7 @@ def _kill(endpoints: Sequence[str], kills: int) -> list[list[float]]:
 class _Operators:
     """Starts and kills the operators of one robot, one after the other."""
 
-    def __init__(self, holders: "_Program", number: int, endpoint: str, ended: threading.Event) -> None:
+    def __init__(self, holders: Program, number: int, endpoint: str, ended: threading.Event) -> None:
         self.arrivals: queue.Queue[tuple[str, int]] = queue.Queue()
         """A word and the pid of an operator."""
         self._holders = holders
@@ -219,72 +214,3 @@ class _Operators:
                 pass
             return True
         return False
-
-
-@dataclass(frozen=True)
-class _Program:
-    """A running program of this package."""
-
-    process: "subprocess.Popen[str]"
-    lines: "queue.Queue[str]"
-    """What it prints; an empty line at its end."""
-    told: threading.Lock = field(default_factory=threading.Lock)
-
-    @property
-    def pid(self) -> int:
-        return self.process.pid
-
-    def tell(self, line: str) -> None:
-        stdin = self.process.stdin
-        assert stdin is not None
-        with self.told:
-            stdin.write(line + "\n")
-            stdin.flush()
-
-    def line(self, limit_s: float) -> str:
-        """Return its next line.
-
-        Raises:
-            RuntimeError: it has ended.
-            TimeoutError: it prints nothing within the limit.
-        """
-        try:
-            line = self.lines.get(timeout=limit_s)
-        except queue.Empty:
-            raise TimeoutError("a program of the bench prints nothing") from None
-        if not line:
-            raise RuntimeError("a program of the bench has failed")
-        return line
-
-
-@contextmanager
-def _program(name: str, *arguments: str) -> Generator[_Program]:
-    with sparing_from_ctrl_c():
-        process: subprocess.Popen[Any] = subprocess.Popen(
-            [sys.executable, "-m", f"bench.robots.{name}", *arguments],
-            cwd=ROOT,
-            # A thread of the numeric library would make a fork unsafe.
-            env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-    lines: queue.Queue[str] = queue.Queue()
-    stdin, stdout = process.stdin, process.stdout
-    assert stdin is not None
-    assert stdout is not None
-
-    def read() -> None:
-        for line in stdout:
-            lines.put(line)
-        lines.put("")
-
-    reader = threading.Thread(target=read, daemon=True)
-    reader.start()
-    try:
-        yield _Program(process, lines)
-    finally:
-        end(process)
-        reader.join()
-        stdin.close()
-        stdout.close()

@@ -13,8 +13,8 @@ import pytest
 
 from bench.link.conditions import Link
 from bench.link.namespaces import NAMED, remove_leftovers, why_not
-from bench.link.program import ROOT
 from bench.link.results import read
+from bench.rig.program import ROOT
 from tests.system.harness import PATIENCE_S
 from tests.system.process_state import children_of
 

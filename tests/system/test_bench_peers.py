@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.peers.kinds import ROOT, kinds
+from bench.peers.kinds import kinds
 from bench.peers.results import read
 from bench.peers.round_trip import RATES_HZ
 from bench.peers.table import pooled, ratios
+from bench.rig.program import ROOT
 
 RUN_LIMIT_S = 280.0
 GENEROUS_RATIO, GENEROUS_SHARE, GENEROUS_DEATH_MS = 8.0, 0.5, 60.0

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.peers.kinds import ROOT
+from bench.rig.program import ROOT
 from bench.robots.results import read
 
 ROBOTS, KILLS = 2, 2

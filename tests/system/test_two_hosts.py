@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from bench.link.namespaces import inside, pair, why_not
-from bench.link.program import ROOT
+from bench.rig.program import ROOT
 from tests.system.two_hosts import OPERATORS, VIEWERS
 
 LIMIT_S = 110.0

@@ -19,7 +19,7 @@ import pexpect
 
 from bench.link.conditions import Path
 from bench.link.namespaces import Pair, inside
-from bench.link.program import Program, program
+from bench.rig.program import Program, program
 from deploy.keys.commands import init, issue
 from deploy.keys.register import Request
 from tests.system.harness import PATIENCE_S, VIEWER, Robot, is_zero
@@ -161,7 +161,7 @@ def main() -> None:
     parser.add_argument("--logs", type=File, required=True)
     arguments = parser.parse_args()
     paths = {OPERATORS: Path(loss=0.0, delay_s=DELAY_S, jitter_s=0.0), VIEWERS: Path(1.0, DELAY_S, 0.0)}
-    with program("relay", (), tuple(map(str, arguments.fds)), arguments.fds) as relay:
+    with program("bench.link.relay", (), tuple(map(str, arguments.fds)), arguments.fds) as relay:
         relay.tell(
             json.dumps(
                 {
