@@ -5,10 +5,9 @@
 * stops.py: counts the stops of a flow with the verdicts of the law (pure)
 * lateness.py: how late a part of the bench itself acts (pure)
 * namespaces.py: two network namespaces whose only connection is the router
-* certificates.py, sessions.py: mutual TLS, and the Zenoh sessions
+* sessions.py: the Zenoh sessions, with mutual TLS
 * children.py: a process for each operator and each robot
 * relay.py, sender.py, receiver.py: the programs of a round; relay.py is the router's shell
-* program.py: starts these programs, and exchanges lines with them
 * run.py: one round, all conditions at once
 * results.py, table.py: the stored measurements, their tables and targets
 

@@ -20,8 +20,10 @@ import zenoh
 
 from bench.link.children import Pipe, fork_each
 from bench.link.lateness import Lateness
-from bench.link.sessions import COMMAND_KEY, TOKEN_KEY, Keys, open_at
+from bench.link.sessions import COMMAND_KEY, TOKEN_KEY, Security, open_at
 from bench.link.stops import Flow
+from wire import tls
+from wire.bundle import choose_bundle
 from wire.stamp import parse_stamp
 
 FRESH_LIMIT_S = 60.0
@@ -35,7 +37,7 @@ class Hub:
 
     endpoint: str
     lease_s: float
-    keys: Keys
+    security: Security
 
 
 def receive(hub: Hub, pipe: Pipe) -> None:
@@ -51,7 +53,7 @@ def receive(hub: Hub, pipe: Pipe) -> None:
         nonlocal deletions
         deletions += sample.kind == zenoh.SampleKind.DELETE
 
-    session = open_at(hub.endpoint, "hub", hub.lease_s, hub.keys)
+    session = open_at(hub.endpoint, "hub", hub.lease_s, hub.security)
     # A declaration exists only as long as it is referenced.
     declared = (
         session.declare_subscriber(COMMAND_KEY, zenoh.handlers.Callback(on_command, indirect=False)),
@@ -83,8 +85,8 @@ def receive(hub: Hub, pipe: Pipe) -> None:
 
 def main() -> None:
     given = json.loads(sys.stdin.readline())
-    keys = Keys(Path(given["keys"]))
-    pipes = fork_each([Hub(**one, keys=keys) for one in given["hubs"]], receive)
+    security = tls.settings(choose_bundle(Path(given["keys"]), time.time(), is_hub=True))
+    pipes = fork_each([Hub(**one, security=security) for one in given["hubs"]], receive)
     for pipe in pipes:
         pipe.recv()
     print("ready", flush=True)

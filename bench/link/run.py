@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bench.link import certificates
 from bench.link.conditions import MAX_CONDITIONS, Condition
 from bench.link.namespaces import Pair, inside, pair
 from bench.link.results import Measured, Round
@@ -17,8 +16,13 @@ from bench.link.stops import disturbed, length_s, outside
 from bench.rig.program import program
 from bench.rig.sheet import now
 from bench.robots.load import busy_percent, machine
+from deploy.keys.commands import init, issue
+from deploy.keys.register import Request
+from wire.roles import Role
 
 START_LIMIT_S, FRESH_LIMIT_S, END_LIMIT_S = 90.0, 120.0, 60.0
+LIFETIME_S = 86_400.0
+"""Of the certificates."""
 SETTLE_S = 1.0
 """Between the begin of the losses and the begin of the count."""
 
@@ -56,7 +60,7 @@ def measure(plan: Plan) -> tuple[Round, list[Measured]]:
     paths = {number: _path(condition) for number, condition in zip(numbers, conditions, strict=True)}
     with tempfile.TemporaryDirectory() as made, pair(numbers) as spaces:
         folder = Path(made)
-        certificates.make(folder, ("a", "b"), map(Pair.b_address, numbers))
+        a_keys, b_keys = _bundles(folder / "keys", tuple(map(Pair.b_address, numbers)))
         fds = (spaces.a_fd, spaces.b_fd)
         with (
             program("bench.link.relay", (), tuple(map(str, fds)), fds) as relay,
@@ -64,10 +68,10 @@ def measure(plan: Plan) -> tuple[Round, list[Measured]]:
             program("bench.link.sender", inside(spaces.a)) as sender,
         ):
             relay.tell(json.dumps({"paths": paths, "seed": plan.seed}))
-            receiver.tell(json.dumps({"keys": str(folder / "b"), "hubs": hubs}))
+            receiver.tell(json.dumps({"keys": b_keys, "hubs": hubs}))
             relay.expect("ready", START_LIMIT_S)
             receiver.expect("ready", START_LIMIT_S)
-            sender.tell(json.dumps({"keys": str(folder / "a"), "sources": hubs}))
+            sender.tell(json.dumps({"keys": a_keys, "sources": hubs}))
             sender.expect("ready", START_LIMIT_S)
             word, *silent = receiver.line(FRESH_LIMIT_S).split()
             if word != "fresh":
@@ -87,6 +91,14 @@ def measure(plan: Plan) -> tuple[Round, list[Measured]]:
             relay.tell("end")
             relayed = json.loads(relay.line(END_LIMIT_S))
     return _result(plan, owners, heard, sent, relayed, busy)
+
+
+def _bundles(folder: Path, hosts: tuple[str, ...]) -> tuple[str, str]:
+    """Issue certificates for this run; return the bundles of the operators and of their hubs."""
+    init(folder, replace=False)
+    operator = Request("operator", Role.OPERATOR, None, None)
+    hub = Request("hub", Role.SUPERVISOR, None, hosts)
+    return issue(folder, operator, LIFETIME_S)["bundle"], issue(folder, hub, LIFETIME_S)["bundle"]
 
 
 def _path(condition: Condition) -> tuple[float, float, float]:

@@ -15,8 +15,10 @@ import zenoh
 
 from bench.link.children import Pipe, fork_each
 from bench.link.lateness import Lateness
-from bench.link.sessions import COMMAND_KEY, TOKEN_KEY, Keys, open_at
+from bench.link.sessions import COMMAND_KEY, TOKEN_KEY, Security, open_at
 from bench.robots.feeder import COMMAND_HZ, CRUISE_M_S, SPREAD
+from wire import tls
+from wire.bundle import choose_bundle
 from wire.messages import encode, planar_twist
 from wire.stamp import Stamper
 
@@ -29,12 +31,12 @@ class Source:
     endpoint: str
     """Of its hub."""
     lease_s: float
-    keys: Keys
+    security: Security
 
 
 def send(source: Source, pipe: Pipe) -> None:
     """Send commands until a message arrives in the pipe; answer it with the lateness of each."""
-    session = open_at(source.endpoint, "client", source.lease_s, source.keys)
+    session = open_at(source.endpoint, "client", source.lease_s, source.security)
     token = session.liveliness().declare_token(TOKEN_KEY)
     publisher = session.declare_publisher(
         COMMAND_KEY,
@@ -60,8 +62,8 @@ def send(source: Source, pipe: Pipe) -> None:
 
 def main() -> None:
     given = json.loads(sys.stdin.readline())
-    keys = Keys(Path(given["keys"]))
-    sources = [Source(number, keys=keys, **one) for number, one in enumerate(given["sources"])]
+    security = tls.settings(choose_bundle(Path(given["keys"]), time.time(), is_hub=False))
+    sources = [Source(number, security=security, **one) for number, one in enumerate(given["sources"])]
     pipes = fork_each(sources, send)
     for pipe in pipes:
         pipe.recv()

@@ -1,48 +1,27 @@
 """Zenoh sessions of both sides, with the settings of the product and mutual TLS for QUIC."""
 
 import json
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 import zenoh
 
 from bench.link.conditions import Link
-from wire import topics
+from wire import tls, topics
 from wire.session import RECONNECT_MS, TX_QUEUE, BusConfig
 
+Security = dict[str, str | bool]
+"""Zenoh's settings for mutual TLS (`wire.tls.settings`)."""
 PORT = 7447
 """Of the first flow of a condition; the others have the next ones."""
 COMMAND_KEY = f"{BusConfig().namespace}/{topics.source_cmd_vel(topics.TELEOP).key}"
 TOKEN_KEY = f"{BusConfig().namespace}/{topics.alive(topics.TELEOP)}"
 
 
-@dataclass(frozen=True)
-class Keys:
-    """A certificate with its key, and the certificate of the authority."""
-
-    folder: Path
-
-    def settings(self) -> dict[str, object]:
-        authority, certificate, key = (
-            str(self.folder / name) for name in ("authority.pem", "certificate.pem", "key.pem")
-        )
-        return {
-            "root_ca_certificate": authority,
-            "enable_mtls": True,
-            "listen_private_key": key,
-            "listen_certificate": certificate,
-            "connect_private_key": key,
-            "connect_certificate": certificate,
-        }
-
-
 def endpoint(link: Link, address: str, port: int) -> str:
-    options = "?mixed_rel=1" if link is Link.QUIC else ""
-    return f"{link}/{address}:{port}{options}"
+    return tls.zenoh_endpoint(f"{link}/{address}:{port}")
 
 
-def open_at(at: str, role: Literal["hub", "client"], lease_s: float, keys: Keys) -> zenoh.Session:
+def open_at(at: str, role: Literal["hub", "client"], lease_s: float, security: Security) -> zenoh.Session:
     """Open a session that listens or connects at an endpoint.
 
     Raises:
@@ -55,7 +34,7 @@ def open_at(at: str, role: Literal["hub", "client"], lease_s: float, keys: Keys)
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": round(lease_s * 1000),
         "transport/link/tx/queue/size/real_time": TX_QUEUE,
-        "transport/link/tls": keys.settings(),
+        "transport/link/tls": security,
     }
     if role == "hub":
         values["listen/endpoints"] = [at]
