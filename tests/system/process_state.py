@@ -27,13 +27,13 @@ def memory_bytes(pid: int) -> int:
 
 
 def children_of(pid: int) -> list[int]:
-    """Return the states of all its threads."""
+    """Return the ids of its child processes."""
     everyone = [int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdecimal()]
     return [child for child in everyone if _parent_of(child) == pid]
 
 
 def _parent_of(pid: int) -> int | None:
-    """Return the status; None if the process has ended."""
+    """Return the id of its parent; None if the process has ended."""
     try:
         return int(_fields_after_name(pid)[1])
     except (FileNotFoundError, ProcessLookupError):
