@@ -7,6 +7,7 @@ command that was not heard within the limit is missing.
 
 import argparse
 import json
+import os
 import sys
 import threading
 import time
@@ -82,6 +83,8 @@ def main() -> None:
     for rate_hz, count in zip(options.pairs[::2], options.pairs[1::2], strict=True):
         print(json.dumps(driver.times_ms(rate_hz, round(count))))
     sys.stdout.flush()
+    # The links stay open: Zenoh may crash or hang if the interpreter ends while a session is open.
+    os._exit(0)
 
 
 if __name__ == "__main__":
