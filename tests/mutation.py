@@ -46,6 +46,8 @@ EQUIVALENT = {
     "return hidden[config.hull.clearance(hidden) >= 0.0]  # no object can be inside the hull",
     # The words name the writers only while they conflict.
     "writers=_conflicts(state, now_s) if (StopReason.SENSOR_CONFLICT in causes) or True else (),",
+    # Nothing was lost either.
+    "source = source._replace(lost=None)  # another run commands now",
     # Then the hidden places are looked for at each tick: the same ones.
     "return state._replace(places=tuple(places), looking=None)",
     "return state._replace(places=tuple(places), )",

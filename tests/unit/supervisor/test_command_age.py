@@ -93,6 +93,14 @@ def test_commands_at_20_hz_are_never_limited_by_the_defaults(velocity: Velocity)
         assert decision.output == velocity
 
 
+def test_a_command_of_exactly_the_permitted_speed_is_not_limited() -> None:
+    law = law_with(blind_budget_m=0.06)
+    fresh_m_s = 2.0 * 0.06 * 0.2 / (0.2 + CONFIG.transport_s / 2.0) ** 2
+    law.tick(("teleop", NEUTRAL))
+    assert law.tick(("teleop", Velocity(fresh_m_s, 0.0))).limit is None
+    assert law.tick(("teleop", Velocity(math.nextafter(fresh_m_s, 1.0), 0.0))).limit is Limit.COMMAND_AGE
+
+
 def test_a_slow_robot_is_not_limited_before_a_long_timeout_ends() -> None:
     law = law_with(command_timeout_s=0.5)
     slow = Velocity(0.1, 0.0)
