@@ -43,6 +43,7 @@ from wire.process_limits import never_linger, raise_open_files
 from wire.reconnection import Reconnection
 from wire.roles import Role as ParticipantRole
 from wire.stamp import Stamper
+from wire.topics import Topic
 from wire.zenoh_log import why_refused
 
 _log = logging.getLogger(__name__)
@@ -62,6 +63,8 @@ CLOSE_LIMIT_S = 1.0
 MAX_PENDING_QUERIES = 16
 TX_QUEUE = 16
 """Maximum number of batches of one priority that wait to be sent: the most that Zenoh accepts."""
+DATAGRAM_BYTES = 1000
+"""Maximum size of a payload that is sent as a datagram: a QUIC packet has 1,200 bytes at first, with all headers, key and stamp."""
 OVERHEARD_BYTES = 32 << 20
 """Maximum size of the samples that wait in an inbox of `overhear`: a foreign payload may have any size."""
 LIVELINESS_DEPTH = 256
@@ -343,16 +346,30 @@ def _no_attachment(_: bytes | None) -> bytes | None:
 
 
 class RawPublisher:
-    """Publishes bytes on one key, without batching, at real-time priority; drops samples instead of waiting."""
+    """Publishes bytes on one key, without batching, at real-time priority; drops samples instead of waiting.
 
-    def __init__(self, session: zenoh.Session, key: str) -> None:
-        self._publisher = session.declare_publisher(
-            key,
+    Args:
+        session: the session.
+        key: the full key.
+        fresh_only: whether a sample is useful only until the next one. Over QUIC, it is then a datagram, which a lost
+            packet does not delay; over TCP, nothing changes. A sample that does not fit in a datagram remains reliable:
+            the loss or the delay of one of its fragments would lose it.
+    """
+
+    def __init__(self, session: zenoh.Session, key: str, *, fresh_only: bool) -> None:
+        self._session, self._full_key = session, key
+        self._small = self._declared(is_reliable=not fresh_only)
+        self._large: zenoh.Publisher | None = None if fresh_only else self._small
+        self._stamper = Stamper()
+
+    def _declared(self, *, is_reliable: bool) -> zenoh.Publisher:
+        return self._session.declare_publisher(
+            self._full_key,
             congestion_control=zenoh.CongestionControl.DROP,
             priority=zenoh.Priority.REAL_TIME,
             express=True,
+            reliability=zenoh.Reliability.RELIABLE if is_reliable else zenoh.Reliability.BEST_EFFORT,
         )
-        self._stamper = Stamper()
 
     @property
     def epoch(self) -> bytes:
@@ -370,7 +387,12 @@ class RawPublisher:
             true_at_s: the time of its content by the loop's clock, for this run's stamp; None: now.
         """
         stamp = self._stamper.next(true_at_s).pack() if attachment is None else attachment
-        self._publisher.put(payload, attachment=stamp)
+        if len(payload) <= DATAGRAM_BYTES:
+            self._small.put(payload, attachment=stamp)
+            return
+        if self._large is None:
+            self._large = self._declared(is_reliable=True)
+        self._large.put(payload, attachment=stamp)
 
     def begin_anew(self) -> None:
         """Begin a new epoch, as after a restart of the process."""
@@ -408,9 +430,13 @@ class ZenohSession:
         if is_to_hub and event.kind == zenoh.SampleKind.PUT:
             self._reconnection.opened(str(event.transport.zid), time.monotonic())
 
-    def publisher_raw(self, key: str) -> RawPublisher:
-        """Return a publisher on a key of the robot."""
-        return RawPublisher(self._session, self._key(key))
+    def publisher_raw(self, topic: Topic[Any]) -> RawPublisher:
+        """Return a publisher of encoded messages of a topic."""
+        return RawPublisher(self._session, self._key(topic.key), fresh_only=topic.fresh_only)
+
+    def publisher_on(self, key: str) -> RawPublisher:
+        """Return a publisher on a key that the table of topics does not have; no sample of it may be lost."""
+        return RawPublisher(self._session, self._key(key), fresh_only=False)
 
     def subscribe_raw(self, key: str, push: Push) -> None:
         """Call `push` for each sample on exactly this key of the robot."""

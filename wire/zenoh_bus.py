@@ -48,7 +48,7 @@ class ZenohBus(ZenohSession):
     """A Bus over one Zenoh session."""
 
     def publisher(self, topic: Topic[M]) -> ZenohPublisher:
-        return ZenohPublisher(self._session, self._key(topic.key))
+        return ZenohPublisher(self._session, self._key(topic.key), fresh_only=topic.fresh_only)
 
     def subscribe(
         self,

@@ -60,9 +60,9 @@ class Robot:
         self._number = itertools.count()
         self._has_operator = True
         self._neutral, self._cruise = (encode(planar_twist(speed, 0.0)) for speed in (0.0, CRUISE_M_S))
-        self._scans = session.publisher_raw(topics.SCAN.key)
-        self._odometry = session.publisher_raw(topics.ODOM.key)
-        self._commands = session.publisher_raw(topics.source_cmd_vel(topics.TELEOP).key)
+        self._scans = session.publisher_raw(topics.SCAN)
+        self._odometry = session.publisher_raw(topics.ODOM)
+        self._commands = session.publisher_raw(topics.source_cmd_vel(topics.TELEOP))
         self._token = session.declare_alive(topics.TELEOP)
         session.subscribe_raw(topics.CMD_VEL.key, self._hear_cmd_vel)
         session.subscribe_raw(topics.STATUS.key, self._hear_status)
