@@ -189,7 +189,10 @@ def main() -> None:
     parser.add_argument("--protocol", choices=("tcp", "tls", "quic"), required=True)
     parser.add_argument("--logs", type=File, required=True)
     arguments = parser.parse_args()
-    paths = {OPERATORS: Path(LOSS if arguments.scenario == "lossy" else 0.0, DELAY_S, 0.0), VIEWERS: Path(1.0, DELAY_S, 0.0)}
+    paths = {
+        OPERATORS: Path(LOSS if arguments.scenario == "lossy" else 0.0, DELAY_S, 0.0),
+        VIEWERS: Path(1.0, DELAY_S, 0.0),
+    }
     with program("bench.link.relay", (), tuple(map(str, arguments.fds)), arguments.fds) as relay:
         relay.tell(
             json.dumps(
