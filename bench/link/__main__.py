@@ -142,9 +142,8 @@ def _end(_: int, __: FrameType | None) -> NoReturn:
 
 def _priority() -> str:
     """Return the command that gave this process its real-time priority; empty if it has none."""
-    if os.sched_getscheduler(0) != os.SCHED_FIFO:
-        return ""
-    return f"chrt -f {os.sched_getparam(0).sched_priority} "
+    option = {os.SCHED_FIFO: "-f", os.SCHED_RR: "-r"}.get(os.sched_getscheduler(0))
+    return "" if option is None else f"chrt {option} {os.sched_getparam(0).sched_priority} "
 
 
 def _measure(options: argparse.Namespace) -> None:

@@ -12,6 +12,7 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Lock
 
 import zenoh
 
@@ -37,9 +38,14 @@ class Source:
     security: Security
 
 
+_OPENING = Lock()
+"""Taken while a session opens: many handshakes at once, in one process, starve each other until they time out."""
+
+
 def send(source: Source, pipe: Pipe) -> None:
     """Send commands until a message arrives in the pipe; answer it with the lateness of each."""
-    session = open_at(source.endpoint, "client", source.lease_s, source.security)
+    with _OPENING:
+        session = open_at(source.endpoint, "client", source.lease_s, source.security)
     token = session.liveliness().declare_token(TOKEN_KEY)
     publisher = session.declare_publisher(
         COMMAND_KEY,
