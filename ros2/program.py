@@ -67,7 +67,10 @@ def main() -> None:
 
         bus = bus_section.to_bus_config()
         session = await open_session(
-            bus, "client", on_wait=lambda: _log.info("waiting for the supervisor on %s", bus.endpoint)
+            bus,
+            "client",
+            on_wait=lambda: _log.info("waiting for the supervisor on %s", bus.endpoint),
+            on_read_only=_log.warning,
         )
         wire = ZenohSession(session, bus.namespace)
         node = await make_node(on_failure)

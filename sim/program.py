@@ -90,7 +90,10 @@ def main() -> None:
         def on_wait() -> None:
             _log.info("waiting for the supervisor at %s", bus_section.endpoint)
 
-        opening = asyncio.ensure_future(open_bus(bus_section.to_bus_config(), "client", on_wait=on_wait))
+        bus_config = bus_section.to_bus_config()
+        opening = asyncio.ensure_future(
+            open_bus(bus_config, "client", on_wait=on_wait, on_read_only=_log.warning)
+        )
         stopping = asyncio.ensure_future(stop.wait())
         await asyncio.wait({opening, stopping}, return_when=asyncio.FIRST_COMPLETED)
         if not opening.done():

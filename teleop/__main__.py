@@ -148,7 +148,10 @@ class _Waiting:
             self._note(f"waiting for the supervisor at {section.endpoint}; {quits} quits")
 
         config = section.to_bus_config()
-        opening = asyncio.ensure_future(open_bus(config, "client", on_wait=on_wait, say=self._on_warning))
+        warn = self._on_warning
+        opening = asyncio.ensure_future(
+            open_bus(config, "client", on_wait=on_wait, say=warn, on_read_only=warn)
+        )
         stopping = asyncio.ensure_future(self._stop.wait())
         for task in (opening, stopping):
             task.add_done_callback(lambda _: self._wake.set())

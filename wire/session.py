@@ -23,7 +23,7 @@ from typing import Any, Literal, TypeVar
 
 import zenoh
 
-from wire import limits, tls, topics
+from wire import limits, local_socket, tls, topics
 from wire.access import LOCAL_ROLES, Contract, access_control
 from wire.bundle import Bundle, BundleError, choose_bundle
 from wire.foreign_nodes import NODE_TOKENS
@@ -91,8 +91,8 @@ class BusConfig:
     """The directory of this process's bundle (bundle.py), which endpoints with TLS need; unused with tcp."""
     contract: Contract = Contract()
     """The robot's own keys; only the hub uses them, for its access control."""
-    local: tuple[ParticipantRole, ...] = LOCAL_ROLES
-    """What the hub accepts from programs of this machine, which have no certificate."""
+    unproven: tuple[ParticipantRole, ...] = (ParticipantRole.VIEWER,)
+    """The roles of programs that have no certificate and do not use the hub's socket."""
 
 
 async def open_session(
@@ -101,6 +101,7 @@ async def open_session(
     *,
     on_wait: Callable[[], None] | None = None,
     say: Callable[[str], None] = _log.warning,
+    on_read_only: Callable[[str], None] | None = None,
 ) -> zenoh.Session:
     """Open the session; a client waits for its hub without a time limit.
 
@@ -109,6 +110,7 @@ async def open_session(
         role: `hub` listens, `client` connects.
         on_wait: called once if the hub does not run yet.
         say: called in this event loop with a sentence about a certificate that ends, now or later.
+        on_read_only: called with a sentence if the hub does not know this client as a participant.
 
     Raises:
         BusError: the hub cannot listen, the endpoint is invalid, or a certificate is refused.
@@ -116,10 +118,9 @@ async def open_session(
     bundle = await _in_thread(lambda: _bundle(config, role))
     if bundle is not None and (soon := tls.ends_soon(bundle, time.time())) is not None:
         say(soon)
-    settings = _settings(config, role, bundle)
     trouble = None if bundle is None else _Trouble(config)
     waiting = False
-    while (session := await _in_thread(lambda: _opened(settings, config, role))) is None:
+    while (session := await _in_thread(lambda: _opened(config, role, bundle))) is None:
         if not waiting and on_wait is not None:
             on_wait()
         waiting = True
@@ -129,17 +130,25 @@ async def open_session(
     if bundle is not None:
         guard = _Guard(session, config, role, bundle, say)
         await _in_thread(guard.check)
+    elif on_read_only is not None and not _is_local(session):
+        on_read_only(_only_reads(config.endpoint))
     return session
 
 
-def _opened(settings: zenoh.Config, config: BusConfig, role: Role) -> zenoh.Session | None:
+def _opened(config: BusConfig, role: Role, bundle: Bundle | None) -> zenoh.Session | None:
     """Return the session; None if the hub of a client does not run yet.
 
     Raises:
         BusError: the hub cannot listen, or the endpoint is invalid.
     """
+    endpoints = _endpoints(config, role)
     try:
-        return zenoh.open(settings)
+        session = zenoh.open(_settings(config, role, bundle, endpoints))
+        # The hub listens on its socket first. If it did so after the check, only the socket may be used.
+        if role == "client" and endpoints != _endpoints(config, role):
+            session.close()  # pyright: ignore[reportUnknownMemberType]
+            return None
+        return session
     except zenoh.ZError as error:
         if role == "hub":
             raise BusError(_listen_sentence(config.endpoint, error)) from error
@@ -232,7 +241,8 @@ def try_once(config: BusConfig) -> None:
     """Connect as a client and close, with Zenoh's log on standard output; nothing else reports the result."""
     start_log()
     with suppress(zenoh.ZError):
-        zenoh.open(_settings(config, "client", _bundle(config, "client"))).close()  # pyright: ignore[reportUnknownMemberType]
+        settings = _settings(config, "client", _bundle(config, "client"), _endpoints(config, "client"))
+        zenoh.open(settings).close()  # pyright: ignore[reportUnknownMemberType]
 
 
 def start_log() -> None:
@@ -260,7 +270,44 @@ def _bundle(config: BusConfig, role: Role) -> Bundle | None:
     return bundle
 
 
-def _settings(config: BusConfig, role: Role, bundle: Bundle | None) -> zenoh.Config:
+def _endpoints(config: BusConfig, role: Role) -> list[str]:
+    """Return where a session listens or connects: the hub at its socket too, and a client of its user there only.
+
+    A client never changes from the socket to TCP: if it reconnected while the hub starts, it would remain a viewer.
+
+    Raises:
+        BusError: the socket is the only way to take part, and the hub cannot offer it.
+    """
+    endpoint = tls.zenoh_endpoint(config.endpoint)
+    path = local_socket.socket_of(config.endpoint)
+    if path is None:
+        return [endpoint]
+    own = local_socket.zenoh_endpoint(path)
+    if role == "client":
+        return [own] if tls.is_loopback(config.endpoint) and local_socket.answers(path) else [endpoint]
+    try:
+        local_socket.prepare(path)
+    except local_socket.SocketError as error:
+        if {*config.unproven} < {*LOCAL_ROLES}:
+            raise BusError(str(error)) from error
+        _log.info("programs take part over TCP only: %s", error)
+        return [endpoint]
+    return [own, endpoint]
+
+
+def _is_local(session: zenoh.Session) -> bool:
+    """Return whether a client uses the socket of its hub."""
+    return all(str(link.dst).startswith(local_socket.PROTOCOL) for link in session.info.links())
+
+
+def _only_reads(endpoint: str) -> str:
+    return (
+        f"connected to {endpoint} without a certificate and not as the supervisor's user: the supervisor accepts nothing from this "
+        'program, unless its configuration has [bus] without_certificate = "participant" (docs/access.md)'
+    )
+
+
+def _settings(config: BusConfig, role: Role, bundle: Bundle | None, endpoints: list[str]) -> zenoh.Config:
     """Return Zenoh's configuration for one of the two roles; the values are based on measurements."""
     values: dict[str, object] = {
         "mode": "peer" if role == "hub" else "client",
@@ -275,17 +322,18 @@ def _settings(config: BusConfig, role: Role, bundle: Bundle | None) -> zenoh.Con
     if bundle is not None:
         values["transport/link/tls"] = tls.settings(bundle)
         values["transport/unicast/open_timeout"] = OPEN_LIMIT_MS
-    endpoint = tls.zenoh_endpoint(config.endpoint)
     if role == "hub":
-        values["listen/endpoints"] = [endpoint]
-        values["access_control"] = access_control(config.namespace, config.contract, config.local)
+        values["listen/endpoints"] = endpoints
+        values["access_control"] = access_control(config.namespace, config.contract, config.unproven)
         os.environ.setdefault("ZENOH_RUNTIME", limits.RUNTIME)  # read once, when the first session is opened
         never_linger()
         values |= limits.hub_settings(config.namespace, raise_open_files(limits.WANTED_FILES))
         # The hub answers which session declares what (docs/decisions/0042); it is read-only.
         values["adminspace"] = {"enabled": True, "permissions": {"read": True, "write": False}}
     else:
-        values["connect/endpoints"] = [endpoint]
+        values["connect/endpoints"] = endpoints
+        if endpoints[0].startswith(local_socket.PROTOCOL):
+            values["id"] = local_socket.session_id(os.getpid())
         values["connect/timeout_ms"] = (
             0  # `open_session` retries the first connection itself, and can be cancelled
         )
@@ -306,7 +354,7 @@ def _settings(config: BusConfig, role: Role, bundle: Bundle | None) -> zenoh.Con
 
 def _listen_sentence(endpoint: str, error: Exception) -> str:
     reason = str(error)
-    if "in use" in reason:
+    if "in use" in reason or "acquire lock" in reason:
         return (
             f"the endpoint {endpoint} is already in use: another supervisor may be running "
             "(see `lifeline status`, stop it with `lifeline down`), or choose another with --endpoint"

@@ -10,6 +10,7 @@ import pytest
 
 from supervisor.config import SupervisorSection
 from tests.system.harness import Robot, robot
+from tests.system.ports import participants
 from tests.system.rogue import answer, open_rogue
 from tests.system.zenoh_wire import ROUTER, WireSession
 from wire import topics
@@ -33,7 +34,7 @@ async def test_a_killed_teleop_stops_the_robot_at_once_though_a_stranger_holds_i
     tmp_path: Path,
 ) -> None:
     async with robot(tmp_path, teleop=False) as subject:
-        stranger = open_rogue(subject.endpoint)
+        stranger = open_rogue(participants(subject.endpoint))
         try:
             token = stranger.liveliness().declare_token(f"robot/{topics.alive(topics.TELEOP)}")
             subject.start_teleop()
@@ -57,7 +58,7 @@ async def test_the_supervisors_death_is_noticed_at_once_among_the_tokens_of_a_st
 ) -> None:
     async with robot(tmp_path, topics.SUPERVISOR, teleop=False) as subject:
         assert subject.bus is not None
-        stranger = open_rogue(subject.endpoint)
+        stranger = open_rogue(participants(subject.endpoint))
         try:
             tokens = [
                 stranger.liveliness().declare_token(f"robot/{topics.alive(f'x{n}')}") for n in range(TOKENS)
@@ -84,7 +85,7 @@ async def test_the_supervisors_death_is_noticed_at_once_among_the_tokens_of_a_st
 async def test_a_strangers_answer_to_a_reset_is_not_believed(tmp_path: Path) -> None:
     async with robot(tmp_path, teleop=False) as subject:
         assert subject.bus is not None
-        stranger = open_rogue(subject.endpoint)
+        stranger = open_rogue(participants(subject.endpoint))
         lie = encode(TriggerResponse(success=True, message="the stranger says that all is well"))
         answers = [answer(stranger, "robot/**", lie), answer(stranger, "robot/supervisor/*", lie)]
         try:
@@ -117,7 +118,7 @@ async def test_a_stranger_cannot_pose_as_a_router_which_would_get_every_query(tm
 async def test_a_copied_token_of_a_run_delays_the_stop_at_most_to_the_command_timeout(tmp_path: Path) -> None:
     """Tokens can be read by all, so any participant that may hold those of a source may copy them."""
     async with robot(tmp_path) as subject:
-        stranger = open_rogue(subject.endpoint)
+        stranger = open_rogue(participants(subject.endpoint))
         try:
             await subject.drive()
             alive = stranger.liveliness().get(f"robot/{topics.alive(topics.TELEOP)}/**")
