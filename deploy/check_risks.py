@@ -40,8 +40,12 @@ def risks(config: SupervisorSection, base: BaseSection | None, bus: BusSection) 
 def _of_bus(bus: BusSection) -> Iterator[Risk]:
     takes_part = bus.without_certificate == "participant"
     if not is_loopback(bus.endpoint) and bus.endpoint.startswith("tcp/"):
-        may = "publish commands and sensor data, and read every message" if takes_part else "read every message"
-        yield Risk(f'[bus] endpoint = "{bus.endpoint}"', f"Any client that can connect to this port can {may}.")
+        may = (
+            "publish commands and sensor data, and read every message" if takes_part else "read every message"
+        )
+        yield Risk(
+            f'[bus] endpoint = "{bus.endpoint}"', f"Any client that can connect to this port can {may}."
+        )
     elif takes_part and bus.endpoint.startswith("tcp/"):
         yield Risk(
             '[bus] without_certificate = "participant"',

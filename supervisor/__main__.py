@@ -2,18 +2,6 @@
 
 import gc
 
-def _who_takes_part(bus: BusSection) -> str:
-    path = socket_of(bus.endpoint)
-    if path is None or bus.without_certificate == "participant":
-        return ""
-    return f"; programs of this user take part at {zenoh_endpoint(path)}, all others may only read (docs/access.md)"
-
-
-def _who_reaches(bus: BusSection) -> str:
-    may = "drive the robot" if bus.without_certificate == "participant" else "read everything"
-    return f"anyone who can reach it can {may}"
-
-
 if __name__ == "__main__":
     # Until main() runs: what the imports create stays, and searching it for garbage takes 15 ms of the start.
     gc.disable()

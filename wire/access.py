@@ -97,7 +97,10 @@ def access_control(
         if role is not Role.SUPERVISOR:
             names = [common_name(role, namespace), common_name(role, ANY)]
             add({"id": role.value, "cert_common_names": names}, grants_of(role, namespace, contract))
-    for name, link, roles in (("local", LOCAL_LINK, LOCAL_ROLES), ("unproven", UNPROVEN_LINK, tuple(unproven))):
+    for name, link, roles in (
+        ("local", LOCAL_LINK, LOCAL_ROLES),
+        ("unproven", UNPROVEN_LINK, tuple(unproven)),
+    ):
         every = [grant for role in roles for grant in grants_of(role, namespace, contract)]
         if {*roles} >= {*LOCAL_ROLES}:
             every.append(_unknown_sources(namespace))

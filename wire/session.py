@@ -9,6 +9,7 @@ Callbacks run on Zenoh's threads: they stamp the arrival, pass the bytes on, and
 """
 
 import asyncio
+import itertools
 import json
 import logging
 import os
@@ -27,6 +28,7 @@ from wire import limits, local_socket, tls, topics
 from wire.access import LOCAL_ROLES, Contract, access_control
 from wire.bundle import Bundle, BundleError, choose_bundle
 from wire.foreign_nodes import NODE_TOKENS
+from wire.hub_report import sessions_in
 from wire.inbox import (
     FOREIGN_DEPTH,
     SOURCES_DEPTH,
@@ -42,6 +44,7 @@ from wire.newest import NewestWithin
 from wire.process_limits import never_linger, raise_open_files
 from wire.reconnection import Reconnection
 from wire.roles import Role as ParticipantRole
+from wire.runs import SESSION_BYTES, Runs
 from wire.stamp import Stamper
 from wire.zenoh_log import why_refused
 
@@ -144,17 +147,17 @@ def _opened(config: BusConfig, role: Role, bundle: Bundle | None) -> zenoh.Sessi
     endpoints = _endpoints(config, role)
     try:
         session = zenoh.open(_settings(config, role, bundle, endpoints))
-        # The hub listens on its socket first. If it did so after the check, only the socket may be used.
-        if role == "client" and endpoints != _endpoints(config, role):
-            session.close()  # pyright: ignore[reportUnknownMemberType]
-            return None
-        return session
     except zenoh.ZError as error:
         if role == "hub":
             raise BusError(_listen_sentence(config.endpoint, error)) from error
         if "Unable to connect" not in str(error):
             raise BusError(f"cannot use the endpoint {config.endpoint!r}: {_first_line(error)}") from error
         return None
+    # The hub listens on its socket first. If it did so after the check, only the socket may be used.
+    if role == "client" and endpoints != _endpoints(config, role):
+        session.close()  # pyright: ignore[reportUnknownMemberType]
+        return None
+    return session
 
 
 class _Trouble:
@@ -400,11 +403,12 @@ class RawPublisher:
             priority=zenoh.Priority.REAL_TIME,
             express=True,
         )
-        self._stamper = Stamper()
+        self._mark = _id_bytes(session.info.zid())[:SESSION_BYTES]
+        self._stamper = Stamper(self._mark)
 
     @property
     def epoch(self) -> bytes:
-        """The epoch in the stamps of this run."""
+        """The epoch in the stamps of this run; it begins as the id of the session (runs.py)."""
         return self._stamper.gid
 
     def put_bytes(
@@ -422,7 +426,7 @@ class RawPublisher:
 
     def begin_anew(self) -> None:
         """Begin a new epoch, as after a restart of the process."""
-        self._stamper = Stamper()
+        self._stamper = Stamper(self._mark)
 
 
 class ZenohToken:
@@ -446,15 +450,27 @@ class ZenohSession:
         # A declaration exists only as long as it is referenced.
         self._declared: list[object] = []
         self._reconnection = Reconnection(SETTLE_S)
+        self._runs = Runs()
+        self._watched: list[Callable[[str, bytes, bool], None]] = []
+        """Called for each run that ends or returns with its session."""
+        self._lock = threading.Lock()  # Zenoh's callbacks run on several threads
         self._declared.append(
             session.info.declare_transport_events_listener(_direct(self._on_transport), history=True)
         )
 
     def _on_transport(self, event: zenoh.TransportEvent) -> None:
         # A hub refuses no sample of its clients, since one of them may be an e-stop.
-        is_to_hub = event.transport.whatami != zenoh.WhatAmI.CLIENT
-        if is_to_hub and event.kind == zenoh.SampleKind.PUT:
+        is_to_hub, is_open = (
+            event.transport.whatami != zenoh.WhatAmI.CLIENT,
+            event.kind == zenoh.SampleKind.PUT,
+        )
+        if is_to_hub and is_open:
             self._reconnection.opened(str(event.transport.zid), time.monotonic())
+        elif not is_to_hub:
+            with self._lock:
+                runs = self._runs.of(_id_bytes(event.transport.zid))
+            for (node, epoch), tell in itertools.product(runs, self._watched):
+                tell(node, epoch, is_open)
 
     def publisher_raw(self, key: str) -> RawPublisher:
         """Return a publisher on a key of the robot."""
@@ -536,6 +552,8 @@ class ZenohSession:
             nodes: whose tokens are watched, with those of their runs; `$*` stands for any characters. A process that
                 must notice a death watches nothing else, because a flood of other tokens would delay it. None: the
                 tokens of all nodes, without those of their runs.
+
+        At the hub, the end of a session also ends its runs, whoever else holds their tokens.
         """
         inbox: Inbox[LivelinessChange] = Inbox(LIVELINESS_DEPTH, wake)
         prefix = self._key(topics.alive(""))
@@ -543,8 +561,16 @@ class ZenohSession:
         def on_change(key: str, alive: bool) -> None:  # noqa: FBT001 - as TokenChange
             token = topics.token_of(key.removeprefix(prefix))
             if token is not None:
-                inbox.push(LivelinessChange(token[0], alive, time.monotonic(), token[1]))
+                node, epoch = token
+                if epoch:
+                    with self._lock:
+                        self._runs.token(node, epoch, exists=alive)
+                changed(node, epoch, alive)
 
+        def changed(node: str, epoch: bytes, alive: bool) -> None:  # noqa: FBT001 - as on_change
+            inbox.push(LivelinessChange(node, alive, time.monotonic(), epoch))
+
+        self._watched.append(changed)
         for expression in ["*"] if nodes is None else [f"{node}/**" for node in nodes]:
             self.watch_tokens(f"{prefix}{expression}", on_change)
         return inbox
@@ -667,6 +693,22 @@ class ZenohSession:
             if reply.ok is not None
         ]
         return {token[1] for token in tokens if token is not None}
+
+    async def connected(self, *, timeout_s: float = 1.0) -> frozenset[bytes] | None:
+        """Return the ids of the sessions that are connected to the hub; None if others may be behind a router."""
+
+        def ask() -> frozenset[bytes] | None:
+            hubs = {str(hub) for hub in self._session.info.peers_zid()}
+            replies = self._session.get(
+                "@/*/peer", timeout=timeout_s, consolidation=zenoh.ConsolidationMode.NONE
+            )
+            for reply in replies:
+                if reply.ok is None or reply.replier_id is None or str(reply.replier_id.zid) not in hubs:
+                    continue
+                return sessions_in(reply.ok.payload.to_bytes())
+            return None
+
+        return await _in_thread(ask)
 
     def put_raw(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
         """Put any bytes on any key, as an attacker on the network can; for tests and the fault campaign.

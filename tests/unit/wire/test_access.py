@@ -67,8 +67,12 @@ def test_a_viewer_only_reads() -> None:
         assert grant.flow == "egress" or not WRITES & {*grant.messages}
 
 
-@pytest.mark.parametrize(("unproven", "may"), [((Role.VIEWER,), {"local"}), (LOCAL_ROLES, {"local", "unproven"})])
-def test_only_participants_of_this_machine_may_be_unknown_sources(unproven: tuple[Role, ...], may: set[str]) -> None:
+@pytest.mark.parametrize(
+    ("unproven", "may"), [((Role.VIEWER,), {"local"}), (LOCAL_ROLES, {"local", "unproven"})]
+)
+def test_only_participants_of_this_machine_may_be_unknown_sources(
+    unproven: tuple[Role, ...], may: set[str]
+) -> None:
     unknown = f"robot/{topics.source_cmd_vel('*').key}"
     rules = rules_of(access_control("robot", CONTRACT, unproven))
     assert {rule["id"].split()[0] for rule in rules if unknown in rule["key_exprs"]} == may
