@@ -153,10 +153,10 @@ class BusSection(Section):
         if tls.is_secure(self.endpoint) and self.keys is None:
             yield Conflict(("endpoint",), None, tls.without_keys(self.endpoint))
 
-    def to_bus_config(self) -> BusConfig:
+    def to_bus_config(self, part: Role | None = None) -> BusConfig:
         unproven = LOCAL_ROLES if self.without_certificate == "participant" else (Role.VIEWER,)
         keys = None if self.keys is None else Path(self.keys)
-        return BusConfig(self.endpoint, self.namespace, self.lease_s, keys, unproven=unproven)
+        return BusConfig(self.endpoint, self.namespace, self.lease_s, keys, part, unproven=unproven)
 
 
 def same_endpoint(one: str, other: str) -> bool:

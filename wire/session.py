@@ -92,6 +92,8 @@ class BusConfig:
     """How long a silent link counts as alive. Measured: 0.1 s never expired wrongly in 60 s under 8 CPU hogs."""
     keys: Path | None = None
     """The directory of this process's bundle (bundle.py), which endpoints with TLS need; unused with tcp."""
+    part: ParticipantRole | None = None
+    """The role whose bundle this process takes, of several in that directory; None: any but supervisor."""
     contract: Contract = Contract()
     """The robot's own keys; only the hub uses them, for its access control."""
     unproven: tuple[ParticipantRole, ...] = (ParticipantRole.VIEWER,)
@@ -264,7 +266,7 @@ def _bundle(config: BusConfig, role: Role) -> Bundle | None:
     if config.keys is None:
         raise BusError(tls.without_keys(config.endpoint))
     try:
-        bundle = choose_bundle(config.keys, time.time(), is_hub=role == "hub")
+        bundle = choose_bundle(config.keys, time.time(), is_hub=role == "hub", part=config.part)
     except BundleError as error:
         raise BusError(str(error)) from error
     misfit = tls.misfit(bundle, config.endpoint, config.namespace, is_hub=role == "hub")

@@ -236,7 +236,7 @@ def _answer(query: zenoh.Query) -> None:
 
 
 STRANGER = """
-import os, sys
+import os, sys, threading  # all that is imported later may be unreadable for the other user
 import zenoh
 from tests.system.rogue import open_rogue
 os.setgroups([]), os.setgid(65534), os.setuid(65534)
@@ -261,7 +261,7 @@ session.close()
 HUB = """
 import asyncio, sys, time
 from wire.session import BusConfig, open_session
-asyncio.run(open_session(BusConfig(sys.argv[1]), "hub"))
+session = asyncio.run(open_session(BusConfig(sys.argv[1]), "hub"))
 print("listens", flush=True)
 time.sleep(60)
 """
