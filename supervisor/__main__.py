@@ -21,7 +21,7 @@ from supervisor.service import SupervisorService
 from wire import limits
 from wire.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.config import BaseSection, BusSection, ConfigError, Section, read_sections
-from wire.local_socket import socket_of, zenoh_endpoint
+from wire.local_socket import participants
 from wire.notify import take_notifier
 from wire.process import run_process
 from wire.process_limits import bound_memory
@@ -90,10 +90,10 @@ def main() -> None:
 
 
 def _who_takes_part(bus: BusSection) -> str:
-    path = socket_of(bus.endpoint)
-    if path is None or bus.without_certificate == "participant":
+    where = participants(bus.endpoint)
+    if where is None or bus.without_certificate == "participant":
         return ""
-    return f"; programs of this user take part at {zenoh_endpoint(path)}, all others may only read (docs/access.md)"
+    return f"; programs of this user take part at {where}, all others may only read (docs/access.md)"
 
 
 def _who_reaches(bus: BusSection) -> str:

@@ -61,8 +61,21 @@ def zenoh_endpoint(path: Path) -> str:
     return f"{PROTOCOL}/{path}"
 
 
+def participants(endpoint: str) -> str | None:
+    """Return the Zenoh endpoint for foreign programs of the hub's user, which a configuration file can name; None with certificates.
+
+    It is a link to the socket of the hub that started last at this port, in any network namespace.
+    """
+    path = socket_of(endpoint)
+    return None if path is None else zenoh_endpoint(_link_to(path))
+
+
+def _link_to(path: Path) -> Path:
+    return path.with_name(path.name.rpartition("-")[2])
+
+
 def prepare(path: Path) -> None:
-    """Make the directory of a socket, for its user only.
+    """Make the directory of a socket, for its user only, and the link to it for foreign programs.
 
     Raises:
         SocketError: it cannot be made, other users may enter it, or the path is too long.
@@ -81,6 +94,12 @@ def prepare(path: Path) -> None:
             f"other users may enter {directory}, where the socket of this user's programs is: run `chmod 700 {directory}` as its "
             f"owner, or {remedy}"
         )
+    link = _link_to(path)
+    if link != path:
+        new = link.with_suffix(f".{os.getpid()}")
+        new.unlink(missing_ok=True)
+        new.symlink_to(path.name)
+        new.replace(link)
 
 
 def answers(path: Path) -> bool:

@@ -13,7 +13,7 @@ from deploy.stack.statedir import StateDir, read_json
 from wire import topics
 from wire.command_line import bus_options, override
 from wire.config import BusSection, ConfigError, absolute, read_toml, section
-from wire.local_socket import socket_of, zenoh_endpoint
+from wire.local_socket import participants
 from wire.session import BusConfig
 from wire.state_directory import ENVIRONMENT
 
@@ -132,8 +132,7 @@ class Launch:
     @property
     def participants(self) -> str | None:
         """The Zenoh endpoint at which foreign programs of this user take part; None if they need certificates."""
-        path = socket_of(self.bus.endpoint)
-        return None if path is None else zenoh_endpoint(path)
+        return participants(self.bus.endpoint)
 
     @property
     def drive(self) -> str:

@@ -23,9 +23,9 @@ def free_endpoint() -> str:
 
 def participants(endpoint: str) -> str:
     """Return where a foreign program of this user takes part; at the endpoint itself, it may only read."""
-    path = local_socket.socket_of(endpoint)
-    assert path is not None
-    return local_socket.zenoh_endpoint(path)
+    there = local_socket.participants(endpoint)
+    assert there is not None
+    return there
 
 
 def _claim(port: int) -> bool:

@@ -351,7 +351,7 @@ async def test_a_restarted_hub_replaces_the_socket_of_a_killed_one() -> None:
     last = await open_session(BusConfig(endpoint), "hub")
     try:
         clients.append(await asyncio.wait_for(waiting, LIMIT_S))
-        await asyncio.wait_for(_all_at(clients, participants(endpoint)), LIMIT_S)
+        await asyncio.wait_for(_all_at(clients, local_socket.zenoh_endpoint(path)), LIMIT_S)
     finally:
         for session in (*clients, last):
             session.close()  # pyright: ignore[reportUnknownMemberType]

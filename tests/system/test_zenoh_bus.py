@@ -358,7 +358,7 @@ async def test_a_bridge_with_our_example_waits_for_the_hub_and_reaches_it(path: 
     """The session of the bridge, without its plugin."""
     config = BusConfig(free_endpoint())
     settings = zenoh.Config.from_file(str(path))
-    settings.insert_json5("connect/endpoints", json.dumps([config.endpoint]))
+    settings.insert_json5("connect/endpoints", json.dumps([participants(config.endpoint)]))
     opening = asyncio.create_task(asyncio.to_thread(zenoh.open, settings))
     await asyncio.sleep(0.3)  # the bridge has tried in vain
     assert not opening.done()

@@ -8,7 +8,16 @@ from pathlib import Path
 import pytest
 
 from wire import local_socket
-from wire.local_socket import SocketError, answers, pid_in, prepare, run_directory, session_id, socket_of
+from wire.local_socket import (
+    SocketError,
+    answers,
+    participants,
+    pid_in,
+    prepare,
+    run_directory,
+    session_id,
+    socket_of,
+)
 
 
 def test_the_directory_is_in_the_users_home_unless_a_variable_names_another(
@@ -47,6 +56,19 @@ def test_the_directory_is_made_for_its_user_only(tmp_path: Path) -> None:
     for _ in range(2):
         prepare(path)
         assert path.parent.stat().st_mode & 0o777 == 0o700
+    assert list(path.parent.iterdir()) == []
+
+
+def test_a_link_without_the_namespace_leads_foreign_programs_to_the_hub_that_started_last(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    tmp_path.chmod(0o700)
+    monkeypatch.setenv(local_socket.ENVIRONMENT, str(tmp_path))
+    for name in ("1-7447.sock", "2-7447.sock"):
+        prepare(tmp_path / name)
+        assert (tmp_path / "7447.sock").readlink() == Path(name)
+    assert participants("tcp/127.0.0.1:7447") == f"unixsock-stream/{tmp_path}/7447.sock"
+    assert participants("tls/127.0.0.1:7447") is None
 
 
 def test_a_directory_that_others_may_enter_is_refused(tmp_path: Path) -> None:
