@@ -246,7 +246,7 @@ try:
 except zenoh.ZError:
     pass
 session = open_rogue(sys.argv[1])
-heard = session.declare_subscriber("robot/cmd_vel")
+heard = session.declare_subscriber("robot/cmd_vel", allowed_origin=zenoh.Locality.REMOTE)
 for key in ("teleop/cmd_vel", "ghost/cmd_vel", "scan", "odom", "estop", "**"):
     session.put(f"robot/{key}", b"put")
 token = session.liveliness().declare_token("robot/alive/teleop")
