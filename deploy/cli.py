@@ -157,6 +157,38 @@ def status(
 
 
 @app.command()
+def estop(
+    *,
+    name: Annotated[
+        str | None,
+        typer.Option(
+            "--name",
+            metavar="NAME",
+            help="Be this e-stop station of [[supervisor.estop_stations]] until q or Ctrl-C: prove its presence, show whether "
+            "it is heard, and stop the robot at any key.",
+        ),
+    ] = None,
+    config: Config = None,
+    endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
+    state_dir: StatePath = None,
+) -> None:
+    """Press the emergency stop once, or be an e-stop station. Exit 0 if the supervisor confirms the press, 1 if not, 3 if nothing runs."""
+
+    def run() -> int:
+        launch = _running(config, endpoint, state_dir, keys_dir)
+        if name is not None:
+            from deploy.estop_station import run_station  # noqa: PLC0415
+
+            run_station(launch, name)
+        from deploy.estop_press import press  # noqa: PLC0415
+
+        return press(launch)
+
+    _exit_with(run)
+
+
+@app.command()
 def watch(
     *,
     endpoint: Annotated[
