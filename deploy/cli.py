@@ -9,6 +9,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
+from deploy.cli_fleet import router
 from deploy.cli_foxglove import foxglove
 from deploy.cli_incidents import incidents_app
 from deploy.cli_inspection import doctor, graph, node_app, topic_app
@@ -67,6 +68,7 @@ app.command()(graph)
 app.command()(doctor)
 app.command()(foxglove)
 app.command()(view)
+app.command()(router)
 
 Speed = Annotated[
     float, typer.Option("--speed", min=0.05, max=1.0, metavar="V", help="Maximum speed in m/s.")

@@ -34,7 +34,8 @@ async def open_bus(
     Raises:
         BusError: the hub cannot listen, the endpoint is invalid, or a certificate is refused.
     """
-    return ZenohBus(await open_session(config, role, on_wait=on_wait, say=say), config.namespace)
+    session = await open_session(config, role, on_wait=on_wait, say=say)
+    return ZenohBus(session, config.namespace, is_hub=role == "hub")
 
 
 class ZenohPublisher(RawPublisher):
