@@ -51,16 +51,14 @@ def router(
 ) -> None:
     """Run a Zenoh router to which robots behind NAT and their operators connect, until Ctrl-C.
 
-    Each robot names the router in \\[bus] routers; operators, e-stop stations and viewers name it with --endpoint. Its
-    bundle has the role router.
+    Each robot names the router under `routers` in the section bus; operators, e-stop stations and viewers name it with
+    --endpoint. Its bundle has the role router.
     """
 
     def run() -> int:
         from deploy.router import print_settings, router_config, run_router  # noqa: PLC0415
 
         config = router_config(listen, connect or (), keys_dir, robots or (), robots_file, sources or ())
-        if print_config:
-            return print_settings(config)
-        run_router(config)
+        return print_settings(config) if print_config else run_router(config)
 
     exit_with(run)

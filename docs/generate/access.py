@@ -33,7 +33,11 @@ def _cells(role: Role) -> list[str]:
         if grant.flow == "ingress":
             for message in grant.messages:
                 keys.setdefault(message, {}).update(
-                    {key.removeprefix(f"{NAMESPACE}/"): None for key in grant.keys if key.startswith(NAMESPACE)}
+                    {
+                        key.removeprefix(f"{NAMESPACE}/"): None
+                        for key in grant.keys
+                        if key.startswith(NAMESPACE)
+                    }
                 )
     return [", ".join(f"`{key}`" for key in keys.get(message, {})) or "–" for _, message in SHOWN]
 

@@ -93,7 +93,9 @@ def test_a_hub_listens_only_where_its_certificate_is_for(endpoint: str, fits: bo
 
 @pytest.mark.parametrize("role", [role for role in Role if role not in SERVERS])
 def test_only_a_supervisor_is_the_hub_but_each_role_connects(role: Role) -> None:
-    assert f"has the role {role}" in str(tls.misfit(bundle(role), "quic/0.0.0.0:1", "robot", server=Role.SUPERVISOR))
+    assert f"has the role {role}" in str(
+        tls.misfit(bundle(role), "quic/0.0.0.0:1", "robot", server=Role.SUPERVISOR)
+    )
     assert tls.misfit(bundle(role), "quic/robot7:1", "robot", server=None) is None
 
 
@@ -137,7 +139,14 @@ def test_a_certificate_that_has_ended_names_the_next_step() -> None:
 
 @pytest.mark.parametrize(
     ("name", "is_hub"),
-    [("supervisor@robot", True), ("router@any", True), ("router", False), ("operator@robot", False), ("www.example.org", False), (None, False)],
+    [
+        ("supervisor@robot", True),
+        ("router@any", True),
+        ("router", False),
+        ("operator@robot", False),
+        ("www.example.org", False),
+        (None, False),
+    ],
 )
 def test_only_a_supervisor_or_a_router_is_accepted_as_the_hub(name: str | None, is_hub: bool) -> None:  # noqa: FBT001 - a parameter
     assert tls.is_hub_name(name) is is_hub
