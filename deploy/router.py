@@ -121,7 +121,7 @@ def run_router(config: RouterConfig) -> NoReturn:
         if any(map(tls.is_secure, (*config.listen, *config.connect))):
             report_refusals(start_log, lambda sentence: say(sentence.replace("supervisor", "router")))
         close = open_router(config, settings, say)
-        robots = f"{len(config.robots)} robots" if len(config.robots) > 1 else config.robots[0]
+        robots = f"{len(config.robots)} robots" if len(config.robots) > 1 else "".join(config.robots)
         say(f"routing for {robots} at {' and '.join(config.listen)}; stop with Ctrl-C")
         await stop.wait()
         closing = asyncio.get_running_loop().run_in_executor(None, close)

@@ -19,17 +19,22 @@ class Watched(Body):
 
     def look(self) -> None:
         """Report what has arrived since the last call; on the thread that sends."""
-        for arrival_s, _, moves in self.heard[:]:
+        heard = self.heard[:]
+        for arrival_s, _, moves in heard:
             if moves is not self.moves:
                 self.moves = moves
                 print(f"{'moves' if moves else 'zero'} {arrival_s}", flush=True)
-        del self.heard[: len(self.heard) - 1]
+        del self.heard[: len(heard)]
+
+
+async def connect(endpoint: str, namespace: str) -> ZenohSession:
+    return ZenohSession(await open_session(BusConfig(endpoint, namespace), "client"), namespace)
 
 
 def main() -> None:
     endpoint, namespace = sys.argv[1:]
-    session = asyncio.run(open_session(BusConfig(endpoint, namespace), "client"))
-    body, ended = Watched(ZenohSession(session, namespace), encoded_scans(), lambda: None), threading.Event()
+    body = Watched(asyncio.run(connect(endpoint, namespace)), encoded_scans(), lambda: None)
+    ended = threading.Event()
 
     def wait() -> None:
         sys.stdin.read()

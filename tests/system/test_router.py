@@ -110,6 +110,17 @@ def heard_by(session: zenoh.Session, expression: str) -> list[tuple[str, bytes]]
     return heard
 
 
+def tokens_seen_by(session: zenoh.Session, expression: str) -> list[str]:
+    seen: list[str] = []
+
+    def add(sample: zenoh.Sample) -> None:
+        seen.append(str(sample.key_expr))
+
+    callback = zenoh.handlers.Callback(add, indirect=False)
+    kept.append(session.liveliness().declare_subscriber(expression, callback, history=True))
+    return seen
+
+
 kept: list[object] = []
 
 
@@ -163,14 +174,7 @@ async def test_an_operator_of_one_robot_cannot_touch_another_through_the_router(
         try:
             at_victim, at_witness = heard_by(victim, "robot2/**"), heard_by(witness, "*/**")
             spies = [heard_by(foreign, "**"), heard_by(foreign, "robot2/**")]
-            changes: list[str] = []
-            kept.append(
-                victim.liveliness().declare_subscriber(
-                    "robot2/alive/**",
-                    zenoh.handlers.Callback(lambda one: changes.append(str(one.key_expr)), indirect=False),
-                    history=True,
-                )
-            )
+            changes = tokens_seen_by(victim, "robot2/alive/**")
             async with client(
                 BusConfig(made.endpoint, "robot2", keys=made.bundle(Role.OPERATOR, ANY))
             ) as own:
