@@ -5,7 +5,68 @@ from typing import Annotated
 
 import typer
 
-from deploy.command import KeysPath, exit_with
+from deploy.command import Json, KeysPath, exit_with
+
+fleet_app = typer.Typer(
+    help="List, watch and stop all robots behind one router. The bundle must be for `any` robot.",
+    no_args_is_help=True,
+)
+RouterEndpoint = Annotated[
+    str, typer.Option("--endpoint", metavar="tls/HOST:PORT", help="Address on which the router listens.")
+]
+Expected = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--expect",
+        metavar="NAMESPACE",
+        help="A robot that must answer, although it may not be seen; repeat for several.",
+    ),
+]
+
+
+@fleet_app.command("list")
+def fleet_list(
+    *, endpoint: RouterEndpoint, keys_dir: KeysPath = None, expect: Expected = None, as_json: Json = False
+) -> None:
+    """Print the status of each robot once. Exit 0 if all answer, 1 if one does not, 3 if there is none."""
+
+    def run() -> int:
+        from deploy.fleet import fleet_config, list_robots  # noqa: PLC0415
+
+        return list_robots(fleet_config(endpoint, keys_dir, stops=False), expect or (), as_json=as_json)
+
+    exit_with(run)
+
+
+@fleet_app.command("watch")
+def fleet_watch(
+    *, endpoint: RouterEndpoint, keys_dir: KeysPath = None, expect: Expected = None, as_json: Json = False
+) -> None:
+    """Show a live table of all robots until Ctrl-C, or JSON lines on a pipe."""
+
+    def run() -> int:
+        from deploy.fleet import fleet_config, watch_robots  # noqa: PLC0415
+
+        return watch_robots(fleet_config(endpoint, keys_dir, stops=False), expect or (), as_json=as_json)
+
+    exit_with(run)
+
+
+@fleet_app.command("stop")
+def fleet_stop(
+    *, endpoint: RouterEndpoint, keys_dir: KeysPath = None, expect: Expected = None, as_json: Json = False
+) -> None:
+    """Send an e-stop to each robot until its status confirms it, and list the robots that do not.
+
+    Exit 0 if each robot has confirmed, 1 if one has not, 3 if there is none.
+    """
+
+    def run() -> int:
+        from deploy.fleet import fleet_config, stop_robots  # noqa: PLC0415
+
+        return stop_robots(fleet_config(endpoint, keys_dir, stops=True), expect or (), as_json=as_json)
+
+    exit_with(run)
 
 
 def router(

@@ -491,9 +491,9 @@ class ZenohSession:
         if is_to_server and event.kind == zenoh.SampleKind.PUT:
             self._reconnection.opened(str(event.transport.zid), time.monotonic())
 
-    def publisher_raw(self, key: str) -> RawPublisher:
-        """Return a publisher on a key of the robot."""
-        return RawPublisher(self._session, self._key(key))
+    def publisher_raw(self, key: str, *, namespace: str | None = None) -> RawPublisher:
+        """Return a publisher on a key of the robot, or of another robot behind the same router."""
+        return RawPublisher(self._session, self._key(key) if namespace is None else f"{namespace}/{key}")
 
     def subscribe_raw(self, key: str, push: Push) -> None:
         """Call `push` for each sample on exactly this key of the robot."""
