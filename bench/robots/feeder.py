@@ -16,6 +16,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from bench.rig import scenery
 from bench.rig.feed import BEAMS, ODOM_HZ, SCAN_HZ, scan
@@ -159,20 +160,31 @@ def send(acts: Sequence[Act], ended: threading.Event) -> list[tuple[float, float
     return late
 
 
+def namespace_of(number: int) -> str:
+    """Return the namespace of a robot behind a router."""
+    return f"robot{number}"
+
+
 def encoded_scans() -> list[bytes]:
     """Return scans of a room, of a robot that stands."""
     return [encode(scan(ranges)) for ranges in scenery.scans(BEAMS, SCANS, wall_m=scenery.ROOM_M)]
 
 
-async def _sessions(endpoints: Sequence[str]) -> list[ZenohSession]:
-    configs = [BusConfig(endpoint) for endpoint in endpoints]
+async def _sessions(configs: Sequence[BusConfig]) -> list[ZenohSession]:
     return [ZenohSession(await open_session(config, "client"), config.namespace) for config in configs]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m bench.robots.feeder", description=__doc__)
     parser.add_argument("endpoints", nargs="+", metavar="ENDPOINT")
-    endpoints: list[str] = parser.parse_args().endpoints
+    parser.add_argument(
+        "--router",
+        metavar="ENDPOINT",
+        help="the operators connect to this router; the namespaces of the robots are robot0, robot1, …",
+    )
+    parser.add_argument("--keys", type=Path, metavar="DIR", help="the operators' bundle")
+    options = parser.parse_args()
+    endpoints: list[str] = options.endpoints
     scans = encoded_scans()
     waiting, ended = set(range(len(endpoints))), threading.Event()
 
@@ -182,8 +194,14 @@ def main() -> None:
             if not waiting:
                 print("driving", flush=True)
 
-    sessions = asyncio.run(_sessions(endpoints))
+    at_hubs = [BusConfig(endpoint) for endpoint in endpoints]
+    if options.router is not None:
+        at_hubs = [BusConfig(endpoint, namespace_of(number)) for number, endpoint in enumerate(endpoints)]
+    sessions = asyncio.run(_sessions(at_hubs))
     bodies = [Body(session, scans, lambda n=number: moved(n)) for number, session in enumerate(sessions)]
+    if options.router is not None:
+        remote = [BusConfig(options.router, one.namespace, keys=options.keys) for one in at_hubs]
+        sessions = asyncio.run(_sessions(remote))
     operators = [Operator(session, body) for session, body in zip(sessions, bodies, strict=True)]
 
     def read_commands() -> None:

@@ -20,7 +20,7 @@ from tests.system.routers import LIFELINE, router
 from wire.roles import ANY, Role
 
 ROBOTS = ("robot1", "robot2")
-WITHIN_S = 30.0
+WITHIN_S = 60.0
 
 
 def fleet(command: str, endpoint: str, *words: str) -> tuple[int, str, str]:
@@ -68,7 +68,7 @@ def rows(output: str) -> dict[str, dict[str, Any]]:
     return {row["namespace"]: row for row in map(json.loads, output.splitlines())}
 
 
-@pytest.mark.timeout(150)
+@pytest.mark.timeout(300)
 def test_a_fleet_is_listed_and_stopped_and_a_robot_that_does_not_answer_is_named(tmp_path: Path) -> None:
     endpoint = free_endpoint()
     with robots(tmp_path, endpoint) as started:
