@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from bench.rig.program import program, wait_until_listening
+from bench.rig.program import program
 from bench.robots.feeder import namespace_of
 from bench.robots.load import usage
 from bench.robots.run import Layout
@@ -17,7 +17,7 @@ from deploy.stack.launch import free_loopback_endpoint
 from wire.roles import ANY, Role
 
 DAY_S = 86400.0
-LIMIT_S = 10.0
+LIMIT_S, START_LIMIT_S = 10.0, 60.0
 _BYTES = re.compile(r"bytes_(?:sent|received):(\d+)")
 
 
@@ -66,5 +66,6 @@ def site(robots: int) -> Generator[Site]:
         words = ["router", "--listen", endpoint, "--keys", str(bundle("site", Role.ROUTER, ANY))]
         words += [f"--robot={name}" for name in names]
         with program("deploy.cli", arguments=words) as router:
-            wait_until_listening(endpoint)
+            while "routing for" not in router.line(START_LIMIT_S):
+                pass
             yield Site(endpoint, router.pid, bundle("operator", Role.OPERATOR, ANY), configs)
