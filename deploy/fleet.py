@@ -120,7 +120,7 @@ def fleet_config(endpoint: str, keys: Path | None, *, stops: bool) -> BusConfig:
         config = section({"bus": values}, "bus", BusSection).to_bus_config()
         bundle = None
         if config.keys is not None and tls.is_secure(endpoint):
-            bundle = choose_bundle(absolute(config.keys), time.time(), server=None)
+            bundle = choose_bundle(absolute(config.keys), time.time(), part=None)
     except (ConfigError, BundleError) as error:
         raise DeployError(str(error)) from error
     if stops and bundle is not None and bundle.role not in STOPPERS:

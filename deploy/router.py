@@ -20,7 +20,6 @@ from wire.config import (
     Name,
     Section,
     absolute,
-    is_loopback,
     is_one_robot,
     section,
 )
@@ -52,7 +51,7 @@ class RouterSection(Section):
             for number, endpoint in enumerate(endpoints):
                 if tls.is_secure(endpoint) and not self.has_keys:
                     yield Conflict((name, number), None, tls.without_keys(endpoint))
-                if not tls.is_secure(endpoint) and not is_loopback(endpoint):
+                if not tls.is_secure(endpoint) and not tls.is_loopback(endpoint):
                     yield Conflict((name, number), endpoint, tls.UNPROTECTED_ROUTER)
 
 

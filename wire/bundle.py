@@ -90,16 +90,16 @@ def read_bundle(directory: Path, now_s: float) -> Bundle:
     return Bundle(key.stem, *known, hosts, float(ends_s), authority, certificate, key)
 
 
-def choose_bundle(directory: Path, now_s: float, *, server: Role | None) -> Bundle:
+def choose_bundle(directory: Path, now_s: float, *, part: Role | None) -> Bundle:
     """Read a bundle, or the one of several in a directory that a process needs.
 
-    The computer of a robot has two: the hub takes that of the role supervisor, and all other processes take the other one. A
-    router takes that of the role router.
+    The computer of a robot has several: the hub takes that of the role supervisor, the base that of the role base, and
+    teleop that of the role operator. A router takes that of the role router.
 
     Args:
         directory: a bundle, or a directory of bundles.
         now_s: the time, in seconds since the epoch.
-        server: the role of the hub or the router; None: the process is a client.
+        part: the role of the process; None: any but those of servers, of several that of the operator.
 
     Raises:
         BundleError: as `read_bundle`, or there is not exactly one that fits.
@@ -108,17 +108,18 @@ def choose_bundle(directory: Path, now_s: float, *, server: Role | None) -> Bund
     if not within or any(directory.glob(f"*{KEY_SUFFIX}")):
         return read_bundle(directory, now_s)
     bundles = [read_bundle(one, now_s) for one in within]
-    fitting = [
-        bundle
-        for bundle in bundles
-        if bundle.role is server or (server is None and bundle.role not in SERVERS)
-    ]
+    if part is None:
+        others = [bundle for bundle in bundles if bundle.role not in SERVERS]
+        fitting = [bundle for bundle in others if bundle.role is Role.OPERATOR] or others
+    else:
+        fitting = [bundle for bundle in bundles if bundle.role is part]
     if len(fitting) == 1:
         return fitting[0]
     named = ", ".join(f"{bundle.name} ({bundle.role})" for bundle in bundles)
-    wanted = f"the role {server}" if server else f"another role than {' and '.join(SERVERS)}"
+    what = f"of another role than {' and '.join(SERVERS)}" if part is None else f"of the role {part}"
     raise BundleError(
-        f"{directory} must have one bundle of {wanted} for this process, but has {named}: name one with --keys"
+        f"{directory} must have one bundle {what} for this process, but has {named}: name one with --keys, or issue it with "
+        f"`lifeline keys issue NAME --role {part or Role.VIEWER}`"
     )
 
 

@@ -6,7 +6,6 @@ with its path, its value and the allowed values. No magic value disables a check
 `conflicts`, between sections by the functions passed to `read_sections`.
 """
 
-import ipaddress
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -150,10 +149,10 @@ class BusSection(Section):
     # Zenoh's own default of 10 s is far too long for a robot; below 0.1 s a busy machine loses links.
     lease_s: Annotated[float, Between(0.1, 2.0)] = 0.4
     memory_keeper: bool = True
-    without_certificate: Literal["participant", "viewer"] = "participant"
-    """What the hub takes a program for that shows no certificate."""
+    without_certificate: Literal["participant", "viewer"] = "viewer"
+    """What a program is that has no certificate and does not use the hub's socket (local_socket.py)."""
     more_keys: Annotated[list[MoreKey], Field(max_length=32)] = []
-    """Keys of other topics that such programs, bases and sensors may write."""
+    """Keys of other topics that bases, sensors and programs of this machine may write."""
     routers: Annotated[list[Endpoint], Field(max_length=4)] = []
     """Zenoh routers to which the hub connects, so that operators reach a robot behind NAT through them."""
 
@@ -163,24 +162,18 @@ class BusSection(Section):
         for number, router in enumerate(self.routers):
             if tls.is_secure(router) and self.keys is None:
                 yield Conflict(("routers", number), None, tls.without_keys(router))
-            if not tls.is_secure(router) and not is_loopback(router):
+            if not tls.is_secure(router) and not tls.is_loopback(router):
                 yield Conflict(("routers", number), router, tls.UNPROTECTED_ROUTER)
+            elif not tls.is_secure(router) and self.without_certificate == "viewer":
+                yield Conflict(("routers", number), router, tls.READING_ROUTER)
 
-    def to_bus_config(self) -> BusConfig:
-        local = LOCAL_ROLES if self.without_certificate == "participant" else (Role.VIEWER,)
+    def to_bus_config(self, part: Role | None = None) -> BusConfig:
+        unproven = LOCAL_ROLES if self.without_certificate == "participant" else (Role.VIEWER,)
         keys = None if self.keys is None else Path(self.keys)
+        routers = tuple(self.routers)
         return BusConfig(
-            self.endpoint, self.namespace, self.lease_s, keys, local=local, routers=tuple(self.routers)
+            self.endpoint, self.namespace, self.lease_s, keys, part, unproven=unproven, routers=routers
         )
-
-
-def is_loopback(endpoint: str) -> bool:
-    """Return whether an endpoint is reachable only from this machine."""
-    host = tls.host_of(endpoint).strip("[]")
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
 
 
 def same_endpoint(one: str, other: str) -> bool:
@@ -195,7 +188,7 @@ def _host_and_port(endpoint: str) -> tuple[str, str]:
 
 
 def _is_here(endpoint: str) -> bool:
-    return is_loopback(endpoint) or _host_and_port(endpoint)[0] in {"0.0.0.0", "[::]"}  # noqa: S104 - compared only
+    return tls.is_loopback(endpoint) or _host_and_port(endpoint)[0] in {"0.0.0.0", "[::]"}  # noqa: S104 - compared only
 
 
 class BaseSection(Section):

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from wire import limits, tls
-from wire.access import LOCAL_LINKS, AllowList, Contract, Grant, Message, written_by
+from wire.access import UNPROVEN_LINK, AllowList, Contract, Grant, Message, written_by
 from wire.bundle import Bundle
 from wire.roles import ANY, Role, common_name
 
@@ -146,7 +146,7 @@ def access_control(robots: Sequence[str], sources: Sequence[str], *, has_local: 
     if has_local:
         local = [grant for role in STATIONS for grant in station_grants(role, robots, ALL_ROBOTS, contract)]
         local += hub_grants(robots)
-        allowed.add({"id": "local", "link_protocols": list(LOCAL_LINKS)}, dict.fromkeys(local))
+        allowed.add({"id": "local", "link_protocols": [UNPROVEN_LINK]}, dict.fromkeys(local))
     return allowed.settings()
 
 

@@ -14,6 +14,9 @@ MIXED_RELIABILITY = "?mixed_rel=1"
 SECURE = ("tls", "quic")
 NOT_A_HUB = "the other side is neither a supervisor nor a router: its certificate has another role"
 UNPROTECTED_ROUTER = "a router on another computer must have an endpoint tls/ or quic/, which both sides prove with certificates"
+READING_ROUTER = (
+    'a router without certificates passes no command on, unless without_certificate is "participant"'
+)
 EVERY_ADDRESS = ("0.0.0.0", "[::]")  # noqa: S104 - compared only
 SOON_S = 3 * 86400.0
 """A certificate that ends within this time needs a new one."""
@@ -32,6 +35,15 @@ def zenoh_endpoint(endpoint: str) -> str:
 def host_of(endpoint: str) -> str:
     """Return the host of an endpoint, an IPv6 address in brackets."""
     return endpoint.partition("/")[2].rpartition(":")[0]
+
+
+def is_loopback(endpoint: str) -> bool:
+    """Return whether an endpoint is reachable only from this machine."""
+    host = host_of(endpoint).strip("[]")
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 def without_keys(endpoint: str) -> str:

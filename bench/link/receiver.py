@@ -86,7 +86,7 @@ def receive(hub: Hub, pipe: Pipe) -> None:
 
 def main() -> None:
     given = json.loads(sys.stdin.readline())
-    security = tls.settings(choose_bundle(Path(given["keys"]), time.time(), server=Role.SUPERVISOR))
+    security = tls.settings(choose_bundle(Path(given["keys"]), time.time(), part=Role.SUPERVISOR))
     pipes = fork_each([Hub(**one, security=security) for one in given["hubs"]], receive)
     for pipe in pipes:
         pipe.recv()

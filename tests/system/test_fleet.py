@@ -55,6 +55,7 @@ def start_supervisor(directory: Path, name: str, endpoint: str) -> "subprocess.P
     config = directory / f"{name}.toml"
     config.write_text(
         f'[bus]\nnamespace = "{name}"\nendpoint = "{free_endpoint()}"\nrouters = ["{endpoint}"]\n'
+        'without_certificate = "participant"\n'
     )
     return subprocess.Popen(
         [sys.executable, "-m", "supervisor", "--config", str(config)],

@@ -111,13 +111,19 @@ def test_each_process_finds_its_bundle_in_a_directory_of_two(tmp_path: Path) -> 
     with pytest.raises(
         BundleError, match=r"must have one bundle of another role.*robot7 \(supervisor\).*--keys"
     ):
-        choose_bundle(tmp_path, NOW_S, server=None)
+        choose_bundle(tmp_path, NOW_S, part=None)
     write(tmp_path / "wheels", Subject("wheels", Role.BASE, "r7"))
-    assert choose_bundle(tmp_path, NOW_S, server=Role.SUPERVISOR).name == "robot7"
-    assert choose_bundle(tmp_path, NOW_S, server=None).name == "wheels"
-    assert choose_bundle(tmp_path / "wheels", NOW_S, server=None).name == "wheels"
+    assert choose_bundle(tmp_path, NOW_S, part=Role.SUPERVISOR).name == "robot7"
+    assert choose_bundle(tmp_path, NOW_S, part=None).name == "wheels"
+    assert choose_bundle(tmp_path / "wheels", NOW_S, part=None).name == "wheels"
+    with pytest.raises(BundleError, match=r"must have one bundle of the role operator .*--role operator"):
+        choose_bundle(tmp_path, NOW_S, part=Role.OPERATOR)
     write(tmp_path / "vera", Subject("vera", Role.VIEWER, "r7"))
     with pytest.raises(BundleError, match=r"vera \(viewer\), wheels \(base\)"):
-        choose_bundle(tmp_path, NOW_S, server=None)
+        choose_bundle(tmp_path, NOW_S, part=None)
+    assert choose_bundle(tmp_path, NOW_S, part=Role.BASE).name == "wheels"
+    write(tmp_path / "olga", Subject("olga", Role.OPERATOR, "r7"))
+    for part in (Role.OPERATOR, None):
+        assert choose_bundle(tmp_path, NOW_S, part=part).name == "olga"
     with pytest.raises(BundleError, match="there is no bundle of keys"):
-        choose_bundle(tmp_path / "none", NOW_S, server=Role.SUPERVISOR)
+        choose_bundle(tmp_path / "none", NOW_S, part=Role.SUPERVISOR)

@@ -150,7 +150,9 @@ def test_routers_on_other_computers_need_certificates() -> None:
     assert "bus.routers.0" in refusal(routers=["tls/site:7448"])
     assert "tls/ or quic/" in refusal(routers=["tcp/10.0.0.1:7448"], keys="/k")
     assert "expected PROTOCOL/HOST:PORT" in refusal(routers=["site"])
-    here = section({"bus": {"routers": ["tcp/127.0.0.1:7448"]}}, "bus", BusSection).to_bus_config()
+    assert "passes no command on" in refusal(routers=["tcp/127.0.0.1:7448"])
+    local = {"routers": ["tcp/127.0.0.1:7448"], "without_certificate": "participant"}
+    here = section({"bus": local}, "bus", BusSection).to_bus_config()
     assert (here.routers, here.is_hub_secure) == (("tcp/127.0.0.1:7448",), False)
     site = section({"bus": {"routers": ["tls/site:7448"], "keys": "/k"}}, "bus", BusSection).to_bus_config()
     assert site.is_hub_secure
