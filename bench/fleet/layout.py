@@ -33,7 +33,7 @@ class Site(Layout):
     def feeder(self, endpoints: Sequence[str]) -> list[str]:
         return [*endpoints, "--router", self._endpoint, "--keys", str(self._operator)]
 
-    def operator(self, number: int, _endpoint: str) -> str:
+    def operator(self, number: int, endpoint: str) -> str:  # noqa: ARG002 - that of the router is used
         return f"{self._endpoint} {namespace_of(number)} {self._operator}"
 
     def router_cpu_s(self) -> float:

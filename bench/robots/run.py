@@ -55,7 +55,7 @@ class Layout:
         ending.callback(terminate_all)
         return supervisors
 
-    def options(self, _number: int) -> list[str]:
+    def options(self, number: int) -> list[str]:  # noqa: ARG002 - of a layout with configurations
         """Return the options of a supervisor."""
         return []
 
@@ -63,7 +63,7 @@ class Layout:
         """Return the arguments of the feeder."""
         return list(endpoints)
 
-    def operator(self, _number: int, endpoint: str) -> str:
+    def operator(self, number: int, endpoint: str) -> str:  # noqa: ARG002 - of a layout with namespaces
         """Return how an operator reaches its robot, for bench.robots.holders."""
         return endpoint
 
