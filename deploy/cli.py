@@ -9,6 +9,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
+from deploy.cli_fleet import fleet_app, router
 from deploy.cli_foxglove import foxglove
 from deploy.cli_incidents import incidents_app
 from deploy.cli_inspection import doctor, graph, node_app, topic_app
@@ -63,10 +64,12 @@ app.add_typer(topic_app, name="topic")
 app.add_typer(node_app, name="node")
 app.add_typer(ros2_app, name="ros2")
 app.add_typer(keys_app, name="keys")
+app.add_typer(fleet_app, name="fleet")
 app.command()(graph)
 app.command()(doctor)
 app.command()(foxglove)
 app.command()(view)
+app.command()(router)
 
 Speed = Annotated[
     float, typer.Option("--speed", min=0.05, max=1.0, metavar="V", help="Maximum speed in m/s.")
