@@ -6,7 +6,7 @@ up.py              `lifeline up`: start the stack, with teleop in this terminal;
 status.py          `lifeline status`: print the status once
 demo.py            `lifeline demo`: a few trials of the real campaign and a drive at a rack; verdict.py one promise, bound and measurement
 path.py            `lifeline path`: drive squares, circles and recorded paths
-ros2_exec.py       `lifeline ros2 exec`: run a ROS 2 program with a token; ros2_check_base.py test the base; ros2_profile.py print the Fast DDS profile
+ros2_exec.py       `lifeline ros2 exec`: run a ROS 2 program with a token; ros2_run.py run the ROS 2 process; ros2_profile.py print the Fast DDS profile
 record.py          `lifeline record`: record all messages
 render.py          `lifeline render`: draw the robot; picture.py the options; film.py the frames; rehearsal.py robot, law and operator in simulated time
 check.py           `lifeline check`: check a configuration; check_motions.py permitted motions; check_risks.py risks; check_ros2.py the ROS 2 side

@@ -9,8 +9,8 @@ import pytest
 
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import (
-    DEFAULT_CONFIG,
     ANY_BASE,
+    DEFAULT_CONFIG,
     SIMULATED,
     Launch,
     check_endpoint_is_free,
