@@ -18,6 +18,7 @@ stack/             start, find, observe and stop the running robot
 campaign/          `lifeline faults`, `fault-report` and `soak`: fault injection at random moments, on real processes and in virtual time
 supervisord.conf   the programs that supervisord runs
 robot.toml         every key of the configuration, with its default
+systemd/           the units that start a real robot at boot
 examples/          configurations of real robots, of zenoh-bridge-ros2dds and of Foxglove
 
 Commands use campaign/, keys/ and stack/, campaign/ and keys/ use stack/, never the reverse.
