@@ -60,6 +60,8 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool, as_json: bool
                         f"running at {launch.bus.endpoint}; check it with `lifeline status`, stop it with `lifeline down`"
                     )
                     say(f"drive with `{launch.drive}`")
+                    if launch.participants is not None:
+                        say(f"foreign Zenoh programs of this user take part at {launch.participants}")
                     keep = True
                     return 0
                 return _teleop_here(state, launch, say)
@@ -86,6 +88,7 @@ def _starting(launch: Launch) -> str:
 def _document(state: StateDir, launch: Launch, *, is_latched: bool) -> dict[str, Any]:
     return {
         "endpoint": launch.bus.endpoint,
+        "participants": launch.participants,
         "namespace": launch.bus.namespace,
         "state_dir": str(state.path),
         "nodes": launch.nodes,

@@ -305,6 +305,9 @@ class VirtualBus:
     def run_id(self) -> bytes:
         return b"virtual session!"
 
+    async def connected(self) -> None:
+        """Report nothing: nobody copies a token here."""
+
     def declare_alive(self, node: str, epoch: bytes = b"") -> VirtualToken:
         node = topics.alive(node, epoch).removeprefix(topics.alive(""))
         self.own.append(node)

@@ -4,8 +4,8 @@ Everything that is not listed is refused. A list of what is refused would not do
 subscriber, but no rule for `robot/cmd_vel`. Zenoh allows a message if an allowed key expression includes the message's key
 expression, so a wildcard passes only where the list has the same wildcard or a wider one.
 
-Participants with a certificate have the role in its common name (`wire.roles`). A participant without one has the roles
-that the configuration gives to the programs of this machine.
+Participants with a certificate have the role in its common name (`wire.roles`). The programs of the hub's own user use its
+socket (local_socket.py), and have all roles. Everyone else has the roles that the configuration gives: by default that of a viewer.
 
 The hub checks what comes in (ingress) and what goes out to each participant (egress). Everything may go out within the
 robot's namespace: every participant may read. `delete` is never allowed.
@@ -20,8 +20,9 @@ from wire.foreign_nodes import NODE_TOKENS
 from wire.roles import ANY, Role, common_name
 
 LOCAL_ROLES = (Role.BASE, Role.SENSOR, Role.OPERATOR, Role.ESTOP, Role.VIEWER)
-"""The roles of a program without a certificate, on this machine."""
-LOCAL_LINKS = ("tcp", "unixsock-stream")
+"""The roles of a program of the hub's user."""
+LOCAL_LINK = "unixsock-stream"
+UNPROVEN_LINK = "tcp"
 ADMIN_SPACE = "@/**"
 """Zenoh's own report of sessions and declarations, for the inspection tools; it is read-only."""
 ROS2_TOKENS = f"{NODE_TOKENS.partition('/')[0]}/**"
@@ -62,14 +63,14 @@ class Grant:
 
 
 def access_control(
-    namespace: str, contract: Contract, local: Iterable[Role] = LOCAL_ROLES
+    namespace: str, contract: Contract, unproven: Iterable[Role] = (Role.VIEWER,)
 ) -> dict[str, object]:
     """Return Zenoh's configuration of the access control.
 
     Args:
         namespace: of the robot.
         contract: its own keys.
-        local: the roles of programs without a certificate.
+        unproven: the roles of programs that have no certificate and do not use the hub's socket.
     """
     rules: list[dict[str, object]] = []
     subjects: list[dict[str, object]] = []
@@ -96,10 +97,14 @@ def access_control(
         if role is not Role.SUPERVISOR:
             names = [common_name(role, namespace), common_name(role, ANY)]
             add({"id": role.value, "cert_common_names": names}, grants_of(role, namespace, contract))
-    every = [grant for role in local for grant in grants_of(role, namespace, contract)]
-    if set(local) >= set(LOCAL_ROLES):
-        every.append(_unknown_sources(namespace))
-    add({"id": "local", "link_protocols": list(LOCAL_LINKS)}, dict.fromkeys(every))
+    for name, link, roles in (
+        ("local", LOCAL_LINK, LOCAL_ROLES),
+        ("unproven", UNPROVEN_LINK, tuple(unproven)),
+    ):
+        every = [grant for role in roles for grant in grants_of(role, namespace, contract)]
+        if {*roles} >= {*LOCAL_ROLES}:
+            every.append(_unknown_sources(namespace))
+        add({"id": name, "link_protocols": [link]}, dict.fromkeys(every))
     return {
         "enabled": True,
         "default_permission": "deny",

@@ -90,15 +90,17 @@ def read_bundle(directory: Path, now_s: float) -> Bundle:
     return Bundle(key.stem, *known, hosts, float(ends_s), authority, certificate, key)
 
 
-def choose_bundle(directory: Path, now_s: float, *, is_hub: bool) -> Bundle:
+def choose_bundle(directory: Path, now_s: float, *, is_hub: bool, part: Role | None = None) -> Bundle:
     """Read a bundle, or the one of several in a directory that a process needs.
 
-    The computer of a robot has two: the hub takes that of the role supervisor, and all other processes take the other one.
+    The computer of a robot has several: the hub takes that of the role supervisor, the base that of the role base, and
+    teleop that of the role operator.
 
     Args:
         directory: a bundle, or a directory of bundles.
         now_s: the time, in seconds since the epoch.
         is_hub: whether the process is the hub.
+        part: the role of the process; None: any but supervisor, of several that of the operator.
 
     Raises:
         BundleError: as `read_bundle`, or there is not exactly one that fits.
@@ -107,13 +109,19 @@ def choose_bundle(directory: Path, now_s: float, *, is_hub: bool) -> Bundle:
     if not within or any(directory.glob(f"*{KEY_SUFFIX}")):
         return read_bundle(directory, now_s)
     bundles = [read_bundle(one, now_s) for one in within]
-    fitting = [bundle for bundle in bundles if (bundle.role is Role.SUPERVISOR) is is_hub]
+    wanted = Role.SUPERVISOR if is_hub else part
+    if wanted is None:
+        others = [bundle for bundle in bundles if bundle.role is not Role.SUPERVISOR]
+        fitting = [bundle for bundle in others if bundle.role is Role.OPERATOR] or others
+    else:
+        fitting = [bundle for bundle in bundles if bundle.role is wanted]
     if len(fitting) == 1:
         return fitting[0]
     named = ", ".join(f"{bundle.name} ({bundle.role})" for bundle in bundles)
-    wanted = "one bundle of the role supervisor" if is_hub else "one bundle of another role than supervisor"
+    what = "of another role than supervisor" if wanted is None else f"of the role {wanted}"
     raise BundleError(
-        f"{directory} must have {wanted} for this process, but has {named}: name one with --keys"
+        f"{directory} must have one bundle {what} for this process, but has {named}: name one with --keys, or issue it with "
+        f"`lifeline keys issue NAME --role {wanted or Role.VIEWER}`"
     )
 
 

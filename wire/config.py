@@ -6,7 +6,6 @@ with its path, its value and the allowed values. No magic value disables a check
 `conflicts`, between sections by the functions passed to `read_sections`.
 """
 
-import ipaddress
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -145,28 +144,19 @@ class BusSection(Section):
     # Zenoh's own default of 10 s is far too long for a robot; below 0.1 s a busy machine loses links.
     lease_s: Annotated[float, Between(0.1, 2.0)] = 0.4
     memory_keeper: bool = True
-    without_certificate: Literal["participant", "viewer"] = "participant"
-    """What the hub takes a program for that shows no certificate."""
+    without_certificate: Literal["participant", "viewer"] = "viewer"
+    """What a program is that has no certificate and does not use the hub's socket (local_socket.py)."""
     more_keys: Annotated[list[MoreKey], Field(max_length=32)] = []
-    """Keys of other topics that such programs, bases and sensors may write."""
+    """Keys of other topics that bases, sensors and programs of this machine may write."""
 
     def conflicts(self) -> Iterator[Conflict]:
         if tls.is_secure(self.endpoint) and self.keys is None:
             yield Conflict(("endpoint",), None, tls.without_keys(self.endpoint))
 
-    def to_bus_config(self) -> BusConfig:
-        local = LOCAL_ROLES if self.without_certificate == "participant" else (Role.VIEWER,)
+    def to_bus_config(self, part: Role | None = None) -> BusConfig:
+        unproven = LOCAL_ROLES if self.without_certificate == "participant" else (Role.VIEWER,)
         keys = None if self.keys is None else Path(self.keys)
-        return BusConfig(self.endpoint, self.namespace, self.lease_s, keys, local=local)
-
-
-def is_loopback(endpoint: str) -> bool:
-    """Return whether an endpoint is reachable only from this machine."""
-    host = tls.host_of(endpoint).strip("[]")
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
+        return BusConfig(self.endpoint, self.namespace, self.lease_s, keys, part, unproven=unproven)
 
 
 def same_endpoint(one: str, other: str) -> bool:
@@ -181,7 +171,7 @@ def _host_and_port(endpoint: str) -> tuple[str, str]:
 
 
 def _is_here(endpoint: str) -> bool:
-    return is_loopback(endpoint) or _host_and_port(endpoint)[0] in {"0.0.0.0", "[::]"}  # noqa: S104 - compared only
+    return tls.is_loopback(endpoint) or _host_and_port(endpoint)[0] in {"0.0.0.0", "[::]"}  # noqa: S104 - compared only
 
 
 class BaseSection(Section):

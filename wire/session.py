@@ -9,6 +9,7 @@ Callbacks run on Zenoh's threads: they stamp the arrival, pass the bytes on, and
 """
 
 import asyncio
+import itertools
 import json
 import logging
 import os
@@ -23,10 +24,11 @@ from typing import Any, Literal, TypeVar
 
 import zenoh
 
-from wire import limits, tls, topics
+from wire import limits, local_socket, tls, topics
 from wire.access import LOCAL_ROLES, Contract, access_control
 from wire.bundle import Bundle, BundleError, choose_bundle
 from wire.foreign_nodes import NODE_TOKENS
+from wire.hub_report import sessions_in
 from wire.inbox import (
     FOREIGN_DEPTH,
     SOURCES_DEPTH,
@@ -42,6 +44,7 @@ from wire.newest import NewestWithin
 from wire.process_limits import never_linger, raise_open_files
 from wire.reconnection import Reconnection
 from wire.roles import Role as ParticipantRole
+from wire.runs import SESSION_BYTES, Runs
 from wire.stamp import Stamper
 from wire.zenoh_log import why_refused
 
@@ -89,10 +92,12 @@ class BusConfig:
     """How long a silent link counts as alive. Measured: 0.1 s never expired wrongly in 60 s under 8 CPU hogs."""
     keys: Path | None = None
     """The directory of this process's bundle (bundle.py), which endpoints with TLS need; unused with tcp."""
+    part: ParticipantRole | None = None
+    """The role whose bundle this process takes, of several in that directory; None: any but supervisor."""
     contract: Contract = Contract()
     """The robot's own keys; only the hub uses them, for its access control."""
-    local: tuple[ParticipantRole, ...] = LOCAL_ROLES
-    """What the hub accepts from programs of this machine, which have no certificate."""
+    unproven: tuple[ParticipantRole, ...] = (ParticipantRole.VIEWER,)
+    """The roles of programs that have no certificate and do not use the hub's socket."""
 
 
 async def open_session(
@@ -101,6 +106,7 @@ async def open_session(
     *,
     on_wait: Callable[[], None] | None = None,
     say: Callable[[str], None] = _log.warning,
+    on_read_only: Callable[[str], None] | None = None,
 ) -> zenoh.Session:
     """Open the session; a client waits for its hub without a time limit.
 
@@ -109,6 +115,7 @@ async def open_session(
         role: `hub` listens, `client` connects.
         on_wait: called once if the hub does not run yet.
         say: called in this event loop with a sentence about a certificate that ends, now or later.
+        on_read_only: called with a sentence if the hub does not know this client as a participant.
 
     Raises:
         BusError: the hub cannot listen, the endpoint is invalid, or a certificate is refused.
@@ -118,10 +125,9 @@ async def open_session(
     bundle = await _in_thread(lambda: _bundle(config, role))
     if bundle is not None and (soon := tls.ends_soon(bundle, time.time())) is not None:
         say(soon)
-    settings = _settings(config, role, bundle)
     trouble = None if bundle is None else _Trouble(config)
     waiting = False
-    while (session := await _in_thread(lambda: _opened(settings, config, role))) is None:
+    while (session := await _in_thread(lambda: _opened(config, role, bundle))) is None:
         if not waiting and on_wait is not None:
             on_wait()
         waiting = True
@@ -131,23 +137,31 @@ async def open_session(
     if bundle is not None:
         guard = _Guard(session, config, role, bundle, say)
         await _in_thread(guard.check)
+    elif on_read_only is not None and not _is_local(session):
+        on_read_only(_only_reads(config.endpoint))
     return session
 
 
-def _opened(settings: zenoh.Config, config: BusConfig, role: Role) -> zenoh.Session | None:
+def _opened(config: BusConfig, role: Role, bundle: Bundle | None) -> zenoh.Session | None:
     """Return the session; None if the hub of a client does not run yet.
 
     Raises:
         BusError: the hub cannot listen, or the endpoint is invalid.
     """
+    endpoints = _endpoints(config, role)
     try:
-        return zenoh.open(settings)
+        session = zenoh.open(_settings(config, role, bundle, endpoints))
     except zenoh.ZError as error:
         if role == "hub":
             raise BusError(_listen_sentence(config.endpoint, error)) from error
         if "Unable to connect" not in str(error):
             raise BusError(f"cannot use the endpoint {config.endpoint!r}: {_first_line(error)}") from error
         return None
+    # The hub listens on its socket first. If it did so after the check, only the socket may be used.
+    if role == "client" and endpoints != _endpoints(config, role):
+        session.close()  # pyright: ignore[reportUnknownMemberType]
+        return None
+    return session
 
 
 class _Trouble:
@@ -234,7 +248,8 @@ def try_once(config: BusConfig) -> None:
     """Connect as a client and close, with Zenoh's log on standard output; nothing else reports the result."""
     start_log()
     with suppress(zenoh.ZError):
-        zenoh.open(_settings(config, "client", _bundle(config, "client"))).close()  # pyright: ignore[reportUnknownMemberType]
+        settings = _settings(config, "client", _bundle(config, "client"), _endpoints(config, "client"))
+        zenoh.open(settings).close()  # pyright: ignore[reportUnknownMemberType]
 
 
 def start_log() -> None:
@@ -253,7 +268,7 @@ def _bundle(config: BusConfig, role: Role) -> Bundle | None:
     if config.keys is None:
         raise BusError(tls.without_keys(config.endpoint))
     try:
-        bundle = choose_bundle(config.keys, time.time(), is_hub=role == "hub")
+        bundle = choose_bundle(config.keys, time.time(), is_hub=role == "hub", part=config.part)
     except BundleError as error:
         raise BusError(str(error)) from error
     misfit = tls.misfit(bundle, config.endpoint, config.namespace, is_hub=role == "hub")
@@ -262,7 +277,44 @@ def _bundle(config: BusConfig, role: Role) -> Bundle | None:
     return bundle
 
 
-def _settings(config: BusConfig, role: Role, bundle: Bundle | None) -> zenoh.Config:
+def _endpoints(config: BusConfig, role: Role) -> list[str]:
+    """Return where a session listens or connects: the hub at its socket too, and a client of its user there only.
+
+    A client never changes from the socket to TCP: if it reconnected while the hub starts, it would remain a viewer.
+
+    Raises:
+        BusError: the socket is the only way to take part, and the hub cannot offer it.
+    """
+    endpoint = tls.zenoh_endpoint(config.endpoint)
+    path = local_socket.socket_of(config.endpoint)
+    if path is None:
+        return [endpoint]
+    own = local_socket.zenoh_endpoint(path)
+    if role == "client":
+        return [own] if tls.is_loopback(config.endpoint) and local_socket.answers(path) else [endpoint]
+    try:
+        local_socket.prepare(path)
+    except local_socket.SocketError as error:
+        if {*config.unproven} < {*LOCAL_ROLES}:
+            raise BusError(str(error)) from error
+        _log.info("programs take part over TCP only: %s", error)
+        return [endpoint]
+    return [own, endpoint]
+
+
+def _is_local(session: zenoh.Session) -> bool:
+    """Return whether a client uses the socket of its hub."""
+    return all(str(link.dst).startswith(local_socket.PROTOCOL) for link in session.info.links())
+
+
+def _only_reads(endpoint: str) -> str:
+    return (
+        f"connected to {endpoint} without a certificate and not as the supervisor's user: the supervisor accepts nothing from this "
+        'program, unless its configuration has [bus] without_certificate = "participant" (docs/access.md)'
+    )
+
+
+def _settings(config: BusConfig, role: Role, bundle: Bundle | None, endpoints: list[str]) -> zenoh.Config:
     """Return Zenoh's configuration for one of the two roles; the values are based on measurements."""
     values: dict[str, object] = {
         "mode": "peer" if role == "hub" else "client",
@@ -277,17 +329,18 @@ def _settings(config: BusConfig, role: Role, bundle: Bundle | None) -> zenoh.Con
     if bundle is not None:
         values["transport/link/tls"] = tls.settings(bundle)
         values["transport/unicast/open_timeout"] = OPEN_LIMIT_MS
-    endpoint = tls.zenoh_endpoint(config.endpoint)
     if role == "hub":
-        values["listen/endpoints"] = [endpoint]
-        values["access_control"] = access_control(config.namespace, config.contract, config.local)
+        values["listen/endpoints"] = endpoints
+        values["access_control"] = access_control(config.namespace, config.contract, config.unproven)
         os.environ.setdefault("ZENOH_RUNTIME", limits.RUNTIME)  # read once, when the first session is opened
         never_linger()
         values |= limits.hub_settings(config.namespace, raise_open_files(limits.WANTED_FILES))
         # The hub answers which session declares what (docs/decisions/0042); it is read-only.
         values["adminspace"] = {"enabled": True, "permissions": {"read": True, "write": False}}
     else:
-        values["connect/endpoints"] = [endpoint]
+        values["connect/endpoints"] = endpoints
+        if endpoints[0].startswith(local_socket.PROTOCOL):
+            values["id"] = local_socket.session_id(os.getpid())
         values["connect/timeout_ms"] = (
             0  # `open_session` retries the first connection itself, and can be cancelled
         )
@@ -308,7 +361,7 @@ def _settings(config: BusConfig, role: Role, bundle: Bundle | None) -> zenoh.Con
 
 def _listen_sentence(endpoint: str, error: Exception) -> str:
     reason = str(error)
-    if "in use" in reason:
+    if "in use" in reason or "acquire lock" in reason:
         return (
             f"the endpoint {endpoint} is already in use: another supervisor may be running "
             "(see `lifeline status`, stop it with `lifeline down`), or choose another with --endpoint"
@@ -354,11 +407,12 @@ class RawPublisher:
             priority=zenoh.Priority.REAL_TIME,
             express=True,
         )
-        self._stamper = Stamper()
+        self._mark = _id_bytes(session.info.zid())[:SESSION_BYTES]
+        self._stamper = Stamper(self._mark)
 
     @property
     def epoch(self) -> bytes:
-        """The epoch in the stamps of this run."""
+        """The epoch in the stamps of this run; it begins as the id of the session (runs.py)."""
         return self._stamper.gid
 
     def put_bytes(
@@ -376,7 +430,7 @@ class RawPublisher:
 
     def begin_anew(self) -> None:
         """Begin a new epoch, as after a restart of the process."""
-        self._stamper = Stamper()
+        self._stamper = Stamper(self._mark)
 
 
 class ZenohToken:
@@ -400,15 +454,27 @@ class ZenohSession:
         # A declaration exists only as long as it is referenced.
         self._declared: list[object] = []
         self._reconnection = Reconnection(SETTLE_S)
+        self._runs = Runs()
+        self._watched: list[Callable[[str, bytes, bool], None]] = []
+        """Called for each run that ends or returns with its session."""
+        self._lock = threading.Lock()  # Zenoh's callbacks run on several threads
         self._declared.append(
             session.info.declare_transport_events_listener(_direct(self._on_transport), history=True)
         )
 
     def _on_transport(self, event: zenoh.TransportEvent) -> None:
         # A hub refuses no sample of its clients, since one of them may be an e-stop.
-        is_to_hub = event.transport.whatami != zenoh.WhatAmI.CLIENT
-        if is_to_hub and event.kind == zenoh.SampleKind.PUT:
+        is_to_hub, is_open = (
+            event.transport.whatami != zenoh.WhatAmI.CLIENT,
+            event.kind == zenoh.SampleKind.PUT,
+        )
+        if is_to_hub and is_open:
             self._reconnection.opened(str(event.transport.zid), time.monotonic())
+        elif not is_to_hub:
+            with self._lock:
+                runs = self._runs.of(_id_bytes(event.transport.zid))
+            for (node, epoch), tell in itertools.product(runs, self._watched):
+                tell(node, epoch, is_open)
 
     def publisher_raw(self, key: str) -> RawPublisher:
         """Return a publisher on a key of the robot."""
@@ -490,6 +556,8 @@ class ZenohSession:
             nodes: whose tokens are watched, with those of their runs; `$*` stands for any characters. A process that
                 must notice a death watches nothing else, because a flood of other tokens would delay it. None: the
                 tokens of all nodes, without those of their runs.
+
+        At the hub, the end of a session also ends its runs, whoever else holds their tokens.
         """
         inbox: Inbox[LivelinessChange] = Inbox(LIVELINESS_DEPTH, wake)
         prefix = self._key(topics.alive(""))
@@ -497,8 +565,16 @@ class ZenohSession:
         def on_change(key: str, alive: bool) -> None:  # noqa: FBT001 - as TokenChange
             token = topics.token_of(key.removeprefix(prefix))
             if token is not None:
-                inbox.push(LivelinessChange(token[0], alive, time.monotonic(), token[1]))
+                node, epoch = token
+                if epoch:
+                    with self._lock:
+                        self._runs.token(node, epoch, exists=alive)
+                changed(node, epoch, alive)
 
+        def changed(node: str, epoch: bytes, alive: bool) -> None:  # noqa: FBT001 - as on_change
+            inbox.push(LivelinessChange(node, alive, time.monotonic(), epoch))
+
+        self._watched.append(changed)
         for expression in ["*"] if nodes is None else [f"{node}/**" for node in nodes]:
             self.watch_tokens(f"{prefix}{expression}", on_change)
         return inbox
@@ -621,6 +697,22 @@ class ZenohSession:
             if reply.ok is not None
         ]
         return {token[1] for token in tokens if token is not None}
+
+    async def connected(self, *, timeout_s: float = 1.0) -> frozenset[bytes] | None:
+        """Return the ids of the sessions that are connected to the hub; None if others may be behind a router."""
+
+        def ask() -> frozenset[bytes] | None:
+            hubs = {str(hub) for hub in self._session.info.peers_zid()}
+            replies = self._session.get(
+                "@/*/peer", timeout=timeout_s, consolidation=zenoh.ConsolidationMode.NONE
+            )
+            for reply in replies:
+                if reply.ok is None or reply.replier_id is None or str(reply.replier_id.zid) not in hubs:
+                    continue
+                return sessions_in(reply.ok.payload.to_bytes())
+            return None
+
+        return await _in_thread(ask)
 
     def put_raw(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
         """Put any bytes on any key, as an attacker on the network can; for tests and the fault campaign.

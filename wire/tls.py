@@ -42,6 +42,15 @@ def host_of(endpoint: str) -> str:
     return endpoint.partition("/")[2].rpartition(":")[0]
 
 
+def is_loopback(endpoint: str) -> bool:
+    """Return whether an endpoint is reachable only from this machine."""
+    host = host_of(endpoint).strip("[]")
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
 def without_keys(endpoint: str) -> str:
     """Return the sentence that refuses a secure endpoint without keys."""
     return (

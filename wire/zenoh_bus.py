@@ -22,6 +22,7 @@ async def open_bus(
     *,
     on_wait: Callable[[], None] | None = None,
     say: Callable[[str], None] = _log.warning,
+    on_read_only: Callable[[str], None] | None = None,
 ) -> "ZenohBus":
     """Open a session and return its Bus; a client waits for its hub without a time limit.
 
@@ -30,11 +31,13 @@ async def open_bus(
         role: `hub` listens, `client` connects.
         on_wait: called once if the hub does not run yet.
         say: called in this event loop with a sentence about a certificate that ends, now or later.
+        on_read_only: called with a sentence if the hub does not know this client as a participant.
 
     Raises:
         BusError: the hub cannot listen, the endpoint is invalid, or a certificate is refused.
     """
-    return ZenohBus(await open_session(config, role, on_wait=on_wait, say=say), config.namespace)
+    session = await open_session(config, role, on_wait=on_wait, say=say, on_read_only=on_read_only)
+    return ZenohBus(session, config.namespace)
 
 
 class ZenohPublisher(RawPublisher):

@@ -36,7 +36,7 @@ def supervisor(module: str = "supervisor") -> Generator[Supervisor]:
     """Run a supervisor, or another module in its place, while the context is open.
 
     Raises:
-        RuntimeError: the context body timed out or lost the bus; the message ends with the end of the log.
+        RuntimeError: the context body timed out or lost the bus; the message contains the error and the end of the log.
     """
     endpoint = free_loopback_endpoint()
     with tempfile.TemporaryDirectory() as folder:
@@ -51,7 +51,10 @@ def supervisor(module: str = "supervisor") -> Generator[Supervisor]:
         try:
             yield Supervisor(endpoint, process.pid)
         except (TimeoutError, BusError) as error:
-            raise RuntimeError(f"the {module} cannot be measured: {log.read_text()[-600:]}") from error
+            reason = str(error) or "no answer in time"
+            raise RuntimeError(
+                f"the {module} cannot be measured: {reason}; its log ends with:\n{log.read_text()[-600:]}"
+            ) from error
         finally:
             end(process)
 

@@ -188,6 +188,8 @@ class _Operators:
                 break
             self._holders.tell(self._line)
             pid = self._started()
+            if pid is None:
+                break  # with too many robots, processes do not start in time: that is a result
             drives = self._drives(pid)
             time.sleep(self._chance.uniform(*HOLD_S))
             at_s = time.monotonic()
@@ -197,15 +199,14 @@ class _Operators:
             time.sleep(STAND_S)
         return killed_s
 
-    def _started(self) -> int:
-        """Return the pid of the next operator."""
-        while True:
-            try:
+    def _started(self) -> int | None:
+        """Return the pid of the next operator; None if none starts within the limit."""
+        with suppress(queue.Empty):
+            while True:
                 word, pid = self.arrivals.get(timeout=HOLD_LIMIT_S)
-            except queue.Empty:
-                raise TimeoutError("an operator was not started in time") from None
-            if word == "started":
-                return pid
+                if word == "started":
+                    return pid
+        return None
 
     def _drives(self, pid: int) -> bool:
         """Wait until an operator drives; return whether it did so within the limit."""

@@ -15,6 +15,7 @@ from deploy.stack.statedir import StateDir, read_json
 from wire import topics
 from wire.command_line import bus_options, override
 from wire.config import BusSection, ConfigError, absolute, read_toml, section
+from wire.local_socket import participants
 from wire.session import BusConfig
 from wire.state_directory import ENVIRONMENT
 
@@ -163,6 +164,11 @@ class Launch:
     def command(self, module: str) -> list[str]:
         """Return the command line of a module, run with this interpreter."""
         return [sys.executable, "-m", module, "--config", str(self.config), *bus_options(self.bus)]
+
+    @property
+    def participants(self) -> str | None:
+        """The Zenoh endpoint at which foreign programs of this user take part; None if they need certificates."""
+        return participants(self.bus.endpoint)
 
     @property
     def drive(self) -> str:

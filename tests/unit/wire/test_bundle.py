@@ -116,8 +116,14 @@ def test_each_process_finds_its_bundle_in_a_directory_of_two(tmp_path: Path) -> 
     assert choose_bundle(tmp_path, NOW_S, is_hub=True).name == "robot7"
     assert choose_bundle(tmp_path, NOW_S, is_hub=False).name == "wheels"
     assert choose_bundle(tmp_path / "wheels", NOW_S, is_hub=False).name == "wheels"
+    with pytest.raises(BundleError, match=r"must have one bundle of the role operator .*--role operator"):
+        choose_bundle(tmp_path, NOW_S, is_hub=False, part=Role.OPERATOR)
     write(tmp_path / "vera", Subject("vera", Role.VIEWER, "r7"))
     with pytest.raises(BundleError, match=r"vera \(viewer\), wheels \(base\)"):
         choose_bundle(tmp_path, NOW_S, is_hub=False)
+    assert choose_bundle(tmp_path, NOW_S, is_hub=False, part=Role.BASE).name == "wheels"
+    write(tmp_path / "olga", Subject("olga", Role.OPERATOR, "r7"))
+    for part in (Role.OPERATOR, None):
+        assert choose_bundle(tmp_path, NOW_S, is_hub=False, part=part).name == "olga"
     with pytest.raises(BundleError, match="there is no bundle of keys"):
         choose_bundle(tmp_path / "none", NOW_S, is_hub=True)
