@@ -7,7 +7,7 @@ estop_press.py     `lifeline estop`: press the emergency stop once; estop_statio
 status.py          `lifeline status`: print the status once
 demo.py            `lifeline demo`: a few trials of the real campaign and a drive at a rack; verdict.py one promise, bound and measurement
 path.py            `lifeline path`: drive squares, circles and recorded paths
-ros2_exec.py       `lifeline ros2 exec`: run a ROS 2 program with a token; ros2_check_base.py test the base; ros2_profile.py print the Fast DDS profile
+ros2_exec.py       `lifeline ros2 exec`: run a ROS 2 program with a token; ros2_run.py run the ROS 2 process; ros2_profile.py print the Fast DDS profile
 record.py          `lifeline record`: record all messages
 render.py          `lifeline render`: draw the robot; picture.py the options; film.py the frames; rehearsal.py robot, law and operator in simulated time
 check.py           `lifeline check`: check a configuration; check_motions.py permitted motions; check_risks.py risks; check_ros2.py the ROS 2 side
@@ -19,6 +19,7 @@ stack/             start, find, observe and stop the running robot
 campaign/          `lifeline faults`, `fault-report` and `soak`: fault injection at random moments, on real processes and in virtual time
 supervisord.conf   the programs that supervisord runs
 robot.toml         every key of the configuration, with its default
+systemd/           the units that start a real robot at boot
 examples/          configurations of real robots, of zenoh-bridge-ros2dds and of Foxglove
 
 Commands use campaign/, keys/ and stack/, campaign/ and keys/ use stack/, never the reverse.

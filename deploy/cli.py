@@ -99,6 +99,14 @@ def up(
             help="Simulate the base. With a section ros2 in the configuration, no sim starts.",
         ),
     ] = True,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--only",
+            metavar="NODE",
+            help="Start only supervisor, sim or ros2, in the background; repeat for several.",
+        ),
+    ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="With --detach: print the address and teleop's command as JSON.")
     ] = False,
@@ -115,8 +123,11 @@ def up(
 
         sim_options = {None: "", True: "--viewer", False: "--no-viewer"}[viewer]
         launch = Launch.read(config, endpoint, keys_dir, sim_options=sim_options, with_sim=sim)
+        if only:
+            launch = launch.only(only)
+        say = _note if as_json else _say
         return command.up(
-            StateDir.choose(state_dir), launch, _note if as_json else _say, detach=detach, as_json=as_json
+            StateDir.choose(state_dir), launch, say, detach=detach or bool(only), as_json=as_json
         )
 
     _exit_with(run)

@@ -22,7 +22,7 @@ from deploy.inspection.sockets import processes_at
 from deploy.stack import supervisord
 from deploy.stack.errors import DeployError
 from deploy.stack.formatting import printable
-from deploy.stack.launch import Launch, check_endpoint_is_free
+from deploy.stack.launch import ANY_BASE, Launch, check_endpoint_is_free
 from deploy.stack.observe import DEPTH
 from deploy.stack.reach import NotRunningError, reach
 from deploy.stack.robot_file import read_robot
@@ -88,7 +88,7 @@ def _at_rest(launch: Launch, state: StateDir) -> Observed:
     )
     try:
         document = read_toml(launch.config)
-        seen.has_sim = topics.SIM in document
+        seen.has_sim = not {topics.SIM, ANY_BASE}.isdisjoint(launch.nodes)
         seen.config = read_robot(document, simulated=False)[SupervisorSection]
         seen.has_ros2 = topics.ROS2 in document
         seen.ros2_problem = _ros2_problem(launch) if seen.has_ros2 else ""

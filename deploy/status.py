@@ -2,7 +2,7 @@
 
 import asyncio
 import json
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +14,7 @@ from deploy.estop import RESET, latched_sentence
 from deploy.stack import processes, ros2_reports, supervisord
 from deploy.stack.errors import EXIT_NOT_RUNNING
 from deploy.stack.formatting import COLOURS, GO_NEUTRAL, mode_name, nearest, number, printable, speed
-from deploy.stack.launch import SIMULATED, Launch
+from deploy.stack.launch import ANY_BASE, SIMULATED, Launch
 from deploy.stack.observe import observing
 from deploy.stack.ros2_reports import Report
 from deploy.stack.statedir import StateDir
@@ -60,9 +60,13 @@ class Look:
 
     @property
     def exit_code(self) -> int:
-        if all(node in self.alive for node in self.needed) and self.status is not None:
+        if all(self.runs(node) for node in self.needed) and self.status is not None:
             return 0
         return EXIT_PARTLY if self.connected or self.programs else EXIT_NOT_RUNNING
+
+    def runs(self, node: str) -> bool:
+        """Return whether a node is alive; a base that is no node of ours sends odometry."""
+        return self.odometry is not None if node == ANY_BASE else node in self.alive
 
     @property
     def mode(self) -> str | None:
@@ -78,7 +82,7 @@ class Look:
             "endpoint": self.endpoint,
             "running": self.exit_code == 0,
             "nodes": {
-                node: {"alive": node in self.alive, "process": self.programs.get(node)} for node in self.nodes
+                node: {"alive": self.runs(node), "process": self.programs.get(node)} for node in self.nodes
             },
             "mode": self.mode,
             "reasons": status.reasons if status else None,
@@ -122,7 +126,7 @@ async def _look(state: StateDir, launch: Launch) -> Look:
                 lambda robot: (
                     robot.status is not None
                     and robot.odometry is not None
-                    and robot.alive.issuperset(launch.nodes)
+                    and robot.alive.issuperset(node for node in launch.nodes if node != ANY_BASE)
                     and (bool(robot.ros2) or not with_ros2)
                 ),
                 ROS2_LIMIT_S if with_ros2 else LISTEN_LIMIT_S,
@@ -134,7 +138,7 @@ async def _look(state: StateDir, launch: Launch) -> Look:
                 programs=programs,
                 status=observer.status,
                 odometry=observer.odometry,
-                needed=launch.nodes,
+                needed=_with_known_base(launch.nodes, observer.alive),
                 ros2=observer.ros2,
             )
     except TimeoutError:
@@ -151,6 +155,12 @@ async def _look(state: StateDir, launch: Launch) -> Look:
         )
 
 
+def _with_known_base(nodes: tuple[str, ...], alive: Collection[str]) -> tuple[str, ...]:
+    """Return the nodes, with the base that is alive in place of one of unknown kind."""
+    base = next((name for name in (topics.SIM, topics.ROS2) if name in alive), ANY_BASE)
+    return tuple(base if node == ANY_BASE else node for node in nodes)
+
+
 def table(look: Look) -> Table | Text:
     """Format the status as a table for the terminal."""
     if look.exit_code == EXIT_NOT_RUNNING:
@@ -164,7 +174,7 @@ def table(look: Look) -> Table | Text:
     table.add_column(style="bold")
     table.add_column()
     for node in (*look.nodes, *sorted(look.alive.difference(look.nodes))):
-        alive = node in look.alive
+        alive = look.runs(node)
         note = f" (process {look.programs[node]})" if node in look.programs else ""
         style = "green" if alive else "red" if node in look.needed else "dim"
         table.add_row(node, Text(f"{'alive' if alive else 'not alive'}{note}", style=style))
