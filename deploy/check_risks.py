@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 from supervisor.config import SupervisorSection
 from supervisor.lidar_config import NamedLidarSection
-from wire.config import BaseSection, BusSection, is_loopback
+from wire.config import BaseSection, BusSection
+from wire.tls import is_loopback
 
 NO_MARGIN_SHARE = 0.9
 """A deceleration above this fraction of the base's braking leaves no margin for load, slope and floor."""
@@ -37,10 +38,18 @@ def risks(config: SupervisorSection, base: BaseSection | None, bus: BusSection) 
 
 
 def _of_bus(bus: BusSection) -> Iterator[Risk]:
+    takes_part = bus.without_certificate == "participant"
     if not is_loopback(bus.endpoint) and bus.endpoint.startswith("tcp/"):
+        may = (
+            "publish commands and sensor data, and read every message" if takes_part else "read every message"
+        )
         yield Risk(
-            f'[bus] endpoint = "{bus.endpoint}"',
-            "Any client that can connect to this port can publish commands and sensor data, and read every message.",
+            f'[bus] endpoint = "{bus.endpoint}"', f"Any client that can connect to this port can {may}."
+        )
+    elif takes_part and bus.endpoint.startswith("tcp/"):
+        yield Risk(
+            '[bus] without_certificate = "participant"',
+            "Every user of this machine can publish commands and sensor data.",
         )
 
 

@@ -45,6 +45,7 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool, as_json: bool
             try:
                 if launch.nodes != SIMULATED:
                     say(_starting(launch))
+                asyncio.run(bringup.check_supervisor_answers(launch))
                 bringup.start(state, launch, say)
                 asyncio.run(bringup.wait_until_alive(state, launch, say))
                 latched = latched_sentence(state, launch)
@@ -59,6 +60,8 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool, as_json: bool
                         f"running at {launch.bus.endpoint}; check it with `lifeline status`, stop it with `lifeline down`"
                     )
                     say(f"drive with `{launch.drive}`")
+                    if launch.participants is not None:
+                        say(f"foreign Zenoh programs of this user take part at {launch.participants}")
                     keep = True
                     return 0
                 return _teleop_here(state, launch, say)
@@ -75,6 +78,8 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool, as_json: bool
 def _starting(launch: Launch) -> str:
     """Return what is started, for a robot that is not simulated."""
     started = " and ".join(launch.nodes)
+    if topics.SUPERVISOR not in launch.nodes:
+        return f"starting {started} for the supervisor at {launch.bus.endpoint}"
     if topics.ROS2 in launch.nodes:
         return f"starting {started}, because the configuration has [ros2]"
     return f"starting {started} without a sim: the base must connect to {launch.bus.endpoint}"
@@ -83,6 +88,7 @@ def _starting(launch: Launch) -> str:
 def _document(state: StateDir, launch: Launch, *, is_latched: bool) -> dict[str, Any]:
     return {
         "endpoint": launch.bus.endpoint,
+        "participants": launch.participants,
         "namespace": launch.bus.namespace,
         "state_dir": str(state.path),
         "nodes": launch.nodes,

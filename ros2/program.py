@@ -19,6 +19,7 @@ from wire.config import BusSection, ConfigError, Section, read_sections
 from wire.inbox import BusError
 from wire.notify import take_notifier
 from wire.process import run_process
+from wire.roles import Role
 from wire.session import ZenohSession, open_session
 from wire.suspend import SuspendMeter
 
@@ -65,9 +66,12 @@ def main() -> None:
         def on_failure(error: BaseException) -> None:
             loop.call_soon_threadsafe(lambda: failed.done() or failed.set_exception(error))
 
-        bus = bus_section.to_bus_config()
+        bus = bus_section.to_bus_config(Role.BASE)
         session = await open_session(
-            bus, "client", on_wait=lambda: _log.info("waiting for the supervisor on %s", bus.endpoint)
+            bus,
+            "client",
+            on_wait=lambda: _log.info("waiting for the supervisor on %s", bus.endpoint),
+            on_read_only=_log.warning,
         )
         wire = ZenohSession(session, bus.namespace)
         node = await make_node(on_failure)

@@ -18,6 +18,7 @@ from sim.viewer import NoDisplayError, has_display, open_viewer
 from wire.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.config import BusSection, ConfigError, section
 from wire.process import run_process
+from wire.roles import Role
 from wire.suspend import SuspendMeter
 from wire.zenoh_bus import open_bus
 
@@ -90,7 +91,10 @@ def main() -> None:
         def on_wait() -> None:
             _log.info("waiting for the supervisor at %s", bus_section.endpoint)
 
-        opening = asyncio.ensure_future(open_bus(bus_section.to_bus_config(), "client", on_wait=on_wait))
+        bus_config = bus_section.to_bus_config(Role.BASE)
+        opening = asyncio.ensure_future(
+            open_bus(bus_config, "client", on_wait=on_wait, on_read_only=_log.warning)
+        )
         stopping = asyncio.ensure_future(stop.wait())
         await asyncio.wait({opening, stopping}, return_when=asyncio.FIRST_COMPLETED)
         if not opening.done():

@@ -20,14 +20,15 @@ from supervisor.fit import fit_to_base
 from supervisor.service import SupervisorService
 from wire import limits
 from wire.command_line import log_to_stderr, read_document, refuse, service_parser
-from wire.config import BaseSection, BusSection, ConfigError, Section, is_loopback, read_sections
+from wire.config import BaseSection, BusSection, ConfigError, Section, read_sections
+from wire.local_socket import participants
 from wire.notify import take_notifier
 from wire.process import run_process
 from wire.process_limits import bound_memory
 from wire.session import start_log
 from wire.state_directory import state_directory
 from wire.suspend import SuspendMeter
-from wire.tls import is_secure
+from wire.tls import is_loopback, is_secure
 from wire.zenoh_bus import open_bus
 from wire.zenoh_log import report_refusals
 
@@ -70,16 +71,16 @@ def main() -> None:
     notifier = take_notifier(os.environ)
 
     async def run(stop: asyncio.Event) -> int:
-        if is_secure(bus_section.endpoint):
+        bus_config = replace(bus_section.to_bus_config(), contract=contract)
+        if bus_config.is_hub_secure:
             report_refusals(start_log, _log.warning)
-        bus = await open_bus(replace(bus_section.to_bus_config(), contract=contract), "hub")
+        bus = await open_bus(bus_config, "hub")
         try:
+            _log.info("listening on %s%s", bus_section.endpoint, _who_takes_part(bus_section))
             if not is_loopback(bus_section.endpoint) and not is_secure(bus_section.endpoint):
-                _log.warning(
-                    "%s is open to the network: anyone who can reach it can drive the robot",
-                    bus_section.endpoint,
-                )
-            _log.info("listening on %s", bus_section.endpoint)
+                _log.warning("%s is open to the network: %s", bus_section.endpoint, _who_reaches(bus_section))
+            if bus_section.routers:
+                _log.info("connecting to the router %s", " and ".join(bus_section.routers))
             record = await asyncio.to_thread(open_record, directory, bus_section.namespace)
             suspended_s = SuspendMeter().suspended_s
             await SupervisorService(bus, config, recorder, record, suspended_s, notifier).run(stop)
@@ -89,6 +90,18 @@ def main() -> None:
 
     bound_memory(limits.MEMORY_BYTES)
     run_process("supervisor", run, memory_keeper=bus_section.memory_keeper)
+
+
+def _who_takes_part(bus: BusSection) -> str:
+    where = participants(bus.endpoint)
+    if where is None or bus.without_certificate == "participant":
+        return ""
+    return f"; programs of this user take part at {where}, all others may only read (docs/access.md)"
+
+
+def _who_reaches(bus: BusSection) -> str:
+    may = "drive the robot" if bus.without_certificate == "participant" else "read everything"
+    return f"anyone who can reach it can {may}"
 
 
 if __name__ == "__main__":

@@ -38,6 +38,7 @@ from wire.bus import Bus, wait_until
 from wire.command_line import EXIT_USAGE, override, read_document, refuse, service_parser
 from wire.config import BusSection, ConfigError, section
 from wire.process import run_process
+from wire.roles import Role
 from wire.zenoh_bus import open_bus
 
 REDRAW_PERIOD_S = 0.5
@@ -147,8 +148,11 @@ class _Waiting:
             quits = "Ctrl-C" if self._options.setup.control is Control.HOLD else "q"
             self._note(f"waiting for the supervisor at {section.endpoint}; {quits} quits")
 
-        config = section.to_bus_config()
-        opening = asyncio.ensure_future(open_bus(config, "client", on_wait=on_wait, say=self._on_warning))
+        config = section.to_bus_config(Role.OPERATOR)
+        warn = self._on_warning
+        opening = asyncio.ensure_future(
+            open_bus(config, "client", on_wait=on_wait, say=warn, on_read_only=warn)
+        )
         stopping = asyncio.ensure_future(self._stop.wait())
         for task in (opening, stopping):
             task.add_done_callback(lambda _: self._wake.set())

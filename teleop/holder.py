@@ -18,6 +18,7 @@ import asyncio
 import getpass
 import math
 import os
+import re
 import secrets
 import socket
 import time
@@ -26,6 +27,7 @@ from contextlib import suppress
 from wire import topics
 from wire.bus import Bus, Inbox, LivelinessChange, NoReplyError, Publisher, Token
 from wire.messages import TriggerResponse, Twist
+from wire.runs import SESSION_BYTES
 
 ASK_LIMIT_S = 1.0
 SILENT_LIMIT_S = 1.0
@@ -51,7 +53,7 @@ class Holder:
 
     def __init__(self, bus: Bus, source: str, commands: Publisher[Twist], about: str) -> None:
         self._bus, self._source, self._commands, self._about = bus, source, commands, about
-        self._candidate = f"{source}.{secrets.token_hex(8)}"
+        self._candidate = f"{source}.{bus.run_id[:SESSION_BYTES].hex()}{secrets.token_hex(4)}"
         self._tokens: list[Token] = []
         self._serves = False
         self._changes: Inbox[LivelinessChange] = bus.watch_alive(nodes=[source, f"{source}.$*"])
@@ -107,7 +109,7 @@ class Holder:
         deadline_s = math.inf
         while True:
             await self._ask()
-            others = self._others()
+            others = await self._others()
             if not others:
                 return
             if any(self._source < node < self._candidate for node, _ in others):
@@ -123,18 +125,31 @@ class Holder:
             if answer.success:
                 raise HeldError(answer.message)
 
-    def _others(self) -> set[tuple[str, bytes]]:
-        """Return the tokens of the holder's run and of the other candidates."""
+    async def _others(self) -> set[tuple[str, bytes]]:
+        """Return the tokens of the holder's run and of the other candidates, except for copies that outlive their session."""
         for change in self._changes.take():
             (self._alive.add if change.alive else self._alive.discard)((change.node, change.epoch))
-        return {
+        others = {
             (node, epoch)
             for node, epoch in self._alive
             if (epoch if node == self._source else node != self._candidate)
         }
+        sessions = await self._bus.connected() if others else None
+        if sessions is None:
+            return others
+        marks = {session[:SESSION_BYTES] for session in sessions}
+        return {(node, epoch) for node, epoch in others if _session_of(node, epoch) in marks}
 
     async def _answer(self, _: str) -> TriggerResponse:
         return TriggerResponse(success=self.holds, message=self._about)
+
+
+def _session_of(node: str, epoch: bytes) -> bytes:
+    """Return the beginning of the id of a token's session, which both the epoch of a run and the mark of a candidate contain."""
+    if epoch:
+        return epoch[:SESSION_BYTES]
+    mark = node.rpartition(".")[2][: 2 * SESSION_BYTES]
+    return bytes.fromhex(mark) if re.fullmatch("([0-9a-f]{2})+", mark) else b""
 
 
 def about_this_process(source: str) -> str:

@@ -232,6 +232,10 @@ class Bus(Protocol):
         """Epoch of the token of a server: the id of its session, which Zenoh adds to each of its replies."""
         ...
 
+    async def connected(self) -> frozenset[bytes] | None:
+        """Return the ids of the sessions that are connected to the hub; None if the hub does not know all of them."""
+        ...
+
     def declare_alive(self, node: str, epoch: bytes = b"") -> Token:
         """Declare the token of a node, or of one run of it (`topics.alive`)."""
         ...

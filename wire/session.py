@@ -9,6 +9,7 @@ Callbacks run on Zenoh's threads: they stamp the arrival, pass the bytes on, and
 """
 
 import asyncio
+import itertools
 import json
 import logging
 import os
@@ -17,16 +18,17 @@ import time
 from collections.abc import Awaitable, Callable, Collection, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import zenoh
 
-from wire import limits, tls, topics
+from wire import limits, local_socket, router, tls, topics
 from wire.access import LOCAL_ROLES, Contract, access_control
 from wire.bundle import Bundle, BundleError, choose_bundle
 from wire.foreign_nodes import NODE_TOKENS
+from wire.hub_report import sessions_in
 from wire.inbox import (
     FOREIGN_DEPTH,
     SOURCES_DEPTH,
@@ -41,7 +43,9 @@ from wire.link_trouble import LOG_FILTER
 from wire.newest import NewestWithin
 from wire.process_limits import never_linger, raise_open_files
 from wire.reconnection import Reconnection
+from wire.roles import SERVERS
 from wire.roles import Role as ParticipantRole
+from wire.runs import SESSION_BYTES, Runs
 from wire.stamp import Stamper
 from wire.topics import Topic
 from wire.zenoh_log import why_refused
@@ -92,10 +96,19 @@ class BusConfig:
     """How long a silent link counts as alive. Measured: 0.1 s never expired wrongly in 60 s under 8 CPU hogs."""
     keys: Path | None = None
     """The directory of this process's bundle (bundle.py), which endpoints with TLS need; unused with tcp."""
+    part: ParticipantRole | None = None
+    """The role whose bundle this process takes, of several in that directory; None: any but supervisor."""
     contract: Contract = Contract()
     """The robot's own keys; only the hub uses them, for its access control."""
-    local: tuple[ParticipantRole, ...] = LOCAL_ROLES
-    """What the hub accepts from programs of this machine, which have no certificate."""
+    unproven: tuple[ParticipantRole, ...] = (ParticipantRole.VIEWER,)
+    """The roles of programs that have no certificate and do not use the hub's socket."""
+    routers: tuple[str, ...] = ()
+    """Endpoints of the Zenoh routers to which the hub connects; clients ignore them."""
+
+    @property
+    def is_hub_secure(self) -> bool:
+        """Whether the hub has links with certificates."""
+        return any(map(tls.is_secure, (self.endpoint, *self.routers)))
 
 
 async def open_session(
@@ -104,6 +117,7 @@ async def open_session(
     *,
     on_wait: Callable[[], None] | None = None,
     say: Callable[[str], None] = _log.warning,
+    on_read_only: Callable[[str], None] | None = None,
 ) -> zenoh.Session:
     """Open the session; a client waits for its hub without a time limit.
 
@@ -112,17 +126,19 @@ async def open_session(
         role: `hub` listens, `client` connects.
         on_wait: called once if the hub does not run yet.
         say: called in this event loop with a sentence about a certificate that ends, now or later.
+        on_read_only: called with a sentence if the hub does not know this client as a participant.
 
     Raises:
         BusError: the hub cannot listen, the endpoint is invalid, or a certificate is refused.
     """
+    if role == "client":
+        config = replace(config, endpoint=tls.client_endpoint(config.endpoint))
     bundle = await _in_thread(lambda: _bundle(config, role))
     if bundle is not None and (soon := tls.ends_soon(bundle, time.time())) is not None:
         say(soon)
-    settings = _settings(config, role, bundle)
     trouble = None if bundle is None else _Trouble(config)
     waiting = False
-    while (session := await _in_thread(lambda: _opened(settings, config, role))) is None:
+    while (session := await _in_thread(lambda: _opened(config, role, bundle))) is None:
         if not waiting and on_wait is not None:
             on_wait()
         waiting = True
@@ -130,25 +146,33 @@ async def open_session(
             await trouble.check()
         await asyncio.sleep(CONNECT_RETRY_S)
     if bundle is not None:
-        guard = _Guard(session, config, role, bundle, say)
+        guard = _Guard(session, config.endpoint, bundle, say, is_client=role == "client")
         await _in_thread(guard.check)
+    elif on_read_only is not None and not _is_local(session):
+        on_read_only(_only_reads(config.endpoint))
     return session
 
 
-def _opened(settings: zenoh.Config, config: BusConfig, role: Role) -> zenoh.Session | None:
+def _opened(config: BusConfig, role: Role, bundle: Bundle | None) -> zenoh.Session | None:
     """Return the session; None if the hub of a client does not run yet.
 
     Raises:
         BusError: the hub cannot listen, or the endpoint is invalid.
     """
+    endpoints = _endpoints(config, role)
     try:
-        return zenoh.open(settings)
+        session = zenoh.open(_configuration(config.endpoint, _settings(config, role, bundle, endpoints)))
     except zenoh.ZError as error:
         if role == "hub":
-            raise BusError(_listen_sentence(config.endpoint, error)) from error
+            raise BusError(_listen_sentence(str(error), config.endpoint)) from error
         if "Unable to connect" not in str(error):
             raise BusError(f"cannot use the endpoint {config.endpoint!r}: {_first_line(error)}") from error
         return None
+    # The hub listens on its socket first. If it did so after the check, only the socket may be used.
+    if role == "client" and endpoints != _endpoints(config, role):
+        session.close()  # pyright: ignore[reportUnknownMemberType]
+        return None
+    return session
 
 
 class _Trouble:
@@ -182,12 +206,13 @@ class _Guard:
     def __init__(
         self,
         session: zenoh.Session,
-        config: BusConfig,
-        role: Role,
+        endpoint: str,
         bundle: Bundle,
         say: Callable[[str], None],
+        *,
+        is_client: bool,
     ) -> None:
-        self._session, self._config, self._role, self._bundle = session, config, role, bundle
+        self._session, self._endpoint, self._bundle, self._is_client = session, endpoint, bundle, is_client
         self._say = say
         self._loop = asyncio.get_running_loop()
         self._said: set[str] = set()
@@ -199,11 +224,11 @@ class _Guard:
         """Check the link that a client has opened.
 
         Raises:
-            BusError: the other side is not a supervisor.
+            BusError: the other side is neither a supervisor nor a router.
         """
-        if self._role == "client" and not all(self._is_hub(link) for link in self._session.info.links()):
+        if self._is_client and not all(self._is_hub(link) for link in self._session.info.links()):
             self._session.close()  # pyright: ignore[reportUnknownMemberType]
-            raise BusError(f"cannot connect to {self._config.endpoint}: {tls.NOT_A_HUB}")
+            raise BusError(f"cannot connect to {self._endpoint}: {tls.NOT_A_HUB}")
 
     def _is_hub(self, link: zenoh.Link) -> bool:
         return tls.is_hub_name(link.auth_identifier)
@@ -213,12 +238,12 @@ class _Guard:
         link, is_new = event.link, event.kind == zenoh.SampleKind.PUT
         if not link.is_streamed:  # the datagrams of a connection, whose streams are another link
             return
-        if self._role == "hub":
+        if not self._is_client:
             change = "connected" if is_new else "disconnected"
             _log.info("%s %s at %s", link.auth_identifier, change, link.dst)
         elif is_new and not self._is_hub(link):
             threading.Thread(target=self._session.close, daemon=True, name="zenoh-refuse").start()  # pyright: ignore[reportUnknownMemberType, reportUnknownArgumentType]
-            self._say_once(f"the link to {self._config.endpoint} is closed: {tls.NOT_A_HUB}")
+            self._say_once(f"the link to {self._endpoint} is closed: {tls.NOT_A_HUB}")
         if not is_new and time.time() >= self._bundle.ends_s:
             self._say_once(tls.has_ended(self._bundle))
 
@@ -235,7 +260,8 @@ def try_once(config: BusConfig) -> None:
     """Connect as a client and close, with Zenoh's log on standard output; nothing else reports the result."""
     start_log()
     with suppress(zenoh.ZError):
-        zenoh.open(_settings(config, "client", _bundle(config, "client"))).close()  # pyright: ignore[reportUnknownMemberType]
+        settings = _settings(config, "client", _bundle(config, "client"), _endpoints(config, "client"))
+        zenoh.open(_configuration(config.endpoint, settings)).close()  # pyright: ignore[reportUnknownMemberType]
 
 
 def start_log() -> None:
@@ -249,21 +275,119 @@ def _bundle(config: BusConfig, role: Role) -> Bundle | None:
     Raises:
         BusError: it is missing or refused.
     """
-    if not tls.is_secure(config.endpoint):
+    if not (config.is_hub_secure if role == "hub" else tls.is_secure(config.endpoint)):
         return None
-    if config.keys is None:
-        raise BusError(tls.without_keys(config.endpoint))
+    part = ParticipantRole.SUPERVISOR if role == "hub" else config.part
+    return _fitting_bundle(config.keys, config.endpoint, config.namespace, part)
+
+
+def _fitting_bundle(keys: Path | None, endpoint: str, namespace: str, part: ParticipantRole | None) -> Bundle:
+    if keys is None:
+        raise BusError(tls.without_keys(endpoint))
     try:
-        bundle = choose_bundle(config.keys, time.time(), is_hub=role == "hub")
+        bundle = choose_bundle(keys, time.time(), part=part)
     except BundleError as error:
         raise BusError(str(error)) from error
-    misfit = tls.misfit(bundle, config.endpoint, config.namespace, is_hub=role == "hub")
+    misfit = tls.misfit(bundle, endpoint, namespace, server=part if part in SERVERS else None)
     if misfit is not None:
         raise BusError(misfit)
     return bundle
 
 
-def _settings(config: BusConfig, role: Role, bundle: Bundle | None) -> zenoh.Config:
+def _region_name(bundle: Bundle | None) -> str:
+    return router.region_name(None if bundle is None else bundle.authority.read_bytes())
+
+
+def router_settings(config: router.RouterConfig) -> dict[str, object]:
+    """Return Zenoh's configuration of a router, and raise the limit of open files of this process for it.
+
+    Raises:
+        BusError: its bundle is missing or refused.
+    """
+    bundle = _router_bundle(config)
+    return router.settings(config, bundle, _region_name(bundle), raise_open_files(limits.WANTED_FILES))
+
+
+def _router_bundle(config: router.RouterConfig) -> Bundle | None:
+    secure = [one for one in config.listen if tls.is_secure(one)]
+    if not secure and not any(map(tls.is_secure, config.connect)):
+        return None
+    bundles = [
+        _fitting_bundle(config.keys, endpoint, robot, ParticipantRole.ROUTER)
+        for endpoint in secure or config.listen
+        for robot in config.robots
+    ]
+    return bundles[0]
+
+
+def open_router(
+    config: router.RouterConfig, settings: dict[str, object], say: Callable[[str], None]
+) -> Callable[[], None]:
+    """Run a router in this process's threads; return the function that closes it.
+
+    Args:
+        config: what the router needs to know.
+        settings: of `router_settings`.
+        say: called in this event loop with a sentence about a certificate that ends, now or later.
+
+    Raises:
+        BusError: it cannot listen.
+    """
+    os.environ.setdefault("ZENOH_RUNTIME", limits.RUNTIME)
+    never_linger()
+    listened = " and ".join(config.listen)
+    try:
+        session = zenoh.open(_configuration(listened, settings))
+    except zenoh.ZError as error:
+        raise BusError(_listen_sentence(str(error), listened)) from error
+    bundle = _router_bundle(config)
+    if bundle is not None:
+        if (soon := tls.ends_soon(bundle, time.time())) is not None:
+            say(soon)
+        _Guard(session, listened, bundle, say, is_client=False)
+    return session.close  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
+
+
+def _endpoints(config: BusConfig, role: Role) -> list[str]:
+    """Return where a session listens or connects: the hub at its socket too, and a client of its user there only.
+
+    A client never changes from the socket to TCP: if it reconnected while the hub starts, it would remain a viewer.
+
+    Raises:
+        BusError: the socket is the only way to take part, and the hub cannot offer it.
+    """
+    endpoint = tls.zenoh_endpoint(config.endpoint)
+    path = local_socket.socket_of(config.endpoint)
+    if path is None:
+        return [endpoint]
+    own = local_socket.zenoh_endpoint(path)
+    if role == "client":
+        return [own] if tls.is_loopback(config.endpoint) and local_socket.answers(path) else [endpoint]
+    try:
+        local_socket.prepare(path)
+    except local_socket.SocketError as error:
+        if {*config.unproven} < {*LOCAL_ROLES}:
+            raise BusError(str(error)) from error
+        _log.info("programs take part over TCP only: %s", error)
+        return [endpoint]
+    return [own, endpoint]
+
+
+def _is_local(session: zenoh.Session) -> bool:
+    """Return whether a client uses the socket of its hub."""
+    return all(str(link.dst).startswith(local_socket.PROTOCOL) for link in session.info.links())
+
+
+def _only_reads(endpoint: str) -> str:
+    return (
+        f"connected to {endpoint} without a certificate and not as the supervisor's user: the supervisor accepts nothing from this "
+        'program, unless its configuration has [bus] without_certificate = "participant" (docs/access.md)'
+    )
+
+
+def _settings(
+    config: BusConfig, role: Role, bundle: Bundle | None, endpoints: list[str]
+) -> dict[str, object]:
     """Return Zenoh's configuration for one of the two roles; the values are based on measurements."""
     values: dict[str, object] = {
         "mode": "peer" if role == "hub" else "client",
@@ -278,17 +402,21 @@ def _settings(config: BusConfig, role: Role, bundle: Bundle | None) -> zenoh.Con
     if bundle is not None:
         values["transport/link/tls"] = tls.settings(bundle)
         values["transport/unicast/open_timeout"] = OPEN_LIMIT_MS
-    endpoint = tls.zenoh_endpoint(config.endpoint)
     if role == "hub":
-        values["listen/endpoints"] = [endpoint]
-        values["access_control"] = access_control(config.namespace, config.contract, config.local)
+        values["listen/endpoints"] = endpoints
+        values["access_control"] = access_control(config.namespace, config.contract, config.unproven)
         os.environ.setdefault("ZENOH_RUNTIME", limits.RUNTIME)  # read once, when the first session is opened
         never_linger()
         values |= limits.hub_settings(config.namespace, raise_open_files(limits.WANTED_FILES))
+        values["gateway"] = limits.gateway(_region_name(bundle) if config.routers else None)
+        if config.routers:
+            values |= router.dial(config.routers)
         # The hub answers which session declares what (docs/decisions/0042); it is read-only.
         values["adminspace"] = {"enabled": True, "permissions": {"read": True, "write": False}}
     else:
-        values["connect/endpoints"] = [endpoint]
+        values["connect/endpoints"] = endpoints
+        if endpoints[0].startswith(local_socket.PROTOCOL):
+            values["id"] = local_socket.session_id(os.getpid())
         values["connect/timeout_ms"] = (
             0  # `open_session` retries the first connection itself, and can be cancelled
         )
@@ -298,26 +426,29 @@ def _settings(config: BusConfig, role: Role, bundle: Bundle | None) -> zenoh.Con
             "period_max_ms": RECONNECT_MS,
             "period_increase_factor": 1,
         }
+    return values
+
+
+def _configuration(endpoint: str, values: dict[str, object]) -> zenoh.Config:
     settings = zenoh.Config()
     for key, value in values.items():
         try:
             settings.insert_json5(key, json.dumps(value))
         except zenoh.ZError as error:
-            raise BusError(f"cannot use the endpoint {config.endpoint!r}: {_first_line(error)}") from error
+            raise BusError(f"cannot use the endpoint {endpoint!r}: {_first_line(error)}") from error
     return settings
 
 
-def _listen_sentence(endpoint: str, error: Exception) -> str:
-    reason = str(error)
-    if "in use" in reason:
+def _listen_sentence(reason: str, endpoint: str) -> str:
+    if "in use" in reason or "acquire lock" in reason:
         return (
             f"the endpoint {endpoint} is already in use: another supervisor may be running "
             "(see `lifeline status`, stop it with `lifeline down`), or choose another with --endpoint"
         )
-    return f"cannot listen on the endpoint {endpoint!r}: {_first_line(error)}"
+    return f"cannot listen on the endpoint {endpoint!r}: {_first_line(reason)}"
 
 
-def _first_line(error: Exception) -> str:
+def _first_line(error: object) -> str:
     """Return the first line of a Zenoh error without the source location at its end."""
     return str(error).split(" at ")[0].splitlines()[0]
 
@@ -360,7 +491,8 @@ class RawPublisher:
         self._session, self._full_key = session, key
         self._small = self._declared(is_reliable=not fresh_only)
         self._large: zenoh.Publisher | None = None if fresh_only else self._small
-        self._stamper = Stamper()
+        self._mark = _id_bytes(session.info.zid())[:SESSION_BYTES]
+        self._stamper = Stamper(self._mark)
 
     def _declared(self, *, is_reliable: bool) -> zenoh.Publisher:
         return self._session.declare_publisher(
@@ -373,7 +505,7 @@ class RawPublisher:
 
     @property
     def epoch(self) -> bytes:
-        """The epoch in the stamps of this run."""
+        """The epoch in the stamps of this run; it begins as the id of the session (runs.py)."""
         return self._stamper.gid
 
     def put_bytes(
@@ -396,7 +528,7 @@ class RawPublisher:
 
     def begin_anew(self) -> None:
         """Begin a new epoch, as after a restart of the process."""
-        self._stamper = Stamper()
+        self._stamper = Stamper(self._mark)
 
 
 class ZenohToken:
@@ -410,29 +542,47 @@ class ZenohToken:
 
 
 class ZenohSession:
-    """The declarations of one process in a robot's namespace. A declaration exists until the session is closed."""
+    """The declarations of one process in a robot's namespace. A declaration exists until the session is closed.
 
-    def __init__(self, session: zenoh.Session, namespace: str) -> None:
+    Args:
+        session: of `open_session`.
+        namespace: of the robot.
+        is_hub: whether the session is the hub; it may have links to routers, as a client has to its hub.
+    """
+
+    def __init__(self, session: zenoh.Session, namespace: str, *, is_hub: bool = False) -> None:
         self._session = session
+        self._is_hub = is_hub
         self._namespace = namespace
         self._loop = asyncio.get_running_loop()
         self._pending_queries = 0
         # A declaration exists only as long as it is referenced.
         self._declared: list[object] = []
         self._reconnection = Reconnection(SETTLE_S)
+        self._runs = Runs()
+        self._watched: list[Callable[[str, bytes, bool], None]] = []
+        """Called for each run that ends or returns with its session."""
+        self._lock = threading.Lock()  # Zenoh's callbacks run on several threads
         self._declared.append(
             session.info.declare_transport_events_listener(_direct(self._on_transport), history=True)
         )
 
     def _on_transport(self, event: zenoh.TransportEvent) -> None:
-        # A hub refuses no sample of its clients, since one of them may be an e-stop.
-        is_to_hub = event.transport.whatami != zenoh.WhatAmI.CLIENT
-        if is_to_hub and event.kind == zenoh.SampleKind.PUT:
+        # A hub refuses no sample of its clients and its routers, since one of them may be an e-stop.
+        is_to_server = event.transport.whatami != zenoh.WhatAmI.CLIENT
+        is_open = event.kind == zenoh.SampleKind.PUT
+        if is_to_server and is_open and not self._is_hub:
             self._reconnection.opened(str(event.transport.zid), time.monotonic())
+        elif not is_to_server:
+            with self._lock:
+                runs = self._runs.of(_id_bytes(event.transport.zid))
+            for (node, epoch), tell in itertools.product(runs, self._watched):
+                tell(node, epoch, is_open)
 
-    def publisher_raw(self, topic: Topic[Any]) -> RawPublisher:
-        """Return a publisher of encoded messages of a topic."""
-        return RawPublisher(self._session, self._key(topic.key), fresh_only=topic.fresh_only)
+    def publisher_raw(self, topic: Topic[Any], *, namespace: str | None = None) -> RawPublisher:
+        """Return a publisher of encoded messages of a topic of the robot, or of another robot behind the same router."""
+        key = self._key(topic.key) if namespace is None else f"{namespace}/{topic.key}"
+        return RawPublisher(self._session, key, fresh_only=topic.fresh_only)
 
     def publisher_on(self, key: str) -> RawPublisher:
         """Return a publisher on a key that the table of topics does not have; no sample of it may be lost."""
@@ -514,6 +664,8 @@ class ZenohSession:
             nodes: whose tokens are watched, with those of their runs; `$*` stands for any characters. A process that
                 must notice a death watches nothing else, because a flood of other tokens would delay it. None: the
                 tokens of all nodes, without those of their runs.
+
+        At the hub, the end of a session also ends its runs, whoever else holds their tokens.
         """
         inbox: Inbox[LivelinessChange] = Inbox(LIVELINESS_DEPTH, wake)
         prefix = self._key(topics.alive(""))
@@ -521,8 +673,16 @@ class ZenohSession:
         def on_change(key: str, alive: bool) -> None:  # noqa: FBT001 - as TokenChange
             token = topics.token_of(key.removeprefix(prefix))
             if token is not None:
-                inbox.push(LivelinessChange(token[0], alive, time.monotonic(), token[1]))
+                node, epoch = token
+                if epoch:
+                    with self._lock:
+                        self._runs.token(node, epoch, exists=alive)
+                changed(node, epoch, alive)
 
+        def changed(node: str, epoch: bytes, alive: bool) -> None:  # noqa: FBT001 - as on_change
+            inbox.push(LivelinessChange(node, alive, time.monotonic(), epoch))
+
+        self._watched.append(changed)
         for expression in ["*"] if nodes is None else [f"{node}/**" for node in nodes]:
             self.watch_tokens(f"{prefix}{expression}", on_change)
         return inbox
@@ -645,6 +805,22 @@ class ZenohSession:
             if reply.ok is not None
         ]
         return {token[1] for token in tokens if token is not None}
+
+    async def connected(self, *, timeout_s: float = 1.0) -> frozenset[bytes] | None:
+        """Return the ids of the sessions that are connected to the hub; None if others may be behind a router."""
+
+        def ask() -> frozenset[bytes] | None:
+            hubs = {str(hub) for hub in self._session.info.peers_zid()}
+            replies = self._session.get(
+                "@/*/peer", timeout=timeout_s, consolidation=zenoh.ConsolidationMode.NONE
+            )
+            for reply in replies:
+                if reply.ok is None or reply.replier_id is None or str(reply.replier_id.zid) not in hubs:
+                    continue
+                return sessions_in(reply.ok.payload.to_bytes())
+            return None
+
+        return await _in_thread(ask)
 
     def put_raw(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
         """Put any bytes on any key, as an attacker on the network can; for tests and the fault campaign.

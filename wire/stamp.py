@@ -46,11 +46,11 @@ class Stamper:
     """Stamps the samples of one run of a publisher.
 
     Args:
-        gid: the epoch; None: a new random one.
+        gid: the epoch, or its beginning, which random bytes complete.
     """
 
-    def __init__(self, gid: bytes | None = None) -> None:
-        self.gid = gid or os.urandom(GID_BYTES)
+    def __init__(self, gid: bytes = b"") -> None:
+        self.gid = gid + os.urandom(GID_BYTES - len(gid))
         """The epoch."""
         self._sequence = count(1)
 

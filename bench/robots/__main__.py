@@ -2,11 +2,12 @@
 
 import argparse
 import sys
+from pathlib import Path
 
 from bench.rig.options import count, duration_s, failing_in_a_sentence, output_file
 from bench.rig.sheet import show
 from bench.rig.stored import this_run
-from bench.robots.results import Robots, write
+from bench.robots.results import Crowd, Robots, write
 from bench.robots.run import measure
 from bench.robots.table import sheets, verdicts
 
@@ -42,15 +43,23 @@ def main() -> None:
     def tell(text: str) -> None:
         print(text, file=sys.stderr, flush=True)
 
-    with failing_in_a_sentence("bench.robots"):
-        crowds = [measure(number, options.seconds, options.kills, tell) for number in options.robots]
     command = (
         f"python -m bench.robots --robots {' '.join(map(str, options.robots))} --seconds {options.seconds:g} "
         f"--kills {options.kills}"
     )
-    robots = Robots(this_run(command), tuple(crowds))
-    if options.json is not None:
-        write(robots, options.json)
+    run, crowds = this_run(command), list[Crowd]()
+    with failing_in_a_sentence("bench.robots"):
+        try:
+            for number in options.robots:
+                crowds.append(measure(number, options.seconds, options.kills, tell))
+        finally:
+            if crowds:  # also those before a failure or Ctrl-C
+                _report(Robots(run, tuple(crowds)), options.json)
+
+
+def _report(robots: Robots, json_file: Path | None) -> None:
+    if json_file is not None:
+        write(robots, json_file)
     show(sheets(robots), verdicts(robots))
 
 

@@ -11,8 +11,8 @@ from typing import Any, NoReturn
 
 from deploy.inspection.keys import by_full_key, full_key, is_key, topic_of
 from deploy.inspection.network import network_of
-from deploy.inspection.nodes import Node, addresses, nodes_of
-from deploy.inspection.sockets import processes_at
+from deploy.inspection.nodes import Node, addresses, claimed_pids, nodes_of
+from deploy.inspection.sockets import processes_at, processes_with
 from deploy.inspection.traffic import Traffic
 from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED, DeployError
 from deploy.stack.formatting import printable_lines
@@ -84,7 +84,7 @@ class Robot:
                 "the supervisor does not report its connections: run the same version of Lifeline on both sides"
             )
         endpoint = self.launch.bus.endpoint
-        processes = processes_at(addresses(network, endpoint))
+        processes = processes_at(addresses(network, endpoint)) | processes_with(claimed_pids(network))
         return nodes_of(network, processes, self.namespace, endpoint, self.bus.session_id)
 
     async def traffic(self, seconds: float, expression: str = "**") -> Traffic:
@@ -125,7 +125,7 @@ async def _run(
             return EXIT_INTERRUPTED
         sources = [source.name for source in config.sources]
         lidars = [lidar.topic for lidar in config.all_lidars()]
-        known = by_full_key(launch.bus.namespace, sources, lidars)
+        known = by_full_key(launch.bus.namespace, sources, lidars, config.station_names())
         return await body(Robot(bus, launch, config, known, stop))
     except NotRunningError as error:
         print(f"lifeline: {error}", file=sys.stderr)

@@ -23,11 +23,16 @@ class Session:
 
     session_id: str
     address: str
-    """Its end of the link, such as `127.0.0.1:37276`; empty for the hub."""
+    """Its end of the link, such as `127.0.0.1:37276`; empty for the hub, and a random name without a port at its socket."""
     writes: frozenset[str] = frozenset()
     reads: frozenset[str] = frozenset()
     serves: frozenset[str] = frozenset()
     tokens: frozenset[str] = frozenset()
+
+    @property
+    def is_at_socket(self) -> bool:
+        """Whether it uses the hub's socket (wire/local_socket.py), so that its process is one of this machine."""
+        return bool(self.address) and ":" not in self.address
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from deploy.inspection.keys import matches
 from deploy.inspection.network import Network, Session
 from deploy.inspection.sockets import Process
 from wire import topics
+from wire.local_socket import pid_in
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +21,7 @@ class Node:
     """Whether the name is from a token."""
     session: Session
     process: Process | None
-    """None if it runs on another machine or as another user, or does not use TCP."""
+    """None if it runs on another machine or as another user, or is a foreign program at the hub's socket."""
     host: str
     """The address of its machine; `local` if its process was found."""
 
@@ -36,6 +37,11 @@ class Node:
 def addresses(network: Network, endpoint: str) -> set[str]:
     """Return the addresses whose processes are wanted: of each client, and of the hub."""
     return {one.address or _listening(endpoint) for one in network.sessions}
+
+
+def claimed_pids(network: Network) -> dict[str, int]:
+    """Return the pid in the id of each session at the hub's socket, by its address; those of foreign programs are random."""
+    return {one.address: pid_in(one.session_id) for one in network.sessions if one.is_at_socket}
 
 
 def nodes_of(
@@ -68,6 +74,8 @@ def describe(node: Node) -> str:
     """Return a node with its process: `sim, pid 812` or `client 92e37599 at 10.0.0.7:40112`."""
     if node.process is not None:
         return f"{node.name}, pid {node.pid}"
+    if node.session.is_at_socket:
+        return f"{node.name} at the supervisor's socket, a program of the same user"
     return f"{node.name} at {node.session.address or node.host}, on another machine or of another user"
 
 
@@ -104,7 +112,8 @@ def _node(session: Session, process: Process | None, namespace: str, endpoint: s
         if token.startswith(prefix) and "." not in token and "/" not in token.removeprefix(prefix)
     )
     fallback = program(process.arguments) if process is not None else ""
-    host = (session.address or _listening(endpoint)).rpartition(":")[0] if process is None else "local"
+    is_here = process is not None or session.is_at_socket
+    host = "local" if is_here else (session.address or _listening(endpoint)).rpartition(":")[0]
     return Node("+".join(names) or fallback or session.session_id[:8], bool(names), session, process, host)
 
 

@@ -1,13 +1,14 @@
 """Finds the process at the other end of a TCP connection of this machine, from /proc (Linux).
 
 The hub reports the address of each client, and the kernel knows which process has this address. A process therefore
-cannot hide its pid or claim another one. Sockets of other users' processes are visible only to root.
+cannot hide its pid or claim another one. Sockets of other users' processes are visible only to root. At the hub's Unix socket, the
+hub knows no address: there, the ids of our sessions contain their pids.
 """
 
 import ipaddress
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,6 +35,12 @@ def processes_at(addresses: set[str]) -> dict[str, Process]:
         if inode in inodes and (process := _process(pid)) is not None:
             found.setdefault(inodes[inode], process)
     return found
+
+
+def processes_with(pids: Mapping[str, int]) -> dict[str, Process]:
+    """Return the processes with these pids, as far as they exist, by the same names."""
+    found = {name: _process(pid) for name, pid in pids.items()}
+    return {name: process for name, process in found.items() if process is not None}
 
 
 def _sockets() -> Iterator[tuple[str, str]]:

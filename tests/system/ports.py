@@ -3,6 +3,8 @@
 import errno
 import socket
 
+from wire import local_socket
+
 _ports = iter(range(20_000, 30_000))
 """Ports below the kernel's range for outgoing connections."""
 _claims: list[socket.socket] = []
@@ -17,6 +19,13 @@ def free_endpoint() -> str:
         if _claim(port) and _is_free(port):
             return f"tcp/127.0.0.1:{port}"
     raise AssertionError("no free port")
+
+
+def participants(endpoint: str) -> str:
+    """Return where a foreign program of this user takes part; at the endpoint itself, it may only read."""
+    there = local_socket.participants(endpoint)
+    assert there is not None
+    return there
 
 
 def _claim(port: int) -> bool:

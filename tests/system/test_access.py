@@ -4,20 +4,26 @@ The tables are written by hand, and not generated as the access control is.
 """
 
 import asyncio
+import os
+import sys
 from collections.abc import AsyncGenerator, Iterable
 from contextlib import asynccontextmanager
+from pathlib import Path
 
 import pytest
 import zenoh
 
-from tests.system.ports import free_endpoint
+from tests.system.ports import free_endpoint, participants
 from tests.system.rogue import open_rogue
+from wire import local_socket
 from wire.access import LOCAL_ROLES, Contract
 from wire.roles import Role
 from wire.session import BusConfig, open_session
 
 ROLES = [Role.BASE, Role.SENSOR, Role.OPERATOR, Role.ESTOP, Role.VIEWER]
-CONTRACT = Contract(sources=("teleop", "joy"), lidars=("scan", "rear/scan"), more_keys=("camera/**",))
+CONTRACT = Contract(
+    sources=("teleop", "joy"), lidars=("scan", "rear/scan"), more_keys=("camera/**",), stations=("door",)
+)
 
 MAY_PUT = {
     Role.BASE: {
@@ -32,8 +38,14 @@ MAY_PUT = {
         "camera/image",
     },
     Role.SENSOR: {"scan", "rear/scan", "imu", "diagnostics", "camera/image"},
-    Role.OPERATOR: {"teleop/cmd_vel", "joy/cmd_vel", "estop", "sim/obstacle"},
-    Role.ESTOP: {"estop"},
+    Role.OPERATOR: {
+        "teleop/cmd_vel",
+        "joy/cmd_vel",
+        "estop",
+        "estop_station/door/presence",
+        "sim/obstacle",
+    },
+    Role.ESTOP: {"estop", "estop_station/door/presence"},
     Role.VIEWER: set[str](),
 }
 MAY_SERVE = {
@@ -51,10 +63,15 @@ MAY_BE_ALIVE = {
         "alive/teleop/00ff",
         "alive/teleop.1a2b",
         "alive/teleop-exec",
+        "alive/door-estop",
+        "alive/door-estop/00ff",
     },
+    Role.ESTOP: {"alive/door-estop", "alive/door-estop/00ff"},
 }
 NEVER = {
     "cmd_vel",
+    "estop_station/door/challenge",
+    "estop_station/ghost/presence",
     "supervisor/status",
     "ghost/cmd_vel",
     "lidar/scan",
@@ -74,12 +91,15 @@ WILD = {
     "teleop/*",
     "*/scan",
     "**/scan",
+    "estop_station/*/presence",
+    "estop_station/**",
 }
 NAMES = {
     "alive/supervisor",
     "alive/supervisor/00ff",
     "alive/ghost",
     "alive/ghost.1",
+    "alive/ghost-estop",
     "alive/*",
     "alive/**",
     "alive",
@@ -93,7 +113,7 @@ def keys_of(table: dict[Role, set[str]], *more: Iterable[str]) -> list[str]:
 @asynccontextmanager
 async def hub_and(role: Role) -> AsyncGenerator[tuple[zenoh.Session, zenoh.Session]]:
     endpoint = free_endpoint()
-    hub = await open_session(BusConfig(endpoint, contract=CONTRACT, local=(role,)), "hub")
+    hub = await open_session(BusConfig(endpoint, contract=CONTRACT, unproven=(role,)), "hub")
     client = await asyncio.to_thread(open_rogue, endpoint)
     try:
         yield hub, client
@@ -145,10 +165,14 @@ async def test_a_put_passes_only_on_the_keys_of_its_role_and_a_wildcard_nowhere(
         assert heard == set()
 
 
-async def test_a_local_program_may_put_what_any_role_may_and_an_unknown_source_is_heard() -> None:
+@pytest.mark.parametrize("unproven", [(Role.VIEWER,), LOCAL_ROLES], ids=["at the socket", "participants"])
+async def test_a_local_program_may_put_what_any_role_may_and_an_unknown_source_is_heard(
+    unproven: tuple[Role, ...],
+) -> None:
     endpoint = free_endpoint()
-    hub = await open_session(BusConfig(endpoint, contract=CONTRACT, local=LOCAL_ROLES), "hub")
-    clients = [await asyncio.to_thread(open_rogue, endpoint) for _ in range(2)]
+    hub = await open_session(BusConfig(endpoint, contract=CONTRACT, unproven=unproven), "hub")
+    there = endpoint if unproven == LOCAL_ROLES else participants(endpoint)
+    clients = [await asyncio.to_thread(open_rogue, there) for _ in range(2)]
     try:
         heard, _subscriber = heard_by(hub, "robot/**")
         bridges = [heard_by(clients[1], f"robot/{key}") for key in ("cmd_vel", "supervisor/status", "*")]
@@ -225,3 +249,133 @@ async def test_every_role_may_read_the_robots_keys_and_tokens_and_nothing_else(r
 def _answer(query: zenoh.Query) -> None:
     with query:
         query.reply(query.key_expr if "*" not in str(query.key_expr) else "robot/cmd_vel", b"answer")
+
+
+STRANGER = """
+import os, sys, threading  # all that is imported later may be unreadable for the other user
+import zenoh
+from tests.system.rogue import open_rogue
+os.setgroups([]), os.setgid(65534), os.setuid(65534)
+try:
+    open_rogue(sys.argv[2])
+    sys.exit("another user must not reach the socket")
+except zenoh.ZError:
+    pass
+session = open_rogue(sys.argv[1])
+heard = session.declare_subscriber("robot/cmd_vel", allowed_origin=zenoh.Locality.REMOTE)
+for key in ("teleop/cmd_vel", "ghost/cmd_vel", "scan", "odom", "estop", "**"):
+    session.put(f"robot/{key}", b"put")
+token = session.liveliness().declare_token("robot/alive/teleop")
+served = session.declare_queryable("robot/sim/reset", lambda query: None)
+answers = [reply for reply in session.get("robot/supervisor/reset", timeout=0.5) if reply.ok]
+assert not answers, answers
+assert list(session.get("@/**", timeout=10.0)), "the hub answers its admin space"
+print("ready", flush=True)
+print(str(heard.recv().key_expr), flush=True)
+session.close()
+"""
+HUB = """
+import asyncio, sys, time
+from wire.session import BusConfig, open_session
+session = asyncio.run(open_session(BusConfig(sys.argv[1]), "hub"))
+print("listens", flush=True)
+time.sleep(60)
+"""
+LIMIT_S = 20.0
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="needs root, to become another user")
+async def test_another_user_of_this_machine_reads_and_nothing_else() -> None:
+    endpoint = free_endpoint()
+    hub = await open_session(BusConfig(endpoint, contract=CONTRACT), "hub")
+    try:
+        heard, _subscriber = heard_by(hub, "**")
+        seen, _watch = tokens_seen_by(hub, "robot/**")
+        _served = hub.declare_queryable("robot/supervisor/reset", _answer)
+        stranger = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-c", STRANGER, endpoint, participants(endpoint)),
+            stdout=asyncio.subprocess.PIPE,
+        )
+        assert stranger.stdout is not None
+        assert await asyncio.wait_for(stranger.stdout.readline(), LIMIT_S) == b"ready\n"
+        assert (heard, seen) == (set(), set())
+        assert not any(reply.ok for reply in hub.get("robot/sim/reset", timeout=0.5))
+        hub.put("robot/cmd_vel", b"put")
+        assert await asyncio.wait_for(stranger.stdout.readline(), LIMIT_S) == b"robot/cmd_vel\n"
+        assert await asyncio.wait_for(stranger.wait(), LIMIT_S) == 0
+    finally:
+        hub.close()  # pyright: ignore[reportUnknownMemberType]
+
+
+async def test_a_program_of_the_hubs_user_takes_part_without_an_option_and_a_plain_client_only_reads() -> (
+    None
+):
+    endpoint, said = free_endpoint(), list[str]()
+    config = BusConfig(endpoint, contract=CONTRACT)
+    hub = await open_session(config, "hub")
+    ours = await open_session(config, "client", on_read_only=said.append)
+    plain = await asyncio.to_thread(open_rogue, endpoint)
+    try:
+        heard, _subscriber = heard_by(hub, "robot/**")
+        seen, _watch = tokens_seen_by(hub, "robot/**")
+        tokens = [
+            client.liveliness().declare_token(f"robot/alive/{source}")
+            for client, source in ((ours, "teleop"), (plain, "joy"))
+        ]
+        ours.put("robot/teleop/cmd_vel", b"put")
+        plain.put("robot/joy/cmd_vel", b"put")
+        barrier(ours)
+        barrier(plain)
+        assert (heard, seen, said) == ({"robot/teleop/cmd_vel"}, {"robot/alive/teleop"}, [])
+        assert len(tokens) == 2
+    finally:
+        for session in (ours, plain, hub):
+            session.close()  # pyright: ignore[reportUnknownMemberType]
+
+
+async def test_a_client_that_does_not_reach_the_socket_is_shown_that_it_only_reads(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    endpoint, said = free_endpoint(), list[str]()
+    hub = await open_session(BusConfig(endpoint), "hub")
+    monkeypatch.setenv(local_socket.ENVIRONMENT, str(tmp_path))
+    client = await open_session(BusConfig(endpoint), "client", on_read_only=said.append)
+    try:
+        assert [endpoint in one and "without_certificate" in one for one in said] == [True]
+    finally:
+        for session in (client, hub):
+            session.close()  # pyright: ignore[reportUnknownMemberType]
+
+
+async def test_a_restarted_hub_replaces_the_socket_of_a_killed_one() -> None:
+    endpoint = free_endpoint()
+    path = local_socket.socket_of(endpoint)
+    assert path is not None
+    clients: list[zenoh.Session] = []
+    for _ in range(2):
+        hub = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-c", HUB, endpoint), stdout=asyncio.subprocess.PIPE
+        )
+        assert hub.stdout is not None
+        assert await asyncio.wait_for(hub.stdout.readline(), LIMIT_S) == b"listens\n"
+        clients.append(await asyncio.wait_for(open_session(BusConfig(endpoint), "client"), LIMIT_S))
+        hub.kill()
+        await hub.wait()
+        assert path.exists()
+        assert not local_socket.answers(path)
+    waiting = asyncio.ensure_future(open_session(BusConfig(endpoint), "client"))
+    last = await open_session(BusConfig(endpoint), "hub")
+    try:
+        clients.append(await asyncio.wait_for(waiting, LIMIT_S))
+        await asyncio.wait_for(_all_at(clients, local_socket.zenoh_endpoint(path)), LIMIT_S)
+    finally:
+        for session in (*clients, last):
+            session.close()  # pyright: ignore[reportUnknownMemberType]
+    assert not path.exists()
+
+
+async def _all_at(clients: list[zenoh.Session], endpoint: str) -> None:
+    """Wait until each client has one link, to this endpoint."""
+    wanted = [[endpoint]] * len(clients)
+    while [[str(link.dst) for link in client.info.links()] for client in clients] != wanted:  # noqa: ASYNC110 - no event
+        await asyncio.sleep(0.02)

@@ -16,6 +16,7 @@ from typing import IO
 import pytest
 
 from tests.system.harness import Robot, free_endpoint, is_zero, patiently, robot
+from tests.system.ports import participants
 from tests.system.rogue import open_rogue
 from wire import topics
 from wire.messages import Point, SafetyStatus, encode, planar_twist
@@ -238,7 +239,7 @@ async def test_a_rogue_put_on_cmd_vel_never_reaches_the_base(tmp_path: Path) -> 
         await subject.drive()
         subject.type("s")
         await subject.until(lambda: abs(subject.speed_m_s) < 0.005, "standstill")
-        rogue = open_rogue(subject.endpoint)
+        rogue = open_rogue(participants(subject.endpoint))
         try:
             payload = encode(planar_twist(1.0, 0.0))
             x_m = subject.x_m

@@ -117,8 +117,10 @@ class Figures(NamedTuple):
 
 
 async def measure(attack: Attack, directory: Path) -> Figures:
-    """Attack a new supervisor, and print the figures."""
-    async with robot(directory, topics.SUPERVISOR, teleop=False) as subject:
+    """Attack a new supervisor, to which the attacker is a participant, and print the figures."""
+    config = directory / "robot.toml"
+    config.write_text('[bus]\nwithout_certificate = "participant"\n')
+    async with robot(directory, topics.SUPERVISOR, teleop=False, config=config) as subject:
         await subject.until(lambda: bool(subject.outputs), "cmd_vel")
         pid = subject.pid(topics.SUPERVISOR)
         size_before, used_before_s, began_s = memory_bytes(pid), cpu_s(pid), time.monotonic()

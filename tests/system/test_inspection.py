@@ -20,6 +20,7 @@ from wire import topics
 from wire.stamp import Stamper
 
 ROOT = Path(__file__).parents[2]
+PARTICIPANTS = '[bus]\nwithout_certificate = "participant"\n'
 FOREIGN = """
 import sys, threading
 sys.path.insert(0, ".")
@@ -68,7 +69,10 @@ async def listed(subject: Robot, *arguments: str) -> Any:  # noqa: ANN401 - any 
 
 @asynccontextmanager
 async def standing(tmp_path: Path, config: Path | None = None) -> AsyncGenerator[Robot]:
-    """A robot without an operator, whose sim publishes."""
+    """A robot without an operator, whose sim publishes; foreign programs take part over TCP, where the kernel knows their pids."""
+    if config is None:
+        config = tmp_path / "robot.toml"
+        config.write_text(PARTICIPANTS)
     async with robot(tmp_path, teleop=False, config=config) as subject:
         await subject.until(
             lambda: "SCAN_STALE" not in subject.status.reasons and bool(subject.travel), "scans"
@@ -239,7 +243,7 @@ async def test_a_foreign_name_in_an_error_does_not_control_the_terminal(tmp_path
 
 async def test_the_key_of_another_topic_is_listed_if_the_configuration_admits_it(tmp_path: Path) -> None:
     config = tmp_path / "robot.toml"
-    config.write_text('[bus]\nmore_keys = ["camera/**"]\n')
+    config.write_text(PARTICIPANTS + 'more_keys = ["camera/**"]\n')
     async with standing(tmp_path, config) as subject:
         rogue = await asyncio.to_thread(open_rogue, subject.endpoint)
         ended = asyncio.Event()

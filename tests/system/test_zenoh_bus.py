@@ -16,6 +16,7 @@ import zenoh
 
 from deploy.stack.launch import DEFAULT_CONFIG
 from tests.system.harness import free_endpoint
+from tests.system.ports import participants
 from tests.system.rogue import open_rogue
 from wire import topics
 from wire.bus import Arrival, BusError, NoReplyError
@@ -110,7 +111,7 @@ async def test_a_flood_of_ever_new_writers_does_not_displace_a_known_writers_new
 @pytest.mark.parametrize("key", ["cmd_vel", "*", "**", "supervisor/status", "supervisor/*"])
 async def test_the_hub_and_the_bus_refuse_a_stranger_on_the_supervisors_keys(key: str) -> None:
     async with hub_and_client() as (hub, robot, config):
-        rogue = open_rogue(config.endpoint)
+        rogue = open_rogue(participants(config.endpoint))
         cmd_vel = robot.subscribe(topics.CMD_VEL, depth=100)
         status = robot.subscribe(topics.STATUS, depth=100)
         scans = robot.subscribe(topics.ODOM, depth=100)  # a key that any client may write, for comparison
@@ -357,7 +358,7 @@ async def test_a_bridge_with_our_example_waits_for_the_hub_and_reaches_it(path: 
     """The session of the bridge, without its plugin."""
     config = BusConfig(free_endpoint())
     settings = zenoh.Config.from_file(str(path))
-    settings.insert_json5("connect/endpoints", json.dumps([config.endpoint]))
+    settings.insert_json5("connect/endpoints", json.dumps([participants(config.endpoint)]))
     opening = asyncio.create_task(asyncio.to_thread(zenoh.open, settings))
     await asyncio.sleep(0.3)  # the bridge has tried in vain
     assert not opening.done()

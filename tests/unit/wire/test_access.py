@@ -44,7 +44,7 @@ def test_a_role_is_the_common_name_of_a_certificate_and_local_programs_have_none
     subjects = cast("list[dict[str, Any]]", access_control("robot7", CONTRACT)["subjects"])
     by_name = {subject["id"]: subject for subject in subjects}
     assert by_name["operator"]["cert_common_names"] == ["operator@robot7", common_name(Role.OPERATOR, ANY)]
-    assert "cert_common_names" not in by_name["local"]
+    assert not any("cert_common_names" in by_name[name] for name in ("local", "unproven"))
     assert "supervisor" not in by_name
 
 
@@ -67,15 +67,33 @@ def test_a_viewer_only_reads() -> None:
         assert grant.flow == "egress" or not WRITES & {*grant.messages}
 
 
-def test_local_programs_that_only_read_are_no_unknown_sources() -> None:
+@pytest.mark.parametrize(
+    ("unproven", "may"), [((Role.VIEWER,), {"local"}), (LOCAL_ROLES, {"local", "unproven"})]
+)
+def test_only_participants_of_this_machine_may_be_unknown_sources(
+    unproven: tuple[Role, ...], may: set[str]
+) -> None:
     unknown = f"robot/{topics.source_cmd_vel('*').key}"
-    assert any(unknown in rule["key_exprs"] for rule in rules_of(access_control("robot", CONTRACT)))
-    viewers = access_control("robot", CONTRACT, (Role.VIEWER,))
-    assert not any(unknown in rule["key_exprs"] for rule in rules_of(viewers))
+    rules = rules_of(access_control("robot", CONTRACT, unproven))
+    assert {rule["id"].split()[0] for rule in rules if unknown in rule["key_exprs"]} == may
+
+
+def test_the_socket_makes_a_participant_and_tcp_alone_a_viewer() -> None:
+    configuration = access_control("robot", CONTRACT)
+    subjects = cast("list[dict[str, Any]]", configuration["subjects"])
+    links = {subject["id"]: subject.get("link_protocols") for subject in subjects}
+    assert (links["local"], links["unproven"]) == (["unixsock-stream"], ["tcp"])
+    writers = {
+        rule["id"].split()[0]
+        for rule in rules_of(configuration)
+        if rule["flows"] == ["ingress"] and WRITES & {*rule["messages"]}
+    }
+    assert "local" in writers
+    assert "unproven" not in writers
 
 
 def test_every_topic_but_the_supervisors_has_a_role_that_writes_it() -> None:
     for topic in topics.TOPICS:
-        assert bool(topic.roles) == (topic.key not in topics.ONLY_SUPERVISOR_WRITES), topic.key
+        assert bool(topic.roles) == (not topics.is_supervisors(topic.key)), topic.key
     for service in topics.SERVICES:
         assert bool(service.roles) == (service is not topics.SUPERVISOR_RESET), service.key

@@ -7,8 +7,9 @@ from pydantic import ValidationError
 
 from supervisor.config import SupervisorSection
 from wire.access import LOCAL_ROLES
-from wire.config import BusSection, ConfigError, absolute, is_loopback, read_toml, section
+from wire.config import BusSection, ConfigError, absolute, read_toml, section
 from wire.roles import Role
+from wire.tls import is_loopback
 
 
 def refusal(document: dict[str, object], name: str = "supervisor") -> str:
@@ -136,5 +137,5 @@ def test_a_key_that_would_reach_into_the_contract_is_refused(key: str) -> None:
 
 
 def test_a_program_without_a_certificate_is_a_participant_or_only_reads() -> None:
-    assert BusSection().to_bus_config().local == LOCAL_ROLES
-    assert BusSection(without_certificate="viewer").to_bus_config().local == (Role.VIEWER,)
+    assert BusSection().to_bus_config().unproven == (Role.VIEWER,)
+    assert BusSection(without_certificate="participant").to_bus_config().unproven == LOCAL_ROLES

@@ -21,6 +21,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
+from wire.local_socket import socket_of
+
 CHUNK_BYTES = 1 << 16
 HELD_CHUNKS = 64
 """Buffer of one direction: 4 MiB, about as much as two kernels hold for a long link."""
@@ -101,6 +103,9 @@ class Link:
             await self.up.opened.wait()
             await self.down.opened.wait()
             try:
+                path = socket_of("tcp/{}:{}".format(*self._hub))
+                if path is not None and path.exists():  # over TCP, teleop and sim could only read
+                    return await asyncio.open_unix_connection(path, limit=CHUNK_BYTES)
                 return await asyncio.open_connection(*self._hub, limit=CHUNK_BYTES)
             except OSError:
                 await asyncio.sleep(RETRY_S)

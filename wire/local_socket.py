@@ -1,0 +1,126 @@
+"""The socket through which the programs of the supervisor's user take part, beside its TCP endpoint.
+
+Zenoh cannot tell who opens a TCP connection, so a program that connects to `tcp/` only reads. The hub therefore also
+listens on a Unix socket in a directory that only its user may enter. Our programs of that user find it by the port of
+the endpoint, and need no option. Zenoh keeps a lock beside the socket, so that a restarted hub replaces that of a killed one.
+"""
+
+import os
+import pwd
+import secrets
+import socket
+import stat
+from pathlib import Path
+
+ENVIRONMENT = "LIFELINE_RUN_DIR"
+UNDER_HOME = Path(".local/state/lifeline/run")
+PROTOCOL = "unixsock-stream"
+MAX_PATH_BYTES = 107
+"""Of `sockaddr_un`, without the byte at its end."""
+ANSWER_S = 1.0
+OWN_ONLY = 0o700
+_RANDOM_BITS = 96
+
+
+class SocketError(Exception):
+    """The hub cannot offer its socket; the message says why, and what to do."""
+
+
+def run_directory() -> Path:
+    """Return the directory of the sockets: `$LIFELINE_RUN_DIR`, else one in the user's home.
+
+    The home is that of the user database: two programs of one user must find the same directory, also if one of them was
+    started by a service manager or with sudo.
+    """
+    named = os.environ.get(ENVIRONMENT)
+    if named:
+        return Path(named).absolute()
+    try:
+        home = Path(pwd.getpwuid(os.getuid()).pw_dir)
+    except KeyError:  # a user id without an entry, as in some containers
+        home = Path(os.environ.get("HOME", "/"))
+    return home / UNDER_HOME
+
+
+def socket_of(endpoint: str) -> Path | None:
+    """Return the path of the socket that belongs to an endpoint of the hub; None with certificates.
+
+    The name has the port and the network namespace, since the port is unique only within it.
+    """
+    if not endpoint.startswith("tcp/"):
+        return None
+    try:
+        network = f"{Path('/proc/self/ns/net').stat().st_ino}-"
+    except OSError:  # not Linux
+        network = ""
+    return run_directory() / f"{network}{endpoint.rpartition(':')[2]}.sock"
+
+
+def zenoh_endpoint(path: Path) -> str:
+    """Return a socket's path as a Zenoh endpoint."""
+    return f"{PROTOCOL}/{path}"
+
+
+def participants(endpoint: str) -> str | None:
+    """Return the Zenoh endpoint for foreign programs of the hub's user, which a configuration file can name; None with certificates.
+
+    It is a link to the socket of the hub that started last at this port, in any network namespace.
+    """
+    path = socket_of(endpoint)
+    return None if path is None else zenoh_endpoint(_link_to(path))
+
+
+def _link_to(path: Path) -> Path:
+    return path.with_name(path.name.rpartition("-")[2])
+
+
+def prepare(path: Path) -> None:
+    """Make the directory of a socket, for its user only, and the link to it for foreign programs.
+
+    Raises:
+        SocketError: it cannot be made, other users may enter it, or the path is too long.
+    """
+    directory = path.parent
+    remedy = f"name another directory of this user with {ENVIRONMENT}"
+    if len(os.fsencode(path)) > MAX_PATH_BYTES:
+        raise SocketError(f"the path of the socket {path} is longer than {MAX_PATH_BYTES} bytes: {remedy}")
+    try:
+        directory.mkdir(mode=OWN_ONLY, parents=True, exist_ok=True)
+        found = directory.stat()
+    except OSError as error:
+        raise SocketError(f"cannot make {directory} ({error.strerror}): {remedy}") from error
+    if found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) & ~OWN_ONLY:
+        raise SocketError(
+            f"other users may enter {directory}, where the socket of this user's programs is: run `chmod 700 {directory}` as its "
+            f"owner, or {remedy}"
+        )
+    link = _link_to(path)
+    if link != path:
+        new = link.with_suffix(f".{os.getpid()}")
+        new.unlink(missing_ok=True)
+        new.symlink_to(path.name)
+        new.replace(link)
+
+
+def answers(path: Path) -> bool:
+    """Return whether a hub listens on a socket; blocks for at most a second."""
+    with socket.socket(socket.AF_UNIX) as probe:
+        probe.settimeout(ANSWER_S)
+        try:
+            probe.connect(str(path))
+        except OSError:
+            return False
+    return True
+
+
+def session_id(pid: int) -> str:
+    """Return a new random id for a session at a socket, which ends with the pid of its process.
+
+    The hub knows no address of such a session, so this is how `lifeline node` finds its process.
+    """
+    return f"{secrets.randbits(_RANDOM_BITS) | 1 << _RANDOM_BITS - 1:024x}{pid:08x}"
+
+
+def pid_in(session: str) -> int:
+    """Return the pid that the id of a session at a socket ends with; meaningless for an id that Zenoh made."""
+    return int(session[-8:], 16)
