@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import os
 import signal
 import sys
 from collections.abc import Callable
@@ -105,6 +106,13 @@ def main() -> None:
         help="flows of each condition (default: %(default)s)",
     )
     parser.add_argument(
+        "--together",
+        type=count,
+        default=1,
+        metavar="N",
+        help="flows that share a process, to measure more of them on one machine (default: %(default)s)",
+    )
+    parser.add_argument(
         "--seconds", type=positive, default=SECONDS, help="duration of each round (default: %(default)s)"
     )
     parser.add_argument("--rounds", type=count, default=1, metavar="N", help="(default: %(default)s)")
@@ -132,6 +140,12 @@ def _end(_: int, __: FrameType | None) -> NoReturn:
     sys.exit(143)
 
 
+def _priority() -> str:
+    """Return the command that gave this process its real-time priority; empty if it has none."""
+    option = {os.SCHED_FIFO: "-f", os.SCHED_RR: "-r"}.get(os.sched_getscheduler(0))
+    return "" if option is None else f"chrt {option} {os.sched_getparam(0).sched_priority} "
+
+
 def _measure(options: argparse.Namespace) -> None:
     conditions = grid(
         options.links,
@@ -139,21 +153,24 @@ def _measure(options: argparse.Namespace) -> None:
         [one / 1000 for one in options.round_trip_ms],
         options.lease_s,
     )
-    words = ["python -m bench.link"]
+    words = [f"{_priority()}python -m bench.link"]
     if options.links != list(Link):
         words.append(f"--links {' '.join(options.links)}")
+    together = f" --together {options.together}" if options.together > 1 else ""
     words += [
         f"--loss-percent {' '.join(f'{one:g}' for one in options.loss_percent)}",
         f"--round-trip-ms {' '.join(f'{one:g}' for one in options.round_trip_ms)}",
         f"--lease-s {' '.join(f'{one:g}' for one in options.lease_s)}",
-        f"--flows {options.flows} --seconds {options.seconds:g} --rounds {options.rounds} --seed {options.seed}",
+        f"--flows {options.flows}{together} --seconds {options.seconds:g} --rounds {options.rounds} --seed {options.seed}",
     ]
     before = None if options.json is None else read(options.json)
     results = before or Results({}, (), ())
     rejected = 0
     for number in range(options.rounds):
         flows: int = options.flows
-        plan = Plan(dict.fromkeys(conditions, flows), options.seconds, options.seed + number)
+        plan = Plan(
+            dict.fromkeys(conditions, flows), options.seconds, options.seed + number, options.together
+        )
         made, measured = measure(plan)
         rejection = made.rejection(options.late_ms)
         if rejection is not None:

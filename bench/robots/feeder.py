@@ -61,8 +61,8 @@ class Body:
         """What the supervisor has commanded last."""
         self._odometry_of: dict[Motion, bytes] = {}
         self._next_scan = itertools.cycle(scans)
-        self._scans = session.publisher_raw(topics.SCAN.key)
-        self._odometry = session.publisher_raw(topics.ODOM.key)
+        self._scans = session.publisher_raw(topics.SCAN)
+        self._odometry = session.publisher_raw(topics.ODOM)
         session.subscribe_raw(topics.CMD_VEL.key, self._hear_cmd_vel)
         session.subscribe_raw(topics.STATUS.key, self._hear_status)
 
