@@ -27,7 +27,7 @@ NO_RCLPY := ROS 2 is not installed in /opt/ros/jazzy, and PyPI has no rclpy for 
   (only for CPython 3.11 to 3.14 on x86_64 Linux)
 NO_RMW_ZENOH := zenoh-ros2-sdk cannot be installed on this machine
 
-.PHONY: help setup ros2 test-ros2 run test unit system timed demo proof proofs coverage check bench bench-peers bench-robots bench-link docs picture mutation faults campaign
+.PHONY: help setup ros2 test-ros2 run test unit system timed demo proof proofs coverage check bench bench-peers bench-robots bench-fleet bench-link docs picture mutation faults campaign
 
 help: ## print this list
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -94,6 +94,9 @@ bench-peers: $(STAMP) $(PEERS_STAMP) ## compare the supervisor with bare relays 
 bench-robots: $(STAMP) ## measure CPU, gaps and stops of 1 to 30 robots on this machine (six minutes)
 	.venv/bin/python -m bench.robots
 
+bench-fleet: $(STAMP) ## measure 1 to 50 robots behind one router on this machine (seven minutes)
+	.venv/bin/python -m bench.fleet
+
 bench-link: $(STAMP) ## measure false stops over links that lose packets, in network namespaces (root; four minutes)
 	.venv/bin/python -m bench.link
 
@@ -106,6 +109,7 @@ docs: $(STAMP) ## update the generated parts and the drawings of docs/
 	.venv/bin/python -m docs.generate.crash_safety
 	.venv/bin/python -m docs.generate.draw_crash_safety
 	.venv/bin/python -m docs.generate.draw_robots
+	.venv/bin/python -m docs.generate.fleet
 	.venv/bin/python -m docs.generate.link
 	.venv/bin/python -m docs.generate.draw_link
 

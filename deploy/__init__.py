@@ -3,6 +3,7 @@
 entry.py           the entry point of `lifeline`
 cli.py             the options of every command; cli_inspection.py those of topic, node, graph and doctor; cli_ros2.py those of ros2; cli_keys.py those of keys; command.py what they share
 up.py              `lifeline up`: start the stack, with teleop in this terminal; down.py stops it; estop.py reports a latched e-stop
+estop_press.py     `lifeline estop`: press the emergency stop once; estop_station.py `lifeline estop --name`: be an e-stop station
 status.py          `lifeline status`: print the status once
 demo.py            `lifeline demo`: a few trials of the real campaign and a drive at a rack; verdict.py one promise, bound and measurement
 path.py            `lifeline path`: drive squares, circles and recorded paths

@@ -9,6 +9,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
+from deploy.cli_fleet import fleet_app, router
 from deploy.cli_foxglove import foxglove
 from deploy.cli_incidents import incidents_app
 from deploy.cli_inspection import doctor, graph, node_app, topic_app
@@ -63,10 +64,12 @@ app.add_typer(topic_app, name="topic")
 app.add_typer(node_app, name="node")
 app.add_typer(ros2_app, name="ros2")
 app.add_typer(keys_app, name="keys")
+app.add_typer(fleet_app, name="fleet")
 app.command()(graph)
 app.command()(doctor)
 app.command()(foxglove)
 app.command()(view)
+app.command()(router)
 
 Speed = Annotated[
     float, typer.Option("--speed", min=0.05, max=1.0, metavar="V", help="Maximum speed in m/s.")
@@ -163,6 +166,38 @@ def status(
 
         launch = _running(config, endpoint, state_dir, keys_dir)
         return show_status(StateDir.choose(state_dir), launch, as_json=as_json)
+
+    _exit_with(run)
+
+
+@app.command()
+def estop(
+    *,
+    name: Annotated[
+        str | None,
+        typer.Option(
+            "--name",
+            metavar="NAME",
+            help="Be this e-stop station of [[supervisor.estop_stations]] until q or Ctrl-C: prove its presence, show whether "
+            "it is heard, and stop the robot at any key.",
+        ),
+    ] = None,
+    config: Config = None,
+    endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
+    state_dir: StatePath = None,
+) -> None:
+    """Press the emergency stop once, or be an e-stop station. Exit 0 if the supervisor confirms the press, 1 if not, 3 if nothing runs."""
+
+    def run() -> int:
+        launch = _running(config, endpoint, state_dir, keys_dir)
+        if name is not None:
+            from deploy.estop_station import run_station  # noqa: PLC0415
+
+            run_station(launch, name)
+        from deploy.estop_press import press  # noqa: PLC0415
+
+        return press(launch)
 
     _exit_with(run)
 

@@ -70,7 +70,7 @@ def keys_issue(
         typer.Option(
             "--role",
             help="What it may do: supervisor (the hub), base (wheels and odometry), sensor, operator (drive, stop, reset), "
-            "estop (stop), viewer (read). Default: as before, for a name that has a certificate.",
+            "estop (stop), viewer (read), router (passes messages on). Default: as before, for a name that has a certificate.",
         ),
     ] = None,
     robot: Annotated[
@@ -86,7 +86,7 @@ def keys_issue(
         typer.Option(
             "--host",
             metavar="HOST",
-            help="With --role supervisor: host name or address by which others reach it, in addition to localhost, "
+            help="With --role supervisor or router: host name or address by which others reach it, in addition to localhost, "
             "127.0.0.1 and ::1; repeat for several. Default: as before.",
         ),
     ] = None,

@@ -64,7 +64,8 @@ async def _examine(
         return 130
     if bus is not None and seen.config is not None:
         sources = [source.name for source in seen.config.sources]
-        known = by_full_key(seen.namespace, sources, [lidar.topic for lidar in seen.config.all_lidars()])
+        lidars = [lidar.topic for lidar in seen.config.all_lidars()]
+        known = by_full_key(seen.namespace, sources, lidars, seen.config.station_names())
         await _listen(seen, Robot(bus, launch, seen.config, known, stop), seconds)
     findings = diagnose(seen)
     if as_json:

@@ -94,6 +94,9 @@ class Look:
             "alarm": status.alarm if status else None,
             "estop_record_problem": status.estop_record_problem if status else None,
             "rmw_zenoh_nodes": status.rmw_zenoh_nodes if status else None,
+            "estop_stations": {station.name: station.words() for station in status.estop_stations}
+            if status
+            else None,
             "linear_m_s": number(twist.linear.x if twist else None),
             "angular_rad_s": number(twist.angular.z if twist else None),
             "nearest_m": number(status.nearest_m if status else None),
@@ -182,10 +185,8 @@ def table(look: Look) -> Table | Text:
         table.add_row("mode", Text(look.mode or "", style=COLOURS[look.mode or "STOPPED"]))
         for name, why in _why(status):
             table.add_row(name, Text(why))
-        if ESTOP in status.causes_and_latched()[0]:
-            table.add_row("e-stop", f"latched until reset, even after a restart: {RESET}")
-        if status.estop_record_problem:
-            table.add_row("e-stop record", Text(status.estop_record_problem, style="bold red"))
+        for name, text in _estop(status):
+            table.add_row(name, text)
         if status.rmw_zenoh_nodes:
             nodes = ", ".join(status.rmw_zenoh_nodes)
             table.add_row(
@@ -197,6 +198,21 @@ def table(look: Look) -> Table | Text:
         if report.name != ros2_reports.SUPERVISOR:
             table.add_row(Text(report.name), Text(report.message, style=ros2_reports.COLOURS[report.level]))
     return table
+
+
+def _estop(status: SafetyStatus) -> Iterator[tuple[str, Text]]:
+    """Yield the rows about the e-stop, its record and its stations."""
+    if ESTOP in status.causes_and_latched()[0]:
+        yield "e-stop", Text(f"latched until reset, even after a restart: {RESET}")
+    if status.estop_record_problem:
+        yield "e-stop record", Text(status.estop_record_problem, style="bold red")
+    for station in status.estop_stations:
+        style = ("bold red" if station.required else "yellow") if station.is_missed else "green"
+        need = "" if station.required else ", not required"
+        yield (
+            "e-stop station",
+            Text(printable(f"{station.name}: {station.words()}{need}"), style=style),
+        )
 
 
 def _why(status: SafetyStatus) -> Iterator[tuple[str, str]]:

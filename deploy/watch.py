@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, Protocol
 
 from rich.console import Console
 from rich.live import Live
@@ -98,7 +98,7 @@ def watch(robots: Sequence[Launch], *, as_json: bool, once: bool) -> NoReturn:
         try:
             if once:
                 return await _once(stop, feeds, as_json=as_json)
-            await (_lines if as_json else _live)(stop, feeds)
+            await (show_lines if as_json else show_live)(stop, lambda: feeds)
         except BrokenPipeError:  # the reader of the lines has ended, such as `head`
             return 0
         finally:
@@ -121,7 +121,7 @@ async def _once(stop: asyncio.Event, feeds: Sequence[Feed], *, as_json: bool) ->
                 latest[feed] = row
         return all(row.status is not None and row.twist is not None for row in latest.values())
 
-    await _until(stop, look, time.monotonic() + ONCE_LIMIT_S)
+    await until(stop, look, time.monotonic() + ONCE_LIMIT_S)
     rows = [latest[feed] for feed in feeds]
     if as_json:
         for row in rows:
@@ -132,22 +132,36 @@ async def _once(stop: asyncio.Event, feeds: Sequence[Feed], *, as_json: bool) ->
     return 0 if heard == len(rows) else EXIT_PARTLY if heard else EXIT_NOT_RUNNING
 
 
-async def _lines(stop: asyncio.Event, feeds: Sequence[Feed]) -> None:
-    lines = {feed: Lines(feed.robot.since_s) for feed in feeds}
+class Shown(Protocol):
+    """A robot that is shown."""
+
+    robot: Watched
+
+    def rows(self) -> Iterator[tuple[Row, float]]:
+        """Yield the row and its time [s] for each status since the last call, then the present row."""
+        ...
+
+
+async def show_lines(stop: asyncio.Event, feeds: Callable[[], Sequence[Shown]]) -> None:
+    """Print JSON lines of the robots until `stop` is set; there may be more of them each time."""
+    lines: dict[Shown, Lines] = {}
 
     def look() -> bool:
-        for feed in feeds:
+        for feed in feeds():
+            of_robot = lines.setdefault(feed, Lines(feed.robot.since_s))
             for row, now_s in feed.rows():
-                if lines[feed].due(row, now_s):
+                if of_robot.due(row, now_s):
                     print(to_json(row, time.time() - (time.monotonic() - now_s)), flush=True)
         return False
 
-    await _until(stop, look)
+    await until(stop, look)
 
 
-async def _live(stop: asyncio.Event, feeds: Sequence[Feed]) -> None:
+async def show_live(stop: asyncio.Event, feeds: Callable[[], Sequence[Shown]]) -> None:
+    """Show a live table of the robots until `stop` is set."""
+
     def page() -> list[Row]:
-        return [list(feed.rows())[-1][0] for feed in feeds]
+        return [list(feed.rows())[-1][0] for feed in feeds()]
 
     with Live(table(page()), console=Console(), auto_refresh=False) as screen:
 
@@ -155,10 +169,16 @@ async def _live(stop: asyncio.Event, feeds: Sequence[Feed]) -> None:
             screen.update(table(page()), refresh=True)
             return False
 
-        await _until(stop, look)
+        await until(stop, look)
 
 
-async def _until(stop: asyncio.Event, look: Callable[[], bool], limit_s: float = float("inf")) -> None:
-    """Call `look` every `LOOK_PERIOD_S` until it returns True, `stop` is set or the clock reaches `limit_s`."""
+async def until(
+    stop: asyncio.Event,
+    look: Callable[[], bool],
+    limit_s: float = float("inf"),
+    *,
+    period_s: float = LOOK_PERIOD_S,
+) -> None:
+    """Call `look` every `period_s` until it returns True, `stop` is set or the clock reaches `limit_s`."""
     while not (look() or stop.is_set() or time.monotonic() >= limit_s):
-        await wait_until(stop, time.monotonic() + LOOK_PERIOD_S)
+        await wait_until(stop, time.monotonic() + period_s)

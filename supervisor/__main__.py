@@ -71,13 +71,16 @@ def main() -> None:
     notifier = take_notifier(os.environ)
 
     async def run(stop: asyncio.Event) -> int:
-        if is_secure(bus_section.endpoint):
+        bus_config = replace(bus_section.to_bus_config(), contract=contract)
+        if bus_config.is_hub_secure:
             report_refusals(start_log, _log.warning)
-        bus = await open_bus(replace(bus_section.to_bus_config(), contract=contract), "hub")
+        bus = await open_bus(bus_config, "hub")
         try:
             _log.info("listening on %s%s", bus_section.endpoint, _who_takes_part(bus_section))
             if not is_loopback(bus_section.endpoint) and not is_secure(bus_section.endpoint):
                 _log.warning("%s is open to the network: %s", bus_section.endpoint, _who_reaches(bus_section))
+            if bus_section.routers:
+                _log.info("connecting to the router %s", " and ".join(bus_section.routers))
             record = await asyncio.to_thread(open_record, directory, bus_section.namespace)
             suspended_s = SuspendMeter().suspended_s
             await SupervisorService(bus, config, recorder, record, suspended_s, notifier).run(stop)

@@ -21,6 +21,8 @@ from wire.roles import ANY, Role, common_name
 
 LOCAL_ROLES = (Role.BASE, Role.SENSOR, Role.OPERATOR, Role.ESTOP, Role.VIEWER)
 """The roles of a program of the hub's user."""
+BEHIND_A_ROUTER = (Role.OPERATOR, Role.ESTOP)
+"""Whose messages a router passes to the hub of a robot, beside those of viewers, who only read."""
 LOCAL_LINK = "unixsock-stream"
 UNPROVEN_LINK = "tcp"
 ADMIN_SPACE = "@/**"
@@ -50,6 +52,8 @@ class Contract:
     """The scan topics of its lidars."""
     more_keys: tuple[str, ...] = ()
     """Keys of its other topics, which sensors, bases and local programs may write."""
+    stations: tuple[str, ...] = ()
+    """The names of its e-stop stations."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,16 +76,37 @@ def access_control(
         contract: its own keys.
         unproven: the roles of programs that have no certificate and do not use the hub's socket.
     """
-    rules: list[dict[str, object]] = []
-    subjects: list[dict[str, object]] = []
-    policies: list[dict[str, object]] = []
+    allowed = AllowList()
+    for role in Role:
+        if role is not Role.SUPERVISOR:
+            names = [common_name(role, namespace), common_name(role, ANY)]
+            allowed.add({"id": role.value, "cert_common_names": names}, grants_of(role, namespace, contract))
+    for name, link, roles in (
+        ("local", LOCAL_LINK, LOCAL_ROLES),
+        ("unproven", UNPROVEN_LINK, tuple(unproven)),
+    ):
+        every = [grant for role in roles for grant in grants_of(role, namespace, contract)]
+        if {*roles} >= {*LOCAL_ROLES}:
+            every.append(_unknown_sources(namespace))
+        allowed.add({"id": name, "link_protocols": [link]}, dict.fromkeys(every))
+    return allowed.settings()
 
-    def add(subject: dict[str, object], grants: Iterable[Grant]) -> None:
+
+class AllowList:
+    """Collects what is allowed to each subject, as Zenoh's configuration."""
+
+    def __init__(self) -> None:
+        self._rules: list[dict[str, object]] = []
+        self._subjects: list[dict[str, object]] = []
+        self._policies: list[dict[str, object]] = []
+
+    def add(self, subject: dict[str, object], grants: Iterable[Grant]) -> None:
+        """Allow a subject, with its `id` and what Zenoh knows it by, what the grants list."""
         name = str(subject["id"])
         own: list[str] = []
         for number, grant in enumerate(grants):
             own.append(f"{name} {number}")
-            rules.append(
+            self._rules.append(
                 {
                     "id": own[-1],
                     "messages": list(grant.messages),
@@ -90,38 +115,38 @@ def access_control(
                     "key_exprs": list(grant.keys),
                 }
             )
-        subjects.append(subject)
-        policies.append({"rules": own, "subjects": [name]})
+        self._subjects.append(subject)
+        self._policies.append({"rules": own, "subjects": [name]})
 
-    for role in Role:
-        if role is not Role.SUPERVISOR:
-            names = [common_name(role, namespace), common_name(role, ANY)]
-            add({"id": role.value, "cert_common_names": names}, grants_of(role, namespace, contract))
-    for name, link, roles in (
-        ("local", LOCAL_LINK, LOCAL_ROLES),
-        ("unproven", UNPROVEN_LINK, tuple(unproven)),
-    ):
-        every = [grant for role in roles for grant in grants_of(role, namespace, contract)]
-        if {*roles} >= {*LOCAL_ROLES}:
-            every.append(_unknown_sources(namespace))
-        add({"id": name, "link_protocols": [link]}, dict.fromkeys(every))
-    return {
-        "enabled": True,
-        "default_permission": "deny",
-        "rules": rules,
-        "subjects": subjects,
-        "policies": policies,
-    }
+    def settings(self) -> dict[str, object]:
+        """Return Zenoh's `access_control`, which refuses everything else."""
+        return {
+            "enabled": True,
+            "default_permission": "deny",
+            "rules": self._rules,
+            "subjects": self._subjects,
+            "policies": self._policies,
+        }
 
 
 def grants_of(role: Role, namespace: str, contract: Contract) -> Iterator[Grant]:
-    """Yield what the hub allows to one role: to read everything, and what the table of topics has for it."""
+    """Yield what the hub allows to one role: to read everything, and what the table of topics has for it.
+
+    The link to a router brings what its operators and e-stop stations send, and may not ask the admin space.
+    """
     everything = f"{namespace}/**"
     alive = f"{namespace}/{topics.alive('**')}"
     # A subscription may be wider, as that of `lifeline topic list`; what it receives is limited by the next rule.
     yield Grant(("declare_subscriber",), "ingress", ("**",))
-    yield Grant(("put", "query", "reply"), "egress", (everything, ADMIN_SPACE))
     yield Grant(("declare_subscriber", "declare_queryable"), "egress", ("**",))
+    if role is Role.ROUTER:
+        yield Grant(("put", "query", "reply", "liveliness_token"), "egress", (everything,))
+        yield Grant(("liveliness_query", "declare_liveliness_subscriber"), "egress", (alive,))
+        yield Grant(("liveliness_query", "declare_liveliness_subscriber"), "ingress", ("**",))
+        for behind in BEHIND_A_ROUTER:
+            yield from written_by(behind, namespace, contract)
+        return
+    yield Grant(("put", "query", "reply"), "egress", (everything, ADMIN_SPACE))
     yield Grant(
         ("liveliness_token", "liveliness_query", "declare_liveliness_subscriber"),
         "egress",
@@ -129,6 +154,11 @@ def grants_of(role: Role, namespace: str, contract: Contract) -> Iterator[Grant]
     )
     yield Grant(("liveliness_query", "declare_liveliness_subscriber"), "ingress", (alive, ROS2_TOKENS))
     yield Grant(("query",), "ingress", (ADMIN_SPACE,))
+    yield from written_by(role, namespace, contract)
+
+
+def written_by(role: Role, namespace: str, contract: Contract) -> Iterator[Grant]:
+    """Yield what one role may write, serve, call and be alive as."""
     kinds: tuple[tuple[tuple[Message, ...], Iterable[str]], ...] = (
         (("put",), _written_by(role, contract)),
         (("declare_queryable", "reply"), _served_by(role, contract)),
@@ -177,6 +207,8 @@ def _alive_as(role: Role, contract: Contract) -> Iterator[str]:
             # The source, the candidates for its name (teleop/holder.py), and its wrapper in ROS 2.
             nodes = (source, f"{source}.$*", f"{source}{topics.EXEC_SUFFIX}")
             yield from (f"{topics.alive(node)}/**" for node in nodes)
+    if role in {Role.OPERATOR, Role.ESTOP}:
+        yield from (f"{topics.alive(topics.estop_node(station))}/**" for station in contract.stations)
 
 
 def _named(key: str, contract: Contract) -> Iterator[str]:
@@ -185,5 +217,7 @@ def _named(key: str, contract: Contract) -> Iterator[str]:
         yield from contract.lidars
     elif topics.SOURCE_PLACEHOLDER in key:
         yield from (key.replace(topics.SOURCE_PLACEHOLDER, source) for source in contract.sources)
+    elif topics.STATION_PLACEHOLDER in key:
+        yield from (key.replace(topics.STATION_PLACEHOLDER, station) for station in contract.stations)
     else:
         yield key

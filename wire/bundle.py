@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
-from wire.roles import ANY, Role, role_of
+from wire.roles import ANY, SERVERS, Role, role_of
 
 AUTHORITY = "authority.pem"
 CERTIFICATE_SUFFIX = ".pem"
@@ -37,7 +37,7 @@ class Bundle:
     namespace: str
     """The namespace of a robot, or `wire.roles.ANY`."""
     hosts: tuple[str, ...]
-    """Host names and addresses of a supervisor's certificate."""
+    """Host names and addresses of a server's certificate."""
     ends_s: float
     """End of the certificate, in seconds since the epoch."""
     authority: Path
@@ -90,17 +90,16 @@ def read_bundle(directory: Path, now_s: float) -> Bundle:
     return Bundle(key.stem, *known, hosts, float(ends_s), authority, certificate, key)
 
 
-def choose_bundle(directory: Path, now_s: float, *, is_hub: bool, part: Role | None = None) -> Bundle:
+def choose_bundle(directory: Path, now_s: float, *, part: Role | None) -> Bundle:
     """Read a bundle, or the one of several in a directory that a process needs.
 
     The computer of a robot has several: the hub takes that of the role supervisor, the base that of the role base, and
-    teleop that of the role operator.
+    teleop that of the role operator. A router takes that of the role router.
 
     Args:
         directory: a bundle, or a directory of bundles.
         now_s: the time, in seconds since the epoch.
-        is_hub: whether the process is the hub.
-        part: the role of the process; None: any but supervisor, of several that of the operator.
+        part: the role of the process; None: any but those of servers, of several that of the operator.
 
     Raises:
         BundleError: as `read_bundle`, or there is not exactly one that fits.
@@ -109,19 +108,18 @@ def choose_bundle(directory: Path, now_s: float, *, is_hub: bool, part: Role | N
     if not within or any(directory.glob(f"*{KEY_SUFFIX}")):
         return read_bundle(directory, now_s)
     bundles = [read_bundle(one, now_s) for one in within]
-    wanted = Role.SUPERVISOR if is_hub else part
-    if wanted is None:
-        others = [bundle for bundle in bundles if bundle.role is not Role.SUPERVISOR]
+    if part is None:
+        others = [bundle for bundle in bundles if bundle.role not in SERVERS]
         fitting = [bundle for bundle in others if bundle.role is Role.OPERATOR] or others
     else:
-        fitting = [bundle for bundle in bundles if bundle.role is wanted]
+        fitting = [bundle for bundle in bundles if bundle.role is part]
     if len(fitting) == 1:
         return fitting[0]
     named = ", ".join(f"{bundle.name} ({bundle.role})" for bundle in bundles)
-    what = "of another role than supervisor" if wanted is None else f"of the role {wanted}"
+    what = f"of another role than {' and '.join(SERVERS)}" if part is None else f"of the role {part}"
     raise BundleError(
         f"{directory} must have one bundle {what} for this process, but has {named}: name one with --keys, or issue it with "
-        f"`lifeline keys issue NAME --role {wanted or Role.VIEWER}`"
+        f"`lifeline keys issue NAME --role {part or Role.VIEWER}`"
     )
 
 

@@ -32,11 +32,16 @@ def service_parser(node: str, **options: Any) -> argparse.ArgumentParser:  # noq
         metavar="DIR",
         help="bundle of this computer's certificate and key, made by `lifeline keys issue`",
     )
+    parser.add_argument(
+        "--namespace",
+        metavar="NAME",
+        help="namespace of the robot, such as robot7 behind a router (default: robot)",
+    )
     return parser
 
 
 def read_document(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Read the configuration file of a command line; its `--endpoint` and `--keys` replace the file's.
+    """Read the configuration file of a command line; its `--endpoint`, `--keys` and `--namespace` replace the file's.
 
     Raises:
         ConfigError: the file cannot be read.
@@ -44,6 +49,7 @@ def read_document(arguments: argparse.Namespace) -> dict[str, Any]:
     document = read_toml(arguments.config)
     override(document, "bus", "endpoint", arguments.endpoint)
     override(document, "bus", "keys", arguments.keys)
+    override(document, "bus", "namespace", arguments.namespace)
     return document
 
 

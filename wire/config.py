@@ -104,7 +104,12 @@ Endpoint = Annotated[str, AfterValidator(_is_an_endpoint)]
 """Where a Zenoh session connects or listens."""
 
 
-def _is_one_robot(name: str) -> str:
+def is_one_robot(name: str) -> str:
+    """Return the namespace of a robot.
+
+    Raises:
+        ValueError: the name stands for all robots.
+    """
     if name == ANY:
         raise ValueError("stands for all robots in a certificate; choose another name")
     return name
@@ -139,7 +144,7 @@ class BusSection(Section):
     """`[bus]`: shared by all processes."""
 
     endpoint: Endpoint = DEFAULT_ENDPOINT
-    namespace: Annotated[Name, AfterValidator(_is_one_robot)] = "robot"
+    namespace: Annotated[Name, AfterValidator(is_one_robot)] = "robot"
     keys: Annotated[str, Field(min_length=1), AfterValidator(_absolute)] | None = None
     # Zenoh's own default of 10 s is far too long for a robot; below 0.1 s a busy machine loses links.
     lease_s: Annotated[float, Between(0.1, 2.0)] = 0.4
@@ -148,15 +153,27 @@ class BusSection(Section):
     """What a program is that has no certificate and does not use the hub's socket (local_socket.py)."""
     more_keys: Annotated[list[MoreKey], Field(max_length=32)] = []
     """Keys of other topics that bases, sensors and programs of this machine may write."""
+    routers: Annotated[list[Endpoint], Field(max_length=4)] = []
+    """Zenoh routers to which the hub connects, so that operators reach a robot behind NAT through them."""
 
     def conflicts(self) -> Iterator[Conflict]:
         if tls.is_secure(self.endpoint) and self.keys is None:
             yield Conflict(("endpoint",), None, tls.without_keys(self.endpoint))
+        for number, router in enumerate(self.routers):
+            if tls.is_secure(router) and self.keys is None:
+                yield Conflict(("routers", number), None, tls.without_keys(router))
+            if not tls.is_secure(router) and not tls.is_loopback(router):
+                yield Conflict(("routers", number), router, tls.UNPROTECTED_ROUTER)
+            elif not tls.is_secure(router) and self.without_certificate == "viewer":
+                yield Conflict(("routers", number), router, tls.READING_ROUTER)
 
     def to_bus_config(self, part: Role | None = None) -> BusConfig:
         unproven = LOCAL_ROLES if self.without_certificate == "participant" else (Role.VIEWER,)
         keys = None if self.keys is None else Path(self.keys)
-        return BusConfig(self.endpoint, self.namespace, self.lease_s, keys, part, unproven=unproven)
+        routers = tuple(self.routers)
+        return BusConfig(
+            self.endpoint, self.namespace, self.lease_s, keys, part, unproven=unproven, routers=routers
+        )
 
 
 def same_endpoint(one: str, other: str) -> bool:

@@ -32,18 +32,29 @@ ACCEPTOR_THREADS = 4
 RECEIVING_THREADS = 32
 """Number of Zenoh's threads that receive. Closing a TCP link that does not answer occupies one for up to ten seconds
 (SO_LINGER). With two, as is Zenoh's default, two dead clients can stop the commands of all others."""
-GATEWAY = {"south": [{"filters": [{"modes": ["router", "peer", "client"]}]}]}
-"""Every participant is below the hub. By default, Zenoh takes a router for the way to the rest of the network: it passes it every
-query without a declaration, and waits for its answer to each query for tokens, until the time limit."""
 RUNTIME = f"(acc: (worker_threads: {ACCEPTOR_THREADS}), rx: (worker_threads: {RECEIVING_THREADS}))"
 """Value of Zenoh's environment variable `ZENOH_RUNTIME`."""
 
 
-def hub_settings(namespace: str, open_files: int) -> dict[str, object]:
-    """Return the part of Zenoh's configuration that limits the hub's clients.
+def gateway(routers: str | None) -> dict[str, object]:
+    """Return which participants are below the hub: all but its own routers.
+
+    By default, Zenoh takes each router for the way to the rest of the network: it passes it every query without a
+    declaration, and waits for its answer to each query for tokens, until the time limit. A router below a hub is refused.
 
     Args:
-        namespace: the robot's namespace.
+        routers: the region name by which the hub knows its own routers; None: it has none.
+    """
+    own = [] if routers is None else [{"region_names": [routers], "negated": True}]
+    modes = ["router", "peer", "client"] if routers is None else ["peer", "client"]
+    return {"south": [{"filters": [{"modes": modes}, *own]}]}
+
+
+def hub_settings(namespace: str, open_files: int) -> dict[str, object]:
+    """Return the part of Zenoh's configuration that limits the clients of a hub or a router.
+
+    Args:
+        namespace: the robot's namespace; `*` for a router.
         open_files: the maximum number of open files of this process.
     """
     free = max(open_files - RESERVED_FILES, 2)
@@ -53,7 +64,6 @@ def hub_settings(namespace: str, open_files: int) -> dict[str, object]:
         "transport/unicast/accept_pending": min(MAX_PENDING, free - sessions),
         "transport/unicast/max_sessions": sessions,
         "transport/link/tx/batch_size": BATCH_BYTES,
-        "gateway": GATEWAY,
         # Zenoh's default is 1 GiB for each session, priority and reliability.
         "transport/link/rx/max_message_size": MESSAGE_BYTES,
         "low_pass_filter": [

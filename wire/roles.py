@@ -14,7 +14,7 @@ class Role(StrEnum):
     """What a participant is for."""
 
     SUPERVISOR = "supervisor"
-    """Decides, writes `cmd_vel`, and is the hub: the only role whose certificate others accept as a server's."""
+    """Decides, writes `cmd_vel`, and is the hub."""
     BASE = "base"
     """Moves the wheels, and publishes odometry; also the sensors of a robot that has no participants of their own."""
     SENSOR = "sensor"
@@ -24,6 +24,12 @@ class Role(StrEnum):
     """Stops only."""
     VIEWER = "viewer"
     """Reads only."""
+    ROUTER = "router"
+    """Passes messages between the hubs of robots and their operators, stations and viewers, and is a server as the hubs are."""
+
+
+SERVERS = (Role.SUPERVISOR, Role.ROUTER)
+"""Whose certificates others accept as a server's; all others only connect."""
 
 
 def common_name(role: Role, namespace: str) -> str:

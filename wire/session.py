@@ -24,7 +24,7 @@ from typing import Any, Literal, TypeVar
 
 import zenoh
 
-from wire import limits, local_socket, tls, topics
+from wire import limits, local_socket, router, tls, topics
 from wire.access import LOCAL_ROLES, Contract, access_control
 from wire.bundle import Bundle, BundleError, choose_bundle
 from wire.foreign_nodes import NODE_TOKENS
@@ -43,6 +43,7 @@ from wire.link_trouble import LOG_FILTER
 from wire.newest import NewestWithin
 from wire.process_limits import never_linger, raise_open_files
 from wire.reconnection import Reconnection
+from wire.roles import SERVERS
 from wire.roles import Role as ParticipantRole
 from wire.runs import SESSION_BYTES, Runs
 from wire.stamp import Stamper
@@ -98,6 +99,13 @@ class BusConfig:
     """The robot's own keys; only the hub uses them, for its access control."""
     unproven: tuple[ParticipantRole, ...] = (ParticipantRole.VIEWER,)
     """The roles of programs that have no certificate and do not use the hub's socket."""
+    routers: tuple[str, ...] = ()
+    """Endpoints of the Zenoh routers to which the hub connects; clients ignore them."""
+
+    @property
+    def is_hub_secure(self) -> bool:
+        """Whether the hub has links with certificates."""
+        return any(map(tls.is_secure, (self.endpoint, *self.routers)))
 
 
 async def open_session(
@@ -135,7 +143,7 @@ async def open_session(
             await trouble.check()
         await asyncio.sleep(CONNECT_RETRY_S)
     if bundle is not None:
-        guard = _Guard(session, config, role, bundle, say)
+        guard = _Guard(session, config.endpoint, bundle, say, is_client=role == "client")
         await _in_thread(guard.check)
     elif on_read_only is not None and not _is_local(session):
         on_read_only(_only_reads(config.endpoint))
@@ -150,10 +158,10 @@ def _opened(config: BusConfig, role: Role, bundle: Bundle | None) -> zenoh.Sessi
     """
     endpoints = _endpoints(config, role)
     try:
-        session = zenoh.open(_settings(config, role, bundle, endpoints))
+        session = zenoh.open(_configuration(config.endpoint, _settings(config, role, bundle, endpoints)))
     except zenoh.ZError as error:
         if role == "hub":
-            raise BusError(_listen_sentence(config.endpoint, error)) from error
+            raise BusError(_listen_sentence(str(error), config.endpoint)) from error
         if "Unable to connect" not in str(error):
             raise BusError(f"cannot use the endpoint {config.endpoint!r}: {_first_line(error)}") from error
         return None
@@ -195,12 +203,13 @@ class _Guard:
     def __init__(
         self,
         session: zenoh.Session,
-        config: BusConfig,
-        role: Role,
+        endpoint: str,
         bundle: Bundle,
         say: Callable[[str], None],
+        *,
+        is_client: bool,
     ) -> None:
-        self._session, self._config, self._role, self._bundle = session, config, role, bundle
+        self._session, self._endpoint, self._bundle, self._is_client = session, endpoint, bundle, is_client
         self._say = say
         self._loop = asyncio.get_running_loop()
         self._said: set[str] = set()
@@ -212,11 +221,11 @@ class _Guard:
         """Check the link that a client has opened.
 
         Raises:
-            BusError: the other side is not a supervisor.
+            BusError: the other side is neither a supervisor nor a router.
         """
-        if self._role == "client" and not all(self._is_hub(link) for link in self._session.info.links()):
+        if self._is_client and not all(self._is_hub(link) for link in self._session.info.links()):
             self._session.close()  # pyright: ignore[reportUnknownMemberType]
-            raise BusError(f"cannot connect to {self._config.endpoint}: {tls.NOT_A_HUB}")
+            raise BusError(f"cannot connect to {self._endpoint}: {tls.NOT_A_HUB}")
 
     def _is_hub(self, link: zenoh.Link) -> bool:
         return tls.is_hub_name(link.auth_identifier)
@@ -226,12 +235,12 @@ class _Guard:
         link, is_new = event.link, event.kind == zenoh.SampleKind.PUT
         if not link.is_streamed:  # the datagrams of a connection, whose streams are another link
             return
-        if self._role == "hub":
+        if not self._is_client:
             change = "connected" if is_new else "disconnected"
             _log.info("%s %s at %s", link.auth_identifier, change, link.dst)
         elif is_new and not self._is_hub(link):
             threading.Thread(target=self._session.close, daemon=True, name="zenoh-refuse").start()  # pyright: ignore[reportUnknownMemberType, reportUnknownArgumentType]
-            self._say_once(f"the link to {self._config.endpoint} is closed: {tls.NOT_A_HUB}")
+            self._say_once(f"the link to {self._endpoint} is closed: {tls.NOT_A_HUB}")
         if not is_new and time.time() >= self._bundle.ends_s:
             self._say_once(tls.has_ended(self._bundle))
 
@@ -249,7 +258,7 @@ def try_once(config: BusConfig) -> None:
     start_log()
     with suppress(zenoh.ZError):
         settings = _settings(config, "client", _bundle(config, "client"), _endpoints(config, "client"))
-        zenoh.open(settings).close()  # pyright: ignore[reportUnknownMemberType]
+        zenoh.open(_configuration(config.endpoint, settings)).close()  # pyright: ignore[reportUnknownMemberType]
 
 
 def start_log() -> None:
@@ -263,18 +272,77 @@ def _bundle(config: BusConfig, role: Role) -> Bundle | None:
     Raises:
         BusError: it is missing or refused.
     """
-    if not tls.is_secure(config.endpoint):
+    if not (config.is_hub_secure if role == "hub" else tls.is_secure(config.endpoint)):
         return None
-    if config.keys is None:
-        raise BusError(tls.without_keys(config.endpoint))
+    part = ParticipantRole.SUPERVISOR if role == "hub" else config.part
+    return _fitting_bundle(config.keys, config.endpoint, config.namespace, part)
+
+
+def _fitting_bundle(keys: Path | None, endpoint: str, namespace: str, part: ParticipantRole | None) -> Bundle:
+    if keys is None:
+        raise BusError(tls.without_keys(endpoint))
     try:
-        bundle = choose_bundle(config.keys, time.time(), is_hub=role == "hub", part=config.part)
+        bundle = choose_bundle(keys, time.time(), part=part)
     except BundleError as error:
         raise BusError(str(error)) from error
-    misfit = tls.misfit(bundle, config.endpoint, config.namespace, is_hub=role == "hub")
+    misfit = tls.misfit(bundle, endpoint, namespace, server=part if part in SERVERS else None)
     if misfit is not None:
         raise BusError(misfit)
     return bundle
+
+
+def _region_name(bundle: Bundle | None) -> str:
+    return router.region_name(None if bundle is None else bundle.authority.read_bytes())
+
+
+def router_settings(config: router.RouterConfig) -> dict[str, object]:
+    """Return Zenoh's configuration of a router, and raise the limit of open files of this process for it.
+
+    Raises:
+        BusError: its bundle is missing or refused.
+    """
+    bundle = _router_bundle(config)
+    return router.settings(config, bundle, _region_name(bundle), raise_open_files(limits.WANTED_FILES))
+
+
+def _router_bundle(config: router.RouterConfig) -> Bundle | None:
+    secure = [one for one in config.listen if tls.is_secure(one)]
+    if not secure and not any(map(tls.is_secure, config.connect)):
+        return None
+    bundles = [
+        _fitting_bundle(config.keys, endpoint, robot, ParticipantRole.ROUTER)
+        for endpoint in secure or config.listen
+        for robot in config.robots
+    ]
+    return bundles[0]
+
+
+def open_router(
+    config: router.RouterConfig, settings: dict[str, object], say: Callable[[str], None]
+) -> Callable[[], None]:
+    """Run a router in this process's threads; return the function that closes it.
+
+    Args:
+        config: what the router needs to know.
+        settings: of `router_settings`.
+        say: called in this event loop with a sentence about a certificate that ends, now or later.
+
+    Raises:
+        BusError: it cannot listen.
+    """
+    os.environ.setdefault("ZENOH_RUNTIME", limits.RUNTIME)
+    never_linger()
+    listened = " and ".join(config.listen)
+    try:
+        session = zenoh.open(_configuration(listened, settings))
+    except zenoh.ZError as error:
+        raise BusError(_listen_sentence(str(error), listened)) from error
+    bundle = _router_bundle(config)
+    if bundle is not None:
+        if (soon := tls.ends_soon(bundle, time.time())) is not None:
+            say(soon)
+        _Guard(session, listened, bundle, say, is_client=False)
+    return session.close  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
 
 
 def _endpoints(config: BusConfig, role: Role) -> list[str]:
@@ -314,7 +382,9 @@ def _only_reads(endpoint: str) -> str:
     )
 
 
-def _settings(config: BusConfig, role: Role, bundle: Bundle | None, endpoints: list[str]) -> zenoh.Config:
+def _settings(
+    config: BusConfig, role: Role, bundle: Bundle | None, endpoints: list[str]
+) -> dict[str, object]:
     """Return Zenoh's configuration for one of the two roles; the values are based on measurements."""
     values: dict[str, object] = {
         "mode": "peer" if role == "hub" else "client",
@@ -335,6 +405,9 @@ def _settings(config: BusConfig, role: Role, bundle: Bundle | None, endpoints: l
         os.environ.setdefault("ZENOH_RUNTIME", limits.RUNTIME)  # read once, when the first session is opened
         never_linger()
         values |= limits.hub_settings(config.namespace, raise_open_files(limits.WANTED_FILES))
+        values["gateway"] = limits.gateway(_region_name(bundle) if config.routers else None)
+        if config.routers:
+            values |= router.dial(config.routers)
         # The hub answers which session declares what (docs/decisions/0042); it is read-only.
         values["adminspace"] = {"enabled": True, "permissions": {"read": True, "write": False}}
     else:
@@ -350,26 +423,29 @@ def _settings(config: BusConfig, role: Role, bundle: Bundle | None, endpoints: l
             "period_max_ms": RECONNECT_MS,
             "period_increase_factor": 1,
         }
+    return values
+
+
+def _configuration(endpoint: str, values: dict[str, object]) -> zenoh.Config:
     settings = zenoh.Config()
     for key, value in values.items():
         try:
             settings.insert_json5(key, json.dumps(value))
         except zenoh.ZError as error:
-            raise BusError(f"cannot use the endpoint {config.endpoint!r}: {_first_line(error)}") from error
+            raise BusError(f"cannot use the endpoint {endpoint!r}: {_first_line(error)}") from error
     return settings
 
 
-def _listen_sentence(endpoint: str, error: Exception) -> str:
-    reason = str(error)
+def _listen_sentence(reason: str, endpoint: str) -> str:
     if "in use" in reason or "acquire lock" in reason:
         return (
             f"the endpoint {endpoint} is already in use: another supervisor may be running "
             "(see `lifeline status`, stop it with `lifeline down`), or choose another with --endpoint"
         )
-    return f"cannot listen on the endpoint {endpoint!r}: {_first_line(error)}"
+    return f"cannot listen on the endpoint {endpoint!r}: {_first_line(reason)}"
 
 
-def _first_line(error: Exception) -> str:
+def _first_line(error: object) -> str:
     """Return the first line of a Zenoh error without the source location at its end."""
     return str(error).split(" at ")[0].splitlines()[0]
 
@@ -444,10 +520,17 @@ class ZenohToken:
 
 
 class ZenohSession:
-    """The declarations of one process in a robot's namespace. A declaration exists until the session is closed."""
+    """The declarations of one process in a robot's namespace. A declaration exists until the session is closed.
 
-    def __init__(self, session: zenoh.Session, namespace: str) -> None:
+    Args:
+        session: of `open_session`.
+        namespace: of the robot.
+        is_hub: whether the session is the hub; it may have links to routers, as a client has to its hub.
+    """
+
+    def __init__(self, session: zenoh.Session, namespace: str, *, is_hub: bool = False) -> None:
         self._session = session
+        self._is_hub = is_hub
         self._namespace = namespace
         self._loop = asyncio.get_running_loop()
         self._pending_queries = 0
@@ -463,22 +546,20 @@ class ZenohSession:
         )
 
     def _on_transport(self, event: zenoh.TransportEvent) -> None:
-        # A hub refuses no sample of its clients, since one of them may be an e-stop.
-        is_to_hub, is_open = (
-            event.transport.whatami != zenoh.WhatAmI.CLIENT,
-            event.kind == zenoh.SampleKind.PUT,
-        )
-        if is_to_hub and is_open:
+        # A hub refuses no sample of its clients and its routers, since one of them may be an e-stop.
+        is_to_server = event.transport.whatami != zenoh.WhatAmI.CLIENT
+        is_open = event.kind == zenoh.SampleKind.PUT
+        if is_to_server and is_open and not self._is_hub:
             self._reconnection.opened(str(event.transport.zid), time.monotonic())
-        elif not is_to_hub:
+        elif not is_to_server:
             with self._lock:
                 runs = self._runs.of(_id_bytes(event.transport.zid))
             for (node, epoch), tell in itertools.product(runs, self._watched):
                 tell(node, epoch, is_open)
 
-    def publisher_raw(self, key: str) -> RawPublisher:
-        """Return a publisher on a key of the robot."""
-        return RawPublisher(self._session, self._key(key))
+    def publisher_raw(self, key: str, *, namespace: str | None = None) -> RawPublisher:
+        """Return a publisher on a key of the robot, or of another robot behind the same router."""
+        return RawPublisher(self._session, self._key(key) if namespace is None else f"{namespace}/{key}")
 
     def subscribe_raw(self, key: str, push: Push) -> None:
         """Call `push` for each sample on exactly this key of the robot."""

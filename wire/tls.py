@@ -8,11 +8,15 @@ and all others in streams, which repeat what was lost (`mixed_rel`, zenoh #2476)
 import ipaddress
 
 from wire.bundle import Bundle
-from wire.roles import Role
+from wire.roles import SERVERS, Role
 
 MIXED_RELIABILITY = "?mixed_rel=1"
 SECURE = ("tls", "quic")
-NOT_A_HUB = "the other side is not a supervisor: its certificate has another role"
+NOT_A_HUB = "the other side is neither a supervisor nor a router: its certificate has another role"
+UNPROTECTED_ROUTER = "a router on another computer must have an endpoint tls/ or quic/, which both sides prove with certificates"
+READING_ROUTER = (
+    'a router without certificates passes no command on, unless without_certificate is "participant"'
+)
 EVERY_ADDRESS = ("0.0.0.0", "[::]")  # noqa: S104 - compared only
 SOON_S = 3 * 86400.0
 """A certificate that ends within this time needs a new one."""
@@ -59,8 +63,15 @@ def without_keys(endpoint: str) -> str:
     )
 
 
-def misfit(bundle: Bundle, endpoint: str, namespace: str, *, is_hub: bool) -> str | None:
-    """Return in one sentence why a bundle does not fit its use; None if it does."""
+def misfit(bundle: Bundle, endpoint: str, namespace: str, *, server: Role | None) -> str | None:
+    """Return in one sentence why a bundle does not fit its use; None if it does.
+
+    Args:
+        bundle: a bundle that is valid now.
+        endpoint: where the hub or the router listens, or a client connects.
+        namespace: of the robot.
+        server: the role of the hub or the router; None: the process is a client.
+    """
     who = f"the certificate of {bundle.name} ({bundle.certificate.parent})"
     if not bundle.is_for(namespace):
         return (
@@ -68,20 +79,20 @@ def misfit(bundle: Bundle, endpoint: str, namespace: str, *, is_hub: bool) -> st
             f"--robot {namespace}`, or change [bus] namespace"
         )
     host = host_of(endpoint)
-    if not is_hub and bundle.role is Role.SUPERVISOR:
+    if server is None and bundle.role in SERVERS:
         return (
-            f"{who} has the role supervisor, which only the hub has: issue one for this program, for instance with "
+            f"{who} has the role {bundle.role}, which only a server has: issue one for this program, for instance with "
             "`lifeline keys issue NAME --role base` for the base"
         )
-    if not is_hub:
+    if server is None:
         return (
             f"{endpoint}: a certificate cannot be checked against an IPv6 address: give a host name or an IPv4 address"
             if host.startswith("[")
             else None
         )
-    if bundle.role is not Role.SUPERVISOR:
-        return f"{who} has the role {bundle.role}: the supervisor needs one of `lifeline keys issue NAME --role supervisor`"
-    if host not in EVERY_ADDRESS and not _names(bundle, host.strip("[]")):
+    if bundle.role is not server:
+        return f"{who} has the role {bundle.role}: the {server} needs one of `lifeline keys issue NAME --role {server}`"
+    if is_secure(endpoint) and host not in EVERY_ADDRESS and not _names(bundle, host.strip("[]")):
         return (
             f"{who} is not for the host {host}, where others connect: issue it with `lifeline keys issue {bundle.name} "
             f"--host {host}`"
@@ -120,7 +131,7 @@ def ends_soon(bundle: Bundle, now_s: float) -> str | None:
 
 def has_ended(bundle: Bundle) -> str:
     """Return the sentence for a certificate that ended while the link was open."""
-    restart = ", and restart the supervisor" if bundle.role is Role.SUPERVISOR else ""
+    restart = f", and restart the {bundle.role}" if bundle.role in SERVERS else ""
     return (
         f"the link is closed, because the certificate of {bundle.name} has expired: issue a new one with `lifeline keys issue "
         f"{bundle.name}`, copy its bundle to {bundle.certificate.parent}{restart}"
@@ -128,11 +139,11 @@ def has_ended(bundle: Bundle) -> str:
 
 
 def is_hub_name(common_name: str | None) -> bool:
-    """Return whether the other side of a client's link is a supervisor of our authority.
+    """Return whether the other side of a client's link is a supervisor or a router of our authority.
 
     Zenoh also trusts the public authorities of the web; these never sign such a name.
     """
-    return common_name is not None and common_name.startswith(f"{Role.SUPERVISOR}@")
+    return common_name is not None and common_name.partition("@")[0] in SERVERS and "@" in common_name
 
 
 def settings(bundle: Bundle) -> dict[str, str | bool]:

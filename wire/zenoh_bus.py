@@ -1,17 +1,28 @@
 """The Bus over Zenoh: messages on top of a session that sends and receives bytes (session.py)."""
 
 import logging
+import time
 from collections.abc import Callable, Collection
 from typing import Any
 
 from wire import topics
 from wire.bus import ServiceHandler, Subscription
-from wire.inbox import SOURCES_DEPTH, Inbox, Wake
-from wire.messages import M, String, TriggerResponse, Twist, UndecodableError, decode, encode, request_text
+from wire.inbox import SOURCES_DEPTH, Inbox, LivelinessChange, Overheard, Wake
+from wire.messages import (
+    M,
+    Message,
+    String,
+    TriggerResponse,
+    Twist,
+    UndecodableError,
+    decode,
+    encode,
+    request_text,
+)
 from wire.session import DEFAULT_ENDPOINT, BusConfig, RawPublisher, Role, ZenohSession, open_session
 from wire.topics import Service, Topic
 
-__all__ = ["DEFAULT_ENDPOINT", "BusConfig", "ZenohBus", "open_bus"]
+__all__ = ["DEFAULT_ENDPOINT", "BusConfig", "Fleet", "ZenohBus", "open_bus", "open_fleet"]
 
 _log = logging.getLogger(__name__)
 
@@ -37,7 +48,7 @@ async def open_bus(
         BusError: the hub cannot listen, the endpoint is invalid, or a certificate is refused.
     """
     session = await open_session(config, role, on_wait=on_wait, say=say, on_read_only=on_read_only)
-    return ZenohBus(session, config.namespace)
+    return ZenohBus(session, config.namespace, is_hub=role == "hub")
 
 
 class ZenohPublisher(RawPublisher):
@@ -102,6 +113,47 @@ class ZenohBus(ZenohSession):
 
         request = encode(String(text)) if text else None
         return await self.call_raw(service.key, request, read, timeout_s=timeout_s)
+
+
+FLEET_DEPTH = 4096
+"""Maximum number of statuses and token changes of all robots that wait."""
+
+
+class Fleet:
+    """The supervisors of all robots behind one endpoint: their tokens and statuses."""
+
+    def __init__(self, session: ZenohSession) -> None:
+        self._session = session
+        self._publishers: dict[tuple[str, str], RawPublisher] = {}
+        self.tokens: Inbox[LivelinessChange] = Inbox(FLEET_DEPTH, None)
+        """Changes of the supervisors' tokens; the node is the robot's namespace."""
+        session.watch_tokens(
+            f"*/{topics.alive(topics.SUPERVISOR)}",
+            lambda key, alive: self.tokens.push(
+                LivelinessChange(key.partition("/")[0], alive, time.monotonic())
+            ),
+        )
+        self.statuses: Inbox[Overheard] = session.overhear(f"*/{topics.STATUS.key}", depth=FLEET_DEPTH)
+
+    def put(self, robot: str, topic: Topic[M], message: Message) -> None:
+        """Send a message of a topic to one robot."""
+        publisher = self._publishers.get((robot, topic.key))
+        if publisher is None:
+            publisher = self._session.publisher_raw(topic.key, namespace=robot)
+            self._publishers[robot, topic.key] = publisher
+        publisher.put_bytes(encode(message))
+
+    async def close(self) -> None:
+        await self._session.close()
+
+
+async def open_fleet(config: BusConfig) -> Fleet:
+    """Connect to a router, or to the hub of one robot, and watch all supervisors behind it.
+
+    Raises:
+        BusError: the endpoint is invalid, or a certificate is refused.
+    """
+    return Fleet(ZenohSession(await open_session(config, "client"), config.namespace))
 
 
 async def _answer(request: bytes, handler: ServiceHandler) -> TriggerResponse:

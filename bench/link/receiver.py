@@ -24,6 +24,7 @@ from bench.link.sessions import COMMAND_KEY, TOKEN_KEY, Security, open_at
 from bench.link.stops import Flow
 from wire import tls
 from wire.bundle import choose_bundle
+from wire.roles import Role
 from wire.stamp import parse_stamp
 
 FRESH_LIMIT_S = 60.0
@@ -85,7 +86,7 @@ def receive(hub: Hub, pipe: Pipe) -> None:
 
 def main() -> None:
     given = json.loads(sys.stdin.readline())
-    security = tls.settings(choose_bundle(Path(given["keys"]), time.time(), is_hub=True))
+    security = tls.settings(choose_bundle(Path(given["keys"]), time.time(), part=Role.SUPERVISOR))
     pipes = fork_each([Hub(**one, security=security) for one in given["hubs"]], receive)
     for pipe in pipes:
         pipe.recv()

@@ -62,7 +62,7 @@ def send(source: Source, pipe: Pipe) -> None:
 
 def main() -> None:
     given = json.loads(sys.stdin.readline())
-    security = tls.settings(choose_bundle(Path(given["keys"]), time.time(), is_hub=False))
+    security = tls.settings(choose_bundle(Path(given["keys"]), time.time(), part=None))
     sources = [Source(number, security=security, **one) for number, one in enumerate(given["sources"])]
     pipes = fork_each(sources, send)
     for pipe in pipes:

@@ -5,7 +5,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import AsyncGenerator, Callable, Coroutine, Generator, Iterable
+from collections.abc import AsyncGenerator, Callable, Coroutine, Generator, Iterable, Sequence
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,8 +32,12 @@ class Supervisor:
 
 
 @contextmanager
-def supervisor(module: str = "supervisor") -> Generator[Supervisor]:
+def supervisor(module: str = "supervisor", options: Sequence[str] = ()) -> Generator[Supervisor]:
     """Run a supervisor, or another module in its place, while the context is open.
+
+    Args:
+        module: what runs.
+        options: of its command line, beside the endpoint.
 
     Raises:
         RuntimeError: the context body timed out or lost the bus; the message contains the error and the end of the log.
@@ -43,7 +47,7 @@ def supervisor(module: str = "supervisor") -> Generator[Supervisor]:
         log = Path(folder) / "supervisor.log"
         with log.open("wb") as file:
             process = subprocess.Popen(
-                [sys.executable, "-m", module, "--endpoint", endpoint],
+                [sys.executable, "-m", module, "--endpoint", endpoint, *options],
                 stdout=file,
                 stderr=file,
                 env=os.environ | {"LIFELINE_STATE_DIR": folder},

@@ -16,6 +16,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from bench.rig import scenery
 from bench.rig.feed import BEAMS, ODOM_HZ, SCAN_HZ, scan
@@ -35,10 +36,12 @@ _TWIST = struct.Struct("<4x6d")
 
 Motion = tuple[float, float]
 """Linear [m/s] and angular [rad/s] velocity."""
+Act = tuple[Callable[[], None], float]
+"""What is done at a rate [Hz]."""
 
 
-class Robot:
-    """Plays the sensors, operator and base of one robot, and records what its supervisor sends.
+class Body:
+    """Plays the sensors and the base of one robot, and records what its supervisor sends.
 
     Args:
         session: connected to the supervisor of this robot.
@@ -54,16 +57,12 @@ class Robot:
         self._statuses: list[tuple[float, bytes, bytes | None]] = []
         self._moved = moved
         self._session = session  # a session is closed when nothing refers to it
-        self._motion: Motion = (0.0, 0.0)
+        self.motion: Motion = (0.0, 0.0)
+        """What the supervisor has commanded last."""
         self._odometry_of: dict[Motion, bytes] = {}
         self._next_scan = itertools.cycle(scans)
-        self._number = itertools.count()
-        self._has_operator = True
-        self._neutral, self._cruise = (encode(planar_twist(speed, 0.0)) for speed in (0.0, CRUISE_M_S))
         self._scans = session.publisher_raw(topics.SCAN.key)
         self._odometry = session.publisher_raw(topics.ODOM.key)
-        self._commands = session.publisher_raw(topics.source_cmd_vel(topics.TELEOP).key)
-        self._token = session.declare_alive(topics.TELEOP)
         session.subscribe_raw(topics.CMD_VEL.key, self._hear_cmd_vel)
         session.subscribe_raw(topics.STATUS.key, self._hear_status)
 
@@ -76,7 +75,7 @@ class Robot:
         decided_s = arrival_s if stamp is None else stamp.source_time_ns * 1e-9
         moves = linear_m_s != 0.0 or angular_rad_s != 0.0
         self.heard.append((arrival_s, decided_s, moves))
-        self._motion = linear_m_s, angular_rad_s
+        self.motion = linear_m_s, angular_rad_s
         if moves:
             self._moved()
 
@@ -86,26 +85,19 @@ class Robot:
     def _record_garbled(self, arrival_s: float, key: str, payload: bytes, attachment: bytes | None) -> None:
         self.garbled.append((arrival_s, key, payload.hex(), (attachment or b"").hex()))
 
+    def acts(self) -> list[Act]:
+        """Return what is sent at which rates."""
+        return [(self.put_scan, SCAN_HZ), (self.put_odometry, ODOM_HZ)]
+
     def put_scan(self) -> None:
         self._scans.put_bytes(next(self._next_scan))
 
     def put_odometry(self) -> None:
-        motion = self._motion
+        motion = self.motion
         payload = self._odometry_of.get(motion)
         if payload is None:
             payload = self._odometry_of[motion] = encode(odometry((0.0, 0.0, 0.0), motion))
         self._odometry.put_bytes(payload)
-
-    def put_command(self) -> None:
-        if not self._has_operator:
-            return
-        releases = self._motion == (0.0, 0.0) and next(self._number) % NEUTRAL_EVERY == 0
-        self._commands.put_bytes(self._neutral if releases else self._cruise)
-
-    def release(self) -> None:
-        """Remove the operator, so that the robot stops."""
-        self._has_operator = False
-        self._token.withdraw()
 
     def statuses(self) -> list[tuple[float, bool, list[str]]]:
         """Return for each status its arrival time [s], whether the robot is stopped, and the reasons."""
@@ -120,14 +112,37 @@ class Robot:
         return found
 
 
-def send(robots: Sequence[Robot], ended: threading.Event) -> list[tuple[float, float]]:
-    """Send all streams until `ended` is set; return the due time [s] and the lateness [s] of each sample."""
-    rates = (SCAN_HZ, ODOM_HZ, COMMAND_HZ)
-    acts = [
-        (act, rate_hz)
-        for robot in robots
-        for act, rate_hz in zip((robot.put_scan, robot.put_odometry, robot.put_command), rates, strict=True)
-    ]
+class Operator:
+    """Drives a robot of the same process.
+
+    Args:
+        session: connected to the supervisor, or to a router.
+        body: the robot.
+    """
+
+    def __init__(self, session: ZenohSession, body: Body) -> None:
+        self._session = session
+        self._body = body
+        self._number = itertools.count()
+        self._is_here = True
+        self._neutral, self._cruise = (encode(planar_twist(speed, 0.0)) for speed in (0.0, CRUISE_M_S))
+        self._commands = session.publisher_raw(topics.source_cmd_vel(topics.TELEOP).key)
+        self._token = session.declare_alive(topics.TELEOP)
+
+    def put_command(self) -> None:
+        if not self._is_here:
+            return
+        releases = self._body.motion == (0.0, 0.0) and next(self._number) % NEUTRAL_EVERY == 0
+        self._commands.put_bytes(self._neutral if releases else self._cruise)
+
+    def leave(self) -> None:
+        """Withdraw, so that the robot stops."""
+        self._is_here = False
+        self._token.withdraw()
+
+
+def send(acts: Sequence[Act], ended: threading.Event) -> list[tuple[float, float]]:
+    """Do everything at its rate until `ended` is set; return the due time [s] and the lateness [s] of each sample."""
     began_s = time.monotonic()
     due = [(began_s + number * SPREAD % 1.0 / rate_hz, number) for number, (_, rate_hz) in enumerate(acts)]
     heapq.heapify(due)
@@ -145,16 +160,32 @@ def send(robots: Sequence[Robot], ended: threading.Event) -> list[tuple[float, f
     return late
 
 
-async def _sessions(endpoints: Sequence[str]) -> list[ZenohSession]:
-    configs = [BusConfig(endpoint) for endpoint in endpoints]
+def namespace_of(number: int) -> str:
+    """Return the namespace of a robot behind a router."""
+    return f"robot{number}"
+
+
+def encoded_scans() -> list[bytes]:
+    """Return scans of a room, of a robot that stands."""
+    return [encode(scan(ranges)) for ranges in scenery.scans(BEAMS, SCANS, wall_m=scenery.ROOM_M)]
+
+
+async def _sessions(configs: Sequence[BusConfig]) -> list[ZenohSession]:
     return [ZenohSession(await open_session(config, "client"), config.namespace) for config in configs]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m bench.robots.feeder", description=__doc__)
     parser.add_argument("endpoints", nargs="+", metavar="ENDPOINT")
-    endpoints: list[str] = parser.parse_args().endpoints
-    scans = [encode(scan(ranges)) for ranges in scenery.scans(BEAMS, SCANS, wall_m=scenery.ROOM_M)]
+    parser.add_argument(
+        "--router",
+        metavar="ENDPOINT",
+        help="the operators connect to this router; the namespaces of the robots are robot0, robot1, …",
+    )
+    parser.add_argument("--keys", type=Path, metavar="DIR", help="the operators' bundle")
+    options = parser.parse_args()
+    endpoints: list[str] = options.endpoints
+    scans = encoded_scans()
     waiting, ended = set(range(len(endpoints))), threading.Event()
 
     def moved(number: int) -> None:
@@ -163,10 +194,15 @@ def main() -> None:
             if not waiting:
                 print("driving", flush=True)
 
-    robots = [
-        Robot(session, scans, lambda n=number: moved(n))
-        for number, session in enumerate(asyncio.run(_sessions(endpoints)))
-    ]
+    at_hubs = [BusConfig(endpoint) for endpoint in endpoints]
+    if options.router is not None:
+        at_hubs = [BusConfig(endpoint, namespace_of(number)) for number, endpoint in enumerate(endpoints)]
+    sessions = asyncio.run(_sessions(at_hubs))
+    bodies = [Body(session, scans, lambda n=number: moved(n)) for number, session in enumerate(sessions)]
+    if options.router is not None:
+        remote = [BusConfig(options.router, one.namespace, keys=options.keys) for one in at_hubs]
+        sessions = asyncio.run(_sessions(remote))
+    operators = [Operator(session, body) for session, body in zip(sessions, bodies, strict=True)]
 
     def read_commands() -> None:
         for line in sys.stdin:
@@ -174,14 +210,14 @@ def main() -> None:
             if word == "end":
                 break
             for number in numbers:
-                robots[int(number)].release()
+                operators[int(number)].leave()
         ended.set()
 
     threading.Thread(target=read_commands, daemon=True).start()
-    late = send(robots, ended)
+    acts = [act for body in bodies for act in body.acts()]
+    late = send([*acts, *((one.put_command, COMMAND_HZ) for one in operators)], ended)
     found = [
-        {"heard": robot.heard.copy(), "statuses": robot.statuses(), "garbled": robot.garbled}
-        for robot in robots
+        {"heard": body.heard.copy(), "statuses": body.statuses(), "garbled": body.garbled} for body in bodies
     ]
     print(json.dumps({"robots": found, "late": late}), flush=True)
 

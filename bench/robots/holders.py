@@ -1,8 +1,8 @@
 """Starts operators for `bench.robots` to kill: `python -m bench.robots.holders`.
 
-Each line `NUMBER ENDPOINT` on the standard input starts an operator, a process that drives the robot at this endpoint. Prints
-`started NUMBER PID`, and `driving NUMBER PID` when the robot moves. The processes are forks of this one, which has imported all
-modules and opened no session: starting a new interpreter for each of them would load the machine.
+Each line `NUMBER ENDPOINT` or `NUMBER ENDPOINT NAMESPACE KEYS` on the standard input starts an operator, a process that drives
+the robot at this endpoint. Prints `started NUMBER PID`, and `driving NUMBER PID` when the robot moves. The processes are forks of
+this one, which has imported all modules and opened no session: starting a new interpreter for each of them would load the machine.
 """
 
 import ctypes
@@ -10,6 +10,7 @@ import os
 import signal
 import sys
 import threading
+from pathlib import Path
 
 from bench.peers.links import lifeline_link
 
@@ -20,11 +21,12 @@ def main() -> None:
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # the kernel reaps the children
     libc = ctypes.CDLL(None)
     for line in sys.stdin:
-        number, endpoint = line.split()
+        number, endpoint, *reach = line.split()
         pid = os.fork()
         if pid == 0:
             libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-            lifeline_link.hold(endpoint)
+            namespace, keys = (reach[0], Path(reach[1])) if reach else ("robot", None)
+            lifeline_link.hold(endpoint, namespace, keys)
             _tell(f"driving {number} {os.getpid()}")
             threading.Event().wait()
         _tell(f"started {number} {pid}")

@@ -48,6 +48,16 @@ class Crowd:
     kills: int
     stop_ms: tuple[float, ...]
     """From the SIGKILL of the operator to zero on cmd_vel; without the kills before which the robot never drove."""
+    missed: int = 0
+    """Kills of an operator that had begun to drive, without a stop of a robot that moved."""
+    kills_seconds: float = 0.0
+    """Duration of the kills."""
+    stood_in_kills: int = 0
+    """Number of the other robots, whose operators lived, that stopped meanwhile."""
+    router_percent: float = 0.0
+    """Of one core: the router, if the operators reach the robots through one."""
+    crossing_bytes_s: float = 0.0
+    """What the router sends and receives for each robot and its operator."""
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,58 @@ KILLS_LIMIT_S = 60.0
 DUMP_LIMIT_S = 60.0
 
 
-def measure(robots: int, seconds: float, kills: int, tell: Callable[[str], None]) -> Crowd:
+class Layout:
+    """How the operators reach their robots: here, each at the supervisor of its robot."""
+
+    def start(self, robots: int, ending: ExitStack) -> list[Supervisor]:
+        """Start the supervisors, `STARTING` at a time: more of them would delay each other beyond the time limit of a start."""
+        supervisors: list[Supervisor] = []
+
+        def terminate_all() -> None:
+            """Signal all supervisors before waiting for each of them."""
+            for one in supervisors:
+                with suppress(ProcessLookupError):
+                    os.kill(one.pid, signal.SIGTERM)
+
+        for number in range(robots):
+            supervisors.append(ending.enter_context(supervisor(options=self.options(number))))
+            if number >= STARTING:
+                wait_until_listening(supervisors[number - STARTING].endpoint)
+        for one in supervisors[-STARTING:]:
+            wait_until_listening(one.endpoint)
+        ending.callback(terminate_all)
+        return supervisors
+
+    def options(self, number: int) -> list[str]:  # noqa: ARG002 - of a layout with configurations
+        """Return the options of a supervisor."""
+        return []
+
+    def feeder(self, endpoints: Sequence[str]) -> list[str]:
+        """Return the arguments of the feeder."""
+        return list(endpoints)
+
+    def operator(self, number: int, endpoint: str) -> str:  # noqa: ARG002 - of a layout with namespaces
+        """Return how an operator reaches its robot, for bench.robots.holders."""
+        return endpoint
+
+    def router_cpu_s(self) -> float:
+        """Return the processor time of the router until now."""
+        return 0.0
+
+    def crossed_bytes(self) -> int:
+        """Return what the router has sent and received until now on the links that are open."""
+        return 0
+
+
+def measure(
+    robots: int,
+    seconds: float,
+    kills: int,
+    tell: Callable[[str], None],
+    layout: Layout | None = None,
+    *,
+    kills_limit_s: float = KILLS_LIMIT_S,
+) -> Crowd:
     """Measure a number of robots.
 
     Args:
@@ -41,16 +92,19 @@ def measure(robots: int, seconds: float, kills: int, tell: Callable[[str], None]
         seconds: duration of the drive.
         kills: number of kills, distributed over at most `KILLED` robots.
         tell: called with lines that report the progress.
+        layout: how the operators reach the robots.
+        kills_limit_s: maximum duration of the kills.
 
     Raises:
         RuntimeError: a process fails.
     """
+    layout = Layout() if layout is None else layout
     with ExitStack() as ending:
         crowd = "1 robot" if robots == 1 else f"{robots} robots"
         tell(f"{crowd}: start")
-        supervisors = _start(robots, ending)
+        supervisors = layout.start(robots, ending)
         endpoints = [one.endpoint for one in supervisors]
-        feeder = ending.enter_context(program("bench.robots.feeder", arguments=endpoints))
+        feeder = ending.enter_context(program("bench.robots.feeder", arguments=layout.feeder(endpoints)))
         with suppress(SilentError):  # with too many robots, some never drive: that is a result
             feeder.line(DRIVE_LIMIT_S)
         time.sleep(SETTLE_S)
@@ -58,10 +112,12 @@ def measure(robots: int, seconds: float, kills: int, tell: Callable[[str], None]
         tell(f"{crowd}: drive")
         pids = [one.pid for one in supervisors]
         before, machine_before, feeder_before = [usage(pid) for pid in pids], machine(), usage(feeder.pid)
+        router_s, crossed = layout.router_cpu_s(), layout.crossed_bytes()
         began_s = time.monotonic()
         time.sleep(seconds)
         window = began_s, time.monotonic()
         took_s = window[1] - window[0]
+        router_s, crossed = layout.router_cpu_s() - router_s, layout.crossed_bytes() - crossed
         used = [usage(pid) - earlier for pid, earlier in zip(pids, before, strict=True)]
         machine_after, feeder_used = machine(), usage(feeder.pid) - feeder_before
 
@@ -70,7 +126,10 @@ def measure(robots: int, seconds: float, kills: int, tell: Callable[[str], None]
         feeder.tell(f"release {' '.join(map(str, range(killed)))}")
         time.sleep(STAND_S)
         kills_before = machine()
-        kills_s = _kill(endpoints[:killed], kills)
+        kills_began_s = time.monotonic()
+        reach = [layout.operator(number, endpoint) for number, endpoint in enumerate(endpoints[:killed])]
+        kills_s = _kill(reach, kills, kills_limit_s)
+        killing = kills_began_s, time.monotonic()
         kills_busy_percent = busy_percent(kills_before, machine())
         feeder.tell("end")
         while (line := feeder.line(DUMP_LIMIT_S)).startswith("driving"):
@@ -95,7 +154,7 @@ def measure(robots: int, seconds: float, kills: int, tell: Callable[[str], None]
     ]
     ticks = machine_after.total - machine_before.total
     drive_busy_percent = busy_percent(machine_before, machine_after)
-    own_s = sum(one.cpu_s for one in used) + feeder_used.cpu_s
+    own_s = sum(one.cpu_s for one in used) + feeder_used.cpu_s + router_s
     return Crowd(
         robots=robots,
         seconds=took_s,
@@ -118,32 +177,17 @@ def measure(robots: int, seconds: float, kills: int, tell: Callable[[str], None]
             name: sum(name in of for of in causes)
             for name in sorted({reason for of in causes for reason in of})
         },
-        kills=kills,
+        kills=min(kills, sum(map(len, kills_s))) if kills_limit_s > KILLS_LIMIT_S else kills,
         stop_ms=tuple(stop for stop in stops_ms if stop is not None),
+        missed=sum(stop is None for stop in stops_ms),
+        kills_seconds=killing[1] - killing[0],
+        stood_in_kills=sum(stats.stood(killing, commands) for commands in heard[killed:]),
+        router_percent=100.0 * router_s / took_s,
+        crossing_bytes_s=crossed / took_s / robots,
     )
 
 
-def _start(robots: int, ending: ExitStack) -> list[Supervisor]:
-    """Start the supervisors, `STARTING` at a time: more of them would delay each other beyond the time limit of a start."""
-    supervisors: list[Supervisor] = []
-
-    def terminate_all() -> None:
-        """Signal all supervisors before waiting for each of them."""
-        for one in supervisors:
-            with suppress(ProcessLookupError):
-                os.kill(one.pid, signal.SIGTERM)
-
-    for number in range(robots):
-        supervisors.append(ending.enter_context(supervisor()))
-        if number >= STARTING:
-            wait_until_listening(supervisors[number - STARTING].endpoint)
-    for one in supervisors[-STARTING:]:
-        wait_until_listening(one.endpoint)
-    ending.callback(terminate_all)
-    return supervisors
-
-
-def _kill(endpoints: Sequence[str], kills: int) -> list[list[float]]:
+def _kill(endpoints: Sequence[str], kills: int, limit_s: float) -> list[list[float]]:
     """Repeatedly let an operator drive each robot, and kill it; return the times of the kills of each robot [s]."""
     with program("bench.robots.holders") as holders:
         ended = threading.Event()
@@ -157,7 +201,7 @@ def _kill(endpoints: Sequence[str], kills: int) -> list[list[float]]:
                 operators[int(number)].arrivals.put((word, int(pid)))
 
         threading.Thread(target=sort, daemon=True).start()
-        until_s = time.monotonic() + KILLS_LIMIT_S
+        until_s = time.monotonic() + limit_s
         with ThreadPoolExecutor(len(operators)) as pool:
             shares = [len(range(number, kills, len(operators))) for number in range(len(operators))]
             killing = [

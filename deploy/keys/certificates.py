@@ -1,8 +1,8 @@
 """Keys and certificates: an authority, and the certificates of participants that it signs.
 
 All keys are ECDSA on P-256, which every TLS library accepts. The authority signs participants only (path length 0). The
-certificate of a supervisor is valid for servers and clients, all others for clients only: no participant can act as the
-hub. Only this file imports cryptography, whose import takes 0.1 s.
+certificates of a supervisor and a router are valid for servers and clients, all others for clients only: no participant
+can act as the hub. Only this file imports cryptography, whose import takes 0.1 s.
 """
 
 import ipaddress
@@ -21,7 +21,7 @@ from cryptography.hazmat.primitives.serialization import (
 )
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from wire.roles import Role, common_name
+from wire.roles import SERVERS, Role, common_name
 
 AUTHORITY_LIFETIME = timedelta(days=3650)
 BACKDATED = timedelta(hours=1)
@@ -38,7 +38,7 @@ class Subject:
     robot: str
     """The namespace of a robot, or `wire.roles.ANY`."""
     hosts: tuple[str, ...] = ()
-    """Host names and addresses at which a supervisor listens; empty for other roles."""
+    """Host names and addresses at which a server listens; empty for other roles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +101,7 @@ def sign(authority: bytes, authority_key: bytes, subject: Subject, now_s: float,
     lifetime = min(timedelta(seconds=lifetime_s), left)
     purposes = [ExtendedKeyUsageOID.CLIENT_AUTH]
     builder = _validity(x509.CertificateBuilder(), x509.random_serial_number(), now_s, lifetime)
-    if subject.role is Role.SUPERVISOR:
+    if subject.role in SERVERS:
         purposes.append(ExtendedKeyUsageOID.SERVER_AUTH)
         hosts = x509.SubjectAlternativeName(_general_names(subject.hosts))
         builder = builder.add_extension(hosts, critical=False)

@@ -90,12 +90,16 @@ def issued_sentences(issued: dict[str, Any]) -> list[str]:
     """Return what to do with a new bundle."""
     bundle, name = issued["bundle"], issued["name"]
     hosts = f" for the hosts {', '.join(issued['hosts'])}" if issued["hosts"] else ""
-    is_hub = issued["common_name"].startswith(f"{Role.SUPERVISOR}@")
-    endpoint = "quic/0.0.0.0:7447" if is_hub else "quic/ROBOT:7447"
+    role = issued["common_name"].partition("@")[0]
+    if role == Role.ROUTER:
+        start = f"start `lifeline router --listen tls/0.0.0.0:7448 --keys {name} --robot NAMESPACE`"
+    else:
+        endpoint = "quic/0.0.0.0:7447" if role == Role.SUPERVISOR else "quic/ROBOT:7447"
+        start = f"start programs with --endpoint {endpoint} --keys {name}, or write both into robot.toml, section [bus]"
     return [
         f"{name} is {issued['common_name']} until {issued['ends']}{hosts}",
         f"copy the bundle to the computer of {name}: scp -r {shlex.quote(bundle)} HOST:",
-        f"there, start programs with --endpoint {endpoint} --keys {name}, or write both into robot.toml, section [bus]",
+        f"there, {start}",
     ]
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
-from wire.roles import ANY, Role, common_name
+from wire.roles import ANY, SERVERS, Role, common_name
 
 NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,31}")
 """A name is part of a file name and of a subject."""
@@ -21,7 +21,7 @@ HOST = re.compile(
     r"(?=.{1,253}$)[A-Za-z0-9]([A-Za-z0-9-]{0,61}[A-Za-z0-9])?(\.[A-Za-z0-9]([A-Za-z0-9-]{0,61}[A-Za-z0-9])?)*"
 )
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
-"""Hosts in the certificate of every supervisor."""
+"""Hosts in the certificate of every server."""
 SOON_S = 3 * 86400.0
 """A certificate that ends within this time needs a new one."""
 
@@ -123,10 +123,10 @@ def subject_of(register: Register, request: Request) -> tuple[str, Role, str, tu
             f"{name} is {before.common_name}: choose another name for {common_name(role, robot)}, so that each can be "
             "revoked"
         )
-    if role is not Role.SUPERVISOR:
+    if role not in SERVERS:
         if request.hosts:
             raise RefusedError(
-                f"--host is for the role supervisor only, which others connect to; {name} is {role}"
+                f"--host is for the roles {' and '.join(SERVERS)} only, which others connect to; {name} is {role}"
             )
         return name, role, robot, ()
     hosts = request.hosts if request.hosts is not None else before.hosts if before else ()

@@ -18,7 +18,9 @@ SHOWN: tuple[tuple[str, Message], ...] = (
     ("may call", "query"),
     ("may hold the tokens", "liveliness_token"),
 )
-CONTRACT = Contract(sources=("<source>",), lidars=("<lidar>",), more_keys=("<more_keys>",))
+CONTRACT = Contract(
+    sources=("<source>",), lidars=("<lidar>",), more_keys=("<more_keys>",), stations=("<station>",)
+)
 
 
 def roles_table() -> str:
@@ -28,14 +30,18 @@ def roles_table() -> str:
 
 
 def _cells(role: Role) -> list[str]:
-    keys: dict[Message, list[str]] = {}
+    keys: dict[Message, dict[str, None]] = {}
     for grant in grants_of(role, NAMESPACE, CONTRACT):
         if grant.flow == "ingress":
             for message in grant.messages:
-                keys.setdefault(message, []).extend(
-                    key.removeprefix(f"{NAMESPACE}/") for key in grant.keys if key.startswith(NAMESPACE)
+                keys.setdefault(message, {}).update(
+                    {
+                        key.removeprefix(f"{NAMESPACE}/"): None
+                        for key in grant.keys
+                        if key.startswith(NAMESPACE)
+                    }
                 )
-    return [", ".join(f"`{key}`" for key in keys.get(message, [])) or "–" for _, message in SHOWN]
+    return [", ".join(f"`{key}`" for key in keys.get(message, {})) or "–" for _, message in SHOWN]
 
 
 PARTS: sections.Parts = {"roles": roles_table}

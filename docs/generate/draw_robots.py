@@ -1,6 +1,6 @@
-"""Draws docs/images/robots.svg from the stored run of `python -m bench.robots --json`: `python -m docs.generate.draw_robots`.
+"""Draws docs/images/robots.svg and fleet.svg from the stored runs of the benches: `python -m docs.generate.draw_robots`.
 
-Panels: load, gaps of cmd_vel and stop times over the number of robots on one machine. Without a stored run, draws nothing.
+The runs are those of `python -m bench.robots --json` and `python -m bench.fleet --json`. Panels: load, gaps of cmd_vel and stop times over the number of robots on one machine. Without a stored run, draws nothing.
 """
 
 from collections.abc import Sequence
@@ -10,15 +10,16 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from bench.robots.results import Crowd, read
+from bench.fleet.results import CURVE
+from bench.robots.results import STORED, Crowd, read
 from bench.robots.stats import percentile
 from bench.robots.table import TARGET_GAP_P99_MS, TARGET_ROBOTS, TARGET_STOP_P99_MS
 from docs.generate.palette import DANGER, GREY, INK, LIGHT, RING, ROBOT
 
-PICTURE = Path(__file__).parents[1] / "images/robots.svg"
+IMAGES = Path(__file__).parents[1] / "images"
 
 
-def draw(crowds: Sequence[Crowd], cores: int, path: Path) -> None:
+def draw(crowds: Sequence[Crowd], cores: int, path: Path, *, has_targets: bool) -> None:
     """Draw three panels over the number of robots; red: the limit of the machine, and the targets."""
     figure = Figure(figsize=(11, 3.4), layout="constrained")
     load, gaps, stops = figure.subplots(1, 3)
@@ -27,6 +28,8 @@ def draw(crowds: Sequence[Crowd], cores: int, path: Path) -> None:
     load.plot(robots, [cores * one.busy_percent for one in crowds], ".-", color=GREY, label="machine")
     load.plot(robots, [sum(one.cpu_percent) for one in crowds], ".-", color=ROBOT, label="supervisors")
     load.plot(robots, [one.feeder_percent for one in crowds], ".-", color=RING, label="sensors and operators")
+    if any(one.router_percent for one in crowds):
+        load.plot(robots, [one.router_percent for one in crowds], ".-", color=INK, label="router")
     load.axhline(100 * cores, color=DANGER, lw=1.6, label=f"limit: {cores} cores")
     load.set_title("CPU [% of one core]", fontsize=11)
     load.set_ylim(0, 110 * cores)
@@ -35,7 +38,8 @@ def draw(crowds: Sequence[Crowd], cores: int, path: Path) -> None:
     gaps.plot(robots, [one.gap_p50_ms for one in crowds], ".-", color=GREY, label="p50")
     gaps.plot(robots, [one.gap_p99_ms for one in crowds], ".-", color=ROBOT, label="p99")
     gaps.plot(robots, [one.gap_max_ms for one in crowds], ".:", color=RING, label="maximum")
-    _target(gaps, TARGET_GAP_P99_MS)
+    if has_targets:
+        _target(gaps, TARGET_GAP_P99_MS)
     gaps.set_title("gaps of cmd_vel [ms]", fontsize=11)
     gaps.set_ylim(0)
 
@@ -49,7 +53,8 @@ def draw(crowds: Sequence[Crowd], cores: int, path: Path) -> None:
             color=colour,
             label=f"p{percent}",
         )
-    _target(stops, TARGET_STOP_P99_MS)
+    if has_targets:
+        _target(stops, TARGET_STOP_P99_MS)
     stops.set_title("SIGKILL to zero [ms]", fontsize=11)
     stops.set_yscale("log")
     stops.set_yticks((1, 3, 10, 30, 100, 300), ("1", "3", "10", "30", "100", "300"))
@@ -86,9 +91,10 @@ def main() -> None:
             "svg.hashsalt": "robots",
         }
     )
-    stored = read()
-    if stored is not None:
-        draw(stored.crowds, _cores(stored.run), PICTURE)
+    for name, file, has_targets in (("robots", STORED, True), ("fleet", CURVE, False)):
+        stored = read(file)
+        if stored is not None:
+            draw(stored.crowds, _cores(stored.run), IMAGES / f"{name}.svg", has_targets=has_targets)
 
 
 if __name__ == "__main__":

@@ -37,10 +37,11 @@ def _answer(results: Results | None) -> str:
 
 
 def _tables(results: Results | None) -> str:
-    return NONE if results is None else "\n\n".join(_markdown(one) for one in sheets(results))
+    return NONE if results is None else "\n\n".join(markdown(one) for one in sheets(results))
 
 
-def _markdown(sheet: Sheet) -> str:
+def markdown(sheet: Sheet) -> str:
+    """Return a sheet as a section."""
     return "\n".join(
         [
             f"### {sheet.title}",

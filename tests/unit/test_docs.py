@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from docs.generate import access, link, safety_law
+from docs.generate import access, fleet, link, safety_law
 from supervisor.config import SupervisorSection
 from wire.reasons import StopReason
 
@@ -36,6 +36,12 @@ def test_the_generated_parts_of_the_links_are_up_to_date() -> None:
     """`make docs` regenerates them."""
     text = link.DOCUMENT.read_text()
     assert link.regenerated(text) == text
+
+
+def test_the_generated_parts_of_the_fleet_are_up_to_date() -> None:
+    """`make docs` regenerates them."""
+    text = fleet.DOCUMENT.read_text()
+    assert fleet.regenerated(text) == text
 
 
 def test_the_table_of_roles_is_up_to_date() -> None:

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable
 from itertools import count
+from pathlib import Path
 
 from bench.peers.links.payload import CDR_HEADER, payload_of, turn_of
 from wire import topics
@@ -17,9 +18,9 @@ SPEED_RAD_S, PERIOD_S, NEUTRAL_EVERY = 0.3, 0.05, 10
 _kept: list[object] = []
 
 
-def _open(address: str) -> ZenohSession:
+def _open(address: str, namespace: str = "robot", keys: Path | None = None) -> ZenohSession:
     """Open a session as a client."""
-    config = BusConfig(address)
+    config = BusConfig(address, namespace, keys=keys)
 
     async def opened() -> ZenohSession:
         return ZenohSession(await open_session(config, "client"), config.namespace)
@@ -54,9 +55,9 @@ def connect(address: str, role: str, heard: Callable[[bytes], None]) -> Callable
     return _source(session)
 
 
-def hold(address: str) -> None:
+def hold(address: str, namespace: str = "robot", keys: Path | None = None) -> None:
     """Command neutral, and then turn the robot until the process is killed; return when it turns."""
-    session, turns = _open(address), threading.Event()
+    session, turns = _open(address, namespace, keys), threading.Event()
     _kept.append(MemoryKeeper())  # as in teleop
     _kept.append(session.declare_alive(topics.TELEOP))
     send = _source(session)

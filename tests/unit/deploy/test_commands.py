@@ -10,6 +10,7 @@ from deploy.cli import app
 WITHOUT_JSON = {
     "completion": "prints a script",
     "foxglove": "serves WebSockets until Ctrl-C",
+    "router": "routes until Ctrl-C; --print-config prints JSON",
     "metrics": "serves HTTP until Ctrl-C",
     "view": "shows pictures; `topic echo --json` prints the messages",
     "ros2 exec": "its output is that of the program which it runs",
@@ -17,6 +18,7 @@ WITHOUT_JSON = {
     "ros2 check-base": "its output is that of the ROS 2 process",
     "ros2 profile": "prints an XML file",
     "topic pub": "publishes; it has no result",
+    "estop": "presses; its result is the exit code",
 }
 
 

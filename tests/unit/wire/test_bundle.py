@@ -8,7 +8,7 @@ import pytest
 
 from deploy.keys.certificates import Subject, make_authority, sign
 from wire.bundle import BundleError, choose_bundle, read_bundle
-from wire.roles import ANY, Role
+from wire.roles import ANY, SERVERS, Role
 
 NOW_S = float(round(time.time()))
 """The certificates are made for the real time: OpenSSL compares some times itself."""
@@ -42,7 +42,7 @@ def refusal(directory: Path, now_s: float = NOW_S) -> str:
 
 @pytest.mark.parametrize("role", Role)
 def test_a_bundle_of_each_role_is_read(tmp_path: Path, role: Role) -> None:
-    hosts = ("robot7", "127.0.0.1", "::1") if role is Role.SUPERVISOR else ()
+    hosts = ("robot7", "127.0.0.1", "::1") if role in SERVERS else ()
     bundle = read_bundle(write(tmp_path / "x", Subject("x", role, "r7", hosts)), NOW_S)
     assert (bundle.name, bundle.role, bundle.namespace) == ("x", role, "r7")
     assert bundle.ends_s == NOW_S + DAY_S
@@ -111,19 +111,19 @@ def test_each_process_finds_its_bundle_in_a_directory_of_two(tmp_path: Path) -> 
     with pytest.raises(
         BundleError, match=r"must have one bundle of another role.*robot7 \(supervisor\).*--keys"
     ):
-        choose_bundle(tmp_path, NOW_S, is_hub=False)
+        choose_bundle(tmp_path, NOW_S, part=None)
     write(tmp_path / "wheels", Subject("wheels", Role.BASE, "r7"))
-    assert choose_bundle(tmp_path, NOW_S, is_hub=True).name == "robot7"
-    assert choose_bundle(tmp_path, NOW_S, is_hub=False).name == "wheels"
-    assert choose_bundle(tmp_path / "wheels", NOW_S, is_hub=False).name == "wheels"
+    assert choose_bundle(tmp_path, NOW_S, part=Role.SUPERVISOR).name == "robot7"
+    assert choose_bundle(tmp_path, NOW_S, part=None).name == "wheels"
+    assert choose_bundle(tmp_path / "wheels", NOW_S, part=None).name == "wheels"
     with pytest.raises(BundleError, match=r"must have one bundle of the role operator .*--role operator"):
-        choose_bundle(tmp_path, NOW_S, is_hub=False, part=Role.OPERATOR)
+        choose_bundle(tmp_path, NOW_S, part=Role.OPERATOR)
     write(tmp_path / "vera", Subject("vera", Role.VIEWER, "r7"))
     with pytest.raises(BundleError, match=r"vera \(viewer\), wheels \(base\)"):
-        choose_bundle(tmp_path, NOW_S, is_hub=False)
-    assert choose_bundle(tmp_path, NOW_S, is_hub=False, part=Role.BASE).name == "wheels"
+        choose_bundle(tmp_path, NOW_S, part=None)
+    assert choose_bundle(tmp_path, NOW_S, part=Role.BASE).name == "wheels"
     write(tmp_path / "olga", Subject("olga", Role.OPERATOR, "r7"))
     for part in (Role.OPERATOR, None):
-        assert choose_bundle(tmp_path, NOW_S, is_hub=False, part=part).name == "olga"
+        assert choose_bundle(tmp_path, NOW_S, part=part).name == "olga"
     with pytest.raises(BundleError, match="there is no bundle of keys"):
-        choose_bundle(tmp_path / "none", NOW_S, is_hub=True)
+        choose_bundle(tmp_path / "none", NOW_S, part=Role.SUPERVISOR)

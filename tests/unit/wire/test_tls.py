@@ -7,13 +7,13 @@ import pytest
 from wire import tls
 from wire.bundle import Bundle
 from wire.config import BusSection, ConfigError, read_toml, section
-from wire.roles import ANY, Role
+from wire.roles import ANY, SERVERS, Role
 
 ENDS_S = 1_800_000_000.0
 
 
 def bundle(role: Role = Role.SUPERVISOR, namespace: str = "robot") -> Bundle:
-    hosts = ("robot7", "10.0.0.7", "0:0:0:0:0:0:0:1") if role is Role.SUPERVISOR else ()
+    hosts = ("robot7", "10.0.0.7", "0:0:0:0:0:0:0:1") if role in SERVERS else ()
     names = (Path(f"/k/{name}") for name in ("authority.pem", "x.pem", "x.key"))
     return Bundle("x", role, namespace, hosts, ENDS_S, *names)
 
@@ -102,31 +102,44 @@ def test_no_robot_has_the_name_that_stands_for_all() -> None:
     ],
 )
 def test_a_hub_listens_only_where_its_certificate_is_for(endpoint: str, fits: bool) -> None:  # noqa: FBT001 - a parameter
-    sentence = tls.misfit(bundle(), endpoint, "robot", is_hub=True)
+    sentence = tls.misfit(bundle(), endpoint, "robot", server=Role.SUPERVISOR)
     assert (sentence is None) is fits
     assert fits or "--host" in str(sentence)
 
 
-@pytest.mark.parametrize("role", [role for role in Role if role is not Role.SUPERVISOR])
+@pytest.mark.parametrize("role", [role for role in Role if role not in SERVERS])
 def test_only_a_supervisor_is_the_hub_but_each_role_connects(role: Role) -> None:
-    assert f"has the role {role}" in str(tls.misfit(bundle(role), "quic/0.0.0.0:1", "robot", is_hub=True))
-    assert tls.misfit(bundle(role), "quic/robot7:1", "robot", is_hub=False) is None
+    assert f"has the role {role}" in str(
+        tls.misfit(bundle(role), "quic/0.0.0.0:1", "robot", server=Role.SUPERVISOR)
+    )
+    assert tls.misfit(bundle(role), "quic/robot7:1", "robot", server=None) is None
 
 
 def test_a_client_is_no_supervisor() -> None:
-    assert "--role base" in str(tls.misfit(bundle(), "quic/robot7:1", "robot", is_hub=False))
+    for role in SERVERS:
+        assert "--role base" in str(tls.misfit(bundle(role), "quic/robot7:1", "robot", server=None))
+
+
+def test_a_router_and_a_supervisor_do_not_stand_in_for_each_other() -> None:
+    for role, other in (SERVERS, SERVERS[::-1]):
+        assert tls.misfit(bundle(role), "tls/robot7:1", "robot", server=role) is None
+        assert f"--role {other}" in str(tls.misfit(bundle(role), "tls/robot7:1", "robot", server=other))
+
+
+def test_a_hub_that_only_dials_with_its_certificate_listens_anywhere() -> None:
+    assert tls.misfit(bundle(), "tcp/127.0.0.1:1", "robot", server=Role.SUPERVISOR) is None
 
 
 def test_a_bundle_for_another_robot_does_not_fit() -> None:
-    for is_hub in (True, False):
-        sentence = tls.misfit(bundle(namespace="r7"), "quic/robot7:1", "robot", is_hub=is_hub)
+    for server in (Role.SUPERVISOR, None):
+        sentence = tls.misfit(bundle(namespace="r7"), "quic/robot7:1", "robot", server=server)
         assert "is for the robot r7, not for robot" in str(sentence)
-        of_all = bundle(Role.SUPERVISOR if is_hub else Role.VIEWER, ANY)
-        assert tls.misfit(of_all, "quic/robot7:1", "robot", is_hub=is_hub) is None
+        of_all = bundle(server or Role.VIEWER, ANY)
+        assert tls.misfit(of_all, "quic/robot7:1", "robot", server=server) is None
 
 
 def test_a_client_cannot_check_an_ipv6_address() -> None:
-    assert "IPv6" in str(tls.misfit(bundle(Role.VIEWER), "quic/[::1]:1", "robot", is_hub=False))
+    assert "IPv6" in str(tls.misfit(bundle(Role.VIEWER), "quic/[::1]:1", "robot", server=None))
 
 
 def test_a_certificate_that_ends_within_three_days_is_reported() -> None:
@@ -142,9 +155,16 @@ def test_a_certificate_that_has_ended_names_the_next_step() -> None:
 
 @pytest.mark.parametrize(
     ("name", "is_hub"),
-    [("supervisor@robot", True), ("operator@robot", False), ("www.example.org", False), (None, False)],
+    [
+        ("supervisor@robot", True),
+        ("router@any", True),
+        ("router", False),
+        ("operator@robot", False),
+        ("www.example.org", False),
+        (None, False),
+    ],
 )
-def test_only_a_supervisor_is_accepted_as_the_hub(name: str | None, is_hub: bool) -> None:  # noqa: FBT001 - a parameter
+def test_only_a_supervisor_or_a_router_is_accepted_as_the_hub(name: str | None, is_hub: bool) -> None:  # noqa: FBT001 - a parameter
     assert tls.is_hub_name(name) is is_hub
 
 

@@ -96,7 +96,7 @@ def test_a_host_is_a_name_or_an_address_and_only_for_a_supervisor() -> None:
         assert "is not a host" in refusal(Register(), request("r", Role.SUPERVISOR, hosts=(host,)))
     for host in ("robot7", "robot7.example.org", "192.168.1.7", "fe80::1"):
         assert host in subject_of(Register(), request("r", Role.SUPERVISOR, hosts=(host,)))[3]
-    assert "--host is for the role supervisor only" in refusal(
+    assert "--host is for the roles supervisor and router only" in refusal(
         Register(), request("b", Role.BASE, hosts=("a",))
     )
 

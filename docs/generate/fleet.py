@@ -1,0 +1,48 @@
+"""Write the measured parts of docs/fleet.md from docs/campaign/bench_fleet*.jsonl: `python -m docs.generate.fleet`.
+
+The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
+
+    curve   one row for each number of robots behind a router
+    soak    the promises of the long run
+
+`--check` writes nothing and fails if a part is out of date; tests/unit/test_docs.py does the same.
+"""
+
+import sys
+from pathlib import Path
+
+from bench.fleet.results import CURVE, SOAK
+from bench.fleet.table import sheet, soak_verdicts
+from bench.rig.stored import origin
+from bench.robots.results import read
+from docs.generate import sections
+from docs.generate.link import markdown
+
+DOCUMENT = Path(__file__).parents[1] / "fleet.md"
+NONE = "Not measured yet: `make bench-fleet`."
+
+
+def regenerated(text: str) -> str:
+    """Return the text with its generated parts updated.
+
+    Raises:
+        ValueError: a part has no place in the document.
+    """
+    return sections.regenerated(text, {"curve": _curve, "soak": _soak}, str(DOCUMENT))
+
+
+def _curve() -> str:
+    stored = read(CURVE)
+    return NONE if stored is None else markdown(sheet(stored.crowds).with_note(origin(stored.run)))
+
+
+def _soak() -> str:
+    stored = read(SOAK)
+    if stored is None:
+        return NONE
+    found = [verdict.sentence() for one in stored.crowds for verdict in soak_verdicts(one)]
+    return "\n".join(f"* {sentence}" for sentence in [*found, origin(stored.run)])
+
+
+if __name__ == "__main__":
+    sys.exit(sections.main("python -m docs.generate.fleet", DOCUMENT, regenerated))
