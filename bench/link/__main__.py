@@ -1,12 +1,9 @@
 """`python -m bench.link`: measure false stops over links that lose packets. Exit 0, or 1 if a program fails."""
 
 import argparse
-import math
 import os
 import signal
 import sys
-from collections.abc import Callable
-from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
@@ -15,6 +12,15 @@ from bench.link.namespaces import NoNamespaceError
 from bench.link.results import Results, read, write
 from bench.link.run import Plan, measure
 from bench.link.table import sheets, verdicts
+from bench.rig.options import (
+    at_least_zero,
+    count,
+    failing_in_a_sentence,
+    output_file,
+    percent,
+    positive,
+    seed,
+)
 from bench.rig.sheet import show
 from bench.rig.stored import this_run
 from wire.session import BusConfig
@@ -22,39 +28,6 @@ from wire.session import BusConfig
 FLOWS = 2
 SECONDS = 200.0
 LATE_MS = 5.0
-
-
-def share_percent(text: str) -> float:
-    return _checked(text, lambda value: 0.0 <= value <= 100.0, "from 0 to 100")
-
-
-def at_least_zero(text: str) -> float:
-    return _checked(text, lambda value: value >= 0.0, "of at least 0")
-
-
-def positive(text: str) -> float:
-    return _checked(text, lambda value: value > 0.0, "greater than 0")
-
-
-def count(text: str) -> int:
-    return int(
-        _checked(text, lambda value: value >= 1.0 and value.is_integer(), "of at least 1, without fraction")
-    )
-
-
-def _checked(text: str, holds: Callable[[float], bool], wanted: str) -> float:
-    """Return a finite number that fulfils a condition.
-
-    Raises:
-        ArgumentTypeError: it does not.
-    """
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value) or not holds(value):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number {wanted}")
-    return value
 
 
 def main() -> None:
@@ -76,7 +49,7 @@ def main() -> None:
     )
     parser.add_argument(
         "--loss-percent",
-        type=share_percent,
+        type=percent,
         nargs="+",
         default=[100 * one for one in LOSSES],
         metavar="P",
@@ -116,7 +89,7 @@ def main() -> None:
         "--seconds", type=positive, default=SECONDS, help="duration of each round (default: %(default)s)"
     )
     parser.add_argument("--rounds", type=count, default=1, metavar="N", help="(default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="seed of the first round (default: %(default)s)")
+    parser.add_argument("--seed", type=seed, default=1, help="seed of the first round (default: %(default)s)")
     parser.add_argument(
         "--late-ms",
         type=positive,
@@ -124,15 +97,17 @@ def main() -> None:
         metavar="T",
         help="reject a round in which a part of the bench is later than this, p99 (default: %(default)g)",
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="add the results to the JSON lines in FILE")
+    parser.add_argument(
+        "--json", type=output_file, metavar="FILE", help="add the results to the JSON lines in FILE"
+    )
     options = parser.parse_args()
     signal.signal(signal.SIGTERM, _end)
-    try:
-        _measure(options)
-    except (RuntimeError, NoNamespaceError) as error:
-        sys.exit(f"bench.link: {error}")
-    except KeyboardInterrupt:
-        sys.exit(130)
+    kept = "the complete rounds are in the file" if options.json is not None else "nothing was written"
+    with failing_in_a_sentence("bench.link", kept):
+        try:
+            _measure(options)
+        except NoNamespaceError as error:
+            raise RuntimeError(str(error)) from error
 
 
 def _end(_: int, __: FrameType | None) -> NoReturn:

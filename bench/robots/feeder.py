@@ -126,7 +126,7 @@ class Operator:
         self._number = itertools.count()
         self._is_here = True
         self._neutral, self._cruise = (encode(planar_twist(speed, 0.0)) for speed in (0.0, CRUISE_M_S))
-        self._commands = session.publisher_raw(topics.source_cmd_vel(topics.TELEOP).key)
+        self._commands = session.publisher_raw(topics.source_cmd_vel(topics.TELEOP))
         self._token = session.declare_alive(topics.TELEOP)
 
     def put_command(self) -> None:
