@@ -99,6 +99,14 @@ def up(
             help="Simulate the base. With a section ros2 in the configuration, no sim starts.",
         ),
     ] = True,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--only",
+            metavar="NODE",
+            help="Start only supervisor, sim or ros2, in the background; repeat for several.",
+        ),
+    ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="With --detach: print the address and teleop's command as JSON.")
     ] = False,
@@ -115,8 +123,11 @@ def up(
 
         sim_options = {None: "", True: "--viewer", False: "--no-viewer"}[viewer]
         launch = Launch.read(config, endpoint, keys_dir, sim_options=sim_options, with_sim=sim)
+        if only:
+            launch = launch.only(only)
+        say = _note if as_json else _say
         return command.up(
-            StateDir.choose(state_dir), launch, _note if as_json else _say, detach=detach, as_json=as_json
+            StateDir.choose(state_dir), launch, say, detach=detach or bool(only), as_json=as_json
         )
 
     _exit_with(run)
@@ -155,6 +166,38 @@ def status(
 
         launch = _running(config, endpoint, state_dir, keys_dir)
         return show_status(StateDir.choose(state_dir), launch, as_json=as_json)
+
+    _exit_with(run)
+
+
+@app.command()
+def estop(
+    *,
+    name: Annotated[
+        str | None,
+        typer.Option(
+            "--name",
+            metavar="NAME",
+            help="Be this e-stop station of [[supervisor.estop_stations]] until q or Ctrl-C: prove its presence, show whether "
+            "it is heard, and stop the robot at any key.",
+        ),
+    ] = None,
+    config: Config = None,
+    endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
+    state_dir: StatePath = None,
+) -> None:
+    """Press the emergency stop once, or be an e-stop station. Exit 0 if the supervisor confirms the press, 1 if not, 3 if nothing runs."""
+
+    def run() -> int:
+        launch = _running(config, endpoint, state_dir, keys_dir)
+        if name is not None:
+            from deploy.estop_station import run_station  # noqa: PLC0415
+
+            run_station(launch, name)
+        from deploy.estop_press import press  # noqa: PLC0415
+
+        return press(launch)
 
     _exit_with(run)
 

@@ -39,6 +39,25 @@ def ros2_exec(
     exit_with(run)
 
 
+@ros2_app.command("run")
+def ros2_run(
+    *,
+    config: Config = None,
+    endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
+    state_dir: StatePath = None,
+) -> None:
+    """Run the ROS 2 process in this terminal, as `lifeline up` and the service lifeline-ros2 do."""
+
+    def run() -> int:
+        from deploy.ros2_run import run as run_ros2  # noqa: PLC0415
+        from deploy.stack.statedir import StateDir  # noqa: PLC0415
+
+        run_ros2(running(config, endpoint, state_dir, keys_dir), StateDir.choose(state_dir))
+
+    exit_with(run)
+
+
 @ros2_app.command("check-base")
 def ros2_check_base(
     *,
@@ -51,10 +70,11 @@ def ros2_check_base(
     """Measure how long the base moves after its commands end. The robot turns on the spot: keep 1 m around it free."""
 
     def run() -> int:
-        from deploy.ros2_check_base import check_base  # noqa: PLC0415
+        from deploy.ros2_run import run as run_ros2  # noqa: PLC0415
         from deploy.stack.statedir import StateDir  # noqa: PLC0415
 
-        check_base(running(config, endpoint, state_dir, keys_dir), StateDir.choose(state_dir), ask=not yes)
+        options = ["--check-base", *(["--yes"] if yes else [])]
+        run_ros2(running(config, endpoint, state_dir, keys_dir), StateDir.choose(state_dir), *options)
 
     exit_with(run)
 

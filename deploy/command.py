@@ -55,11 +55,7 @@ def running(
     from deploy.stack.launch import Launch  # noqa: PLC0415
     from deploy.stack.statedir import StateDir  # noqa: PLC0415
 
-    is_named = config is not None or endpoint is not None
-    running = None if is_named else Launch.running(StateDir.choose(state_dir))
-    if running is None:
-        return Launch.read(config, endpoint, keys)
-    return running if keys is None else running.with_keys(keys)
+    return Launch.find(StateDir.choose(state_dir), config, endpoint, keys)
 
 
 def say(sentence: str) -> None:

@@ -22,7 +22,7 @@ from deploy.inspection.sockets import processes_at
 from deploy.stack import supervisord
 from deploy.stack.errors import DeployError
 from deploy.stack.formatting import printable
-from deploy.stack.launch import Launch, check_endpoint_is_free
+from deploy.stack.launch import ANY_BASE, Launch, check_endpoint_is_free
 from deploy.stack.observe import DEPTH
 from deploy.stack.reach import NotRunningError, reach
 from deploy.stack.robot_file import read_robot
@@ -64,7 +64,8 @@ async def _examine(
         return 130
     if bus is not None and seen.config is not None:
         sources = [source.name for source in seen.config.sources]
-        known = by_full_key(seen.namespace, sources, [lidar.topic for lidar in seen.config.all_lidars()])
+        lidars = [lidar.topic for lidar in seen.config.all_lidars()]
+        known = by_full_key(seen.namespace, sources, lidars, seen.config.station_names())
         await _listen(seen, Robot(bus, launch, seen.config, known, stop), seconds)
     findings = diagnose(seen)
     if as_json:
@@ -87,7 +88,7 @@ def _at_rest(launch: Launch, state: StateDir) -> Observed:
     )
     try:
         document = read_toml(launch.config)
-        seen.has_sim = topics.SIM in document
+        seen.has_sim = not {topics.SIM, ANY_BASE}.isdisjoint(launch.nodes)
         seen.config = read_robot(document, simulated=False)[SupervisorSection]
         seen.has_ros2 = topics.ROS2 in document
         seen.ros2_problem = _ros2_problem(launch) if seen.has_ros2 else ""

@@ -221,7 +221,8 @@ class Bridge:
 
     def _add_configured(self) -> None:
         sources = (source.name for source in self._config.sources)
-        self._add(known_topics(sources, (lidar.topic for lidar in self._config.all_lidars())))
+        lidars = (lidar.topic for lidar in self._config.all_lidars())
+        self._add(known_topics(sources, lidars, self._config.station_names()))
 
     def _add(self, added: Iterable[Topic[Any]]) -> None:
         """Offer topics to the clients; `run` subscribes to them."""

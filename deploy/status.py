@@ -2,7 +2,7 @@
 
 import asyncio
 import json
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +14,7 @@ from deploy.estop import RESET, latched_sentence
 from deploy.stack import processes, ros2_reports, supervisord
 from deploy.stack.errors import EXIT_NOT_RUNNING
 from deploy.stack.formatting import COLOURS, GO_NEUTRAL, mode_name, nearest, number, printable, speed
-from deploy.stack.launch import SIMULATED, Launch
+from deploy.stack.launch import ANY_BASE, SIMULATED, Launch
 from deploy.stack.observe import observing
 from deploy.stack.ros2_reports import Report
 from deploy.stack.statedir import StateDir
@@ -60,9 +60,13 @@ class Look:
 
     @property
     def exit_code(self) -> int:
-        if all(node in self.alive for node in self.needed) and self.status is not None:
+        if all(self.runs(node) for node in self.needed) and self.status is not None:
             return 0
         return EXIT_PARTLY if self.connected or self.programs else EXIT_NOT_RUNNING
+
+    def runs(self, node: str) -> bool:
+        """Return whether a node is alive; a base that is no node of ours sends odometry."""
+        return self.odometry is not None if node == ANY_BASE else node in self.alive
 
     @property
     def mode(self) -> str | None:
@@ -78,7 +82,7 @@ class Look:
             "endpoint": self.endpoint,
             "running": self.exit_code == 0,
             "nodes": {
-                node: {"alive": node in self.alive, "process": self.programs.get(node)} for node in self.nodes
+                node: {"alive": self.runs(node), "process": self.programs.get(node)} for node in self.nodes
             },
             "mode": self.mode,
             "reasons": status.reasons if status else None,
@@ -90,6 +94,9 @@ class Look:
             "alarm": status.alarm if status else None,
             "estop_record_problem": status.estop_record_problem if status else None,
             "rmw_zenoh_nodes": status.rmw_zenoh_nodes if status else None,
+            "estop_stations": {station.name: station.words() for station in status.estop_stations}
+            if status
+            else None,
             "linear_m_s": number(twist.linear.x if twist else None),
             "angular_rad_s": number(twist.angular.z if twist else None),
             "nearest_m": number(status.nearest_m if status else None),
@@ -119,7 +126,7 @@ async def _look(state: StateDir, launch: Launch) -> Look:
                 lambda robot: (
                     robot.status is not None
                     and robot.odometry is not None
-                    and robot.alive.issuperset(launch.nodes)
+                    and robot.alive.issuperset(node for node in launch.nodes if node != ANY_BASE)
                     and (bool(robot.ros2) or not with_ros2)
                 ),
                 ROS2_LIMIT_S if with_ros2 else LISTEN_LIMIT_S,
@@ -131,7 +138,7 @@ async def _look(state: StateDir, launch: Launch) -> Look:
                 programs=programs,
                 status=observer.status,
                 odometry=observer.odometry,
-                needed=launch.nodes,
+                needed=_with_known_base(launch.nodes, observer.alive),
                 ros2=observer.ros2,
             )
     except TimeoutError:
@@ -148,6 +155,12 @@ async def _look(state: StateDir, launch: Launch) -> Look:
         )
 
 
+def _with_known_base(nodes: tuple[str, ...], alive: Collection[str]) -> tuple[str, ...]:
+    """Return the nodes, with the base that is alive in place of one of unknown kind."""
+    base = next((name for name in (topics.SIM, topics.ROS2) if name in alive), ANY_BASE)
+    return tuple(base if node == ANY_BASE else node for node in nodes)
+
+
 def table(look: Look) -> Table | Text:
     """Format the status as a table for the terminal."""
     if look.exit_code == EXIT_NOT_RUNNING:
@@ -161,7 +174,7 @@ def table(look: Look) -> Table | Text:
     table.add_column(style="bold")
     table.add_column()
     for node in (*look.nodes, *sorted(look.alive.difference(look.nodes))):
-        alive = node in look.alive
+        alive = look.runs(node)
         note = f" (process {look.programs[node]})" if node in look.programs else ""
         style = "green" if alive else "red" if node in look.needed else "dim"
         table.add_row(node, Text(f"{'alive' if alive else 'not alive'}{note}", style=style))
@@ -172,10 +185,8 @@ def table(look: Look) -> Table | Text:
         table.add_row("mode", Text(look.mode or "", style=COLOURS[look.mode or "STOPPED"]))
         for name, why in _why(status):
             table.add_row(name, Text(why))
-        if ESTOP in status.causes_and_latched()[0]:
-            table.add_row("e-stop", f"latched until reset, even after a restart: {RESET}")
-        if status.estop_record_problem:
-            table.add_row("e-stop record", Text(status.estop_record_problem, style="bold red"))
+        for name, text in _estop(status):
+            table.add_row(name, text)
         if status.rmw_zenoh_nodes:
             nodes = ", ".join(status.rmw_zenoh_nodes)
             table.add_row(
@@ -187,6 +198,21 @@ def table(look: Look) -> Table | Text:
         if report.name != ros2_reports.SUPERVISOR:
             table.add_row(Text(report.name), Text(report.message, style=ros2_reports.COLOURS[report.level]))
     return table
+
+
+def _estop(status: SafetyStatus) -> Iterator[tuple[str, Text]]:
+    """Yield the rows about the e-stop, its record and its stations."""
+    if ESTOP in status.causes_and_latched()[0]:
+        yield "e-stop", Text(f"latched until reset, even after a restart: {RESET}")
+    if status.estop_record_problem:
+        yield "e-stop record", Text(status.estop_record_problem, style="bold red")
+    for station in status.estop_stations:
+        style = ("bold red" if station.required else "yellow") if station.is_missed else "green"
+        need = "" if station.required else ", not required"
+        yield (
+            "e-stop station",
+            Text(printable(f"{station.name}: {station.words()}{need}"), style=style),
+        )
 
 
 def _why(status: SafetyStatus) -> Iterator[tuple[str, str]]:

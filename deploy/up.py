@@ -45,6 +45,7 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool, as_json: bool
             try:
                 if launch.nodes != SIMULATED:
                     say(_starting(launch))
+                asyncio.run(bringup.check_supervisor_answers(launch))
                 bringup.start(state, launch, say)
                 asyncio.run(bringup.wait_until_alive(state, launch, say))
                 latched = latched_sentence(state, launch)
@@ -77,6 +78,8 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool, as_json: bool
 def _starting(launch: Launch) -> str:
     """Return what is started, for a robot that is not simulated."""
     started = " and ".join(launch.nodes)
+    if topics.SUPERVISOR not in launch.nodes:
+        return f"starting {started} for the supervisor at {launch.bus.endpoint}"
     if topics.ROS2 in launch.nodes:
         return f"starting {started}, because the configuration has [ros2]"
     return f"starting {started} without a sim: the base must connect to {launch.bus.endpoint}"

@@ -3,6 +3,7 @@
     safety.py         the law: step(state, now, inputs) -> (state, decision). Start here
     stop_rules.py     table of stop reasons: what raises each, what it latches, what clears it
     model.py          its types: configuration, inputs, state, decision
+    estop_stations.py leases of the e-stop stations
     explain.py        texts with the details of a cause
     clearance.py      the speed barrier: permitted speed toward obstacles, for any hull
     scan.py           interpretation of one lidar's scans: returns and free space, by beam

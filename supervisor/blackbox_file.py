@@ -37,8 +37,8 @@ MARSHAL_VERSION = 2
 """Version 2: binary floats without object references."""
 
 LAW, STATE, INPUTS = codec(LawConfig), codec(State), codec(Inputs)
-DECISION = record_codec(Decision, without=("sources",))
-"""Without the sources: they are part of the state and are compared with each recorded state."""
+DECISION = record_codec(Decision, without=("sources", "stations"))
+"""Without sources and stations: they are part of the state and are compared with each recorded state."""
 
 
 class Steps:

@@ -10,12 +10,13 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from supervisor.clearance import Circle, ConvexPolygon, Hull
+from supervisor.estop_stations import StationConfig
 from supervisor.lidar_config import LidarSection, NamedLidarSection
 from supervisor.model import LawConfig, SourceConfig
 from supervisor.scan import Lidar
 from wire import topics
 from wire.access import Contract
-from wire.config import ConfigError, Conflict, FreeName, Section
+from wire.config import ConfigError, Conflict, FreeName, Name, Section
 from wire.quantities import Acceleration, AngularAcceleration, Between, Distance, Speed, TurnRate
 
 # Fast enough for every timeout and distance of the law, and slow enough for a process to keep.
@@ -44,6 +45,8 @@ RunawayTurnRate = Annotated[float, Between(0.01, 1.0)]
 ObstacleWidth = Annotated[float, Between(0.005, 0.5)]
 HullRadius = Annotated[float, Between(0.05, 5.0, "in m")]
 Pair = Annotated[tuple[Distance, Distance], Field(strict=False)]  # TOML has only lists
+
+MAX_ESTOP_STATIONS = 8
 
 PERIODS_IN_TIMEOUT = 1.5
 """Minimum timeout in periods: with a shorter timeout, every slightly late scan stops the robot."""
@@ -74,6 +77,14 @@ class FootprintSection(Section):
             return ConvexPolygon(tuple(self.corners_m))
         assert self.radius_m is not None
         return Circle(self.radius_m)
+
+
+class EstopStationSection(Section):
+    """An e-stop station: a program with an emergency stop that proves its presence (docs/how-to/estop-station.md)."""
+
+    name: Name
+    required: bool = True
+    """Whether the robot moves only while the station is heard."""
 
 
 class SupervisorSection(Section):
@@ -117,6 +128,14 @@ class SupervisorSection(Section):
         SourceSection(name="joy", priority=90),
         SourceSection(name="path", priority=10),
     )
+
+    estop_stations: (
+        Annotated[tuple[EstopStationSection, ...], Field(max_length=MAX_ESTOP_STATIONS, strict=False)] | None
+    ) = None
+
+    def station_names(self) -> tuple[str, ...]:
+        """Return the names of the e-stop stations."""
+        return tuple(station.name for station in self.estop_stations or ())
 
     def all_lidars(self) -> tuple[NamedLidarSection, ...]:
         """Return all lidars with name and topic; `[supervisor.lidar]` has the name `lidar` and the topic `scan`."""
@@ -221,6 +240,11 @@ class SupervisorSection(Section):
         for index, name in enumerate(sources):
             if name in sources[:index]:
                 yield Conflict(("sources", index, "name"), name, "each source needs a name of its own")
+        stations = self.station_names()
+        for index, name in enumerate(stations):
+            if name in stations[:index]:
+                message = "each e-stop station needs a name of its own"
+                yield Conflict(("estop_stations", index, "name"), name, message)
         lidars = self.lidars or ()
         for index, lidar in enumerate(lidars):
             if lidar.name in [other.name for other in lidars[:index]]:
@@ -247,7 +271,7 @@ class SupervisorSection(Section):
                 raise ConfigError(
                     f"[bus] more_keys: {key!r} begins like a command source or a lidar; choose another name"
                 )
-        return Contract(sources, lidars, tuple(more_keys))
+        return Contract(sources, lidars, tuple(more_keys), self.station_names())
 
     def law(self) -> LawConfig:
         """Return the configuration of the pure law."""
@@ -278,4 +302,5 @@ class SupervisorSection(Section):
             odom_timeout_s=self.odom_timeout_s,
             base_acceleration_m_s2=self.base_acceleration_m_s2,
             base_angular_acceleration_rad_s2=self.base_angular_acceleration_rad_s2,
+            estop_stations=tuple(StationConfig(s.name, s.required) for s in self.estop_stations or ()),
         )

@@ -16,6 +16,7 @@ def detail_of(
     scan_problem: str = "",
     block_bearing_rad: float = math.nan,
     writers: tuple[str, ...] = (),
+    stations: str = "",
 ) -> str:
     """Return part of a sentence with the details of the most severe cause; empty if there are none.
 
@@ -25,11 +26,14 @@ def detail_of(
         scan_problem: why the newest scan proves nothing.
         block_bearing_rad: bearing of the blocking point in the base frame; NaN if there is none.
         writers: for each sensor with several active writers, its name and theirs.
+        stations: which e-stop stations are pressed or missing.
     """
     if limit is not None:
         return "the next command is late"
     where = bearing_in_words(block_bearing_rad)
     match min(causes, key=SEVERITY.__getitem__, default=None):
+        case StopReason.ESTOP | StopReason.ESTOP_STATION_LOST:
+            return stations
         case StopReason.SENSOR_CONFLICT:
             return f"samples come from several writers: {'; '.join(writers)}"
         case StopReason.SCAN_INVALID:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 
+from supervisor.estop_stations import Presence, Station
 from supervisor.model import Command, Decision, LaserScan, Odometry, Source, Velocity
 from wire import messages as ros
 from wire.bus import Arrival
@@ -78,6 +79,19 @@ def to_odometry(arrival: Arrival[ros.Motion]) -> Odometry | None:
     return Odometry(velocity, arrival.arrival_s, _writer_of(arrival.stamp, motion.frame_id))
 
 
+def to_presence(station: str, arrival: Arrival[ros.EstopLease]) -> Presence | None:
+    """Return a station's message; None if it is undecodable: the next one has the state of its button as well."""
+    lease = arrival.message
+    if lease is None:
+        return None
+    epoch = b"" if arrival.stamp is None else arrival.stamp.gid
+    return Presence(station, lease.challenge, lease.response, lease.stop, lease.leaves, epoch)
+
+
+def to_challenge(station: Station, number: int, *, is_stopped: bool) -> ros.EstopLease:
+    return ros.EstopLease(number, station.challenge, stop=is_stopped)
+
+
 def to_twist(velocity: Velocity) -> ros.Twist:
     return ros.planar_twist(velocity.linear_m_s, velocity.angular_rad_s)
 
@@ -108,6 +122,10 @@ def to_status(
         detail=decision.detail,
         estop_record_problem=estop_record_problem,
         rmw_zenoh_nodes=list(rmw_zenoh_nodes),
+        estop_stations=[
+            ros.EstopStationStatus(s.config.name, s.config.required, int(s.phase), s.pressed)
+            for s in decision.stations
+        ],
     )
 
 

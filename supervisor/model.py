@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from supervisor.base_motion import FOLLOWING, Following
 from supervisor.clearance import NO_POINTS, Block, Floats, Hull, Surroundings
+from supervisor.estop_stations import Presence, Station, StationConfig, Stations, TokenEnd
 from supervisor.near_memory import Remembered
 from supervisor.reckoning import STANDSTILL, Odometer, Pose, Velocity
 from supervisor.scan import LaserScan, Lidar, ScanReading, View
@@ -78,6 +79,7 @@ class LawConfig:
     base_angular_acceleration_rad_s2: float
     blind_budget_m: float = math.inf
     """How far the base may drive on a command that is not renewed; infinite in recordings that do not have it."""
+    estop_stations: tuple[StationConfig, ...] = ()
 
     @cached_property
     def reach_m(self) -> float:
@@ -164,6 +166,11 @@ class Inputs:
     strangers: tuple[str, ...] = ()
     """Sources that sent commands but are not configured."""
     estop: bool = False
+    presences: tuple[Presence, ...] = ()
+    """Messages of the e-stop stations."""
+    station_ends: tuple[TokenEnd, ...] = ()
+    station_challenge: int = 0
+    """Random number that is sent to the e-stop stations after this step; 0: none."""
     reset: bool = False
     suspended_s: float = 0.0
     """How long the machine was suspended since the last step; `now_s` does not include this time."""
@@ -295,6 +302,13 @@ class State(NamedTuple):
     strangers: tuple[str, ...] = ()
     resumed_s: float = -math.inf
     """When a suspend of the machine was last detected."""
+    stations: Stations = Stations()
+    """The leases of the e-stop stations."""
+
+    @property
+    def is_estop_latched(self) -> bool:
+        """Whether only a reset permits motion again."""
+        return self.estop or self.stations.latched
 
 
 # --- decision
@@ -335,3 +349,4 @@ class Decision(NamedTuple):
     """What reduces the speed without a cause; None: nothing, or the barrier."""
     detail: str = ""
     """Details of the first cause, as part of a sentence; empty if there are none."""
+    stations: tuple[Station, ...] = ()

@@ -33,6 +33,8 @@ from supervisor.clearance import (
     permitted_scale,
     survey,
 )
+from supervisor.estop_stations import Station, Stations, hear, refusal, suspended
+from supervisor.estop_stations import detail_of as detail_of_stations
 from supervisor.explain import detail_of
 from supervisor.model import (
     Command,
@@ -110,7 +112,10 @@ def initial_state(config: LawConfig, *, estop: bool = False) -> State:
         estop: whether an earlier e-stop has not been reset.
     """
     sources = tuple(Source(source) for source in sorted(config.sources, key=lambda s: (-s.priority, s.name)))
-    return State(config, sources, sights=tuple(Sight() for _ in config.lidars), estop=estop)
+    stations = Stations(tuple(Station(station) for station in config.estop_stations))
+    return State(
+        config, sources, sights=tuple(Sight() for _ in config.lidars), estop=estop, stations=stations
+    )
 
 
 def step(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
@@ -143,7 +148,7 @@ def runs_out_s(state: State) -> float:
     config = state.config
     assert state.now_s is not None  # zero is commanded before the first step
     scans_s = [scan.taken_s + config.lidars[place].timeout_s for place, scan in _usable(state, state.now_s)]
-    return min(owner.sent_s + config.command_timeout_s, *scans_s) + ROUNDING_S
+    return min(owner.sent_s + config.command_timeout_s, state.stations.expires_s, *scans_s) + ROUNDING_S
 
 
 # --- inputs and causes that all sources share
@@ -164,12 +169,15 @@ def _resume(state: State, now_s: float, inputs: Inputs) -> tuple[State, Inputs]:
     odometry = state.odometry
     if odometry is not None:  # odometry that was received before the suspend is required again after it
         odometry = replace(odometry, arrival_s=odometry.arrival_s - inputs.suspended_s)
-    state = state._replace(sources=sources, sights=sights, past=(), odometry=odometry, resumed_s=now_s)
+    stations = suspended(state.stations, inputs.suspended_s)
+    state = state._replace(
+        sources=sources, sights=sights, past=(), odometry=odometry, resumed_s=now_s, stations=stations
+    )
     return state, replace(inputs, commands=(), scans=(), odometry=None)
 
 
 def _observe(state: State, now_s: float, inputs: Inputs) -> State:
-    """Process odometry, scans, the e-stop and unknown sources."""
+    """Process odometry, scans, the e-stop with its stations, and unknown sources."""
     config = state.config
     odometry = state.odometry if inputs.odometry is None or not config.odometry else inputs.odometry
     dt_s = 0.0 if state.now_s is None else now_s - state.now_s
@@ -204,15 +212,24 @@ def _observe(state: State, now_s: float, inputs: Inputs) -> State:
             config.slowest,
             config.trusted,
         ),
-        estop=state.estop or inputs.estop,
+        estop=state.estop or _is_pressed(inputs),
         runaway=_runs_away(state, now_s, odometry),
         strangers=tuple(dict.fromkeys((*state.strangers, *inputs.strangers)))[:REMEMBERED_STRANGERS],
     )
+    if config.estop_stations:
+        stations = hear(
+            state.stations, now_s, inputs.presences, inputs.station_ends, inputs.station_challenge
+        )
+        state = state._replace(stations=stations)
     for place in inputs.undecodable_lidars:
         state = _spoil(state, place)
     for scan in inputs.scans:
         state = _see(state, scan)
     return state
+
+
+def _is_pressed(inputs: Inputs) -> bool:
+    return inputs.estop or any(presence.stop for presence in inputs.presences)
 
 
 def _spoil(state: State, place: int) -> State:
@@ -416,7 +433,7 @@ def _has_braked(state: State, now_s: float) -> bool:
 def _shared_causes(state: State, now_s: float, usable: Usable) -> Reasons:
     """Return the causes that prevent every source from driving now.
 
-    They are determined before a reset, so a released e-stop is still a cause in the step of the reset.
+    They are determined before a reset, so an e-stop that is reset is still a cause in the step of the reset.
     """
     config = state.config
     causes: set[StopReason] = set()
@@ -433,6 +450,8 @@ def _shared_causes(state: State, now_s: float, usable: Usable) -> Reasons:
         causes.add(StopReason.BASE_UNRESPONSIVE)
     if state.runaway:
         causes.add(StopReason.BASE_RUNAWAY)
+    if state.stations.latched or state.stations.missing:
+        causes.add(StopReason.ESTOP_STATION_LOST)
     if state.estop:
         causes.add(StopReason.ESTOP)
     return frozenset(causes)
@@ -464,18 +483,22 @@ def _speaking(writers: tuple[Writer, ...], timeout_s: float, now_s: float) -> li
 
 
 def _reset(state: State, inputs: Inputs, live: list[Source]) -> tuple[State, Reply | None]:
-    """Release the e-stop unless a live source requests motion: a reset must not move the robot."""
+    """Release the e-stop unless a station prevents it, or a live source requests motion: a reset must not move the robot."""
     if not inputs.reset:
         return state, None
-    if not state.estop:
+    if not state.is_estop_latched:
         return state, Reply(success=True, message="there was no emergency stop to reset")
-    if inputs.estop:
+    refused = refusal(state.stations)
+    if refused is not None:
+        return state, Reply(success=False, message=refused)
+    if _is_pressed(inputs):
         return state, Reply(success=False, message="the emergency stop is being pressed")
     driving = [s.config.name for s in live if not s.neutral]
     if driving:
         names = ", ".join(driving)
         return state, Reply(success=False, message=f"{names} still requests motion; stop it first")
-    return state._replace(estop=False), Reply(success=True, message="the emergency stop is reset")
+    state = state._replace(estop=False, stations=state.stations._replace(latched=False))
+    return state, Reply(success=True, message="the emergency stop is reset")
 
 
 # --- the sources
@@ -869,7 +892,9 @@ def _explain(
             scan_problem=scan_problem,
             block_bearing_rad=math.nan if block is None else math.atan2(block.y_m, block.x_m),
             writers=_conflicts(state, now_s) if StopReason.SENSOR_CONFLICT in causes else (),
+            stations=detail_of_stations(state.stations),
         ),
+        stations=state.stations.stations,
     )
 
 

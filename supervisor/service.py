@@ -6,20 +6,33 @@ publishing drops samples instead of waiting, and the caller of a reset waits on 
 
 import asyncio
 import logging
-from collections.abc import Callable
+import secrets
+from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 
 from supervisor.blackbox import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import MemoryRecord, Record
-from supervisor.messages import to_command, to_odometry, to_scan, to_status, to_twist
+from supervisor.estop_stations import Presence, TokenEnd
+from supervisor.messages import (
+    to_challenge,
+    to_command,
+    to_odometry,
+    to_presence,
+    to_scan,
+    to_status,
+    to_twist,
+)
 from supervisor.model import Decision, Inputs, LaserScan, Liveliness, Mode, Reply
 from supervisor.safety import initial_state, runs_out_s, step
 from wire import topics
 from wire.bus import Bus
 from wire.foreign_nodes import ForeignNodes
+from wire.lease import CHALLENGE_PERIOD_S
 from wire.messages import TriggerResponse, decode_motion, zero_twist
 from wire.notify import Notifier
+from wire.reasons import StopReason
 from wire.stall import StallMeter
 from wire.suspend import never_suspended
 from wire.turns import Turns
@@ -30,6 +43,8 @@ COMMAND_DEPTH = 32
 """Commands of one source kept between two steps; only a flood exceeds it, and then the newest are kept."""
 ESTOP_DEPTH = 32
 STALLED = "the supervisor was stopped meanwhile: reset again in a second"
+STATION_STOPS = frozenset({StopReason.ESTOP, StopReason.ESTOP_STATION_LOST})
+"""The stops that a station shows."""
 RESET_ON_DISK_S = 0.3
 """Maximum time that the reply to a reset waits for the disk."""
 
@@ -72,7 +87,7 @@ class SupervisorService:
         self._last: Decision | None = None
         self._published: tuple[object, ...] | None = None
         """The outline of the last published status."""
-        self._next_status_s = 0.0
+        self._next_status_s = self._next_challenge_s = 0.0
         self._recording_since_s: float | None = None
         self._record_changed = asyncio.Event()
         self._estop_record.watch(self._on_record)
@@ -91,7 +106,14 @@ class SupervisorService:
         ]
         self._odometry = bus.subscribe(topics.ODOM, per_writer=True)  # read at the next tick: not urgent
         self._estops = bus.subscribe(topics.ESTOP, depth=ESTOP_DEPTH, wake=self._turns)
-        self._alive = bus.watch_alive(self._turns, list(self._commands))
+        stations = config.station_names()
+        # Not urgent: a press also comes on `estop`, and the end of a lease has a time of its own (`runs_out_s`).
+        self._presences = {
+            name: bus.subscribe(topics.estop_presence(name), per_writer=True) for name in stations
+        }
+        self._challenges = {name: bus.publisher(topics.estop_challenge(name)) for name in stations}
+        self._station_of = {topics.estop_node(name): name for name in stations}
+        self._alive = bus.watch_alive(self._turns, [*self._commands, *self._station_of])
         self._urgent = (
             self._estops,
             self._alive,
@@ -124,12 +146,19 @@ class SupervisorService:
         self._stall.turn(self._loop.time())
         inputs = self._gather()
         now_s = self._loop.time()
+        challenge = 0
+        if self._challenges and now_s >= self._next_challenge_s:
+            self._next_challenge_s = max(self._next_challenge_s + CHALLENGE_PERIOD_S, now_s)
+            challenge = secrets.randbits(63) + 1
+            inputs = replace(inputs, station_challenge=challenge)
         on_tick = now_s >= self._next_tick_s
         if on_tick:
             self._next_tick_s = max(self._next_tick_s + self._tick_s, now_s)
         before = self._state
         self._state, decision = step(before, now_s, inputs)
         self._publish(decision, now_s, on_tick=on_tick)
+        if challenge:
+            self._challenge(decision, challenge)
         if self._black_box is not None:
             self._black_box.record(now_s, inputs, before, decision)
         self._notifier.running(now_s)  # last: a turn that hangs anywhere reports nothing
@@ -152,11 +181,22 @@ class SupervisorService:
             for name, subscription in self._commands.items()
             for arrival in subscription.take()
         ]
-        liveliness = [Liveliness(change.node, change.alive, change.epoch) for change in self._alive.take()]
+        changes = self._alive.take()
+        liveliness = [
+            Liveliness(change.node, change.alive, change.epoch)
+            for change in changes
+            if change.node in self._commands
+        ]
+        station_ends = [
+            TokenEnd(self._station_of[change.node], change.epoch)
+            for change in changes
+            if change.node in self._station_of and not change.alive
+        ]
         if self._alive.overflowed > self._alive_overflowed:  # a flood of tokens may hide a death
             self._alive_overflowed = self._alive.overflowed
             # It stops every source. The token that is not deleted will not come again, so it counts as back.
             liveliness += [Liveliness(name, alive) for name in self._commands for alive in (False, True)]
+            station_ends += [TokenEnd(name) for name in self._presences]
         scans: list[LaserScan] = []
         undecodable: list[int] = []
         for place, (subscription, timeout_s) in enumerate(self._lidars):
@@ -176,17 +216,34 @@ class SupervisorService:
             odometry_writers=tuple(heard.writer for heard in odometry),
             strangers=tuple(self._strangers.take()),
             estop=estop,
+            presences=tuple(self._heard_stations()),
+            station_ends=tuple(station_ends),
             reset=bool(self._resets),
             # Evaluated last, so that it covers a suspend while the other inputs were gathered.
             suspended_s=self._suspended_s(),
         )
+
+    def _heard_stations(self) -> Iterator[Presence]:
+        for name, subscription in self._presences.items():
+            for arrival in subscription.take():
+                presence = to_presence(name, arrival)
+                if presence is not None:
+                    yield presence
+
+    def _challenge(self, decision: Decision, number: int) -> None:
+        """Send a challenge to each station, with the response to the newest one of its own."""
+        is_stopped = not STATION_STOPS.isdisjoint(decision.causes)
+        for station in decision.stations:
+            self._challenges[station.config.name].put(to_challenge(station, number, is_stopped=is_stopped))
 
     def _publish(self, decision: Decision, now_s: float, *, on_tick: bool) -> None:
         last = self._last
         if on_tick or last is None or decision.output != last.output:
             self._cmd_vel.put(to_twist(decision.output), now_s)
         # After cmd_vel and without waiting: the disk cannot delay the stop.
-        self._estop_record.keep(latched=self._state.estop)
+        self._estop_record.keep(latched=self._state.is_estop_latched)
+        if last is not None and (news := _news_of_stations(last, decision)):
+            _log.info("e-stop stations: %s", news)
         if last is None or _outline(decision) != _outline(last):
             _log.info(
                 "%s%s%s",
@@ -213,7 +270,7 @@ class SupervisorService:
             self._recording_since_s = None
         elif self._recording_since_s is None:
             self._recording_since_s = now_s
-        outline = (*_outline(decision), decision.causes, record.problem)
+        outline = (*_outline(decision), decision.causes, record.problem, _outline_of_stations(decision))
         if now_s < self._next_status_s and outline == self._published:
             return
         since_s = self._recording_since_s
@@ -259,6 +316,19 @@ class SupervisorService:
         with suppress(RuntimeError):  # the loop has closed
             self._loop.call_soon_threadsafe(self._turns.run_now)
             self._loop.call_soon_threadsafe(self._record_changed.set)
+
+
+def _outline_of_stations(decision: Decision) -> tuple[object, ...]:
+    return tuple((station.phase, station.pressed) for station in decision.stations)
+
+
+def _news_of_stations(last: Decision, decision: Decision) -> str:
+    """Return the stations that are heard again, lost, or have left, as text; empty if there is no such news."""
+    return ", ".join(
+        f"{station.config.name} {station.phase.name}"
+        for was, station in zip(last.stations, decision.stations, strict=True)
+        if station.phase is not was.phase
+    )
 
 
 def _outline(decision: Decision) -> tuple[object, ...]:

@@ -47,6 +47,9 @@ STOP_RULES: Mapping[StopReason, StopRule] = {
     StopReason.ESTOP: StopRule(
         RaisedBy.EVERYTHING_SHARED, "a reset, which is refused while a live source requests motion"
     ),
+    StopReason.ESTOP_STATION_LOST: StopRule(
+        RaisedBy.EVERYTHING_SHARED, "the station is heard; after a loss, also a reset as for ESTOP"
+    ),
     StopReason.BASE_RUNAWAY: StopRule(RaisedBy.EVERYTHING_SHARED, "standstill"),
     StopReason.OVERRUN: StopRule(
         RaisedBy.EVERYTHING_SHARED, "the next step on time; after a suspend, one timeout more"

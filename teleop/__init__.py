@@ -19,6 +19,7 @@
     config.py      [teleop] of robot.toml
     service.py     the asyncio shell: one loop reads the keys and sends the heartbeat, so a hang stops both
     terminal.py    the terminal: keys in, pictures out, restored at the end
+    station/       an e-stop station in a terminal
     path/          a separate command source that drives along a path
 
 The pilots, the displays and their parts are pure: no clock, no I/O, no asyncio.

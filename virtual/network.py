@@ -626,7 +626,7 @@ class VirtualNetwork:
         if hub is None or (sender is not None and sender.hub is not hub):
             return
         if sender is not None:
-            if key in topics.ONLY_SUPERVISOR_WRITES and sender.client.node != topics.SUPERVISOR:
+            if topics.is_supervisors(key) and sender.client.node != topics.SUPERVISOR:
                 self.refused += 1
                 return
             hub.receive(key, payload, attachment)

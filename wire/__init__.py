@@ -7,6 +7,7 @@ messages.py     CDR encoding of the messages (rosbags); msg/ has their definitio
 reasons.py      the stop reasons, with their names and their texts on every screen
 stamp.py        the attachment of each sample: sequence, source time, epoch
 freshness.py    age of a command from its stamp, despite network delays (pure)
+lease.py        challenges between the supervisor and an e-stop station (pure)
 watchdog.py     the base's own command watchdog (pure), for sim and every base adapter
 roles.py        the roles of the participants, and the common names of their certificates (pure)
 foreign_nodes.py    ROS 2 nodes that use the keys of rmw_zenoh (pure)

@@ -52,6 +52,8 @@ class Contract:
     """The scan topics of its lidars."""
     more_keys: tuple[str, ...] = ()
     """Keys of its other topics, which sensors, bases and local programs may write."""
+    stations: tuple[str, ...] = ()
+    """The names of its e-stop stations."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,6 +207,8 @@ def _alive_as(role: Role, contract: Contract) -> Iterator[str]:
             # The source, the candidates for its name (teleop/holder.py), and its wrapper in ROS 2.
             nodes = (source, f"{source}.$*", f"{source}{topics.EXEC_SUFFIX}")
             yield from (f"{topics.alive(node)}/**" for node in nodes)
+    if role in {Role.OPERATOR, Role.ESTOP}:
+        yield from (f"{topics.alive(topics.estop_node(station))}/**" for station in contract.stations)
 
 
 def _named(key: str, contract: Contract) -> Iterator[str]:
@@ -213,5 +217,7 @@ def _named(key: str, contract: Contract) -> Iterator[str]:
         yield from contract.lidars
     elif topics.SOURCE_PLACEHOLDER in key:
         yield from (key.replace(topics.SOURCE_PLACEHOLDER, source) for source in contract.sources)
+    elif topics.STATION_PLACEHOLDER in key:
+        yield from (key.replace(topics.STATION_PLACEHOLDER, station) for station in contract.stations)
     else:
         yield key

@@ -57,6 +57,44 @@ class SourceStatus:
 
 
 @dataclass
+class EstopLease:
+    """`lifeline_msgs/msg/EstopLease`; msg/EstopLease.msg documents the fields."""
+
+    challenge: int
+    response: int = 0
+    stop: bool = False
+    leaves: bool = False
+    __msgtype__: ClassVar[str] = "lifeline_msgs/msg/EstopLease"
+
+
+@dataclass
+class EstopStationStatus:
+    """`lifeline_msgs/msg/EstopStationStatus`; msg/EstopStationStatus.msg documents the fields."""
+
+    UNHEARD: ClassVar[int] = 0
+    HEARD: ClassVar[int] = 1
+    LOST: ClassVar[int] = 2
+    LEFT: ClassVar[int] = 3
+
+    name: str
+    required: bool
+    state: int
+    pressed: bool
+    __msgtype__: ClassVar[str] = "lifeline_msgs/msg/EstopStationStatus"
+
+    @property
+    def is_missed(self) -> bool:
+        """Whether it should be heard and is not: a station that is not required may be absent, but not be lost."""
+        return self.state == self.LOST or (self.required and self.state != self.HEARD)
+
+    def words(self) -> str:
+        """Return its state as text: "heard, pressed"."""
+        known = {self.UNHEARD: "not heard yet", self.HEARD: "heard", self.LOST: "lost", self.LEFT: "has left"}
+        state = known.get(self.state, f"state {self.state}")
+        return f"{state}, pressed" if self.pressed and self.state == self.HEARD else state
+
+
+@dataclass
 class SafetyStatus:
     """`lifeline_msgs/msg/SafetyStatus`; msg/SafetyStatus.msg documents the fields."""
 
@@ -87,6 +125,7 @@ class SafetyStatus:
     detail: str = ""
     estop_record_problem: str = ""
     rmw_zenoh_nodes: list[str] = field(default_factory=list[str])
+    estop_stations: list[EstopStationStatus] = field(default_factory=list[EstopStationStatus])
     __msgtype__: ClassVar[str] = "lifeline_msgs/msg/SafetyStatus"
 
     def causes_and_latched(self) -> tuple[list[str], list[str]]:

@@ -22,6 +22,8 @@ from rosbags.typesys.store import Typestore
 from wire import cdr, ros
 from wire.cdr import Motion
 from wire.message_types import (
+    EstopLease,
+    EstopStationStatus,
     M,
     Message,
     SafetyStatus,
@@ -58,6 +60,8 @@ __all__ = [
     "Definition",
     "DiagnosticArray",
     "DiagnosticStatus",
+    "EstopLease",
+    "EstopStationStatus",
     "Header",
     "Imu",
     "KeyValue",
@@ -93,14 +97,21 @@ MAX_PAYLOAD_BYTES = 1 << 20
 MAX_SEQUENCE_LENGTH = 1 << 16
 
 
-_TYPES: tuple[type[Message], ...] = (*ros.TYPES, SourceStatus, SafetyStatus, TriggerResponse)
+_TYPES: tuple[type[Message], ...] = (
+    *ros.TYPES,
+    SourceStatus,
+    EstopStationStatus,
+    SafetyStatus,
+    EstopLease,
+    TriggerResponse,
+)
 
 
 def _definitions() -> Typesdict:
     """Return the definitions of the types: those in .msg files, and the Trigger service's response."""
     folder = Path(__file__).with_name("msg")
     definitions = get_types_from_msg((folder / "ros.msg").read_text(), Bool.__msgtype__)
-    for name in ("SourceStatus", "SafetyStatus"):
+    for name in ("SourceStatus", "EstopStationStatus", "SafetyStatus", "EstopLease"):
         definitions |= get_types_from_msg((folder / f"{name}.msg").read_text(), f"lifeline_msgs/msg/{name}")
     # The parser supports only messages; a service's response is a message with another type name.
     (trigger,) = get_types_from_msg("bool success\nstring message", "std_srvs/msg/Trigger").values()
@@ -108,7 +119,7 @@ def _definitions() -> Typesdict:
     return definitions
 
 
-APPENDED_FROM = {SafetyStatus.__msgtype__: ("causes", "rmw_zenoh_nodes")}
+APPENDED_FROM = {SafetyStatus.__msgtype__: ("causes", "rmw_zenoh_nodes", "estop_stations")}
 """By type, the first field of each group that was appended to it, the oldest group first.
 
 A message from before a group was appended still decodes.

@@ -9,6 +9,7 @@ class StopReason(StrEnum):
     """Why the robot is stopped, most severe first; the status lists the reasons in this order."""
 
     ESTOP = "ESTOP"
+    ESTOP_STATION_LOST = "ESTOP_STATION_LOST"
     BASE_RUNAWAY = "BASE_RUNAWAY"
     OVERRUN = "OVERRUN"
     SENSOR_CONFLICT = "SENSOR_CONFLICT"
@@ -53,6 +54,12 @@ WORDS: Mapping[StopReason, Words] = {
         over="the emergency stop was pressed, and has been reset",
         caption="emergency stop",
         step="NEUTRAL, then r to reset",
+    ),
+    StopReason.ESTOP_STATION_LOST: Words(
+        now="a required e-stop station is missing, or was lost",
+        over="a required e-stop station was missing",
+        caption="e-stop station lost",
+        step="start the station, NEUTRAL, then r to reset",
     ),
     StopReason.BASE_RUNAWAY: Words(
         now="the base moves although zero is commanded",

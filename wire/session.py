@@ -18,7 +18,7 @@ import time
 from collections.abc import Awaitable, Callable, Collection, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -128,6 +128,8 @@ async def open_session(
     Raises:
         BusError: the hub cannot listen, the endpoint is invalid, or a certificate is refused.
     """
+    if role == "client":
+        config = replace(config, endpoint=tls.client_endpoint(config.endpoint))
     bundle = await _in_thread(lambda: _bundle(config, role))
     if bundle is not None and (soon := tls.ends_soon(bundle, time.time())) is not None:
         say(soon)

@@ -32,6 +32,15 @@ def zenoh_endpoint(endpoint: str) -> str:
     return endpoint + MIXED_RELIABILITY if endpoint.startswith("quic/") and "?" not in endpoint else endpoint
 
 
+def client_endpoint(endpoint: str) -> str:
+    """Return the endpoint at which a client of this machine reaches a hub that listens on every address.
+
+    No certificate names such an address, and so a client could not verify the hub's.
+    """
+    host = host_of(endpoint)
+    return endpoint.replace(f"/{host}:", "/127.0.0.1:", 1) if host in EVERY_ADDRESS else endpoint
+
+
 def host_of(endpoint: str) -> str:
     """Return the host of an endpoint, an IPv6 address in brackets."""
     return endpoint.partition("/")[2].rpartition(":")[0]

@@ -8,7 +8,8 @@ import re
 from dataclasses import dataclass
 from typing import Any, Generic
 
-from wire.message_types import M, SafetyStatus
+from wire.lease import CHALLENGE_PERIOD_S
+from wire.message_types import EstopLease, M, SafetyStatus
 from wire.roles import Role
 from wire.ros import Bool, Clock, DiagnosticArray, Imu, LaserScan, Odometry, Point, Twist
 
@@ -85,8 +86,10 @@ SUPERVISOR, TELEOP, SIM, ROS2 = "supervisor", "teleop", "sim", "ros2"
 EXEC_SUFFIX = "-exec"
 """`<source>-exec` is the node of `lifeline ros2 exec --source <source>`; no source has a hyphen in its name."""
 
-ONLY_SUPERVISOR_WRITES = (CMD_VEL.key, STATUS.key)
-"""Keys that the hub refuses from every client."""
+ESTOP_SUFFIX = "-estop"
+"""`<name>-estop` is the node of an e-stop station."""
+ESTOP_STATION = "estop_station"
+"""The first part of the keys of e-stop stations."""
 
 
 def source_cmd_vel(source: str) -> Topic[Twist]:
@@ -97,6 +100,29 @@ def source_cmd_vel(source: str) -> Topic[Twist]:
 def source_holder(source: str) -> Service:
     """Return the service at which the process that holds a command source describes itself in one sentence."""
     return Service(f"{source}/holder", source, roles=(Role.OPERATOR,))
+
+
+def estop_presence(station: str) -> Topic[EstopLease]:
+    """Return the topic on which an e-stop station answers the supervisor's challenges."""
+    key, rate_hz = f"{ESTOP_STATION}/{station}/presence", 1.0 / CHALLENGE_PERIOD_S
+    return Topic(key, EstopLease, "e-stop station", rate_hz, (Role.OPERATOR, Role.ESTOP))
+
+
+def estop_challenge(station: str) -> Topic[EstopLease]:
+    """Return the topic of the supervisor's challenges to an e-stop station."""
+    key = f"{ESTOP_STATION}/{station}/challenge"
+    return Topic(key, EstopLease, SUPERVISOR, 1.0 / CHALLENGE_PERIOD_S)
+
+
+def estop_node(station: str) -> str:
+    """Return the node name of an e-stop station, for its tokens."""
+    return f"{station}{ESTOP_SUFFIX}"
+
+
+def is_supervisors(key: str) -> bool:
+    """Return whether only the supervisor may write this key: the hub refuses it from every client."""
+    first, last = key.partition("/")[0], key.rpartition("/")[2]
+    return key in {CMD_VEL.key, STATUS.key} or (first == ESTOP_STATION and last == "challenge")
 
 
 def source_of(key: str) -> str | None:
@@ -119,7 +145,11 @@ def lidar_scan(topic: str) -> Topic[LaserScan]:
         )
     taken = {entry.key for entry in (*TOPICS, *SERVICES)}
     first, last = topic.split("/", maxsplit=1)[0], topic.rsplit("/", maxsplit=1)[-1]
-    if topic in taken or first in {ALIVE_PREFIX, SUPERVISOR, SIM} or last in {CMD_VEL.key, "holder"}:
+    if (
+        topic in taken
+        or first in {ALIVE_PREFIX, SUPERVISOR, SIM, ESTOP_STATION}
+        or last in {CMD_VEL.key, "holder"}
+    ):
         raise ValueError("is already used for another topic or a node; choose a key such as scan_rear")
     return Topic(topic, LaserScan, SCAN.writer, SCAN.rate_hz, SCAN.roles)
 
@@ -141,7 +171,7 @@ def token_of(text: str) -> tuple[str, bytes] | None:
     return (node, bytes.fromhex(epoch)) if re.fullmatch("([0-9a-f]{2}){1,16}", epoch) else None
 
 
-SOURCE_PLACEHOLDER, LIDAR_PLACEHOLDER = "<source>", "<lidar>"
+SOURCE_PLACEHOLDER, LIDAR_PLACEHOLDER, STATION_PLACEHOLDER = "<source>", "<lidar>", "<station>"
 
 TOPICS: tuple[Topic[Any], ...] = (
     source_cmd_vel(SOURCE_PLACEHOLDER),
@@ -151,6 +181,8 @@ TOPICS: tuple[Topic[Any], ...] = (
     ODOM,
     STATUS,
     ESTOP,
+    estop_presence(STATION_PLACEHOLDER),
+    estop_challenge(STATION_PLACEHOLDER),
     OBSTACLE,
     TRUTH,
     IMU,

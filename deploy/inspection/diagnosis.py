@@ -374,6 +374,7 @@ def _stop(seen: Observed) -> Iterator[Finding]:
         yield Finding(
             "e-stop record", Verdict.PROBLEM, printable(status.estop_record_problem), "free the disk"
         )
+    yield from _stations(status)
     if status.rmw_zenoh_nodes:
         yield Finding(
             "rmw_zenoh",
@@ -387,6 +388,15 @@ def _stop(seen: Observed) -> Iterator[Finding]:
         yield Finding(
             "alarm", Verdict.PROBLEM, "the base moves although zero is commanded", "cut the robot's power"
         )
+
+
+def _stations(status: SafetyStatus) -> Iterator[Finding]:
+    for station in status.estop_stations:
+        if station.is_missed:
+            verdict = Verdict.PROBLEM if station.required else Verdict.NOTE
+            name = printable(station.name)
+            start = f"start it with `lifeline estop --name {name}`"
+            yield Finding("e-stop station", verdict, f"{name}: {station.words()}", start)
 
 
 def _who(status: SafetyStatus) -> str:

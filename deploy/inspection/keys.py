@@ -5,10 +5,11 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from wire import topics
+from wire.topics import LIDAR_PLACEHOLDER as LIDAR
+from wire.topics import SOURCE_PLACEHOLDER as SOURCE
+from wire.topics import STATION_PLACEHOLDER as STATION
 from wire.topics import Topic
 
-SOURCE, LIDAR = "<source>", "<lidar>"
-"""The placeholders in the table of topics."""
 SEGMENT = re.compile(r"[A-Za-z0-9_.\-]+")
 
 
@@ -29,20 +30,27 @@ def is_key(key: str) -> bool:
     return len(key) <= 255 and all(SEGMENT.fullmatch(part) for part in key.split("/"))
 
 
-def known_topics(sources: Iterable[str], lidars: Iterable[str]) -> Iterator[Topic[Any]]:
-    """Yield all topics of a robot with these command sources and lidar topics."""
+def known_topics(
+    sources: Iterable[str], lidars: Iterable[str], stations: Iterable[str] = ()
+) -> Iterator[Topic[Any]]:
+    """Yield all topics of a robot with these command sources, lidar topics and e-stop stations."""
     for topic in topics.TOPICS:
         if SOURCE in topic.key:
             yield from (topics.source_cmd_vel(source) for source in sources)
         elif topic.key == LIDAR:
             yield from (topics.lidar_scan(lidar) for lidar in lidars if lidar != topics.SCAN.key)
-        else:
+        elif STATION not in topic.key:
             yield topic
+    for name in stations:
+        yield topics.estop_presence(name)
+        yield topics.estop_challenge(name)
 
 
-def by_full_key(namespace: str, sources: Iterable[str], lidars: Iterable[str]) -> dict[str, Topic[Any]]:
+def by_full_key(
+    namespace: str, sources: Iterable[str], lidars: Iterable[str], stations: Iterable[str] = ()
+) -> dict[str, Topic[Any]]:
     """Return all topics of a robot by full key."""
-    return {f"{namespace}/{topic.key}": topic for topic in known_topics(sources, lidars)}
+    return {f"{namespace}/{topic.key}": topic for topic in known_topics(sources, lidars, stations)}
 
 
 def topic_of(key: str, namespace: str, known: dict[str, Topic[Any]]) -> Topic[Any] | None:

@@ -125,7 +125,7 @@ async def _run(
             return EXIT_INTERRUPTED
         sources = [source.name for source in config.sources]
         lidars = [lidar.topic for lidar in config.all_lidars()]
-        known = by_full_key(launch.bus.namespace, sources, lidars)
+        known = by_full_key(launch.bus.namespace, sources, lidars, config.station_names())
         return await body(Robot(bus, launch, config, known, stop))
     except NotRunningError as error:
         print(f"lifeline: {error}", file=sys.stderr)

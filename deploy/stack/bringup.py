@@ -9,9 +9,11 @@ from deploy.stack.launch import Launch, check_endpoint_is_free
 from deploy.stack.observe import observing
 from deploy.stack.statedir import StateDir
 from deploy.stack.takedown import Say, listed
+from wire import topics
 
 ALIVE_LIMIT_S = 20.0
 ASK_PERIOD_S = 0.2
+ANSWER_LIMIT_S = 2.0
 
 
 def check_nothing_runs(state: StateDir) -> None:
@@ -40,13 +42,32 @@ def start(state: StateDir, launch: Launch, say: Say) -> None:
     """
     check_nothing_runs(state)
     state.forget()
-    check_endpoint_is_free(launch.bus.endpoint)
+    if topics.SUPERVISOR in launch.nodes:
+        check_endpoint_is_free(launch.bus.endpoint)
     preflight.check(launch)
     uv = supervisord.find_uv()
     for node in launch.nodes:
         state.log(node).unlink(missing_ok=True)
     state.record.write_text(json.dumps(launch.to_record()))
     supervisord.start(uv, state, launch, say)
+
+
+async def check_supervisor_answers(launch: Launch) -> None:
+    """Refuse to start a base alone where no supervisor answers.
+
+    Raises:
+        DeployError: none does.
+    """
+    if topics.SUPERVISOR in launch.nodes:
+        return
+    try:
+        async with observing(launch.bus, ANSWER_LIMIT_S):
+            return
+    except TimeoutError as error:
+        raise DeployError(
+            f"no supervisor answers at {launch.bus.endpoint}, and {' and '.join(launch.nodes)} cannot run without one: "
+            "start it first, or add --only supervisor"
+        ) from error
 
 
 async def wait_until_alive(state: StateDir, launch: Launch, say: Say, limit_s: float = ALIVE_LIMIT_S) -> None:

@@ -4,8 +4,10 @@ import errno
 import shlex
 import socket
 import sys
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from deploy.stack.errors import DeployError
 from deploy.stack.processes import MARK
@@ -20,6 +22,8 @@ from wire.state_directory import ENVIRONMENT
 DEFAULT_CONFIG = Path(__file__).resolve().parents[1] / "robot.toml"
 SIMULATED = (topics.SUPERVISOR, topics.SIM)
 """The nodes of a simulated robot."""
+ANY_BASE = "base"
+"""Stands for the base where nothing says which node it is: an endpoint was given without a configuration."""
 UNUSED = "false"
 """The command of a program that is not started."""
 
@@ -32,7 +36,7 @@ class Launch:
     bus: BusConfig
     sim_options: str = ""
     nodes: tuple[str, ...] = SIMULATED
-    """What `lifeline up` starts, the hub first."""
+    """What `lifeline up` starts, and what a running robot needs; the hub first."""
 
     @classmethod
     def read(
@@ -51,16 +55,48 @@ class Launch:
         Raises:
             DeployError: the file or the endpoint is refused.
         """
-        try:
-            path = absolute(config or DEFAULT_CONFIG).resolve()
-            document = read_toml(path)
-            override(document, "bus", "endpoint", endpoint)
-            override(document, "bus", "keys", None if keys is None else str(keys))
-            base = (topics.ROS2,) if topics.ROS2 in document else (topics.SIM,) if with_sim else ()
-            bus = section(document, "bus", BusSection).to_bus_config()
-            return cls(path, bus, sim_options, (topics.SUPERVISOR, *base))
-        except ConfigError as error:
-            raise DeployError(str(error)) from error
+        path, document, bus = _read(config, endpoint, keys)
+        base = (topics.ROS2,) if topics.ROS2 in document else (topics.SIM,) if with_sim else ()
+        return cls(path, bus, sim_options, (topics.SUPERVISOR, *base))
+
+    @classmethod
+    def find(cls, state: StateDir, config: Path | None, endpoint: str | None, keys: Path | None) -> "Launch":
+        """Return a robot to inspect: the one that the arguments name, else the running one of the state directory, else the default.
+
+        Its nodes are those of the launch record if that has the same endpoint and namespace, else those of a file with
+        `[sim]` or `[ros2]`. An endpoint without a file says nothing about the base.
+
+        Raises:
+            DeployError: the file, the endpoint or the path of the keys is refused.
+        """
+        running = cls.running(state)
+        if running is not None and config is None and endpoint is None:
+            return running if keys is None else running.with_keys(keys)
+        path, document, bus = _read(config, endpoint, keys)
+        if running is not None and (running.bus.endpoint, running.bus.namespace) == (
+            bus.endpoint,
+            bus.namespace,
+        ):
+            nodes = running.nodes
+        elif config is None and endpoint is not None:
+            nodes = (topics.SUPERVISOR, ANY_BASE)
+        else:
+            base = next((name for name in (topics.ROS2, topics.SIM) if name in document), None)
+            nodes = (topics.SUPERVISOR,) if base is None else (topics.SUPERVISOR, base)
+        return cls(path, bus, nodes=nodes)
+
+    def only(self, names: Collection[str]) -> "Launch":
+        """Return the same robot, of which only some nodes start.
+
+        Raises:
+            DeployError: the robot has no such node.
+        """
+        for name in names:
+            if name not in self.nodes:
+                raise DeployError(
+                    f"--only {name}: this robot has no such node to start, only {' and '.join(self.nodes)}"
+                )
+        return replace(self, nodes=tuple(node for node in self.nodes if node in names))
 
     @classmethod
     def running(cls, state: StateDir) -> "Launch | None":
@@ -121,7 +157,7 @@ class Launch:
             "LIFELINE_ROS2_COMMAND": ros2,
             **{
                 f"LIFELINE_START_{node.upper()}": str(node in self.nodes).lower()
-                for node in (topics.SIM, topics.ROS2)
+                for node in (topics.SUPERVISOR, topics.SIM, topics.ROS2)
             },
         }
 
@@ -138,6 +174,20 @@ class Launch:
     def drive(self) -> str:
         """The shell command that starts teleop for this robot."""
         return shlex.join(self.command(topics.TELEOP))
+
+
+def _read(
+    config: Path | None, endpoint: str | None, keys: Path | None
+) -> tuple[Path, dict[str, Any], BusConfig]:
+    """Return the path of a configuration, its content, and how to reach the robot."""
+    try:
+        path = absolute(config or DEFAULT_CONFIG).resolve()
+        document = read_toml(path)
+        override(document, "bus", "endpoint", endpoint)
+        override(document, "bus", "keys", None if keys is None else str(keys))
+        return path, document, section(document, "bus", BusSection).to_bus_config()
+    except ConfigError as error:
+        raise DeployError(str(error)) from error
 
 
 def check_endpoint_is_free(endpoint: str) -> None:

@@ -18,7 +18,9 @@ SHOWN: tuple[tuple[str, Message], ...] = (
     ("may call", "query"),
     ("may hold the tokens", "liveliness_token"),
 )
-CONTRACT = Contract(sources=("<source>",), lidars=("<lidar>",), more_keys=("<more_keys>",))
+CONTRACT = Contract(
+    sources=("<source>",), lidars=("<lidar>",), more_keys=("<more_keys>",), stations=("<station>",)
+)
 
 
 def roles_table() -> str:

@@ -45,6 +45,7 @@ from supervisor.model import (
 from supervisor.near_memory import MISSES
 from supervisor.safety import BARRIER_REASONS, SAME_PLACE_M, initial_state, step
 from supervisor.stop_rules import STOP_RULES, RaisedBy, cleared_by
+from wire.lease import LEASE_S
 from wire.reasons import StopReason
 
 DOCUMENT = Path(__file__).parents[1] / "safety-law.md"
@@ -71,6 +72,12 @@ REASONS: Mapping[StopReason, Reason] = {
         "e-stop, or cannot read it",
         "An e-stop must outlive the process that sent it and the one that received it. farm-ng/tractor #82 and ubiquity_motor #42: a robot lurches when "
         "its e-stop is released. Husarion refuses a reset under command, and so do we.",
+    ),
+    StopReason.ESTOP_STATION_LOST: Reason(
+        f"a required e-stop station was not heard yet, has not answered a challenge of the last {LEASE_S:g} s, has left, "
+        "or its token was deleted; after a loss, until a reset",
+        "An e-stop button whose link is dead stops nothing, and nobody notices. Spot's E-stop service requires "
+        "that each endpoint answers challenges.",
     ),
     StopReason.BASE_RUNAWAY: Reason(
         "zero was commanded for longer than braking takes, and odometry still shows motion; raises the alarm",

@@ -57,7 +57,8 @@ if __name__ == "__main__":
         print("checked", *sys.argv[1:])
         sys.exit(7)
     if OUTPUT in os.environ:
-        Path(os.environ[OUTPUT]).write_text(
-            json.dumps({"arguments": sys.argv[1:], "environment": dict(os.environ)})
-        )
+        written = Path(os.environ[OUTPUT])
+        document = {"pid": os.getpid(), "arguments": sys.argv[1:], "environment": dict(os.environ)}
+        written.with_suffix(".part").write_text(json.dumps(document))
+        written.with_suffix(".part").replace(written)
     run_process("fake_ros2", main, memory_keeper=False)

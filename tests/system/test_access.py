@@ -21,7 +21,9 @@ from wire.roles import Role
 from wire.session import BusConfig, open_session
 
 ROLES = [Role.BASE, Role.SENSOR, Role.OPERATOR, Role.ESTOP, Role.VIEWER]
-CONTRACT = Contract(sources=("teleop", "joy"), lidars=("scan", "rear/scan"), more_keys=("camera/**",))
+CONTRACT = Contract(
+    sources=("teleop", "joy"), lidars=("scan", "rear/scan"), more_keys=("camera/**",), stations=("door",)
+)
 
 MAY_PUT = {
     Role.BASE: {
@@ -36,8 +38,14 @@ MAY_PUT = {
         "camera/image",
     },
     Role.SENSOR: {"scan", "rear/scan", "imu", "diagnostics", "camera/image"},
-    Role.OPERATOR: {"teleop/cmd_vel", "joy/cmd_vel", "estop", "sim/obstacle"},
-    Role.ESTOP: {"estop"},
+    Role.OPERATOR: {
+        "teleop/cmd_vel",
+        "joy/cmd_vel",
+        "estop",
+        "estop_station/door/presence",
+        "sim/obstacle",
+    },
+    Role.ESTOP: {"estop", "estop_station/door/presence"},
     Role.VIEWER: set[str](),
 }
 MAY_SERVE = {
@@ -55,10 +63,15 @@ MAY_BE_ALIVE = {
         "alive/teleop/00ff",
         "alive/teleop.1a2b",
         "alive/teleop-exec",
+        "alive/door-estop",
+        "alive/door-estop/00ff",
     },
+    Role.ESTOP: {"alive/door-estop", "alive/door-estop/00ff"},
 }
 NEVER = {
     "cmd_vel",
+    "estop_station/door/challenge",
+    "estop_station/ghost/presence",
     "supervisor/status",
     "ghost/cmd_vel",
     "lidar/scan",
@@ -78,12 +91,15 @@ WILD = {
     "teleop/*",
     "*/scan",
     "**/scan",
+    "estop_station/*/presence",
+    "estop_station/**",
 }
 NAMES = {
     "alive/supervisor",
     "alive/supervisor/00ff",
     "alive/ghost",
     "alive/ghost.1",
+    "alive/ghost-estop",
     "alive/*",
     "alive/**",
     "alive",

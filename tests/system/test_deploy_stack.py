@@ -457,6 +457,24 @@ def test_without_a_sim_only_the_supervisor_starts(robot: Robot) -> None:
     assert list(seen["nodes"]) == ["supervisor", "teleop"]
 
 
+def test_a_base_alone_starts_only_where_a_supervisor_answers(robot: Robot) -> None:
+    refused = robot.run("up", "--only", "sim")
+    _refused(refused, r"no supervisor answers at .*, and sim cannot run without one")
+    assert robot.pids() == {}
+    assert robot.run("up", "--only", "supervisor").returncode == 0
+    assert robot.pids().keys() == {"supervisord", "supervisor"}
+    beside = Robot(StateDir(robot.state.path / "beside"), robot.endpoint)
+    try:
+        started = beside.run("up", "--only", "sim")
+        assert started.returncode == 0, started.stderr
+        assert f"starting sim for the supervisor at {robot.endpoint}" in started.stdout
+        assert beside.pids().keys() == {"supervisord", "sim"}
+        seen = beside.seen(lambda seen: seen["nodes"]["sim"]["alive"], "no sim")
+        assert seen["running"]
+    finally:
+        beside.run("down")
+
+
 def test_a_missing_python_of_ros_2_is_one_sentence_and_starts_nothing(
     robot: Robot, ros2_config: Path
 ) -> None:

@@ -2,7 +2,6 @@
 
 import asyncio
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -89,20 +88,3 @@ async def _printed(*command: str, returns: int = 0) -> str:
     output, _ = await asyncio.wait_for(example.communicate(), PATIENCE_S)
     assert example.returncode == returns, output.decode()
     return output.decode()
-
-
-@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="there is no systemd")
-def test_systemd_accepts_the_unit_and_its_commands_exist(tmp_path: Path) -> None:
-    text = (ROOT / "deploy/examples/lifeline.service").read_text()
-    command = Path(sys.executable).with_name("lifeline")
-    unit = tmp_path / "lifeline.service"
-    unit.write_text(
-        text.replace("/opt/lifeline/.venv/bin/lifeline", str(command)).replace("robot\n", "root\n")
-    )
-    verify = ["systemd-analyze", "verify", str(unit)]
-    done = subprocess.run(verify, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
-    assert (done.returncode, done.stderr) == (0, "")
-    (start,) = re.findall(r"^ExecStart=\S+ (.*)$", text, re.MULTILINE)
-    options = [word for word in start.split() if word.startswith("--")]
-    helped = subprocess.run([str(command), "up", "--help"], capture_output=True, text=True, check=True).stdout
-    assert all(option in helped for option in options)

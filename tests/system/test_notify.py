@@ -2,12 +2,10 @@
 
 import itertools
 import os
-import select
 import signal
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,10 +15,10 @@ import pytest
 from tests.system.harness import PATIENCE_S
 from tests.system.ports import free_endpoint
 from tests.system.process_state import state_of
+from tests.system.systemd import RUNNING, STOPPING, Systemd
 from wire import topics
 from wire.state_directory import ENVIRONMENT
 
-READY, RUNNING, STOPPING = b"READY=1\nWATCHDOG=1", b"WATCHDOG=1", b"STOPPING=1"
 LIMIT_S = 1.0
 """`WatchdogSec` of the supervisor's unit."""
 PERIOD_S = LIMIT_S / 4
@@ -40,39 +38,6 @@ from supervisor.__main__ import main
 main()
 """
 """The supervisor, whose loop hangs in the law while a file exists; its threads continue."""
-
-
-class Systemd:
-    """The socket on which systemd listens."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        self._socket.bind(name.replace("@", "\0"))
-
-    def next(self, within_s: float) -> bytes | None:
-        """Return the next report; None if there is none in time."""
-        return self._socket.recv(4096) if select.select([self._socket], [], [], within_s)[0] else None
-
-    def await_ready(self) -> None:
-        assert self.next(PATIENCE_S) == READY
-
-    def times_of(self, number: int) -> list[float]:
-        """Return when each of the next reports of a running loop arrives, by the monotonic clock [s]."""
-        times: list[float] = []
-        for _ in range(number):
-            assert self.next(PATIENCE_S) == RUNNING
-            times.append(time.monotonic())
-        return times
-
-    def all_until_silent(self, silent_s: float) -> list[bytes]:
-        reports: list[bytes] = []
-        while (report := self.next(silent_s)) is not None:
-            reports.append(report)
-        return reports
-
-    def close(self) -> None:
-        self._socket.close()
 
 
 @pytest.fixture(params=["path", "abstract"])

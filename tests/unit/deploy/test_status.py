@@ -8,7 +8,7 @@ from rich.console import Console
 
 from deploy.stack.ros2_reports import Level, Report
 from deploy.status import Look, table
-from wire.messages import SafetyStatus, header
+from wire.messages import SafetyStatus, header, odometry
 
 
 def look(mode: int = SafetyStatus.STOPPED, **fields: Any) -> Look:  # noqa: ANN401 - any field of the status
@@ -103,6 +103,13 @@ def test_only_the_nodes_that_were_started_are_needed() -> None:
     assert replace(real, alive=frozenset({"supervisor"})).exit_code == 1
     alone = replace(look(), alive=frozenset({"supervisor"}), needed=("supervisor",))
     assert alone.exit_code == 0
+
+
+def test_a_base_of_unknown_kind_runs_if_it_sends_odometry() -> None:
+    silent = replace(look(), alive=frozenset({"supervisor"}), needed=("supervisor", "base"))
+    assert (silent.exit_code, row(silent, "base")) == (1, "not alive")
+    moving = replace(silent, odometry=odometry((0.0, 0.0, 0.0), (0.1, 0.0)))
+    assert (moving.exit_code, row(moving, "base")) == (0, "alive")
 
 
 def test_the_reports_of_ros_2_have_a_row_each_but_the_one_that_repeats_the_mode() -> None:

@@ -65,6 +65,11 @@ def test_a_conflict_names_the_writers_of_each_lidar() -> None:
     assert detail == "samples come from several writers: front: a and b; rear: c and d"
 
 
+@pytest.mark.parametrize("reason", [StopReason.ESTOP, StopReason.ESTOP_STATION_LOST])
+def test_an_estop_names_the_stations_that_are_pressed_or_missing(reason: StopReason) -> None:
+    assert detail_of(frozenset({reason}), stations="door is silent") == "door is silent"
+
+
 def test_of_several_causes_the_most_restrictive_is_explained() -> None:
     both = frozenset({StopReason.SCAN_INVALID, StopReason.SCAN_BLIND})
     assert detail_of(both, scan_problem="all NaN", block_bearing_rad=0.0) == "all NaN"

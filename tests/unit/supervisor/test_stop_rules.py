@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from supervisor.estop_stations import Presence, StationConfig, TokenEnd
 from supervisor.model import Command, Decision, Inputs, SourceConfig, Velocity
 from supervisor.stop_rules import STOP_RULES, RaisedBy, StopRule, cleared_by
 from tests.unit.supervisor.law_harness import (
@@ -35,15 +36,19 @@ class Stage(Law):
         teleop: commanded by `teleop` after arming.
         other: commanded by `other` after arming.
         first: the source with the higher priority.
+        stations: the e-stop stations; each answers the challenge of the tick before while `answers` is set.
     """
 
-    def __init__(self, *, teleop: Velocity, other: Velocity, first: str) -> None:
+    def __init__(
+        self, *, teleop: Velocity, other: Velocity, first: str, stations: tuple[StationConfig, ...] = ()
+    ) -> None:
         self.first: dict[StopReason, set[str]] = {}
         self.teleop: Velocity | None = NEUTRAL
         self.other, self.speaks = NEUTRAL, True
         sources = tuple(SourceConfig(name, 100 if name == first else 10) for name in ("teleop", "other"))
-        super().__init__(replace(CONFIG, sources=sources))
-        self.go(2)
+        self.answers, self.ticks = True, 0
+        super().__init__(replace(CONFIG, sources=sources, estop_stations=stations))
+        self.go(2 + len(stations))
         self.first.clear()
         self.teleop, self.other = teleop, other
         self.go(2)
@@ -53,10 +58,19 @@ class Stage(Law):
     def go(self, ticks: int = 1, **inputs: object) -> None:
         for _ in range(ticks):
             self.now_s += TICK_S
+            self.ticks += 1
+            if self.config.estop_stations and self.answers:
+                inputs |= {"station_challenge": self.ticks, "presences": self.presences()}
             commands = [on_time("other", self.other, self.now_s)]
             if self.speaks:
                 commands.append(on_time("teleop", self.teleop, self.now_s))
             self.step(Inputs(commands=tuple(commands), **inputs))  # type: ignore[arg-type]
+
+    def presences(self) -> tuple[Presence, ...]:
+        return tuple(
+            Presence(station.name, 9, self.ticks - 1, stop=False, leaves=False)
+            for station in self.config.estop_stations
+        )
 
     def step(self, inputs: Inputs | None = None) -> Decision:
         decision = super().step(inputs)
@@ -83,6 +97,17 @@ def reset(law: Stage) -> None:
     law.speaks = False
     law.go(reset=True)
     law.go()
+
+
+def lose_station(law: Stage) -> None:
+    law.answers = False
+    law.go(station_ends=(TokenEnd("door"),))
+
+
+def find_station_and_reset(law: Stage) -> None:
+    law.answers = True
+    law.go(3)
+    reset(law)
 
 
 def run_away(law: Stage) -> None:
@@ -221,6 +246,7 @@ class Course:
 
 COURSES = {
     StopReason.ESTOP: Course(press, reset),
+    StopReason.ESTOP_STATION_LOST: Course(lose_station, find_station_and_reset),
     StopReason.BASE_RUNAWAY: Course(run_away, halt),
     StopReason.OVERRUN: Course(hang, speak),
     StopReason.SENSOR_CONFLICT: Course(two_writers, one_writer),
@@ -238,6 +264,12 @@ COURSES = {
 }
 
 
+def stage(reason: StopReason) -> Stage:
+    """`teleop` drives, with an e-stop station where the reason needs one."""
+    stations = (StationConfig("door", required=True),) if reason is StopReason.ESTOP_STATION_LOST else ()
+    return Stage(teleop=FORWARD, other=NEUTRAL, first="teleop", stations=stations)
+
+
 def test_every_reason_has_a_row_and_a_course() -> None:
     assert list(STOP_RULES) == list(StopReason)
     assert list(COURSES) == list(StopReason)
@@ -247,7 +279,7 @@ def test_every_reason_has_a_row_and_a_course() -> None:
 def test_a_stop_of_the_owner_is_latched_on_every_source_and_cleared_as_the_table_says(
     reason: StopReason,
 ) -> None:
-    law, course = Stage(teleop=FORWARD, other=NEUTRAL, first="teleop"), COURSES[reason]
+    law, course = stage(reason), COURSES[reason]
     course.comes(law)
     assert law.first[reason] == {"teleop", "other"}
     # The status names the owner's own causes only, and the other live source has become the owner.
@@ -270,6 +302,7 @@ def test_a_stop_of_the_owner_is_latched_on_every_source_and_cleared_as_the_table
     "reason",
     [
         StopReason.ESTOP,
+        StopReason.ESTOP_STATION_LOST,
         StopReason.BASE_RUNAWAY,
         StopReason.SENSOR_CONFLICT,
         StopReason.ODOM_STALE,
@@ -280,7 +313,7 @@ def test_a_stop_of_the_owner_is_latched_on_every_source_and_cleared_as_the_table
 )
 def test_neutral_clears_nothing_while_the_cause_holds(reason: StopReason) -> None:
     """Without those reasons whose cause ends with the next step, with zero, or with a valid command."""
-    law = Stage(teleop=FORWARD, other=NEUTRAL, first="teleop")
+    law = stage(reason)
     COURSES[reason].comes(law)
     law.speaks, law.teleop = True, NEUTRAL
     law.go(2)

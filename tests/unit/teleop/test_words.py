@@ -21,6 +21,7 @@ def said(newest: SafetyStatus, **fields: object) -> News:
 
 CAUSES = {
     "ESTOP": "the emergency stop is latched",
+    "ESTOP_STATION_LOST": "a required e-stop station is missing, or was lost",
     "BASE_RUNAWAY": "the base moves although zero is commanded",
     "OVERRUN": "the supervisor was late, or its machine was suspended",
     "SENSOR_CONFLICT": "two programs publish on one sensor's key",
@@ -38,6 +39,7 @@ CAUSES = {
 }
 STEPS = {
     "ESTOP": "press s, then r to reset",
+    "ESTOP_STATION_LOST": "start the station, press s, then r to reset",
     "BASE_RUNAWAY": "cut the robot's power",
     "OVERRUN": "press s to re-arm",
     "SENSOR_CONFLICT": "stop one of the two programs, press s",
@@ -91,6 +93,7 @@ def test_the_first_reason_is_explained_and_all_are_named() -> None:
 
 OVER = {
     "ESTOP": "the emergency stop was pressed, and has been reset",
+    "ESTOP_STATION_LOST": "a required e-stop station was missing",
     "BASE_RUNAWAY": "the base moved although zero was commanded",
     "OVERRUN": "the supervisor was late",
     "SENSOR_CONFLICT": "two programs published on one sensor's key",

@@ -11,6 +11,7 @@ from wire.messages import SafetyStatus, SourceStatus, header
 
 REASONS = (
     "ESTOP",
+    "ESTOP_STATION_LOST",
     "BASE_RUNAWAY",
     "OVERRUN",
     "SENSOR_CONFLICT",

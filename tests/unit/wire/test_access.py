@@ -94,6 +94,6 @@ def test_the_socket_makes_a_participant_and_tcp_alone_a_viewer() -> None:
 
 def test_every_topic_but_the_supervisors_has_a_role_that_writes_it() -> None:
     for topic in topics.TOPICS:
-        assert bool(topic.roles) == (topic.key not in topics.ONLY_SUPERVISOR_WRITES), topic.key
+        assert bool(topic.roles) == (not topics.is_supervisors(topic.key)), topic.key
     for service in topics.SERVICES:
         assert bool(service.roles) == (service is not topics.SUPERVISOR_RESET), service.key

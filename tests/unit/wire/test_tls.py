@@ -33,6 +33,22 @@ def test_only_quic_gets_mixed_reliability_unless_the_endpoint_decides(endpoint: 
 
 
 @pytest.mark.parametrize(
+    ("endpoint", "for_client"),
+    [
+        ("quic/0.0.0.0:7447", "quic/127.0.0.1:7447"),
+        ("tls/[::]:7447", "tls/127.0.0.1:7447"),
+        ("quic/0.0.0.0:7447?mixed_rel=0", "quic/127.0.0.1:7447?mixed_rel=0"),
+        ("tcp/10.0.0.0:7447", "tcp/10.0.0.0:7447"),
+        ("quic/robot7:7447", "quic/robot7:7447"),
+    ],
+)
+def test_a_client_reaches_a_hub_that_listens_on_every_address_by_loopback(
+    endpoint: str, for_client: str
+) -> None:
+    assert tls.client_endpoint(endpoint) == for_client
+
+
+@pytest.mark.parametrize(
     "endpoint", ["tls/h:1?mixed_rel=1", "tcp/h:1?mixed_rel=1", "quic/h:1?mixed_rel=2", "quic/h:1?x=1"]
 )
 def test_other_options_of_an_endpoint_are_refused(endpoint: str) -> None:

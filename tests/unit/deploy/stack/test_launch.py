@@ -9,6 +9,7 @@ import pytest
 
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import (
+    ANY_BASE,
     DEFAULT_CONFIG,
     SIMULATED,
     Launch,
@@ -118,7 +119,42 @@ def test_the_nodes_of_a_stack_are_in_its_record_and_an_older_record_is_of_a_simu
     assert running.nodes == SIMULATED
 
 
+def test_only_nodes_that_the_robot_has_can_be_started_alone(tmp_path: Path) -> None:
+    config = tmp_path / "robot.toml"
+    config.write_text("[ros2]\n")
+    launch = Launch.read(config, None)
+    assert launch.only(["supervisor"]).nodes == ("supervisor",)
+    assert launch.only(["ros2", "supervisor"]).nodes == ("supervisor", "ros2")
+    with pytest.raises(
+        DeployError, match="--only sim: this robot has no such node to start, only supervisor and ros2"
+    ):
+        launch.only(["sim"])
+
+
+def test_the_nodes_to_inspect_come_from_the_record_of_the_same_endpoint_else_from_the_file(
+    tmp_path: Path,
+) -> None:
+    state, config = StateDir(tmp_path), tmp_path / "robot.toml"
+    config.write_text("[bus]\n")
+    assert Launch.find(state, config, None, None).nodes == ("supervisor",)
+    for base in ("sim", "ros2"):
+        config.write_text(f"[{base}]\n")
+        assert Launch.find(state, config, None, None).nodes == ("supervisor", base)
+    assert Launch.find(state, None, None, None).nodes == SIMULATED
+    assert Launch.find(state, None, "tcp/127.0.0.1:2222", None).nodes == ("supervisor", ANY_BASE)
+
+    started = Launch.read(None, "tcp/127.0.0.1:2222", with_sim=False)
+    state.record.write_text(json.dumps(started.to_record()))
+    assert Launch.find(state, None, None, None) == started
+    assert Launch.find(state, None, "tcp/127.0.0.1:2222", None).nodes == ("supervisor",)
+    assert Launch.find(state, None, "tcp/127.0.0.1:3333", None).nodes == ("supervisor", ANY_BASE)
+    config.write_text('[bus]\nnamespace = "other"\n[sim]\n')
+    assert Launch.find(state, config, "tcp/127.0.0.1:2222", None).nodes == SIMULATED
+
+
 def test_programs_that_are_not_wanted_do_not_start(tmp_path: Path) -> None:
+    alone = Launch.read(None, None).only(["sim"]).environment(StateDir(tmp_path))
+    assert (alone["LIFELINE_START_SUPERVISOR"], alone["LIFELINE_START_SIM"]) == ("false", "true")
     for with_sim, wanted in ((True, "true"), (False, "false")):
         variables = Launch.read(None, None, with_sim=with_sim).environment(StateDir(tmp_path))
         assert variables["LIFELINE_START_SIM"] == wanted

@@ -1,0 +1,99 @@
+"""What an e-stop station shows: one large word, and what to do. Pure."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from teleop.station.lease import Word
+from teleop.view import Line, Segment, Tone, plain
+from wire.message_types import EstopStationStatus, SafetyStatus
+
+KEYS = "SPACE or any key: STOP    Ctrl-R: release the button    q or Ctrl-C: leave"
+TONES = {Word.HEARD: Tone.GOOD, Word.NOT_HEARD: Tone.CAUTION, Word.STOPPED: Tone.STOP}
+LETTERS = {
+    " ": ("    ", "    ", "    ", "    ", "    "),
+    "A": (" ## ", "#  #", "####", "#  #", "#  #"),
+    "D": ("### ", "#  #", "#  #", "#  #", "### "),
+    "E": ("####", "#   ", "### ", "#   ", "####"),
+    "H": ("#  #", "#  #", "####", "#  #", "#  #"),
+    "N": ("#  #", "## #", "# ##", "#  #", "#  #"),
+    "O": (" ## ", "#  #", "#  #", "#  #", " ## "),
+    "P": ("### ", "#  #", "### ", "#   ", "#   "),
+    "R": ("### ", "#  #", "### ", "# # ", "#  #"),
+    "S": (" ###", "#   ", " ## ", "   #", "### "),
+    "T": ("####", " ## ", " ## ", " ## ", " ## "),
+}
+ROWS = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """The displayed values of a station."""
+
+    name: str
+    endpoint: str
+    word: Word
+    is_connected: bool = False
+    is_pressed: bool = False
+    is_confirmed: bool = False
+    has_rival: bool = False
+    """Whether another program is the same station."""
+    status: SafetyStatus | None = None
+    """The newest status; None if it is missing or outdated."""
+
+    @property
+    def own(self) -> EstopStationStatus | None:
+        """This station in the status; None if it is not configured."""
+        stations = () if self.status is None else self.status.estop_stations
+        return next((one for one in stations if one.name == self.name), None)
+
+    @property
+    def is_required(self) -> bool:
+        return self.own is not None and self.own.required
+
+
+def picture(look: Look, columns: int, *, unicode: bool = True) -> list[Line]:
+    """Return the lines of the screen; the first one is enough for a display of one line."""
+    tone = TONES[look.word]
+    leaving = "Leaving stops the robot: this station is required." if look.is_required else ""
+    return [
+        (Segment(f"{look.name}: {look.word}", tone), Segment(f" - {sentence(look)}")),
+        (),
+        *((Segment(row, tone),) for row in large(look.word, columns, unicode=unicode)),
+        (),
+        (Segment(f"e-stop station {look.name} of {plain(look.endpoint)}"),),
+        (Segment(leaving),),
+        (Segment(KEYS, Tone.DIM),),
+    ]
+
+
+def large(word: str, columns: int, *, unicode: bool) -> Sequence[str]:
+    """Return a word in letters of five rows, twice as wide if there is room."""
+    rows = [" ".join(LETTERS[letter][row] for letter in word) for row in range(ROWS)]
+    if 2 * len(rows[0]) <= columns:
+        rows = ["".join(cell * 2 for cell in row) for row in rows]
+    return [row.replace("#", "█") if unicode else row for row in rows]
+
+
+def sentence(look: Look) -> str:
+    """Return what the word means now, and what to do."""
+    match look.word:
+        case Word.NOT_HEARD:
+            press = "PRESSED, not confirmed; " if look.is_pressed and not look.is_confirmed else ""
+            return f"{press}{_why_not_heard(look)}"
+        case Word.STOPPED if look.is_pressed:
+            return "pressed here: release it with Ctrl-R, then reset with r in teleop"
+        case Word.STOPPED:
+            why = "" if look.status is None else plain(look.status.why())
+            return f"the robot is stopped{f': {why}' if why else ''}"
+        case Word.HEARD:
+            return "stopping" if look.is_pressed else "any key stops the robot"
+
+
+def _why_not_heard(look: Look) -> str:
+    if not look.is_connected:
+        return f"waiting for the supervisor at {plain(look.endpoint)}"
+    if look.has_rival:
+        return f"another program is the station {look.name}: end it, or use another name"
+    if look.status is not None and look.own is None:
+        return f"the supervisor has no station {look.name}: add it to [[supervisor.estop_stations]]"
+    return "the robot does not hear this station"

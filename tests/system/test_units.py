@@ -1,0 +1,138 @@
+"""The units of deploy/systemd: systemd accepts them, and their commands run and report as the units expect."""
+
+import itertools
+import json
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from tests.system import fake_ros2
+from tests.system.harness import PATIENCE_S
+from tests.system.operators import ROOT
+from tests.system.ports import free_endpoint
+from tests.system.process_state import state_of
+from tests.system.systemd import RUNNING, Systemd, Unit
+
+UNITS = ROOT / "deploy" / "systemd"
+EXPOSURE = {"lifeline-supervisor.service": 1.5, "lifeline-ros2.service": 2.0, "lifeline-guard@.service": 2.5}
+"""The most that `systemd-analyze security` may find, of 10."""
+needs_systemd = pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="there is no systemd")
+
+pytestmark = pytest.mark.timeout(120)
+
+
+def unit(name: str, directory: Path) -> Unit:
+    """Return a unit whose installation, configuration and state are in this checkout and a directory."""
+    places = {
+        "/opt/lifeline/bin": str(Path(sys.executable).parent),
+        "/etc/lifeline": str(directory / "etc"),
+        "/var/lib/lifeline": str(directory / "state"),
+    }
+    (directory / "etc" / "sources").mkdir(parents=True, exist_ok=True)
+    (directory / "state").mkdir(exist_ok=True)
+    return Unit(UNITS / name, places)
+
+
+@contextmanager
+def started(subject: Unit, systemd: Systemd) -> "Generator[subprocess.Popen[bytes]]":
+    with subprocess.Popen(subject.command, env=subject.variables(systemd.name)) as process:
+        try:
+            yield process
+        finally:
+            process.send_signal(signal.SIGCONT)
+            process.terminate()
+            try:
+                process.wait(PATIENCE_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+@pytest.fixture
+def systemd(tmp_path: Path) -> Generator[Systemd]:
+    receiver = Systemd(str(tmp_path / "notify"))
+    yield receiver
+    receiver.close()
+
+
+@needs_systemd
+def test_systemd_accepts_every_unit(tmp_path: Path) -> None:
+    written: list[str] = []
+    for name in EXPOSURE:
+        subject = unit(name, tmp_path)
+        text = subject.text.replace(f"{tmp_path}/etc/sources/%i", "/bin/true")
+        (tmp_path / name).write_text(text)
+        written.append(str(tmp_path / name))
+    verify = ["systemd-analyze", "verify", *written]
+    done = subprocess.run(verify, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@needs_systemd
+@pytest.mark.parametrize("name", EXPOSURE)
+def test_a_service_can_do_little_else(name: str) -> None:
+    threshold = str(round(10 * EXPOSURE[name]))
+    command = ["systemd-analyze", "security", "--offline=true", f"--threshold={threshold}", str(UNITS / name)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
+    assert done.returncode == 0, done.stdout[-300:] + done.stderr
+
+
+def test_the_supervisor_of_the_unit_reports_in_time_and_not_while_it_is_stopped(
+    systemd: Systemd, tmp_path: Path
+) -> None:
+    subject = unit("lifeline-supervisor.service", tmp_path)
+    (tmp_path / "etc" / "robot.toml").write_text(f'[bus]\nendpoint = "{free_endpoint()}"\n')
+    limit_s = subject.seconds("WatchdogSec")
+    with started(subject, systemd) as process:
+        systemd.await_ready()
+        times = systemd.times_of(9)
+        assert max(later - earlier for earlier, later in itertools.pairwise(times)) < limit_s
+        assert list((tmp_path / "state").iterdir())  # where the e-stop's record is
+        process.send_signal(signal.SIGSTOP)
+        while state_of(process.pid) != "T":
+            assert process.poll() is None
+        systemd.all_until_silent(0.0)
+        assert systemd.next(2 * limit_s) is None  # systemd kills it now
+        process.send_signal(signal.SIGCONT)
+        assert systemd.next(PATIENCE_S) == RUNNING
+
+
+@pytest.mark.parametrize(
+    "name", ["lifeline-supervisor.service", "lifeline-ros2.service", "lifeline-guard@.service"]
+)
+def test_a_service_with_a_refused_configuration_exits_with_a_code_that_is_not_restarted(
+    name: str, systemd: Systemd, tmp_path: Path
+) -> None:
+    subject = unit(name, tmp_path)
+    (tmp_path / "etc" / "robot.toml").write_text("nonsense = 1\n[bus]\nlease_s = 0\n")
+    with started(subject, systemd) as process:
+        assert str(process.wait(PATIENCE_S)) in subject["RestartPreventExitStatus"].split()
+
+
+def test_ros2_run_is_the_process_that_reports(
+    systemd: Systemd, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It replaces itself: systemd would not accept the reports of another process."""
+    subject, beside = (unit(f"lifeline-{name}.service", tmp_path) for name in ("ros2", "supervisor"))
+    python, output = fake_ros2.interpreter(tmp_path), tmp_path / "started"
+    (tmp_path / "etc" / "robot.toml").write_text(
+        f'[bus]\nendpoint = "{free_endpoint()}"\n[ros2]\npython = "{python}"\n'
+    )
+    monkeypatch.setenv(fake_ros2.OUTPUT, str(output))
+    with started(beside, systemd):
+        systemd.await_ready()
+        with started(subject, systemd) as process:
+            while not output.exists():
+                assert process.poll() is None
+                systemd.next(PATIENCE_S)
+            seen = json.loads(output.read_text())
+            assert seen["pid"] == process.pid
+            environment = seen["environment"]
+            assert environment["NOTIFY_SOCKET"] == systemd.name
+            assert environment["WATCHDOG_USEC"] == "2000000"
+            assert environment["LIFELINE_STATE_DIR"] == str(tmp_path / "state")
