@@ -106,6 +106,10 @@ def router(
             help="Name of a command source; repeat for several. Default: teleop, joy, path.",
         ),
     ] = None,
+    stations: Annotated[
+        list[str] | None,
+        typer.Option("--station", metavar="NAME", help="Name of an e-stop station; repeat for several."),
+    ] = None,
     print_config: Annotated[
         bool, typer.Option("--print-config", help="Print the same configuration for zenohd, and exit.")
     ] = False,
@@ -119,7 +123,9 @@ def router(
     def run() -> int:
         from deploy.router import print_settings, router_config, run_router  # noqa: PLC0415
 
-        config = router_config(listen, connect or (), keys_dir, robots or (), robots_file, sources or ())
+        config = router_config(
+            listen, connect or (), keys_dir, robots or (), robots_file, sources or (), stations or ()
+        )
         return print_settings(config) if print_config else run_router(config)
 
     exit_with(run)

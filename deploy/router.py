@@ -43,6 +43,7 @@ class RouterSection(Section):
         list[Annotated[Name, AfterValidator(is_one_robot)]], Field(min_length=1, max_length=MAX_ROBOTS)
     ]
     sources: Annotated[list[FreeName], Field(min_length=1, max_length=32)]
+    stations: Annotated[list[Name], Field(max_length=32)]
     has_keys: bool
 
     def conflicts(self) -> Iterator[Conflict]:
@@ -62,6 +63,7 @@ def router_config(
     robots: Sequence[str],
     robots_file: Path | None,
     sources: Sequence[str],
+    stations: Sequence[str],
 ) -> RouterConfig:
     """Return the configuration that the options describe.
 
@@ -76,6 +78,7 @@ def router_config(
         "connect": list(connect),
         "robots": list(dict.fromkeys(named)),
         "sources": list(sources) or list(Contract().sources),
+        "stations": list(stations),
         "has_keys": keys is not None,
     }
     try:
@@ -86,6 +89,7 @@ def router_config(
             None if keys is None else absolute(keys),
             tuple(options.connect),
             tuple(options.sources),
+            tuple(options.stations),
         )
     except ConfigError as error:
         raise DeployError(str(error)) from error

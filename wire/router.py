@@ -46,6 +46,8 @@ class RouterConfig:
     """Other routers to which it connects."""
     sources: tuple[str, ...] = Contract().sources
     """Names of the command sources of all robots."""
+    stations: tuple[str, ...] = ()
+    """Names of the e-stop stations of all robots."""
     lease_s: float = 0.4
 
 
@@ -95,7 +97,7 @@ def settings(
         "scouting/gossip/enabled": False,
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": round(config.lease_s * 1000),
-        "access_control": access_control(config.robots, config.sources, has_local=has_local),
+        "access_control": access_control(config, has_local=has_local),
         "adminspace": {"enabled": False},
         # A router of somebody else is in a region of its own, without the rights of one that is known.
         "gateway": {
@@ -124,16 +126,15 @@ def nested(values: dict[str, object]) -> dict[str, Any]:
     return document
 
 
-def access_control(robots: Sequence[str], sources: Sequence[str], *, has_local: bool) -> dict[str, object]:
+def access_control(config: RouterConfig, *, has_local: bool) -> dict[str, object]:
     """Return the router's allow-list.
 
     Args:
-        robots: the namespaces.
-        sources: the names of the command sources.
+        config: the robots, their command sources and their e-stop stations.
         has_local: whether programs of this machine connect without a certificate; they then count as hub, operator and
             station of every robot.
     """
-    contract = Contract(tuple(sources), lidars=())
+    robots, contract = config.robots, Contract(config.sources, lidars=(), stations=config.stations)
     allowed = AllowList()
     for robot in robots:
         allowed.add(_named(Role.SUPERVISOR, robot), hub_grants([robot]))

@@ -16,7 +16,6 @@ SECONDS, KILLS = 15.0, 30
 SOAK_ROBOTS = 10
 SOAK_DRIVE_S = 30.0
 """How long all robots of a long run drive before the kills begin."""
-MANY = 1_000_000
 
 
 def main() -> None:
@@ -60,15 +59,19 @@ def main() -> None:
                     number, options.seconds, options.kills, tell, layout, kills_limit_s=KILLS_LIMIT_S
                 )
             drive_s = min(SOAK_DRIVE_S, options.soak / 2)
-            return measure(number, drive_s, MANY, tell, layout, kills_limit_s=options.soak - drive_s)
+            return measure(number, drive_s, None, tell, layout, kills_limit_s=options.soak - drive_s)
 
-    with failing_in_a_sentence("bench.fleet"):
-        crowds = [run(number) for number in robots]
     words = ["--robots", *map(str, robots)]
     words += ["--soak", f"{options.soak:g}"] if options.soak else ["--seconds", f"{options.seconds:g}"]
     words += [] if options.soak else ["--kills", str(options.kills)]
-    if options.json is not None:
-        write(Robots(this_run(f"python -m bench.fleet {' '.join(words)}"), tuple(crowds)), options.json)
+    crowds: list[Crowd] = []
+    with failing_in_a_sentence("bench.fleet"):
+        for number in robots:
+            crowds.append(run(number))
+            if options.json is not None:  # an interrupted run keeps what it has measured
+                write(
+                    Robots(this_run(f"python -m bench.fleet {' '.join(words)}"), tuple(crowds)), options.json
+                )
     verdicts = [verdict for one in crowds for verdict in soak_verdicts(one)] if options.soak else []
     show([sheet(crowds)], verdicts)
     sys.exit(any(verdict.measured > verdict.target for verdict in verdicts))

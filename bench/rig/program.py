@@ -14,7 +14,7 @@ from pathlib import Path
 from bench.rig.terminal import end, sparing_from_ctrl_c
 
 ROOT = Path(__file__).resolve().parents[2]
-LISTEN_LIMIT_S = 10.0
+LISTEN_LIMIT_S = 30.0
 
 
 class SilentError(RuntimeError):

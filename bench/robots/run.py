@@ -29,7 +29,7 @@ HOLD_S = (0.2, 0.4)
 HOLD_LIMIT_S = 5.0
 STAND_S = 0.3
 """Time from a kill to the start of the next operator."""
-KILLS_LIMIT_S = 60.0
+KILLS_LIMIT_S, MANY = 60.0, 1_000_000
 DUMP_LIMIT_S = 60.0
 
 
@@ -79,7 +79,7 @@ class Layout:
 def measure(
     robots: int,
     seconds: float,
-    kills: int,
+    kills: int | None,
     tell: Callable[[str], None],
     layout: Layout | None = None,
     *,
@@ -90,7 +90,7 @@ def measure(
     Args:
         robots: number of robots.
         seconds: duration of the drive.
-        kills: number of kills, distributed over at most `KILLED` robots.
+        kills: number of kills, distributed over at most `KILLED` robots; None: as many as the time permits.
         tell: called with lines that report the progress.
         layout: how the operators reach the robots.
         kills_limit_s: maximum duration of the kills.
@@ -121,7 +121,7 @@ def measure(
         used = [usage(pid) - earlier for pid, earlier in zip(pids, before, strict=True)]
         machine_after, feeder_used = machine(), usage(feeder.pid) - feeder_before
 
-        tell(f"{crowd}: {kills} kills")
+        tell(f"{crowd}: kills for {kills_limit_s:g} s" if kills is None else f"{crowd}: {kills} kills")
         killed = min(robots, KILLED)
         feeder.tell(f"release {' '.join(map(str, range(killed)))}")
         time.sleep(STAND_S)
@@ -177,7 +177,7 @@ def measure(
             name: sum(name in of for of in causes)
             for name in sorted({reason for of in causes for reason in of})
         },
-        kills=min(kills, sum(map(len, kills_s))) if kills_limit_s > KILLS_LIMIT_S else kills,
+        kills=sum(map(len, kills_s)) if kills is None else kills,
         stop_ms=tuple(stop for stop in stops_ms if stop is not None),
         missed=sum(stop is None for stop in stops_ms),
         kills_seconds=killing[1] - killing[0],
@@ -187,7 +187,7 @@ def measure(
     )
 
 
-def _kill(endpoints: Sequence[str], kills: int, limit_s: float) -> list[list[float]]:
+def _kill(endpoints: Sequence[str], kills: int | None, limit_s: float) -> list[list[float]]:
     """Repeatedly let an operator drive each robot, and kill it; return the times of the kills of each robot [s]."""
     with program("bench.robots.holders") as holders:
         ended = threading.Event()
@@ -203,7 +203,8 @@ def _kill(endpoints: Sequence[str], kills: int, limit_s: float) -> list[list[flo
         threading.Thread(target=sort, daemon=True).start()
         until_s = time.monotonic() + limit_s
         with ThreadPoolExecutor(len(operators)) as pool:
-            shares = [len(range(number, kills, len(operators))) for number in range(len(operators))]
+            numbers = range(MANY if kills is None else kills)
+            shares = [len(numbers[number :: len(operators)]) for number in range(len(operators))]
             killing = [
                 pool.submit(one.kill, share, until_s) for one, share in zip(operators, shares, strict=True)
             ]

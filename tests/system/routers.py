@@ -16,10 +16,12 @@ def start_router(
     keys: Path | None,
     *,
     connect: Sequence[str] = (),
+    stations: Sequence[str] = (),
     prefix: Sequence[str] = (),
 ) -> "subprocess.Popen[str]":
     """Start a router, and return its process when it routes."""
     words = [f"--robot={robot}" for robot in robots] + [f"--connect={other}" for other in connect]
+    words += [f"--station={station}" for station in stations]
     words += [] if keys is None else ["--keys", str(keys)]
     process = subprocess.Popen(
         [*prefix, LIFELINE, "router", "--listen", endpoint, *words], stdout=subprocess.PIPE, text=True
@@ -35,10 +37,10 @@ def start_router(
 
 @contextmanager
 def router(
-    endpoint: str, robots: Sequence[str], keys: Path | None, *, connect: Sequence[str] = ()
+    endpoint: str, robots: Sequence[str], keys: Path | None, *, stations: Sequence[str] = ()
 ) -> "Generator[subprocess.Popen[str]]":
     """Run a router while the context is open."""
-    process = start_router(endpoint, robots, keys, connect=connect)
+    process = start_router(endpoint, robots, keys, stations=stations)
     try:
         yield process
     finally:

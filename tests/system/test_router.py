@@ -19,9 +19,10 @@ from tests.system.routers import end as end_router
 from tests.system.routers import router, start_router
 from tests.system.test_keys import bare_client
 from wire import topics
+from wire.access import Contract
 from wire.bundle import read_bundle
 from wire.bus import NoReplyError
-from wire.messages import Bool, TriggerResponse, planar_twist
+from wire.messages import Bool, EstopLease, TriggerResponse, planar_twist
 from wire.roles import ANY, Role
 from wire.router import RouterConfig, region_name, settings
 from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
@@ -33,6 +34,7 @@ FALSE = b"false"
 ROUTER_CONNECTS_S = 0.5
 """A hub connects to a router that runs within some milliseconds."""
 ROBOTS = ("robot1", "robot2")
+STATION = "door"
 TELEOP = topics.source_cmd_vel(topics.TELEOP)
 
 
@@ -63,7 +65,7 @@ async def client(config: BusConfig) -> AsyncGenerator[ZenohBus]:
 async def site(tmp_path: Path, protocol: str = "tls") -> AsyncGenerator[Site]:
     ours, endpoint = TestAuthority(tmp_path), secure_endpoint(protocol)
     made = Site(ours, endpoint, {}, {})
-    with router(endpoint, ROBOTS, made.bundle(Role.ROUTER, ANY)):
+    with router(endpoint, ROBOTS, made.bundle(Role.ROUTER, ANY), stations=[STATION]):
         try:
             for robot in ROBOTS:
                 made.at_hubs[robot] = free_endpoint()
@@ -79,6 +81,7 @@ async def open_hub(made: Site, robot: str) -> ZenohBus:
         made.at_hubs[robot],
         robot,
         keys=made.bundle(Role.SUPERVISOR, robot),
+        contract=Contract(stations=(STATION,)),
         routers=(made.endpoint,),
     )
     hub = await open_bus(config, "hub")
@@ -149,6 +152,31 @@ async def test_an_operator_reaches_a_robot_that_dialled_out(tmp_path: Path, prot
             assert (await operator.call(topics.SUPERVISOR_RESET, timeout_s=5.0)).message == "by the hub"
             token.withdraw()
             await until(lambda: any(not one.alive for one in alive.take()), "the end of the token")
+
+
+async def test_an_estop_station_behind_the_router_is_challenged_and_answers(tmp_path: Path) -> None:
+    async with site(tmp_path) as made:
+        hub = made.hubs["robot1"]
+        wake, node = asyncio.Event(), topics.estop_node(STATION)
+        answers = hub.subscribe(topics.estop_presence(STATION))
+        alive = hub.watch_alive(wake, [node])
+        challenge = hub.publisher(topics.estop_challenge(STATION))
+        keys = made.bundle(Role.ESTOP, "robot1")
+        async with client(BusConfig(made.endpoint, "robot1", keys=keys)) as station:
+            station.declare_alive(node, b"run")
+            challenges = station.subscribe(topics.estop_challenge(STATION))
+            presence = station.publisher(topics.estop_presence(STATION))
+
+            def answered() -> bool:
+                challenge.put(EstopLease(challenge=7))
+                for one in challenges.take():
+                    assert one.message is not None
+                    presence.put(one.message)
+                return bool(answers.take())
+
+            await until(answered, "an answer to a challenge")
+            await until(lambda: any(one.alive for one in alive.take()), "the station's token")
+        await until(lambda: any(not one.alive for one in alive.take()), "the end of the station's token")
 
 
 async def test_a_local_program_does_not_wait_for_a_router_that_is_gone(tmp_path: Path) -> None:

@@ -3,14 +3,14 @@
 import json
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 import zenoh
 
 from deploy.stack.launch import DEFAULT_CONFIG
 from supervisor.config import SupervisorSection
-from wire import topics
+from wire import local_socket, topics
 from wire.session import TX_QUEUE, BusConfig
 
 EXAMPLES = DEFAULT_CONFIG.parent / "examples"
@@ -70,11 +70,18 @@ def test_the_bridge_documents_every_key(path: Path) -> None:
     assert plugin["allow"].keys() == DOCUMENTED["allow"], "what is not named is not bridged either; say so"
 
 
+def test_the_bridge_that_takes_part_uses_the_socket_and_the_one_that_only_reads_the_endpoint() -> None:
+    (socket,) = cast("list[str]", setting(SOURCES, "connect/endpoints"))
+    port = BusConfig().endpoint.rpartition(":")[2]
+    assert socket.startswith(f"{local_socket.PROTOCOL}//home/")
+    assert socket.endswith(f"{local_socket.UNDER_HOME}/{port}.sock")
+    assert setting(CMD_VEL, "connect/endpoints") == [BusConfig().endpoint]
+
+
 @pytest.mark.parametrize("path", [SOURCES, CMD_VEL])
 def test_the_bridge_connects_as_every_client_of_the_hub(path: Path) -> None:
     config = BusConfig()
     assert setting(path, "mode") == "client"
-    assert setting(path, "connect/endpoints") == [config.endpoint]
     assert setting(path, "scouting/multicast/enabled") is False
     assert setting(path, "scouting/gossip/enabled") is False
     assert setting(path, "transport/link/tx/lease") == config.lease_s * 1000

@@ -18,7 +18,8 @@ WRITES = {"put", "reply", "declare_queryable", "liveliness_token", "query"}
 
 def allowed(*, has_local: bool = False) -> dict[str, list[dict[str, Any]]]:
     """Return the rules by subject."""
-    made: dict[str, Any] = access_control(ROBOTS, ("teleop",), has_local=has_local)
+    config = RouterConfig((), ROBOTS, sources=("teleop",), stations=("door",))
+    made: dict[str, Any] = access_control(config, has_local=has_local)
     assert (made["enabled"], made["default_permission"]) == (True, "deny")
     rules = {rule["id"]: rule for rule in made["rules"]}
     return {
@@ -55,6 +56,15 @@ def test_an_operator_writes_no_key_of_the_supervisor_or_the_base() -> None:
     assert "robot1/teleop/cmd_vel" in put
     for key in (topics.CMD_VEL.key, topics.STATUS.key, topics.SCAN.key, topics.ODOM.key):
         assert f"robot1/{key}" not in put
+
+
+def test_an_estop_station_proves_its_presence_and_hears_its_challenge() -> None:
+    rules = allowed()["estop@robot1"]
+    assert f"robot1/{topics.estop_presence('door').key}" in keys_in(rules, "ingress", {"put"})
+    assert f"robot1/{topics.alive(topics.estop_node('door'))}/**" in keys_in(
+        rules, "ingress", {"liveliness_token"}
+    )
+    assert f"robot1/{topics.estop_challenge('door').key}" not in keys_in(rules, "ingress", {"put"})
 
 
 @pytest.mark.parametrize("namespace", ["robot1", ANY])
