@@ -64,7 +64,7 @@ def trip_verdicts(own: str, reference: str, trips: Sequence[RoundTrip]) -> list[
 
 
 def trip_sheet(names: Sequence[str], reference: str, trips: Sequence[RoundTrip]) -> Sheet:
-    """Return one row for each kind; the last columns compare it with the reference."""
+    """Return one row for each kind and rate; the last column compares it with the reference."""
 
     def cells(kind: str, rate_hz: float) -> tuple[str, str, str]:
         times_ms = pooled(kind, rate_hz, trips)
@@ -74,13 +74,12 @@ def trip_sheet(names: Sequence[str], reference: str, trips: Sequence[RoundTrip])
         spread = f"{np.median(found):.2f} ({min(found):.2f} to {max(found):.2f})"
         return f"{percentile(times_ms, 50):.2f}", f"{percentile(times_ms, 99):.2f}", spread
 
-    columns = [f"{name} {rate_hz:.0f} Hz" for rate_hz in RATES_HZ for name in ("p50 at", "p99", "ratio")]
     sent = sum(trip.sent for trip in trips)
     heard = sum(len(trip.times_ms) for trip in trips)
     return Sheet(
         "Round trip of a command, in ms",
-        ("through", *columns),
-        tuple((name, *(cell for rate_hz in RATES_HZ for cell in cells(name, rate_hz))) for name in names),
+        ("through", "rate", "p50", "p99", "ratio"),
+        tuple((name, f"{rate_hz:.0f} Hz", *cells(name, rate_hz)) for rate_hz in RATES_HZ for name in names),
         (
             "A driver sends commands that all differ, at a fixed rate, through a process that passes them on.",
             f"ratio: of the medians of the same round to those of the {reference}; median (least to greatest).",

@@ -4,7 +4,7 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -33,6 +33,9 @@ class Sheet:
         return replace(self, notes=(*self.notes, note))
 
 
+VERDICT_COLUMNS = ("target", "measured", "at most", "unit", "result")
+
+
 @dataclass(frozen=True)
 class Verdict:
     """One target and its measurement."""
@@ -42,10 +45,18 @@ class Verdict:
     target: float
     unit: str
 
+    @property
+    def state(self) -> str:
+        """Whether the target is met; if not, by how much it is missed, in % of the target."""
+        over = self.measured / self.target - 1.0
+        return "on target" if over <= 0.0 else f"OVER TARGET by {100.0 * over:.2g} %"
+
+    def row(self) -> tuple[str, ...]:
+        """Return the cells of a table, as `VERDICT_COLUMNS`."""
+        return self.what.rstrip(","), f"{self.measured:.3g}", f"{self.target:.3g}", self.unit, self.state
+
     def sentence(self) -> str:
-        over = self.measured - self.target
-        state = "on target" if over <= 0.0 else f"OVER TARGET by {over:.2g}"
-        return f"{state}: {self.what} {self.measured:.3g} {self.unit}, at most {self.target:.3g} {self.unit}"
+        return f"{self.state}: {self.what} {self.measured:.3g} {self.unit}, at most {self.target:.3g} {self.unit}"
 
 
 def machine() -> str:
@@ -113,20 +124,27 @@ def write_markdown(
         "",
         "## Targets",
         "",
-        *(f"* {verdict.sentence()}" for verdict in verdicts),
+        *_table(VERDICT_COLUMNS, [verdict.row() for verdict in verdicts]),
     ]
     for sheet in sheets:
         parts += [
             "",
             f"## {sheet.title}",
             "",
-            f"| {' | '.join(sheet.columns)} |",
-            f"|{'|'.join(['---'] + ['--:'] * (len(sheet.columns) - 1))}|",
-            *(f"| {' | '.join(row)} |" for row in sheet.rows),
+            *_table(sheet.columns, sheet.rows),
             "",
             *(f"* {note}" for note in sheet.notes),
         ]
     path.write_text("\n".join(parts) + "\n")
+
+
+def _table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    """Return the lines of a markdown table."""
+    return [
+        f"| {' | '.join(columns)} |",
+        f"|{'|'.join(['---'] + ['--:'] * (len(columns) - 1))}|",
+        *(f"| {' | '.join(row)} |" for row in rows),
+    ]
 
 
 def now() -> str:

@@ -1,5 +1,7 @@
 """Reads the processor time of processes and of the machine from /proc."""
 
+import os
+import time
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,12 +23,12 @@ class Usage:
 
 @dataclass(frozen=True)
 class Machine:
-    """The times of all cores until now, in clock ticks."""
+    """The times of all cores until now [s]."""
 
-    busy: int
-    stolen: int
-    """Taken by the host of a virtual machine; a part of `busy`."""
-    total: int
+    idle_s: float
+    stolen_s: float
+    """Taken by the host of a virtual machine."""
+    total_s: float
 
 
 def usage(pid: int) -> Usage:
@@ -41,14 +43,19 @@ def usage(pid: int) -> Usage:
 
 
 def machine() -> Machine:
-    """Return the times of all cores."""
-    user, nice, system, idle, waiting, irq, soft_irq, stolen = (
-        int(word) for word in Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:9]
+    """Return the times of all cores.
+
+    The kernel measures idle time, but counts the rest of /proc/stat by samples, which miss work that begins with a clock
+    tick and ends before the next one.
+    """
+    total_s = time.monotonic() * (os.cpu_count() or 1)
+    _, _, _, idle, waiting, _, _, stolen = (
+        int(word) / os.sysconf("SC_CLK_TCK")
+        for word in Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:9]
     )
-    busy = user + nice + system + irq + soft_irq + stolen
-    return Machine(busy, stolen, busy + idle + waiting)
+    return Machine(idle + waiting, stolen, total_s)
 
 
 def busy_percent(before: Machine, after: Machine) -> float:
     """Return the busy share of all cores between two readings [%]."""
-    return 100.0 * (after.busy - before.busy) / (after.total - before.total)
+    return 100.0 * (1.0 - (after.idle_s - before.idle_s) / (after.total_s - before.total_s))

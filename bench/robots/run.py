@@ -152,7 +152,7 @@ def measure(
         for times_s, commands in zip(kills_s, heard, strict=False)
         for killed_s in times_s
     ]
-    ticks = machine_after.total - machine_before.total
+    total_s = machine_after.total_s - machine_before.total_s
     drive_busy_percent = busy_percent(machine_before, machine_after)
     own_s = sum(one.cpu_s for one in used) + feeder_used.cpu_s + router_s
     return Crowd(
@@ -163,8 +163,8 @@ def measure(
         feeder_percent=100.0 * feeder_used.cpu_s / took_s,
         busy_percent=drive_busy_percent,
         kills_busy_percent=kills_busy_percent,
-        stolen_percent=100.0 * (machine_after.stolen - machine_before.stolen) / ticks,
-        other_percent=max(0.0, drive_busy_percent * (os.cpu_count() or 1) - 100.0 * own_s / took_s),
+        stolen_percent=100.0 * (machine_after.stolen_s - machine_before.stolen_s) / total_s,
+        other_percent=drive_busy_percent * (os.cpu_count() or 1) - 100.0 * own_s / took_s,
         gap_p50_ms=stats.percentile(gaps_ms, 50),
         gap_p99_ms=stats.percentile(gaps_ms, 99),
         gap_max_ms=stats.percentile(gaps_ms, 100),

@@ -46,10 +46,11 @@ def test_the_verdicts_are_ratios_to_the_relay_and_differences_of_tails() -> None
     assert measured[-2:] == [pytest.approx(1.6), pytest.approx(8.9)]
 
 
-def test_the_tables_have_a_row_for_each_kind_and_tell_the_run() -> None:
+def test_the_tables_have_a_row_for_each_kind_and_rate_and_tell_the_run() -> None:
     trip, death = sheets(PEERS)
-    assert [row[0] for row in trip.rows] == [OWN, RELAY, OTHER]
-    assert trip.rows[0][3] == "1.50 (1.00 to 2.00)"
+    assert [row[0] for row in trip.rows] == [OWN, RELAY, OTHER] * len(RATES_HZ)
+    assert [row[1] for row in trip.rows[::3]] == [f"{rate_hz:.0f} Hz" for rate_hz in RATES_HZ]
+    assert trip.rows[0][4] == "1.50 (1.00 to 2.00)"
     assert [row[:2] for row in death.rows] == [(OWN, "3"), (RELAY, "3")]
     assert trip.notes[-1] == "Run of today by `python -m bench.peers`: 2 cores; commit abc."
     assert trip.notes[-2] == "54 of 54 commands arrived; the supervisor passes only the last one of a burst."

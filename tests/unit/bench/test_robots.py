@@ -92,7 +92,7 @@ def test_a_stop_needs_motion_before_the_kill_and_a_zero_after_it(heard: list[Hea
 
 
 def test_the_busy_share_is_computed_between_two_readings() -> None:
-    assert busy_percent(Machine(100, 0, 1000), Machine(250, 0, 1200)) == 75.0
+    assert busy_percent(Machine(100.0, 0.0, 1000.0), Machine(150.0, 0.0, 1200.0)) == 75.0
 
 
 def test_the_percentile_of_no_values_is_nan() -> None:
