@@ -3,6 +3,7 @@
 It reports the cost of a step, the memory, the size of a file, and the lateness of ticks while a file is written.
 """
 
+import argparse
 import asyncio
 import tempfile
 import threading
@@ -13,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bench.rig.options import failing_in_a_sentence
 from supervisor import blackbox, blackbox_file
 from supervisor.blackbox import BlackBox
 from supervisor.blackbox_file import Order
@@ -131,6 +133,12 @@ async def lateness(act: Callable[[], object]) -> str:
 
 
 def main() -> None:
+    argparse.ArgumentParser(prog="python -m bench.black_box", description=__doc__).parse_args()
+    with failing_in_a_sentence("bench.black_box"):
+        _measure()
+
+
+def _measure() -> None:
     order = record(steps(75.0))
     with tempfile.TemporaryDirectory() as name:
         directory = Path(name)

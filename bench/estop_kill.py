@@ -20,6 +20,8 @@ from pathlib import Path
 
 from bench.rig import scenery
 from bench.rig.feed import BEAMS, ODOM_HZ, SCAN_HZ, at_rate, client, feeding, scan
+from bench.rig.options import at_least_zero, count, failing_in_a_sentence
+from bench.rig.options import seed as seed_number
 from bench.rig.terminal import end
 from deploy.stack.launch import free_loopback_endpoint
 from wire import topics
@@ -227,21 +229,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         prog="python -m bench.estop_kill",
         description="Press the e-stop, kill the supervisor, restart it, and check that the e-stop is still latched.",
-        epilog="exit code: 0 if every run stayed latched, 1 if not",
+        epilog="exit code: 0 if every run stayed latched, 1 if not, or if a process fails; 130 after Ctrl-C",
     )
     parser.add_argument(
-        "--runs", type=int, default=RUNS, help="number of runs, about 2 s each (default: %(default)s)"
+        "--runs", type=count, default=RUNS, help="number of runs, about 2 s each (default: %(default)s)"
     )
-    parser.add_argument("--seed", type=int, default=1, help="seed of the kill times (default: %(default)s)")
+    parser.add_argument(
+        "--seed", type=seed_number, default=1, help="seed of the kill times (default: %(default)s)"
+    )
     parser.add_argument(
         "--fsync-s",
-        type=float,
+        type=at_least_zero,
         default=0.0,
         metavar="SECONDS",
         help="simulate a busy disk: delay each fsync of the supervisor by this time (default: %(default)s)",
     )
     arguments = parser.parse_args()
-    counts = asyncio.run(measure(arguments.runs, arguments.seed, arguments.fsync_s))
+    with failing_in_a_sentence("bench.estop_kill"):
+        counts = asyncio.run(measure(arguments.runs, arguments.seed, arguments.fsync_s))
     print(f"{counts[LATCHED]} of {arguments.runs} runs on real processes stayed latched")
     print(f"in {counts[RECORDED]} runs the first status that showed ESTOP also showed it as recorded")
     sys.exit(counts[LATCHED] != arguments.runs)

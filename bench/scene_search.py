@@ -9,11 +9,13 @@ Exit 1 if any scene violates its bound: 0.285 m, or 1.5 cm less than the clearan
 import argparse
 import functools
 import multiprocessing
+import signal
 import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from bench.rig.options import at_least_zero, count, failing_in_a_sentence, output_file, seed, seeds
 from bench.scenes.run import Moment, Outcome, run
 from bench.scenes.scene import Scene, random_scene
 from bench.scenes.summary import Summary
@@ -27,10 +29,10 @@ def main() -> None:
     args = _parse()
     scene_of = functools.partial(random_scene, noise_m=args.noise_m, silent_dirt=args.silent_dirt)
     if args.replay is not None:
-        sys.exit(_replay(scene_of(args.replay), verbose=args.verbose, picture=args.plot))
-    first, _, last = args.seeds.partition("-")
-    seeds = range(int(first), int(last or int(first) + 1))
-    sys.exit(_search(seeds, scene_of, args.jobs, args.only, args.list_file))
+        with failing_in_a_sentence("bench.scene_search"):
+            sys.exit(_replay(scene_of(args.replay), verbose=args.verbose, picture=args.plot))
+    with failing_in_a_sentence("bench.scene_search"):
+        sys.exit(_search(args.seeds, scene_of, args.jobs, args.only, args.list_file))
 
 
 def _parse() -> argparse.Namespace:
@@ -38,31 +40,44 @@ def _parse() -> argparse.Namespace:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument(
-        "--seeds", default="0-300", help="run the seeds from FIRST to LAST - 1, such as 0-20000"
+        "--seeds",
+        type=seeds,
+        default="0-300",
+        metavar="FIRST-LAST",
+        help="run the seeds from FIRST to LAST - 1, such as 0-20000",
     )
-    parser.add_argument("--jobs", type=int, default=1, help="use this many processes")
+    parser.add_argument("--jobs", type=count, default=1, help="use this many processes")
     parser.add_argument("--only", default="", help="run only scenes with this tag, such as 'dirt'")
     parser.add_argument(
-        "--noise-m", type=float, default=0.005, help="set the largest standard deviation of the range noise"
+        "--noise-m",
+        type=at_least_zero,
+        default=0.005,
+        metavar="M",
+        help="set the largest standard deviation of the range noise",
     )
     parser.add_argument(
         "--silent-dirt", action="store_true", help="let dirt read as the profile's 'no return'"
     )
-    parser.add_argument("--list-file", type=Path, help="write the seeds of all violations to this file")
-    parser.add_argument("--replay", type=int, metavar="SEED", help="run one scene and print its figures")
+    parser.add_argument(
+        "--list-file", type=output_file, metavar="FILE", help="write the seeds of all violations to this file"
+    )
+    parser.add_argument("--replay", type=seed, metavar="SEED", help="run one scene and print its figures")
     parser.add_argument(
         "--verbose", action="store_true", help="with --replay: print the ticks around the worst moment"
     )
-    parser.add_argument("--plot", type=Path, metavar="PNG", help="with --replay: draw the run")
-    return parser.parse_args()
+    parser.add_argument("--plot", type=output_file, metavar="PNG", help="with --replay: draw the run")
+    args = parser.parse_args()
+    if args.replay is None and (args.verbose or args.plot is not None):
+        parser.error("--verbose and --plot need --replay SEED")
+    return args
 
 
 def _search(
-    seeds: range, scene_of: "functools.partial[Scene]", jobs: int, only: str, list_file: Path | None
+    numbers: range, scene_of: "functools.partial[Scene]", jobs: int, only: str, list_file: Path | None
 ) -> int:
     summary, started_s = Summary(), time.monotonic()
     shown_s = started_s
-    for outcome in _outcomes(seeds, functools.partial(_run_seed, scene_of=scene_of, only=only), jobs):
+    for outcome in _outcomes(numbers, functools.partial(_run_seed, scene_of=scene_of, only=only), jobs):
         if outcome is None:
             summary.skipped += 1
         else:
@@ -72,7 +87,7 @@ def _search(
             shown_s = now_s
             done = summary.total.runs + summary.skipped
             print(
-                f"{done}/{len(seeds)} at {done / (now_s - started_s):.1f}/s:"
+                f"{done}/{len(numbers)} at {done / (now_s - started_s):.1f}/s:"
                 f" {summary.total.violations} violations, {summary.total.contacts} contacts",
                 file=sys.stderr,
                 flush=True,
@@ -86,16 +101,23 @@ def _search(
     return 1 if summary.total.violations or not summary.total.runs else 0
 
 
-def _outcomes(seeds: range, work: "functools.partial[Outcome | None]", jobs: int) -> Iterator[Outcome | None]:
+def _outcomes(
+    numbers: range, work: "functools.partial[Outcome | None]", jobs: int
+) -> Iterator[Outcome | None]:
     if jobs == 1:
-        yield from map(work, seeds)
+        yield from map(work, numbers)
         return
-    with multiprocessing.get_context("spawn").Pool(jobs) as pool:
-        yield from pool.imap_unordered(work, seeds, chunksize=8)
+    with multiprocessing.get_context("spawn").Pool(jobs, _ignore_ctrl_c) as pool:
+        yield from pool.imap_unordered(work, numbers, chunksize=8)
 
 
-def _run_seed(seed: int, *, scene_of: "functools.partial[Scene]", only: str) -> Outcome | None:
-    scene = scene_of(seed)
+def _ignore_ctrl_c() -> None:
+    """Leave Ctrl-C to the parent, which ends its processes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _run_seed(number: int, *, scene_of: "functools.partial[Scene]", only: str) -> Outcome | None:
+    scene = scene_of(number)
     if only and only not in scene.tags:
         return None
     return run(scene)

@@ -115,7 +115,7 @@ class RmwZenoh:
         """
         self._watch(topic, matched)
         gid = gid_of(self._announce(Kind.PUBLISHER, topic, type_name, depth=1))
-        out = self._session.publisher_raw(data_key(topic, type_name, TYPE_HASHES[type_name]))
+        out = self._session.publisher_on(data_key(topic, type_name, TYPE_HASHES[type_name]))
         sequence = count(1)
 
         def publish(payload: bytes) -> None:

@@ -13,6 +13,7 @@ from collections.abc import Callable, Coroutine
 from concurrent.futures import CancelledError
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 from ros2 import cdr, ros
 from ros2.base import Base, message
@@ -116,10 +117,10 @@ class Ros2Service:
         self._presence = Presence(node, self._on_programs)
 
         self._sensors = [
-            self._sensor(f"scan {topic}", topic, ros.LASER_SCAN, topics.lidar_scan(on_wire).key)
+            self._sensor(f"scan {topic}", topic, ros.LASER_SCAN, topics.lidar_scan(on_wire))
             for topic, on_wire in zip(config.scans, lidar_topics, strict=True)
         ]
-        self._sensors.append(self._sensor("odom", config.odom, ros.ODOMETRY, topics.ODOM.key))
+        self._sensors.append(self._sensor("odom", config.odom, ros.ODOMETRY, topics.ODOM))
         self._feeds = [self._feed(section, command_timeout_s) for section in config.sources]
 
         self._base = Base(config.command_timeout_s)
@@ -138,20 +139,20 @@ class Ros2Service:
         self._status_s = -math.inf
         self._status_out = node.publisher("/lifeline/status", ros.DIAGNOSTIC_STATUS, self._on_match)
         self._diagnostics = node.publisher("/diagnostics", ros.DIAGNOSTIC_ARRAY, self._on_match)
-        self._diagnostics_out = session.publisher_raw(topics.DIAGNOSTICS.key)
+        self._diagnostics_out = session.publisher_raw(topics.DIAGNOSTICS)
         self._reported: list[tuple[str, Level, str]] = []
         self._next_look_s = self._next_poll_s = self._next_report_s = 0.0
 
-        self._estop = session.publisher_raw(topics.ESTOP.key)
+        self._estop = session.publisher_raw(topics.ESTOP)
         self._estop_topic = config.resolved(topics.ESTOP.key)
         for quality in ros.Quality:  # a press must arrive from any button, also one before the start
             node.subscribe(self._estop_topic, ros.BOOL, self._on_estop, self._on_match, quality=quality)
         node.serve("/lifeline/reset", partial(self._on_request, self._reset))
         node.serve("/lifeline/arm", partial(self._on_request, self._arm))
 
-    def _sensor(self, name: str, relative: str, type_name: str, key: str) -> _Sensor:
+    def _sensor(self, name: str, relative: str, type_name: str, to: topics.Topic[Any]) -> _Sensor:
         sensor = _Sensor(name, self._config.resolved(relative), type_name, Writers(_new_gid))
-        out = self._session.publisher_raw(key)
+        out = self._session.publisher_raw(to)
 
         def on_message(sample: Sample) -> None:
             """Pass a message on; called on the node's thread."""
@@ -174,7 +175,7 @@ class Ros2Service:
             section,
             source,
             self._presence.watch(topic, type_name),
-            self._session.publisher_raw(topics.source_cmd_vel(section.name).key),
+            self._session.publisher_raw(topics.source_cmd_vel(section.name)),
             Inbox(COMMAND_DEPTH, self._wake),
         )
         self._node.subscribe(topic, type_name, feed.heard.push, self._on_match)

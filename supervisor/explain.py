@@ -13,6 +13,7 @@ def detail_of(
     causes: Reasons,
     limit: Limit | None = None,
     *,
+    is_too_fast: bool = False,
     scan_problem: str = "",
     block_bearing_rad: float = math.nan,
     writers: tuple[str, ...] = (),
@@ -23,13 +24,14 @@ def detail_of(
     Args:
         causes: the causes that hold now.
         limit: what reduces the command without a cause.
+        is_too_fast: whether the age of the command limits its speed even while it is new.
         scan_problem: why the newest scan proves nothing.
         block_bearing_rad: bearing of the blocking point in the base frame; NaN if there is none.
         writers: for each sensor with several active writers, its name and theirs.
         stations: which e-stop stations are pressed or missing.
     """
     if limit is not None:
-        return "the next command is late"
+        return "blind_budget_m permits less than this speed" if is_too_fast else "the next command is late"
     where = bearing_in_words(block_bearing_rad)
     match min(causes, key=SEVERITY.__getitem__, default=None):
         case StopReason.ESTOP | StopReason.ESTOP_STATION_LOST:

@@ -699,7 +699,7 @@ def _decide(
     output = STANDSTILL
     if not reasons and commanded != STANDSTILL:
         assert owner is not None  # without one, there is a reason
-        renewed = _renewed(owner, commanded, now_s, config)
+        renewed = _renewed(now_s - owner.sent_s, commanded, config)
         if renewed < scale:
             scale, limit = renewed, Limit.COMMAND_AGE
         output = Velocity(scale * commanded.linear_m_s, scale * commanded.angular_rad_s)
@@ -709,7 +709,7 @@ def _decide(
     return state, _explain(state, now_s, reasons, causes, block, limit, commanded, scale, reply)
 
 
-def _renewed(owner: Source, commanded: Velocity, now_s: float, config: LawConfig) -> float:
+def _renewed(age_s: float, commanded: Velocity, config: LawConfig) -> float:
     """Return the share of a motion that the age of its command permits; more than one if it permits more.
 
     The permitted speed falls linearly to zero at the command timeout. Its sum over the ticks until then is at most the blind
@@ -722,7 +722,7 @@ def _renewed(owner: Source, commanded: Velocity, now_s: float, config: LawConfig
     # An output lasts until the next tick, while the permitted speed falls further: `transport_s` includes a tick.
     timeout_s, tick_s = config.command_timeout_s, config.transport_s
     fresh_m_s = 2.0 * config.blind_budget_m * timeout_s / (timeout_s + tick_s / 2.0) ** 2
-    permitted_m_s = max(0.0, fresh_m_s * (1.0 - (now_s - owner.sent_s) / timeout_s))
+    permitted_m_s = max(0.0, fresh_m_s * (1.0 - age_s / timeout_s))
     return permitted_m_s / speed_m_s
 
 
@@ -889,6 +889,7 @@ def _explain(
         detail=detail_of(
             causes,
             limit,
+            is_too_fast=_renewed(0.0, commanded, config) < 1.0,
             scan_problem=scan_problem,
             block_bearing_rad=math.nan if block is None else math.atan2(block.y_m, block.x_m),
             writers=_conflicts(state, now_s) if StopReason.SENSOR_CONFLICT in causes else (),

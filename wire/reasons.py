@@ -149,9 +149,9 @@ WORDS: Mapping[StopReason, Words] = {
 
 LIMIT_WORDS: Mapping[Limit, Words] = {
     Limit.COMMAND_AGE: Words(
-        now="the commands of WHO arrive late",
-        over="commands arrived late",
-        caption="commands come late",
+        now="the commands of WHO come too rarely for this speed",
+        over="commands came too rarely for the speed",
+        caption="commands too rare for this speed",
         step="slow down, or mend the connection",
     )
 }

@@ -47,6 +47,7 @@ from wire.roles import SERVERS
 from wire.roles import Role as ParticipantRole
 from wire.runs import SESSION_BYTES, Runs
 from wire.stamp import Stamper
+from wire.topics import Topic
 from wire.zenoh_log import why_refused
 
 _log = logging.getLogger(__name__)
@@ -66,6 +67,8 @@ CLOSE_LIMIT_S = 1.0
 MAX_PENDING_QUERIES = 16
 TX_QUEUE = 16
 """Maximum number of batches of one priority that wait to be sent: the most that Zenoh accepts."""
+DATAGRAM_BYTES = 1000
+"""Maximum size of a payload that is sent as a datagram: a QUIC packet has 1,200 bytes at first, with all headers, key and stamp."""
 OVERHEARD_BYTES = 32 << 20
 """Maximum size of the samples that wait in an inbox of `overhear`: a foreign payload may have any size."""
 LIVELINESS_DEPTH = 256
@@ -474,17 +477,31 @@ def _no_attachment(_: bytes | None) -> bytes | None:
 
 
 class RawPublisher:
-    """Publishes bytes on one key, without batching, at real-time priority; drops samples instead of waiting."""
+    """Publishes bytes on one key, without batching, at real-time priority; drops samples instead of waiting.
 
-    def __init__(self, session: zenoh.Session, key: str) -> None:
-        self._publisher = session.declare_publisher(
-            key,
+    Args:
+        session: the session.
+        key: the full key.
+        fresh_only: whether a sample is useful only until the next one. Over QUIC, it is then a datagram, which a lost
+            packet does not delay; over TCP, nothing changes. A sample that does not fit in a datagram remains reliable:
+            the loss or the delay of one of its fragments would lose it.
+    """
+
+    def __init__(self, session: zenoh.Session, key: str, *, fresh_only: bool) -> None:
+        self._session, self._full_key = session, key
+        self._small = self._declared(is_reliable=not fresh_only)
+        self._large: zenoh.Publisher | None = None if fresh_only else self._small
+        self._mark = _id_bytes(session.info.zid())[:SESSION_BYTES]
+        self._stamper = Stamper(self._mark)
+
+    def _declared(self, *, is_reliable: bool) -> zenoh.Publisher:
+        return self._session.declare_publisher(
+            self._full_key,
             congestion_control=zenoh.CongestionControl.DROP,
             priority=zenoh.Priority.REAL_TIME,
             express=True,
+            reliability=zenoh.Reliability.RELIABLE if is_reliable else zenoh.Reliability.BEST_EFFORT,
         )
-        self._mark = _id_bytes(session.info.zid())[:SESSION_BYTES]
-        self._stamper = Stamper(self._mark)
 
     @property
     def epoch(self) -> bytes:
@@ -502,7 +519,12 @@ class RawPublisher:
             true_at_s: the time of its content by the loop's clock, for this run's stamp; None: now.
         """
         stamp = self._stamper.next(true_at_s).pack() if attachment is None else attachment
-        self._publisher.put(payload, attachment=stamp)
+        if len(payload) <= DATAGRAM_BYTES:
+            self._small.put(payload, attachment=stamp)
+            return
+        if self._large is None:
+            self._large = self._declared(is_reliable=True)
+        self._large.put(payload, attachment=stamp)
 
     def begin_anew(self) -> None:
         """Begin a new epoch, as after a restart of the process."""
@@ -557,9 +579,14 @@ class ZenohSession:
             for (node, epoch), tell in itertools.product(runs, self._watched):
                 tell(node, epoch, is_open)
 
-    def publisher_raw(self, key: str, *, namespace: str | None = None) -> RawPublisher:
-        """Return a publisher on a key of the robot, or of another robot behind the same router."""
-        return RawPublisher(self._session, self._key(key) if namespace is None else f"{namespace}/{key}")
+    def publisher_raw(self, topic: Topic[Any], *, namespace: str | None = None) -> RawPublisher:
+        """Return a publisher of encoded messages of a topic of the robot, or of another robot behind the same router."""
+        key = self._key(topic.key) if namespace is None else f"{namespace}/{topic.key}"
+        return RawPublisher(self._session, key, fresh_only=topic.fresh_only)
+
+    def publisher_on(self, key: str) -> RawPublisher:
+        """Return a publisher on a key that the table of topics does not have; no sample of it may be lost."""
+        return RawPublisher(self._session, self._key(key), fresh_only=False)
 
     def subscribe_raw(self, key: str, push: Push) -> None:
         """Call `push` for each sample on exactly this key of the robot."""

@@ -5,7 +5,7 @@ They follow the zenoh-bridge-ros2dds mapping: ROS 2 topic `/robot/cmd_vel` is ke
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Generic
 
 from wire.lease import CHALLENGE_PERIOD_S
@@ -25,6 +25,8 @@ class Topic(Generic[M]):
     """None for a topic without a fixed rate."""
     roles: tuple[Role, ...] = ()
     """Whose puts the hub accepts; none: only the supervisor, which is the hub, writes it."""
+    fresh_only: bool = False
+    """Whether a sample is useful only until the next one: then it may be lost, and is never sent again (session.py)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,23 +44,23 @@ class Service:
     """Whose replies the hub accepts; none: only the supervisor serves it."""
 
 
-CMD_VEL = Topic("cmd_vel", Twist, "supervisor", 50.0)
+CMD_VEL = Topic("cmd_vel", Twist, "supervisor", 50.0, fresh_only=True)
 SENSORS = (Role.SENSOR, Role.BASE)
 """A simulated robot, and a ROS 2 process, are base and sensors in one."""
-SCAN = Topic("scan", LaserScan, "sim", 20.0, SENSORS)
+SCAN = Topic("scan", LaserScan, "sim", 20.0, SENSORS, fresh_only=True)
 ANYONE = "anyone"
 """The writer of topics that any program may write."""
 
-ODOM = Topic("odom", Odometry, "sim", 50.0, (Role.BASE,))
-STATUS = Topic("supervisor/status", SafetyStatus, "supervisor", 10.0)
+ODOM = Topic("odom", Odometry, "sim", 50.0, (Role.BASE,), fresh_only=True)
+STATUS = Topic("supervisor/status", SafetyStatus, "supervisor", 10.0, fresh_only=True)
 ESTOP = Topic("estop", Bool, ANYONE, None, (Role.OPERATOR, Role.ESTOP, Role.BASE))
 OBSTACLE = Topic("sim/obstacle", Point, ANYONE, None, (Role.OPERATOR,))
-TRUTH = Topic("sim/truth", Odometry, "sim", 50.0, (Role.BASE,))
+TRUTH = Topic("sim/truth", Odometry, "sim", 50.0, (Role.BASE,), fresh_only=True)
 """Ground truth of the simulated robot's pose, in the world frame; no driving program may subscribe to it."""
-IMU = Topic("imu", Imu, "sim", 100.0, SENSORS)
+IMU = Topic("imu", Imu, "sim", 100.0, SENSORS, fresh_only=True)
 DIAGNOSTICS = Topic("diagnostics", DiagnosticArray, "sim", 1.0, SENSORS)
 """Also published immediately on a contact of the hull."""
-CLOCK = Topic("clock", Clock, "sim", 50.0, (Role.BASE,))
+CLOCK = Topic("clock", Clock, "sim", 50.0, (Role.BASE,), fresh_only=True)
 """Simulated time; with `--speed 2` it runs twice as fast as real time."""
 
 SUPERVISOR_RESET = Service("supervisor/reset", "supervisor")
@@ -94,7 +96,7 @@ ESTOP_STATION = "estop_station"
 
 def source_cmd_vel(source: str) -> Topic[Twist]:
     """Return the topic of the commands of one source (`teleop`, `joy`, `path`, …)."""
-    return Topic(f"{source}/cmd_vel", Twist, source, 20.0, (Role.OPERATOR,))
+    return Topic(f"{source}/cmd_vel", Twist, source, 20.0, (Role.OPERATOR,), fresh_only=True)
 
 
 def source_holder(source: str) -> Service:
@@ -151,7 +153,7 @@ def lidar_scan(topic: str) -> Topic[LaserScan]:
         or last in {CMD_VEL.key, "holder"}
     ):
         raise ValueError("is already used for another topic or a node; choose a key such as scan_rear")
-    return Topic(topic, LaserScan, SCAN.writer, SCAN.rate_hz, SCAN.roles)
+    return replace(SCAN, key=topic)
 
 
 def alive(node: str, epoch: bytes = b"") -> str:
@@ -177,7 +179,7 @@ TOPICS: tuple[Topic[Any], ...] = (
     source_cmd_vel(SOURCE_PLACEHOLDER),
     CMD_VEL,
     SCAN,
-    Topic(LIDAR_PLACEHOLDER, LaserScan, SCAN.writer, SCAN.rate_hz, SCAN.roles),
+    replace(SCAN, key=LIDAR_PLACEHOLDER),
     ODOM,
     STATUS,
     ESTOP,

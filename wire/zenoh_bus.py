@@ -62,7 +62,7 @@ class ZenohBus(ZenohSession):
     """A Bus over one Zenoh session."""
 
     def publisher(self, topic: Topic[M]) -> ZenohPublisher:
-        return ZenohPublisher(self._session, self._key(topic.key))
+        return ZenohPublisher(self._session, self._key(topic.key), fresh_only=topic.fresh_only)
 
     def subscribe(
         self,
@@ -139,7 +139,7 @@ class Fleet:
         """Send a message of a topic to one robot."""
         publisher = self._publishers.get((robot, topic.key))
         if publisher is None:
-            publisher = self._session.publisher_raw(topic.key, namespace=robot)
+            publisher = self._session.publisher_raw(topic, namespace=robot)
             self._publishers[robot, topic.key] = publisher
         publisher.put_bytes(encode(message))
 

@@ -1,11 +1,9 @@
 """`python -m bench.link`: measure false stops over links that lose packets. Exit 0, or 1 if a program fails."""
 
 import argparse
-import math
+import os
 import signal
 import sys
-from collections.abc import Callable
-from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
@@ -14,6 +12,15 @@ from bench.link.namespaces import NoNamespaceError
 from bench.link.results import Results, read, write
 from bench.link.run import Plan, measure
 from bench.link.table import sheets, verdicts
+from bench.rig.options import (
+    at_least_zero,
+    count,
+    failing_in_a_sentence,
+    output_file,
+    percent,
+    positive,
+    seed,
+)
 from bench.rig.sheet import show
 from bench.rig.stored import this_run
 from wire.session import BusConfig
@@ -21,39 +28,6 @@ from wire.session import BusConfig
 FLOWS = 2
 SECONDS = 200.0
 LATE_MS = 5.0
-
-
-def share_percent(text: str) -> float:
-    return _checked(text, lambda value: 0.0 <= value <= 100.0, "from 0 to 100")
-
-
-def at_least_zero(text: str) -> float:
-    return _checked(text, lambda value: value >= 0.0, "of at least 0")
-
-
-def positive(text: str) -> float:
-    return _checked(text, lambda value: value > 0.0, "greater than 0")
-
-
-def count(text: str) -> int:
-    return int(
-        _checked(text, lambda value: value >= 1.0 and value.is_integer(), "of at least 1, without fraction")
-    )
-
-
-def _checked(text: str, holds: Callable[[float], bool], wanted: str) -> float:
-    """Return a finite number that fulfils a condition.
-
-    Raises:
-        ArgumentTypeError: it does not.
-    """
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value) or not holds(value):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number {wanted}")
-    return value
 
 
 def main() -> None:
@@ -75,7 +49,7 @@ def main() -> None:
     )
     parser.add_argument(
         "--loss-percent",
-        type=share_percent,
+        type=percent,
         nargs="+",
         default=[100 * one for one in LOSSES],
         metavar="P",
@@ -105,10 +79,17 @@ def main() -> None:
         help="flows of each condition (default: %(default)s)",
     )
     parser.add_argument(
+        "--together",
+        type=count,
+        default=1,
+        metavar="N",
+        help="flows that share a process, to measure more of them on one machine (default: %(default)s)",
+    )
+    parser.add_argument(
         "--seconds", type=positive, default=SECONDS, help="duration of each round (default: %(default)s)"
     )
     parser.add_argument("--rounds", type=count, default=1, metavar="N", help="(default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="seed of the first round (default: %(default)s)")
+    parser.add_argument("--seed", type=seed, default=1, help="seed of the first round (default: %(default)s)")
     parser.add_argument(
         "--late-ms",
         type=positive,
@@ -116,20 +97,28 @@ def main() -> None:
         metavar="T",
         help="reject a round in which a part of the bench is later than this, p99 (default: %(default)g)",
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="add the results to the JSON lines in FILE")
+    parser.add_argument(
+        "--json", type=output_file, metavar="FILE", help="add the results to the JSON lines in FILE"
+    )
     options = parser.parse_args()
     signal.signal(signal.SIGTERM, _end)
-    try:
-        _measure(options)
-    except (RuntimeError, NoNamespaceError) as error:
-        sys.exit(f"bench.link: {error}")
-    except KeyboardInterrupt:
-        sys.exit(130)
+    kept = "the complete rounds are in the file" if options.json is not None else "nothing was written"
+    with failing_in_a_sentence("bench.link", kept):
+        try:
+            _measure(options)
+        except NoNamespaceError as error:
+            raise RuntimeError(str(error)) from error
 
 
 def _end(_: int, __: FrameType | None) -> NoReturn:
     """End the programs and remove the namespaces, then end this process."""
     sys.exit(143)
+
+
+def _priority() -> str:
+    """Return the command that gave this process its real-time priority; empty if it has none."""
+    option = {os.SCHED_FIFO: "-f", os.SCHED_RR: "-r"}.get(os.sched_getscheduler(0))
+    return "" if option is None else f"chrt {option} {os.sched_getparam(0).sched_priority} "
 
 
 def _measure(options: argparse.Namespace) -> None:
@@ -139,21 +128,24 @@ def _measure(options: argparse.Namespace) -> None:
         [one / 1000 for one in options.round_trip_ms],
         options.lease_s,
     )
-    words = ["python -m bench.link"]
+    words = [f"{_priority()}python -m bench.link"]
     if options.links != list(Link):
         words.append(f"--links {' '.join(options.links)}")
+    together = f" --together {options.together}" if options.together > 1 else ""
     words += [
         f"--loss-percent {' '.join(f'{one:g}' for one in options.loss_percent)}",
         f"--round-trip-ms {' '.join(f'{one:g}' for one in options.round_trip_ms)}",
         f"--lease-s {' '.join(f'{one:g}' for one in options.lease_s)}",
-        f"--flows {options.flows} --seconds {options.seconds:g} --rounds {options.rounds} --seed {options.seed}",
+        f"--flows {options.flows}{together} --seconds {options.seconds:g} --rounds {options.rounds} --seed {options.seed}",
     ]
     before = None if options.json is None else read(options.json)
     results = before or Results({}, (), ())
     rejected = 0
     for number in range(options.rounds):
         flows: int = options.flows
-        plan = Plan(dict.fromkeys(conditions, flows), options.seconds, options.seed + number)
+        plan = Plan(
+            dict.fromkeys(conditions, flows), options.seconds, options.seed + number, options.together
+        )
         made, measured = measure(plan)
         rejection = made.rejection(options.late_ms)
         if rejection is not None:

@@ -87,7 +87,7 @@ def receive(hub: Hub, pipe: Pipe) -> None:
 def main() -> None:
     given = json.loads(sys.stdin.readline())
     security = tls.settings(choose_bundle(Path(given["keys"]), time.time(), part=Role.SUPERVISOR))
-    pipes = fork_each([Hub(**one, security=security) for one in given["hubs"]], receive)
+    pipes = fork_each([Hub(**one, security=security) for one in given["hubs"]], receive, given["together"])
     for pipe in pipes:
         pipe.recv()
     print("ready", flush=True)

@@ -34,6 +34,8 @@ class Plan:
     flows: Mapping[Condition, int]
     seconds: float
     seed: int
+    together: int = 1
+    """How many flows share a process."""
 
 
 def measure(plan: Plan) -> tuple[Round, list[Measured]]:
@@ -68,10 +70,10 @@ def measure(plan: Plan) -> tuple[Round, list[Measured]]:
             program("bench.link.sender", inside(spaces.a)) as sender,
         ):
             relay.tell(json.dumps({"paths": paths, "seed": plan.seed}))
-            receiver.tell(json.dumps({"keys": b_keys, "hubs": hubs}))
+            receiver.tell(json.dumps({"keys": b_keys, "hubs": hubs, "together": plan.together}))
             relay.expect("ready", START_LIMIT_S)
             receiver.expect("ready", START_LIMIT_S)
-            sender.tell(json.dumps({"keys": a_keys, "sources": hubs}))
+            sender.tell(json.dumps({"keys": a_keys, "sources": hubs, "together": plan.together}))
             sender.expect("ready", START_LIMIT_S)
             word, *silent = receiver.line(FRESH_LIMIT_S).split()
             if word != "fresh":

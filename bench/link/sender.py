@@ -1,15 +1,18 @@
 """Sends the commands of all flows, each from a process of its own: `python -m bench.link.sender`, started by bench/link/run.py.
 
-The first line of the standard input is JSON: endpoint and lease of each flow, and the folder of the keys. Prints `ready` when all
+The first line of the standard input is JSON: endpoint and lease of each flow, the folder of the keys, and how
+many flows share a process. Prints `ready` when all
 sessions are open. The line `end` ends the program; it prints its lateness as a line of JSON.
 """
 
 import json
+import math
 import os
 import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Lock
 
 import zenoh
 
@@ -27,16 +30,22 @@ from wire.stamp import Stamper
 class Source:
     """A command source."""
 
-    number: int
+    process: int
+    """Number of the process in which it runs."""
     endpoint: str
     """Of its hub."""
     lease_s: float
     security: Security
 
 
+_OPENING = Lock()
+"""Taken while a session opens: many handshakes at once, in one process, starve each other until they time out."""
+
+
 def send(source: Source, pipe: Pipe) -> None:
     """Send commands until a message arrives in the pipe; answer it with the lateness of each."""
-    session = open_at(source.endpoint, "client", source.lease_s, source.security)
+    with _OPENING:
+        session = open_at(source.endpoint, "client", source.lease_s, source.security)
     token = session.liveliness().declare_token(TOKEN_KEY)
     publisher = session.declare_publisher(
         COMMAND_KEY,
@@ -49,13 +58,15 @@ def send(source: Source, pipe: Pipe) -> None:
     pipe.send("ready")
     stamper, payload = Stamper(), encode(planar_twist(CRUISE_M_S, 0.0))
     late: list[tuple[float, float]] = []
-    due_s = time.monotonic() + source.number * SPREAD % 1.0 / COMMAND_HZ
+    # The flows of one process send at the same moments, so that one wake-up serves them all.
+    period_s = 1.0 / COMMAND_HZ
+    due_s = (math.ceil(time.monotonic() * COMMAND_HZ) + source.process * SPREAD % 1.0) * period_s
     while not pipe.poll():
         time.sleep(max(0.0, due_s - time.monotonic()))
         now_s = time.monotonic()
         publisher.put(payload, attachment=stamper.next().pack())
         late.append((due_s, now_s))
-        due_s = max(due_s + 1.0 / COMMAND_HZ, now_s)
+        due_s += period_s * max(1, math.ceil((now_s - due_s) / period_s))
     pipe.send(late)
     del token
 
@@ -63,8 +74,11 @@ def send(source: Source, pipe: Pipe) -> None:
 def main() -> None:
     given = json.loads(sys.stdin.readline())
     security = tls.settings(choose_bundle(Path(given["keys"]), time.time(), part=None))
-    sources = [Source(number, security=security, **one) for number, one in enumerate(given["sources"])]
-    pipes = fork_each(sources, send)
+    together: int = given["together"]
+    sources = [
+        Source(number // together, security=security, **one) for number, one in enumerate(given["sources"])
+    ]
+    pipes = fork_each(sources, send, together)
     for pipe in pipes:
         pipe.recv()
     print("ready", flush=True)

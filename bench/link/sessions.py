@@ -1,6 +1,7 @@
 """Zenoh sessions of both sides, with the settings of the product and mutual TLS for QUIC."""
 
 import json
+import os
 from typing import Literal
 
 import zenoh
@@ -11,6 +12,8 @@ from wire.session import RECONNECT_MS, TX_QUEUE, BusConfig
 
 Security = dict[str, str | bool]
 """Zenoh's settings for mutual TLS (`wire.tls.settings`)."""
+RUNTIME = "(rx: (worker_threads: 1))"
+"""Zenoh's threads of a process: a second receiving thread costs wake-ups, and no flow has more than 200 packets a second."""
 PORT = 7447
 """Of the first flow of a condition; the others have the next ones."""
 COMMAND_KEY = f"{BusConfig().namespace}/{topics.source_cmd_vel(topics.TELEOP).key}"
@@ -27,6 +30,7 @@ def open_at(at: str, role: Literal["hub", "client"], lease_s: float, security: S
     Raises:
         zenoh.ZError: it cannot.
     """
+    os.environ.setdefault("ZENOH_RUNTIME", RUNTIME)  # read once, when the first session is opened
     values: dict[str, object] = {
         "mode": "peer" if role == "hub" else "client",
         "scouting/multicast/enabled": False,

@@ -5,11 +5,67 @@ import math
 import os
 import subprocess
 import sys
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
 
 EXIT_FAILED, EXIT_INTERRUPTED = 1, 130
+
+
+def number(holds: Callable[[float], bool], wanted: str) -> Callable[[str], float]:
+    """Return a type of options: a finite number that fulfils a condition.
+
+    Args:
+        holds: the condition.
+        wanted: the condition in words, such as "from 0 to 100".
+    """
+
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value) or not holds(value):
+            raise argparse.ArgumentTypeError(f"must be a number {wanted}, not {text!r}")
+        return value
+
+    return read
+
+
+percent = number(lambda value: 0.0 <= value <= 100.0, "from 0 to 100")
+at_least_zero = number(lambda value: value >= 0.0, "of at least 0")
+positive = number(lambda value: value > 0.0, "greater than 0")
+
+
+def seed(text: str) -> int:
+    """Return the seed of a random number generator.
+
+    Raises:
+        ArgumentTypeError: it is not a whole number of at least 0.
+    """
+    try:
+        value = int(text)
+    except ValueError:
+        value = -1
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"must be a whole number of at least 0, not {text!r}")
+    return value
+
+
+def seeds(text: str) -> range:
+    """Return the seeds from FIRST to LAST - 1 of a text FIRST-LAST; one seed if there is no LAST.
+
+    Raises:
+        ArgumentTypeError: it is neither.
+    """
+    first, dash, last = text.partition("-")
+    try:
+        found = range(seed(first), seed(last) if dash else seed(first) + 1)
+    except argparse.ArgumentTypeError:
+        found = range(0)
+    if not found:
+        raise argparse.ArgumentTypeError(f"must be FIRST-LAST with FIRST < LAST, such as 0-300, not {text!r}")
+    return found
 
 
 def count(text: str) -> int:
@@ -59,12 +115,17 @@ def output_file(text: str) -> Path:
 
 
 @contextmanager
-def failing_in_a_sentence(bench: str) -> Generator[None]:
-    """End the program with one sentence if a process of the bench fails, or on Ctrl-C."""
+def failing_in_a_sentence(bench: str, written: str = "nothing was written") -> Generator[None]:
+    """End the program with one sentence if a process of the bench fails, or on Ctrl-C.
+
+    Args:
+        bench: its name.
+        written: what an interrupted run has stored.
+    """
     try:
         yield
     except KeyboardInterrupt:
-        print(f"{bench}: interrupted; nothing was written", file=sys.stderr)
+        print(f"{bench}: interrupted; {written}", file=sys.stderr)
         sys.exit(EXIT_INTERRUPTED)
     except (RuntimeError, OSError, subprocess.SubprocessError) as error:
         print(f"{bench}: {str(error) or type(error).__name__}", file=sys.stderr)

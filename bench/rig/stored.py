@@ -1,6 +1,7 @@
 """Stored runs of the longer benchmarks: one JSON object a line, the run first, then its measurements, each with its kind."""
 
 import json
+import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,11 @@ def origin(run: dict[str, str]) -> str:
 
 def write_rows(path: Path, run: dict[str, str], rows: Iterable[Row]) -> None:
     lines = [{"row": "run", **run}, *({"row": kind, **fields} for kind, fields in rows)]
-    path.write_text("".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines))
+    text = "".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines)
+    # A process that is killed while it writes leaves the earlier measurements.
+    written = path.with_name(f".{path.name}.{os.getpid()}")
+    written.write_text(text)
+    written.replace(path)
 
 
 def read_rows(path: Path) -> tuple[dict[str, str], list[Row]] | None:

@@ -61,8 +61,8 @@ class Body:
         """What the supervisor has commanded last."""
         self._odometry_of: dict[Motion, bytes] = {}
         self._next_scan = itertools.cycle(scans)
-        self._scans = session.publisher_raw(topics.SCAN.key)
-        self._odometry = session.publisher_raw(topics.ODOM.key)
+        self._scans = session.publisher_raw(topics.SCAN)
+        self._odometry = session.publisher_raw(topics.ODOM)
         session.subscribe_raw(topics.CMD_VEL.key, self._hear_cmd_vel)
         session.subscribe_raw(topics.STATUS.key, self._hear_status)
 
@@ -126,7 +126,7 @@ class Operator:
         self._number = itertools.count()
         self._is_here = True
         self._neutral, self._cruise = (encode(planar_twist(speed, 0.0)) for speed in (0.0, CRUISE_M_S))
-        self._commands = session.publisher_raw(topics.source_cmd_vel(topics.TELEOP).key)
+        self._commands = session.publisher_raw(topics.source_cmd_vel(topics.TELEOP))
         self._token = session.declare_alive(topics.TELEOP)
 
     def put_command(self) -> None:

@@ -14,6 +14,7 @@ from typing import NoReturn
 
 import pexpect
 
+from bench.rig.options import count, failing_in_a_sentence, output_file, positive, seed
 from bench.ros2_crash.isolation import can_isolate, is_isolated, isolate
 from bench.ros2_crash.results import appending, read
 from bench.ros2_crash.run import run
@@ -34,14 +35,14 @@ def main() -> None:
         epilog="exit code: 0; 1 if a trial could not run. The file is extended: an interrupted run can be resumed",
     )
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="FILE", help="JSON lines: one for each trial"
+        "--out", type=output_file, required=True, metavar="FILE", help="JSON lines: one for each trial"
     )
     parser.add_argument(
-        "--trials", type=int, default=TRIALS, help="number of trials of each case (default: %(default)s)"
+        "--trials", type=count, default=TRIALS, help="number of trials of each case (default: %(default)s)"
     )
     parser.add_argument(
         "--minutes",
-        type=float,
+        type=positive,
         default=float("inf"),
         help="begin no trial after this many minutes (default: no limit)",
     )
@@ -52,16 +53,17 @@ def main() -> None:
         help="whether Lifeline is between the node and the robot (default: %(default)s)",
     )
     parser.add_argument(
-        "--seed", type=int, default=1, help="seed of the times of the faults (default: %(default)s)"
+        "--seed", type=seed, default=1, help="seed of the times of the faults (default: %(default)s)"
     )
     arguments = parser.parse_args()
     if not is_isolated() and can_isolate():
         isolate()
     signal.signal(signal.SIGTERM, _end)
-    try:
-        sys.exit(measure(arguments))
-    except DeployError as error:
-        sys.exit(f"ros2_crash: {error}")
+    with failing_in_a_sentence("bench.ros2_crash", "the complete trials are in the file"):
+        try:
+            sys.exit(measure(arguments))
+        except DeployError as error:
+            raise RuntimeError(str(error)) from error
 
 
 def _end(_: int, __: FrameType | None) -> NoReturn:
@@ -95,7 +97,7 @@ def measure(arguments: argparse.Namespace) -> int:
 
 
 def run_block(
-    setup: Setup, trials: Iterable[tuple[Case, int]], logs: Path, seed: int, end_s: float
+    setup: Setup, trials: Iterable[tuple[Case, int]], logs: Path, number_of_seed: int, end_s: float
 ) -> Iterator[Trial]:
     """Run trials one after the other with the same processes of the robot.
 
@@ -106,7 +108,7 @@ def run_block(
         for case, number in trials:
             if time.monotonic() > end_s:
                 return
-            yield run(made, case, number, random.Random(f"{seed} {case} {number}"))
+            yield run(made, case, number, random.Random(f"{number_of_seed} {case} {number}"))
 
 
 def last_words(logs: Path) -> str:

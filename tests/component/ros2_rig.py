@@ -23,6 +23,7 @@ from wire.inbox import Inbox, LivelinessChange, NoReplyError, Token
 from wire.messages import encode
 from wire.session import Push, ZenohSession
 from wire.stamp import Stamp, Stamper, parse_stamp
+from wire.topics import Topic
 
 R = TypeVar("R")
 
@@ -67,8 +68,8 @@ class VirtualSession:
         self.sent: dict[str, list[tuple[bytes, Stamp]]] = {}
         """All samples that were put, by key."""
 
-    def publisher_raw(self, key: str) -> _RawPublisher:
-        return _RawPublisher(self, key)
+    def publisher_raw(self, topic: Topic[Any]) -> _RawPublisher:
+        return _RawPublisher(self, topic.key)
 
     def subscribe_raw(self, key: str, push: Push) -> None:
         self.bus.subscriptions.setdefault(key, []).append(cast("Any", _Push(push)))

@@ -4,12 +4,15 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from bench.link.namespaces import inside, pair, why_not
 from bench.rig.program import ROOT
 from tests.system.two_hosts import OPERATORS, VIEWERS
+from wire import topics
+from wire.session import DATAGRAM_BYTES
 
 LIMIT_S = 110.0
 LONGEST_GAP_S = 2.0
@@ -21,7 +24,7 @@ pytestmark = [
 ]
 
 
-def play(scenario: str, protocol: str, logs: Path) -> dict[str, float]:
+def play(scenario: str, protocol: str, logs: Path) -> dict[str, Any]:
     """Play a scenario of two_hosts.py in the robot's namespace, and return what it has measured."""
     with pair([OPERATORS, VIEWERS]) as spaces:
         fds = (spaces.a_fd, spaces.b_fd)
@@ -52,3 +55,13 @@ def test_a_cut_link_stops_the_robot_until_the_returned_operator_sends_neutral(
 def test_the_operators_commands_arrive_when_the_links_of_viewers_die(tmp_path: Path) -> None:
     """Zenoh waits for a dead TCP link up to ten seconds, on a thread that also receives from the other links."""
     assert play("viewers", "tcp", tmp_path)["longest_gap_s"] < LONGEST_GAP_S
+
+
+def test_over_quic_a_lost_packet_loses_only_its_own_sample(tmp_path: Path) -> None:
+    """Missing sequence numbers prove that samples were datagrams: a QUIC stream delivers all of them, the later ones late."""
+    measured = play("lossy", "quic", tmp_path)
+    scan = measured.pop(topics.SCAN.key)
+    for key, transit in measured.items():
+        assert transit["lost"] > 0, key
+    assert scan["bytes"] > DATAGRAM_BYTES
+    assert scan["lost"] == 0, "a sample of several packets is a stream's"

@@ -5,15 +5,19 @@ what it has measured as a line of JSON; an assertion that fails ends it with exi
 
     cut       cut the link of the driving operator: the robot stops, and stays stopped until the returned operator sends neutral
     viewers   let the links of viewers die: the operator's commands still arrive
+    lossy     lose packets while the operator drives: which samples arrive, and how late
 """
 
 import argparse
 import asyncio
 import itertools
 import json
+import os
 import subprocess
 import sys
+from dataclasses import asdict
 from pathlib import Path as File
+from typing import Any
 
 import pexpect
 
@@ -23,6 +27,7 @@ from bench.rig.program import Program, program
 from deploy.keys.commands import init, issue
 from deploy.keys.register import Request
 from tests.system.harness import PATIENCE_S, VIEWER, Robot, is_zero
+from tests.system.transits import listen, transit
 from wire import topics
 from wire.messages import SafetyStatus
 from wire.roles import Role
@@ -39,6 +44,9 @@ DELAY_S = 0.01
 LINGER_S = 10.0
 """Time for which Zenoh waits when it closes a TCP link that does not answer."""
 NUMBER_OF_VIEWERS = 8
+LOSS = 0.05
+LOSSY_S = 20.0
+HEARD_BY_OPERATOR = (topics.CMD_VEL, topics.STATUS, topics.ODOM, topics.SCAN)
 
 
 async def drive_and_cut(robot: Robot, relay: Program) -> dict[str, float]:
@@ -102,6 +110,25 @@ async def viewers_die(robot: Robot, relay: Program, operator: str) -> dict[str, 
         viewers.communicate()
 
 
+async def drive_over_losses(robot: Robot, relay: Program, operator: str) -> dict[str, dict[str, float]]:
+    """Return what has arrived of each topic over the lossy link, by key."""
+    assert robot.bus is not None
+    intents = listen(robot.bus, topics.source_cmd_vel(topics.TELEOP).key)
+    await robot.until(lambda: robot.status.owner == topics.TELEOP, "teleop's heartbeat")
+    keys = str(robot.keys.get(topics.SIM, ""))
+    words = ["tests.system.transits", robot.endpoint, keys, *(topic.key for topic in HEARD_BY_OPERATOR)]
+    with program(words[0], inside(operator), words[1:]) as listener:
+        listener.expect("listening", PATIENCE_S)
+        _tell(relay, "lose")
+        listener.tell("begin")
+        intents.take()
+        await robot.drive()
+        await asyncio.sleep(LOSSY_S)  # it is the duration of what is measured
+        listener.tell("end")
+        heard = asdict(transit(intents.take()))
+        return {topics.source_cmd_vel(topics.TELEOP).key: heard} | json.loads(listener.line(PATIENCE_S))
+
+
 def bundles(directory: File, host: str) -> dict[str, File]:
     """Issue a certificate for each participant; return the bundles by node."""
     keys = directory / "keys"
@@ -122,7 +149,7 @@ def bundles(directory: File, host: str) -> dict[str, File]:
     }
 
 
-async def run(arguments: argparse.Namespace, relay: Program) -> dict[str, float]:
+async def run(arguments: argparse.Namespace, relay: Program) -> dict[str, Any]:
     robot = Robot(f"{arguments.protocol}/{Pair.b_address(OPERATORS)}:{PORT}", arguments.logs)
     if arguments.protocol != "tcp":
         robot.keys = bundles(arguments.logs, Pair.b_address(OPERATORS))
@@ -147,6 +174,8 @@ async def run(arguments: argparse.Namespace, relay: Program) -> dict[str, float]
         robot.terminal.delaybeforesend = None
         if arguments.scenario == "viewers":
             return await viewers_die(robot, relay, arguments.operator)
+        if arguments.scenario == "lossy":
+            return await drive_over_losses(robot, relay, arguments.operator)
         return await drive_and_cut(robot, relay)
     finally:
         await robot.close()
@@ -154,13 +183,16 @@ async def run(arguments: argparse.Namespace, relay: Program) -> dict[str, float]
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.system.two_hosts", description=__doc__)
-    parser.add_argument("scenario", choices=("cut", "viewers"))
+    parser.add_argument("scenario", choices=("cut", "viewers", "lossy"))
     parser.add_argument("operator", help="name of the operator's namespace")
     parser.add_argument("fds", type=int, nargs=2, help="file descriptors of the two TUN devices")
     parser.add_argument("--protocol", choices=("tcp", "tls", "quic"), required=True)
     parser.add_argument("--logs", type=File, required=True)
     arguments = parser.parse_args()
-    paths = {OPERATORS: Path(loss=0.0, delay_s=DELAY_S, jitter_s=0.0), VIEWERS: Path(1.0, DELAY_S, 0.0)}
+    paths = {
+        OPERATORS: Path(LOSS if arguments.scenario == "lossy" else 0.0, DELAY_S, 0.0),
+        VIEWERS: Path(1.0, DELAY_S, 0.0),
+    }
     with program("bench.link.relay", (), tuple(map(str, arguments.fds)), arguments.fds) as relay:
         relay.tell(
             json.dumps(
@@ -172,6 +204,7 @@ def main() -> None:
         )
         relay.expect("ready", PATIENCE_S)
         print(json.dumps(asyncio.run(run(arguments, relay))), flush=True)
+    os._exit(0)  # Zenoh may crash or hang at the interpreter's end
 
 
 if __name__ == "__main__":

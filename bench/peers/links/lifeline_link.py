@@ -32,7 +32,7 @@ def _open(address: str, namespace: str = "robot", keys: Path | None = None) -> Z
 
 def _source(session: ZenohSession) -> Callable[[bytes], None]:
     """Return a function that sends a command as the keyboard's source."""
-    publisher = session.publisher_raw(topics.source_cmd_vel(topics.TELEOP).key)
+    publisher = session.publisher_raw(topics.source_cmd_vel(topics.TELEOP))
     sequence, gid = count(1), os.urandom(GID_BYTES)
 
     def send(payload: bytes) -> None:

@@ -106,7 +106,7 @@ async def run(options: argparse.Namespace, ros_arguments: list[str]) -> None:
 
     listen(obey, lambda: loop.call_soon_threadsafe(ended.set))
     session.declare_alive(topics.SUPERVISOR)
-    out = session.publisher_raw(topics.CMD_VEL.key)
+    out = session.publisher_raw(topics.CMD_VEL)
     say(**{READY: node.get_name()})
     while not ended.is_set():
         due.clear()

@@ -14,6 +14,7 @@ WITHOUT_JSON = {
     "metrics": "serves HTTP until Ctrl-C",
     "view": "shows pictures; `topic echo --json` prints the messages",
     "ros2 exec": "its output is that of the program which it runs",
+    "ros2 run": "its output is that of the ROS 2 process",
     "ros2 check-base": "its output is that of the ROS 2 process",
     "ros2 profile": "prints an XML file",
     "topic pub": "publishes; it has no result",

@@ -59,7 +59,7 @@ class FakeSession:
     def declare_token(self, key: str) -> None:
         self.tokens.append(key)
 
-    def publisher_raw(self, key: str) -> FakePublisher:
+    def publisher_on(self, key: str) -> FakePublisher:
         return self.out.setdefault(key, FakePublisher())
 
     def serve_raw(

@@ -84,6 +84,16 @@ def test_the_faster_of_the_origin_and_the_rim_has_the_permitted_speed(
     assert scale == pytest.approx(0.4 * 0.2 / 0.215**2 * (1.0 - 0.18 / 0.2) / rim_m_s)
 
 
+def test_a_speed_that_the_budget_never_permits_is_not_blamed_on_the_next_command() -> None:
+    law = law_with(blind_budget_m=0.06)
+    law.tick(("teleop", NEUTRAL))
+    assert law.tick(("teleop", FULL)).detail == "blind_budget_m permits less than this speed"
+    assert law.hold(0.1).detail == "blind_budget_m permits less than this speed"
+    fresh_m_s = 2.0 * 0.06 * 0.2 / (0.2 + CONFIG.transport_s / 2.0) ** 2
+    law.tick(("teleop", Velocity(fresh_m_s, 0.0)))
+    assert law.tick().detail == "the next command is late"
+
+
 @pytest.mark.parametrize("velocity", [FULL, SPIN, BACK])
 def test_commands_at_20_hz_are_never_limited_by_the_defaults(velocity: Velocity) -> None:
     law = law_with()
