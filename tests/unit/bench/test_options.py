@@ -1,6 +1,7 @@
 """Options of the benches, and how a bench ends."""
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -8,10 +9,15 @@ import pytest
 from bench.rig.options import (
     EXIT_FAILED,
     EXIT_INTERRUPTED,
+    at_least_zero,
     count,
     duration_s,
     failing_in_a_sentence,
     output_file,
+    percent,
+    positive,
+    seed,
+    seeds,
 )
 
 
@@ -27,6 +33,33 @@ def test_a_duration_is_positive_and_finite() -> None:
     for text in ("0", "-1", "nan", "inf", "x"):
         with pytest.raises(argparse.ArgumentTypeError, match="positive number of seconds"):
             duration_s(text)
+
+
+@pytest.mark.parametrize(
+    ("read", "good", "bad"),
+    [
+        (percent, ["0", "2.5", "100"], ["-0.1", "100.1"]),
+        (at_least_zero, ["0", "3"], ["-1e-9"]),
+        (positive, ["1e-9"], ["0", "-1"]),
+    ],
+)
+def test_a_number_within_its_bounds_is_accepted_and_no_other(
+    read: Callable[[str], float], good: list[str], bad: list[str]
+) -> None:
+    assert [read(text) for text in good] == [float(text) for text in good]
+    for text in (*bad, "nan", "inf", "x", ""):
+        with pytest.raises(argparse.ArgumentTypeError, match="must be a number"):
+            read(text)
+
+
+def test_seeds_are_one_number_or_a_range() -> None:
+    assert (seed("0"), seeds("7"), seeds("3-5")) == (0, range(7, 8), range(3, 5))
+    for text in ("-1", "x", "1.5", ""):
+        with pytest.raises(argparse.ArgumentTypeError, match="of at least 0"):
+            seed(text)
+    for text in ("5-5", "5-1", "-3", "1-", "x"):
+        with pytest.raises(argparse.ArgumentTypeError, match="FIRST < LAST"):
+            seeds(text)
 
 
 def test_a_new_file_and_an_old_one_are_accepted(tmp_path: Path) -> None:
