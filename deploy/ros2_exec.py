@@ -21,6 +21,7 @@ from ros2.config import Ros2Section
 from wire import topics
 from wire.config import BusSection, ConfigError, FreeName, Section, read_sections, read_toml
 from wire.inbox import BusError, Token
+from wire.local_socket import pid_in
 from wire.memory_keeper import MemoryKeeper
 from wire.notify import Notifier, take_notifier
 from wire.session import BusConfig, ZenohSession, open_session
@@ -151,6 +152,6 @@ async def _check_alone(session: ZenohSession, bus: BusConfig, source: str) -> No
     network = network_of(await session.declarations())
     holders = [s for s in network.sessions if key in s.tokens and s.session_id != session.session_id]
     if holders:
-        raise BusError(
-            f"another `lifeline ros2 exec --source {source}` runs already, at {holders[0].address}: end it first"
-        )
+        holder = holders[0]
+        where = f"as process {pid_in(holder.session_id)}" if holder.is_at_socket else f"at {holder.address}"
+        raise BusError(f"another `lifeline ros2 exec --source {source}` runs already, {where}: end it first")

@@ -181,7 +181,10 @@ async def test_a_second_holder_of_the_same_source_is_refused(tmp_path: Path) -> 
     async with supervised(tmp_path) as (subject, tokens), started(subject, tokens) as (wrapper, program):
         second = run(command(subject.endpoint, "echo", "started"))
         assert (second.returncode, second.stdout) == (2, "")
-        assert "another `lifeline ros2 exec --source joy` runs already, at 127.0.0.1:" in second.stderr
+        assert (
+            f"another `lifeline ros2 exec --source joy` runs already, as process {wrapper.pid}: end it first"
+            in second.stderr
+        )
         assert tokens.look()
         os.kill(program, signal.SIGKILL)
         wrapper.wait(PATIENCE_S)

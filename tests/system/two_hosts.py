@@ -154,7 +154,11 @@ async def run(arguments: argparse.Namespace, relay: Program) -> dict[str, Any]:
     if arguments.protocol != "tcp":
         robot.keys = bundles(arguments.logs, Pair.b_address(OPERATORS))
     try:
-        robot.start(topics.SUPERVISOR, "--endpoint", f"{arguments.protocol}/0.0.0.0:{PORT}")
+        # Without certificates, another host takes part only if the configuration permits it.
+        config = arguments.logs / "supervisor.toml"
+        config.write_text('[bus]\nwithout_certificate = "participant"\n')
+        listen = f"{arguments.protocol}/0.0.0.0:{PORT}"
+        robot.start(topics.SUPERVISOR, "--config", str(config), "--endpoint", listen)
         robot.start(topics.SIM)
         await robot.observe()
         robot.terminal = pexpect.spawn(
