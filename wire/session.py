@@ -65,6 +65,7 @@ TROUBLE_PERIOD_S = 10.0
 """Period of a client's attempts to find out why it cannot connect; each takes 0.3 s of the processor."""
 CLOSE_LIMIT_S = 1.0
 MAX_PENDING_QUERIES = 16
+ASK_AGAIN_S = 0.02
 TX_QUEUE = 16
 """Maximum number of batches of one priority that wait to be sent: the most that Zenoh accepts."""
 DATAGRAM_BYTES = 1000
@@ -796,15 +797,23 @@ class ZenohSession:
         return answer
 
     def _supervisors(self, timeout_s: float) -> set[bytes]:
-        """Return the ids of the sessions that hold the token of a supervisor's run; blocks for a round trip."""
+        """Return the ids of the sessions that hold the token of a supervisor's run; blocks for a round trip.
+
+        On a busy machine, Zenoh sometimes reports no token although there is one; it is asked again until the time limit.
+        """
         prefix = self._key(topics.alive(""))
         expression = f"{prefix}{topics.SUPERVISOR}/*"
-        tokens = [
-            topics.token_of(str(reply.ok.key_expr).removeprefix(prefix))
-            for reply in self._session.liveliness().get(expression, timeout=timeout_s)
-            if reply.ok is not None
-        ]
-        return {token[1] for token in tokens if token is not None}
+        deadline_s = time.monotonic() + timeout_s
+        while True:
+            tokens = [
+                topics.token_of(str(reply.ok.key_expr).removeprefix(prefix))
+                for reply in self._session.liveliness().get(expression, timeout=timeout_s)
+                if reply.ok is not None
+            ]
+            found = {token[1] for token in tokens if token is not None}
+            if found or time.monotonic() >= deadline_s:
+                return found
+            time.sleep(ASK_AGAIN_S)
 
     async def connected(self, *, timeout_s: float = 1.0) -> frozenset[bytes] | None:
         """Return the ids of the sessions that are connected to the hub; None if others may be behind a router."""
