@@ -85,7 +85,7 @@ def sentence(look: Look) -> str:
         case Word.STOPPED:
             why = "" if look.status is None else plain(look.status.why())
             return f"the robot is stopped{f': {why}' if why else ''}"
-        case Word.HEARD:
+        case _:
             return "stopping" if look.is_pressed else "any key stops the robot"
 
 
