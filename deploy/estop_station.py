@@ -2,7 +2,6 @@
 
 import asyncio
 import os
-import re
 import sys
 from typing import NoReturn
 
@@ -11,10 +10,9 @@ from deploy.stack.launch import Launch
 from teleop.station.face import Look, picture
 from teleop.station.service import Station
 from teleop.terminal import Terminal, is_dumb, is_terminal
+from wire.config import NAME
 from wire.process import run_process
 from wire.zenoh_bus import ZenohBus, open_bus
-
-NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
 
 
 def run_station(launch: Launch, name: str) -> NoReturn:

@@ -5,8 +5,6 @@ little.
 """
 
 import asyncio
-import os
-import re
 import sys
 import time
 from collections.abc import Awaitable, Callable, Iterator, Sequence
@@ -14,16 +12,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
 
-from rich.console import Console
-
 from deploy.command import print_json, say
 from deploy.stack.errors import EXIT_NOT_RUNNING, DeployError
-from deploy.watch import EXIT_PARTLY, show_lines, show_live, until
-from deploy.watch_rows import Row, Watched, row_at, table, to_json
+from deploy.watch import EXIT_PARTLY, show_lines, show_live, show_once, until, wants_lines
+from deploy.watch_rows import Row, Watched, row_at
 from wire import tls, topics
 from wire.bundle import BundleError, choose_bundle
 from wire.bus import Overheard
-from wire.config import BusSection, ConfigError, absolute, section
+from wire.config import NAME, BusSection, ConfigError, absolute, section
 from wire.messages import Bool, SafetyStatus, UndecodableError, decode
 from wire.process import run_process
 from wire.reasons import StopReason
@@ -38,7 +34,6 @@ ANSWER_LIMIT_S = 3.0
 PERIOD_S = 0.1
 """Period of the e-stops to a robot that has not confirmed, and of the updates."""
 MAX_ROBOTS = 1000
-NAMESPACE = re.compile("[a-z][a-z0-9_]{0,31}")
 STOPPERS = (Role.OPERATOR, Role.ESTOP)
 
 
@@ -63,7 +58,7 @@ class Robots:
 
     def _seen(self, name: str) -> "Remote | None":
         robot = self.by_name.get(name)
-        if robot is None and len(self.by_name) < MAX_ROBOTS and NAMESPACE.fullmatch(name):
+        if robot is None and len(self.by_name) < MAX_ROBOTS and NAME.fullmatch(name):
             robot = self.by_name[name] = Remote(name, self._endpoint)
         return robot
 
@@ -136,7 +131,7 @@ def _run(
 ) -> NoReturn:
     """Connect, and run `work` in this process."""
     for name in expected:
-        if not NAMESPACE.fullmatch(name) or name == ANY:
+        if not NAME.fullmatch(name) or name == ANY:
             raise DeployError(
                 f"{name!r} is not a robot's namespace: use small letters, digits and _, such as robot7"
             )
@@ -166,21 +161,14 @@ def list_robots(config: BusConfig, expected: Sequence[str], *, as_json: bool) ->
             return time.monotonic() >= found_s and robots.all_heard
 
         await until(stop, is_complete, time.monotonic() + ANSWER_LIMIT_S)
-        rows = robots.rows()
-        if as_json:
-            for row in rows:
-                print(to_json(row, time.time()), flush=True)
-        else:
-            Console().print(table(rows))
-        heard = sum(row.status is not None for row in rows)
-        return EXIT_NOT_RUNNING if not heard else 0 if heard == len(rows) else EXIT_PARTLY
+        return show_once(robots.rows(), as_json=as_json)
 
     _run(config, expected, work)
 
 
 def watch_robots(config: BusConfig, expected: Sequence[str], *, as_json: bool) -> NoReturn:
     """Show the robots until Ctrl-C."""
-    as_json = as_json or not sys.stdout.isatty() or os.environ.get("TERM") == "dumb"
+    as_json = wants_lines(as_json=as_json)
 
     async def work(stop: asyncio.Event, robots: Robots, _: Fleet) -> int:
         def feeds() -> list[Remote]:

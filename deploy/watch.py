@@ -107,7 +107,7 @@ def watch(robots: Sequence[Launch], *, as_json: bool, once: bool) -> NoReturn:
             await asyncio.wait([asyncio.ensure_future(feed.close()) for feed in feeds], timeout=CLOSE_LIMIT_S)
         return 0
 
-    as_json = as_json or not sys.stdout.isatty() or os.environ.get("TERM") == "dumb"
+    as_json = wants_lines(as_json=as_json)
     # No process waits for this command's liveliness token: it has none.
     run_process("lifeline", main, memory_keeper=False)
 
@@ -122,14 +122,23 @@ async def _once(stop: asyncio.Event, feeds: Sequence[Feed], *, as_json: bool) ->
         return all(row.status is not None and row.twist is not None for row in latest.values())
 
     await until(stop, look, time.monotonic() + ONCE_LIMIT_S)
-    rows = [latest[feed] for feed in feeds]
+    return show_once([latest[feed] for feed in feeds], as_json=as_json)
+
+
+def wants_lines(*, as_json: bool) -> bool:
+    """Return whether the output is JSON lines: on request, or because a live table cannot be shown."""
+    return as_json or not sys.stdout.isatty() or os.environ.get("TERM") == "dumb"
+
+
+def show_once(rows: Sequence[Row], *, as_json: bool) -> int:
+    """Print the rows; return the exit code: 0 if all robots are heard, 1 if some are, 3 if none is."""
     if as_json:
         for row in rows:
             print(to_json(row, time.time()), flush=True)
     else:
         Console().print(table(rows))
     heard = sum(row.status is not None for row in rows)
-    return 0 if heard == len(rows) else EXIT_PARTLY if heard else EXIT_NOT_RUNNING
+    return EXIT_NOT_RUNNING if not heard else 0 if heard == len(rows) else EXIT_PARTLY
 
 
 class Shown(Protocol):

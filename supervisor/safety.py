@@ -889,7 +889,7 @@ def _explain(
         detail=detail_of(
             causes,
             limit,
-            is_too_fast=_renewed(0.0, commanded, config) < 1.0,
+            is_too_fast=limit is Limit.COMMAND_AGE and _renewed(0.0, commanded, config) < 1.0,
             scan_problem=scan_problem,
             block_bearing_rad=math.nan if block is None else math.atan2(block.y_m, block.x_m),
             writers=_conflicts(state, now_s) if StopReason.SENSOR_CONFLICT in causes else (),

@@ -31,6 +31,8 @@ from wire.session import DEFAULT_ENDPOINT, BusConfig
 SECTIONS = ("bus", "supervisor", "teleop", "sim", "ros2")
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=32)]
+NAME = re.compile("[a-z][a-z0-9_]{0,31}")
+"""The same, for `fullmatch`."""
 """One chunk of a key: the name of a namespace, a node or a command source."""
 
 

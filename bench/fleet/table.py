@@ -7,6 +7,7 @@ import numpy as np
 from bench.rig.sheet import Sheet, Verdict
 from bench.robots.results import Crowd
 from bench.robots.stats import percentile
+from bench.robots.table import gaps_and_stops
 
 COLUMNS = (
     "robots",
@@ -45,19 +46,12 @@ def sheet(crowds: Sequence[Crowd]) -> Sheet:
 
 
 def _row(one: Crowd) -> tuple[str, ...]:
-    reasons = ", ".join(f"{name} {count}" for name, count in one.reasons.items())
     return (
         str(one.robots),
         f"{one.router_percent:.1f}",
         f"{np.mean(one.cpu_percent):.1f}",
         f"{one.busy_percent:.0f} / {one.kills_busy_percent:.0f}",
-        f"{one.gap_p50_ms:.1f}",
-        f"{one.gap_p99_ms:.1f}",
-        f"{one.gap_max_ms:.0f}",
-        f"{one.stood} ({reasons})" if reasons else str(one.stood),
-        f"{len(one.stop_ms)} of {one.kills}",
-        f"{percentile(one.stop_ms, 50):.1f}",
-        f"{percentile(one.stop_ms, 99):.1f}",
+        *gaps_and_stops(one),
         f"{percentile(one.stop_ms, 100):.1f}",
         f"{one.crossing_bytes_s / 1000:.1f}",
     )

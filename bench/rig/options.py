@@ -43,13 +43,7 @@ def seed(text: str) -> int:
     Raises:
         ArgumentTypeError: it is not a whole number of at least 0.
     """
-    try:
-        value = int(text)
-    except ValueError:
-        value = -1
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"must be a whole number of at least 0, not {text!r}")
-    return value
+    return _whole_number(text, 0)
 
 
 def seeds(text: str) -> range:
@@ -74,13 +68,17 @@ def count(text: str) -> int:
     Raises:
         ArgumentTypeError: it is not a whole number of at least 1.
     """
+    return _whole_number(text, 1)
+
+
+def _whole_number(text: str, least: int) -> int:
     try:
-        number = int(text)
+        value = int(text)
     except ValueError:
-        number = 0
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"must be a whole number of at least 1, not {text!r}")
-    return number
+        value = least - 1
+    if value < least:
+        raise argparse.ArgumentTypeError(f"must be a whole number of at least {least}, not {text!r}")
+    return value
 
 
 def duration_s(text: str) -> float:

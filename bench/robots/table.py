@@ -59,8 +59,21 @@ def sheet(crowds: Sequence[Crowd]) -> Sheet:
     )
 
 
-def _row(one: Crowd) -> tuple[str, ...]:
+def gaps_and_stops(one: Crowd) -> tuple[str, ...]:
+    """Return the cells of the gaps (p50, p99, max), the robots that stood, the kills, and the stops (p50, p99)."""
     reasons = ", ".join(f"{name} {count}" for name, count in one.reasons.items())
+    return (
+        f"{one.gap_p50_ms:.1f}",
+        f"{one.gap_p99_ms:.1f}",
+        f"{one.gap_max_ms:.0f}",
+        f"{one.stood} ({reasons})" if reasons else str(one.stood),
+        f"{len(one.stop_ms)} of {one.kills}",
+        f"{percentile(one.stop_ms, 50):.1f}",
+        f"{percentile(one.stop_ms, 99):.1f}",
+    )
+
+
+def _row(one: Crowd) -> tuple[str, ...]:
     return (
         str(one.robots),
         f"{np.mean(one.cpu_percent):.1f}",
@@ -69,13 +82,7 @@ def _row(one: Crowd) -> tuple[str, ...]:
         f"{one.other_percent:.0f}",
         f"{one.busy_percent:.0f} / {one.kills_busy_percent:.0f}",
         f"{one.delay_percent:.1f}",
-        f"{one.gap_p50_ms:.1f}",
-        f"{one.gap_p99_ms:.1f}",
-        f"{one.gap_max_ms:.0f}",
-        f"{one.stood} ({reasons})" if reasons else str(one.stood),
-        f"{len(one.stop_ms)} of {one.kills}",
-        f"{percentile(one.stop_ms, 50):.1f}",
-        f"{percentile(one.stop_ms, 99):.1f}",
+        *gaps_and_stops(one),
         f"{one.late_p99_ms:.1f}",
     )
 

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from bench.command_age import sheet
 from docs.generate import sections
-from docs.generate.link import markdown
 
 DOCUMENT = Path(__file__).parents[1] / "decisions/0052-speed-follows-the-link.md"
 
@@ -20,7 +19,7 @@ def regenerated(text: str) -> str:
     Raises:
         ValueError: the table has no place in the document.
     """
-    return sections.regenerated(text, {"limits": lambda: markdown(sheet())}, str(DOCUMENT))
+    return sections.regenerated(text, {"limits": lambda: sections.markdown(sheet())}, str(DOCUMENT))
 
 
 if __name__ == "__main__":

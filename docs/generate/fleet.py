@@ -16,7 +16,6 @@ from bench.fleet.table import sheet, soak_verdicts
 from bench.rig.stored import origin
 from bench.robots.results import read
 from docs.generate import sections
-from docs.generate.link import markdown
 
 DOCUMENT = Path(__file__).parents[1] / "fleet.md"
 NONE = "Not measured yet: `make bench-fleet`."
@@ -33,7 +32,7 @@ def regenerated(text: str) -> str:
 
 def _curve() -> str:
     stored = read(CURVE)
-    return NONE if stored is None else markdown(sheet(stored.crowds).with_note(origin(stored.run)))
+    return NONE if stored is None else sections.markdown(sheet(stored.crowds).with_note(origin(stored.run)))
 
 
 def _soak() -> str:

@@ -13,7 +13,6 @@ from pathlib import Path
 
 from bench.link.results import Results, read
 from bench.link.table import sheets, verdicts
-from bench.rig.sheet import Sheet
 from docs.generate import sections
 
 DOCUMENT = Path(__file__).parents[1] / "link.md"
@@ -37,22 +36,7 @@ def _answer(results: Results | None) -> str:
 
 
 def _tables(results: Results | None) -> str:
-    return NONE if results is None else "\n\n".join(markdown(one) for one in sheets(results))
-
-
-def markdown(sheet: Sheet) -> str:
-    """Return a sheet as a section."""
-    return "\n".join(
-        [
-            f"### {sheet.title}",
-            "",
-            f"| {' | '.join(sheet.columns)} |",
-            f"|{'|'.join(['---'] + ['--:'] * (len(sheet.columns) - 1))}|",
-            *(f"| {' | '.join(row)} |" for row in sheet.rows),
-            "",
-            *(f"* {note}" for note in sheet.notes),
-        ]
-    )
+    return NONE if results is None else "\n\n".join(sections.markdown(one) for one in sheets(results))
 
 
 if __name__ == "__main__":

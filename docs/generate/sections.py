@@ -6,6 +6,8 @@ import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from bench.rig.sheet import Sheet
+
 Parts = Mapping[str, Callable[[], str]]
 
 
@@ -27,6 +29,21 @@ def regenerated(text: str, parts: Parts, document: str) -> str:
         body = part()
         text = place.sub(lambda match, body=body: f"{match[1]}\n{body}\n\n{match[2]}", text)
     return text
+
+
+def markdown(sheet: Sheet) -> str:
+    """Return a sheet as a section."""
+    return "\n".join(
+        [
+            f"### {sheet.title}",
+            "",
+            f"| {' | '.join(sheet.columns)} |",
+            f"|{'|'.join(['---'] + ['--:'] * (len(sheet.columns) - 1))}|",
+            *(f"| {' | '.join(row)} |" for row in sheet.rows),
+            "",
+            *(f"* {note}" for note in sheet.notes),
+        ]
+    )
 
 
 def main(program: str, document: Path, regenerate: Callable[[str], str]) -> int:

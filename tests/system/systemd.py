@@ -3,13 +3,25 @@
 import os
 import select
 import shlex
+import signal
 import socket
+import subprocess
 import time
 from pathlib import Path
 
 from tests.system.harness import PATIENCE_S
 
 READY, RUNNING, STOPPING = b"READY=1\nWATCHDOG=1", b"WATCHDOG=1", b"STOPPING=1"
+
+
+def end(process: "subprocess.Popen[bytes]") -> None:
+    """End a service, also a stopped one."""
+    process.send_signal(signal.SIGCONT)
+    process.terminate()
+    try:
+        process.wait(PATIENCE_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
 
 
 class Systemd:

@@ -15,7 +15,7 @@ import pytest
 from tests.system.harness import PATIENCE_S
 from tests.system.ports import free_endpoint
 from tests.system.process_state import state_of
-from tests.system.systemd import RUNNING, STOPPING, Systemd
+from tests.system.systemd import RUNNING, STOPPING, Systemd, end
 from wire import topics
 from wire.state_directory import ENVIRONMENT
 
@@ -63,12 +63,7 @@ def started(systemd: Systemd, directory: Path, *command: str) -> "Generator[subp
         try:
             yield process
         finally:
-            process.send_signal(signal.SIGCONT)
-            process.terminate()
-            try:
-                process.wait(PATIENCE_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
+            end(process)
 
 
 def accepts(endpoint: str) -> bool:

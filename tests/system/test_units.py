@@ -17,7 +17,7 @@ from tests.system.harness import PATIENCE_S
 from tests.system.operators import ROOT
 from tests.system.ports import free_endpoint
 from tests.system.process_state import state_of
-from tests.system.systemd import RUNNING, Systemd, Unit
+from tests.system.systemd import RUNNING, Systemd, Unit, end
 
 UNITS = ROOT / "deploy" / "systemd"
 EXPOSURE = {"lifeline-supervisor.service": 1.5, "lifeline-ros2.service": 2.0, "lifeline-guard@.service": 2.5}
@@ -45,12 +45,7 @@ def started(subject: Unit, systemd: Systemd) -> "Generator[subprocess.Popen[byte
         try:
             yield process
         finally:
-            process.send_signal(signal.SIGCONT)
-            process.terminate()
-            try:
-                process.wait(PATIENCE_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
+            end(process)
 
 
 @pytest.fixture
