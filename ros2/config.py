@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field
 
-from wire import topics
+from wire import tls, topics
 from wire.config import BusSection, Conflict, Endpoint, Name, Section, Sections, same_endpoint
 from wire.quantities import Between
 from wire.session import BusConfig
@@ -89,7 +89,7 @@ class Ros2Section(Section):
 
     def to_router_config(self, bus: BusSection) -> BusConfig:
         """Return how the session of the robot's domain connects to its router."""
-        return BusConfig(self.router, str(self.domain_id), bus.lease_s)
+        return BusConfig(self.router, str(self.domain_id), bus.lease_s or tls.lease_s((self.router,)))
 
     def resolved(self, topic: str) -> str:
         """Return the absolute name of a topic."""

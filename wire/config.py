@@ -148,8 +148,6 @@ class BusSection(Section):
     endpoint: Endpoint = DEFAULT_ENDPOINT
     namespace: Annotated[Name, AfterValidator(is_one_robot)] = "robot"
     keys: Annotated[str, Field(min_length=1), AfterValidator(_absolute)] | None = None
-    # Zenoh's own default of 10 s is far too long for a robot; below 0.1 s a busy machine loses links.
-    lease_s: Annotated[float, Between(0.1, 2.0)] = 0.4
     memory_keeper: bool = True
     without_certificate: Literal["participant", "viewer"] = "viewer"
     """What a program is that has no certificate and does not use the hub's socket (local_socket.py)."""
@@ -157,6 +155,9 @@ class BusSection(Section):
     """Keys of other topics that bases, sensors and programs of this machine may write."""
     routers: Annotated[list[Endpoint], Field(max_length=4)] = []
     """Zenoh routers to which the hub connects, so that operators reach a robot behind NAT through them."""
+    # Zenoh's own default of 10 s is far too long for a robot; below 0.1 s a busy machine loses links.
+    lease_s: Annotated[float, Between(0.1, 2.0)] | None = None
+    """How long a silent link counts as alive; None: as its protocol needs (tls.py)."""
 
     def conflicts(self) -> Iterator[Conflict]:
         if tls.is_secure(self.endpoint) and self.keys is None:
@@ -173,8 +174,9 @@ class BusSection(Section):
         unproven = LOCAL_ROLES if self.without_certificate == "participant" else (Role.VIEWER,)
         keys = None if self.keys is None else Path(self.keys)
         routers = tuple(self.routers)
+        lease_s = self.lease_s or tls.lease_s((self.endpoint, *routers))
         return BusConfig(
-            self.endpoint, self.namespace, self.lease_s, keys, part, unproven=unproven, routers=routers
+            self.endpoint, self.namespace, lease_s, keys, part, unproven=unproven, routers=routers
         )
 
 

@@ -48,7 +48,11 @@ class RouterConfig:
     """Names of the command sources of all robots."""
     stations: tuple[str, ...] = ()
     """Names of the e-stop stations of all robots."""
-    lease_s: float = 0.4
+
+    @property
+    def lease_s(self) -> float:
+        """How long a silent link counts as alive."""
+        return tls.lease_s((*self.listen, *self.connect))
 
 
 def region_name(authority: bytes | None) -> str:

@@ -6,10 +6,10 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import pytest
 
@@ -97,6 +97,42 @@ def test_a_fleet_is_listed_and_stopped_and_a_robot_that_does_not_answer_is_named
         print(f"\n    measured: {result}")
         assert (code, set(result["stopped_ms"]), result["silent"]) == (0, set(ROBOTS), [])
         assert all("ESTOP" in row["reasons"] for row in rows(fleet("list", endpoint, "--json")[1]).values())
+
+
+@pytest.mark.timeout(300)
+def test_a_watched_fleet_prints_the_end_of_one_robot_while_the_others_go_on(tmp_path: Path) -> None:
+    endpoint = free_endpoint()
+    with robots(tmp_path, endpoint) as started, watching(endpoint) as lines:
+        until_row(lines, lambda row: row["namespace"] == "robot1" and row["up"])
+        until_row(lines, lambda row: row["namespace"] == "robot2" and row["up"])
+        started["robot2"].kill()
+        until_row(lines, lambda row: row["namespace"] == "robot2" and not row["up"])
+        until_row(lines, lambda row: row["namespace"] == "robot1" and row["up"])
+
+
+@contextmanager
+def watching(endpoint: str) -> Generator[IO[str]]:
+    """Run `lifeline fleet watch`; yield its lines. It ends with Ctrl-C, silently."""
+    process = subprocess.Popen(
+        [LIFELINE, "fleet", "watch", "--endpoint", endpoint, "--json"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    try:
+        yield process.stdout
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=WITHIN_S)
+        assert (process.returncode, errors) == (0, "")
+    finally:
+        process.kill()
+        process.wait()
+
+
+def until_row(lines: IO[str], is_it: Callable[[dict[str, Any]], bool]) -> None:
+    """Read rows until one is the right one; the test's own limit of time ends it otherwise."""
+    assert any(is_it(json.loads(line)) for line in lines), "the command ended before"
 
 
 def test_without_robots_or_a_router_nothing_is_stopped_and_the_exit_code_says_so(tmp_path: Path) -> None:

@@ -179,3 +179,17 @@ def test_every_setting_demands_certificates_on_both_sides() -> None:
     assert values["root_ca_certificate"] == "/k/authority.pem"
     assert values["connect_private_key"] == values["listen_private_key"] == "/k/x.key"
     assert values["connect_certificate"] == values["listen_certificate"] == "/k/x.pem"
+
+
+@pytest.mark.parametrize(
+    ("bus", "lease_s"),
+    [
+        ({}, 0.4),
+        ({"endpoint": "tls/robot7:7447", "keys": "k"}, 0.4),
+        ({"endpoint": "quic/robot7:7447", "keys": "k"}, 2.0),
+        ({"keys": "k", "routers": ["quic/site:7448"]}, 2.0),
+        ({"endpoint": "quic/robot7:7447", "keys": "k", "lease_s": 0.5}, 0.5),
+    ],
+)
+def test_a_silent_link_over_quic_counts_as_alive_for_longer(bus: dict[str, object], lease_s: float) -> None:
+    assert section({"bus": bus}, "bus", BusSection).to_bus_config().lease_s == lease_s
