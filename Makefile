@@ -27,7 +27,7 @@ NO_RCLPY := ROS 2 is not installed in /opt/ros/jazzy, and PyPI has no rclpy for 
   (only for CPython 3.11 to 3.14 on x86_64 Linux)
 NO_RMW_ZENOH := zenoh-ros2-sdk cannot be installed on this machine
 
-.PHONY: help setup ros2 test-ros2 run test unit system timed demo proof proofs coverage check bench bench-peers bench-robots bench-fleet bench-link docs picture mutation faults campaign
+.PHONY: help setup ros2 test-ros2 run test unit component system timed demo proof proofs coverage fifth check bench bench-peers bench-robots bench-fleet bench-link docs picture mutation faults campaign
 
 help: ## print this list
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -44,11 +44,16 @@ test: $(STAMP) ## run the checks and all tests that need no idle machine, also w
 	$(MAKE) --no-print-directory check unit system
 
 # No test here depends on the real clock, so one runs on each core.
-unit:
-	.venv/bin/pytest tests/unit tests/component -m "not proof" --numprocesses=auto --dist=worksteal
+IN_PARALLEL := --numprocesses=auto --dist=worksteal
+
+unit: $(STAMP)
+	.venv/bin/pytest tests/unit tests/component -m "not proof" $(IN_PARALLEL)
+
+component: $(STAMP)
+	.venv/bin/pytest tests/component -m "not proof" $(IN_PARALLEL)
 
 # The real processes mostly wait: four tests run at a time.
-system:
+system: $(STAMP)
 	.venv/bin/pytest tests/system -m "not timed and not demo" --numprocesses=4 --dist=worksteal --durations=10
 
 timed: $(STAMP) $(PEERS_STAMP) ## run the system tests that measure real time, one at a time, on an idle machine (six minutes)
@@ -69,13 +74,15 @@ test-ros2: $(STAMP) ## run the tests with real ROS 2 processes; skipped where rc
 
 proof: $(STAMP) ## run the proofs of the law, and check that the unit tests reach every branch of the pure modules (15 minutes)
 	$(COMPILE)
-	$(MAKE) --no-print-directory --jobs=2 --output-sync=target proofs coverage
+	$(MAKE) --no-print-directory proofs coverage
 
-proofs:
+proofs: $(STAMP)
 	.venv/bin/pytest -s tests/unit tests/component -m proof --durations=10
 
-coverage:
-	.venv/bin/coverage run -m pytest tests/unit -m "not proof"
+coverage: $(STAMP)
+	.venv/bin/coverage erase
+	.venv/bin/coverage run -m pytest tests/unit -m "not proof" $(IN_PARALLEL)
+	.venv/bin/coverage combine --quiet
 	.venv/bin/coverage report
 
 check: $(STAMP) ## run ruff, pyright and import-linter
@@ -113,15 +120,21 @@ docs: $(STAMP) ## update the generated parts and the drawings of docs/
 	.venv/bin/python -m docs.generate.link
 	.venv/bin/python -m docs.generate.draw_link
 
-faults: $(STAMP) ## inject every class of fault three times into real processes, and run 1,000 virtual trials (15 minutes)
-	.venv/bin/lifeline faults --trials 3 --minutes 8
-	.venv/bin/lifeline faults --virtual --seeds 1000
+TRIALS ?= 3
+SEEDS ?= 1000
+
+faults: $(STAMP) ## inject every class of fault TRIALS times (3) into real processes, and run SEEDS (1000) virtual trials (15 minutes)
+	.venv/bin/lifeline faults --trials $(TRIALS) --minutes 8
+	.venv/bin/lifeline faults --virtual --seeds $(SEEDS)
 
 campaign: $(STAMP) ## inject every class of fault 300 times into real processes (hours; can be interrupted and resumed)
 	.venv/bin/lifeline faults --trials 300 --out docs/campaign/real.jsonl
 
-mutation: $(STAMP) ## mutate the law and check that every mutant fails a test (20 minutes)
+mutation: $(STAMP) ## mutate the law and check that every mutant fails a test (20 to 60 minutes)
 	.venv/bin/python -m tests.mutation
+
+fifth: $(STAMP) ## the same with a fifth of the mutants, another one at each commit
+	.venv/bin/python -m tests.mutation --fifth
 
 picture: $(STAMP) ## render the warehouse and the animation of the README again (a few minutes)
 	.venv/bin/python -m sim.render --out docs/images/warehouse.png

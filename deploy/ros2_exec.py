@@ -19,12 +19,14 @@ from deploy.stack.formatting import printable
 from deploy.stack.launch import Launch
 from ros2.config import Ros2Section
 from wire import topics
+from wire.bus_config import BusConfig
 from wire.config import BusSection, ConfigError, FreeName, Section, read_sections, read_toml
+from wire.connect import open_session
 from wire.inbox import BusError, Token
 from wire.local_socket import pid_in
 from wire.memory_keeper import MemoryKeeper
 from wire.notify import Notifier, take_notifier
-from wire.session import BusConfig, ZenohSession, open_session
+from wire.session import ZenohSession
 
 EXIT_NOT_FOUND, EXIT_NOT_EXECUTABLE = 127, 126
 """The exit codes of a shell for the same failures."""

@@ -23,10 +23,10 @@ from wire.config import (
     is_one_robot,
     section,
 )
+from wire.connect import open_router, router_settings, start_log
 from wire.process import run_process
 from wire.process_limits import bound_memory
 from wire.router import RouterConfig, nested
-from wire.session import open_router, router_settings, start_log
 from wire.zenoh_log import report_refusals
 
 CLOSE_LIMIT_S = 1.0

@@ -10,9 +10,9 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, ConfigDict, Field
 
 from wire import tls, topics
+from wire.bus_config import BusConfig
 from wire.config import BusSection, Conflict, Endpoint, Name, Section, Sections, same_endpoint
 from wire.quantities import Between
-from wire.session import BusConfig
 
 MAX_TOPIC = 128
 OWN_TOPICS = {

@@ -16,11 +16,12 @@ from ros2.ros import Ros
 from ros2.service import Ros2Service
 from wire.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.config import BusSection, ConfigError, Section, read_sections
+from wire.connect import open_session
 from wire.inbox import BusError
 from wire.notify import take_notifier
 from wire.process import run_process
 from wire.roles import Role
-from wire.session import ZenohSession, open_session
+from wire.session import ZenohSession
 from wire.suspend import SuspendMeter
 
 _log = logging.getLogger("ros2")

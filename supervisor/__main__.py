@@ -21,11 +21,11 @@ from supervisor.service import SupervisorService
 from wire import limits
 from wire.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.config import BaseSection, BusSection, ConfigError, Section, read_sections
+from wire.connect import start_log
 from wire.local_socket import participants
 from wire.notify import take_notifier
 from wire.process import run_process
 from wire.process_limits import bound_memory
-from wire.session import start_log
 from wire.state_directory import state_directory
 from wire.suspend import SuspendMeter
 from wire.tls import is_loopback, is_secure

@@ -15,7 +15,9 @@ limits.py       what the hub permits its clients (pure)
 process_limits.py   open files, memory and closing sockets of this process
 inbox.py        the inbox between the network's threads and asyncio
 bus.py          the Bus that services use: messages
-session.py      a Zenoh session: bytes; the only file that imports Zenoh
+bus_config.py   how a process reaches the bus of one robot (pure)
+connect.py      opens Zenoh's session of a hub, a client or a router, with its certificates
+session.py      a Zenoh session: bytes; only connect.py, session.py and zenoh_calls.py import Zenoh
 bundle.py       the certificates and the key of a participant, and their check
 tls.py          endpoints with certificates, and Zenoh's settings for them (pure)
 link_trouble.py    why a link is refused: Zenoh's log lines as sentences (pure); zenoh_log.py reads them; link_probe.py tries once

@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 from typing import Any, NoReturn
 
+from wire.bus_config import DEFAULT_ENDPOINT, BusConfig
 from wire.config import read_toml
-from wire.session import DEFAULT_ENDPOINT, BusConfig
 
 EXIT_USAGE = 2
 

@@ -24,9 +24,9 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from wire import tls, topics
 from wire.access import LOCAL_ROLES
+from wire.bus_config import DEFAULT_ENDPOINT, BusConfig
 from wire.quantities import Acceleration, AngularAcceleration, Between
 from wire.roles import ANY, Role
-from wire.session import DEFAULT_ENDPOINT, BusConfig
 
 SECTIONS = ("bus", "supervisor", "teleop", "sim", "ros2")
 

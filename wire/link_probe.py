@@ -6,7 +6,8 @@
 import sys
 from pathlib import Path
 
-from wire.session import BusConfig, try_once
+from wire.bus_config import BusConfig
+from wire.connect import try_once
 
 
 def main() -> None:

@@ -7,6 +7,8 @@ from typing import Any
 
 from wire import topics
 from wire.bus import ServiceHandler, Subscription
+from wire.bus_config import DEFAULT_ENDPOINT, BusConfig
+from wire.connect import Role, open_session
 from wire.inbox import SOURCES_DEPTH, Inbox, LivelinessChange, Overheard, Wake
 from wire.messages import (
     M,
@@ -19,7 +21,7 @@ from wire.messages import (
     encode,
     request_text,
 )
-from wire.session import DEFAULT_ENDPOINT, BusConfig, RawPublisher, Role, ZenohSession, open_session
+from wire.session import RawPublisher, ZenohSession
 from wire.topics import Service, Topic
 
 __all__ = ["DEFAULT_ENDPOINT", "BusConfig", "Fleet", "ZenohBus", "open_bus", "open_fleet"]

@@ -23,7 +23,7 @@ from bench.rig.options import (
 )
 from bench.rig.sheet import show
 from bench.rig.stored import this_run
-from wire.session import BusConfig
+from wire.bus_config import BusConfig
 
 FLOWS = 2
 SECONDS = 200.0

@@ -8,7 +8,8 @@ import zenoh
 
 from bench.link.conditions import Link
 from wire import tls, topics
-from wire.session import RECONNECT_MS, TX_QUEUE, BusConfig
+from wire.bus_config import BusConfig
+from wire.connect import RECONNECT_MS, TX_QUEUE
 
 Security = dict[str, str | bool]
 """Zenoh's settings for mutual TLS (`wire.tls.settings`)."""

@@ -21,8 +21,10 @@ from pathlib import Path
 from bench.rig import scenery
 from bench.rig.feed import BEAMS, ODOM_HZ, SCAN_HZ, scan
 from wire import topics
+from wire.bus_config import BusConfig
+from wire.connect import open_session
 from wire.messages import SafetyStatus, UndecodableError, decode, encode, odometry, planar_twist
-from wire.session import BusConfig, ZenohSession, open_session
+from wire.session import ZenohSession
 from wire.stamp import parse_stamp
 
 COMMAND_HZ = 20.0

@@ -15,9 +15,9 @@ from deploy.stack.statedir import StateDir, UnwritableError
 from ros2.config import Ros2Section
 from ros2.environment import ros_variables
 from wire import topics
+from wire.bus_config import BusConfig
 from wire.command_line import bus_options
 from wire.config import ConfigError, absolute, read_toml, section
-from wire.session import BusConfig
 from wire.state_directory import checkout
 
 PACKAGES = ("ros2", "wire")

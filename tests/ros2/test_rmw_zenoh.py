@@ -17,7 +17,9 @@ from ros2.rmw_keys import TYPE_HASHES, data_key
 from tests.ros2.host import Host, Line, Peer
 from tests.ros2.rmw_stack import DOMAIN, RMW_PYTHON, RmwStack
 from tests.ros2.stack import SOURCE, SPEED_M_S, TOPIC, send
-from wire.session import BusConfig, ZenohSession, open_session
+from wire.bus_config import BusConfig
+from wire.connect import open_session
+from wire.session import ZenohSession
 
 KILLS = 20
 TIMEOUT_MS = 200.0

@@ -9,7 +9,9 @@ import sys
 import threading
 
 from bench.robots.feeder import Body, encoded_scans, send
-from wire.session import BusConfig, ZenohSession, open_session
+from wire.bus_config import BusConfig
+from wire.connect import open_session
+from wire.session import ZenohSession
 
 
 class Watched(Body):

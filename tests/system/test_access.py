@@ -17,8 +17,9 @@ from tests.system.ports import free_endpoint, participants
 from tests.system.rogue import open_rogue
 from wire import local_socket
 from wire.access import LOCAL_ROLES, Contract
+from wire.bus_config import BusConfig
+from wire.connect import open_session
 from wire.roles import Role
-from wire.session import BusConfig, open_session
 
 ROLES = [Role.BASE, Role.SENSOR, Role.OPERATOR, Role.ESTOP, Role.VIEWER]
 CONTRACT = Contract(
@@ -276,7 +277,8 @@ session.close()
 """
 HUB = """
 import asyncio, sys, time
-from wire.session import BusConfig, open_session
+from wire.bus_config import BusConfig
+from wire.connect import open_session
 session = asyncio.run(open_session(BusConfig(sys.argv[1]), "hub"))
 print("listens", flush=True)
 time.sleep(60)

@@ -10,7 +10,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from wire.bus import Inbox, RawArrival
-from wire.session import BusConfig, ZenohSession, open_session
+from wire.bus_config import BusConfig
+from wire.connect import open_session
+from wire.session import ZenohSession
 from wire.stamp import Stamp, parse_stamp
 
 DEPTH = 20_000

@@ -4,8 +4,10 @@ import asyncio
 import sys
 import threading
 
+from wire.bus_config import BusConfig
+from wire.connect import open_session
 from wire.inbox import Overheard
-from wire.session import BusConfig, ZenohSession, open_session
+from wire.session import ZenohSession
 
 
 def _ignore(_: Overheard) -> None:

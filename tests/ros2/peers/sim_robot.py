@@ -26,7 +26,9 @@ from tests.ros2.peers.diff_drive import timeout
 from tests.ros2.peers.lines import READY, listen, say
 from tests.ros2.peers.ros_node import SENSOR, make_node, qos
 from wire import topics
-from wire.session import BusConfig, ZenohSession, open_session
+from wire.bus_config import BusConfig
+from wire.connect import open_session
+from wire.session import ZenohSession
 
 PERIOD_S = 0.02
 RESET_LIMIT_S = 5.0

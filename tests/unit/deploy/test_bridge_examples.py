@@ -11,7 +11,8 @@ import zenoh
 from deploy.stack.launch import DEFAULT_CONFIG
 from supervisor.config import SupervisorSection
 from wire import local_socket, topics
-from wire.session import TX_QUEUE, BusConfig
+from wire.bus_config import BusConfig
+from wire.connect import TX_QUEUE
 
 EXAMPLES = DEFAULT_CONFIG.parent / "examples"
 SOURCES, CMD_VEL = EXAMPLES / "zenoh-bridge-sources.json5", EXAMPLES / "zenoh-bridge-cmd-vel.json5"

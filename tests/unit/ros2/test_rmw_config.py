@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from ros2.config import Ros2Section, apart_from_hub
+from wire.bus_config import BusConfig
 from wire.config import BusSection, ConfigError, read_sections, same_endpoint
-from wire.session import BusConfig
 
 
 def read(document: dict[str, Any]) -> Ros2Section:

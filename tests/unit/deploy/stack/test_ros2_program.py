@@ -17,7 +17,7 @@ from deploy.stack.ros2_program import (
     variables_of,
 )
 from deploy.stack.statedir import StateDir
-from wire.session import BusConfig
+from wire.bus_config import BusConfig
 
 
 def config(directory: Path, line: str = "") -> Path:
