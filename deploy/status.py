@@ -19,10 +19,12 @@ from deploy.stack.observe import observing
 from deploy.stack.ros2_reports import Report
 from deploy.stack.statedir import StateDir
 from deploy.stack.takedown import listed
-from wire import topics
+from wire import tls, topics
 from wire.messages import Odometry, SafetyStatus, Twist
 
 CONNECT_LIMIT_S = 1.0
+SECURE_CONNECT_LIMIT_S = 3.0
+"""With certificates, and over links that lose packets."""
 LISTEN_LIMIT_S = 1.0
 """Status and odometry arrive at least ten times in this period."""
 ROS2_LIMIT_S = 1.5
@@ -120,8 +122,9 @@ def show_status(state: StateDir, launch: Launch, *, as_json: bool) -> int:
 async def _look(state: StateDir, launch: Launch) -> Look:
     programs = {p.name: p.state for p in supervisord.programs(state) or ()}
     with_ros2 = topics.ROS2 in launch.nodes
+    limit_s = SECURE_CONNECT_LIMIT_S if tls.is_secure(launch.bus.endpoint) else CONNECT_LIMIT_S
     try:
-        async with observing(launch.bus, CONNECT_LIMIT_S) as observer:
+        async with observing(launch.bus, limit_s) as observer:
             await observer.until(
                 lambda robot: (
                     robot.status is not None

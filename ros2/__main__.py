@@ -9,10 +9,12 @@ NEEDED = ("numpy", "pydantic", "zenoh")
 if __name__ == "__main__":
     missing = [name for name in NEEDED if find_spec(name) is None]
     if missing:
-        sys.exit(
+        print(
             f"ros2: {sys.executable} has no {', '.join(missing)}: create the environment with `make ros2`, or name the "
-            "interpreter of one in [ros2] python"
+            "interpreter of one in [ros2] python",
+            file=sys.stderr,
         )
+        sys.exit(2)  # a restart changes nothing
     from ros2.program import main
 
     main()

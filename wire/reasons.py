@@ -59,7 +59,7 @@ WORDS: Mapping[StopReason, Words] = {
         now="a required e-stop station is missing, or was lost",
         over="a required e-stop station was missing",
         caption="e-stop station lost",
-        step="start the station, NEUTRAL, then r to reset",
+        step="start it, NEUTRAL, then r if still stopped",
     ),
     StopReason.BASE_RUNAWAY: Words(
         now="the base moves although zero is commanded",
