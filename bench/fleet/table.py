@@ -7,7 +7,7 @@ import numpy as np
 from bench.rig.sheet import Sheet, Verdict
 from bench.robots.results import Crowd
 from bench.robots.stats import percentile
-from bench.robots.table import gaps_and_stops
+from bench.robots.table import gaps_and_stops, stops_ms
 
 COLUMNS = (
     "robots",
@@ -39,6 +39,7 @@ def sheet(crowds: Sequence[Crowd]) -> Sheet:
             "busy: the machine, in % of all cores, during the drive / the kills.",
             "gap: between two messages on cmd_vel at the robot.",
             "stood: number of robots that stopped without cause, with their number for each reason.",
+            "kills: those before which the robot drove. On a saturated machine, no further operator gets that far.",
             "stop: from the SIGKILL of an operator behind the router to zero on cmd_vel, while the other robots drive.",
             "KB/s of each: what the router sends and receives for one robot and its operator, without pictures and scans.",
         ),
@@ -52,7 +53,7 @@ def _row(one: Crowd) -> tuple[str, ...]:
         f"{np.mean(one.cpu_percent):.1f}",
         f"{one.busy_percent:.0f} / {one.kills_busy_percent:.0f}",
         *gaps_and_stops(one),
-        f"{percentile(one.stop_ms, 100):.1f}",
+        stops_ms(one, 100),
         f"{one.crossing_bytes_s / 1000:.1f}",
     )
 

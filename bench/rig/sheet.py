@@ -48,8 +48,13 @@ class Verdict:
     @property
     def state(self) -> str:
         """Whether the target is met; if not, by how much it is missed, in % of the target."""
-        over = self.measured / self.target - 1.0
-        return "on target" if over <= 0.0 else f"OVER TARGET by {100.0 * over:.2g} %"
+        if self.measured <= self.target:
+            return "on target"
+        return (
+            f"OVER TARGET by {100.0 * (self.measured / self.target - 1.0):.2g} %"
+            if self.target
+            else "OVER TARGET"
+        )
 
     def row(self) -> tuple[str, ...]:
         """Return the cells of a table, as `VERDICT_COLUMNS`."""

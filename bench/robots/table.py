@@ -68,9 +68,14 @@ def gaps_and_stops(one: Crowd) -> tuple[str, ...]:
         f"{one.gap_max_ms:.0f}",
         f"{one.stood} ({reasons})" if reasons else str(one.stood),
         f"{len(one.stop_ms)} of {one.kills}",
-        f"{percentile(one.stop_ms, 50):.1f}",
-        f"{percentile(one.stop_ms, 99):.1f}",
+        stops_ms(one, 50),
+        stops_ms(one, 99),
     )
+
+
+def stops_ms(one: Crowd, percent: float) -> str:
+    """Return a percentile of the stops [ms]; a dash if no killed operator had driven."""
+    return f"{percentile(one.stop_ms, percent):.1f}" if one.stop_ms else "–"
 
 
 def _row(one: Crowd) -> tuple[str, ...]:
