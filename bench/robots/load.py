@@ -16,9 +16,21 @@ class Usage:
     """Time for which threads were ready to run but waited for a core."""
     slices: int
     """Number of times that a thread received a core."""
+    at_s: float
+    """Time of the reading; of a difference, its duration. On a saturated machine, many readings take seconds."""
 
     def __sub__(self, other: "Usage") -> "Usage":
-        return Usage(self.cpu_s - other.cpu_s, self.delay_s - other.delay_s, self.slices - other.slices)
+        return Usage(
+            self.cpu_s - other.cpu_s,
+            self.delay_s - other.delay_s,
+            self.slices - other.slices,
+            self.at_s - other.at_s,
+        )
+
+    @property
+    def cpu_percent(self) -> float:
+        """Of a difference: of one core."""
+        return 100.0 * self.cpu_s / self.at_s
 
 
 @dataclass(frozen=True)
@@ -38,7 +50,10 @@ def usage(pid: int) -> Usage:
         with suppress(OSError):  # the thread has ended
             rows.append([int(word) for word in path.read_text().split()])
     return Usage(
-        sum(row[0] for row in rows) / 1e9, sum(row[1] for row in rows) / 1e9, sum(row[2] for row in rows)
+        sum(row[0] for row in rows) / 1e9,
+        sum(row[1] for row in rows) / 1e9,
+        sum(row[2] for row in rows),
+        time.monotonic(),
     )
 
 

@@ -154,17 +154,18 @@ def measure(
     ]
     total_s = machine_after.total_s - machine_before.total_s
     drive_busy_percent = busy_percent(machine_before, machine_after)
-    own_s = sum(one.cpu_s for one in used) + feeder_used.cpu_s + router_s
+    router_percent = 100.0 * router_s / took_s
+    own_percent = sum(one.cpu_percent for one in used) + feeder_used.cpu_percent + router_percent
     return Crowd(
         robots=robots,
         seconds=took_s,
-        cpu_percent=tuple(100.0 * one.cpu_s / took_s for one in used),
-        delay_percent=float(np.mean([100.0 * one.delay_s / took_s for one in used])),
-        feeder_percent=100.0 * feeder_used.cpu_s / took_s,
+        cpu_percent=tuple(one.cpu_percent for one in used),
+        delay_percent=float(np.mean([100.0 * one.delay_s / one.at_s for one in used])),
+        feeder_percent=feeder_used.cpu_percent,
         busy_percent=drive_busy_percent,
         kills_busy_percent=kills_busy_percent,
         stolen_percent=100.0 * (machine_after.stolen_s - machine_before.stolen_s) / total_s,
-        other_percent=drive_busy_percent * (os.cpu_count() or 1) - 100.0 * own_s / took_s,
+        other_percent=drive_busy_percent * (os.cpu_count() or 1) - own_percent,
         gap_p50_ms=stats.percentile(gaps_ms, 50),
         gap_p99_ms=stats.percentile(gaps_ms, 99),
         gap_max_ms=stats.percentile(gaps_ms, 100),
@@ -182,7 +183,7 @@ def measure(
         missed=sum(stop is None for stop in stops_ms),
         kills_seconds=killing[1] - killing[0],
         stood_in_kills=sum(stats.stood(killing, commands) for commands in heard[killed:]),
-        router_percent=100.0 * router_s / took_s,
+        router_percent=router_percent,
         crossing_bytes_s=crossed / took_s / robots,
     )
 

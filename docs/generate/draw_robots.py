@@ -16,6 +16,8 @@ from bench.robots.stats import percentile
 from bench.robots.table import TARGET_GAP_P99_MS, TARGET_ROBOTS, TARGET_STOP_P99_MS
 from docs.generate.palette import DANGER, GREY, INK, LIGHT, RING, ROBOT
 
+SATURATED_MS = 300.0
+"""Longer gaps are drawn on a logarithmic scale."""
 IMAGES = Path(__file__).parents[1] / "images"
 
 
@@ -33,7 +35,7 @@ def draw(crowds: Sequence[Crowd], cores: int, path: Path, *, has_targets: bool) 
     load.axhline(100 * cores, color=DANGER, lw=1.6, label=f"limit: {cores} cores")
     load.set_title("CPU [% of one core]", fontsize=11)
     load.set_ylim(0, 110 * cores)
-    load.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(0, 0.9))  # below the limit
+    load.legend(fontsize=8, frameon=False, loc="best")
 
     gaps.plot(robots, [one.gap_p50_ms for one in crowds], ".-", color=GREY, label="p50")
     gaps.plot(robots, [one.gap_p99_ms for one in crowds], ".-", color=ROBOT, label="p99")
@@ -41,7 +43,11 @@ def draw(crowds: Sequence[Crowd], cores: int, path: Path, *, has_targets: bool) 
     if has_targets:
         _target(gaps, TARGET_GAP_P99_MS)
     gaps.set_title("gaps of cmd_vel [ms]", fontsize=11)
-    gaps.set_ylim(0)
+    if max(one.gap_max_ms for one in crowds) > SATURATED_MS:
+        gaps.set_yscale("log")
+        gaps.set_ylim(10)
+    else:
+        gaps.set_ylim(0)
 
     for one in crowds:
         stops.plot([one.robots] * len(one.stop_ms), one.stop_ms, "_", color=ROBOT, alpha=0.35, ms=9)
