@@ -9,11 +9,13 @@ import sys
 import time
 from collections.abc import Awaitable, Callable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
 from deploy.command import print_json, say
 from deploy.stack.errors import EXIT_NOT_RUNNING, DeployError
+from deploy.stack.formatting import HEARD_LIMIT_S
 from deploy.watch import EXIT_PARTLY, show_lines, show_live, show_once, until, wants_lines
 from deploy.watch_rows import Row, Watched, row_at
 from wire import tls, topics
@@ -24,6 +26,7 @@ from wire.messages import Bool, SafetyStatus, UndecodableError, decode
 from wire.process import run_process
 from wire.reasons import StopReason
 from wire.roles import ANY, Role
+from wire.stamp import parse_stamp
 from wire.zenoh_bus import BusConfig, Fleet, open_fleet
 
 CONNECT_LIMIT_S = 5.0
@@ -65,38 +68,65 @@ class Robots:
     def rows(self) -> list[Row]:
         """Return the present row of each robot, in the order of their names."""
         now_s = time.monotonic()
-        return [row_at(self.by_name[name].robot, now_s) for name in sorted(self.by_name)]
+        return [self.by_name[name].row_at(now_s) for name in sorted(self.by_name)]
 
     @property
     def all_heard(self) -> bool:
         return all(one.robot.status is not None for one in self.by_name.values())
 
 
+@dataclass(slots=True)
+class Run:
+    """What was heard of one run of a supervisor; times are arrival times [s]."""
+
+    first_s: float
+    last_s: float
+    is_latched: bool = False
+    """Whether its newest status says that the e-stop is latched."""
+
+
 class Remote:
-    """One robot behind the endpoint."""
+    """One robot behind the endpoint, or several that share its namespace by mistake, such as copies of one disk."""
 
     def __init__(self, name: str, endpoint: str) -> None:
         self.robot = Watched(name, endpoint, since_s=time.monotonic())
         self._new: list[tuple[Row, float]] = []
+        self._runs: dict[bytes, Run] = {}
 
     def heard(self, sample: Overheard) -> None:
         try:
             self.robot.status, self.robot.status_s = decode(sample.payload, SafetyStatus), sample.arrival_s
         except UndecodableError:
             return
-        self._new.append((row_at(self.robot, sample.arrival_s), sample.arrival_s))
+        stamp = parse_stamp(sample.attachment)
+        run = self._runs.setdefault(
+            b"" if stamp is None else stamp.gid, Run(sample.arrival_s, sample.arrival_s)
+        )
+        run.last_s, run.is_latched = sample.arrival_s, StopReason.ESTOP in self.robot.status.reasons
+        self._new.append((self.row_at(sample.arrival_s), sample.arrival_s))
+
+    def row_at(self, now_s: float) -> Row:
+        """Return the row at `now_s`; if several supervisors have this name, the link says so."""
+        row, count = row_at(self.robot, now_s), self.supervisors(now_s)
+        return row._replace(link=f"{count} supervisors") if count > 1 else row
+
+    def supervisors(self, now_s: float) -> int:
+        """Return how many supervisors speak at the same time; one that was restarted counts once."""
+        newest_s = max((run.first_s for run in self._runs.values()), default=0.0)
+        heard = (run for run in self._runs.values() if now_s - run.last_s <= HEARD_LIMIT_S)
+        return sum(run.last_s >= newest_s for run in heard)
 
     def rows(self) -> Iterator[tuple[Row, float]]:
         """Yield the row and its time [s] for each status since the last call, then the present row."""
         yield from self._new
         self._new.clear()
         now_s = time.monotonic()
-        yield row_at(self.robot, now_s), now_s
+        yield self.row_at(now_s), now_s
 
     def is_latched_since(self, time_s: float) -> bool:
-        """Return whether a status after this time says that the e-stop is latched."""
-        status = self.robot.status
-        return status is not None and self.robot.status_s > time_s and StopReason.ESTOP in status.reasons
+        """Return whether a status after this time says that the e-stop is latched, from each supervisor that was heard."""
+        runs = self._runs.values()
+        return bool(runs) and all(run.last_s > time_s and run.is_latched for run in runs)
 
 
 def fleet_config(endpoint: str, keys: Path | None, *, stops: bool) -> BusConfig:
