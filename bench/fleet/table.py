@@ -39,9 +39,9 @@ def sheet(crowds: Sequence[Crowd]) -> Sheet:
             "busy: the machine, in % of all cores, during the drive / the kills.",
             "gap: between two messages on cmd_vel at the robot.",
             "stood: number of robots that stopped without cause, with their number for each reason.",
-            "kills: those before which the robot drove. On a saturated machine, no further operator gets that far.",
+            "kills: those before which the robot drove. On a saturated machine, no further operator begins to drive.",
             "stop: from the SIGKILL of an operator behind the router to zero on cmd_vel, while the other robots drive.",
-            "KB/s of each: what the router sends and receives for one robot and its operator, without pictures and scans.",
+            "KB/s of each: what the router sends and receives for one robot and its operator, without odometry and scans.",
         ),
     )
 
