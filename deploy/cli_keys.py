@@ -98,8 +98,8 @@ def keys_issue(
 ) -> None:
     """Issue or renew a certificate, and write the bundle to copy to the other computer.
 
-    The bundle has the authority's certificate, the certificate and its private key. Restart a supervisor after a renewal;
-    all others read theirs when they connect.
+    The bundle has the authority's certificate, the certificate and its private key. Restart a supervisor or a router after a
+    renewal; all others read theirs when they connect.
     """
 
     def run() -> int:
