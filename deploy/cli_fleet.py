@@ -19,7 +19,7 @@ Expected = Annotated[
     typer.Option(
         "--expect",
         metavar="NAMESPACE",
-        help="A robot that must answer, although it may not be seen; repeat for several.",
+        help="A robot that must answer, even if it is not seen; repeat for several.",
     ),
 ]
 

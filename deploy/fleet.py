@@ -1,6 +1,6 @@
 """`lifeline fleet`: list, watch and stop all robots that are seen through one endpoint, usually a router's.
 
-A robot is seen by the token of its supervisor, and by its status. Nothing else is received of it, so that many robots cost
+A robot is seen by the token of its supervisor, and by its status. Nothing else is received from it, so that many robots need
 little.
 """
 
@@ -239,13 +239,13 @@ def stop_robots(config: BusConfig, expected: Sequence[str], *, as_json: bool) ->
             stopped_ms = {name: round(took_s[name] * 1e3, 1) for name in sorted(took_s)}
             print_json({"stopped_ms": stopped_ms, "silent": silent})
         else:
-            _tell(took_s, silent)
+            _report(took_s, silent)
         return EXIT_NOT_RUNNING if not robots.by_name else EXIT_PARTLY if silent else 0
 
     _run(config, expected, work)
 
 
-def _tell(took_s: dict[str, float], silent: Sequence[str]) -> None:
+def _report(took_s: dict[str, float], silent: Sequence[str]) -> None:
     for name in sorted(took_s):
         say(f"{name}: the e-stop is latched, confirmed after {took_s[name] * 1e3:.0f} ms")
     for name in silent:

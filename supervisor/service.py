@@ -288,7 +288,7 @@ class SupervisorService:
         self._status.put(to_status(decision, now_s, record.problem, self._foreign_nodes.names()))
 
     async def _on_reset(self, _: str) -> TriggerResponse:
-        if self._stall.may_be_old(self._loop.time()):  # its caller may have been told that it failed
+        if self._stall.may_be_old(self._loop.time()):  # its caller may have been informed that it failed
             _log.info("reset: %s", STALLED)
             return TriggerResponse(success=False, message=STALLED)
         waiting: asyncio.Future[Reply] = self._loop.create_future()

@@ -1,6 +1,6 @@
 """The gamepad device with evdev: open it, read it in the event loop, and reopen it after it was unplugged.
 
-The package `evdev` is optional (`lifeline[gamepad]`) and imported only when a gamepad is asked for.
+The package `evdev` is optional (`lifeline[gamepad]`) and imported only when a gamepad is requested.
 """
 
 import asyncio

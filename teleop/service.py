@@ -227,7 +227,7 @@ class Teleop:
         others = f" ({', '.join(plain(name) for name in free)})" if free else ""
         return (
             f"the source {source!r} is held by {plain(who)}: end that first, drive as another source of the "
-            f"supervisor's with --source NAME{others}, or look on with --view-only"
+            f"supervisor's with --source NAME{others}, or only watch with --view-only"
         )
 
     async def _leave(self) -> None:

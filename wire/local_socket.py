@@ -1,6 +1,6 @@
 """The socket through which the programs of the supervisor's user take part, beside its TCP endpoint.
 
-Zenoh cannot tell who opens a TCP connection, so a program that connects to `tcp/` only reads. The hub therefore also
+Zenoh cannot identify who opens a TCP connection, so a program that connects to `tcp/` only reads. The hub therefore also
 listens on a Unix socket in a directory that only its user may enter. Our programs of that user find it by the port of
 the endpoint, and need no option. Zenoh keeps a lock beside the socket, so that a restarted hub replaces that of a killed one.
 """

@@ -251,7 +251,7 @@ class ZenohSession:
                 must notice a death watches nothing else, because a flood of other tokens would delay it. None: the
                 tokens of all nodes, without those of their runs.
 
-        At the hub, the end of a session also ends its runs, whoever else holds their tokens.
+        At the hub, the end of a session also ends its runs, even if others hold their tokens.
         """
         inbox: Inbox[LivelinessChange] = Inbox(LIVELINESS_DEPTH, wake)
         prefix = self._key(topics.alive(""))

@@ -1,6 +1,6 @@
 """Whether requests may have waited while this process was stopped or starved (pure).
 
-A person whose request is not answered in time is told that it has failed. If the process then goes on and carries the
+A person whose request is not answered in time is informed that it has failed. If the process then goes on and carries the
 request out, an e-stop ends, or a planner is armed, although nobody asks for it any more.
 """
 

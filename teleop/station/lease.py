@@ -70,7 +70,7 @@ def released(lease: Lease) -> Lease:
 
 
 def received(lease: Lease, message: EstopLease) -> Lease:
-    """Process a message of the supervisor; one that answers no unexpired challenge tells nothing about this station."""
+    """Process a message of the supervisor; one that answers no unexpired challenge proves nothing about this station."""
     proof_s = proven_s(lease.challenges, message.response)
     lease = replace(lease, response=message.challenge)
     if proof_s < lease.heard_s or math.isinf(proof_s):

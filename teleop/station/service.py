@@ -85,7 +85,7 @@ class Station:
     async def run(self, stop: asyncio.Event) -> None:
         """Run until `stop`, a key that leaves, or the end of the terminal; then leave.
 
-        A closed terminal ends the station without a word: nobody can press it any more, and nobody decided to leave.
+        A closed terminal ends the station without a last message: no person can press it any more, or has decided to leave.
         """
         loop = asyncio.get_running_loop()
         stopping = loop.create_task(stop.wait())
