@@ -37,6 +37,8 @@ ANSWER_LIMIT_S = 3.0
 PERIOD_S = 0.1
 """Period of the e-stops to a robot that has not confirmed, and of the updates."""
 MAX_ROBOTS = 1000
+MAX_RUNS = 16
+"""How many runs of a robot's supervisor are kept."""
 STOPPERS = (Role.OPERATOR, Role.ESTOP)
 
 
@@ -99,9 +101,10 @@ class Remote:
         except UndecodableError:
             return
         stamp = parse_stamp(sample.attachment)
-        run = self._runs.setdefault(
-            b"" if stamp is None else stamp.gid, Run(sample.arrival_s, sample.arrival_s)
-        )
+        gid = b"" if stamp is None else stamp.gid
+        if gid not in self._runs and len(self._runs) >= MAX_RUNS:
+            self._runs.pop(next(iter(self._runs)))
+        run = self._runs.setdefault(gid, Run(sample.arrival_s, sample.arrival_s))
         run.last_s, run.is_latched = sample.arrival_s, StopReason.ESTOP in self.robot.status.reasons
         self._new.append((self.row_at(sample.arrival_s), sample.arrival_s))
 

@@ -11,7 +11,8 @@
     rate.py        a fixed rate without drift and without catching up
     bell.py        when to ring the bell for a near obstacle
     pulse.py       whether the terminal still shows the output
-    holder.py      one program for each source name; refusals.py detects permanent refusal by the supervisor
+    holder.py      one program for each source name; refusals.py detects permanent refusal by the supervisor;
+                   supervisors.py detects two robots with one namespace
     telemetry.py   status, odometry and scans
     view.py        all displayed values; words.py has texts for the supervisor's mode
     display.py     display of one line; dashboard.py, with top_view.py, the whole screen; screen.py its output

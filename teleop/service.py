@@ -153,6 +153,7 @@ class Teleop:
         self._has_help = False
         self._redraw = True
         self._has_rival = False
+        self._has_two_supervisors = False
         self._refusals = Refusals()
         self._start(asyncio.get_running_loop().time())
 
@@ -345,6 +346,8 @@ class Teleop:
         """Send the pilot's velocity if it has changed; with `always`, send it also if it stays neutral."""
         if self._pilot is None:
             return
+        if self._has_two_supervisors:
+            self._pilot.let_go()
         velocity = self._pilot.velocity(now_s)
         if velocity != self._sent or (always and velocity.is_neutral and self._pilot.wanted().is_neutral):
             self._sent = velocity
@@ -401,11 +404,25 @@ class Teleop:
 
     def _look(self, now_s: float) -> None:
         status = self._telemetry.look()
+        self._look_for_another_robot(now_s)
         if status is None or self._pilot is None:
             return
         if self._bell.rings(warning=status.warning, nearest_m=status.nearest_m, now_s=now_s):
             self._screen.bell()
         self._look_at_own(status, now_s)
+
+    def _look_for_another_robot(self, now_s: float) -> None:
+        """Refuse to drive two robots at once."""
+        before, self._has_two_supervisors = (
+            self._has_two_supervisors,
+            self._telemetry.supervisors.are_several(now_s),
+        )
+        if self._has_two_supervisors and not before:
+            self._let_go()
+            self.note(
+                "two supervisors answer: two robots have this namespace, and neither is driven; give each its own",
+                Tone.STOP,
+            )
 
     def _look_at_own(self, status: SafetyStatus, now_s: float) -> None:
         """Handle refusals of this source in the status.

@@ -7,6 +7,7 @@ import math
 from collections import deque
 from typing import Any
 
+from teleop.supervisors import Supervisors
 from teleop.view import Odom, Rates, Scan
 from wire import topics
 from wire.bus import Arrival, Bus, Subscription
@@ -67,12 +68,18 @@ class Telemetry:
 
     def __init__(self, bus: Bus, *, pictures: bool) -> None:
         self._status = Stream(bus.subscribe(topics.STATUS))
+        self.supervisors = Supervisors()
         self._odom = Stream(bus.subscribe(topics.ODOM)) if pictures else None
         self._scan = Stream(bus.subscribe(topics.SCAN)) if pictures else None
 
     def look(self) -> SafetyStatus | None:
         """Return the newest status if it has not been returned before, else None."""
-        return self.status if self._status.look() else None
+        if not self._status.look():
+            return None
+        newest = self._status.newest
+        if newest is not None and newest.stamp is not None:
+            self.supervisors.heard(newest.stamp.gid, newest.arrival_s)
+        return self.status
 
     @property
     def status(self) -> SafetyStatus | None:

@@ -727,6 +727,36 @@ async def test_a_rival_with_the_same_name_stops_this_one_and_is_told_once() -> N
         ] == b.screen.notes
 
 
+async def test_two_robots_with_one_namespace_are_not_driven_until_one_is_silent() -> None:
+    async with bench() as b:
+        robots = [b.supervisor.publisher(topics.STATUS) for _ in range(2)]
+        ready = SafetyStatus(header("base_link", 0), mode=SafetyStatus.READY)
+        await b.press("w")
+        for _ in range(3):
+            for robot in robots:
+                robot.put(ready)
+                await asyncio.sleep(0.05)
+                await b.press("w")
+        assert b.velocity() == (0.0, 0.0)
+        assert ["two supervisors answer" in note for note in b.screen.notes] == [True]
+        for _ in range(12):
+            robots[0].put(ready)
+            await asyncio.sleep(0.1)
+        await b.press("w")
+        assert b.velocity() == (0.1, 0.0)
+
+
+async def test_a_supervisor_that_is_restarted_is_no_second_robot() -> None:
+    async with bench() as b:
+        for _ in range(3):
+            robot = b.supervisor.publisher(topics.STATUS)
+            for _ in range(5):
+                robot.put(SafetyStatus(header("base_link", 0), mode=SafetyStatus.READY))
+                await asyncio.sleep(0.1)
+        await b.press("w")
+        assert (b.velocity(), b.screen.notes) == ((0.1, 0.0), [])
+
+
 async def test_a_teleop_that_is_refused_although_nobody_else_is_heard_begins_anew_at_zero() -> None:
     async with bench() as b:
         for refused in range(6):
