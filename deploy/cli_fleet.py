@@ -95,7 +95,7 @@ def router(
         typer.Option(
             "--connect",
             metavar="tls/HOST:PORT",
-            help="Another router to connect to, such as a central one; repeat for several.",
+            help="Another router of this site to connect to; repeat for several.",
         ),
     ] = None,
     sources: Annotated[
