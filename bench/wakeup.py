@@ -123,14 +123,15 @@ async def _thread_wake(sleep_s: float) -> float:
     stop, marks_ns = asyncio.Event(), list[int]()
 
     def turn() -> float:
-        marks_ns.append(time.thread_time_ns())
-        if inbox.take():
+        if not marks_ns:  # started earlier, the item could arrive before this turn
+            threading.Timer(sleep_s, inbox.push, (1,)).start()
+        elif inbox.take():
             stop.set()
+        marks_ns.append(time.thread_time_ns())
         return math.inf
 
     turns = Turns(turn, lambda: not inbox.is_empty)
     inbox: Inbox[int] = Inbox(1, turns)
-    threading.Timer(sleep_s, inbox.push, (1,)).start()
     await turns.run_until(stop)
     return (marks_ns[-1] - marks_ns[0]) / 1000
 
