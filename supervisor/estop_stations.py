@@ -121,7 +121,8 @@ def hear(
         if station is not None and station.phase is Phase.HEARD and end.epoch in (b"", station.epoch):
             stations[end.station] = _ended(station, Phase.LOST, now_s)
     after: list[Station] = []
-    for was, heard in zip(before.stations, stations.values(), strict=True):
+    for was in before.stations:
+        heard = stations[was.config.name]
         is_over = heard.phase is Phase.HEARD and now_s - heard.proven_s > LEASE_S
         station = _ended(heard, Phase.LOST, now_s) if is_over else heard
         latched |= station.config.required and station.ended_s > was.ended_s
