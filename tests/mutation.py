@@ -1,7 +1,7 @@
 """Run the mutation tests of the law, and fail if a mutant survives that is not known to be equivalent.
 
     python -m tests.mutation             all of them: 20 to 60 minutes on two cores
-    python -m tests.mutation --fifth     a fifth of them, of every function; each commit in turn has another fifth
+    python -m tests.mutation --fifth     a fifth of them, of every function, in ten minutes; each commit has another fifth
 
 Exit 1 if any other mutant survives, and print each of these as a diff.
 """
