@@ -312,14 +312,14 @@ async def test_when_the_supervisors_certificate_expires_all_links_close(
 
             def is_lost() -> bool:
                 states.extend(change.alive for change in changes.take())
-                return states[-1:] == [False]
+                return False in states
 
-            await until(is_lost, "that the token of the client is gone")
-            assert True in states
+            # TLS compares whole seconds: within this one, the client may connect again, and Zenoh leaves that link open.
+            await until(is_lost, "that the token of the client was gone")
+            assert states[0]
         await until(lambda: len(hub_said) == 2, "that the supervisor says why")
         assert "robot7 has expired" in hub_said[1]
         assert "restart the supervisor" in hub_said[1]
-        # TLS compares whole seconds: a new link is still accepted within this one, and closed at once.
         await until(lambda: time.time() > ends_s + 1.0, "the second after the end")
         assert "the supervisor's certificate has expired" in await refusal(BusConfig(endpoint, keys=alice))
 
