@@ -133,7 +133,7 @@ campaign: $(STAMP) ## inject every class of fault 300 times into real processes 
 mutation: $(STAMP) ## mutate the law and check that every mutant fails a test (20 to 60 minutes)
 	.venv/bin/python -m tests.mutation
 
-fifth: $(STAMP) ## the same with a fifth of the mutants, another one at each commit
+fifth: $(STAMP) ## the same with a fifth of the mutants, another one after each change of the law
 	.venv/bin/python -m tests.mutation --fifth
 
 picture: $(STAMP) ## render the warehouse and the animation of the README again (a few minutes)
