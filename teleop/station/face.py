@@ -81,7 +81,9 @@ def sentence(look: Look) -> str:
             press = "PRESSED, not confirmed; " if look.is_pressed and not look.is_confirmed else ""
             return f"{press}{_why_not_heard(look)}"
         case Word.STOPPED if look.is_pressed:
-            return "pressed here: release it with Ctrl-R, then reset with r in teleop"
+            # A release before the confirmation has no effect, so the screen must not ask for it yet.
+            release = "release it with Ctrl-R, then reset with r in teleop"
+            return f"pressed here: {release if look.is_confirmed else 'waiting for the confirmation'}"
         case Word.STOPPED:
             why = "" if look.status is None else plain(look.status.why())
             return f"the robot is stopped{f': {why}' if why else ''}"

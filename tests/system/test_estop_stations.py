@@ -215,7 +215,7 @@ async def test_any_key_stops_and_only_the_release_of_the_button_permits_the_rese
         to_zero_s = await subject.zero_after(pressed_s)
         say(f"a key at a station to zero on cmd_vel: {to_zero_s * 1e3:.1f} ms")
         assert to_zero_s < 0.1 + LATE_S
-        await until(lambda: "door: STOPPED - pressed here" in door.picture)
+        await until(lambda: "door: STOPPED - pressed here: release it" in door.picture)
         assert await refused(subject) == "the e-stop station door is pressed: release it there first"
         door.type(CTRL_R)
         await subject.until(lambda: state(subject) == "heard", "its release")
@@ -302,7 +302,7 @@ async def test_before_the_supervisor_runs_the_station_is_not_heard_and_keeps_a_p
             subject.start(topics.SUPERVISOR, "--config", str(config))
             await subject.observe()
             await subject.until(lambda: ESTOP in subject.status.causes, "the kept press")
-            await until(lambda: "door: STOPPED - pressed here" in door.picture)
+            await until(lambda: "door: STOPPED - pressed here: release it" in door.picture)
         finally:
             await subject.close()
         await until(lambda: "door: NOT HEARD" in door.picture)

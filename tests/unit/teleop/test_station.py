@@ -96,8 +96,9 @@ def text(line: Line) -> str:
     [
         (look(Word.HEARD, own()), "any key stops the robot"),
         (look(Word.HEARD, own(), is_pressed=True), "stopping"),
+        (look(Word.STOPPED, own(), is_pressed=True), "pressed here: waiting for the confirmation"),
         (
-            look(Word.STOPPED, own(), is_pressed=True),
+            look(Word.STOPPED, own(), is_pressed=True, is_confirmed=True),
             "pressed here: release it with Ctrl-R, then reset with r in teleop",
         ),
         (look(Word.STOPPED, own()), "the robot is stopped: ESTOP_STATION_LOST?[2J"),
