@@ -235,7 +235,7 @@ def test_a_process_that_ends_at_once_is_told_with_the_end_of_its_log(
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     _refused(
         robot.run("up", "--detach", "--viewer"),
-        r"sim exits immediately after each start; the end of .*sim\.log:\n(.*\n)*.*no display for a window",
+        r"sim exits soon after each start; the end of .*sim\.log:\n(.*\n)*.*no display for a window",
     )
     assert robot.pids() == {}
 
