@@ -327,10 +327,12 @@ class Ros2Service:
             if epoch != feed.epoch:
                 feed.end_of_run()
                 feed.epoch, feed.run = epoch, self._session.declare_alive(feed.section.name, epoch)
-            stamp = None if sent is None else Stamp(sent.sequence, round(sent.source_time_s * 1e9), epoch)
-            feed.out.put_bytes(
-                command.twist, None if stamp is None else stamp.pack(), true_at_s=command.true_at_s
+            stamp = (
+                feed.out.next_stamp(command.true_at_s)
+                if sent is None
+                else Stamp(sent.sequence, round(sent.source_time_s * 1e9), epoch)
             )
+            feed.out.put_bytes(command.twist, stamp.pack())
 
     # --- requests
 

@@ -126,7 +126,17 @@ def to_status(
             ros.EstopStationStatus(s.config.name, s.config.required, int(s.phase), s.pressed)
             for s in decision.stations
         ],
+        source_times=[_source_time(source) for source in decision.sources],
     )
+
+
+def _source_time(source: Source) -> ros.Time:
+    last = source.track.last
+    # A stamp has 64 bits, which any client fills; the seconds of a ROS time have 31.
+    if not source.stamped or last is None or not 0.0 <= last.source_time_s < 2**31:
+        return ros.Time(0, 0)
+    seconds, nanoseconds = divmod(round(last.source_time_s * 1e9), 1_000_000_000)
+    return ros.Time(seconds, nanoseconds)
 
 
 def _source_status(source: Source, now_s: float) -> ros.SourceStatus:

@@ -13,6 +13,7 @@
     pulse.py       whether the terminal still shows the output
     holder.py      one program for each source name; refusals.py detects permanent refusal by the supervisor;
                    supervisors.py detects two robots with one namespace
+    round_trip.py  how late the robot answers a command
     telemetry.py   status, odometry and scans
     view.py        all displayed values; words.py has texts for the supervisor's mode
     display.py     display of one line; dashboard.py, with top_view.py, the whole screen; screen.py its output

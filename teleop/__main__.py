@@ -262,6 +262,7 @@ def _options(args: argparse.Namespace) -> Options:
         robot=robot_of(document),
         most=config.most(),
         rate_hz=config.rate_hz,
+        round_trip_limit_s=config.round_trip_limit_s,
         about=about_this_process(source),
         pictures=not (args.plain or is_dumb()),
     )

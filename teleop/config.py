@@ -14,6 +14,8 @@ from wire.quantities import Acceleration, AngularAcceleration, Between, Speed, T
 
 # At a lower rate, the supervisor would time out between two commands.
 CommandRate = Annotated[float, Between(2.0, 200.0)]
+# Below, a status and a command that wait for their next period would already be too late.
+RoundTripLimit = Annotated[float, Between(0.2, 10.0)]
 LinearStep = Annotated[float, Between(0.001, 1.0)]
 AngularStep = Annotated[float, Between(0.001, 3.2)]
 
@@ -32,6 +34,7 @@ class TeleopSection(Section):
     source: FreeName = topics.TELEOP
     mode: Annotated[Mode, Field(strict=False)] = Mode.INCREMENTAL
     rate_hz: CommandRate = 20.0
+    round_trip_limit_s: RoundTripLimit = 0.5
     linear_step_m_s: LinearStep = 0.1
     angular_step_rad_s: AngularStep = 0.2
     max_linear_m_s: Speed = 1.0

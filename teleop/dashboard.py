@@ -184,6 +184,8 @@ def _ends(left: str, right: str, columns: int) -> str:
 def _title(view: View) -> str:
     strangers = () if view.status is None or is_silent(view) else view.status.unknown_sources
     title = f"{plain(view.source)} at {plain(view.endpoint)}"
+    if math.isfinite(view.round_trip_s) and not is_silent(view):
+        title = f"{title}, answers in {view.round_trip_s:.2f} s"
     return f"{title} - refused, unknown: {plain(' '.join(strangers))}" if strangers else title
 
 

@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 
 from teleop.view import Line, Segment, Tone, View, columns_of, plain
-from teleop.words import direction, is_silent, next_step, step_after
+from teleop.words import direction, is_silent, lateness, next_step, step_after
 from wire.messages import SafetyStatus, Twist
 
 ELLIPSIS = "…"
@@ -54,14 +54,16 @@ def _news(view: View, omega: str, *, short: bool = False) -> Segment:
         return Segment(f"supervisor: silent for {view.status_age_s:.1f} s", Tone.STOP)
     who = f" ({plain(status.owner)} drives)" if status.owner not in ("", view.source) else ""
     match status.mode:
+        case SafetyStatus.STOPPED:
+            return Segment(_stopped(status, view, short=short), Tone.STOP)
+        case _ if view.is_late:
+            return Segment(f"LATE: {lateness(view.round_trip_s, view.round_trip_limit_s)}", Tone.STOP)
         case SafetyStatus.READY:
             return Segment(f"READY{who}", Tone.GOOD)
         case SafetyStatus.DRIVING:
             return Segment(f"DRIVING {_permitted(status.permitted, omega)}{who}", Tone.GOOD)
         case SafetyStatus.LIMITED:
             return Segment(f"LIMITED to {_permitted(status.permitted, omega)}{who}", Tone.CAUTION)
-        case SafetyStatus.STOPPED:
-            return Segment(_stopped(status, view, short=short), Tone.STOP)
         case unknown:
             return Segment(f"unknown mode {unknown}", Tone.STOP)
 

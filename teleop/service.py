@@ -23,8 +23,10 @@ from teleop.keymap import Command
 from teleop.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity, amounts
 from teleop.rate import TOLERANCE_S, Rate
 from teleop.refusals import Refusals
+from teleop.round_trip import RoundTrip
 from teleop.telemetry import Telemetry
 from teleop.view import Control, Event, KeyHelp, Line, Robot, Tone, View, plain
+from teleop.words import lateness
 from wire import topics
 from wire.bus import Bus, NoReplyError
 from wire.messages import Bool, SafetyStatus, TriggerResponse, planar_twist
@@ -98,6 +100,8 @@ class Setup:
     most: Velocity = Velocity(1.0, 2.0)
     """Full scale of the velocity bars."""
     rate_hz: float = 20.0
+    round_trip_limit_s: float = 0.5
+    """If a command and its confirmation take longer, zero is sent: the robot obeys too late."""
     about: str = "teleop"
     """A sentence about this program, for other programs that want the source's name."""
     pictures: bool = True
@@ -154,6 +158,8 @@ class Teleop:
         self._redraw = True
         self._has_rival = False
         self._has_two_supervisors = False
+        self._round_trip, self._round_trip_s = RoundTrip(), math.nan
+        self._is_late = self._is_lateness_told = False
         self._refusals = Refusals()
         self._start(asyncio.get_running_loop().time())
 
@@ -348,6 +354,7 @@ class Teleop:
             return
         if self._has_two_supervisors:
             self._pilot.let_go()
+        self._stand_if_late()
         velocity = self._pilot.velocity(now_s)
         if velocity != self._sent or (always and velocity.is_neutral and self._pilot.wanted().is_neutral):
             self._sent = velocity
@@ -366,8 +373,9 @@ class Teleop:
 
     def _publish(self) -> None:
         if self._holder is not None and self._holder.holds:  # before that, another program may hold the name
-            self._published_s = asyncio.get_running_loop().time()
-            self._cmd_vel.put(planar_twist(*self._sent))
+            now_s = self._published_s = asyncio.get_running_loop().time()
+            stamp = self._cmd_vel.put(planar_twist(*self._sent))
+            self._round_trip.sent(stamp.source_time_ns, now_s)
 
     def _repeat_estop(self) -> None:
         """Repeat the e-stop until the status shows it, because a single sample can get lost."""
@@ -405,7 +413,10 @@ class Teleop:
     def _look(self, now_s: float) -> None:
         status = self._telemetry.look()
         self._look_for_another_robot(now_s)
-        if status is None or self._pilot is None:
+        if self._pilot is None:
+            return
+        self._look_at_round_trip(status, now_s)
+        if status is None:
             return
         if self._bell.rings(warning=status.warning, nearest_m=status.nearest_m, now_s=now_s):
             self._screen.bell()
@@ -423,6 +434,26 @@ class Teleop:
                 "two supervisors answer: two robots have this namespace, and neither is driven; give each its own",
                 Tone.STOP,
             )
+
+    def _look_at_round_trip(self, status: SafetyStatus | None, now_s: float) -> None:
+        """Send zero while the robot obeys too late; `status` is a new one, or None."""
+        if status is not None:
+            self._round_trip.heard(
+                status.source_time_ns(self._setup.source), self._telemetry.status_arrival_s
+            )
+        self._round_trip_s = self._round_trip.shortest_s(now_s)
+        if self._is_late is not (self._round_trip_s > self._setup.round_trip_limit_s):
+            self._is_late, self._is_lateness_told, self._redraw = not self._is_late, False, True
+        self._stand_if_late()
+
+    def _stand_if_late(self) -> None:
+        if not (self._is_late and self._asks_for_motion()):
+            return
+        self._let_go()
+        if not self._is_lateness_told:
+            self._is_lateness_told = True
+            late = lateness(self._round_trip_s, self._setup.round_trip_limit_s)
+            self.note(f"{late}: the setpoint is zero", Tone.STOP)
 
     def _look_at_own(self, status: SafetyStatus, now_s: float) -> None:
         """Handle refusals of this source in the status.
@@ -496,6 +527,8 @@ class Teleop:
             max_linear_m_s=setup.most.linear_m_s,
             max_angular_rad_s=setup.most.angular_rad_s,
             status=telemetry.status,
+            round_trip_s=self._round_trip_s,
+            round_trip_limit_s=setup.round_trip_limit_s,
             status_age_s=telemetry.status_age_s(now_s),
             odom=odom,
             odom_age_s=odom_age_s,

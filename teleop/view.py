@@ -170,6 +170,9 @@ class View:
     status: SafetyStatus | None = None
     status_age_s: float = 0.0
     """Time since the arrival of the newest status; the other ages are defined in the same way."""
+    round_trip_s: float = math.nan
+    """Time from a command to the status that confirms it; infinite if none did so lately; NaN if it is not known."""
+    round_trip_limit_s: float = 0.5
     odom: Odom | None = None
     odom_age_s: float = 0.0
     scan: Scan | None = None
@@ -188,6 +191,11 @@ class View:
         """This source in the supervisor's status."""
         sources = () if self.status is None else self.status.sources
         return next((source for source in sources if source.name == self.source), None)
+
+    @property
+    def is_late(self) -> bool:
+        """Whether the robot obeys so late that no motion is requested."""
+        return self.round_trip_s > self.round_trip_limit_s
 
     @property
     def is_neutral(self) -> bool:

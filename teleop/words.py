@@ -40,6 +40,13 @@ def is_silent(view: View) -> bool:
     return view.status is not None and not view.status_age_s <= SILENT_AFTER_S
 
 
+def lateness(round_trip_s: float, limit_s: float) -> str:
+    """Return that the robot obeys too late, as the beginning of a sentence."""
+    if math.isinf(round_trip_s):
+        return "the robot has not answered a command lately"
+    return f"the robot answers after {round_trip_s:.2f} s, and the limit is {limit_s:g} s"
+
+
 def news(view: View) -> News:
     """Return the texts for the mode, its cause and the next step."""
     status = view.status
@@ -53,6 +60,9 @@ def news(view: View) -> News:
     match status.mode:
         case SafetyStatus.STOPPED:
             return _stopped(view, status)
+        case _ if view.is_late:
+            what = lateness(view.round_trip_s, view.round_trip_limit_s)
+            return News("LATE", what, "no motion is sent: wait, or use a faster link", Tone.STOP)
         case SafetyStatus.READY:
             return _ready(view, status)
         case SafetyStatus.DRIVING:

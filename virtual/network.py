@@ -209,16 +209,17 @@ class VirtualPublisher:
         self._bus, self._key = bus, key
         self.begin_anew()
 
-    def put(self, message: Any, true_at_s: float | None = None) -> None:  # noqa: ANN401 - as Publisher[M] for its topic's M
+    def put(self, message: Any, true_at_s: float | None = None) -> Stamp:  # noqa: ANN401 - as Publisher[M] for its topic's M
         bus, network = self._bus, self._bus.network
-        if bus.is_dead:
-            return
         time_s = network.loop.time() if true_at_s is None else true_at_s
         stamp = self._stamper.next(time_s + bus.clock_offset_s)
+        if bus.is_dead:
+            return stamp
         if network.tap is not None:
             network.tap(bus.node, self._key, message, stamp)
         if network.is_heard(self._key):
             bus.send(self._key, encode(message), stamp.pack())
+        return stamp
 
     @property
     def epoch(self) -> bytes:

@@ -164,8 +164,8 @@ M_contra = TypeVar("M_contra", bound=Message, contravariant=True)
 class Publisher(Protocol[M_contra]):
     """Publishes one topic's messages, each with the next stamp of this run; never blocks or raises on a dead link."""
 
-    def put(self, message: M_contra, true_at_s: float | None = None) -> None:
-        """Send a message.
+    def put(self, message: M_contra, true_at_s: float | None = None) -> Stamp:
+        """Send a message, and return its stamp.
 
         Args:
             message: the message.

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass, field
 from typing import ClassVar, Protocol, TypeVar
 
-from wire.ros import Header, Twist, Vector3
+from wire.ros import Header, Time, Twist, Vector3
 
 
 class UndecodableError(ValueError):
@@ -126,6 +126,7 @@ class SafetyStatus:
     estop_record_problem: str = ""
     rmw_zenoh_nodes: list[str] = field(default_factory=list[str])
     estop_stations: list[EstopStationStatus] = field(default_factory=list[EstopStationStatus])
+    source_times: list[Time] = field(default_factory=list[Time])
     __msgtype__: ClassVar[str] = "lifeline_msgs/msg/SafetyStatus"
 
     def causes_and_latched(self) -> tuple[list[str], list[str]]:
@@ -136,6 +137,13 @@ class SafetyStatus:
         if self.causes or self.latched:
             return self.causes, self.latched
         return self.reasons, []
+
+    def source_time_ns(self, source: str) -> int | None:
+        """Return the stamp of a source's newest command; 0 if there is none, None if the status does not report it."""
+        times = (
+            time for own, time in zip(self.sources, self.source_times, strict=False) if own.name == source
+        )
+        return next((time.sec * 1_000_000_000 + time.nanosec for time in times), None)
 
     def why(self) -> str:
         """Return the names of the stop reasons as text, with a mark if over: "SCAN_STALE, OVERRUN (over)"."""

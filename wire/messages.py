@@ -119,7 +119,7 @@ def _definitions() -> Typesdict:
     return definitions
 
 
-APPENDED_FROM = {SafetyStatus.__msgtype__: ("causes", "rmw_zenoh_nodes", "estop_stations")}
+APPENDED_FROM = {SafetyStatus.__msgtype__: ("causes", "rmw_zenoh_nodes", "estop_stations", "source_times")}
 """By type, the first field of each group that was appended to it, the oldest group first.
 
 A message from before a group was appended still decodes.

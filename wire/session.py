@@ -30,7 +30,7 @@ from wire.inbox import (
 from wire.newest import NewestWithin
 from wire.reconnection import Reconnection
 from wire.runs import SESSION_BYTES, Runs
-from wire.stamp import Stamper
+from wire.stamp import Stamp, Stamper
 from wire.topics import Topic
 from wire.zenoh_calls import call_in, direct, first_line, in_thread
 
@@ -94,17 +94,22 @@ class RawPublisher:
         """The epoch in the stamps of this run; it begins as the id of the session (runs.py)."""
         return self._stamper.gid
 
-    def put_bytes(
-        self, payload: bytes, attachment: bytes | None = None, *, true_at_s: float | None = None
-    ) -> None:
+    def next_stamp(self, true_at_s: float | None = None) -> Stamp:
+        """Return the next stamp of this run.
+
+        Args:
+            true_at_s: the time of the sample's content by the loop's clock; None: now.
+        """
+        return self._stamper.next(true_at_s)
+
+    def put_bytes(self, payload: bytes, attachment: bytes | None = None) -> None:
         """Send a payload.
 
         Args:
             payload: the encoded message.
             attachment: its stamp; None: the next stamp of this run.
-            true_at_s: the time of its content by the loop's clock, for this run's stamp; None: now.
         """
-        stamp = self._stamper.next(true_at_s).pack() if attachment is None else attachment
+        stamp = self.next_stamp().pack() if attachment is None else attachment
         if len(payload) <= DATAGRAM_BYTES:
             self._small.put(payload, attachment=stamp)
             return

@@ -22,6 +22,7 @@ from wire.messages import (
     request_text,
 )
 from wire.session import RawPublisher, ZenohSession
+from wire.stamp import Stamp
 from wire.topics import Service, Topic
 
 __all__ = ["DEFAULT_ENDPOINT", "BusConfig", "Fleet", "ZenohBus", "open_bus", "open_fleet"]
@@ -56,8 +57,10 @@ async def open_bus(
 class ZenohPublisher(RawPublisher):
     """Publishes the messages of one topic."""
 
-    def put(self, message: Any, true_at_s: float | None = None) -> None:  # noqa: ANN401 - as Publisher[M] for its topic's M
-        self.put_bytes(encode(message), true_at_s=true_at_s)
+    def put(self, message: Any, true_at_s: float | None = None) -> Stamp:  # noqa: ANN401 - as Publisher[M] for its topic's M
+        stamp = self.next_stamp(true_at_s)
+        self.put_bytes(encode(message), stamp.pack())
+        return stamp
 
 
 class ZenohBus(ZenohSession):

@@ -86,7 +86,7 @@ async def feeding(feeds: Iterable[Coroutine[None, None, None]]) -> AsyncGenerato
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-async def at_rate(rate_hz: float, act: Callable[[], None]) -> None:
+async def at_rate(rate_hz: float, act: Callable[[], object]) -> None:
     loop = asyncio.get_running_loop()
     next_s = loop.time()
     while True:

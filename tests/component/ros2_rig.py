@@ -48,12 +48,13 @@ class _RawPublisher:
     def epoch(self) -> bytes:
         return self._stamper.gid
 
-    def put_bytes(
-        self, payload: bytes, attachment: bytes | None = None, *, true_at_s: float | None = None
-    ) -> None:
+    def next_stamp(self, true_at_s: float | None = None) -> Stamp:
+        now_s = self._session.bus.network.loop.time()
+        return self._stamper.next(now_s if true_at_s is None else true_at_s)
+
+    def put_bytes(self, payload: bytes, attachment: bytes | None = None) -> None:
         bus = self._session.bus
-        now_s = bus.network.loop.time()
-        stamp = attachment or self._stamper.next(now_s if true_at_s is None else true_at_s).pack()
+        stamp = attachment or self.next_stamp().pack()
         parsed = parse_stamp(stamp)
         assert parsed is not None
         self._session.sent.setdefault(self._key, []).append((payload, parsed))

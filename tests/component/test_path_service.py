@@ -135,7 +135,7 @@ class Operator:
 
 
 @asynccontextmanager
-async def every(period_s: float, act: Callable[[], None]) -> AsyncGenerator[None]:
+async def every(period_s: float, act: Callable[[], object]) -> AsyncGenerator[None]:
     async def repeat() -> None:
         while True:
             act()

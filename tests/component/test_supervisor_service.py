@@ -25,6 +25,7 @@ from wire.messages import (
     planar_twist,
     zero_twist,
 )
+from wire.stamp import Stamp
 
 ZERO = (0.0, 0.0)
 PRESSED, RELEASED = Bool(data=True), Bool(data=False)
@@ -238,6 +239,36 @@ async def test_the_status_names_nodes_that_use_the_keys_of_rmw_zenoh_while_they_
             hub.foreign_nodes.push(LivelinessChange(token, alive, 0.0))
             await rig.pass_time(0.15)
             assert rig.newest_status.rmw_zenoh_nodes == names
+
+
+async def test_the_status_reports_the_stamp_of_each_sources_newest_command() -> None:
+    rig = Rig()
+    sent: list[Stamp] = []
+    async with rig.supervisor(), rig.lidar():
+        publisher = rig.network.open_joined("teleop").publisher(topics.source_cmd_vel("teleop"))
+        async with rig.every(0.05, lambda: sent.append(publisher.put(planar_twist(0.0, 0.0)))):
+            for _ in range(20):
+                await rig.pass_time(0.1)
+        times = [rig.newest_status.source_time_ns(name) for name in ("teleop", "joy", "stranger")]
+        assert times[0] in {stamp.source_time_ns for stamp in sent[-5:]}
+        assert times[1:] == [0, None]
+
+
+@pytest.mark.parametrize("source_time_ns", [-(2**63), -1, 2**31 * 10**9, 2**63 - 1])
+async def test_a_stamp_that_no_ros_time_can_hold_is_reported_as_none(source_time_ns: int) -> None:
+    rig = Rig()
+    async with rig.supervisor(), rig.lidar():
+        rogue = rig.network.open_joined("rogue")
+        numbers = itertools.count(1)
+
+        def put() -> None:
+            stamp = Stamp(next(numbers), source_time_ns, b"r" * 16)
+            rogue.send(topics.source_cmd_vel("teleop").key, encode(planar_twist(0.0, 0.0)), stamp.pack())
+
+        async with rig.every(0.05, put):
+            await rig.pass_time(1.0)
+        assert next(source.stamped for source in rig.newest_status.sources)
+        assert rig.newest_status.source_time_ns("teleop") == 0
 
 
 async def test_a_burst_without_attachments_moves_nothing() -> None:

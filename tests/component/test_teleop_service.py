@@ -23,7 +23,7 @@ from teleop.view import Control, Line, View
 from virtual.loop import VirtualLoop
 from virtual.network import VirtualNetwork
 from wire import topics
-from wire.messages import SafetyStatus, SourceStatus, TriggerResponse, encode, header
+from wire.messages import SafetyStatus, SourceStatus, Time, TriggerResponse, encode, header
 from wire.stamp import Stamp
 
 CMD_VEL = topics.source_cmd_vel("teleop")
@@ -753,6 +753,119 @@ async def test_a_supervisor_that_is_restarted_is_no_second_robot() -> None:
             for _ in range(5):
                 robot.put(SafetyStatus(header("base_link", 0), mode=SafetyStatus.READY))
                 await asyncio.sleep(0.1)
+        await b.press("w")
+        assert (b.velocity(), b.screen.notes) == ((0.1, 0.0), [])
+
+
+class AnsweringSupervisor:
+    """The supervisor's side of a link: its statuses report the newest command's stamp ten times a second."""
+
+    def __init__(self, wire: Wire, *, reports: bool = True) -> None:
+        self._commands = wire.supervisor.subscribe(CMD_VEL)
+        self._status = wire.supervisor.publisher(topics.STATUS)
+        self._newest_ns = 0
+        self._reports = reports
+        self.speaks = True
+        self._task = asyncio.create_task(self._run())
+
+    async def _run(self) -> None:
+        while True:
+            await asyncio.sleep(0.1)
+            command = self._commands.latest()
+            if command is not None and command.stamp is not None:
+                self._newest_ns = command.stamp.source_time_ns
+            if self.speaks:
+                self._say()
+
+    def _say(self) -> None:
+        times = [Time(*divmod(self._newest_ns, 10**9))] if self._reports else []
+        self._status.put(
+            SafetyStatus(
+                header("base_link", 0),
+                mode=SafetyStatus.READY,
+                sources=[_source("teleop")],
+                source_times=times,
+            )
+        )
+
+    def close(self) -> None:
+        self._task.cancel()
+
+
+@asynccontextmanager
+async def linked(
+    up_s: float, down_s: float, *, reports: bool = True
+) -> AsyncGenerator[tuple[Bench, AnsweringSupervisor]]:
+    """A teleop whose link has had these delays from the start."""
+    wire = Wire()
+    for conditions, delay_s in zip(wire.link("teleop"), (up_s, down_s), strict=True):
+        conditions.delay_s = delay_s
+    async with bench(wire=wire) as b:
+        supervisor = AnsweringSupervisor(wire, reports=reports)
+        await asyncio.sleep(3.0)
+        try:
+            yield b, supervisor
+        finally:
+            supervisor.close()
+
+
+@pytest.mark.parametrize("delays_s", [(0.0, 0.0), (0.15, 0.15), (0.4, 0.0), (0.0, 0.4)])
+async def test_a_link_that_answers_within_the_limit_drives(delays_s: tuple[float, float]) -> None:
+    async with linked(*delays_s) as (b, _):
+        await b.press("www")
+        await asyncio.sleep(10.0)
+        assert b.velocity() == (pytest.approx(0.3), 0.0)
+        assert b.screen.notes == []
+        assert sum(delays_s) <= b.view.round_trip_s <= sum(delays_s) + PERIOD_S + INSTANT_S
+
+
+@pytest.mark.parametrize("delays_s", [(0.7, 0.0), (0.0, 0.7), (0.3, 0.3), (2.0, 2.0)])
+async def test_a_link_that_was_slow_from_the_start_is_not_driven_over(delays_s: tuple[float, float]) -> None:
+    async with linked(*delays_s) as (b, _):
+        await asyncio.sleep(3.0)
+        for _ in range(3):
+            await b.press("w")
+            assert b.velocity() == (0.0, 0.0)
+            await asyncio.sleep(0.5)
+        assert {velocity for _, velocity in b.wire.commands()} == {(0.0, 0.0)}
+        (note,) = b.screen.notes
+        assert "the robot answers after" in note
+        assert "the setpoint is zero" in note
+        assert "LATE" in b.screen.lines[-1]
+        await b.press(" ")
+        assert b.wire.estops(), "the emergency stop is sent over any link"
+
+
+async def test_a_link_that_becomes_slow_stops_the_robot_until_the_operator_asks_again() -> None:
+    async with linked(0.02, 0.02) as (b, _):
+        await b.press("w")
+        await asyncio.sleep(1.0)
+        for conditions in b.wire.link("teleop"):
+            conditions.delay_s = 0.4
+        await asyncio.sleep(3.0)
+        assert b.velocity() == (0.0, 0.0)
+        for conditions in b.wire.link("teleop"):
+            conditions.delay_s = 0.02
+        await asyncio.sleep(2.0)
+        assert b.velocity() == (0.0, 0.0), "it does not start by itself"
+        await b.press("w")
+        assert b.velocity() == (0.1, 0.0)
+        assert len(b.screen.notes) == 1
+
+
+async def test_without_an_answer_for_a_second_the_setpoint_is_zero() -> None:
+    async with linked(0.0, 0.0) as (b, supervisor):
+        await b.press("w")
+        supervisor.speaks = False
+        await asyncio.sleep(1.0)
+        assert b.velocity() == (0.1, 0.0)
+        await asyncio.sleep(0.2)
+        assert b.velocity() == (0.0, 0.0)
+        assert "the robot has not answered a command lately" in b.screen.notes[-1]
+
+
+async def test_an_older_supervisor_that_reports_no_stamps_is_driven_as_before() -> None:
+    async with linked(0.7, 0.0, reports=False) as (b, _):
         await b.press("w")
         assert (b.velocity(), b.screen.notes) == ((0.1, 0.0), [])
 

@@ -380,6 +380,7 @@ def _statuses() -> list[Message]:
         latched=["SCAN_STALE"],
         detail="something is too close at 40° to the left",
         rmw_zenoh_nodes=["/talker", "\x1b]0;x\x07"],
+        source_times=[Time(123_456, 789), Time(0, 0), Time(2**31 - 1, 999_999_999)],
     )
     return [SafetyStatus(header("base_link", 1)), full]
 

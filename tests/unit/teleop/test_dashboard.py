@@ -140,6 +140,12 @@ def test_sources_that_the_supervisor_refuses_are_named() -> None:
     assert "rogue" not in shown(driving(newest, status_age_s=3.0))
 
 
+def test_the_title_shows_how_soon_the_robot_answers_while_that_is_known() -> None:
+    assert ", answers in 0.03 s" in shown(driving(status(), round_trip_s=0.034))
+    for fields in ({"round_trip_s": math.inf}, {}, {"round_trip_s": 0.1, "status_age_s": 3.0}):
+        assert "answers in" not in shown(driving(status(), **fields))
+
+
 # --- old data is shown as old
 
 

@@ -19,6 +19,7 @@ from wire.messages import (
     SafetyStatus,
     SourceStatus,
     String,
+    Time,
     TriggerResponse,
     Twist,
     UndecodableError,
@@ -95,6 +96,15 @@ def test_a_status_from_before_the_last_field_was_appended_still_decodes() -> Non
 def test_the_status_comes_back_with_the_nodes_that_use_other_keys() -> None:
     status = SafetyStatus(header(""), detail="x", rmw_zenoh_nodes=["/talker", "and 3 more"])
     assert decode(encode(status), SafetyStatus).rmw_zenoh_nodes == ["/talker", "and 3 more"]
+
+
+def test_a_status_reports_the_stamp_of_a_source_that_it_knows() -> None:
+    known = [SourceStatus(name, 1, 1, True, True, True, 0.0, [], 1, 0, 0, 0, 0) for name in ("teleop", "joy")]  # noqa: FBT003
+    status = SafetyStatus(header(""), sources=known)
+    assert status.source_time_ns("teleop") is None
+    status.source_times = [Time(3, 5), Time(0, 0)]
+    back = decode(encode(status), SafetyStatus)
+    assert [back.source_time_ns(name) for name in ("teleop", "joy", "path")] == [3_000_000_005, 0, None]
 
 
 def test_a_status_from_before_fields_were_appended_still_decodes() -> None:

@@ -11,6 +11,21 @@ from deploy.stack.statedir import StateDir
 from deploy.stack.supervisord import Program
 
 
+def reported(monkeypatch: pytest.MonkeyPatch) -> list[Program]:
+    """Return a list that stands for the programs that supervisord reports."""
+    programs: list[Program] = []
+
+    def programs_of(_: StateDir) -> list[Program]:
+        return programs
+
+    monkeypatch.setattr(supervisord, "programs", programs_of)
+    return programs
+
+
+def silent(_: StateDir) -> None:
+    """Stand for a supervisord that does not answer."""
+
+
 @pytest.mark.parametrize(
     "seen",
     [
@@ -25,8 +40,7 @@ from deploy.stack.supervisord import Program
 def test_a_program_that_dies_twice_has_failed(
     seen: list[tuple[str, int]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    programs: list[Program] = []
-    monkeypatch.setattr(supervisord, "programs", lambda _: programs)
+    programs = reported(monkeypatch)
     health = Health(StateDir(tmp_path))
     for number, (state, start) in enumerate(seen):
         programs[:] = [Program("sim", state, 7, start), Program("supervisor", "RUNNING", 8, 1)]
@@ -47,14 +61,15 @@ def test_a_program_that_dies_twice_has_failed(
 def test_a_program_that_dies_once_may_still_start(
     seen: list[tuple[str, int]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
+    programs = reported(monkeypatch)
     health = Health(StateDir(tmp_path))
     for state, start in seen:
-        monkeypatch.setattr(supervisord, "programs", lambda _, one=Program("sim", state, 7, start): [one])
+        programs[:] = [Program("sim", state, 7, start)]
         health.check()
 
 
 def test_a_supervisord_that_does_not_answer_proves_nothing(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(supervisord, "programs", lambda _: None)
+    monkeypatch.setattr(supervisord, "programs", silent)
     Health(StateDir(tmp_path)).check()

@@ -1,0 +1,165 @@
+"""How late the robot answers a command."""
+
+import heapq
+import math
+from random import Random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from teleop.round_trip import KEPT_COMMANDS, WINDOW_S, RoundTrip
+from teleop.service import Setup
+from teleop.view import Control
+
+BOOT_NS = 3 * 86400 * 10**9 + 123_456_789
+PERIOD_S, STATUS_PERIOD_S = 0.05, 0.1
+
+
+def stamp_ns(time_s: float) -> int:
+    return BOOT_NS + round(time_s * 1e9)
+
+
+def drive(
+    up_s: float,
+    down_s: float,
+    *,
+    seconds: float = 3.0,
+    loss: float = 0.0,
+    clock_step_s: float = 0.0,
+    seed: int = 0,
+) -> tuple[RoundTrip, float]:
+    """Play a link with these delays, and a step of the stamps' clock in the middle; return the measure and the end."""
+    random, measure = Random(seed), RoundTrip()
+    events: list[tuple[float, int, int]] = []
+    for beat in range(round(seconds / PERIOD_S)):
+        at_s = beat * PERIOD_S
+        stamp = stamp_ns(at_s + (clock_step_s if at_s > seconds / 2 else 0.0))
+        events.append((at_s, 0, stamp))
+        if random.random() >= loss:
+            events.append((at_s + up_s, 1, stamp))
+    events += [(beat * STATUS_PERIOD_S + 0.013, 2, 0) for beat in range(round(seconds / STATUS_PERIOD_S))]
+    newest, heard = 0, list[tuple[float, int]]()
+    for at_s, kind, stamp in sorted(events):
+        if kind == 1:
+            newest = stamp
+        elif kind == 2 and random.random() >= loss:
+            heard.append((at_s + down_s, newest))
+    arrivals = [(at_s, 1, stamp) for at_s, stamp in heard]
+    for at_s, kind, stamp in sorted(
+        [(at_s, 0, stamp) for at_s, kind, stamp in events if kind == 0] + arrivals
+    ):
+        if at_s > seconds:
+            break
+        if kind == 0:
+            measure.sent(stamp, at_s)
+        else:
+            measure.heard(stamp, at_s)
+    return measure, seconds
+
+
+def test_before_a_status_it_is_not_known() -> None:
+    assert math.isnan(RoundTrip().shortest_s(0.0))
+
+
+@pytest.mark.parametrize("confirmed", [0, 77])
+def test_a_status_that_confirms_none_of_its_commands_proves_nothing(confirmed: int) -> None:
+    measure = RoundTrip()
+    measure.sent(stamp_ns(1.0), 1.0)
+    measure.heard(confirmed, 1.1)
+    assert measure.shortest_s(1.1) == math.inf
+
+
+def test_a_supervisor_that_cannot_report_it_leaves_it_unknown() -> None:
+    measure = RoundTrip()
+    measure.sent(stamp_ns(1.0), 1.0)
+    measure.heard(stamp_ns(1.0), 1.1)
+    measure.heard(None, 1.2)
+    assert math.isnan(measure.shortest_s(1.2))
+
+
+def test_each_delay_of_a_link_is_measured_however_it_is_divided() -> None:
+    for up_s, down_s in ((0.0, 0.0), (0.7, 0.0), (0.0, 0.7), (0.35, 0.35), (1.2, 0.3)):
+        measure, end_s = drive(up_s, down_s)
+        assert up_s + down_s <= measure.shortest_s(end_s) <= up_s + down_s + PERIOD_S
+
+
+@given(
+    up_s=st.floats(0.0, 0.3), down_s=st.floats(0.0, 0.3), loss=st.floats(0.0, 0.5), seed=st.integers(0, 1000)
+)
+def test_it_is_never_shorter_than_the_link(up_s: float, down_s: float, loss: float, seed: int) -> None:
+    measure, end_s = drive(up_s, down_s, loss=loss, seed=seed)
+    assert measure.shortest_s(end_s) >= up_s + down_s - 1e-9
+
+
+@given(step_s=st.floats(-20.0, 20.0))
+def test_a_step_of_the_stamps_clock_changes_nothing(step_s: float) -> None:
+    measure, end_s = drive(0.02, 0.02, seconds=6.0, clock_step_s=step_s)
+    assert measure.shortest_s(end_s) <= 0.04 + 2 * PERIOD_S
+
+
+def test_ten_lost_statuses_in_a_row_end_the_proof() -> None:
+    measure = RoundTrip()
+    measure.sent(stamp_ns(0.0), 0.0)
+    measure.heard(stamp_ns(0.0), 0.1)
+    assert measure.shortest_s(0.1 + WINDOW_S) == 0.1
+    assert measure.shortest_s(math.nextafter(0.1 + WINDOW_S, 9.0)) == math.inf
+
+
+def test_a_confirmation_that_is_repeated_counts_from_the_same_command() -> None:
+    measure = RoundTrip()
+    measure.sent(stamp_ns(0.0), 0.0)
+    for arrival_s in (0.3, 0.2):
+        measure.heard(stamp_ns(0.0), arrival_s)
+    assert measure.shortest_s(0.3) == 0.2
+
+
+def test_an_older_confirmation_after_a_newer_one_proves_nothing_new() -> None:
+    measure = RoundTrip()
+    measure.sent(stamp_ns(0.0), 0.0)
+    measure.sent(stamp_ns(1.0), 1.0)
+    measure.heard(stamp_ns(1.0), 1.5)
+    measure.heard(stamp_ns(0.0), 1.6)
+    assert measure.shortest_s(1.6) == 0.5
+
+
+@given(error_ns=st.integers(-400, 400))
+def test_a_stamp_is_found_although_a_supervisor_rounds_it(error_ns: int) -> None:
+    measure = RoundTrip()
+    measure.sent(1_000_000, 0.0)
+    measure.heard(1_000_000 + error_ns, 0.25)
+    assert measure.shortest_s(0.25) == 0.25
+
+
+def test_commands_that_nobody_confirms_are_forgotten_in_the_end() -> None:
+    measure = RoundTrip()
+    for number in range(KEPT_COMMANDS + 1):
+        measure.sent(stamp_ns(number * 0.01), number * 0.01)
+    measure.heard(stamp_ns(0.0), 20.0)
+    assert measure.shortest_s(20.0) == math.inf
+    measure.heard(stamp_ns(0.01), 20.0)
+    assert measure.shortest_s(20.0) == pytest.approx(19.99)
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.02, 0.05, 0.1])
+def test_an_hour_over_a_link_of_300_ms_that_loses_packets_never_counts_as_too_slow(loss: float) -> None:
+    random, measure = Random(1), RoundTrip()
+    limit_s, newest_s = Setup("", "", Control.HOLD).round_trip_limit_s, -1.0
+    arriving = list[tuple[float, float]]()
+    worst_s = 0.0
+    for beat in range(round(3600.0 / PERIOD_S)):
+        now_s = beat * PERIOD_S
+        while arriving and arriving[0][0] <= now_s:
+            at_s, stamp_s = heapq.heappop(arriving)
+            measure.heard(stamp_ns(stamp_s), at_s)
+        if beat > 20:
+            worst_s = max(worst_s, measure.shortest_s(now_s))
+        measure.sent(stamp_ns(now_s), now_s)
+        up_s, down_s = (max(0.0, random.gauss(0.15, 0.015)) for _ in range(2))
+        if random.random() >= loss:
+            newest_s = max(newest_s, now_s - up_s)  # as if it had arrived now: it was sent before
+        if beat % 2 == 0 and random.random() >= loss:
+            sent_s = PERIOD_S * math.floor(newest_s / PERIOD_S)
+            heapq.heappush(arriving, (now_s + down_s, max(0.0, sent_s)))
+    print(f"\n    worst round trip of an hour: {worst_s:.3f} s")
+    assert worst_s < limit_s
