@@ -132,7 +132,7 @@ def to_status(
 
 def _source_time(source: Source) -> ros.Time:
     last = source.track.last
-    # A stamp has 64 bits, which any client fills; the seconds of a ROS time have 31.
+    # Any client can fill the 64 bits of a stamp; the seconds of a ROS time have 31.
     if not source.stamped or last is None or not 0.0 <= last.source_time_s < 2**31:
         return ros.Time(0, 0)
     seconds, nanoseconds = divmod(round(last.source_time_s * 1e9), 1_000_000_000)

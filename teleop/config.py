@@ -14,7 +14,7 @@ from wire.quantities import Acceleration, AngularAcceleration, Between, Speed, T
 
 # At a lower rate, the supervisor would time out between two commands.
 CommandRate = Annotated[float, Between(2.0, 200.0)]
-# Below, a status and a command that wait for their next period would already be too late.
+# A lower limit would leave too little beyond the periods of the commands and of the status.
 RoundTripLimit = Annotated[float, Between(0.2, 10.0)]
 LinearStep = Annotated[float, Between(0.001, 1.0)]
 AngularStep = Annotated[float, Between(0.001, 3.2)]

@@ -2,14 +2,14 @@
 
 The age of a command at the supervisor does not contain a delay that the link has from the start, because the clocks of
 two hosts are not compared. The status repeats the stamp of each source's newest command, so that its sender can measure
-how late the robot obeys, and how late its operator sees that (docs/decisions/0057).
+the time until the robot obeys and the operator sees that it does (docs/decisions/0057).
 """
 
 import math
 from collections import deque
 
 WINDOW_S = 1.0
-"""The shortest round trip of this time counts: ten statuses, of which some may be lost or late."""
+"""The shortest round trip within this time counts: of ten statuses, nine may be lost or late."""
 KEPT_COMMANDS = 2000
 """Ten seconds at the highest rate; a link that is slower opens no session."""
 
@@ -19,28 +19,29 @@ class RoundTrip:
 
     def __init__(self) -> None:
         self._sent_s: dict[int, float] = {}
-        """When each command was sent whose confirmation has not arrived, by its stamp [µs], the oldest first."""
+        """Send time [s] of the newest confirmed command and of all later ones, by the stamp [µs], the oldest first."""
         self._measured: deque[tuple[float, float]] = deque()
         """Arrival of a status [s], and its round trip [s]."""
         self._is_reported = False
 
     def sent(self, source_time_ns: int, now_s: float) -> None:
-        """Note a command with this stamp that is sent now."""
+        """Record the time at which a command with this stamp is sent."""
         if len(self._sent_s) >= KEPT_COMMANDS:
             del self._sent_s[next(iter(self._sent_s))]
         self._sent_s[_rounded_us(source_time_ns)] = now_s
 
     def heard(self, source_time_ns: int | None, arrival_s: float) -> None:
-        """Take the stamp of this source's newest command in a status that arrived at this time.
+        """Measure the round trip of the command that a status confirms.
 
         Args:
-            source_time_ns: 0 if the supervisor has received no command with a stamp; None if the status cannot report it:
-                from an older supervisor, or one that does not know this source.
-            arrival_s: by the clock of `sent`.
+            source_time_ns: the stamp of this source's newest command in the status. 0: the supervisor has received no
+                command with a stamp. None: the status cannot report it, because it is from an older supervisor, or from
+                one that does not know this source.
+            arrival_s: arrival of the status, by the clock of `sent`.
         """
         self._is_reported = source_time_ns is not None
         stamp_us = _rounded_us(source_time_ns or 0)
-        # The stamp of another program, or of another host's clock, is none of those that were sent here.
+        # A stamp of another program or host is not among those that were sent here.
         if stamp_us not in self._sent_s:
             return
         self._measured.append((arrival_s, arrival_s - self._sent_s[stamp_us]))
@@ -50,8 +51,8 @@ class RoundTrip:
     def shortest_s(self, now_s: float) -> float:
         """Return the shortest round trip [s] within WINDOW_S.
 
-        It contains up to one period of the commands. It is infinite if none was measured, and NaN if the supervisor
-        cannot report it.
+        It includes the wait for the next status, up to one period of the commands. It is infinite if none was
+        measured, and NaN if the supervisor cannot report it.
         """
         if not self._is_reported:
             return math.nan
@@ -61,5 +62,5 @@ class RoundTrip:
 
 
 def _rounded_us(time_ns: int) -> int:
-    """The supervisor computes with times in float64, which are not exact to the nanosecond."""
+    """Return a stamp in whole microseconds: the supervisor's float64 times are not exact to the nanosecond."""
     return round(time_ns, -3) // 1000

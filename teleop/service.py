@@ -101,7 +101,7 @@ class Setup:
     """Full scale of the velocity bars."""
     rate_hz: float = 20.0
     round_trip_limit_s: float = 0.5
-    """If a command and its confirmation take longer, zero is sent: the robot obeys too late."""
+    """Maximum time from a command to its confirmation; above it, the robot obeys too late, and zero is sent."""
     about: str = "teleop"
     """A sentence about this program, for other programs that want the source's name."""
     pictures: bool = True
@@ -159,7 +159,7 @@ class Teleop:
         self._has_rival = False
         self._has_two_supervisors = False
         self._round_trip, self._round_trip_s = RoundTrip(), math.nan
-        self._is_late = self._is_lateness_told = False
+        self._is_late = self._is_lateness_noted = False
         self._refusals = Refusals()
         self._start(asyncio.get_running_loop().time())
 
@@ -354,7 +354,7 @@ class Teleop:
             return
         if self._has_two_supervisors:
             self._pilot.let_go()
-        self._stand_if_late()
+        self._let_go_if_late()
         velocity = self._pilot.velocity(now_s)
         if velocity != self._sent or (always and velocity.is_neutral and self._pilot.wanted().is_neutral):
             self._sent = velocity
@@ -436,22 +436,22 @@ class Teleop:
             )
 
     def _look_at_round_trip(self, status: SafetyStatus | None, now_s: float) -> None:
-        """Send zero while the robot obeys too late; `status` is a new one, or None."""
+        """Update the round trip by a new status, if there is one, and send zero while it is too long."""
         if status is not None:
             self._round_trip.heard(
                 status.source_time_ns(self._setup.source), self._telemetry.status_arrival_s
             )
         self._round_trip_s = self._round_trip.shortest_s(now_s)
         if self._is_late is not (self._round_trip_s > self._setup.round_trip_limit_s):
-            self._is_late, self._is_lateness_told, self._redraw = not self._is_late, False, True
-        self._stand_if_late()
+            self._is_late, self._is_lateness_noted, self._redraw = not self._is_late, False, True
+        self._let_go_if_late()
 
-    def _stand_if_late(self) -> None:
+    def _let_go_if_late(self) -> None:
         if not (self._is_late and self._asks_for_motion()):
             return
         self._let_go()
-        if not self._is_lateness_told:
-            self._is_lateness_told = True
+        if not self._is_lateness_noted:
+            self._is_lateness_noted = True
             late = lateness(self._round_trip_s, self._setup.round_trip_limit_s)
             self.note(f"{late}: the setpoint is zero", Tone.STOP)
 

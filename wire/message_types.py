@@ -139,7 +139,7 @@ class SafetyStatus:
         return self.reasons, []
 
     def source_time_ns(self, source: str) -> int | None:
-        """Return the stamp of a source's newest command; 0 if there is none, None if the status does not report it."""
+        """Return the stamp [ns] of a source's newest command; 0: there is none; None: the status does not report it."""
         times = (
             time for own, time in zip(self.sources, self.source_times, strict=False) if own.name == source
         )

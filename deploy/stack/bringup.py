@@ -113,8 +113,8 @@ class Health:
 
     def check(self) -> None:
         for program in supervisord.programs(self._state) or ():
-            # Not only by its state: on a busy machine, a program that fails can run for longer than startsecs, and
-            # supervisord then restarts it at once.
+            # The state alone is not enough: on a busy machine, a program that fails can run for longer than startsecs,
+            # and supervisord then restarts it at once.
             starts = self._starts.setdefault(program.name, set())
             starts.add(program.start)
             deaths = len(starts) - (program.state in {"STARTING", "RUNNING"})
