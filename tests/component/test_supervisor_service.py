@@ -255,7 +255,7 @@ async def test_the_status_reports_the_stamp_of_each_sources_newest_command() -> 
 
 
 @pytest.mark.parametrize("source_time_ns", [-(2**63), -1, 2**31 * 10**9, 2**63 - 1])
-async def test_a_stamp_that_no_ros_time_can_hold_is_reported_as_none(source_time_ns: int) -> None:
+async def test_a_stamp_that_no_ros_time_can_hold_is_reported_as_zero(source_time_ns: int) -> None:
     rig = Rig()
     async with rig.supervisor(), rig.lidar():
         rogue = rig.network.open_joined("rogue")

@@ -758,7 +758,7 @@ async def test_a_supervisor_that_is_restarted_is_no_second_robot() -> None:
 
 
 class AnsweringSupervisor:
-    """The supervisor's side of a link: its statuses report the newest command's stamp ten times a second."""
+    """The supervisor's side of a link: ten times a second, its status reports the stamp of the newest command."""
 
     def __init__(self, wire: Wire, *, reports: bool = True) -> None:
         self._commands = wire.supervisor.subscribe(CMD_VEL)
@@ -810,7 +810,7 @@ async def linked(
 
 
 @pytest.mark.parametrize("delays_s", [(0.0, 0.0), (0.15, 0.15), (0.4, 0.0), (0.0, 0.4)])
-async def test_a_link_that_answers_within_the_limit_drives(delays_s: tuple[float, float]) -> None:
+async def test_motion_is_requested_over_a_link_within_the_limit(delays_s: tuple[float, float]) -> None:
     async with linked(*delays_s) as (b, _):
         await b.press("www")
         await asyncio.sleep(10.0)
@@ -820,7 +820,9 @@ async def test_a_link_that_answers_within_the_limit_drives(delays_s: tuple[float
 
 
 @pytest.mark.parametrize("delays_s", [(0.7, 0.0), (0.0, 0.7), (0.3, 0.3), (2.0, 2.0)])
-async def test_a_link_that_was_slow_from_the_start_is_not_driven_over(delays_s: tuple[float, float]) -> None:
+async def test_no_motion_is_requested_over_a_link_that_was_slow_from_the_start(
+    delays_s: tuple[float, float],
+) -> None:
     async with linked(*delays_s) as (b, _):
         await asyncio.sleep(3.0)
         for _ in range(3):
@@ -836,7 +838,7 @@ async def test_a_link_that_was_slow_from_the_start_is_not_driven_over(delays_s: 
         assert b.wire.estops(), "the emergency stop is sent over any link"
 
 
-async def test_a_link_that_becomes_slow_stops_the_robot_until_the_operator_asks_again() -> None:
+async def test_a_link_that_becomes_slow_stops_the_robot_until_the_operator_requests_motion_again() -> None:
     async with linked(0.02, 0.02) as (b, _):
         await b.press("w")
         await asyncio.sleep(1.0)
@@ -864,7 +866,7 @@ async def test_without_an_answer_for_a_second_the_setpoint_is_zero() -> None:
         assert "the robot has not answered a command lately" in b.screen.notes[-1]
 
 
-async def test_an_older_supervisor_that_reports_no_stamps_is_driven_as_before() -> None:
+async def test_with_an_older_supervisor_that_reports_no_stamps_teleop_drives_as_before() -> None:
     async with linked(0.7, 0.0, reports=False) as (b, _):
         await b.press("w")
         assert (b.velocity(), b.screen.notes) == ((0.1, 0.0), [])

@@ -15,7 +15,7 @@ CONFIG = Path(__file__).parents[2] / "deploy" / "robot.toml"
 LEASE = "# lease_s = 0.4 "
 
 
-async def test_a_robot_at_the_end_of_a_slow_link_is_not_driven_until_the_link_is_fast(tmp_path: Path) -> None:
+async def test_no_motion_is_requested_over_a_slow_link_until_it_is_fast(tmp_path: Path) -> None:
     config, text = tmp_path / "robot.toml", CONFIG.read_text()
     assert LEASE in text
     # With the lease of TCP, 0.4 s, no session opens over such a link; with that of QUIC, one does.

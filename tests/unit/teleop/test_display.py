@@ -252,7 +252,7 @@ def test_whatever_the_status_says_the_line_fits(
     assert len(shown(newest, age_s=age_s, width=width)) <= width
 
 
-def test_a_late_answer_is_shown_instead_of_the_mode_but_not_instead_of_a_stop() -> None:
+def test_a_late_answer_is_shown_instead_of_any_mode_but_a_stop() -> None:
     late = replace(view(status(SafetyStatus.DRIVING)), round_trip_s=0.7)
     assert text(render(late, 79)) == "LATE: the robot answers after 0.70 s, and the limit is 0.5 s"
     stop = replace(late, status=status(SafetyStatus.STOPPED, reasons=["ESTOP"]))

@@ -29,7 +29,7 @@ def drive(
     clock_step_s: float = 0.0,
     seed: int = 0,
 ) -> tuple[RoundTrip, float]:
-    """Play a link with these delays, and a step of the stamps' clock in the middle; return the measure and the end."""
+    """Simulate a link with these delays, with a step of the stamps' clock halfway; return the measure and the end."""
     random, measure = Random(seed), RoundTrip()
     events: list[tuple[float, int, int]] = []
     for beat in range(round(seconds / PERIOD_S)):
@@ -58,7 +58,7 @@ def drive(
     return measure, seconds
 
 
-def test_before_a_status_it_is_not_known() -> None:
+def test_the_round_trip_is_unknown_before_the_first_status() -> None:
     assert math.isnan(RoundTrip().shortest_s(0.0))
 
 
@@ -70,7 +70,7 @@ def test_a_status_that_confirms_none_of_its_commands_proves_nothing(confirmed: i
     assert measure.shortest_s(1.1) == math.inf
 
 
-def test_a_supervisor_that_cannot_report_it_leaves_it_unknown() -> None:
+def test_the_round_trip_is_unknown_if_the_supervisor_does_not_report_stamps() -> None:
     measure = RoundTrip()
     measure.sent(stamp_ns(1.0), 1.0)
     measure.heard(stamp_ns(1.0), 1.1)
@@ -78,7 +78,7 @@ def test_a_supervisor_that_cannot_report_it_leaves_it_unknown() -> None:
     assert math.isnan(measure.shortest_s(1.2))
 
 
-def test_each_delay_of_a_link_is_measured_however_it_is_divided() -> None:
+def test_the_sum_of_both_delays_is_measured_however_it_is_divided() -> None:
     for up_s, down_s in ((0.0, 0.0), (0.7, 0.0), (0.0, 0.7), (0.35, 0.35), (1.2, 0.3)):
         measure, end_s = drive(up_s, down_s)
         assert up_s + down_s <= measure.shortest_s(end_s) <= up_s + down_s + PERIOD_S
@@ -87,7 +87,9 @@ def test_each_delay_of_a_link_is_measured_however_it_is_divided() -> None:
 @given(
     up_s=st.floats(0.0, 0.3), down_s=st.floats(0.0, 0.3), loss=st.floats(0.0, 0.5), seed=st.integers(0, 1000)
 )
-def test_it_is_never_shorter_than_the_link(up_s: float, down_s: float, loss: float, seed: int) -> None:
+def test_the_round_trip_is_never_shorter_than_both_delays(
+    up_s: float, down_s: float, loss: float, seed: int
+) -> None:
     measure, end_s = drive(up_s, down_s, loss=loss, seed=seed)
     assert measure.shortest_s(end_s) >= up_s + down_s - 1e-9
 
@@ -98,7 +100,7 @@ def test_a_step_of_the_stamps_clock_changes_nothing(step_s: float) -> None:
     assert measure.shortest_s(end_s) <= 0.04 + 2 * PERIOD_S
 
 
-def test_ten_lost_statuses_in_a_row_end_the_proof() -> None:
+def test_a_round_trip_no_longer_counts_just_after_its_window() -> None:
     measure = RoundTrip()
     measure.sent(stamp_ns(0.0), 0.0)
     measure.heard(stamp_ns(0.0), 0.1)
@@ -124,14 +126,14 @@ def test_an_older_confirmation_after_a_newer_one_proves_nothing_new() -> None:
 
 
 @given(error_ns=st.integers(-400, 400))
-def test_a_stamp_is_found_although_a_supervisor_rounds_it(error_ns: int) -> None:
+def test_a_stamp_that_the_supervisor_rounds_is_found(error_ns: int) -> None:
     measure = RoundTrip()
     measure.sent(1_000_000, 0.0)
     measure.heard(1_000_000 + error_ns, 0.25)
     assert measure.shortest_s(0.25) == 0.25
 
 
-def test_commands_that_nobody_confirms_are_forgotten_in_the_end() -> None:
+def test_only_the_newest_unconfirmed_commands_are_kept() -> None:
     measure = RoundTrip()
     for number in range(KEPT_COMMANDS + 1):
         measure.sent(stamp_ns(number * 0.01), number * 0.01)
@@ -157,7 +159,7 @@ def test_an_hour_over_a_link_of_300_ms_that_loses_packets_never_counts_as_too_sl
         measure.sent(stamp_ns(now_s), now_s)
         up_s, down_s = (max(0.0, random.gauss(0.15, 0.015)) for _ in range(2))
         if random.random() >= loss:
-            newest_s = max(newest_s, now_s - up_s)  # as if it had arrived now: it was sent before
+            newest_s = max(newest_s, now_s - up_s)  # a command that arrives now was sent earlier by its delay
         if beat % 2 == 0 and random.random() >= loss:
             sent_s = PERIOD_S * math.floor(newest_s / PERIOD_S)
             heapq.heappush(arriving, (now_s + down_s, max(0.0, sent_s)))

@@ -346,5 +346,5 @@ def test_an_answer_within_the_limit_or_of_an_older_supervisor_changes_nothing(ro
     assert said(status(), round_trip_s=round_trip_s).mode == "READY"
 
 
-def test_a_stop_is_said_before_a_late_answer() -> None:
+def test_a_stop_is_shown_instead_of_a_late_answer() -> None:
     assert said(stopped("ESTOP"), round_trip_s=3.0).mode == "STOPPED"

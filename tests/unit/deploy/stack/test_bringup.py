@@ -1,4 +1,4 @@
-"""A start fails early if a program dies again and again."""
+"""A start fails early if a program exits repeatedly."""
 
 from pathlib import Path
 
@@ -68,7 +68,7 @@ def test_a_program_that_dies_once_may_still_start(
         health.check()
 
 
-def test_a_supervisord_that_does_not_answer_proves_nothing(
+def test_a_supervisord_that_does_not_answer_is_no_failed_program(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(supervisord, "programs", silent)
