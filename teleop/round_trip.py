@@ -10,6 +10,8 @@ from collections import deque
 
 WINDOW_S = 1.0
 """The shortest round trip within this time counts: of ten statuses, nine may be lost or late."""
+SILENCE_S = 2.5
+"""How long the newest confirmation proves something: with the lowest status rate, 1 Hz, one status may be lost."""
 KEPT_COMMANDS = 2000
 """Ten seconds at the highest rate; a link that is slower opens no session."""
 
@@ -51,14 +53,17 @@ class RoundTrip:
     def shortest_s(self, now_s: float) -> float:
         """Return the shortest round trip [s] within WINDOW_S.
 
-        It includes the wait for the next status, up to one period of the commands. It is infinite if none was
-        measured, and NaN if the supervisor cannot report it.
+        It includes the wait for the next status, up to one period of the commands. Without a confirmation in this
+        window, it is the newest one; without any for SILENCE_S, it is infinite. It is NaN if the supervisor cannot report it.
         """
         if not self._is_reported:
             return math.nan
-        while self._measured and now_s - self._measured[0][0] > WINDOW_S:
-            self._measured.popleft()
-        return min((round_trip_s for _, round_trip_s in self._measured), default=math.inf)
+        measured = self._measured
+        while len(measured) > 1 and now_s - measured[0][0] > WINDOW_S:
+            measured.popleft()
+        if not measured or now_s - measured[-1][0] > SILENCE_S:
+            return math.inf
+        return min(round_trip_s for _, round_trip_s in measured)
 
 
 def _rounded_us(time_ns: int) -> int:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from teleop.round_trip import KEPT_COMMANDS, WINDOW_S, RoundTrip
+from teleop.round_trip import KEPT_COMMANDS, SILENCE_S, WINDOW_S, RoundTrip
 from teleop.service import Setup
 from teleop.view import Control
 
@@ -100,12 +100,29 @@ def test_a_step_of_the_stamps_clock_changes_nothing(step_s: float) -> None:
     assert measure.shortest_s(end_s) <= 0.04 + 2 * PERIOD_S
 
 
-def test_a_round_trip_no_longer_counts_just_after_its_window() -> None:
+def test_the_newest_confirmation_proves_nothing_after_a_long_silence() -> None:
     measure = RoundTrip()
     measure.sent(stamp_ns(0.0), 0.0)
     measure.heard(stamp_ns(0.0), 0.1)
-    assert measure.shortest_s(0.1 + WINDOW_S) == 0.1
-    assert measure.shortest_s(math.nextafter(0.1 + WINDOW_S, 9.0)) == math.inf
+    assert measure.shortest_s(0.1 + SILENCE_S) == 0.1
+    assert measure.shortest_s(math.nextafter(0.1 + SILENCE_S, 9.0)) == math.inf
+
+
+def test_a_shorter_round_trip_counts_for_the_window_only() -> None:
+    measure = RoundTrip()
+    for sent_s, arrival_s in ((0.0, 0.1), (0.2, 1.0)):
+        measure.sent(stamp_ns(sent_s), sent_s)
+        measure.heard(stamp_ns(sent_s), arrival_s)
+    assert measure.shortest_s(0.1 + WINDOW_S) == pytest.approx(0.1)
+    assert measure.shortest_s(math.nextafter(0.1 + WINDOW_S, 9.0)) == pytest.approx(0.8)
+
+
+def test_at_the_lowest_status_rate_one_status_may_be_lost() -> None:
+    measure = RoundTrip()
+    for sent_s in (0.0, 2.0):
+        measure.sent(stamp_ns(sent_s), sent_s)
+        measure.heard(stamp_ns(sent_s), sent_s + 0.1)
+        assert measure.shortest_s(sent_s + 2.05) == pytest.approx(0.1)
 
 
 def test_a_confirmation_that_is_repeated_counts_from_the_same_command() -> None:
