@@ -49,13 +49,13 @@ def legend(control: Control) -> tuple[KeyHelp, ...]:
             )
         case Control.HOLD:
             return (
-                KeyHelp("u i o", "hold: forward, with a turn"),
-                KeyHelp("j k l", "hold: turn left / right; k stops"),
-                KeyHelp("m , .", "hold: backward, with a turn"),
+                KeyHelp("u i o", "hold: forward, and turn"),
+                KeyHelp("j k l", "hold: turn; k stops"),
+                KeyHelp("m , .", "hold: backward, and turn"),
                 KeyHelp("arrows", "the same"),
                 *_STOPS,
-                KeyHelp("q / z", "both speeds up / down by 10 %"),
-                KeyHelp("w / x", "linear speed, e / c angular"),
+                KeyHelp("q / z", "both speeds +10 / -10 %"),
+                KeyHelp("w / x", "linear, e / c angular"),
                 KeyHelp("1 to 5", "speed level"),
                 KeyHelp("Ctrl-C", "quit"),
                 _ALL,

@@ -482,6 +482,8 @@ def _key(stack: Stack, row: int, columns: int) -> tuple[Segment, Segment]:
 def _too_small(view: View, columns: int, rows: int, glyphs: Glyphs) -> list[Line]:
     line = render(view, columns, unicode=glyphs.unicode)
     why = f"terminal {columns}x{rows}: the dashboard needs {MIN_COLUMNS}x{MIN_ROWS}"
+    if len(why) > columns:
+        why = f"{columns}x{rows}, needs {MIN_COLUMNS}x{MIN_ROWS}"
     reason = (Segment(why[:columns], Tone.DIM),)
     if not view.help:
         return [line, reason][:rows]

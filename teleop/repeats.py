@@ -24,6 +24,8 @@ class Repeats:
         self._key = ""
         self._last_s = -math.inf
         self._until_s = -math.inf
+        self._void_key, self._void_s = "", -math.inf
+        """The key that was held when it was forgotten, and its newest repeat since then."""
         self._intervals_s: deque[float] = deque(maxlen=REMEMBERED)
 
     @property
@@ -37,6 +39,10 @@ class Repeats:
         return self._until_s
 
     def press(self, key: str, now_s: float) -> None:
+        if key == self._void_key and now_s - self._void_s <= self.window_s:
+            self._void_s = now_s
+            return
+        self._void_key = ""
         interval_s = now_s - self._last_s
         if key == self._key and interval_s <= PROOF_S:
             self._intervals_s.append(interval_s)
@@ -50,5 +56,7 @@ class Repeats:
         return self._key if now_s < self._until_s else None
 
     def forget(self) -> None:
-        """Release the held key; keep the learned repeat intervals."""
+        """Release the held key, whose further repeats are void until a pause; keep the learned repeat intervals."""
+        if self._until_s > -math.inf:
+            self._void_key, self._void_s = self._key, self._last_s
         self._key, self._last_s, self._until_s = "", -math.inf, -math.inf

@@ -24,7 +24,8 @@ class RoundTrip:
         """Send time [s] of the newest confirmed command and of all later ones, by the stamp [µs], the oldest first."""
         self._measured: deque[tuple[float, float]] = deque()
         """Arrival of a status [s], and its round trip [s]."""
-        self._is_reported = False
+        self._is_reported = True
+        """Whether the newest status reports stamps; before the first status, motion must wait for one."""
 
     def sent(self, source_time_ns: int, now_s: float) -> None:
         """Record the time at which a command with this stamp is sent."""
@@ -54,7 +55,8 @@ class RoundTrip:
         """Return the shortest round trip [s] within WINDOW_S.
 
         It includes the wait for the next status, up to one period of the commands. Without a confirmation in this
-        window, it is the newest one; without any for SILENCE_S, it is infinite. It is NaN if the supervisor cannot report it.
+        window, it is the newest one; without any for SILENCE_S, and before the first, it is infinite. It is NaN if the
+        supervisor cannot report it.
         """
         if not self._is_reported:
             return math.nan

@@ -152,6 +152,8 @@ class Teleop:
         self._estop_since_s: float | None = None
         """Time of the press of SPACE, until the supervisor's status shows the e-stop."""
         self._reset: asyncio.Task[TriggerResponse] | None = None
+        self._reset_until_s = -math.inf
+        """Until when the newest reset may still take effect."""
         self._suspending = False
         self._quitting = False
         self._has_help = False
@@ -262,8 +264,8 @@ class Teleop:
         if late_s > HANG_S:
             self._recover(late_s)
             events = [event for event in events if self._command(event) is not None]
-        self._act(events)
         self._look(now_s)
+        self._act(events)
         next_s = self._move(asyncio.get_running_loop().time())
         if self._beat.tick(now_s):
             if self._published_s < now_s:  # a command that was sent in this iteration is also a heartbeat
@@ -315,6 +317,9 @@ class Teleop:
                 if self._estop_since_s is None:
                     self.note("emergency stop", Tone.STOP)
                 self._estop_since_s = now_s
+                if self._reset is not None and not self._reset.done():
+                    self._reset.cancel()  # a reset that is not sent yet must not follow the e-stop
+                    self._reset = None
             case Command.RESET:
                 self._ask_reset()
             case Command.QUIT:
@@ -352,9 +357,9 @@ class Teleop:
         """Send the pilot's velocity if it has changed; with `always`, send it also if it stays neutral."""
         if self._pilot is None:
             return
+        self._let_go_if_late(now_s)
         if self._has_two_supervisors:
             self._pilot.let_go()
-        self._let_go_if_late()
         velocity = self._pilot.velocity(now_s)
         if velocity != self._sent or (always and velocity.is_neutral and self._pilot.wanted().is_neutral):
             self._sent = velocity
@@ -378,11 +383,14 @@ class Teleop:
             self._round_trip.sent(stamp.source_time_ns, now_s)
 
     def _repeat_estop(self) -> None:
-        """Repeat the e-stop until the status shows it, because a single sample can get lost."""
+        """Repeat the e-stop until the status shows it, because a single sample can get lost.
+
+        A reset that was requested before may still be on its way, and the status may still show the e-stop that it ends.
+        """
         if self._estop_since_s is None:
             return
         status = self._telemetry.status
-        is_newer = self._telemetry.status_arrival_s > self._estop_since_s
+        is_newer = self._telemetry.status_arrival_s > max(self._estop_since_s, self._reset_until_s)
         if status is not None and is_newer and "ESTOP" in status.reasons:
             self._estop_since_s = None
         else:
@@ -392,8 +400,9 @@ class Teleop:
         if self._reset is not None:
             return  # a reset is in progress
         self._estop_since_s = None
-        call = self._bus.call(topics.SUPERVISOR_RESET, timeout_s=RESET_TIMEOUT_S)
-        self._reset = asyncio.get_running_loop().create_task(call)
+        loop = asyncio.get_running_loop()
+        self._reset_until_s = loop.time() + RESET_TIMEOUT_S
+        self._reset = loop.create_task(self._bus.call(topics.SUPERVISOR_RESET, timeout_s=RESET_TIMEOUT_S))
         self._reset.add_done_callback(lambda _: self._wake.set())
 
     def _finish_reset(self) -> None:
@@ -444,10 +453,13 @@ class Teleop:
         self._round_trip_s = self._round_trip.shortest_s(now_s)
         if self._is_late is not (self._round_trip_s > self._setup.round_trip_limit_s):
             self._is_late, self._is_lateness_noted, self._redraw = not self._is_late, False, True
-        self._let_go_if_late()
+        self._let_go_if_late(now_s)
 
-    def _let_go_if_late(self) -> None:
-        if not (self._is_late and self._asks_for_motion()):
+    def _let_go_if_late(self, now_s: float) -> None:
+        if self._pilot is None or not self._is_late:
+            return
+        self._pilot.velocity(now_s)  # a pilot with held keys knows only now what it wants
+        if not self._asks_for_motion():
             return
         self._let_go()
         if not self._is_lateness_noted:

@@ -55,8 +55,8 @@ def news(view: View) -> News:
         step = "wait for it, or start it; Ctrl-C quits"
         return News("WAITING", f"nothing heard from the supervisor at {endpoint}", step, Tone.CAUTION)
     if is_silent(view):
-        what = f"silent for {view.status_age_s:.1f} s; the base brakes by itself"
-        return News("NO SUPERVISOR", what, "wait for it, or restart it", Tone.STOP)
+        what = f"silent for {view.status_age_s:.1f} s: it or the link is lost; the base brakes by itself"
+        return News("NO SUPERVISOR", what, "wait; then check the link, or restart the supervisor", Tone.STOP)
     match status.mode:
         case SafetyStatus.STOPPED:
             return _stopped(view, status)

@@ -361,14 +361,19 @@ class ZenohSession:
             read: returns None for a reply that is not valid; called on another thread.
             timeout_s: how long to wait.
 
+        A cancelled call sends no query that it has not sent yet.
+
         Raises:
             NoReplyError: no such reply arrived in time.
         """
         full_key = self._key(key)
         is_supervisors = key == topics.SUPERVISOR_RESET.key
+        abandoned = threading.Event()
 
         def ask() -> R | None:
             supervisors = self._supervisors(timeout_s) if is_supervisors else set[bytes]()
+            if abandoned.is_set():
+                return None
             # Take each reply as it arrives: otherwise Zenoh would wait for the last of several replies.
             replies = self._session.get(
                 full_key, payload=request, timeout=timeout_s, consolidation=zenoh.ConsolidationMode.NONE
@@ -381,7 +386,11 @@ class ZenohSession:
                     return answer
             return None
 
-        answer = await in_thread(ask)
+        try:
+            answer = await in_thread(ask)
+        except asyncio.CancelledError:
+            abandoned.set()
+            raise
         if answer is None:
             raise NoReplyError(f"nobody answered {full_key} within {timeout_s:g} s")
         return answer

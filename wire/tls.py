@@ -9,7 +9,7 @@ import ipaddress
 from collections.abc import Iterable
 
 from wire.bundle import Bundle
-from wire.roles import SERVERS, Role
+from wire.roles import ANY, SERVERS, Role
 
 MIXED_RELIABILITY = "?mixed_rel=1"
 SECURE = ("tls", "quic")
@@ -87,9 +87,10 @@ def misfit(bundle: Bundle, endpoint: str, namespace: str, *, server: Role | None
     """
     who = f"the certificate of {bundle.name} ({bundle.certificate.parent})"
     if not bundle.is_for(namespace):
+        other = "" if namespace == ANY else ", or change [bus] namespace"
         return (
             f"{who} is for the robot {bundle.namespace}, not for {namespace}: issue one with `lifeline keys issue NAME "
-            f"--robot {namespace}`, or change [bus] namespace"
+            f"--robot {namespace}`{other}"
         )
     host = host_of(endpoint)
     if server is None and bundle.role in SERVERS:

@@ -109,15 +109,20 @@ class Health:
 
     def __init__(self, state: StateDir) -> None:
         self._state = state
-        self._starts: dict[str, set[int]] = {}
+        self._pids: dict[str, set[int]] = {}
+        self._failed_starts: dict[str, set[int]] = {}
 
     def check(self) -> None:
         for program in supervisord.programs(self._state) or ():
             # The state alone is not enough: on a busy machine, a program that fails can run for longer than startsecs,
             # and supervisord then restarts it at once.
-            starts = self._starts.setdefault(program.name, set())
-            starts.add(program.start)
-            deaths = len(starts) - (program.state in {"STARTING", "RUNNING"})
+            pids = self._pids.setdefault(program.name, set())
+            failed = self._failed_starts.setdefault(program.name, set())
+            if program.pid:
+                pids.add(program.pid)
+            else:
+                failed.add(program.start)
+            deaths = max(len(pids) - bool(program.pid), len(failed))
             if program.state == "FATAL" or deaths > 1:
                 raise DeployError(
                     f"{program.name} exits soon after each start{_with_logs(self._state, {program.name})}"

@@ -55,9 +55,8 @@ def find_uv() -> str:
         found = shutil.which(candidate) if candidate else None
         if found is not None:
             return str(Path(found).absolute())
-    raise DeployError(
-        "uv, which runs supervisord, is missing: run `make setup` to fetch it, or give its path in UV"
-    )
+    fetch = "run `make setup` to fetch it" if root else "install the package uv"
+    raise DeployError(f"uv, which runs supervisord, is missing: {fetch}, or give its path in UV")
 
 
 def fetch(uv: str, say: Callable[[str], None]) -> bool:

@@ -19,12 +19,12 @@ from teleop.gamepad_config import GamepadSection
 from teleop.gamepad_device import Device, GamepadDevice
 from teleop.pilot import KeyEvent
 from teleop.service import HANG_S, Setup, Teleop
-from teleop.view import Control, Line
+from teleop.view import Control, Line, View
 from tests.unit.teleop.pads import LAYOUT, REPORT, TL, XBOX360, FakeDevice, Y, button, load_pad, stick
 from virtual.network import VirtualNetwork
 from wire import topics
 from wire.bus import Subscription
-from wire.messages import Bool, Twist
+from wire.messages import Bool, SafetyStatus, Twist, header
 
 SOURCE = "joy"
 PATIENCE_S = 10.0
@@ -74,6 +74,7 @@ class Bench:
     def __init__(self, sysfs: Path) -> None:
         self.sysfs = sysfs
         self.network = VirtualNetwork()
+        self.sees_a_status = False
         self.outsider = outsider = self.network.open_hub("outsider")
         self.cmd_vel: Subscription[Twist] = outsider.subscribe(topics.source_cmd_vel(SOURCE), depth=10_000)
         self.estop: Subscription[Bool] = outsider.subscribe(topics.ESTOP)
@@ -99,6 +100,10 @@ class Bench:
         async with asyncio.timeout(PATIENCE_S):
             while not condition():  # noqa: ASYNC110 - what is waited for is said on a bus, and sets no event
                 await asyncio.sleep(0.002)
+
+    def render(self, view: View, columns: int, _: int) -> list[Line]:
+        self.sees_a_status = view.status is not None
+        return [render(view, columns)]
 
     async def until_heard(self, velocity: tuple[float, float]) -> None:
         await self.until(lambda: self.heard() == velocity)
@@ -127,7 +132,7 @@ async def bench(sysfs: Path) -> AsyncGenerator[Bench]:
         pilot=made.pilot,
         keys=made.keys,
         screen=made.screen,
-        render=lambda view, columns, _: [render(view, columns)],
+        render=made.render,
         wake=made.wake,
     )
     stop = asyncio.Event()
@@ -135,6 +140,8 @@ async def bench(sysfs: Path) -> AsyncGenerator[Bench]:
         running = asyncio.create_task(teleop.run(stop))
         try:
             await made.until_heard(ZERO)
+            made.outsider.publisher(topics.STATUS).put(SafetyStatus(header("")))
+            await made.until(lambda: made.sees_a_status)
             yield made
         finally:
             stop.set()

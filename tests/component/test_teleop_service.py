@@ -171,6 +171,8 @@ class Bench:
         while not self.screen.lines and not self.running.done():  # noqa: ASYNC110 - the first picture is no event
             await asyncio.sleep(INSTANT_S)
         self.start_s = next((at_s for at_s, _ in self.wire.commands()), 0.0)
+        self.tell(SafetyStatus.READY)  # of a supervisor that reports no stamps
+        await asyncio.sleep(INSTANT_S)
 
     async def ended(self) -> None:
         """Wait until it has ended and its token's end has arrived."""
@@ -241,8 +243,9 @@ async def test_the_heartbeat_does_not_drift_in_an_hour() -> None:
 async def test_a_key_is_published_at_once_and_leaves_the_beat_alone() -> None:
     async with bench() as b:
         await asyncio.sleep(0.02)
+        pressed_s = asyncio.get_running_loop().time()
         await b.press("w")
-        assert b.wire.commands()[1:] == [(pytest.approx(b.start_s + 0.02 + INSTANT_S, abs=1e-4), (0.1, 0.0))]
+        assert b.wire.commands()[1:] == [(pytest.approx(pressed_s, abs=1e-4), (0.1, 0.0))]
         await asyncio.sleep(0.09)
         times = [time_s - b.start_s for time_s, _ in b.wire.commands()[2:]]
         assert times == [pytest.approx(0.05, abs=1e-4), pytest.approx(0.10, abs=1e-4)]
@@ -795,13 +798,13 @@ class AnsweringSupervisor:
 
 @asynccontextmanager
 async def linked(
-    up_s: float, down_s: float, *, reports: bool = True
+    up_s: float, down_s: float, *, reports: bool = True, pilot: Pilot | None = None
 ) -> AsyncGenerator[tuple[Bench, AnsweringSupervisor]]:
     """A teleop whose link has had these delays from the start."""
     wire = Wire()
     for conditions, delay_s in zip(wire.link("teleop"), (up_s, down_s), strict=True):
         conditions.delay_s = delay_s
-    async with bench(wire=wire) as b:
+    async with bench(pilot, Control.INCREMENTAL if pilot is None else Control.HOLD, wire) as b:
         supervisor = AnsweringSupervisor(wire, reports=reports)
         await asyncio.sleep(3.0)
         try:
@@ -865,6 +868,94 @@ async def test_without_an_answer_for_long_the_setpoint_is_zero() -> None:
         await asyncio.sleep(0.2)
         assert b.velocity() == (0.0, 0.0)
         assert "the robot has not answered a command lately" in b.screen.notes[-1]
+
+
+REPEAT_S = 0.033
+
+
+def _hold(*, reported: bool, ramp: Ramp) -> Hold:
+    pilot = Hold(Velocity(0.5, 1.0), Velocity(1.0, 2.0), ramp)
+    pilot.rely_on_releases(reported=reported)
+    return pilot
+
+
+async def _hold_key(b: Bench, seconds: float, *, reported: bool) -> None:
+    for _ in range(round(seconds / REPEAT_S)):
+        b.keys.happen(KeyEvent("i", KeyKind.REPEAT if reported else KeyKind.PRESS))
+        await asyncio.sleep(REPEAT_S)
+
+
+@pytest.mark.parametrize("reported", [True, False])
+@pytest.mark.parametrize("acceleration", [1.0, 1e6])
+async def test_over_a_slow_link_a_held_key_requests_no_motion(*, reported: bool, acceleration: float) -> None:
+    pilot = _hold(reported=reported, ramp=Ramp(acceleration, acceleration))
+    async with linked(0.4, 0.4, pilot=pilot) as (b, _):
+        b.keys.happen(KeyEvent("i"))
+        await _hold_key(b, 2.0, reported=reported)
+        assert {velocity for _, velocity in b.wire.commands()} == {(0.0, 0.0)}
+        assert len(b.screen.notes) == 1
+
+
+@pytest.mark.parametrize("reported", [True, False])
+async def test_a_key_that_is_held_through_a_slow_phase_does_not_move_the_robot_afterwards(
+    *, reported: bool
+) -> None:
+    async with linked(0.02, 0.02, pilot=_hold(reported=reported, ramp=Ramp(1.0, 1.0))) as (b, _):
+        b.keys.happen(KeyEvent("i"))
+        await _hold_key(b, 1.0, reported=reported)
+        assert b.velocity()[0] > 0.0
+        for delay_s in (0.4, 0.02):
+            for conditions in b.wire.link("teleop"):
+                conditions.delay_s = delay_s
+            await _hold_key(b, 3.0, reported=reported)
+            assert b.velocity() == (0.0, 0.0)
+        b.keys.happen(KeyEvent("i", KeyKind.RELEASE))
+        await asyncio.sleep(0.3)
+        b.keys.happen(KeyEvent("i"))
+        await _hold_key(b, 0.3, reported=reported)
+        assert b.velocity()[0] > 0.0, "the key was pressed again"
+
+
+async def test_before_the_first_status_no_motion_is_requested() -> None:
+    b = Bench()
+    while not b.screen.lines:  # noqa: ASYNC110 - the first picture is no event
+        await asyncio.sleep(INSTANT_S)
+    await asyncio.sleep(3.0)
+    await b.press("w")
+    await asyncio.sleep(1.0)
+    assert {velocity for _, velocity in b.wire.commands()} == {(0.0, 0.0)}
+    b.tell(SafetyStatus.READY)
+    await asyncio.sleep(PERIOD_S)
+    await b.press("w")
+    assert b.velocity() == (0.1, 0.0)
+    b.stop.set()
+    await b.ended()
+
+
+@pytest.mark.parametrize("gap_s", [0.0, 0.01, 0.1, 0.3])
+async def test_an_emergency_stop_after_a_reset_is_the_last_word(gap_s: float) -> None:
+    """The reset clears the latch 0.2 s after it was requested; statuses show the latch until then."""
+    async with bench() as b:
+        pressed, latched = b.supervisor.subscribe(topics.ESTOP), True
+
+        async def reset(_: str) -> TriggerResponse:
+            nonlocal latched
+            await asyncio.sleep(0.2)
+            pressed.take()
+            latched = False
+            return TriggerResponse(success=True, message="")
+
+        b.supervisor.serve(topics.SUPERVISOR_RESET, reset)
+        b.keys.press("r")
+        if gap_s:
+            await asyncio.sleep(gap_s)
+        b.keys.press(" ")
+        for _ in range(30):
+            latched = latched or pressed.latest() is not None
+            b.tell(SafetyStatus.STOPPED, *(["ESTOP"] if latched else ["NO_COMMAND"]))
+            await asyncio.sleep(0.1)
+        assert latched
+        assert b.wire.estops()[-1] < asyncio.get_running_loop().time() - 1.0, "it is not repeated for ever"
 
 
 async def test_with_an_older_supervisor_that_reports_no_stamps_teleop_drives_as_before() -> None:

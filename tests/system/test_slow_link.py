@@ -1,9 +1,13 @@
 """A link that was slow from the start: the age of a command does not contain its delay, and teleop measures it."""
 
+import asyncio
 import sys
 from pathlib import Path
 
+import pytest
+
 from deploy.campaign.real.rig.links import Links
+from teleop.service import RESET_TIMEOUT_S
 from tests.system.harness import is_zero, patiently, robot
 from tests.system.operators import Operator, until
 from wire import topics
@@ -48,6 +52,34 @@ async def test_no_motion_is_requested_over_a_slow_link_until_it_is_fast(tmp_path
                 await subject.until_it_drives(0.5)
 
             await patiently(drive)
+        finally:
+            operator.close()
+            links.close()
+
+
+@pytest.mark.parametrize(("each_way_s", "gap_s"), [(0.0, 0.0), (0.1, 0.1)])
+async def test_an_emergency_stop_after_a_reset_is_the_last_word(
+    tmp_path: Path, each_way_s: float, gap_s: float
+) -> None:
+    """A reset first looks for the supervisor's session, which takes a round trip."""
+    async with robot(tmp_path, teleop=False) as subject:
+        links = Links(subject.endpoint, (topics.TELEOP,), environment={})
+        links.delay(topics.TELEOP, each_way_s, each_way_s)
+        operator = Operator(sys.executable, "-m", "teleop", "--endpoint", links.endpoints[topics.TELEOP])
+        try:
+            await subject.ready()
+            for _ in range(4):
+                operator.type(b" ")
+                await subject.until(lambda: "ESTOP" in subject.status.reasons, "ESTOP")
+                await until(lambda: "STOPPED" in operator.picture)
+                operator.type(b"r" if gap_s else b"r ")
+                if gap_s:
+                    await asyncio.sleep(gap_s)  # the fault itself: between the reset's two ways
+                    operator.type(b" ")
+                await subject.never(lambda: not operator.picture, "read its output", RESET_TIMEOUT_S + 0.5)
+                assert "ESTOP" in subject.status.reasons
+                operator.type(b"r")
+                await subject.ready()
         finally:
             operator.close()
             links.close()

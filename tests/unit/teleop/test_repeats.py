@@ -105,3 +105,36 @@ def test_nothing_is_held_for_longer_than_a_window_after_its_last_repeat(
         assert repeats.held(now_s) in (None, key)
         assert repeats.held(now_s + repeats.window_s) is None
     assert all(later >= earlier for earlier, later in pairwise([0.0, now_s]))
+
+
+def test_the_repeats_of_a_key_that_was_held_at_a_stop_are_void_until_a_pause() -> None:
+    repeats = Repeats()
+    for number in range(4):
+        repeats.press("i", number * 0.03)
+    assert repeats.held(0.1) == "i"
+    repeats.forget()
+    for number in range(4, 40):
+        repeats.press("i", number * 0.03)
+        assert repeats.held(number * 0.03) is None
+    for later_s in (2.0, 2.03):
+        repeats.press("i", later_s)
+    assert repeats.held(2.04) == "i"
+
+
+def test_another_key_counts_at_once_after_a_stop() -> None:
+    repeats = Repeats()
+    for number in range(4):
+        repeats.press("i", number * 0.03)
+    repeats.forget()
+    for later_s in (0.12, 0.15):
+        repeats.press("j", later_s)
+    assert repeats.held(0.16) == "j"
+
+
+def test_a_key_that_was_pressed_once_before_a_stop_counts_when_it_repeats_afterwards() -> None:
+    repeats = Repeats()
+    repeats.press("i", 0.0)
+    repeats.forget()
+    for later_s in (0.03, 0.06):
+        repeats.press("i", later_s)
+    assert repeats.held(0.07) == "i"

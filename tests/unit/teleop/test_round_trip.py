@@ -58,8 +58,8 @@ def drive(
     return measure, seconds
 
 
-def test_the_round_trip_is_unknown_before_the_first_status() -> None:
-    assert math.isnan(RoundTrip().shortest_s(0.0))
+def test_before_the_first_status_nothing_is_proven() -> None:
+    assert RoundTrip().shortest_s(0.0) == math.inf
 
 
 @pytest.mark.parametrize("confirmed", [0, 77])

@@ -236,7 +236,7 @@ def test_a_status_holds_until_the_supervisor_is_silent_for_too_long() -> None:
     assert said(status(), status_age_s=SILENT_AFTER_S).mode == "READY"
     what = said(status(), status_age_s=math.nextafter(SILENT_AFTER_S, 1.0))
     assert what.mode == "NO SUPERVISOR"
-    assert what.what == "silent for 0.5 s; the base brakes by itself"
+    assert what.what == "silent for 0.5 s: it or the link is lost; the base brakes by itself"
     assert what.tone is Tone.STOP
 
 
