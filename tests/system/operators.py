@@ -59,6 +59,8 @@ class Hub:
         self._alive: set[str] = set()
         self._twists: list[Twist] = []
         self._arrivals_s: list[float] = []
+        self._greeted_at = 0
+        """Number of the commands before the first status; 0: there was none."""
         bus.serve(topics.SUPERVISOR_RESET, self._refuse)
         bus.declare_alive(topics.SUPERVISOR, bus.run_id)
 
@@ -87,8 +89,14 @@ class Hub:
         return self._source in self._alive
 
     def is_ready(self) -> bool:
-        """Wait until it has its token and is neutral."""
-        return self.sees_teleop() and self.asks(*ZERO)
+        """Wait until it has its token, is neutral, and has received a status, without which it requests no motion."""
+        if not (self.sees_teleop() and self.asks(*ZERO)):
+            return False
+        if not self._greeted_at:
+            self.tell(SafetyStatus.READY)
+            self._greeted_at = len(self._twists)
+        # It looks at the status before each heartbeat.
+        return len(self._twists) >= self._greeted_at + 2
 
     def is_left(self) -> bool:
         """Check that its token is gone and its last command was zero."""
