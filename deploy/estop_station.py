@@ -58,8 +58,7 @@ async def _run(stop: asyncio.Event, launch: Launch, name: str) -> int:
             finally:
                 opening.cancel()
                 running.cancel()
-            stops = ": the robot stops, because this station is required" if station.was_required else ""
-            terminal.note(f"e-stop station {name} has left{stops}")
+            terminal.note(station.farewell)
     finally:
         if bus is not None:
             await bus.close()

@@ -4,11 +4,12 @@ import math
 
 import pytest
 
-from teleop.station.face import KEYS, LETTERS, ROWS, Look, large, picture, sentence
+from teleop.station.face import KEYS, LETTERS, ROWS, Look, farewell, large, picture, sentence
 from teleop.station.lease import Lease, Word, pressed, received, released, sent
 from teleop.view import Line
 from wire.lease import LEASE_S, PRESENCE_PERIOD_S
 from wire.messages import EstopLease, EstopStationStatus, SafetyStatus, header
+from wire.reasons import StopReason
 
 ENDPOINT = "tcp/127.0.0.1:7447"
 
@@ -87,6 +88,10 @@ def own(*, required: bool = True) -> EstopStationStatus:
     return EstopStationStatus("door", required, EstopStationStatus.HEARD, pressed=False)
 
 
+def stopped() -> SafetyStatus:
+    return SafetyStatus(header(""), reasons=[StopReason.ESTOP])
+
+
 def text(line: Line) -> str:
     return "".join(segment.text for segment in line)
 
@@ -119,6 +124,11 @@ def text(line: Line) -> str:
             "PRESSED, not confirmed; the robot does not hear this station",
         ),
         (
+            look(Word.NOT_HEARD, is_pressed=True, status=stopped()),
+            "pressed, and the robot is stopped; "
+            "the supervisor has no station door: add it to [[supervisor.estop_stations]]",
+        ),
+        (
             look(Word.NOT_HEARD, own(), is_pressed=True, is_confirmed=True),
             "the robot does not hear this station",
         ),
@@ -134,7 +144,22 @@ def test_leaving_a_required_station_is_said_to_stop_the_robot(required: bool) ->
     lines = [text(line) for line in picture(look(Word.HEARD, own(required=required)), 80)]
     assert ("Leaving stops the robot: this station is required." in lines) is required
     assert lines[-1] == KEYS
-    assert not look(Word.HEARD).is_required
+
+
+@pytest.mark.parametrize(
+    ("shown", "wanted"),
+    [
+        (look(Word.HEARD, own()), ": the robot stops, because this station is required"),
+        (look(Word.STOPPED, own()), ": the robot stops, because this station is required"),
+        (look(Word.HEARD, own(required=False)), ""),
+        (look(Word.HEARD, status=None), ""),
+        (look(Word.NOT_HEARD, own(), has_rival=True), "; it was not heard"),
+        (look(Word.NOT_HEARD), "; it was not heard"),
+    ],
+)
+def test_only_a_required_station_that_is_heard_stops_the_robot_by_leaving(shown: Look, wanted: str) -> None:
+    assert farewell(shown) == f"e-stop station door has left{wanted}"
+    assert any("Leaving stops" in text(line) for line in picture(shown, 80)) is ("robot stops" in wanted)
 
 
 def test_the_word_is_large_and_twice_as_wide_where_there_is_room() -> None:
