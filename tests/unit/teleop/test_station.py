@@ -88,8 +88,8 @@ def own(*, required: bool = True) -> EstopStationStatus:
     return EstopStationStatus("door", required, EstopStationStatus.HEARD, pressed=False)
 
 
-def stopped() -> SafetyStatus:
-    return SafetyStatus(header(""), reasons=[StopReason.ESTOP])
+def stopped(*stations: EstopStationStatus) -> SafetyStatus:
+    return SafetyStatus(header(""), reasons=[StopReason.ESTOP], estop_stations=[*stations])
 
 
 def text(line: Line) -> str:
@@ -124,9 +124,8 @@ def text(line: Line) -> str:
             "PRESSED, not confirmed; the robot does not hear this station",
         ),
         (
-            look(Word.NOT_HEARD, is_pressed=True, status=stopped()),
-            "pressed, and the robot is stopped; "
-            "the supervisor has no station door: add it to [[supervisor.estop_stations]]",
+            look(Word.NOT_HEARD, own(), has_rival=True, is_pressed=True, status=stopped(own())),
+            "pressed, and the robot is stopped; another program is the station door: end it, or use another name",
         ),
         (
             look(Word.NOT_HEARD, own(), is_pressed=True, is_confirmed=True),
