@@ -414,10 +414,10 @@ async def test_one_press_from_the_command_line_is_confirmed(tmp_path: Path) -> N
         LIFELINE, "estop", "--endpoint", endpoint, stderr=asyncio.subprocess.PIPE
     )
     _, errors = await nobody.communicate()
-    assert (nobody.returncode, errors.decode()) == (
-        3,
+    assert nobody.returncode == 3
+    assert errors.decode() == (
         f"lifeline: NOT stopped: no supervisor answers at {endpoint}; a base whose supervisor is silent brakes by "
-        "itself. If the robot moves, stop it by other means: its own button, its power\n",
+        "itself. If the robot moves, stop it by other means: its own button, its power\n"
     )
     async with robot(tmp_path) as subject:
         await subject.drive()

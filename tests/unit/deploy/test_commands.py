@@ -64,4 +64,4 @@ def test_no_help_text_loses_words_in_brackets_as_markup() -> None:
         texts += [command.help, *(getattr(parameter, "help", "") for parameter in command.params)]
     for text in texts:
         assert text is not None
-        assert Text.from_markup(text).plain == text
+        assert Text.from_markup(text).plain == text.replace(r"\[", "[")
