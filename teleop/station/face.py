@@ -1,5 +1,6 @@
 """What an e-stop station shows: one large word, and what to do. Pure."""
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -8,7 +9,7 @@ from teleop.view import Line, Segment, Tone, plain
 from wire.message_types import EstopStationStatus, SafetyStatus
 from wire.reasons import StopReason
 
-KEYS = "SPACE or any key: STOP    Ctrl-R: release the button    q or Ctrl-C: leave"
+KEYS = ("SPACE or any key: STOP", "Ctrl-R: release the button", "q or Ctrl-C: leave")
 TONES = {Word.HEARD: Tone.GOOD, Word.NOT_HEARD: Tone.CAUTION, Word.STOPPED: Tone.STOP}
 LETTERS = {
     " ": ("    ", "    ", "    ", "    ", "    "),
@@ -53,19 +54,32 @@ class Look:
         return self.word is not Word.NOT_HEARD and self.own is not None and self.own.required
 
 
-def picture(look: Look, columns: int, *, unicode: bool = True) -> list[Line]:
-    """Return the lines of the screen; the first one is enough for a display of one line."""
-    tone = TONES[look.word]
+def headline(look: Look) -> Line:
+    """Return the word and what it means, enough for a display of one line."""
+    return Segment(f"{look.name}: {look.word}", TONES[look.word]), Segment(f" - {sentence(look)}")
+
+
+def picture(look: Look, columns: int, rows: int, *, unicode: bool = True) -> list[Line]:
+    """Return the lines of the screen, the most important first; the large word is left out unless all lines fit."""
+    word, meaning = headline(look)
+    first, *others = _wrapped(word.text + meaning.text, columns)
+    size = len(word.text)
+    head = [(Segment(first[:size], word.tone), Segment(first[size:])), *((Segment(text),) for text in others)]
+    keys = "    ".join(KEYS)
     leaving = "Leaving stops the robot: this station is required." if look.is_needed else ""
-    return [
-        (Segment(f"{look.name}: {look.word}", tone), Segment(f" - {sentence(look)}")),
-        (),
-        *((Segment(row, tone),) for row in large(look.word, columns, unicode=unicode)),
-        (),
-        (Segment(f"e-stop station {look.name} of {plain(look.endpoint)}"),),
-        (Segment(leaving),),
-        (Segment(KEYS, Tone.DIM),),
+    place = f"e-stop station {look.name} of {plain(look.endpoint)}"
+    foot = [
+        *((Segment(text, Tone.DIM),) for text in ([keys] if len(keys) <= columns else KEYS)),
+        *((Segment(text),) for text in (*_wrapped(leaving, columns), *_wrapped(place, columns))),
     ]
+    letters = large(look.word, columns, unicode=unicode)
+    body = [(), *((Segment(row, word.tone),) for row in letters), ()]
+    has_room = len(letters[0]) <= columns and len(head) + len(body) + len(foot) <= rows
+    return [*head, *(body if has_room else ()), *foot]
+
+
+def _wrapped(text: str, columns: int) -> list[str]:
+    return textwrap.wrap(text, columns, break_on_hyphens=False)
 
 
 def large(word: str, columns: int, *, unicode: bool) -> Sequence[str]:

@@ -308,6 +308,17 @@ async def test_before_the_supervisor_runs_the_station_is_not_heard_and_keeps_a_p
         await until(lambda: "door: NOT HEARD" in door.picture)
 
 
+async def test_a_small_terminal_shows_how_to_stop_and_a_dumb_one_the_whole_sentence() -> None:
+    endpoint = free_endpoint()
+    async with station(endpoint) as small, station(endpoint, term="dumb") as dumb:
+        for one in (small, dumb):
+            one.resize(40, 10)
+        await until(lambda: "SPACE or any key: STOP" in small.picture and "█" not in small.picture)
+        dumb.type(b" ")
+        wanted = f"door: NOT HEARD - PRESSED, not confirmed; waiting for the supervisor at {endpoint}"
+        await until(lambda: wanted in dumb.output)
+
+
 async def test_a_station_that_is_not_configured_says_so_and_that_its_key_has_stopped_the_robot(
     tmp_path: Path,
 ) -> None:

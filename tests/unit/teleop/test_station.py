@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from teleop.station.face import KEYS, LETTERS, ROWS, Look, farewell, large, picture, sentence
+from teleop.station.face import KEYS, LETTERS, ROWS, Look, farewell, headline, large, picture, sentence
 from teleop.station.lease import Lease, Word, pressed, received, released, sent
 from teleop.view import Line
 from wire.lease import LEASE_S, PRESENCE_PERIOD_S
@@ -135,14 +135,14 @@ def text(line: Line) -> str:
 )
 def test_the_first_line_says_the_word_and_what_it_means(shown: Look, wanted: str) -> None:
     assert sentence(shown) == wanted
-    assert text(picture(shown, 80)[0]) == f"door: {shown.word} - {wanted}"
+    assert text(headline(shown)) == f"door: {shown.word} - {wanted}"
+    assert text(picture(shown, 120, 24)[0]) == text(headline(shown))
 
 
 @pytest.mark.parametrize("required", [True, False])
 def test_leaving_a_required_station_is_said_to_stop_the_robot(required: bool) -> None:  # noqa: FBT001 - a parameter of the test
-    lines = [text(line) for line in picture(look(Word.HEARD, own(required=required)), 80)]
+    lines = [text(line) for line in picture(look(Word.HEARD, own(required=required)), 80, 24)]
     assert ("Leaving stops the robot: this station is required." in lines) is required
-    assert lines[-1] == KEYS
 
 
 @pytest.mark.parametrize(
@@ -158,7 +158,38 @@ def test_leaving_a_required_station_is_said_to_stop_the_robot(required: bool) ->
 )
 def test_only_a_required_station_that_is_heard_stops_the_robot_by_leaving(shown: Look, wanted: str) -> None:
     assert farewell(shown) == f"e-stop station door has left{wanted}"
-    assert any("Leaving stops" in text(line) for line in picture(shown, 80)) is ("robot stops" in wanted)
+    assert any("Leaving stops" in text(line) for line in picture(shown, 80, 24)) is ("robot stops" in wanted)
+
+
+@pytest.mark.parametrize(
+    "shown",
+    [
+        look(Word.HEARD, own()),
+        look(Word.STOPPED, own(), is_pressed=True, is_confirmed=True),
+        look(Word.NOT_HEARD, own(), has_rival=True, is_pressed=True),
+    ],
+)
+@pytest.mark.parametrize("size", [(40, 10), (60, 10), (80, 24), (200, 60)])
+def test_the_word_its_meaning_and_the_keys_are_whole_on_every_screen(
+    shown: Look, size: tuple[int, int]
+) -> None:
+    columns, rows = size
+    lines = [text(line) for line in picture(shown, columns, rows)]
+    assert len(lines) <= rows
+    assert max(map(len, lines)) <= columns
+    words = " ".join(lines)
+    assert words.startswith(text(headline(shown)))
+    assert all(key in words for key in KEYS)
+
+
+@pytest.mark.parametrize(("columns", "rows", "is_large"), [(44, 13, True), (43, 13, False), (44, 12, False)])
+def test_the_large_word_is_left_out_where_it_would_displace_or_be_cut(
+    columns: int,
+    rows: int,
+    is_large: bool,  # noqa: FBT001 - a parameter of the test
+) -> None:
+    lines = picture(look(Word.NOT_HEARD, own()), columns, rows)
+    assert any("█" in text(line) for line in lines) is is_large
 
 
 def test_the_word_is_large_and_twice_as_wide_where_there_is_room() -> None:
