@@ -178,7 +178,7 @@ def estop(
         typer.Option(
             "--name",
             metavar="NAME",
-            help="Be this e-stop station of [[supervisor.estop_stations]] until q or Ctrl-C: prove its presence, show whether "
+            help="Be the e-stop station of this name in the configuration until q or Ctrl-C: prove its presence, show whether "
             "it is heard, and stop the robot at any key.",
         ),
     ] = None,

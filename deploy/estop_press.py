@@ -15,6 +15,7 @@ CONFIRM_LIMIT_S = 1.0
 PERIOD_S = 0.05
 """A press is one message, which a bad link may drop: it is repeated until a status confirms it."""
 EXIT_NOT_CONFIRMED = 1
+OTHER_MEANS = "stop it by other means: its own button, its power"
 
 
 def press(launch: Launch) -> int:
@@ -25,8 +26,12 @@ def press(launch: Launch) -> int:
 async def _press(launch: Launch) -> int:
     try:
         bus = await reach(launch.bus, asyncio.Event())
-    except NotRunningError as error:
-        print(f"lifeline: NOT stopped: {error}", file=sys.stderr)
+    except NotRunningError:
+        print(
+            f"lifeline: NOT stopped: no supervisor answers at {launch.bus.endpoint}; a base whose supervisor is silent "
+            f"brakes by itself. If the robot moves, {OTHER_MEANS}",
+            file=sys.stderr,
+        )
         return EXIT_NOT_RUNNING
     assert bus is not None  # nothing sets the event
     try:
@@ -36,7 +41,10 @@ async def _press(launch: Launch) -> int:
             if await observer.until(_is_latched, PERIOD_S):
                 print("lifeline: the emergency stop is latched; reset it with r in teleop")
                 return 0
-        print("lifeline: NOT confirmed: the emergency stop was sent, but no status shows it", file=sys.stderr)
+        print(
+            f"lifeline: NOT confirmed: the emergency stop was sent, but no status shows it. If the robot moves, {OTHER_MEANS}",
+            file=sys.stderr,
+        )
         return EXIT_NOT_CONFIRMED
     finally:
         await bus.close()

@@ -7,7 +7,7 @@ from typing import NoReturn
 
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
-from teleop.station.face import Look, picture
+from teleop.station.face import Look, headline, picture
 from teleop.station.service import Station
 from teleop.terminal import Terminal, is_dumb, is_terminal
 from wire.config import NAME
@@ -36,13 +36,14 @@ def run_station(launch: Launch, name: str) -> NoReturn:
 async def _run(stop: asyncio.Event, launch: Launch, name: str) -> int:
     wake = asyncio.Event()
     unicode = "utf" in sys.stdout.encoding.lower() and os.environ.get("TERM") != "linux"
+    one_line = is_dumb()
     bus: ZenohBus | None = None
     try:
-        with Terminal(wake, plain=is_dumb()) as terminal:
+        with Terminal(wake, plain=one_line) as terminal:
 
             def show(look: Look) -> None:
-                columns, _ = terminal.size
-                terminal.show(picture(look, columns - 1, unicode=unicode))
+                lines = [headline(look)] if one_line else picture(look, *terminal.size, unicode=unicode)
+                terminal.show(lines)
 
             station = Station(name, launch.bus.endpoint, keys=terminal, show=show, wake=wake)
             opening = asyncio.ensure_future(
@@ -58,8 +59,7 @@ async def _run(stop: asyncio.Event, launch: Launch, name: str) -> int:
             finally:
                 opening.cancel()
                 running.cancel()
-            stops = ": the robot stops, because this station is required" if station.was_required else ""
-            terminal.note(f"e-stop station {name} has left{stops}")
+            terminal.note(station.farewell)
     finally:
         if bus is not None:
             await bus.close()

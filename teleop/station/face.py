@@ -1,13 +1,15 @@
 """What an e-stop station shows: one large word, and what to do. Pure."""
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from teleop.station.lease import Word
 from teleop.view import Line, Segment, Tone, plain
 from wire.message_types import EstopStationStatus, SafetyStatus
+from wire.reasons import StopReason
 
-KEYS = "SPACE or any key: STOP    Ctrl-R: release the button    q or Ctrl-C: leave"
+KEYS = ("SPACE or any key: STOP", "Ctrl-R: release the button", "q or Ctrl-C: leave")
 TONES = {Word.HEARD: Tone.GOOD, Word.NOT_HEARD: Tone.CAUTION, Word.STOPPED: Tone.STOP}
 LETTERS = {
     " ": ("    ", "    ", "    ", "    ", "    "),
@@ -47,23 +49,37 @@ class Look:
         return next((one for one in stations if one.name == self.name), None)
 
     @property
-    def is_required(self) -> bool:
-        return self.own is not None and self.own.required
+    def is_needed(self) -> bool:
+        """Whether the robot stops when this program ends: the station is required, and this program is heard as it."""
+        return self.word is not Word.NOT_HEARD and self.own is not None and self.own.required
 
 
-def picture(look: Look, columns: int, *, unicode: bool = True) -> list[Line]:
-    """Return the lines of the screen; the first one is enough for a display of one line."""
-    tone = TONES[look.word]
-    leaving = "Leaving stops the robot: this station is required." if look.is_required else ""
-    return [
-        (Segment(f"{look.name}: {look.word}", tone), Segment(f" - {sentence(look)}")),
-        (),
-        *((Segment(row, tone),) for row in large(look.word, columns, unicode=unicode)),
-        (),
-        (Segment(f"e-stop station {look.name} of {plain(look.endpoint)}"),),
-        (Segment(leaving),),
-        (Segment(KEYS, Tone.DIM),),
+def headline(look: Look) -> Line:
+    """Return the word and what it means, enough for a display of one line."""
+    return Segment(f"{look.name}: {look.word}", TONES[look.word]), Segment(f" - {sentence(look)}")
+
+
+def picture(look: Look, columns: int, rows: int, *, unicode: bool = True) -> list[Line]:
+    """Return the lines of the screen, the most important first; the large word is left out unless all lines fit."""
+    word, meaning = headline(look)
+    first, *others = _wrapped(word.text + meaning.text, columns)
+    size = len(word.text)
+    head = [(Segment(first[:size], word.tone), Segment(first[size:])), *((Segment(text),) for text in others)]
+    keys = "    ".join(KEYS)
+    leaving = "Leaving stops the robot: this station is required." if look.is_needed else ""
+    place = f"e-stop station {look.name} of {plain(look.endpoint)}"
+    foot = [
+        *((Segment(text, Tone.DIM),) for text in ([keys] if len(keys) <= columns else KEYS)),
+        *((Segment(text),) for text in (*_wrapped(leaving, columns), *_wrapped(place, columns))),
     ]
+    letters = large(look.word, columns, unicode=unicode)
+    body = [(), *((Segment(row, word.tone),) for row in letters), ()]
+    has_room = len(letters[0]) <= columns and len(head) + len(body) + len(foot) <= rows
+    return [*head, *(body if has_room else ()), *foot]
+
+
+def _wrapped(text: str, columns: int) -> list[str]:
+    return textwrap.wrap(text, columns, break_on_hyphens=False)
 
 
 def large(word: str, columns: int, *, unicode: bool) -> Sequence[str]:
@@ -78,8 +94,7 @@ def sentence(look: Look) -> str:
     """Return what the word means now, and what to do."""
     match look.word:
         case Word.NOT_HEARD:
-            press = "PRESSED, not confirmed; " if look.is_pressed and not look.is_confirmed else ""
-            return f"{press}{_why_not_heard(look)}"
+            return f"{_press(look)}{_why_not_heard(look)}"
         case Word.STOPPED if look.is_pressed:
             # A release before the confirmation has no effect, so the screen must not ask for it yet.
             release = "release it with Ctrl-R, then reset with r in teleop"
@@ -89,6 +104,23 @@ def sentence(look: Look) -> str:
             return f"the robot is stopped{f': {why}' if why else ''}"
         case _:
             return "stopping" if look.is_pressed else "any key stops the robot"
+
+
+def farewell(look: Look) -> str:
+    """Return the last sentence of a station that has left."""
+    if look.is_needed:
+        what = ": the robot stops, because this station is required"
+    else:
+        what = "; it was not heard" if look.word is Word.NOT_HEARD else ""
+    return f"e-stop station {look.name} has left{what}"
+
+
+def _press(look: Look) -> str:
+    """Return what is known of a press on a station that is not heard."""
+    if not look.is_pressed or look.is_confirmed:
+        return ""
+    is_stopped = look.status is not None and StopReason.ESTOP in look.status.reasons
+    return "pressed, and the robot is stopped; " if is_stopped else "PRESSED, not confirmed; "
 
 
 def _why_not_heard(look: Look) -> str:

@@ -11,8 +11,8 @@ from typing import Protocol
 
 from teleop.keymap import CTRL_C
 from teleop.pilot import KeyEvent, KeyKind
-from teleop.station.face import Look
-from teleop.station.lease import Lease, pressed, received, released, sent
+from teleop.station.face import Look, farewell
+from teleop.station.lease import Lease, Word, pressed, received, released, sent
 from wire import topics
 from wire.bus import Bus, Token, woken_by
 from wire.messages import Bool, SafetyStatus
@@ -58,14 +58,14 @@ class Station:
         self._tokens: list[Token] = []
         self._rivals: set[bytes] = set()
         self._status: tuple[float, SafetyStatus] | None = None
-        self._shown: Look | None = None
+        self._shown = Look(name, endpoint, Word.NOT_HEARD)
         self._next_show_s = 0.0
         self._is_leaving = False
 
     @property
-    def was_required(self) -> bool:
-        """Whether the supervisor required this station, by the newest status."""
-        return self._shown is not None and self._shown.is_required
+    def farewell(self) -> str:
+        """What its end means, by the last look."""
+        return farewell(self._shown)
 
     def join(self, bus: Bus) -> None:
         """Begin to prove the presence on an open bus; the caller closes it."""

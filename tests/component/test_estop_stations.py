@@ -118,7 +118,7 @@ async def test_the_robot_stands_until_its_station_is_heard_and_both_know_it() ->
             assert states(rig.newest_status) == {"door": EstopStationStatus.HEARD}
             assert person.word is Word.HEARD
             await rig.drive(0.5)
-            assert person.looks[-1].is_required
+            assert person.looks[-1].is_needed
 
 
 async def test_two_minutes_of_presence_stop_nothing() -> None:

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import typer.core
 import typer.main
+from rich.text import Text
 
 from deploy.cli import app
 
@@ -53,3 +54,14 @@ def test_every_command_and_option_has_a_help_text() -> None:
         assert command.help, name
         for parameter in command.params:
             assert getattr(parameter, "help", ""), (name, parameter.name)
+
+
+def test_no_help_text_loses_words_in_brackets_as_markup() -> None:
+    group = typer.main.get_command(app)
+    assert isinstance(group, typer.core.TyperGroup)
+    texts = [group.help, *(one.help for one in group.commands.values())]
+    for command in all_commands().values():
+        texts += [command.help, *(getattr(parameter, "help", "") for parameter in command.params)]
+    for text in texts:
+        assert text is not None
+        assert Text.from_markup(text).plain == text.replace(r"\[", "[")

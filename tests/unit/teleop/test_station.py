@@ -4,11 +4,12 @@ import math
 
 import pytest
 
-from teleop.station.face import KEYS, LETTERS, ROWS, Look, large, picture, sentence
+from teleop.station.face import KEYS, LETTERS, ROWS, Look, farewell, headline, large, picture, sentence
 from teleop.station.lease import Lease, Word, pressed, received, released, sent
 from teleop.view import Line
 from wire.lease import LEASE_S, PRESENCE_PERIOD_S
 from wire.messages import EstopLease, EstopStationStatus, SafetyStatus, header
+from wire.reasons import StopReason
 
 ENDPOINT = "tcp/127.0.0.1:7447"
 
@@ -87,6 +88,10 @@ def own(*, required: bool = True) -> EstopStationStatus:
     return EstopStationStatus("door", required, EstopStationStatus.HEARD, pressed=False)
 
 
+def stopped(*stations: EstopStationStatus) -> SafetyStatus:
+    return SafetyStatus(header(""), reasons=[StopReason.ESTOP], estop_stations=[*stations])
+
+
 def text(line: Line) -> str:
     return "".join(segment.text for segment in line)
 
@@ -119,6 +124,10 @@ def text(line: Line) -> str:
             "PRESSED, not confirmed; the robot does not hear this station",
         ),
         (
+            look(Word.NOT_HEARD, own(), has_rival=True, is_pressed=True, status=stopped(own())),
+            "pressed, and the robot is stopped; another program is the station door: end it, or use another name",
+        ),
+        (
             look(Word.NOT_HEARD, own(), is_pressed=True, is_confirmed=True),
             "the robot does not hear this station",
         ),
@@ -126,15 +135,61 @@ def text(line: Line) -> str:
 )
 def test_the_first_line_says_the_word_and_what_it_means(shown: Look, wanted: str) -> None:
     assert sentence(shown) == wanted
-    assert text(picture(shown, 80)[0]) == f"door: {shown.word} - {wanted}"
+    assert text(headline(shown)) == f"door: {shown.word} - {wanted}"
+    assert text(picture(shown, 120, 24)[0]) == text(headline(shown))
 
 
 @pytest.mark.parametrize("required", [True, False])
 def test_leaving_a_required_station_is_said_to_stop_the_robot(required: bool) -> None:  # noqa: FBT001 - a parameter of the test
-    lines = [text(line) for line in picture(look(Word.HEARD, own(required=required)), 80)]
+    lines = [text(line) for line in picture(look(Word.HEARD, own(required=required)), 80, 24)]
     assert ("Leaving stops the robot: this station is required." in lines) is required
-    assert lines[-1] == KEYS
-    assert not look(Word.HEARD).is_required
+
+
+@pytest.mark.parametrize(
+    ("shown", "wanted"),
+    [
+        (look(Word.HEARD, own()), ": the robot stops, because this station is required"),
+        (look(Word.STOPPED, own()), ": the robot stops, because this station is required"),
+        (look(Word.HEARD, own(required=False)), ""),
+        (look(Word.HEARD, status=None), ""),
+        (look(Word.NOT_HEARD, own(), has_rival=True), "; it was not heard"),
+        (look(Word.NOT_HEARD), "; it was not heard"),
+    ],
+)
+def test_only_a_required_station_that_is_heard_stops_the_robot_by_leaving(shown: Look, wanted: str) -> None:
+    assert farewell(shown) == f"e-stop station door has left{wanted}"
+    assert any("Leaving stops" in text(line) for line in picture(shown, 80, 24)) is ("robot stops" in wanted)
+
+
+@pytest.mark.parametrize(
+    "shown",
+    [
+        look(Word.HEARD, own()),
+        look(Word.STOPPED, own(), is_pressed=True, is_confirmed=True),
+        look(Word.NOT_HEARD, own(), has_rival=True, is_pressed=True),
+    ],
+)
+@pytest.mark.parametrize("size", [(40, 10), (60, 10), (80, 24), (200, 60)])
+def test_the_word_its_meaning_and_the_keys_are_whole_on_every_screen(
+    shown: Look, size: tuple[int, int]
+) -> None:
+    columns, rows = size
+    lines = [text(line) for line in picture(shown, columns, rows)]
+    assert len(lines) <= rows
+    assert max(map(len, lines)) <= columns
+    words = " ".join(lines)
+    assert words.startswith(text(headline(shown)))
+    assert all(key in words for key in KEYS)
+
+
+@pytest.mark.parametrize(("columns", "rows", "is_large"), [(44, 13, True), (43, 13, False), (44, 12, False)])
+def test_the_large_word_is_left_out_where_it_would_displace_or_be_cut(
+    columns: int,
+    rows: int,
+    is_large: bool,  # noqa: FBT001 - a parameter of the test
+) -> None:
+    lines = picture(look(Word.NOT_HEARD, own()), columns, rows)
+    assert any("█" in text(line) for line in lines) is is_large
 
 
 def test_the_word_is_large_and_twice_as_wide_where_there_is_room() -> None:
