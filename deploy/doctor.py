@@ -59,7 +59,7 @@ async def _examine(
         bus = await reach(launch.bus, stop)
     except (NotRunningError, BusError):
         bus = None
-        seen.port_problem = _port_problem(launch.bus.endpoint)
+        seen.port_problem, seen.silent_pid = _port_problem(launch.bus.endpoint)
     if stop.is_set():
         return 130
     if bus is not None and seen.config is not None:
@@ -119,16 +119,18 @@ def _version(package: str) -> str | None:
         return None
 
 
-def _port_problem(endpoint: str) -> str:
-    """Return why no supervisor could listen on an endpoint; empty if one could."""
+def _port_problem(endpoint: str) -> tuple[str, int | None]:
+    """Return why no supervisor could listen on an endpoint, empty if one could, and the pid of one that already does."""
     try:
         check_endpoint_is_free(endpoint)
     except DeployError as error:
         found = processes_at({endpoint.partition("/")[2]})
         holder = next(iter(found.values()), None)
-        who = "" if holder is None else f" (pid {holder.pid}: {printable(' '.join(holder.arguments)[:80])})"
-        return f"{error}{who}"
-    return ""
+        if holder is None:
+            return str(error), None
+        who = f"pid {holder.pid}: {printable(' '.join(holder.arguments))}"
+        return f"{error} ({who})", holder.pid if holder.runs(topics.SUPERVISOR) else None
+    return "", None
 
 
 async def _listen(seen: Observed, robot: Robot, seconds: float) -> None:

@@ -83,6 +83,8 @@ class Observed:
     is_connected: bool = False
     port_problem: str = ""
     """If nothing answers: why a supervisor could not listen."""
+    silent_pid: int | None = None
+    """Of a supervisor that holds the port and does not answer."""
     drive: str = "python -m teleop"
     """The command that starts teleop for this robot."""
     namespace: str = "robot"
@@ -163,6 +165,13 @@ def _state(seen: Observed) -> Iterator[Finding]:
 def _connection(seen: Observed) -> Iterator[Finding]:
     if seen.is_connected:
         yield Finding("supervisor", Verdict.OK, f"answers at {seen.endpoint}")
+    elif seen.silent_pid is not None:
+        yield Finding(
+            "supervisor",
+            Verdict.PROBLEM,
+            f"it runs (pid {seen.silent_pid}) but does not answer: it hangs, or a signal has stopped it",
+            "restart it: `lifeline down`, then `lifeline up`; under systemd `systemctl restart lifeline-supervisor`",
+        )
     elif seen.port_problem:
         yield Finding("supervisor", Verdict.PROBLEM, f"does not answer, and {seen.port_problem}")
     else:

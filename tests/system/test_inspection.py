@@ -340,6 +340,19 @@ async def test_doctor_finds_what_prevents_motion(tmp_path: Path) -> None:
         assert any(one["what"].startswith("NO_COMMAND: ") for one in problems)
 
 
+async def test_doctor_tells_a_supervisor_that_hangs_from_another_program(tmp_path: Path) -> None:
+    async with standing(tmp_path) as subject:
+        pid = subject.pid("supervisor")
+        os.kill(pid, signal.SIGSTOP)
+        try:
+            code, output, _ = await lifeline(subject, "doctor", "--json")
+        finally:
+            os.kill(pid, signal.SIGCONT)
+    (problem,) = (one for one in json.loads(output) if one["check"] == "supervisor")
+    assert code == 1
+    assert f"it runs (pid {pid}) but does not answer" in problem["what"]
+
+
 async def test_doctor_names_the_program_that_holds_the_port(tmp_path: Path) -> None:
     subject = Robot(free_endpoint(), tmp_path)
     port = int(subject.endpoint.rpartition(":")[2])

@@ -116,6 +116,14 @@ def test_each_fault_has_its_finding(fields: dict[str, object], check: str, words
     assert any(words in finding.what for finding in found), problems(running(**fields))
 
 
+def test_a_supervisor_that_hangs_is_not_another_program() -> None:
+    hung = running(is_connected=False, silent_pid=41, port_problem="port 7447 is in use by another program")
+    (finding,) = (found for found in problems(hung) if found.check == "supervisor")
+    assert "it runs (pid 41) but does not answer" in finding.what
+    assert "another program" not in finding.what
+    assert "`lifeline down`, then `lifeline up`" in finding.remedy
+
+
 def test_two_writers_of_a_sensor_are_named() -> None:
     spoof = node("spoof.py", "robot/scan", pid=99, is_named=False)
     (finding,) = problems(running(nodes=[*running().nodes, spoof]))
