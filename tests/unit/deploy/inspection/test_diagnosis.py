@@ -124,6 +124,12 @@ def test_a_supervisor_that_hangs_is_not_another_program() -> None:
     assert "`lifeline down`, then `lifeline up`" in finding.remedy
 
 
+def test_of_a_robot_on_another_machine_the_network_is_to_be_checked() -> None:
+    (finding,) = problems(running(is_connected=False, silence="the name robot7 cannot be resolved"))
+    assert (finding.check, finding.what) == ("supervisor", "the name robot7 cannot be resolved")
+    assert finding.remedy.startswith("check the name, the address and the network")
+
+
 def test_two_writers_of_a_sensor_are_named() -> None:
     spoof = node("spoof.py", "robot/scan", pid=99, is_named=False)
     (finding,) = problems(running(nodes=[*running().nodes, spoof]))
