@@ -198,6 +198,10 @@ def _print(console: Console, file: Path, report: Report) -> None:
         soft_wrap=True,
     )
     console.print(_motion_table(report.motions))
+    required = [station.name for station in report.config.estop_stations or () if station.required]
+    if required:
+        text = f"Required e-stop stations: {', '.join(required)}. No motion is permitted while one of them is not heard."
+        console.print(Text(text), soft_wrap=True)
     if report.risks:
         console.print(_risk_table(report.risks))
         console.print("The configuration is valid. The exit code is 1 because of these risks.")

@@ -1,10 +1,12 @@
 """Finds the motions that a configuration's lidars permit, by running the safety law.
 
-The robot is in open space: every beam returns `WALL_M`, or almost its maximum range if that is shorter.
+The robot is in open space: every beam returns `WALL_M`, or almost its maximum range if that is shorter. The e-stop stations
+are left out, because their leases say nothing about the lidars.
 """
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -102,7 +104,7 @@ class _Robot:
     """Runs the law at its tick rate, with scans at their rate and a base that follows commands immediately."""
 
     def __init__(self, config: SupervisorSection, views: tuple[View, ...]) -> None:
-        law = config.law()
+        law = replace(config.law(), estop_stations=())
         self._source = config.sources[0].name
         self._tick_s = 1.0 / config.tick_hz
         self._now_s = 1000.0

@@ -19,7 +19,7 @@ from deploy.inspection.diagnosis import Finding, Observed, Terminal, Verdict, di
 from deploy.inspection.keys import by_full_key
 from deploy.inspection.listening import Robot
 from deploy.inspection.sockets import processes_at
-from deploy.stack import supervisord
+from deploy.stack import elsewhere, supervisord
 from deploy.stack.errors import DeployError
 from deploy.stack.formatting import printable
 from deploy.stack.launch import ANY_BASE, Launch, check_endpoint_is_free
@@ -59,7 +59,8 @@ async def _examine(
         bus = await reach(launch.bus, stop)
     except (NotRunningError, BusError):
         bus = None
-        seen.port_problem = _port_problem(launch.bus.endpoint)
+        if seen.silence is None:
+            seen.port_problem, seen.silent_pid = _port_problem(launch.bus.endpoint)
     if stop.is_set():
         return 130
     if bus is not None and seen.config is not None:
@@ -96,8 +97,10 @@ def _at_rest(launch: Launch, state: StateDir) -> Observed:
         seen.config_problem = str(error)
     if state.path.exists() and not os.access(state.path, os.W_OK | os.X_OK):
         seen.state_problem = f"{state.path} is not writable"
-    seen.is_stale = state.record.exists() and supervisord.programs(state) is None
-    seen.is_estop_recorded = is_recorded(state.path, launch.bus.namespace)
+    seen.silence = elsewhere.silence(launch.bus.endpoint)
+    is_ours = seen.silence is None or launch.is_started(state)
+    seen.is_stale = is_ours and state.record.exists() and supervisord.programs(state) is None
+    seen.is_estop_recorded = seen.silence is None and is_recorded(state.path, launch.bus.namespace)
     return seen
 
 
@@ -119,16 +122,18 @@ def _version(package: str) -> str | None:
         return None
 
 
-def _port_problem(endpoint: str) -> str:
-    """Return why no supervisor could listen on an endpoint; empty if one could."""
+def _port_problem(endpoint: str) -> tuple[str, int | None]:
+    """Return why no supervisor could listen on an endpoint, empty if one could, and the pid of one that already does."""
     try:
         check_endpoint_is_free(endpoint)
     except DeployError as error:
         found = processes_at({endpoint.partition("/")[2]})
         holder = next(iter(found.values()), None)
-        who = "" if holder is None else f" (pid {holder.pid}: {printable(' '.join(holder.arguments)[:80])})"
-        return f"{error}{who}"
-    return ""
+        if holder is None:
+            return str(error), None
+        who = f"pid {holder.pid}: {printable(' '.join(holder.arguments))}"
+        return f"{error} ({who})", holder.pid if holder.runs(topics.SUPERVISOR) else None
+    return "", None
 
 
 async def _listen(seen: Observed, robot: Robot, seconds: float) -> None:

@@ -194,7 +194,7 @@ def list_robots(config: BusConfig, expected: Sequence[str], *, as_json: bool) ->
             return time.monotonic() >= found_s and robots.all_heard
 
         await until(stop, is_complete, time.monotonic() + ANSWER_LIMIT_S)
-        return show_once(robots.rows(), as_json=as_json)
+        return show_once(robots.rows(), config.endpoint, as_json=as_json)
 
     _run(config, expected, work)
 
@@ -209,7 +209,7 @@ def watch_robots(config: BusConfig, expected: Sequence[str], *, as_json: bool) -
             return [robots.by_name[name] for name in sorted(robots.by_name)]
 
         with suppress(BrokenPipeError):  # the reader of the lines has ended, such as `head`
-            await (show_lines if as_json else show_live)(stop, feeds)
+            await (show_lines(stop, feeds) if as_json else show_live(stop, feeds, config.endpoint))
         return 0
 
     _run(config, expected, work)

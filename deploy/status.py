@@ -11,9 +11,18 @@ from rich.table import Table
 from rich.text import Text
 
 from deploy.estop import RESET, latched_sentence
-from deploy.stack import processes, ros2_reports, supervisord
+from deploy.stack import elsewhere, processes, ros2_reports, supervisord
 from deploy.stack.errors import EXIT_NOT_RUNNING
-from deploy.stack.formatting import COLOURS, GO_NEUTRAL, mode_name, nearest, number, printable, speed
+from deploy.stack.formatting import (
+    CHECK_NETWORK,
+    COLOURS,
+    GO_NEUTRAL,
+    mode_name,
+    nearest,
+    number,
+    printable,
+    speed,
+)
 from deploy.stack.launch import ANY_BASE, SIMULATED, Launch
 from deploy.stack.observe import observing
 from deploy.stack.ros2_reports import Report
@@ -52,6 +61,8 @@ class Look:
     """The nodes without which the robot does not run."""
     left_over: str = ""
     """The processes of an interrupted start or stop, if no node runs."""
+    silence: str | None = None
+    """Why nothing answers at an endpoint on another machine; None for one of this machine."""
     ros2: tuple[Report, ...] = ()
     """The reports of the ROS 2 process; empty without one."""
 
@@ -120,7 +131,9 @@ def show_status(state: StateDir, launch: Launch, *, as_json: bool) -> int:
 
 
 async def _look(state: StateDir, launch: Launch) -> Look:
-    programs = {p.name: p.state for p in supervisord.programs(state) or ()}
+    silence = elsewhere.silence(launch.bus.endpoint)
+    is_ours = silence is None or launch.is_started(state)
+    programs = {p.name: p.state for p in supervisord.programs(state) or ()} if is_ours else {}
     with_ros2 = topics.ROS2 in launch.nodes
     limit_s = SECURE_CONNECT_LIMIT_S if tls.is_secure(launch.bus.endpoint) else CONNECT_LIMIT_S
     try:
@@ -152,9 +165,10 @@ async def _look(state: StateDir, launch: Launch) -> Look:
             programs=programs,
             status=None,
             odometry=None,
-            latched=latched_sentence(state, launch),
+            latched=latched_sentence(state, launch) if silence is None else None,
             needed=launch.nodes,
-            left_over=listed(processes.of(state.path)),
+            left_over=listed(processes.of(state.path)) if is_ours else "",
+            silence=silence,
         )
 
 
@@ -167,12 +181,7 @@ def _with_known_base(nodes: tuple[str, ...], alive: Collection[str]) -> tuple[st
 def table(look: Look) -> Table | Text:
     """Format the status as a table for the terminal."""
     if look.exit_code == EXIT_NOT_RUNNING:
-        idle = (
-            f"no node is running at {look.endpoint}, but {look.left_over}: clean up with `lifeline down`"
-            if look.left_over
-            else f"nothing is running at {look.endpoint}; start with `lifeline up`"
-        )
-        return Text(idle if look.latched is None else f"{idle}\n{look.latched}")
+        return Text(_idle(look) if look.latched is None else f"{_idle(look)}\n{look.latched}")
     table = Table(show_header=False, title=look.endpoint, title_justify="left")
     table.add_column(style="bold")
     table.add_column()
@@ -201,6 +210,14 @@ def table(look: Look) -> Table | Text:
         if report.name != ros2_reports.SUPERVISOR:
             table.add_row(Text(report.name), Text(report.message, style=ros2_reports.COLOURS[report.level]))
     return table
+
+
+def _idle(look: Look) -> str:
+    if look.left_over:
+        return f"no node is running at {look.endpoint}, but {look.left_over}: clean up with `lifeline down`"
+    if look.silence is not None:
+        return f"{look.silence}: {CHECK_NETWORK}"
+    return f"nothing is running at {look.endpoint}; start with `lifeline up`"
 
 
 def _estop(status: SafetyStatus) -> Iterator[tuple[str, Text]]:

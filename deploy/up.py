@@ -7,6 +7,8 @@ import signal
 import subprocess
 import sys
 import termios
+import time
+from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
 
@@ -18,7 +20,10 @@ from deploy.stack.statedir import StateDir, locked
 from deploy.stack.takedown import Say
 from teleop.terminal import RESTORE
 from teleop.terminal_guard import BY_PARENT
-from wire import topics
+from wire import tls, topics
+from wire.bundle import BundleError, choose_bundle
+from wire.bus_config import BusConfig
+from wire.roles import Role
 
 TELEOP_LIMIT_S = 4.0
 """Longer than teleop's own shutdown limit of 3 s."""
@@ -56,12 +61,8 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool, as_json: bool
                     keep = True
                     return 0
                 if detach:
-                    say(
-                        f"running at {launch.bus.endpoint}; check it with `lifeline status`, stop it with `lifeline down`"
-                    )
-                    say(f"drive with `{launch.drive}`")
-                    if launch.participants is not None:
-                        say(f"foreign Zenoh programs of this user take part at {launch.participants}")
+                    for hint in hints(state, launch):
+                        say(hint)
                     keep = True
                     return 0
                 return _teleop_here(state, launch, say)
@@ -73,6 +74,33 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool, as_json: bool
                 with suppress(OSError):  # the terminal may be closed
                     if stopped.names:
                         say("everything is stopped")
+
+
+def hints(state: StateDir, launch: Launch) -> Iterator[str]:
+    """Yield what to do with a robot that runs in the background."""
+    yield (
+        f"running at {launch.bus.endpoint}; check it with `lifeline status{state.option}`, "
+        f"stop it with `lifeline down{state.option}`"
+    )
+    if _can_drive(launch.bus):
+        yield f"drive with `{launch.drive}`"
+    else:
+        yield (
+            f"no bundle in {launch.bus.keys} may drive: the operator needs one of `lifeline keys issue NAME --role operator "
+            f"--robot {launch.bus.namespace}`"
+        )
+    if launch.participants is not None:
+        yield f"foreign Zenoh programs of this user take part at {launch.participants}"
+
+
+def _can_drive(bus: BusConfig) -> bool:
+    """Return whether teleop has a bundle of its role here, or needs none."""
+    if bus.keys is None or not tls.is_secure(bus.endpoint):
+        return True
+    try:
+        return choose_bundle(bus.keys, time.time(), part=Role.OPERATOR).role is Role.OPERATOR
+    except BundleError:
+        return False
 
 
 def _starting(launch: Launch) -> str:

@@ -10,6 +10,7 @@ from typing import NoReturn, Protocol
 
 from rich.console import Console
 from rich.live import Live
+from rich.table import Table
 
 from deploy.stack.errors import EXIT_NOT_RUNNING, DeployError
 from deploy.stack.launch import Launch
@@ -130,13 +131,13 @@ def wants_lines(*, as_json: bool) -> bool:
     return as_json or not sys.stdout.isatty() or os.environ.get("TERM") == "dumb"
 
 
-def show_once(rows: Sequence[Row], *, as_json: bool) -> int:
+def show_once(rows: Sequence[Row], shared_endpoint: str | None = None, *, as_json: bool) -> int:
     """Print the rows; return the exit code: 0 if all robots are heard, 1 if some are, 3 if none is."""
     if as_json:
         for row in rows:
             print(to_json(row, time.time()), flush=True)
     else:
-        Console().print(table(rows))
+        Console().print(table(rows, shared_endpoint))
     heard = sum(row.status is not None for row in rows)
     return EXIT_NOT_RUNNING if not heard else 0 if heard == len(rows) else EXIT_PARTLY
 
@@ -166,16 +167,18 @@ async def show_lines(stop: asyncio.Event, feeds: Callable[[], Sequence[Shown]]) 
     await until(stop, look)
 
 
-async def show_live(stop: asyncio.Event, feeds: Callable[[], Sequence[Shown]]) -> None:
+async def show_live(
+    stop: asyncio.Event, feeds: Callable[[], Sequence[Shown]], shared_endpoint: str | None = None
+) -> None:
     """Show a live table of the robots until `stop` is set."""
 
-    def page() -> list[Row]:
-        return [list(feed.rows())[-1][0] for feed in feeds()]
+    def page() -> Table:
+        return table([list(feed.rows())[-1][0] for feed in feeds()], shared_endpoint)
 
-    with Live(table(page()), console=Console(), auto_refresh=False) as screen:
+    with Live(page(), console=Console(), auto_refresh=False) as screen:
 
         def look() -> bool:
-            screen.update(table(page()), refresh=True)
+            screen.update(page(), refresh=True)
             return False
 
         await until(stop, look)

@@ -15,6 +15,8 @@ LINE_PERIOD_S = 0.85
 """Maximum time between two JSON lines of a robot; with the update period (0.1 s) added, it is still below 1 s."""
 
 COLUMNS = ("robot", "mode", "reasons", "owner", "speed", "nearest", "link")
+FLEET_WIDTHS = {"nearest": len("12.31 m, 103°"), "link": len("no supervisor")}
+"""They leave the longest stop reason its width in 80 columns."""
 NOTHING = "–"
 NO_SUPERVISOR = "no supervisor"
 
@@ -120,18 +122,31 @@ def cells(row: Row) -> tuple[str, ...]:
     )
 
 
-def table(rows: Iterable[Row]) -> Table:
-    """Format the rows as a table for the terminal."""
-    page = Table()
-    for name in COLUMNS:
-        page.add_column(name, overflow="fold")
+def table(rows: Iterable[Row], shared_endpoint: str | None = None) -> Table:
+    """Format the rows as a table for the terminal.
+
+    Args:
+        rows: one of each robot.
+        shared_endpoint: of a fleet, of which no odometry is received: the title names it, and no speed is shown.
+    """
+    page, columns = Table(), COLUMNS
+    if shared_endpoint is not None:
+        title = Text(f"robots at {shared_endpoint}")
+        page = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0))
+        columns = tuple(name for name in COLUMNS if name != "speed")
+    for name in columns:
+        page.add_column(
+            name, overflow="fold", max_width=None if shared_endpoint is None else FLEET_WIDTHS.get(name)
+        )
     for row in rows:
-        texts = [Text(text) for text in cells(row)]
+        texts = {name: Text(text) for name, text in zip(COLUMNS, cells(row), strict=True)}
+        if shared_endpoint is not None:
+            texts["robot"] = Text(row.namespace)
         if row.status is None:
-            texts[-1].stylize("bold red")
+            texts["link"].stylize("bold red")
         elif row.mode is not None:
-            texts[1].stylize(COLOURS[row.mode])
-        page.add_row(*texts)
+            texts["mode"].stylize(COLOURS[row.mode])
+        page.add_row(*(texts[name] for name in columns))
     return page
 
 

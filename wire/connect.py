@@ -41,6 +41,7 @@ OPEN_LIMIT_MS = 3000
 less and less often: after Zenoh's default of 10 s, a client would notice a restarted supervisor only seconds later."""
 TROUBLE_PERIOD_S = 10.0
 """Period of a client's attempts to find out why it cannot connect; each takes 0.3 s of the processor."""
+IN_USE = "Address already in use"
 TX_QUEUE = 16
 """Maximum number of batches of one priority that wait to be sent: the most that Zenoh accepts."""
 
@@ -275,6 +276,10 @@ def open_router(
     try:
         session = zenoh.open(_configuration(listened, settings))
     except zenoh.ZError as error:
+        taken = [one for one in config.listen if f":{tls.port_of(one)}: {IN_USE}" in str(error)]
+        if taken:
+            sentence = f"another program listens at {taken[0]}: end it, or choose another port with --listen"
+            raise BusError(sentence) from error
         raise BusError(_listen_sentence(str(error), listened)) from error
     bundle = _router_bundle(config)
     if bundle is not None:
@@ -376,7 +381,7 @@ def _configuration(endpoint: str, values: dict[str, object]) -> zenoh.Config:
 
 
 def _listen_sentence(reason: str, endpoint: str) -> str:
-    if "in use" in reason or "acquire lock" in reason:
+    if IN_USE in reason or "acquire lock" in reason:
         return (
             f"the endpoint {endpoint} is already in use: another supervisor may be running "
             "(see `lifeline status`, stop it with `lifeline down`), or choose another with --endpoint"

@@ -59,6 +59,11 @@ def host_of(endpoint: str) -> str:
     return endpoint.partition("/")[2].rpartition(":")[0]
 
 
+def port_of(endpoint: str) -> str:
+    """Return the port of an endpoint."""
+    return endpoint.partition("?")[0].rpartition(":")[2]
+
+
 def is_loopback(endpoint: str) -> bool:
     """Return whether an endpoint is reachable only from this machine."""
     host = host_of(endpoint).strip("[]")

@@ -19,11 +19,13 @@ PERIOD_S = 30.0
 PROBE_LIMIT_S = 15.0
 """Longer than Zenoh's own limit of 10 s for one attempt."""
 STANDARD_OUTPUT = 1
+RAISED = "Unable to open listener"
+"""In a line whose error `zenoh.open` raises too."""
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 
 
 def report_refusals(start_log: Callable[[], None], say: Callable[[str], None]) -> None:
-    """Report each refused link of this process in a sentence; other output passes through.
+    """Report each refused link of this process in a sentence; other output passes through, except errors that are raised too.
 
     Args:
         start_log: begins Zenoh's log.
@@ -44,7 +46,7 @@ def report_refusals(start_log: Callable[[], None], say: Callable[[str], None]) -
             for line in lines:
                 sentence = at_the_hub(line)
                 if sentence is None:
-                    output.write(line)
+                    output.write("" if RAISED in line else line)
                 elif repeats.is_new(sentence, time.monotonic()):
                     say(sentence)
 

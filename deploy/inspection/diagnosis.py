@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from deploy.inspection.nodes import Node, describe
 from deploy.inspection.traffic import Traffic
 from deploy.stack import ros2_reports
-from deploy.stack.formatting import GO_NEUTRAL, mode_name, printable
+from deploy.stack.formatting import CHECK_NETWORK, GO_NEUTRAL, mode_name, printable
 from deploy.stack.ros2_reports import Level, Report
 from supervisor.config import SupervisorSection
 from wire import topics
@@ -81,8 +81,12 @@ class Observed:
     """Whether an e-stop of an earlier run is latched on disk."""
     endpoint: str = ""
     is_connected: bool = False
+    silence: str | None = None
+    """If nothing answers: why, for an endpoint on another machine; None for one of this machine."""
     port_problem: str = ""
     """If nothing answers: why a supervisor could not listen."""
+    silent_pid: int | None = None
+    """Of a supervisor that holds the port and does not answer."""
     drive: str = "python -m teleop"
     """The command that starts teleop for this robot."""
     namespace: str = "robot"
@@ -163,6 +167,15 @@ def _state(seen: Observed) -> Iterator[Finding]:
 def _connection(seen: Observed) -> Iterator[Finding]:
     if seen.is_connected:
         yield Finding("supervisor", Verdict.OK, f"answers at {seen.endpoint}")
+    elif seen.silence is not None:
+        yield Finding("supervisor", Verdict.PROBLEM, seen.silence, CHECK_NETWORK)
+    elif seen.silent_pid is not None:
+        yield Finding(
+            "supervisor",
+            Verdict.PROBLEM,
+            f"it runs (pid {seen.silent_pid}) but does not answer: it hangs, or a signal has stopped it",
+            "restart it: `lifeline down`, then `lifeline up`; under systemd `systemctl restart lifeline-supervisor`",
+        )
     elif seen.port_problem:
         yield Finding("supervisor", Verdict.PROBLEM, f"does not answer, and {seen.port_problem}")
     else:

@@ -13,6 +13,7 @@ statedir.py     the state directory: its files and its lock
 bound_child.py  run a program in the foreground so that neither of the two processes outlives the other
 keyboard.py     run the real teleop on a pseudo-terminal, and type keys
 observe.py      which nodes are alive, the newest status and the newest odometry
+elsewhere.py    why nothing answers at an endpoint on another machine
 reach.py        connect a client to the hub, for commands that run until Ctrl-C
 statusline.py   a status line that is updated in place on a terminal
 interrupts.py   raise one exception on SIGINT, SIGTERM or SIGHUP

@@ -9,6 +9,8 @@ MODES = ("STOPPED", "READY", "DRIVING", "LIMITED")
 
 COLOURS = {"STOPPED": "bold red", "READY": "green", "DRIVING": "bold green", "LIMITED": "yellow"}
 
+CHECK_NETWORK = "check the name, the address and the network, and whether the robot runs"
+
 GO_NEUTRAL = "release the keys or the stick (teleop: s)"
 """How a person has the source that drives send neutral."""
 

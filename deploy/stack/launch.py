@@ -114,6 +114,11 @@ class Launch:
         except (KeyError, TypeError):
             return None
 
+    def is_started(self, state: StateDir) -> bool:
+        """Return whether the running stack of a state directory is of this robot; it may be only its base."""
+        running = self.running(state)
+        return running is not None and running.bus.endpoint == self.bus.endpoint
+
     def with_keys(self, keys: Path) -> "Launch":
         """Return the same robot, reached with another bundle.
 

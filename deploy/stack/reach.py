@@ -3,7 +3,9 @@
 import asyncio
 from collections.abc import Awaitable, Callable
 
+from deploy.stack import elsewhere
 from deploy.stack.errors import DeployError
+from deploy.stack.formatting import CHECK_NETWORK
 from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
 
 CONNECT_LIMIT_S = 2.0
@@ -29,8 +31,11 @@ async def reach(config: BusConfig, stop: asyncio.Event) -> ZenohBus | None:
             return opening.result()
         if stop.is_set():
             return None
+        silence = elsewhere.silence(config.endpoint)
         raise NotRunningError(
             f"no supervisor answers at {config.endpoint}: start the robot with `lifeline up`"
+            if silence is None
+            else f"{silence}: {CHECK_NETWORK}"
         )
     finally:
         opening.cancel()

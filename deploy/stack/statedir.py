@@ -3,6 +3,7 @@
 import fcntl
 import json
 import os
+import shlex
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -34,6 +35,11 @@ class StateDir:
             return cls((absolute(given) if given else state_directory()).resolve())
         except ConfigError as error:
             raise DeployError(f"{error}, with --state-dir or {ENVIRONMENT}") from error
+
+    @property
+    def option(self) -> str:
+        """The option that names it to another command, with a space before it; empty for the default."""
+        return "" if self == self.choose(None) else f" --state-dir {shlex.quote(str(self.path))}"
 
     @property
     def socket(self) -> Path:

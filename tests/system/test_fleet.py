@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -193,6 +194,23 @@ def test_a_router_with_wrong_options_is_refused_in_a_sentence(words: list[str], 
     )
     assert (done.returncode, reason in done.stderr) == (2, True), done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("protocol", ["tcp", "tls", "quic"])
+def test_a_router_whose_port_is_taken_says_so_in_one_sentence(tmp_path: Path, protocol: str) -> None:
+    keys = TestAuthority(tmp_path).bundle("site", Role.ROUTER, robot=ANY)
+    kind = socket.SOCK_DGRAM if protocol == "quic" else socket.SOCK_STREAM
+    with socket.socket(socket.AF_INET, kind) as other:
+        other.bind(("127.0.0.1", 0))
+        if kind is socket.SOCK_STREAM:
+            other.listen()
+        taken = f"{protocol}/127.0.0.1:{other.getsockname()[1]}"
+        words = ["--listen", free_endpoint(), "--listen", taken, "--robot", "robot1", "--keys", str(keys)]
+        done = subprocess.run(
+            [LIFELINE, "router", *words], capture_output=True, text=True, timeout=WITHIN_S, check=False
+        )
+    sentence = f"lifeline: another program listens at {taken}: end it, or choose another port with --listen\n"
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", sentence)
 
 
 def test_the_configuration_for_zenohd_is_one_document(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED
+from supervisor.estop_files import record_path
 from tests.system.harness import PATIENCE_S, Robot, free_endpoint, robot
 from tests.system.rogue import answer, open_rogue
 from wire import topics
@@ -338,6 +339,30 @@ async def test_doctor_finds_what_prevents_motion(tmp_path: Path) -> None:
         assert f"sim, pid {subject.pid('sim')}" in writers["what"]
         assert f"pid {os.getpid()}" in writers["what"]
         assert any(one["what"].startswith("NO_COMMAND: ") for one in problems)
+
+
+async def test_doctor_tells_a_supervisor_that_hangs_from_another_program(tmp_path: Path) -> None:
+    async with standing(tmp_path) as subject:
+        pid = subject.pid("supervisor")
+        os.kill(pid, signal.SIGSTOP)
+        try:
+            code, output, _ = await lifeline(subject, "doctor", "--json")
+        finally:
+            os.kill(pid, signal.SIGCONT)
+    (problem,) = (one for one in json.loads(output) if one["check"] == "supervisor")
+    assert code == 1
+    assert f"it runs (pid {pid}) but does not answer" in problem["what"]
+
+
+async def test_records_of_this_machine_say_nothing_about_a_robot_on_another(tmp_path: Path) -> None:
+    subject = Robot("tcp/robot7.invalid:7447", tmp_path)
+    record_path(subject.logs, "robot").touch()
+    texts = [(await lifeline(subject, command))[1] for command in ("doctor", "status")]
+    errors = (await lifeline(subject, "topic", "list"))[2]
+    for text in (*texts, errors):
+        assert "the name robot7.invalid of the endpoint cannot be resolved" in " ".join(text.split())
+        assert "e-stop" not in text
+        assert "lifeline up" not in text
 
 
 async def test_doctor_names_the_program_that_holds_the_port(tmp_path: Path) -> None:

@@ -326,6 +326,18 @@ def test_without_a_risk_the_exit_code_is_0() -> None:
         assert words in output
 
 
+def test_a_required_estop_station_changes_no_motion_and_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    plain, stations = FRONT, '\n[[supervisor.estop_stations]]\nname = "door"\n'
+    assert report(tmp_path, plain + stations).motions == report(tmp_path, plain).motions
+    path.write_text(plain + stations)
+    _, output = run(path)
+    assert "ESTOP_STATION_LOST" not in output
+    assert "Required e-stop stations: door." in output
+    path.write_text(f"{plain}{stations}required = false\n")
+    assert "Required e-stop" not in run(path)[1]
+
+
 def test_with_a_risk_the_exit_code_is_1_and_what_is_assumed_is_said(tmp_path: Path) -> None:
     path = tmp_path / "robot.toml"
     path.write_text("[supervisor]\nworks_in_the_open = true\n[sim]\ncommand_timeout_s = 0.3\n")

@@ -133,3 +133,10 @@ def test_what_an_interrupted_start_left_is_named_with_the_way_to_clean_up() -> N
     assert printed(left) == (
         "no node is running at tcp/127.0.0.1:7447, but supervisord (pid 4): clean up with `lifeline down`\n"
     )
+
+
+def test_a_robot_on_another_machine_that_does_not_answer_is_not_to_be_started_here() -> None:
+    nothing = replace(look(), connected=False, alive=frozenset[str](), status=None)
+    words = printed(replace(nothing, silence="the name robot7 cannot be resolved"))
+    assert words.startswith("the name robot7 cannot be resolved: check the name, the address and the network")
+    assert "lifeline up" not in words

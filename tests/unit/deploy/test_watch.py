@@ -75,6 +75,22 @@ def test_causes_come_before_latched_reasons_in_the_table() -> None:
     assert cells(row)[2] == "OBSTACLE, OVERRUN (over)"
 
 
+def test_a_fleet_names_its_endpoint_once_shows_no_speed_and_has_short_rows_on_80_columns() -> None:
+    stopped = status(
+        causes=["ESTOP_STATION_LOST", "NO_COMMAND"], owner="teleop", nearest_m=0.31, nearest_bearing_rad=-1.8
+    )
+    silent = watched(status())
+    silent.namespace, silent.status_s = "warehouse_12", 0.0
+    console = Console(width=80)
+    with console.capture() as capture:
+        console.print(table([row_at(one, 10.0) for one in (watched(stopped), silent)], ENDPOINT))
+    lines = capture.get().splitlines()
+    assert sum(ENDPOINT in line for line in lines) == 1
+    assert "speed" not in capture.get()
+    title, heading = 1, 1
+    assert len(lines) <= title + heading + 2 + 2, capture.get()
+
+
 def test_control_sequences_from_the_network_do_not_reach_the_terminal() -> None:
     row = row_at(watched(status(causes=["[bold]\x1b[2J"], owner="\x07")), 10.0)
     console = Console(width=160)

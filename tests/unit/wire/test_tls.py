@@ -18,6 +18,11 @@ def bundle(role: Role = Role.SUPERVISOR, namespace: str = "robot") -> Bundle:
     return Bundle("x", role, namespace, hosts, ENDS_S, *names)
 
 
+@pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:7447", "tls/[::1]:7447", "quic/robot7:7447?mixed_rel=0"])
+def test_the_port_of_an_endpoint_is_what_follows_its_host(endpoint: str) -> None:
+    assert tls.port_of(endpoint) == "7447"
+
+
 @pytest.mark.parametrize(
     ("endpoint", "for_zenoh"),
     [

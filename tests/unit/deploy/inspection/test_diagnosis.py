@@ -116,6 +116,20 @@ def test_each_fault_has_its_finding(fields: dict[str, object], check: str, words
     assert any(words in finding.what for finding in found), problems(running(**fields))
 
 
+def test_a_supervisor_that_hangs_is_not_another_program() -> None:
+    hung = running(is_connected=False, silent_pid=41, port_problem="port 7447 is in use by another program")
+    (finding,) = (found for found in problems(hung) if found.check == "supervisor")
+    assert "it runs (pid 41) but does not answer" in finding.what
+    assert "another program" not in finding.what
+    assert "`lifeline down`, then `lifeline up`" in finding.remedy
+
+
+def test_of_a_robot_on_another_machine_the_network_is_to_be_checked() -> None:
+    (finding,) = problems(running(is_connected=False, silence="the name robot7 cannot be resolved"))
+    assert (finding.check, finding.what) == ("supervisor", "the name robot7 cannot be resolved")
+    assert finding.remedy.startswith("check the name, the address and the network")
+
+
 def test_two_writers_of_a_sensor_are_named() -> None:
     spoof = node("spoof.py", "robot/scan", pid=99, is_named=False)
     (finding,) = problems(running(nodes=[*running().nodes, spoof]))

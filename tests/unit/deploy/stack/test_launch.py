@@ -146,6 +146,8 @@ def test_the_nodes_to_inspect_come_from_the_record_of_the_same_endpoint_else_fro
     started = Launch.read(None, "tcp/127.0.0.1:2222", with_sim=False)
     state.record.write_text(json.dumps(started.to_record()))
     assert Launch.find(state, None, None, None) == started
+    assert started.is_started(state)
+    assert not Launch.read(None, "tcp/127.0.0.1:3333").is_started(state)
     assert Launch.find(state, None, "tcp/127.0.0.1:2222", None).nodes == ("supervisor",)
     assert Launch.find(state, None, "tcp/127.0.0.1:3333", None).nodes == ("supervisor", ANY_BASE)
     config.write_text('[bus]\nnamespace = "other"\n[sim]\n')
