@@ -9,9 +9,8 @@ import math
 from collections import deque
 
 WINDOW_S = 1.0
-"""The shortest round trip within this time counts: of ten statuses, nine may be lost or late."""
-SILENCE_S = 2.5
-"""How long the newest confirmation proves something: with the lowest status rate, 1 Hz, one status may be lost."""
+"""The shortest round trip within this time counts: of ten statuses, nine may be lost or late. A silence does not count:
+the first status after a cut confirms a command from before it."""
 KEPT_COMMANDS = 2000
 """Ten seconds at the highest rate; a link that is slower opens no session."""
 
@@ -47,25 +46,23 @@ class RoundTrip:
         # A stamp of another program or host is not among those that were sent here.
         if stamp_us not in self._sent_s:
             return
-        self._measured.append((arrival_s, arrival_s - self._sent_s[stamp_us]))
+        measured = self._measured
+        measured.append((arrival_s, arrival_s - self._sent_s[stamp_us]))
+        while len(measured) > 2 and measured[-1][0] - measured[1][0] >= WINDOW_S:
+            measured.popleft()
         while next(iter(self._sent_s)) != stamp_us:
             del self._sent_s[next(iter(self._sent_s))]
 
-    def shortest_s(self, now_s: float) -> float:
-        """Return the shortest round trip [s] within WINDOW_S.
+    @property
+    def shortest_s(self) -> float:
+        """The shortest of the newest round trips [s], which span WINDOW_S.
 
-        It includes the wait for the next status, up to one period of the commands. Without a confirmation in this
-        window, it is the newest one; without any for SILENCE_S, and before the first, it is infinite. It is NaN if the
-        supervisor cannot report it.
+        It includes the wait for the next status, up to one period of the commands. It is infinite before the first
+        confirmation, and NaN if the supervisor cannot report it.
         """
         if not self._is_reported:
             return math.nan
-        measured = self._measured
-        while len(measured) > 1 and now_s - measured[0][0] > WINDOW_S:
-            measured.popleft()
-        if not measured or now_s - measured[-1][0] > SILENCE_S:
-            return math.inf
-        return min(round_trip_s for _, round_trip_s in measured)
+        return min((round_trip_s for _, round_trip_s in self._measured), default=math.inf)
 
 
 def _rounded_us(time_ns: int) -> int:

@@ -450,7 +450,7 @@ class Teleop:
             self._round_trip.heard(
                 status.source_time_ns(self._setup.source), self._telemetry.status_arrival_s
             )
-        self._round_trip_s = self._round_trip.shortest_s(now_s)
+        self._round_trip_s = self._round_trip.shortest_s
         if self._is_late is not (self._round_trip_s > self._setup.round_trip_limit_s):
             self._is_late, self._is_lateness_noted, self._redraw = not self._is_late, False, True
         self._let_go_if_late(now_s)

@@ -17,7 +17,6 @@ from teleop.keymap import CTRL_C, CTRL_D, CTRL_Z
 from teleop.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity
 from teleop.ramp import PERIOD_S as RAMP_PERIOD_S
 from teleop.ramp import Ramp
-from teleop.round_trip import SILENCE_S
 from teleop.service import MIN_GAP_S, RESET_TIMEOUT_S, SCREEN_LIMIT_S, Setup, Teleop
 from teleop.setpoint import Setpoint
 from teleop.view import Control, Line, View
@@ -859,15 +858,23 @@ async def test_a_link_that_becomes_slow_stops_the_robot_until_the_operator_reque
         assert len(b.screen.notes) == 1
 
 
-async def test_without_an_answer_for_long_the_setpoint_is_zero() -> None:
+async def test_a_cut_link_sends_no_neutral_by_itself_after_its_return() -> None:
+    async with linked(0.02, 0.02) as (b, _):
+        await b.press("w")
+        await asyncio.sleep(1.0)
+        b.wire.cut("teleop")
+        await asyncio.sleep(3.0)
+        b.wire.heal("teleop")
+        await asyncio.sleep(3.0)
+        assert (b.velocity(), b.screen.notes) == ((0.1, 0.0), [])
+
+
+async def test_a_silence_of_the_supervisor_sends_no_neutral_which_would_arm_the_robot_again() -> None:
     async with linked(0.0, 0.0) as (b, supervisor):
         await b.press("w")
         supervisor.speaks = False
-        await asyncio.sleep(SILENCE_S - 0.1)
-        assert b.velocity() == (0.1, 0.0)
-        await asyncio.sleep(0.2)
-        assert b.velocity() == (0.0, 0.0)
-        assert "the robot has not answered a command lately" in b.screen.notes[-1]
+        await asyncio.sleep(10.0)
+        assert (b.velocity(), b.screen.notes) == ((0.1, 0.0), [])
 
 
 REPEAT_S = 0.033

@@ -57,6 +57,7 @@ def test_the_operators_commands_arrive_when_the_links_of_viewers_die(tmp_path: P
     assert play("viewers", "tcp", tmp_path)["longest_gap_s"] < LONGEST_GAP_S
 
 
+@pytest.mark.timed  # a sender without processor time drops samples of a stream that waits for a repetition
 def test_over_quic_a_lost_packet_loses_only_its_own_sample(tmp_path: Path) -> None:
     """Missing sequence numbers prove that samples were datagrams: a QUIC stream delivers all of them, the later ones late."""
     measured = play("lossy", "quic", tmp_path)
