@@ -22,6 +22,20 @@ def reported(monkeypatch: pytest.MonkeyPatch) -> list[Program]:
     return programs
 
 
+class Start:
+    """A start that is watched, and what supervisord reports of it."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, state: Path) -> None:
+        self._programs = reported(monkeypatch)
+        self._health = Health(StateDir(state))
+
+    def sees(self, *seen: tuple[str, int, int]) -> None:
+        """Check the sim after each of these reports: its state, pid and start."""
+        for state, pid, start in seen:
+            self._programs[:] = [Program("sim", state, pid, start), Program("supervisor", "RUNNING", 6, 1)]
+            self._health.check()
+
+
 def silent(_: StateDir) -> None:
     """Stand for a supervisord that does not answer."""
 
@@ -40,14 +54,10 @@ def silent(_: StateDir) -> None:
 def test_a_program_that_dies_twice_has_failed(
     seen: list[tuple[str, int, int]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    programs = reported(monkeypatch)
-    health = Health(StateDir(tmp_path))
-    for number, (state, pid, start) in enumerate(seen):
-        programs[:] = [Program("sim", state, pid, start), Program("supervisor", "RUNNING", 6, 1)]
-        if number < len(seen) - 1:
-            health.check()
+    start = Start(monkeypatch, tmp_path)
+    start.sees(*seen[:-1])
     with pytest.raises(DeployError, match="sim exits soon after each start"):
-        health.check()
+        start.sees(seen[-1])
 
 
 @pytest.mark.parametrize(
@@ -63,11 +73,7 @@ def test_a_program_that_dies_twice_has_failed(
 def test_a_program_that_dies_once_may_still_start(
     seen: list[tuple[str, int, int]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    programs = reported(monkeypatch)
-    health = Health(StateDir(tmp_path))
-    for state, pid, start in seen:
-        programs[:] = [Program("sim", state, pid, start)]
-        health.check()
+    Start(monkeypatch, tmp_path).sees(*seen)
 
 
 def test_a_supervisord_that_does_not_answer_is_no_failed_program(
