@@ -9,8 +9,8 @@ import math
 from collections import deque
 
 WINDOW_S = 1.0
-"""The shortest round trip within this time counts: of ten statuses, nine may be lost or late. A silence does not count:
-the first status after a cut confirms a command from before it."""
+"""The shortest round trip of the statuses that span this time counts: of ten, nine may be late. It is not the time since
+then, because the first status after a cut confirms a command from before the cut."""
 KEPT_COMMANDS = 2000
 """Ten seconds at the highest rate; a link that is slower opens no session."""
 

@@ -171,7 +171,7 @@ class View:
     status_age_s: float = 0.0
     """Time since the arrival of the newest status; the other ages are defined in the same way."""
     round_trip_s: float = math.nan
-    """Time from a command to the status that confirms it; infinite if none did within 1 s; NaN if unknown."""
+    """Time from a command to the status that confirms it; infinite before the first such status; NaN if unknown."""
     round_trip_limit_s: float = 0.5
     odom: Odom | None = None
     odom_age_s: float = 0.0

@@ -43,7 +43,7 @@ def is_silent(view: View) -> bool:
 def lateness(round_trip_s: float, limit_s: float) -> str:
     """Return how late the robot answers, as the beginning of a sentence."""
     if math.isinf(round_trip_s):
-        return "the robot has not answered a command lately"
+        return "the robot has not answered a command yet"
     return f"the robot answers after {round_trip_s:.2f} s, and the limit is {limit_s:g} s"
 
 

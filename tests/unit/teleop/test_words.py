@@ -330,7 +330,7 @@ MODES = [SafetyStatus.READY, SafetyStatus.DRIVING, SafetyStatus.LIMITED]
     ("round_trip_s", "what"),
     [
         (0.734, "the robot answers after 0.73 s, and the limit is 0.5 s"),
-        (math.inf, "the robot has not answered a command lately"),
+        (math.inf, "the robot has not answered a command yet"),
     ],
 )
 def test_a_robot_that_answers_too_late_is_not_shown_as_one_that_obeys(
