@@ -15,12 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from bench.rig.options import failing_in_a_sentence
-from supervisor import blackbox, blackbox_file
-from supervisor.blackbox import BlackBox
-from supervisor.blackbox_file import Order
+from supervisor.blackbox import file as blackbox_file
+from supervisor.blackbox import recorder as blackbox
+from supervisor.blackbox.file import Order
+from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
-from supervisor.model import Command, Decision, Inputs, LaserScan, Odometry, State, Velocity
-from supervisor.safety import initial_state, step
+from supervisor.law.model import Command, Decision, Inputs, LaserScan, Odometry, State, Velocity
+from supervisor.law.safety import initial_state, step
 from wire.freshness import Sent
 
 BEAMS = 360

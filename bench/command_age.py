@@ -14,8 +14,8 @@ from bench.rig import scenery
 from bench.rig.options import failing_in_a_sentence
 from bench.rig.sheet import Sheet, show
 from supervisor.config import SupervisorSection
-from supervisor.model import STANDSTILL, Command, Inputs, LaserScan, Mode, Odometry, State, Velocity
-from supervisor.safety import initial_state, step
+from supervisor.law.model import STANDSTILL, Command, Inputs, LaserScan, Mode, Odometry, State, Velocity
+from supervisor.law.safety import initial_state, step
 from wire.freshness import Sent
 from wire.reasons import Limit
 

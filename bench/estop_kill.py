@@ -27,7 +27,7 @@ from deploy.stack.launch import free_loopback_endpoint
 from wire import topics
 from wire.bus import Arrival, wait_until
 from wire.messages import Bool, SafetyStatus, odometry, planar_twist, zero_twist
-from wire.zenoh_bus import ZenohBus
+from wire.zenoh.bus import ZenohBus
 
 COMMAND_HZ = 20.0
 SPEED_M_S = 0.3

@@ -28,7 +28,7 @@ from bench.rig.terminal import Terminal, teleop
 from wire import topics
 from wire.bus import Arrival, Subscription
 from wire.messages import SafetyStatus, Twist, odometry
-from wire.zenoh_bus import ZenohBus
+from wire.zenoh.bus import ZenohBus
 
 BEAT_S = 0.05
 EARLIEST_S = 0.01

@@ -13,8 +13,8 @@ import numpy as np
 from bench.rig import scenery
 from bench.rig.sheet import Sheet, Verdict
 from supervisor.config import SupervisorSection
-from supervisor.model import Command, Decision, Inputs, LaserScan, Mode, Odometry, State, Velocity
-from supervisor.safety import initial_state, step
+from supervisor.law.model import Command, Decision, Inputs, LaserScan, Mode, Odometry, State, Velocity
+from supervisor.law.safety import initial_state, step
 from wire.freshness import Sent
 
 BEAMS = (360, 1080, 4096, 16384)

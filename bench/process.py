@@ -35,7 +35,7 @@ from bench.rig.sheet import Sheet, Verdict
 from wire import topics
 from wire.bus import Subscription
 from wire.messages import SafetyStatus, Twist, odometry, planar_twist
-from wire.zenoh_bus import ZenohBus
+from wire.zenoh.bus import ZenohBus
 
 COMMAND_HZ = 20.0
 WARM_UP_S = 3.0
@@ -132,7 +132,7 @@ def echo(endpoint: str) -> Generator[None]:
     """Print every message of the robot in another process, as YAML."""
     keys = [topic.key for topic in (topics.CMD_VEL, topics.SCAN, topics.ODOM, topics.STATUS)]
     keys.append(topics.source_cmd_vel(topics.TELEOP).key)
-    command = [sys.executable, "-m", "deploy.cli", "topic", "echo", *keys, "--endpoint", endpoint]
+    command = [sys.executable, "-m", "lifeline.cli.app", "topic", "echo", *keys, "--endpoint", endpoint]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
     try:
         yield

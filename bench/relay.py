@@ -10,9 +10,9 @@ import asyncio
 
 from wire import topics
 from wire.bus import wait_until
+from wire.host.process import run_process
 from wire.messages import SafetyStatus, header, zero_twist
-from wire.process import run_process
-from wire.zenoh_bus import BusConfig, open_bus
+from wire.zenoh.bus import BusConfig, open_bus
 
 TICK_S = 0.02
 TICKS_PER_STATUS = 5

@@ -25,7 +25,7 @@ from deploy.stack.statedir import StateDir
 from wire import topics
 from wire.bus import Subscription
 from wire.messages import SafetyStatus, zero_twist
-from wire.zenoh_bus import ZenohBus
+from wire.zenoh.bus import ZenohBus
 
 BARE = "python -c pass"
 LIBRARIES = "numpy and zenoh"
@@ -35,7 +35,7 @@ PROGRAMS = {
     "supervisor": ("-m", "supervisor", "--help"),
     "sim": ("-m", "sim", "--help"),
     "teleop": ("-m", "teleop", "--help"),
-    "lifeline up": ("-c", "import deploy.cli, deploy.up"),
+    "lifeline up": ("-c", "import lifeline.cli.app, deploy.up"),
 }
 """By name, the arguments of an interpreter that imports a program's modules and ends."""
 COMMAND_HZ = 20.0
@@ -125,7 +125,7 @@ def _start_once() -> Start:
 
 
 def _lifeline(*arguments: str) -> None:
-    command = [sys.executable, "-c", "from deploy.entry import main; main()", *arguments]
+    command = [sys.executable, "-c", "from lifeline.cli.entry import main; main()", *arguments]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=RUN_LIMIT_S)
     if done.returncode != 0:
         raise RuntimeError(f"lifeline {arguments[0]} failed: {done.stderr}")

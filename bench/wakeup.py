@@ -18,7 +18,7 @@ from bench.law import COLD_SLEEP_S
 from bench.rig.sheet import Sheet
 from bench.wakeup_sections import SCAN_HZ, TICK_HZ, Prepare, prepared_sections
 from wire.bus import Inbox
-from wire.turns import Turns
+from wire.host.turns import Turns
 
 ROUNDS = 70
 BLOCK = 4

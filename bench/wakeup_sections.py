@@ -8,9 +8,9 @@ from itertools import cycle
 from bench.black_box import Kept
 from bench.law import CONFIG, SCANS, TICK_S, Driver
 from bench.rig import scenery
-from supervisor.blackbox import BlackBox
+from supervisor.blackbox.recorder import BlackBox
+from supervisor.law.model import Decision, Mode
 from supervisor.messages import to_command, to_odometry, to_scan, to_status, to_twist
-from supervisor.model import Decision, Mode
 from wire import topics
 from wire.bus import Subscription
 from wire.message_types import M, Message

@@ -9,7 +9,7 @@ from deploy.stack.launch import Launch
 from deploy.stack.ros2_program import command, interpreter, link_packages, variables_of
 from deploy.stack.statedir import StateDir
 from wire import topics
-from wire.config import ConfigError, read_toml
+from wire.host.config import ConfigError, read_toml
 
 
 def run(launch: Launch, state: StateDir, *options: str) -> NoReturn:

@@ -12,7 +12,7 @@ from contextlib import suppress
 
 from wire import topics
 from wire.messages import planar_twist
-from wire.zenoh_bus import DEFAULT_ENDPOINT, BusConfig, open_bus
+from wire.zenoh.bus import DEFAULT_ENDPOINT, BusConfig, open_bus
 
 SOURCE = "patrol"
 PERIOD_S = 0.05

@@ -11,10 +11,10 @@ from collections import Counter
 
 import numpy as np
 
-from supervisor.lidar import PROFILES, LidarProfile, explain
+from supervisor.law.lidar import PROFILES, LidarProfile, explain
 from wire import topics
 from wire.messages import LaserScan
-from wire.zenoh_bus import DEFAULT_ENDPOINT, BusConfig, open_bus
+from wire.zenoh.bus import DEFAULT_ENDPOINT, BusConfig, open_bus
 
 LISTEN_S = 5.0
 

@@ -7,11 +7,11 @@ import asyncio
 import sys
 from contextlib import suppress
 
-from supervisor.stop_rules import STOP_RULES, cleared_by
+from supervisor.law.stop_rules import STOP_RULES, cleared_by
 from wire import topics
 from wire.messages import SafetyStatus
 from wire.reasons import WORDS, StopReason
-from wire.zenoh_bus import DEFAULT_ENDPOINT, BusConfig, open_bus
+from wire.zenoh.bus import DEFAULT_ENDPOINT, BusConfig, open_bus
 
 
 async def main() -> None:

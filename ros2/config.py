@@ -11,8 +11,8 @@ from pydantic import AfterValidator, ConfigDict, Field
 
 from wire import tls, topics
 from wire.bus_config import BusConfig
-from wire.config import BusSection, Conflict, Endpoint, Name, Section, Sections, same_endpoint
-from wire.quantities import Between
+from wire.host.config import BusSection, Conflict, Endpoint, Name, Section, Sections, same_endpoint
+from wire.host.quantities import Between
 
 MAX_TOPIC = 128
 OWN_TOPICS = {

@@ -69,7 +69,7 @@ class RosNode:
 
     def __init__(self, domain_id: int, on_failure: Callable[[BaseException], None]) -> None:
         self._on_failure = on_failure
-        # The process handles its signals itself (wire/process.py).
+        # The process handles its signals itself (wire/host/process.py).
         rclpy.init(args=[], domain_id=domain_id, signal_handler_options=SignalHandlerOptions.NO)
         # Fewer entities: each one costs time at every wake-up of the executor.
         self._node = Node("lifeline", start_parameter_services=False, enable_rosout=False)

@@ -14,15 +14,15 @@ from ros2.environment import OLD_DISCOVERY_RANGE, dds_variables, missing_middlew
 from ros2.rmw_zenoh import RmwZenoh
 from ros2.ros import Ros
 from ros2.service import Ros2Service
-from wire.command_line import log_to_stderr, read_document, refuse, service_parser
-from wire.config import BusSection, ConfigError, Section, read_sections
-from wire.connect import open_session
+from wire.host.command_line import log_to_stderr, read_document, refuse, service_parser
+from wire.host.config import BusSection, ConfigError, Section, read_sections
+from wire.host.notify import take_notifier
+from wire.host.process import run_process
+from wire.host.suspend import SuspendMeter
 from wire.inbox import BusError
-from wire.notify import take_notifier
-from wire.process import run_process
 from wire.roles import Role
-from wire.session import ZenohSession
-from wire.suspend import SuspendMeter
+from wire.zenoh.connect import open_session
+from wire.zenoh.session import ZenohSession
 
 _log = logging.getLogger("ros2")
 

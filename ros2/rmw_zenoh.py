@@ -35,8 +35,8 @@ from ros2.rmw_keys import (
 )
 from ros2.samples import Sample
 from wire.inbox import Overheard
-from wire.session import ZenohSession
 from wire.stamp import Stamp, parse_stamp
+from wire.zenoh.session import ZenohSession
 
 _log = logging.getLogger(__name__)
 
@@ -194,7 +194,7 @@ class RmwZenoh:
         with self._lock:
             return [one for one in self._live.values() if one.kind is kind and one.topic == topic]
 
-    def _on_token(self, token: str, alive: bool) -> None:  # noqa: FBT001 - as wire.session.TokenChange
+    def _on_token(self, token: str, alive: bool) -> None:  # noqa: FBT001 - as wire.zenoh.session.TokenChange
         announced = announced_by(token)
         if announced is None:
             return

@@ -26,13 +26,13 @@ from ros2.samples import Sample, Writers
 from ros2.source import Command, Source
 from ros2.status import Status, status_of
 from wire import topics
+from wire.host.notify import Notifier
+from wire.host.stall import StallMeter
+from wire.host.suspend import never_suspended
 from wire.inbox import Inbox, LivelinessChange, NoReplyError, RawArrival, Token, woken_by
-from wire.notify import Notifier
-from wire.session import RawPublisher, ZenohSession
-from wire.stall import StallMeter
 from wire.stamp import GID_BYTES, Stamp
-from wire.suspend import never_suspended
 from wire.watchdog import BaseReason
+from wire.zenoh.session import RawPublisher, ZenohSession
 
 _log = logging.getLogger(__name__)
 

@@ -15,12 +15,12 @@ from sim.sensor_faults import FORMS, FaultError, parse_faults
 from sim.service import SimService
 from sim.shown import Shown
 from sim.viewer import NoDisplayError, has_display, open_viewer
-from wire.command_line import log_to_stderr, read_document, refuse, service_parser
-from wire.config import BusSection, ConfigError, section
-from wire.process import run_process
+from wire.host.command_line import log_to_stderr, read_document, refuse, service_parser
+from wire.host.config import BusSection, ConfigError, section
+from wire.host.process import run_process
+from wire.host.suspend import SuspendMeter
 from wire.roles import Role
-from wire.suspend import SuspendMeter
-from wire.zenoh_bus import open_bus
+from wire.zenoh.bus import open_bus
 
 _log = logging.getLogger("sim")
 

@@ -28,8 +28,8 @@ from sim.sensor_faults import NO_FAULTS, FaultError, LidarFaults, SensorFaults, 
 from sim.shown import Mode, Shown
 from wire import topics
 from wire.bus import Arrival, Bus, Publisher, woken_by
+from wire.host.suspend import never_suspended
 from wire.messages import LaserScan, Point, SafetyStatus, TriggerResponse, Twist
-from wire.suspend import never_suspended
 from wire.watchdog import BaseReason, Watchdog
 
 _log = logging.getLogger(__name__)

@@ -12,25 +12,25 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-from supervisor.blackbox import black_box
+from supervisor.blackbox.recorder import BlackBox, ThreadWriter
 from supervisor.config import SupervisorSection
 from supervisor.estop_files import RecordFiles, record_path
 from supervisor.estop_record import EstopRecord
 from supervisor.fit import fit_to_base
 from supervisor.service import SupervisorService
-from wire import limits
-from wire.command_line import log_to_stderr, read_document, refuse, service_parser
-from wire.config import BaseSection, BusSection, ConfigError, Section, read_sections
-from wire.connect import start_log
-from wire.local_socket import participants
-from wire.notify import take_notifier
-from wire.process import run_process
-from wire.process_limits import bound_memory
-from wire.state_directory import state_directory
-from wire.suspend import SuspendMeter
+from wire.host.command_line import log_to_stderr, read_document, refuse, service_parser
+from wire.host.config import BaseSection, BusSection, ConfigError, Section, read_sections
+from wire.host.notify import take_notifier
+from wire.host.process import run_process
+from wire.host.process_limits import bound_memory
+from wire.host.state_directory import state_directory
+from wire.host.suspend import SuspendMeter
 from wire.tls import is_loopback, is_secure
-from wire.zenoh_bus import open_bus
-from wire.zenoh_log import report_refusals
+from wire.zenoh import limits
+from wire.zenoh.bus import open_bus
+from wire.zenoh.connect import start_log
+from wire.zenoh.local_socket import participants
+from wire.zenoh.log import report_refusals
 
 _log = logging.getLogger("supervisor")
 
@@ -44,6 +44,14 @@ def open_record(directory: Path, namespace: str) -> EstopRecord:
             record_path(directory, namespace),
         )
     return record
+
+
+def black_box(config: SupervisorSection) -> BlackBox:
+    """Return the black box for a configuration."""
+    directory = state_directory() / "blackbox" if config.black_box_dir is None else Path(config.black_box_dir)
+    writer = ThreadWriter(directory, max_files=config.black_box_files)
+    lidar_topics = [lidar.topic for lidar in config.all_lidars()]
+    return BlackBox(config.law(), writer, window_s=config.black_box_s, lidar_topics=lidar_topics)
 
 
 def main() -> None:

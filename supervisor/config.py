@@ -9,15 +9,15 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from supervisor.clearance import Circle, ConvexPolygon, Hull
-from supervisor.estop_stations import StationConfig
+from supervisor.law.clearance import Circle, ConvexPolygon, Hull
+from supervisor.law.estop_stations import StationConfig
+from supervisor.law.model import LawConfig, SourceConfig
+from supervisor.law.scan import Lidar
 from supervisor.lidar_config import LidarSection, NamedLidarSection
-from supervisor.model import LawConfig, SourceConfig
-from supervisor.scan import Lidar
 from wire import topics
 from wire.access import Contract
-from wire.config import ConfigError, Conflict, FreeName, Name, Section
-from wire.quantities import Acceleration, AngularAcceleration, Between, Distance, Speed, TurnRate
+from wire.host.config import ConfigError, Conflict, FreeName, Name, Section
+from wire.host.quantities import Acceleration, AngularAcceleration, Between, Distance, Speed, TurnRate
 
 # Fast enough for every timeout and distance of the law, and slow enough for a process to keep.
 TickRate = Annotated[float, Between(10.0, 1000.0)]

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from supervisor.config import PERIODS_IN_TIMEOUT, SupervisorSection
-from wire.config import BaseSection, Conflict, Sections
+from wire.host.config import BaseSection, Conflict, Sections
 
 TICKS_IN_BASE_TIMEOUT = 2.0
 

@@ -7,12 +7,12 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
-from supervisor.clearance import Hull
-from supervisor.lidar import PROFILES, TIMINGS, LidarProfile, SensorTiming
-from supervisor.scan import Mount
+from supervisor.law.clearance import Hull
+from supervisor.law.lidar import PROFILES, TIMINGS, LidarProfile, SensorTiming
+from supervisor.law.scan import Mount
 from wire import topics
-from wire.config import TAKEN_NAMES, Conflict, Name, Section
-from wire.quantities import Angle, Beams, Between, Distance, Range
+from wire.host.config import TAKEN_NAMES, Conflict, Name, Section
+from wire.host.quantities import Angle, Beams, Between, Distance, Range
 
 # Codes are a few mm or cm; a profile with larger codes would miss obstacles right in front of the lidar.
 CodeLimit = Annotated[float, Between(0.0, 0.5)]

@@ -3,8 +3,8 @@
 import math
 from collections.abc import Sequence
 
-from supervisor.estop_stations import Presence, Station
-from supervisor.model import Command, Decision, LaserScan, Odometry, Source, Velocity
+from supervisor.law.estop_stations import Presence, Station
+from supervisor.law.model import Command, Decision, LaserScan, Odometry, Source, Velocity
 from wire import messages as ros
 from wire.bus import Arrival
 from wire.freshness import Sent

@@ -11,10 +11,12 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 
-from supervisor.blackbox import BlackBox
+from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import MemoryRecord, Record
-from supervisor.estop_stations import Presence, TokenEnd
+from supervisor.law.estop_stations import Presence, TokenEnd
+from supervisor.law.model import Decision, Inputs, LaserScan, Liveliness, Mode, Reply
+from supervisor.law.safety import initial_state, runs_out_s, step
 from supervisor.messages import (
     to_challenge,
     to_command,
@@ -24,18 +26,16 @@ from supervisor.messages import (
     to_status,
     to_twist,
 )
-from supervisor.model import Decision, Inputs, LaserScan, Liveliness, Mode, Reply
-from supervisor.safety import initial_state, runs_out_s, step
 from wire import topics
 from wire.bus import Bus
 from wire.foreign_nodes import ForeignNodes
+from wire.host.notify import Notifier
+from wire.host.stall import StallMeter
+from wire.host.suspend import never_suspended
+from wire.host.turns import Turns
 from wire.lease import CHALLENGE_PERIOD_S
 from wire.messages import TriggerResponse, decode_motion, zero_twist
-from wire.notify import Notifier
 from wire.reasons import StopReason
-from wire.stall import StallMeter
-from wire.suspend import never_suspended
-from wire.turns import Turns
 
 _log = logging.getLogger(__name__)
 

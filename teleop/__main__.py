@@ -35,11 +35,11 @@ from teleop.terminal import Terminal, is_dumb, is_terminal
 from teleop.view import Control, Event, Tone, View
 from wire import topics
 from wire.bus import Bus, wait_until
-from wire.command_line import EXIT_USAGE, override, read_document, refuse, service_parser
-from wire.config import BusSection, ConfigError, section
-from wire.process import run_process
+from wire.host.command_line import EXIT_USAGE, override, read_document, refuse, service_parser
+from wire.host.config import BusSection, ConfigError, section
+from wire.host.process import run_process
 from wire.roles import Role
-from wire.zenoh_bus import open_bus
+from wire.zenoh.bus import open_bus
 
 REDRAW_PERIOD_S = 0.5
 GAMEPAD_SOURCE = "joy"

@@ -9,8 +9,8 @@ from teleop.gamepad_config import GamepadSection
 from teleop.pilot import Velocity
 from teleop.setpoint import LEVELS, Steps
 from wire import topics
-from wire.config import FreeName, Section
-from wire.quantities import Acceleration, AngularAcceleration, Between, Speed, TurnRate
+from wire.host.config import FreeName, Section
+from wire.host.quantities import Acceleration, AngularAcceleration, Between, Speed, TurnRate
 
 # At a lower rate, the supervisor would time out between two commands.
 CommandRate = Annotated[float, Between(2.0, 200.0)]

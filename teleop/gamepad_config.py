@@ -4,8 +4,8 @@ from typing import Annotated
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from wire.config import Section
-from wire.quantities import Between
+from wire.host.config import Section
+from wire.host.quantities import Between
 
 AxisName = Annotated[str, Field(pattern=r"^ABS_[A-Z0-9_]+$")]
 ButtonName = Annotated[str, Field(pattern=r"^(BTN|KEY)_[A-Z0-9_]+$")]

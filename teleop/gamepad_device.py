@@ -14,7 +14,7 @@ from teleop.gamepad import Axis, Gamepad, Layout, PadEvent, PadState
 from teleop.gamepad_config import GamepadSection
 from teleop.gamepad_find import DEVICES, SYSFS, Described, GamepadError, Needed, find_gamepad, find_sensors
 from teleop.setpoint import LEVELS
-from wire.extras import how_to_install
+from wire.host.extras import how_to_install
 
 RETRY_PERIOD_S = 0.5
 """Period of the search for an unplugged pad."""

@@ -42,7 +42,7 @@ class Overheard(NamedTuple):
 
 
 class Wake(Protocol):
-    """Wakes a service: an `asyncio.Event`, or an object that runs the service at once (`wire.turns.Turns`)."""
+    """Wakes a service: an `asyncio.Event`, or an object that runs the service at once (`wire.host.turns.Turns`)."""
 
     def set(self) -> None:
         """Wake the service; called in its event loop after an item has arrived."""

@@ -65,7 +65,7 @@ def site(robots: int) -> Generator[Site]:
             )
         words = ["router", "--listen", endpoint, "--keys", str(bundle("site", Role.ROUTER, ANY))]
         words += [f"--robot={name}" for name in names]
-        with program("deploy.cli", arguments=words) as router:
+        with program("lifeline.cli.app", arguments=words) as router:
             while "routing for" not in router.line(START_LIMIT_S):
                 pass
             yield Site(endpoint, router.pid, bundle("operator", Role.OPERATOR, ANY), configs)

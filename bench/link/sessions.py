@@ -9,7 +9,7 @@ import zenoh
 from bench.link.conditions import Link
 from wire import tls, topics
 from wire.bus_config import BusConfig
-from wire.connect import RECONNECT_MS, TX_QUEUE
+from wire.zenoh.connect import RECONNECT_MS, TX_QUEUE
 
 Security = dict[str, str | bool]
 """Zenoh's settings for mutual TLS (`wire.tls.settings`)."""

@@ -15,7 +15,7 @@ from bench.rig.terminal import end
 from deploy.stack.launch import free_loopback_endpoint
 from wire.bus import BusError
 from wire.messages import LaserScan, SafetyStatus, laser_scan
-from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
+from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
 
 BEAMS = 360
 SCAN_HZ, ODOM_HZ = 20.0, 50.0

@@ -22,10 +22,10 @@ from bench.rig import scenery
 from bench.rig.feed import BEAMS, ODOM_HZ, SCAN_HZ, scan
 from wire import topics
 from wire.bus_config import BusConfig
-from wire.connect import open_session
 from wire.messages import SafetyStatus, UndecodableError, decode, encode, odometry, planar_twist
-from wire.session import ZenohSession
 from wire.stamp import parse_stamp
+from wire.zenoh.connect import open_session
+from wire.zenoh.session import ZenohSession
 
 COMMAND_HZ = 20.0
 CRUISE_M_S = 0.3

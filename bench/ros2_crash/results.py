@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import IO
 
 from bench.ros2_crash.trial import Trial, parse
-from deploy.campaign.provenance import commit, machine
-from deploy.campaign.trial import PROVENANCE_BEGINS, Provenance, parse_provenance
-from deploy.campaign.trial_file import whole_lines
 from deploy.stack.errors import DeployError
+from faults.provenance import commit, machine
+from faults.trial import PROVENANCE_BEGINS, Provenance, parse_provenance
+from faults.trial_file import whole_lines
 
 
 def read(path: Path) -> list[Trial]:

@@ -12,12 +12,12 @@ from pathlib import Path
 import pexpect
 
 from bench.ros2_crash.trial import Fault, Setup, Teleop
-from deploy.campaign.real.rig.cable import Cable
+from faults.real.rig.cable import Cable
 from ros2.environment import dds_variables
 from tests.ros2.host import ROS_PYTHON, Host, Peer, ros_domain
 from tests.ros2.keyboards import LAB_TELEOP, upstream_teleop
 from tests.system.ports import free_endpoint
-from wire.state_directory import ENVIRONMENT
+from wire.host.state_directory import ENVIRONMENT
 
 CABLE_SUBNET = 77
 UP_LIMIT_S, POLL_S = 10.0, 0.02

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from bench.ros2_crash.trial import LIMIT_S, Case, Fault, Teleop, Trial, cases
-from deploy.campaign.report.statistics import quantile
+from faults.report.statistics import quantile
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from bench.scenes.run import Moment, Outcome
 from bench.scenes.scene import Lidar, Scene
 from bench.scenes.sensing import Ranges
 from bench.scenes.world import Floats, Measure
-from supervisor.clearance import Circle
-from supervisor.model import Pose
+from supervisor.law.clearance import Circle
+from supervisor.law.model import Pose
 
 MARGIN_M = 1.0
 """Margin of the picture around the hull's path."""

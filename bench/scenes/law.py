@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
-import supervisor.scan
+import supervisor.law.scan
 from bench.scenes.scene import Lidar, Scene, timeout_s
 from bench.scenes.sensing import Ranges
 from supervisor.config import SupervisorSection
-from supervisor.lidar import PROFILES
-from supervisor.model import Command, Decision, Inputs, LaserScan, LawConfig, Odometry, Velocity
-from supervisor.scan import Mount
+from supervisor.law.lidar import PROFILES
+from supervisor.law.model import Command, Decision, Inputs, LaserScan, LawConfig, Odometry, Velocity
+from supervisor.law.scan import Mount
 from wire.freshness import Sent
 
 SOURCE = "teleop"
@@ -23,7 +23,7 @@ LATE_FROM_S = 1.2
 def config_of(scene: Scene) -> LawConfig:
     """Return the default configuration with the scene's hull and lidars."""
     lidars = tuple(
-        supervisor.scan.Lidar(
+        supervisor.law.scan.Lidar(
             f"lidar{number}", _mount(lidar), PROFILES[lidar.profile], timeout_s(lidar.rate_hz)
         )
         for number, lidar in enumerate(scene.lidars)

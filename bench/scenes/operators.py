@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from bench.scenes.world import Measure, World
-from supervisor.model import STANDSTILL, Pose, Velocity
+from supervisor.law.model import STANDSTILL, Pose, Velocity
 
 FASTEST_M_S = 1.0
 FASTEST_RAD_S = 2.0

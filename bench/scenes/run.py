@@ -14,8 +14,8 @@ from bench.scenes.operators import Adversary, Operator
 from bench.scenes.scene import Scene
 from bench.scenes.sensing import Eye, Ranges
 from bench.scenes.world import Measure
-from supervisor.model import STANDSTILL, Decision, Pose, Velocity
-from supervisor.safety import initial_state, step
+from supervisor.law.model import STANDSTILL, Decision, Pose, Velocity
+from supervisor.law.safety import initial_state, step
 
 TICK_S = 0.02
 FINE_M = 0.006

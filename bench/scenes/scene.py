@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from bench.scenes.world import Floats, Measure, Shape, World
-from supervisor.clearance import Circle, ConvexPolygon
+from supervisor.law.clearance import Circle, ConvexPolygon
 
 TRUSTED_M_S2 = 1.5
 """The deceleration that the law assumes; no base brakes less."""

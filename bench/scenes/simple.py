@@ -6,7 +6,7 @@ import numpy as np
 
 from bench.scenes.scene import TRUSTED_M_S2, BaseNumbers, Lidar, Scene
 from bench.scenes.world import Measure, Shape, World
-from supervisor.clearance import Circle
+from supervisor.law.clearance import Circle
 
 Disc = tuple[float, float, float]
 """x [m], y [m], radius [m]."""

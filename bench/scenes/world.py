@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from supervisor.clearance import Circle, ConvexPolygon
+from supervisor.law.clearance import Circle, ConvexPolygon
 
 Floats = npt.NDArray[np.float64]
 Shape = Circle | ConvexPolygon

@@ -21,7 +21,7 @@ from tempfile import mkdtemp
 from deploy.keys.register import Register, from_json, to_json
 from deploy.stack.errors import DeployError
 from wire.bundle import AUTHORITY, CERTIFICATE_SUFFIX, KEY_SUFFIX
-from wire.config import ConfigError, absolute
+from wire.host.config import ConfigError, absolute
 
 ENVIRONMENT = "XDG_CONFIG_HOME"
 PRIVATE, PUBLIC = 0o600, 0o644

@@ -16,7 +16,7 @@ from wire.roles import ANY, SERVERS, Role, common_name
 NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,31}")
 """A name is part of a file name and of a subject."""
 ROBOT = re.compile(r"[a-z][a-z0-9_]{0,31}")
-"""A namespace, as in `[bus] namespace` (wire/config.py)."""
+"""A namespace, as in `[bus] namespace` (wire/host/config.py)."""
 HOST = re.compile(
     r"(?=.{1,253}$)[A-Za-z0-9]([A-Za-z0-9-]{0,61}[A-Za-z0-9])?(\.[A-Za-z0-9]([A-Za-z0-9-]{0,61}[A-Za-z0-9])?)*"
 )

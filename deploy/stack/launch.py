@@ -14,10 +14,10 @@ from deploy.stack.processes import MARK
 from deploy.stack.statedir import StateDir, read_json
 from wire import topics
 from wire.bus_config import BusConfig
-from wire.command_line import bus_options, override
-from wire.config import BusSection, ConfigError, absolute, read_toml, section
-from wire.local_socket import participants
-from wire.state_directory import ENVIRONMENT
+from wire.host.command_line import bus_options, override
+from wire.host.config import BusSection, ConfigError, absolute, read_toml, section
+from wire.host.state_directory import ENVIRONMENT
+from wire.zenoh.local_socket import participants
 
 DEFAULT_CONFIG = Path(__file__).resolve().parents[1] / "robot.toml"
 SIMULATED = (topics.SUPERVISOR, topics.SIM)

@@ -10,7 +10,7 @@ from deploy.stack.ros2_reports import Report, reports_of
 from wire import topics
 from wire.bus import Bus, BusError, wait_until
 from wire.messages import Odometry, SafetyStatus
-from wire.zenoh_bus import BusConfig, open_bus
+from wire.zenoh.bus import BusConfig, open_bus
 
 DEPTH = 8
 """Diagnostics that wait: a base and the ROS 2 process may both write them."""

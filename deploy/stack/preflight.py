@@ -5,7 +5,7 @@ from deploy.stack.interrupts import held_back
 from deploy.stack.launch import Launch
 from deploy.stack.robot_file import read_robot
 from wire import topics
-from wire.config import ConfigError, read_toml
+from wire.host.config import ConfigError, read_toml
 
 
 def check(launch: Launch) -> None:

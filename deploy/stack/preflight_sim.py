@@ -10,9 +10,9 @@ from sim.build import SceneError
 from sim.config import SimSection
 from sim.floorplan import Circle
 from sim.plant import Plant
-from supervisor.clearance import Floats
 from supervisor.config import SupervisorSection
-from wire.config import ConfigError, Sections
+from supervisor.law.clearance import Floats
+from wire.host.config import ConfigError, Sections
 
 SLACK_M = 1e-3
 OUTLINE_POINTS = 72

@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from wire import memory_keeper
+from wire.host import memory_keeper
 
 MARK = "LIFELINE_STACK"
 POLL_S = 0.02

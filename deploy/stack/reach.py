@@ -6,7 +6,7 @@ from collections.abc import Awaitable, Callable
 from deploy.stack import elsewhere
 from deploy.stack.errors import DeployError
 from deploy.stack.formatting import CHECK_NETWORK
-from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
+from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
 
 CONNECT_LIMIT_S = 2.0
 CLOSE_LIMIT_S = 0.1

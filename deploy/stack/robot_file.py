@@ -6,9 +6,9 @@ from typing import Any
 from sim.config import SimSection
 from supervisor.config import SupervisorSection
 from supervisor.fit import fit_to_base
-from supervisor.safety import IMPLAUSIBLE_FACTOR
+from supervisor.law.safety import IMPLAUSIBLE_FACTOR
 from teleop.config import TeleopSection
-from wire.config import BusSection, Conflict, Fit, Section, Sections, read_sections
+from wire.host.config import BusSection, Conflict, Fit, Section, Sections, read_sections
 
 MOUNT_TOLERANCE = 0.01
 """Rounding tolerance of a mount [m or rad]."""
@@ -21,7 +21,7 @@ def read_robot(document: dict[str, Any], *, simulated: bool) -> Sections:
     """Read and check every section of the document.
 
     Args:
-        document: the result of `wire.config.read_toml`.
+        document: the result of `wire.host.config.read_toml`.
         simulated: whether the robot is simulated; `[sim]` then takes its defaults if the section is missing.
 
     Raises:

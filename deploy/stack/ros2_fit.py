@@ -6,7 +6,7 @@ from ros2.config import Ros2Section
 from supervisor.config import SupervisorSection
 from supervisor.fit import TICKS_IN_BASE_TIMEOUT
 from teleop.config import TeleopSection
-from wire.config import Conflict, Sections
+from wire.host.config import Conflict, Sections
 
 
 def fit_to_ros2(sections: Sections) -> Iterator[Conflict]:

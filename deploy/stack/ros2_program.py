@@ -16,9 +16,9 @@ from ros2.config import Ros2Section
 from ros2.environment import ros_variables
 from wire import topics
 from wire.bus_config import BusConfig
-from wire.command_line import bus_options
-from wire.config import ConfigError, absolute, read_toml, section
-from wire.state_directory import checkout
+from wire.host.command_line import bus_options
+from wire.host.config import ConfigError, absolute, read_toml, section
+from wire.host.state_directory import checkout
 
 PACKAGES = ("ros2", "wire")
 ROOT = Path(__file__).resolve().parents[2]

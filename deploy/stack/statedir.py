@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, cast
 
 from deploy.stack.errors import DeployError
-from wire.config import ConfigError, absolute
-from wire.state_directory import ENVIRONMENT, state_directory
+from wire.host.config import ConfigError, absolute
+from wire.host.state_directory import ENVIRONMENT, state_directory
 
 SOCKET_PATH_LIMIT = 99
 """Bytes. The kernel permits 107; supervisord first binds to the path with a dot and its pid appended."""
@@ -26,7 +26,7 @@ class StateDir:
 
     @classmethod
     def choose(cls, given: Path | None) -> "StateDir":
-        """Return the given directory, else the default of `wire/state_directory.py`.
+        """Return the given directory, else the default of `wire/host/state_directory.py`.
 
         Raises:
             DeployError: the path begins with `~NAME` and there is no such user.

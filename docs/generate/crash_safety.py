@@ -19,16 +19,16 @@ from pathlib import Path
 from bench.ros2_crash.results import read as read_ros2
 from bench.ros2_crash.results import read_origins
 from bench.ros2_crash.table import markdown, rows
-from deploy.campaign.classes import BY_NAME
-from deploy.campaign.report.figures import Campaign, ClassFigures, Spread
-from deploy.campaign.report.page import FEW, percent, verdict
-from deploy.campaign.report.report import read_campaigns
-from deploy.campaign.report.statistics import upper_rate
-from deploy.campaign.soak.judge import judge, warm_up_s
-from deploy.campaign.soak.sample import Sample, read_samples
-from deploy.campaign.trial import Provenance
 from deploy.stack.errors import DeployError
 from docs.generate import sections
+from faults.classes import BY_NAME
+from faults.report.figures import Campaign, ClassFigures, Spread
+from faults.report.page import FEW, percent, verdict
+from faults.report.report import read_campaigns
+from faults.report.statistics import upper_rate
+from faults.soak.judge import judge, warm_up_s
+from faults.soak.sample import Sample, read_samples
+from faults.trial import Provenance
 
 DOCUMENT = Path(__file__).parents[1] / "crash-safety.md"
 RESULTS = {

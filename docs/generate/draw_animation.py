@@ -7,8 +7,8 @@ The plant and the law are the real ones: the robot is driven at someone who walk
 import sys
 from pathlib import Path
 
-from deploy.film import FilmError, film
-from deploy.picture import Wanted, parse_size
+from lifeline.render.film import FilmError, film
+from lifeline.render.picture import Wanted, parse_size
 from sim.gl import NoGlError
 from sim.views import View
 

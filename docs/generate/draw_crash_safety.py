@@ -13,14 +13,14 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from deploy.campaign.classes import CLASSES
-from deploy.campaign.report.figures import ClassFigures
-from deploy.campaign.seen import Seen
-from deploy.campaign.simulated.scenario import Drivers, Scenario, Scene
-from deploy.campaign.simulated.world import World
-from deploy.campaign.soak.plot import svg
-from deploy.campaign.soak.sample import read_samples
 from docs.generate.crash_safety import SOAK, result
+from faults.classes import CLASSES
+from faults.report.figures import ClassFigures
+from faults.seen import Seen
+from faults.simulated.scenario import Drivers, Scenario, Scene
+from faults.simulated.world import World
+from faults.soak.plot import svg
+from faults.soak.sample import read_samples
 from virtual.loop import VirtualLoop
 from wire import topics
 

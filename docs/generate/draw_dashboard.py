@@ -23,7 +23,7 @@ from docs.generate.terminal_picture import draw
 from teleop.view import Odom
 from wire import topics
 from wire.messages import Odometry, Point, SafetyStatus
-from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
+from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
 
 IMAGE = Path(__file__).parents[1] / "images" / "dashboard.png"
 COLUMNS, ROWS = 112, 31

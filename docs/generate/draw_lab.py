@@ -19,7 +19,7 @@ import pyte
 from bench.rig.terminal import Terminal, running, teleop
 from deploy.stack.launch import free_loopback_endpoint
 from docs.generate.terminal_picture import draw
-from wire.state_directory import ENVIRONMENT
+from wire.host.state_directory import ENVIRONMENT
 
 ROOT = Path(__file__).parents[2]
 IMAGES = ROOT / "docs" / "images"
@@ -140,7 +140,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         os.environ[ENVIRONMENT] = folder
         os.chdir(ROOT)
-        lifeline = (sys.executable, "-m", "deploy.cli")
+        lifeline = (sys.executable, "-m", "lifeline.cli.app")
         try:
             subprocess.run([*lifeline, "up", "--detach", "--no-viewer", "--endpoint", endpoint], check=True)
             screens = asyncio.run(take_screens(endpoint))

@@ -1,6 +1,6 @@
 """Draw the pictures of docs/safety-law.md: `python -m docs.generate.draw_safety_law`.
 
-The curves are the law's own: `supervisor.clearance` computes them, with the defaults of `[supervisor]`.
+The curves are the law's own: `supervisor.law.clearance` computes them, with the defaults of `[supervisor]`.
 """
 
 import math
@@ -14,8 +14,8 @@ from matplotlib.patches import Circle, Wedge
 
 from docs.generate.draw_seen_space import draw_partial_view, draw_seen_space
 from docs.generate.palette import DANGER, GOOD, GREY, INK, LIGHT, RING, ROBOT
-from supervisor.clearance import Barrier, permitted_closing_speed, permitted_scale, survey
 from supervisor.config import SupervisorSection
+from supervisor.law.clearance import Barrier, permitted_closing_speed, permitted_scale, survey
 
 IMAGES = Path(__file__).parents[1] / "images"
 DEFAULTS = SupervisorSection()

@@ -1,6 +1,6 @@
 """Draw docs/images/seen-space.png and partial-view.png; `python -m docs.generate.draw_safety_law` calls this.
 
-Every point is the law's own: `supervisor.scan`, `seen_space` and `near_memory` compute them from made-up scans.
+Every point is the law's own: `supervisor.law.scan`, `seen_space` and `near_memory` compute them from made-up scans.
 """
 
 import math
@@ -13,15 +13,15 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Arc, Circle, Patch, Polygon
 
 from docs.generate.palette import GOOD, HIDDEN, INK, LIGHT, REMEMBERED, ROBOT
-from supervisor import clearance
-from supervisor.clearance import Barrier, Floats, Hull, Kind, permitted_scale, survey
 from supervisor.config import SupervisorSection
-from supervisor.lidar import PROFILES
-from supervisor.near_memory import Remembered, remember
-from supervisor.reckoning import Pose
-from supervisor.scan import LaserScan, Lidar, Moment, Mount, ScanReading, View, rays_of, read_scan
-from supervisor.seen_space import hidden_places, hiding_distance_m, lookout
-from wire.config import read_toml
+from supervisor.law import clearance
+from supervisor.law.clearance import Barrier, Floats, Hull, Kind, permitted_scale, survey
+from supervisor.law.lidar import PROFILES
+from supervisor.law.near_memory import Remembered, remember
+from supervisor.law.reckoning import Pose
+from supervisor.law.scan import LaserScan, Lidar, Moment, Mount, ScanReading, View, rays_of, read_scan
+from supervisor.law.seen_space import hidden_places, hiding_distance_m, lookout
+from wire.host.config import read_toml
 
 DEFAULTS = SupervisorSection()
 EXAMPLES = Path(__file__).parents[2] / "deploy" / "examples"

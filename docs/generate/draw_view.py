@@ -19,15 +19,15 @@ from PIL import Image
 from rerun.experimental import ViewerClient
 
 from bench.rig.terminal import end
-from deploy.inspection.recording import Recorded, RecordingReader
 from deploy.stack.launch import free_loopback_endpoint
-from deploy.view.page import LOOPBACK
-from deploy.view.rerun_log import TIMELINE, RerunLog
-from deploy.view.sources import read
-from deploy.view.window import Viewer, free_port
+from lifeline.recording.reader import Recorded, RecordingReader
+from lifeline.view.page import LOOPBACK
+from lifeline.view.rerun_log import TIMELINE, RerunLog
+from lifeline.view.sources import read
+from lifeline.view.window import Viewer, free_port
 from supervisor.config import SupervisorSection
 from wire import topics
-from wire.zenoh_bus import BusConfig, open_bus
+from wire.zenoh.bus import BusConfig, open_bus
 
 IMAGE = Path(__file__).parents[1] / "images" / "view.png"
 SIZE = (1600, 900)
@@ -63,17 +63,17 @@ def record(file: Path) -> None:
         until(
             lambda: (
                 subprocess.run(
-                    [sys.executable, "-m", "deploy.cli", "watch", "--once", *options],
+                    [sys.executable, "-m", "lifeline.cli.app", "watch", "--once", *options],
                     check=False,
                     capture_output=True,
                 ).returncode
                 == 0
             )
         )
-        recorder = start("deploy.cli", "record", str(file))
+        recorder = start("lifeline.cli.app", "record", str(file))
         until(file.exists)
         asyncio.run(cover(options[-1]))
-        start("deploy.cli", *DRIVE).wait(PATIENCE_S)
+        start("lifeline.cli.app", *DRIVE).wait(PATIENCE_S)
         recorder.send_signal(signal.SIGINT)
         recorder.wait(PATIENCE_S)
     finally:

@@ -23,13 +23,13 @@ from pathlib import Path
 
 import numpy as np
 
-from deploy.check import examine
-from deploy.check_motions import Permitted
 from docs.generate import sections
-from supervisor.base_motion import PATIENCE_S
+from lifeline.check.check import examine
+from lifeline.check.motions import Permitted
 from supervisor.config import SupervisorSection
-from supervisor.lidar import PROFILES, TIMINGS, LidarProfile
-from supervisor.model import (
+from supervisor.law.base_motion import PATIENCE_S
+from supervisor.law.lidar import PROFILES, TIMINGS, LidarProfile
+from supervisor.law.model import (
     STANDSTILL,
     Command,
     Decision,
@@ -42,9 +42,9 @@ from supervisor.model import (
     State,
     Velocity,
 )
-from supervisor.near_memory import MISSES
-from supervisor.safety import BARRIER_REASONS, SAME_PLACE_M, initial_state, step
-from supervisor.stop_rules import STOP_RULES, RaisedBy, cleared_by
+from supervisor.law.near_memory import MISSES
+from supervisor.law.safety import BARRIER_REASONS, SAME_PLACE_M, initial_state, step
+from supervisor.law.stop_rules import STOP_RULES, RaisedBy, cleared_by
 from wire.lease import LEASE_S
 from wire.reasons import StopReason
 

@@ -10,15 +10,15 @@ import numpy as np
 from sim.config import SimSection
 from sim.plant import Plant
 from sim.service import SimService
-from supervisor.blackbox import BlackBox
+from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import Record
 from supervisor.service import SupervisorService
 from virtual.network import VirtualBus, VirtualNetwork
 from wire import messages, topics
 from wire.bus import Subscription
+from wire.host.suspend import never_suspended
 from wire.messages import LaserScan, Odometry, SafetyStatus, Twist, encode, header, planar_twist
-from wire.suspend import never_suspended
 
 
 def laser_scan(ranges: np.ndarray) -> LaserScan:

@@ -21,9 +21,9 @@ from virtual.network import VirtualBus
 from wire import topics
 from wire.inbox import Inbox, LivelinessChange, NoReplyError, Token
 from wire.messages import encode
-from wire.session import Push, ZenohSession
 from wire.stamp import Stamp, Stamper, parse_stamp
 from wire.topics import Topic
+from wire.zenoh.session import Push, ZenohSession
 
 R = TypeVar("R")
 

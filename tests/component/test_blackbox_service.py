@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from deploy.replay import replay
-from supervisor import blackbox
-from supervisor.blackbox import BlackBox, ThreadWriter, Writer
-from supervisor.blackbox_reader import Document, read
+from lifeline.incidents.replay import replay
+from supervisor.blackbox import recorder as blackbox
+from supervisor.blackbox.reader import Document, read
+from supervisor.blackbox.recorder import BlackBox, ThreadWriter, Writer
 from supervisor.config import SupervisorSection
 from tests.component.rig import Rig
-from tests.unit.supervisor.black_boxes import WriterAtOnce
+from tests.unit.supervisor.blackbox.black_boxes import WriterAtOnce
 from wire import topics
 from wire.bus import Arrival
 from wire.messages import Twist, planar_twist

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from deploy.replay import replay
-from supervisor.blackbox import BlackBox
-from supervisor.blackbox_file import Order, write
-from supervisor.blackbox_reader import read
+from lifeline.incidents.replay import replay
+from supervisor.blackbox.file import Order, write
+from supervisor.blackbox.reader import read
+from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import MemoryRecord
 from teleop.pilot import KeyEvent

@@ -8,7 +8,7 @@ import math
 import pytest
 
 from supervisor import service
-from supervisor.model import Decision, Inputs, State
+from supervisor.law.model import Decision, Inputs, State
 from tests.component.rig import Rig
 from virtual.loop import VirtualLoop
 from virtual.network import HOP_S

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import pytest
 
+from wire.host.turns import Turns
 from wire.inbox import Inbox
-from wire.turns import Turns
 
 
 def _turns_until(count: int, due_s: Callable[[], float]) -> tuple[Turns, asyncio.Event, list[float]]:

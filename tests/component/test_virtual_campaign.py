@@ -11,20 +11,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deploy.campaign.classes import classes_by_themselves
-from deploy.campaign.demands import may_be_locked_out
-from deploy.campaign.simulated import runner as campaigns
-from deploy.campaign.simulated import world
-from deploy.campaign.simulated.revision import revision
-from deploy.campaign.simulated.scenario import draw
-from deploy.campaign.simulated.trial_run import run_trial
-from deploy.campaign.trial import PROVENANCE_BEGINS, Trial, parse
-from deploy.campaign.trial_file import read_trials
 from deploy.stack.errors import DeployError
+from faults.classes import classes_by_themselves
+from faults.demands import may_be_locked_out
+from faults.simulated import runner as campaigns
+from faults.simulated import world
+from faults.simulated.revision import revision
+from faults.simulated.scenario import draw
+from faults.simulated.trial_run import run_trial
+from faults.trial import PROVENANCE_BEGINS, Trial, parse
+from faults.trial_file import read_trials
 from sim.config import SimSection
-from supervisor import safety
 from supervisor.config import SupervisorSection
-from supervisor.model import Source
+from supervisor.law import safety
+from supervisor.law.model import Source
 from tests.component.rig import Rig, laser_scan
 from wire import topics
 
@@ -48,7 +48,7 @@ def test_a_seed_is_the_same_alone_in_a_row_and_in_another_process(tmp_path: Path
     """Hash seeds differ between processes, so nothing may depend on the order of a set."""
     alone = [run_trial(seed, "r").line() for seed in (5, 3, 5)]
     assert alone[0] == alone[2]
-    script = "import sys; from deploy.campaign.simulated.runner import run_batch; print(*run_batch([4, 3, 5], 'r'), sep='\\n')"
+    script = "import sys; from faults.simulated.runner import run_batch; print(*run_batch([4, 3, 5], 'r'), sep='\\n')"
     for hash_seed in ("1", "2"):
         printed = subprocess.run(
             [sys.executable, "-c", script],

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from deploy.campaign.seen import Motion
-from deploy.campaign.simulated.clearance_witness import FAR_M, Witness
+from faults.seen import Motion
+from faults.simulated.clearance_witness import FAR_M, Witness
 from sim.build import Build
 from sim.plant import Plant
 from sim.scene import build

@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from supervisor.blackbox import MEMORY_BYTES, BlackBox
-from supervisor.blackbox_file import Order
+from supervisor.blackbox.file import Order
+from supervisor.blackbox.recorder import MEMORY_BYTES, BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.service import SupervisorService
 from tests.fuzz import payloads

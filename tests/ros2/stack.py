@@ -13,7 +13,7 @@ from tests.ros2.host import PATIENCE_S, ROS_PYTHON, Host, Line, Peer
 from tests.system.ports import free_endpoint
 from wire import topics
 from wire.messages import DiagnosticArray, DiagnosticStatus, SafetyStatus, SourceStatus
-from wire.zenoh_bus import BusConfig, open_bus
+from wire.zenoh.bus import BusConfig, open_bus
 
 SPEED_M_S = 0.3
 ATTEMPTS, SPEED_LIMIT_S = 5, 3.0

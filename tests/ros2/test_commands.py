@@ -15,9 +15,9 @@ from typing import Any
 
 import pytest
 
-from deploy.ros2_profile import NAME
 from deploy.stack import processes, takedown
 from deploy.stack.statedir import StateDir
+from lifeline.ros2_profile import NAME
 from tests.ros2.host import ROOT, ROS_PYTHON, Host, Line, Peer
 from tests.ros2.stack import Watch
 from tests.system.ports import free_endpoint
@@ -52,7 +52,9 @@ class Robot:
         """Start a source under `lifeline ros2 exec`."""
         program = [str(ROS_PYTHON), "-m", "tests.ros2.peers.source", "--topic", "/joy_vel"]
         words = ["ros2", "exec", "--source", "joy", "--config", str(self.config), "--", *program]
-        wrapper = self.host.run("exec", [sys.executable, "-m", "deploy.cli", *words], self.host.variables)
+        wrapper = self.host.run(
+            "exec", [sys.executable, "-m", "lifeline.cli.app", *words], self.host.variables
+        )
         self.watch.report("source joy", "lifeline ros2 exec")
         return wrapper
 
@@ -79,7 +81,7 @@ class Robot:
 
 
 def lifeline(state: StateDir, *words: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "deploy.cli", words[0], "--state-dir", str(state.path), *words[1:]]
+    command = [sys.executable, "-m", "lifeline.cli.app", words[0], "--state-dir", str(state.path), *words[1:]]
     return subprocess.run(
         command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=COMMAND_LIMIT_S
     )

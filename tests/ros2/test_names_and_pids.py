@@ -46,7 +46,7 @@ def test_a_program_that_outlives_its_wrapper_is_named_in_the_report(stack: Stack
     """Its `lifeline ros2 exec` is killed; the program was started by a shell and goes on to publish."""
     script = f"setsid --wait {' '.join(SOURCE_WORDS)}"
     words = ["ros2", "exec", "--source", SOURCE, "--config", str(stack.config), "--", "sh", "-c", script]
-    wrapper = stack.host.run("exec", [sys.executable, "-m", "deploy.cli", *words], stack.host.variables)
+    wrapper = stack.host.run("exec", [sys.executable, "-m", "lifeline.cli.app", *words], stack.host.variables)
     stack.watch.report(f"source {SOURCE}", "lifeline ros2 exec")
     stack.drive(wrapper)
     stack.zero_after(wrapper.kill())

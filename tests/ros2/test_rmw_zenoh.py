@@ -18,8 +18,8 @@ from tests.ros2.host import Host, Line, Peer
 from tests.ros2.rmw_stack import DOMAIN, RMW_PYTHON, RmwStack
 from tests.ros2.stack import SOURCE, SPEED_M_S, TOPIC, send
 from wire.bus_config import BusConfig
-from wire.connect import open_session
-from wire.session import ZenohSession
+from wire.zenoh.connect import open_session
+from wire.zenoh.session import ZenohSession
 
 KILLS = 20
 TIMEOUT_MS = 200.0

@@ -10,9 +10,9 @@ import sys
 from pathlib import Path
 
 from wire import topics
+from wire.host.process import run_process
 from wire.messages import DiagnosticArray, DiagnosticStatus, KeyValue, header
-from wire.process import run_process
-from wire.zenoh_bus import BusConfig, open_bus
+from wire.zenoh.bus import BusConfig, open_bus
 
 OUTPUT = "FAKE_ROS2_OUTPUT"
 """The environment variable with the file to which it writes its arguments and its environment."""

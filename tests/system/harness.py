@@ -20,7 +20,7 @@ from tests.system.process_state import state_of
 from wire import topics
 from wire.bus import Subscription
 from wire.messages import Odometry, SafetyStatus, Twist, header, planar_twist
-from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
+from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
 
 PATIENCE_S = 20.0
 """Time limit for expected events on a loaded machine."""

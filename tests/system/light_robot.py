@@ -10,8 +10,8 @@ import threading
 
 from bench.robots.feeder import Body, encoded_scans, send
 from wire.bus_config import BusConfig
-from wire.connect import open_session
-from wire.session import ZenohSession
+from wire.zenoh.connect import open_session
+from wire.zenoh.session import ZenohSession
 
 
 class Watched(Body):

@@ -23,7 +23,7 @@ import pytest
 from tests.system.ports import free_endpoint
 from wire import topics
 from wire.messages import SafetyStatus, TriggerResponse, Twist, header
-from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
+from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
 
 LIMIT_S = 20.0
 """Time limit for expected events on a loaded machine."""

@@ -3,7 +3,7 @@
 import errno
 import socket
 
-from wire import local_socket
+from wire.zenoh import local_socket
 
 _ports = iter(range(20_000, 30_000))
 """Ports below the kernel's range for outgoing connections."""

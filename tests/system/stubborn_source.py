@@ -8,7 +8,7 @@ import sys
 
 from wire import topics
 from wire.messages import planar_twist
-from wire.zenoh_bus import BusConfig, open_bus
+from wire.zenoh.bus import BusConfig, open_bus
 
 
 async def main() -> None:

@@ -15,11 +15,11 @@ import zenoh
 
 from tests.system.ports import free_endpoint, participants
 from tests.system.rogue import open_rogue
-from wire import local_socket
 from wire.access import LOCAL_ROLES, Contract
 from wire.bus_config import BusConfig
-from wire.connect import open_session
 from wire.roles import Role
+from wire.zenoh import local_socket
+from wire.zenoh.connect import open_session
 
 ROLES = [Role.BASE, Role.SENSOR, Role.OPERATOR, Role.ESTOP, Role.VIEWER]
 CONTRACT = Contract(
@@ -278,7 +278,7 @@ session.close()
 HUB = """
 import asyncio, sys, time
 from wire.bus_config import BusConfig
-from wire.connect import open_session
+from wire.zenoh.connect import open_session
 session = asyncio.run(open_session(BusConfig(sys.argv[1]), "hub"))
 print("listens", flush=True)
 time.sleep(60)

@@ -25,7 +25,7 @@ def files(tmp_path: Path, end: str = "") -> list[Path]:
 
 def replay(path: Path) -> str:
     """Return the output of `lifeline replay-decision` in a separate process."""
-    command = [sys.executable, "-m", "deploy.cli", "replay-decision", str(path)]
+    command = [sys.executable, "-m", "lifeline.cli.app", "replay-decision", str(path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout

@@ -11,12 +11,12 @@ from typing import NamedTuple
 import pexpect
 import pytest
 
-from deploy.campaign.simulated.trial_run import run_trial
-from supervisor.blackbox import BlackBox
+from faults.simulated.trial_run import run_trial
+from supervisor.blackbox.recorder import BlackBox
 from tests.system.harness import free_endpoint
-from tests.unit.supervisor.black_boxes import NOON_UTC_S, Drive, WriterAtOnce
-from tests.unit.supervisor.law_harness import CONFIG
-from wire.state_directory import checkout
+from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, Drive, WriterAtOnce
+from tests.unit.supervisor.law.law_harness import CONFIG
+from wire.host.state_directory import checkout
 
 pytestmark = pytest.mark.timeout(120)
 

@@ -11,8 +11,8 @@ import pexpect
 import pyte
 import pytest
 
-from deploy.completion import SCRIPTS
 from deploy.stack.errors import EXIT_REFUSED
+from lifeline.cli.completion import SCRIPTS
 from tests.system.harness import PATIENCE_S
 
 COLUMNS = 120

@@ -11,7 +11,7 @@ LIMIT_S = 100
 @pytest.mark.demo
 def test_the_demo_keeps_every_promise_it_checks() -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "deploy.cli", "demo", "--quick"],
+        [sys.executable, "-m", "lifeline.cli.app", "demo", "--quick"],
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,

@@ -26,7 +26,7 @@ from tests.system.ports import free_endpoint
 from wire import topics
 from wire.bus import NoReplyError
 from wire.messages import Bool
-from wire.zenoh_bus import BusConfig, open_bus
+from wire.zenoh.bus import BusConfig, open_bus
 
 COMMAND_LIMIT_S = 60
 WAIT_LIMIT_S = 45
@@ -46,7 +46,7 @@ class Robot:
         return [
             sys.executable,
             "-m",
-            "deploy.cli",
+            "lifeline.cli.app",
             name,
             "--state-dir",
             str(self.state.path),
@@ -485,9 +485,7 @@ def test_a_missing_python_of_ros_2_is_one_sentence_and_starts_nothing(
 
 
 def test_a_sim_is_not_needed_to_start_without_one(robot: Robot) -> None:
-    code = (
-        "import sys; sys.modules['mujoco'] = sys.modules['PIL'] = None; from deploy.entry import main; main()"
-    )
+    code = "import sys; sys.modules['mujoco'] = sys.modules['PIL'] = None; from lifeline.cli.entry import main; main()"
     command = [sys.executable, "-c", code, *robot.command("up", "--detach", "--no-sim")[3:]]
     up = subprocess.run(command, capture_output=True, text=True, check=False, timeout=COMMAND_LIMIT_S)
     assert up.returncode == 0, up.stderr
@@ -501,7 +499,7 @@ def test_the_base_is_checked_in_the_environment_of_ros_2_and_its_exit_code_is_pa
         [
             sys.executable,
             "-m",
-            "deploy.cli",
+            "lifeline.cli.app",
             "ros2",
             "check-base",
             "--state-dir",

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from deploy.campaign.report.report import write_report
-from deploy.campaign.trial_file import read_trials
+from faults.report.report import write_report
+from faults.trial_file import read_trials
 
 pytestmark = pytest.mark.timeout(150)
 
@@ -35,7 +35,7 @@ class Campaign:
 
     def start(self, *options: str) -> subprocess.Popen[str]:
         return subprocess.Popen(
-            [sys.executable, "-m", "deploy.cli", "faults", "--out", str(self.out), *options],
+            [sys.executable, "-m", "lifeline.cli.app", "faults", "--out", str(self.out), *options],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

@@ -69,7 +69,7 @@ async def served(endpoint: str, *options: str) -> AsyncGenerator[Served]:
     process = await asyncio.create_subprocess_exec(
         sys.executable,
         "-m",
-        "deploy.cli",
+        "lifeline.cli.app",
         "foxglove",
         "--endpoint",
         endpoint,

@@ -20,8 +20,9 @@ import pytest
 
 from tests.system.harness import Robot, robot
 from tests.system.process_state import cpu_s, memory_bytes
-from wire import limits, topics
-from wire.zenoh_bus import BusConfig, open_bus
+from wire import topics
+from wire.zenoh import limits
+from wire.zenoh.bus import BusConfig, open_bus
 
 ATTACKER = Path(__file__).with_name("hub_attacker.py")
 FOR_S = 0.6

@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
-from deploy.inspection.incident import messages
+from lifeline.incidents.incident import messages
 from tests.system.harness import Robot, patiently, robot
 from wire import topics
 from wire.messages import SafetyStatus, decode
@@ -40,7 +40,7 @@ class Measured(NamedTuple):
 def incidents(state: Path, *arguments: str, columns: int = 100) -> str:
     """Return the output of `lifeline incidents` in a separate process."""
     done = subprocess.run(
-        [sys.executable, "-m", "deploy.cli", "incidents", *arguments, "--state-dir", str(state)],
+        [sys.executable, "-m", "lifeline.cli.app", "incidents", *arguments, "--state-dir", str(state)],
         capture_output=True,
         text=True,
         timeout=60,

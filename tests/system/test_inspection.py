@@ -42,7 +42,7 @@ async def start(subject: Robot, *arguments: str, endpoint: str | None = None) ->
     return await asyncio.create_subprocess_exec(
         sys.executable,
         "-m",
-        "deploy.cli",
+        "lifeline.cli.app",
         *arguments,
         "--endpoint",
         endpoint or subject.endpoint,
@@ -314,7 +314,7 @@ async def test_published_commands_drive_after_a_zero_and_end_without_a_lost_sour
 async def test_nothing_running_is_said_in_a_sentence() -> None:
     for arguments in (("topic", "list"), ("node", "list"), ("graph",), ("topic", "echo", "scan")):
         process = await asyncio.create_subprocess_exec(
-            sys.executable, "-m", "deploy.cli", *arguments, "--endpoint", free_endpoint(),
+            sys.executable, "-m", "lifeline.cli.app", *arguments, "--endpoint", free_endpoint(),
             stderr=asyncio.subprocess.PIPE,
         )  # fmt: skip
         _, errors = await asyncio.wait_for(process.communicate(), PATIENCE_S)

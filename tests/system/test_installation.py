@@ -19,9 +19,9 @@ from supervisor.estop_files import record_path
 from tests.system import fake_ros2
 from tests.system.operators import ROOT, Operator, until
 from tests.system.ports import free_endpoint
-from wire.state_directory import ENVIRONMENT
+from wire.host.state_directory import ENVIRONMENT
 
-PACKAGES = ("wire", "supervisor", "teleop", "sim", "ros2", "virtual", "deploy")
+PACKAGES = ("wire", "supervisor", "teleop", "sim", "ros2", "virtual", "deploy", "faults", "lifeline")
 BUILD_LIMIT_S = 60.0
 COMMAND_LIMIT_S = 30.0
 DEMO_LIMIT_S = 80.0

@@ -21,7 +21,7 @@ from wire.bundle import read_bundle
 from wire.bus import BusError
 from wire.messages import planar_twist
 from wire.roles import Role
-from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
+from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
 
 WITHIN_S = 30.0
 """Time limit for expected events on a loaded machine."""

@@ -10,7 +10,7 @@ import click
 import pytest
 import typer
 
-from deploy.cli import app
+from lifeline.cli.app import app
 from tests.system.namespaces import Shell, needs_namespaces, shell
 from tests.system.operators import ROOT, until
 

@@ -20,7 +20,7 @@ from deploy.stack.processes import MARK, Process
 from deploy.stack.statedir import StateDir
 from tests.system.harness import free_endpoint
 from tests.system.process_state import children_of, state_of
-from wire.memory_keeper import KEEP_S, NAME, RENEW_S, is_keeper
+from wire.host.memory_keeper import KEEP_S, NAME, RENEW_S, is_keeper
 
 LIMIT_S = 20.0
 OBJECTS = 2_000_000
@@ -28,7 +28,7 @@ OBJECTS = 2_000_000
 KILLS = 7
 PROGRAM = """
 import gc, os, socket, sys, time
-from wire.memory_keeper import MemoryKeeper
+from wire.host.memory_keeper import MemoryKeeper
 port, kept, objects = int(sys.argv[1]), sys.argv[2] == "kept", int(sys.argv[3])
 before = socket.create_connection(("127.0.0.1", port))
 keeper = MemoryKeeper() if kept else None
@@ -312,7 +312,7 @@ def test_each_service_has_a_keeper_and_takes_it_along_when_it_ends(service: str)
 
 SERVICE = """
 import sys
-from wire.process import run_process
+from wire.host.process import run_process
 
 async def main(stop):
     print("up", flush=True)

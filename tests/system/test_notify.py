@@ -17,7 +17,7 @@ from tests.system.ports import free_endpoint
 from tests.system.process_state import state_of
 from tests.system.systemd import RUNNING, STOPPING, Systemd, end
 from wire import topics
-from wire.state_directory import ENVIRONMENT
+from wire.host.state_directory import ENVIRONMENT
 
 LIMIT_S = 1.0
 """`WatchdogSec` of the supervisor's unit."""
@@ -132,7 +132,7 @@ def test_a_program_under_exec_is_reported_while_it_runs_and_cannot_report_itself
     gate = tmp_path / "gate"
     os.mkfifo(gate)
     words = ("ros2", "exec", "--source", "joy", "--endpoint", endpoint, "--", "sh", "-c", program, str(gate))
-    with started(systemd, tmp_path, "-m", "deploy.cli", *words) as guard:
+    with started(systemd, tmp_path, "-m", "lifeline.cli.app", *words) as guard:
         assert systemd.next(2 * PERIOD_S) is None  # it waits for the supervisor
         with started(silent, beside, "-m", topics.SUPERVISOR, "--endpoint", endpoint):
             systemd.await_ready()

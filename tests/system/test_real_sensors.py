@@ -14,12 +14,12 @@ from pathlib import Path
 
 import pytest
 
-from deploy.campaign.writers import free_scan
+from faults.writers import free_scan
 from tests.system.harness import PATIENCE_S, Robot, free_endpoint, robot
 from wire import topics
 from wire.bus import Subscription
 from wire.messages import LaserScan, Odometry, Point, SafetyStatus
-from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
+from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
 
 pytestmark = pytest.mark.timeout(120)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from deploy.inspection.recording import RecordingReader
+from lifeline.recording.reader import RecordingReader
 from tests.system.harness import PATIENCE_S, Robot, free_endpoint, robot
 
 pytestmark = pytest.mark.timeout(120)
@@ -23,7 +23,7 @@ def say(text: str) -> None:
 
 
 def lifeline(*arguments: str) -> list[str]:
-    return [sys.executable, "-m", "deploy.cli", *arguments]
+    return [sys.executable, "-m", "lifeline.cli.app", *arguments]
 
 
 def size_of(file: Path) -> int:

@@ -32,7 +32,17 @@ GENEROUS_S = 1.0
 
 
 def command(endpoint: str, *program: str, source: str = "joy") -> list[str]:
-    exec_ = [sys.executable, "-m", "deploy.cli", "ros2", "exec", "--source", source, "--endpoint", endpoint]
+    exec_ = [
+        sys.executable,
+        "-m",
+        "lifeline.cli.app",
+        "ros2",
+        "exec",
+        "--source",
+        source,
+        "--endpoint",
+        endpoint,
+    ]
     return [*exec_, "--", *program]
 
 

@@ -24,8 +24,8 @@ from wire.bundle import read_bundle
 from wire.bus import NoReplyError
 from wire.messages import Bool, EstopLease, TriggerResponse, planar_twist
 from wire.roles import ANY, Role
-from wire.router import RouterConfig, region_name, settings
-from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
+from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
+from wire.zenoh.router import RouterConfig, region_name, settings
 
 WITHIN_S = 30.0
 SETTLED_S = 0.5

@@ -12,11 +12,11 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from deploy.campaign.soak.sample import read_samples
 from deploy.stack.processes import MARK
+from faults.soak.sample import read_samples
 
 LIMIT_S = 90
-COMMAND = [sys.executable, "-m", "deploy.cli", "soak"]
+COMMAND = [sys.executable, "-m", "lifeline.cli.app", "soak"]
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from tests.system.operators import LIMIT_S, ZERO, Hub, Operator, driving, free_endpoint, hub, operator, until
 from wire import topics
 from wire.messages import SafetyStatus, odometry
-from wire.zenoh_bus import BusConfig, open_bus
+from wire.zenoh.bus import BusConfig, open_bus
 
 ALL_FLAGS = 31
 DISAMBIGUATE_ALONE = 1

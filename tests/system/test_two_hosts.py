@@ -12,7 +12,7 @@ from bench.link.namespaces import inside, pair, why_not
 from bench.rig.program import ROOT
 from tests.system.two_hosts import OPERATORS, VIEWERS
 from wire import topics
-from wire.session import DATAGRAM_BYTES
+from wire.zenoh.session import DATAGRAM_BYTES
 
 LIMIT_S = 110.0
 LONGEST_GAP_S = 2.0

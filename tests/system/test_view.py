@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import rerun.chunk
 
-from deploy.inspection.recording import RecordingReader
+from lifeline.recording.reader import RecordingReader
 from tests.system.harness import PATIENCE_S, Robot, free_endpoint, robot
 from tests.system.process_state import listening
 
@@ -109,7 +109,7 @@ class View:
             environment.pop(name, None)
         with self.output.open("wb") as output:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "deploy.cli", "view", *arguments],
+                [sys.executable, "-m", "lifeline.cli.app", "view", *arguments],
                 stdout=output,
                 stderr=output,
                 env=environment,
@@ -136,7 +136,7 @@ class View:
 
 
 def command(*arguments: str) -> list[str]:
-    return [sys.executable, "-m", "deploy.cli", *arguments]
+    return [sys.executable, "-m", "lifeline.cli.app", *arguments]
 
 
 def speed_of(file: Read) -> float:

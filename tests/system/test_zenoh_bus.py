@@ -21,9 +21,9 @@ from tests.system.rogue import open_rogue
 from wire import topics
 from wire.bus import Arrival, BusError, NoReplyError
 from wire.messages import TriggerResponse, Twist, decode, encode, planar_twist
-from wire.session import MAX_SOURCE_NAME, SETTLE_S
 from wire.stamp import Stamper
-from wire.zenoh_bus import BusConfig, ZenohBus, open_bus
+from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
+from wire.zenoh.session import MAX_SOURCE_NAME, SETTLE_S
 
 WITHIN_S = 20.0
 """Time limit for expected events on a loaded machine."""

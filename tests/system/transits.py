@@ -11,9 +11,9 @@ from pathlib import Path
 
 from wire.bus import Inbox, RawArrival
 from wire.bus_config import BusConfig
-from wire.connect import open_session
-from wire.session import ZenohSession
 from wire.stamp import Stamp, parse_stamp
+from wire.zenoh.connect import open_session
+from wire.zenoh.session import ZenohSession
 
 DEPTH = 20_000
 

@@ -5,9 +5,9 @@ import sys
 import threading
 
 from wire.bus_config import BusConfig
-from wire.connect import open_session
 from wire.inbox import Overheard
-from wire.session import ZenohSession
+from wire.zenoh.connect import open_session
+from wire.zenoh.session import ZenohSession
 
 
 def _ignore(_: Overheard) -> None:

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from deploy.campaign.report.figures import Campaign, campaigns
-from deploy.campaign.soak.heard import Gaps
-from deploy.campaign.soak.sample import Sample
-from deploy.campaign.soak.usage import Usage
-from deploy.campaign.trial import BrokenPromise, Injected, Provenance, Trial
 from docs.generate import crash_safety
+from faults.report.figures import Campaign, campaigns
+from faults.soak.heard import Gaps
+from faults.soak.sample import Sample
+from faults.soak.usage import Usage
+from faults.trial import BrokenPromise, Injected, Provenance, Trial
 
 
 def campaign() -> Campaign:

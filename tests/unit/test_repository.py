@@ -10,7 +10,9 @@ import pytest
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.mark.parametrize("package", ["wire", "supervisor", "teleop", "sim", "ros2", "virtual", "deploy"])
+@pytest.mark.parametrize(
+    "package", ["wire", "supervisor", "teleop", "sim", "ros2", "virtual", "deploy", "faults", "lifeline"]
+)
 def test_each_package_is_this_repository_s_from_any_directory(package: str, tmp_path: Path) -> None:
     """PyPI has a `supervisor` (supervisord's) and a `teleop`: neither may shadow ours."""
     found = subprocess.run(

@@ -11,10 +11,10 @@ from pathlib import Path
 from bench.peers.links.payload import CDR_HEADER, payload_of, turn_of
 from wire import topics
 from wire.bus_config import BusConfig
-from wire.connect import open_session
-from wire.memory_keeper import MemoryKeeper
-from wire.session import ZenohSession
+from wire.host.memory_keeper import MemoryKeeper
 from wire.stamp import GID_BYTES, Stamp
+from wire.zenoh.connect import open_session
+from wire.zenoh.session import ZenohSession
 
 SPEED_RAD_S, PERIOD_S, NEUTRAL_EVERY = 0.3, 0.05, 10
 _kept: list[object] = []

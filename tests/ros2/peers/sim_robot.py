@@ -27,8 +27,8 @@ from tests.ros2.peers.lines import READY, listen, say
 from tests.ros2.peers.ros_node import SENSOR, make_node, qos
 from wire import topics
 from wire.bus_config import BusConfig
-from wire.connect import open_session
-from wire.session import ZenohSession
+from wire.zenoh.connect import open_session
+from wire.zenoh.session import ZenohSession
 
 PERIOD_S = 0.02
 RESET_LIMIT_S = 5.0

@@ -10,9 +10,10 @@ import zenoh
 
 from deploy.stack.launch import DEFAULT_CONFIG
 from supervisor.config import SupervisorSection
-from wire import local_socket, topics
+from wire import topics
 from wire.bus_config import BusConfig
-from wire.connect import TX_QUEUE
+from wire.zenoh import local_socket
+from wire.zenoh.connect import TX_QUEUE
 
 EXAMPLES = DEFAULT_CONFIG.parent / "examples"
 SOURCES, CMD_VEL = EXAMPLES / "zenoh-bridge-sources.json5", EXAMPLES / "zenoh-bridge-cmd-vel.json5"

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from typer.testing import CliRunner
 
-from deploy.cli import app
-from wire.command_line import service_parser
+from lifeline.cli.app import app
+from wire.host.command_line import service_parser
 
 ROOT = Path(__file__).resolve().parents[3]
 

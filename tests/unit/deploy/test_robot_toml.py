@@ -12,7 +12,7 @@ from ros2.config import Ros2Section, RosSourceSection
 from sim.config import SimSection
 from supervisor.config import SupervisorSection
 from teleop.config import TeleopSection
-from wire.config import SECTIONS, BusSection, Section, read_toml, section
+from wire.host.config import SECTIONS, BusSection, Section, read_toml, section
 
 MODELS: dict[str, type[Section]] = {
     "bus": BusSection,

@@ -9,8 +9,8 @@ from deploy.keys.register import Request
 from deploy.stack.launch import Launch
 from deploy.stack.statedir import StateDir
 from deploy.up import hints
+from wire.host.state_directory import ENVIRONMENT
 from wire.roles import Role
-from wire.state_directory import ENVIRONMENT
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import pytest
 
 from ros2.config import MAX_TOPIC, Ros2Section, SupervisorValues, fit_to_lidars
 from supervisor.config import SupervisorSection
-from wire.config import ConfigError, Section, read_sections, section
+from wire.host.config import ConfigError, Section, read_sections, section
 
 
 def ros2(**values: object) -> Ros2Section:

@@ -6,7 +6,7 @@ import pytest
 
 from ros2.config import Ros2Section, apart_from_hub
 from wire.bus_config import BusConfig
-from wire.config import BusSection, ConfigError, read_sections, same_endpoint
+from wire.host.config import BusSection, ConfigError, read_sections, same_endpoint
 
 
 def read(document: dict[str, Any]) -> Ros2Section:

@@ -14,8 +14,8 @@ from ros2.rmw_keys import TRIGGER, TYPE_HASHES, Kind, data_key, endpoint_token, 
 from ros2.rmw_zenoh import RECENT_S, RmwZenoh
 from ros2.samples import Sample, Writers
 from wire.inbox import Overheard
-from wire.session import ZenohSession
 from wire.stamp import Stamp, parse_stamp
+from wire.zenoh.session import ZenohSession
 
 DOMAIN, OTHER = 7, "ab12"
 GID = bytes(range(16))

@@ -8,7 +8,7 @@ from sim.config import SimSection
 from sim.encoders import EncoderConfig
 from sim.imu import ImuConfig
 from sim.lidar_geometry import LidarConfig
-from wire.config import ConfigError, section
+from wire.host.config import ConfigError, section
 
 
 def test_what_is_left_out_is_what_the_models_default_to() -> None:

@@ -9,7 +9,7 @@ import pytest
 from sim.config import SimSection
 from sim.lidar_config import MAX_LIDARS
 from sim.lidar_geometry import LidarConfig
-from wire.config import ConfigError, section
+from wire.host.config import ConfigError, section
 
 DIAGONAL = """
 [[sim.lidars]]

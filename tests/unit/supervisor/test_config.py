@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 from supervisor.config import SupervisorSection
-from supervisor.lidar import PROFILES, TIMINGS
-from wire.config import TAKEN_NAMES, ConfigError, section
+from supervisor.law.lidar import PROFILES, TIMINGS
+from wire.host.config import TAKEN_NAMES, ConfigError, section
 
 
 def load(**values: object) -> SupervisorSection:

@@ -7,7 +7,7 @@ import pytest
 
 from supervisor.config import SupervisorSection
 from supervisor.fit import fit_to_base
-from wire.config import BaseSection, ConfigError, Sections, read_sections
+from wire.host.config import BaseSection, ConfigError, Sections, read_sections
 
 
 def read(supervisor: dict[str, Any], sim: dict[str, Any]) -> Sections:

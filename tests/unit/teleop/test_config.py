@@ -5,7 +5,7 @@ import pytest
 from teleop.config import Mode, TeleopSection
 from teleop.pilot import Velocity
 from teleop.setpoint import Steps
-from wire.config import ConfigError, section
+from wire.host.config import ConfigError, section
 
 NUMBERS = [
     "rate_hz",

@@ -3,7 +3,7 @@
 import pytest
 
 from teleop.gamepad_config import GamepadSection
-from wire.config import ConfigError, section
+from wire.host.config import ConfigError, section
 
 NUMBERS = ["dead_zone", "normal_share", "turbo_share", "silence_limit_s", "pulse_limit_s"]
 

@@ -19,5 +19,5 @@ def test_any_other_common_name_has_no_role(name: str) -> None:
 
 
 def test_the_longest_common_name_fits_into_a_certificate() -> None:
-    """X.509 permits 64 characters, and a namespace has at most 32 (wire/config.py)."""
+    """X.509 permits 64 characters, and a namespace has at most 32 (wire/host/config.py)."""
     assert max(len(common_name(role, "n" * 32)) for role in Role) <= 64

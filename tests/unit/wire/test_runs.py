@@ -4,9 +4,9 @@ import json
 
 import pytest
 
-from wire.hub_report import sessions_in
 from wire.runs import SESSION_BYTES, Runs
 from wire.stamp import GID_BYTES, Stamper
+from wire.zenoh.hub_report import sessions_in
 
 SESSION, OTHER = bytes(range(16)), bytes(range(1, 17))
 EPOCH = SESSION[:SESSION_BYTES] + b"new run!"

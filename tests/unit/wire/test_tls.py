@@ -6,7 +6,7 @@ import pytest
 
 from wire import tls
 from wire.bundle import Bundle
-from wire.config import BusSection, ConfigError, read_toml, section
+from wire.host.config import BusSection, ConfigError, read_toml, section
 from wire.roles import ANY, SERVERS, Role
 
 ENDS_S = 1_800_000_000.0

@@ -10,7 +10,7 @@ from deploy.stack.robot_file import read_robot
 from ros2.config import Ros2Section
 from sim.config import SimSection
 from supervisor.config import SupervisorSection
-from wire.config import ConfigError, read_toml
+from wire.host.config import ConfigError, read_toml
 
 
 def refusal(document: dict[str, Any], *, simulated: bool = True) -> str:

@@ -8,7 +8,7 @@ import pytest
 from deploy.down import down
 from deploy.stack.errors import DeployError
 from deploy.stack.statedir import SOCKET_PATH_LIMIT, LockedError, StateDir, locked
-from wire.state_directory import ENVIRONMENT, state_directory
+from wire.host.state_directory import ENVIRONMENT, state_directory
 
 
 def test_without_an_option_it_is_where_the_supervisor_looks(monkeypatch: pytest.MonkeyPatch) -> None:

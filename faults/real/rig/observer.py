@@ -1,0 +1,172 @@
+"""Observe a trial from outside, by a separate Zenoh client and the pipe from the wheels."""
+
+import asyncio
+import time
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator
+
+from deploy.stack.observe import seen_within
+from faults.classes import BASE_TIMEOUT_S
+from faults.measure import BaseReport
+from faults.real.rig.wheels import WheelPipe, WheelSample
+from faults.seen import Asked, Command, Motion, Seen, Status
+from wire import topics
+from wire.bus import Arrival, Bus, Subscription
+from wire.messages import M, SafetyStatus, Twist
+from wire.watchdog import BaseReason
+from wire.zenoh.bus import ZenohBus
+
+DEPTH = 20_000
+"""Samples of a topic between two updates: a flood of two seconds."""
+SOURCES = (topics.TELEOP, "joy", "path")
+TRUSTED_STAMP_S = 60.0
+"""Maximum plausible age of a stamp: here, all processes use one clock."""
+BASE_REASONS = tuple(reason.value for reason in BaseReason)
+
+
+class Observer:
+    """Keeps all observations of one trial.
+
+    Args:
+        bus: an open bus; the caller closes it.
+        wheels: the pipe from the sim.
+    """
+
+    def __init__(self, bus: ZenohBus, wheels: WheelPipe) -> None:
+        self.bus = bus
+        self._wheels = wheels
+        self._wake = asyncio.Event()
+        self._subscribe(bus)
+        asyncio.get_running_loop().add_reader(wheels.descriptor, self._wake.set)
+        self._heard: defaultdict[bytes, Counter[str]] = defaultdict(Counter)
+        """Number of samples of each epoch on each key."""
+        self.alive: set[str] = set()
+        self.trusts_stamps = True
+        """Whether the stamps of commands are valid; they are not while the sender's clock steps."""
+        self.clear()
+
+    def _subscribe(self, bus: Bus) -> None:
+        self._alive = bus.watch_alive(self._wake)
+        self._commands = bus.subscribe(topics.CMD_VEL, depth=DEPTH, wake=self._wake)
+        self._statuses = bus.subscribe(topics.STATUS, depth=DEPTH, wake=self._wake)
+        self._asked = {name: bus.subscribe(topics.source_cmd_vel(name), depth=DEPTH) for name in SOURCES}
+
+    def clear(self) -> None:
+        """Begin a new trial."""
+        self.began_s = time.monotonic()
+        self.seen = Seen()
+        self.base: list[BaseReport] = []
+        self.status: SafetyStatus | None = None
+        self.undecodable = 0
+        """Number of undecodable messages on cmd_vel."""
+        self.late = 0
+        """Number of commands that arrived older than the base's timeout, so that the base ignores them."""
+        self.misdelivered = 0
+        """Number of samples under a key on which their publisher does not publish."""
+        self.contacts = 0
+        self._touching = False
+        for subscription in (self._commands, self._statuses, *self._asked.values()):
+            subscription.take()
+        self._wheels.take()
+
+    def close(self) -> None:
+        asyncio.get_running_loop().remove_reader(self._wheels.descriptor)
+
+    def look(self) -> Seen:
+        """Add the new arrivals, and return all observations."""
+        seen = self.seen
+        for change in self._alive.take():
+            (self.alive.add if change.alive else self.alive.discard)(change.node)
+        for command in self._delivered(self._commands):
+            if command.message is None:
+                self.undecodable += 1
+            elif _age_s(command) > BASE_TIMEOUT_S:
+                self.late += 1
+            else:
+                seen.commands.append(
+                    Command(command.arrival_s, command.message.linear.x, command.message.angular.z)
+                )
+        for status in self._delivered(self._statuses):
+            if status.message is not None:
+                self.status = status.message
+                seen.statuses.append(_status(status.arrival_s, status.message))
+        for name, subscription in self._asked.items():
+            seen.asked += [
+                self._ask(name, arrival, arrival.message)
+                for arrival in self._delivered(subscription)
+                if arrival.message is not None
+            ]
+        for sample in self._wheels.take():
+            self._roll(sample)
+        return seen
+
+    async def until(self, condition: Callable[[Seen], bool], limit_s: float) -> bool:
+        """Wait until the condition holds; return whether it did within `limit_s`."""
+        return await seen_within(limit_s, self._wake, lambda: condition(self.look()))
+
+    async def watch(self, duration_s: float) -> None:
+        await self.until(lambda _: False, duration_s)
+
+    def finished(self) -> Seen:
+        """Return all observations of the trial in order of time."""
+        seen = self.look()
+        seen.asked.sort(key=lambda one: one.sent_s)
+        return seen
+
+    def _delivered(self, subscription: Subscription[M]) -> Iterator[Arrival[M]]:
+        """Yield the samples of a key from the publishers that mostly publish on it.
+
+        After an expired lease, Zenoh delivers a few samples under another key (docs/decisions/0022).
+        """
+        for arrival in subscription.take():
+            if arrival.stamp is not None:
+                heard = self._heard[arrival.stamp.gid]
+                heard[subscription.key] += 1
+                if heard[subscription.key] < max(heard.values()):
+                    self.misdelivered += 1
+                    continue
+            yield arrival
+
+    def _ask(self, source: str, arrival: Arrival[Twist], twist: Twist) -> Asked:
+        age_s = _age_s(arrival) if self.trusts_stamps else 0.0
+        return Asked(arrival.arrival_s - age_s, source, twist.linear.x, twist.angular.z)
+
+    def _roll(self, sample: WheelSample) -> None:
+        if sample.time_s < self.began_s:
+            return
+        motions = self.seen.motions
+        # The approach of the first sample dates from before the trial.
+        own_approach_m = sample.own_approach_m if motions else 0.0
+        motions.append(
+            Motion(
+                sample.time_s,
+                sample.x_m,
+                sample.y_m,
+                sample.linear_m_s,
+                sample.angular_rad_s,
+                sample.clearance_m,
+                own_approach_m,
+                sample.is_touching,
+            )
+        )
+        self.contacts += sample.is_touching and not self._touching
+        self._touching = sample.is_touching
+        driven = self.seen.driven
+        if not driven or driven[-1][1] != sample.is_driven:
+            driven.append((sample.time_s, sample.is_driven))
+        reason = BASE_REASONS[sample.reason]
+        if not self.base or self.base[-1].reason != reason:
+            self.base.append(BaseReport(sample.time_s, reason))
+
+
+def _age_s(arrival: Arrival[Twist]) -> float:
+    """Return the age at arrival by the sender's stamp; 0 without a plausible stamp."""
+    if arrival.stamp is None:
+        return 0.0
+    age_s = arrival.arrival_s - arrival.stamp.source_time_ns * 1e-9
+    return age_s if 0.0 <= age_s < TRUSTED_STAMP_S else 0.0
+
+
+def _status(arrival_s: float, status: SafetyStatus) -> Status:
+    commanded = (status.commanded.linear.x, status.commanded.angular.z)
+    return Status(arrival_s, tuple(status.reasons), status.owner, commanded)

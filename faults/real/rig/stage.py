@@ -1,0 +1,505 @@
+"""The stage of the real campaign: the whole robot, an operator at a terminal, and the observer.
+
+sim and supervisor run under supervisord as with `lifeline up`, with injectable faults (faulty_process.py); teleop has
+its own terminals. If the rights allow it, the state directory is a small disk, so that it can be filled. Everything
+is stopped at the end, whatever happens.
+"""
+
+import asyncio
+import logging
+import os
+import signal
+import stat
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Coroutine
+from contextlib import suppress
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from deploy.stack import bringup, interrupts, processes, supervisord, takedown
+from deploy.stack.errors import DeployError
+from deploy.stack.keyboard import TypedTeleop
+from deploy.stack.launch import DEFAULT_CONFIG, Launch, free_loopback_endpoint
+from deploy.stack.statedir import StateDir
+from deploy.stack.takedown import Say
+from faults.real.rig import faulty_process
+from faults.real.rig.cable import Cable
+from faults.real.rig.helper_process import HelperProcess
+from faults.real.rig.janitor import STATE, sweep
+from faults.real.rig.links import Links
+from faults.real.rig.observer import Observer
+from faults.real.rig.wheels import WheelPipe
+from faults.seen import Seen
+from wire import topics
+from wire.bus import BusError, NoReplyError
+from wire.messages import Point
+from wire.zenoh.bus import ZenohBus, open_bus
+
+NODES = (topics.SUPERVISOR, topics.SIM)
+DISK_BYTES = 96 << 20
+"""Size of the state directory: more than logs and black boxes need."""
+OPEN_LIMIT_S = 10.0
+ALIVE_LIMIT_S = 15.0
+"""Limit for everything that restarts by itself: supervisord may wait for some seconds."""
+RESET_LIMIT_S = 5.0
+READY_LIMIT_S = 5.0
+START_M = (-4.5, 0.0)
+"""Start of the robot in the warehouse, facing along x."""
+PRESS_AGAIN_S = 0.4
+"""An operator who sees no effect presses again."""
+CALL_LIMIT_S = 1.0
+SWITCH_S = 0.0005
+"""Maximum time that a thread keeps the interpreter: the observer's stamps must not wait for a table."""
+SETTLE_POLL_S = 0.1
+
+
+class Route(StrEnum):
+    """How a process reaches the hub."""
+
+    DIRECT = "direct"
+    PROXY = "proxy"
+    CABLE = "cable"
+    """From a separate network namespace; teleop only."""
+
+
+class StageError(DeployError):
+    """The robot did not do what must precede or follow a fault."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArmedLaunch(Launch):
+    """The processes of a `Launch`, with injectable faults."""
+
+    directory: Path = Path()
+
+    def environment(self, state: StateDir) -> dict[str, str]:
+        faulty = {
+            "LIFELINE_PYTHON": str(self.directory / "python"),
+            faulty_process.DIRECTORY: str(self.directory),
+        }
+        # super() without arguments does not work in a dataclass with slots
+        return Launch.environment(self, state) | faulty
+
+    def command(self, module: str) -> list[str]:
+        python, _, *rest = Launch.command(self, module)
+        return [python, "-m", "faults.real.rig.faulty_process", "-m", *rest]
+
+
+class Stage:
+    """The robot, its operator and an observer; `open` starts them, `close` ends them.
+
+    Args:
+        sim_options: options of `python -m sim`.
+        say: called with each step of the start.
+        small_disk: whether to mount a small disk as the state directory, if the rights allow it.
+    """
+
+    def __init__(
+        self, *, sim_options: str = "--no-viewer", say: Say = lambda _: None, small_disk: bool = True
+    ) -> None:
+        self._say, self._wants_disk = say, small_disk
+        self.directory = Path(tempfile.mkdtemp(prefix="lifeline-faults-")).resolve()
+        self.state = StateDir(self.directory / STATE)
+        self.state.create()
+        self._janitor: subprocess.Popen[bytes] | None = None
+        self._has_disk = False
+        self._wheels: WheelPipe | None = None
+        self._bus: ZenohBus | None = None
+        self._links: Links | None = None
+        self._cable: Cable | None = None
+        self._cable_link: Links | None = None
+        self._attacker: HelperProcess | None = None
+        self._watch: Observer | None = None
+        self._teleop: TypedTeleop | None = None
+        self.is_ready = False
+        """Whether the robot has just been observed driving."""
+        self.routes = {topics.TELEOP: Route.DIRECT, topics.SIM: Route.DIRECT}
+        launch = Launch.read(DEFAULT_CONFIG, free_loopback_endpoint(), sim_options=sim_options)
+        self.launch = ArmedLaunch(launch.config, launch.bus, launch.sim_options, directory=self.directory)
+
+    @property
+    def observer(self) -> Observer:
+        assert self._watch is not None
+        return self._watch
+
+    @property
+    def teleop(self) -> TypedTeleop:
+        assert self._teleop is not None
+        return self._teleop
+
+    @property
+    def attacker(self) -> HelperProcess:
+        """Started when first needed."""
+        if self._attacker is None:
+            bus = self.launch.bus
+            self._attacker = HelperProcess(
+                "faults.real.rig.attacker", bus.endpoint, bus.namespace, environment=self.environment
+            )
+            self._attacker.answer()
+        return self._attacker
+
+    @property
+    def links(self) -> Links:
+        if self._links is None:
+            names = (topics.TELEOP, topics.SIM)
+            self._links = Links(self.launch.bus.endpoint, names, environment=self.environment)
+        return self._links
+
+    @property
+    def cable(self) -> Cable:
+        assert self._cable is not None
+        return self._cable
+
+    @property
+    def has_disk(self) -> bool:
+        """Whether the state directory is a separate disk."""
+        return self._has_disk
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """Environment that marks the processes of this stage."""
+        return {processes.MARK: str(self.state.path)}
+
+    # --- up and down
+
+    def run(self, play: Callable[[], Coroutine[Any, Any, None]]) -> KeyboardInterrupt | None:
+        """Start everything, play, and stop everything; return the interrupt that ended it early, if any.
+
+        Raises:
+            DeployError: the robot cannot be started, or what `play` raises.
+        """
+
+        async def opened() -> None:
+            try:
+                await self.open()
+                await play()
+            finally:
+                await self.close()
+
+        before = sys.getswitchinterval()
+        sys.setswitchinterval(SWITCH_S)
+        # The observer receives every attack, so undecodable messages are expected.
+        logging.getLogger("wire").setLevel(logging.CRITICAL)
+        try:
+            with interrupts.interrupts():
+                try:
+                    try:
+                        asyncio.run(opened())
+                    finally:
+                        interrupts.ignore()
+                except KeyboardInterrupt as error:
+                    return error
+                finally:
+                    self.discard()
+        finally:
+            sys.setswitchinterval(before)
+        return None
+
+    async def open(self) -> None:
+        """Start everything; teleop is neutral.
+
+        Raises:
+            DeployError: it cannot be started.
+        """
+        self._hire_janitor()
+        self._mount_disk()
+        self._wheels = WheelPipe(self.directory / faulty_process.WHEELS)
+        python = self.directory / "python"
+        python.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m faults.real.rig.faulty_process "$@"\n')
+        python.chmod(stat.S_IRWXU)
+        await self._start_stack()
+        try:
+            async with asyncio.timeout(OPEN_LIMIT_S):
+                self._bus = await open_bus(self.launch.bus, "client")
+        except (TimeoutError, BusError) as error:
+            raise StageError(f"the campaign's observer cannot connect: {error}") from error
+        self._watch = Observer(self._bus, self._wheels)
+        await self.start_teleop()
+
+    async def close(self) -> None:
+        """Stop everything; processes that have ended already cause no error."""
+        if self._watch is not None:
+            self._watch.close()
+        if self._teleop is not None:
+            await self._teleop.close()
+        if self._bus is not None:
+            await self._bus.close()
+        self.discard()
+
+    def discard(self) -> None:
+        """Stop everything without an event loop; may be called repeatedly."""
+        for child in (self._attacker, self._links, self._cable_link):
+            if child is not None:
+                with suppress(OSError, DeployError):
+                    child.close()
+        self._attacker = self._links = self._cable_link = None
+        if self._wheels is not None:
+            self._wheels.close()
+            self._wheels = None
+        self._cable = None
+        sweep(self.directory, os.getpid())
+        if self._janitor is not None:
+            self._janitor.communicate()
+            self._janitor = None
+
+    async def restart_stack(self) -> None:
+        """Restart everything, to reach a known state."""
+        await self.stop_teleop()
+        for name in (topics.TELEOP, topics.SIM):
+            if self._links is not None:
+                self._links.heal(name)
+        for path in self.directory.glob(f"{faulty_process.CRASH}-*"):
+            path.unlink()
+        takedown.stop(self.state)
+        await self._start_stack()
+        await self.start_teleop()
+
+    async def restart_supervisord(self) -> None:
+        takedown.stop(self.state)
+        await self._start_stack()
+
+    async def _start_stack(self) -> None:
+        bringup.start(self.state, self.launch, self._say)
+        await bringup.wait_until_alive(self.state, self.launch, self._say)
+
+    def _hire_janitor(self) -> None:
+        """Start the janitor, which cleans up even if this process is killed."""
+        self._janitor = subprocess.Popen(
+            [sys.executable, "-m", "faults.real.rig.janitor", str(self.directory), str(os.getpid())],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+
+    def _mount_disk(self) -> None:
+        if not self._wants_disk or os.geteuid() != 0:
+            return
+        done = subprocess.run(
+            ["mount", "-t", "tmpfs", "-o", f"size={DISK_BYTES},mode=700", "lifeline", str(self.state.path)],  # noqa: S607 - the system's
+            capture_output=True,
+            check=False,
+        )
+        self._has_disk = done.returncode == 0
+
+    # --- routes
+
+    async def route(self, *, teleop: Route, sim: Route) -> None:
+        """Make each process reach the hub on its route; restart those whose route changes."""
+        if self.routes != {topics.TELEOP: teleop, topics.SIM: sim}:
+            self.is_ready = False
+        if self.routes[topics.SIM] is not sim:
+            self._set_route(sim)
+            self.routes[topics.SIM] = sim
+            self.observer.alive.discard(topics.SIM)
+            self.signal(topics.SIM, signal.SIGTERM)
+            await self.alive()
+        if self.routes[topics.TELEOP] is not teleop:
+            await self.stop_teleop()
+            self.routes[topics.TELEOP] = teleop
+        if self._teleop is None:
+            await self.start_teleop()
+
+    def _set_route(self, sim: Route) -> None:
+        path = self.directory / f"{faulty_process.ROUTE}-{topics.SIM}"
+        if sim is Route.PROXY:
+            path.write_text(self.links.endpoints[topics.SIM])
+        else:
+            path.unlink(missing_ok=True)
+
+    def _teleop_way(self) -> tuple[tuple[str, ...], str]:
+        """Return the prefix of teleop's command, and the endpoint that it connects to."""
+        match self.routes[topics.TELEOP]:
+            case Route.DIRECT:
+                return (), self.launch.bus.endpoint
+            case Route.PROXY:
+                return (), self.links.endpoints[topics.TELEOP]
+            case Route.CABLE:
+                if self._cable is None:
+                    self._cable = Cable(os.getpid(), subnet=os.getpid() % 250)
+                if self._cable_link is None:
+                    self._cable_link = Links(
+                        self.launch.bus.endpoint,
+                        (topics.TELEOP,),
+                        environment=self.environment,
+                        host=self._cable.host,
+                    )
+                return self._cable.prefix, self._cable_link.endpoints[topics.TELEOP]
+
+    # --- processes
+
+    async def start_teleop(self) -> None:
+        """Start a new teleop on new terminals, without waiting until it is alive."""
+        if self._teleop is not None:
+            await self.stop_teleop()
+        prefix, endpoint = self._teleop_way()
+        command = self.launch.command(topics.TELEOP)
+        command[command.index("--endpoint") + 1] = endpoint
+        if self._watch is not None:
+            self.observer.look()
+            self.observer.alive.discard(topics.TELEOP)
+        environment = os.environ | self.environment | {faulty_process.DIRECTORY: str(self.directory)}
+        self._teleop = TypedTeleop([*prefix, *command], dict(environment))
+
+    async def stop_teleop(self) -> None:
+        if self._teleop is not None:
+            desk, self._teleop = self._teleop, None
+            await desk.close()
+
+    def pid(self, node: str) -> int:
+        """Return the process id of a node, or of supervisord.
+
+        Raises:
+            StageError: it does not run.
+        """
+        if node == topics.TELEOP:
+            return self.teleop.pid
+        for process in processes.of(self.state.path):
+            if process.name == node:
+                return process.pid
+        raise StageError(f"{node} does not run")
+
+    def signal(self, node: str, number: signal.Signals) -> float:
+        """Signal a node, or supervisord; return the time just before."""
+        pid = self.pid(node)
+        now_s = time.monotonic()
+        with suppress(ProcessLookupError):
+            os.kill(pid, number)
+        return now_s
+
+    def order(self, node: str, order: str) -> float:
+        """Trigger a fault inside a node; return the time just before."""
+        (self.directory / f"{faulty_process.ORDER}-{node}").write_text(order)
+        return self.signal(node, signal.SIGUSR1)
+
+    def crash_loop(self, node: str, *, ends: bool) -> None:
+        """Set whether a node ends at each start."""
+        path = self.directory / f"{faulty_process.CRASH}-{node}"
+        path.touch() if ends else path.unlink(missing_ok=True)
+
+    def attack(self, name: str, seed: int, for_s: float) -> float:
+        """Start an attack; return the time just before."""
+        attacker = self.attacker
+        now_s = time.monotonic()
+        attacker.order({"attack": name, "seed": seed, "for_s": for_s})
+        return now_s
+
+    def end_attack(self) -> int:
+        """End the attack; return the number of sent messages."""
+        return int(self.attacker.order({"attack": "stop"}))
+
+    async def settled(self) -> None:
+        """Wait until supervisord considers its programs running; it restarts a program that dies earlier with growing delays.
+
+        Raises:
+            StageError: it does not in time.
+        """
+        deadline_s = time.monotonic() + ALIVE_LIMIT_S
+        while (programs := supervisord.programs(self.state)) is not None:
+            waiting = [program.name for program in programs if program.state != "RUNNING"]
+            if not waiting:
+                return
+            if time.monotonic() > deadline_s:
+                raise StageError(f"not running within {ALIVE_LIMIT_S:g} s: {', '.join(waiting)}")
+            await self.observer.watch(SETTLE_POLL_S)
+
+    async def alive(self, *more: str) -> None:
+        """Wait until sim and supervisor have their tokens and publish.
+
+        Raises:
+            StageError: they do not in time.
+        """
+        wanted = {*NODES, *more}
+        since_s = time.monotonic()
+
+        def are_there(seen: Seen) -> bool:
+            return (
+                self.observer.alive >= wanted
+                and _last_s([s.arrival_s for s in seen.statuses[-1:]]) > since_s
+                and _last_s([m.time_s for m in seen.motions[-1:]]) > since_s
+            )
+
+        if not await self.observer.until(are_there, ALIVE_LIMIT_S):
+            missing = wanted - self.observer.alive
+            raise StageError(
+                f"not alive within {ALIVE_LIMIT_S:g} s: {', '.join(sorted(missing)) or 'they publish nothing'}"
+            )
+
+    # --- the operator
+
+    async def neutral(self) -> float:
+        """Send neutral until the supervisor permits driving; return the time that it took [s].
+
+        Raises:
+            StageError: it does not in time.
+        """
+        began_s = time.monotonic()
+        deadline_s = began_s + READY_LIMIT_S
+        while time.monotonic() < deadline_s:
+            self.press_neutral()
+            pressed_s = time.monotonic()
+            if await self.observer.until(lambda seen: _is_free(seen, pressed_s), PRESS_AGAIN_S):  # noqa: B023 - called at once
+                return time.monotonic() - began_s
+        status = self.observer.status
+        reasons = ", ".join(status.reasons) if status is not None else "no status arrived"
+        ended = "" if self.teleop.running else f"; teleop has ended: {self.teleop.last_lines}"
+        raise StageError(f"not ready to drive {READY_LIMIT_S:g} s after neutral ({reasons}){ended}")
+
+    def press_neutral(self) -> None:
+        """Press `s`, and `r` if an e-stop is latched."""
+        status = self.observer.status
+        is_latched = status is not None and "ESTOP" in status.reasons
+        self.teleop.press("sr" if is_latched else "s")
+
+    async def back_to_start(self) -> None:
+        """Put the robot at rest at its start, with at least 4 m of free aisle ahead and without any pillar.
+
+        Raises:
+            StageError: the sim did not reset.
+        """
+        bus = self.observer.bus
+        bus.publisher(topics.OBSTACLE).put(Point(0.0, 0.0, -1.0))
+        deadline_s = time.monotonic() + RESET_LIMIT_S
+        while True:
+            try:
+                response = await bus.call(topics.SIM_RESET, timeout_s=CALL_LIMIT_S)
+                break
+            except NoReplyError as error:
+                if time.monotonic() > deadline_s:
+                    raise StageError(f"the sim did not reset: {error}") from error
+        if not response.success:
+            raise StageError(f"the sim did not reset: {response.message}")
+
+    def put_pillar(self, ahead_m: float, left_m: float) -> None:
+        """Place a pillar relative to the robot's start pose."""
+        x_m, y_m = START_M
+        self.observer.bus.publisher(topics.OBSTACLE).put(Point(x_m + ahead_m, y_m + left_m, 0.0))
+
+    async def sensors(self, faults: str) -> float:
+        """Request these faults from the sim; return the time just before.
+
+        Raises:
+            StageError: it refuses, or does not answer.
+        """
+        now_s = time.monotonic()
+        try:
+            response = await self.observer.bus.call(topics.SIM_FAULTS, faults, timeout_s=CALL_LIMIT_S)
+        except NoReplyError as error:
+            raise StageError(f"the sim does not take the faults {faults!r}: {error}") from error
+        if not response.success:
+            raise StageError(f"the sim refuses the faults {faults!r}: {response.message}")
+        return now_s
+
+
+def _is_free(seen: Seen, since_s: float) -> bool:
+    """Return whether a newer status without a stop reason has arrived."""
+    return bool(seen.statuses) and seen.statuses[-1].arrival_s > since_s and not seen.statuses[-1].is_stopped
+
+
+def _last_s(times_s: list[float]) -> float:
+    return times_s[-1] if times_s else 0.0

@@ -1,0 +1,499 @@
+"""One trial of the real campaign: drive, break something, watch, recover, judge.
+
+drive      press keys in teleop's terminal until the robot is faster than 0.3 m/s, and for a random time longer
+break      inject the fault at a random moment, while the operator continues to request motion
+watch      wait until the robot stands, and for one second more; killed processes are restarted meanwhile
+recover    send neutral; then the robot must drive again
+judge      check every sample against the promises, and the times against the bounds of the class
+"""
+
+import asyncio
+import itertools
+import math
+import os
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from random import Random
+
+from faults.classes import BY_NAME, KILL_BOUND_S, Effect, Group
+from faults.demands import Done, asked_age_s, demands
+from faults.measure import stop_after
+from faults.promises import Bounds, Demand, Kind, Violation, violations
+from faults.real.injectors.injection import Injection, Pillar
+from faults.real.injectors.plans import PAIR, draw_pair, plan
+from faults.real.rig.stage import NODES, PRESS_AGAIN_S, Route, Stage, StageError
+from faults.real.times import STALL_S, longest_gap_s, since, stood_s, to_lasting_rest_s, to_lasting_zero_s
+from faults.report.drawing import AFTER_S, BEFORE_S
+from faults.seen import Seen
+from faults.timeline import FINE_S, thinned, timeline
+from faults.trial import BrokenPromise, Injected, Trial
+from wire import topics
+
+FAULT_SPEED_M_S = 0.3
+"""A fault counts only at this speed or above."""
+DRIVE_LIMIT_S = 4.0
+DRIVE_TRIES = 4
+PILLAR_SHARE = 0.4
+"""Share of the trials with a pillar."""
+PILLAR_AHEAD_M = (1.8, 3.0)
+PILLAR_BESIDE_M = 0.4
+LAST_KEYS_S = 0.3
+"""Maximum time from the required speed to the fault."""
+PAIR_APART_S = 0.4
+STAND_LIMIT_S = 4.0
+QUIET_S = 1.0
+"""Time for which the robot is observed at rest while the operator requests motion."""
+QUIET_AFTER_LIFT_S = 0.5
+"""Minimum time of observation after a stopped or disconnected process returned."""
+HARMLESS_QUIET_S = 0.2
+STAGE_TRIES = 3
+LOOK_S = 0.05
+SCANS_S = 0.2
+MOVES_LIMIT_S = 3.0
+SENDING_S = 0.03
+"""Time from a key press to the observer."""
+LEEWAY_S = 0.05
+"""Tolerance of a bound in a single trial for the scheduling of a loaded machine. The record contains the measured time,
+and the report's percentiles have no tolerance."""
+
+
+@dataclass(slots=True)
+class _Run:
+    """The state of one trial."""
+
+    name: str
+    seed: int
+    faults: list[tuple[str, Injection]]
+    done: list[Done] = field(default_factory=list[Done])
+    lifted: list[Injection] = field(default_factory=list[Injection])
+    complaints: list[Violation] = field(default_factory=list[Violation])
+    recovering_s: float = 0.0
+
+    @property
+    def stops(self) -> bool:
+        """Whether at least one of the faults must stop the robot."""
+        return any(BY_NAME[name].bound_s is not None or injection.also for name, injection in self.faults)
+
+    @property
+    def pillar(self) -> Pillar:
+        """Faults that need a pillar at a certain place are never part of a pair."""
+        return self.faults[0][1].pillar
+
+    @property
+    def is_straight(self) -> bool:
+        return self.pillar is not Pillar.BY_CHANCE
+
+    @property
+    def leeway_s(self) -> float:
+        return LEEWAY_S + max(injection.leeway_s for _, injection in self.faults)
+
+    def may_end(self, node: str) -> bool:
+        """Return whether one of the faults may end this process."""
+        return any(
+            BY_NAME[name].target in ("", node)
+            or BY_NAME[name].group is Group.SUPERVISORD
+            or node in name
+            or injection.also
+            for name, injection in self.faults
+        )
+
+
+def planned(name: str, seed: int) -> list[tuple[str, Injection]]:
+    """Return the faults of a trial; the same seed gives the same faults."""
+    chance = Random(f"{name} {seed}")  # noqa: S311 - to be repeated is what it is for
+    names = draw_pair(chance) if name == PAIR else (name,)
+    faults = [(one, plan(one, chance)) for one in names]
+    if name == PAIR:
+        for _, injection in faults:
+            injection.parameters[PAIR] = " and ".join(names)
+    return faults
+
+
+def routes(faults: list[tuple[str, Injection]]) -> tuple[Route, Route]:
+    """Return the routes of teleop and sim to the hub that these faults need."""
+    teleop = [one.teleop for _, one in faults if one.teleop is not Route.DIRECT]
+    sim = [one.sim for _, one in faults if one.sim is not Route.DIRECT]
+    return (teleop or [Route.DIRECT])[0], (sim or [Route.DIRECT])[0]
+
+
+async def complete_trial(
+    stage: Stage, name: str, seed: int, revision: str, say: Callable[[str], None]
+) -> Trial:
+    """Run one trial and leave a drivable stage; rebuild the stage and try again if the trial does not reach its fault.
+
+    Raises:
+        StageError: it does not reach its fault in `STAGE_TRIES` tries.
+    """
+    for tries_left in reversed(range(STAGE_TRIES)):
+        try:
+            trial, is_drivable = await _run_trial(stage, name, seed, revision)
+        except StageError as error:
+            if not tries_left:
+                raise
+            say(f"{name}, seed {seed}: {error}; rebuilding the stage")
+        else:
+            if not is_drivable:
+                await stage.restart_stack()
+            return trial
+        await stage.restart_stack()
+    raise AssertionError("the last try returns or raises")
+
+
+async def _run_trial(stage: Stage, name: str, seed: int, revision: str) -> tuple[Trial, bool]:
+    """Run one trial; return its record and whether the stage is drivable after it.
+
+    Raises:
+        StageError: it did not reach its fault.
+    """
+    run = _Run(name, seed, planned(name, seed))
+    chance = Random(f"{name} {seed} driving")  # noqa: S311 - as above
+    teleop, sim = routes(run.faults)
+    await stage.route(teleop=teleop, sim=sim)
+    if any(run.may_end(node) for node in NODES):
+        await stage.settled()
+    for _, injection in run.faults:
+        await injection.prepare(stage)
+    await _drive(stage, run, chance)
+    pids = {node: stage.pid(node) for node in NODES}
+    load = os.getloadavg()[0]
+    try:
+        await _break(stage, run, chance)
+        await _watch(stage, run)
+    finally:
+        for _, injection in run.faults:
+            await _lift(stage, run, injection)
+    drivable = await _recover(stage, run)
+    if drivable:
+        _complain_of_deaths(stage, run, pids)
+    trial = _judge(stage, run, revision, load)
+    stage.observer.trusts_stamps = True
+    return trial, drivable
+
+
+# --- drive
+
+
+async def _drive(stage: Stage, run: _Run, chance: Random) -> None:
+    """Drive until the robot is fast enough and no stop holds.
+
+    Raises:
+        StageError: the robot does not drive.
+    """
+    for number in range(DRIVE_TRIES):
+        if number or not stage.is_ready:
+            await stage.alive(topics.TELEOP)
+            await stage.neutral()
+        stage.is_ready = False
+        await _let_go(stage)
+        await stage.back_to_start()
+        _put_pillar(stage, run, chance)
+        stage.observer.clear()
+        presses = chance.randint(4, 10)
+        wanted_m_s = chance.uniform(FAULT_SPEED_M_S, 0.09 * presses)
+        turn = "" if run.is_straight else chance.choice(("", "", "a", "d", "aa", "dd"))
+        stage.teleop.press("w" * presses + turn)
+        if not await stage.observer.until(
+            lambda seen: bool(seen.motions) and seen.motions[-1].linear_m_s >= wanted_m_s,  # noqa: B023 - called at once
+            DRIVE_LIMIT_S,
+        ):
+            continue
+        until_s = time.monotonic() + chance.uniform(0.0, LAST_KEYS_S)
+        while (left_s := until_s - time.monotonic()) > 0.0:
+            await stage.observer.watch(min(left_s, chance.uniform(0.03, 0.15)))
+            stage.teleop.press("w" if run.is_straight else chance.choice("wwad"))
+        seen = stage.observer.look()
+        if not seen.statuses[-1].is_stopped and seen.motions[-1].linear_m_s >= FAULT_SPEED_M_S:
+            return
+    status = stage.observer.status
+    reasons = ", ".join(status.reasons) if status is not None else "no status"
+    raise StageError(f"the robot does not drive by keys ({reasons})")
+
+
+def _put_pillar(stage: Stage, run: _Run, chance: Random) -> None:
+    """Place a pillar on the path or beside it, as the fault requires."""
+    match run.pillar:
+        case Pillar.BY_CHANCE if chance.random() < PILLAR_SHARE:
+            ahead_m = chance.uniform(*PILLAR_AHEAD_M)
+            stage.put_pillar(ahead_m, chance.uniform(-PILLAR_BESIDE_M, PILLAR_BESIDE_M))
+        case Pillar.AHEAD:
+            stage.put_pillar(chance.uniform(*PILLAR_AHEAD_M), 0.0)
+        case _:
+            pass
+
+
+async def _let_go(stage: Stage) -> None:
+    """Send neutral, so that earlier requests do not affect the trial."""
+    pressed_s = time.monotonic()
+    stage.press_neutral()
+    await stage.observer.until(
+        lambda seen: (
+            bool(seen.commands)
+            and seen.commands[-1].is_zero
+            and seen.commands[-1].arrival_s > pressed_s + SENDING_S
+        ),
+        STAND_LIMIT_S,
+    )
+
+
+# --- break
+
+
+async def _break(stage: Stage, run: _Run, chance: Random) -> None:
+    """Run every fault from its beginning to its end."""
+    pauses_s = [0.0, *(chance.uniform(0.0, PAIR_APART_S) for _ in run.faults[1:])]
+    tasks = [
+        asyncio.ensure_future(_inject(stage, run, name, injection, pause_s))
+        for (name, injection), pause_s in zip(run.faults, pauses_s, strict=True)
+    ]
+    caring = asyncio.ensure_future(_take_care(stage, run))
+    typing = asyncio.ensure_future(_go_on_typing(stage, run, chance)) if not run.stops else None
+    try:
+        await asyncio.gather(*tasks)
+    finally:
+        for task in (*tasks, caring, *([typing] if typing else [])):
+            task.cancel()
+        await asyncio.gather(*tasks, caring, *([typing] if typing else []), return_exceptions=True)
+
+
+async def _inject(stage: Stage, run: _Run, name: str, injection: Injection, pause_s: float) -> None:
+    if pause_s > 0.0:
+        await asyncio.sleep(pause_s)
+    try:
+        at_s = await injection.do(stage)
+    except (StageError, OSError):
+        # The other fault of a pair has removed its target, so it does not count.
+        if len(run.faults) == 1:
+            raise
+        return
+    run.done.append(Done(name, at_s, at_s, injection.parameters))
+    if injection.lasts_s > 0.0:
+        await asyncio.sleep(injection.lasts_s)
+    await _lift(stage, run, injection)
+
+
+async def _lift(stage: Stage, run: _Run, injection: Injection) -> None:
+    """End a fault, once."""
+    if injection not in run.lifted:
+        run.lifted.append(injection)
+        with suppress(StageError, OSError):
+            await injection.lift(stage)
+
+
+async def _take_care(stage: Stage, run: _Run) -> None:
+    """Restart teleop when it has ended, as an operator would."""
+    while True:
+        await asyncio.sleep(LOOK_S)
+        await _start_what_ended(stage, run)
+
+
+async def _start_what_ended(stage: Stage, run: _Run) -> None:
+    if stage.teleop.running:
+        return
+    if not run.may_end(topics.TELEOP):
+        sentence = f"teleop ended by itself; its last lines: {stage.teleop.last_lines}"
+        run.complaints.append(Violation(8, time.monotonic(), sentence))
+    # Start it only after the loss was detected, because starting a program occupies the processor.
+    await asyncio.sleep(3 * LOOK_S)
+    await stage.start_teleop()
+
+
+async def _go_on_typing(stage: Stage, run: _Run, chance: Random) -> None:
+    """Press random keys, including neutral, if no fault must stop the robot."""
+    while True:
+        await asyncio.sleep(chance.uniform(0.05, 0.3))
+        stage.teleop.press(chance.choice(run.faults[0][1].keys))
+
+
+# --- watch
+
+
+async def _watch(stage: Stage, run: _Run) -> None:
+    """Wait until the robot stands, and a while longer; the operator continues to request motion."""
+    observer, lifted_s = stage.observer, time.monotonic()
+    until_s = lifted_s + HARMLESS_QUIET_S
+    if run.stops:
+        last_s = max(one.at_s for one in run.done)
+        await observer.until(lambda seen: standing_since_s(seen, last_s) is not None, STAND_LIMIT_S)
+        rest_s = standing_since_s(observer.look(), last_s) or time.monotonic()
+        until_s = max(rest_s + QUIET_S, lifted_s + QUIET_AFTER_LIFT_S)
+    while (left_s := until_s - time.monotonic()) > 0.0:
+        await observer.watch(min(left_s, LOOK_S))
+        await _start_what_ended(stage, run)
+
+
+def standing_since_s(seen: Seen, since_s: float) -> float | None:
+    """Return since when the robot has been standing; None if it moves, or if that is unknown."""
+    still = list(itertools.takewhile(lambda m: m.is_still and m.time_s > since_s, reversed(seen.motions)))
+    return still[-1].time_s if still else None
+
+
+# --- recover
+
+
+async def _recover(stage: Stage, run: _Run) -> bool:
+    """Recover by neutral alone, and drive; return whether this worked. If not, a promise is broken."""
+    began_s = time.monotonic()
+    await _start_what_ended(stage, run)
+    try:
+        await stage.alive(topics.TELEOP)
+        run.recovering_s = time.monotonic()
+        neutral_s = await stage.neutral()
+        await stage.back_to_start()
+        if run.is_straight:  # the next scans show that the pillar is gone
+            await stage.observer.watch(SCANS_S)
+            await stage.neutral()
+        await _move(stage)
+    except StageError as error:
+        if run.recovering_s == 0.0:
+            run.recovering_s = time.monotonic()
+        because = " and ".join(name for name, _ in run.faults)
+        run.complaints.append(Violation(8, time.monotonic(), f"not drivable again after {because}: {error}"))
+        return False
+    await _let_go(stage)
+    stage.is_ready = True
+    for _, injection in run.faults:
+        injection.parameters["to_alive_s"] = round(run.recovering_s - began_s, 3)
+        injection.parameters["to_ready_s"] = round(neutral_s, 3)
+    return True
+
+
+async def _move(stage: Stage) -> None:
+    """Press w until the robot is commanded to move.
+
+    Keys are pressed repeatedly, as a person would: while the rest of a flood still arrives, another client publishes as
+    teleop, and teleop returns to zero.
+
+    Raises:
+        StageError: it does not drive within `MOVES_LIMIT_S`.
+    """
+    deadline_s = time.monotonic() + MOVES_LIMIT_S
+    while (pressed_s := time.monotonic()) < deadline_s:
+        stage.teleop.press("ww")
+        if await stage.observer.until(
+            lambda seen: (
+                bool(seen.commands)
+                and not seen.commands[-1].is_zero
+                and seen.commands[-1].arrival_s > pressed_s
+            ),
+            PRESS_AGAIN_S,
+        ):
+            return
+    raise StageError(f"the robot is ready, but no motion was commanded within {MOVES_LIMIT_S:g} s")
+
+
+def _complain_of_deaths(stage: Stage, run: _Run, pids: dict[str, int]) -> None:
+    for node, pid in pids.items():
+        if not run.may_end(node) and stage.pid(node) != pid:
+            lines = stage.state.last_lines(node)
+            run.complaints.append(Violation(8, time.monotonic(), f"{node} ended by itself:\n{lines}"))
+
+
+# --- judge
+
+
+def _judge(stage: Stage, run: _Run, revision: str, load: float) -> Trial:
+    observer = stage.observer
+    began_s, end_s = observer.began_s, time.monotonic()
+    seen, base = since(began_s, observer.finished(), observer.base)
+    recovering_s = run.recovering_s - began_s
+    done = [_shifted(one, began_s, run, injection) for one in run.done for injection in _of(run, one)]
+    late = [Done(one.name, one.at_s + run.leeway_s, one.until_s, one.parameters) for one in done]
+    late += [
+        Done(other, one.at_s + run.leeway_s, one.until_s)
+        for one in done
+        for injection in _of(run, one)
+        for other in injection.also
+    ]
+    is_alone = not any(BY_NAME[one.name].group is Group.WIRE for one in done)
+    stalled_s = longest_gap_s([m.time_s for m in seen.motions], done[0].at_s, recovering_s)
+    wanted = [
+        one for one in demands(late, alone=is_alone) if one.kind is not Kind.BRAKE or stalled_s <= STALL_S
+    ]
+    wanted.append(Demand(Kind.DRIVABLE, 8, "everything is mended", recovering_s, end_s - began_s))
+    age_s = asked_age_s(done) + run.leeway_s
+    # Without valid stamps, only arrival times are known, and a request may arrive after its effect.
+    asked_s = age_s if observer.trusts_stamps else math.inf
+    bounds = Bounds(asked_age_s=asked_s, status_leeway_s=LEEWAY_S, neutral_leeway_s=age_s)
+    found = [
+        *violations(seen, wanted, bounds),
+        *(Violation(one.promise, one.time_s - began_s, one.sentence) for one in run.complaints),
+    ]
+    if observer.undecodable:
+        found.append(Violation(1, 0.0, f"{observer.undecodable} undecodable messages on cmd_vel"))
+    faults: list[Injected] = []
+    for one in done:
+        stop = stop_after(seen, one.at_s, base)
+        wheels_s = to_lasting_rest_s(seen.driven, one.at_s, recovering_s)
+        base_bound_s = _base_bound_s(one.name) if len(done) == 1 else None
+        if base_bound_s is not None and _brakes_late(seen, one.at_s, wheels_s, base_bound_s + run.leeway_s):
+            took = "did not brake" if wheels_s is None else f"braked after {1000 * wheels_s:.0f} ms"
+            found.append(Violation(4, one.at_s, f"the base {took}: {one.name}"))
+        measured = {} if wheels_s is None else {"to_wheels_s": round(wheels_s, 5)}
+        faults.append(
+            Injected(
+                fault=one.name,
+                time_s=round(one.at_s, 4),
+                parameters={
+                    **one.parameters,
+                    **measured,
+                    "sim_stalled_s": round(stalled_s, 3),
+                    "load": round(load, 2),
+                    "leeway_s": round(run.leeway_s, 3),
+                    "late_commands": observer.late,
+                    "misdelivered": observer.misdelivered,
+                },
+                detector=stop.detector,
+                speed_m_s=round(stop.speed_m_s, 4),
+                to_zero_s=_rounded(to_lasting_zero_s(seen.commands, one.at_s, recovering_s)),
+                to_standstill_s=_rounded(stop.to_standstill_s),
+                distance_m=_rounded(stop.distance_m),
+            )
+        )
+    broken = tuple(
+        BrokenPromise(promise=one.promise, time_s=round(one.time_s, 4), sentence=one.sentence)
+        for one in found
+    )
+    clearances_m = [motion.clearance_m for motion in seen.motions]
+    # The part to be drawn; everything if a promise was broken.
+    window = (0.0, math.inf) if broken else (done[0].at_s - BEFORE_S, done[-1].at_s + AFTER_S)
+    return Trial(
+        mode="real",
+        revision=revision,
+        seed=run.seed,
+        duration_s=round(end_s - began_s, 3),
+        faults=tuple(faults),
+        smallest_clearance_m=round(min(clearances_m), 4) if clearances_m else 0.0,
+        contacts=observer.contacts,
+        violations=broken,
+        timeline=tuple(thinned(timeline(seen, FINE_S), *window)),
+    )
+
+
+def _of(run: _Run, one: Done) -> list[Injection]:
+    return [injection for name, injection in run.faults if name == one.name]
+
+
+def _shifted(one: Done, began_s: float, run: _Run, injection: Injection) -> Done:
+    """Return the fault in the trial's own time, in force until the operator sent neutral."""
+    return Done(one.name, one.at_s - began_s, run.recovering_s - began_s, injection.parameters)
+
+
+def _base_bound_s(name: str) -> float | None:
+    """Return the limit for zero at the wheels if only the base itself can stop the robot."""
+    effect = BY_NAME[name].effect
+    if Effect.SUPERVISOR_ENDS in effect:
+        return KILL_BOUND_S
+    if Effect.SUPERVISOR_SILENT in effect:
+        return BY_NAME[name].bound_s or BY_NAME["supervisor_blocked"].bound_s
+    return None
+
+
+def _brakes_late(seen: Seen, at_s: float, wheels_s: float | None, bound_s: float) -> bool:
+    """Return whether zero at the wheels came too late, not counting the time in which the simulation stood still."""
+    return wheels_s is None or wheels_s - stood_s(seen.motions, at_s, at_s + wheels_s) > bound_s
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 5)

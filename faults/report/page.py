@@ -1,0 +1,269 @@
+"""The report of a campaign as one HTML page without scripts or external resources, for screen and paper. Pure."""
+
+import math
+from collections.abc import Iterator, Sequence
+from html import escape
+
+from faults.classes import BY_NAME
+from faults.report.drawing import strips, timeline
+from faults.report.figures import PROMISES, Campaign, Case, ClassFigures, Spread, fault_of
+from faults.report.statistics import upper_rate
+
+BROKEN_SHOWN = 200
+FEW = 100
+"""With fewer stops, the 99th percentile is the maximum."""
+MODES = {"real": "Real processes", "virtual": "Virtual time"}
+ABOUT = {
+    "real": "The real programs over real Zenoh, killed, stopped and cut off while the robot drives by keys. What is "
+    "timed includes the machine's own scheduling.",
+    "virtual": "The same services with MuJoCo on a virtual clock and a virtual network: what is timed is the protocol "
+    "and the law, without the machine. Equal seeds make equal trials.",
+}
+STYLE = """
+:root{color-scheme:light dark;--ink:#20262e;--paper:#fff;--soft:#66707c;--rule:#d9dee4;--blue:#3a6ea5;--red:#c8443c;
+--green:#2f7d4b;--amber:#b5731a}
+@media(prefers-color-scheme:dark){:root{--ink:#e4e8ec;--paper:#15191e;--soft:#98a3af;--rule:#343c45;--blue:#7eb0e3;
+--red:#ff7a70;--green:#6cc68b;--amber:#e8a33d}}
+@media print{:root{--ink:#000;--paper:#fff;--soft:#444;--rule:#bbb;--blue:#245;--red:#a00;--green:#160;--amber:#840}
+details{break-inside:avoid}tr,svg{break-inside:avoid}.wide{overflow:visible}table{font-size:8pt}}
+body{background:var(--paper);color:var(--ink);font:15px/1.5 system-ui,sans-serif;max-width:76rem;margin:2rem auto;
+padding:0 1rem}
+h1{line-height:1.2}h2{margin-top:3rem;border-bottom:1px solid var(--rule)}
+table{border-collapse:collapse;font-size:13px;font-variant-numeric:tabular-nums}
+th,td{padding:.2rem .55rem;text-align:right;border-bottom:1px solid var(--rule);white-space:nowrap}
+th{vertical-align:bottom;color:var(--soft);font-weight:600}td.l,th.l{text-align:left}td.w{white-space:normal;min-width:14rem}
+.wide{overflow-x:auto}.bad{color:var(--red);font-weight:700}.good{color:var(--green);font-weight:700}
+.soft{color:var(--soft)}dt{color:var(--soft)}dl{display:grid;grid-template-columns:max-content 1fr;gap:.1rem 1rem}
+dd{margin:0;overflow-wrap:anywhere}code{font-size:.92em;overflow-wrap:anywhere}
+svg{max-width:100%;height:auto;font:11px system-ui,sans-serif}svg text{fill:var(--ink)}
+.name{text-anchor:end}.tick{text-anchor:middle;fill:var(--soft)!important}.note{fill:var(--soft)!important}
+.grid{stroke:var(--rule);fill:none}.bars{fill:var(--blue)}.bound{stroke:var(--red);stroke-width:2;fill:none}
+.commanded{stroke:var(--soft);stroke-dasharray:5 3;fill:none;stroke-width:1.5}
+.permitted{stroke:var(--blue);fill:none;stroke-width:1.8}.true{stroke:var(--amber);fill:none;stroke-width:2.2}
+.stopped{fill:var(--red);fill-opacity:.18}.why{font-size:10px}
+.key{display:inline-block;width:1.6rem;border-top:3px solid;vertical-align:middle;margin:0 .3rem 0 1rem}
+figure{margin:1rem 0}figcaption{color:var(--soft);font-size:13px}
+"""
+
+
+def page(sources: Sequence[str], campaigns: Sequence[Campaign], left_out: int) -> str:
+    """Return the page.
+
+    Args:
+        sources: names of the files.
+        campaigns: the campaigns in them.
+        left_out: number of trials of older revisions, which are not in the figures.
+    """
+    title = "Lifeline: what each fault leads to"
+    return "".join(
+        [
+            '<!doctype html><html lang="en"><head><meta charset="utf-8">',
+            '<meta name="viewport" content="width=device-width,initial-scale=1">',
+            f"<title>{title}</title><style>{STYLE}</style></head><body><h1>{title}</h1>",
+            *_head(sources, campaigns, left_out),
+            *(part for one in campaigns for part in _campaign(one)),
+            *_how_to_read(),
+            "</body></html>\n",
+        ]
+    )
+
+
+def verdict(one: Campaign) -> str:
+    """Return one sentence: number of trials, broken promises, failure rate and stop times."""
+    hours = one.duration_s / 3600
+    lasted = f"{hours:.1f} h" if hours >= 1 else f"{one.duration_s / 60:.1f} min"
+    found = f"{one.broken_trials:,}" if one.broken_trials else "none"
+    return (
+        f"{one.trials:,} trials, {lasted} in total; {found} broke a promise: failure rate ≤ {percent(one.rate)} "
+        f"(95 % upper bound).{_bounded(one.bounded)}"
+    )
+
+
+def _bounded(stops: Spread | None) -> str:
+    """Return a sentence on the stop times of all classes together."""
+    if stops is None or stops.number < FEW:
+        return ""
+    p99, p999, worst = (f"{1000 * time_s:.1f} ms" for time_s in (stops.p99, stops.p999, stops.worst))
+    return (
+        f" Over all single faults with a bound, the robot was stopped {stops.number:,} times: 99 % of the stops took "
+        f"at most {p99}, 99.9 % at most {p999}, and the slowest {worst}."
+    )
+
+
+def percent(rate: float) -> str:
+    """Format a rate in percent with two significant digits."""
+    if rate <= 0.0:
+        return "0 %"
+    digits = max(0, 1 - math.floor(math.log10(100 * rate)))
+    return f"{100 * rate:.{digits}f} %"
+
+
+def _head(sources: Sequence[str], campaigns: Sequence[Campaign], left_out: int) -> Iterator[str]:
+    yield "<dl><dt>file</dt><dd>" + escape(", ".join(sources)) + "</dd></dl>"
+    for one in campaigns:
+        word = "bad" if one.broken_trials else "good"
+        yield f'<p><b>{MODES[one.mode]}.</b> <span class="{word}">{verdict(one)}</span></p>'
+    if left_out:
+        yield f"<p>{left_out:,} trials of older revisions are in the file and not included here.</p>"
+
+
+def _campaign(one: Campaign) -> Iterator[str]:
+    classes = one.classes()
+    yield f"<h2>{MODES[one.mode]}</h2><p>{ABOUT[one.mode]}</p>"
+    yield from _origin(one)
+    yield from _table(classes, one.mode)
+    if picture := strips(classes):
+        yield (
+            "<h3>How long a stop took</h3><figure>"
+            f'<div class="wide">{picture}</div><figcaption>Time from the fault to zero, on a logarithmic axis. Each histogram is '
+            "scaled to its highest bin. The red line is the bound of the class.</figcaption></figure>"
+        )
+    yield from _broken(one)
+    yield from _single(classes, one.mode)
+
+
+def _origin(one: Campaign) -> Iterator[str]:
+    yield "<dl>"
+    for provenance in one.provenances:
+        for name, value in (
+            ("command", provenance.command),
+            ("date", provenance.date),
+            ("machine", provenance.machine),
+            ("commit", provenance.commit),
+        ):
+            yield f"<dt>{name}</dt><dd>{escape(value) or 'unknown'}</dd>"
+    if one.unsigned or not one.provenances:
+        which = "some" if one.provenances else "these"
+        yield f"<dt>missing</dt><dd>the file does not record the command, date, machine and commit of {which} trials</dd>"
+    yield f"<dt>revision</dt><dd>{escape(one.revision) or 'unknown'}</dd></dl>"
+
+
+def _table(classes: Sequence[ClassFigures], mode: str) -> Iterator[str]:
+    wheels = '<th colspan="2">at the wheels<br>p50, max [ms]</th>' if mode == "real" else ""
+    yield (
+        '<div class="wide"><table><thead><tr><th class="l">fault</th><th>n</th><th class="l">detected by</th>'
+        '<th>bound<br>[ms]</th><th colspan="3">to zero<br>p50, p99, max [ms]</th><th>beyond<br>bound</th>'
+        f'{wheels}<th colspan="2">to standstill<br>p50, max [ms]</th><th colspan="2">distance<br>p50, max [cm]</th>'
+        "<th>smallest<br>clearance [cm]</th><th>contacts</th><th>trials that<br>broke a promise</th><th>at most,<br>95 %</th>"
+        "</tr></thead><tbody>"
+    )
+    for one in classes:
+        yield from _row(one, mode)
+    yield "</tbody></table></div>"
+
+
+def _row(one: ClassFigures, mode: str) -> Iterator[str]:
+    stop = one.stop
+    many = stop is not None and stop.number >= FEW
+    broken = f'<span class="bad">{one.broken}</span>' if one.broken else "0"
+    known = BY_NAME.get(one.name)
+    does = "" if known is None else f' title="{escape(f"{known.group}: {known.does}")}"'
+    yield f'<tr><td class="l"{does}>{escape(one.name)}</td><td>{one.count:,}</td>'
+    yield f'<td class="l w">{_detectors(one)}</td>'
+    yield _cell("" if one.bound_s is None else f"{1000 * one.bound_s:.0f}")
+    yield _cell(number(stop, "median", 1000))
+    yield _cell(number(stop, "p99", 1000) if many else '<span class="soft">n &lt; 100</span>' if stop else "")
+    yield _cell(number(stop, "worst", 1000))
+    yield _cell("" if one.bound_s is None or stop is None else f"{one.late:,} of {stop.number:,}")
+    if mode == "real":
+        yield _pair(one.wheels, 1000)
+    yield _pair(one.standstill, 1000) + _pair(one.distance, 100)
+    yield _cell(f"{100 * one.clearance_m:.1f}") + _cell(str(one.contacts)) + _cell(broken)
+    yield _cell(percent(upper_rate(one.trials, one.broken))) + "</tr>"
+
+
+def _detectors(one: ClassFigures) -> str:
+    meant = ", ".join(f"{escape(name)} {count:,}" for name, count in one.detectors)
+    others = ", ".join(
+        f"{escape(name)} {count:,}" + ("" if math.isnan(longest_s) else f" (max {1000 * longest_s:.0f} ms)")
+        for name, count, longest_s in one.others
+    )
+    return meant + (f'{" " if meant else ""}<span class="soft">or first by {others}</span>' if others else "")
+
+
+def _pair(found: Spread | None, factor: float) -> str:
+    return _cell(number(found, "median", factor)) + _cell(number(found, "worst", factor))
+
+
+def _cell(text: str) -> str:
+    return f"<td>{text}</td>"
+
+
+def number(found: Spread | None, which: str, factor: float) -> str:
+    """Format `median`, `p99` or `worst`, multiplied by a factor; empty if nothing was measured."""
+    return "" if found is None else f"{factor * float(getattr(found, which)):,.1f}"
+
+
+def _broken(one: Campaign) -> Iterator[str]:
+    yield f"<h3>Broken promises: {len(one.broken):,}</h3>"
+    if not one.broken:
+        return
+    yield (
+        '<div class="wide"><table><thead><tr><th class="l">fault</th><th class="l">promise</th><th>at [s]</th>'
+        '<th class="l">what happened</th><th class="l">see it again</th></tr></thead><tbody>'
+    )
+    for found in one.broken[:BROKEN_SHOWN]:
+        promise = found.promise.promise
+        yield (
+            f'<tr><td class="l">{escape(", ".join(found.classes))}</td><td class="l w">{promise}: {PROMISES[promise]}</td>'
+            f'<td>{found.promise.time_s:.3f}</td><td class="l w">{escape(found.promise.sentence[:400])}</td>'
+            f'<td class="l"><code>{escape(found.command)}</code></td></tr>'
+        )
+    yield "</tbody></table></div>"
+    if len(one.broken) > BROKEN_SHOWN:
+        yield f"<p>{len(one.broken) - BROKEN_SHOWN:,} more are in the file.</p>"
+
+
+def _single(classes: Sequence[ClassFigures], mode: str) -> Iterator[str]:
+    yield "<h3>Single trials</h3><p>The typical one is the median by time to zero."
+    yield (
+        ' <span class="key" style="color:var(--soft)"></span>requested<span class="key" style="color:var(--blue)"></span>'
+        'permitted<span class="key" style="color:var(--amber)"></span>true speed [m/s]; below, the stop reasons.</p>'
+    )
+    for one in classes:
+        if one.typical is None or one.worst is None:
+            continue
+        pictures = dict(picture for case in (one.worst, one.typical) for picture in _picture(one, case))
+        lines = [
+            f"{word}: zero after {1000 * (case.stop_s or 0.0):.1f} ms, <code>{escape(_again(one, mode, case))}</code>"
+            for word, case in (("typical", one.typical), ("worst", one.worst))
+        ]
+        yield f"<h4>{escape(one.name)}</h4><p>{'<br>'.join(lines)}</p>{''.join(pictures.values())}"
+        if not pictures:
+            yield '<p class="soft">No trial of this class has a recorded timeline.</p>'
+
+
+def _picture(one: ClassFigures, case: Case) -> Iterator[tuple[int, str]]:
+    """Draw this case's trial, or the one with a timeline whose stop time is nearest."""
+    trial = one.timeline_near(case.stop_s or 0.0)
+    fault = None if trial is None else fault_of(trial, one.name)
+    if trial is None or fault is None or not (picture := timeline(trial, fault)):
+        return
+    which = "" if trial.seed == case.seed else ": the recorded timeline with the nearest stop time"
+    yield trial.seed, f"<figure>{picture}<figcaption>seed {trial.seed}{which}</figcaption></figure>"
+
+
+def _again(one: ClassFigures, mode: str, case: Case) -> str:
+    if mode == "virtual":
+        return f"lifeline faults --virtual --seed {case.seed}"
+    return f"lifeline faults --classes {one.name} --trials 1 --seed {case.seed}"
+
+
+def _how_to_read() -> Iterator[str]:
+    yield (
+        "<h2>How to read this</h2><ul>"
+        "<li><b>n</b>: number of injections. A short fault needs no stop, and a robot at rest has none. "
+        "Two faults within 2 s of each other count as a pair.</li>"
+        "<li><b>to zero</b>: time from the fault to the first zero on cmd_vel of a lasting stop; for faults of the "
+        "supervisor, until the base brakes by itself. Only stops by the expected detectors of the class count; the others "
+        "are listed as <i>or first by</i>.</li>"
+        "<li><b>beyond bound</b>: number of stops that took longer than the bound, without tolerance. A promise counts as "
+        "broken only beyond a tolerance: 5 ms on the virtual clock; on a real machine, whose scheduler gives no timing "
+        "guarantee, at least 50 ms. Each record contains its tolerance.</li>"
+        "<li><b>p99</b>: meaningful for 100 or more stops; below that, use the maximum.</li>"
+        "<li><b>distance</b>: distance driven from the fault to standstill; the speeds differ between trials.</li>"
+        "<li><b>smallest clearance, contacts</b>: over all trials with this fault, whether the robot or the object moved. "
+        "People and forklifts may run into a robot at rest; only contact by the robot's own motion breaks a promise.</li>"
+        "<li><b>at most</b>: upper bound of the failure rate (Clopper-Pearson, one-sided, 95 %); without a broken promise "
+        "1 − 0.05<sup>1/n</sup>, about 3/n. It applies to trials of the same distribution, not to every situation.</li></ul>"
+    )

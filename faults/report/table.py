@@ -1,0 +1,86 @@
+"""Print the results of a campaign: a table by class of fault, the broken promises, and the events of one trial."""
+
+from collections.abc import Iterator, Sequence
+
+from rich.console import Console
+from rich.table import Table
+
+from faults.report.figures import ClassFigures, class_of, figures_of, replay
+from faults.trial import Trial
+
+MIN_WIDTH = 160
+"""Columns of the table if the output is not a terminal."""
+BROKEN_SHOWN = 20
+
+COLUMNS = ("trials", "stops", "detected by", "bound", "zero p50", "p99", "max", "stands after", "within", "clearance", "broken")  # fmt: skip
+
+
+def print_results(trials: Sequence[Trial], console: Console | None = None) -> None:
+    """Print the table, and the first broken promises with the commands that replay them."""
+    console = console or Console()
+    if not console.is_terminal and console.width < MIN_WIDTH:
+        console = Console(width=MIN_WIDTH, stderr=console.stderr)
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    table.add_column("fault", no_wrap=True)
+    for title in COLUMNS:
+        is_text = title == "detected by"  # wraps if the console is narrow; numbers never do
+        table.add_column(title, justify="left" if is_text else "right", no_wrap=not is_text)
+    for one in figures_of(trials):
+        table.add_row(one.name, *_cells(one))
+    console.print(table)
+    for line in broken_sentences(trials)[: 2 * BROKEN_SHOWN]:
+        console.print(line, style="red", markup=False, highlight=False, soft_wrap=True)
+
+
+def _cells(one: ClassFigures) -> Iterator[str]:
+    """Yield the cells of `COLUMNS`; empty if nothing was measured."""
+    stop, standstill, distance = one.stop, one.standstill, one.distance
+    yield str(one.trials)
+    yield str(len(one.stops))
+    yield ", ".join(f"{name} {count}" for name, count in one.detectors[:3])
+    yield "" if one.bound_s is None else f"{1000 * one.bound_s:.0f} ms"
+    for time_s in (None,) * 3 if stop is None else (stop.median, stop.p99, stop.worst):
+        yield "" if time_s is None else f"{1000 * time_s:.1f} ms"
+    yield "" if standstill is None else f"{1000 * standstill.median:.0f} ms"
+    yield "" if distance is None else f"{100 * distance.worst:.1f} cm"
+    yield f"{100 * one.clearance_m:.1f} cm"
+    yield f"[bold red]{one.broken}[/]" if one.broken else ""
+
+
+def broken_sentences(trials: Sequence[Trial]) -> list[str]:
+    """Return two lines for each broken promise: what happened, and the command that replays it."""
+    return [
+        line
+        for trial in trials
+        for broken in trial.violations
+        for line in (
+            f"{class_of(trial)}, seed {trial.seed}, promise {broken.promise}, {broken.time_s:.3f} s: {broken.sentence}",
+            f"  replay: {replay(trial)}",
+        )
+    ]
+
+
+def story(trial: Trial) -> Iterator[str]:
+    """Yield the events of one trial in order of time, one line each."""
+    yield f"seed {trial.seed}, {trial.duration_s:g} s, code {trial.revision}, digest {trial.digest}"
+    events: list[tuple[float, str]] = []
+    for one in trial.faults:
+        details = ", ".join(f"{name} {value}" for name, value in one.parameters.items())
+        zero = "" if one.to_zero_s is None else f", zero after {1000 * one.to_zero_s:.1f} ms"
+        detected = f"detected by {one.detector}" if one.detector else "not detected"
+        events.append(
+            (one.time_s, f"FAULT {one.fault} ({details}) at {one.speed_m_s:.2f} m/s: {detected}{zero}")
+        )
+    reasons: tuple[str, ...] | None = None
+    for sample in trial.timeline:
+        if sample.reasons != reasons:
+            reasons = sample.reasons
+            moving = f"{sample.true[0]:.2f} m/s, {sample.true[1]:.2f} rad/s"
+            events.append((sample.time_s, f"{', '.join(reasons) or 'no stop'}; {moving}"))
+    events += [(v.time_s, f"BROKEN {v.promise}: {v.sentence}") for v in trial.violations]
+    for time_s, sentence in sorted(events):
+        yield f"{time_s:8.3f} s  {sentence}"
+    yield (
+        f"smallest clearance {100 * trial.smallest_clearance_m:.1f} cm, contacts {trial.contacts}, "
+        f"broken promises {len(trial.violations)}"
+    )

@@ -1,0 +1,169 @@
+"""Many seeds of the virtual campaign on several cores: progress, file, table, exit code."""
+
+import json
+import os
+import signal
+import threading
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from itertools import islice
+from multiprocessing import active_children, get_context, parent_process
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from deploy.stack import interrupts
+from deploy.stack.errors import DeployError
+from faults.report.results import results
+from faults.report.table import print_results, story
+from faults.simulated.revision import revision
+from faults.simulated.trial_run import run_trial
+from faults.trial import Trial, parse
+from faults.trial_file import appending, known_trials
+
+DECIDES = "faults.simulated.trial_run"
+"""This module and its imports determine what a seed does."""
+BATCH = 4
+"""Seeds in one batch for a worker; Ctrl-C loses those that are not finished."""
+AHEAD = 3
+"""Queued batches for each worker."""
+
+Say = Callable[[str], None]
+
+
+def replay(seed: int, say: Say, *, as_json: bool = False) -> int:
+    """Run one seed and print every event, or the trial as JSON; return 1 if it broke a promise."""
+    trial = run_trial(seed, revision(DECIDES), with_timeline=True)
+    if as_json:
+        print(trial.line())
+    else:
+        for line in story(trial):
+            say(line)
+    return int(bool(trial.violations))
+
+
+def campaign(seeds: int, jobs: int, out: Path | None, say: Say, *, as_json: bool = False) -> int:
+    """The seeds from 0 on; 1 if any broke a promise, 130 if it was interrupted and none did.
+
+    Args:
+        seeds: how many.
+        jobs: processes that work on them.
+        out: a line for each trial is added here; those that are there already are not run again.
+        say: takes a sentence for the operator.
+        as_json: print the results as JSON, and the progress on standard error.
+
+    Raises:
+        DeployError: the file cannot be used, or a trial could not be run.
+    """
+    code = revision(DECIDES)
+    interrupted = False
+    with interrupts.interrupts(), appending(out) as append:
+        trials = {trial.seed: trial for trial in known_trials(out, "virtual", code) if trial.seed < seeds}
+        if trials:
+            say(f"{len(trials)} of {seeds} seeds are in {out} already")
+        missing = [seed for seed in range(seeds) if seed not in trials]
+        try:
+            for line in _lines(missing, jobs, code, Console(stderr=as_json)):
+                append(line)
+                trial = parse(line)
+                trials[trial.seed] = trial
+        except KeyboardInterrupt:
+            interrupted = True
+            say("interrupted: what has been run counts")
+    done = [trials[seed] for seed in sorted(trials)]
+    if as_json:
+        print(json.dumps(results(done), indent=2), flush=True)
+    else:
+        print_results(done)
+    broken = [trial for trial in done if trial.violations]
+    hours = sum(trial.duration_s for trial in done) / 3600
+    say(f"{len(done)} seeds, {hours:.1f} virtual hours: {len(broken)} broke a promise")
+    return 1 if broken else 130 if interrupted else 0
+
+
+def default_jobs() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _lines(seeds: Sequence[int], jobs: int, code: str, console: Console) -> Iterator[str]:
+    """Yield one line for each seed, as they finish."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[broken]} broke a promise"),
+    )
+    if not seeds:
+        return
+    # Spawned, not forked: a child must not inherit this process's threads half way.
+    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_begin_work)
+    try:
+        with Progress(*columns, console=console, transient=True) as progress:
+            task = progress.add_task("virtual faults", total=len(seeds), broken=0)
+            broken = 0
+            left = iter(seeds)
+            running: set[Future[list[str]]] = set()
+            while True:
+                with _interrupts_held_back():
+                    while len(running) < AHEAD * jobs and (batch := list(islice(left, BATCH))):
+                        running.add(pool.submit(run_batch, batch, code))
+                if not running:
+                    break
+                finished, running = wait(running, return_when=FIRST_COMPLETED)
+                for future in finished:
+                    for line in future.result():
+                        broken += '"violations":' in line
+                        progress.update(task, advance=1, broken=broken)
+                        yield line
+    except BaseException:
+        for worker in active_children():
+            worker.kill()  # do not wait for the end of its batch
+        pool.shutdown(cancel_futures=True)
+        raise
+    pool.shutdown()
+
+
+def run_batch(seeds: Sequence[int], code: str) -> list[str]:
+    """Some trials, as lines; in a worker.
+
+    Raises:
+        DeployError: naming the seed.
+    """
+    return [_run(seed, code).line() for seed in seeds]
+
+
+def _run(seed: int, code: str) -> Trial:
+    try:
+        return run_trial(seed, code)
+    except Exception as error:
+        raise DeployError(
+            f"seed {seed} could not be run: {type(error).__name__}: {error}; "
+            f"see it with `lifeline faults --virtual --seed {seed}`"
+        ) from error
+
+
+@contextmanager
+def _interrupts_held_back() -> Generator[None]:
+    """Block SIGINT; a worker that starts here inherits this for its lifetime, and this process gets the signal afterwards.
+
+    Ctrl-C reaches the whole process group, but only the main process may handle it.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _begin_work() -> None:
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

@@ -1,0 +1,209 @@
+"""Run one trial of the virtual campaign; the same seed always gives the same record."""
+
+import asyncio
+import gc
+import hashlib
+import itertools
+import logging
+import struct
+from collections.abc import Generator
+from contextlib import contextmanager
+
+from faults.demands import Done, asked_age_s, demands, may_be_locked_out, tolerance_m
+from faults.measure import NOTICED_WITHIN_S, stop_after
+from faults.promises import Bounds, Demand, Kind, Violation, violations
+from faults.seen import Seen
+from faults.simulated.fault_injection import Injector, calm
+from faults.simulated.operator import Operator, reset_from_outside
+from faults.simulated.scenario import EPISODE_S, RECOVERY_S, Drivers, draw
+from faults.simulated.world import World
+from faults.timeline import timeline
+from faults.trial import BrokenPromise, Injected, Trial
+from supervisor.config import SupervisorSection
+from virtual.loop import VirtualLoop, VirtualTimeError
+from wire import topics
+
+AGAIN_S = 0.2
+FREE_S = 0.6
+"""Time without a stop after all faults are lifted; longer than any lease or backlog."""
+FREE_STATUSES = 5
+"""Minimum number of statuses in that time, which shows that the supervisor is not silent."""
+LOOK_S = 0.05
+FOLLOWS_S = 0.5
+"""A stop that begins later than this after a fault's end is not a consequence of the fault."""
+
+
+def run_trial(
+    seed: int, revision: str = "", *, config: SupervisorSection | None = None, with_timeline: bool = False
+) -> Trial:
+    """Run the trial of a seed.
+
+    Args:
+        seed: says everything that happens.
+        revision: of the code, for the record.
+        config: of the supervisor; None: as it comes.
+        with_timeline: whether the record tells what moved when; one with violations always does.
+    """
+    scenario = draw(seed)
+    loop = VirtualLoop()
+    world = World(loop, scenario, config)
+    injector = Injector(world)
+    with _quiet(), _collected_later():
+        try:
+            loop.run_until_complete(_play(world, injector))
+        except VirtualTimeError as error:
+            world.crashes.append((loop.time(), "the clock", str(error)))
+        world.end()
+        loop.close()
+    return _judge(world, injector.finished(), revision, with_timeline=with_timeline)
+
+
+async def _play(world: World, injector: Injector) -> None:
+    operator = Operator(world, world.scenario.stubbornness)
+    world.start_all()
+    tasks = [
+        asyncio.ensure_future(work)
+        for work in (
+            world.watch(),
+            operator.run(),
+            reset_from_outside(world),
+            injector.connect(),
+            injector.put_pillars(),
+            *(injector.run(fault) for fault in world.scenario.faults),
+        )
+    ]
+    await asyncio.sleep(EPISODE_S)
+    for task in tasks[5:]:
+        task.cancel()
+    await asyncio.sleep(0)
+    operator.is_patient = True
+    tasks.append(asyncio.ensure_future(mend(world, injector)))
+    await _until_drivable(world)
+    for task in tasks:
+        task.cancel()
+    await asyncio.wait(tasks)
+
+
+async def _until_drivable(world: World) -> None:
+    """Wait until the robot has not been stopped for a while, or the recovery time is over."""
+    loop = world.loop
+    await asyncio.sleep(FREE_S)
+    while loop.time() < EPISODE_S + RECOVERY_S:
+        if _has_been_free(world.seen, loop.time() - FREE_S):
+            return
+        await asyncio.sleep(LOOK_S)
+
+
+def _has_been_free(seen: Seen, since_s: float) -> bool:
+    """Return whether all statuses since a time, and enough of them, report no stop."""
+    recent = list(itertools.takewhile(lambda status: status.arrival_s >= since_s, reversed(seen.statuses)))
+    return len(recent) >= FREE_STATUSES and not any(status.is_stopped for status in recent)
+
+
+async def mend(world: World, injector: Injector) -> None:
+    """Lift all remaining faults, as an operator of the machine would."""
+    world.kill("teleop2")
+    for name in (topics.TELEOP, topics.SIM):
+        for conditions in world.network.link(name):
+            calm(conditions)
+        world.network.heal(name)
+    for life in list(world.lives.values()):
+        world.let_go(life)
+    names = {one.name for one in injector.finished()}
+    if world.scenario.drivers is Drivers.STUBBORN and may_be_locked_out(names):
+        world.kill(topics.TELEOP)
+    world.start_all()
+    await injector.calm_sensors()
+    while True:  # what ends only now is started again as well
+        world.start_all()
+        await asyncio.sleep(AGAIN_S)
+
+
+def _judge(world: World, done: list[Done], revision: str, *, with_timeline: bool) -> Trial:
+    seen, scenario = world.seen, world.scenario
+    alone = scenario.drivers is not Drivers.BOTH
+    wanted = demands(done, alone=alone)
+    end_s = world.loop.time()
+    wanted.append(Demand(Kind.DRIVABLE, 8, "everything is mended", EPISODE_S, end_s))
+    age_s = asked_age_s(done)
+    bounds = Bounds(tolerance_m=tolerance_m(done), asked_age_s=age_s, neutral_leeway_s=age_s)
+    found = violations(seen, wanted, bounds)
+    found += [
+        Violation(8, time_s, f"{name} ended by an error of its own: {why}")
+        for time_s, name, why in world.crashes
+    ]
+    broken = tuple(
+        BrokenPromise(promise=v.promise, time_s=round(v.time_s, 4), sentence=v.sentence) for v in found
+    )
+    return Trial(
+        mode="virtual",
+        revision=revision,
+        seed=scenario.seed,
+        duration_s=round(end_s, 3),
+        faults=tuple(_injected(seen, one, world) for one in done),
+        smallest_clearance_m=round(min(motion.clearance_m for motion in seen.motions), 4),
+        contacts=world.contacts,
+        violations=broken,
+        digest=digest(seen),
+        timeline=tuple(timeline(seen)) if with_timeline or broken else (),
+    )
+
+
+def _injected(seen: Seen, one: Done, world: World) -> Injected:
+    within_s = min(one.until_s - one.at_s + FOLLOWS_S, NOTICED_WITHIN_S)
+    stop = stop_after(seen, one.at_s, world.base, within_s)
+    return Injected(
+        fault=one.name,
+        time_s=round(one.at_s, 4),
+        parameters=dict(one.parameters),
+        detector=stop.detector,
+        speed_m_s=round(stop.speed_m_s, 4),
+        to_zero_s=_rounded(stop.to_zero_s),
+        to_standstill_s=_rounded(stop.to_standstill_s),
+        distance_m=_rounded(stop.distance_m),
+    )
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 5)
+
+
+def digest(seen: Seen) -> str:
+    """Return the digest of all observations, exact to the bit."""
+    sha = hashlib.sha256()
+    for command in seen.commands:
+        sha.update(struct.pack("<3d", *command))
+    for motion in seen.motions:
+        sha.update(struct.pack("<7d?d", *motion))
+    for status in seen.statuses:
+        sha.update(repr(status).encode())
+    return sha.hexdigest()[:16]
+
+
+LOGGERS = ("wire", "supervisor", "teleop", "sim")
+
+
+@contextmanager
+def _quiet() -> Generator[None]:
+    """Suppress the logs of the services."""
+    loggers = [logging.getLogger(name) for name in LOGGERS]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
+
+
+@contextmanager
+def _collected_later() -> Generator[None]:
+    """Suspend cyclic garbage collection: it takes a tenth of a trial's time and frees nothing before its end."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()

@@ -1,0 +1,377 @@
+"""The real services as processes on a virtual network; each can end, hang and restart."""
+
+import asyncio
+import math
+from collections import deque
+from collections.abc import Callable, Coroutine, Iterable
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from faults.measure import BaseReport
+from faults.seen import Asked, Command, Seen, Status
+from faults.simulated.clearance_witness import Witness
+from faults.simulated.machine import Machine
+from faults.simulated.scenario import Drivers, Scenario
+from sim import mj
+from sim.build import Build, Hull
+from sim.config import SimSection
+from sim.diagnostics import base_reason
+from sim.floorplan import Circle, FloorPlan
+from sim.plant import Plant
+from sim.scene import build
+from sim.service import SimService
+from sim.snapshot import Snapshot
+from supervisor.config import FootprintSection, SupervisorSection
+from supervisor.service import SupervisorService
+from teleop.holder import HeldError
+from teleop.incremental import Incremental
+from teleop.pilot import KeyEvent
+from teleop.ramp import Ramp
+from teleop.service import Setup, Teleop
+from teleop.setpoint import Setpoint
+from teleop.view import Control, Line, View
+from virtual.loop import VirtualLoop, VirtualProcess
+from virtual.network import VirtualBus, VirtualNetwork
+from wire import topics
+from wire.bus import wait_until
+from wire.messages import SafetyStatus, Twist, planar_twist
+from wire.stamp import Stamp
+
+SIM = SimSection(imu_hz=1.0)
+"""The default configuration; the inertial unit is slow, because no service uses it."""
+SIM_SLACK_S = 0.01
+"""Five physics steps at each wake-up, unless a message arrives; a process on a busy machine is no more exact."""
+SAMPLE_S = 0.02
+HEARTBEAT_S = 0.05
+RESTART_S = 0.3
+TRY_AGAIN_S = 0.3
+START_CLEARANCE_M = 0.5
+PLACES = 50
+"""Number of random places that are tried before the default start is used."""
+FREE_AHEAD_M, AHEAD_STEP_M = 4.0, 0.25
+HALF_LENGTH_M, HALF_WIDTH_M = 0.3, 0.2
+JOY = "joy"
+SOURCES = (topics.TELEOP, JOY)
+
+Main = Callable[["Life"], Coroutine[Any, Any, None]]
+
+
+@dataclass(eq=False)
+class Life:
+    """One run of a process."""
+
+    name: str
+    process: VirtualProcess
+    bus: VirtualBus
+    stop: asyncio.Event = field(default_factory=asyncio.Event)
+    task: asyncio.Task[None] | None = None
+
+    @property
+    def is_over(self) -> bool:
+        return self.bus.is_dead
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A compiled world, reused for many trials."""
+
+    plant: Plant
+    witness: Witness
+    initial: Snapshot
+    is_round: bool
+    floor: FloorPlan
+    half_size_m: tuple[float, float]
+
+
+@lru_cache(maxsize=12)
+def stage(scene: str, *, movers: bool, rectangular: bool) -> Stage:
+    """Return the world of a scenario; every trial first restores its initial state, exact to the bit."""
+    options = Build(hull=Hull.RECTANGULAR if rectangular else Hull.ROUND, moving=movers)
+    world = build(scene, options)
+    plant = Plant(scene, limits=SIM.limits(), lidars=SIM.lidar_configs(), options=options)
+    assert world.size_m is not None
+    half_size_m = (0.5 * world.size_m[0], 0.5 * world.size_m[1])
+    witness = Witness(plant, world)
+    return Stage(plant, witness, plant.save(), not rectangular, FloorPlan(world.standing), half_size_m)
+
+
+class Keyboard:
+    """The keyboard input of one run of teleop."""
+
+    ended = False
+
+    def __init__(self, wake: asyncio.Event) -> None:
+        self.wake = wake
+        self.steps: tuple[int, int] = (0, 0)
+        """Net key presses forward and to the left since the last stop."""
+        self._events: list[KeyEvent] = []
+
+    def press(self, keys: Iterable[str]) -> None:
+        self._events += [KeyEvent(key) for key in keys]
+        self.wake.set()
+
+    def end(self) -> None:
+        """End the terminal's input."""
+        self.ended = True
+        self.wake.set()
+
+    def take(self) -> list[KeyEvent]:
+        events, self._events = self._events, []
+        return events
+
+
+class Dark:
+    """A screen that discards its output."""
+
+    size = (80, 24)
+
+    def show(self, lines: object) -> bool:  # noqa: ARG002
+        return True
+
+    def note(self, text: str) -> None: ...
+
+    def bell(self) -> None: ...
+
+    def suspend(self) -> None: ...
+
+
+def _render(_view: View, _columns: int, _rows: int) -> tuple[Line, ...]:
+    return ()
+
+
+class World:
+    """All processes of a trial, and all observations of it."""
+
+    def __init__(
+        self, loop: VirtualLoop, scenario: Scenario, config: SupervisorSection | None = None
+    ) -> None:
+        self.loop, self.scenario = loop, scenario
+        self.network = VirtualNetwork(loop, scenario.stream("network"))
+        self.network.tap = self._tap
+        self.stage = stage(scenario.scene, movers=scenario.movers, rectangular=scenario.rectangular)
+        self.plant, self._witness = self.stage.plant, self.stage.witness
+        self._config = config or SupervisorSection()
+        if scenario.rectangular:
+            half_x_m, half_y_m = HALF_LENGTH_M, HALF_WIDTH_M
+            corners = [
+                (half_x_m, half_y_m),
+                (-half_x_m, half_y_m),
+                (-half_x_m, -half_y_m),
+                (half_x_m, -half_y_m),
+            ]
+            self._config = self._config.model_copy(update={"footprint": FootprintSection(corners_m=corners)})
+        self.seen = Seen()
+        self.base: list[BaseReport] = []
+        self.crashes: list[tuple[float, str, str]] = []
+        """Processes that ended with an error: time, name and error."""
+        self.status: SafetyStatus | None = None
+        self.velocity = (0.0, 0.0)
+        """The velocity that the sources without recovery request."""
+        self.keyboard: Keyboard | None = None
+        self.lives: dict[str, Life] = {}
+        self._ended: list[Life] = []
+        self.may_reset = True
+        """Whether an e-stop is reset."""
+        self.machine = Machine()
+        self.contacts = 0
+        self.heard: deque[tuple[Twist, Stamp]] = deque(maxlen=100)
+        """Teleop's last commands, for replay."""
+        self._mains: dict[str, Main] = {
+            topics.SUPERVISOR: self._supervisor,
+            topics.SIM: self._sim,
+            topics.TELEOP: self._stubborn if scenario.drivers is Drivers.STUBBORN else self._teleop,
+            "teleop2": self._second,
+            JOY: self._joy,
+        }
+        loop.on_error = self._on_error
+        self._place_robot()
+
+    @property
+    def drivers(self) -> tuple[str, ...]:
+        return (topics.TELEOP, JOY) if self.scenario.drivers is Drivers.BOTH else (topics.TELEOP,)
+
+    @property
+    def speed_m_s(self) -> float:
+        return abs(self.plant.true_velocity.linear_m_s)
+
+    # --- processes
+
+    def start(self, name: str) -> None:
+        """Start a process if it does not run."""
+        if name in self.lives:
+            return
+        process = VirtualProcess(name, SIM_SLACK_S if name == topics.SIM else 0.0)
+        network = self.network
+        is_hub = name == topics.SUPERVISOR
+        bus = network.open_hub(name, process) if is_hub else network.open_client(name, process)
+        life = self.lives[name] = Life(name, process, bus)
+        if name == topics.SIM:
+            self._place_robot()
+        life.task = self.loop.create_task(self._mains[name](life), context=process.context)
+        life.task.add_done_callback(lambda task: self._on_end(life, task))
+
+    def start_all(self) -> None:
+        for name in (topics.SUPERVISOR, topics.SIM, *self.drivers):
+            self.start(name)
+
+    def kill(self, name: str) -> None:
+        """SIGKILL."""
+        life = self.lives.pop(name, None)
+        if life is not None:
+            self._ended.append(life)
+            life.bus.die()
+
+    def terminate(self, name: str) -> None:
+        """SIGTERM."""
+        life = self.lives.get(name)
+        if life is not None:
+            life.stop.set()
+
+    def hold(self, name: str, *, deaf: bool = False, stopped: bool = False) -> Life | None:
+        """Hold a process; see `virtual/network.py` for the ways."""
+        life = self.lives.get(name)
+        if life is not None:
+            life.process.hold()
+            if stopped:
+                life.bus.set_stopped(stopped=True)
+            elif deaf:
+                life.bus.set_deaf(deaf=True)
+        return life
+
+    def let_go(self, life: Life) -> None:
+        """Continue a process; it first receives the messages that arrived meanwhile."""
+        if life.is_over or not life.process.is_held:
+            return
+        if life.bus.is_stopped:
+            life.bus.set_stopped(stopped=False)
+        elif life.bus.is_deaf:
+            life.bus.set_deaf(deaf=False)
+        self.loop.resume(life.process)
+
+    def end(self) -> None:
+        """End all processes."""
+        for name in list(self.lives):
+            self.kill(name)
+
+    def _on_end(self, life: Life, task: asyncio.Task[None]) -> None:
+        if self.lives.get(life.name) is not life:
+            return
+        self.kill(life.name)
+        error = None if task.cancelled() else task.exception()
+        if isinstance(error, HeldError):  # the operator is told so, and tries again
+            self.network.after(TRY_AGAIN_S, self.start, life.name)
+        elif error is not None:
+            self.crashes.append((self.loop.time(), life.name, f"{type(error).__name__}: {error}"))
+
+    def _on_error(self, name: str, error: BaseException | None) -> None:
+        self.crashes.append((self.loop.time(), name, f"{type(error).__name__}: {error}"))
+        self.kill(name)
+
+    async def _supervisor(self, life: Life) -> None:
+        await SupervisorService(life.bus, self._config, **self.machine.options()).run(life.stop)
+        await life.bus.close()
+
+    async def _sim(self, life: Life) -> None:
+        await life.bus.connect()
+        await SimService(life.bus, SIM, self.plant).run(life.stop)
+        await life.bus.close()
+
+    async def _teleop(self, life: Life) -> None:
+        await life.bus.connect()
+        wake = asyncio.Event()
+        self.keyboard = keyboard = Keyboard(wake)
+        pilot = Incremental(Setpoint(), Ramp(1.0, 4.0))
+        setup = Setup(topics.TELEOP, "virtual", Control.INCREMENTAL, about=life.name, pictures=False)
+        teleop = Teleop(life.bus, setup, pilot=pilot, keys=keyboard, screen=Dark(), render=_render, wake=wake)
+        await teleop.run(life.stop)
+        await life.bus.close()
+
+    async def _stubborn(self, life: Life) -> None:
+        await self._beat(life, topics.TELEOP, lambda: self.velocity)
+
+    async def _joy(self, life: Life) -> None:
+        await self._beat(life, JOY, lambda: self.velocity)
+
+    async def _second(self, life: Life) -> None:
+        """Run a second program with a taken name that commands a turn."""
+        await self._beat(life, topics.TELEOP, lambda: (0.0, 0.6))
+
+    async def _beat(self, life: Life, source: str, wanted: Callable[[], tuple[float, float]]) -> None:
+        await life.bus.connect()
+        life.bus.declare_alive(source)
+        publisher = life.bus.publisher(topics.source_cmd_vel(source))
+        while not life.stop.is_set():
+            publisher.put(planar_twist(*wanted()))
+            await wait_until(life.stop, self.loop.time() + HEARTBEAT_S)
+        publisher.put(planar_twist(0.0, 0.0))
+        await life.bus.close()
+
+    # --- the robot
+
+    def _place_robot(self) -> None:
+        """Restore the plant, place the robot where it has room, and seed the noise of this trial."""
+        plant, random = self.plant, self.scenario.stream("place")
+        noise = np.random.default_rng(self.scenario.seed).bit_generator.state
+        plant.restore(replace(self.stage.initial, noise=(noise,)))
+        half_x_m, half_y_m = self.stage.half_size_m
+        base = int(plant.model.jnt_qposadr[mj.joint_id(plant.model, "robot")])
+        for _ in range(PLACES):
+            x_m, y_m = random.uniform(-half_x_m, half_x_m), random.uniform(-half_y_m, half_y_m)
+            yaw_rad = random.uniform(-math.pi, math.pi)
+            if not self._has_room(x_m, y_m):
+                continue
+            if self.scenario.straight and not self._is_free_ahead(x_m, y_m, yaw_rad):
+                continue
+            plant.data.qpos[base : base + 2] = x_m, y_m
+            plant.data.qpos[base + 3 : base + 7] = math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2)
+            mj.forward(plant.model, plant.data)
+            break
+        self._witness.start(self.loop.time())
+
+    def _is_free_ahead(self, x_m: float, y_m: float, yaw_rad: float) -> bool:
+        """Return whether the way straight ahead of a pose is free for long enough."""
+        return all(
+            self._has_room(x_m + ahead_m * math.cos(yaw_rad), y_m + ahead_m * math.sin(yaw_rad))
+            for ahead_m in np.arange(AHEAD_STEP_M, FREE_AHEAD_M, AHEAD_STEP_M)
+        )
+
+    def _has_room(self, x_m: float, y_m: float) -> bool:
+        """Return whether a hull at a pose is clear of all static objects and of the movers' starts."""
+        hull = Circle(x_m, y_m, self.plant.hull_radius_m)
+        clear = all(math.dist((x_m, y_m), pose[:2]) > 3.0 for pose in self.plant.movers.values())
+        return clear and self.stage.floor.nearest(hull).distance_m > START_CLEARANCE_M
+
+    async def watch(self) -> None:
+        """Sample the true state until the trial ends."""
+        while True:
+            motion = self._witness.look(self.loop.time())
+            before = self.seen.motions[-1] if self.seen.motions else motion
+            self.contacts += motion.is_touching and not before.is_touching
+            self.seen.motions.append(motion)
+            await asyncio.sleep(SAMPLE_S)
+
+    # --- what is seen
+
+    def _tap(self, _node: str, key: str, message: Any, stamp: Stamp) -> None:  # noqa: ANN401 - any message
+        now_s = self.loop.time()
+        if key == topics.CMD_VEL.key:
+            self.seen.commands.append(Command(now_s, message.linear.x, message.angular.z))
+        elif key == topics.STATUS.key:
+            self.status = message
+            commanded: Twist = message.commanded
+            self.seen.statuses.append(
+                Status(
+                    now_s, tuple(message.reasons), message.owner, (commanded.linear.x, commanded.angular.z)
+                )
+            )
+        elif key == topics.DIAGNOSTICS.key:
+            reason = base_reason(message)
+            if reason is not None and (not self.base or self.base[-1].reason != reason):
+                self.base.append(BaseReport(now_s, reason))
+        elif (source := topics.source_of(key)) in SOURCES:
+            self.seen.asked.append(Asked(now_s, source, message.linear.x, message.angular.z))
+            if source == topics.TELEOP:
+                self.heard.append((message, stamp))

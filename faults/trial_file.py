@@ -1,0 +1,96 @@
+"""The file of a campaign: its trials are read from it, appended to it, and signed with their provenance."""
+
+import gzip
+import zlib
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+from deploy.stack.errors import DeployError
+from faults.provenance import signed
+from faults.trial import PROVENANCE_BEGINS, Provenance, Trial, parse, parse_provenance
+
+
+def read_trials(path: Path) -> Iterator[Trial]:
+    """Read the trials of a file and skip provenance lines; otherwise like `read_records`."""
+    return (one for one in read_records(path) if isinstance(one, Trial))
+
+
+def read_records(path: Path) -> Iterator[Trial | Provenance]:
+    """Read the trials and provenances of a file, one by one; a name that ends with `.gz` means a compressed file.
+
+    An incomplete last line, which a killed campaign leaves, is skipped.
+
+    Raises:
+        DeployError: the file cannot be read, or a line is neither; names file and line.
+    """
+    for number, line in enumerate(whole_lines(path, "the trials"), 1):
+        yield _record(line, path, number)
+
+
+def whole_lines(path: Path, what: str) -> Iterator[str]:
+    """Yield the complete lines of a file, compressed or not.
+
+    Args:
+        path: the file.
+        what: its content, for the error.
+
+    Raises:
+        DeployError: the file cannot be read.
+    """
+    try:
+        with gzip.open(path, "rb") if path.suffix == ".gz" else path.open("rb") as file:
+            for line in file:
+                if line.endswith(b"\n"):
+                    yield line.decode()
+    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
+        raise DeployError(f"cannot read {what} in {path}: {error}") from error
+
+
+def _record(line: str, path: Path, number: int) -> Trial | Provenance:
+    try:
+        return parse_provenance(line) if line.startswith(PROVENANCE_BEGINS) else parse(line)
+    except DeployError as error:
+        raise DeployError(f"{path}:{number}: {error}; choose another --out, or remove the line") from error
+
+
+def known_trials(out: Path | None, mode: str, revision: str) -> list[Trial]:
+    """Return the trials of a file that were run in this mode by this revision; none if there is no file."""
+    if out is None or not out.exists():
+        return []
+    return [trial for trial in read_trials(out) if trial.mode == mode and trial.revision == revision]
+
+
+@contextmanager
+def appending(out: Path | None) -> Generator[Callable[[str], None]]:
+    """Open a file and yield a function that appends one line; without a file, it does nothing.
+
+    An incomplete last line is cut off first. Each line is flushed, and a provenance follows the lines.
+
+    Raises:
+        DeployError: the file cannot be written.
+    """
+    if out is None:
+        yield lambda _: None
+        return
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        file = out.open("a+b")
+        _cut_incomplete_line(file)
+    except OSError as error:
+        raise DeployError(f"cannot write {out}: {error.strerror}") from error
+
+    def append(line: str) -> None:
+        file.write(line.encode() + b"\n")
+        file.flush()
+
+    with signed(out), file:
+        yield append
+
+
+def _cut_incomplete_line(file: IO[bytes]) -> None:
+    file.seek(0)
+    data = file.read()
+    if not data.endswith(b"\n"):
+        file.truncate(data.rfind(b"\n") + 1)

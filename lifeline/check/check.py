@@ -1,0 +1,270 @@
+"""`lifeline check`: report a configuration's lidars, stopping distance, permitted motions and risks."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from deploy.stack.errors import DeployError
+from deploy.stack.robot_file import read_robot
+from lifeline.check.motions import Permitted, View, permitted_motions
+from lifeline.check.risks import Risk, risks
+from lifeline.check.ros2 import RosTopicUse, ros2_risks, ros2_table, topics_of
+from ros2.config import Ros2Section
+from sim.config import SimSection
+from supervisor.config import SupervisorSection
+from supervisor.law.model import Decision
+from supervisor.lidar_config import FULL_TURN_SLACK_RAD, NamedLidarSection
+from wire import topics
+from wire.host.config import BusSection, ConfigError, read_toml
+
+EXIT_RISKS = 1
+
+ASSUMED_BEAMS = 360
+ASSUMED_RANGE_M = 12.0
+
+
+class Stopping(NamedTuple):
+    """The parts of the distance in which the robot stops from its top speed: v·T + v²/2a + d."""
+
+    speed_m_s: float
+    reaction_s: float
+    reaction_m: float
+    braking_m: float
+    keep_m: float
+
+    @property
+    def total_m(self) -> float:
+        return self.reaction_m + self.braking_m + self.keep_m
+
+
+class Seen(NamedTuple):
+    """A lidar's view, and the names of the values that were assumed because no setting gives them."""
+
+    view: View
+    assumed: tuple[str, ...]
+
+
+class Report(NamedTuple):
+    """The result of `lifeline check`."""
+
+    config: SupervisorSection
+    lidars: tuple[Seen, ...]
+    stopping: Stopping
+    motions: tuple[Permitted, ...]
+    risks: tuple[Risk, ...]
+    ros2: tuple[RosTopicUse, ...] = ()
+    """The topics of `[ros2]`; empty without this section."""
+
+
+def check(file: Path, *, as_json: bool = False) -> int:
+    """Print the report on a file; return 1 if a setting creates a risk, else 0.
+
+    Raises:
+        DeployError: the configuration is refused; the message names every error.
+    """
+    report = examine(file)
+    if as_json:
+        print(json.dumps(to_json(report), indent=2))
+    else:
+        _print(Console(), file, report)
+    return EXIT_RISKS if report.risks else 0
+
+
+def examine(file: Path) -> Report:
+    """Read a configuration, and run the safety law on scans that its lidars would make in open space.
+
+    Raises:
+        DeployError: the configuration is refused.
+    """
+    try:
+        sections = read_robot(read_toml(file), simulated=False)
+    except ConfigError as error:
+        raise DeployError(str(error)) from error
+    config, sim = sections[SupervisorSection], sections.get(SimSection)
+    lidars = tuple(_seen(lidar, sim) for lidar in config.all_lidars())
+    views = tuple(lidar.view for lidar in lidars)
+    ros2 = sections.get(Ros2Section)
+    return Report(
+        config,
+        lidars,
+        stopping(config, views),
+        tuple(permitted_motions(config, views)),
+        (
+            *risks(config, sim, sections[BusSection]),
+            *(() if ros2 is None else ros2_risks(ros2, config)),
+        ),
+        () if ros2 is None else tuple(topics_of(ros2, config)),
+    )
+
+
+def _seen(lidar: NamedLidarSection, sim: SimSection | None) -> Seen:
+    """Take values from the lidar's keys, else `[sim]` (without it, the period from the profile), else assume."""
+    carried = None if sim is None else next(c for c in sim.lidar_configs() if c.topic == lidar.topic)
+    assumed: list[str] = []
+
+    def first(name: str, own: float | None, of_sim: float | None, assumption: float) -> float:
+        if own is None and of_sim is None:
+            assumed.append(name)
+        return next((value for value in (own, of_sim) if value is not None), assumption)
+
+    scan_hz = topics.SCAN.rate_hz
+    assert scan_hz is not None  # a stream has a rate
+    known_s = lidar.usual_period_s() if sim is None else 1.0 / sim.scan_hz
+    period_s = first("period_s", lidar.period_s, known_s, 1.0 / scan_hz)
+    beams = int(first("beams", lidar.beams, None if carried is None else carried.beams, ASSUMED_BEAMS))
+    known_m = None if carried is None else carried.range_max_m
+    range_m = first("range_max_m", lidar.range_max_m, known_m, ASSUMED_RANGE_M)
+    if lidar.view_rad is not None:
+        start, end = lidar.view_rad
+    else:
+        span_rad = first("view_rad", None, None if carried is None else carried.span_rad, math.tau)
+        start, end = -span_rad / 2, span_rad / 2
+    gaps = beams if end - start > math.tau - FULL_TURN_SLACK_RAD else beams - 1
+    return Seen(View(start, (end - start) / max(1, gaps), beams, range_m, period_s), tuple(assumed))
+
+
+def stopping(config: SupervisorSection, views: tuple[View, ...]) -> Stopping:
+    """Compute the stopping distance from top speed, with the oldest scan in normal operation (slowest lidar)."""
+    speed_m_s = config.max_linear_m_s
+    reaction_s = 2.0 * max(view.period_s for view in views) + config.transport_s
+    braking_m = speed_m_s**2 / (2.0 * config.deceleration_m_s2)
+    return Stopping(speed_m_s, reaction_s, speed_m_s * reaction_s, braking_m, config.stop_distance_m)
+
+
+def to_json(report: Report) -> dict[str, Any]:
+    """Return the report as JSON values."""
+    return {
+        "lidars": [
+            {
+                "name": lidar.name,
+                "topic": lidar.topic,
+                "profile": lidar.profile,
+                "x_m": lidar.x_m,
+                "y_m": lidar.y_m,
+                "yaw_rad": lidar.yaw_rad,
+                **seen.view._asdict(),
+                "timeout_s": report.config.scan_timeout_of(lidar),
+                "assumed": seen.assumed,
+            }
+            for lidar, seen in zip(report.config.all_lidars(), report.lidars, strict=True)
+        ],
+        "stopping": report.stopping._asdict() | {"total_m": report.stopping.total_m},
+        "motions": [
+            {
+                "motion": permitted.motion.name,
+                "at_rest": _decision_json(permitted.at_rest),
+                "after_driving": _decision_json(permitted.after_driving),
+            }
+            for permitted in report.motions
+        ],
+        "ros2": [topic._asdict() for topic in report.ros2],
+        "risks": [risk._asdict() for risk in report.risks],
+    }
+
+
+def _decision_json(decision: Decision) -> dict[str, Any]:
+    linear_m_s, angular_rad_s = decision.output
+    return {
+        "reasons": sorted(decision.reasons),
+        "linear_m_s": linear_m_s,
+        "angular_rad_s": angular_rad_s,
+        "scale": decision.scale,
+    }
+
+
+def _print(console: Console, file: Path, report: Report) -> None:
+    console.print(Text(f"{file}: the configuration is valid", style="bold green"), soft_wrap=True)
+    console.print(_lidar_table(report))
+    for lidar, seen in zip(report.config.all_lidars(), report.lidars, strict=True):
+        if seen.assumed:
+            keys = ", ".join(seen.assumed)
+            text = f"{lidar.name}: assumed {keys}; set these keys in its table, or the motions below may be wrong"
+            console.print(Text(text, style="yellow"), soft_wrap=True)
+    if report.ros2:
+        console.print()
+        console.print(ros2_table(report.ros2))
+    way = report.stopping
+    console.print(
+        Text(
+            f"\nFrom {way.speed_m_s:g} m/s the stopping distance is {way.total_m:.2f} m: {way.reaction_m:.2f} m of "
+            f"reaction ({way.reaction_s:.2f} s: two scan periods and transport), {way.braking_m:.2f} m of braking "
+            f"(v²/2a, a = {report.config.deceleration_m_s2:g} m/s²) and {way.keep_m:.2f} m stop distance.\n"
+        ),
+        soft_wrap=True,
+    )
+    console.print(_motion_table(report.motions))
+    required = [station.name for station in report.config.estop_stations or () if station.required]
+    if required:
+        text = f"Required e-stop stations: {', '.join(required)}. No motion is permitted while one of them is not heard."
+        console.print(Text(text), soft_wrap=True)
+    if report.risks:
+        console.print(_risk_table(report.risks))
+        console.print("The configuration is valid. The exit code is 1 because of these risks.")
+    else:
+        console.print(Text("No setting creates a risk that the defaults do not have.", style="green"))
+
+
+def _lidar_table(report: Report) -> Table:
+    table = Table(title="lidars", title_justify="left", box=None, padding=(0, 1, 0, 0))
+    for heading in (
+        "name",
+        "topic",
+        "profile",
+        "mount x, y, yaw",
+        "view",
+        "beams",
+        "range",
+        "period",
+        "timeout",
+    ):
+        table.add_column(heading, overflow="fold", no_wrap=heading not in {"mount x, y, yaw", "view"})
+    for lidar, (view, _) in zip(report.config.all_lidars(), report.lidars, strict=True):
+        gaps = view.beams - 1
+        table.add_row(
+            lidar.name,
+            lidar.topic,
+            lidar.profile,
+            f"{lidar.x_m:g} m, {lidar.y_m:g} m, {math.degrees(lidar.yaw_rad):.0f}°",
+            f"{math.degrees(view.angle_min):.0f}° to {math.degrees(view.angle_min + gaps * view.angle_increment):.0f}°",
+            str(view.beams),
+            f"{view.range_max_m:g} m",
+            f"{view.period_s:.3g} s",
+            f"{report.config.scan_timeout_of(lidar):g} s",
+        )
+    return table
+
+
+def _motion_table(motions: tuple[Permitted, ...]) -> Table:
+    table = Table(title="motions that the sensors permit in open space", title_justify="left")
+    for heading in ("motion", "at rest", "after driving ahead"):
+        table.add_column(heading)
+    for permitted in motions:
+        table.add_row(permitted.motion.name, _speed(permitted.at_rest), _speed(permitted.after_driving))
+    return table
+
+
+def _speed(decision: Decision) -> Text:
+    if decision.reasons:
+        return Text(f"no: {', '.join(decision.reasons)}", style="red")
+    linear_m_s, angular_rad_s = decision.output
+    parts = [
+        f"{abs(value):.2f} {unit}" for value, unit in ((linear_m_s, "m/s"), (angular_rad_s, "rad/s")) if value
+    ]
+    style = "green" if decision.scale == 1.0 else "yellow"
+    return Text(
+        f"{', '.join(parts)}{'' if decision.scale == 1.0 else f' ({decision.scale:.0%})'}", style=style
+    )
+
+
+def _risk_table(found: tuple[Risk, ...]) -> Table:
+    table = Table(title="settings that create a risk", title_justify="left")
+    table.add_column("setting", style="yellow")
+    table.add_column("risk")
+    for risk in found:
+        table.add_row(Text(risk.setting), Text(risk.sentence))  # no markup: "[sim]" is a name
+    return table

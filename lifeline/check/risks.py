@@ -1,0 +1,158 @@
+"""Finds the settings of a valid configuration that create a risk, and explains each risk."""
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from supervisor.config import SupervisorSection
+from supervisor.lidar_config import NamedLidarSection
+from wire.host.config import BaseSection, BusSection
+from wire.tls import is_loopback
+
+NO_MARGIN_SHARE = 0.9
+"""A deceleration above this fraction of the base's braking leaves no margin for load, slope and floor."""
+
+
+class Risk(NamedTuple):
+    """A setting, and the risk that it creates."""
+
+    setting: str
+    sentence: str
+
+
+def risks(config: SupervisorSection, base: BaseSection | None, bus: BusSection) -> Iterator[Risk]:
+    """Yield every risk of a valid configuration.
+
+    Args:
+        config: the section `[supervisor]`.
+        base: the section `[sim]`; None for a real base, whose numbers are not in the file.
+        bus: the section `[bus]`.
+    """
+    yield from _of_bus(bus)
+    yield from _of_stop_distance(config)
+    yield from _of_timeouts(config, base)
+    for lidar in config.all_lidars():
+        yield from _of_lidar(config, lidar)
+    yield from _of_unseen_space(config)
+    yield from _of_base(config, base)
+
+
+def _of_bus(bus: BusSection) -> Iterator[Risk]:
+    takes_part = bus.without_certificate == "participant"
+    if not is_loopback(bus.endpoint) and bus.endpoint.startswith("tcp/"):
+        may = (
+            "publish commands and sensor data, and read every message" if takes_part else "read every message"
+        )
+        yield Risk(
+            f'[bus] endpoint = "{bus.endpoint}"', f"Any client that can connect to this port can {may}."
+        )
+    elif takes_part and bus.endpoint.startswith("tcp/"):
+        yield Risk(
+            '[bus] without_certificate = "participant"',
+            "Every user of this machine can publish commands and sensor data.",
+        )
+
+
+def _of_stop_distance(config: SupervisorSection) -> Iterator[Risk]:
+    if config.stop_distance_m < (default_m := SupervisorSection().stop_distance_m):
+        yield Risk(
+            f"stop_distance_m = {config.stop_distance_m:g}",
+            f"The hull may come within {config.stop_distance_m:g} m of a person instead of {default_m:g} m; sensor and "
+            "base errors reduce this distance further.",
+        )
+
+
+def _of_timeouts(config: SupervisorSection, base: BaseSection | None) -> Iterator[Risk]:
+    default = SupervisorSection()
+    for key, what in (
+        ("command_timeout_s", "after the operator's program hangs"),
+        ("overrun_s", "while the supervisor hangs"),
+        ("odom_timeout_s", "on the last odometry"),
+    ):
+        value = getattr(config, key)
+        if value > getattr(default, key):
+            yield Risk(f"{key} = {value:g}", f"The robot may drive {_way(config, value)} m {what}.")
+    standard_s = BaseSection().command_timeout_s
+    if base is not None and base.command_timeout_s > standard_s:
+        way_m = _way(config, base.command_timeout_s)
+        yield Risk(
+            f"[sim] command_timeout_s = {base.command_timeout_s:g}",
+            f"The base may drive {way_m} m after the supervisor hangs.",
+        )
+
+
+def _way(config: SupervisorSection, seconds: float) -> str:
+    return f"{config.max_linear_m_s * seconds:.2f}"
+
+
+def _of_lidar(config: SupervisorSection, lidar: NamedLidarSection) -> Iterator[Risk]:
+    timeout_s = config.scan_timeout_of(lidar)
+    if timeout_s > SupervisorSection().scan_timeout_s:
+        yield Risk(
+            f"timeout of {lidar.name} = {timeout_s:g}",
+            f"The robot may drive {_way(config, timeout_s)} m on the last scan after the lidar fails.",
+        )
+    profile = lidar.readings()
+    if profile.silence_limit_s < math.inf:  # a beam must have returned a distance recently
+        return
+    names = [
+        name
+        for name, is_free in (
+            ("0.0", profile.zero_is_free),
+            ("NaN", profile.nan_is_free),
+            (f"below {profile.codes_below_m:g} m", profile.codes_below_m > 0.0),
+            (", ".join(f"{code:g}" for code in profile.free_codes_m), bool(profile.free_codes_m)),
+        )
+        if is_free
+    ]
+    if names:
+        yield Risk(
+            f'profile of {lidar.name} = "{lidar.profile}"',
+            f'Readings of {", ".join(names)} count as "nothing there" without proof: dirt on the lidar, or an object '
+            "that does not reflect, looks like free space.",
+        )
+
+
+def _of_unseen_space(config: SupervisorSection) -> Iterator[Risk]:
+    if config.works_in_the_open:
+        yield Risk(
+            "works_in_the_open = true",
+            "A scan without a single return is valid: a covered lidar looks like open space.",
+        )
+    if config.blind_creep_m_s > 0.0:
+        yield Risk(
+            f"blind_creep_m_s = {config.blind_creep_m_s:g}",
+            f"The hull may touch an obstacle that no beam sees, at up to {config.blind_creep_m_s:g} m/s.",
+        )
+    if config.unseen_memory_s > 0.0:
+        yield Risk(
+            f"unseen_memory_s = {config.unseen_memory_s:g}",
+            f"A person may have entered space that was last seen up to {config.unseen_memory_s:g} s ago, and the robot "
+            "may drive there.",
+        )
+    if config.smallest_obstacle_m > (default_m := SupervisorSection().smallest_obstacle_m):
+        yield Risk(
+            f"smallest_obstacle_m = {config.smallest_obstacle_m:g}",
+            f"The robot may hit objects between {default_m:g} and {config.smallest_obstacle_m:g} m wide, such as a "
+            "table leg, that stand between two beams.",
+        )
+
+
+def _of_base(config: SupervisorSection, base: BaseSection | None) -> Iterator[Risk]:
+    if not config.odometry:
+        yield Risk(
+            "odometry = false",
+            "A base that moves without a command or ignores commands is not detected, and neither is a frozen scan while the base "
+            "moves without a command.",
+        )
+    if base is None:
+        yield Risk(
+            f"deceleration_m_s2 = {config.deceleration_m_s2:g}",
+            "The file has no [sim], so nothing proves that the base brakes this hard: measure it, fully loaded.",
+        )
+    elif config.deceleration_m_s2 > NO_MARGIN_SHARE * base.braking_m_s2:
+        yield Risk(
+            f"deceleration_m_s2 = {config.deceleration_m_s2:g}",
+            f"The base brakes with {base.braking_m_s2:g} m/s² ([sim] braking_m_s2), which leaves no margin for load, "
+            "slope and floor.",
+        )

@@ -1,0 +1,325 @@
+"""`lifeline incidents`: list the black boxes of a robot, show the seconds around a stop, and export one for other tools."""
+
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from itertools import chain, groupby
+from math import isfinite, nan
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from deploy.stack.errors import DeployError
+from deploy.stack.formatting import COLOURS, nearest, printable
+from faults.seen import STILL_M_S, STILL_RAD_S
+from lifeline.incidents.files import black_boxes, id_of
+from lifeline.incidents.incident import IncidentError, messages
+from lifeline.incidents.plot import Series, plot
+from lifeline.incidents.summary import Incident, Sample, read_incident
+from lifeline.recording.reader import Recorded, RecordingError, RecordingWriter, exists
+from supervisor.law.reckoning import Velocity
+from wire.reasons import words_of
+
+EXIT_INCOMPLETE = 1
+ROW_S = 0.25
+"""Time between two rows of the table; a change of the mode or the reasons begins another row."""
+TURN_RAD_S = 0.1
+"""The table shows turn rates only if one is at least this fast, because odometry contains noise."""
+NOISE_M = 0.02
+"""Noise of the nearest distance."""
+MAX_ROWS = 200
+MAX_WIDTH = 160
+PLOT_HEIGHT = 8
+UNKNOWN = "–"
+
+
+# --- list
+
+
+def show_list(directory: Path, *, as_json: bool) -> int:
+    """Print one row for each black box; a file that cannot be read has its own row."""
+    paths = black_boxes(directory)
+    if as_json:
+        print(json.dumps([_json_of(path) for path in paths], indent=2))
+        return 0
+    if not paths:
+        print(f"lifeline: no incidents in {directory}: a black box is written at each stop of a moving robot")
+        return 0
+    table = Table(box=None, pad_edge=False)
+    table.add_column("ID (UTC)", no_wrap=True)
+    for name in ("reasons", "owner"):
+        table.add_column(name, overflow="fold")
+    for name in ("speed", "distance", "nearest"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for path, short in zip(paths, _short_ids(paths), strict=True):
+        table.add_row(*_row(path, short))
+    Console().print(table)
+    return 0
+
+
+def _json_of(path: Path) -> dict[str, Any]:
+    try:
+        return read_incident(path).to_json()
+    except IncidentError as error:
+        return {"id": id_of(path), "file": str(path), "problem": printable(str(error))}
+
+
+def _short_ids(paths: Sequence[Path]) -> list[str]:
+    """Return the time in each name, or the whole name if several files have this time."""
+    times = [id_of(path).split("-", maxsplit=1)[0] for path in paths]
+    return [
+        short if times.count(short) == 1 else id_of(path) for path, short in zip(paths, times, strict=True)
+    ]
+
+
+def _row(path: Path, short: str) -> list[Text]:
+    try:
+        incident = read_incident(path)
+    except IncidentError as error:
+        return [Text(short), Text(_problem(path, str(error)), "bold red"), *[Text(UNKNOWN)] * 4]
+    at, velocity, rest = incident.at_stop, incident.velocity, incident.braking
+    reasons = Text(", ".join(incident.reasons))
+    if incident.problem:
+        reasons.append(f" ({_problem(path, incident.problem)})", "bold red")
+    return [
+        Text(short),
+        reasons,
+        Text(UNKNOWN if at is None or not at.owner else printable(at.owner)),
+        Text(UNKNOWN if velocity is None else _speed(velocity)),
+        Text(UNKNOWN if rest is None else f"{rest.distance_m:.2f} m"),
+        Text(UNKNOWN if at is None else nearest(at.nearest_m, nan)),
+    ]
+
+
+def _problem(path: Path, sentence: str) -> str:
+    """Return a problem without the path that the row names already."""
+    return printable(sentence).replace(f"{path} ", "").replace(f" {path}", "").removeprefix("is ")
+
+
+def _speed(velocity: Velocity) -> str:
+    """Format the speed, or the turn rate of a robot that turns on the spot."""
+    if abs(velocity.linear_m_s) < STILL_M_S and abs(velocity.angular_rad_s) >= STILL_RAD_S:
+        return f"{abs(velocity.angular_rad_s):.2f} rad/s"
+    return f"{abs(velocity.linear_m_s):.2f} m/s"
+
+
+# --- show
+
+
+def show(path: Path, seconds: float, *, as_json: bool) -> int:
+    """Print the seconds around a stop: summary, table and plots. Exit 1 if a part of the file cannot be read.
+
+    Raises:
+        DeployError: the file cannot be read, or has no step in this time.
+    """
+    incident = read_incident(path, seconds)
+    if as_json:
+        samples = [sample.to_json() for sample in incident.samples]
+        print(json.dumps({**incident.to_json(), "samples": samples}, indent=1))
+        return EXIT_INCOMPLETE if incident.problem else 0
+    console = Console()
+    console.print(_summary(incident))
+    if incident.samples:
+        console.print()
+        console.print(_table(incident.samples))
+        for drawing in _plots(incident, min(console.width, MAX_WIDTH), turns=_is_turn(incident.samples)):
+            console.print()
+            console.print(drawing)
+    return EXIT_INCOMPLETE if incident.problem else 0
+
+
+def _summary(incident: Incident) -> Table:
+    table = Table(show_header=False, box=None, pad_edge=False)
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column(overflow="fold")
+    first, at, velocity, rest = incident.stops[0], incident.at_stop, incident.velocity, incident.braking
+    table.add_row("stop", Text(f"{first.utc.replace('T', ' ')} UTC"))
+    for stop in incident.stops:
+        after_s = stop.now_s - first.now_s
+        for reason in stop.reasons:
+            words = words_of(reason)
+            caption = "" if words is None else f": {words.caption}"
+            table.add_row("reason", Text(f"{after_s:+.3f} s  {printable(reason)}{caption}"))
+    if at is not None:
+        table.add_row("owner", Text(printable(at.owner) or "none"))
+        if at.detail:
+            table.add_row("detail", Text(printable(at.detail)))
+        table.add_row("nearest", Text(nearest(at.nearest_m, at.nearest_bearing_rad)))
+    table.add_row("speed", Text("no odometry" if velocity is None else f"{_speed(velocity)}, by odometry"))
+    if rest is not None:
+        table.add_row(
+            "stopping", Text(f"{rest.distance_m:.3f} m in {rest.to_standstill_s:.2f} s, by odometry")
+        )
+    if incident.left_out:
+        table.add_row("left out", Text(f"{incident.left_out:,} older steps, for lack of space"))
+    if incident.problem:
+        table.add_row("problem", Text(printable(incident.problem), "bold red"))
+    return table
+
+
+def _is_turn(samples: Sequence[Sample]) -> bool:
+    """Return whether the robot was requested to turn on the spot and nothing else."""
+    return all(sample.commanded.linear_m_s == 0.0 for sample in samples) and any(
+        sample.commanded.angular_rad_s != 0.0 for sample in samples
+    )
+
+
+def _rows(samples: Sequence[Sample]) -> Iterator[Sample]:
+    """Yield the first sample of each phase, and of each `ROW_S` within it, unless it repeats the one before.
+
+    The stop at time zero begins a phase.
+    """
+    last: Sample | None = None
+    for _, phase in groupby(samples, key=lambda sample: (sample.time_s >= 0.0, *_outline(sample))):
+        for _, grid in groupby(phase, key=lambda sample: sample.time_s // ROW_S):
+            sample = next(grid)
+            if last is None or not _repeats(sample, last):
+                yield sample
+            last = sample
+
+
+def _outline(sample: Sample) -> tuple[str, str]:
+    return sample.mode, sample.why
+
+
+def _repeats(sample: Sample, last: Sample) -> bool:
+    """Return whether two samples differ only by the noise of a robot at rest."""
+    rates = [*_velocities(sample), *_velocities(last)]
+    is_at_rest = all(abs(v.linear_m_s) < STILL_M_S and abs(v.angular_rad_s) < STILL_RAD_S for v in rates)
+    return (
+        is_at_rest and _outline(sample) == _outline(last) and abs(sample.nearest_m - last.nearest_m) < NOISE_M
+    )
+
+
+def _velocities(sample: Sample) -> Iterator[Velocity]:
+    """Yield the velocities that move the robot or show that it moves."""
+    yield sample.permitted
+    if sample.measured is not None:
+        yield sample.measured
+
+
+def _table(samples: Sequence[Sample]) -> Table:
+    turns = any(abs(rate) >= TURN_RAD_S for sample in samples for rate in _turn_rates(sample))
+    table = Table(box=None, pad_edge=False)
+    table.add_column("s", justify="right", no_wrap=True)
+    table.add_column("mode", no_wrap=True)
+    for name in ("requested", "permitted", "measured", "nearest"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("reasons", overflow="fold")
+    table.add_row("", "", *["m/s, rad/s" if turns else "m/s"] * 3, "m", "", style="dim")
+    rows = list(_rows(samples))
+    for sample in rows[:MAX_ROWS]:
+        velocities = (sample.commanded, sample.permitted, sample.measured)
+        table.add_row(
+            f"{sample.time_s + 0.0:+.3f}",
+            Text(sample.mode, COLOURS[sample.mode]),
+            *(_twist(velocity, turns=turns) for velocity in velocities),
+            _value(sample.nearest_m),
+            Text(printable(sample.why)),
+        )
+    if len(rows) > MAX_ROWS:
+        table.add_row("…", "", "", "", "", "", f"{len(rows) - MAX_ROWS:,} more rows: see --json")
+    return table
+
+
+def _turn_rates(sample: Sample) -> Iterator[float]:
+    for velocity in (sample.commanded, sample.permitted, sample.measured):
+        if velocity is not None:
+            yield velocity.angular_rad_s
+
+
+def _twist(velocity: Velocity | None, *, turns: bool) -> str:
+    if velocity is None:
+        return UNKNOWN
+    return ", ".join(map(_value, velocity if turns else velocity[:1]))
+
+
+def _value(value: float) -> str:
+    # Adding zero turns −0.0 into 0.0.
+    return f"{round(value, 2) + 0.0:.2f}" if isfinite(value) else UNKNOWN
+
+
+def _plots(incident: Incident, width: int, *, turns: bool) -> Iterator[Text]:
+    samples = incident.samples
+    times_s = [sample.time_s for sample in samples]
+
+    def values(velocities: Iterator[Velocity | None]) -> list[float]:
+        return [nan if velocity is None else velocity[turns] for velocity in velocities]
+
+    speeds = (
+        Series("requested", "·", "cyan", values(sample.commanded for sample in samples)),
+        Series("permitted", "─", "yellow", values(sample.permitted for sample in samples)),
+        Series("measured", "●", "bold green", values(sample.measured for sample in samples)),
+    )
+    title = "turn rate, rad/s" if turns else "speed, m/s"
+    yield plot(title, times_s, speeds, width=width, height=PLOT_HEIGHT)
+    distances = (
+        Series(
+            f"stop distance {incident.stop_distance_m:.2f}",
+            "─",
+            "red",
+            [incident.stop_distance_m] * len(samples),
+        ),
+        Series("nearest", "●", "bold magenta", [sample.nearest_m for sample in samples]),
+    )
+    yield plot("distance, m", times_s, distances, width=width, height=PLOT_HEIGHT)
+
+
+# --- export
+
+
+def export(path: Path, file: Path, namespace: str, *, as_json: bool) -> int:
+    """Write a black box as a recording. Exit 1 if a part of the black box cannot be read.
+
+    Raises:
+        DeployError: the file exists or cannot be written, or nothing of the black box can be read.
+    """
+    if file.exists():
+        raise exists(file)
+    stream = messages(path, namespace)
+    first = next(stream, None)
+    if first is None:
+        raise DeployError(f"{path} contains no messages: choose another incident")
+    writer = RecordingWriter(file)
+    counts: dict[str, int] = {}
+    problem = ""
+    try:
+        try:
+            for message in chain((first,), stream):
+                _write(writer, message, counts)
+        except IncidentError as error:
+            problem = str(error)
+        writer.close()
+    except BaseException as error:
+        with suppress(OSError):
+            writer.close()
+        file.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise RecordingError(
+                f"cannot write {file} ({error.strerror}): free disk space or choose another directory"
+            ) from error
+        raise
+    if as_json:
+        document = {
+            "file": str(file),
+            "messages": counts,
+            "bytes": file.stat().st_size,
+            "problem": problem or None,
+        }
+        print(json.dumps(document, indent=2))
+        return EXIT_INCOMPLETE if problem else 0
+    width = max(map(len, counts))
+    for topic in sorted(counts):
+        print(f"  {topic:<{width}}  {counts[topic]:>9,}")
+    print(f"lifeline: {file}: {sum(counts.values()):,} messages, {file.stat().st_size / 1e6:.2f} MB")
+    if problem:
+        print(f"lifeline: the recording ends early, because {printable(problem)}")
+    return EXIT_INCOMPLETE if problem else 0
+
+
+def _write(writer: RecordingWriter, message: Recorded, counts: dict[str, int]) -> None:
+    writer.write(message)
+    counts[message.topic] = counts.get(message.topic, 0) + 1

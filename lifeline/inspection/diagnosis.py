@@ -1,0 +1,462 @@
+"""The checks of `lifeline doctor`: why a robot does not move, or why the system cannot start. Pure.
+
+Each check is one function from what was observed to findings, in the order in which the report prints them.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any, NamedTuple
+
+from deploy.stack import ros2_reports
+from deploy.stack.formatting import CHECK_NETWORK, GO_NEUTRAL, mode_name, printable
+from deploy.stack.ros2_reports import Level, Report
+from lifeline.inspection.nodes import Node, describe
+from lifeline.inspection.traffic import Traffic
+from supervisor.config import SupervisorSection
+from wire import topics
+from wire.messages import SafetyStatus
+from wire.reasons import words_of
+from wire.topics import ANYONE, Topic
+
+CLOCK_LIMIT_S = 1.0
+"""Maximum difference between a message's header and this machine's wall clock."""
+MIN_COLUMNS, MIN_LINES = 80, 24
+
+
+class Verdict(StrEnum):
+    """The outcome of a check."""
+
+    OK = "ok"
+    NOTE = "note"
+    """Information that does not prevent motion."""
+    PROBLEM = "problem"
+
+
+class Finding(NamedTuple):
+    """One line of the report."""
+
+    check: str
+    verdict: Verdict
+    what: str
+    remedy: str = ""
+    """What to do next; empty if nothing is to be done."""
+
+
+@dataclass(frozen=True, slots=True)
+class Terminal:
+    """The terminal of the operator, if there is one."""
+
+    columns: int
+    lines: int
+    colours: str
+    """The value of COLORTERM or TERM."""
+    reports_releases: bool | None
+    """Whether it reports key releases; None if it did not answer."""
+
+
+@dataclass(slots=True)
+class Observed:
+    """What doctor has observed. A field keeps its default if its observation was not possible."""
+
+    versions: dict[str, str | None] = field(default_factory=dict[str, str | None])
+    """By package; None: not installed."""
+    python: tuple[int, int] = (3, 11)
+    config_path: str = ""
+    config_problem: str = ""
+    """Why the configuration is refused."""
+    config: SupervisorSection | None = None
+    has_sim: bool = True
+    """Whether the configuration describes a simulated base."""
+    has_ros2: bool = False
+    """Whether the base is a ROS 2 robot."""
+    ros2_problem: str = ""
+    """Why the ROS 2 process cannot be started on this machine."""
+    ros2_reports: Sequence[Report] = ()
+    state_problem: str = ""
+    """Why the state directory cannot be used."""
+    is_stale: bool = False
+    """Whether the state directory has a record of a stack that does not run."""
+    is_estop_recorded: bool = False
+    """Whether an e-stop of an earlier run is latched on disk."""
+    endpoint: str = ""
+    is_connected: bool = False
+    silence: str | None = None
+    """If nothing answers: why, for an endpoint on another machine; None for one of this machine."""
+    port_problem: str = ""
+    """If nothing answers: why a supervisor could not listen."""
+    silent_pid: int | None = None
+    """Of a supervisor that holds the port and does not answer."""
+    drive: str = "python -m teleop"
+    """The command that starts teleop for this robot."""
+    namespace: str = "robot"
+    nodes: Sequence[Node] = ()
+    traffic: Traffic = field(default_factory=Traffic)
+    known: dict[str, Topic[Any]] = field(default_factory=dict[str, Topic[Any]])
+    status: SafetyStatus | None = None
+    header_offset_s: dict[str, float] = field(default_factory=dict[str, float])
+    """By key: the header's stamp less this machine's wall clock at arrival."""
+    terminal: Terminal | None = None
+
+
+def diagnose(seen: Observed) -> list[Finding]:
+    """Return the findings of all checks."""
+    return [finding for check in CHECKS for finding in check(seen)]
+
+
+def _versions(seen: Observed) -> Iterator[Finding]:
+    missing = [name for name, version in seen.versions.items() if version is None]
+    if seen.python < (3, 11):
+        version = ".".join(map(str, seen.python))
+        yield Finding("python", Verdict.PROBLEM, f"this is Python {version}", "install Python 3.11 or newer")
+    if missing:
+        yield Finding(
+            "packages",
+            Verdict.PROBLEM,
+            f"not installed: {', '.join(missing)}",
+            "run `make setup` in a checkout, or install Lifeline again",
+        )
+    elif seen.versions:
+        shown = ", ".join(f"{name} {version}" for name, version in seen.versions.items())
+        yield Finding("packages", Verdict.OK, shown)
+
+
+def _configuration(seen: Observed) -> Iterator[Finding]:
+    if seen.config_problem:
+        remedy = "correct the file; `lifeline check FILE` shows what it permits"
+        yield Finding("configuration", Verdict.PROBLEM, seen.config_problem, remedy)
+        return
+    yield Finding("configuration", Verdict.OK, seen.config_path)
+    if seen.has_ros2:
+        yield Finding(
+            "base",
+            Verdict.NOTE,
+            "nothing here proves that the base stops by itself when the ROS 2 process dies",
+            "measure it with `lifeline ros2 check-base`",
+        )
+    elif not seen.has_sim:
+        yield Finding(
+            "base",
+            Verdict.NOTE,
+            "nothing proves that the base brakes by itself when cmd_vel ends, also behind a bridge",
+            "stop the supervisor while the lifted robot drives: the wheels must stop within 0.15 s",
+        )
+
+
+def _state(seen: Observed) -> Iterator[Finding]:
+    if seen.state_problem:
+        yield Finding(
+            "state directory", Verdict.PROBLEM, seen.state_problem, "choose another with --state-dir"
+        )
+    if seen.is_stale and not seen.is_connected:
+        yield Finding(
+            "stack",
+            Verdict.PROBLEM,
+            "the record of a stack that no longer runs",
+            "remove it with `lifeline down`",
+        )
+    if seen.is_estop_recorded and not seen.is_connected:
+        yield Finding(
+            "e-stop",
+            Verdict.NOTE,
+            "an e-stop of an earlier run is latched: the robot starts stopped",
+            "press s, then r in teleop to reset it",
+        )
+
+
+def _connection(seen: Observed) -> Iterator[Finding]:
+    if seen.is_connected:
+        yield Finding("supervisor", Verdict.OK, f"answers at {seen.endpoint}")
+    elif seen.silence is not None:
+        yield Finding("supervisor", Verdict.PROBLEM, seen.silence, CHECK_NETWORK)
+    elif seen.silent_pid is not None:
+        yield Finding(
+            "supervisor",
+            Verdict.PROBLEM,
+            f"it runs (pid {seen.silent_pid}) but does not answer: it hangs, or a signal has stopped it",
+            "restart it: `lifeline down`, then `lifeline up`; under systemd `systemctl restart lifeline-supervisor`",
+        )
+    elif seen.port_problem:
+        yield Finding("supervisor", Verdict.PROBLEM, f"does not answer, and {seen.port_problem}")
+    else:
+        yield Finding(
+            "supervisor",
+            Verdict.PROBLEM,
+            f"nothing listens on {seen.endpoint}",
+            "start the robot with `lifeline up`",
+        )
+
+
+def _nodes(seen: Observed) -> Iterator[Finding]:
+    if not seen.is_connected:
+        return
+    named = {name for node in seen.nodes if node.is_named for name in node.name.split("+")}
+    if seen.has_ros2 and topics.ROS2 not in named:
+        yield Finding(
+            "base",
+            Verdict.PROBLEM,
+            "the ROS 2 process does not run",
+            "start it with `lifeline up`, or check its log",
+        )
+    elif topics.SIM not in named and f"{seen.namespace}/{topics.CMD_VEL.key}" not in _read_by_others(seen):
+        yield Finding(
+            "base",
+            Verdict.PROBLEM,
+            f"no program reads {seen.namespace}/{topics.CMD_VEL.key}",
+            "start the sim, or the bridge to the base",
+        )
+    sources = [] if seen.config is None else [source.name for source in seen.config.sources]
+    present = [
+        name for name in sources if any(name in node.name.split("+") for node in seen.nodes if node.is_named)
+    ]
+    if present:
+        yield Finding("command source", Verdict.OK, f"{', '.join(present)} of {', '.join(sources)}")
+    elif sources:
+        yield Finding(
+            "command source",
+            Verdict.PROBLEM,
+            f"none of {', '.join(sources)} runs",
+            f"start one: `{seen.drive}`",
+        )
+    twice = {node.name for node in seen.nodes if node.is_named and _count(seen, node.name) > 1}
+    for name in sorted(twice):
+        pids = ", ".join(str(node.pid) for node in seen.nodes if node.name == name)
+        yield Finding(
+            "nodes", Verdict.PROBLEM, f"two programs are {printable(name)} (pid {pids})", "end one of them"
+        )
+
+
+def _read_by_others(seen: Observed) -> set[str]:
+    return {key for node in seen.nodes if node.session.address for key in node.session.reads}
+
+
+def _count(seen: Observed, name: str) -> int:
+    return sum(node.is_named and node.name == name for node in seen.nodes)
+
+
+def _writers(seen: Observed) -> Iterator[Finding]:
+    wrong = 0
+    for key, topic in seen.known.items():
+        if topic.writer == ANYONE:
+            continue
+        heard = seen.traffic.keys.get(key)
+        writing = [node for node in seen.nodes if key in node.session.writes]
+        number = max(len(writing), 0 if heard is None else heard.concurrent())
+        if number > 1:
+            wrong += 1
+            who = "; ".join(printable(describe(node)) for node in writing)
+            hidden = number - len(writing)
+            who += f"{'; ' if who else ''}{hidden} without a declaration" if hidden else ""
+            yield Finding(
+                "writers",
+                Verdict.PROBLEM,
+                f"{number} programs write {key}: {who}",
+                f"stop all but {_writer(seen, topic)}",
+            )
+    if seen.is_connected and not wrong:
+        yield Finding("writers", Verdict.OK, "no topic has more writers than permitted")
+    for key in sorted(set(seen.traffic.foreign(seen.namespace)))[:5]:
+        yield Finding("foreign keys", Verdict.NOTE, f"{printable(key)} is written on this network")
+
+
+def _flood(seen: Observed) -> Iterator[Finding]:
+    if seen.traffic.uncounted:
+        busiest = max(seen.traffic.keys, key=lambda key: seen.traffic.keys[key].samples, default="")
+        yield Finding(
+            "flood",
+            Verdict.PROBLEM,
+            f"{seen.traffic.uncounted} messages arrived too fast to be counted, most of them on {printable(busiest)}; "
+            "rates, clocks and status are not checked",
+            "stop the program that writes them: `lifeline topic info` names it",
+        )
+
+
+def _rates(seen: Observed) -> Iterator[Finding]:
+    if not seen.is_connected or seen.config is None or seen.traffic.uncounted:
+        return
+    limits_s = _limits_s(seen.config, seen.namespace)
+    for key, (limit_s, needed) in limits_s.items():
+        heard = seen.traffic.keys.get(key)
+        if heard is None:
+            if needed:
+                yield Finding("rates", Verdict.PROBLEM, f"nothing is heard on {key}", _start(seen, key))
+            continue
+        longest_s = heard.gaps.maximum_s
+        shown = (
+            f"{key}: {heard.rate_hz:.1f} Hz, longest gap {1000 * longest_s:.0f} ms of {1000 * limit_s:.0f}"
+        )
+        if longest_s > limit_s:
+            yield Finding(
+                "rates", Verdict.PROBLEM, shown, f"each such gap stops the robot: {_start(seen, key)}"
+            )
+        else:
+            yield Finding("rates", Verdict.OK, shown)
+        ages = heard.ages
+        if heard.is_other_clock:
+            yield Finding(
+                "ages", Verdict.NOTE, f"{key} comes from another machine: its age cannot be measured here"
+            )
+        elif ages.number and ages.maximum_s > limit_s:
+            yield Finding(
+                "ages",
+                Verdict.PROBLEM,
+                f"{key} is up to {1000 * ages.maximum_s:.0f} ms old at arrival, more than {1000 * limit_s:.0f}",
+                "check the load of the sender and of its link",
+            )
+
+
+def _limits_s(config: SupervisorSection, namespace: str) -> dict[str, tuple[float, bool]]:
+    """Return by key the timeout [s], and whether the robot also stops if no message has ever arrived."""
+    limits: dict[str, tuple[float, bool]] = {}
+    for lidar in config.all_lidars():
+        limits[f"{namespace}/{lidar.topic}"] = (config.scan_timeout_of(lidar), True)
+    if config.odometry:
+        limits[f"{namespace}/{topics.ODOM.key}"] = (config.odom_timeout_s, False)
+    for source in config.sources:
+        limits[f"{namespace}/{topics.source_cmd_vel(source.name).key}"] = (config.command_timeout_s, False)
+    return limits
+
+
+def _start(seen: Observed, key: str) -> str:
+    topic = seen.known.get(key)
+    writer = "its writer" if topic is None else _writer(seen, topic)
+    return f"start {writer}, or check its log"
+
+
+def _writer(seen: Observed, topic: Topic[Any]) -> str:
+    """Return the process that writes a topic of this robot."""
+    return topics.ROS2 if seen.has_ros2 and topic.writer == topics.SIM else topic.writer
+
+
+def _ros2(seen: Observed) -> Iterator[Finding]:
+    if seen.ros2_problem:
+        yield Finding("ros2", Verdict.PROBLEM, printable(seen.ros2_problem))
+    verdicts = {Level.OK: Verdict.OK, Level.WARN: Verdict.NOTE, Level.ERROR: Verdict.PROBLEM}
+    for report in seen.ros2_reports:
+        if report.name != ros2_reports.SUPERVISOR:  # the supervisor itself has reported this
+            yield Finding("ros2", verdicts[report.level], f"{report.name}: {report.message}")
+
+
+def _clocks(seen: Observed) -> Iterator[Finding]:
+    if seen.traffic.uncounted:
+        return
+    for key, offset_s in seen.header_offset_s.items():
+        if abs(offset_s) > CLOCK_LIMIT_S:
+            yield Finding(
+                "clocks",
+                Verdict.NOTE,
+                f"the header of {key} is {abs(offset_s):.1f} s {'ahead of' if offset_s > 0 else 'behind'} this clock",
+                "synchronise the clocks with NTP; the law itself does not use them",
+            )
+    if seen.header_offset_s and all(abs(one) <= CLOCK_LIMIT_S for one in seen.header_offset_s.values()):
+        yield Finding("clocks", Verdict.OK, "the headers agree with this machine's clock")
+
+
+def _stop(seen: Observed) -> Iterator[Finding]:
+    status = seen.status
+    if status is None:
+        if seen.is_connected and not seen.traffic.uncounted:
+            yield Finding(
+                "status", Verdict.PROBLEM, "the supervisor sends no status", "restart the supervisor"
+            )
+        return
+    mode = mode_name(status)
+    if status.mode != SafetyStatus.STOPPED:
+        yield Finding("mode", Verdict.OK, f"{mode}: {_who(status)}")
+    causes, latched = status.causes_and_latched()
+    for name in causes:
+        words = words_of(name)
+        detail = f": {status.detail}" if name == causes[0] and status.detail else ""
+        what = name if words is None else f"{name}: {words.now.replace('WHO', _who(status))}"
+        remedy = "" if words is None else words.step.replace("NEUTRAL", GO_NEUTRAL)
+        yield Finding("stop", Verdict.PROBLEM, printable(f"{what}{detail}"), remedy)
+    for name in latched:
+        words = words_of(name)
+        what = name if words is None else f"{name}: {words.over}"
+        yield Finding(
+            "latched", Verdict.PROBLEM, printable(f"{what}. Over now"), f"{GO_NEUTRAL}: it sends zero"
+        )
+    for source in status.unknown_sources:
+        yield Finding(
+            "unknown source",
+            Verdict.PROBLEM,
+            f"commands of {printable(source)} are refused: it is not configured",
+            "add it to [supervisor] sources",
+        )
+    if status.estop_record_problem:
+        yield Finding(
+            "e-stop record", Verdict.PROBLEM, printable(status.estop_record_problem), "free the disk"
+        )
+    yield from _stations(status)
+    if status.rmw_zenoh_nodes:
+        yield Finding(
+            "rmw_zenoh",
+            Verdict.NOTE,
+            printable(
+                f"nobody reads the topics of {', '.join(status.rmw_zenoh_nodes)}: they use the keys of rmw_zenoh"
+            ),
+            "start them with another RMW_IMPLEMENTATION, and set [ros2]; or connect them to their own router",
+        )
+    if status.alarm:
+        yield Finding(
+            "alarm", Verdict.PROBLEM, "the base moves although zero is commanded", "cut the robot's power"
+        )
+
+
+def _stations(status: SafetyStatus) -> Iterator[Finding]:
+    for station in status.estop_stations:
+        if station.is_missed:
+            verdict = Verdict.PROBLEM if station.required else Verdict.NOTE
+            name = printable(station.name)
+            start = f"start it with `lifeline estop --name {name}`"
+            yield Finding("e-stop station", verdict, f"{name}: {station.words()}", start)
+
+
+def _who(status: SafetyStatus) -> str:
+    return printable(status.owner) or "no source"
+
+
+def _terminal(seen: Observed) -> Iterator[Finding]:
+    terminal = seen.terminal
+    if terminal is None:
+        return
+    size = f"{terminal.columns} x {terminal.lines}"
+    if terminal.columns < MIN_COLUMNS or terminal.lines < MIN_LINES:
+        yield Finding(
+            "terminal",
+            Verdict.NOTE,
+            f"{size} is small for the dashboard",
+            f"enlarge it to {MIN_COLUMNS} x {MIN_LINES}, or use teleop --plain",
+        )
+    else:
+        yield Finding("terminal", Verdict.OK, f"{size}, {terminal.colours or 'no colours'}")
+    if not terminal.reports_releases:
+        yield Finding(
+            "key releases",
+            Verdict.NOTE,
+            "this terminal does not report key releases: --mode hold starts later",
+            "use a terminal with the kitty keyboard protocol, such as kitty, foot, Ghostty or WezTerm",
+        )
+    else:
+        yield Finding("key releases", Verdict.OK, "reported")
+
+
+CHECKS: tuple[Callable[[Observed], Iterator[Finding]], ...] = (
+    _versions,
+    _configuration,
+    _state,
+    _connection,
+    _nodes,
+    _ros2,
+    _writers,
+    _flood,
+    _rates,
+    _clocks,
+    _stop,
+    _terminal,
+)
+
+
+def is_healthy(findings: Sequence[Finding]) -> bool:
+    """Return whether no finding is a problem."""
+    return all(finding.verdict is not Verdict.PROBLEM for finding in findings)

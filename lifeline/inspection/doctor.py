@@ -1,0 +1,207 @@
+"""`lifeline doctor`: explain why the robot does not move, or why the system cannot start."""
+
+import asyncio
+import importlib.metadata
+import json
+import os
+import select
+import sys
+import termios
+import time
+import tty
+from typing import NoReturn
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from deploy.stack import elsewhere, supervisord
+from deploy.stack.errors import DeployError
+from deploy.stack.formatting import printable
+from deploy.stack.launch import ANY_BASE, Launch, check_endpoint_is_free
+from deploy.stack.observe import DEPTH
+from deploy.stack.reach import NotRunningError, reach
+from deploy.stack.robot_file import read_robot
+from deploy.stack.ros2_reports import reports_of
+from deploy.stack.statedir import StateDir
+from lifeline.inspection.diagnosis import Finding, Observed, Terminal, Verdict, diagnose, is_healthy
+from lifeline.inspection.keys import by_full_key
+from lifeline.inspection.listening import Robot
+from lifeline.inspection.sockets import processes_at
+from supervisor.config import SupervisorSection
+from supervisor.estop_files import is_recorded
+from wire import topics
+from wire.bus import BusError
+from wire.host.config import ConfigError, read_toml
+from wire.host.process import run_process
+
+PACKAGES = ("eclipse-zenoh", "numpy", "pydantic", "rich", "rosbags", "typer")
+KEY_REPLY_S = 0.3
+"""Time limit for the terminal's answer whether it reports key releases."""
+COLOURS = {Verdict.OK: "green", Verdict.NOTE: "yellow", Verdict.PROBLEM: "bold red"}
+MARKS = {Verdict.OK: "ok", Verdict.NOTE: "note", Verdict.PROBLEM: "PROBLEM"}
+
+
+def doctor(launch: Launch, state: StateDir, seconds: float, *, as_json: bool) -> NoReturn:
+    """Run all checks, and exit: 0 without a problem, else 1."""
+    seen = _at_rest(launch, state)
+    if not as_json:
+        seen.terminal = _terminal()
+    run_process(
+        "lifeline", lambda stop: _examine(seen, launch, seconds, stop, as_json=as_json), memory_keeper=False
+    )
+
+
+async def _examine(
+    seen: Observed, launch: Launch, seconds: float, stop: asyncio.Event, *, as_json: bool
+) -> int:
+    try:
+        bus = await reach(launch.bus, stop)
+    except (NotRunningError, BusError):
+        bus = None
+        if seen.silence is None:
+            seen.port_problem, seen.silent_pid = _port_problem(launch.bus.endpoint)
+    if stop.is_set():
+        return 130
+    if bus is not None and seen.config is not None:
+        sources = [source.name for source in seen.config.sources]
+        lidars = [lidar.topic for lidar in seen.config.all_lidars()]
+        known = by_full_key(seen.namespace, sources, lidars, seen.config.station_names())
+        await _listen(seen, Robot(bus, launch, seen.config, known, stop), seconds)
+    findings = diagnose(seen)
+    if as_json:
+        print(json.dumps([finding._asdict() for finding in findings], indent=2))
+    else:
+        Console().print(_table(findings))
+        print(_summary(findings))
+    return 0 if is_healthy(findings) else 1
+
+
+def _at_rest(launch: Launch, state: StateDir) -> Observed:
+    """Observe what needs no connection."""
+    seen = Observed(
+        versions={name: _version(name) for name in PACKAGES},
+        python=sys.version_info[:2],
+        config_path=str(launch.config),
+        endpoint=launch.bus.endpoint,
+        drive=launch.drive,
+        namespace=launch.bus.namespace,
+    )
+    try:
+        document = read_toml(launch.config)
+        seen.has_sim = not {topics.SIM, ANY_BASE}.isdisjoint(launch.nodes)
+        seen.config = read_robot(document, simulated=False)[SupervisorSection]
+        seen.has_ros2 = topics.ROS2 in document
+        seen.ros2_problem = _ros2_problem(launch) if seen.has_ros2 else ""
+    except ConfigError as error:
+        seen.config_problem = str(error)
+    if state.path.exists() and not os.access(state.path, os.W_OK | os.X_OK):
+        seen.state_problem = f"{state.path} is not writable"
+    seen.silence = elsewhere.silence(launch.bus.endpoint)
+    is_ours = seen.silence is None or launch.is_started(state)
+    seen.is_stale = is_ours and state.record.exists() and supervisord.programs(state) is None
+    seen.is_estop_recorded = seen.silence is None and is_recorded(state.path, launch.bus.namespace)
+    return seen
+
+
+def _ros2_problem(launch: Launch) -> str:
+    """Return why the ROS 2 process cannot be started on this machine; empty if it can."""
+    from deploy.stack.ros2_program import interpreter  # noqa: PLC0415 - not without [ros2]
+
+    try:
+        interpreter(launch.config)
+    except DeployError as error:
+        return str(error)
+    return ""
+
+
+def _version(package: str) -> str | None:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def _port_problem(endpoint: str) -> tuple[str, int | None]:
+    """Return why no supervisor could listen on an endpoint, empty if one could, and the pid of one that already does."""
+    try:
+        check_endpoint_is_free(endpoint)
+    except DeployError as error:
+        found = processes_at({endpoint.partition("/")[2]})
+        holder = next(iter(found.values()), None)
+        if holder is None:
+            return str(error), None
+        who = f"pid {holder.pid}: {printable(' '.join(holder.arguments))}"
+        return f"{error} ({who})", holder.pid if holder.runs(topics.SUPERVISOR) else None
+    return "", None
+
+
+async def _listen(seen: Observed, robot: Robot, seconds: float) -> None:
+    """Observe a running robot."""
+    seen.is_connected, seen.known = True, robot.known
+    statuses = robot.bus.subscribe(topics.STATUS)
+    diagnostics = robot.bus.subscribe(topics.DIAGNOSTICS, depth=DEPTH)
+    scans, odometry = robot.bus.subscribe(topics.SCAN), robot.bus.subscribe(topics.ODOM)
+    seen.traffic = await robot.traffic(seconds)
+    if (status := statuses.latest()) is not None:
+        seen.status = status.message
+    for array in diagnostics.take():
+        if array.message is not None:
+            seen.ros2_reports = reports_of(array.message) or seen.ros2_reports
+    for topic, newest in ((topics.SCAN, scans.latest()), (topics.ODOM, odometry.latest())):
+        if newest is not None and newest.message is not None:
+            stamp = newest.message.header.stamp
+            seen.header_offset_s[f"{robot.namespace}/{topic.key}"] = (
+                stamp.sec + stamp.nanosec * 1e-9 - time.time()
+            )
+    try:
+        seen.nodes = await robot.nodes()
+    except DeployError:
+        seen.nodes = ()
+
+
+def _terminal() -> Terminal | None:
+    """Observe the terminal; None if there is none."""
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        return None
+    size = os.get_terminal_size(sys.stdout.fileno())
+    colours = os.environ.get("COLORTERM") or os.environ.get("TERM", "")
+    releases = None if os.environ.get("TERM") == "dumb" else _reports_releases(sys.stdin.fileno())
+    return Terminal(size.columns, size.lines, colours, releases)
+
+
+def _reports_releases(descriptor: int) -> bool | None:
+    """Ask the terminal for the flags of the kitty keyboard protocol, then for its attributes, which every terminal answers."""
+    before = termios.tcgetattr(descriptor)
+    answer = b""
+    try:
+        tty.setcbreak(descriptor)
+        os.write(sys.stdout.fileno(), b"\x1b[?u\x1b[c")
+        deadline_s = time.monotonic() + KEY_REPLY_S
+        while not answer.endswith(b"c") and (left_s := deadline_s - time.monotonic()) > 0.0:
+            if select.select([descriptor], [], [], left_s)[0]:
+                answer += os.read(descriptor, 64)
+    finally:
+        termios.tcsetattr(descriptor, termios.TCSAFLUSH, before)
+    if not answer:
+        return None
+    return b"u" in answer
+
+
+def _table(findings: list[Finding]) -> Table:
+    table = Table(box=None, pad_edge=False, show_header=False)
+    for overflow in ("ellipsis", "ellipsis", "fold"):
+        table.add_column(overflow=overflow)
+    for finding in findings:
+        text = Text(finding.what)
+        if finding.remedy:
+            text.append(f"\n→ {finding.remedy}", style="bold" if finding.verdict is Verdict.PROBLEM else "")
+        table.add_row(Text(MARKS[finding.verdict], style=COLOURS[finding.verdict]), finding.check, text)
+    return table
+
+
+def _summary(findings: list[Finding]) -> str:
+    number = sum(finding.verdict is Verdict.PROBLEM for finding in findings)
+    if number == 0:
+        return "lifeline: no problem found"
+    return f"lifeline: {number} {'problem' if number == 1 else 'problems'} found"

@@ -1,0 +1,310 @@
+"""`lifeline path`: drive the robot along a square, a circle, or a recorded path."""
+
+import asyncio
+import json
+import math
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import asdict
+from pathlib import Path as FilePath
+from typing import Any, NamedTuple, NoReturn, TextIO
+
+import numpy as np
+
+from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED, DeployError
+from deploy.stack.launch import Launch
+from deploy.stack.reach import NotRunningError, reach
+from deploy.stack.statusline import StatusLine
+from lifeline.recording.reader import Recorded, RecordingReader
+from teleop.config import TeleopSection
+from teleop.holder import HeldError, about_this_process
+from teleop.path.legs import Path, to_path
+from teleop.path.pose import PathError, Pose, Poses, placed, seen_from, wrap
+from teleop.path.progress import nearest
+from teleop.path.pursuit import Limits
+from teleop.path.service import SOURCE, Drive, Ending, PathService, Plan, Sample
+from teleop.path.track import TrackError
+from teleop.path.trail import to_poses
+from wire import topics
+from wire.bus import Bus, Subscription
+from wire.host.config import BusSection, ConfigError, read_toml, section
+from wire.host.process import run_process
+from wire.messages import Odometry, UndecodableError, decode
+
+EXIT_CODES = {Ending.DONE: 0, Ending.STOPPED: 1, Ending.INTERRUPTED: 130}
+START_LIMIT_M = 0.5
+"""With --absolute: maximum distance of the robot from the start of the path."""
+TRUTH_DEPTH = 1 << 16
+"""Queue depth for twenty minutes of ground truth."""
+SAME_TIME_S = 0.03
+AROUND_M = 0.3
+"""Half-length of the path section, around the odometry's position, on which the nearest point is searched."""
+
+
+# --- plans
+
+
+def relative(poses: Poses) -> Plan:
+    """Return a plan that moves the path so that its first pose is the robot's present pose."""
+    first = Pose(*poses[0].tolist())
+    own = np.array([seen_from(Pose(*row), first) for row in poses.tolist()])
+    return lambda pose: to_path(placed(own, pose))
+
+
+def absolute(poses: Poses) -> Plan:
+    """Return a plan that keeps the path where it is in the odometry frame."""
+    path = to_path(poses)
+
+    def plan(pose: Pose) -> Path:
+        away_m = math.hypot(pose.x_m - path.start.x_m, pose.y_m - path.start.y_m)
+        if away_m > START_LIMIT_M:
+            raise PathError(
+                f"the path begins {away_m:.2f} m from the robot, at x {path.start.x_m:.2f} m, "
+                f"y {path.start.y_m:.2f} m in the odometry frame: drive it there first, or leave out --absolute"
+            )
+        return path
+
+    return plan
+
+
+def read_poses(file: FilePath) -> Poses:
+    """Read the path of a recording, in its odometry frame.
+
+    Raises:
+        DeployError: the recording does not have exactly one odometry topic, or its path cannot be driven.
+    """
+    samples: dict[str, list[tuple[float, Pose]]] = {}
+    for message in RecordingReader(file).messages():
+        if message.msgtype == Odometry.__msgtype__ and message.topic.split("/")[-1] == topics.ODOM.key:
+            pose = _pose(message)
+            if pose is not None:
+                samples.setdefault(message.topic, []).append((message.log_time_ns * 1e-9, pose))
+    if len(samples) != 1:
+        found = f"it has {', '.join(sorted(samples))}" if samples else "it has none"
+        raise DeployError(f"{file}: one odometry topic is needed to follow a recording, and {found}")
+    (rows,) = samples.values()
+    try:
+        return to_poses(np.array([time_s for time_s, _ in rows]), np.array([pose for _, pose in rows]))
+    except PathError as error:
+        raise DeployError(f"{file}: {error}") from error
+
+
+def _pose(message: Recorded) -> Pose | None:
+    try:
+        return Pose.of(decode(message.payload, Odometry))
+    except UndecodableError:
+        return None
+
+
+# --- the operator at the terminal
+
+
+class TerminalPerson:
+    """The operator, who presses Enter to continue; absent if input or output is not a terminal."""
+
+    def __init__(self, wake: asyncio.Event, stream: TextIO | None = None) -> None:
+        self._wake = wake
+        self._line = StatusLine(stream)
+        self._asked = False
+        self.present = sys.stdin.isatty() and (stream or sys.stdout).isatty()
+        if self.present:
+            # In the background, a read then fails instead of stopping this process and its heartbeat.
+            signal.signal(signal.SIGTTIN, signal.SIG_IGN)
+            asyncio.get_running_loop().add_reader(0, self._on_input)
+
+    def _on_input(self) -> None:
+        data = b""
+        with suppress(OSError):
+            data = os.read(0, 1024)
+        if not data:
+            self.leave()
+            return
+        self._asked = self._asked or b"\n" in data
+        self._wake.set()
+
+    def asks_to_go_on(self) -> bool:
+        asked, self._asked = self._asked, False
+        return asked
+
+    def say(self, sentence: str) -> None:
+        self._line.say(f"lifeline: {sentence}")
+
+    def show(self, line: str) -> None:
+        self._line.show(line)
+
+    def leave(self) -> None:
+        """Stop reading input and clear the status line."""
+        if self.present:
+            self.present = False
+            asyncio.get_running_loop().remove_reader(0)
+        self._line.clear()
+
+
+# --- ground truth of a simulated robot
+
+
+class TruthSample(NamedTuple):
+    """A ground-truth pose of the robot in the world frame."""
+
+    arrival_s: float
+    pose: Pose
+
+
+class Witness:
+    """Records the simulator's ground truth for the report; the drive does not use it."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._truth: Subscription[Odometry] = bus.subscribe(topics.TRUTH, depth=TRUTH_DEPTH)
+
+    def take(self) -> list[TruthSample]:
+        return [
+            TruthSample(truth.arrival_s, Pose.of(truth.message))
+            for truth in self._truth.take()
+            if truth.message is not None
+        ]
+
+
+def true_distances_m(path: Path, drive: Drive, truth: Sequence[TruthSample]) -> list[float]:
+    """Compute the true distance from the path for every sample of the drive that has a ground-truth pose.
+
+    The robot's true pose at the start, at rest, aligns the odometry frame with the world frame.
+    """
+    truth = [t for t in truth if t.pose.is_finite]
+    if drive.began is None or not truth:
+        return []
+    times_s = np.array([t.arrival_s for t in truth])
+
+    def at(sample: Sample) -> Pose | None:
+        best = int(np.argmin(np.abs(times_s - sample.arrival_s)))
+        return truth[best].pose if abs(times_s[best] - sample.arrival_s) <= SAME_TIME_S else None
+
+    began = at(drive.began)
+    if began is None:
+        return []
+    distances_m: list[float] = []
+    for sample in drive.samples:
+        true = at(sample) if sample.on_path else None
+        if true is not None:
+            (row,) = placed(np.array([seen_from(true, began)]), drive.began.pose).tolist()
+            from_m = max(0.0, sample.along_m - AROUND_M)
+            station = nearest(path.legs[sample.leg], row[0], row[1], from_m, 2.0 * AROUND_M)
+            distances_m.append(station.off_m)
+    return distances_m
+
+
+# --- the command
+
+
+def drive(plan: Plan, launch: Launch, speed_m_s: float, *, as_json: bool = False) -> NoReturn:
+    """Drive along a path, and exit: 0 at the end of the path, 1 if stopped, 130 if interrupted.
+
+    Raises:
+        DeployError: the configuration is refused.
+    """
+    try:
+        document = read_toml(launch.config)
+        teleop, bus = section(document, "teleop", TeleopSection), section(document, "bus", BusSection)
+    except ConfigError as error:
+        raise DeployError(str(error)) from error
+    run_process(
+        "lifeline",
+        lambda stop: _drive(stop, plan, launch, speed_m_s, teleop, as_json=as_json),
+        memory_keeper=bus.memory_keeper,
+    )
+
+
+async def _drive(
+    stop: asyncio.Event,
+    plan: Plan,
+    launch: Launch,
+    speed_m_s: float,
+    teleop: TeleopSection,
+    *,
+    as_json: bool,
+) -> int:
+    try:
+        bus = await reach(launch.bus, stop)
+    except NotRunningError as error:
+        return _refuse(error, EXIT_NOT_RUNNING)
+    if bus is None:
+        return EXIT_CODES[Ending.INTERRUPTED]
+    person: TerminalPerson | None = None
+    try:
+        wake = asyncio.Event()
+        person, witness = TerminalPerson(wake, sys.stderr if as_json else None), Witness(bus)
+        service = PathService(
+            bus,
+            plan,
+            person=person,
+            wake=wake,
+            limits=Limits(speed_m_s=speed_m_s),
+            operator=teleop.source,
+            operator_rate_hz=teleop.rate_hz,
+            about=about_this_process(SOURCE),
+        )
+        done = await service.run(stop)
+        truth = witness.take()
+    except (HeldError, PathError) as error:
+        return _refuse(error, EXIT_REFUSED)
+    finally:
+        if person is not None:
+            person.leave()
+        await bus.close()
+    if as_json:
+        print(json.dumps(to_json(done, truth), indent=2))
+    else:
+        for line in report(done, truth):
+            print(f"lifeline: {line}")
+    return EXIT_CODES[done.ending]
+
+
+def _refuse(sentence: object, code: int) -> int:
+    print(f"lifeline: {sentence}", file=sys.stderr)
+    return code
+
+
+def report(done: Drive, truth: Sequence[TruthSample]) -> list[str]:
+    """Return the lines of the report on a drive."""
+    how = {
+        Ending.DONE: "the path is complete",
+        Ending.STOPPED: f"ended early, {done.reason}",
+        Ending.INTERRUPTED: "interrupted",
+    }[done.ending]
+    if done.path is None:
+        return [f"{how}; the robot did not move"]
+    lines = [f"{how}: {done.done_m:.2f} of {done.path.length_m:.2f} m in {done.driving_s:.1f} s of driving"]
+    own = TrackError.of(sample.off_m for sample in done.samples if sample.on_path)
+    real = TrackError.of(true_distances_m(done.path, done, truth))
+    for name, error in (("odometry", own), ("the simulator's ground truth", real)):
+        if error is not None:
+            lines.append(
+                f"distance from the path, by {name}: {_mm(error.rms_m)} rms, {_mm(error.max_m)} at most, "
+                f"over {error.count:,} samples"
+            )
+    if done.ending is Ending.DONE and done.pose is not None:
+        end = done.path.end
+        away_m = math.hypot(done.pose.x_m - end.x_m, done.pose.y_m - end.y_m)
+        turned = math.degrees(abs(wrap(done.pose.yaw_rad - end.yaw_rad)))
+        lines.append(f"distance from the end, by odometry: {_mm(away_m)} and {turned:.1f} degrees")
+    return lines
+
+
+def to_json(done: Drive, truth: Sequence[TruthSample]) -> dict[str, Any]:
+    """Return the report on a drive as JSON values; `path` is null if the robot did not move."""
+    document: dict[str, Any] = {"ending": done.ending.name, "reason": done.reason or None, "path": None}
+    if done.path is None:
+        return document
+    own = TrackError.of(sample.off_m for sample in done.samples if sample.on_path)
+    real = TrackError.of(true_distances_m(done.path, done, truth))
+    return document | {
+        "path": {"length_m": done.path.length_m, "done_m": done.done_m, "driving_s": done.driving_s},
+        "off_path_by_odometry": None if own is None else asdict(own),
+        "off_path_by_truth": None if real is None else asdict(real),
+    }
+
+
+def _mm(distance_m: float) -> str:
+    return f"{distance_m * 1000:.0f} mm" if distance_m < 1.0 else f"{distance_m:.2f} m"

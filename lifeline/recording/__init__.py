@@ -1,0 +1,1 @@
+"""`lifeline record`: record all messages in MCAP files, and read them again."""

@@ -1,0 +1,234 @@
+"""`lifeline record`: record all messages in one MCAP file until Ctrl-C."""
+
+import asyncio
+import json
+import sys
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NoReturn
+
+from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED
+from deploy.stack.heard_sources import HeardSources
+from deploy.stack.launch import Launch
+from deploy.stack.reach import NotRunningError, reach
+from deploy.stack.statusline import StatusLine
+from lifeline.recording.reader import Recorded, RecordingError, RecordingWriter, exists
+from supervisor.config import SupervisorSection
+from wire import topics
+from wire.bus import Bus, RawArrival, Subscription, wait_until
+from wire.host.config import ConfigError, read_toml, section
+from wire.host.process import EXIT_FAILURE, run_process
+from wire.stamp import Stamp, parse_stamp
+from wire.topics import Topic
+
+DEPTH = 4096
+"""Queue depth of each topic; nothing is lost if the disk hangs for 40 s."""
+LOOK_PERIOD_S = 0.1
+FLUSH_PERIOD_S = 1.0
+"""Maximum loss if the recorder is killed."""
+
+
+@dataclass
+class Channel:
+    """A recorded topic."""
+
+    name: str
+    """The ROS name, with a leading slash."""
+    msgtype: str
+    subscription: Subscription[Any]
+    messages: int = 0
+    missed: int = 0
+    """Samples that never arrived, counted by gaps in the sequence numbers."""
+    last: Stamp | None = None
+
+    @property
+    def lost(self) -> int:
+        """Number of sent samples that are not in the file; lost samples without a stamp are not counted."""
+        return max(self.missed, self.subscription.overflowed)
+
+    def take(self) -> list[tuple[RawArrival, int]]:
+        """Return the samples since the last call, with their sequence numbers (0 without a stamp)."""
+        taken: list[tuple[RawArrival, int]] = []
+        for arrival in self.subscription.take_raw():
+            stamp = parse_stamp(arrival.attachment)
+            if stamp is not None:
+                last, self.last = self.last, stamp
+                if last is not None and last.gid == stamp.gid:
+                    self.missed += max(0, stamp.sequence - last.sequence - 1)
+            self.messages += 1
+            taken.append((arrival, 0 if stamp is None else stamp.sequence))
+        return taken
+
+
+@dataclass
+class Report:
+    """The result of a recording."""
+
+    channels: list[Channel] = field(default_factory=list[Channel])
+    duration_s: float = 0.0
+    size_bytes: int = 0
+    failure: str = ""
+    """Why the recording ended early; empty if it did not."""
+
+    @property
+    def messages(self) -> int:
+        return sum(channel.messages for channel in self.channels)
+
+
+class Recorder:
+    """Writes every message on a bus to a file.
+
+    Args:
+        bus: an open bus; the caller closes it.
+        namespace: the first part of every topic's name.
+        sources: the configured command sources; others are recorded once they are heard.
+        writer: of the file.
+        show: is called each second with the progress.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        namespace: str,
+        sources: Iterable[str],
+        writer: RecordingWriter,
+        show: Callable[[str], None],
+    ) -> None:
+        self._bus, self._namespace, self._writer, self._show = bus, namespace, writer, show
+        self._loop = asyncio.get_running_loop()
+        # One offset for all messages: a step of the wall clock does not reorder the recording.
+        self._wall_ns = time.time_ns() - round(self._loop.time() * 1e9)
+        self._report = Report()
+        known = sorted(set(sources))
+        self._strangers = HeardSources(bus.hear_sources(), known)
+        for source in known:
+            self._add(topics.source_cmd_vel(source))
+        for topic in topics.TOPICS:
+            if "<" not in topic.key:
+                self._add(topic)
+
+    async def run(self, stop: asyncio.Event) -> Report:
+        """Record until `stop`, or until a write fails."""
+        report, began_s = self._report, self._loop.time()
+        flush_s = began_s + FLUSH_PERIOD_S
+        try:
+            while True:
+                last = stop.is_set()  # record what arrived before the stop
+                self._take()
+                report.duration_s = self._loop.time() - began_s
+                if last:
+                    break
+                if self._loop.time() >= flush_s:
+                    flush_s += FLUSH_PERIOD_S
+                    self._writer.flush()
+                    report.size_bytes = self._writer.size_bytes
+                    self._show(f"recording: {_summary(report)}")
+                await wait_until(stop, self._loop.time() + LOOK_PERIOD_S)
+        except OSError as error:
+            report.failure = str(error.strerror or error)
+        try:
+            self._writer.close()
+        except OSError as error:
+            report.failure = report.failure or str(error.strerror or error)
+        report.size_bytes = self._writer.path.stat().st_size
+        return report
+
+    def _take(self) -> None:
+        for source in self._strangers.take_new():
+            self._add(topics.source_cmd_vel(source))
+        for channel in self._report.channels:
+            for arrival, sequence in channel.take():
+                log_time_ns = self._wall_ns + round(arrival.arrival_s * 1e9)
+                self._writer.write(
+                    Recorded(channel.name, channel.msgtype, log_time_ns, sequence, arrival.payload)
+                )
+
+    def _add(self, topic: Topic[Any]) -> None:
+        name = f"/{self._namespace}/{topic.key}"
+        subscription = self._bus.subscribe(topic, depth=DEPTH)
+        self._report.channels.append(Channel(name, topic.type.__msgtype__, subscription))
+
+
+def record(path: Path, launch: Launch, *, as_json: bool = False) -> NoReturn:
+    """Record until Ctrl-C, and exit: 0 if the file is complete.
+
+    Raises:
+        DeployError: the file exists, or the configuration is refused.
+    """
+    if path.exists():
+        raise exists(path)
+    try:
+        known = section(read_toml(launch.config), "supervisor", SupervisorSection)
+    except ConfigError as error:
+        raise RecordingError(str(error)) from error
+    sources = [source.name for source in known.sources]
+    # No process waits for the recorder's liveliness token to disappear.
+    run_process(
+        "lifeline", lambda stop: _record(stop, path, launch, sources, as_json=as_json), memory_keeper=False
+    )
+
+
+async def _record(
+    stop: asyncio.Event, path: Path, launch: Launch, sources: list[str], *, as_json: bool
+) -> int:
+    try:
+        bus = await reach(launch.bus, stop)
+    except NotRunningError as error:
+        print(f"lifeline: {error}", file=sys.stderr)
+        return EXIT_NOT_RUNNING
+    if bus is None:
+        return 0
+    try:
+        writer = RecordingWriter(path)
+        screen = StatusLine(sys.stderr if as_json else None)
+        screen.say(f"lifeline: recording to {path}; press Ctrl-C to end")
+        report = await Recorder(bus, launch.bus.namespace, sources, writer, screen.show).run(stop)
+        screen.clear()
+    except RecordingError as error:
+        print(f"lifeline: {error}", file=sys.stderr)
+        return EXIT_REFUSED
+    finally:
+        await bus.close()
+    if as_json:
+        print(json.dumps(_to_json(report, path), indent=2))
+    else:
+        _print(report, path)
+    if report.failure:
+        print(
+            f"lifeline: cannot write the file any further ({report.failure}): it is readable up to its last flush; "
+            "free disk space, and record to another file",
+            file=sys.stderr,
+        )
+    return EXIT_FAILURE if report.failure else 0
+
+
+def _print(report: Report, path: Path) -> None:
+    heard = [channel for channel in report.channels if channel.messages]
+    width = max((len(channel.name) for channel in heard), default=0)
+    for channel in heard:
+        lost = f", {channel.lost:,} lost" if channel.lost else ""
+        print(f"  {channel.name:<{width}}  {channel.messages:>9,}{lost}")
+    lost = sum(channel.lost for channel in heard)
+    print(
+        f"lifeline: {path}: {_summary(report)}, {lost:,} lost" if heard else "lifeline: no messages received"
+    )
+
+
+def _to_json(report: Report, path: Path) -> dict[str, Any]:
+    return {
+        "file": str(path),
+        "duration_s": round(report.duration_s, 3),
+        "bytes": report.size_bytes,
+        "topics": {
+            channel.name: {"messages": channel.messages, "lost": channel.lost}
+            for channel in report.channels
+            if channel.messages
+        },
+        "failure": report.failure or None,
+    }
+
+
+def _summary(report: Report) -> str:
+    return f"{report.duration_s:.1f} s, {report.messages:,} messages, {report.size_bytes / 1e6:.2f} MB"

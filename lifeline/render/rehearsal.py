@@ -1,0 +1,149 @@
+"""Runs robot, law and operator in one process and in simulated time; every run is identical.
+
+It uses the plant of `python -m sim` and the law of `python -m supervisor`, without a bus or a clock.
+Messages arrive without delay.
+"""
+
+from collections.abc import Iterator
+from enum import Enum, auto
+
+from sim.pace import Every
+from sim.plant import Plant
+from sim.shown import Mode, Shown
+from supervisor.config import SupervisorSection
+from supervisor.law.model import Command, Decision, Inputs, LaserScan, Liveliness, Odometry, Velocity
+from supervisor.law.safety import initial_state, step
+from wire.reasons import StopReason
+
+SOURCE = "teleop"
+STANDSTILL = Velocity(0.0, 0.0)
+
+FORWARD_M_S, BACK_M_S = 0.8, -0.4
+WARM_UP_S = 0.3
+"""Longer than a command timeout: until then, the operator's commands are unproven."""
+READY_S = 0.5
+"""How long the operator waits before driving."""
+REST_S = 1.3
+"""How long the operator keeps the forward command after an obstacle has stopped the robot."""
+BACK_S = 1.6
+
+
+class _Act(Enum):
+    WAIT = auto()
+    AHEAD = auto()
+    REST = auto()
+    BACK = auto()
+    DONE = auto()
+
+
+class Operator:
+    """Drives ahead until an obstacle stops the robot, waits, backs out, and then commands zero velocity.
+
+    Args:
+        drives: If false, the operator always commands zero velocity.
+    """
+
+    def __init__(self, *, drives: bool = True) -> None:
+        self._act = _Act.WAIT if drives else _Act.DONE
+        self._since_s = 0.0
+
+    def wants(self, now_s: float, decision: Decision | None) -> Velocity:
+        """Return the velocity commanded now, given the law's last decision."""
+        for_s = now_s - self._since_s
+        at_obstacle = decision is not None and StopReason.OBSTACLE in decision.reasons
+        match self._act:
+            case _Act.WAIT if for_s >= READY_S:
+                self._go_on(_Act.AHEAD, now_s)
+            case _Act.AHEAD if at_obstacle:
+                self._go_on(_Act.REST, now_s)
+            case _Act.REST if for_s >= REST_S:
+                self._go_on(_Act.BACK, now_s)
+            case _Act.BACK if for_s >= BACK_S or at_obstacle:
+                self._go_on(_Act.DONE, now_s)
+            case _:
+                pass
+        # At rest the key is still held, so that the picture shows why the robot is stopped.
+        return {
+            _Act.AHEAD: Velocity(FORWARD_M_S, 0.0),
+            _Act.REST: Velocity(FORWARD_M_S, 0.0),
+            _Act.BACK: Velocity(BACK_M_S, 0.0),
+        }.get(self._act, STANDSTILL)
+
+    def _go_on(self, act: _Act, now_s: float) -> None:
+        self._act, self._since_s = act, now_s
+
+
+class Rehearsal:
+    """One robot under the law, driven by an operator.
+
+    Args:
+        plant: The robot in its world.
+        operator: The source of its commands.
+        config: `[supervisor]`; its footprint must be the plant's.
+    """
+
+    def __init__(self, plant: Plant, operator: Operator, config: SupervisorSection) -> None:
+        self._plant, self._operator = plant, operator
+        self._state = initial_state(config.law())
+        self._decision: Decision | None = None
+        self._steps = 0
+        dt_s = plant.timestep_s
+        self._ticks = Every(config.tick_hz, dt_s)
+        self._scans, self._commands = Every(20.0, dt_s), Every(20.0, dt_s)
+        self._ranges = plant.scan()
+        self._came = Liveliness(SOURCE, alive=True)
+        while self._decision is None or self.time_s < 0.0:
+            self._step()
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time since the end of the warm-up."""
+        return self._steps * self._plant.timestep_s - WARM_UP_S
+
+    def play(self, seconds: float, fps: float) -> Iterator[Shown]:
+        """Advance the time and yield the state to show at each frame, the first at time 0."""
+        for frame in range(max(1, round(seconds * fps))):
+            self.run_until(frame / fps)
+            yield self.shown()
+
+    def run_until(self, time_s: float) -> None:
+        while self.time_s < time_s - 1e-9:
+            self._step()
+
+    def shown(self) -> Shown:
+        decision, speed_m_s = self._decision, self._plant.true_velocity.linear_m_s
+        assert decision is not None  # set during the warm-up
+        reasons = tuple(reason.value for reason in decision.reasons)
+        over = tuple(reason.value for reason in decision.latched)
+        return Shown(Mode.of(decision.mode), reasons, speed_m_s, decision.nearest_m, (self._ranges,), over)
+
+    def _step(self) -> None:
+        plant, now_s = self._plant, self.time_s
+        output = STANDSTILL if self._decision is None else self._decision.output
+        plant.step((output.linear_m_s, output.angular_rad_s))
+        self._steps += 1
+        due = self._commands.due(self._steps, 1.0)
+        commands = (self._command(now_s),) if due else ()
+        scan = self._look(now_s) if self._scans.due(self._steps, 1.0) else None
+        if commands or scan is not None or self._ticks.due(self._steps, 1.0):
+            inputs = Inputs(
+                commands=commands,
+                liveliness=() if self._decision is not None else (self._came,),
+                scans=() if scan is None else (scan,),
+                odometry=Odometry(Velocity(*plant.wheel_twist), now_s),
+            )
+            self._state, self._decision = step(self._state, now_s, inputs)
+
+    def _command(self, now_s: float) -> Command:
+        return Command(SOURCE, self._operator.wants(now_s, self._decision), now_s)
+
+    def _look(self, now_s: float) -> LaserScan:
+        self._ranges, lidar = self._plant.scan(), self._plant.lidar
+        return LaserScan(
+            self._ranges,
+            lidar.angle_min_rad,
+            lidar.angle_increment_rad,
+            lidar.range_min_m,
+            lidar.range_max_m,
+            now_s,
+        )

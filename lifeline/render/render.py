@@ -1,0 +1,54 @@
+"""`lifeline render`: render the simulated robot, under the real safety law, to an image or animation."""
+
+from typing import NamedTuple
+
+from deploy.stack.errors import DeployError
+from deploy.stack.interrupts import interrupts
+from lifeline.render.picture import Wanted, parse_size
+from sim.gl import NoGlError, choose
+
+MIN_S, MAX_S = 0.1, 120.0
+MIN_FPS, MAX_FPS = 1.0, 60.0
+
+
+class Rendered(NamedTuple):
+    """A file that was written."""
+
+    file: str
+    frames: int
+    width: int
+    height: int
+    bytes: int
+
+    @property
+    def sentence(self) -> str:
+        frames = "a picture" if self.frames == 1 else f"{self.frames} frames"
+        return f"wrote {self.file}: {frames} of {self.width}x{self.height}, {self.bytes / 1e6:.2f} MB"
+
+
+def render(wanted: Wanted) -> Rendered:
+    """Write the file, and show the progress on a terminal.
+
+    Raises:
+        DeployError: An option is invalid or rendering is impossible; nothing has been written.
+    """
+    width, height = parse_size(wanted.size)
+    for name, value, least, most in (
+        ("seconds", wanted.seconds, MIN_S, MAX_S),
+        ("fps", wanted.fps, MIN_FPS, MAX_FPS),
+    ):
+        if not least <= value <= most:
+            raise DeployError(f"--{name} must be from {least:g} to {most:g}, not {value:g}")
+    try:
+        choose()
+        # Imported only now: MuJoCo's import fails if the chosen OpenGL backend is missing.
+        from lifeline.render.film import FilmError, film  # noqa: PLC0415
+
+        try:
+            with interrupts():
+                film(wanted, width, height)
+        except FilmError as error:
+            raise DeployError(str(error)) from error
+    except NoGlError as error:
+        raise DeployError(f"cannot render on this machine: {error}") from error
+    return Rendered(str(wanted.out), wanted.frames, width, height, wanted.out.stat().st_size)

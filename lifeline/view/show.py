@@ -1,0 +1,190 @@
+"""`lifeline view`: show a robot, a recording or an incident in Rerun, or write it to a file. It publishes nothing."""
+
+import asyncio
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+
+from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED, DeployError
+from deploy.stack.formatting import printable_lines
+from deploy.stack.launch import Launch
+from deploy.stack.reach import NotRunningError, reach
+from lifeline.recording.reader import Recorded
+from lifeline.view import page, sources, window
+from lifeline.view.rerun_log import RerunLog
+from lifeline.view.scene import Scene
+from supervisor.config import SupervisorSection
+from wire.bus import Bus, RawArrival, Subscription, wait_until
+from wire.host.config import ConfigError, read_toml, section
+from wire.host.process import run_process
+
+DEPTH = 256
+"""Samples of each topic that wait while others are drawn; beyond it, the oldest are dropped."""
+LOOK_PERIOD_S = 0.05
+LAST_LIMIT_S = 0.1
+"""How long the end waits for the last messages to be drawn."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What to show, and where."""
+
+    file: Path | None
+    """A recording or an incident; None: the running robot."""
+    out: Path | None
+    """Write this file instead of opening a viewer."""
+    web: bool
+    """Serve the web viewer instead of opening a window."""
+    port: int
+    """Port of the web viewer; the data are on the next one."""
+
+
+def view(wanted: Wanted, launch: Launch) -> NoReturn:
+    """Show or write a robot or a file, until Ctrl-C, until the window closes, or until the file is written.
+
+    Raises:
+        DeployError: the configuration, the file or the port is refused, or there is no display.
+    """
+    try:
+        config = section(read_toml(launch.config), "supervisor", SupervisorSection)
+    except ConfigError as error:
+        raise DeployError(str(error)) from error
+    if wanted.out is not None and wanted.out.exists():
+        raise DeployError(f"{wanted.out} already exists: choose another file")
+    if wanted.file is None:
+        name, scene, recorded = launch.bus.namespace, sources.scene_of(config, launch.bus.namespace), None
+    else:
+        name, scene, recorded = sources.read(wanted.file, config, launch.bus.namespace)
+    if wanted.out is None and not wanted.web:
+        window.check_display()
+    if wanted.web:
+        window.check_port(wanted.port)
+        window.check_port(wanted.port + 1)
+
+    async def main(stop: asyncio.Event) -> int:
+        try:
+            bus = await reach(launch.bus, stop) if recorded is None else None
+            if stop.is_set():
+                return 0
+            with ExitStack() as at_end:
+                return await Shown(stop, wanted, name, scene, at_end).run(bus, recorded)
+        except NotRunningError as error:
+            print(f"lifeline: {printable_lines(str(error))}", file=sys.stderr)
+            return EXIT_NOT_RUNNING
+        except DeployError as error:
+            print(f"lifeline: {printable_lines(str(error))}", file=sys.stderr)
+            return EXIT_REFUSED
+
+    # This command holds no liveliness token, so no process waits for its end.
+    run_process("lifeline", main, memory_keeper=False)
+
+
+class Shown:
+    """A view in progress. Rerun is called on a thread of its own: if it blocks, Ctrl-C still ends the command."""
+
+    def __init__(
+        self, stop: asyncio.Event, wanted: Wanted, name: str, scene: Scene, at_end: ExitStack
+    ) -> None:
+        self._stop, self._wanted, self._name, self._scene, self._at_end = stop, wanted, name, scene, at_end
+        self._viewer: window.Viewer | None = None
+        self._drawn = 0
+        self._thread = ThreadPoolExecutor(1)
+        self._loop = asyncio.get_running_loop()
+
+    async def run(self, bus: Bus | None, recorded: Iterator[Recorded] | None) -> int:
+        """Show messages until the end, and return the exit code."""
+        log = RerunLog(self._name, follows=recorded is None)
+        opened = await self._on_thread(lambda: self._open(log))
+        if opened is None:
+            return 0
+        print(f"lifeline: {opened}", flush=True)
+        await self._on_thread(lambda: log.fixed(self._scene.fixed()))
+        if bus is not None:
+            await self._live(bus, log)
+        elif recorded is not None:
+            await self._on_thread(lambda: self._draw(log, recorded))
+            if self._wanted.out is None:
+                await self._until_closed()
+        if self._wanted.out is not None:
+            await asyncio.wrap_future(self._thread.submit(log.close))
+            size = self._wanted.out.stat().st_size
+            refused = f", {self._scene.undecodable:,} undecodable" if self._scene.undecodable else ""
+            print(f"lifeline: {self._wanted.out}: {self._drawn:,} messages{refused}, {size / 1e6:.2f} MB")
+        return 0
+
+    async def _on_thread(self, work: Callable[[], Any]) -> Any:  # noqa: ANN401 - any result of the work
+        """Run work on the thread; return None if Ctrl-C comes first and the work takes longer than `LAST_LIMIT_S`."""
+        working = asyncio.wrap_future(self._thread.submit(work))
+        stopping = asyncio.ensure_future(self._stop.wait())
+        await asyncio.wait({working, stopping}, return_when=asyncio.FIRST_COMPLETED)
+        stopping.cancel()
+        if not working.done():
+            await asyncio.wait({working}, timeout=LAST_LIMIT_S)
+        return working.result() if working.done() else None
+
+    def _open(self, log: RerunLog) -> str:
+        """Open the file or the viewer, and return a sentence about it.
+
+        Raises:
+            DeployError: it cannot be opened.
+        """
+        out = self._wanted.out
+        if out is not None:
+            try:
+                log.save(out)
+            except (OSError, RuntimeError) as error:
+                raise DeployError(f"cannot write {out} ({error}): choose another file") from error
+            return f"writing {out}; press Ctrl-C to end"
+        if self._wanted.web:
+            address, own_port = log.serve(self._wanted.port + 1), window.free_port()
+            server = window.serve_page(own_port, address)
+            self._at_end.callback(server.close)
+            files = window.files_of(server, own_port)
+            server.close()
+            shown = page.serve(files, self._wanted.port, address)
+            return f"open {shown} in a browser on this machine; press Ctrl-C to end"
+        self._viewer = window.open_window(log.serve(window.free_port()))
+        self._at_end.callback(self._viewer.close)
+        return "showing the view in Rerun; close its window or press Ctrl-C to end"
+
+    @property
+    def _is_closed(self) -> bool:
+        return self._stop.is_set() or (self._viewer is not None and self._viewer.has_ended)
+
+    async def _until_closed(self) -> None:
+        while not self._is_closed:
+            await wait_until(self._stop, self._loop.time() + LOOK_PERIOD_S)
+
+    async def _live(self, bus: Bus, log: RerunLog) -> None:
+        namespace = self._scene.namespace
+        # One offset for all messages: a step of the wall clock does not reorder them.
+        wall_ns = time.time_ns() - round(self._loop.time() * 1e9)
+        heard: list[tuple[str, Subscription[Any]]] = [
+            (f"/{namespace}/{topic.key}", bus.subscribe(topic, depth=DEPTH)) for topic in self._scene.topics()
+        ]
+
+        def taken() -> Iterator[tuple[str, RawArrival]]:
+            return ((name, arrival) for name, subscription in heard for arrival in subscription.take_raw())
+
+        while not self._is_closed:
+            arrivals = sorted(taken(), key=lambda one: one[1].arrival_s)
+            batch = [
+                Recorded(name, "", wall_ns + round(arrival.arrival_s * 1e9), 0, arrival.payload)
+                for name, arrival in arrivals
+            ]
+            await self._on_thread(lambda batch=batch: self._draw(log, batch))
+            await wait_until(self._stop, self._loop.time() + LOOK_PERIOD_S)
+
+    def _draw(self, log: RerunLog, recorded: Iterable[Recorded]) -> None:
+        for message in recorded:
+            if self._stop.is_set():
+                return
+            primitives = self._scene.draw(message.topic, message.log_time_ns * 1e-9, message.payload)
+            if primitives:
+                log.log(message.log_time_ns, primitives)
+                self._drawn += 1

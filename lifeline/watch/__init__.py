@@ -1,0 +1,1 @@
+"""Live values of one or several robots: `lifeline watch`, `fleet` and `metrics`."""

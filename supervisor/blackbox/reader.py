@@ -1,0 +1,227 @@
+"""Reads a black box line by line; `blackbox_file.py` describes the file.
+
+The memory is bounded by the longest line, so that a damaged file cannot exhaust it. Times are seconds of the recording
+supervisor's monotonic clock, unless a name says otherwise.
+"""
+
+import gzip
+import json
+import math
+import re
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple, TextIO, cast
+
+import numpy as np
+
+from supervisor.blackbox.codec import codec
+from supervisor.blackbox.file import FORMAT, INPUTS, LAW, VERSION
+from supervisor.law.model import Decision, Inputs, LawConfig
+from wire.topics import SCAN
+
+LINE_LIMIT = 64 << 20
+"""Characters; the state of a law with several lidars of 65,536 beams is shorter."""
+FARTHEST_S = 86_400.0
+"""A time farther from the stop is damage."""
+STEP_BEGINS = '{"now_s":'
+UTC = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}")
+
+_DECISION = codec(Decision)
+
+
+class BlackBoxError(Exception):
+    """The file cannot be read, or a part of it; the message says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Document:
+    """A whole black box as decoded JSON."""
+
+    header: dict[str, Any]
+    lines: Sequence[dict[str, Any]]
+    """Its states and steps, in order."""
+
+
+class Stop(NamedTuple):
+    """A stop, as the header describes it."""
+
+    now_s: float
+    utc_ns: int
+    """Wall time since 1970; the file holds milliseconds."""
+    utc: str
+    """The same time as text, without a time zone: 2026-07-04T12:00:00.000."""
+    reasons: tuple[str, ...]
+    """The reasons that were new at this stop, most severe first."""
+
+
+class Step(NamedTuple):
+    """A step of the law."""
+
+    now_s: float
+    inputs: Inputs
+    decision: Decision
+    """Without its sources, which the file holds once per second only."""
+
+
+class BlackBoxReader:
+    """Reads the header of a black box at once, and its lines on request.
+
+    Raises:
+        BlackBoxError: the file cannot be read, is not a black box, has a newer version, or names no stop.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            if path.is_fifo():
+                raise ValueError("a pipe")  # noqa: TRY301 - to open it waits for a writer
+            with gzip.open(path, "rt", encoding="utf-8") as file:
+                header = _object(_line(file, 1))
+        except (OSError, EOFError, ValueError, RecursionError, zlib.error) as error:
+            raise BlackBoxError(_no_black_box(path, error)) from error
+        version = header.get("version")
+        if header.get("format") != FORMAT or not isinstance(version, int):
+            raise BlackBoxError(_no_black_box(path, None))
+        if version > VERSION:
+            raise BlackBoxError(
+                f"{path} has version {version}, and this Lifeline reads up to {VERSION}: replay it with a newer Lifeline"
+            )
+        self.header = header
+        self.stops = stops_of(header)
+
+    @property
+    def law(self) -> LawConfig:
+        """The configuration of the law that was recorded.
+
+        Raises:
+            BlackBoxError: this law does not know it.
+        """
+        try:
+            return cast("LawConfig", LAW.read(self.header["config"]))
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
+            raise BlackBoxError(
+                f"the configuration in {self.path} does not match this law: {error}"
+            ) from error
+
+    @property
+    def lidar_topics(self) -> tuple[str, ...]:
+        """The topic of each lidar; an older file names only the lidars."""
+        named = self.header.get("lidar_topics")
+        if isinstance(named, list):
+            return tuple(map(str, cast("list[object]", named)))
+        others = [f"{SCAN.key}_{lidar.name}" for lidar in self.law.lidars[1:]]
+        return (SCAN.key, *others)
+
+    @property
+    def left_out(self) -> int:
+        """Number of older steps of the window that were left out for lack of space."""
+        counts = (self.header.get(f"left_out_for_{reason}") for reason in ("memory", "file_size"))
+        return sum(count for count in counts if isinstance(count, int))
+
+    def lines(self, from_s: float = -math.inf) -> Iterator[dict[str, Any]]:
+        """Yield all states, and the steps from a time on.
+
+        Raises:
+            BlackBoxError: the file is damaged or truncated; everything before was yielded.
+        """
+        number = steps = 0
+        try:
+            with gzip.open(self.path, "rt", encoding="utf-8") as file:
+                while text := _line(file, number + 1):
+                    number += 1
+                    if number == 1:
+                        continue
+                    if from_s > -math.inf and text.startswith(STEP_BEGINS) and _time_s(text) < from_s:
+                        steps += 1
+                        continue
+                    line = _object(text)
+                    if "end" in line:
+                        if line == {"end": True, "steps": steps} and not _line(file, number + 1):
+                            return
+                        break
+                    steps += "inputs" in line
+                    yield line
+        except (OSError, EOFError, ValueError, RecursionError, zlib.error) as error:
+            raise BlackBoxError(f"{self.path} is damaged after {number} lines: {error}") from error
+        raise BlackBoxError(f"{self.path} is truncated: its end is missing")
+
+    def steps(self, from_s: float = -math.inf) -> Iterator[Step]:
+        """Yield the steps from a time on, in order.
+
+        Raises:
+            BlackBoxError: as above, or a step does not match the types of this law.
+        """
+        for line in self.lines(from_s):
+            if "state" not in line:
+                yield self._step(line)
+
+    def _step(self, line: dict[str, Any]) -> Step:
+        try:
+            now_s = float(line["now_s"])
+            if not abs(now_s - self.stops[0].now_s) <= FARTHEST_S:
+                raise ValueError(f"{now_s:g} s is more than a day from the stop")  # noqa: TRY301 - reported below
+            decision = _DECISION.read({**line["decision"], "sources": []})
+            return Step(now_s, INPUTS.read(line["inputs"]), decision)
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
+            raise BlackBoxError(
+                f"a step of {self.path} does not match the types of this law: {error}"
+            ) from error
+
+
+def read(path: Path) -> Document:
+    """Read a whole black box into memory.
+
+    Raises:
+        BlackBoxError: the file cannot be read, is not a black box, has a newer version, is damaged or truncated.
+    """
+    reader = BlackBoxReader(path)
+    return Document(reader.header, list(reader.lines()))
+
+
+def stops_of(header: dict[str, Any]) -> tuple[Stop, ...]:
+    """Return the stops that a header names, at least one.
+
+    Raises:
+        BlackBoxError: it names none.
+    """
+    try:
+        first, *others = map(_stop, header["stops"])
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise BlackBoxError(f"the header of the black box names no stop: {error}") from error
+    return (first, *others)
+
+
+def _stop(entry: dict[str, Any]) -> Stop:
+    utc = str(entry["utc"]).removesuffix("+00:00")
+    if UTC.fullmatch(utc) is None:
+        raise ValueError(f"{utc!r:.40} is not a time")
+    utc_ms = int(np.datetime64(utc, "ms").astype(np.int64))
+    return Stop(float(entry["now_s"]), utc_ms * 1_000_000, utc, tuple(map(str, entry["reasons"])))
+
+
+def _line(file: TextIO, number: int) -> str:
+    """Return the next line; empty at the end of the file."""
+    text = file.readline(LINE_LIMIT)
+    if len(text) == LINE_LIMIT:
+        raise ValueError(f"line {number} is too long")
+    return text
+
+
+def _time_s(text: str) -> float:
+    """Return the time of a step without decoding the rest of its line."""
+    return float(text[len(STEP_BEGINS) : text.index(",")])
+
+
+def _object(line: str) -> dict[str, Any]:
+    document: object = json.loads(line)
+    if not isinstance(document, dict):
+        raise ValueError("a line is not a JSON object")  # noqa: TRY004 - a fault of the file
+    return cast("dict[str, Any]", document)
+
+
+def _no_black_box(path: Path, error: Exception | None) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        return f"cannot read {path}: {error.strerror}"
+    return f"{path} is not a black box of Lifeline"

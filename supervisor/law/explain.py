@@ -1,0 +1,64 @@
+"""Texts with the details of a stop cause. Pure."""
+
+import math
+
+from supervisor.law.model import Reasons
+from wire.reasons import SEVERITY, Limit, StopReason
+
+AHEAD_DEG = 10
+"""Directions within this angle of straight ahead or behind are named "ahead" or "behind"."""
+
+
+def detail_of(
+    causes: Reasons,
+    limit: Limit | None = None,
+    *,
+    is_too_fast: bool = False,
+    scan_problem: str = "",
+    block_bearing_rad: float = math.nan,
+    writers: tuple[str, ...] = (),
+    stations: str = "",
+) -> str:
+    """Return part of a sentence with the details of the most severe cause; empty if there are none.
+
+    Args:
+        causes: the causes that hold now.
+        limit: what reduces the command without a cause.
+        is_too_fast: whether the age of the command limits its speed even while it is new.
+        scan_problem: why the newest scan proves nothing.
+        block_bearing_rad: bearing of the blocking point in the base frame; NaN if there is none.
+        writers: for each sensor with several active writers, its name and theirs.
+        stations: which e-stop stations are pressed or missing.
+    """
+    if limit is not None:
+        return "blind_budget_m permits less than this speed" if is_too_fast else "the next command is late"
+    where = bearing_in_words(block_bearing_rad)
+    match min(causes, key=SEVERITY.__getitem__, default=None):
+        case StopReason.ESTOP | StopReason.ESTOP_STATION_LOST:
+            return stations
+        case StopReason.SENSOR_CONFLICT:
+            return f"samples come from several writers: {'; '.join(writers)}"
+        case StopReason.SCAN_INVALID:
+            return scan_problem
+        case StopReason.SCAN_BLIND if where:
+            return f"unseen space {where}"
+        case StopReason.OBSTACLE if where:
+            return f"something is too close {where}"
+        case _:
+            return ""
+
+
+def bearing_in_words(bearing_rad: float) -> str:
+    """Return a bearing in the base frame as text, such as "ahead" or "at 40° to the left"; empty for NaN.
+
+    Args:
+        bearing_rad: counter-clockwise from straight ahead.
+    """
+    if not math.isfinite(bearing_rad):
+        return ""
+    degrees = round(math.degrees(math.remainder(bearing_rad, math.tau)))
+    if abs(degrees) < AHEAD_DEG:
+        return "ahead"
+    if abs(degrees) > 180 - AHEAD_DEG:
+        return "behind"
+    return f"at {abs(degrees)}° to the {'left' if degrees > 0 else 'right'}"

@@ -1,0 +1,384 @@
+"""`lifeline check`: the permitted motions and the risks of a configuration."""
+
+import math
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from deploy.stack.errors import DeployError
+from deploy.stack.launch import DEFAULT_CONFIG
+from lifeline.check.check import Report, examine, stopping
+from lifeline.check.motions import MOTIONS, Permitted
+from lifeline.cli.app import app
+from supervisor.law.model import STANDSTILL, Velocity
+from wire.reasons import StopReason
+
+EXAMPLES = {path.stem: path for path in (DEFAULT_CONFIG.parent / "examples").glob("*.toml")}
+QUARTER = math.pi / 2
+
+
+def report(directory: Path, text: str) -> Report:
+    path = directory / "robot.toml"
+    path.write_text(text)
+    return examine(path)
+
+
+def motion(found: Report, name: str) -> Permitted:
+    return next(permitted for permitted in found.motions if permitted.motion.name == name)
+
+
+def lidar(*lines: str) -> str:
+    return "\n".join(("[supervisor.lidar]", *lines))
+
+
+FRONT = lidar(f"view_rad = [{-QUARTER}, {QUARTER}]", "beams = 360", "range_max_m = 12.0", "period_s = 0.05")
+
+
+# --- the example files
+
+
+def test_there_is_an_example_for_each_of_the_usual_robots() -> None:
+    ros2 = {"turtlebot4", "clearpath", "ros2_diff_drive", "ros2_trial"}
+    assert set(EXAMPLES) == {"amr_one_lidar", "amr_two_lidars", *ros2}
+    assert {name for name in EXAMPLES if examine(EXAMPLES[name]).ros2} == ros2
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_an_example_is_valid_says_all_about_its_lidars_and_may_drive_ahead_at_full_speed(name: str) -> None:
+    found = examine(EXAMPLES[name])
+    assert [seen.assumed for seen in found.lidars] == [()] * len(found.lidars)
+    ahead = motion(found, "ahead")
+    for decision in (ahead.at_rest, ahead.after_driving):
+        assert decision.output == Velocity(found.config.max_linear_m_s, 0.0)
+
+
+@pytest.mark.parametrize("name", ["turtlebot4", "clearpath", "ros2_diff_drive"])
+def test_a_ros_2_robot_of_an_example_may_do_everything(name: str) -> None:
+    assert all(p.at_rest.scale == p.after_driving.scale == 1.0 for p in examine(EXAMPLES[name]).motions)
+
+
+def test_a_turtlebot_4_sees_all_around_and_may_do_everything() -> None:
+    found = examine(EXAMPLES["turtlebot4"])
+    assert all(p.at_rest.scale == 1.0 and p.after_driving.scale == 1.0 for p in found.motions)
+    (lidar,) = found.config.all_lidars()
+    assert (found.config.scan_timeout_of(lidar), found.lidars[0].view.period_s) == (0.45, 0.18)
+
+
+def test_a_robot_with_one_front_lidar_may_not_back_out_and_says_why() -> None:
+    found = examine(EXAMPLES["amr_one_lidar"])
+    back = motion(found, "back")
+    assert back.at_rest.output == STANDSTILL
+    assert back.at_rest.reasons == (StopReason.SCAN_BLIND,)
+
+
+def test_the_two_lidars_of_an_example_look_away_from_each_other_from_opposite_corners() -> None:
+    first, second = examine(EXAMPLES["amr_two_lidars"]).config.all_lidars()
+    assert (first.topic, second.topic) == ("scan", "scan_rear")
+    assert (first.x_m, first.y_m) == (-second.x_m, -second.y_m)
+    assert abs(first.yaw_rad - second.yaw_rad) == pytest.approx(math.pi, abs=1e-5)
+
+
+def test_a_robot_with_two_diagonal_lidars_may_do_everything_but_with_one_of_them_not(tmp_path: Path) -> None:
+    found = examine(EXAMPLES["amr_two_lidars"])
+    assert all(p.at_rest.scale == 1.0 and p.after_driving.scale == 1.0 for p in found.motions)
+    text = EXAMPLES["amr_two_lidars"].read_text()
+    first, second = text.rindex("[[supervisor.lidars]]"), text.index("[teleop]")
+    alone = report(tmp_path, text[:first] + text[second:])
+    assert motion(alone, "back").at_rest.reasons == (StopReason.SCAN_BLIND,)
+
+
+def test_with_a_memory_of_free_space_the_robot_with_one_lidar_may_back_out_the_way_it_came(
+    tmp_path: Path,
+) -> None:
+    text = EXAMPLES["amr_one_lidar"].read_text()
+    found = report(tmp_path, text.replace("unseen_memory_s = 0.0", "unseen_memory_s = 5.0"))
+    back = motion(found, "back")
+    assert back.at_rest.reasons == (StopReason.SCAN_BLIND,)
+    assert back.after_driving.output.linear_m_s < -0.1
+
+
+# --- the stopping distance
+
+
+def test_the_stopping_distance_is_reaction_and_braking_and_the_stop_distance(tmp_path: Path) -> None:
+    found = report(
+        tmp_path,
+        "[supervisor]\nmax_linear_m_s = 0.8\ndeceleration_m_s2 = 0.5\nstop_distance_m = 0.25\ntransport_s = 0.04\n"
+        + lidar("period_s = 0.1"),
+    )
+    way = found.stopping
+    assert way.reaction_s == pytest.approx(2 * 0.1 + 0.04)
+    assert way.reaction_m == pytest.approx(0.8 * 0.24)
+    assert way.braking_m == pytest.approx(0.8**2 / (2 * 0.5))
+    assert way.total_m == pytest.approx(0.192 + 0.64 + 0.25)
+
+
+def test_the_slowest_lidar_decides_how_late_it_reacts(tmp_path: Path) -> None:
+    found = report(
+        tmp_path,
+        '[[supervisor.lidars]]\nname = "a"\ntopic = "scan"\nperiod_s = 0.05\n'
+        '[[supervisor.lidars]]\nname = "b"\ntopic = "b"\nperiod_s = 0.15\n',
+    )
+    assert found.stopping == stopping(found.config, (found.lidars[1].view,))
+    assert found.stopping.reaction_s == pytest.approx(0.33)
+
+
+# --- the view of a lidar
+
+
+def test_a_lidars_own_keys_count_before_those_of_the_simulation(tmp_path: Path) -> None:
+    sim = "[sim]\nlidar_beams = 180\nlidar_span_rad = 2.0\nlidar_range_max_m = 6.0\nscan_hz = 25.0\n"
+    (seen,) = report(tmp_path, sim).lidars
+    assert seen.assumed == ()
+    assert (seen.view.beams, seen.view.range_max_m, seen.view.period_s) == (180, 6.0, 0.04)
+    assert seen.view.angle_min == -1.0
+    assert seen.view.angle_increment == pytest.approx(2.0 / 179)
+
+    own = lidar("view_rad = [-1.5, 0.5]", "beams = 101", "range_max_m = 4.0", "period_s = 0.1")
+    (seen,) = report(tmp_path, sim + own).lidars
+    assert seen.view == (-1.5, pytest.approx(0.02), 101, 4.0, 0.1)
+
+
+def test_what_the_file_does_not_say_is_assumed_and_named(tmp_path: Path) -> None:
+    (seen,) = report(tmp_path, "").lidars
+    assert set(seen.assumed) == {"view_rad", "beams", "range_max_m", "period_s"}
+    assert seen.view.angle_increment == pytest.approx(math.tau / 360)  # a full turn has as many gaps as beams
+    (seen,) = report(tmp_path, lidar('profile = "neato_xv"', "view_rad = [-1.0, 1.0]")).lidars
+    assert set(seen.assumed) == {"beams", "range_max_m"}
+    assert seen.view.period_s == 0.2
+
+
+# --- the motions, by the law
+
+
+def test_in_open_space_the_default_robot_may_do_everything_at_full_speed() -> None:
+    found = examine(DEFAULT_CONFIG)
+    assert [permitted.motion for permitted in found.motions] == list(MOTIONS)
+    for permitted in found.motions:
+        asked = Velocity(permitted.motion.linear * 1.0, permitted.motion.angular * 2.0)
+        assert permitted.at_rest.output == permitted.after_driving.output == asked
+
+
+def test_half_a_view_permits_to_drive_ahead_but_not_back(tmp_path: Path) -> None:
+    found = report(tmp_path, FRONT)
+    assert motion(found, "ahead").at_rest.scale == 1.0
+    assert motion(found, "turn left").at_rest.scale == 1.0  # a round hull sweeps nothing
+    assert motion(found, "back").at_rest.reasons == (StopReason.SCAN_BLIND,)
+
+
+def test_a_creep_into_the_blind_is_what_is_permitted_of_backing_out(tmp_path: Path) -> None:
+    found = report(tmp_path, "[supervisor]\nblind_creep_m_s = 0.1\n" + FRONT)
+    assert motion(found, "back").at_rest.output.linear_m_s == pytest.approx(-0.1, rel=0.01)
+
+
+def test_a_lidar_that_does_not_see_far_permits_less_speed(tmp_path: Path) -> None:
+    found = report(tmp_path, "[sim]\nlidar_range_max_m = 0.8\n")
+    assert 0.0 < motion(found, "ahead").at_rest.output.linear_m_s < 0.9
+
+
+def test_a_base_without_odometry_is_checked_without(tmp_path: Path) -> None:
+    found = report(tmp_path, "[supervisor]\nodometry = false\n")
+    assert motion(found, "back").after_driving.scale == 1.0
+
+
+# --- the risks
+
+
+def test_the_complete_example_has_no_risk() -> None:
+    assert examine(DEFAULT_CONFIG).risks == ()
+
+
+@pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:7448", "tcp/localhost:7447", "tls/0.0.0.0:7447"])
+def test_an_endpoint_on_this_machine_or_behind_tls_is_no_risk(tmp_path: Path, endpoint: str) -> None:
+    plain = report(tmp_path, "").risks
+    assert report(tmp_path, f'[bus]\nendpoint = "{endpoint}"\nkeys = "bundle"').risks == plain
+
+
+@pytest.mark.parametrize(
+    ("text", "setting", "risk"),
+    [
+        ("[supervisor]\ncommand_timeout_s = 0.5", "command_timeout_s = 0.5", "0.50 m after the operator's"),
+        (
+            '[bus]\nendpoint = "tcp/0.0.0.0:7447"',
+            '[bus] endpoint = "tcp/0.0.0.0:7447"',
+            "Any client that can connect",
+        ),
+        ("[supervisor]\nstop_distance_m = 0.2", "stop_distance_m = 0.2", "within 0.2 m of a person"),
+        ("[supervisor]\noverrun_s = 0.2", "overrun_s = 0.2", "0.20 m while the supervisor hangs"),
+        ("[supervisor]\nodom_timeout_s = 0.4", "odom_timeout_s = 0.4", "0.40 m on the last odometry"),
+        ("[sim]\ncommand_timeout_s = 0.3", "[sim] command_timeout_s = 0.3", "0.30 m after the supervisor"),
+        ("[supervisor]\nscan_timeout_s = 0.5", "timeout of lidar = 0.5", "0.50 m on the last scan"),
+        (
+            lidar('profile = "own"', "own = { nan_is_free = true }"),
+            'profile of lidar = "own"',
+            "Readings of NaN count",
+        ),
+        (lidar('profile = "neato_xv"'), 'profile of lidar = "neato_xv"', "Readings of 0.0, NaN, 0.053 count"),
+        (lidar('profile = "hokuyo_urg"'), 'profile of lidar = "hokuyo_urg"', "below 0.0195 m"),
+        ("[supervisor]\nworks_in_the_open = true", "works_in_the_open = true", "a covered lidar looks like"),
+        (
+            "[supervisor]\nblind_creep_m_s = 0.05",
+            "blind_creep_m_s = 0.05",
+            "may touch an obstacle that no beam sees",
+        ),
+        ("[supervisor]\nunseen_memory_s = 3.0", "unseen_memory_s = 3", "last seen up to 3 s ago"),
+        (
+            "[supervisor]\nsmallest_obstacle_m = 0.1",
+            "smallest_obstacle_m = 0.1",
+            "between 0.04 and 0.1 m wide",
+        ),
+        ("[supervisor]\nodometry = false", "odometry = false", "is not detected"),
+        ("[supervisor]\ndeceleration_m_s2 = 1.9", "deceleration_m_s2 = 1.9", "leaves no margin"),
+    ],
+)
+def test_each_setting_that_creates_a_risk_is_named_with_it(
+    tmp_path: Path, text: str, setting: str, risk: str
+) -> None:
+    simulated = text if "[sim]" in text else f"{text}\n[sim]\n"
+    found = {entry.setting: entry.sentence for entry in report(tmp_path, simulated).risks}
+    assert risk in found.pop(setting)
+    assert all(name.startswith("timeout of lidar") for name in found)  # a sensor's profile provides its own
+
+
+def test_a_profile_that_asks_a_beam_to_prove_that_it_sees_creates_no_risk(tmp_path: Path) -> None:
+    found = report(tmp_path, lidar('profile = "sick_lms"') + "\n[sim]\n")
+    assert found.risks == ()
+
+
+def test_a_real_base_has_to_be_measured(tmp_path: Path) -> None:
+    (risk,) = report(tmp_path, FRONT).risks
+    assert (risk.setting, "measure it" in risk.sentence) == ("deceleration_m_s2 = 1.5", True)
+
+
+# --- ROS 2
+
+ROS2 = """\
+[supervisor]
+max_linear_m_s = 0.5
+[ros2]
+namespace = "r7"
+discovery_range = "subnet"
+command_timeout_s = 0.2
+sources = [
+  { name = "joy", topic = "joy/cmd_vel", hold_s = 0.6 },
+  { name = "path", topic = "/nav/cmd_vel", stamped = true, arm = "on_request" },
+]
+"""
+
+
+def test_the_topics_of_ros_2_are_listed_with_absolute_names_types_and_holds(tmp_path: Path) -> None:
+    topics = {topic.use: topic for topic in report(tmp_path, ROS2 + FRONT).ros2}
+    assert {use: (one.direction, one.topic, one.type) for use, one in topics.items()} == {
+        "lidar lidar": ("in", "/r7/scan", "sensor_msgs/msg/LaserScan"),
+        "odometry": ("in", "/r7/odom", "nav_msgs/msg/Odometry"),
+        "source joy": ("in", "/r7/joy/cmd_vel", "geometry_msgs/msg/Twist"),
+        "source path": ("in", "/nav/cmd_vel", "geometry_msgs/msg/TwistStamped"),
+        "base": ("out", "/r7/cmd_vel", "geometry_msgs/msg/Twist"),
+    }
+    assert topics["source joy"].note == (
+        "held for 0.6 s: up to 30 cm after the last key press, before it brakes"
+    )
+    assert topics["source path"].note == "armed by /lifeline/arm after each stop"
+    assert topics["base"].note == "zero after 0.2 s without the supervisor"
+
+
+def test_what_ros_2_settings_risk_is_named(tmp_path: Path) -> None:
+    risks = {risk.setting: risk.sentence for risk in report(tmp_path, ROS2 + FRONT).risks}
+    assert "DDS has no access control" in risks['[ros2] discovery_range = "subnet"']
+    assert "may drive 0.10 m after the supervisor hangs" in risks["[ros2] command_timeout_s = 0.2"]
+    assert "up to 30 cm" in risks["hold_s of joy = 0.6"]
+    assert "/lifeline/arm" in risks['arm of path = "on_request"']
+
+
+def test_the_router_of_rmw_zenoh_is_a_risk_and_the_range_of_dds_then_is_none(tmp_path: Path) -> None:
+    text = ROS2.replace("[ros2]", '[ros2]\nrmw = "zenoh"')
+    risks = {risk.setting: risk.sentence for risk in report(tmp_path, text + FRONT).risks}
+    assert (
+        "Every program that reaches the router"
+        in risks['[ros2] rmw = "zenoh", router = "tcp/127.0.0.1:7448"']
+    )
+    assert '[ros2] discovery_range = "subnet"' not in risks
+
+
+def test_the_defaults_of_ros_2_add_no_risk(tmp_path: Path) -> None:
+    (risk,) = report(tmp_path, "[ros2]\n" + FRONT).risks
+    assert risk.setting == "deceleration_m_s2 = 1.5"
+
+
+# --- the command
+
+
+def run(path: Path) -> tuple[int, str]:
+    result = CliRunner().invoke(app, ["check", str(path)])
+    return result.exit_code, result.output
+
+
+def test_without_a_risk_the_exit_code_is_0() -> None:
+    code, output = run(DEFAULT_CONFIG)
+    assert code == 0
+    for words in (
+        "the configuration is valid",
+        "the stopping distance is 0.76 m",
+        "turn right",
+        "No setting creates",
+    ):
+        assert words in output
+
+
+def test_a_required_estop_station_changes_no_motion_and_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    plain, stations = FRONT, '\n[[supervisor.estop_stations]]\nname = "door"\n'
+    assert report(tmp_path, plain + stations).motions == report(tmp_path, plain).motions
+    path.write_text(plain + stations)
+    _, output = run(path)
+    assert "ESTOP_STATION_LOST" not in output
+    assert "Required e-stop stations: door." in output
+    path.write_text(f"{plain}{stations}required = false\n")
+    assert "Required e-stop" not in run(path)[1]
+
+
+def test_with_a_risk_the_exit_code_is_1_and_what_is_assumed_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text("[supervisor]\nworks_in_the_open = true\n[sim]\ncommand_timeout_s = 0.3\n")
+    code, output = run(path)
+    assert code == 1
+    assert "works_in_the_open" in output
+    assert "[sim]" in output  # not interpreted as markup of the table
+    path.write_text(lidar("view_rad = [-1.5, 1.5]"))
+    code, output = run(path)
+    assert code == 1
+    assert "lidar: assumed period_s, beams, range_max_m" in output
+    assert "no: SCAN_BLIND" in output
+
+
+def test_the_topics_of_ros_2_are_printed_only_with_its_section(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(ROS2)
+    output = run(path)[1]
+    assert "ROS 2 topics" in output
+    assert "/r7/joy/cmd_vel" in output
+    path.write_text(FRONT)
+    assert "ROS 2" not in run(path)[1]
+
+
+def test_what_is_refused_is_listed_whole_with_exit_code_2(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(
+        "[bus]\nlease_s = 1e9\n[supervisor.lidar]\nyaw_rad = 90\n[teleop]\nlevel = 9\n[sim]\nseed = -1\n"
+    )
+    code, output = run(path)
+    assert code == 2
+    for key in ("bus.lease_s", "supervisor.lidar.yaw_rad", "teleop.level", "sim.seed"):
+        assert f"{key} = " in output
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DeployError, match="cannot read"):
+        examine(tmp_path / "absent.toml")
+
+
+def test_the_exit_codes_are_in_the_help() -> None:
+    output = " ".join(CliRunner().invoke(app, ["check", "--help"]).output.split())
+    assert "Exit 0 if" in output
+    assert "2 if the file is refused" in output

@@ -1,0 +1,36 @@
+"""The words that the shells complete."""
+
+from faults.classes import BY_NAME
+from faults.real.injectors.plans import real_classes
+from lifeline.cli import completion
+from sim.build import Hull
+from sim.layout import known
+from sim.views import NAMES
+from supervisor.config import SupervisorSection
+from wire import topics
+
+
+def test_topics_are_those_of_the_table_and_of_the_default_command_sources() -> None:
+    sources = {f"{source.name}/cmd_vel" for source in SupervisorSection().sources}
+    fixed = {topic.key for topic in topics.TOPICS if "<" not in topic.key}
+    assert set(completion.topic_names("")) == fixed | sources
+
+
+def test_a_word_that_begins_like_an_absolute_name_is_completed_to_one() -> None:
+    assert "/robot/scan" in completion.topic_names("/")
+    assert "robot/scan" in completion.topic_names("rob")
+    assert "scan" in completion.topic_names("s")
+
+
+def test_classes_follow_the_names_that_are_already_there() -> None:
+    name = real_classes()[0].name
+    assert name in BY_NAME
+    assert name in completion.class_names("")
+    assert f"a,b,{name}" in completion.class_names("a,b,te")
+
+
+def test_the_other_words_are_those_that_the_commands_accept() -> None:
+    assert tuple(completion.camera_names("")) == NAMES
+    assert completion.hull_names("") == list(Hull)
+    assert completion.layout_names("") == known()
+    assert completion.node_names("") == [topics.SUPERVISOR, topics.SIM, topics.TELEOP]

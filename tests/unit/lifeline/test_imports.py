@@ -1,0 +1,41 @@
+"""`lifeline --help` is fast, and `import supervisor` always finds our package."""
+
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+from wire.host.state_directory import checkout
+
+
+def _python(code: str, cwd: Path) -> str:
+    return subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True, cwd=cwd
+    ).stdout.strip()
+
+
+def test_the_commands_help_loads_neither_zenoh_nor_pydantic_nor_numpy(tmp_path: Path) -> None:
+    code = "import sys, lifeline.cli.app; print({'zenoh', 'pydantic', 'numpy', 'asyncio'} & set(sys.modules))"
+    assert _python(code, tmp_path) == "set()"
+
+
+def test_only_the_command_keys_loads_cryptography(tmp_path: Path) -> None:
+    modules = "supervisor.__main__, teleop.__main__, sim.program, ros2.program, lifeline.cli.app, lifeline.watch.watch, deploy.up, wire.zenoh.link_probe"
+    assert _python(f"import sys, {modules}; print('cryptography' in sys.modules)", tmp_path) == "False"
+
+
+@pytest.mark.parametrize(
+    "name", ["supervisor", "teleop", "sim", "ros2", "virtual", "wire", "deploy", "faults", "lifeline"]
+)
+def test_our_names_are_ours_from_any_directory(name: str, tmp_path: Path) -> None:
+    found = _python(f"import {name}; print({name}.__file__)", tmp_path)
+    root = checkout()
+    assert root is not None
+    assert Path(found) == root / name / "__init__.py"
+
+
+def test_the_command_tells_its_version(tmp_path: Path) -> None:
+    code = "import sys; sys.argv = ['lifeline', '--version']; from lifeline.cli.app import app; app()"
+    assert _python(code, tmp_path) == f"lifeline {version('lifeline')}"

@@ -1,0 +1,352 @@
+"""The base in the law: lost odometry, a base that does not follow, and its present motion."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from supervisor.law.base_motion import PATIENCE_S
+from supervisor.law.clearance import ConvexPolygon
+from supervisor.law.model import STANDSTILL, Decision, Inputs, LawConfig, Mode, Odometry, Velocity
+from supervisor.law.safety import PRESENT_SHARE, initial_state, step
+from tests.unit.supervisor.law.law_harness import (
+    BACK,
+    CONFIG,
+    FORWARD,
+    NEUTRAL,
+    SPIN,
+    TICK_S,
+    Law,
+    laser_scan,
+    odometry,
+    ring,
+)
+from wire.freshness import Sent
+from wire.reasons import StopReason
+
+
+def tick(law: Law, command: Velocity, measured: Velocity) -> Decision:
+    return law.tick(("teleop", command), odometry=Odometry(measured, law.now_s + TICK_S))
+
+
+def driving(config: LawConfig = CONFIG) -> Law:
+    """A base that follows its command at once."""
+    law = Law(config=config)
+    tick(law, NEUTRAL, STANDSTILL)
+    for _ in range(10):
+        tick(law, FORWARD, law.state.output)
+    assert law.decision.mode is Mode.DRIVING
+    return law
+
+
+# --- ODOM_STALE
+
+
+@pytest.mark.parametrize("is_over", [False, True])
+def test_odometry_goes_stale_just_after_its_timeout(*, is_over: bool) -> None:
+    """Heard at zero, so that no difference of times is rounded."""
+    state, _ = step(initial_state(CONFIG), 0.0, Inputs(odometry=odometry(0.0, 0.0)))
+    now_s = CONFIG.odom_timeout_s
+    _, decision = step(state, math.nextafter(now_s, 1.0) if is_over else now_s, Inputs())
+    assert (StopReason.ODOM_STALE in decision.causes) is is_over
+
+
+def test_odometry_that_comes_back_moves_nothing_without_neutral() -> None:
+    law = driving()
+    assert law.hold(0.4, ("teleop", FORWARD)).reasons == (StopReason.ODOM_STALE,)
+    for _ in range(20):
+        assert tick(law, FORWARD, STANDSTILL).output == STANDSTILL
+    assert law.decision.causes == ()
+    tick(law, NEUTRAL, STANDSTILL)
+    assert tick(law, FORWARD, STANDSTILL).output == FORWARD
+
+
+def test_a_base_that_never_sent_odometry_is_taken_at_its_command() -> None:
+    law = Law()
+    law.drive()
+    assert law.hold(1.0, ("teleop", FORWARD)).output == FORWARD
+    assert law.state.odometer.pose.x_m == pytest.approx(0.5, abs=0.03)
+
+
+def test_without_odometry_in_the_configuration_none_is_heard() -> None:
+    law = Law(config=replace(CONFIG, odometry=False))
+    law.tick(("teleop", NEUTRAL), odometry=odometry(0.0, law.now_s))
+    law.tick(("teleop", FORWARD), odometry=odometry(3.0, law.now_s))
+    assert law.state.odometry is None
+    assert law.hold(2.0, ("teleop", FORWARD)).output == FORWARD
+
+
+# --- BASE_UNRESPONSIVE
+
+
+def stuck() -> Law:
+    """The base's own e-stop is pressed: it stands, whatever is commanded."""
+    law = driving()
+    for _ in range(round((PATIENCE_S + 0.1) / TICK_S)):
+        tick(law, FORWARD, STANDSTILL)
+    return law
+
+
+def test_a_base_that_does_not_follow_stops_after_its_patience() -> None:
+    law = driving()
+    began_s = law.now_s
+    while tick(law, FORWARD, STANDSTILL).output == FORWARD:
+        assert law.now_s - began_s < 1.0
+    assert law.decision.reasons == (StopReason.BASE_UNRESPONSIVE,)
+    assert law.now_s - began_s == pytest.approx(PATIENCE_S + 2 * TICK_S, abs=1.5 * TICK_S)
+
+
+def test_release_of_the_base_s_own_e_stop_causes_no_lurch() -> None:
+    law = stuck()
+    assert law.decision.output == STANDSTILL
+    for _ in range(100):
+        assert tick(law, FORWARD, STANDSTILL).output == STANDSTILL
+    assert law.decision.latched == (StopReason.BASE_UNRESPONSIVE,)
+    assert tick(law, NEUTRAL, STANDSTILL).mode is Mode.READY
+    assert tick(law, FORWARD, STANDSTILL).output == FORWARD
+
+
+def test_an_unresponsive_base_that_rolls_is_a_cause_until_it_stands() -> None:
+    law = stuck()
+    tick(law, NEUTRAL, Velocity(0.2, 0.0))
+    law = driving()
+    for _ in range(40):
+        tick(law, FORWARD, Velocity(-0.2, 0.0))
+    assert StopReason.BASE_UNRESPONSIVE in law.decision.causes
+    tick(law, NEUTRAL, Velocity(0.11, 0.0))
+    assert StopReason.BASE_UNRESPONSIVE in law.decision.causes
+    tick(law, NEUTRAL, STANDSTILL)
+    assert StopReason.BASE_UNRESPONSIVE not in law.decision.causes
+
+
+def test_a_base_that_is_as_slow_as_its_least_acceleration_follows() -> None:
+    law = Law()
+    tick(law, NEUTRAL, STANDSTILL)
+    measured_m_s = 0.0
+    for _ in range(200):
+        assert tick(law, FORWARD, Velocity(measured_m_s, 0.0)).output == FORWARD
+        measured_m_s = min(0.5, measured_m_s + CONFIG.base_acceleration_m_s2 * TICK_S)
+
+
+# --- the present motion of the base
+
+
+def met(has: Velocity, asked: Velocity, ranges_m: float, bearing: int) -> Decision:
+    """The decision for a command given to a base that moves, with one thing at a bearing [beams from behind]."""
+    law = Law()
+    law.ranges[bearing - 3 : bearing + 4] = ranges_m
+    tick(law, NEUTRAL, has)
+    return tick(law, asked, has)
+
+
+def test_a_speed_that_the_base_still_has_is_judged_with_the_turn_that_is_asked_for() -> None:
+    """On its way from driving ahead to turning on the spot, a base drives an arc into what is ahead."""
+    assert met(STANDSTILL, SPIN, 0.62, 180).output == SPIN
+    limited = met(Velocity(0.8, 0.0), SPIN, 0.62, 180)
+    assert limited.mode is Mode.LIMITED
+    assert limited.output == STANDSTILL
+    assert limited.reasons == (), "it latches nothing: the base only has to slow down"
+
+
+def test_a_turn_that_the_base_still_has_is_judged_with_the_speed_that_is_asked_for() -> None:
+    for bearing in range(190, 251, 10):
+        straight = met(STANDSTILL, FORWARD, 0.6, bearing)
+        turning = met(Velocity(0.0, 1.5), FORWARD, 0.6, bearing)
+        assert turning.scale < straight.scale
+        assert turning.reasons == ()
+
+
+@pytest.mark.parametrize("has", [Velocity(0.049, 0.0), Velocity(0.0, 0.19)])
+def test_what_is_left_of_a_velocity_within_noise_is_none(has: Velocity) -> None:
+    assert met(has, SPIN if has.linear_m_s else FORWARD, 0.9, 180).scale == (
+        1.0 if has.linear_m_s else pytest.approx(met(STANDSTILL, FORWARD, 0.9, 180).scale)
+    )
+
+
+def test_a_base_that_is_too_fast_on_its_present_arc_brakes_along_that_one_first() -> None:
+    """A base that drives at an object and is commanded to swerve continues toward it while it turns."""
+    law = Law(room_m=8.0)
+    law.ranges[170:191] = 0.8
+    swerve, has = Velocity(0.1, 1.0), Velocity(1.0, 0.0)
+    tick(law, NEUTRAL, has)
+    decision = tick(law, swerve, has)
+    assert decision.output == STANDSTILL
+    assert decision.reasons == ()
+    assert decision.mode is Mode.LIMITED
+    law = Law(room_m=8.0)
+    tick(law, NEUTRAL, has)
+    assert tick(law, swerve, has).output == swerve
+
+
+def test_a_base_on_another_arc_that_approaches_nothing_is_not_slowed() -> None:
+    """Something is within reach, but behind the base."""
+    law = Law(room_m=8.0)
+    law.ranges[:8] = 0.6
+    swerve, has = Velocity(0.1, 1.0), Velocity(1.0, 0.0)
+    tick(law, NEUTRAL, has)
+    assert tick(law, swerve, has).output == swerve
+
+
+def test_a_base_on_the_commanded_arc_is_left_to_the_barrier() -> None:
+    law = Law(room_m=8.0)
+    law.ranges[170:191] = 0.8
+    asked = Velocity(1.0, 0.0)
+    tick(law, NEUTRAL, asked)
+    assert 0.0 < tick(law, asked, asked).scale < PRESENT_SHARE
+
+
+def test_without_odometry_the_base_is_taken_to_brake_as_it_is_trusted_to() -> None:
+    law = Law(room_m=8.0)
+    law.drive(Velocity(1.0, 0.0))
+    law.hold(0.5, ("teleop", Velocity(1.0, 0.0)))
+    law.ranges[170:191] = 0.62
+    assert law.tick(("teleop", SPIN)).output == STANDSTILL
+    assert law.decision.reasons == ()
+    waited_s = 0.0
+    while law.tick(("teleop", SPIN)).output == STANDSTILL:
+        waited_s += TICK_S
+        assert waited_s < 1.0
+    assert waited_s > 0.3
+    law.hold(0.1, ("teleop", SPIN))
+    assert law.decision.output == SPIN
+
+
+# --- one stray reading, and what is remembered
+
+
+def test_a_stray_reading_stops_while_it_is_there_and_latches_nothing() -> None:
+    law = Law()
+    law.drive()
+    law.ranges[180] = 0.4
+    decision = law.tick(("teleop", FORWARD))
+    assert decision.output == STANDSTILL
+    assert (decision.mode, decision.scale) == (Mode.LIMITED, 0.0)
+    assert (decision.reasons, decision.causes) == ((), (StopReason.OBSTACLE,))
+    law.ranges = ring()
+    assert law.tick(("teleop", FORWARD)).output == FORWARD
+
+
+def test_a_reading_elsewhere_confirms_nothing() -> None:
+    law = Law()
+    law.drive()
+    for beam in (180, 210, 150, 180, 210):
+        law.ranges = ring()
+        law.ranges[beam] = 0.5
+        assert law.tick(("teleop", FORWARD)).output == STANDSTILL
+        assert law.decision.reasons == ()
+        law.ranges = ring()
+        law.tick(("teleop", FORWARD))
+
+
+def test_what_was_seen_limits_though_the_newest_scan_does_not_cover_it_and_latches_nothing() -> None:
+    law = Law()
+    law.drive()
+    law.ranges[175:186] = 0.5
+    law.tick(("teleop", FORWARD))
+    law.ranges = ring()
+    law.ranges[170:191] = math.nan
+    decision = law.tick(("teleop", FORWARD))
+    assert decision.output == STANDSTILL
+    assert decision.causes == (StopReason.OBSTACLE,)
+    assert decision.reasons == ()
+    assert decision.nearest_m == pytest.approx(0.25, abs=0.01), "what is remembered is told"
+
+
+def test_what_a_later_scan_disproves_is_forgotten() -> None:
+    law = Law()
+    law.drive()
+    law.ranges[175:186] = 0.5
+    law.tick(("teleop", BACK))
+    law.ranges = ring()
+    law.tick(("teleop", BACK))
+    assert len(law.state.memory.points) == 0
+    assert law.state.places == ()
+
+
+def test_what_is_remembered_goes_out_of_reach_with_the_robot_s_way() -> None:
+    law = Law(room_m=8.0)
+    law.ranges[175:186] = 1.5
+    tick(law, NEUTRAL, STANDSTILL)
+    law.ranges[170:191] = math.nan
+    tick(law, NEUTRAL, STANDSTILL)
+    assert len(law.state.memory.points) > 0
+    for _ in range(100):
+        assert tick(law, BACK, BACK).output == BACK
+    assert len(law.state.memory.points) == 0
+
+
+def test_the_first_step_and_a_scan_at_once_find_their_way() -> None:
+    law = Law(scanning=False)
+    law.now_s += TICK_S
+    law.step(Inputs(scans=(laser_scan(ring(), law.now_s), laser_scan(ring(2.9), law.now_s))))
+    assert law.decision.scan_counts.accepted == 2
+
+
+# --- a base that lags on one axis
+
+BOX = ConvexPolygon(((0.4, -0.2), (0.4, 0.2), (-0.1, 0.2), (-0.1, -0.2)))
+ARC = Velocity(-0.24, -2.0)
+
+
+def backing_on_an_arc(measured: Velocity | None, pillar_m: float) -> Decision:
+    """The turn takes the corner away from a pillar; backing alone closes on it."""
+    law = Law(config=replace(CONFIG, hull=BOX))
+    ranges = ring()
+    ranges[180 + 135 : 180 + 138] = pillar_m
+    law.tick(("teleop", NEUTRAL))
+    for number in range(3):
+        now_s = law.now_s + TICK_S
+        law.tick(
+            ("teleop", ARC),
+            odometry=None if measured is None else Odometry(measured, now_s),
+            scans=(laser_scan(ranges + np.float32(1e-4 * number), now_s),) if number else (),
+        )
+    return law.decision
+
+
+def test_an_arc_is_stopped_if_a_base_that_takes_up_one_axis_first_would_close_on_something() -> None:
+    """Found by a random scene."""
+    decision = backing_on_an_arc(STANDSTILL, 0.495)
+    assert decision.output == STANDSTILL
+    assert decision.reasons == (StopReason.OBSTACLE,)
+    assert backing_on_an_arc(None, 0.495).output == STANDSTILL
+    assert backing_on_an_arc(ARC, 0.495).output == ARC
+
+
+def test_an_arc_is_slowed_as_far_as_a_base_that_takes_up_one_axis_first_must_be() -> None:
+    assert 0.2 < backing_on_an_arc(STANDSTILL, 0.51).scale < 0.6
+    assert backing_on_an_arc(STANDSTILL, 0.51).reasons == ()
+
+
+# --- earlier poses
+
+
+def test_the_noise_of_odometry_at_rest_is_no_travel_but_a_push_is() -> None:
+    law = Law()
+    for _ in range(100):
+        tick(law, NEUTRAL, Velocity(0.001, -0.001))
+    way_m = law.state.way_m
+    for _ in range(50):
+        tick(law, NEUTRAL, Velocity(0.001, -0.001))
+    assert law.state.way_m == way_m
+    for _ in range(10):
+        tick(law, NEUTRAL, Velocity(0.2, 0.0))
+    assert law.state.way_m - way_m == pytest.approx(0.2 * 10 * TICK_S)
+
+
+def test_a_scan_that_was_long_on_its_way_belongs_where_the_robot_was() -> None:
+    """At 0.5 m/s with odometry at 50 Hz: the first scans are quick, the last one took 0.15 s."""
+    state, now_s = initial_state(CONFIG), 1000.0
+    for number in range(1, 61):
+        now_s = 1000.0 + number * TICK_S
+        late_s = 0.15 if number == 60 else 0.0
+        sent = Sent(b"lidar", number, now_s - late_s)
+        scans = (replace(laser_scan(ring(3.0 + 1e-3 * number), now_s), sent=sent),)
+        inputs = Inputs(odometry=odometry(0.5, now_s), scans=() if 50 <= number < 60 else scans)
+        state, _ = step(state, now_s, inputs)
+    reading = state.sights[0].scan
+    assert reading is not None
+    assert reading.view is not None
+    assert reading.taken_s == pytest.approx(now_s - 0.15)
+    assert state.odometer.pose.x_m - reading.view.pose.x_m == pytest.approx(0.5 * 0.15, abs=1e-3)

@@ -1,0 +1,60 @@
+"""If no keeper is possible, a process runs without one and without a message; see also tests/system/test_memory_keeper.py."""
+
+import ctypes
+import gc
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from wire.host.memory_keeper import MemoryKeeper
+
+C = ctypes.CDLL(None)
+
+
+def refused(*_: object) -> int:
+    return -1
+
+
+class Forbidding:
+    """The C library in a sandbox that refuses one call."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __getattr__(self, name: str) -> object:
+        return refused if name == self.name else getattr(C, name)
+
+
+OLD = SimpleNamespace(prctl=C.prctl)
+
+
+def descriptors() -> set[str]:
+    return {path.name for path in Path("/proc/self/fd").iterdir() if path.exists()}
+
+
+@pytest.mark.parametrize(
+    "library",
+    [OLD, *map(Forbidding, ("timerfd_create", "setvbuf", "close_range", "clone"))],
+    ids=lambda library: getattr(library, "name", "an old C library"),
+)
+def test_where_it_cannot_be_done_there_is_no_keeper_and_nothing_else_happens(
+    monkeypatch: pytest.MonkeyPatch, library: object
+) -> None:
+    def load(_: None) -> object:
+        return library
+
+    monkeypatch.setattr(ctypes, "CDLL", load)
+    before = descriptors()
+    keeper = MemoryKeeper()
+    assert keeper.pid is None
+    keeper.end()
+    assert descriptors() == before
+    assert gc.isenabled()
+
+
+def test_on_another_system_there_is_no_keeper(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.platform", "darwin")
+    keeper = MemoryKeeper()
+    assert keeper.pid is None
+    keeper.end()

@@ -1,0 +1,88 @@
+"""Suspends by the clocks: a slow reading causes no false suspend, and no suspend is missed."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wire.host import suspend
+from wire.host.suspend import Clocks, SuspendMeter, never_suspended, read_clocks
+
+MS = 1_000_000
+SLOW = st.integers(0, 500 * MS)
+
+
+class Machine:
+    """Two clocks, and a process that may be descheduled between any two readings."""
+
+    def __init__(self) -> None:
+        self.monotonic_ns = 1000 * MS
+        self.asleep_ns = 77 * MS
+        self.delays_ns: tuple[int, int] = (0, 0)
+
+    def read(self) -> Clocks:
+        before_ns = self.monotonic_ns
+        self.monotonic_ns += self.delays_ns[0]
+        boottime_ns = self.monotonic_ns + self.asleep_ns
+        self.monotonic_ns += self.delays_ns[1]
+        return Clocks(before_ns, boottime_ns, self.monotonic_ns)
+
+
+def test_a_suspend_is_measured_once() -> None:
+    machine = Machine()
+    meter = SuspendMeter(machine.read)
+    assert meter.suspended_s() == 0.0
+    machine.asleep_ns += 2500 * MS
+    assert meter.suspended_s() == pytest.approx(2.5)
+    assert meter.suspended_s() == 0.0
+    machine.asleep_ns += 100 * MS
+    assert meter.suspended_s() == pytest.approx(0.1)
+
+
+@given(st.lists(st.tuples(SLOW, SLOW), max_size=50))
+def test_a_process_that_is_descheduled_while_it_reads_shows_no_suspend(
+    delays: list[tuple[int, int]],
+) -> None:
+    machine = Machine()
+    meter = SuspendMeter(machine.read)
+    for delay in delays:
+        machine.delays_ns = delay
+        machine.monotonic_ns += 20 * MS
+        assert meter.suspended_s() == 0.0
+
+
+@given(st.lists(st.tuples(SLOW, SLOW, st.integers(0, 5000 * MS)), min_size=1, max_size=20))
+def test_no_more_than_all_suspends_is_measured_and_all_of_the_next_once_a_reading_was_quick(
+    readings: list[tuple[int, int, int]],
+) -> None:
+    machine = Machine()
+    meter = SuspendMeter(machine.read)
+    slept_s = measured_s = 0.0
+    for before_ns, after_ns, asleep_ns in readings:
+        machine.delays_ns = (before_ns, after_ns)
+        machine.asleep_ns += asleep_ns
+        slept_s += asleep_ns * 1e-9
+        measured_s += meter.suspended_s()
+        assert measured_s <= slept_s + 1e-6
+    machine.delays_ns = (0, 0)
+    measured_s += meter.suspended_s()
+    machine.asleep_ns += 10_000 * MS
+    assert meter.suspended_s() == pytest.approx(10.0), (
+        "after one quick reading, the next suspend shows in full"
+    )
+
+
+def test_the_clocks_of_this_machine_show_no_suspend_while_it_runs() -> None:
+    meter = SuspendMeter()
+    assert [meter.suspended_s() for _ in range(1000)] == [0.0] * 1000
+
+
+def test_boottime_is_never_behind_the_monotonic_clock() -> None:
+    clocks = read_clocks()
+    assert clocks.before_ns <= clocks.after_ns
+    assert clocks.boottime_ns >= clocks.before_ns
+
+
+def test_where_there_is_no_boottime_no_suspend_shows() -> None:
+    meter = SuspendMeter(suspend._read_none)  # pyright: ignore[reportPrivateUsage]
+    assert meter.suspended_s() == 0.0
+    assert never_suspended() == 0.0
