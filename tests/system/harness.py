@@ -6,15 +6,14 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import AsyncGenerator, Awaitable, Callable
+from collections.abc import AsyncGenerator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
-import pexpect
-
 from deploy.stack import processes, statedir
+from tests.system.operators import Operator
 from tests.system.ports import free_endpoint
 from tests.system.process_state import state_of
 from wire import topics
@@ -40,7 +39,8 @@ class Robot:
     keys: dict[str, Path] = field(default_factory=dict[str, Path])
     """Bundles by node, if the endpoint needs certificates; `viewer` is the observer's."""
     processes: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict[str, subprocess.Popen[bytes]])
-    terminal: "pexpect.spawn[bytes] | None" = None
+    terminal: Operator | None = None
+    """Teleop's terminal."""
     bus: ZenohBus | None = None
 
     @property
@@ -61,34 +61,19 @@ class Robot:
         """Return the options that name the bundle of a node."""
         return ["--keys", str(self.keys[node])] if node in self.keys else []
 
-    def start_teleop(self, module: str = topics.TELEOP) -> None:
-        """Start the real keyboard teleop in a terminal of its own."""
-        self.terminal = pexpect.spawn(
-            sys.executable,
-            ["-m", module, "--endpoint", self.endpoint],
-            dimensions=(24, 100),
-            env=self.environment,
-        )
-        self.terminal.delaybeforesend = None
+    def start_teleop(self, *options: str, module: str = topics.TELEOP, before: Sequence[str] = ()) -> None:
+        """Start the real keyboard teleop in a terminal of its own, with additional options, and as an argument of `before`."""
+        command = (*before, sys.executable, "-m", module, "--endpoint", self.endpoint, *options)
+        self.terminal = Operator(*command, environment=self.environment)
 
     def type(self, keys: str) -> None:
         assert self.terminal is not None
-        self.terminal.send(keys)
-
-    def drain(self) -> None:
-        """Read teleop's output, because a terminal that is not read stops its writer."""
-        if self.terminal is not None and not self.terminal.closed:
-            try:
-                while self.terminal.read_nonblocking(65536, timeout=0):
-                    pass
-            except (pexpect.TIMEOUT, pexpect.EOF, ValueError):
-                return
+        self.terminal.type(keys.encode())
 
     def pid(self, node: str) -> int:
         if node == topics.TELEOP:
             assert self.terminal is not None
-            assert self.terminal.pid is not None
-            return self.terminal.pid
+            return self.terminal.process.pid
         return self.processes[node].pid
 
     def signal(self, node: str, number: signal.Signals) -> float:
@@ -111,12 +96,8 @@ class Robot:
         return killed_s
 
     def _close_terminal(self) -> None:
-        """Kill and reap first: pexpect itself gives a process a tenth of a second to die of SIGKILL, and raises then."""
         if self.terminal is not None:
-            if self.terminal.isalive():
-                self.terminal.kill(signal.SIGKILL)
-                self.terminal.wait()
-            self.terminal.close(force=True)
+            self.terminal.close()
             self.terminal = None
 
     async def observe(self) -> None:
@@ -136,7 +117,6 @@ class Robot:
 
     def look(self) -> None:
         """Add the arrivals since the last call."""
-        self.drain()
         for command in self.cmd_vel.take():
             if command.message is not None:
                 self.outputs.append((command.arrival_s, command.message))
@@ -171,10 +151,26 @@ class Robot:
 
     def picture(self) -> str:
         logs = {path.name: path.read_text()[-600:] for path in self.logs.glob("*.log")}
-        return f"mode {self.status.mode} {self.status.reasons}, {self.speed_m_s:.3f} m/s, logs: {logs}"
+        screen = "" if self.terminal is None else f"\n{self.terminal.picture}\n"
+        return (
+            f"mode {self.status.mode} {self.status.reasons}, {self.speed_m_s:.3f} m/s, {screen}logs: {logs}"
+        )
 
-    async def ready(self) -> None:
-        await self.until(lambda: self.status.mode == SafetyStatus.READY, "READY")
+    async def ready(self, within_s: float = PATIENCE_S) -> None:
+        """Wait until the next command moves the robot, by the status, and by the screen of a teleop that was started."""
+        await self.until(
+            lambda: (
+                self.status.mode == SafetyStatus.READY and (self.terminal is None or self.terminal.keys_count)
+            ),
+            "READY",
+            within_s,
+        )
+
+    async def connected(self) -> None:
+        """Wait until teleop's screen shows a status: before its connection, it discards the keys."""
+        terminal = self.terminal
+        assert terminal is not None
+        await self.until(lambda: terminal.shows_status, "teleop's connection")
 
     async def press(self, keys: str, condition: Callable[[], bool], what: str) -> None:
         """Type the keys and wait for their effect; keys during a delay of teleop are discarded, so they are typed again."""
@@ -183,6 +179,7 @@ class Robot:
             self.type(keys)
             await self.until(condition, what, PATIENCE_S / DRIVE_TRIES)
 
+        await self.connected()
         await patiently(attempt)
 
     async def drive(self, keys: str = "wwwww", speed_m_s: float = 0.5) -> None:
@@ -197,6 +194,7 @@ class Robot:
             self.type(keys)
             await self.until_it_drives(speed_m_s)
 
+        await self.connected()
         await patiently(attempt)
 
     async def until_it_drives(self, speed_m_s: float) -> None:

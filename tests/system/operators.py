@@ -12,7 +12,7 @@ import subprocess
 import sys
 import termios
 import time
-from collections.abc import AsyncGenerator, Callable
+from collections.abc import AsyncGenerator, Callable, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -59,8 +59,6 @@ class Hub:
         self._alive: set[str] = set()
         self._twists: list[Twist] = []
         self._arrivals_s: list[float] = []
-        self._greeted_at = 0
-        """Number of the commands before the first status; 0: there was none."""
         bus.serve(topics.SUPERVISOR_RESET, self._refuse)
         bus.declare_alive(topics.SUPERVISOR, bus.run_id)
 
@@ -88,15 +86,9 @@ class Hub:
             (self._alive.add if change.alive else self._alive.discard)(change.node)
         return self._source in self._alive
 
-    def is_ready(self) -> bool:
-        """Wait until it has its token, is neutral, and has received a status, without which it requests no motion."""
-        if not (self.sees_teleop() and self.asks(*ZERO)):
-            return False
-        if not self._greeted_at:
-            self.tell(SafetyStatus.READY)
-            self._greeted_at = len(self._twists)
-        # It looks at the status before each heartbeat.
-        return len(self._twists) >= self._greeted_at + 2
+    def is_neutral(self) -> bool:
+        """Check that teleop has its token, and that its last command is zero."""
+        return self.sees_teleop() and self.asks(*ZERO)
 
     def is_left(self) -> bool:
         """Check that its token is gone and its last command was zero."""
@@ -126,6 +118,7 @@ class Operator:
         term: the terminal's type.
         kitty: the supported flags of the kitty keyboard protocol; None: not supported.
         answers: whether it answers status requests.
+        environment: the environment, without the terminal's type; None: that of this process.
     """
 
     def __init__(
@@ -134,6 +127,7 @@ class Operator:
         term: str = "xterm-256color",
         kitty: int | None = None,
         answers: bool = False,
+        environment: Mapping[str, str] | None = None,
     ) -> None:
         self._master, self.slave = pty.openpty()
         self.kitty, self.answers = kitty, answers
@@ -157,7 +151,7 @@ class Operator:
             stdin=self.slave,
             stdout=self.slave,
             stderr=subprocess.PIPE,
-            env=os.environ | {"TERM": term},
+            env={**(os.environ if environment is None else environment), "TERM": term},
             cwd=ROOT,
         )
         self._hung_up = False
@@ -178,6 +172,21 @@ class Operator:
     def picture(self) -> str:
         """The present content of the screen."""
         return "\n".join(self._screens[self._screen].display)
+
+    @property
+    def shows_status(self) -> bool:
+        """Whether teleop's screen shows the mode of a supervisor: before that, it discards most keys."""
+        modes = ("STOPPED", "LATE", "READY", "DRIVING", "LIMITED", "NO SUPERVISOR")
+        return self.picture.lstrip().startswith(modes)
+
+    @property
+    def keys_count(self) -> bool:
+        """Whether teleop's screen says that the next command moves the robot.
+
+        Before the supervisor has confirmed a command, teleop has no measured round trip, and requests no motion: it
+        discards the keys, and its screen says WAITING, STOPPED or LATE.
+        """
+        return "the next command moves the robot" in self.picture or "| READY" in self.picture
 
     @property
     def is_restored(self) -> bool:
@@ -266,6 +275,7 @@ class Operator:
         return self.process.returncode, errors.decode()
 
     def close(self) -> None:
+        print(self.picture.rstrip())  # for a failed test
         self.process.kill()
         self.process.wait()
         assert self.process.stderr is not None
@@ -293,6 +303,11 @@ async def operator(
         made.close()
 
 
+async def ready(h: Hub, op: Operator, limit_s: float = LIMIT_S) -> None:
+    """Wait until a neutral teleop shows that its keys count; until then, the hub reports READY again and again."""
+    await until(lambda: h.is_neutral() and (op.keys_count or h.tell(SafetyStatus.READY)), limit_s)
+
+
 @asynccontextmanager
 async def driving(
     *arguments: str, command: tuple[str, ...] = PATIENT, answers: bool = False
@@ -303,7 +318,7 @@ async def driving(
         hub(endpoint) as h,
         operator(endpoint, *arguments, command=command, answers=answers) as op,
     ):
-        await until(h.is_ready)
+        await ready(h, op)
         op.type(b"w")
         await until(lambda: h.asks(0.1, 0.0))
         yield h, op

@@ -97,10 +97,11 @@ async def drive(subject: Robot) -> None:
         if {LOST, ESTOP} & set(subject.status.causes):
             await reset(subject)
         subject.type("s")
-        await subject.until(lambda: subject.status.mode == SafetyStatus.READY, "READY", 5.0)
+        await subject.ready(5.0)
         subject.type("wwwww")
         await subject.until_it_drives(0.5)
 
+    await subject.connected()
     await patiently(attempt)
 
 

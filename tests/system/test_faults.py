@@ -38,7 +38,6 @@ async def test_ten_teleops_killed_at_speed_each_stop_the_robot_well_before_the_t
         for _ in range(10):
             if subject.terminal is None:
                 subject.start_teleop()
-            await subject.until(lambda: subject.status.owner == topics.TELEOP, "teleop's heartbeat")
             await subject.drive()
             killed_s = subject.kill(topics.TELEOP)
             to_zero_s.append(await subject.zero_after(killed_s))
@@ -61,7 +60,6 @@ async def test_ten_teleops_killed_at_speed_each_stop_the_robot_well_before_the_t
 @pytest.mark.timed
 async def test_a_stopped_teleop_is_timed_out_and_moves_nothing_when_it_wakes_up(tmp_path: Path) -> None:
     async with robot(tmp_path) as subject:
-        await subject.until(lambda: subject.status.owner == topics.TELEOP, "teleop's heartbeat")
         await subject.drive()
         stopped_s = subject.signal(topics.TELEOP, signal.SIGSTOP)
         to_zero_s = await subject.zero_after(stopped_s)
@@ -123,8 +121,7 @@ async def driving_source(subject: Robot) -> IO[bytes]:
 async def test_a_killed_supervisor_lets_the_base_brake_and_its_return_moves_nothing(tmp_path: Path) -> None:
     async with robot(tmp_path, teleop=False) as subject:
         # A delayed teleop would become neutral; this one must continue to request motion.
-        subject.start_teleop("tests.system.patient_teleop")
-        await subject.until(lambda: subject.status.owner == topics.TELEOP, "teleop's heartbeat")
+        subject.start_teleop(module="tests.system.patient_teleop")
         await subject.drive("wwwwwwww", 0.8)
         log = tmp_path / "sim.log"
         written = len(log.read_text())
@@ -148,7 +145,6 @@ async def test_a_killed_supervisor_lets_the_base_brake_and_its_return_moves_noth
 
 async def test_a_stopped_supervisor_lets_the_base_brake_within_its_own_timeout(tmp_path: Path) -> None:
     async with robot(tmp_path) as subject:
-        await subject.until(lambda: subject.status.owner == topics.TELEOP, "teleop's heartbeat")
         await subject.drive()
         log = tmp_path / "sim.log"
         written = len(log.read_text())
@@ -169,7 +165,6 @@ async def test_a_stopped_supervisor_lets_the_base_brake_within_its_own_timeout(t
 @pytest.mark.timed
 async def test_a_killed_sim_stops_everything_and_its_return_moves_nothing(tmp_path: Path) -> None:
     async with robot(tmp_path) as subject:
-        await subject.until(lambda: subject.status.owner == topics.TELEOP, "teleop's heartbeat")
         await subject.drive()
         killed_s = subject.kill(topics.SIM)
         to_zero_s = await subject.zero_after(killed_s)
@@ -186,7 +181,6 @@ async def test_a_killed_sim_stops_everything_and_its_return_moves_nothing(tmp_pa
 @pytest.mark.timed
 async def test_a_pillar_dropped_ahead_of_a_fast_robot_stops_it_short(tmp_path: Path) -> None:
     async with robot(tmp_path) as subject:
-        await subject.until(lambda: subject.status.owner == topics.TELEOP, "teleop's heartbeat")
         await subject.drive("w" * 10, 1.0)
         assert subject.bus is not None
         start_x_m = -4.5
@@ -203,7 +197,6 @@ async def test_a_pillar_dropped_ahead_of_a_fast_robot_stops_it_short(tmp_path: P
 @pytest.mark.timed
 async def test_driven_straight_at_the_rack_it_stops_short_and_backs_out(tmp_path: Path) -> None:
     async with robot(tmp_path) as subject:
-        await subject.until(lambda: subject.status.owner == topics.TELEOP, "teleop's heartbeat")
         await subject.drive("w" * 10, 1.0)
         await subject.until(lambda: "OBSTACLE" in subject.status.reasons, "OBSTACLE")
         await subject.until(lambda: abs(subject.speed_m_s) < 0.005, "standstill")
@@ -220,7 +213,6 @@ async def back_out(subject: Robot) -> None:
 
 async def test_estop_by_the_space_bar_latches_until_reset(tmp_path: Path) -> None:
     async with robot(tmp_path) as subject:
-        await subject.until(lambda: subject.status.owner == topics.TELEOP, "teleop's heartbeat")
         await subject.drive()
         subject.type(" ")
         await subject.until(lambda: "ESTOP" in subject.status.reasons, "ESTOP")
@@ -235,7 +227,6 @@ async def test_estop_by_the_space_bar_latches_until_reset(tmp_path: Path) -> Non
 
 async def test_a_rogue_put_on_cmd_vel_never_reaches_the_base(tmp_path: Path) -> None:
     async with robot(tmp_path) as subject:
-        await subject.until(lambda: subject.status.owner == topics.TELEOP, "teleop's heartbeat")
         await subject.drive()
         subject.type("s")
         await subject.until(lambda: abs(subject.speed_m_s) < 0.005, "standstill")
@@ -265,7 +256,6 @@ async def test_any_start_order_comes_to_drivable(tmp_path: Path, order: str) -> 
             else:
                 subject.start(node)
         await subject.observe()
-        await subject.until(lambda: subject.status.owner == topics.TELEOP, "teleop's heartbeat")
         await subject.drive()
     finally:
         await subject.close()

@@ -19,7 +19,7 @@ from teleop.gamepad import Gamepad, Phase
 from teleop.gamepad_config import GamepadSection
 from teleop.gamepad_device import GamepadDevice, open_gamepad
 from teleop.gamepad_find import GamepadError, Needed, describe, find_gamepad, find_sensors
-from tests.system.harness import PATIENCE_S, Robot, robot
+from tests.system.harness import PATIENCE_S, robot
 from tests.unit.teleop.pads import (
     DUALSHOCK4,
     LAYOUT,
@@ -206,25 +206,14 @@ def test_a_pad_is_told_from_its_motion_sensors_by_what_the_kernel_says_of_it() -
 # --- to the wheels
 
 
-def start_teleop(subject: Robot, config: str) -> None:
-    """The real teleop with a gamepad, in a terminal of its own."""
-    file = subject.logs / "gamepad.toml"
-    file.write_text(config)
-    terminal: pexpect.spawn[bytes] = pexpect.spawn(
-        sys.executable,
-        ["-m", "teleop", "--mode", "gamepad", "--endpoint", subject.endpoint, "--config", str(file)],
-        dimensions=(24, 100),
-    )
-    terminal.delaybeforesend = None
-    subject.terminal = terminal
-
-
 @needs_uinput
 @pytest.mark.timed
 async def test_the_wheels_obey_the_stick_and_stop_for_the_button_and_the_plug(tmp_path: Path) -> None:
     async with robot(tmp_path, teleop=False) as subject:
         with virtual_pad() as pad:
-            start_teleop(subject, f'[teleop.gamepad]\ndevice = "{pad.path}"\n')
+            config = tmp_path / "gamepad.toml"
+            config.write_text(f'[teleop.gamepad]\ndevice = "{pad.path}"\n')
+            subject.start_teleop("--mode", "gamepad", "--config", str(config))
             await subject.ready()
             settled_s = time.monotonic() + gamepad.SETTLE_S
             await subject.until(lambda: time.monotonic() > settled_s, "the pad to settle")

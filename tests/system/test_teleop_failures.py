@@ -26,6 +26,7 @@ from tests.system.operators import (
     free_endpoint,
     hub,
     operator,
+    ready,
     until,
 )
 from tests.system.process_state import children_of, state_of
@@ -59,7 +60,7 @@ async def test_an_error_of_its_own_ends_it_with_code_1(failure: str) -> None:
     endpoint = free_endpoint()
     command = ("-c", BROKEN.format(failure=failure))
     async with hub(endpoint) as h, operator(endpoint, command=command) as op:
-        await until(h.is_ready)
+        await ready(h, op)
         op.type(b"w")
         code, errors = await op.ended()
         assert code == 1
@@ -121,7 +122,7 @@ async def test_ctrl_backslash_ends_also_a_teleop_whose_loop_hangs() -> None:
     endpoint = free_endpoint()
     command = ("-c", BROKEN.format(failure="import time; time.sleep(60)"))
     async with hub(endpoint) as h, operator(endpoint, command=command) as op:
-        await until(h.is_ready)
+        await ready(h, op)
         op.type(b"w")
         await asyncio.sleep(0.3)
         op.type(b"\x1c")
@@ -154,7 +155,7 @@ async def ready_job() -> AsyncGenerator[tuple[Hub, Job]]:
     async with hub(endpoint) as h:
         job = Job(endpoint)
         try:
-            await until(h.is_ready, 2 * LIMIT_S)
+            await ready(h, job.terminal, 2 * LIMIT_S)
             yield h, job
         finally:
             job.terminal.close()
@@ -176,7 +177,8 @@ async def test_suspended_it_leaves_the_shell_a_terminal_and_comes_back_neutral(h
         op.type(b"echo it is the $((6*7)) shell\n")
         await until(lambda: "it is the 42 shell" in op.picture)
         op.type(b"fg\n")
-        await until(lambda: h.is_ready() and "back again: the setpoint is zero" in op.picture)
+        await until(lambda: "back again: the setpoint is zero" in op.picture)
+        await ready(h, op)
         op.type(b"w")
         await until(lambda: h.asks(0.1, 0.0))
         op.type(b"q")
@@ -240,7 +242,8 @@ def guard_of(pid: int) -> Generator[Callable[[], bool]]:
 async def test_a_kill_leaves_the_terminal_as_it_was(options: tuple[str, ...]) -> None:
     endpoint = free_endpoint()
     async with hub(endpoint) as h, operator(endpoint, *options, kitty=ALL_KITTY_FLAGS) as op:
-        await until(lambda: h.is_ready() and bool(op.kitty_flags) == ("hold" in options))
+        await ready(h, op)
+        await until(lambda: bool(op.kitty_flags) == ("hold" in options))
         assert not op.is_restored
         op.process.kill()
         await until(lambda: op.is_restored)
@@ -320,7 +323,7 @@ async def test_of_two_that_start_at_once_one_drives_and_the_other_ends() -> None
         await until(lambda: all("nothing heard" in op.picture for op in (one, two)))
         async with hub(endpoint) as h:
             await until(lambda: 2 in (one.process.poll(), two.process.poll()))
-            await until(h.is_ready)
+            await until(h.is_neutral)
             assert [one.process.poll(), two.process.poll()].count(None) == 1
 
 
@@ -331,7 +334,7 @@ async def test_another_source_takes_another_name() -> None:
         operator(endpoint) as one,
         operator(endpoint, "--source", "joy") as two,
     ):
-        await until(h.is_ready)
+        await ready(h, two)
         two.type(b"w")
         await until(lambda: h.asks(0.1, 0.0))
         assert (one.process.poll(), two.process.poll()) == (None, None)

@@ -3,7 +3,18 @@
 import asyncio
 from collections.abc import Callable
 
-from tests.system.operators import LIMIT_S, ZERO, Hub, Operator, driving, free_endpoint, hub, operator, until
+from tests.system.operators import (
+    LIMIT_S,
+    ZERO,
+    Hub,
+    Operator,
+    driving,
+    free_endpoint,
+    hub,
+    operator,
+    ready,
+    until,
+)
 from wire import topics
 from wire.messages import SafetyStatus, odometry
 from wire.zenoh.bus import BusConfig, open_bus
@@ -11,6 +22,8 @@ from wire.zenoh.bus import BusConfig, open_bus
 ALL_FLAGS = 31
 DISAMBIGUATE_ALONE = 1
 INITIAL_DELAY_S, INTERVAL_S = 0.25, 0.033
+HEARTBEATS_OF_A_TAP = 8
+"""In their time, 0.4 s, a tap that moved the robot would have done so."""
 
 
 def is_moving(h: Hub) -> bool:
@@ -30,7 +43,8 @@ async def hold_down(op: Operator, key: bytes, condition: Callable[[], bool]) -> 
 async def test_holding_where_the_terminal_reports_releases() -> None:
     endpoint = free_endpoint()
     async with hub(endpoint) as h, operator(endpoint, "--mode", "hold", kitty=ALL_FLAGS) as op:
-        await until(lambda: h.is_ready() and "releases reported" in op.picture)
+        await ready(h, op)
+        await until(lambda: "releases reported" in op.picture)
         assert op.kitty_flags == [15]
         assert "1004" in op.modes_on
 
@@ -72,10 +86,12 @@ async def test_holding_where_the_terminal_reports_releases() -> None:
 async def test_holding_where_the_terminal_reports_no_releases() -> None:
     endpoint = free_endpoint()
     async with hub(endpoint) as h, operator(endpoint, "--mode", "hold") as op:
-        await until(lambda: h.is_ready() and "by key repeat" in op.picture)
+        await ready(h, op)
+        await until(lambda: "by key repeat" in op.picture)
         assert not op.kitty_flags
+        before = len(h.velocities)
         op.type(b"i")  # a tap
-        await asyncio.sleep(0.4)
+        await until(lambda: len(h.velocities) >= before + HEARTBEATS_OF_A_TAP)
         assert set(h.velocities) == {ZERO}
         seen = len(h.velocities)
         await hold_down(op, b"i", lambda: h.asks(0.5, 0.0))
@@ -92,8 +108,8 @@ async def test_holding_where_the_terminal_reports_no_releases() -> None:
 async def test_a_terminal_that_speaks_the_protocol_without_releases_counts_as_one_without() -> None:
     endpoint = free_endpoint()
     async with hub(endpoint) as h, operator(endpoint, "--mode", "hold", kitty=DISAMBIGUATE_ALONE) as op:
-        await until(lambda: h.is_ready() and op.kitty_flags == [DISAMBIGUATE_ALONE])
-        await until(lambda: "by key repeat" in op.picture)
+        await ready(h, op)
+        await until(lambda: op.kitty_flags == [DISAMBIGUATE_ALONE] and "by key repeat" in op.picture)
         op.key("c", 1, modifiers=5)
         assert await op.ended() == (0, "")
         await until(lambda: op.is_restored)
@@ -102,7 +118,8 @@ async def test_a_terminal_that_speaks_the_protocol_without_releases_counts_as_on
 async def test_an_answer_that_comes_late_is_still_an_answer() -> None:
     endpoint = free_endpoint()
     async with hub(endpoint) as h, operator(endpoint, "--mode", "hold") as op:
-        await until(lambda: h.is_ready() and "by key repeat" in op.picture)
+        await ready(h, op)
+        await until(lambda: "by key repeat" in op.picture)
         op.kitty = ALL_FLAGS
         op.type(b"\x1b[?0u")
         await until(lambda: "releases reported" in op.picture)

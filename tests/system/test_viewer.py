@@ -73,7 +73,6 @@ async def test_the_window_shows_what_holds_keeps_the_pace_and_may_be_closed(tmp_
             await until_ring(server, Mode.STOPPED, subject)
 
             subject.start_teleop()
-            await subject.until(lambda: subject.status.owner == topics.TELEOP, "teleop's heartbeat")
             await subject.drive("ww", 0.2)
             await until_ring(server, Mode.DRIVING, subject)
             subject.type("s")

@@ -19,8 +19,6 @@ from dataclasses import asdict
 from pathlib import Path as File
 from typing import Any
 
-import pexpect
-
 from bench.link.conditions import Path
 from bench.link.namespaces import Pair, inside
 from bench.rig.program import Program, program
@@ -53,7 +51,6 @@ async def drive_and_cut(robot: Robot, relay: Program) -> dict[str, float]:
     """Return the times from the cut of the link to zero and to standstill [s]."""
     assert robot.bus is not None
     intents = robot.bus.subscribe(topics.source_cmd_vel(topics.TELEOP), depth=1)
-    await robot.until(lambda: robot.status.owner == topics.TELEOP, "teleop's heartbeat")
     await robot.drive()
     cut_s = asyncio.get_running_loop().time()
     _tell(relay, "cut")
@@ -161,21 +158,7 @@ async def run(arguments: argparse.Namespace, relay: Program) -> dict[str, Any]:
         robot.start(topics.SUPERVISOR, "--config", str(config), "--endpoint", listen)
         robot.start(topics.SIM)
         await robot.observe()
-        robot.terminal = pexpect.spawn(
-            "ip",
-            [
-                *inside(arguments.operator)[1:],
-                sys.executable,
-                "-m",
-                topics.TELEOP,
-                "--endpoint",
-                robot.endpoint,
-                *robot.keys_of(topics.TELEOP),
-            ],
-            dimensions=(24, 100),
-            env=robot.environment,
-        )
-        robot.terminal.delaybeforesend = None
+        robot.start_teleop(*robot.keys_of(topics.TELEOP), before=inside(arguments.operator))
         if arguments.scenario == "viewers":
             return await viewers_die(robot, relay, arguments.operator)
         if arguments.scenario == "lossy":
