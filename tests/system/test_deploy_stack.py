@@ -143,6 +143,7 @@ def test_a_robot_comes_up_is_seen_and_goes_down(robot: Robot) -> None:
     assert robot.run("status").returncode == 3
 
 
+@pytest.mark.timed
 def test_a_killed_supervisor_of_a_real_robot_is_restarted_immediately(robot: Robot) -> None:
     """Without a sim, no log line wakes supervisord from its sleep of a second: only the plug-in does."""
     assert robot.run("up", "--detach", "--no-sim").returncode == 0

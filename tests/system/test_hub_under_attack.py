@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import pytest
 
-from tests.system.harness import Robot, robot
+from tests.system.harness import PATIENCE_S, Robot, robot
 from tests.system.process_state import cpu_s, memory_bytes
 from wire import topics
 from wire.zenoh import limits
@@ -62,7 +62,8 @@ class Bounds(NamedTuple):
 
 
 PROMISED = Bounds(connect_s=1.0, gap_s=0.06)
-BESIDE_OTHER_TESTS = Bounds(connect_s=3.0, gap_s=0.4)
+BESIDE_OTHER_TESTS = Bounds(connect_s=PATIENCE_S, gap_s=PATIENCE_S)
+"""It still connects; how fast is measured alone."""
 
 
 @asynccontextmanager
@@ -181,7 +182,7 @@ async def test_a_supervisor_whose_memory_a_stranger_fills_ends_at_its_limit(tmp_
         supervisor = subject.processes[topics.SUPERVISOR]
         largest = 0
         async with attacker(subject, Attack("crumbs", 0, 30_000.0)):
-            until_s = time.monotonic() + 10.0
+            until_s = time.monotonic() + 2 * PATIENCE_S
             while supervisor.poll() is None and time.monotonic() < until_s:
                 largest = max(largest, memory_bytes(supervisor.pid))
                 await asyncio.sleep(0.01)

@@ -72,6 +72,7 @@ def accepts(endpoint: str) -> bool:
         return client.connect_ex((host, int(port))) == 0
 
 
+@pytest.mark.timed
 def test_the_supervisor_is_ready_once_it_listens_and_reports_four_times_within_the_limit(
     systemd: Systemd, tmp_path: Path
 ) -> None:

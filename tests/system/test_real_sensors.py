@@ -128,7 +128,7 @@ async def test_driven_at_0_8_m_s_with_a_frozen_lidar_and_no_odometry_the_robot_s
             said.update(subject.status.reasons)
             return bool(said & {"ODOM_STALE", "SCAN_INVALID"})
 
-        await subject.until(is_measured, "ODOM_STALE or SCAN_INVALID", 5.0)
+        await subject.until(is_measured, "ODOM_STALE or SCAN_INVALID")
         await way.drive_on(AT_PILLAR_S)
         assert way.least_m >= LEAST_M
 
@@ -216,7 +216,7 @@ async def test_a_second_writer_of_scan_stops_the_robot_by_name_and_when_it_ends_
 
         with scans_of_free_space(foreigner, period_s):
             try:
-                await subject.until(is_measured, "SENSOR_CONFLICT", 2.0)
+                await subject.until(is_measured, "SENSOR_CONFLICT")
             finally:
                 await ask_faults(subject, "silent")
                 await subject.never(way.look, "", 0.6)

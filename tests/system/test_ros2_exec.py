@@ -97,6 +97,7 @@ def ended_within(handle: int, limit_s: float) -> bool:
     return bool(select.select([handle], [], [], limit_s)[0])
 
 
+@pytest.mark.timed
 async def test_the_token_goes_at_once_when_the_program_is_killed(tmp_path: Path) -> None:
     async with supervised(tmp_path) as (subject, tokens), started(subject, tokens) as (wrapper, program):
         killed_s = time.monotonic()
@@ -108,6 +109,7 @@ async def test_the_token_goes_at_once_when_the_program_is_killed(tmp_path: Path)
         assert wrapper.wait(PATIENCE_S) == 128 + signal.SIGKILL
 
 
+@pytest.mark.timed
 async def test_the_token_and_the_program_go_at_once_when_the_wrapper_is_killed(tmp_path: Path) -> None:
     async with supervised(tmp_path) as (subject, tokens), started(subject, tokens) as (wrapper, program):
         handle = handle_of(program)

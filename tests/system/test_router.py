@@ -179,6 +179,7 @@ async def test_an_estop_station_behind_the_router_is_challenged_and_answers(tmp_
         await until(lambda: any(not one.alive for one in alive.take()), "the end of the station's token")
 
 
+@pytest.mark.timed
 async def test_a_local_program_does_not_wait_for_a_router_that_is_gone(tmp_path: Path) -> None:
     ours, made_s = TestAuthority(tmp_path), time.monotonic()
     nowhere = Site(ours, secure_endpoint("tls"), {}, {"robot1": free_endpoint()})

@@ -79,6 +79,7 @@ async def test_a_picture_that_nobody_reads_stops_the_robot_and_it_can_still_be_e
         await until(lambda: h.is_left() and op.is_restored)
 
 
+@pytest.mark.timed
 async def test_a_terminal_that_answers_no_more_stops_the_robot() -> None:
     async with driving(answers=True) as (h, op):
         await asks_on(h, op, b"w", 0.1)

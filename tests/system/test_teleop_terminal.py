@@ -32,11 +32,21 @@ async def test_keys_arrive_as_twists_and_the_heartbeat_repeats_them() -> None:
         await until(lambda: h.asks(0.2, 0.2))
         seen = len(h.velocities)
         await until(lambda: len(h.velocities) >= seen + 20)
-        # The median: a busy machine delivers some of them late.
-        assert 0.04 < statistics.median(h.gaps_s[seen:]) < 0.1
         assert set(h.velocities[seen:]) == {(0.2, 0.2)}
         op.type(b"s")
         await until(lambda: h.asks(*ZERO))
+
+
+@pytest.mark.timed
+async def test_the_heartbeat_keeps_its_rate_while_all_keys_are_shown_too() -> None:
+    async with driving() as (h, op):
+        for shown in ("faster forward", "forward by one step"):
+            await until(lambda shown=shown: shown in op.picture)
+            seen = len(h.velocities)
+            await until(lambda seen=seen: len(h.velocities) >= seen + 20)
+            # The median: the machine delivers some of them late.
+            assert 0.04 < statistics.median(h.gaps_s[seen:]) < 0.1
+            op.type(b"?")
 
 
 async def test_cursor_keys_do_not_drive_and_a_stray_escape_does_not_hide_the_emergency_stop() -> None:
@@ -236,7 +246,6 @@ async def test_the_question_mark_shows_all_keys_while_driving_goes_on_and_hides_
         seen = len(h.velocities)
         await until(lambda: len(h.velocities) >= seen + 20)
         assert set(h.velocities[seen:]) == {(0.1, 0.0)}
-        assert statistics.median(h.gaps_s[seen:]) < 0.1
         op.type(b"w3")
         await until(lambda: h.asks(0.2, 0.0))
         await until(lambda: "up to   0.60 m/s, 1.20 rad/s" in op.picture)

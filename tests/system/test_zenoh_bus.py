@@ -311,6 +311,7 @@ async def test_a_client_waits_for_its_hub_and_says_so_once() -> None:
     await hub.close()
 
 
+@pytest.mark.timed
 async def test_closing_ends_although_the_peer_is_stopped() -> None:
     config = BusConfig(free_endpoint(), lease_s=60.0)
     hub = await open_bus(config, "hub")
