@@ -27,7 +27,7 @@ NO_RCLPY := ROS 2 is not installed in /opt/ros/jazzy, and PyPI has no rclpy for 
   (only for CPython 3.11 to 3.14 on x86_64 Linux)
 NO_RMW_ZENOH := zenoh-ros2-sdk cannot be installed on this machine
 
-.PHONY: help setup ros2 test-ros2 run test unit component system timed demo proof proofs coverage fifth check bench bench-peers bench-robots bench-fleet bench-link docs picture mutation faults campaign
+.PHONY: help setup ros2 test-ros2 run test unit component system flaky timed demo proof proofs coverage fifth check bench bench-peers bench-robots bench-fleet bench-link docs picture mutation faults campaign
 
 help: ## print this list
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -55,6 +55,12 @@ component: $(STAMP)
 # The real processes mostly wait: four tests run at a time.
 system: $(STAMP)
 	.venv/bin/pytest tests/system -m "not timed and not demo" --numprocesses=4 --dist=worksteal --durations=10
+
+N ?= 10
+TESTS ?= tests/system
+
+flaky: $(STAMP) ## run the system tests N times (10), every third time under load, and list what failed; TESTS selects some
+	.venv/bin/python -m tests.flaky --runs $(N) $(TESTS)
 
 timed: $(STAMP) $(PEERS_STAMP) ## run the system tests that measure real time, one at a time, on an idle machine (six minutes)
 	.venv/bin/pytest -s tests/system -m timed --durations=10
