@@ -13,12 +13,13 @@ from pathlib import Path
 from typing import TypeVar
 
 from deploy.stack import processes, statedir
+from supervisor.service import STALLED
 from tests.system.operators import Operator
 from tests.system.ports import free_endpoint
 from tests.system.process_state import state_of
 from wire import topics
 from wire.bus import Subscription
-from wire.messages import Odometry, SafetyStatus, Twist, header, planar_twist
+from wire.messages import Odometry, SafetyStatus, TriggerResponse, Twist, header, planar_twist
 from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
 
 PATIENCE_S = 20.0
@@ -202,6 +203,15 @@ class Robot:
         await self.until(
             lambda: self.speed_m_s > 0.95 * speed_m_s, f"{speed_m_s} m/s", PATIENCE_S / DRIVE_TRIES
         )
+
+    async def answer_to_reset(self) -> TriggerResponse:
+        """Call the supervisor's reset; repeat it while a busy machine has delayed the supervisor."""
+        assert self.bus is not None
+        while True:
+            answer = await self.bus.call(topics.SUPERVISOR_RESET, timeout_s=PATIENCE_S)
+            if answer.message != STALLED:
+                return answer
+            await asyncio.sleep(POLL_S)
 
     def first_zero_after(self, time_s: float) -> float:
         """Return the time of the first zero on cmd_vel after that time."""

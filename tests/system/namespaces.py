@@ -6,7 +6,8 @@ import re
 import shlex
 import shutil
 import subprocess
-from collections.abc import AsyncGenerator
+import time
+from collections.abc import AsyncGenerator, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 
@@ -19,6 +20,9 @@ from wire.host.state_directory import ENVIRONMENT
 NAMESPACES = ("unshare", "--net", "--pid", "--fork", "--mount-proc", "--kill-child")
 COMMAND_LIMIT_S = 30.0
 PROMPT = "your command: "
+DRIVE_TRIES = 4
+LATE_S = 3.0
+"""A robot that rests this long after the keys has been stopped."""
 
 
 def _exist() -> bool:
@@ -52,6 +56,31 @@ class Shell(Operator):
     async def prompt(self) -> None:
         """Wait until the shell takes the next line."""
         await until(lambda: self.output.endswith(PROMPT), COMMAND_LIMIT_S)
+
+    def press(self, keys: Sequence[str]) -> None:
+        for key in keys:
+            self.type(key.encode())
+
+    async def until_shows(self, *texts: str, keys: Sequence[str]) -> None:
+        """Wait until teleop's screen shows some texts; if a busy machine has stopped the robot, press the keys again."""
+        for _ in range(DRIVE_TRIES):
+            late_s = time.monotonic() + LATE_S
+            await until(
+                lambda late_s=late_s: (
+                    self._shows(*texts) or (keys and time.monotonic() > late_s and self._is_at_rest())
+                )
+            )
+            if self._shows(*texts):
+                return
+            self.press(["s", *keys])
+        pytest.fail(f"the screen does not show {texts}")
+
+    def _shows(self, *texts: str) -> bool:
+        picture = " ".join(self.picture.split())
+        return all(text in picture for text in texts)
+
+    def _is_at_rest(self) -> bool:
+        return self._shows("STOPPED") or self._shows("READY")
 
     async def elsewhere(self, line: str) -> tuple[int, str]:
         """Run a line in a second terminal of the same namespaces; return its exit code and output."""

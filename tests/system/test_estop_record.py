@@ -90,8 +90,7 @@ async def test_a_supervisor_that_cannot_read_the_record_starts_latched_and_says_
         await subject.until(lambda: ESTOP in subject.status.reasons, "a latched e-stop")
         await nothing_moves(subject)
         await subject.until(lambda: _heard(subject.status, neutral=True), "a neutral teleop")
-        assert subject.bus is not None
-        reply = await subject.bus.call(topics.SUPERVISOR_RESET)
+        reply = await subject.answer_to_reset()
         assert reply.success
         assert "the next supervisor starts latched" in reply.message
         await subject.until(lambda: subject.status.estop_record_problem != "", "the problem in the status")

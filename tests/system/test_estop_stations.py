@@ -107,9 +107,8 @@ async def drive(subject: Robot) -> None:
 
 async def refused(subject: Robot) -> str:
     """Return why a reset is refused, with a neutral teleop."""
-    assert subject.bus is not None
     await subject.press("s", lambda: subject.status.sources[0].neutral, "a neutral teleop")
-    reply = await subject.bus.call(topics.SUPERVISOR_RESET, timeout_s=5.0)
+    reply = await subject.answer_to_reset()
     assert not reply.success
     return reply.message
 
@@ -237,6 +236,7 @@ async def test_any_key_stops_and_only_the_release_of_the_button_permits_the_rese
         await drive(subject)
 
 
+@pytest.mark.timed  # a late process may lose its presence
 async def test_one_lost_station_of_two_stops_the_robot(tmp_path: Path) -> None:
     async with (
         site(tmp_path, door=True, hall=True, gate=False) as subject,
@@ -345,6 +345,7 @@ async def test_a_station_that_is_not_configured_says_so_and_that_its_key_has_sto
         await until(lambda: "pressed, and the robot is stopped; the supervisor has no" in window.picture)
 
 
+@pytest.mark.timed  # a late process may lose its presence
 async def test_a_second_program_of_one_name_stops_the_robot_by_its_key_but_not_by_leaving(
     tmp_path: Path,
 ) -> None:
@@ -382,6 +383,7 @@ async def test_a_closed_terminal_ends_the_station_and_the_robot_stops(tmp_path: 
         await until(lambda: door.process.poll() is not None)
 
 
+@pytest.mark.timed  # a late process may lose its presence
 async def test_a_terminal_that_accepts_no_output_neither_ends_the_presence_nor_the_button(
     tmp_path: Path,
 ) -> None:

@@ -2,7 +2,6 @@
 
 import re
 import shlex
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,11 +18,6 @@ START_LIMIT_S = 60.0
 LIFELINE, TELEOP = ".venv/bin/lifeline", ".venv/bin/python -m teleop"
 FULL_SCREEN = {"1049", "1004"}
 """The terminal's modes while teleop has it."""
-
-DRIVE_TRIES = 4
-LATE_S = 3.0
-"""A robot that rests this long after the keys has been stopped."""
-
 
 EXPECTED: tuple[tuple[str, int, tuple[str, ...]], ...] = (
     (f"{LIFELINE} up --detach", 0, ("running at .*down",)),
@@ -118,36 +112,13 @@ class Lab:
             self._terminal = text
         elif verb == "press":
             self._keys = text.split()
-            self._press()
+            self._one.press(self._keys)
         else:
             assert verb == "wait"
             await self._wait(text.removeprefix("for ").split(", "))
 
-    def _press(self) -> None:
-        for key in self._keys:
-            self._one.type(key.encode())
-
     async def _wait(self, texts: list[str]) -> None:
-        """Wait until the screen shows some texts; drive again if the loaded machine has stopped the robot."""
-        for _ in range(DRIVE_TRIES):
-            late_s = time.monotonic() + LATE_S
-            await until(
-                lambda late_s=late_s: (
-                    self._shows(texts) or (self._keys and time.monotonic() > late_s and self._is_at_rest())
-                )
-            )
-            if self._shows(texts):
-                return
-            self._one.type(b"s")
-            self._press()
-        pytest.fail(f"the screen does not show {texts}")
-
-    def _shows(self, texts: list[str]) -> bool:
-        picture = " ".join(self._one.picture.split())
-        return all(text in picture for text in texts)
-
-    def _is_at_rest(self) -> bool:
-        return self._shows(["STOPPED"]) or self._shows(["READY"])
+        await self._one.until_shows(*texts, keys=self._keys)
 
     async def _run(self, command: str, code: int, patterns: tuple[str, ...]) -> None:
         assert code == 0

@@ -33,9 +33,8 @@ async def test_the_recipe_does_what_its_comments_say() -> None:
         async with shell(Path(directory)) as one:
             await one.run(up, until_says="running at .*down", limit_s=START_LIMIT_S)
             await one.run(drive, until_says="READY")
-            for key in keys_of(drive):
-                one.type(key.encode())
-            await until(lambda: "DRIVING" in one.picture and "+0.50" in one.picture)
+            one.press(keys_of(drive))
+            await one.until_shows("DRIVING", "+0.50", keys=keys_of(drive))
 
             assert (await one.elsewhere(kill))[0] == 0
             await until(lambda: not one.modes_on & {"1049", "1004"})
@@ -46,8 +45,8 @@ async def test_the_recipe_does_what_its_comments_say() -> None:
             seen = len(one.output)
             await until(lambda: len(one.output) > seen + 2000)
             assert "DRIVING" not in one.output[seen:]
-            one.type(b"w")
-            await until(lambda: "DRIVING" in one.picture)
+            one.press("w")
+            await one.until_shows("DRIVING", keys="w")
             one.type(b"q")
             await one.prompt()
             await one.run(down, until_says="everything is stopped")

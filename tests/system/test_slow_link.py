@@ -8,7 +8,7 @@ import pytest
 
 from faults.real.rig.links import Links
 from teleop.service import RESET_TIMEOUT_S
-from tests.system.harness import is_zero, patiently, robot
+from tests.system.harness import is_zero, robot
 from tests.system.operators import Operator, until
 from wire import topics
 from wire.messages import SafetyStatus
@@ -32,9 +32,9 @@ async def test_no_motion_is_requested_over_a_slow_link_until_it_is_fast(tmp_path
             *("--endpoint", links.endpoints[topics.TELEOP]),
         )
         try:
-            await until(lambda: "LATE" in operator.picture)
-            assert "the robot answers after 0.6" in operator.picture
-            await subject.ready()
+            await until(lambda: "the robot answers after 0.6" in operator.picture)
+            assert operator.picture.lstrip().startswith("LATE")
+            await subject.until(lambda: subject.status.mode == SafetyStatus.READY, "READY")
             operator.type(b"www")
             await until(lambda: "setpoint is zero" in operator.picture)
             await subject.never(
@@ -44,15 +44,10 @@ async def test_no_motion_is_requested_over_a_slow_link_until_it_is_fast(tmp_path
 
             links.heal(topics.TELEOP)
             await until(lambda: "answers in 0.0" in operator.picture)
-
-            async def drive() -> None:
-                operator.type(b"s")
-                await subject.ready()
-                operator.type(b"wwwww")
-                await subject.until_it_drives(0.5)
-
-            await patiently(drive)
+            subject.terminal = operator
+            await subject.drive()
         finally:
+            subject.terminal = None
             operator.close()
             links.close()
 

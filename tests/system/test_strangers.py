@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.system.harness import Robot, robot
+from tests.system.harness import PATIENCE_S, Robot, robot
 from tests.system.ports import participants
 from tests.system.rogue import answer, open_rogue
 from tests.system.zenoh_wire import ROUTER, WireSession
@@ -86,7 +86,7 @@ async def test_a_strangers_answer_to_a_reset_is_not_believed(tmp_path: Path) -> 
         try:
             await _press(subject)
             for _ in range(5):
-                reply = await subject.bus.call(topics.SUPERVISOR_RESET)
+                reply = await subject.bus.call(topics.SUPERVISOR_RESET, timeout_s=PATIENCE_S)
                 assert "stranger" not in reply.message
             subject.kill(topics.SUPERVISOR)
             with pytest.raises(NoReplyError):
@@ -97,6 +97,7 @@ async def test_a_strangers_answer_to_a_reset_is_not_believed(tmp_path: Path) -> 
             stranger.close()
 
 
+@pytest.mark.timed
 async def test_a_stranger_cannot_pose_as_a_router_which_would_get_every_query(tmp_path: Path) -> None:
     """Zenoh passes a router each query without a declaration; a silent one delays each reset by a second."""
     async with robot(tmp_path, teleop=False) as subject:

@@ -33,6 +33,13 @@ from tests.system.process_state import children_of, state_of
 
 ALL_KITTY_FLAGS = 31
 
+HANG_LIMIT_S = 2.0
+WITH_HANG_LIMIT = f"""
+from teleop import __main__, service
+service.HANG_S = {HANG_LIMIT_S}  # a busy machine alone must not exceed it
+__main__.main()
+"""
+
 BROKEN = """
 import asyncio
 from teleop import __main__, service
@@ -105,11 +112,11 @@ async def asks_on(h: Hub, op: Operator, keys: bytes, linear_m_s: float) -> None:
 
 
 async def test_a_hang_leaves_the_keys_typed_meanwhile_without_effect() -> None:
-    async with driving(command=TELEOP) as (h, op):
+    async with driving(command=("-c", WITH_HANG_LIMIT)) as (h, op):
         op.send(signal.SIGSTOP)
         await until(lambda: state_of(op.process.pid) == "T")
         op.type(b"www")
-        await asyncio.sleep(0.5)
+        await asyncio.sleep(HANG_LIMIT_S + 0.5)  # the hang itself
         seen = len(h.velocities)
         op.send(signal.SIGCONT)
         await until(lambda: "teleop hung" in op.picture)
@@ -119,13 +126,13 @@ async def test_a_hang_leaves_the_keys_typed_meanwhile_without_effect() -> None:
         await until(lambda: op.is_restored)
 
 
-async def test_ctrl_backslash_ends_also_a_teleop_whose_loop_hangs() -> None:
-    endpoint = free_endpoint()
-    command = ("-c", BROKEN.format(failure="import time; time.sleep(60)"))
+async def test_ctrl_backslash_ends_also_a_teleop_whose_loop_hangs(tmp_path: Path) -> None:
+    endpoint, hangs = free_endpoint(), tmp_path / "hangs"
+    command = ("-c", BROKEN.format(failure=f"import time; open({str(hangs)!r}, 'w'); time.sleep(60)"))
     async with hub(endpoint) as h, operator(endpoint, command=command) as op:
         await ready(h, op)
         op.type(b"w")
-        await asyncio.sleep(0.3)
+        await until(hangs.exists)
         op.type(b"\x1c")
         await op.ended()
         await until(lambda: op.is_restored and not h.sees_teleop())
