@@ -11,7 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import mkdtemp
 from xml.etree import ElementTree as ET
@@ -21,7 +21,7 @@ SELECTION = ("-m", "not timed and not demo", "--numprocesses=4", "--dist=workste
 LOADED_EVERY = 3
 BUSY_LOOPS = 2
 BUSY = "import os\nparent = os.getppid()\nwhile os.getppid() == parent: pass"
-END_LIMIT_S = 60.0
+END_LIMIT_S = 30.0
 """Time for an interrupted run to end its processes."""
 
 
@@ -71,7 +71,11 @@ def _run(tests: list[str], path: Path) -> tuple[list[str], Path]:
         finally:
             if pytest.poll() is None:
                 os.killpg(pytest.pid, signal.SIGINT)
-                pytest.wait(END_LIMIT_S)
+                with suppress(subprocess.TimeoutExpired):
+                    pytest.wait(END_LIMIT_S)
+                if pytest.poll() is None:
+                    os.killpg(pytest.pid, signal.SIGKILL)
+                    pytest.wait()
     failures = _failures(report) if report.exists() else []
     if code and not failures:
         return [f"pytest ended with code {code}"], log
