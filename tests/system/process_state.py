@@ -48,9 +48,11 @@ def listening(pid: int) -> set[tuple[str, int]]:
     """Return where a process and its children listen: addresses as the kernel writes them, and ports."""
     inodes: set[str] = set()
     for process in (pid, *children_of(pid)):
-        for entry in Path(f"/proc/{process}/fd").iterdir():
-            with suppress(OSError):
-                inodes.add(entry.readlink().name)
+        with suppress(OSError):  # a child has ended
+            entries = list(Path(f"/proc/{process}/fd").iterdir())
+            for entry in entries:
+                with suppress(OSError):
+                    inodes.add(entry.readlink().name)
     found: set[tuple[str, int]] = set()
     for table in ("tcp", "tcp6", "udp", "udp6"):
         for line in Path(f"/proc/{pid}/net/{table}").read_text().splitlines()[1:]:
