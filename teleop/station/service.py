@@ -61,6 +61,8 @@ class Station:
         self._shown = Look(name, endpoint, Word.NOT_HEARD)
         self._next_show_s = 0.0
         self._is_leaving = False
+        self._pressed_s: float | None = None
+        """Time of the last press, until a status shows the e-stop: a single sample can get lost."""
 
     @property
     def farewell(self) -> str:
@@ -124,8 +126,10 @@ class Station:
             self._wake.set()
         elif event.key == CTRL_R and self._lease.is_pressed:
             self._lease = released(self._lease)
+            if not self._lease.is_pressed:
+                self._pressed_s = None
         else:
-            self._lease = pressed(self._lease, now_s)
+            self._lease, self._pressed_s = pressed(self._lease, now_s), now_s
             if self._bus is not None:
                 self._estop.put(Bool(data=True))
 
@@ -136,11 +140,19 @@ class Station:
         status = self._statuses.latest()
         if status is not None and status.message is not None:
             self._status = status.arrival_s, status.message
+            if (
+                self._pressed_s is not None
+                and status.arrival_s > self._pressed_s
+                and "ESTOP" in status.message.reasons
+            ):
+                self._pressed_s = None
 
     def _send(self, now_s: float, *, leaves: bool = False) -> None:
         self._lease, message = sent(self._lease, secrets.randbits(63) + 1, now_s, leaves=leaves)
         if self._bus is not None:
             self._presence.put(message)
+            if self._pressed_s is not None:
+                self._estop.put(Bool(data=True))
 
     def _draw(self, now_s: float) -> None:
         status = self._status

@@ -269,6 +269,24 @@ async def test_a_press_counts_although_the_message_on_estop_is_lost() -> None:
         assert rig.newest_status.causes == [ESTOP]
 
 
+async def test_a_press_of_a_station_that_is_not_configured_is_repeated_until_a_status_shows_it() -> None:
+    """The supervisor ignores its presence: only the message on `estop` counts."""
+    rig = Rig()
+    async with robot(rig), station(rig), station(rig, "window") as window:
+        await rig.pass_time(0.5)
+        await rig.drive(0.5)
+        up, _ = rig.network.link("window station")
+        up.loss = 1.0
+        window.type(" ")
+        await rig.pass_time(0.01)
+        up.loss = 0.0
+        await rig.pass_time(0.5)
+        assert rig.newest_status.causes == [ESTOP]
+        assert await reset(rig) == (True, "the emergency stop is reset")
+        await rig.pass_time(1.0)
+        assert rig.newest_status.causes == []
+
+
 async def test_a_press_without_a_supervisor_is_kept_and_sent_as_soon_as_there_is_one() -> None:
     rig = Rig()
     async with station(rig) as person:
