@@ -6,6 +6,7 @@ are left out, because their leases say nothing about the lidars.
 
 import math
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -68,12 +69,12 @@ def permitted_motions(config: SupervisorSection, views: tuple[View, ...]) -> Ite
         config: the robot's configuration.
         views: the views of its lidars, in the order of `config.all_lidars()`.
     """
+    at_rest = _Robot(config, views)
+    after_driving = at_rest.copy()
+    after_driving.drive_and_stop(Velocity(config.max_linear_m_s, 0.0))
     for motion in MOTIONS:
         asked = Velocity(motion.linear * config.max_linear_m_s, motion.angular * config.max_angular_rad_s)
-        ahead = Velocity(config.max_linear_m_s, 0.0)
-        yield Permitted(
-            motion, _Robot(config, views).ask(asked), _Robot(config, views).drive_and_stop(ahead).ask(asked)
-        )
+        yield Permitted(motion, at_rest.copy().ask(asked), after_driving.copy().ask(asked))
 
 
 class _Lidar:
@@ -109,20 +110,25 @@ class _Robot:
         self._tick_s = 1.0 / config.tick_hz
         self._now_s = 1000.0
         self._state = initial_state(law)
-        self._lidars = [_Lidar(index, view, self._now_s) for index, view in enumerate(views)]
+        self.lidars = [_Lidar(index, view, self._now_s) for index, view in enumerate(views)]
         self._moving = NEUTRAL
         self._has_odometry = config.odometry
         self._braking_s = law.max_linear_m_s / law.deceleration_m_s2
         self._drive(NEUTRAL, SETTLE_S)
 
+    def copy(self) -> "_Robot":
+        """Return a robot in the same state; the law's states and scans are immutable, so both may share them."""
+        twin = copy(self)
+        twin.lidars = [copy(lidar) for lidar in self.lidars]
+        return twin
+
     def ask(self, velocity: Velocity) -> Decision:
         """Return the decision of the first tick that commands this velocity."""
         return self._tick(velocity)
 
-    def drive_and_stop(self, velocity: Velocity) -> "_Robot":
+    def drive_and_stop(self, velocity: Velocity) -> None:
         self._drive(velocity, DRIVE_S)
         self._drive(NEUTRAL, self._braking_s + SETTLE_S / 2)
-        return self
 
     def _drive(self, velocity: Velocity, seconds: float) -> None:
         for _ in range(math.ceil(seconds / self._tick_s)):
@@ -132,7 +138,7 @@ class _Robot:
         self._now_s += self._tick_s
         command = Command(self._source, velocity, self._now_s)
         odometry = Odometry(self._moving, self._now_s) if self._has_odometry else None
-        scans = tuple(scan for lidar in self._lidars if (scan := lidar.scan(self._now_s)) is not None)
+        scans = tuple(scan for lidar in self.lidars if (scan := lidar.scan(self._now_s)) is not None)
         inputs = Inputs(commands=(command,), scans=scans, odometry=odometry)
         self._state, decision = step(self._state, self._now_s, inputs)
         self._moving = decision.output

@@ -1,6 +1,7 @@
 """`lifeline check`: the permitted motions and the risks of a configuration."""
 
 import math
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,11 @@ from wire.reasons import StopReason
 
 EXAMPLES = {path.stem: path for path in (DEFAULT_CONFIG.parent / "examples").glob("*.toml")}
 QUARTER = math.pi / 2
+
+
+@cache
+def example(name: str) -> Report:
+    return examine(EXAMPLES[name])
 
 
 def report(directory: Path, text: str) -> Report:
@@ -41,12 +47,12 @@ FRONT = lidar(f"view_rad = [{-QUARTER}, {QUARTER}]", "beams = 360", "range_max_m
 def test_there_is_an_example_for_each_of_the_usual_robots() -> None:
     ros2 = {"turtlebot4", "clearpath", "ros2_diff_drive", "ros2_trial"}
     assert set(EXAMPLES) == {"amr_one_lidar", "amr_two_lidars", *ros2}
-    assert {name for name in EXAMPLES if examine(EXAMPLES[name]).ros2} == ros2
+    assert {name for name in EXAMPLES if example(name).ros2} == ros2
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_an_example_is_valid_says_all_about_its_lidars_and_may_drive_ahead_at_full_speed(name: str) -> None:
-    found = examine(EXAMPLES[name])
+    found = example(name)
     assert [seen.assumed for seen in found.lidars] == [()] * len(found.lidars)
     ahead = motion(found, "ahead")
     for decision in (ahead.at_rest, ahead.after_driving):
@@ -55,32 +61,32 @@ def test_an_example_is_valid_says_all_about_its_lidars_and_may_drive_ahead_at_fu
 
 @pytest.mark.parametrize("name", ["turtlebot4", "clearpath", "ros2_diff_drive"])
 def test_a_ros_2_robot_of_an_example_may_do_everything(name: str) -> None:
-    assert all(p.at_rest.scale == p.after_driving.scale == 1.0 for p in examine(EXAMPLES[name]).motions)
+    assert all(p.at_rest.scale == p.after_driving.scale == 1.0 for p in example(name).motions)
 
 
 def test_a_turtlebot_4_sees_all_around_and_may_do_everything() -> None:
-    found = examine(EXAMPLES["turtlebot4"])
+    found = example("turtlebot4")
     assert all(p.at_rest.scale == 1.0 and p.after_driving.scale == 1.0 for p in found.motions)
     (lidar,) = found.config.all_lidars()
     assert (found.config.scan_timeout_of(lidar), found.lidars[0].view.period_s) == (0.45, 0.18)
 
 
 def test_a_robot_with_one_front_lidar_may_not_back_out_and_says_why() -> None:
-    found = examine(EXAMPLES["amr_one_lidar"])
+    found = example("amr_one_lidar")
     back = motion(found, "back")
     assert back.at_rest.output == STANDSTILL
     assert back.at_rest.reasons == (StopReason.SCAN_BLIND,)
 
 
 def test_the_two_lidars_of_an_example_look_away_from_each_other_from_opposite_corners() -> None:
-    first, second = examine(EXAMPLES["amr_two_lidars"]).config.all_lidars()
+    first, second = example("amr_two_lidars").config.all_lidars()
     assert (first.topic, second.topic) == ("scan", "scan_rear")
     assert (first.x_m, first.y_m) == (-second.x_m, -second.y_m)
     assert abs(first.yaw_rad - second.yaw_rad) == pytest.approx(math.pi, abs=1e-5)
 
 
 def test_a_robot_with_two_diagonal_lidars_may_do_everything_but_with_one_of_them_not(tmp_path: Path) -> None:
-    found = examine(EXAMPLES["amr_two_lidars"])
+    found = example("amr_two_lidars")
     assert all(p.at_rest.scale == 1.0 and p.after_driving.scale == 1.0 for p in found.motions)
     text = EXAMPLES["amr_two_lidars"].read_text()
     first, second = text.rindex("[[supervisor.lidars]]"), text.index("[teleop]")
