@@ -1,8 +1,12 @@
 """Configuration of all tests."""
 
 import os
+import sys
 
 from hypothesis import settings
+
+# With PYTHONDONTWRITEBYTECODE, each worker would rewrite the assertions of all test modules again, which takes ten seconds.
+sys.dont_write_bytecode = False
 
 # A deadline for each example would test the machine's speed; pytest-timeout ends hanging tests.
 # Examples are derived from the tests themselves, so that the same commit is always green or always red, and each
