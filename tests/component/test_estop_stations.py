@@ -121,12 +121,13 @@ async def test_the_robot_stands_until_its_station_is_heard_and_both_know_it() ->
             assert person.looks[-1].is_needed
 
 
-async def test_two_minutes_of_presence_stop_nothing() -> None:
+@pytest.mark.parametrize("seconds", [20, pytest.param(120, marks=pytest.mark.proof)])
+async def test_the_presence_of_a_station_stops_nothing(seconds: int) -> None:
     rig = Rig()
     async with robot(rig), station(rig) as person:
         await rig.pass_time(0.5)
         await rig.drive(0.5)
-        for _ in range(12):
+        for _ in range(seconds // 10):
             rig.cmd_vel.take()
             await rig.pass_time(10.0)
             assert all(a.message == planar_twist(0.5, 0.0) for a in rig.cmd_vel.take())
