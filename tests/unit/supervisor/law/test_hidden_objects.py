@@ -5,15 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, assume, given, note, settings
-from hypothesis import strategies as st
-
 from bench.scenes.operators import Chaser
 from bench.scenes.run import run
 from bench.scenes.scene import BOUND_M, TRUSTED_M_S2, BaseNumbers, Lidar, rectangle
 from bench.scenes.sensing import NOBODY, Eye
 from bench.scenes.simple import LIDAR, Disc, plain_scene
 from bench.scenes.world import Measure, Shape
+from hypothesis import HealthCheck, assume, given, note, settings
+from hypothesis import strategies as st
+
 from supervisor.config import SupervisorSection
 from supervisor.law.clearance import Circle
 

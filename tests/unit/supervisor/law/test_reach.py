@@ -5,8 +5,8 @@ from random import Random
 
 import numpy as np
 import pytest
-
 from bench.scenes.scene import rectangle
+
 from supervisor.law.clearance import (
     Barrier,
     Block,

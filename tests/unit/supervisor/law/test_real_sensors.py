@@ -10,7 +10,6 @@ from typing import Literal
 
 import numpy as np
 import pytest
-
 from bench.scenes import law
 from bench.scenes.base import MixtureBase
 from bench.scenes.operators import Reverser, Scripted, Stubborn
@@ -19,6 +18,7 @@ from bench.scenes.scene import BOUND_M, TRUSTED_M_S2, BaseNumbers, Profile, rect
 from bench.scenes.sensing import Eye, Ranges
 from bench.scenes.simple import LIDAR, plain_scene
 from bench.scenes.world import Measure
+
 from supervisor.law.model import (
     STANDSTILL,
     Command,

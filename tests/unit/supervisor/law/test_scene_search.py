@@ -1,7 +1,6 @@
 """The law in random scenes; `python -m bench.scene_search` searches many more of them."""
 
 import pytest
-
 from bench.scenes.run import run
 from bench.scenes.scene import random_scene
 

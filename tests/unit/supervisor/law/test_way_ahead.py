@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-
 from bench.scenes.scene import rectangle
+
 from supervisor.law.clearance import Barrier, permitted_scale, survey
 
 

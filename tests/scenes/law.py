@@ -4,10 +4,10 @@ import math
 from dataclasses import replace
 
 import numpy as np
-
-import supervisor.law.scan
 from bench.scenes.scene import Lidar, Scene, timeout_s
 from bench.scenes.sensing import Ranges
+
+import supervisor.law.scan
 from supervisor.config import SupervisorSection
 from supervisor.law.lidar import PROFILES
 from supervisor.law.model import Command, Decision, Inputs, LaserScan, LawConfig, Odometry, Velocity

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-
 from bench.scenes import law
 from bench.scenes.base import AxisBase, Base, MixtureBase
 from bench.scenes.operators import Adversary, Operator
 from bench.scenes.scene import Scene
 from bench.scenes.sensing import Eye, Ranges
 from bench.scenes.world import Measure
+
 from supervisor.law.model import STANDSTILL, Decision, Pose, Velocity
 from supervisor.law.safety import initial_state, step
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-
 from bench.scenes.world import Floats, Measure, Shape, World
+
 from supervisor.law.clearance import Circle, ConvexPolygon
 
 TRUSTED_M_S2 = 1.5

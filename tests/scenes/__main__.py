@@ -15,10 +15,11 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from bench.rig.options import at_least_zero, count, failing_in_a_sentence, output_file, seed, seeds
 from bench.scenes.run import Moment, Outcome, run
 from bench.scenes.scene import Scene, random_scene
 from bench.scenes.summary import Summary
+
+from bench.rig.options import at_least_zero, count, failing_in_a_sentence, output_file, seed, seeds
 
 PROGRESS_S = 10.0
 AROUND_S = 1.4

@@ -3,9 +3,9 @@
 import math
 
 import numpy as np
-
 from bench.scenes.scene import TRUSTED_M_S2, BaseNumbers, Lidar, Scene
 from bench.scenes.world import Measure, Shape, World
+
 from supervisor.law.clearance import Circle
 
 Disc = tuple[float, float, float]

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-
 from bench.scenes.scene import Lidar
 from bench.scenes.world import Floats, World
 

@@ -4,8 +4,8 @@ import math
 from typing import Protocol
 
 import numpy as np
-
 from bench.scenes.world import Measure, World
+
 from supervisor.law.model import STANDSTILL, Pose, Velocity
 
 FASTEST_M_S = 1.0

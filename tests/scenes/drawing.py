@@ -8,14 +8,14 @@ import numpy as np
 
 mpl.use("Agg")
 
-from matplotlib import patches
-from matplotlib import pyplot as plt
-from matplotlib.axes import Axes
-
 from bench.scenes.run import Moment, Outcome
 from bench.scenes.scene import Lidar, Scene
 from bench.scenes.sensing import Ranges
 from bench.scenes.world import Floats, Measure
+from matplotlib import patches
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+
 from supervisor.law.clearance import Circle
 from supervisor.law.model import Pose
 
