@@ -15,5 +15,4 @@ black_box.py     cost of the black box: time, memory, file size
 peers/           the supervisor beside bare relays over Zenoh, MQTT, DDS, rclpy and TCP
 ros2_crash/      kill, stop and unplug the keyboard node of a ROS 2 robot, without and with Lifeline
 rig/             scans, feeds, the supervisor under test, a terminal, and tables, for all of them
-scene_search.py  search random scenes (scenes/) for one in which the law lets the hull come too close to an object
 """

@@ -10,4 +10,5 @@ run.py        run one scene in closed loop
 summary.py    summarize many runs
 simple.py     build scenes with few objects by hand
 drawing.py    describe and draw one run
+__main__.py   `python -m tests.scenes`: search many scenes, or replay one
 """

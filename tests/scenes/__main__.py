@@ -1,7 +1,7 @@
 """Search for a scene in which the law lets the hull come too close to an object.
 
-    python -m bench.scene_search --seeds 0-20000 --jobs 2
-    python -m bench.scene_search --replay 1234 --verbose --plot 1234.png
+    python -m tests.scenes --seeds 0-20000 --jobs 2
+    python -m tests.scenes --replay 1234 --verbose --plot 1234.png
 
 Exit 1 if any scene violates its bound: 0.285 m, or 1.5 cm less than the clearance at the start if that is less.
 """
@@ -15,11 +15,10 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from bench.scenes.run import Moment, Outcome, run
-from bench.scenes.scene import Scene, random_scene
-from bench.scenes.summary import Summary
-
 from bench.rig.options import at_least_zero, count, failing_in_a_sentence, output_file, seed, seeds
+from tests.scenes.run import Moment, Outcome, run, run_seed
+from tests.scenes.scene import Scene, random_scene
+from tests.scenes.summary import Summary
 
 PROGRESS_S = 10.0
 AROUND_S = 1.4
@@ -30,15 +29,15 @@ def main() -> None:
     args = _parse()
     scene_of = functools.partial(random_scene, noise_m=args.noise_m, silent_dirt=args.silent_dirt)
     if args.replay is not None:
-        with failing_in_a_sentence("bench.scene_search"):
+        with failing_in_a_sentence("tests.scenes"):
             sys.exit(_replay(scene_of(args.replay), verbose=args.verbose, picture=args.plot))
-    with failing_in_a_sentence("bench.scene_search"):
+    with failing_in_a_sentence("tests.scenes"):
         sys.exit(_search(args.seeds, scene_of, args.jobs, args.only, args.list_file))
 
 
 def _parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
-        prog="python -m bench.scene_search",
+        prog="python -m tests.scenes",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -80,7 +79,7 @@ def _search(
 ) -> int:
     summary, started_s = Summary(), time.monotonic()
     shown_s = started_s
-    for outcome in _outcomes(numbers, functools.partial(_run_seed, scene_of=scene_of, only=only), jobs):
+    for outcome in _outcomes(numbers, functools.partial(run_seed, scene_of=scene_of, only=only), jobs):
         if outcome is None:
             summary.skipped += 1
         else:
@@ -110,20 +109,11 @@ def _outcomes(
     if jobs == 1:
         yield from map(work, numbers)
         return
-    with multiprocessing.get_context("spawn").Pool(jobs, _ignore_ctrl_c) as pool:
+    # The parent ends its workers on Ctrl-C.
+    with multiprocessing.get_context("spawn").Pool(
+        jobs, signal.signal, (signal.SIGINT, signal.SIG_IGN)
+    ) as pool:
         yield from pool.imap_unordered(work, numbers, chunksize=8)
-
-
-def _ignore_ctrl_c() -> None:
-    """Leave Ctrl-C to the parent, which ends its processes."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _run_seed(number: int, *, scene_of: "functools.partial[Scene]", only: str) -> Outcome | None:
-    scene = scene_of(number)
-    if only and only not in scene.tags:
-        return None
-    return run(scene)
 
 
 def _replay(scene: Scene, *, verbose: bool, picture: Path | None) -> int:
@@ -139,11 +129,11 @@ def _replay(scene: Scene, *, verbose: bool, picture: Path | None) -> int:
         f" -> {'VIOLATED' if outcome.violated else 'kept'}; stops {outcome.stops}"
     )
     if verbose:
-        from bench.scenes.drawing import describe  # noqa: PLC0415
+        from tests.scenes.drawing import describe  # noqa: PLC0415
 
         print("\n".join(describe(scene, outcome, moments, AROUND_S)))
     if picture is not None:
-        from bench.scenes.drawing import draw  # noqa: PLC0415 (matplotlib is slow to import)
+        from tests.scenes.drawing import draw  # noqa: PLC0415 (matplotlib is slow to import)
 
         draw(scene, outcome, moments, picture)
         print(picture)

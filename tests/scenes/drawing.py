@@ -8,16 +8,16 @@ import numpy as np
 
 mpl.use("Agg")
 
-from bench.scenes.run import Moment, Outcome
-from bench.scenes.scene import Lidar, Scene
-from bench.scenes.sensing import Ranges
-from bench.scenes.world import Floats, Measure
 from matplotlib import patches
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
 from supervisor.law.clearance import Circle
 from supervisor.law.model import Pose
+from tests.scenes.run import Moment, Outcome
+from tests.scenes.scene import Lidar, Scene
+from tests.scenes.sensing import Ranges
+from tests.scenes.world import Floats, Measure
 
 MARGIN_M = 1.0
 """Margin of the picture around the hull's path."""

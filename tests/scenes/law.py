@@ -4,14 +4,14 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from bench.scenes.scene import Lidar, Scene, timeout_s
-from bench.scenes.sensing import Ranges
 
 import supervisor.law.scan
 from supervisor.config import SupervisorSection
 from supervisor.law.lidar import PROFILES
 from supervisor.law.model import Command, Decision, Inputs, LaserScan, LawConfig, Odometry, Velocity
 from supervisor.law.scan import Mount
+from tests.scenes.scene import Lidar, Scene, timeout_s
+from tests.scenes.sensing import Ranges
 from wire.freshness import Sent
 
 SOURCE = "teleop"

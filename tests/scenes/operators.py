@@ -4,9 +4,9 @@ import math
 from typing import Protocol
 
 import numpy as np
-from bench.scenes.world import Measure, World
 
 from supervisor.law.model import STANDSTILL, Pose, Velocity
+from tests.scenes.world import Measure, World
 
 FASTEST_M_S = 1.0
 FASTEST_RAD_S = 2.0
@@ -105,7 +105,7 @@ class Scripted:
     def __init__(self, wanted: Velocity, *, from_s: float = SETTLE_S) -> None:
         self._wanted, self._from_s = wanted, from_s
 
-    def asks(self, now_s: float, pose: Pose, twist: Velocity, *, stopped: bool) -> Velocity:  # noqa: ARG002
+    def asks(self, now_s: float, pose: Pose, twist: Velocity, *, stopped: bool) -> Velocity:
         return STANDSTILL if stopped or now_s < self._from_s else self._wanted
 
 
@@ -115,7 +115,7 @@ class Chaser:
     def __init__(self, place: tuple[float, float], speed_m_s: float, *, spins: bool) -> None:
         self._place, self._speed_m_s, self._spins = place, speed_m_s, spins
 
-    def asks(self, now_s: float, pose: Pose, twist: Velocity, *, stopped: bool) -> Velocity:  # noqa: ARG002
+    def asks(self, now_s: float, pose: Pose, twist: Velocity, *, stopped: bool) -> Velocity:
         if stopped or now_s < SETTLE_S:
             return STANDSTILL
         x_m, y_m = self._place
@@ -134,7 +134,7 @@ class Stubborn:
     def __init__(self, wanted: Velocity) -> None:
         self._wanted = wanted
 
-    def asks(self, now_s: float, pose: Pose, twist: Velocity, *, stopped: bool) -> Velocity:  # noqa: ARG002
+    def asks(self, now_s: float, pose: Pose, twist: Velocity, *, stopped: bool) -> Velocity:
         return STANDSTILL if now_s < SETTLE_S else self._wanted
 
 
@@ -146,7 +146,7 @@ class Reverser:
         self._wanted = Velocity(FASTEST_M_S, 0.0)
         self._until_s = SETTLE_S + 0.8
 
-    def asks(self, now_s: float, pose: Pose, twist: Velocity, *, stopped: bool) -> Velocity:  # noqa: ARG002
+    def asks(self, now_s: float, pose: Pose, twist: Velocity, *, stopped: bool) -> Velocity:
         if now_s >= self._until_s:
             rng = self._rng
             self._until_s = now_s + float(rng.uniform(0.2, 1.2))

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from bench.scenes import law
-from bench.scenes.base import AxisBase, Base, MixtureBase
-from bench.scenes.operators import Adversary, Operator
-from bench.scenes.scene import Scene
-from bench.scenes.sensing import Eye, Ranges
-from bench.scenes.world import Measure
 
 from supervisor.law.model import STANDSTILL, Decision, Pose, Velocity
 from supervisor.law.safety import initial_state, step
+from tests.scenes import law
+from tests.scenes.base import AxisBase, Base, MixtureBase
+from tests.scenes.operators import Adversary, Operator
+from tests.scenes.scene import Scene
+from tests.scenes.sensing import Eye, Ranges
+from tests.scenes.world import Measure
 
 TICK_S = 0.02
 FINE_M = 0.006
@@ -154,6 +154,12 @@ def run(
         stopped_s,
         dict(stops),
     )
+
+
+def run_seed(number: int, *, scene_of: Callable[[int], Scene], only: str) -> Outcome | None:
+    """Run the scene of a seed; return None if it lacks the tag `only`. A worker process imports it, so it is not in `__main__`."""
+    scene = scene_of(number)
+    return run(scene) if not only or only in scene.tags else None
 
 
 class _Ledger:

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from bench.scenes.world import Floats, Measure, Shape, World
 
 from supervisor.law.clearance import Circle, ConvexPolygon
+from tests.scenes.world import Floats, Measure, Shape, World
 
 TRUSTED_M_S2 = 1.5
 """The deceleration that the law assumes; no base brakes less."""

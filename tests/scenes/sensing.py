@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from bench.scenes.scene import Lidar
-from bench.scenes.world import Floats, World
+
+from tests.scenes.scene import Lidar
+from tests.scenes.world import Floats, World
 
 MISSED_IN_A_ROW = 2
 """Maximum duration of a dropout in scans; a longer one would be a hole."""

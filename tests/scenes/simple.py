@@ -3,10 +3,10 @@
 import math
 
 import numpy as np
-from bench.scenes.scene import TRUSTED_M_S2, BaseNumbers, Lidar, Scene
-from bench.scenes.world import Measure, Shape, World
 
 from supervisor.law.clearance import Circle
+from tests.scenes.scene import TRUSTED_M_S2, BaseNumbers, Lidar, Scene
+from tests.scenes.world import Measure, Shape, World
 
 Disc = tuple[float, float, float]
 """x [m], y [m], radius [m]."""

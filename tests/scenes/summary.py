@@ -4,7 +4,7 @@ import math
 from collections import Counter
 from dataclasses import dataclass, field
 
-from bench.scenes.run import Outcome
+from tests.scenes.run import Outcome
 
 LISTED = 20
 GONE_M = 0.3

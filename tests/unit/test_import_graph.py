@@ -6,19 +6,8 @@ from graphlib import CycleError, TopologicalSorter
 import grimp
 import pytest
 
-PACKAGES = (
-    "wire",
-    "supervisor",
-    "teleop",
-    "sim",
-    "ros2",
-    "virtual",
-    "deploy",
-    "faults",
-    "lifeline",
-    "bench",
-    "tests.fuzz",
-)
+SERVICES = ("wire", "supervisor", "teleop", "sim", "ros2", "virtual", "deploy", "faults", "lifeline")
+PACKAGES = (*SERVICES, "bench", "tests.fuzz", "tests.scenes")
 
 Arrows = dict[str, set[str]]
 

@@ -5,17 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench.scenes.operators import Chaser
-from bench.scenes.run import run
-from bench.scenes.scene import BOUND_M, TRUSTED_M_S2, BaseNumbers, Lidar, rectangle
-from bench.scenes.sensing import NOBODY, Eye
-from bench.scenes.simple import LIDAR, Disc, plain_scene
-from bench.scenes.world import Measure, Shape
 from hypothesis import HealthCheck, assume, given, note, settings
 from hypothesis import strategies as st
 
 from supervisor.config import SupervisorSection
 from supervisor.law.clearance import Circle
+from tests.scenes.operators import Chaser
+from tests.scenes.run import run
+from tests.scenes.scene import BOUND_M, TRUSTED_M_S2, BaseNumbers, Lidar, rectangle
+from tests.scenes.sensing import NOBODY, Eye
+from tests.scenes.simple import LIDAR, Disc, plain_scene
+from tests.scenes.world import Measure, Shape
 
 RADIUS_M = SupervisorSection().smallest_obstacle_m / 2 + 0.001
 FREE_M = 0.35

@@ -5,7 +5,6 @@ from random import Random
 
 import numpy as np
 import pytest
-from bench.scenes.scene import rectangle
 
 from supervisor.law.clearance import (
     Barrier,
@@ -22,6 +21,7 @@ from supervisor.law.clearance import (
 from supervisor.law.model import Place
 from supervisor.law.reach import in_reach, nearer_than, reach_m
 from supervisor.law.reckoning import STANDSTILL, Odometer, Pose, Velocity
+from tests.scenes.scene import rectangle
 
 TRIANGLE = ConvexPolygon(((0.4, 0.0), (-0.3, 0.25), (-0.3, -0.25)))
 HULLS: tuple[Hull, ...] = (Circle(0.25), rectangle(0.3, 0.3, 0.2), rectangle(0.4, 0.4, 0.2), TRIANGLE)

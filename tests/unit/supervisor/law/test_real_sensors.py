@@ -10,14 +10,6 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from bench.scenes import law
-from bench.scenes.base import MixtureBase
-from bench.scenes.operators import Reverser, Scripted, Stubborn
-from bench.scenes.run import TICK_S, Moment, Outcome, Report, advance, run
-from bench.scenes.scene import BOUND_M, TRUSTED_M_S2, BaseNumbers, Profile, rectangle
-from bench.scenes.sensing import Eye, Ranges
-from bench.scenes.simple import LIDAR, plain_scene
-from bench.scenes.world import Measure
 
 from supervisor.law.model import (
     STANDSTILL,
@@ -31,6 +23,14 @@ from supervisor.law.model import (
     Velocity,
 )
 from supervisor.law.safety import initial_state, step
+from tests.scenes import law
+from tests.scenes.base import MixtureBase
+from tests.scenes.operators import Reverser, Scripted, Stubborn
+from tests.scenes.run import TICK_S, Moment, Outcome, Report, advance, run
+from tests.scenes.scene import BOUND_M, TRUSTED_M_S2, BaseNumbers, Profile, rectangle
+from tests.scenes.sensing import Eye, Ranges
+from tests.scenes.simple import LIDAR, plain_scene
+from tests.scenes.world import Measure
 from wire.freshness import Sent
 from wire.reasons import StopReason
 

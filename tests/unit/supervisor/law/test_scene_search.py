@@ -1,8 +1,9 @@
-"""The law in random scenes; `python -m bench.scene_search` searches many more of them."""
+"""The law in random scenes; `python -m tests.scenes` searches many more of them."""
 
 import pytest
-from bench.scenes.run import run
-from bench.scenes.scene import random_scene
+
+from tests.scenes.run import run
+from tests.scenes.scene import random_scene
 
 BLOCKS = 5
 PER_BLOCK = 15
@@ -44,4 +45,4 @@ def test_a_scene_that_once_ended_too_close_does_so_no_more(seed: int) -> None:
 
 def _keeps_its_distance(seed: int) -> None:
     outcome = run(random_scene(seed))
-    assert outcome.closest_m >= outcome.bound_m, f"python -m bench.scene_search --replay {seed} --verbose"
+    assert outcome.closest_m >= outcome.bound_m, f"python -m tests.scenes --replay {seed} --verbose"

@@ -5,15 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench.scenes.base import AxisBase, Base, MixtureBase
-from bench.scenes.run import run
-from bench.scenes.scene import BOUND_M, SMALLEST_M, TRUSTED_M_S2, random_scene, rectangle
-from bench.scenes.sensing import NOBODY, Eye
-from bench.scenes.simple import LIDAR, plain_scene
-from bench.scenes.world import Floats, Measure, World
 
 from supervisor.law.clearance import Circle, ConvexPolygon
 from supervisor.law.model import STANDSTILL, Velocity
+from tests.scenes.base import AxisBase, Base, MixtureBase
+from tests.scenes.run import run
+from tests.scenes.scene import BOUND_M, SMALLEST_M, TRUSTED_M_S2, random_scene, rectangle
+from tests.scenes.sensing import NOBODY, Eye
+from tests.scenes.simple import LIDAR, plain_scene
+from tests.scenes.world import Floats, Measure, World
 
 
 @pytest.mark.parametrize("seed", range(30))

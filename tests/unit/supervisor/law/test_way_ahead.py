@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from bench.scenes.scene import rectangle
 
 from supervisor.law.clearance import Barrier, permitted_scale, survey
+from tests.scenes.scene import rectangle
 
 
 def test_a_point_that_is_grazed_before_it_is_entered_limits_the_arc() -> None:
