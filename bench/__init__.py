@@ -1,7 +1,6 @@
 """Benchmarks of time and memory: the law, the supervisor, teleop and the sim. They are not tests and never fail.
 
 law.py         step(): time and memory, compared with plain numpy on the same arrays
-wakeup.py      time breakdown of a supervisor's wake-up, in a loop and after sleep (wakeup_sections.py: the timed sections)
 process.py     the real supervisor process over real Zenoh: CPU, memory, rate and gaps of cmd_vel
 heartbeat.py   the real teleop in a terminal: lateness of its heartbeat while it draws
 relay.py       reference for process.py: the supervisor's traffic without a law
@@ -10,9 +9,7 @@ start.py       imports of each process, `lifeline up`, and the restart of a kill
 report.py      the results as tables, verdicts and JSON lines
 __main__.py    python -m bench
 
-estop_kill.py    press the e-stop, kill the supervisor, and count the runs that stay latched
-black_box.py     cost of the black box: time, memory, file size
-peers/           the supervisor beside bare relays over Zenoh, MQTT, DDS, rclpy and TCP
-ros2_crash/      kill, stop and unplug the keyboard node of a ROS 2 robot, without and with Lifeline
-rig/             scans, feeds, the supervisor under test, a terminal, and tables, for all of them
+peers/         the supervisor beside bare relays over Zenoh, MQTT, DDS, rclpy and TCP
+ros2_crash/    kill, stop and unplug the keyboard node of a ROS 2 robot, without and with Lifeline
+rig/           scans, feeds, the supervisor under test, a terminal, and tables, for all of them
 """

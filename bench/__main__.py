@@ -19,7 +19,6 @@ from bench.robots.table import sheets as robots_sheets
 from bench.robots.table import verdicts as robots_verdicts
 from bench.sim import measure_pace
 from bench.start import measure_imports, measure_starts
-from bench.wakeup import measure_wakeup
 
 ROUNDS = 200
 SECONDS = 15.0
@@ -27,7 +26,7 @@ HEARTBEAT_SECONDS = 30.0
 SIM_ROUNDS = 80
 IMPORT_ROUNDS = 10
 START_ROUNDS = 5
-PARTS = ("step", "memory", "process", "heartbeat", "sim", "wakeup", "import", "start")
+PARTS = ("step", "memory", "process", "heartbeat", "sim", "import", "start")
 """The kinds of measurements, by the names that they have in the JSON lines."""
 HEADING = """# Benchmarks
 
@@ -126,7 +125,6 @@ def _measure(arguments: argparse.Namespace) -> Results:
         part("process", lambda: measure_process(arguments.seconds)),
         part("heartbeat", lambda: measure_heartbeats(arguments.heartbeat_seconds)),
         part("sim", lambda: measure_pace(arguments.sim_rounds)),
-        part("wakeup", measure_wakeup),
         part("import", lambda: measure_imports(IMPORT_ROUNDS)),
         part("start", lambda: measure_starts(arguments.start_rounds)),
     )

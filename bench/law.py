@@ -38,8 +38,8 @@ COLD_ROUNDS_SHARE = 2
 class Driver:
     """Runs the law in virtual time, with inputs prepared in advance so that only `step()` is measured."""
 
-    def __init__(self, beams: int, *, wall_m: float = scenery.WALL_M) -> None:
-        self._ranges = scenery.scans(beams, SCANS, wall_m=wall_m)
+    def __init__(self, beams: int) -> None:
+        self._ranges = scenery.scans(beams, SCANS)
         self._increment = scenery.angle_increment(beams)
         self.state: State = initial_state(CONFIG)
         self.now_s = 1000.0

@@ -1,7 +1,6 @@
 """Measures the real supervisor process over real Zenoh at the robot's rates.
 
-References of the same run: a bare relay in its place, and a process that only sleeps and wakes as often as the
-supervisor's event loop.
+A bare relay in its place is the reference of the same run.
 """
 
 import asyncio
@@ -48,7 +47,6 @@ Phase = tuple[str, float, float]
 ECHO = "free path, topic echo of everything"
 """In this phase, `lifeline topic echo` prints every message of the robot."""
 RELAY = "a bare relay instead"
-SLEEPER = "only sleeps and wakes"
 
 TARGET_CPU_PERCENT = 6.0
 TARGET_TO_RELAY = 1.35
@@ -83,7 +81,7 @@ class Load:
 
 
 def measure_process(seconds: float) -> list[Load]:
-    """Measure a relay; a supervisor on a free path, limited by the barrier, and while everything is printed; a sleeper.
+    """Measure a relay, and a supervisor on a free path, limited by the barrier, and while everything is printed.
 
     Raises:
         RuntimeError: a process does not start or sends nothing.
@@ -95,20 +93,7 @@ def measure_process(seconds: float) -> list[Load]:
     echoed = (ECHO, CLEAR_M, CRUISE_M_S)
     [relay] = _measure_in("bench.relay", [(RELAY, CLEAR_M, CRUISE_M_S)], seconds)
     loads = _measure_in("supervisor", [free, limited, echoed], seconds)
-    return [relay, *loads, _measure_sleeper(loads[0].wakes_hz, seconds)]
-
-
-def _measure_sleeper(wakes_hz: float, seconds: float) -> Load:
-    """Measure an event loop that does nothing but wake `wakes_hz` times a second."""
-    process = subprocess.Popen([sys.executable, "-m", "bench.sleeper", f"{wakes_hz}"])
-    try:
-        time.sleep(WARM_UP_S)
-        began = _Usage(process.pid)
-        time.sleep(seconds)
-        return began.load_until_now(SLEEPER)
-    finally:
-        process.kill()
-        process.wait()
+    return [relay, *loads]
 
 
 def _measure_in(module: str, phases: list[Phase], seconds: float) -> list[Load]:
@@ -211,7 +196,7 @@ class _Usage:
         self._time_s, self._cpu_s, self._loop_s = time.monotonic(), _cpu_s(pid), _cpu_s(pid, pid)
         self._sleeps = _status(pid, "voluntary_ctxt_switches")
 
-    def load_until_now(self, phase: str, arrivals_s: Sequence[float] = ()) -> Load:
+    def load_until_now(self, phase: str, arrivals_s: Sequence[float]) -> Load:
         """Return the load since this usage, with the arrival times of its `cmd_vel` [s]."""
         now = _Usage(self._pid)
         took_s, cpu_s, loop_s = (
@@ -298,10 +283,7 @@ def load_sheet(loads: Sequence[Load]) -> Sheet:
                 "ticks its caches grow cold, and on some machines the same code takes several times as long as in a "
                 "loop; / relay compares both under the same conditions."
             ),
-            (
-                "wakes: of the event loop. only sleeps and wakes: an asyncio process that does nothing else, as often as "
-                "the supervisor on a free path; no program in Python with these wake-ups can cost less on this machine."
-            ),
+            "wakes: of the event loop.",
             ("topic echo: another process prints every message as YAML, on the same two cores."),
             (
                 "cmd_vel and its gaps are measured by the driver; under the barrier the output also changes between "
@@ -313,7 +295,7 @@ def load_sheet(loads: Sequence[Load]) -> Sheet:
 
 def verdicts(loads: Sequence[Load]) -> list[Verdict]:
     found: list[Verdict] = []
-    for load in loads[1:-1]:
+    for load in loads[1:]:
         found += [
             Verdict(f"CPU, {load.phase},", load.cpu_percent, TARGET_CPU_PERCENT, "% of one core"),
             Verdict(f"resident memory, {load.phase},", load.rss_mb, TARGET_RSS_MB, "MB"),

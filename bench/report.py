@@ -4,7 +4,7 @@ import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from bench import heartbeat, law, process, sim, start, wakeup
+from bench import heartbeat, law, process, sim, start
 from bench.rig.sheet import Sheet, Verdict, commit, machine, now
 
 
@@ -17,7 +17,6 @@ class Results:
     loads: tuple[process.Load, ...]
     heartbeats: tuple[heartbeat.Heartbeat, ...]
     paces: tuple[sim.Pace, ...]
-    sections: tuple[wakeup.Section, ...]
     imports: tuple[start.Imports, ...]
     starts: tuple[start.Start, ...]
 
@@ -37,7 +36,6 @@ class Results:
             process.load_sheet(self.loads),
             heartbeat.heartbeat_sheet(self.heartbeats),
             sim.pace_sheet(self.paces),
-            wakeup.wakeup_sheet(self.sections),
             start.imports_sheet(self.imports),
             start.starts_sheet(self.starts),
         ]
@@ -53,7 +51,6 @@ def write_json(results: Results, path: Path) -> None:
         *({"kind": "process", **asdict(load)} for load in results.loads),
         *({"kind": "heartbeat", **asdict(beat)} for beat in results.heartbeats),
         *({"kind": "sim", **asdict(pace)} for pace in results.paces),
-        *({"kind": "wakeup", **asdict(section)} for section in results.sections),
         *({"kind": "import", **asdict(one)} for one in results.imports),
         *({"kind": "start", **asdict(one)} for one in results.starts),
         *({"kind": "target", **asdict(verdict)} for verdict in results.verdicts()),

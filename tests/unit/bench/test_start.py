@@ -5,7 +5,7 @@ import pytest
 from bench.report import Results
 from bench.start import Start, summary
 
-EMPTY = ((), (), (), (), (), ())
+EMPTY = ((), (), (), (), ())
 
 
 def test_imports_are_compared_with_the_libraries_of_the_same_round() -> None:
