@@ -3,6 +3,7 @@
 law.py         step(): time and memory, compared with plain numpy on the same arrays
 process.py     the real supervisor process over real Zenoh: CPU, memory, rate and gaps of cmd_vel
 heartbeat.py   the real teleop in a terminal: lateness of its heartbeat while it draws
+soak.py        drive for hours: growth of memory, descriptors, threads and latency; stops without a cause
 relay.py       reference for process.py: the supervisor's traffic without a law
 sim.py         the simulated robot, unpaced, compared with MuJoCo alone
 start.py       imports of each process, `lifeline up`, and the restart of a killed supervisor

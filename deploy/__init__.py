@@ -16,7 +16,7 @@ replay.py          `lifeline replay-decision`: run the law again over a black bo
 completion.py      `lifeline completion`: the completion scripts of the shells, and the words that they complete
 keys/              `lifeline keys`: an authority, its certificates, and the bundles for other computers
 stack/             start, find, observe and stop the running robot
-campaign/          `lifeline faults`, `fault-report` and `soak`: fault injection at random moments, on real processes and in virtual time
+campaign/          `lifeline faults` and `fault-report`: fault injection at random moments, on real processes and in virtual time
 supervisord.conf   the programs that supervisord runs
 robot.toml         every key of the configuration, with its default
 systemd/           the units that start a real robot at boot

@@ -12,5 +12,4 @@ trial_file.py  the file of a campaign, read and appended to; provenance.py where
 simulated/     the same services on a virtual clock (docs/decisions/0017)
 real/          real processes over real Zenoh, with the operator's keys typed into teleop's terminal
 report/        the figures of a campaign, as tables and as a page
-soak/          `lifeline soak`: soak test, growth of memory, descriptors and latency
 """

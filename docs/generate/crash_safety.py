@@ -19,6 +19,7 @@ from pathlib import Path
 from bench.ros2_crash.results import read as read_ros2
 from bench.ros2_crash.results import read_origins
 from bench.ros2_crash.table import markdown, rows
+from bench.soak import Sample, judge, read_samples, warm_up_s
 from deploy.stack.errors import DeployError
 from docs.generate import sections
 from faults.classes import BY_NAME
@@ -26,8 +27,6 @@ from faults.report.figures import Campaign, ClassFigures, Spread
 from faults.report.page import FEW, percent, verdict
 from faults.report.report import read_campaigns
 from faults.report.statistics import upper_rate
-from faults.soak.judge import judge, warm_up_s
-from faults.soak.sample import Sample, read_samples
 from faults.trial import Provenance
 
 DOCUMENT = Path(__file__).parents[1] / "crash-safety.md"
@@ -171,14 +170,14 @@ def _signature(provenance: Provenance) -> Iterator[str]:
 # --- the soak
 
 
-def soaked(samples: Sequence[Sample], provenance: Provenance | None) -> str:
+def soaked(samples: Sequence[Sample], provenance: Provenance) -> str:
     """Return the resources of each process after driving, and the stops without a cause."""
-    last, judgement = samples[-1], judge(samples)
-    growths = {(growth.process, growth.measure): growth for growth in judgement.growths}
+    last, (found, faults) = samples[-1], judge(samples)
+    growths = {(growth.process, growth.measure): growth for growth in found}
     false = sum(len(sample.false_stops) for sample in samples)
     gaps_ms = sorted(sample.ticks.p99_ms for sample in samples)
     lines = [
-        *_signature(provenance or Provenance()),
+        *_signature(provenance),
         (
             f"{last.time_s / 60:.0f} minutes, {last.driven_m:.0f} m, {last.obstacle_stops} stops at obstacles, {last.black_boxes} black boxes; "
             f"**{false or 'no'} {'stops' if false > 1 else 'stop'} without a cause**, {sum(sum(s.lost.values()) for s in samples)} samples lost. "
@@ -194,7 +193,7 @@ def soaked(samples: Sequence[Sample], provenance: Provenance | None) -> str:
             f"| {name} | {memory.level / 1e6:.1f} MB | {memory.percent:+.2f} % | "
             f"{growths[name, 'descriptors'].level:g} | {growths[name, 'threads'].level:g} |"
         )
-    lines += ["", *(f"* FAILED: {_safe(fault)}" for fault in judgement.faults)]
+    lines += ["", *(f"* FAILED: {_safe(fault)}" for fault in faults)]
     return "\n".join(lines).rstrip()
 
 

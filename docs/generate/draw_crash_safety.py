@@ -1,4 +1,4 @@
-"""Draws docs/images/stop_times.png, soak.svg and sigkill.png: `python -m docs.generate.draw_crash_safety`.
+"""Draws docs/images/stop_times.png, soak.png and sigkill.png: `python -m docs.generate.draw_crash_safety`.
 
 The first two from the committed results; the last from a run of the same services on the virtual clock,
 which is the same for the same code.
@@ -13,14 +13,13 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from bench.soak import read_samples
 from docs.generate.crash_safety import SOAK, result
 from faults.classes import CLASSES
 from faults.report.figures import ClassFigures
 from faults.seen import Seen
 from faults.simulated.scenario import Drivers, Scenario, Scene
 from faults.simulated.world import World
-from faults.soak.plot import svg
-from faults.soak.sample import read_samples
 from virtual.loop import VirtualLoop
 from wire import topics
 
@@ -144,9 +143,32 @@ def draw_sigkill(path: Path, seen: Seen) -> None:
 
 
 def draw_soak(path: Path) -> None:
-    """As `lifeline soak --plot` draws it."""
+    """Draw memory, descriptors, gaps and lateness over time, one below the other."""
     samples, _ = read_samples(SOAK)
-    path.write_text(svg(samples, f"lifeline soak, {samples[-1].time_s / 60:.0f} min"))
+    minutes = [sample.time_s / 60 for sample in samples]
+    figure = Figure(figsize=(10, 9), layout="constrained")
+    panels: list[Axes] = list(figure.subplots(4, 1, sharex=True))
+    for name in samples[-1].processes:
+        used = [sample.processes[name] for sample in samples]
+        panels[0].plot(minutes, [one.rss_bytes / 1e6 for one in used], label=name)
+        panels[1].plot(minutes, [one.descriptors for one in used], label=name)
+    for label in ("p50", "p99", "max"):
+        panels[2].plot(minutes, [getattr(sample.ticks, f"{label}_ms") for sample in samples], label=label)
+        panels[3].plot(minutes, [getattr(sample.heartbeat, f"{label}_ms") for sample in samples], label=label)
+    titles = (
+        "memory (RSS) [MB]",
+        "open descriptors",
+        "gaps of cmd_vel [ms]",
+        "lateness of the heartbeat [ms]",
+    )
+    for axes, title in zip(panels, titles, strict=True):
+        axes.set_title(title, fontsize=10, loc="left")
+        axes.set_ylim(bottom=0.0)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.grid(color=LIGHT, lw=0.6)
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=9, frameon=False)
+    panels[-1].set_xlabel("time [min]")
+    figure.savefig(path, dpi=110, metadata={"Software": None})
 
 
 def _scaled(points: Sequence[tuple[float, float]], scale: float) -> tuple[list[float], list[float]]:
@@ -157,7 +179,7 @@ def main() -> None:
     mpl.rcParams.update({"font.size": 10, "axes.edgecolor": GREY, "text.color": INK, "axes.labelcolor": INK})
     if any(result(mode) is not None for mode in TITLES):
         draw_stop_times(IMAGES / "stop_times.png")
-    draw_soak(IMAGES / "soak.svg")
+    draw_soak(IMAGES / "soak.png")
     draw_sigkill(IMAGES / "sigkill.png", killed())
 
 

@@ -436,37 +436,6 @@ def fault_report(
 
 
 @app.command()
-def soak(
-    *,
-    hours: Annotated[
-        float,
-        typer.Option("--hours", min=0.001, metavar="H", help="Duration in hours; fractions are allowed."),
-    ] = 1.0,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE.jsonl", help="Write one line every 10 s.")
-    ] = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option("--plot", metavar="FILE.svg", help="Plot memory, descriptors and lateness over time."),
-    ] = None,
-    seed: Annotated[
-        int, typer.Option("--seed", min=0, metavar="K", help="Seed of the simulated operator.")
-    ] = 0,
-    as_json: ResultJson = False,
-) -> None:
-    """Drive for hours and report growth of memory, descriptors and latency. Exit 1 on growth or a stop without a cause."""
-
-    def run() -> int:
-        require("sim")
-        from faults.soak.run import Orders  # noqa: PLC0415
-        from faults.soak.run import soak as drive_about  # noqa: PLC0415
-
-        return drive_about(Orders(hours, out, plot, seed), _note if as_json else _say, as_json=as_json)
-
-    _exit_with(run)
-
-
-@app.command()
 def record(
     *,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write: NAME.mcap.")],

@@ -47,7 +47,7 @@ ALONE = (
     ("render", "--out", "a.mp4", "--size", "160x90", "--seconds", "60"),
     ("faults", "--virtual", "--seeds", "1000"),
 )
-WITH_A_ROBOT_OF_ITS_OWN = (("soak",), ("demo",), ("faults", "--classes", "teleop_sigkill"))
+WITH_A_ROBOT_OF_ITS_OWN = (("demo",), ("faults", "--classes", "teleop_sigkill"))
 
 
 async def took_s(

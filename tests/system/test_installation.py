@@ -240,7 +240,7 @@ def test_installed_without_extras_down_finds_nothing_to_stop(plain: Installed) -
 
 @pytest.mark.parametrize(
     "command",
-    ["up --detach", "demo", "faults", "faults --virtual", "soak", "render --out picture.png", "-m sim"],
+    ["up --detach", "demo", "faults", "faults --virtual", "render --out picture.png", "-m sim"],
 )
 def test_installed_without_extras_a_command_that_simulates_names_the_extra_in_one_sentence(
     plain: Installed, command: str

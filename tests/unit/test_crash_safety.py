@@ -4,11 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from bench.soak import Gaps, Sample, Usage
 from docs.generate import crash_safety
 from faults.report.figures import Campaign, campaigns
-from faults.soak.heard import Gaps
-from faults.soak.sample import Sample
-from faults.soak.usage import Usage
 from faults.trial import BrokenPromise, Injected, Provenance, Trial
 
 
@@ -95,7 +93,7 @@ def test_the_soak_is_told_with_what_grew_and_what_stopped_without_a_cause() -> N
         )
 
     samples = [sample(10.0 * n) for n in range(1, 361)]
-    good = crash_safety.soaked(samples, None)
+    good = crash_safety.soaked(samples, Provenance())
     for words in (
         "60 minutes, 1800 m, 3 stops",
         "**no stop without a cause**, 720 samples lost",
@@ -105,6 +103,8 @@ def test_the_soak_is_told_with_what_grew_and_what_stopped_without_a_cause() -> N
     assert "unknown command" in good
     assert "| supervisor | 52.9 MB | +7.87 % | 20 | 9 |" in good, "over 50 of the 60 minutes"
     assert "FAILED: supervisor: memory grew by" in good
-    bad = crash_safety.soaked([*samples[:-1], sample(3600.0, "OVERRUN")], Provenance(command="lifeline soak"))
+    bad = crash_safety.soaked(
+        [*samples[:-1], sample(3600.0, "OVERRUN")], Provenance(command="python -m bench.soak")
+    )
     assert "**1 stop without a cause**" in bad
     assert "FAILED: false stops: OVERRUN" in bad
