@@ -24,7 +24,8 @@ from teleop.help_page import help_page
 from teleop.pilot import amounts
 from teleop.top_view import Scale, draw_top_view, scale_of
 from teleop.view import Control, KeyHelp, Line, Segment, Tone, View, columns_of, plain
-from teleop.words import SILENT_AFTER_S, News, direction, is_silent, news, octant_of
+from teleop.words import SILENT_AFTER_S, News, is_silent, news
+from wire.bearing import bearing_in_words
 
 MIN_COLUMNS, MIN_ROWS = 80, 24
 """Minimum size of the terminal for the dashboard."""
@@ -225,18 +226,17 @@ def _nearest(view: View, columns: int, glyphs: Glyphs) -> list[Line]:
         chip, tone = Segment(" TOO NEAR", Tone.STOP_BANNER), Tone.STOP
     elif status.warning:
         chip, tone = Segment(" WARNING ", Tone.CAUTION_BANNER), Tone.CAUTION
-    octant = octant_of(bearing_rad)
-    where = ""
-    if octant is not None:
-        arrow = f"{glyphs.arrows[octant]} " if glyphs.arrows else ""
-        where = f"  {arrow}{direction(bearing_rad)} {_degrees(bearing_rad)}{glyphs.degree}"
+    where = bearing_in_words(bearing_rad, glyphs.degree)
+    if where and glyphs.arrows:
+        octant = round(math.remainder(bearing_rad, math.tau) / (math.pi / 4)) % 8
+        where = f"{glyphs.arrows[octant]} {where}"
     ago = f"  {_age(view.status_age_s)} ago" if is_silent(view) else ""
     distance = f"{nearest_m:.2f} m" if nearest_m < 1000.0 else "far"
     return [
         (
             _label("nearest"),
             Segment(distance, Tone.STRONG if tone is Tone.GOOD else tone),
-            Segment(where, Tone.DIM if is_silent(view) else Tone.PLAIN),
+            Segment(f"  {where}", Tone.DIM if is_silent(view) else Tone.PLAIN),
             Segment(ago, Tone.DIM),
         ),
         (chip, Segment(" "), *_gauge(view, nearest_m, tone, columns - 10, glyphs)),

@@ -8,7 +8,8 @@ import math
 from collections.abc import Sequence
 
 from teleop.view import Line, Segment, Tone, View, columns_of, plain
-from teleop.words import direction, is_silent, lateness, next_step, step_after
+from teleop.words import is_silent, lateness, next_step, step_after
+from wire.bearing import bearing_in_words
 from wire.messages import SafetyStatus, Twist
 
 ELLIPSIS = "…"
@@ -24,7 +25,11 @@ def render(view: View, width: int, *, unicode: bool = True) -> Line:
     """
     omega = "ω" if unicode else "w"
     requested = Segment(f"{requested_text(view, unicode=unicode)} | ")
-    news, short_news, nearest = _news(view, omega), _news(view, omega, short=True), _nearest(view)
+    news, short_news, nearest = (
+        _news(view, omega),
+        _news(view, omega, short=True),
+        _nearest(view, unicode=unicode),
+    )
     candidates: list[Line] = [
         (requested, news, *nearest),
         (requested, news),
@@ -86,12 +91,12 @@ def _counted(names: Sequence[str]) -> str:
     return f"{names[0]} +{len(names) - 1}" if len(names) > 1 else names[0]
 
 
-def _nearest(view: View) -> Line:
+def _nearest(view: View, *, unicode: bool) -> Line:
     status = view.status
     if status is None or is_silent(view) or not math.isfinite(status.nearest_m):
         return ()
     mark, tone = ("! ", Tone.CAUTION) if status.warning else ("", Tone.PLAIN)
-    where = direction(status.nearest_bearing_rad)
+    where = bearing_in_words(status.nearest_bearing_rad, degree="°" if unicode else " deg")
     return Segment(" | "), Segment(f"{mark}{status.nearest_m:.2f} m {where}".rstrip(), tone)
 
 

@@ -7,6 +7,7 @@ import math
 from typing import NamedTuple
 
 from teleop.view import Control, Tone, View, plain
+from wire.bearing import bearing_in_words
 from wire.messages import SafetyStatus, SourceStatus
 from wire.reasons import words_of
 
@@ -14,8 +15,6 @@ SILENT_AFTER_S = 0.5
 """A stream without a message for longer than this is outdated; the slowest stream has 10 Hz."""
 LATE_S = 0.15
 """A source is silent if its last command is older than this; it sends 20 per second."""
-
-_DIRECTIONS = ("ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right")
 
 
 class News(NamedTuple):
@@ -93,19 +92,6 @@ def step_after(view: View, *, short: bool = False) -> str:
     return view.neutral_hint if short else f"{view.neutral_hint} to drive again"
 
 
-def direction(bearing_rad: float) -> str:
-    """Return one of eight directions from the robot as text; empty if unknown."""
-    octant = octant_of(bearing_rad)
-    return "" if octant is None else _DIRECTIONS[octant]
-
-
-def octant_of(bearing_rad: float) -> int | None:
-    """Return the number of one of eight directions, counter-clockwise from ahead; None if unknown."""
-    if not math.isfinite(bearing_rad):
-        return None
-    return round(math.remainder(bearing_rad, math.tau) / (math.pi / 4)) % 8
-
-
 def _stopped(view: View, status: SafetyStatus) -> News:
     causes, over = (tuple(map(plain, names)) for names in status.causes_and_latched())
     alarm = "ALARM: " if status.alarm else ""
@@ -157,7 +143,7 @@ def _silent_s(status: SafetyStatus) -> float:
 def _where(status: SafetyStatus) -> str:
     if not math.isfinite(status.nearest_m):
         return ""
-    where = direction(status.nearest_bearing_rad)
+    where = bearing_in_words(status.nearest_bearing_rad, degree=" deg")
     return f": {status.nearest_m:.2f} m{' ' if where else ''}{where}"
 
 

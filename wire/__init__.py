@@ -6,6 +6,7 @@ ros.py          the standard ROS 2 message types in use
 messages.py     CDR encoding of the messages (rosbags); msg/ has their definitions
 reasons.py      the stop reasons, with their names and their texts on every screen
 stamp.py        the attachment of each sample: sequence, source time, epoch
+bearing.py      the words for a bearing, the same in every program (pure)
 freshness.py    age of a command from its stamp, despite network delays (pure)
 lease.py        challenges between the supervisor and an e-stop station (pure)
 watchdog.py     the base's own command watchdog (pure), for sim and every base adapter

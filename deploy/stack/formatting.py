@@ -2,6 +2,7 @@
 
 import math
 
+from wire.bearing import bearing_in_words
 from wire.messages import SafetyStatus, Twist
 
 MODES = ("STOPPED", "READY", "DRIVING", "LIMITED")
@@ -44,21 +45,9 @@ def speed(twist: Twist) -> str:
     return f"{round(twist.linear.x, 2) + 0.0:.2f} m/s, {round(twist.angular.z, 2) + 0.0:.2f} rad/s"
 
 
-def direction(bearing_rad: float) -> str:
-    """Format a bearing, counter-clockwise from ahead; empty if it is not finite."""
-    if not math.isfinite(bearing_rad):
-        return ""
-    degrees = round(math.degrees(bearing_rad))
-    if abs(degrees) < 10:
-        return "ahead"
-    if abs(degrees) > 170:
-        return "behind"
-    return f"{abs(degrees)}° to the {'left' if degrees > 0 else 'right'}"
-
-
 def nearest(distance_m: float, bearing_rad: float, origin: str = "") -> str:
     """Format the distance and direction of the nearest point; `origin` follows the distance."""
     if not math.isfinite(distance_m):
         return "unknown"
-    where = direction(bearing_rad)
+    where = bearing_in_words(bearing_rad)
     return f"{distance_m:.2f} m{origin}{f', {where}' if where else ''}"

@@ -3,10 +3,8 @@
 import math
 
 from supervisor.law.model import Reasons
+from wire.bearing import bearing_in_words
 from wire.reasons import SEVERITY, Limit, StopReason
-
-AHEAD_DEG = 10
-"""Directions within this angle of straight ahead or behind are named "ahead" or "behind"."""
 
 
 def detail_of(
@@ -46,19 +44,3 @@ def detail_of(
             return f"something is too close {where}"
         case _:
             return ""
-
-
-def bearing_in_words(bearing_rad: float) -> str:
-    """Return a bearing in the base frame as text, such as "ahead" or "at 40° to the left"; empty for NaN.
-
-    Args:
-        bearing_rad: counter-clockwise from straight ahead.
-    """
-    if not math.isfinite(bearing_rad):
-        return ""
-    degrees = round(math.degrees(math.remainder(bearing_rad, math.tau)))
-    if abs(degrees) < AHEAD_DEG:
-        return "ahead"
-    if abs(degrees) > 180 - AHEAD_DEG:
-        return "behind"
-    return f"at {abs(degrees)}° to the {'left' if degrees > 0 else 'right'}"

@@ -378,7 +378,7 @@ def _statuses() -> list[Message]:
         sources=[_source(name) for name in names],
         causes=["OBSTACLE"],
         latched=["SCAN_STALE"],
-        detail="something is too close at 40° to the left",
+        detail="something is too close at 40° left",
         rmw_zenoh_nodes=["/talker", "\x1b]0;x\x07"],
         source_times=[Time(123_456, 789), Time(0, 0), Time(2**31 - 1, 999_999_999)],
     )

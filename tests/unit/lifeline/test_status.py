@@ -39,9 +39,9 @@ def test_what_holds_and_what_is_over_have_a_row_each() -> None:
         reasons=["OVERRUN", "SCAN_BLIND"],
         causes=["SCAN_BLIND"],
         latched=["OVERRUN"],
-        detail="unseen space at 40° to the left",
+        detail="unseen space at 40° left",
     )
-    assert row(seen, "causes") == "SCAN_BLIND: unseen space at 40° to the left"
+    assert row(seen, "causes") == "SCAN_BLIND: unseen space at 40° left"
     assert row(seen, "latched") == "OVERRUN"
 
 

@@ -206,7 +206,7 @@ def test_the_nearest_obstacle_is_shown_with_distance_bearing_and_a_word_where_it
     newest = status(nearest_m=nearest_m, nearest_bearing_rad=0.7, warning=warning)
     lines = render_dashboard(driving(newest), 80, 24)
     assert tone_of(lines, f"{nearest_m:.2f} m") is distance_tone
-    assert row_of(driving(newest), "nearest") == f"nearest   {nearest_m:.2f} m  ↖ ahead left +40°"
+    assert row_of(driving(newest), "nearest") == f"nearest   {nearest_m:.2f} m  ↖ at 40° left"
     chips = [(s.text, s.tone) for line in lines[3:] for s in line if s.text in (" WARNING ", " TOO NEAR")]
     assert chips == ([] if chip is None else [chip])
 

@@ -152,13 +152,9 @@ def test_another_source_that_drives_is_named() -> None:
     ("bearing_rad", "where"),
     [
         (0.0, "ahead"),
-        (1.5, "left"),
-        (-1.5, "right"),
+        (1.5, "at 86° left"),
+        (-2.3, "at 132° right"),
         (3.1, "behind"),
-        (-3.1, "behind"),
-        (2 * math.pi, "ahead"),
-        (0.8, "ahead left"),
-        (-2.3, "behind right"),
     ],
 )
 def test_the_nearest_obstacle_is_shown_with_its_direction(bearing_rad: float, where: str) -> None:
@@ -216,6 +212,8 @@ def test_a_bearing_that_is_not_known_is_left_out() -> None:
 
 
 def test_without_unicode_the_line_is_ascii() -> None:
+    newest = status(nearest_m=0.45, nearest_bearing_rad=1.5)
+    assert text(render(view(newest), 79, unicode=False)).endswith("0.45 m at 86 deg left")
     newest = status(SafetyStatus.LIMITED, permitted=planar_twist(0.05, -0.1))
     assert text(render(view(newest), 79, unicode=False)).endswith("LIMITED to v +0.05 w -0.10")
     assert text(render(view(newest), 10, unicode=False)) == "LIMITED t."

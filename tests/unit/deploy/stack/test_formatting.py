@@ -2,32 +2,14 @@
 
 import math
 
-import pytest
-
-from deploy.stack.formatting import direction, mode_name, nearest, number, printable_lines, speed
+from deploy.stack.formatting import mode_name, nearest, number, printable_lines, speed
 from wire.messages import SafetyStatus, header, planar_twist
 
 
-@pytest.mark.parametrize(
-    ("bearing_rad", "text"),
-    [
-        (0.0, "ahead"),
-        (math.radians(9.4), "ahead"),
-        (math.radians(10.0), "10° to the left"),
-        (math.radians(-90.0), "90° to the right"),
-        (math.radians(170.0), "170° to the left"),
-        (-math.pi, "behind"),
-        (math.nan, ""),
-        (math.inf, ""),
-    ],
-)
-def test_a_direction_is_in_words(bearing_rad: float, text: str) -> None:
-    assert direction(bearing_rad) == text
-
-
-def test_a_distance_without_a_direction_is_a_distance_alone() -> None:
+def test_the_nearest_point_has_a_distance_and_a_direction_if_they_are_known() -> None:
     assert nearest(0.5, math.nan) == "0.50 m"
     assert nearest(0.5, 0.0, " from the hull") == "0.50 m from the hull, ahead"
+    assert nearest(0.5, math.pi / 2) == "0.50 m, at 90° left"
     assert nearest(math.nan, 0.0) == "unknown"
 
 

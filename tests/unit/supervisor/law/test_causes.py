@@ -342,7 +342,7 @@ def test_a_step_without_inputs_still_reports_the_causes() -> None:
     [
         (180, FORWARD, "something is too close ahead"),
         (0, BACK, "something is too close behind"),
-        (210, FORWARD, "something is too close at 30° to the left"),
+        (210, FORWARD, "something is too close at 30° left"),
     ],
 )
 def test_the_detail_of_a_barrier_stop_is_its_direction(beam: int, motion: Velocity, words: str) -> None:

@@ -3,39 +3,11 @@
 import math
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from supervisor.law.explain import bearing_in_words, detail_of
+from supervisor.law.explain import detail_of
 from wire.reasons import StopReason
 
 LEFT_40 = math.radians(40)
-
-
-@pytest.mark.parametrize(
-    ("degrees", "words"),
-    [
-        (0.0, "ahead"),
-        (9.4, "ahead"),
-        (-9.4, "ahead"),
-        (9.6, "at 10° to the left"),
-        (40.0, "at 40° to the left"),
-        (-40.0, "at 40° to the right"),
-        (170.4, "at 170° to the left"),
-        (170.6, "behind"),
-        (-170.6, "behind"),
-        (180.0, "behind"),
-        (400.0, "at 40° to the left"),
-    ],
-)
-def test_a_bearing_is_said_with_its_side(degrees: float, words: str) -> None:
-    assert bearing_in_words(math.radians(degrees)) == words
-
-
-@settings(deadline=None)
-@given(st.floats())
-def test_any_bearing_has_words_or_none(bearing_rad: float) -> None:
-    assert bool(bearing_in_words(bearing_rad)) == math.isfinite(bearing_rad)
 
 
 def test_no_cause_has_no_detail() -> None:
@@ -45,8 +17,8 @@ def test_no_cause_has_no_detail() -> None:
 @pytest.mark.parametrize(
     ("reason", "detail"),
     [
-        (StopReason.SCAN_BLIND, "unseen space at 40° to the left"),
-        (StopReason.OBSTACLE, "something is too close at 40° to the left"),
+        (StopReason.SCAN_BLIND, "unseen space at 40° left"),
+        (StopReason.OBSTACLE, "something is too close at 40° left"),
         (StopReason.SCAN_INVALID, "all NaN"),
         (StopReason.SCAN_STALE, ""),
     ],
