@@ -6,11 +6,10 @@ import math
 import os
 import signal
 import sys
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path as FilePath
-from typing import Any, NamedTuple, NoReturn, TextIO
+from typing import Any, NoReturn, TextIO
 
 import numpy as np
 
@@ -21,15 +20,11 @@ from deploy.stack.statusline import StatusLine
 from lifeline.recording.reader import Recorded, RecordingReader
 from teleop.config import TeleopSection
 from teleop.holder import HeldError, about_this_process
-from teleop.path.legs import Path, to_path
-from teleop.path.pose import PathError, Pose, Poses, placed, seen_from, wrap
-from teleop.path.progress import nearest
+from teleop.path.course import Path, PathError, Pose, Poses, TrackError, placed, seen_from, to_path
 from teleop.path.pursuit import Limits
-from teleop.path.service import SOURCE, Drive, Ending, PathService, Plan, Sample
-from teleop.path.track import TrackError
-from teleop.path.trail import to_poses
+from teleop.path.recording import to_poses
+from teleop.path.service import SOURCE, Drive, Ending, PathService, Plan
 from wire import topics
-from wire.bus import Bus, Subscription
 from wire.host.config import BusSection, ConfigError, read_toml, section
 from wire.host.process import run_process
 from wire.messages import Odometry, UndecodableError, decode
@@ -37,11 +32,6 @@ from wire.messages import Odometry, UndecodableError, decode
 EXIT_CODES = {Ending.DONE: 0, Ending.STOPPED: 1, Ending.INTERRUPTED: 130}
 START_LIMIT_M = 0.5
 """With --absolute: maximum distance of the robot from the start of the path."""
-TRUTH_DEPTH = 1 << 16
-"""Queue depth for twenty minutes of ground truth."""
-SAME_TIME_S = 0.03
-AROUND_M = 0.3
-"""Half-length of the path section, around the odometry's position, on which the nearest point is searched."""
 
 
 # --- plans
@@ -49,8 +39,7 @@ AROUND_M = 0.3
 
 def relative(poses: Poses) -> Plan:
     """Return a plan that moves the path so that its first pose is the robot's present pose."""
-    first = Pose(*poses[0].tolist())
-    own = np.array([seen_from(Pose(*row), first) for row in poses.tolist()])
+    own = seen_from(poses, Pose(*poses[0].tolist()))
     return lambda pose: to_path(placed(own, pose))
 
 
@@ -143,58 +132,6 @@ class TerminalPerson:
         self._line.clear()
 
 
-# --- ground truth of a simulated robot
-
-
-class TruthSample(NamedTuple):
-    """A ground-truth pose of the robot in the world frame."""
-
-    arrival_s: float
-    pose: Pose
-
-
-class Witness:
-    """Records the simulator's ground truth for the report; the drive does not use it."""
-
-    def __init__(self, bus: Bus) -> None:
-        self._truth: Subscription[Odometry] = bus.subscribe(topics.TRUTH, depth=TRUTH_DEPTH)
-
-    def take(self) -> list[TruthSample]:
-        return [
-            TruthSample(truth.arrival_s, Pose.of(truth.message))
-            for truth in self._truth.take()
-            if truth.message is not None
-        ]
-
-
-def true_distances_m(path: Path, drive: Drive, truth: Sequence[TruthSample]) -> list[float]:
-    """Compute the true distance from the path for every sample of the drive that has a ground-truth pose.
-
-    The robot's true pose at the start, at rest, aligns the odometry frame with the world frame.
-    """
-    truth = [t for t in truth if t.pose.is_finite]
-    if drive.began is None or not truth:
-        return []
-    times_s = np.array([t.arrival_s for t in truth])
-
-    def at(sample: Sample) -> Pose | None:
-        best = int(np.argmin(np.abs(times_s - sample.arrival_s)))
-        return truth[best].pose if abs(times_s[best] - sample.arrival_s) <= SAME_TIME_S else None
-
-    began = at(drive.began)
-    if began is None:
-        return []
-    distances_m: list[float] = []
-    for sample in drive.samples:
-        true = at(sample) if sample.on_path else None
-        if true is not None:
-            (row,) = placed(np.array([seen_from(true, began)]), drive.began.pose).tolist()
-            from_m = max(0.0, sample.along_m - AROUND_M)
-            station = nearest(path.legs[sample.leg], row[0], row[1], from_m, 2.0 * AROUND_M)
-            distances_m.append(station.off_m)
-    return distances_m
-
-
 # --- the command
 
 
@@ -234,7 +171,7 @@ async def _drive(
     person: TerminalPerson | None = None
     try:
         wake = asyncio.Event()
-        person, witness = TerminalPerson(wake, sys.stderr if as_json else None), Witness(bus)
+        person = TerminalPerson(wake, sys.stderr if as_json else None)
         service = PathService(
             bus,
             plan,
@@ -246,7 +183,6 @@ async def _drive(
             about=about_this_process(SOURCE),
         )
         done = await service.run(stop)
-        truth = witness.take()
     except (HeldError, PathError) as error:
         return _refuse(error, EXIT_REFUSED)
     finally:
@@ -254,9 +190,9 @@ async def _drive(
             person.leave()
         await bus.close()
     if as_json:
-        print(json.dumps(to_json(done, truth), indent=2))
+        print(json.dumps(to_json(done), indent=2))
     else:
-        for line in report(done, truth):
+        for line in report(done):
             print(f"lifeline: {line}")
     return EXIT_CODES[done.ending]
 
@@ -266,7 +202,7 @@ def _refuse(sentence: object, code: int) -> int:
     return code
 
 
-def report(done: Drive, truth: Sequence[TruthSample]) -> list[str]:
+def report(done: Drive) -> list[str]:
     """Return the lines of the report on a drive."""
     how = {
         Ending.DONE: "the path is complete",
@@ -276,33 +212,24 @@ def report(done: Drive, truth: Sequence[TruthSample]) -> list[str]:
     if done.path is None:
         return [f"{how}; the robot did not move"]
     lines = [f"{how}: {done.done_m:.2f} of {done.path.length_m:.2f} m in {done.driving_s:.1f} s of driving"]
-    own = TrackError.of(sample.off_m for sample in done.samples if sample.on_path)
-    real = TrackError.of(true_distances_m(done.path, done, truth))
-    for name, error in (("odometry", own), ("the simulator's ground truth", real)):
-        if error is not None:
-            lines.append(
-                f"distance from the path, by {name}: {_mm(error.rms_m)} rms, {_mm(error.max_m)} at most, "
-                f"over {error.count:,} samples"
-            )
-    if done.ending is Ending.DONE and done.pose is not None:
-        end = done.path.end
-        away_m = math.hypot(done.pose.x_m - end.x_m, done.pose.y_m - end.y_m)
-        turned = math.degrees(abs(wrap(done.pose.yaw_rad - end.yaw_rad)))
-        lines.append(f"distance from the end, by odometry: {_mm(away_m)} and {turned:.1f} degrees")
+    error = TrackError.of(done.off_path_m)
+    if error is not None:
+        lines.append(
+            f"distance from the path, by odometry: {_mm(error.rms_m)} rms, {_mm(error.max_m)} at most, "
+            f"over {error.count:,} samples"
+        )
     return lines
 
 
-def to_json(done: Drive, truth: Sequence[TruthSample]) -> dict[str, Any]:
+def to_json(done: Drive) -> dict[str, Any]:
     """Return the report on a drive as JSON values; `path` is null if the robot did not move."""
     document: dict[str, Any] = {"ending": done.ending.name, "reason": done.reason or None, "path": None}
     if done.path is None:
         return document
-    own = TrackError.of(sample.off_m for sample in done.samples if sample.on_path)
-    real = TrackError.of(true_distances_m(done.path, done, truth))
+    error = TrackError.of(done.off_path_m)
     return document | {
         "path": {"length_m": done.path.length_m, "done_m": done.done_m, "driving_s": done.driving_s},
-        "off_path_by_odometry": None if own is None else asdict(own),
-        "off_path_by_truth": None if real is None else asdict(real),
+        "off_path_by_odometry": None if error is None else asdict(error),
     }
 
 

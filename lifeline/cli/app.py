@@ -546,7 +546,7 @@ def path_square(
 
     def run() -> int:
         from lifeline.path import drive, relative  # noqa: PLC0415
-        from teleop.path.shapes import square  # noqa: PLC0415
+        from teleop.path.course import square  # noqa: PLC0415
 
         launch = _running(config, endpoint, state_dir, keys_dir)
         drive(relative(square(side, laps, clockwise=clockwise)), launch, speed, as_json=as_json)
@@ -573,7 +573,7 @@ def path_circle(
 
     def run() -> int:
         from lifeline.path import drive, relative  # noqa: PLC0415
-        from teleop.path.shapes import circle  # noqa: PLC0415
+        from teleop.path.course import circle  # noqa: PLC0415
 
         launch = _running(config, endpoint, state_dir, keys_dir)
         drive(relative(circle(radius, laps, clockwise=clockwise)), launch, speed, as_json=as_json)

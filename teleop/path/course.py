@@ -1,93 +1,229 @@
-"""Drive the legs of a path in sequence, with a turn on the spot before each leg and to the final heading."""
+"""Paths: poses, square and circle, legs that are driven without a stop, and the progress along a leg."""
 
-from teleop.path.legs import Path
-from teleop.path.pose import Pose, wrap
-from teleop.path.progress import Station, nearest
-from teleop.path.pursuit import Limits, bearing, lookahead_m, pursue, turn
-from teleop.pilot import Velocity
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
 
-HEADING_RAD = 0.02
-"""A turn on the spot is finished when the heading error is below this."""
-ARRIVED_M = 0.01
-"""A leg is finished at this distance from its end; the base stops within the rest."""
-ON_PATH_M = 0.05
-"""A robot farther from the path was pushed or driven away, and must return first."""
-ASTRAY_RAD = 1.0
-"""With a larger bearing of the target point, turn on the spot first instead of driving an arc."""
-AIMED_RAD = 0.15
+import numpy as np
+import numpy.typing as npt
+
+from wire.messages import Odometry, yaw_of
+
+CORNER_RAD = 0.5
+"""A sharper bend between two pieces is a corner. A curve with poses 2 cm apart has no corner down to a radius of 4 cm."""
+SAME_PLACE_M = 1e-6
+STEP_M = 0.02
+"""Distance between two poses of a curve."""
+MIN_STEPS = 72
+"""Minimum number of steps of a full circle."""
+WINDOW_M = 0.4
+"""Progress is searched only this far ahead and never behind, so that a path that crosses or repeats itself is driven whole."""
+
+Floats = npt.NDArray[np.float64]
+Poses = Floats
+"""A path: shape (n, 3), each row x [m], y [m], yaw [rad]. Two rows at one place are a turn on the spot. A row behind its
+predecessor, in the frame of the latter, is reached backwards."""
 
 
-class Course:
-    """One drive along a path. It can be interrupted for any time and continues where it was."""
+class PathError(ValueError):
+    """The path does not exist or cannot be driven; the message says why, and what to do."""
 
-    def __init__(self, path: Path, limits: Limits) -> None:
-        self.path = path
-        self._limits = limits
-        self._index = 0
-        self._along_m = 0.0
-        self._turning = True
-        self._aiming = False
+
+# --- poses
+
+
+class Pose(NamedTuple):
+    """Planar pose of the robot; yaw counter-clockwise from x."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+    @staticmethod
+    def of(message: Odometry) -> "Pose":
+        """Return the pose in an odometry message."""
+        pose = message.pose.pose
+        return Pose(pose.position.x, pose.position.y, yaw_of(pose.orientation))
 
     @property
-    def leg(self) -> int:
-        """Number of the current leg; at the end, that of the last leg."""
-        return min(self._index, len(self.path.legs) - 1)
+    def is_finite(self) -> bool:
+        return all(map(math.isfinite, self))
 
-    @property
-    def along_m(self) -> float:
-        """Distance driven along the current leg."""
-        return self._along_m
 
-    @property
-    def done_m(self) -> float:
-        """How much of the whole path has been driven."""
-        return sum(leg.length_m for leg in self.path.legs[: self.leg]) + self._along_m
+def wrap(angle_rad: float) -> float:
+    """Return the same angle in [-π, π]."""
+    return math.remainder(angle_rad, math.tau)
 
-    def station(self, pose: Pose) -> Station:
-        """Return the point of the path where the robot should be, and its distance from it; does not change the state."""
-        return nearest(self.path.legs[self.leg], pose.x_m, pose.y_m, self._along_m)
 
-    def step(self, pose: Pose, speed_m_s: float) -> Velocity | None:
-        """Compute the velocity to request.
+def placed(poses: Poses, frame: Pose) -> Poses:
+    """Transform poses (n, 3) from the frame `frame` to its parent frame."""
+    cos, sin = math.cos(frame.yaw_rad), math.sin(frame.yaw_rad)
+    x, y, yaw = poses.T
+    return np.stack(
+        (frame.x_m + cos * x - sin * y, frame.y_m + sin * x + cos * y, yaw + frame.yaw_rad), axis=1
+    )
 
-        Args:
-            pose: the robot's pose in the path's frame.
-            speed_m_s: its speed.
 
-        Returns:
-            The velocity; None if the path has been completed.
-        """
-        while self._index < len(self.path.legs):
-            station = self.station(pose)
-            self._along_m = station.along_m
-            velocity = self._on_leg(pose, speed_m_s, station)
-            if velocity is not None:
-                return velocity
-            self._along_m = self.path.legs[self._index].length_m
-            self._index += 1
-            self._turning = True
-            self._aiming = False
-            if self._index < len(self.path.legs):
-                self._along_m = 0.0
-        error_rad = wrap(self.path.end.yaw_rad - pose.yaw_rad)
-        return turn(error_rad, self._limits) if abs(error_rad) > HEADING_RAD else None
+def seen_from(poses: Poses, frame: Pose) -> Poses:
+    """Transform poses (n, 3) to the frame `frame` from its parent frame."""
+    centred = poses - np.array([frame.x_m, frame.y_m, 0.0])
+    return placed(centred, Pose(0.0, 0.0, -frame.yaw_rad))
 
-    def _on_leg(self, pose: Pose, speed_m_s: float, station: Station) -> Velocity | None:
-        """Return the velocity on the current leg; None if it is finished."""
-        leg = self.path.legs[self._index]
-        on_path = station.off_m <= ON_PATH_M
-        left_m = leg.length_m - station.along_m
-        at_end = left_m <= ARRIVED_M
-        if at_end and on_path:
+
+# --- shapes, in the robot's frame at the start: it stands at the origin and faces along x
+
+
+def square(side_m: float, laps: int = 1, *, clockwise: bool = False) -> Poses:
+    """Return a square: the first side is straight ahead, each corner a turn on the spot; it ends at the start pose."""
+    quarter_rad = -math.pi / 2 if clockwise else math.pi / 2
+    x_m = y_m = 0.0
+    rows: list[tuple[float, float, float]] = []
+    for side in range(4 * laps):
+        yaw_rad = side * quarter_rad
+        rows.append((x_m, y_m, yaw_rad))
+        x_m += side_m * round(math.cos(yaw_rad))
+        y_m += side_m * round(math.sin(yaw_rad))
+        rows.append((x_m, y_m, yaw_rad))
+    rows.append((x_m, y_m, 4 * laps * quarter_rad))
+    return np.array(rows)
+
+
+def circle(radius_m: float, laps: int = 1, *, clockwise: bool = False) -> Poses:
+    """Return a circle with its centre to the left, or to the right if clockwise; it ends at the start pose."""
+    steps = max(MIN_STEPS, math.ceil(math.tau * radius_m / STEP_M))
+    angle = np.linspace(0.0, laps * math.tau, laps * steps + 1)
+    side = -1.0 if clockwise else 1.0
+    return np.stack((radius_m * np.sin(angle), side * radius_m * (1.0 - np.cos(angle)), side * angle), axis=1)
+
+
+# --- legs
+
+
+class Station(NamedTuple):
+    """The nearest point of a leg."""
+
+    along_m: float
+    off_m: float
+    """Distance of the robot from this point."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrackError:
+    """Number, root mean square and maximum of the distances from a path [m]."""
+
+    count: int
+    rms_m: float
+    max_m: float
+
+    @classmethod
+    def of(cls, distances_m: Sequence[float]) -> "TrackError | None":
+        """Return the error of distances; None if there are none."""
+        if not distances_m:
             return None
-        if self._turning and on_path:
-            error_rad = wrap(leg.heading_at(station.along_m) - pose.yaw_rad)
-            if abs(error_rad) > HEADING_RAD:
-                return turn(error_rad, self._limits)
-        self._turning = False
-        point_m = leg.point_at(leg.length_m if at_end else station.along_m + lookahead_m(speed_m_s))
-        error_rad = bearing(point_m, pose, backwards=leg.backwards)
-        self._aiming = abs(error_rad) > (AIMED_RAD if self._aiming else ASTRAY_RAD)
-        if self._aiming:
-            return turn(error_rad, self._limits)
-        return pursue(leg, point_m, station.along_m, left_m + station.off_m, pose, self._limits)
+        rms_m = math.sqrt(math.fsum(d * d for d in distances_m) / len(distances_m))
+        return cls(len(distances_m), rms_m, max(distances_m))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Leg:
+    """A polyline without corners, driven forwards or backwards."""
+
+    points_m: Floats
+    """Shape (n, 2), n > 1, without equal neighbours."""
+    along_m: Floats
+    """Shape (n,): distance of each point from the first, along the leg."""
+    headings_rad: Floats
+    """Shape (n - 1,): heading of the robot on each piece."""
+    backwards: bool
+
+    @property
+    def length_m(self) -> float:
+        return float(self.along_m[-1])
+
+    def point_at(self, along_m: float) -> tuple[float, float]:
+        """Return the point at a distance along the leg; beyond both ends, the leg is extended straight."""
+        piece = self._piece(along_m)
+        (x0, y0), (x1, y1) = self.points_m[piece : piece + 2].tolist()
+        start_m, end_m = self.along_m[piece : piece + 2].tolist()
+        share = (along_m - start_m) / (end_m - start_m)
+        return x0 + share * (x1 - x0), y0 + share * (y1 - y0)
+
+    def heading_at(self, along_m: float) -> float:
+        """Return the robot's heading [rad] at a distance along the leg."""
+        return float(self.headings_rad[self._piece(along_m)])
+
+    def nearest(self, x_m: float, y_m: float, from_m: float, window_m: float = WINDOW_M) -> Station:
+        """Return the point nearest to (x, y) between `from_m` and `from_m + window_m` along the leg."""
+        to_m = max(from_m, min(from_m + window_m, self.length_m))
+        first, last = self._piece(from_m), self._piece(to_m) + 1
+        starts, along_m = self.points_m[first:last], self.along_m[first : last + 1]
+        ahead, lengths_m = self.points_m[first + 1 : last + 1] - starts, np.diff(along_m)
+        robot = np.array((x_m, y_m))
+        projected_m = along_m[:-1] + ((robot - starts) * ahead).sum(axis=1) / lengths_m
+        places_m = np.clip(projected_m, np.maximum(along_m[:-1], from_m), np.minimum(along_m[1:], to_m))
+        points = starts + ahead * ((places_m - along_m[:-1]) / lengths_m)[:, None]
+        off_m = np.hypot(*(robot - points).T)
+        best = int(np.argmin(off_m))
+        return Station(float(places_m[best]), float(off_m[best]))
+
+    def _piece(self, along_m: float) -> int:
+        index = int(np.searchsorted(self.along_m, along_m, side="right")) - 1
+        return min(max(index, 0), len(self.headings_rad) - 1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Path:
+    """A path as its legs, with turns on the spot between them, and the robot's final pose."""
+
+    legs: tuple[Leg, ...]
+    end: Pose
+
+    @property
+    def start(self) -> Pose:
+        """Pose of the robot at the start of the first leg."""
+        x_m, y_m = self.legs[0].points_m[0].tolist()
+        return Pose(x_m, y_m, self.legs[0].heading_at(0.0))
+
+    @property
+    def length_m(self) -> float:
+        return sum(leg.length_m for leg in self.legs)
+
+
+def is_backwards(here: Pose, there: Pose) -> bool:
+    """Return whether a robot drives backwards from one pose to another."""
+    bearing_rad = math.atan2(there.y_m - here.y_m, there.x_m - here.x_m)
+    return math.cos(bearing_rad - (here.yaw_rad + wrap(there.yaw_rad - here.yaw_rad) / 2)) < 0.0
+
+
+def to_path(poses: Poses) -> Path:
+    """Split a path into legs, at corners and at changes between forward and backward.
+
+    Raises:
+        PathError: the path has numbers that are not finite, or has no length.
+    """
+    if not np.isfinite(poses).all():
+        raise PathError("the path has a pose that is not of finite numbers")
+    pieces: list[tuple[list[tuple[float, float]], list[float], bool]] = []
+    for here, there in pairwise(Pose(*row) for row in poses.tolist()):
+        dx_m, dy_m = there.x_m - here.x_m, there.y_m - here.y_m
+        if math.hypot(dx_m, dy_m) < SAME_PLACE_M:
+            continue
+        backwards = is_backwards(here, there)
+        heading_rad = wrap(math.atan2(dy_m, dx_m) + (math.pi if backwards else 0.0))
+        _, headings, was_backwards = pieces[-1] if pieces else ([], [], False)
+        if not headings or backwards != was_backwards or abs(wrap(heading_rad - headings[-1])) > CORNER_RAD:
+            pieces.append(([here[:2]], [], backwards))
+        pieces[-1][0].append(there[:2])
+        pieces[-1][1].append(heading_rad)
+    if not pieces:
+        raise PathError("the path goes nowhere: it has no length")
+    legs = tuple(_leg(np.array(points), np.array(headings), back) for points, headings, back in pieces)
+    x_m, y_m = pieces[-1][0][-1]
+    return Path(legs, Pose(x_m, y_m, wrap(float(poses[-1, 2]))))
+
+
+def _leg(points_m: Floats, headings_rad: Floats, backwards: bool) -> Leg:  # noqa: FBT001
+    steps_m = np.hypot(*np.diff(points_m, axis=0).T)
+    return Leg(points_m, np.concatenate(([0.0], np.cumsum(steps_m))), headings_rad, backwards)

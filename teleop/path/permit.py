@@ -1,15 +1,27 @@
-"""Conditions for driving from the supervisor's status: what a source lacks before it may drive, and what stops it.
+"""Conditions for driving: what a source lacks before it may drive, and what stops it.
 
-Text from the network is converted to plain ASCII, so that no payload can send control sequences to the terminal.
+The supervisor's status is one condition; a key press of the operator is the other. Text from the network is converted to
+plain ASCII, so that no payload can send control sequences to the terminal.
 """
 
 import math
+from collections import deque
 
 from teleop.view import plain
+from wire.bearing import bearing_in_words
 from wire.messages import SafetyStatus, SourceStatus
+from wire.stamp import Stamp
 
 HEARD_S = 0.2
 """A command older than this has timed out at the supervisor."""
+REMEMBERED = 10
+"""Number of remembered samples. Even on a busy machine, some of them were sent on time; after a hang, the rhythm is known
+again after as many."""
+LEARNT = 5
+"""Number of samples after which the rhythm is known."""
+TOLERANCE = 0.3
+"""Tolerance as a share of the period. If all remembered heartbeats were later than this, one on time would count as a
+key press."""
 
 
 def what_is_missing(status: SafetyStatus, source: str) -> str | None:
@@ -18,7 +30,7 @@ def what_is_missing(status: SafetyStatus, source: str) -> str | None:
     if own is None:
         return f"the supervisor ignores source {source}: add it to [supervisor] sources"
     if status.mode == SafetyStatus.STOPPED:
-        return stopped(status)
+        return _stopped(status)
     if status.mode != SafetyStatus.READY:
         return f"{plain(status.owner)} drives; it must stop first"
     if not own.armed:
@@ -34,28 +46,63 @@ def what_stops(status: SafetyStatus, source: str) -> str | None:
     A status that was sent before the supervisor received the motion has the previous owner: that is not a take-over.
     """
     if status.mode == SafetyStatus.STOPPED:
-        return stopped(status)
+        return _stopped(status)
     own = _find(status, source)
     if own is not None and not own.neutral and status.owner != source:
         return f"{plain(status.owner)} took over"
     return None
 
 
-def stopped(status: SafetyStatus) -> str:
-    """Return a text of the stop with its reasons, and the nearest obstacle if that is a reason."""
-    reasons = status.why() or "no reason given"
-    causes, _ = status.causes_and_latched()
-    where = f" ({nearest(status)})" if "OBSTACLE" in causes and nearest(status) else ""
-    return plain(f"STOPPED: {reasons}{where}")
-
-
 def nearest(status: SafetyStatus) -> str:
     """Return distance and direction of the nearest obstacle as text; empty if unknown."""
-    if not (math.isfinite(status.nearest_m) and math.isfinite(status.nearest_bearing_rad)):
-        return ""
-    side = ("ahead", "left", "behind", "right")[round(status.nearest_bearing_rad / (math.pi / 2)) % 4]
-    return f"{status.nearest_m:.2f} m {side}"
+    where = bearing_in_words(status.nearest_bearing_rad, degree=" deg")
+    return f"{status.nearest_m:.2f} m {where}" if where and math.isfinite(status.nearest_m) else ""
+
+
+def _stopped(status: SafetyStatus) -> str:
+    """Return a text of the stop with its reasons, and the nearest obstacle if that is a reason."""
+    causes, _ = status.causes_and_latched()
+    where = f" ({nearest(status)})" if "OBSTACLE" in causes and nearest(status) else ""
+    return plain(f"STOPPED: {status.why() or 'no reason given'}{where}")
 
 
 def _find(status: SafetyStatus, source: str) -> SourceStatus | None:
     return next((s for s in status.sources if s.name == source), None)
+
+
+class OffBeat:
+    """Detects key presses of the operator from extra samples between the heartbeats of a source.
+
+    A source sends at a fixed rate, and immediately on each key press. The wire has no message for a key press, but each
+    press adds a sample to the regular ones. The times are from the sender's clock, so network jitter has no effect, and
+    the sequence numbers include lost samples.
+
+    This is a convenience, not a safety function: a press that the sender's loop handles together with a heartbeat adds no
+    sample and is not detected (2 of 60 on a loaded machine). A command for motion takes the wheels in any case, and SPACE
+    is the emergency stop.
+
+    Args:
+        period_s: the period of the heartbeat.
+    """
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._epoch = b""
+        self._offsets_s: deque[float] = deque(maxlen=REMEMBERED)
+
+    def hears_key(self, stamp: Stamp) -> bool:
+        """Process the stamp of the next sample; return whether there were more samples than heartbeats.
+
+        A key press shortly before a heartbeat is detected with that heartbeat.
+        """
+        if stamp.gid != self._epoch:
+            self._epoch = stamp.gid
+            self._offsets_s.clear()
+        # Constant for samples on time and larger for late ones; an extra sample lowers it by one period.
+        offset_s = stamp.source_time_ns * 1e-9 - stamp.sequence * self._period_s
+        learnt = len(self._offsets_s) >= LEARNT
+        extra = learnt and offset_s < min(self._offsets_s) - TOLERANCE * self._period_s
+        if extra:
+            self._offsets_s.clear()
+        self._offsets_s.append(offset_s)
+        return extra

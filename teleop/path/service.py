@@ -9,15 +9,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum, StrEnum, auto
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 from teleop.holder import HeldError, Holder
-from teleop.path.course import ON_PATH_M, Course
-from teleop.path.legs import Path
-from teleop.path.offbeat import OffBeat
-from teleop.path.permit import nearest, what_is_missing, what_stops
-from teleop.path.pose import Pose, wrap
-from teleop.path.pursuit import Limits
+from teleop.path.course import Path, Pose, wrap
+from teleop.path.permit import OffBeat, nearest, what_is_missing, what_stops
+from teleop.path.pursuit import ON_PATH_M, Course, Limits
 from teleop.pilot import NEUTRAL, Velocity
 from teleop.rate import Rate
 from teleop.view import plain
@@ -71,20 +68,6 @@ class Ending(StrEnum):
     INTERRUPTED = "interrupted"
 
 
-class Sample(NamedTuple):
-    """An odometry sample while the path was driven."""
-
-    arrival_s: float
-    pose: Pose
-    leg: int
-    """Number of the current leg."""
-    along_m: float
-    off_m: float
-    """Distance from the path."""
-    on_path: bool
-    """Whether the robot has reached the path since the last start."""
-
-
 @dataclass
 class Drive:
     """Result of driving a path."""
@@ -93,14 +76,11 @@ class Drive:
     reason: str = ""
     path: Path | None = None
     """The path; None if driving never began."""
-    began: Sample | None = None
-    """Sample at rest, before the first motion."""
-    samples: list[Sample] = field(default_factory=list[Sample])
+    off_path_m: list[float] = field(default_factory=list[float])
+    """Distance from the path at each odometry sample, from the first one on the path since each start."""
     done_m: float = 0.0
     driving_s: float = 0.0
     """Duration without the pauses."""
-    pose: Pose | None = None
-    """The last pose."""
 
 
 class _Phase(Enum):
@@ -141,13 +121,12 @@ class PathService:
         *,
         person: Person,
         wake: asyncio.Event,
-        limits: Limits | None = None,
+        limits: Limits,
         operator: str = topics.TELEOP,
         operator_rate_hz: float = RATE_HZ,
         about: str = "the path",
     ) -> None:
-        self._bus, self._plan, self._person, self._wake = bus, plan, person, wake
-        self._limits = limits or Limits()
+        self._plan, self._person, self._wake, self._limits = plan, person, wake, limits
         self._operator = operator
         self._cmd_vel = bus.publisher(topics.source_cmd_vel(SOURCE))
         self._odometry = bus.subscribe(topics.ODOM, depth=DEPTH)
@@ -156,22 +135,15 @@ class PathService:
         self._off_beat = OffBeat(1.0 / operator_rate_hz)
         self._holder = Holder(bus, SOURCE, self._cmd_vel, about)
 
-        self._start(asyncio.get_running_loop().time())
         self._course: Course | None = None
         self._drive = Drive()
         self._ended = False
         self._status: Arrival[SafetyStatus] | None = None
+        self._pose: Pose | None = None
         self._odom_s = -math.inf
         self._speed = NEUTRAL
         self._on_path = False
         self._headway: tuple[float, Pose] | None = None
-
-    def _start(self, now_s: float) -> None:
-        self._beat = Rate(1.0 / RATE_HZ, now_s)
-        self._display = Rate(SHOW_PERIOD_S, now_s)
-        self._phase = _Phase.ARMING
-        self._since_s = now_s
-        """Start time of the present phase."""
 
     async def run(self, stop: asyncio.Event) -> Drive:
         """Drive to the end of the path, or until `stop`; at the end, send zero and withdraw the token.
@@ -183,9 +155,12 @@ class PathService:
         loop = asyncio.get_running_loop()
         stopping = loop.create_task(stop.wait())
         stopping.add_done_callback(lambda _: self._wake.set())
+        self._phase, self._since_s = _Phase.ARMING, loop.time()
         try:
             await self._claim(stopping)
-            self._start(loop.time())
+            self._since_s = loop.time()
+            self._beat = Rate(1.0 / RATE_HZ, self._since_s)
+            self._display = Rate(SHOW_PERIOD_S, self._since_s)
             while not stop.is_set():
                 self._turn(loop.time())
                 if self._ended:
@@ -198,8 +173,7 @@ class PathService:
                 self._ask(NEUTRAL)
             finally:
                 await self._holder.leave()
-        if self._phase is _Phase.DRIVING:
-            self._drive.driving_s += loop.time() - self._since_s
+        self._enter(_Phase.PAUSED, loop.time())
         if self._course is not None:
             self._drive.done_m = self._course.done_m
         return self._drive
@@ -219,27 +193,26 @@ class PathService:
     def _turn(self, now_s: float) -> None:
         late_s = self._beat.lateness_s(now_s)
         self._listen(now_s)
-        if late_s > HANG_S and self._phase is _Phase.DRIVING:
-            self._pause(f"this program hung for {late_s:.1f} s", now_s)
+        if late_s > HANG_S:
+            self._pause_drive(f"this program hung for {late_s:.1f} s", now_s)
         if self._phase is _Phase.PAUSED and not self._ended and self._person.asks_to_go_on():
             self._enter(_Phase.ARMING, now_s)
         if self._beat.tick(now_s) and not self._ended:
-            self._on_beat(now_s)
+            self._ask(self._on_beat(now_s))
         if self._display.tick(now_s):
             self._person.show(self._line(now_s))
 
-    def _on_beat(self, now_s: float) -> None:
-        velocity = NEUTRAL
-        match self._phase:
-            case _Phase.ARMING:
-                self._arm(now_s)
-            case _Phase.DRIVING:
-                velocity = self._drive_on(now_s)
-            case _Phase.SETTLING:
-                self._settle(now_s)
-            case _Phase.PAUSED:
-                pass
-        self._ask(velocity)
+    def _on_beat(self, now_s: float) -> Velocity:
+        """Act in the present phase; return the velocity to request."""
+        if self._phase is _Phase.ARMING:
+            self._arm(now_s)
+        elif self._phase is _Phase.DRIVING:
+            return self._drive_on(now_s)
+        elif self._phase is _Phase.SETTLING:
+            still = abs(self._speed.linear_m_s) < STILL_M_S and abs(self._speed.angular_rad_s) < STILL_RAD_S
+            if still or now_s - self._since_s > SETTLE_LIMIT_S:
+                self._end(Ending.DONE, "")
+        return NEUTRAL
 
     # --- input
 
@@ -248,43 +221,35 @@ class PathService:
             if odometry.message is not None:
                 self._move(odometry.message, odometry.arrival_s)
         for status in self._statuses.take():
-            if status.message is None:
-                continue
-            self._status = status
-            reason = what_stops(status.message, SOURCE) if self._phase is _Phase.DRIVING else None
-            if reason is not None:
-                self._pause(reason, now_s)
+            if status.message is not None:
+                self._status = status
+                self._pause_drive(what_stops(status.message, SOURCE), now_s)
         pressed = [k.stamp is not None and self._off_beat.hears_key(k.stamp) for k in self._keys.take()]
-        if any(pressed) and self._phase is _Phase.DRIVING:
-            self._pause(f"a key was pressed at {self._operator}", now_s)
+        if any(pressed):
+            self._pause_drive(f"a key was pressed at {self._operator}", now_s)
 
     def _move(self, odometry: Odometry, arrival_s: float) -> None:
         twist, pose = odometry.twist.twist, Pose.of(odometry)
         speed = Velocity(twist.linear.x, twist.angular.z)
         if not pose.is_finite or not all(map(math.isfinite, speed)):
             return  # proves nothing and counts as silence
-        self._drive.pose, self._speed, self._odom_s = pose, speed, arrival_s
+        self._pose, self._speed, self._odom_s = pose, speed, arrival_s
         if self._course is not None and self._phase in {_Phase.DRIVING, _Phase.SETTLING}:
-            self._drive.samples.append(self._sample(self._course, pose))
-
-    def _sample(self, course: Course, pose: Pose) -> Sample:
-        station = course.station(pose)
-        self._on_path = self._on_path or station.off_m <= ON_PATH_M
-        return Sample(self._odom_s, pose, course.leg, station.along_m, station.off_m, self._on_path)
+            off_m = self._course.station(pose).off_m
+            self._on_path = self._on_path or off_m <= ON_PATH_M
+            if self._on_path:
+                self._drive.off_path_m.append(off_m)
 
     # --- the phases
 
     def _arm(self, now_s: float) -> None:
         missing = self._missing(now_s)
-        pose = self._drive.pose
-        if missing is None and pose is not None:
+        if missing is None and self._pose is not None:
             if self._course is None:
-                self._drive.path = self._plan(pose)
-                self._course = Course(self._drive.path, self._limits)
-                self._drive.began = self._sample(self._course, pose)
-                self._person.say(
-                    f"driving {self._drive.path.length_m:.2f} m at up to {self._limits.speed_m_s:g} m/s"
-                )
+                path = self._drive.path = self._plan(self._pose)
+                self._course = Course(path, self._limits)
+                self._person.say(f"driving {path.length_m:.2f} m at up to {self._limits.speed_m_s:g} m/s")
+            self._on_path, self._headway = False, None
             self._enter(_Phase.DRIVING, now_s)
         elif now_s - self._since_s > ARM_LIMIT_S:
             self._pause(missing or "no odometry arrives", now_s)
@@ -303,7 +268,7 @@ class PathService:
         return "the odometry is silent" if now_s - self._odom_s > ODOM_SILENT_S else None
 
     def _drive_on(self, now_s: float) -> Velocity:
-        course, pose = self._course, self._drive.pose
+        course, pose = self._course, self._pose
         assert course is not None
         assert pose is not None
         reason = self._silent(now_s) or self._stuck(pose, now_s)
@@ -317,22 +282,22 @@ class PathService:
         return velocity
 
     def _stuck(self, pose: Pose, now_s: float) -> str | None:
-        if self._headway is not None:
-            since_s, before = self._headway
-            moved_m = math.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m)
-            if moved_m < HEADWAY_M and abs(wrap(pose.yaw_rad - before.yaw_rad)) < HEADWAY_RAD:
-                if now_s - since_s <= HEADWAY_S:
-                    return None
-                status = None if self._status is None else self._status.message
-                where = "" if status is None or not nearest(status) else f" (nearest: {nearest(status)})"
-                return f"no headway for {HEADWAY_S:g} s{where}"
-        self._headway = (now_s, pose)
+        """Return a text about a robot that makes no headway; None if it does."""
+        since_s, before = self._headway or (-math.inf, pose)
+        moved_m = math.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m)
+        turned_rad = abs(wrap(pose.yaw_rad - before.yaw_rad))
+        if self._headway is None or moved_m >= HEADWAY_M or turned_rad >= HEADWAY_RAD:
+            self._headway = (now_s, pose)
+        elif now_s - since_s > HEADWAY_S:
+            status = None if self._status is None else self._status.message
+            where = "" if status is None or not nearest(status) else f" (nearest: {nearest(status)})"
+            return f"no headway for {HEADWAY_S:g} s{where}"
         return None
 
-    def _settle(self, now_s: float) -> None:
-        still = abs(self._speed.linear_m_s) < STILL_M_S and abs(self._speed.angular_rad_s) < STILL_RAD_S
-        if still or now_s - self._since_s > SETTLE_LIMIT_S:
-            self._end(Ending.DONE, "")
+    def _pause_drive(self, reason: str | None, now_s: float) -> None:
+        """Pause if the path is being driven and there is a reason."""
+        if reason is not None and self._phase is _Phase.DRIVING:
+            self._pause(reason, now_s)
 
     def _pause(self, reason: str, now_s: float) -> None:
         self._enter(_Phase.PAUSED, now_s)
@@ -347,9 +312,6 @@ class PathService:
     def _enter(self, phase: _Phase, now_s: float) -> None:
         if self._phase is _Phase.DRIVING:
             self._drive.driving_s += now_s - self._since_s
-        if phase is _Phase.DRIVING:
-            self._on_path = False
-            self._headway = None
         self._phase, self._since_s = phase, now_s
 
     def _end(self, ending: Ending, reason: str) -> None:
@@ -364,7 +326,7 @@ class PathService:
     def _line(self, now_s: float) -> str:
         if self._phase is _Phase.ARMING:
             return f"waiting: {self._missing(now_s) or 'ready'}"
-        course, pose = self._course, self._drive.pose
+        course, pose = self._course, self._pose
         if course is None or pose is None:
             return self._phase.name.lower()
         return (

@@ -12,12 +12,9 @@ import pytest
 from sim.plant import Plant
 from supervisor.config import SourceSection, SupervisorSection
 from teleop.holder import ASK_LIMIT_S, HeldError
-from teleop.path.legs import Path, to_path
-from teleop.path.pose import PathError, Pose, Poses, placed
+from teleop.path.course import Path, PathError, Pose, Poses, TrackError, placed, square, to_path
 from teleop.path.pursuit import Limits
 from teleop.path.service import ARM_LIMIT_S, HEADWAY_S, Drive, Ending, PathService, Plan
-from teleop.path.shapes import square
-from teleop.path.track import TrackError
 from tests.component.rig import Rig
 from virtual.loop import VirtualLoop
 from wire import topics
@@ -162,7 +159,7 @@ async def test_a_square_is_driven_to_its_end_by_a_source_that_is_neutral_first()
         drive = await run.at_its_end()
         assert drive.ending is Ending.DONE
         assert drive.done_m == pytest.approx(4.0)
-        error = TrackError.of(sample.off_m for sample in drive.samples)
+        error = TrackError.of(drive.off_path_m)
         assert error is not None
         print(
             f"\n    measured: square of 1 m, supervised: {error.rms_m * 1e3:.1f} mm rms, "
@@ -195,7 +192,7 @@ async def test_the_operator_takes_over_and_the_path_goes_on_only_when_it_is_aske
         assert drive.ending is Ending.DONE
         assert drive.done_m == pytest.approx(4.0)
         assert math.dist(plant.true_pose[:2], plant.start_pose[:2]) < 0.03
-        assert all(sample.off_m < 0.05 for sample in drive.samples if sample.on_path)
+        assert all(off_m < 0.05 for off_m in drive.off_path_m)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])

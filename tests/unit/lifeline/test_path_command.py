@@ -9,11 +9,10 @@ from typer.testing import CliRunner, Result
 
 from deploy.stack.errors import DeployError
 from lifeline.cli.app import app
-from lifeline.path import START_LIMIT_M, TruthSample, absolute, read_poses, relative, report, true_distances_m
+from lifeline.path import START_LIMIT_M, absolute, read_poses, relative, report, to_json
 from lifeline.recording.reader import Recorded, RecordingWriter
-from teleop.path.legs import Path, to_path
-from teleop.path.pose import PathError, Pose, Poses, placed
-from teleop.path.service import Drive, Ending, Sample
+from teleop.path.course import PathError, Pose, Poses, placed, to_path
+from teleop.path.service import Drive, Ending
 from wire.messages import Odometry, encode, odometry
 
 AHEAD: Poses = np.array([(0.0, 0.0, 0.0), (2.0, 0.0, 0.0)])
@@ -91,67 +90,34 @@ def test_an_absolute_path_stays_where_it_is_and_asks_the_robot_to_be_there() -> 
 
 def straight_drive(off_m: float = 0.01) -> Drive:
     """Two metres ahead, a little to the left."""
-    path = to_path(AHEAD)
-    times_s = 100.0 + 0.02 * np.arange(101)
-    samples = [
-        Sample(float(t), Pose(x, off_m, 0.0), 0, x, off_m, on_path=i > 0)
-        for i, (t, x) in enumerate(zip(times_s, np.linspace(0.0, 2.0, 101).tolist(), strict=True))
-    ]
-    began = Sample(99.98, Pose(0.0, 0.0, 0.0), 0, 0.0, 0.0, on_path=True)
-    return Drive(Ending.DONE, "", path, began, samples, 2.0, 5.0, Pose(2.0, off_m, 0.02))
-
-
-def truth_of(drive: Drive, frame: Pose, slip_m: float) -> list[TruthSample]:
-    """The true poses: in another frame, and slipped to the right."""
-    assert drive.began is not None
-    start = TruthSample(drive.began.arrival_s + 0.005, frame)
-    rows = [s.pose._replace(y_m=s.pose.y_m - slip_m) for s in drive.samples]
-    world = placed(np.array(rows), frame).tolist()
-    return [start] + [
-        TruthSample(s.arrival_s + 0.005, Pose(*row)) for s, row in zip(drive.samples, world, strict=True)
-    ]
-
-
-def path_of(drive: Drive) -> Path:
-    assert drive.path is not None
-    return drive.path
-
-
-def test_the_truth_is_measured_in_the_frame_in_which_the_drive_began() -> None:
-    drive = straight_drive(off_m=0.01)
-    distances = true_distances_m(path_of(drive), drive, truth_of(drive, Pose(-4.5, 2.0, 1.0), slip_m=0.03))
-    assert len(distances) == 100, "the sample before it was on the path does not count"
-    assert distances == pytest.approx([0.02] * 100)
-
-
-def test_without_a_truth_at_the_time_nothing_is_made_up() -> None:
-    drive = straight_drive()
-    truth = truth_of(drive, Pose(0.0, 0.0, 0.0), 0.0)
-    assert true_distances_m(path_of(drive), drive, []) == []
-    assert true_distances_m(path_of(drive), drive, truth[5:]) == []
-    assert len(true_distances_m(path_of(drive), drive, truth[:50])) == pytest.approx(50, abs=2)
-    drive.began = None
-    assert true_distances_m(path_of(drive), drive, truth) == []
+    return Drive(Ending.DONE, "", to_path(AHEAD), [off_m] * 100, 2.0, 5.0)
 
 
 def test_the_report_of_a_path_that_was_driven() -> None:
-    drive = straight_drive()
-    assert report(drive, truth_of(drive, Pose(1.0, 2.0, 3.0), 0.02)) == [
+    assert report(straight_drive()) == [
         "the path is complete: 2.00 of 2.00 m in 5.0 s of driving",
         "distance from the path, by odometry: 10 mm rms, 10 mm at most, over 100 samples",
-        "distance from the path, by the simulator's ground truth: 10 mm rms, 10 mm at most, over 100 samples",
-        "distance from the end, by odometry: 10 mm and 1.1 degrees",
     ]
 
 
 def test_the_report_of_a_path_that_was_stopped_or_never_began() -> None:
     drive = straight_drive(off_m=1.2)
     drive.ending, drive.reason, drive.done_m = Ending.STOPPED, "STOPPED: ESTOP", 0.5
-    assert report(drive, []) == [
+    assert report(drive) == [
         "ended early, STOPPED: ESTOP: 0.50 of 2.00 m in 5.0 s of driving",
         "distance from the path, by odometry: 1.20 m rms, 1.20 m at most, over 100 samples",
     ]
-    assert report(Drive(), []) == ["interrupted; the robot did not move"]
+    assert report(Drive()) == ["interrupted; the robot did not move"]
+
+
+def test_the_report_as_json_has_no_path_if_the_robot_did_not_move() -> None:
+    assert to_json(straight_drive()) == {
+        "ending": "DONE",
+        "reason": None,
+        "path": {"length_m": 2.0, "done_m": 2.0, "driving_s": 5.0},
+        "off_path_by_odometry": {"count": 100, "rms_m": pytest.approx(0.01), "max_m": 0.01},
+    }
+    assert to_json(Drive()) == {"ending": "INTERRUPTED", "reason": None, "path": None}
 
 
 # --- the command

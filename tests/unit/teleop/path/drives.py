@@ -7,11 +7,8 @@ import numpy as np
 
 from sim.encoders import PERFECT, Odometer
 from sim.plant import Plant
-from teleop.path.course import Course
-from teleop.path.legs import Path
-from teleop.path.pose import Pose, Poses, seen_from, wrap
-from teleop.path.pursuit import Limits
-from teleop.path.track import TrackError
+from teleop.path.course import Path, Pose, Poses, TrackError, seen_from, wrap
+from teleop.path.pursuit import Course, Limits
 from teleop.pilot import NEUTRAL, Velocity
 
 BEAT_STEPS = 25
@@ -70,8 +67,8 @@ def drive(path: Path, limits: Limits, limit_s: float = 120.0) -> Driven:
             rows.append(seen[:3])
             times_s.append(plant.time_s)
             by_odometry.append(course.station(Pose(*seen[:3])).off_m)
-            true = seen_from(Pose(*plant.true_pose), Pose(*plant.start_pose))
-            by_truth.append(course.station(true).off_m)
+            (true,) = seen_from(np.array([plant.true_pose]), Pose(*plant.start_pose)).tolist()
+            by_truth.append(course.station(Pose(*true)).off_m)
     odometry, truth = TrackError.of(by_odometry), TrackError.of(by_truth)
     assert odometry is not None
     assert truth is not None

@@ -7,21 +7,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from teleop.path.course import HEADING_RAD, ON_PATH_M, Course
-from teleop.path.legs import to_path
-from teleop.path.pose import Pose, Poses, placed, wrap
+from teleop.path.course import Pose, Poses, circle, placed, square, to_path, wrap
 from teleop.path.pursuit import (
+    HEADING_RAD,
     MAX_LOOKAHEAD_M,
     MIN_LOOKAHEAD_M,
     MIN_TURN_RAD_S,
+    ON_PATH_M,
+    Course,
     Limits,
     bearing,
     lookahead_m,
     pursue,
     turn,
 )
-from teleop.path.shapes import circle, square
-from teleop.path.trail import to_poses
+from teleop.path.recording import to_poses
 from tests.unit.teleop.path.drives import drive
 
 LIMITS = Limits(speed_m_s=0.6, turn_rad_s=1.2)
@@ -147,8 +147,8 @@ def test_a_leg_passed_far_to_the_side_is_not_done_before_the_robot_was_at_its_en
 def test_after_the_end_the_last_leg_stays_the_current_one() -> None:
     course = Course(to_path(AHEAD), LIMITS)
     end, _ = ideal(course, Pose(0.0, 0.0, 0.0))
-    assert course.leg == 0
-    assert course.along_m == course.done_m == 3.0
+    assert course.done_m == 3.0
+    assert course.station(end).along_m == 3.0
     assert course.step(end, 0.0) is None
 
 

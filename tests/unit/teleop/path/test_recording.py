@@ -7,10 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from teleop.path.legs import to_path
-from teleop.path.pose import PathError
-from teleop.path.progress import nearest
-from teleop.path.trail import JUMP_M, JUMP_M_S, to_poses
+from teleop.path.course import PathError, to_path
+from teleop.path.recording import JUMP_M, JUMP_M_S, to_poses
 
 ODOM_S = 0.02
 
@@ -94,7 +92,7 @@ def test_every_sample_lies_near_the_path(parts: list[tuple[float, float, float]]
         recording.do(*part)
     path = to_path(recording.poses())
     for x_m, y_m, _ in recording.rows[::5]:
-        off_m = min(nearest(leg, x_m, y_m, 0.0, leg.length_m).off_m for leg in path.legs)
+        off_m = min(leg.nearest(x_m, y_m, 0.0, leg.length_m).off_m for leg in path.legs)
         assert off_m < 0.03
 
 
