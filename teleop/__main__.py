@@ -16,21 +16,18 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import NoReturn
 
-from teleop.config import Mode, TeleopSection
+from teleop.config import Mode, TeleopSection, robot_of
 from teleop.controls import command_for, help_lines, key_help, legend
 from teleop.dashboard import render_dashboard
 from teleop.display import render
-from teleop.footprint import robot_of
 from teleop.gamepad_device import GamepadDevice, open_gamepad
 from teleop.gamepad_find import GamepadError
 from teleop.hold import Hold
 from teleop.holder import HeldError, about_this_process
-from teleop.incremental import Incremental
-from teleop.keymap import Command
-from teleop.pilot import KeyKind, Pilot, Velocity
-from teleop.ramp import Ramp
+from teleop.incremental import Incremental, Setpoint
+from teleop.keys import Command
+from teleop.pilot import LEVELS, KeyKind, Pilot, Ramp, Velocity
 from teleop.service import Render, Setup, Teleop
-from teleop.setpoint import LEVELS, Setpoint
 from teleop.terminal import Terminal, is_dumb, is_terminal
 from teleop.view import Control, Event, Tone, View
 from wire import topics

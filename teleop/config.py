@@ -1,16 +1,68 @@
-"""`[teleop]` of robot.toml."""
+"""The values of robot.toml in use: `[teleop]`, `[teleop.gamepad]`, and the robot in the picture."""
 
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Any, cast
 
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
 
-from teleop.gamepad_config import GamepadSection
-from teleop.pilot import Velocity
-from teleop.setpoint import LEVELS, Steps
+from teleop.incremental import Steps
+from teleop.pilot import LEVELS, Velocity
+from teleop.view import Robot
 from wire import topics
 from wire.host.config import FreeName, Section
 from wire.host.quantities import Acceleration, AngularAcceleration, Between, Speed, TurnRate
+
+AxisName = Annotated[str, Field(pattern=r"^ABS_[A-Z0-9_]+$")]
+ButtonName = Annotated[str, Field(pattern=r"^(BTN|KEY)_[A-Z0-9_]+$")]
+Share = Annotated[float, Between(0.01, 1.0)]
+LimitS = Annotated[float, Between(0.2, 30.0)]
+"""Bounds of a silence limit; without an upper bound, the robot could be driven without a sign of life of the pad."""
+
+
+class GamepadSection(Section):
+    """Axes and buttons by their Linux names (shown by `evtest`), dead zone and velocity shares of the stick."""
+
+    device: Annotated[str, Field(pattern=r"^/.+")] | None = None
+    """Device such as /dev/input/by-id/...-event-joystick; None: the only connected gamepad."""
+    forward_axis: AxisName = "ABS_Y"
+    turn_axis: AxisName = "ABS_X"
+    forward_inverted: bool = True
+    """Whether the axis decreases when the stick is pushed forward, as in the kernel's convention."""
+    turn_inverted: bool = True
+    """Whether the axis decreases when the stick is pushed to the left; a turn to the left is positive."""
+    dead_man_button: ButtonName = "BTN_TL"
+    turbo_button: ButtonName = "BTN_TR"
+    dead_zone: Annotated[float, Between(0.01, 0.5)] = 0.15
+    """Share of the stick's range that counts as centred; a larger `flat` of the driver takes precedence."""
+    normal_share: Share = 0.5
+    turbo_share: Share = 1.0
+    """Shares of max_linear_m_s and max_angular_rad_s, without and with the turbo button."""
+    silence_limit_s: LimitS = 2.0
+    """A pad that sends nothing for longer than this while driving counts as lost."""
+    pulse_limit_s: LimitS = 0.5
+    """The same for a pad with motion sensors, which send continuously."""
+
+    @field_validator("turn_axis")
+    @classmethod
+    def _is_another_axis(cls, value: str, info: ValidationInfo) -> str:
+        if value == info.data.get("forward_axis"):
+            raise ValueError("expected another axis than forward_axis")
+        return value
+
+    @field_validator("turbo_button")
+    @classmethod
+    def _is_another_button(cls, value: str, info: ValidationInfo) -> str:
+        if value == info.data.get("dead_man_button"):
+            raise ValueError("expected another button than dead_man_button")
+        return value
+
+    @field_validator("turbo_share")
+    @classmethod
+    def _is_no_less_than_normal(cls, value: float, info: ValidationInfo) -> float:
+        if value < info.data.get("normal_share", value):
+            raise ValueError("expected at least normal_share")
+        return value
+
 
 # At a lower rate, the supervisor would time out between two commands.
 CommandRate = Annotated[float, Between(2.0, 200.0)]
@@ -54,3 +106,58 @@ class TeleopSection(Section):
     def most(self) -> Velocity:
         """Maximum velocity at the highest speed level."""
         return Velocity(self.max_linear_m_s, self.max_angular_rad_s)
+
+
+# --- the robot in the picture
+
+
+_DEFAULT = Robot()
+
+
+def robot_of(document: dict[str, Any]) -> Robot:
+    """Return the hull, the lidar's mount, and the stop and warning distances in a robot.toml, for the picture.
+
+    They are used only for drawing: missing or invalid values are replaced by defaults. The supervisor checks the
+    configuration itself and refuses to start with invalid values.
+    """
+    supervisor = _table(document, "supervisor")
+    hull, lidar = _table(supervisor, "footprint"), _lidar_on_scan(supervisor)
+    return Robot(
+        radius_m=_number(hull, "radius_m", _DEFAULT.radius_m),
+        corners_m=_corners(hull),
+        lidar_x_m=_number(lidar, "x_m", 0.0),
+        lidar_y_m=_number(lidar, "y_m", 0.0),
+        lidar_yaw_rad=_number(lidar, "yaw_rad", 0.0),
+        stop_distance_m=_number(supervisor, "stop_distance_m", _DEFAULT.stop_distance_m),
+        warning_distance_m=_number(supervisor, "warning_distance_m", _DEFAULT.warning_distance_m),
+    )
+
+
+def _table(document: dict[str, Any], name: str) -> dict[str, Any]:
+    value = document.get(name)
+    return cast("dict[str, Any]", value) if isinstance(value, dict) else {}
+
+
+def _lidar_on_scan(supervisor: dict[str, Any]) -> dict[str, Any]:
+    """Return the section of the lidar whose scan is drawn: the only one, or the one on the topic `scan`."""
+    lidars = supervisor.get("lidars")
+    if not isinstance(lidars, list):
+        return _table(supervisor, "lidar")
+    for entry in cast("list[object]", lidars):
+        if isinstance(entry, dict):
+            table = cast("dict[str, Any]", entry)
+            if table.get("topic") == topics.SCAN.key:
+                return table
+    return {}
+
+
+def _number(table: dict[str, Any], name: str, default: float) -> float:
+    value = table.get(name)
+    return float(value) if isinstance(value, int | float) else default
+
+
+def _corners(hull: dict[str, Any]) -> tuple[tuple[float, float], ...]:
+    try:
+        return tuple((float(x_m), float(y_m)) for x_m, y_m in hull.get("corners_m", ()))
+    except (TypeError, ValueError):
+        return ()

@@ -4,15 +4,16 @@
 rows of the dashboard.
 """
 
-from collections.abc import Iterable
+import textwrap
+from collections.abc import Iterable, Sequence
 from itertools import zip_longest
 from typing import assert_never
 
 from teleop.gamepad import STOP_KEY
 from teleop.hold import MOTIONS, SPEEDS
 from teleop.incremental import STEPS, STOP
-from teleop.keymap import COMMANDS, LEVEL_KEYS, Command, command_of, name_of
-from teleop.view import Control, KeyHelp
+from teleop.keys import COMMANDS, LEVEL_KEYS, Command, command_of, name_of
+from teleop.view import Control, KeyHelp, Line, Segment, Tone
 
 NOT_IN_HOLD = ("q", "h")
 """Keys that are no commands in hold mode, which has the layout of teleop_twist_keyboard: q is a speed, h stops."""
@@ -135,4 +136,42 @@ def _speeds() -> list[KeyHelp]:
     return [
         KeyHelp(" ".join(key for key, _ in some), f"{what} {', '.join(change for _, change in some)}")
         for what, some in changes.items()
+    ]
+
+
+# --- the help on the screen
+
+
+KEY_COLUMNS = 8
+"""Width of the column of keys; longer names of keys extend into the next column."""
+
+
+def help_page(rows: Sequence[KeyHelp], columns: int, height: int) -> list[Line]:
+    """Return all keys as at most `height` lines of at most `columns` characters.
+
+    One row for each function if there is room; otherwise the rows run on, and what still does not fit is counted.
+    """
+    if columns < 1 or height < 1:
+        return []
+    table = [line for row in rows for line in _row(row, columns)]
+    if len(table) <= height:
+        return table
+    words = "; ".join(f"{row.keys}: {row.does}" for row in rows)
+    flow = textwrap.wrap(words, columns)
+    if len(flow) > height:
+        flow[height - 1 :] = ["more keys: enlarge the terminal"[:columns]]
+    return [(Segment(line),) for line in flow]
+
+
+def _row(row: KeyHelp, columns: int) -> list[Line]:
+    """Return the lines of one function; a text that is too long continues below its beginning."""
+    keys = f"{row.keys:<{KEY_COLUMNS - 1}} "
+    text = f"{keys}{row.does}"
+    if len(text) <= columns:
+        return [(Segment(keys, Tone.STRONG), Segment(row.does))]
+    indent = " " * min(KEY_COLUMNS, columns // 2)
+    first, *others = textwrap.wrap(text, columns, subsequent_indent=indent) or [""]
+    return [
+        (Segment(first[: len(keys)], Tone.STRONG), Segment(first[len(keys) :])),
+        *((Segment(other),) for other in others),
     ]

@@ -19,12 +19,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
-from teleop.display import render, requested_text, signed
-from teleop.help_page import help_page
-from teleop.pilot import amounts
+from teleop.controls import help_page
+from teleop.display import SILENT_AFTER_S, News, is_silent, news, render, requested_text, signed
+from teleop.pilot import LEVELS, amounts
 from teleop.top_view import Scale, draw_top_view, scale_of
 from teleop.view import Control, KeyHelp, Line, Segment, Tone, View, columns_of, plain
-from teleop.words import SILENT_AFTER_S, News, is_silent, news
 from wire.bearing import bearing_in_words
 
 MIN_COLUMNS, MIN_ROWS = 80, 24
@@ -38,7 +37,6 @@ EVENT_ROWS = 2
 MAX_KEY_ROWS = 5
 GAUGE_M = 2.0
 """Full scale of the gauge of the nearest obstacle."""
-LEVELS = 5
 LEAST_SHOWN = 0.005
 """Minimum velocity that is shown in a bar; smaller values are displayed as 0.00."""
 

@@ -1,16 +1,196 @@
-"""The display of one plain line: requested velocity, supervisor's mode with its reason, next step.
+"""The supervisor's mode in words, with its reason and the operator's next step; and the display of one plain line.
 
-It is used with `--plain` and on terminals without control sequences. An old status is shown with its age, not as if it
-still held.
+The line is used with `--plain` and on terminals without control sequences. An old status is shown with its age, not as if
+it still held. Text from the network is converted to plain ASCII, so that no payload can send control sequences to the
+terminal.
 """
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
-from teleop.view import Line, Segment, Tone, View, columns_of, plain
-from teleop.words import is_silent, lateness, next_step, step_after
+from teleop.view import Control, Line, Segment, Tone, View, columns_of, plain
 from wire.bearing import bearing_in_words
-from wire.messages import SafetyStatus, Twist
+from wire.messages import SafetyStatus, SourceStatus, Twist
+from wire.reasons import words_of
+
+SILENT_AFTER_S = 0.5
+"""A stream without a message for longer than this is outdated; the slowest stream has 10 Hz."""
+LATE_S = 0.15
+"""A source is silent if its last command is older than this; it sends 20 per second."""
+
+
+class News(NamedTuple):
+    """Texts for the mode."""
+
+    mode: str
+    """Name of the mode in capitals."""
+    what: str
+    """The reason or details, as a text after the mode and a colon."""
+    next_step: str
+    """The operator's next step; empty if there is none."""
+    tone: Tone
+    """GOOD, CAUTION or STOP."""
+    reasons: tuple[str, ...] = ()
+    """Names of the stop reasons that hold now, most severe first."""
+    over: tuple[str, ...] = ()
+    """Names of the stop reasons that are over, and that still require a neutral command."""
+
+
+def is_silent(view: View) -> bool:
+    """Return whether the last status is outdated."""
+    return view.status is not None and not view.status_age_s <= SILENT_AFTER_S
+
+
+def lateness(round_trip_s: float, limit_s: float) -> str:
+    """Return how late the robot answers, as the beginning of a sentence."""
+    if math.isinf(round_trip_s):
+        return "the robot has not answered a command yet"
+    return f"the robot answers after {round_trip_s:.2f} s, and the limit is {limit_s:g} s"
+
+
+def news(view: View) -> News:
+    """Return the texts for the mode, its cause and the next step."""
+    status = view.status
+    if status is None:
+        endpoint = plain(view.endpoint)
+        step = "wait for it, or start it; Ctrl-C quits"
+        return News("WAITING", f"nothing heard from the supervisor at {endpoint}", step, Tone.CAUTION)
+    if is_silent(view):
+        what = f"silent for {view.status_age_s:.1f} s: it or the link is lost; the base brakes by itself"
+        return News("NO SUPERVISOR", what, "wait; then check the link, or restart the supervisor", Tone.STOP)
+    match status.mode:
+        case SafetyStatus.STOPPED:
+            return _stopped(view, status)
+        case _ if view.is_late:
+            what = lateness(view.round_trip_s, view.round_trip_limit_s)
+            return News("LATE", what, "no motion is sent: wait, or use a faster link", Tone.STOP)
+        case SafetyStatus.READY:
+            return _ready(view, status)
+        case SafetyStatus.DRIVING:
+            return News("DRIVING", *_driving(view, status), Tone.GOOD)
+        case SafetyStatus.LIMITED:
+            return _limited(view, status)
+        case unknown:
+            what = f"the supervisor reports mode {unknown}, which this program does not know"
+            return News("UNKNOWN", what, "run the same version of Lifeline on both sides", Tone.STOP)
+
+
+def next_step(view: View, reason: str) -> str:
+    """Return a short text on what the operator can do about a stop reason."""
+    if view.control is Control.VIEW_ONLY and reason != "BASE_RUNAWAY":
+        return "the operator must reset it" if reason == "ESTOP" else "the operator must re-arm"
+    if reason == "ESTOP" and view.is_neutral:  # a reset is refused while a source commands motion
+        return "press r to reset"
+    words = words_of(reason)
+    unknown = "remove the cause, NEUTRAL" if reason else "NEUTRAL to re-arm"
+    step = unknown if words is None else words.step
+    return step.replace("NEUTRAL", view.neutral_hint)
+
+
+def step_after(view: View, *, short: bool = False) -> str:
+    """Return a short text on what the operator can do if all stop reasons are over."""
+    if view.control is Control.VIEW_ONLY:
+        return "the operator must re-arm"
+    return view.neutral_hint if short else f"{view.neutral_hint} to drive again"
+
+
+def _stopped(view: View, status: SafetyStatus) -> News:
+    causes, over = (tuple(map(plain, names)) for names in status.causes_and_latched())
+    alarm = "ALARM: " if status.alarm else ""
+    if over and not causes:
+        words = words_of(over[0])
+        what = f"the reason was {over[0]}" if words is None else words.over
+        return News("STOPPED", f"{alarm}{what}. Over now", step_after(view), Tone.STOP, causes, over)
+    first = causes[0] if causes else ""
+    return News("STOPPED", alarm + _cause(first, status), next_step(view, first), Tone.STOP, causes, over)
+
+
+def _cause(reason: str, status: SafetyStatus) -> str:
+    """Return the sentence for a stop reason."""
+    words = words_of(reason)
+    if words is None:
+        unknown = f"unknown stop reason {reason}"
+        return _detail(status) or (unknown if reason else "the supervisor gives no reason")
+    who = plain(status.owner) or "a source"
+    now, detail = words.now.replace("WHO", who), _detail(status)
+    match reason:
+        case "SCAN_INVALID":
+            problem = detail or plain(status.scan_problem) or "no usable beams"
+            return f"{now}: {problem}"
+        case _ if detail:
+            return detail
+        case "ESTOP" if status.estop_record_problem:
+            return f"{now}; {plain(status.estop_record_problem)}"
+        case "SCAN_STALE" if math.isfinite(status.scan_age_s):
+            return f"the newest scan is {status.scan_age_s:.1f} s old"
+        case "COMMAND_TIMEOUT" if (silent_s := _silent_s(status)) > LATE_S:
+            return f"{who} silent for {silent_s:.1f} s"
+        case "OBSTACLE":
+            return f"{now}{_where(status)}"
+        case _:
+            return now
+
+
+def _detail(status: SafetyStatus) -> str:
+    """Return the law's details of the first cause, in ASCII."""
+    return plain(status.detail.replace("°", " deg").replace("…", ".."))
+
+
+def _silent_s(status: SafetyStatus) -> float:
+    """Return the age [s] of the owner's last command; NaN if unknown."""
+    owner = _source(status, status.owner)
+    return math.nan if owner is None else owner.age_s
+
+
+def _where(status: SafetyStatus) -> str:
+    if not math.isfinite(status.nearest_m):
+        return ""
+    where = bearing_in_words(status.nearest_bearing_rad, degree=" deg")
+    return f": {status.nearest_m:.2f} m{' ' if where else ''}{where}"
+
+
+def _ready(view: View, status: SafetyStatus) -> News:
+    if view.control is Control.VIEW_ONLY:
+        return News("READY", "at rest, armed", "", Tone.GOOD)
+    name, own = plain(view.source), view.own
+    if own is not None and not own.armed:
+        who = plain(status.owner) or "another source"
+        return News("READY", f"for {who}, but not for {name}", f"{view.neutral_hint} to arm", Tone.CAUTION)
+    if own is None and status.sources:
+        what = f"but the supervisor ignores {name}"
+        return News("READY", what, "add it to the sources in robot.toml", Tone.CAUTION)
+    return News("READY", "at rest, armed", "the next command moves the robot", Tone.GOOD)
+
+
+def _driving(view: View, status: SafetyStatus) -> tuple[str, str]:
+    """Return who drives, and the operator's next step."""
+    owner = plain(status.owner) or "a source"
+    if view.control is Control.VIEW_ONLY:
+        return f"{owner} drives", ""
+    if status.owner in ("", view.source):
+        return "as requested", "SPACE is the emergency stop"
+    own, other = view.own, _source(status, status.owner)
+    if own is not None and other is not None and own.priority > other.priority:
+        return f"{owner} drives, not you", "command motion to take over; SPACE is the emergency stop"
+    return f"{owner} drives, not you", "it must stop first; SPACE is the emergency stop"
+
+
+def _limited(view: View, status: SafetyStatus) -> News:
+    who, step = _driving(view, status)
+    why = f": {_detail(status)}" if status.causes and status.detail else _where(status)
+    what = f"slowed to {status.scale:.0%}{why}" if status.scale > 0.0 else f"held at zero{why}"
+    if who != "as requested":
+        return News("LIMITED", f"{who}; {what}", step, Tone.CAUTION)
+    return News("LIMITED", what, "steer away from it, or slow down", Tone.CAUTION)
+
+
+def _source(status: SafetyStatus, name: str) -> SourceStatus | None:
+    return next((source for source in status.sources if source.name == name), None)
+
+
+# --- the display of one line
+
 
 ELLIPSIS = "…"
 
@@ -60,7 +240,7 @@ def _news(view: View, omega: str, *, short: bool = False) -> Segment:
     who = f" ({plain(status.owner)} drives)" if status.owner not in ("", view.source) else ""
     match status.mode:
         case SafetyStatus.STOPPED:
-            return Segment(_stopped(status, view, short=short), Tone.STOP)
+            return Segment(_stopped_line(status, view, short=short), Tone.STOP)
         case _ if view.is_late:
             return Segment(f"LATE: {lateness(view.round_trip_s, view.round_trip_limit_s)}", Tone.STOP)
         case SafetyStatus.READY:
@@ -73,7 +253,7 @@ def _news(view: View, omega: str, *, short: bool = False) -> Segment:
             return Segment(f"unknown mode {unknown}", Tone.STOP)
 
 
-def _stopped(status: SafetyStatus, view: View, *, short: bool) -> str:
+def _stopped_line(status: SafetyStatus, view: View, *, short: bool) -> str:
     alarm = "ALARM, " if status.alarm else ""
     causes, over = status.causes_and_latched()
     if over and not causes:

@@ -12,9 +12,8 @@ from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
 from typing import NamedTuple, assert_never
 
-from teleop.keymap import level_of
-from teleop.pilot import NEUTRAL, KeyEvent, KeyKind, Velocity
-from teleop.setpoint import LEVELS
+from teleop.keys import level_of
+from teleop.pilot import LEVELS, NEUTRAL, KeyEvent, KeyKind, Velocity
 
 EV_SYN, EV_KEY, EV_ABS = 0, 1, 3
 """Types of events, from linux/input-event-codes.h."""

@@ -10,10 +10,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Protocol, cast
 
+from teleop.config import GamepadSection
 from teleop.gamepad import Axis, Gamepad, Layout, PadEvent, PadState
-from teleop.gamepad_config import GamepadSection
 from teleop.gamepad_find import DEVICES, SYSFS, Described, GamepadError, Needed, find_gamepad, find_sensors
-from teleop.setpoint import LEVELS
+from teleop.pilot import LEVELS
 from wire.host.extras import how_to_install
 
 RETRY_PERIOD_S = 0.5

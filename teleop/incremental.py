@@ -4,10 +4,83 @@ A stop by the supervisor does not change the requested velocity. The law waits f
 from the operator: a program that sent it automatically would re-arm the robot without the operator's knowledge.
 """
 
-from teleop.keymap import level_of
-from teleop.pilot import KeyEvent, KeyKind, Velocity, amount
-from teleop.ramp import Ramp
-from teleop.setpoint import Setpoint
+from dataclasses import dataclass, replace
+
+from teleop.keys import level_of
+from teleop.pilot import LEVELS, KeyEvent, KeyKind, Ramp, Velocity, amount
+
+DIGITS = 9
+"""Decimal places for rounding: finer than any step, coarser than floating-point errors (3 x 0.1 is 0.3)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """Step sizes and maximum velocities at the highest speed level; all above zero."""
+
+    linear_step_m_s: float = 0.1
+    angular_step_rad_s: float = 0.2
+    max_linear_m_s: float = 1.0
+    max_angular_rad_s: float = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Setpoint:
+    """Requested forward velocity and turn rate (counter-clockwise positive), changed in steps within limits.
+
+    Sums of steps are rounded: ten steps up and ten down give exactly zero, and only exact zero is neutral. A step never
+    crosses zero but stops at it, even after a change of level.
+    """
+
+    steps: Steps = Steps()
+    level: int = LEVELS
+    linear_m_s: float = 0.0
+    angular_rad_s: float = 0.0
+
+    @property
+    def velocity(self) -> Velocity:
+        return Velocity(self.linear_m_s, self.angular_rad_s)
+
+    @property
+    def is_neutral(self) -> bool:
+        """Whether both velocities are exactly zero."""
+        return self.velocity.is_neutral
+
+    @property
+    def step(self) -> Velocity:
+        """Step of each velocity at this speed level."""
+        share = self.level / LEVELS
+        return Velocity(share * self.steps.linear_step_m_s, share * self.steps.angular_step_rad_s)
+
+    @property
+    def limit(self) -> Velocity:
+        """Maximum of each velocity at this speed level."""
+        share = self.level / LEVELS
+        return Velocity(share * self.steps.max_linear_m_s, share * self.steps.max_angular_rad_s)
+
+    def neutral(self) -> "Setpoint":
+        return replace(self, linear_m_s=0.0, angular_rad_s=0.0)
+
+    def moved(self, *, linear: int = 0, angular: int = 0) -> "Setpoint":
+        """Return the setpoint after `linear` steps forward and `angular` steps to the left, each -1, 0 or 1."""
+        step, limit = self.step, self.limit
+        return replace(
+            self,
+            linear_m_s=_stepped(self.linear_m_s, linear * step.linear_m_s, limit.linear_m_s),
+            angular_rad_s=_stepped(self.angular_rad_s, angular * step.angular_rad_s, limit.angular_rad_s),
+        )
+
+    def at_level(self, level: int) -> "Setpoint":
+        """Return the setpoint at another speed level, 1 to 5, limited to its maximum."""
+        return replace(self, level=level).moved()
+
+
+def _stepped(velocity: float, step: float, limit: float) -> float:
+    there = round(velocity + step, DIGITS)
+    if velocity * there < 0.0:
+        return 0.0
+    top = round(limit, DIGITS)
+    return max(-top, min(top, there)) + 0.0
+
 
 STEPS = {"w": (1, 0), "x": (-1, 0), "a": (0, 1), "d": (0, -1)}
 """Steps (forward, left) of the keys."""

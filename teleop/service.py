@@ -16,17 +16,15 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-from teleop.bell import WarningBell
 from teleop.controls import command_for, help_lines
+from teleop.display import lateness
+from teleop.guards import Refusals, RoundTrip
 from teleop.holder import SENDING_S, HeldError, Holder
-from teleop.keymap import Command
+from teleop.keys import Command
 from teleop.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity, amounts
-from teleop.rate import TOLERANCE_S, Rate
-from teleop.refusals import Refusals
-from teleop.round_trip import RoundTrip
+from teleop.rate import TOLERANCE_S, Rate, WarningBell
 from teleop.telemetry import Telemetry
 from teleop.view import Control, Event, KeyHelp, Line, Robot, Tone, View, plain
-from teleop.words import lateness
 from wire import topics
 from wire.bus import Bus, NoReplyError
 from wire.messages import Bool, SafetyStatus, TriggerResponse, planar_twist

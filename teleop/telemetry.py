@@ -7,7 +7,7 @@ import math
 from collections import deque
 from typing import Any
 
-from teleop.supervisors import Supervisors
+from teleop.guards import Supervisors
 from teleop.view import Odom, Rates, Scan
 from wire import topics
 from wire.bus import Arrival, Bus, Subscription

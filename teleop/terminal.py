@@ -16,10 +16,9 @@ from contextlib import suppress
 from types import FrameType, TracebackType
 from typing import NoReturn, Protocol, Self
 
-from teleop.keymap import CTRL_Z
-from teleop.keys import KeyDecoder, ReportKind
+from teleop.guards import Pulse
+from teleop.keys import CTRL_Z, KeyDecoder, ReportKind
 from teleop.pilot import KeyEvent
-from teleop.pulse import Pulse
 from teleop.screen import FrameWriter
 from teleop.terminal_guard import BY_PARENT, Modes, TerminalGuard
 from teleop.view import Line, Tone

@@ -27,11 +27,9 @@ from sim.snapshot import Snapshot
 from supervisor.config import FootprintSection, SupervisorSection
 from supervisor.service import SupervisorService
 from teleop.holder import HeldError
-from teleop.incremental import Incremental
-from teleop.pilot import KeyEvent
-from teleop.ramp import Ramp
+from teleop.incremental import Incremental, Setpoint
+from teleop.pilot import KeyEvent, Ramp
 from teleop.service import Setup, Teleop
-from teleop.setpoint import Setpoint
 from teleop.view import Control, Line, View
 from virtual.loop import VirtualLoop, VirtualProcess
 from virtual.network import VirtualBus, VirtualNetwork

@@ -9,7 +9,7 @@ import secrets
 from collections.abc import Callable
 from typing import Protocol
 
-from teleop.keymap import CTRL_C
+from teleop.keys import CTRL_C
 from teleop.pilot import KeyEvent, KeyKind
 from teleop.station.face import Look, farewell
 from teleop.station.lease import Lease, Word, pressed, received, released, sent

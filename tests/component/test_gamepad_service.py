@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from teleop import gamepad, gamepad_device, service
+from teleop.config import GamepadSection
 from teleop.display import render
 from teleop.gamepad import Gamepad
-from teleop.gamepad_config import GamepadSection
 from teleop.gamepad_device import Device, GamepadDevice
 from teleop.pilot import KeyEvent
 from teleop.service import HANG_S, Setup, Teleop

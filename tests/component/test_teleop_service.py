@@ -12,13 +12,10 @@ from teleop.controls import help_lines, key_help
 from teleop.display import render
 from teleop.hold import Hold
 from teleop.holder import ASK_LIMIT_S, POLL_S, SILENT_LIMIT_S, HeldError
-from teleop.incremental import Incremental
-from teleop.keymap import CTRL_C, CTRL_D, CTRL_Z
-from teleop.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity
-from teleop.ramp import PERIOD_S as RAMP_PERIOD_S
-from teleop.ramp import Ramp
+from teleop.incremental import Incremental, Setpoint
+from teleop.keys import CTRL_C, CTRL_D, CTRL_Z
+from teleop.pilot import NEUTRAL, RAMP_PERIOD_S, KeyEvent, KeyKind, Pilot, Ramp, Velocity
 from teleop.service import MIN_GAP_S, RESET_TIMEOUT_S, SCREEN_LIMIT_S, Setup, Teleop
-from teleop.setpoint import Setpoint
 from teleop.view import Control, Line, View
 from virtual.loop import VirtualLoop
 from virtual.network import VirtualNetwork

@@ -15,8 +15,8 @@ import pytest
 from evdev import ecodes
 
 from teleop import gamepad, gamepad_device
+from teleop.config import GamepadSection
 from teleop.gamepad import Gamepad, Phase
-from teleop.gamepad_config import GamepadSection
 from teleop.gamepad_device import GamepadDevice, open_gamepad
 from teleop.gamepad_find import GamepadError, Needed, describe, find_gamepad, find_sensors
 from tests.system.harness import PATIENCE_S, robot

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from teleop.dashboard import MIN_COLUMNS, MIN_ROWS, render_dashboard
+from teleop.display import SILENT_AFTER_S
 from teleop.pilot import NEUTRAL, Velocity
 from teleop.view import Control, Event, KeyHelp, Line, Odom, Rates, Robot, Scan, Tone, View
-from teleop.words import SILENT_AFTER_S
 from tests.unit.teleop.views import REASONS, driving, over, room, source, status, stopped, text
 from wire.messages import SafetyStatus, planar_twist
 

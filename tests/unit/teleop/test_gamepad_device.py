@@ -12,8 +12,8 @@ import evdev
 import pytest
 
 from teleop import gamepad, gamepad_device
+from teleop.config import GamepadSection
 from teleop.gamepad import Gamepad, PadEvent, Phase
-from teleop.gamepad_config import GamepadSection
 from teleop.gamepad_device import Device, GamepadDevice, open_gamepad
 from teleop.gamepad_find import GamepadError
 from teleop.pilot import NEUTRAL

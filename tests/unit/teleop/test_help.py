@@ -4,16 +4,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from teleop.controls import command_for, help_lines, key_help, legend
+from teleop.controls import command_for, help_lines, help_page, key_help, legend
 from teleop.dashboard import render_dashboard
 from teleop.gamepad import Gamepad, Layout
-from teleop.help_page import help_page
 from teleop.hold import MOTIONS, SPEEDS, Hold
-from teleop.incremental import STEPS, STOP, Incremental
-from teleop.keymap import COMMANDS, name_of
-from teleop.pilot import KeyEvent, Pilot, Velocity
-from teleop.ramp import Ramp
-from teleop.setpoint import Setpoint
+from teleop.incremental import STEPS, STOP, Incremental, Setpoint
+from teleop.keys import COMMANDS, name_of
+from teleop.pilot import KeyEvent, Pilot, Ramp, Velocity
 from teleop.view import Control, KeyHelp, Tone, View
 from tests.unit.teleop.views import driving, over, room, stopped, text
 from wire.messages import SafetyStatus

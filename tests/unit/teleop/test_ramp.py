@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from teleop.pilot import NEUTRAL, Velocity
-from teleop.ramp import PERIOD_S, Ramp
+from teleop.pilot import NEUTRAL, RAMP_PERIOD_S, Ramp, Velocity
 
 
 def test_its_first_step_is_taken_at_once_and_no_more_at_the_same_instant() -> None:
@@ -29,7 +28,7 @@ def test_it_is_due_again_while_it_moves_and_never_when_it_has_arrived() -> None:
     ramp = Ramp(1.0, 4.0)
     assert ramp.next_s == math.inf
     ramp.toward(Velocity(1.0), 5.0)
-    assert ramp.next_s == pytest.approx(5.0 + PERIOD_S)
+    assert ramp.next_s == pytest.approx(5.0 + RAMP_PERIOD_S)
     ramp.toward(Velocity(1.0), 6.0)
     assert ramp.next_s == math.inf
 
@@ -56,7 +55,7 @@ def test_a_reset_is_zero_and_the_next_step_begins_there() -> None:
     ramp.reset()
     assert ramp.next_s == math.inf
     assert ramp.toward(NEUTRAL, 0.5) == NEUTRAL
-    assert ramp.toward(Velocity(1.0), 0.6).linear_m_s == pytest.approx(PERIOD_S)
+    assert ramp.toward(Velocity(1.0), 0.6).linear_m_s == pytest.approx(RAMP_PERIOD_S)
 
 
 @pytest.mark.parametrize("gap_s", [0.0, -3.0])
@@ -84,6 +83,7 @@ def test_it_never_asks_for_more_than_is_wanted_and_never_grows_faster_than_it_ma
             assert abs(now) <= abs(goal)
             assert now * goal >= 0.0
             assert (
-                abs(now) <= (abs(was) if was * now > 0 else 0.0) + acceleration * max(gap_s, PERIOD_S) + 1e-9
+                abs(now)
+                <= (abs(was) if was * now > 0 else 0.0) + acceleration * max(gap_s, RAMP_PERIOD_S) + 1e-9
             )
         assert (sent == wanted) == (ramp.next_s == math.inf)

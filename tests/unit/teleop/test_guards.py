@@ -1,19 +1,143 @@
-"""How late the robot answers a command."""
+"""The guards: refusals, two supervisors, the round trip and the terminal's answers."""
 
 import heapq
 import math
+from dataclasses import replace
 from random import Random
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from teleop.round_trip import KEPT_COMMANDS, WINDOW_S, RoundTrip
+from teleop.guards import (
+    ANSWER_LIMIT_S,
+    HOLD_S,
+    KEPT_COMMANDS,
+    KEPT_RUNS,
+    LOCKED_OUT_S,
+    TRIES,
+    WINDOW_S,
+    Pulse,
+    Refusals,
+    RoundTrip,
+    Supervisors,
+)
 from teleop.service import Setup
 from teleop.view import Control
+from tests.unit.teleop.views import source
+
+# --- refusals
+
+
+PERIOD_S, STATUS_PERIOD_S = 0.05, 0.1
+OWN = source("teleop")
+
+
+def told(
+    refusals: Refusals, *, epoch: int = 0, sequence: int = 0, accepted: int = 0, count: int = 20
+) -> list[float]:
+    """Return when everything was refused, for statuses whose counts grow by these numbers."""
+    own, times_s = OWN, list[float]()
+    for number in range(count):
+        own = replace(
+            own,
+            refused_epoch=own.refused_epoch + epoch,
+            refused_sequence=own.refused_sequence + sequence,
+            accepted=own.accepted + accepted,
+        )
+        if refusals.all_refused(own, number * STATUS_PERIOD_S):
+            times_s.append(number * STATUS_PERIOD_S)
+    return times_s
+
+
+@pytest.mark.parametrize("grown", [{"epoch": 2}, {"sequence": 2}, {"epoch": 1, "sequence": 1}], ids=str)
+def test_a_source_with_all_commands_refused_is_reported_every_half_second(grown: dict[str, int]) -> None:
+    assert told(Refusals(), **grown) == pytest.approx([0.5, 1.0, 1.5])
+
+
+@pytest.mark.parametrize(
+    "grown", [{}, {"accepted": 2}, {"accepted": 1, "epoch": 2}, {"accepted": 1, "sequence": 2}], ids=str
+)
+def test_no_refusal_is_reported_while_some_commands_are_accepted_or_none_are_sent(
+    grown: dict[str, int],
+) -> None:
+    assert told(Refusals(), **grown) == []
+
+
+def test_refusals_are_reported_exactly_at_the_limit() -> None:
+    for time_s, is_told in ((LOCKED_OUT_S, True), (math.nextafter(LOCKED_OUT_S, 0.0), False)):
+        refusals = Refusals()
+        assert not refusals.all_refused(OWN, 0.0)
+        assert refusals.all_refused(replace(OWN, refused_epoch=1), time_s) is is_told
+
+
+def test_the_counts_of_a_restarted_supervisor_begin_at_zero() -> None:
+    refusals = Refusals()
+    assert not refusals.all_refused(replace(OWN, accepted=500, refused_epoch=80), 0.0)
+    assert not refusals.all_refused(replace(OWN, accepted=0, refused_epoch=0), 10.0)
+    assert not refusals.all_refused(replace(OWN, accepted=0, refused_epoch=1), 10.1)
+
+
+def test_another_program_is_detected_by_a_refused_epoch_since_the_last_status() -> None:
+    refusals = Refusals()
+    heard = replace(OWN, refused_epoch=3)
+    assert not refusals.another_speaks(heard), "the first status does not show when"
+    refusals.all_refused(heard, 0.0)
+    assert not refusals.another_speaks(heard)
+    assert not refusals.another_speaks(replace(heard, refused_sequence=1)), "its own late command"
+    assert refusals.another_speaks(replace(heard, refused_epoch=4))
+
+
+def test_a_restarted_supervisor_does_not_count_as_another_program() -> None:
+    refusals = Refusals()
+    refusals.all_refused(replace(OWN, refused_epoch=3), 0.0)
+    assert not refusals.another_speaks(OWN)
+
+
+# --- supervisors
+
+
+A, B, C = b"a" * 16, b"b" * 16, b"c" * 16
+
+
+def heard(*runs: bytes) -> Supervisors:
+    """Return what is known after these runs have spoken, one each `STATUS_PERIOD_S` from 0."""
+    supervisors = Supervisors()
+    for number, run in enumerate(runs):
+        supervisors.heard(run, STATUS_PERIOD_S * number)
+    return supervisors
+
+
+def test_one_supervisor_and_its_restarts_are_no_conflict() -> None:
+    assert not heard().are_several(0.0)
+    assert not heard(A, A, B, B, C, C, C).are_several(0.6)
+
+
+def test_a_run_that_speaks_again_after_another_is_a_second_robot() -> None:
+    assert heard(A, B, A).are_several(0.2)
+
+
+def test_the_conflict_ends_a_second_after_one_of_the_two_is_silent() -> None:
+    supervisors = heard(A, B, A, *[A] * 20)
+    assert supervisors.are_several(0.2 + HOLD_S - 1e-9)
+    assert not supervisors.are_several(0.2 + HOLD_S)
+
+
+@given(st.lists(st.binary(min_size=16, max_size=16), unique=True))
+def test_any_number_of_restarts_in_succession_is_no_conflict(runs: list[bytes]) -> None:
+    assert not heard(*runs).are_several(STATUS_PERIOD_S * len(runs))
+
+
+def test_many_runs_of_strangers_take_no_memory() -> None:
+    runs = [bytes([number]) * 16 for number in range(100)]
+    assert not heard(*runs, runs[0]).are_several(0.0), "forgotten"
+    assert heard(*runs, runs[-KEPT_RUNS + 1]).are_several(0.0)
+
+
+# --- the round trip
+
 
 BOOT_NS = 3 * 86400 * 10**9 + 123_456_789
-PERIOD_S, STATUS_PERIOD_S = 0.05, 0.1
 
 
 def stamp_ns(time_s: float) -> int:
@@ -185,3 +309,64 @@ def test_an_hour_over_a_link_of_300_ms_that_loses_packets_never_counts_as_too_sl
             heapq.heappush(arriving, (now_s + down_s, max(0.0, sent_s)))
     print(f"\n    worst round trip of an hour: {worst_s:.3f} s")
     assert worst_s < limit_s
+
+
+# --- the terminal's answers
+
+
+def test_a_terminal_that_never_answered_is_not_reported_as_lost() -> None:
+    pulse = Pulse()
+    for n in range(50):
+        pulse.ask(n / 10)
+    assert not pulse.is_lost(5.0)
+
+
+def test_a_terminal_that_never_answers_is_queried_a_limited_number_of_times() -> None:
+    pulse = Pulse()
+    for n in range(TRIES):
+        assert pulse.is_worth_asking
+        pulse.ask(n / 10)
+    assert not pulse.is_worth_asking
+    pulse.answer(9.0)
+    assert pulse.is_worth_asking
+
+
+def test_a_terminal_that_answered_is_lost_just_after_the_limit() -> None:
+    pulse = Pulse()
+    pulse.ask(0.0)
+    pulse.answer(0.0)
+    pulse.ask(0.1)
+    assert not pulse.is_lost(ANSWER_LIMIT_S)
+    assert pulse.is_lost(math.nextafter(ANSWER_LIMIT_S, 1.0))
+
+
+def test_slow_but_regular_answers_keep_the_terminal_alive() -> None:
+    pulse = Pulse()
+    for n in range(40):
+        pulse.ask(n / 10)
+        if n >= 5:
+            pulse.answer(n / 10)
+            assert not pulse.is_lost(n / 10 + 0.1)
+    assert pulse.open == 5
+
+
+def test_a_pause_between_queries_does_not_lose_the_terminal() -> None:
+    pulse = Pulse()
+    pulse.ask(0.0)
+    pulse.answer(0.0)
+    pulse.ask(60.0)
+    assert not pulse.is_lost(60.1)
+    pulse.ask(60.1)
+    pulse.ask(60.2)
+    pulse.ask(60.3)
+    assert pulse.is_lost(60.31)
+
+
+def test_one_answer_restores_a_lost_terminal_and_extra_answers_are_ignored() -> None:
+    pulse = Pulse()
+    pulse.ask(0.0)
+    pulse.answer(0.0)
+    pulse.ask(0.1)
+    pulse.answer(9.0)
+    pulse.answer(9.0)
+    assert (pulse.is_lost(9.1), pulse.open) == (False, 0)
