@@ -7,16 +7,12 @@ from typing import TypeVar
 
 from bench.heartbeat import measure_heartbeats
 from bench.law import measure_memory, time_steps
-from bench.peers.results import read as read_peers
-from bench.peers.table import sheets as peers_sheets
-from bench.peers.table import verdicts as peers_verdicts
+from bench.peers import results as peers
 from bench.process import measure_process
 from bench.report import Results, write_json
-from bench.rig.options import count, duration_s, failing_in_a_sentence, output_file
+from bench.rig.options import CommandLine, count, duration_s, failing_in_a_sentence
 from bench.rig.sheet import show, write_markdown
-from bench.robots.results import read as read_robots
-from bench.robots.table import sheets as robots_sheets
-from bench.robots.table import verdicts as robots_verdicts
+from bench.robots import results as robots
 from bench.sim import measure_pace
 from bench.start import measure_imports, measure_starts
 
@@ -47,14 +43,13 @@ Measured = TypeVar("Measured")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        prog="python -m bench",
-        description="Measure the supervisor's time and memory, the lateness of teleop's heartbeat, the speed of the "
-        "simulation, and the time to start and restart. Takes about five minutes.",
-        epilog="exit code: 0, even if a target is missed: these are benchmarks, not tests; 1 if a process fails; "
-        "130 after Ctrl-C",
+    line = CommandLine(
+        "bench",
+        "Measure the supervisor's time and memory, the lateness of teleop's heartbeat, the speed of the simulation, and the "
+        "time to start and restart. Takes about five minutes.",
+        "exit code: 0, even if a target is missed: these are benchmarks, not tests; 1 if a process fails; 130 after Ctrl-C",
     )
-    parser.add_argument(
+    line.parser.add_argument(
         "--only",
         nargs="+",
         choices=PARTS,
@@ -62,54 +57,31 @@ def main() -> None:
         metavar="PART",
         help=f"measure only these: {', '.join(PARTS)}",
     )
-    parser.add_argument("--json", type=output_file, metavar="FILE", help="write the results as JSON lines")
-    parser.add_argument(
-        "--markdown", type=output_file, metavar="FILE", help="write the results as a markdown document"
-    )
-    parser.add_argument(
-        "--rounds", type=count, default=ROUNDS, help="number of rounds for step() (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--seconds",
-        type=duration_s,
-        default=SECONDS,
-        help="duration of each phase of the process benchmark (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--heartbeat-seconds",
-        type=duration_s,
-        default=HEARTBEAT_SECONDS,
-        help="duration of each teleop run (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--sim-rounds",
-        type=count,
-        default=SIM_ROUNDS,
-        help="number of simulated seconds for each scene (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--start-rounds",
-        type=count,
-        default=START_ROUNDS,
-        help="number of starts, each with one restart (default: %(default)s)",
-    )
-    arguments = parser.parse_args()
+    line.file("json", "write the results as JSON lines")
+    line.file("markdown", "write the results as a markdown document")
+    line.option("rounds", count, ROUNDS, "number of rounds for step()")
+    line.option("seconds", duration_s, SECONDS, "duration of each phase of the process benchmark")
+    line.option("heartbeat-seconds", duration_s, HEARTBEAT_SECONDS, "duration of each teleop run")
+    line.option("sim-rounds", count, SIM_ROUNDS, "number of simulated seconds for each scene")
+    line.option("start-rounds", count, START_ROUNDS, "number of starts, each with one restart")
+    arguments = line.parse()
     if arguments.markdown is not None and set(arguments.only) != set(PARTS):
-        parser.error("--markdown writes a document of all parts: leave out --only")
+        line.parser.error("--markdown writes a document of all parts: leave out --only")
     with failing_in_a_sentence("bench"):
         # Runs of their own, which take longer; read first, so that a damaged file is noticed before the measurements.
-        peers, robots = read_peers(), read_robots()
+        stored_peers, stored_robots = peers.read(), robots.read()
         results = _measure(arguments)
     sheets, verdicts = results.sheets(), results.verdicts()
     show(sheets, verdicts)
-    if peers is not None:
-        sheets, verdicts = sheets + peers_sheets(peers), verdicts + peers_verdicts(peers)
-    if robots is not None:
-        sheets, verdicts = sheets + robots_sheets(robots), verdicts + robots_verdicts(robots)
+    if stored_peers is not None:
+        sheets, verdicts = sheets + peers.sheets(stored_peers), verdicts + peers.verdicts(stored_peers)
+    if stored_robots is not None:
+        sheets, verdicts = sheets + robots.sheets(stored_robots), verdicts + robots.verdicts(stored_robots)
     if arguments.json is not None:
         write_json(results, arguments.json)
     if arguments.markdown is not None:
-        write_markdown(arguments.markdown, HEADING, _command(arguments), sheets, verdicts)
+        command = f"{line.repeat(arguments)} --markdown {arguments.markdown}"
+        write_markdown(arguments.markdown, HEADING, command, sheets, verdicts)
 
 
 def _measure(arguments: argparse.Namespace) -> Results:
@@ -128,21 +100,6 @@ def _measure(arguments: argparse.Namespace) -> Results:
         part("import", lambda: measure_imports(IMPORT_ROUNDS)),
         part("start", lambda: measure_starts(arguments.start_rounds)),
     )
-
-
-def _command(arguments: argparse.Namespace) -> str:
-    command = f"python -m bench --markdown {arguments.markdown}"
-    if arguments.rounds != ROUNDS:
-        command += f" --rounds {arguments.rounds}"
-    if arguments.seconds != SECONDS:
-        command += f" --seconds {arguments.seconds:g}"
-    if arguments.heartbeat_seconds != HEARTBEAT_SECONDS:
-        command += f" --heartbeat-seconds {arguments.heartbeat_seconds:g}"
-    if arguments.sim_rounds != SIM_ROUNDS:
-        command += f" --sim-rounds {arguments.sim_rounds}"
-    if arguments.start_rounds != START_ROUNDS:
-        command += f" --start-rounds {arguments.start_rounds}"
-    return command
 
 
 if __name__ == "__main__":

@@ -25,7 +25,7 @@ _NAME = re.compile(r"lifeline-link-(\d+)-[ab]")
 _SET_INTERFACE, _IS_TUN, _NO_PACKET_INFO, _NEW_NET = 0x400454CA, 0x0001, 0x1000, 0x40000000
 
 
-class NoNamespaceError(Exception):
+class NoNamespaceError(RuntimeError):
     """No namespace can be made here. The text is one sentence for people."""
 
 

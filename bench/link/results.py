@@ -1,17 +1,67 @@
-"""Writes and reads the stored measurements, one JSON object a line: the run, then each round and its conditions."""
+"""The conditions under which the links are measured, the stored measurements, and their tables and targets (pure)."""
 
+import itertools
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from pathlib import Path as File
 
-from bench.link.conditions import Condition, Link
+from bench.link.relay import Path
 from bench.link.stops import upper_rate
-from bench.rig.stored import Row, read_rows, write_rows
+from bench.rig.sheet import Column, Sheet, Verdict
+from bench.rig.stored import FOLDER, origin, read_rows, rows_of, write_rows
 
-STORED = Path(__file__).resolve().parents[2] / "docs/campaign/bench_link.jsonl"
+LOSSES = (0.0, 0.01, 0.02, 0.03, 0.05, 0.10)
+ROUND_TRIPS_S = (0.0, 0.02, 0.1, 0.3)
+JITTER = 0.1
+"""Standard deviation of the delay, as a share of the delay."""
+MAX_CONDITIONS = 254
+"""A condition has a number in one byte of its addresses; 0 and 255 are not used."""
+STORED = FOLDER / "bench_link.jsonl"
+DIGITS = 4
+"""Of stored figures: a tenth of a millisecond is enough."""
 HOUR_S = 3600.0
+TARGETS = {0.02: 1.0, 0.05: 10.0}
+"""Maximum number of false stops an hour over QUIC, by loss, at `TARGET_ROUND_TRIP_S`."""
+TARGET_ROUND_TRIP_S = 0.02
+MANY = 10
+
+
+class Link(StrEnum):
+    """What carries the commands."""
+
+    TCP = "tcp"
+    QUIC = "quic"
+    """With mutual TLS: best effort as datagrams, reliable as streams."""
+    UDP = "udp"
+    """Without TLS, and nothing is repeated: a reference."""
+
+
+@dataclass(frozen=True, order=True)
+class Condition:
+    """A link with its loss, each way, its round trip without jitter, and the lease of the session."""
+
+    link: Link
+    loss: float
+    round_trip_s: float
+    lease_s: float
+    """How long a silent link counts as alive; Zenoh sends a keep-alive four times in a lease."""
+
+    @property
+    def path(self) -> Path:
+        delay_s = self.round_trip_s / 2
+        return Path(self.loss, delay_s, JITTER * delay_s)
+
+    def __str__(self) -> str:
+        return f"{self.link} at {100 * self.loss:g} % and {1000 * self.round_trip_s:g} ms"
+
+
+def grid(
+    links: Iterable[Link], losses: Iterable[float], round_trips_s: Iterable[float], leases_s: Iterable[float]
+) -> list[Condition]:
+    """Return all combinations."""
+    return [Condition(*one) for one in itertools.product(links, losses, round_trips_s, leases_s)]
 
 
 @dataclass(frozen=True)
@@ -105,46 +155,153 @@ class Results:
 
 
 def _sum(group: Sequence[Measured]) -> Measured:
-    first = group[0]
-    return Measured(
-        link=first.link,
-        loss=first.loss,
-        round_trip_s=first.round_trip_s,
-        lease_s=first.lease_s,
-        flows=sum(one.flows for one in group),
-        flow_s=sum(one.flow_s for one in group),
-        stops=sum(one.stops for one in group),
-        disturbed_stops=sum(one.disturbed_stops for one in group),
-        worst_age_s=max(one.worst_age_s for one in group),
-        arrived=sum(one.arrived for one in group),
-        refused=sum(one.refused for one in group),
-        links_lost=sum(one.links_lost for one in group),
-    )
+    added = ("flows", "flow_s", "stops", "disturbed_stops", "arrived", "refused", "links_lost")
+    sums = {name: sum(getattr(one, name) for one in group) for name in added}
+    return replace(group[0], worst_age_s=max(one.worst_age_s for one in group), **sums)
 
 
-def write(results: Results, path: Path) -> None:
-    rows: list[Row] = [("round", _short(asdict(one))) for one in results.rounds]
-    rows += [("condition", _short(asdict(one))) for one in results.measured]
-    write_rows(path, results.run, rows)
+def write(results: Results, path: File) -> None:
+    rounds = rows_of("round", results.rounds, DIGITS)
+    write_rows(path, results.run, [*rounds, *rows_of("condition", results.measured, DIGITS)])
 
 
-def read(path: Path = STORED) -> Results | None:
+def read(path: File = STORED) -> Results | None:
     """Return the stored measurements; None if there are none."""
     stored = read_rows(path)
     if stored is None:
         return None
-    run, rows = stored
-    return Results(
-        run,
-        tuple(Round(**row) for kind, row in rows if kind == "round"),
-        tuple(_measured(row) for kind, row in rows if kind == "condition"),
+    return Results(stored.run, stored.of("round", Round), stored.of("condition", Measured))
+
+
+def sheets(results: Results) -> list[Sheet]:
+    """Return the rates and the ages for each lease, then the rounds."""
+    found: list[Sheet] = []
+    for lease_s, together in by_lease(results).items():
+        found += [stops(together, lease_s), ages(together, lease_s)]
+    return [*found, effort(results).with_note(origin(results.run))]
+
+
+def by_lease(results: Results) -> dict[float, dict[Condition, Measured]]:
+    """Return the sums over all rounds, by the lease of the sessions [s]."""
+    found: dict[float, dict[Condition, Measured]] = {}
+    for condition, one in results.together().items():
+        found.setdefault(condition.lease_s, {})[condition] = one
+    return dict(sorted(found.items()))
+
+
+def stops(together: Mapping[Condition, Measured], lease_s: float) -> Sheet:
+    """Return the rates of false stops: a row for each loss and round trip, a column for each link."""
+    return Sheet(
+        f"False stops an hour of one operator's commands at 20 Hz, lease {lease_s:g} s",
+        ("round trip", "loss", *_names(together), "measured hours"),
+        tuple(
+            (
+                *_place(row),
+                *(_rate(one) for one in found),
+                ", ".join(f"{one.flow_s / HOUR_S:.2f}" for one in found if one is not None),
+            )
+            for row, found in _rows(together, lease_s)
+        ),
+        (
+            "A false stop: the age of the newest fresh command exceeds 0.2 s.",
+            f"In brackets: the 95 % upper bound of rates with fewer than {MANY} stops.",
+            "loss: share of packets lost, each way.",
+            f"round trip: mean; the standard deviation of each delay is {100 * JITTER:g} %, so packets overtake each other.",
+            "QUIC: mutual TLS, commands as datagrams. UDP: without TLS, as a reference.",
+            "measured hours: of all flows of a link together, in the order of the columns.",
+        ),
     )
 
 
-def _measured(row: dict[str, Any]) -> Measured:
-    return Measured(link=Link(row.pop("link")), **row)
+def ages(together: Mapping[Condition, Measured], lease_s: float) -> Sheet:
+    """Return the worst age and the lost links, in the order of `stops`."""
+    return Sheet(
+        f"Worst age of the newest fresh command in s, and (links lost), lease {lease_s:g} s",
+        ("round trip", "loss", *_names(together)),
+        tuple(
+            (
+                *_place(row),
+                *("" if one is None else f"{one.worst_age_s:.2f} ({one.links_lost})" for one in found),
+            )
+            for row, found in _rows(together, lease_s)
+        ),
+        (
+            "The age does not contain the smallest delay of the link, because the clocks of two hosts are not compared.",
+            "links lost: how often the liveliness token of a living operator was deleted, because the lease ended.",
+        ),
+    )
 
 
-def _short(row: dict[str, Any]) -> dict[str, Any]:
-    """Round figures: a tenth of a millisecond is enough."""
-    return {name: round(value, 4) if isinstance(value, float) else value for name, value in row.items()}
+def _links(together: Mapping[Condition, Measured]) -> list[Link]:
+    return [link for link in Link if any(one.link == link for one in together)]
+
+
+def _names(together: Mapping[Condition, Measured]) -> list[str]:
+    return [link.upper() for link in _links(together)]
+
+
+def _rows(
+    together: Mapping[Condition, Measured], lease_s: float
+) -> Iterator[tuple[tuple[float, float], list[Measured | None]]]:
+    """Yield round trip [s] and loss of each row, with the measurement of each link."""
+    links = _links(together)
+    for round_trip_s, loss in sorted({(one.round_trip_s, one.loss) for one in together}):
+        yield (
+            (round_trip_s, loss),
+            [together.get(Condition(link, loss, round_trip_s, lease_s)) for link in links],
+        )
+
+
+def _place(row: tuple[float, float]) -> tuple[str, str]:
+    round_trip_s, loss = row
+    return f"{1000 * round_trip_s:g} ms", f"{100 * loss:g} %"
+
+
+def _rate(one: Measured | None) -> str:
+    if one is None or math.isnan(one.per_hour):
+        return ""
+    rate = f"{one.per_hour:.0f}" if one.per_hour >= 10 else f"{one.per_hour:.2g}"
+    return rate if one.stops >= MANY else f"{rate} (≤ {one.upper_per_hour:.2g})"
+
+
+EFFORT: tuple[Column[Round], ...] = (
+    ("date", lambda one: one.date),
+    ("flows", lambda one: f"{one.flows}"),
+    ("seconds", lambda one: f"{one.seconds:.0f}"),
+    ("busy", lambda one: f"{one.busy_percent:.0f} %"),
+    ("disturbed [s]", lambda one: f"{one.disturbed_s:.1f}"),
+    ("packets", lambda one: f"{one.packets:,}"),
+    ("router p99", lambda one: f"{one.router_late_p99_ms:.2f}"),
+    ("max", lambda one: f"{one.router_late_max_ms:.0f}"),
+    ("sender p99", lambda one: f"{one.sender_late_p99_ms:.2f}"),
+    ("max", lambda one: f"{one.sender_late_max_ms:.0f}"),
+    ("receiver p99", lambda one: f"{one.receiver_late_p99_ms:.2f}"),
+    ("max", lambda one: f"{one.receiver_late_max_ms:.0f}"),
+)
+
+
+def effort(results: Results) -> Sheet:
+    """Return one row for each round: its size, and the lateness of the bench itself."""
+    return Sheet.of(
+        "Rounds, and the lateness of the bench itself [ms]",
+        EFFORT,
+        results.rounds,
+        "disturbed: time near moments at which a part of the bench was more than 20 ms late; its stops are not counted.",
+    )
+
+
+def verdicts(results: Results) -> list[Verdict]:
+    """Return the verdicts on QUIC, for each lease."""
+    return [
+        verdict for lease_s, together in by_lease(results).items() for verdict in _verdicts(together, lease_s)
+    ]
+
+
+def _verdicts(together: Mapping[Condition, Measured], lease_s: float) -> Iterator[Verdict]:
+    for loss, target in TARGETS.items():
+        found = together.get(Condition(Link.QUIC, loss, TARGET_ROUND_TRIP_S, lease_s))
+        if found is not None:
+            hours = found.flow_s / HOUR_S
+            where = f"{100 * loss:g} % loss, {1000 * TARGET_ROUND_TRIP_S:g} ms, lease {lease_s:g} s"
+            what = f"QUIC, {where}, {hours:.1f} flow-hours: false stops"
+            yield Verdict(what, found.per_hour, target, "an hour")

@@ -4,22 +4,22 @@ import json
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
-from bench.link.conditions import MAX_CONDITIONS, Condition
+from bench.link.flows import PORT, endpoint
 from bench.link.namespaces import Pair, inside, pair
-from bench.link.results import Measured, Round
-from bench.link.sessions import PORT, endpoint
+from bench.link.results import MAX_CONDITIONS, Condition, Measured, Round
 from bench.link.stops import disturbed, length_s, outside
+from bench.rig.load import busy_percent, machine
 from bench.rig.program import program
 from bench.rig.sheet import now
-from bench.robots.load import busy_percent, machine
 from deploy.keys.commands import init, issue
 from deploy.keys.register import Request
 from wire.roles import Role
 
+FLOWS = "bench.link.flows"
 START_LIMIT_S, FRESH_LIMIT_S, END_LIMIT_S = 90.0, 120.0, 60.0
 LIFETIME_S = 86_400.0
 """Of the certificates."""
@@ -59,21 +59,21 @@ def measure(plan: Plan) -> tuple[Round, list[Measured]]:
         for number, condition in zip(numbers, conditions, strict=True)
         for flow in range(plan.flows[condition])
     ]
-    paths = {number: _path(condition) for number, condition in zip(numbers, conditions, strict=True)}
+    paths = {number: astuple(condition.path) for number, condition in zip(numbers, conditions, strict=True)}
     with tempfile.TemporaryDirectory() as made, pair(numbers) as spaces:
         folder = Path(made)
         a_keys, b_keys = _bundles(folder / "keys", tuple(map(Pair.b_address, numbers)))
         fds = (spaces.a_fd, spaces.b_fd)
         with (
             program("bench.link.relay", (), tuple(map(str, fds)), fds) as relay,
-            program("bench.link.receiver", inside(spaces.b)) as receiver,
-            program("bench.link.sender", inside(spaces.a)) as sender,
+            program(FLOWS, inside(spaces.b), ["receiver"], name="receiver") as receiver,
+            program(FLOWS, inside(spaces.a), ["sender"], name="sender") as sender,
         ):
             relay.tell(json.dumps({"paths": paths, "seed": plan.seed}))
-            receiver.tell(json.dumps({"keys": b_keys, "hubs": hubs, "together": plan.together}))
+            receiver.tell(json.dumps({"keys": b_keys, "flows": hubs, "together": plan.together}))
             relay.expect("ready", START_LIMIT_S)
             receiver.expect("ready", START_LIMIT_S)
-            sender.tell(json.dumps({"keys": a_keys, "sources": hubs, "together": plan.together}))
+            sender.tell(json.dumps({"keys": a_keys, "flows": hubs, "together": plan.together}))
             sender.expect("ready", START_LIMIT_S)
             word, *silent = receiver.line(FRESH_LIMIT_S).split()
             if word != "fresh":
@@ -101,11 +101,6 @@ def _bundles(folder: Path, hosts: tuple[str, ...]) -> tuple[str, str]:
     operator = Request("operator", Role.OPERATOR, None, None)
     hub = Request("hub", Role.SUPERVISOR, None, hosts)
     return issue(folder, operator, LIFETIME_S)["bundle"], issue(folder, hub, LIFETIME_S)["bundle"]
-
-
-def _path(condition: Condition) -> tuple[float, float, float]:
-    path = condition.path
-    return path.loss, path.delay_s, path.jitter_s
 
 
 def _result(

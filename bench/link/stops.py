@@ -1,8 +1,10 @@
-"""Counts the false stops of a flow of commands as the supervisor would stop (pure)."""
+"""Counts the false stops of a flow of commands as the supervisor would stop, and the moments that the bench disturbed (pure)."""
 
 import math
+from array import array
 from collections.abc import Iterable, Sequence
 
+from faults.report.statistics import quantile
 from wire.freshness import Sent, Track, Verdict, judge
 
 TIMEOUT_S = 0.2
@@ -69,6 +71,34 @@ class Flow:
         self.worst_age_s = max(self.worst_age_s, age_s)
         if age_s > TIMEOUT_S:
             self.stops_s.append(self._sent_s + TIMEOUT_S)
+
+
+class Lateness:
+    """The lateness of all acts, and the moments of the late ones."""
+
+    def __init__(self) -> None:
+        self._late_s = array("d")
+        self.moments: list[tuple[float, float]] = []
+        """For each act that was later than `LATE_S`: when it was due, and how late it was [s]."""
+
+    def add(self, due_s: float, at_s: float) -> None:
+        late_s = at_s - due_s
+        self._late_s.append(late_s)
+        if late_s > LATE_S:
+            self.moments.append((due_s, late_s))
+
+    def percentile(self, percent: float) -> float:
+        """Return a percentile [s]; 0 without acts."""
+        return quantile(sorted(self._late_s), percent / 100) if self._late_s else 0.0
+
+    def report(self) -> dict[str, object]:
+        """Return p99, maximum and the late moments, for JSON."""
+        return {
+            "p99_s": self.percentile(99),
+            "max_s": max(self._late_s, default=0.0),
+            "acts": len(self._late_s),
+            "moments": self.moments,
+        }
 
 
 Span = tuple[float, float]

@@ -1,8 +1,11 @@
-"""Feeds the processes under measurement at the robot's rates, and runs the supervisor that they use."""
+"""Runs a supervisor under measurement, and feeds it with the data of a robot at the robot's rates.
+
+`python -m bench.rig.feed ENDPOINT` plays a robot in a process of its own.
+"""
 
 import asyncio
+import itertools
 import os
-import subprocess
 import sys
 import tempfile
 from collections.abc import AsyncGenerator, Callable, Coroutine, Generator, Iterable, Sequence
@@ -11,13 +14,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bench.rig import scenery
-from bench.rig.terminal import end
+from bench.rig.program import running
 from deploy.stack.launch import free_loopback_endpoint
+from wire import topics
 from wire.bus import BusError
-from wire.messages import LaserScan, SafetyStatus, laser_scan
+from wire.messages import LaserScan, SafetyStatus, laser_scan, odometry
 from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
 
-BEAMS = 360
+BEAMS, SCANS = 360, 64
 SCAN_HZ, ODOM_HZ = 20.0, 50.0
 START_S = 20.0
 MODES = ("STOPPED", "READY", "DRIVING", "LIMITED")
@@ -45,22 +49,19 @@ def supervisor(module: str = "supervisor", options: Sequence[str] = ()) -> Gener
     endpoint = free_loopback_endpoint()
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "supervisor.log"
-        with log.open("wb") as file:
-            process = subprocess.Popen(
-                [sys.executable, "-m", module, "--endpoint", endpoint, *options],
-                stdout=file,
-                stderr=file,
-                env=os.environ | {"LIFELINE_STATE_DIR": folder},
-            )
-        try:
-            yield Supervisor(endpoint, process.pid)
-        except (TimeoutError, BusError) as error:
-            reason = str(error) or "no answer in time"
-            raise RuntimeError(
-                f"the {module} cannot be measured: {reason}; its log ends with:\n{log.read_text()[-600:]}"
-            ) from error
-        finally:
-            end(process)
+        command = [sys.executable, "-m", module, "--endpoint", endpoint, *options]
+        environment = os.environ | {"LIFELINE_STATE_DIR": folder}
+        with (
+            log.open("wb") as file,
+            running(command, environment, stdout=file, stderr=file) as process,
+        ):
+            try:
+                yield Supervisor(endpoint, process.pid)
+            except (TimeoutError, BusError) as error:
+                reason = str(error) or "no answer in time"
+                raise RuntimeError(
+                    f"the {module} cannot be measured: {reason}; its log ends with:\n{log.read_text()[-600:]}"
+                ) from error
 
 
 @asynccontextmanager
@@ -106,6 +107,54 @@ def scan(ranges: scenery.Ranges) -> LaserScan:
     )
 
 
+class Robot:
+    """Plays the lidar and the base of a robot on a bus; the base follows each command at once, at its place.
+
+    Args:
+        bus: of a client.
+        ranges: the scans, again and again.
+    """
+
+    def __init__(self, bus: ZenohBus, ranges: Iterable[scenery.Ranges]) -> None:
+        self.ranges = itertools.cycle(ranges)
+        self.velocity = (0.0, 0.0)
+        """Linear [m/s] and angular [rad/s]: the last command."""
+        self.arrivals_s: list[float] = []
+        """When each command arrived."""
+        self._commands = bus.subscribe(topics.CMD_VEL, depth=100_000)
+        self._scans, self._odometry = bus.publisher(topics.SCAN), bus.publisher(topics.ODOM)
+
+    def feeds(self) -> list[Coroutine[None, None, None]]:
+        """Return what sends scans and odometry at their rates."""
+        return [
+            at_rate(SCAN_HZ, lambda: self._scans.put(scan(next(self.ranges)))),
+            at_rate(ODOM_HZ, self._move),
+        ]
+
+    def _move(self) -> None:
+        for arrival in self._commands.take():
+            self.arrivals_s.append(arrival.arrival_s)
+            if arrival.message is not None:
+                self.velocity = arrival.message.linear.x, arrival.message.angular.z
+        self._odometry.put(odometry(self.pose(), self.velocity))
+
+    def pose(self) -> tuple[float, float, float]:
+        """Return x [m], y [m] and yaw [rad] after another period of the odometry."""
+        return 0.0, 0.0, 0.0
+
+
 def mode_of(status: SafetyStatus) -> str:
     """Return the mode's name and the stop reasons."""
     return " ".join([MODES[status.mode], *status.reasons])
+
+
+async def play(endpoint: str) -> None:
+    """Play a robot in a free room until this task is cancelled."""
+    async with client(endpoint) as bus:
+        robot = Robot(bus, scenery.scans(BEAMS, SCANS, wall_m=scenery.ROOM_M))
+        async with feeding(robot.feeds()):
+            await asyncio.Event().wait()
+
+
+if __name__ == "__main__":
+    asyncio.run(play(sys.argv[1]))

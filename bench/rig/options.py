@@ -1,15 +1,86 @@
-"""Values of the benches' options, and the end of a bench: one sentence instead of a traceback."""
+"""The command line of a bench: its options, their values, and its end in one sentence instead of a traceback."""
 
 import argparse
 import math
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
+from typing import NoReturn
 
-EXIT_FAILED, EXIT_INTERRUPTED = 1, 130
+from deploy.stack.errors import DeployError
+
+EXIT_FAILED, EXIT_INTERRUPTED, EXIT_TERMINATED = 1, 130, 143
+
+
+class CommandLine:
+    """The options of `python -m MODULE`, and the command that repeats a run with them.
+
+    Args:
+        module: of the bench.
+        description: what it measures.
+        epilog: the exit codes.
+    """
+
+    def __init__(self, module: str, description: str, epilog: str) -> None:
+        self.module = module
+        self.parser = argparse.ArgumentParser(
+            prog=f"python -m {module}", description=description, epilog=epilog
+        )
+        self._names: list[str] = []
+
+    def option(
+        self, name: str, read: Callable[[str], object], default: object, text: str, *, many: bool = False
+    ) -> None:
+        """Add an option with a value, or with several.
+
+        Args:
+            name: of the option, without dashes.
+            read: returns a value, or raises ArgumentTypeError or ValueError.
+            default: None: the text describes it.
+            text: the help, as an imperative or a noun.
+            many: whether it takes several values.
+        """
+        self._names.append(name)
+        shown = "" if default is None else f" (default: {_words(default)})"
+        self.parser.add_argument(
+            f"--{name}",
+            type=read,
+            nargs="+" if many else None,
+            default=default,
+            metavar="N",
+            help=f"{text}{shown}",
+        )
+
+    def file(self, name: str, text: str) -> None:
+        """Add the option for a file that the bench writes; it is not a part of the command that repeats the run."""
+        self.parser.add_argument(f"--{name}", type=output_file, metavar="FILE", help=text)
+
+    def parse(self) -> argparse.Namespace:
+        return self.parser.parse_args()
+
+    def repeat(self, options: argparse.Namespace) -> str:
+        """Return the command that repeats a run, with its defaults, which may change; without options that are None."""
+        words = [f"python -m {self.module}"]
+        for name in self._names:
+            value = getattr(options, name.replace("-", "_"))
+            if value is not None:
+                words.append(f"--{name} {_words(value)}")
+        return " ".join(words)
+
+
+def _words(value: object) -> str:
+    values: list[object] = value if isinstance(value, list) else [value]  # pyright: ignore[reportUnknownVariableType]
+    return " ".join(f"{one:g}" if isinstance(one, float) else str(one) for one in values)
+
+
+def progress(text: str) -> None:
+    """Report the progress of a bench, beside its results."""
+    print(text, file=sys.stderr, flush=True)
 
 
 def number(holds: Callable[[float], bool], wanted: str) -> Callable[[str], float]:
@@ -17,7 +88,7 @@ def number(holds: Callable[[float], bool], wanted: str) -> Callable[[str], float
 
     Args:
         holds: the condition.
-        wanted: the condition in words, such as "from 0 to 100".
+        wanted: the condition in words, such as "number from 0 to 100".
     """
 
     def read(text: str) -> float:
@@ -26,24 +97,37 @@ def number(holds: Callable[[float], bool], wanted: str) -> Callable[[str], float
         except ValueError:
             value = math.nan
         if not math.isfinite(value) or not holds(value):
-            raise argparse.ArgumentTypeError(f"must be a number {wanted}, not {text!r}")
+            raise argparse.ArgumentTypeError(f"must be a {wanted}, not {text!r}")
         return value
 
     return read
 
 
-percent = number(lambda value: 0.0 <= value <= 100.0, "from 0 to 100")
-at_least_zero = number(lambda value: value >= 0.0, "of at least 0")
-positive = number(lambda value: value > 0.0, "greater than 0")
+percent = number(lambda value: 0.0 <= value <= 100.0, "number from 0 to 100")
+at_least_zero = number(lambda value: value >= 0.0, "number of at least 0")
+positive = number(lambda value: value > 0.0, "number greater than 0")
+duration_s = number(lambda value: value > 0.0, "positive number of seconds")
 
 
-def seed(text: str) -> int:
-    """Return the seed of a random number generator.
+def whole_number(least: int) -> Callable[[str], int]:
+    """Return a type of options: a whole number of at least this."""
 
-    Raises:
-        ArgumentTypeError: it is not a whole number of at least 0.
-    """
-    return _whole_number(text, 0)
+    def read(text: str) -> int:
+        try:
+            value = int(text)
+        except ValueError:
+            value = least - 1
+        if value < least:
+            raise argparse.ArgumentTypeError(f"must be a whole number of at least {least}, not {text!r}")
+        return value
+
+    return read
+
+
+seed = whole_number(0)
+"""Of a random number generator."""
+count = whole_number(1)
+"""Of rounds, kills or robots."""
 
 
 def seeds(text: str) -> range:
@@ -62,40 +146,6 @@ def seeds(text: str) -> range:
     return found
 
 
-def count(text: str) -> int:
-    """Return a number of rounds, kills or robots.
-
-    Raises:
-        ArgumentTypeError: it is not a whole number of at least 1.
-    """
-    return _whole_number(text, 1)
-
-
-def _whole_number(text: str, least: int) -> int:
-    try:
-        value = int(text)
-    except ValueError:
-        value = least - 1
-    if value < least:
-        raise argparse.ArgumentTypeError(f"must be a whole number of at least {least}, not {text!r}")
-    return value
-
-
-def duration_s(text: str) -> float:
-    """Return a duration [s].
-
-    Raises:
-        ArgumentTypeError: it is not positive and finite.
-    """
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = math.nan
-    if not 0.0 < seconds < math.inf:
-        raise argparse.ArgumentTypeError(f"must be a positive number of seconds, not {text!r}")
-    return seconds
-
-
 def output_file(text: str) -> Path:
     """Return the path of a file that can be written, so that no long run ends without its results.
 
@@ -112,6 +162,15 @@ def output_file(text: str) -> Path:
     return path
 
 
+def unwind_at_sigterm() -> None:
+    """Let SIGTERM leave all contexts, so that processes end and namespaces are removed, before it ends the program."""
+
+    def unwind(_: int, __: FrameType | None) -> NoReturn:
+        sys.exit(EXIT_TERMINATED)
+
+    signal.signal(signal.SIGTERM, unwind)
+
+
 @contextmanager
 def failing_in_a_sentence(bench: str, written: str = "nothing was written") -> Generator[None]:
     """End the program with one sentence if a process of the bench fails, or on Ctrl-C.
@@ -125,6 +184,6 @@ def failing_in_a_sentence(bench: str, written: str = "nothing was written") -> G
     except KeyboardInterrupt:
         print(f"{bench}: interrupted; {written}", file=sys.stderr)
         sys.exit(EXIT_INTERRUPTED)
-    except (RuntimeError, OSError, subprocess.SubprocessError) as error:
+    except (RuntimeError, OSError, subprocess.SubprocessError, DeployError) as error:
         print(f"{bench}: {str(error) or type(error).__name__}", file=sys.stderr)
         sys.exit(EXIT_FAILED)

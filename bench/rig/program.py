@@ -1,20 +1,22 @@
-"""Runs a program of a benchmark, which reads commands as lines and answers with lines."""
+"""Child processes of a benchmark: commands that run beside it, and programs that read and answer lines. All are reaped."""
 
+import ctypes
 import os
 import queue
+import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Generator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-
-from bench.rig.terminal import end, sparing_from_ctrl_c
+from typing import IO, Any
 
 ROOT = Path(__file__).resolve().parents[2]
-LISTEN_LIMIT_S = 30.0
+LISTEN_LIMIT_S, END_LIMIT_S = 30.0, 5.0
+_PR_SET_PDEATHSIG = 1
 
 
 class SilentError(RuntimeError):
@@ -77,8 +79,49 @@ class Program:
 
 
 @contextmanager
+def running(
+    command: Sequence[str],
+    environment: Mapping[str, str] | None = None,
+    *,
+    stdin: int | None = None,
+    stdout: int | IO[bytes] = subprocess.DEVNULL,
+    stderr: int | IO[bytes] | None = None,
+    fds: Sequence[int] = (),
+) -> Generator["subprocess.Popen[str]"]:
+    """Run a command in the checkout while the context is open; its output is discarded, and its errors are shown.
+
+    Args:
+        command: the words.
+        environment: None: that of this process.
+        stdin: and the other files are those of `Popen`.
+        stdout: see above.
+        stderr: see above.
+        fds: file descriptors that it inherits.
+    """
+    with sparing_from_ctrl_c():
+        process: subprocess.Popen[str] = subprocess.Popen(
+            command,
+            cwd=ROOT,
+            env=environment,
+            stdin=stdin,
+            stdout=stdout,
+            stderr=stderr,
+            text=True,
+            pass_fds=fds,
+        )
+    try:
+        yield process
+    finally:
+        end(process)
+
+
+@contextmanager
 def program(
-    module: str, prefix: Sequence[str] = (), arguments: Sequence[str] = (), fds: Sequence[int] = ()
+    module: str,
+    prefix: Sequence[str] = (),
+    arguments: Sequence[str] = (),
+    fds: Sequence[int] = (),
+    name: str | None = None,
 ) -> Generator[Program]:
     """Run `python -m MODULE` while the context is open.
 
@@ -87,38 +130,76 @@ def program(
         prefix: a command that runs it, such as one that enters a namespace.
         arguments: of the program.
         fds: file descriptors that it inherits.
+        name: for errors; None: the module's.
     """
-    with sparing_from_ctrl_c():
-        process: subprocess.Popen[str] = subprocess.Popen(
-            [*prefix, sys.executable, "-m", module, *arguments],
-            cwd=ROOT,
-            # A thread of the numeric library would make a fork unsafe.
-            env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            pass_fds=fds,
-        )
+    # A thread of the numeric library would make a fork unsafe.
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
+    command = [*prefix, sys.executable, "-m", module, *arguments]
+    with talking(name or module.rpartition(".")[2], command, environment, fds=fds) as made:
+        yield made
+
+
+@contextmanager
+def talking(
+    name: str,
+    command: Sequence[str],
+    environment: Mapping[str, str] | None = None,
+    *,
+    stderr: int | None = None,
+    fds: Sequence[int] = (),
+) -> Generator[Program]:
+    """Run a program that reads and prints lines while the context is open; the arguments are those of `running`."""
     lines: queue.Queue[str] = queue.Queue()
-    stdin, stdout = process.stdin, process.stdout
-    assert stdin is not None
-    assert stdout is not None
+    pipe = subprocess.PIPE
+    with (
+        ExitStack() as closing,
+        running(command, environment, stdin=pipe, stdout=pipe, stderr=stderr, fds=fds) as process,
+    ):
+        stdin, stdout = process.stdin, process.stdout
+        assert stdin is not None
+        assert stdout is not None
 
-    def read() -> None:
-        for line in stdout:
-            lines.put(line)
-        lines.put("")
+        def read() -> None:
+            for line in stdout:
+                lines.put(line)
+            lines.put("")
 
-    reader = threading.Thread(target=read, daemon=True)
-    reader.start()
+        reader = threading.Thread(target=read, daemon=True)
+        reader.start()
+
+        def close() -> None:
+            reader.join()
+            with suppress(BrokenPipeError):  # a line was not delivered, because the program has ended
+                stdin.close()
+            stdout.close()
+
+        closing.callback(close)  # when the program has ended
+        yield Program(name, process, lines)
+
+
+@contextmanager
+def sparing_from_ctrl_c() -> Generator[None]:
+    """Let processes that start while the context is open ignore Ctrl-C: the bench ends them, and they print no traceback."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # a new process inherits the mask
     try:
-        yield Program(module.rpartition(".")[2], process, lines)
+        yield
     finally:
-        end(process)
-        reader.join()
-        with suppress(BrokenPipeError):  # a line was not delivered, because the program has ended
-            stdin.close()
-        stdout.close()
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def end(process: "subprocess.Popen[Any]") -> None:
+    """Terminate a process, and kill it if it does not end in time."""
+    process.terminate()
+    try:
+        process.wait(END_LIMIT_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait(END_LIMIT_S)
+
+
+def die_with_parent() -> None:
+    """Let the kernel kill this process, a fork, when the process that forked it ends."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def wait_until_listening(address: str) -> None:

@@ -1,20 +1,27 @@
 """Tables and verdicts of the benchmarks, on the terminal and in markdown."""
 
+import math
 import os
 import platform
 import subprocess
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
+from typing import TypeVar
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
 MEASURED = ("sim", "supervisor", "teleop", "wire")
 """The measured packages."""
+
+T = TypeVar("T")
+Column = tuple[str, Callable[[T], str]]
+"""The title of a column, and a function that returns its cell in the row of a measurement."""
 
 _LOAD_BEFORE = os.getloadavg()[0]
 """The machine's load average before the benchmarks."""
@@ -28,6 +35,12 @@ class Sheet:
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     notes: tuple[str, ...]
+
+    @classmethod
+    def of(cls, title: str, columns: Sequence[Column[T]], measured: Iterable[T], *notes: str) -> "Sheet":
+        """Return a table with one row for each measurement."""
+        titles = tuple(name for name, _ in columns)
+        return cls(title, titles, tuple(tuple(cell(one) for _, cell in columns) for one in measured), notes)
 
     def with_note(self, note: str) -> "Sheet":
         return replace(self, notes=(*self.notes, note))
@@ -62,6 +75,12 @@ class Verdict:
 
     def sentence(self) -> str:
         return f"{self.state}: {self.what} {self.measured:.3g} {self.unit}, at most {self.target:.3g} {self.unit}"
+
+
+def percentile(values: Iterable[float], percent: float) -> float:
+    """Return a percentile, interpolated between two values; NaN if there are no values."""
+    found = np.fromiter(values, float)
+    return float(np.percentile(found, percent)) if found.size else math.nan
 
 
 def machine() -> str:

@@ -3,13 +3,41 @@
 import json
 import os
 from collections.abc import Iterable
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
+from pydantic import TypeAdapter, ValidationError
+
+from bench.rig.program import ROOT
 from bench.rig.sheet import commit, machine, now
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+FOLDER = ROOT / "docs/campaign"
 Row = tuple[str, dict[str, Any]]
 """The kind of a measurement, and its fields."""
+T = TypeVar("T")
+
+
+class StoredRun(NamedTuple):
+    """The content of a file."""
+
+    run: dict[str, str]
+    """Command, date, machine and commit."""
+    rows: list[Row]
+
+    def of(self, kind: str, made: type[T]) -> tuple[T, ...]:
+        """Return the measurements of a kind as objects of a data class.
+
+        Raises:
+            RuntimeError: a measurement lacks a field, or a field has another type.
+        """
+        try:
+            return tuple(TypeAdapter(made).validate_python(row) for name, row in self.rows if name == kind)
+        except ValidationError as error:
+            raise RuntimeError(f"a stored run has a damaged {kind}: {error}") from error
 
 
 def this_run(command: str) -> dict[str, str]:
@@ -22,6 +50,17 @@ def origin(run: dict[str, str]) -> str:
     return "Run of {date} by `{command}`: {machine}; commit {commit}.".format(**run)
 
 
+def rows_of(kind: str, measured: "Iterable[DataclassInstance]", digits: int | None = None) -> list[Row]:
+    """Return measurements as rows, with their figures rounded to so many digits after the point; None: as they are."""
+    return [(kind, {name: _short(value, digits) for name, value in asdict(one).items()}) for one in measured]
+
+
+def _short(value: Any, digits: int | None) -> object:  # noqa: ANN401 - any field
+    if isinstance(value, tuple):
+        return [_short(one, digits) for one in value]  # pyright: ignore[reportUnknownVariableType]
+    return round(value, digits) if isinstance(value, float) and digits is not None else value
+
+
 def write_rows(path: Path, run: dict[str, str], rows: Iterable[Row]) -> None:
     lines = [{"row": "run", **run}, *({"row": kind, **fields} for kind, fields in rows)]
     text = "".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines)
@@ -31,7 +70,7 @@ def write_rows(path: Path, run: dict[str, str], rows: Iterable[Row]) -> None:
     written.replace(path)
 
 
-def read_rows(path: Path) -> tuple[dict[str, str], list[Row]] | None:
+def read_rows(path: Path) -> StoredRun | None:
     """Return the run and its measurements; None if the file does not exist.
 
     Raises:
@@ -42,6 +81,6 @@ def read_rows(path: Path) -> tuple[dict[str, str], list[Row]] | None:
     try:
         run, *rows = map(json.loads, path.read_text().splitlines())
         del run["row"]
-        return run, [(row.pop("row"), row) for row in rows]
+        return StoredRun(run, [(row.pop("row"), row) for row in rows])
     except (ValueError, KeyError, TypeError) as error:
         raise RuntimeError(f"{path} is not a stored run of a bench") from error

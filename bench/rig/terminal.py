@@ -4,17 +4,16 @@ import asyncio
 import fcntl
 import os
 import pty
-import signal
 import struct
 import subprocess
 import sys
 import termios
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
-from typing import Any
+
+from bench.rig.program import end
 
 ARE_YOU_THERE, I_AM = b"\x1b[5n", "\x1b[0n"
-END_LIMIT_S = 5.0
 
 
 class Terminal:
@@ -75,23 +74,3 @@ def teleop(terminal: Terminal, *arguments: str) -> Generator[None]:
     """Run `python -m teleop` in `terminal` while the context is open, then close the terminal."""
     with running(terminal, sys.executable, "-m", "teleop", *arguments):
         yield
-
-
-@contextmanager
-def sparing_from_ctrl_c() -> Generator[None]:
-    """Let processes that start while the context is open ignore Ctrl-C: the bench ends them, and they print no traceback."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # a new process inherits the mask
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def end(process: "subprocess.Popen[Any]") -> None:
-    """Terminate a process, and kill it if it does not end in time."""
-    process.terminate()
-    try:
-        process.wait(END_LIMIT_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait(END_LIMIT_S)

@@ -5,7 +5,6 @@ the robot at this endpoint. Prints `started NUMBER PID`, and `driving NUMBER PID
 this one, which has imported all modules and opened no session: starting a new interpreter for each of them would load the machine.
 """
 
-import ctypes
 import os
 import signal
 import sys
@@ -13,18 +12,16 @@ import threading
 from pathlib import Path
 
 from bench.peers.links import lifeline_link
-
-PR_SET_PDEATHSIG = 1
+from bench.rig.program import die_with_parent
 
 
 def main() -> None:
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # the kernel reaps the children
-    libc = ctypes.CDLL(None)
     for line in sys.stdin:
         number, endpoint, *reach = line.split()
         pid = os.fork()
         if pid == 0:
-            libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+            die_with_parent()
             namespace, keys = (reach[0], Path(reach[1])) if reach else ("robot", None)
             lifeline_link.hold(endpoint, namespace, keys)
             _tell(f"driving {number} {os.getpid()}")

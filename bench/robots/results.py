@@ -1,12 +1,20 @@
-"""Writes and reads the stored measurements, one JSON object a line: the run, then each number of robots."""
+"""The stored measurements with each number of robots, their table and targets (pure)."""
 
-from dataclasses import asdict, dataclass, fields
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
 
-from bench.rig.stored import read_rows, write_rows
+import numpy as np
 
-STORED = Path(__file__).resolve().parents[2] / "docs/campaign/bench_robots.jsonl"
+from bench.rig.sheet import Column, Sheet, Verdict, percentile
+from bench.rig.stored import FOLDER, origin, read_rows, rows_of, write_rows
+
+STORED = FOLDER / "bench_robots.jsonl"
+DIGITS = 3
+"""Of stored figures: microseconds are enough."""
+TARGET_ROBOTS = 25
+TARGET_GAP_P99_MS, TARGET_STOP_P99_MS = 30.0, 15.0
 
 
 @dataclass(frozen=True)
@@ -59,6 +67,15 @@ class Crowd:
     crossing_bytes_s: float = 0.0
     """What the router sends and receives for each robot and its operator."""
 
+    def stop_percentile(self, percent: float) -> str:
+        """Return a percentile of the stops [ms] as a cell; a dash if no killed operator had driven."""
+        return f"{percentile(self.stop_ms, percent):.1f}" if self.stop_ms else "–"
+
+    def stood_for(self) -> str:
+        """Return the number of robots that stopped without cause as a cell, with their number for each reason."""
+        reasons = ", ".join(f"{name} {count}" for name, count in self.reasons.items())
+        return f"{self.stood} ({reasons})" if reasons else f"{self.stood}"
+
 
 @dataclass(frozen=True)
 class Robots:
@@ -70,25 +87,82 @@ class Robots:
 
 
 def write(robots: Robots, path: Path) -> None:
-    rows = [{name: _short(value) for name, value in asdict(crowd).items()} for crowd in robots.crowds]
-    write_rows(path, robots.run, (("robots", row) for row in rows))
+    write_rows(path, robots.run, rows_of("robots", robots.crowds, DIGITS))
 
 
 def read(path: Path = STORED) -> Robots | None:
     """Return the stored run; None if there is none."""
     stored = read_rows(path)
-    if stored is None:
-        return None
-    run, rows = stored
-    tuples = [field.name for field in fields(Crowd) if field.type == tuple[float, ...]]
-    for _, row in rows:
-        row |= {name: tuple(row[name]) for name in tuples}
-    crowds = (Crowd(**row) for _, row in rows)
-    return Robots(run, tuple(crowds))
+    return None if stored is None else Robots(stored.run, stored.of("robots", Crowd))
 
 
-def _short(value: Any) -> object:  # noqa: ANN401 - any field
-    """Round figures: microseconds are enough."""
-    if isinstance(value, float):
-        return round(value, 3)
-    return [round(one, 3) for one in cast("tuple[float, ...]", value)] if isinstance(value, tuple) else value
+GAPS: tuple[Column[Crowd], ...] = (
+    ("gap p50", lambda one: f"{one.gap_p50_ms:.1f}"),
+    ("p99", lambda one: f"{one.gap_p99_ms:.1f}"),
+    ("max", lambda one: f"{one.gap_max_ms:.0f}"),
+    ("stood", Crowd.stood_for),
+)
+COLUMNS: tuple[Column[Crowd], ...] = (
+    ("robots", lambda one: f"{one.robots}"),
+    ("CPU of each", lambda one: f"{np.mean(one.cpu_percent):.1f}"),
+    ("of all", lambda one: f"{sum(one.cpu_percent):.0f}"),
+    ("feeder", lambda one: f"{one.feeder_percent:.0f}"),
+    ("others", lambda one: f"{one.other_percent:.0f}"),
+    ("busy", lambda one: f"{one.busy_percent:.0f} / {one.kills_busy_percent:.0f}"),
+    ("waiting", lambda one: f"{one.delay_percent:.1f}"),
+    *GAPS,
+    ("stops", lambda one: f"{len(one.stop_ms)} of {one.kills}"),
+    ("stop p50", lambda one: one.stop_percentile(50)),
+    ("p99", lambda one: one.stop_percentile(99)),
+    ("late p99", lambda one: f"{one.late_p99_ms:.1f}"),
+)
+
+
+def sheets(robots: Robots) -> list[Sheet]:
+    return [
+        sheet(robots.crowds)
+        .with_note("The curve: [robots.svg](images/robots.svg).")
+        .with_note(origin(robots.run))
+    ]
+
+
+def sheet(crowds: Sequence[Crowd]) -> Sheet:
+    """Return one row for each number of robots."""
+    transit_ms = max((one.transit_p99_ms for one in crowds), default=math.nan)
+    return Sheet.of(
+        "Robots on one machine, a supervisor process for each: CPU in %, times in ms",
+        COLUMNS,
+        crowds,
+        "CPU of each supervisor, of all, of the feeder and of everything else, in % of one core.",
+        "busy: the machine, in % of all cores, during the drive / the kills.",
+        "stood: number of robots that stopped without cause while driving, with their number for each reason.",
+        "waiting: time that a supervisor's threads were ready to run but waited for a core, in % of the duration.",
+        f"gap: between two messages on cmd_vel. From the decision to its arrival, p99: at most {transit_ms:.1f} ms.",
+        f"{sum(one.garbled for one in crowds)} messages had content that their key does not permit.",
+        "stop: from the SIGKILL of the operator to zero on cmd_vel, while the other robots drive.",
+        "feeder: one process that plays sensors, operators and bases of all robots; late: the lateness of its samples.",
+    )
+
+
+def verdicts(robots: Robots) -> list[Verdict]:
+    """Return the verdicts at `TARGET_ROBOTS`, interpolated if it was not measured; none outside the measured numbers."""
+    crowds = sorted(robots.crowds, key=lambda one: one.robots)
+    if not crowds or not crowds[0].robots <= TARGET_ROBOTS <= crowds[-1].robots:
+        return []
+
+    def at_target(of: Callable[[Crowd], float]) -> float:
+        return float(np.interp(TARGET_ROBOTS, [one.robots for one in crowds], [of(one) for one in crowds]))
+
+    what = f"{TARGET_ROBOTS} robots on one machine,"
+    return [
+        Verdict(
+            f"{what} gaps of cmd_vel, p99", at_target(lambda one: one.gap_p99_ms), TARGET_GAP_P99_MS, "ms"
+        ),
+        Verdict(
+            f"{what} SIGKILL to zero, p99",
+            at_target(lambda one: percentile(one.stop_ms, 99)),
+            TARGET_STOP_P99_MS,
+            "ms",
+        ),
+        Verdict(f"{what} stopped without cause", at_target(lambda one: one.stood), 0.0, "robots"),
+    ]

@@ -7,16 +7,18 @@ import random
 import signal
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 
 import numpy as np
 
 from bench.rig.feed import Supervisor, supervisor
+from bench.rig.load import busy_percent, machine, usage
+from bench.rig.options import progress
 from bench.rig.program import Program, SilentError, program, wait_until_listening
+from bench.rig.sheet import percentile
 from bench.robots import stats
-from bench.robots.load import busy_percent, machine, usage
 from bench.robots.results import Crowd
 
 STARTING = 2
@@ -80,7 +82,6 @@ def measure(
     robots: int,
     seconds: float,
     kills: int | None,
-    tell: Callable[[str], None],
     layout: Layout | None = None,
     *,
     kills_limit_s: float = KILLS_LIMIT_S,
@@ -91,7 +92,6 @@ def measure(
         robots: number of robots.
         seconds: duration of the drive.
         kills: number of kills, distributed over at most `KILLED` robots; None: as many as the time permits.
-        tell: called with lines that report the progress.
         layout: how the operators reach the robots.
         kills_limit_s: maximum duration of the kills.
 
@@ -101,7 +101,7 @@ def measure(
     layout = Layout() if layout is None else layout
     with ExitStack() as ending:
         crowd = "1 robot" if robots == 1 else f"{robots} robots"
-        tell(f"{crowd}: start")
+        progress(f"{crowd}: start")
         supervisors = layout.start(robots, ending)
         endpoints = [one.endpoint for one in supervisors]
         feeder = ending.enter_context(program("bench.robots.feeder", arguments=layout.feeder(endpoints)))
@@ -109,7 +109,7 @@ def measure(
             feeder.line(DRIVE_LIMIT_S)
         time.sleep(SETTLE_S)
 
-        tell(f"{crowd}: drive")
+        progress(f"{crowd}: drive")
         pids = [one.pid for one in supervisors]
         before, machine_before, feeder_before = [usage(pid) for pid in pids], machine(), usage(feeder.pid)
         router_s, crossed = layout.router_cpu_s(), layout.crossed_bytes()
@@ -121,7 +121,7 @@ def measure(
         used = [usage(pid) - earlier for pid, earlier in zip(pids, before, strict=True)]
         machine_after, feeder_used = machine(), usage(feeder.pid) - feeder_before
 
-        tell(f"{crowd}: kills for {kills_limit_s:g} s" if kills is None else f"{crowd}: {kills} kills")
+        progress(f"{crowd}: kills for {kills_limit_s:g} s" if kills is None else f"{crowd}: {kills} kills")
         killed = min(robots, KILLED)
         feeder.tell(f"release {' '.join(map(str, range(killed)))}")
         time.sleep(STAND_S)
@@ -138,7 +138,7 @@ def measure(
 
     for number, robot in enumerate(found["robots"]):
         for at_s, key, payload, attachment in robot["garbled"]:
-            tell(
+            progress(
                 f"robot {number}, {at_s - window[0]:.3f} s: garbled {key}: {payload}, attachment {attachment}"
             )
     heard: list[list[stats.Heard]] = [[tuple(one) for one in robot["heard"]] for robot in found["robots"]]
@@ -166,12 +166,12 @@ def measure(
         kills_busy_percent=kills_busy_percent,
         stolen_percent=100.0 * (machine_after.stolen_s - machine_before.stolen_s) / total_s,
         other_percent=drive_busy_percent * (os.cpu_count() or 1) - own_percent,
-        gap_p50_ms=stats.percentile(gaps_ms, 50),
-        gap_p99_ms=stats.percentile(gaps_ms, 99),
-        gap_max_ms=stats.percentile(gaps_ms, 100),
-        decided_gap_p99_ms=stats.percentile(decided_ms, 99),
-        transit_p99_ms=stats.percentile(transits_ms, 99),
-        late_p99_ms=stats.percentile(late_ms, 99),
+        gap_p50_ms=percentile(gaps_ms, 50),
+        gap_p99_ms=percentile(gaps_ms, 99),
+        gap_max_ms=percentile(gaps_ms, 100),
+        decided_gap_p99_ms=percentile(decided_ms, 99),
+        transit_p99_ms=percentile(transits_ms, 99),
+        late_p99_ms=percentile(late_ms, 99),
         garbled=sum(len(robot["garbled"]) for robot in found["robots"]),
         stood=sum(stats.stood(window, commands) for commands in heard),
         reasons={

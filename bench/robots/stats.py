@@ -3,8 +3,6 @@
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
-import numpy as np
-
 Heard = tuple[float, float, bool]
 """A command to the base: its arrival and decision time [s], and whether it moves the robot."""
 Status = tuple[float, bool, Sequence[str]]
@@ -66,8 +64,3 @@ def stop_ms(killed_s: float, commands: Sequence[Heard]) -> float | None:
         ),
         None,
     )
-
-
-def percentile(values: Sequence[float], percent: float) -> float:
-    """Return a percentile; NaN if there are no values."""
-    return float(np.percentile(np.array(values), percent)) if values else float("nan")

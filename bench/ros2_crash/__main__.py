@@ -2,80 +2,101 @@
 
 import argparse
 import itertools
+import os
 import random
-import signal
+import shutil
+import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from types import FrameType
-from typing import NoReturn
 
 import pexpect
 
-from bench.rig.options import count, failing_in_a_sentence, output_file, positive, seed
-from bench.ros2_crash.isolation import can_isolate, is_isolated, isolate
-from bench.ros2_crash.results import appending, read
-from bench.ros2_crash.run import run
-from bench.ros2_crash.stage import program_of, stage
-from bench.ros2_crash.table import markdown, rows
-from bench.ros2_crash.trial import Case, Fault, Setup, Teleop, Trial, cases, missing
-from deploy.stack.errors import DeployError
+from bench.rig.options import (
+    CommandLine,
+    count,
+    failing_in_a_sentence,
+    output_file,
+    positive,
+    progress,
+    seed,
+    unwind_at_sigterm,
+)
+from bench.ros2_crash.stage import program_of, run, stage
+from bench.ros2_crash.trial import (
+    Case,
+    Fault,
+    Setup,
+    Teleop,
+    Trial,
+    appending,
+    cases,
+    markdown,
+    missing,
+    read,
+    rows,
+)
 
 TRIALS = 20
+INSIDE = "LIFELINE_ISOLATED"
+"""The variable that is set inside the network namespace."""
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        prog="python -m bench.ros2_crash",
-        description="Kill, stop and unplug a keyboard node that drives a ROS 2 robot at 0.5 m/s, and measure time and "
+    line = CommandLine(
+        "bench.ros2_crash",
+        "Kill, stop and unplug a keyboard node that drives a ROS 2 robot at 0.5 m/s, and measure time and "
         "distance to standstill. Needs `make ros2`; teleop_twist_keyboard is tried if it is installed, or if "
         "LIFELINE_TELEOP_TWIST_KEYBOARD names its file. Unplugging needs root.",
-        epilog="exit code: 0; 1 if a trial could not run. The file is extended: an interrupted run can be resumed",
+        "exit code: 0; 1 if a trial could not run. The file is extended: an interrupted run can be resumed",
     )
-    parser.add_argument(
+    line.parser.add_argument(
         "--out", type=output_file, required=True, metavar="FILE", help="JSON lines: one for each trial"
     )
-    parser.add_argument(
-        "--trials", type=count, default=TRIALS, help="number of trials of each case (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--minutes",
-        type=positive,
-        default=float("inf"),
-        help="begin no trial after this many minutes (default: no limit)",
-    )
-    parser.add_argument(
+    line.option("trials", count, TRIALS, "number of trials of each case")
+    line.option("minutes", positive, float("inf"), "begin no trial after this many minutes")
+    line.parser.add_argument(
         "--lifeline",
         choices=("no", "yes", "both"),
         default="both",
         help="whether Lifeline is between the node and the robot (default: %(default)s)",
     )
-    parser.add_argument(
-        "--seed", type=seed, default=1, help="seed of the times of the faults (default: %(default)s)"
-    )
-    arguments = parser.parse_args()
+    line.option("seed", seed, 1, "seed of the times of the faults")
+    options = line.parse()
     if not is_isolated() and can_isolate():
         isolate()
-    signal.signal(signal.SIGTERM, _end)
+    unwind_at_sigterm()
     with failing_in_a_sentence("bench.ros2_crash", "the complete trials are in the file"):
-        try:
-            sys.exit(measure(arguments))
-        except DeployError as error:
-            raise RuntimeError(str(error)) from error
+        sys.exit(measure(options))
 
 
-def _end(_: int, __: FrameType | None) -> NoReturn:
-    """End the trial's processes, then this one."""
-    sys.exit(1)
+def is_isolated() -> bool:
+    return INSIDE in os.environ
+
+
+def can_isolate() -> bool:
+    """Return whether this process may create network namespaces."""
+    if not (shutil.which("unshare") and shutil.which("ip")):
+        return False
+    done = subprocess.run(["unshare", "--net", "true"], check=False, capture_output=True)
+    return done.returncode == 0
+
+
+def isolate() -> None:
+    """Replace this process by the same command in a network namespace of its own."""
+    again = [sys.executable, "-m", "bench.ros2_crash", *sys.argv[1:]]
+    command = ["unshare", "--net", "sh", "-c", 'ip link set lo up && exec "$@"', "sh", *again]
+    os.execvpe(command[0], command, os.environ | {INSIDE: "1"})
 
 
 def measure(arguments: argparse.Namespace) -> int:
     """Run what is missing, and print the table; return the exit code."""
     done, failed = read(arguments.out), 0
     lifeline = {"no": [False], "yes": [True], "both": [False, True]}[arguments.lifeline]
-    wanted = cases([one for one in Teleop if program_of(one) is not None], _faults(), lifeline)
+    faults = [fault for fault in Fault if fault is not Fault.UNPLUG or is_isolated()]
+    wanted = cases([one for one in Teleop if program_of(one) is not None], faults, lifeline)
     end_s = time.monotonic() + 60 * arguments.minutes
     todo = missing(wanted, arguments.trials, done)
     with appending(arguments.out) as file:
@@ -91,7 +112,7 @@ def measure(arguments: argparse.Namespace) -> int:
                         print(trial.line(), flush=True)
                 except (AssertionError, TimeoutError, pexpect.ExceptionPexpect) as error:
                     failed += 1
-                    print(f"not run: {setup}: {error}\n{last_words(Path(logs))}", file=sys.stderr, flush=True)
+                    progress(f"not run: {setup}: {error}\n{last_words(Path(logs))}")
     print(markdown(rows(done)))
     return int(failed > 0)
 
@@ -114,10 +135,6 @@ def run_block(
 def last_words(logs: Path) -> str:
     """Return the ends of the processes' logs."""
     return "\n".join(f"{path.name}: {path.read_text()[-600:]}" for path in sorted(logs.glob("*-*.log")))
-
-
-def _faults() -> list[Fault]:
-    return [fault for fault in Fault if fault is not Fault.UNPLUG or is_isolated()]
 
 
 if __name__ == "__main__":

@@ -1,21 +1,27 @@
-"""The robot, its observer and the operator's node as real processes; with Lifeline, also supervisor and ros2."""
+"""One trial: drive at 0.5 m/s, inject the fault, and measure until standstill.
+
+The robot, its observer and the operator's node are real processes; with Lifeline, also supervisor and ros2.
+"""
 
 import hashlib
+import itertools
+import math
 import os
+import random
 import signal
 import time
-from collections.abc import Generator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Generator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import pexpect
 
-from bench.ros2_crash.trial import Fault, Setup, Teleop
+from bench.ros2_crash.trial import LIMIT_S, SPEED_M_S, Case, Fault, Setup, Teleop, Trial
 from faults.real.rig.cable import Cable
 from ros2.environment import dds_variables
-from tests.ros2.host import ROS_PYTHON, Host, Peer, ros_domain
-from tests.ros2.keyboards import LAB_TELEOP, upstream_teleop
+from tests.ros2.host import ROS_PYTHON, Host, Line, Peer, ros_domain
+from tests.ros2.keyboards import LAB_TELEOP, pressing, upstream_teleop
 from tests.system.ports import free_endpoint
 from wire.host.state_directory import ENVIRONMENT
 
@@ -24,6 +30,17 @@ UP_LIMIT_S, POLL_S = 10.0, 0.02
 TOPICS = {Teleop.LAB: "/teleop/cmd_vel", Teleop.KEYBOARD: "/keyboard/cmd_vel"}
 """The topics to which the nodes are remapped with Lifeline."""
 QUIT_KEYS = {Teleop.LAB: "q", Teleop.KEYBOARD: "\x03"}
+DRIVE_TRIES = 8
+DRIVE_LIMIT_S = 2.5
+AT_REST_M_S = 0.005
+MOMENTS_S = 0.2
+"""The fault comes at a random moment of this span after the robot has reached its speed."""
+BEFORE_NS = 1_000_000_000
+BETWEEN_KEYS_S = 0.5
+"""Without this pause, the neutral command and the first motion command would arrive together."""
+STOP_KEYS = {Teleop.LAB: "s", Teleop.KEYBOARD: "k"}
+DRIVE_KEYS = {Teleop.LAB: "wwwww", Teleop.KEYBOARD: "i"}
+HELD_KEYS = {Teleop.LAB: None, Teleop.KEYBOARD: "i"}
 
 # teleop_twist_keyboard publishes only on key events: its command is held until the key repeats.
 CONFIG = """
@@ -150,3 +167,92 @@ def _start_lifeline(host: Host, setup: Setup, logs: Path) -> None:
     options = ["--config", str(config), "--endpoint", endpoint]
     host.start_node("supervisor", *options)
     host.run("ros2", [str(ROS_PYTHON), "-m", "ros2", *options], host.variables)
+
+
+def run(made: Stage, case: Case, number: int, moments: random.Random) -> Trial:
+    """Run one trial.
+
+    Raises:
+        AssertionError: a process does not start, or the robot does not drive.
+    """
+    with made.operator(case.teleop) as terminal:
+        for _ in range(DRIVE_TRIES - 1):
+            try:
+                return _drive_and_measure(made, terminal, case, number, moments)
+            except TimeoutError:
+                continue  # DDS had not found the robot yet, or the supervisor was not ready
+        return _drive_and_measure(made, terminal, case, number, moments)
+
+
+def _drive_and_measure(
+    made: Stage, terminal: "pexpect.spawn[str]", case: Case, number: int, moments: random.Random
+) -> Trial:
+    """Press the keys, inject the fault at speed, and measure.
+
+    Raises:
+        TimeoutError: the robot does not drive.
+    """
+    observer = made.observer
+    terminal.send(STOP_KEYS[case.teleop])
+    time.sleep(BETWEEN_KEYS_S)
+    with pressing(terminal, DRIVE_KEYS[case.teleop], then=HELD_KEYS[case.teleop]):
+        try:
+            observer.until(_drives, f"{SPEED_M_S} m/s", after=len(observer.lines), within_s=DRIVE_LIMIT_S)
+        except AssertionError as error:
+            raise TimeoutError(str(error)) from error
+        time.sleep(moments.uniform(0.0, MOMENTS_S))
+        begin = len(observer.lines)
+        begin_ns = time.monotonic_ns()
+        made.inject(case.fault, terminal)
+        with suppress(AssertionError):  # the robot may not stop
+            observer.until(
+                lambda line: line["at_ns"] >= begin_ns and _rests(line),
+                "standstill",
+                after=begin,
+                within_s=LIMIT_S,
+            )
+    from_ns = begin_ns - BEFORE_NS
+    return _measured(
+        case, number, observer.of("odom", from_ns=from_ns), observer.of("cmd_vel", from_ns=from_ns), begin_ns
+    )
+
+
+def _drives(line: Line) -> bool:
+    return line.get("topic") == "odom" and line["v"] > 0.95 * SPEED_M_S
+
+
+def _rests(line: Line) -> bool:
+    return line.get("topic") == "odom" and abs(line["v"]) < AT_REST_M_S
+
+
+def _measured(
+    case: Case, number: int, travel: Sequence[Line], commands: Sequence[Line], begin_ns: int
+) -> Trial:
+    """Return the trial.
+
+    Args:
+        case: its case.
+        number: its number.
+        travel: the true odometry before and after the fault.
+        commands: what the robot received.
+        begin_ns: the time of the fault.
+    """
+    before = [line for line in travel if line["at_ns"] < begin_ns]
+    after = [line for line in travel if begin_ns <= line["at_ns"] <= begin_ns + LIMIT_S * 1e9]
+    rest = next((index for index, line in enumerate(after) if _rests(line)), None)
+    way = [before[-1], *after[: None if rest is None else rest + 1]]
+    zero = next(
+        (line for line in commands if line["at_ns"] >= begin_ns and line["v"] == line["w"] == 0), None
+    )
+    return Trial(
+        case.teleop,
+        case.fault,
+        case.robot,
+        case.lifeline,
+        number,
+        speed_m_s=before[-1]["v"],
+        zero_s=None if zero is None else (zero["at_ns"] - begin_ns) / 1e9,
+        standstill_s=None if rest is None else (after[rest]["at_ns"] - begin_ns) / 1e9,
+        distance_m=sum(math.dist((a["x"], a["y"]), (b["x"], b["y"])) for a, b in itertools.pairwise(way)),
+        program=digest_of(case.teleop),
+    )

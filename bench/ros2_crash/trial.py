@@ -1,17 +1,31 @@
-"""The cases, and the result of one trial. Pure."""
+"""The cases, the trials with their file, and the table.
+
+The file has a line for each trial, and one after each run that says where and when it was measured.
+"""
 
 import itertools
 import json
-from collections import Counter
-from collections.abc import Iterable, Sequence
+import math
+from collections import Counter, defaultdict
+from collections.abc import Generator, Iterable, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from enum import StrEnum
+from pathlib import Path
+from typing import IO
+
+from pydantic import TypeAdapter
+
+from bench.rig.sheet import now
+from deploy.stack.errors import DeployError
+from faults.provenance import commit, machine
+from faults.report.statistics import quantile
+from faults.trial import PROVENANCE_BEGINS, Provenance, parse_provenance
+from faults.trial_file import whole_lines
 
 SPEED_M_S = 0.5
 LIMIT_S = 5.0
 """Time after the fault until which a robot can still stop; after that, it counts as not stopped."""
-
-
 BLOCK = 5
 """Number of trials of each case that run before the setup changes."""
 
@@ -101,18 +115,7 @@ def parse(line: str) -> Trial:
     Raises:
         ValueError: the line is not a trial.
     """
-    try:
-        values = json.loads(line)
-        return Trial(
-            **values
-            | {
-                "teleop": Teleop(values["teleop"]),
-                "fault": Fault(values["fault"]),
-                "robot": Robot(values["robot"]),
-            }
-        )
-    except (KeyError, TypeError) as error:
-        raise ValueError(f"not a trial of this format: {error}") from error
+    return TypeAdapter(Trial).validate_json(line)
 
 
 def cases(teleops: Sequence[Teleop], faults: Sequence[Fault], lifeline: Sequence[bool]) -> list[Case]:
@@ -132,3 +135,112 @@ def missing(wanted: Sequence[Case], count: int, done: Iterable[Trial]) -> list[t
     setups = list(dict.fromkeys(case.setup for case in wanted))
     trials = [(case, number) for number in range(1, count + 1) for case in wanted if number > so_far[case]]
     return sorted(trials, key=lambda one: ((one[1] - 1) // BLOCK, setups.index(one[0].setup)))
+
+
+def read(path: Path) -> list[Trial]:
+    """Return the trials of a file; none if there is no file.
+
+    Raises:
+        DeployError: a line is not a trial.
+    """
+    if not path.exists():
+        return []
+    try:
+        return [
+            parse(one) for one in whole_lines(path, "the trials") if not one.startswith(PROVENANCE_BEGINS)
+        ]
+    except ValueError as error:
+        raise DeployError(f"{path}: {error}; choose another --out") from error
+
+
+def read_origins(path: Path) -> list[Provenance]:
+    """Return where and when the trials of a file were measured, in the order of the runs."""
+    lines = whole_lines(path, "the trials")
+    return sorted(
+        (parse_provenance(line) for line in lines if line.startswith(PROVENANCE_BEGINS)), key=lambda o: o.date
+    )
+
+
+@contextmanager
+def appending(path: Path) -> Generator[IO[str]]:
+    """Open a file to append whole lines; at the end, a line says where and when they were measured."""
+    whole = "".join(whole_lines(path, "the trials")) if path.exists() else ""
+    path.write_text(whole)
+    begun = Provenance(command="python -m bench.ros2_crash", date=now(), machine=machine(), commit=commit())
+    with path.open("a") as file:
+        try:
+            yield file
+        finally:
+            if file.tell() > len(whole.encode()):
+                file.write(begun.line() + "\n")
+
+
+@dataclass(frozen=True)
+class Row:
+    """The trials of one case; quantiles over those that stopped, NaN if none did."""
+
+    case: Case
+    count: int
+    stopped: int
+    zero_p50_s: float
+    """Median over the trials with a zero on /cmd_vel."""
+    standstill_p50_s: float
+    standstill_max_s: float
+    distance_p50_m: float
+    """Over all trials: a robot that did not stop counts with its distance in `LIMIT_S`."""
+    distance_max_m: float
+
+
+def rows(trials: Iterable[Trial]) -> list[Row]:
+    """Return a row for each case; those without and with Lifeline follow each other."""
+    by_case: dict[Case, list[Trial]] = defaultdict(list)
+    for trial in trials:
+        by_case[trial.case].append(trial)
+    return [
+        _row(case, by_case[case])
+        for case in cases(list(Teleop), list(Fault), [False, True])
+        if case in by_case
+    ]
+
+
+def _row(case: Case, trials: Sequence[Trial]) -> Row:
+    times_s = sorted(trial.standstill_s for trial in trials if trial.standstill_s is not None)
+    zeros_s = sorted(trial.zero_s for trial in trials if trial.zero_s is not None)
+    distances_m = sorted(trial.distance_m for trial in trials)
+    return Row(
+        case,
+        len(trials),
+        len(times_s),
+        quantile(zeros_s, 0.5),
+        quantile(times_s, 0.5),
+        quantile(times_s, 1.0),
+        quantile(distances_m, 0.5),
+        quantile(distances_m, 1.0),
+    )
+
+
+def markdown(found: Iterable[Row]) -> str:
+    """Return the table as markdown."""
+    lines = [
+        "| teleop | fault | robot | Lifeline | n | stopped | zero p50 | standstill p50 (max) | distance p50 (max) |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for row in found:
+        case = row.case
+        stopped = "all" if row.stopped == row.count else f"{row.stopped} within {LIMIT_S:g} s"
+        more = "" if row.stopped == row.count else "> "
+        lines.append(
+            f"| {case.teleop} | {case.fault} | {case.robot} | {'yes' if case.lifeline else 'no'} "
+            f"| {row.count} | {stopped} | {_seconds(row.zero_p50_s)} "
+            f"| {_spread(row.standstill_p50_s, row.standstill_max_s, 's')} "
+            f"| {more}{_spread(row.distance_p50_m, row.distance_max_m, 'm')} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _seconds(value: float) -> str:
+    return "none" if math.isnan(value) else f"{value:.3f} s"
+
+
+def _spread(middle: float, largest: float, unit: str) -> str:
+    return "none" if math.isnan(middle) else f"{middle:.2f} ({largest:.2f}) {unit}"

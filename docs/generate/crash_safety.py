@@ -16,9 +16,8 @@ from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
-from bench.ros2_crash.results import read as read_ros2
-from bench.ros2_crash.results import read_origins
-from bench.ros2_crash.table import markdown, rows
+from bench.ros2_crash.trial import markdown, read_origins, rows
+from bench.ros2_crash.trial import read as read_ros2
 from bench.soak import Sample, judge, read_samples, warm_up_s
 from deploy.stack.errors import DeployError
 from docs.generate import sections

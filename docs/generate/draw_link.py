@@ -11,9 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from bench.link.conditions import Link
-from bench.link.results import Measured, read
-from bench.link.table import MANY, TARGET_ROUND_TRIP_S, TARGETS
+from bench.link.results import MANY, TARGET_ROUND_TRIP_S, TARGETS, Link, Measured, read
 from docs.generate.palette import DANGER, GREY, INK, LIGHT, RING, ROBOT
 
 PICTURE = Path(__file__).parents[1] / "images/link.svg"

@@ -10,10 +10,16 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from bench.fleet.results import CURVE
-from bench.robots.results import STORED, Crowd, read
-from bench.robots.stats import percentile
-from bench.robots.table import TARGET_GAP_P99_MS, TARGET_ROBOTS, TARGET_STOP_P99_MS
+from bench.fleet import CURVE
+from bench.rig.sheet import percentile
+from bench.robots.results import (
+    STORED,
+    TARGET_GAP_P99_MS,
+    TARGET_ROBOTS,
+    TARGET_STOP_P99_MS,
+    Crowd,
+    read,
+)
 from docs.generate.palette import DANGER, GREY, INK, LIGHT, RING, ROBOT
 
 SATURATED_MS = 300.0

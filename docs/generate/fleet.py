@@ -11,8 +11,7 @@ The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
 import sys
 from pathlib import Path
 
-from bench.fleet.results import CURVE, SOAK
-from bench.fleet.table import sheet, soak_verdicts
+from bench.fleet import CURVE, SOAK, sheet, soak_verdicts
 from bench.rig.stored import origin
 from bench.robots.results import read
 from docs.generate import sections

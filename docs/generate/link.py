@@ -11,8 +11,7 @@ The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
 import sys
 from pathlib import Path
 
-from bench.link.results import Results, read
-from bench.link.table import sheets, verdicts
+from bench.link.results import Results, read, sheets, verdicts
 from docs.generate import sections
 
 DOCUMENT = Path(__file__).parents[1] / "link.md"

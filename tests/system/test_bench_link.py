@@ -11,9 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from bench.link.conditions import Link
 from bench.link.namespaces import NAMED, remove_leftovers, why_not
-from bench.link.results import read
+from bench.link.results import Link, read
 from bench.rig.program import ROOT
 from tests.system.harness import PATIENCE_S
 from tests.system.process_state import children_of
@@ -151,7 +150,8 @@ def programs(pid: int) -> set[str]:
     for child in children_of(pid):
         with suppress(OSError):  # it has ended
             words = Path(f"/proc/{child}/cmdline").read_text().split("\0")
-            found |= {word.removeprefix("bench.link.") for word in words[2:3] if "-m" in words}
+            module, *arguments = words[2:4]
+            found.add(arguments[0] if module == "bench.link.flows" else module.removeprefix("bench.link."))
     return found
 
 

@@ -7,10 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.peers.kinds import kinds
-from bench.peers.results import read
-from bench.peers.round_trip import RATES_HZ
-from bench.peers.table import pooled, ratios
+from bench.peers.results import RATES_HZ, pooled, ratios, read
+from bench.peers.run import kinds
 from bench.rig.program import ROOT
 
 RUN_LIMIT_S = 280.0

@@ -19,8 +19,8 @@ from dataclasses import asdict
 from pathlib import Path as File
 from typing import Any
 
-from bench.link.conditions import Path
 from bench.link.namespaces import Pair, inside
+from bench.link.relay import Path
 from bench.rig.program import Program, program
 from deploy.keys.commands import init, issue
 from deploy.keys.register import Request

@@ -13,7 +13,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-from bench.peers.links.payload import PAYLOAD_BYTES
+from bench.peers.links import PAYLOAD_BYTES
 
 CONFIG = """<CycloneDDS><Domain><General>
 <Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces><AllowMulticast>false</AllowMulticast>

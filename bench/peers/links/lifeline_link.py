@@ -1,4 +1,4 @@
-"""The supervisor in the place of a relay: a command source and a reader of `cmd_vel`; `feeder.py` provides its sensors."""
+"""The supervisor in the place of a relay: a command source and a reader of `cmd_vel`; `bench.rig.feed` provides its sensors."""
 
 import asyncio
 import os
@@ -8,7 +8,7 @@ from collections.abc import Callable
 from itertools import count
 from pathlib import Path
 
-from bench.peers.links.payload import CDR_HEADER, payload_of, turn_of
+from bench.peers.links import CDR_HEADER, payload_of, turn_of
 from wire import topics
 from wire.bus_config import BusConfig
 from wire.host.memory_keeper import MemoryKeeper

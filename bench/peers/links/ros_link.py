@@ -11,7 +11,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
-from bench.peers.links.payload import CDR_HEADER, PAYLOAD_BYTES
+from bench.peers.links import CDR_HEADER, PAYLOAD_BYTES
 
 RELIABLE = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 

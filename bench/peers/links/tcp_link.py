@@ -4,7 +4,7 @@ import socket
 import threading
 from collections.abc import Callable
 
-from bench.peers.links.payload import PAYLOAD_BYTES
+from bench.peers.links import PAYLOAD_BYTES
 
 _kept: list[object] = []
 

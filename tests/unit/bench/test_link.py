@@ -7,12 +7,21 @@ from pathlib import Path as File
 
 import pytest
 
-from bench.link.conditions import Condition, Link, Path, grid
-from bench.link.lateness import Lateness
-from bench.link.results import Measured, Results, Round, read, write
-from bench.link.router import Router
-from bench.link.stops import LATE_S, TIMEOUT_S, Flow, disturbed, length_s, outside, upper_rate
-from bench.link.table import sheets, stops, verdicts
+from bench.link.relay import Path, Router
+from bench.link.results import (
+    Condition,
+    Link,
+    Measured,
+    Results,
+    Round,
+    grid,
+    read,
+    sheets,
+    stops,
+    verdicts,
+    write,
+)
+from bench.link.stops import LATE_S, TIMEOUT_S, Flow, Lateness, disturbed, length_s, outside, upper_rate
 from wire.freshness import Sent
 
 PERIOD_S = 0.05

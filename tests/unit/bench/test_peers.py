@@ -4,10 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.peers.death import Death
-from bench.peers.results import Peers, read, write
-from bench.peers.round_trip import RATES_HZ, RoundTrip
-from bench.peers.table import ratios, sheets, verdicts
+from bench.peers.results import RATES_HZ, Death, Peers, RoundTrip, ratios, read, sheets, verdicts, write
 
 OWN, RELAY, OTHER = "supervisor", "relay", "other"
 RUN = {"command": "python -m bench.peers", "date": "today", "machine": "2 cores", "commit": "abc"}

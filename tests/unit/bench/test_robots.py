@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from bench.robots.load import Machine, busy_percent
-from bench.robots.results import Crowd, Robots, read, write
-from bench.robots.stats import Heard, gaps_ms, percentile, reasons, stood, stop_ms, transits_ms
-from bench.robots.table import sheet, sheets, verdicts
+from bench.rig.load import Machine, busy_percent
+from bench.rig.sheet import percentile
+from bench.robots.results import Crowd, Robots, read, sheet, sheets, verdicts, write
+from bench.robots.stats import Heard, gaps_ms, reasons, stood, stop_ms, transits_ms
 
 WINDOW = (1.0, 2.0)
 MOVES, STANDS = True, False

@@ -5,8 +5,19 @@ from dataclasses import replace
 
 import pytest
 
-from bench.ros2_crash.table import markdown, rows
-from bench.ros2_crash.trial import BLOCK, Case, Fault, Robot, Teleop, Trial, cases, missing, parse
+from bench.ros2_crash.trial import (
+    BLOCK,
+    Case,
+    Fault,
+    Robot,
+    Teleop,
+    Trial,
+    cases,
+    markdown,
+    missing,
+    parse,
+    rows,
+)
 
 TRIAL = Trial(
     Teleop.LAB,

@@ -1,0 +1,185 @@
+"""What is compared, how it is started, and how long a command and the notice of a death take, in interleaved rounds."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Generator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from bench.peers.results import RATES_HZ, Death, RoundTrip
+from bench.rig.feed import supervisor
+from bench.rig.options import progress
+from bench.rig.program import ROOT, Program, running, talking, wait_until_listening
+from deploy.stack.launch import free_loopback_endpoint
+from ros2.environment import dds_variables, ros_variables
+
+PEERS_PYTHON = ROOT / ".peers/bin/python"
+ROS_PYTHON = ROOT / ".ros2/bin/python"
+DOMAIN = 27
+"""Of DDS; tests use those from 30 on."""
+BROKER = "/usr/sbin/mosquitto"
+TRIP_LIMIT_S, DEATH_LIMIT_S = 120.0, 20.0
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One way to pass a command on, and perhaps to notice a death."""
+
+    name: str
+    link: str
+    python: Path
+    mode: str = "asyncio"
+    """Of the relay: `asyncio` or `callback`."""
+    has_presence: bool = True
+    """Whether the link can show that a process has ended."""
+
+    def missing(self) -> str | None:
+        """Return what this machine lacks for it; None if nothing."""
+        if not self.python.exists():
+            return f"no environment {self.python.parent.parent.name}"
+        if self.link == "mqtt" and broker() is None:
+            return "mosquitto is not installed"
+        return None
+
+    def command(self, program: str, *arguments: str) -> list[str]:
+        return [str(self.python), "-m", "bench.peers.programs", program, self.link, *arguments]
+
+    @property
+    def environment(self) -> dict[str, str]:
+        if self.link != "ros":
+            return dict(os.environ)
+        own = {**ros_variables(self.python, os.environ), **dds_variables("localhost", {})}
+        return {**os.environ, **own, "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp"}
+
+    @contextmanager
+    def program(self, name: str, *arguments: str) -> Generator[Program]:
+        """Run one of the programs that print lines."""
+        command = self.command(name, *arguments)
+        with talking(f"{name} of {self.name}", command, self.environment, stderr=subprocess.DEVNULL) as made:
+            yield made
+
+    @contextmanager
+    def middle(self) -> Generator[str]:
+        """Run what is between the driver and the robot, and yield the address of the driver.
+
+        Raises:
+            RuntimeError: it does not start.
+        """
+        with ExitStack() as ending:
+            if self.link == "lifeline":
+                endpoint = ending.enter_context(supervisor()).endpoint
+                ending.enter_context(running([sys.executable, "-m", "bench.rig.feed", endpoint]))
+                yield endpoint
+                return
+            address = str(DOMAIN) if self.link in ("dds", "ros") else free_loopback_endpoint()
+            if self.link == "mqtt":
+                ending.enter_context(_broker(address))
+            ending.enter_context(running(self.command("relay", address, self.mode), self.environment))
+            if self.link in ("zenoh", "tcp"):
+                wait_until_listening(address)
+            yield address
+
+    def times_ms(self, count: int) -> list[list[float]]:
+        """Return the times of the commands that arrived, for each rate [ms]."""
+        pairs = [str(value) for rate_hz in RATES_HZ for value in (rate_hz, count)]
+        found: list[list[float]] = []
+        with self.middle() as address, self.program("driver", address, *pairs) as driver:
+            while len(found) < len(RATES_HZ):
+                line = driver.line(TRIP_LIMIT_S)
+                if line.startswith("["):  # DDS prints its warnings there too
+                    found.append(json.loads(line))
+        return found
+
+    def deaths_ms(self, kills: int) -> Generator[float]:
+        """Kill holders, and yield how long after each SIGKILL the watcher knew it [ms]."""
+        with ExitStack() as ending:
+            # TCP needs no relay: the watcher itself listens.
+            address = free_loopback_endpoint() if self.link == "tcp" else ending.enter_context(self.middle())
+            watcher = ending.enter_context(self.program("watcher", address))
+            watcher.line(DEATH_LIMIT_S)
+            for _ in range(kills):
+                with self.program("holder", address) as holder:
+                    holder.line(DEATH_LIMIT_S)
+                    killed_ns = time.monotonic_ns()
+                    holder.process.kill()
+                    lost_ns = 0
+                    while lost_ns < killed_ns:  # an earlier one is a stop that had another cause
+                        lost_ns = int(watcher.line(DEATH_LIMIT_S))
+                    yield (lost_ns - killed_ns) / 1e6
+
+
+def kinds() -> list[Kind]:
+    """Return all kinds; the second one is the reference of the ratios."""
+    own = Path(sys.executable)
+    return [
+        Kind("Lifeline's supervisor", "lifeline", own),
+        Kind("bare Zenoh relay, asyncio", "zenoh", PEERS_PYTHON),
+        Kind("bare Zenoh relay, in the callback", "zenoh", PEERS_PYTHON, "callback", has_presence=False),
+        Kind("MQTT (mosquitto, paho), asyncio", "mqtt", PEERS_PYTHON),
+        Kind("CycloneDDS, asyncio", "dds", PEERS_PYTHON, has_presence=False),
+        Kind("rclpy over Fast DDS, in the callback", "ros", ROS_PYTHON, "callback", has_presence=False),
+        Kind("TCP, asyncio", "tcp", PEERS_PYTHON),
+    ]
+
+
+def measure_trips(kinds: Sequence[Kind], rounds: int, count: int) -> list[RoundTrip]:
+    """Measure all kinds in each round, so that a slow moment of the machine affects all of them.
+
+    Args:
+        kinds: what is compared.
+        rounds: number of rounds.
+        count: number of commands for each kind, rate and round.
+
+    Raises:
+        RuntimeError: a process fails.
+    """
+    trips: list[RoundTrip] = []
+    for number in range(rounds):
+        for kind in kinds:
+            progress(f"round {number + 1}: {kind.name}")
+            trips += [
+                RoundTrip(kind.name, rate_hz, number, count, tuple(times_ms))
+                for rate_hz, times_ms in zip(RATES_HZ, kind.times_ms(count), strict=True)
+            ]
+    return trips
+
+
+def measure_deaths(kinds: Sequence[Kind], rounds: int, kills: int) -> list[Death]:
+    """Kill holders of each kind that has presence, in each round.
+
+    Raises:
+        RuntimeError: an end is not noticed within the limit.
+    """
+    deaths: list[Death] = []
+    for number in range(rounds):
+        for kind in kinds:
+            if kind.has_presence:
+                progress(f"round {number + 1}: SIGKILL, {kind.name}")
+                deaths.append(Death(kind.name, number, tuple(kind.deaths_ms(kills))))
+    return deaths
+
+
+def broker() -> str | None:
+    """Return the MQTT broker of this machine; None if there is none."""
+    return shutil.which("mosquitto") or (BROKER if os.access(BROKER, os.X_OK) else None)
+
+
+@contextmanager
+def _broker(address: str) -> Generator[None]:
+    path = broker()
+    assert path is not None
+    port = address.rpartition(":")[2]
+    with tempfile.TemporaryDirectory() as folder:
+        config = Path(folder) / "mosquitto.conf"
+        config.write_text(
+            f"listener {port} 127.0.0.1\nallow_anonymous true\nset_tcp_nodelay true\nuser root\npersistence false\nlog_dest none\n"
+        )
+        with running([path, "-c", str(config)]):
+            wait_until_listening(address)
+            yield
