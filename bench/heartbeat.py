@@ -1,10 +1,9 @@
 """Measures the lateness of the real teleop's heartbeat while it draws in a pseudo-terminal."""
 
 import asyncio
-import itertools
 import math
 import time
-from collections.abc import Coroutine, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,20 +13,20 @@ from bench.rig import scenery
 from bench.rig.feed import (
     BEAMS,
     ODOM_HZ,
-    SCAN_HZ,
+    SCANS,
     START_S,
+    Robot,
     at_rate,
     client,
     feeding,
     mode_of,
-    scan,
     supervisor,
 )
-from bench.rig.sheet import Sheet, Verdict
+from bench.rig.sheet import Column, Sheet, Verdict
 from bench.rig.terminal import Terminal, teleop
 from wire import topics
 from wire.bus import Arrival, Subscription
-from wire.messages import SafetyStatus, Twist, odometry
+from wire.messages import SafetyStatus, Twist
 from wire.zenoh.bus import ZenohBus
 
 BEAT_S = 0.05
@@ -37,7 +36,6 @@ WARM_UP_S = 3.0
 TYPE_PERIOD_S = 0.33
 FULL_SPEED = "w" * 12
 """More presses than speed steps: a further press changes nothing and sends no extra command."""
-SCANS = 64
 TARGET_P99_MS = 5.0
 
 
@@ -114,39 +112,26 @@ async def _measure(endpoint: str, seconds: float) -> list[Heartbeat]:
             return [await robot.measure(screen, endpoint, seconds) for screen in SCREENS]
 
 
-class _Robot:
-    """A base that follows commands immediately, before a wall that moves, so that the whole display changes."""
+class _Robot(Robot):
+    """A robot before a wall that moves, so that the whole display changes."""
 
     def __init__(self, bus: ZenohBus) -> None:
-        self._velocity = (0.0, 0.0)
+        walls_m = [1.5 + 0.3 * math.sin(math.tau * number / SCANS) for number in range(SCANS)]
+        super().__init__(bus, [scenery.scans(BEAMS, 1, wall_m=wall_m)[0] for wall_m in walls_m])
         self._pose = (0.0, 0.0, 0.0)
-        self._scans = bus.publisher(topics.SCAN)
-        self._odometry = bus.publisher(topics.ODOM)
-        self._outputs: Subscription[Twist] = bus.subscribe(topics.CMD_VEL)
         self._statuses: Subscription[SafetyStatus] = bus.subscribe(topics.STATUS)
         self._heard = asyncio.Event()
         self._heard_gids: set[bytes] = set()
         self._beats: Subscription[Twist] = bus.subscribe(
             topics.source_cmd_vel(topics.TELEOP), depth=100_000, wake=self._heard
         )
-        walls_m = [1.5 + 0.3 * math.sin(math.tau * number / SCANS) for number in range(SCANS)]
-        self._ranges = itertools.cycle([scenery.scans(BEAMS, 1, wall_m=wall_m)[0] for wall_m in walls_m])
 
-    def feeds(self) -> list[Coroutine[None, None, None]]:
-        return [
-            at_rate(SCAN_HZ, lambda: self._scans.put(scan(next(self._ranges)))),
-            at_rate(ODOM_HZ, self._move),
-        ]
-
-    def _move(self) -> None:
-        newest = self._outputs.latest()
-        if newest is not None and newest.message is not None:
-            self._velocity = (newest.message.linear.x, newest.message.angular.z)
-        (x_m, y_m, yaw_rad), (v, w) = self._pose, self._velocity
+    def pose(self) -> tuple[float, float, float]:
+        (x_m, y_m, yaw_rad), (v, w) = self._pose, self.velocity
         step_s = 1.0 / ODOM_HZ
         yaw_rad += w * step_s
         self._pose = (x_m + v * math.cos(yaw_rad) * step_s, y_m + v * math.sin(yaw_rad) * step_s, yaw_rad)
-        self._odometry.put(odometry(self._pose, self._velocity))
+        return self._pose
 
     async def measure(self, screen: Screen, endpoint: str, seconds: float) -> Heartbeat:
         """Start a teleop, drive at full speed, and record its commands."""
@@ -208,53 +193,37 @@ class _Robot:
         )
 
 
+COLUMNS: tuple[Column[Heartbeat], ...] = (
+    ("screen", lambda one: one.screen),
+    ("size", lambda one: f"{one.columns}×{one.rows}"),
+    ("mode", lambda one: one.mode),
+    ("s", lambda one: f"{one.seconds:.0f}"),
+    ("beats", lambda one: f"{one.beats}"),
+    ("missed", lambda one: f"{one.missed}"),
+    ("sent p50", lambda one: f"{one.sent_p50_ms:.1f}"),
+    ("p99", lambda one: f"{one.sent_p99_ms:.1f}"),
+    ("max", lambda one: f"{one.sent_max_ms:.1f}"),
+    ("arrival p50", lambda one: f"{one.arrival_p50_ms:.1f}"),
+    ("p99", lambda one: f"{one.arrival_p99_ms:.1f}"),
+    ("max", lambda one: f"{one.arrival_max_ms:.1f}"),
+    ("kB/s", lambda one: f"{one.output_kb_s:.1f}"),
+)
+
+
 def heartbeat_sheet(heartbeats: Iterable[Heartbeat]) -> Sheet:
-    return Sheet(
+    return Sheet.of(
         "Teleop's heartbeat while it draws: lateness in ms against a grid of 50 ms",
+        COLUMNS,
+        heartbeats,
         (
-            "screen",
-            "size",
-            "mode",
-            "s",
-            "beats",
-            "missed",
-            "sent p50",
-            "p99",
-            "max",
-            "arrival p50",
-            "p99",
-            "max",
-            "kB/s",
-        ),
-        tuple(
-            (
-                beat.screen,
-                f"{beat.columns}×{beat.rows}",
-                beat.mode,
-                f"{beat.seconds:.0f}",
-                f"{beat.beats}",
-                f"{beat.missed}",
-                f"{beat.sent_p50_ms:.1f}",
-                f"{beat.sent_p99_ms:.1f}",
-                f"{beat.sent_max_ms:.1f}",
-                f"{beat.arrival_p50_ms:.1f}",
-                f"{beat.arrival_p99_ms:.1f}",
-                f"{beat.arrival_max_ms:.1f}",
-                f"{beat.output_kb_s:.1f}",
-            )
-            for beat in heartbeats
+            "The real teleop in a pseudo-terminal that reads all its output, with scans at 20 Hz, odometry at 50 Hz "
+            "and the supervisor's status at 10 Hz, all of which change; at full speed, with three key presses a second."
         ),
         (
-            (
-                "The real teleop in a pseudo-terminal that reads all its output, with scans at 20 Hz, odometry at 50 Hz "
-                "and the supervisor's status at 10 Hz, all of which change; at full speed, with three key presses a second."
-            ),
-            (
-                "sent: by the source time in each command's stamp. arrival: at this program, through the hub; it "
-                "includes this program's delays. The grid goes through the earliest beat."
-            ),
-            "kB/s: teleop's output to the terminal.",
+            "sent: by the source time in each command's stamp. arrival: at this program, through the hub; it "
+            "includes this program's delays. The grid goes through the earliest beat."
         ),
+        "kB/s: teleop's output to the terminal.",
     )
 
 

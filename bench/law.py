@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench.rig import scenery
-from bench.rig.sheet import Sheet, Verdict
+from bench.rig.sheet import Column, Sheet, Verdict
 from supervisor.config import SupervisorSection
 from supervisor.law.model import Command, Decision, Inputs, LaserScan, Mode, Odometry, State, Velocity
 from supervisor.law.safety import initial_state, step
@@ -225,79 +225,62 @@ def _assert_limited(driver: Driver) -> None:
     assert driver.mode is Mode.LIMITED, f"the barrier must be active, the mode is {driver.mode.name}"
 
 
+TIMING: tuple[Column[Timing], ...] = (
+    ("beams", lambda one: f"{one.beams:,}"),
+    ("scan p50", lambda one: f"{one.scan_median_us:.0f}"),
+    ("scan p99", lambda one: f"{one.scan_p99_us:.0f}"),
+    ("tick p50", lambda one: f"{one.tick_median_us:.0f}"),
+    ("tick p99", lambda one: f"{one.tick_p99_us:.0f}"),
+    ("numpy p50", lambda one: f"{one.numpy_median_us:.0f}"),
+    ("scan / numpy", lambda one: f"{one.scan_to_numpy:.1f}"),
+    ("per beam", lambda one: f"{one.per_beam_to_360:.2f}"),
+    ("cold p50", lambda one: f"{one.cold_median_us:.0f}"),
+    ("cold numpy p50", lambda one: f"{one.cold_numpy_us:.0f}"),
+)
+MEMORY: tuple[Column[Memory], ...] = (
+    ("beams", lambda one: f"{one.beams:,}"),
+    ("step", lambda one: one.kind),
+    ("peak kB", lambda one: f"{one.peak_bytes / 1000:.1f}"),
+    ("left in the state kB", lambda one: f"{one.state_bytes / 1000:.1f}"),
+    ("growth, blocks per step", lambda one: f"{one.growth_blocks:.2f}"),
+)
+
+
 def timing_sheet(timings: Iterable[Timing]) -> Sheet:
-    return Sheet(
+    return Sheet.of(
         "step() in µs, driving at a wall with the barrier active",
+        TIMING,
+        timings,
         (
-            "beams",
-            "scan p50",
-            "scan p99",
-            "tick p50",
-            "tick p99",
-            "numpy p50",
-            "scan / numpy",
-            "per beam",
-            "cold p50",
-            "cold numpy p50",
-        ),
-        tuple(
-            (
-                f"{t.beams:,}",
-                f"{t.scan_median_us:.0f}",
-                f"{t.scan_p99_us:.0f}",
-                f"{t.tick_median_us:.0f}",
-                f"{t.tick_p99_us:.0f}",
-                f"{t.numpy_median_us:.0f}",
-                f"{t.scan_to_numpy:.1f}",
-                f"{t.per_beam_to_360:.2f}",
-                f"{t.cold_median_us:.0f}",
-                f"{t.cold_numpy_us:.0f}",
-            )
-            for t in timings
+            "scan: a step with a new scan, odometry and a command. tick: a step with odometry and a command, "
+            "the points moved by odometry."
         ),
         (
-            (
-                "scan: a step with a new scan, odometry and a command. tick: a step with odometry and a command, "
-                "the points moved by odometry."
-            ),
-            (
-                "numpy: ranges → points → distances from the hull → the smallest, in plain numpy on the same arrays, "
-                "alternating with the steps. scan / numpy is the median of the ratios of each round, since a slow machine "
-                "slows both."
-            ),
-            (
-                "Scans of all sizes alternate, as other work does between two real ticks; "
-                "one size alone in a tight loop is faster by about a tenth."
-            ),
-            "per beam: the time of a scan step for each beam, relative to that at 360; 1 is linear.",
-            f"cold: a scan step, and the plain numpy, immediately after {1000 * COLD_SLEEP_S:.0f} ms of sleep.",
+            "numpy: ranges → points → distances from the hull → the smallest, in plain numpy on the same arrays, "
+            "alternating with the steps. scan / numpy is the median of the ratios of each round, since a slow machine "
+            "slows both."
         ),
+        (
+            "Scans of all sizes alternate, as other work does between two real ticks; "
+            "one size alone in a tight loop is faster by about a tenth."
+        ),
+        "per beam: the time of a scan step for each beam, relative to that at 360; 1 is linear.",
+        f"cold: a scan step, and the plain numpy, immediately after {1000 * COLD_SLEEP_S:.0f} ms of sleep.",
     )
 
 
 def memory_sheet(memory: Iterable[Memory]) -> Sheet:
-    return Sheet(
+    return Sheet.of(
         "step() and memory",
-        ("beams", "step", "peak kB", "left in the state kB", "growth, blocks per step"),
-        tuple(
-            (
-                f"{m.beams:,}",
-                m.kind,
-                f"{m.peak_bytes / 1000:.1f}",
-                f"{m.state_bytes / 1000:.1f}",
-                f"{m.growth_blocks:.2f}",
-            )
-            for m in memory
+        MEMORY,
+        memory,
+        (
+            f"Means of {MEMORY_STEPS} steps. peak: the maximum memory during a step beyond that held before. "
+            "left: the memory kept after the step, which replaces the previous state (both by tracemalloc)."
         ),
         (
-            (
-                f"Means of {MEMORY_STEPS} steps. peak: the maximum memory during a step beyond that held before. "
-                "left: the memory kept after the step, which replaces the previous state (both by tracemalloc)."
-            ),
-            (
-                "growth: of the interpreter's memory blocks from the first step to the last "
-                "(sys.getallocatedblocks); zero means no leak."
-            ),
+            "growth: of the interpreter's memory blocks from the first step to the last "
+            "(sys.getallocatedblocks); zero means no leak."
         ),
     )
 

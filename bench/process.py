@@ -5,40 +5,37 @@ A bare relay in its place is the reference of the same run.
 
 import asyncio
 import itertools
-import os
 import subprocess
 import sys
 import time
-from collections.abc import Coroutine, Generator, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Coroutine, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
-from bench.rig import scenery
+from bench.rig import load, scenery
 from bench.rig.feed import (
     BEAMS,
-    ODOM_HZ,
-    SCAN_HZ,
+    SCANS,
     START_S,
+    Robot,
     Supervisor,
     at_rate,
     client,
     feeding,
     mode_of,
-    scan,
     supervisor,
 )
-from bench.rig.sheet import Sheet, Verdict
+from bench.rig.program import running
+from bench.rig.sheet import Column, Sheet, Verdict
 from wire import topics
 from wire.bus import Subscription
-from wire.messages import SafetyStatus, Twist, odometry, planar_twist
+from wire.messages import SafetyStatus, planar_twist
 from wire.zenoh.bus import ZenohBus
 
 COMMAND_HZ = 20.0
 WARM_UP_S = 3.0
-SCANS = 64
 CRUISE_M_S = 0.3
 CLEAR_M = scenery.ROOM_M
 
@@ -51,8 +48,6 @@ RELAY = "a bare relay instead"
 TARGET_CPU_PERCENT = 6.0
 TARGET_TO_RELAY = 1.35
 TARGET_RSS_MB = 100.0
-
-_CLOCK_TICKS_S = os.sysconf("SC_CLK_TCK")
 
 
 @dataclass(frozen=True)
@@ -112,65 +107,43 @@ async def _measure(process: Supervisor, phases: list[Phase], seconds: float) -> 
             return loads
 
 
-@contextmanager
-def echo(endpoint: str) -> Generator[None]:
+def echo(endpoint: str) -> AbstractContextManager["subprocess.Popen[str]"]:
     """Print every message of the robot in another process, as YAML."""
     keys = [topic.key for topic in (topics.CMD_VEL, topics.SCAN, topics.ODOM, topics.STATUS)]
     keys.append(topics.source_cmd_vel(topics.TELEOP).key)
-    command = [sys.executable, "-m", "lifeline.cli.app", "topic", "echo", *keys, "--endpoint", endpoint]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-    try:
-        yield
-    finally:
-        process.kill()
-        process.wait()
+    return running([sys.executable, "-m", "lifeline.cli.app", "topic", "echo", *keys, "--endpoint", endpoint])
 
 
-class _Driver:
-    """Teleop and sim in one client, with a base that follows commands immediately, at a constant distance to the wall."""
+class _Driver(Robot):
+    """Teleop and sim in one client, at a constant distance to the wall."""
 
     def __init__(self, bus: ZenohBus) -> None:
-        self._speed_m_s = 0.0
-        self._base_m_s = 0.0
-        self._arrivals_s: list[float] = []
-        self._mode = ""
         self._clear = scenery.scans(BEAMS, SCANS, wall_m=CLEAR_M)
         self._wall = scenery.scans(BEAMS, SCANS)
-        self._ranges = itertools.cycle(self._clear)
-        self._commands = bus.publisher(topics.source_cmd_vel(topics.TELEOP))
-        self._scans = bus.publisher(topics.SCAN)
-        self._odometry = bus.publisher(topics.ODOM)
+        super().__init__(bus, self._clear)
+        self._speed_m_s = 0.0
+        self._mode = ""
+        self._source = bus.publisher(topics.source_cmd_vel(topics.TELEOP))
         self._token = bus.declare_alive(topics.TELEOP)
-        self._cmd_vel: Subscription[Twist] = bus.subscribe(topics.CMD_VEL, depth=100_000)
         self._status_arrived = asyncio.Event()
         self._statuses: Subscription[SafetyStatus] = bus.subscribe(topics.STATUS, wake=self._status_arrived)
 
     def feeds(self) -> list[Coroutine[None, None, None]]:
-        return [
-            at_rate(COMMAND_HZ, lambda: self._commands.put(planar_twist(self._speed_m_s, 0.0))),
-            at_rate(SCAN_HZ, lambda: self._scans.put(scan(next(self._ranges)))),
-            at_rate(ODOM_HZ, self._tell_motion),
-        ]
-
-    def _tell_motion(self) -> None:
-        for arrival in self._cmd_vel.take():
-            self._arrivals_s.append(arrival.arrival_s)
-            if arrival.message is not None:
-                self._base_m_s = arrival.message.linear.x
-        self._odometry.put(odometry((0.0, 0.0, 0.0), (self._base_m_s, 0.0)))
+        commands = at_rate(COMMAND_HZ, lambda: self._source.put(planar_twist(self._speed_m_s, 0.0)))
+        return [commands, *super().feeds()]
 
     async def measure(self, phase: str, pid: int, seconds: float, wall_m: float, speed_m_s: float) -> Load:
         """Command zero, then this motion, and measure the process from outside for `seconds`."""
         self._speed_m_s = 0.0
-        self._ranges = itertools.cycle(self._clear if wall_m == CLEAR_M else self._wall)
+        self.ranges = itertools.cycle(self._clear if wall_m == CLEAR_M else self._wall)
         await asyncio.sleep(WARM_UP_S)
         self._speed_m_s = speed_m_s
         await asyncio.sleep(WARM_UP_S)
         accepted = await self._scans_accepted()
-        self._arrivals_s.clear()
+        self.arrivals_s.clear()
         began = _Usage(pid)
         await asyncio.sleep(seconds)
-        load = began.load_until_now(phase, self._arrivals_s.copy())
+        load = began.load_until_now(phase, self.arrivals_s.copy())
         scans = await self._scans_accepted() - accepted
         return replace(load, mode=self._mode, scans_hz=scans / load.seconds)
 
@@ -193,8 +166,8 @@ class _Usage:
 
     def __init__(self, pid: int) -> None:
         self._pid = pid
-        self._time_s, self._cpu_s, self._loop_s = time.monotonic(), _cpu_s(pid), _cpu_s(pid, pid)
-        self._sleeps = _status(pid, "voluntary_ctxt_switches")
+        self._time_s, self._cpu_s, self._loop_s = time.monotonic(), load.cpu_s(pid), load.cpu_s(pid, pid)
+        self._sleeps = load.status(pid, "voluntary_ctxt_switches")
 
     def load_until_now(self, phase: str, arrivals_s: Sequence[float]) -> Load:
         """Return the load since this usage, with the arrival times of its `cmd_vel` [s]."""
@@ -213,7 +186,7 @@ class _Usage:
             loop_percent=100 * loop_s / took_s,
             zenoh_percent=100 * (cpu_s - loop_s) / took_s,
             wakes_hz=(now._sleeps - self._sleeps) / took_s,
-            rss_mb=_status(self._pid, "VmRSS") / 1024,
+            rss_mb=load.status(self._pid, "VmRSS") / 1024,
             cmd_vel_hz=len(arrivals_s) / took_s,
             gap_p50_ms=float(np.percentile(gaps_ms, 50)),
             gap_p99_ms=float(np.percentile(gaps_ms, 99)),
@@ -222,85 +195,52 @@ class _Usage:
         )
 
 
-def _cpu_s(pid: int, thread: int | None = None) -> float:
-    """Return user and system time of a process or thread [s]; the main thread has the process's id."""
-    path = f"/proc/{pid}/stat" if thread is None else f"/proc/{pid}/task/{thread}/stat"
-    fields = Path(path).read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / _CLOCK_TICKS_S
-
-
-def _status(pid: int, name: str) -> int:
-    """Return a number of the main thread's /proc/<pid>/status."""
-    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
-        if line.startswith(f"{name}:"):
-            return int(line.split()[1])
-    raise RuntimeError("the process has ended")
-
-
 def load_sheet(loads: Sequence[Load]) -> Sheet:
-    return Sheet(
+    columns: list[Column[Load]] = [
+        ("phase", lambda one: one.phase),
+        ("mode", lambda one: one.mode),
+        ("s", lambda one: f"{one.seconds:.0f}"),
+        ("CPU %", lambda one: f"{one.cpu_percent:.1f}"),
+        ("/ relay", lambda one: f"{one.cpu_percent / loads[0].cpu_percent:.2f}"),
+        ("loop %", lambda one: f"{one.loop_percent:.1f}"),
+        ("Zenoh %", lambda one: f"{one.zenoh_percent:.1f}"),
+        ("wakes /s", lambda one: f"{one.wakes_hz:.0f}"),
+        ("RSS MB", lambda one: f"{one.rss_mb:.0f}"),
+        ("cmd_vel Hz", lambda one: f"{one.cmd_vel_hz:.1f}"),
+        ("gap p50 ms", lambda one: f"{one.gap_p50_ms:.1f}"),
+        ("p99", lambda one: f"{one.gap_p99_ms:.1f}"),
+        ("max", lambda one: f"{one.gap_max_ms:.1f}"),
+    ]
+    return Sheet.of(
         "The supervisor process over Zenoh: 20 Hz scans of 360 beams, 20 Hz commands, 50 Hz odometry",
+        columns,
+        loads,
         (
-            "phase",
-            "mode",
-            "s",
-            "CPU %",
-            "/ relay",
-            "loop %",
-            "Zenoh %",
-            "wakes /s",
-            "RSS MB",
-            "cmd_vel Hz",
-            "gap p50 ms",
-            "p99",
-            "max",
-        ),
-        tuple(
-            (
-                load.phase,
-                load.mode,
-                f"{load.seconds:.0f}",
-                f"{load.cpu_percent:.1f}",
-                f"{load.cpu_percent / loads[0].cpu_percent:.2f}",
-                f"{load.loop_percent:.1f}",
-                f"{load.zenoh_percent:.1f}",
-                f"{load.wakes_hz:.0f}",
-                f"{load.rss_mb:.0f}",
-                f"{load.cmd_vel_hz:.1f}",
-                f"{load.gap_p50_ms:.1f}",
-                f"{load.gap_p99_ms:.1f}",
-                f"{load.gap_max_ms:.1f}",
-            )
-            for load in loads
+            "CPU: of one core, user and system, from /proc/<pid>/stat. loop: the thread with the event loop, the "
+            "law, encoding and decoding. Zenoh: all other threads."
         ),
         (
-            (
-                "CPU: of one core, user and system, from /proc/<pid>/stat. loop: the thread with the event loop, the "
-                "law, encoding and decoding. Zenoh: all other threads."
-            ),
-            (
-                "relay: the same traffic through a process without a law, bench/relay.py. If a core sleeps between "
-                "ticks its caches grow cold, and on some machines the same code takes several times as long as in a "
-                "loop; / relay compares both under the same conditions."
-            ),
-            "wakes: of the event loop.",
-            ("topic echo: another process prints every message as YAML, on the same two cores."),
-            (
-                "cmd_vel and its gaps are measured by the driver; under the barrier the output also changes between "
-                "ticks, and each change is sent immediately."
-            ),
+            "relay: the same traffic through a process without a law, bench/relay.py. If a core sleeps between "
+            "ticks its caches grow cold, and on some machines the same code takes several times as long as in a "
+            "loop; / relay compares both under the same conditions."
+        ),
+        "wakes: of the event loop.",
+        ("topic echo: another process prints every message as YAML, on the same two cores."),
+        (
+            "cmd_vel and its gaps are measured by the driver; under the barrier the output also changes between "
+            "ticks, and each change is sent immediately."
         ),
     )
 
 
 def verdicts(loads: Sequence[Load]) -> list[Verdict]:
     found: list[Verdict] = []
-    for load in loads[1:]:
+    for one in loads[1:]:
         found += [
-            Verdict(f"CPU, {load.phase},", load.cpu_percent, TARGET_CPU_PERCENT, "% of one core"),
-            Verdict(f"resident memory, {load.phase},", load.rss_mb, TARGET_RSS_MB, "MB"),
+            Verdict(f"CPU, {one.phase},", one.cpu_percent, TARGET_CPU_PERCENT, "% of one core"),
+            Verdict(f"resident memory, {one.phase},", one.rss_mb, TARGET_RSS_MB, "MB"),
         ]
-        if load.phase != ECHO:  # the relay was measured without the printing process
-            to_relay = load.cpu_percent / loads[0].cpu_percent
-            found.append(Verdict(f"CPU, {load.phase},", to_relay, TARGET_TO_RELAY, "× the relay's"))
+        if one.phase != ECHO:  # the relay was measured without the printing process
+            to_relay = one.cpu_percent / loads[0].cpu_percent
+            found.append(Verdict(f"CPU, {one.phase},", to_relay, TARGET_TO_RELAY, "× the relay's"))
     return found

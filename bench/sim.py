@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.rig.sheet import Sheet, Verdict
+from bench.rig.sheet import Column, Sheet, Verdict
 from sim import mj
 from sim.build import Build
 from sim.config import SimSection
@@ -137,32 +137,30 @@ def measure_pace(rounds: int) -> list[Pace]:
     ]
 
 
+COLUMNS: tuple[Column[Pace], ...] = (
+    ("scene", lambda one: one.what),
+    ("geoms", lambda one: f"{one.geoms}"),
+    ("× real time", lambda one: f"{one.real_time_factor:.0f}"),
+    ("ms", lambda one: f"{one.plant_ms:.2f}"),
+    ("ms p90", lambda one: f"{one.plant_p90_ms:.2f}"),
+    ("MuJoCo alone ×", lambda one: f"{one.bare_factor:.0f}"),
+    ("ms", lambda one: f"{one.bare_ms:.2f}"),
+    ("rate / MuJoCo's", lambda one: f"{1.0 / one.plant_to_bare:.2f}"),
+)
+
+
 def pace_sheet(paces: Iterable[Pace]) -> Sheet:
-    return Sheet(
+    return Sheet.of(
         "The simulated robot, unpaced, with a scan of 360 beams 20 times a simulated second, on one core",
-        ("scene", "geoms", "× real time", "ms", "ms p90", "MuJoCo alone ×", "ms", "rate / MuJoCo's"),
-        tuple(
-            (
-                pace.what,
-                f"{pace.geoms}",
-                f"{pace.real_time_factor:.0f}",
-                f"{pace.plant_ms:.2f}",
-                f"{pace.plant_p90_ms:.2f}",
-                f"{pace.bare_factor:.0f}",
-                f"{pace.bare_ms:.2f}",
-                f"{1.0 / pace.plant_to_bare:.2f}",
-            )
-            for pace in paces
+        COLUMNS,
+        paces,
+        (
+            "ms: CPU time of the thread for a simulated second of 500 steps and 20 scans, median of the rounds. "
+            "The robot drives; the target of 10 ms is a hundred times real time."
         ),
         (
-            (
-                "ms: CPU time of the thread for a simulated second of 500 steps and 20 scans, median of the rounds. "
-                "The robot drives; the target of 10 ms is a hundred times real time."
-            ),
-            (
-                "MuJoCo alone: mj_step and mj_multiRay in a loop on the same model, alternating with the robot; the target "
-                "is 80 % of its rate, which is 1.25 times its time."
-            ),
+            "MuJoCo alone: mj_step and mj_multiRay in a loop on the same model, alternating with the robot; the target "
+            "is 80 % of its rate, which is 1.25 times its time."
         ),
     )
 

@@ -5,7 +5,6 @@ The references in the same run are a bare interpreter, and one that imports only
 
 import asyncio
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -18,7 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from bench.rig.feed import START_S, at_rate, client, feeding
-from bench.rig.sheet import Sheet, Verdict
+from bench.rig.load import started_s
+from bench.rig.sheet import Column, Sheet, Verdict
 from deploy.stack import processes
 from deploy.stack.launch import free_loopback_endpoint
 from deploy.stack.statedir import StateDir
@@ -45,8 +45,6 @@ RUN_LIMIT_S = 60.0
 
 TARGET_UP_S = 2.0
 TARGET_DRIVABLE_S = 0.7
-
-_CLOCK_TICKS_S = os.sysconf("SC_CLK_TCK")
 
 
 @dataclass(frozen=True)
@@ -143,7 +141,7 @@ async def _kill(state: StateDir, endpoint: str) -> tuple[float, float]:
             killed_s, killed_boot_s = time.monotonic(), time.clock_gettime(time.CLOCK_BOOTTIME)
             os.kill(killed, signal.SIGKILL)
             drivable_s = await statuses.ready() - killed_s
-            respawned_s = _started_s(_supervisor(state)) - killed_boot_s
+            respawned_s = started_s(_supervisor(state)) - killed_boot_s
     return respawned_s, drivable_s
 
 
@@ -175,30 +173,31 @@ def _supervisor(state: StateDir) -> int:
     return found
 
 
-def _started_s(pid: int) -> float:
-    """Return when a process was started [s since boot], rounded down to the clock tick, usually 10 ms."""
-    fields = re.sub(r".*\)", "", Path(f"/proc/{pid}/stat").read_text(), flags=re.DOTALL).split()
-    return int(fields[19]) / _CLOCK_TICKS_S
+IMPORTS: tuple[Column[Imports], ...] = (
+    ("program", lambda one: one.program),
+    ("p50", lambda one: f"{one.median_ms:.0f}"),
+    ("p90", lambda one: f"{one.p90_ms:.0f}"),
+    ("/ numpy and zenoh", lambda one: f"{one.to_libraries:.2f}"),
+    ("runs", lambda one: f"{one.runs}"),
+)
+Times = tuple[str, list[float]]
+"""What was measured, and the times [s]."""
+STARTS: tuple[Column[Times], ...] = (
+    ("what", lambda one: one[0]),
+    ("p50", lambda one: f"{np.median(one[1]):.2f}"),
+    ("min", lambda one: f"{min(one[1]):.2f}"),
+    ("max", lambda one: f"{max(one[1]):.2f}"),
+    ("runs", lambda one: f"{len(one[1])}"),
+)
 
 
 def imports_sheet(imports: Iterable[Imports]) -> Sheet:
-    return Sheet(
+    return Sheet.of(
         "Imports: a new interpreter that imports the modules of one program and ends, in ms",
-        ("program", "p50", "p90", "/ numpy and zenoh", "runs"),
-        tuple(
-            (
-                one.program,
-                f"{one.median_ms:.0f}",
-                f"{one.p90_ms:.0f}",
-                f"{one.to_libraries:.2f}",
-                f"{one.runs}",
-            )
-            for one in imports
-        ),
-        (
-            "With warm caches and compiled byte code. / numpy and zenoh: the median of the ratios of each round.",
-            "lifeline up: the imports of the command itself, not of the processes that it starts.",
-        ),
+        IMPORTS,
+        imports,
+        "With warm caches and compiled byte code. / numpy and zenoh: the median of the ratios of each round.",
+        "lifeline up: the imports of the command itself, not of the processes that it starts.",
     )
 
 
@@ -208,27 +207,15 @@ def starts_sheet(starts: Sequence[Start]) -> Sheet:
         ("SIGKILL of the supervisor until its restart", [one.respawned_s for one in starts]),
         ("SIGKILL of the supervisor until drivable", [one.drivable_s for one in starts]),
     )
-    return Sheet(
+    return Sheet.of(
         "Start and restart under supervisord, in s",
-        ("what", "p50", "min", "max", "runs"),
-        tuple(
-            (
-                what,
-                f"{np.median(taken_s):.2f}",
-                f"{min(taken_s):.2f}",
-                f"{max(taken_s):.2f}",
-                f"{len(taken_s)}",
-            )
-            for what, taken_s in rows
-            if taken_s
-        ),
+        STARTS,
+        [row for row in rows if row[1]],
         (
-            (
-                "drivable: the first status READY, while a source sends zero velocity at 20 Hz. It includes the timeouts of "
-                "0.2 s and 0.24 s for which the supervisor observes a command source and a lidar before it trusts them."
-            ),
-            "The time of the restart is rounded down to 10 ms, and may therefore appear to be before the kill.",
+            "drivable: the first status READY, while a source sends zero velocity at 20 Hz. It includes the timeouts of "
+            "0.2 s and 0.24 s for which the supervisor observes a command source and a lidar before it trusts them."
         ),
+        "The time of the restart is rounded down to 10 ms, and may therefore appear to be before the kill.",
     )
 
 
