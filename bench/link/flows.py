@@ -216,7 +216,7 @@ def send_all(pipes: Sequence[Pipe]) -> dict[str, object]:
     for pipe in pipes:
         for due_s, at_s in pipe.recv():
             late.add(due_s, at_s)
-    return late.report()
+    return {"late": late.report()}
 
 
 def receive_all(pipes: Sequence[Pipe]) -> dict[str, object]:

@@ -112,8 +112,9 @@ def _result(
     busy: float,
 ) -> tuple[Round, list[Measured]]:
     window: tuple[float, float] = tuple(heard["window"])
-    moments = [*heard["late"]["moments"], *sent["moments"], *relayed["late"]["moments"]]
-    spans = disturbed([(due_s, late_s) for due_s, late_s in moments], window)
+    lates = {"router": relayed["late"], "sender": sent["late"], "receiver": heard["late"]}
+    moments = [(due_s, late_s) for late in lates.values() for due_s, late_s in late["moments"]]
+    spans = disturbed(moments, window)
     quiet_s = window[1] - window[0] - length_s(spans)
     found: list[Measured] = []
     for condition in plan.flows:
@@ -146,11 +147,10 @@ def _result(
         disturbed_s=length_s(spans),
         packets=counts["passed"] + counts["lost"],
         lost=counts["lost"],
-        router_late_p99_ms=1000 * relayed["late"]["p99_s"],
-        router_late_max_ms=1000 * relayed["late"]["max_s"],
-        sender_late_p99_ms=1000 * sent["p99_s"],
-        sender_late_max_ms=1000 * sent["max_s"],
-        receiver_late_p99_ms=1000 * heard["late"]["p99_s"],
-        receiver_late_max_ms=1000 * heard["late"]["max_s"],
+        **{
+            f"{part}_late_{name}_ms": 1000 * late[f"{name}_s"]
+            for part, late in lates.items()
+            for name in ("p99", "max")
+        },
     )
     return made, found

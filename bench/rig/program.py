@@ -10,7 +10,7 @@ import threading
 import time
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
@@ -31,14 +31,13 @@ class Program:
     process: "subprocess.Popen[str]"
     lines: "queue.Queue[str]"
     """What it prints; an empty line at its end."""
-    told: threading.Lock = field(default_factory=threading.Lock)
 
     @property
     def pid(self) -> int:
         return self.process.pid
 
     def tell(self, line: str) -> None:
-        """Send it a line; safe on any thread.
+        """Send it a line.
 
         Raises:
             RuntimeError: it has ended.
@@ -46,9 +45,8 @@ class Program:
         stdin = self.process.stdin
         assert stdin is not None
         try:
-            with self.told:
-                stdin.write(line + "\n")
-                stdin.flush()
+            stdin.write(line + "\n")
+            stdin.flush()
         except BrokenPipeError:
             raise RuntimeError(f"the {self.name} has failed") from None
 

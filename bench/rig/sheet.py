@@ -42,6 +42,11 @@ class Sheet:
         titles = tuple(name for name, _ in columns)
         return cls(title, titles, tuple(tuple(cell(one) for _, cell in columns) for one in measured), notes)
 
+    def section(self, heading: str) -> list[str]:
+        """Return the lines of a section of a document, with a heading such as `##`."""
+        table = _table(self.columns, self.rows)
+        return [f"{heading} {self.title}", "", *table, "", *(f"* {note}" for note in self.notes)]
+
     def with_note(self, note: str) -> "Sheet":
         return replace(self, notes=(*self.notes, note))
 
@@ -150,15 +155,7 @@ def write_markdown(
         "",
         *_table(VERDICT_COLUMNS, [verdict.row() for verdict in verdicts]),
     ]
-    for sheet in sheets:
-        parts += [
-            "",
-            f"## {sheet.title}",
-            "",
-            *_table(sheet.columns, sheet.rows),
-            "",
-            *(f"* {note}" for note in sheet.notes),
-        ]
+    parts += [line for sheet in sheets for line in ("", *sheet.section("##"))]
     path.write_text("\n".join(parts) + "\n")
 
 

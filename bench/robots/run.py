@@ -2,7 +2,6 @@
 
 import json
 import os
-import queue
 import random
 import signal
 import threading
@@ -18,8 +17,7 @@ from bench.rig.load import busy_percent, machine, usage
 from bench.rig.options import progress
 from bench.rig.program import Program, SilentError, program, wait_until_listening
 from bench.rig.sheet import percentile
-from bench.robots import stats
-from bench.robots.results import Crowd
+from bench.robots import results
 
 STARTING = 2
 """Number of supervisors that start at the same time."""
@@ -85,7 +83,7 @@ def measure(
     layout: Layout | None = None,
     *,
     kills_limit_s: float = KILLS_LIMIT_S,
-) -> Crowd:
+) -> results.Crowd:
     """Measure a number of robots.
 
     Args:
@@ -141,14 +139,14 @@ def measure(
             progress(
                 f"robot {number}, {at_s - window[0]:.3f} s: garbled {key}: {payload}, attachment {attachment}"
             )
-    heard: list[list[stats.Heard]] = [[tuple(one) for one in robot["heard"]] for robot in found["robots"]]
+    heard: list[list[results.Heard]] = [[tuple(one) for one in robot["heard"]] for robot in found["robots"]]
     late_ms = [1000.0 * late_s for due_s, late_s in found["late"] if window[0] <= due_s < window[1]]
-    gaps_ms = [gap for commands in heard for gap in stats.gaps_ms(window, commands)]
-    decided_ms = [gap for commands in heard for gap in stats.gaps_ms(window, commands, decided=True)]
-    transits_ms = [transit for commands in heard for transit in stats.transits_ms(window, commands)]
-    causes = [stats.reasons(window, robot["statuses"]) for robot in found["robots"]]
+    gaps_ms = [gap for commands in heard for gap in results.gaps_ms(window, commands)]
+    decided_ms = [gap for commands in heard for gap in results.gaps_ms(window, commands, decided=True)]
+    transits_ms = [transit for commands in heard for transit in results.transits_ms(window, commands)]
+    causes = [results.reasons(window, robot["statuses"]) for robot in found["robots"]]
     stops_ms = [
-        stats.stop_ms(killed_s, commands)
+        results.stop_ms(killed_s, commands)
         for times_s, commands in zip(kills_s, heard, strict=False)
         for killed_s in times_s
     ]
@@ -156,7 +154,7 @@ def measure(
     drive_busy_percent = busy_percent(machine_before, machine_after)
     router_percent = 100.0 * router_s / took_s
     own_percent = sum(one.cpu_percent for one in used) + feeder_used.cpu_percent + router_percent
-    return Crowd(
+    return results.Crowd(
         robots=robots,
         seconds=took_s,
         cpu_percent=tuple(one.cpu_percent for one in used),
@@ -173,7 +171,7 @@ def measure(
         transit_p99_ms=percentile(transits_ms, 99),
         late_p99_ms=percentile(late_ms, 99),
         garbled=sum(len(robot["garbled"]) for robot in found["robots"]),
-        stood=sum(stats.stood(window, commands) for commands in heard),
+        stood=sum(results.stood(window, commands) for commands in heard),
         reasons={
             name: sum(name in of for of in causes)
             for name in sorted({reason for of in causes for reason in of})
@@ -182,47 +180,43 @@ def measure(
         stop_ms=tuple(stop for stop in stops_ms if stop is not None),
         missed=sum(stop is None for stop in stops_ms),
         kills_seconds=killing[1] - killing[0],
-        stood_in_kills=sum(stats.stood(killing, commands) for commands in heard[killed:]),
+        stood_in_kills=sum(results.stood(killing, commands) for commands in heard[killed:]),
         router_percent=router_percent,
         crossing_bytes_s=crossed / took_s / robots,
     )
 
 
-def _kill(endpoints: Sequence[str], kills: int | None, limit_s: float) -> list[list[float]]:
-    """Repeatedly let an operator drive each robot, and kill it; return the times of the kills of each robot [s]."""
-    with program("bench.robots.holders") as holders:
-        ended = threading.Event()
+def _kill(reach: Sequence[str], kills: int | None, limit_s: float) -> list[list[float]]:
+    """Repeatedly let an operator drive each robot, and kill it; return the times of the kills of each robot [s].
+
+    Args:
+        reach: how the operators reach each robot.
+        kills: of all robots together; None: as many as the time permits.
+        limit_s: maximum duration.
+    """
+    ended = threading.Event()
+    with ExitStack() as ending:
         operators = [
-            _Operators(holders, number, endpoint, ended) for number, endpoint in enumerate(endpoints)
+            _Operators(ending.enter_context(program("bench.robots.holders")), number, one, ended)
+            for number, one in enumerate(reach)
         ]
-
-        def sort() -> None:
-            while line := holders.lines.get():
-                word, number, pid = line.split()
-                operators[int(number)].arrivals.put((word, int(pid)))
-
-        threading.Thread(target=sort, daemon=True).start()
+        pool = ending.enter_context(ThreadPoolExecutor(len(operators)))
+        ending.callback(ended.set)  # after Ctrl-C, no further kill
         until_s = time.monotonic() + limit_s
-        with ThreadPoolExecutor(len(operators)) as pool:
-            numbers = range(MANY if kills is None else kills)
-            shares = [len(numbers[number :: len(operators)]) for number in range(len(operators))]
-            killing = [
-                pool.submit(one.kill, share, until_s) for one, share in zip(operators, shares, strict=True)
-            ]
-            try:
-                return [future.result() for future in killing]
-            finally:
-                ended.set()  # after Ctrl-C, no further kill
+        numbers = range(MANY if kills is None else kills)
+        killing = [
+            pool.submit(one.kill, len(numbers[number :: len(operators)]), until_s)
+            for number, one in enumerate(operators)
+        ]
+        return [future.result() for future in killing]
 
 
 class _Operators:
     """Starts and kills the operators of one robot, one after the other."""
 
-    def __init__(self, holders: Program, number: int, endpoint: str, ended: threading.Event) -> None:
-        self.arrivals: queue.Queue[tuple[str, int]] = queue.Queue()
-        """A word and the pid of an operator."""
+    def __init__(self, holders: Program, number: int, reach: str, ended: threading.Event) -> None:
         self._holders = holders
-        self._line = f"{number} {endpoint}"
+        self._line = f"{number} {reach}"
         self._chance = random.Random(number)
         self._ended = ended
 
@@ -233,10 +227,10 @@ class _Operators:
             if time.monotonic() > until_s or self._ended.is_set():
                 break
             self._holders.tell(self._line)
-            pid = self._started()
+            pid = self._wait_for("started")
             if pid is None:
                 break  # with too many robots, processes do not start in time: that is a result
-            drives = self._drives(pid)
+            drives = self._wait_for("driving", pid) is not None
             time.sleep(self._chance.uniform(*HOLD_S))
             at_s = time.monotonic()
             os.kill(pid, signal.SIGKILL)
@@ -245,19 +239,11 @@ class _Operators:
             time.sleep(STAND_S)
         return killed_s
 
-    def _started(self) -> int | None:
-        """Return the pid of the next operator; None if none starts within the limit."""
-        with suppress(queue.Empty):
+    def _wait_for(self, word: str, pid: int | None = None) -> int | None:
+        """Wait for a line about an operator, or about the next one; return its pid, or None if none comes within the limit."""
+        with suppress(SilentError):
             while True:
-                word, pid = self.arrivals.get(timeout=HOLD_LIMIT_S)
-                if word == "started":
-                    return pid
+                found, _, whose = self._holders.line(HOLD_LIMIT_S).split()
+                if found == word and pid in (None, int(whose)):
+                    return int(whose)
         return None
-
-    def _drives(self, pid: int) -> bool:
-        """Wait until an operator drives; return whether it did so within the limit."""
-        with suppress(queue.Empty):
-            while self.arrivals.get(timeout=HOLD_LIMIT_S) != ("driving", pid):
-                pass
-            return True
-        return False

@@ -7,7 +7,7 @@ import itertools
 import json
 import math
 from collections import Counter, defaultdict
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from enum import StrEnum
@@ -177,18 +177,23 @@ def appending(path: Path) -> Generator[IO[str]]:
 
 @dataclass(frozen=True)
 class Row:
-    """The trials of one case; quantiles over those that stopped, NaN if none did."""
+    """The trials of one case."""
 
     case: Case
-    count: int
-    stopped: int
-    zero_p50_s: float
-    """Median over the trials with a zero on /cmd_vel."""
-    standstill_p50_s: float
-    standstill_max_s: float
-    distance_p50_m: float
-    """Over all trials: a robot that did not stop counts with its distance in `LIMIT_S`."""
-    distance_max_m: float
+    trials: Sequence[Trial]
+
+    def cells(self) -> Iterator[str]:
+        """Yield the cells of the table; quantiles of times over the trials that have one."""
+        count, stopped = len(self.trials), sum(one.standstill_s is not None for one in self.trials)
+        yield from (self.case.teleop, self.case.fault, self.case.robot, "yes" if self.case.lifeline else "no")
+        yield f"{count}"
+        yield "all" if stopped == count else f"{stopped} within {LIMIT_S:g} s"
+        zero_s = quantile(_sorted(one.zero_s for one in self.trials), 0.5)
+        yield "none" if math.isnan(zero_s) else f"{zero_s:.3f} s"
+        yield _spread(_sorted(one.standstill_s for one in self.trials), "s")
+        # A robot that did not stop counts with its distance in `LIMIT_S`.
+        more = "" if stopped == count else "> "
+        yield f"{more}{_spread(_sorted(one.distance_m for one in self.trials), 'm')}"
 
 
 def rows(trials: Iterable[Trial]) -> list[Row]:
@@ -196,27 +201,8 @@ def rows(trials: Iterable[Trial]) -> list[Row]:
     by_case: dict[Case, list[Trial]] = defaultdict(list)
     for trial in trials:
         by_case[trial.case].append(trial)
-    return [
-        _row(case, by_case[case])
-        for case in cases(list(Teleop), list(Fault), [False, True])
-        if case in by_case
-    ]
-
-
-def _row(case: Case, trials: Sequence[Trial]) -> Row:
-    times_s = sorted(trial.standstill_s for trial in trials if trial.standstill_s is not None)
-    zeros_s = sorted(trial.zero_s for trial in trials if trial.zero_s is not None)
-    distances_m = sorted(trial.distance_m for trial in trials)
-    return Row(
-        case,
-        len(trials),
-        len(times_s),
-        quantile(zeros_s, 0.5),
-        quantile(times_s, 0.5),
-        quantile(times_s, 1.0),
-        quantile(distances_m, 0.5),
-        quantile(distances_m, 1.0),
-    )
+    wanted = cases(list(Teleop), list(Fault), [False, True])
+    return [Row(case, by_case[case]) for case in wanted if case in by_case]
 
 
 def markdown(found: Iterable[Row]) -> str:
@@ -224,23 +210,14 @@ def markdown(found: Iterable[Row]) -> str:
     lines = [
         "| teleop | fault | robot | Lifeline | n | stopped | zero p50 | standstill p50 (max) | distance p50 (max) |",
         "|---|---|---|---|---|---|---|---|---|",
+        *(f"| {' | '.join(row.cells())} |" for row in found),
     ]
-    for row in found:
-        case = row.case
-        stopped = "all" if row.stopped == row.count else f"{row.stopped} within {LIMIT_S:g} s"
-        more = "" if row.stopped == row.count else "> "
-        lines.append(
-            f"| {case.teleop} | {case.fault} | {case.robot} | {'yes' if case.lifeline else 'no'} "
-            f"| {row.count} | {stopped} | {_seconds(row.zero_p50_s)} "
-            f"| {_spread(row.standstill_p50_s, row.standstill_max_s, 's')} "
-            f"| {more}{_spread(row.distance_p50_m, row.distance_max_m, 'm')} |"
-        )
     return "\n".join(lines) + "\n"
 
 
-def _seconds(value: float) -> str:
-    return "none" if math.isnan(value) else f"{value:.3f} s"
+def _sorted(values: Iterable[float | None]) -> list[float]:
+    return sorted(value for value in values if value is not None)
 
 
-def _spread(middle: float, largest: float, unit: str) -> str:
-    return "none" if math.isnan(middle) else f"{middle:.2f} ({largest:.2f}) {unit}"
+def _spread(values: Sequence[float], unit: str) -> str:
+    return f"{quantile(values, 0.5):.2f} ({values[-1]:.2f}) {unit}" if values else "none"

@@ -33,17 +33,7 @@ def regenerated(text: str, parts: Parts, document: str) -> str:
 
 def markdown(sheet: Sheet) -> str:
     """Return a sheet as a section."""
-    return "\n".join(
-        [
-            f"### {sheet.title}",
-            "",
-            f"| {' | '.join(sheet.columns)} |",
-            f"|{'|'.join(['---'] + ['--:'] * (len(sheet.columns) - 1))}|",
-            *(f"| {' | '.join(row)} |" for row in sheet.rows),
-            "",
-            *(f"* {note}" for note in sheet.notes),
-        ]
-    )
+    return "\n".join(sheet.section("###"))
 
 
 def main(program: str, document: Path, regenerate: Callable[[str], str]) -> int:

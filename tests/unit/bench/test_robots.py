@@ -8,8 +8,21 @@ import pytest
 
 from bench.rig.load import Machine, busy_percent
 from bench.rig.sheet import percentile
-from bench.robots.results import Crowd, Robots, read, sheet, sheets, verdicts, write
-from bench.robots.stats import Heard, gaps_ms, reasons, stood, stop_ms, transits_ms
+from bench.robots.results import (
+    Crowd,
+    Heard,
+    Robots,
+    gaps_ms,
+    read,
+    reasons,
+    sheet,
+    sheets,
+    stood,
+    stop_ms,
+    transits_ms,
+    verdicts,
+    write,
+)
 
 WINDOW = (1.0, 2.0)
 MOVES, STANDS = True, False
