@@ -10,7 +10,10 @@ start.py       imports of each process, `lifeline up`, and the restart of a kill
 report.py      the results as tables, verdicts and JSON lines
 __main__.py    python -m bench
 
-peers/         the supervisor beside bare relays over Zenoh, MQTT, DDS, rclpy and TCP
-ros2_crash/    kill, stop and unplug the keyboard node of a ROS 2 robot, without and with Lifeline
-rig/           scans, feeds, the supervisor under test, a terminal, and tables, for all of them
+peers/           the supervisor beside bare relays over Zenoh, MQTT, DDS, rclpy and TCP
+robots/          many robots on one machine
+fleet.py         many robots behind one router
+link/            false stops over links that lose packets
+ros2_crash/      kill, stop and unplug the keyboard node of a ROS 2 robot, without and with Lifeline
+rig/             what all of them share
 """

@@ -2,9 +2,10 @@
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import partial
 from pathlib import Path as File
 
 from bench.link.relay import Path
@@ -189,76 +190,65 @@ def by_lease(results: Results) -> dict[float, dict[Condition, Measured]]:
     return dict(sorted(found.items()))
 
 
+Place = tuple[float, float]
+"""Round trip [s] and loss: a row."""
+
+
 def stops(together: Mapping[Condition, Measured], lease_s: float) -> Sheet:
     """Return the rates of false stops: a row for each loss and round trip, a column for each link."""
-    return Sheet(
+    columns = _columns(together, lease_s, _rate)
+    hours = _columns(together, lease_s, lambda one: f"{one.flow_s / HOUR_S:.2f}")
+    columns.append(
+        ("measured hours", lambda row: ", ".join(filter(None, (cell(row) for _, cell in hours[2:]))))
+    )
+    return Sheet.of(
         f"False stops an hour of one operator's commands at 20 Hz, lease {lease_s:g} s",
-        ("round trip", "loss", *_names(together), "measured hours"),
-        tuple(
-            (
-                *_place(row),
-                *(_rate(one) for one in found),
-                ", ".join(f"{one.flow_s / HOUR_S:.2f}" for one in found if one is not None),
-            )
-            for row, found in _rows(together, lease_s)
-        ),
-        (
-            "A false stop: the age of the newest fresh command exceeds 0.2 s.",
-            f"In brackets: the 95 % upper bound of rates with fewer than {MANY} stops.",
-            "loss: share of packets lost, each way.",
-            f"round trip: mean; the standard deviation of each delay is {100 * JITTER:g} %, so packets overtake each other.",
-            "QUIC: mutual TLS, commands as datagrams. UDP: without TLS, as a reference.",
-            "measured hours: of all flows of a link together, in the order of the columns.",
-        ),
+        columns,
+        _places(together),
+        "A false stop: the age of the newest fresh command exceeds 0.2 s.",
+        f"In brackets: the 95 % upper bound of rates with fewer than {MANY} stops.",
+        "loss: share of packets lost, each way.",
+        f"round trip: mean; the standard deviation of each delay is {100 * JITTER:g} %, so packets overtake each other.",
+        "QUIC: mutual TLS, commands as datagrams. UDP: without TLS, as a reference.",
+        "measured hours: of all flows of a link together, in the order of the columns.",
     )
 
 
 def ages(together: Mapping[Condition, Measured], lease_s: float) -> Sheet:
     """Return the worst age and the lost links, in the order of `stops`."""
-    return Sheet(
+    return Sheet.of(
         f"Worst age of the newest fresh command in s, and (links lost), lease {lease_s:g} s",
-        ("round trip", "loss", *_names(together)),
-        tuple(
-            (
-                *_place(row),
-                *("" if one is None else f"{one.worst_age_s:.2f} ({one.links_lost})" for one in found),
-            )
-            for row, found in _rows(together, lease_s)
-        ),
-        (
-            "The age does not contain the smallest delay of the link, because the clocks of two hosts are not compared.",
-            "links lost: how often the liveliness token of a living operator was deleted, because the lease ended.",
-        ),
+        _columns(together, lease_s, lambda one: f"{one.worst_age_s:.2f} ({one.links_lost})"),
+        _places(together),
+        "The age does not contain the smallest delay of the link, because the clocks of two hosts are not compared.",
+        "links lost: how often the liveliness token of a living operator was deleted, because the lease ended.",
     )
 
 
-def _links(together: Mapping[Condition, Measured]) -> list[Link]:
-    return [link for link in Link if any(one.link == link for one in together)]
+def _places(together: Iterable[Condition]) -> list[Place]:
+    return sorted({(one.round_trip_s, one.loss) for one in together})
 
 
-def _names(together: Mapping[Condition, Measured]) -> list[str]:
-    return [link.upper() for link in _links(together)]
+def _columns(
+    together: Mapping[Condition, Measured], lease_s: float, show: Callable[[Measured], str]
+) -> list[Column[Place]]:
+    """Return the columns of the place, and one for each link: what `show` returns for its measurement, if there is one."""
+
+    def cell(link: Link, place: Place) -> str:
+        round_trip_s, loss = place
+        found = together.get(Condition(link, loss, round_trip_s, lease_s))
+        return "" if found is None else show(found)
+
+    links = [link for link in Link if any(one.link == link for one in together)]
+    return [
+        ("round trip", lambda place: f"{1000 * place[0]:g} ms"),
+        ("loss", lambda place: f"{100 * place[1]:g} %"),
+        *((link.upper(), partial(cell, link)) for link in links),
+    ]
 
 
-def _rows(
-    together: Mapping[Condition, Measured], lease_s: float
-) -> Iterator[tuple[tuple[float, float], list[Measured | None]]]:
-    """Yield round trip [s] and loss of each row, with the measurement of each link."""
-    links = _links(together)
-    for round_trip_s, loss in sorted({(one.round_trip_s, one.loss) for one in together}):
-        yield (
-            (round_trip_s, loss),
-            [together.get(Condition(link, loss, round_trip_s, lease_s)) for link in links],
-        )
-
-
-def _place(row: tuple[float, float]) -> tuple[str, str]:
-    round_trip_s, loss = row
-    return f"{1000 * round_trip_s:g} ms", f"{100 * loss:g} %"
-
-
-def _rate(one: Measured | None) -> str:
-    if one is None or math.isnan(one.per_hour):
+def _rate(one: Measured) -> str:
+    if math.isnan(one.per_hour):
         return ""
     rate = f"{one.per_hour:.0f}" if one.per_hour >= 10 else f"{one.per_hour:.2g}"
     return rate if one.stops >= MANY else f"{rate} (≤ {one.upper_per_hour:.2g})"
