@@ -3,12 +3,11 @@
 import json
 import os
 import shutil
-import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Generator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -57,12 +56,9 @@ class Kind:
         own = {**ros_variables(self.python, os.environ), **dds_variables("localhost", {})}
         return {**os.environ, **own, "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp"}
 
-    @contextmanager
-    def program(self, name: str, *arguments: str) -> Generator[Program]:
+    def program(self, name: str, *arguments: str) -> AbstractContextManager[Program]:
         """Run one of the programs that print lines."""
-        command = self.command(name, *arguments)
-        with talking(f"{name} of {self.name}", command, self.environment, stderr=subprocess.DEVNULL) as made:
-            yield made
+        return talking(f"{name} of {self.name}", self.command(name, *arguments), self.environment)
 
     @contextmanager
     def middle(self) -> Generator[str]:

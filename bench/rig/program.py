@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Generator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -91,9 +91,9 @@ def running(
     Args:
         command: the words.
         environment: None: that of this process.
-        stdin: and the other files are those of `Popen`.
-        stdout: see above.
-        stderr: see above.
+        stdin: this and the other two files as for `Popen`.
+        stdout: None is not possible, because the tables of the bench are there.
+        stderr: None: that of this process.
         fds: file descriptors that it inherits.
     """
     with sparing_from_ctrl_c():
@@ -113,14 +113,13 @@ def running(
         end(process)
 
 
-@contextmanager
 def program(
     module: str,
     prefix: Sequence[str] = (),
     arguments: Sequence[str] = (),
     fds: Sequence[int] = (),
     name: str | None = None,
-) -> Generator[Program]:
+) -> AbstractContextManager[Program]:
     """Run `python -m MODULE` while the context is open.
 
     Args:
@@ -133,25 +132,19 @@ def program(
     # A thread of the numeric library would make a fork unsafe.
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
     command = [*prefix, sys.executable, "-m", module, *arguments]
-    with talking(name or module.rpartition(".")[2], command, environment, fds=fds) as made:
-        yield made
+    return talking(name or module.rpartition(".")[2], command, environment, fds)
 
 
 @contextmanager
 def talking(
-    name: str,
-    command: Sequence[str],
-    environment: Mapping[str, str] | None = None,
-    *,
-    stderr: int | None = None,
-    fds: Sequence[int] = (),
+    name: str, command: Sequence[str], environment: Mapping[str, str] | None = None, fds: Sequence[int] = ()
 ) -> Generator[Program]:
     """Run a program that reads and prints lines while the context is open; the arguments are those of `running`."""
     lines: queue.Queue[str] = queue.Queue()
     pipe = subprocess.PIPE
     with (
         ExitStack() as closing,
-        running(command, environment, stdin=pipe, stdout=pipe, stderr=stderr, fds=fds) as process,
+        running(command, environment, stdin=pipe, stdout=pipe, fds=fds) as process,
     ):
         stdin, stdout = process.stdin, process.stdout
         assert stdin is not None
