@@ -34,7 +34,7 @@ def command_line() -> CommandLine:
         "network namespaces with a router in user space. Needs root. Takes about four minutes for each round.",
         "exit code: 0, even if a target is missed; 1 if a program fails or a round is rejected",
     )
-    line.option("links", Link, list(Link), "of tcp, quic and udp", many=True)
+    line.option("links", Link, list(Link), "what carries the commands: tcp, quic, udp", many=True)
     line.option("loss-percent", percent, [100 * one for one in LOSSES], "packets lost, each way", many=True)
     line.option(
         "round-trip-ms", at_least_zero, [1000 * one for one in ROUND_TRIPS_S], "without jitter", many=True

@@ -9,6 +9,7 @@ import pytest
 from bench.rig.options import (
     EXIT_FAILED,
     EXIT_INTERRUPTED,
+    CommandLine,
     at_least_zero,
     count,
     duration_s,
@@ -74,6 +75,20 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_run(tmp_path: Path)
         output_file(str(tmp_path))
     with pytest.raises(argparse.ArgumentTypeError, match="there is no directory"):
         output_file(str(tmp_path / "none" / "run.jsonl"))
+
+
+def test_the_command_that_repeats_a_run_has_its_defaults_and_no_file(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    line = CommandLine("bench.robots", "Measure robots.", "exit code: 0")
+    line.option("robots", count, [1, 5], "numbers of robots", many=True)
+    line.option("drive-seconds", duration_s, 20.0, "duration of each drive")
+    line.option("soak", duration_s, None, "instead of the curve")
+    line.file("json", "write the results")
+    monkeypatch.setattr(
+        "sys.argv", ["bench.robots", "--robots", "2", "3", "--json", str(tmp_path / "run.jsonl")]
+    )
+    assert line.repeat(line.parse()) == "python -m bench.robots --robots 2 3 --drive-seconds 20"
 
 
 @pytest.mark.parametrize(

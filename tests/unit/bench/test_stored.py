@@ -1,10 +1,11 @@
 """Stored runs of the longer benches: damaged and missing files."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
-from bench.rig.stored import read_rows, write_rows
+from bench.rig.stored import StoredRun, read_rows, rows_of, write_rows
 
 
 def test_a_stored_run_is_read_as_it_was_written(tmp_path: Path) -> None:
@@ -23,3 +24,24 @@ def test_a_damaged_file_is_refused_with_its_name(tmp_path: Path, text: str) -> N
     file.write_text(text)
     with pytest.raises(RuntimeError, match=r"run\.jsonl is not a stored run"):
         read_rows(file)
+
+
+@dataclass(frozen=True)
+class Times:
+    """A measurement."""
+
+    name: str
+    times_ms: tuple[float, ...]
+
+
+def test_figures_are_rounded_and_measurements_are_read_by_their_kind() -> None:
+    rows = rows_of("times", [Times("a", (1.23456, 2.0))], digits=2)
+    assert rows == [("times", {"name": "a", "times_ms": [1.23, 2.0]})]
+    stored = StoredRun({}, [*rows, ("other", {})])
+    assert stored.of("times", Times) == (Times("a", (1.23, 2.0)),)
+
+
+@pytest.mark.parametrize("fields", [{}, {"name": "a"}, {"name": "a", "times_ms": "soon"}])
+def test_a_measurement_without_a_field_or_with_another_type_is_refused(fields: dict[str, str]) -> None:
+    with pytest.raises(RuntimeError, match="a damaged times"):
+        StoredRun({}, [("times", fields)]).of("times", Times)
