@@ -150,8 +150,9 @@ def programs(pid: int) -> set[str]:
     for child in children_of(pid):
         with suppress(OSError):  # it has ended
             words = Path(f"/proc/{child}/cmdline").read_text().split("\0")
-            module, *arguments = words[2:4]
-            found.add(arguments[0] if module == "bench.link.flows" else module.removeprefix("bench.link."))
+            if "-m" in words:
+                module, argument = words[2:4]
+                found.add(argument if module == "bench.link.flows" else module.removeprefix("bench.link."))
     return found
 
 
