@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 
 from lifeline.incidents.replay import replay
+from supervisor.__main__ import black_box
 from supervisor.blackbox import recorder as blackbox
 from supervisor.blackbox.file import LAW, VERSION, Order, write
 from supervisor.blackbox.reader import BlackBoxError, Document, read
@@ -531,7 +532,7 @@ def test_it_goes_into_the_state_directory_or_where_the_configuration_sends_it(
     config = SupervisorSection(
         black_box_dir=str(there) if is_configured else None, black_box_s=1.0, black_box_files=1
     )
-    drive = Drive(blackbox.black_box(config))
+    drive = Drive(black_box(config))
     for _ in range(2):
         drive.hold(3.0)
         drive.drive()
