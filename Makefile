@@ -39,9 +39,14 @@ ros2: $(ROS2_STAMP) ## create the environment .ros2 with rclpy, in which `python
 run: $(STAMP) ## drive the robot by keyboard; without a terminal, play the demo
 	@if [ -t 0 ] && [ -t 1 ]; then exec .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
 
-test: $(STAMP) ## run the checks and all tests that need no idle machine, also with real processes; each commit must pass them
+test: $(STAMP) ## run the checks and all tests that need no idle machine, also with real processes (four minutes); each commit must pass them
 	$(COMPILE)
-	$(MAKE) --no-print-directory check unit system
+	$(MAKE) --no-print-directory unit
+	$(MAKE) --no-print-directory checked
+
+# The real processes of the system tests mostly wait, so the checks run beside them.
+checked: $(STAMP)
+	$(MAKE) --no-print-directory --jobs=2 --output-sync=target check system
 
 # No test here depends on the real clock, so one runs on each core.
 IN_PARALLEL := --numprocesses=auto --dist=worksteal
@@ -80,10 +85,16 @@ test-ros2: $(STAMP) ## run the tests with real ROS 2 processes; skipped where rc
 
 proof: $(STAMP) ## run the proofs of the law, and check that the unit tests reach every branch of the pure modules (15 minutes)
 	$(COMPILE)
-	$(MAKE) --no-print-directory proofs coverage
+	$(MAKE) --no-print-directory proofs exhaustive coverage
 
+# Where they pass, the hash of their sources is stored, so that .ci/run repeats them only after a change.
+LAW := tests/unit/supervisor/law
 proofs: $(STAMP)
-	.venv/bin/pytest -s tests/unit tests/component -m proof --durations=10
+	.venv/bin/pytest -s $(LAW) -m proof --durations=10
+	.venv/bin/python -m tests.proven --passed proofs
+
+exhaustive: $(STAMP)
+	.venv/bin/pytest -s tests/unit tests/component -m proof --ignore=$(LAW) $(IN_PARALLEL) --durations=10
 
 coverage: $(STAMP)
 	.venv/bin/coverage erase
@@ -138,9 +149,11 @@ campaign: $(STAMP) ## inject every class of fault 300 times into real processes 
 
 mutation: $(STAMP) ## mutate the law and check that every mutant fails a test (20 to 60 minutes)
 	.venv/bin/python -m tests.mutation
+	.venv/bin/python -m tests.proven --passed mutants
 
 fifth: $(STAMP) ## the same with a fifth of the mutants, another one after each change of the law
 	.venv/bin/python -m tests.mutation --fifth
+	.venv/bin/python -m tests.proven --passed mutants
 
 picture: $(STAMP) ## render the warehouse and the animation of the README again (a few minutes)
 	.venv/bin/python -m sim.render --out docs/images/warehouse.png
