@@ -48,13 +48,13 @@ class Braking(NamedTuple):
 def stop_after(
     seen: Seen, fault_s: float, base: Sequence[BaseReport] = (), within_s: float = NOTICED_WITHIN_S
 ) -> Stop:
-    """What became of a robot after a fault.
+    """Return how a robot stopped after a fault.
 
     Args:
         seen: the whole run.
-        fault_s: when it happened.
+        fault_s: the time of the fault [s].
         base: the base's own reasons, as they changed.
-        within_s: a stop that begins later than this is no consequence of it.
+        within_s: a stop that begins later than this is not a consequence of the fault.
     """
     start = bisect_left(seen.motions, fault_s, key=lambda motion: motion.time_s)
     before = seen.motions[start - 1] if start else None

@@ -68,7 +68,7 @@ def parse_time_request(text: str) -> TimeRequest:
         case ["speed", number]:
             return Speed(parse_speed(number))
         case _:
-            raise TimeRequestError(f"{text!r} is nothing that can be asked of time; there are: {_FORMS}")
+            raise TimeRequestError(f"{text!r} is not a time request; give one of: {_FORMS}")
 
 
 def parse_speed(text: str) -> float:

@@ -1,4 +1,4 @@
-"""Tells an endpoint on another machine: the processes and records of this machine say nothing about its robot."""
+"""Find out whether an endpoint is on another machine, whose robot the processes and records of this machine do not describe."""
 
 import socket
 

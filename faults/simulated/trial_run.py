@@ -42,7 +42,7 @@ def run_trial(
         seed: says everything that happens.
         revision: of the code, for the record.
         config: of the supervisor; None: as it comes.
-        with_timeline: whether the record tells what moved when; one with violations always does.
+        with_timeline: whether the record contains the motions; one with violations always does.
     """
     scenario = draw(seed)
     loop = VirtualLoop()

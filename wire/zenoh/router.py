@@ -57,7 +57,7 @@ class RouterConfig:
 
 
 def region_name(authority: bytes | None) -> str:
-    """Return the name by which a hub knows its own routers; nobody without the authority's certificate knows it.
+    """Return the name by which a hub recognizes its own routers; it is derived from the certificate of the authority.
 
     Args:
         authority: the certificate of the authority in PEM; None: without certificates, on one machine.

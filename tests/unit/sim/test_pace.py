@@ -162,8 +162,8 @@ def test_a_request_reads_as_it_is_written(text: str, request_: object) -> None:
     "text",
     ["stop", "pause now", "step", "step 0", "step -1", "step 1.5", "step ²", f"step {MAX_SINGLE_STEPS + 1}"],
 )
-def test_a_request_that_is_none_is_told_the_forms(text: str) -> None:
-    with pytest.raises(TimeRequestError, match=r"there are: pause, run, step N .*, speed FACTOR"):
+def test_another_text_is_refused_with_the_forms_of_a_time_request(text: str) -> None:
+    with pytest.raises(TimeRequestError, match=r"give one of: pause, run, step N .*, speed FACTOR"):
         parse_time_request(text)
 
 
