@@ -27,12 +27,10 @@ from wire.inbox import (
     Wake,
 )
 from wire.newest import NewestWithin
-from wire.runs import SESSION_BYTES, Runs
+from wire.runs import SESSION_BYTES, Reconnection, Runs, sessions_in
 from wire.stamp import Stamp, Stamper
 from wire.topics import Topic
 from wire.zenoh.calls import call_in, direct, first_line, in_thread
-from wire.zenoh.hub_report import sessions_in
-from wire.zenoh.reconnection import Reconnection
 
 _log = logging.getLogger(__name__)
 
@@ -467,7 +465,7 @@ class ZenohSession:
         """Call `heard` on Zenoh's thread for the samples of all keys that an expression matches; it must not block.
 
         A put on a wildcard also matches, and a delete has an empty payload. After a reconnection, samples may come under
-        a wrong key (wire/zenoh/reconnection.py): none is refused here, because one of them may be an e-stop.
+        a wrong key (wire/runs.py): none is refused here, because one of them may be an e-stop.
 
         Raises:
             BusError: it is not a key expression.

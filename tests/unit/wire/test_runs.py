@@ -1,12 +1,12 @@
-"""Which runs end with a session: `wire.runs`, and the hub's report of its sessions."""
+"""Which runs end with a session, the hub's report of its sessions, and which samples count after a reconnection."""
 
 import json
+import math
 
 import pytest
 
-from wire.runs import SESSION_BYTES, Runs
+from wire.runs import SESSION_BYTES, Reconnection, Runs, sessions_in
 from wire.stamp import GID_BYTES, Stamper
-from wire.zenoh.hub_report import sessions_in
 
 SESSION, OTHER = bytes(range(16)), bytes(range(1, 17))
 EPOCH = SESSION[:SESSION_BYTES] + b"new run!"
@@ -66,3 +66,34 @@ def test_the_hubs_report_names_its_sessions_without_leading_zeros() -> None:
 )
 def test_a_report_that_names_a_router_or_is_unreadable_proves_nothing(payload: bytes) -> None:
     assert sessions_in(payload) is None
+
+
+def test_samples_count_before_and_after_the_first_connection() -> None:
+    connection = Reconnection(0.4)
+    assert connection.is_settled(5.0)
+    connection.opened("a", 5.0)
+    assert connection.is_settled(5.0)
+
+
+def test_samples_after_a_reconnection_to_the_same_hub_count_once_it_has_settled() -> None:
+    connection = Reconnection(0.5)
+    connection.opened("a", 1.0)
+    connection.opened("a", 5.0)
+    assert not connection.is_settled(5.0)
+    assert not connection.is_settled(math.nextafter(5.5, 0.0))
+    assert connection.is_settled(5.5)
+
+
+def test_each_further_reconnection_begins_anew() -> None:
+    connection = Reconnection(0.5)
+    for at_s in (1.0, 5.0, 5.25):
+        connection.opened("a", at_s)
+    assert not connection.is_settled(5.5)
+    assert connection.is_settled(5.75)
+
+
+def test_samples_of_a_restarted_hub_count_at_once() -> None:
+    connection = Reconnection(0.5)
+    connection.opened("a", 1.0)
+    connection.opened("b", 5.0)
+    assert connection.is_settled(5.0)
