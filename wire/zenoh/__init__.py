@@ -1,4 +1,4 @@
 """How the contract travels: sessions, links, certificates on the wire, routers, and the limits of what a client may do.
 
-Only `connect.py`, `session.py` and `calls.py` import Zenoh.
+Only `connect.py` and `session.py` import Zenoh.
 """

@@ -3,12 +3,15 @@
 The supervisor opens its session as the hub (`peer`, listening). All other processes connect to it as `client`. Every
 path to the wheels therefore passes the hub, whose access control refuses any other writer of `cmd_vel`. Scouting is
 disabled, and no data leaves the machine unless the endpoint is open to the network.
+
+`python -m wire.zenoh.connect ENDPOINT NAMESPACE KEYS` tries once; a client starts it to find out why it cannot connect (log.py).
 """
 
 import asyncio
 import json
 import logging
 import os
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -28,9 +31,9 @@ from wire.inbox import BusError
 from wire.roles import SERVERS
 from wire.roles import Role as ParticipantRole
 from wire.zenoh import limits, local_socket, router
-from wire.zenoh.calls import call_in, direct, first_line, in_thread
 from wire.zenoh.link_trouble import LOG_FILTER
 from wire.zenoh.log import why_refused
+from wire.zenoh.session import call_in, direct, first_line, in_thread
 
 _log = logging.getLogger(__name__)
 
@@ -194,8 +197,9 @@ class _Guard:
 _GUARDS: list[_Guard] = []
 
 
-def try_once(config: BusConfig) -> None:
+def _try_once(endpoint: str, namespace: str, keys: str) -> None:
     """Connect as a client and close, with Zenoh's log on standard output; nothing else reports the result."""
+    config = BusConfig(endpoint, namespace, keys=Path(keys))
     start_log()
     with suppress(zenoh.ZError):
         settings = _settings(config, "client", _bundle(config, "client"), _endpoints(config, "client"))
@@ -388,3 +392,7 @@ def _listen_sentence(reason: str, endpoint: str) -> str:
             "(see `lifeline status`, stop it with `lifeline down`), or choose another with --endpoint"
         )
     return f"cannot listen on the endpoint {endpoint!r}: {first_line(reason)}"
+
+
+if __name__ == "__main__":
+    _try_once(*sys.argv[1:])

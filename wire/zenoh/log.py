@@ -57,7 +57,7 @@ def report_refusals(start_log: Callable[[], None], say: Callable[[str], None]) -
 async def why_refused(endpoint: str, namespace: str, keys: str) -> str | None:
     """Try to connect in a separate process, and return why the link is refused; None if it is not."""
     process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-P", "-m", "wire.zenoh.link_probe", endpoint, namespace, keys),
+        *(sys.executable, "-P", "-m", "wire.zenoh.connect", endpoint, namespace, keys),
         stdin=asyncio.subprocess.DEVNULL,
         stdout=asyncio.subprocess.PIPE,
         stderr=asyncio.subprocess.DEVNULL,

@@ -22,7 +22,7 @@ def test_the_commands_help_loads_neither_zenoh_nor_pydantic_nor_numpy(tmp_path: 
 
 
 def test_only_the_command_keys_loads_cryptography(tmp_path: Path) -> None:
-    modules = "supervisor.__main__, teleop.__main__, sim.program, ros2.program, lifeline.cli.app, lifeline.watch.watch, deploy.up, wire.zenoh.link_probe"
+    modules = "supervisor.__main__, teleop.__main__, sim.program, ros2.program, lifeline.cli.app, lifeline.watch.watch, deploy.up"
     assert _python(f"import sys, {modules}; print('cryptography' in sys.modules)", tmp_path) == "False"
 
 
