@@ -17,8 +17,8 @@ from ros2.service import Ros2Service
 from wire.host.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.host.config import BusSection, ConfigError, Section, read_sections
 from wire.host.notify import take_notifier
+from wire.host.pauses import SuspendMeter
 from wire.host.process import run_process
-from wire.host.suspend import SuspendMeter
 from wire.inbox import BusError
 from wire.roles import Role
 from wire.zenoh.connect import open_session

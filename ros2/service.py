@@ -27,8 +27,7 @@ from ros2.source import Command, Source
 from ros2.status import Status, status_of
 from wire import topics
 from wire.host.notify import Notifier
-from wire.host.stall import StallMeter
-from wire.host.suspend import never_suspended
+from wire.host.pauses import StallMeter, never_suspended
 from wire.inbox import Inbox, LivelinessChange, NoReplyError, RawArrival, Token, woken_by
 from wire.stamp import GID_BYTES, Stamp
 from wire.watchdog import BaseReason

@@ -17,8 +17,8 @@ from sim.shown import Shown
 from sim.viewer import NoDisplayError, has_display, open_viewer
 from wire.host.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.host.config import BusSection, ConfigError, section
+from wire.host.pauses import SuspendMeter
 from wire.host.process import run_process
-from wire.host.suspend import SuspendMeter
 from wire.roles import Role
 from wire.zenoh.bus import open_bus
 

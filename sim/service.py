@@ -28,7 +28,7 @@ from sim.sensor_faults import NO_FAULTS, FaultError, LidarFaults, SensorFaults, 
 from sim.shown import Mode, Shown
 from wire import topics
 from wire.bus import Arrival, Bus, Publisher, woken_by
-from wire.host.suspend import never_suspended
+from wire.host.pauses import never_suspended
 from wire.messages import LaserScan, Point, SafetyStatus, TriggerResponse, Twist
 from wire.watchdog import BaseReason, Watchdog
 

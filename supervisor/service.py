@@ -30,8 +30,7 @@ from wire import topics
 from wire.bus import Bus
 from wire.foreign_nodes import ForeignNodes
 from wire.host.notify import Notifier
-from wire.host.stall import StallMeter
-from wire.host.suspend import never_suspended
+from wire.host.pauses import StallMeter, never_suspended
 from wire.host.turns import Turns
 from wire.lease import CHALLENGE_PERIOD_S
 from wire.messages import TriggerResponse, decode_motion, zero_twist

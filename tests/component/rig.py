@@ -17,7 +17,7 @@ from supervisor.service import SupervisorService
 from virtual.network import VirtualBus, VirtualNetwork
 from wire import messages, topics
 from wire.bus import Subscription
-from wire.host.suspend import never_suspended
+from wire.host.pauses import never_suspended
 from wire.messages import LaserScan, Odometry, SafetyStatus, Twist, encode, header, planar_twist
 
 

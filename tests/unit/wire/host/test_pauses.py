@@ -1,13 +1,22 @@
-"""Suspends by the clocks: a slow reading causes no false suspend, and no suspend is missed."""
+"""Suspends by the clocks, without a false or a missed one, and requests that waited while the process was stopped."""
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wire.host import suspend
-from wire.host.suspend import Clocks, SuspendMeter, never_suspended, read_clocks
+from wire.host import pauses
+from wire.host.pauses import (
+    BACKLOG_S,
+    STALL_S,
+    Clocks,
+    StallMeter,
+    SuspendMeter,
+    never_suspended,
+    read_clocks,
+)
 
 MS = 1_000_000
+PAUSE_S = STALL_S + 0.01
 SLOW = st.integers(0, 500 * MS)
 
 
@@ -82,7 +91,30 @@ def test_boottime_is_never_behind_the_monotonic_clock() -> None:
     assert clocks.boottime_ns >= clocks.before_ns
 
 
-def test_where_there_is_no_boottime_no_suspend_shows() -> None:
-    meter = SuspendMeter(suspend._read_none)  # pyright: ignore[reportPrivateUsage]
+def test_where_there_is_no_boottime_no_suspend_shows(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pauses, "BOOTTIME", None)
+    meter = SuspendMeter()
     assert meter.suspended_s() == 0.0
     assert never_suspended() == 0.0
+
+
+def test_requests_are_new_while_the_loop_turns() -> None:
+    meter = StallMeter(10.0)
+    assert not meter.may_be_old(10.0 + STALL_S)
+    meter.turn(10.0 + STALL_S)
+    assert not meter.may_be_old(10.0 + STALL_S)
+
+
+def test_a_request_that_is_read_before_the_first_turn_after_a_stall_may_be_old() -> None:
+    assert StallMeter(10.0).may_be_old(10.0 + PAUSE_S)
+
+
+def test_requests_may_be_old_until_the_backlog_has_arrived() -> None:
+    meter = StallMeter(10.0)
+    resumed_s = 10.0 + PAUSE_S
+    end_s = resumed_s + BACKLOG_S
+    for now_s in [resumed_s + 0.09 * number for number in range(12)]:
+        meter.turn(now_s)
+        assert meter.may_be_old(now_s)
+    meter.turn(end_s)
+    assert not meter.may_be_old(end_s)

@@ -1,4 +1,4 @@
-"""Measurement of the time that the machine was suspended; the monotonic clock does not include it.
+"""Pauses of this process: the time that the machine was suspended, and stalls of the event loop.
 
 All ages are measured with CLOCK_MONOTONIC, which stops while the machine is suspended. After a resume, everything
 received before therefore looks fresh. CLOCK_BOOTTIME continues, and without a suspend the difference is constant.
@@ -9,10 +9,17 @@ reading does not report a suspend.
 """
 
 import math
-import sys
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
+
+BOOTTIME: int | None = getattr(time, "CLOCK_BOOTTIME", None)
+"""None on a system without this clock: no suspend shows there."""
+STALL_S = 0.2
+"""A shorter pause makes no request fail: callers wait for 1 s, or until their link counts as lost, after 0.4 s of silence."""
+BACKLOG_S = 1.0
+"""After a stall, requests that waited in the network arrive within this time."""
 
 
 class Clocks(NamedTuple):
@@ -25,19 +32,10 @@ class Clocks(NamedTuple):
     """CLOCK_MONOTONIC after the other one was read."""
 
 
-def _read_none() -> Clocks:
-    """Return a reading that shows no suspend, for a system without CLOCK_BOOTTIME."""
-    return Clocks(0, 0, 0)
-
-
-if sys.platform == "linux":
-
-    def _read() -> Clocks:
-        return Clocks(time.monotonic_ns(), time.clock_gettime_ns(time.CLOCK_BOOTTIME), time.monotonic_ns())
-
-    read_clocks: Callable[[], Clocks] = _read
-else:
-    read_clocks = _read_none
+def read_clocks() -> Clocks:
+    if BOOTTIME is None:
+        return Clocks(0, 0, 0)
+    return Clocks(time.monotonic_ns(), time.clock_gettime_ns(BOOTTIME), time.monotonic_ns())
 
 
 class SuspendMeter:
@@ -69,3 +67,28 @@ class SuspendMeter:
 def never_suspended() -> float:
     """Return zero; replaces a meter on a simulated machine, which is never suspended."""
     return 0.0
+
+
+@dataclass(slots=True)
+class StallMeter:
+    """Whether requests may have waited while this process was stopped or starved, by the turns of its event loop.
+
+    A person whose request is not answered in time is informed that it has failed. If the process then goes on and carries
+    the request out, an e-stop ends, or a planner is armed, although nobody asks for it any more.
+
+    Args:
+        turned_s: time of the last turn [s].
+    """
+
+    turned_s: float
+    _until_s: float = 0.0
+
+    def turn(self, now_s: float) -> None:
+        """Note a turn of the loop, which must come more often than every `STALL_S`."""
+        if now_s - self.turned_s > STALL_S:
+            self._until_s = now_s + BACKLOG_S
+        self.turned_s = now_s
+
+    def may_be_old(self, now_s: float) -> bool:
+        """Return whether a request that is read now may be one that waited."""
+        return now_s < self._until_s or now_s - self.turned_s > STALL_S
