@@ -11,8 +11,7 @@ from pydantic import AfterValidator, ConfigDict, Field
 
 from wire import tls, topics
 from wire.bus_config import BusConfig
-from wire.host.config import BusSection, Conflict, Endpoint, Name, Section, Sections, same_endpoint
-from wire.host.quantities import Between
+from wire.host.config import Between, BusSection, Conflict, Endpoint, Name, Section, Sections, same_endpoint
 
 MAX_TOPIC = 128
 OWN_TOPICS = {

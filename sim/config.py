@@ -13,8 +13,7 @@ from sim.encoders import MAX_ERROR, EncoderConfig
 from sim.imu import ImuConfig
 from sim.lidar_config import MAX_LIDARS, SimLidarSection, conflicts_of_lidars
 from sim.lidar_geometry import LidarConfig
-from wire.host.config import BaseSection, Conflict
-from wire.host.quantities import Beams, Between, Range, Seed, Speed, TurnRate
+from wire.host.config import BaseSection, Beams, Between, Conflict, Range, Seed, Speed, TurnRate
 
 # From one sample in 10 s, which is useless, to the rate of the physics steps, 500 Hz.
 Rate = Annotated[float, Between(0.1, 500.0, "in Hz")]

@@ -8,8 +8,7 @@ from pydantic import AfterValidator, model_validator
 
 from sim.lidar_geometry import LidarConfig
 from wire import topics
-from wire.host.config import Conflict, Name, Section
-from wire.host.quantities import Angle, Beams, Between
+from wire.host.config import Angle, Beams, Between, Conflict, Name, Section
 
 MAX_LIDARS = 4
 MAX_MOUNT_M = 2.0

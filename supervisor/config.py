@@ -16,8 +16,19 @@ from supervisor.law.scan import Lidar
 from supervisor.lidar_config import LidarSection, NamedLidarSection
 from wire import topics
 from wire.access import Contract
-from wire.host.config import ConfigError, Conflict, FreeName, Name, Section
-from wire.host.quantities import Acceleration, AngularAcceleration, Between, Distance, Speed, TurnRate
+from wire.host.config import (
+    Acceleration,
+    AngularAcceleration,
+    Between,
+    ConfigError,
+    Conflict,
+    Distance,
+    FreeName,
+    Name,
+    Section,
+    Speed,
+    TurnRate,
+)
 
 # Fast enough for every timeout and distance of the law, and slow enough for a process to keep.
 TickRate = Annotated[float, Between(10.0, 1000.0)]

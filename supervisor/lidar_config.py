@@ -11,8 +11,7 @@ from supervisor.law.clearance import Hull
 from supervisor.law.lidar import PROFILES, TIMINGS, LidarProfile, SensorTiming
 from supervisor.law.scan import Mount
 from wire import topics
-from wire.host.config import TAKEN_NAMES, Conflict, Name, Section
-from wire.host.quantities import Angle, Beams, Between, Distance, Range
+from wire.host.config import TAKEN_NAMES, Angle, Beams, Between, Conflict, Distance, Name, Range, Section
 
 # Codes are a few mm or cm; a profile with larger codes would miss obstacles right in front of the lidar.
 CodeLimit = Annotated[float, Between(0.0, 0.5)]

@@ -9,8 +9,7 @@ from teleop.incremental import Steps
 from teleop.pilot import LEVELS, Velocity
 from teleop.view import Robot
 from wire import topics
-from wire.host.config import FreeName, Section
-from wire.host.quantities import Acceleration, AngularAcceleration, Between, Speed, TurnRate
+from wire.host.config import Acceleration, AngularAcceleration, Between, FreeName, Section, Speed, TurnRate
 
 AxisName = Annotated[str, Field(pattern=r"^ABS_[A-Z0-9_]+$")]
 ButtonName = Annotated[str, Field(pattern=r"^(BTN|KEY)_[A-Z0-9_]+$")]

@@ -2,13 +2,15 @@
 
 A wrong key, type or number is refused before any process starts. The message lists the faults of all sections, each
 with its path, its value and the allowed values. No magic value disables a check: every number has bounds
-(quantities.py). Values that are valid individually are then compared with each other: within a section by its method
+(`Between`). Values that are valid individually are then compared with each other: within a section by its method
 `conflicts`, between sections by the functions passed to `read_sections`.
 """
 
+import math
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, Self, TypeVar
 
@@ -17,15 +19,15 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
+    GetCoreSchemaHandler,
     ValidationError,
     model_validator,
 )
-from pydantic_core import InitErrorDetails, PydanticCustomError
+from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 
 from wire import tls, topics
 from wire.access import LOCAL_ROLES
 from wire.bus_config import DEFAULT_ENDPOINT, BusConfig
-from wire.host.quantities import Acceleration, AngularAcceleration, Between
 from wire.roles import ANY, Role
 
 SECTIONS = ("bus", "supervisor", "teleop", "sim", "ros2")
@@ -49,6 +51,50 @@ class Conflict(NamedTuple):
     """Value of this key; None if no single value is at fault."""
     message: str
     """The allowed values, and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Between:
+    """Inclusive bounds of a number, with advice for the error message; refuses NaN and infinity too.
+
+    The bounds are part of the safety argument: without them, a timeout of `1e9` would disable a watchdog, and a distance
+    of `1e-9` would disable the barrier.
+    """
+
+    low: float
+    high: float
+    advice: str = ""
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        return core_schema.no_info_after_validator_function(self._check, handler(source))
+
+    def _check(self, value: float) -> float:
+        if self.low <= value <= self.high:  # false for NaN
+            return value
+        advice = f"; {self.advice}" if self.advice else ""
+        message = f"must be from {_text(self.low)} to {_text(self.high)}{advice}"
+        raise PydanticCustomError("out_of_bounds", "{message}", {"message": message})
+
+
+def _text(bound: float) -> str:
+    return str(bound) if isinstance(bound, int) else f"{bound:.6g}"
+
+
+# Quantities of more than one section; all others are next to their keys.
+Speed = Annotated[float, Between(0.01, 5.0, "in m/s: a faster robot needs more than a planar lidar")]
+TurnRate = Annotated[float, Between(0.01, math.tau, "in rad/s: a full turn each second is the most")]
+Acceleration = Annotated[
+    float, Between(0.05, 20.0, "in m/s²: wheels have no grip for more than twice gravity")
+]
+AngularAcceleration = Annotated[float, Between(0.05, 100.0, "in rad/s²")]
+Angle = Annotated[float, Between(-math.tau, math.tau, "in rad, not in degrees")]
+Distance = Annotated[float, Between(-10.0, 10.0, "in m, not in mm")]
+"""A coordinate on the robot; the bounds allow a hull as large as a truck."""
+Range = Annotated[float, Between(0.1, 200.0, "in m: no planar lidar of a robot has a longer range")]
+Beams = Annotated[int, Between(1, 65_536, "as many as one message carries")]
+Seed = Annotated[int, Between(0, 2**32 - 1)]
 
 
 class Section(BaseModel):

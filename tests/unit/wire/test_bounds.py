@@ -11,8 +11,7 @@ from pydantic import BaseModel
 from sim.config import SimSection
 from supervisor.config import SupervisorSection
 from teleop.config import TeleopSection
-from wire.host.config import BusSection, ConfigError, Section, section
-from wire.host.quantities import Between
+from wire.host.config import Between, BusSection, ConfigError, Section, section
 
 MODELS: dict[str, type[Section]] = {
     "bus": BusSection,
