@@ -21,6 +21,7 @@ from wire.inbox import (
     BusError,
     Inbox,
     LivelinessChange,
+    NewestOfEachWriter,
     NoReplyError,
     Overheard,
     RawArrival,
@@ -30,7 +31,6 @@ from wire.inbox import (
     woken_by,
 )
 from wire.messages import M, Message, TriggerResponse, Twist, UndecodableError, decode
-from wire.newest import NewestOfEachWriter
 from wire.stamp import Stamp, parse_stamp
 from wire.topics import Service, Topic
 
@@ -205,7 +205,7 @@ class Bus(Protocol):
             depth: the maximum number of samples kept until they are taken; beyond it, the oldest are dropped.
             wake: set when a sample arrives.
             repeats_wake: whether a sample with the same payload as the previous one also sets `wake`.
-            per_writer: ignore `depth` and keep the newest sample of each writer (wire/newest.py), so that a flood does
+            per_writer: ignore `depth` and keep the newest sample of each writer (wire/inbox.py), so that a flood does
                 not displace other writers' samples. Writers are distinguished by the epoch in their stamps.
         """
         ...

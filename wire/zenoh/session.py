@@ -23,11 +23,11 @@ from wire.inbox import (
     BusError,
     Inbox,
     LivelinessChange,
+    Newest,
     NoReplyError,
     Overheard,
     Wake,
 )
-from wire.newest import NewestWithin
 from wire.runs import SESSION_BYTES, Reconnection, Runs, sessions_in
 from wire.stamp import Stamp, Stamper
 from wire.topics import Topic
@@ -489,7 +489,7 @@ class ZenohSession:
         Raises:
             BusError: it is not a key expression.
         """
-        kept = NewestWithin[Overheard](depth, OVERHEARD_BYTES, lambda one: len(one.payload))
+        kept = Newest[Overheard](depth, OVERHEARD_BYTES, lambda one: len(one.payload))
         inbox: Inbox[Overheard] = Inbox(depth, wake, kept)
         self.hear(expression, inbox.push)
         return inbox

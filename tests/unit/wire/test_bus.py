@@ -1,14 +1,12 @@
-"""The inbox between the network's threads and the loop, and undecodable bytes."""
+"""Subscriptions: what they keep, when they wake, and undecodable bytes."""
 
 import asyncio
 import logging
-import threading
 
 import pytest
 
-from wire.bus import Inbox, Subscription
+from wire.bus import Subscription
 from wire.messages import Twist, encode, planar_twist
-from wire.newest import NewestWithin
 from wire.stamp import Stamper
 
 GOOD = encode(planar_twist(0.1, 0.0))
@@ -45,29 +43,6 @@ async def test_the_latest_decodable_one_is_found_behind_junk() -> None:
     arrival = subscription.latest()
     assert arrival is not None
     assert arrival.arrival_s == 1.0
-
-
-async def test_a_push_from_another_thread_wakes_the_loop_and_nothing_is_lost() -> None:
-    wake = asyncio.Event()
-    inbox: Inbox[int] = Inbox(10_000, wake)
-    pushing = threading.Thread(target=lambda: [inbox.push(n) for n in range(5000)])
-    pushing.start()
-    taken: list[int] = []
-    async with asyncio.timeout(10):
-        while len(taken) < 5000:
-            await wake.wait()
-            wake.clear()
-            taken += inbox.take()
-    pushing.join()
-    assert taken == list(range(5000))
-
-
-def test_a_push_after_the_loop_has_closed_raises_nothing() -> None:
-    async def make() -> Inbox[int]:
-        return Inbox(1, asyncio.Event())
-
-    inbox = asyncio.run(make())
-    inbox.push(1)
 
 
 async def test_raw_samples_are_the_bytes_as_they_came() -> None:
@@ -113,15 +88,3 @@ async def test_the_newest_sample_of_each_writer_is_kept_by_the_epoch_of_its_stam
         None,
     ]
     assert subscription.overflowed == 298
-
-
-async def test_after_an_item_that_is_too_large_to_keep_the_next_one_wakes_again() -> None:
-    wake = asyncio.Event()
-    inbox = Inbox(4, wake, NewestWithin[bytes](4, 10, len))
-    inbox.push(bytes(11))
-    await asyncio.wait_for(wake.wait(), 5.0)
-    assert inbox.take() == []
-    wake.clear()
-    inbox.push(b"small")
-    await asyncio.wait_for(wake.wait(), 5.0)
-    assert inbox.take() == [b"small"]

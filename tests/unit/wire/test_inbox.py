@@ -1,11 +1,15 @@
-"""An inbox keeps a known writer's newest sample during a flood of one or many other writers."""
+"""The inbox between the network's threads and the loop; it keeps known writers' newest samples during any flood."""
 
+import asyncio
+import threading
+from collections.abc import Awaitable, Callable
 from typing import NamedTuple
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wire.newest import KEEPS_PLACE_S, PLACES, Newest, NewestOfEachWriter, NewestWithin
+from wire.inbox import KEEPS_PLACE_S, PLACES, Inbox, Newest, NewestOfEachWriter, wait_until, woken_by
 
 
 class Sample(NamedTuple):
@@ -163,7 +167,7 @@ def test_no_interleaving_of_floods_loses_a_known_writers_newest_sample(
 
 
 def test_items_wait_within_a_number_and_a_size() -> None:
-    kept = NewestWithin[bytes](3, 10, len)
+    kept = Newest[bytes](3, 10, len)
     assert [kept.add(one) for one in (b"1234", b"5678", b"9")] == [0, 0, 0]
     assert kept.add(b"ab") == 1
     assert (len(kept), kept.take()) == (3, [b"5678", b"9", b"ab"])
@@ -171,3 +175,59 @@ def test_items_wait_within_a_number_and_a_size() -> None:
     assert kept.take() == []
     assert [kept.add(b"y" * 10), kept.add(b"z" * 10)] == [0, 1]
     assert kept.take() == [b"z" * 10]
+
+
+async def test_a_push_from_another_thread_wakes_the_loop_and_nothing_is_lost() -> None:
+    wake = asyncio.Event()
+    inbox: Inbox[int] = Inbox(10_000, wake)
+    pushing = threading.Thread(target=lambda: [inbox.push(n) for n in range(5000)])
+    pushing.start()
+    taken: list[int] = []
+    async with asyncio.timeout(10):
+        while len(taken) < 5000:
+            await wake.wait()
+            wake.clear()
+            taken += inbox.take()
+    pushing.join()
+    assert taken == list(range(5000))
+
+
+def test_a_push_after_the_loop_has_closed_raises_nothing() -> None:
+    async def make() -> Inbox[int]:
+        return Inbox(1, asyncio.Event())
+
+    inbox = asyncio.run(make())
+    inbox.push(1)
+
+
+async def test_after_an_item_that_is_too_large_to_keep_the_next_one_wakes_again() -> None:
+    wake = asyncio.Event()
+    inbox = Inbox(4, wake, Newest[bytes](4, 10, len))
+    inbox.push(bytes(11))
+    await asyncio.wait_for(wake.wait(), 5.0)
+    assert inbox.take() == []
+    wake.clear()
+    inbox.push(b"small")
+    await asyncio.wait_for(wake.wait(), 5.0)
+    assert inbox.take() == [b"small"]
+
+
+async def test_an_inbox_is_empty_until_an_item_arrives() -> None:
+    inbox: Inbox[int] = Inbox(1, None)
+    assert inbox.is_empty
+    inbox.push(1)
+    assert not inbox.is_empty
+
+
+@pytest.mark.parametrize("wait", [wait_until, woken_by])
+async def test_a_service_waits_until_it_is_woken_or_the_time_has_come(
+    wait: Callable[[asyncio.Event, float], Awaitable[None]],
+) -> None:
+    wake, loop = asyncio.Event(), asyncio.get_running_loop()
+    async with asyncio.timeout(10):
+        wake.set()
+        await wait(wake, loop.time() + 1e6)
+        wake.clear()
+        due_s = loop.time() + 0.001
+        await wait(wake, due_s)
+    assert loop.time() >= due_s
