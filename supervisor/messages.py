@@ -6,12 +6,16 @@ from collections.abc import Sequence
 from supervisor.law.estop_stations import Presence, Station
 from supervisor.law.model import Command, Decision, LaserScan, Odometry, Source, Velocity
 from wire import messages as ros
+from wire.access import NODE_TOKENS
 from wire.bus import Arrival
 from wire.freshness import Sent
 from wire.stamp import Stamp
 
 HEADER_EPOCH = b"header"
 """Epoch of scans whose only stamp is in their header."""
+MAX_TOKENS = 256
+MAX_NAMES = 8
+MAX_NAME_LENGTH = 64
 
 
 def to_command(source: str, arrival: Arrival[ros.Twist]) -> Command:
@@ -94,6 +98,41 @@ def to_challenge(station: Station, number: int, *, is_stopped: bool) -> ros.Esto
 
 def to_twist(velocity: Velocity) -> ros.Twist:
     return ros.planar_twist(velocity.linear_m_s, velocity.angular_rad_s)
+
+
+class ForeignNodes:
+    """The ROS 2 nodes on the hub that use the keys of rmw_zenoh, by their liveliness tokens: at most `MAX_TOKENS`.
+
+    Lifeline does not read their topics on the hub: rmw_zenoh adds domain, type and type hash to each key, so a command of
+    such a node has no effect.
+    """
+
+    def __init__(self) -> None:
+        self._names: dict[str, str] = {}
+        """By token."""
+
+    def change(self, token: str, *, alive: bool) -> None:
+        """Process a token that appeared or disappeared."""
+        name = _name_in(token)
+        if not alive:
+            self._names.pop(token, None)
+        elif name is not None and len(self._names) < MAX_TOKENS:
+            self._names[token] = name
+
+    def names(self) -> list[str]:
+        """Return up to `MAX_NAMES` names such as "/robot/planner", sorted; a last entry counts the others."""
+        names = sorted(set(self._names.values()))
+        more = len(names) - MAX_NAMES
+        return [*names[:MAX_NAMES], f"and {more} more"] if more > 0 else names
+
+
+def _name_in(token: str) -> str | None:
+    """Return the name of a token's node with its namespace; None if it is not the token of a node."""
+    chunks = token.split("/")
+    if len(chunks) != len(NODE_TOKENS.split("/")):
+        return None
+    namespace, name = (chunk.replace("%", "/").strip("/") for chunk in chunks[-2:])
+    return f"/{namespace}/{name}".replace("//", "/")[:MAX_NAME_LENGTH]
 
 
 def to_status(

@@ -18,6 +18,7 @@ from supervisor.law.estop_stations import Presence, TokenEnd
 from supervisor.law.model import Decision, Inputs, LaserScan, Liveliness, Mode, Reply
 from supervisor.law.safety import initial_state, runs_out_s, step
 from supervisor.messages import (
+    ForeignNodes,
     to_challenge,
     to_command,
     to_odometry,
@@ -28,7 +29,6 @@ from supervisor.messages import (
 )
 from wire import topics
 from wire.bus import Bus
-from wire.foreign_nodes import ForeignNodes
 from wire.host.notify import Notifier
 from wire.host.pauses import StallMeter, never_suspended
 from wire.host.turns import Turns

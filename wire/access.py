@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 from wire import topics
-from wire.foreign_nodes import NODE_TOKENS
 from wire.roles import ANY, Role, common_name
 
 LOCAL_ROLES = (Role.BASE, Role.SENSOR, Role.OPERATOR, Role.ESTOP, Role.VIEWER)
@@ -27,6 +26,13 @@ LOCAL_LINK = "unixsock-stream"
 UNPROVEN_LINK = "tcp"
 ADMIN_SPACE = "@/**"
 """Zenoh's own report of sessions and declarations, for the inspection tools; it is read-only."""
+NODE_TOKENS = "@ros2_lv/*/*/*/*/NN/*/*/*"
+"""The key expression of the tokens of ROS 2 nodes with rmw_zenoh (docs/design.md of github.com/ros2/rmw_zenoh):
+
+    @ros2_lv/<domain>/<session>/<node id>/<node id>/NN/<enclave>/<namespace>/<name>
+
+where `%` replaces each slash.
+"""
 ROS2_TOKENS = f"{NODE_TOKENS.partition('/')[0]}/**"
 
 Message = Literal[

@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 import zenoh
 
 from wire import topics
-from wire.foreign_nodes import NODE_TOKENS
+from wire.access import NODE_TOKENS
 from wire.inbox import (
     FOREIGN_DEPTH,
     SOURCES_DEPTH,
@@ -310,7 +310,7 @@ class ZenohSession:
         return inbox
 
     def watch_foreign_nodes(self) -> Inbox[LivelinessChange]:
-        """Return an inbox for the changes of the tokens of nodes with rmw_zenoh (wire/foreign_nodes.py)."""
+        """Return an inbox for the changes of the tokens of ROS 2 nodes with rmw_zenoh."""
         inbox: Inbox[LivelinessChange] = Inbox(FOREIGN_DEPTH, None)
         self.watch_tokens(
             NODE_TOKENS, lambda key, alive: inbox.push(LivelinessChange(key, alive, time.monotonic()))

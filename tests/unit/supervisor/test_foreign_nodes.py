@@ -2,7 +2,7 @@
 
 import pytest
 
-from wire.foreign_nodes import MAX_NAME_LENGTH, MAX_NAMES, MAX_TOKENS, ForeignNodes
+from supervisor.messages import MAX_NAME_LENGTH, MAX_NAMES, MAX_TOKENS, ForeignNodes
 
 
 def token(name: str, namespace: str = "%", session: str = "aa11") -> str:
