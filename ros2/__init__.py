@@ -4,7 +4,6 @@ config.py       `[ros2]` of robot.toml; imports nothing of ROS
 node.py         the ROS 2 node over DDS: the only file that imports rclpy
 rmw_zenoh.py    the same node over Zenoh, for a robot with rmw_zenoh, without rclpy
 rmw_keys.py     the keys, tokens and hashes of rmw_zenoh (pure)
-report_cdr.py   writes reports and service responses as CDR, without rclpy (pure)
 ros.py          the interface of the node
 program.py      the command line of `python -m ros2`
 service.py      the asyncio shell between the node and the Zenoh session
@@ -19,5 +18,4 @@ diagnostics.py  the reports on /diagnostics and /lifeline/status (pure)
 reports.py      the report of each topic (pure)
 status.py       the beginning of a SafetyStatus, read from its bytes (pure)
 environment.py  the environment variables of a Python with rclpy (pure)
-cdr.py          reads and writes velocities and a few other values as CDR (pure)
 """

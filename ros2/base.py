@@ -6,8 +6,8 @@ the simulated base: without a fresh command of a live supervisor, it commands ze
 
 import math
 
-from ros2 import cdr
 from ros2.config import Ros2Section
+from wire import cdr
 from wire.freshness import Sent
 from wire.stamp import parse_stamp
 from wire.watchdog import BaseReason, Watchdog
@@ -57,8 +57,7 @@ class Base:
         """Process a command of the supervisor; the next `target` is due immediately."""
         if arrival_s < self._changed_s:
             return
-        twist = cdr.twist_of(payload, stamped=False)
-        velocity = (None if twist is None else cdr.planar_of(twist)) or cdr.Planar(math.nan, math.nan)
+        velocity = cdr.planar_of(payload) or cdr.Planar(math.nan, math.nan)
         stamp = parse_stamp(attachment)
         sent: Sent | None = None if stamp is None else stamp.sent()
         self._watchdog.command(arrival_s, velocity.linear_m_s, velocity.angular_rad_s, sent)

@@ -10,12 +10,13 @@ import sys
 import time
 from collections.abc import Awaitable, Callable
 
-from ros2 import cdr, ros
+from ros2 import ros
 from ros2.base import message
 from ros2.config import Ros2Section
 from ros2.endpoints import clause
 from ros2.ros import Ros, twist_type
 from ros2.samples import Sample
+from wire import cdr
 from wire.inbox import Inbox, woken_by
 
 TURN_RAD_S = 0.3
@@ -165,9 +166,9 @@ class _Check:
             await woken_by(self._wake, min(end_s, self._loop.time() + PERIOD_S))
             self._wake.clear()
             for sample in self._odom.take():
-                velocity = cdr.odometry_velocity(sample.payload)
-                if velocity is not None:
-                    self._turn_rad_s = velocity.angular_rad_s
+                motion = cdr.unpack_motion(sample.payload)
+                if motion is not None and math.isfinite(motion.angular_rad_s):
+                    self._turn_rad_s = motion.angular_rad_s
             if holds():
                 return True
         return False

@@ -1,9 +1,16 @@
-"""What the ROS 2 process reports: one report for each topic, and one for the supervisor (pure)."""
+"""What the ROS 2 process reports: one report for each topic, and one for the supervisor (pure).
 
+Without rclpy, reports are written as CDR; tests/unit/ros2/test_diagnostics.py compares each message with rosbags.
+"""
+
+from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
 from ros2.status import Status
+from wire.cdr import Writer
+
+HARDWARE_ID = "lifeline"
 
 
 class Level(IntEnum):
@@ -50,3 +57,36 @@ def supervisor_report(status: Status | None, base: str) -> Report:
         ("base", base),
     )
     return Report("supervisor", level, f"{status.mode}{why}", values)
+
+
+def diagnostic_status(report: Report) -> bytes:
+    """Return the payload of a `diagnostic_msgs/msg/DiagnosticStatus`."""
+    writer = Writer()
+    _write(writer, report)
+    return writer.payload()
+
+
+def diagnostic_array(reports: Sequence[Report], time_ns: int) -> bytes:
+    """Return the payload of a `diagnostic_msgs/msg/DiagnosticArray` with one status for each report.
+
+    Args:
+        reports: the reports.
+        time_ns: the stamp of its header, by the wall clock.
+    """
+    writer = Writer()
+    writer.header(time_ns)
+    writer.value("I", len(reports))
+    for report in reports:
+        _write(writer, report)
+    return writer.payload()
+
+
+def _write(writer: Writer, report: Report) -> None:
+    writer.value("B", report.level)
+    writer.text(f"lifeline: {report.name}")
+    writer.text(report.message)
+    writer.text(HARDWARE_ID)
+    writer.value("I", len(report.values))
+    for key, value in report.values:
+        writer.text(key)
+        writer.text(value)

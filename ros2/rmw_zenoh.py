@@ -14,7 +14,7 @@ from functools import partial
 from itertools import count
 from typing import ParamSpec
 
-from ros2 import report_cdr, ros
+from ros2 import diagnostics, ros
 from ros2.diagnostics import Report
 from ros2.endpoints import Endpoint
 from ros2.rmw_keys import (
@@ -34,6 +34,7 @@ from ros2.rmw_keys import (
     with_hash,
 )
 from ros2.samples import Sample
+from wire import cdr
 from wire.inbox import Overheard
 from wire.stamp import Stamp, parse_stamp
 from wire.zenoh.session import ZenohSession
@@ -128,7 +129,7 @@ class RmwZenoh:
 
         async def answer(_: bytes) -> bytes:
             success, message = await asyncio.to_thread(handler)
-            return report_cdr.trigger_response(success=success, message=message)
+            return cdr.trigger_response(success=success, message=message)
 
         self._announce(Kind.SERVICE, name, TRIGGER)
         key = data_key(name, TRIGGER, TYPE_HASHES[TRIGGER])
@@ -155,11 +156,11 @@ class RmwZenoh:
 
     def encode_array(self, reports: Sequence[Report]) -> bytes:
         """Return a `diagnostic_msgs/msg/DiagnosticArray` with one status for each report."""
-        return report_cdr.diagnostic_array(reports, time.time_ns())
+        return diagnostics.diagnostic_array(reports, time.time_ns())
 
     def encode_status(self, report: Report) -> bytes:
         """Return a `diagnostic_msgs/msg/DiagnosticStatus`."""
-        return report_cdr.diagnostic_status(report)
+        return diagnostics.diagnostic_status(report)
 
     def close(self) -> None:
         """Leave the domain: close the session; call it on another thread than the event loop's."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from ros2 import cdr, ros
+from ros2 import ros
 from ros2.base import Base, message
 from ros2.config import Ros2Section, RosSourceSection
 from ros2.diagnostics import Level, Report, supervisor_report
@@ -25,7 +25,7 @@ from ros2.ros import Ros, twist_type
 from ros2.samples import Sample, Writers
 from ros2.source import Command, Source
 from ros2.status import Status, status_of
-from wire import topics
+from wire import cdr, topics
 from wire.host.notify import Notifier
 from wire.host.pauses import StallMeter, never_suspended
 from wire.inbox import Inbox, LivelinessChange, NoReplyError, RawArrival, Token, woken_by

@@ -12,8 +12,8 @@ Pure: time is an argument, in seconds of the local monotonic clock.
 import math
 from typing import NamedTuple
 
-from ros2 import cdr
 from ros2.samples import Sample, Writers
+from wire import cdr
 from wire.freshness import Sent, Track, Verdict, judge
 
 PERIOD_S = 0.05

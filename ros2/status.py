@@ -4,10 +4,9 @@ The process runs without rosbags, and needs only the fields before the sources. 
 the reader with rosbags.
 """
 
-import struct
 from typing import NamedTuple
 
-from ros2.cdr import LITTLE_ENDIAN, Planar, is_little_endian
+from wire.cdr import Planar, Reader
 from wire.message_types import SafetyStatus
 
 MODES = {
@@ -33,71 +32,33 @@ class Status(NamedTuple):
     nearest_m: float
 
 
-class _Reader:
-    """Reads CDR values in order.
-
-    Raises:
-        ValueError: the bytes end too early, or a value is not valid.
-    """
-
-    def __init__(self, payload: bytes) -> None:
-        if not is_little_endian(payload):
-            raise ValueError("not little-endian CDR")
-        self._body = payload[len(LITTLE_ENDIAN) :]
-        self._at = 0
-
-    def value(self, code: str) -> float:
-        size = struct.calcsize(code)
-        self._at = -(-self._at // size) * size
-        try:
-            (value,) = struct.unpack_from(f"<{code}", self._body, self._at)
-        except struct.error as error:
-            raise ValueError(str(error)) from error
-        self._at += size
-        return value
-
-    def skip_header(self) -> None:
-        self.value("i")
-        self.value("I")
-        self.text()
-
-    def count(self) -> int:
-        return int(self.value("I"))
-
-    def text(self) -> str:
-        length = self.count()
-        text = self._body[self._at : self._at + length]
-        if not text or len(text) != length:
-            raise ValueError("a string is not complete")
-        self._at += length
-        return text[:-1].decode("utf-8", "replace")
-
-    def texts(self) -> tuple[str, ...]:
-        count = self.count()
-        if count > MAX_REASONS:
-            raise ValueError("too many reasons")
-        return tuple(self.text() for _ in range(count))
-
-    def planar(self) -> Planar:
-        x, _, _, _, _, yaw = (self.value("d") for _ in range(6))
-        return Planar(x, yaw)
-
-
 def status_of(payload: bytes) -> Status | None:
     """Return the status in a `lifeline_msgs/msg/SafetyStatus`; None if the bytes are not one."""
     try:
-        reader = _Reader(payload)
-        reader.skip_header()
+        reader = Reader(payload)
+        reader.frame_id()
         return Status(
-            mode=MODES[int(reader.value("B"))],
-            reasons=reader.texts(),
+            mode=MODES[reader.value("B")],
+            reasons=_texts(reader),
             warning=bool(reader.value("B")),
             alarm=bool(reader.value("B")),
             owner=reader.text(),
-            requested=reader.planar(),
-            permitted=reader.planar(),
+            requested=_planar(reader),
+            permitted=_planar(reader),
             scale=reader.value("d"),
             nearest_m=reader.value("d"),
         )
     except (ValueError, KeyError):
         return None
+
+
+def _texts(reader: Reader) -> tuple[str, ...]:
+    count = reader.value("I")
+    if count > MAX_REASONS:
+        raise ValueError("too many reasons")
+    return tuple(reader.text() for _ in range(count))
+
+
+def _planar(reader: Reader) -> Planar:
+    x, *_, yaw = reader.twist()
+    return Planar(x, yaw)

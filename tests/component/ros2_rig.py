@@ -8,7 +8,6 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from ros2 import cdr
 from ros2.config import Ros2Section
 from ros2.endpoints import Endpoint
 from ros2.ros import TWIST
@@ -18,7 +17,7 @@ from tests.component.rig import Rig, laser_scan
 from tests.unit.ros2.fake_ros import NAME, FakeRos
 from tests.unit.ros2.programs import Program
 from virtual.network import VirtualBus
-from wire import topics
+from wire import cdr, topics
 from wire.inbox import Inbox, LivelinessChange, NoReplyError, Token
 from wire.messages import encode
 from wire.stamp import Stamp, Stamper, parse_stamp

@@ -4,15 +4,15 @@ import asyncio
 
 import pytest
 
-from ros2 import cdr, service
-from ros2.cdr import STANDSTILL
+from ros2 import service
 from ros2.diagnostics import Level
 from ros2.endpoints import Endpoint
 from ros2.ros import TWIST, TWIST_STAMPED
 from tests.component.ros2_rig import BASE, CMD_VEL, ODOM, OWN, SCAN, TELEOP, Ros2Robot
 from tests.unit.ros2.programs import Program
 from virtual.loop import VirtualLoop
-from wire import topics
+from wire import cdr, topics
+from wire.cdr import STANDSTILL
 from wire.messages import Bool, LaserScan, Odometry, decode, encode, odometry
 
 STEADY: dict[str, object] = {"name": "teleop", "topic": "teleop/cmd_vel"}

@@ -3,7 +3,6 @@
 import signal
 from pathlib import Path
 
-from ros2 import cdr
 from tests.ros2.host import Host, Line, Peer
 from tests.ros2.stack import (
     ESTOP_SUBSCRIPTIONS,
@@ -12,6 +11,7 @@ from tests.ros2.stack import (
     Stack,
     send,
 )
+from wire import cdr
 
 REQUESTS = 5
 ROUNDS = 10

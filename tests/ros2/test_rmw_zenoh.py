@@ -12,11 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from ros2 import cdr, ros
+from ros2 import ros
 from ros2.rmw_keys import TYPE_HASHES, data_key
 from tests.ros2.host import Host, Line, Peer
 from tests.ros2.rmw_stack import DOMAIN, RMW_PYTHON, RmwStack
 from tests.ros2.stack import SOURCE, SPEED_M_S, TOPIC, send
+from wire import cdr
 from wire.bus_config import BusConfig
 from wire.zenoh.connect import open_session
 from wire.zenoh.session import ZenohSession

@@ -21,11 +21,10 @@ from nav_msgs.msg import Odometry
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import LaserScan
 
-from ros2 import cdr
 from tests.ros2.peers.diff_drive import timeout
 from tests.ros2.peers.lines import READY, listen, say
 from tests.ros2.peers.ros_node import SENSOR, make_node, qos
-from wire import topics
+from wire import cdr, topics
 from wire.bus_config import BusConfig
 from wire.zenoh.connect import open_session
 from wire.zenoh.session import ZenohSession

@@ -4,12 +4,12 @@ import itertools
 import math
 from dataclasses import dataclass, field, replace
 
-from ros2 import cdr
 from ros2 import source as adapter
 from ros2.samples import Sample, Writers
 from ros2.source import Source
 from supervisor.law.model import Command, Decision, Inputs, Liveliness, Velocity
 from tests.unit.supervisor.law.law_harness import NEUTRAL, TICK_S, Law
+from wire import cdr
 from wire.freshness import Sent
 from wire.stamp import Stamp
 

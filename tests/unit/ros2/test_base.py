@@ -4,10 +4,10 @@ import math
 
 import pytest
 
-from ros2 import cdr
 from ros2.base import PATIENCE_S, PERIOD_S, Base, message
-from ros2.cdr import STANDSTILL, Planar
 from ros2.config import Ros2Section
+from wire import cdr
+from wire.cdr import STANDSTILL, Planar
 from wire.stamp import Stamp
 from wire.watchdog import BaseReason
 

@@ -1,14 +1,23 @@
-"""The report of the robot's mode."""
+"""The report of the robot's mode, and the messages that are written without rclpy, compared with rosbags."""
 
 import math
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rosbags.typesys import Stores, get_typestore
 
-from ros2.cdr import Planar
-from ros2.diagnostics import Level, supervisor_report
+from ros2.diagnostics import Level, Report, diagnostic_array, diagnostic_status, supervisor_report
 from ros2.status import Status
+from wire.cdr import Planar
 
 STATUS = Status("DRIVING", (), False, False, "teleop", Planar(0.5, 0.1), Planar(0.25, 0.05), 0.5, 1.2345)  # noqa: FBT003
+STORE = get_typestore(Stores.ROS2_JAZZY)
+STATUS_TYPE, ARRAY = "diagnostic_msgs/msg/DiagnosticStatus", "diagnostic_msgs/msg/DiagnosticArray"
+TEXTS = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=12)
+REPORTS = st.builds(
+    Report, TEXTS, st.sampled_from(Level), TEXTS, st.lists(st.tuples(TEXTS, TEXTS), max_size=3).map(tuple)
+)
 
 
 def test_a_silent_supervisor_is_an_error_with_the_state_of_the_base() -> None:
@@ -57,3 +66,32 @@ def test_the_reasons_of_a_stop_are_in_the_message_and_in_the_values() -> None:
     assert report.message == "STOPPED (OBSTACLE, COMMAND_TIMEOUT)"
     assert dict(report.values)["reasons"] == "OBSTACLE COMMAND_TIMEOUT"
     assert dict(report.values)["nearest_m"] == "nan"
+
+
+def read(status: object) -> Report:
+    assert getattr(status, "hardware_id", None) == "lifeline"
+    name: str = getattr(status, "name", "")
+    assert name.startswith("lifeline: ")
+    return Report(
+        name.removeprefix("lifeline: "),
+        Level(getattr(status, "level", -1)),
+        getattr(status, "message", ""),
+        tuple((one.key, one.value) for one in getattr(status, "values", ())),
+    )
+
+
+@given(REPORTS)
+def test_a_status_is_what_rosbags_reads(report: Report) -> None:
+    payload = diagnostic_status(report)
+    assert read(message := STORE.deserialize_cdr(payload, STATUS_TYPE)) == report
+    assert bytes(STORE.serialize_cdr(message, STATUS_TYPE)) == payload
+
+
+@given(st.lists(REPORTS, max_size=4), st.integers(0, 2**31 * 10**9 - 1))
+def test_an_array_is_what_rosbags_reads(reports: list[Report], time_ns: int) -> None:
+    payload = diagnostic_array(reports, time_ns)
+    message = STORE.deserialize_cdr(payload, ARRAY)
+    stamp = message.header.stamp  # type: ignore[attr-defined]
+    assert stamp.sec * 10**9 + stamp.nanosec == time_ns
+    assert [read(status) for status in message.status] == reports  # type: ignore[attr-defined]
+    assert bytes(STORE.serialize_cdr(message, ARRAY)) == payload

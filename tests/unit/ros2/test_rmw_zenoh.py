@@ -7,12 +7,12 @@ from typing import cast
 
 import pytest
 
-from ros2 import cdr, ros
-from ros2.diagnostics import Level, Report
-from ros2.report_cdr import diagnostic_status
+from ros2 import ros
+from ros2.diagnostics import Level, Report, diagnostic_status
 from ros2.rmw_keys import TRIGGER, TYPE_HASHES, Kind, data_key, endpoint_token, gid_of, tokens_on
 from ros2.rmw_zenoh import RECENT_S, RmwZenoh
 from ros2.samples import Sample, Writers
+from wire import cdr
 from wire.inbox import Overheard
 from wire.stamp import Stamp, parse_stamp
 from wire.zenoh.session import ZenohSession

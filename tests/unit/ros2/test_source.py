@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ros2 import cdr
 from ros2.source import NEUTRAL, PERIOD_S, Command
 from tests.unit.ros2.programs import PROGRAM, TIMEOUT_S, WALL_S, Program, Robot, new_source
 from tests.unit.supervisor.law.law_harness import FORWARD, TICK_S, ring
+from wire import cdr
 
 HOLD_S = 0.6
 SPEED_M_S = FORWARD.linear_m_s

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ros2.cdr import Planar
 from ros2.status import MAX_REASONS, MODES, status_of
+from wire.cdr import Planar
 from wire.messages import SafetyStatus, encode, header, planar_twist
 from wire.reasons import StopReason
 
