@@ -6,14 +6,12 @@ from bisect import bisect_left
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from faults.seen import Motion, Seen
+from faults.seen import Seen
+from lifeline.incidents.braking import braking
 
 NOTICED_WITHIN_S = 2.0
 """A stop that begins later than this is not a consequence of the fault."""
 MOVING_M_S = 0.05
-STILL_S = 0.1
-"""Minimum duration of a standstill; shorter ones are part of the rocking."""
-
 
 BASE = "base: "
 """Prefix of the base's own stop reasons."""
@@ -36,13 +34,6 @@ class Stop(NamedTuple):
     """Time to zero on cmd_vel; if the base stops by itself, to its own stop."""
     to_standstill_s: float | None
     distance_m: float | None
-
-
-class Braking(NamedTuple):
-    """Time and distance to a standstill."""
-
-    to_standstill_s: float
-    distance_m: float
 
 
 def stop_after(
@@ -69,21 +60,6 @@ def stop_after(
     return Stop(detector, speed_m_s, to_zero_s, rest.to_standstill_s, rest.distance_m)
 
 
-def braking(motions: Sequence[Motion], from_s: float) -> Braking | None:
-    """Return time and distance from a moment to the standstill.
-
-    Returns:
-        None if there is no sample before the moment, or no lasting standstill within twice `NOTICED_WITHIN_S`.
-    """
-    start = bisect_left(motions, from_s, key=lambda motion: motion.time_s)
-    rest = _rest(motions[start:])
-    if start == 0 or rest is None or rest.time_s - from_s > 2 * NOTICED_WITHIN_S:
-        return None
-    way = [motions[start - 1], *itertools.takewhile(lambda m: m.time_s <= rest.time_s, motions[start:])]
-    distance_m = sum(math.dist((a.x_m, a.y_m), (b.x_m, b.y_m)) for a, b in itertools.pairwise(way))
-    return Braking(rest.time_s - from_s, distance_m)
-
-
 def _noticed(
     seen: Seen, fault_s: float, until_s: float, base: Sequence[BaseReport]
 ) -> tuple[float, str | None]:
@@ -104,16 +80,3 @@ def _to_zero_s(seen: Seen, fault_s: float) -> float | None:
         return None
     zero = next((c for c in itertools.islice(seen.commands, start, None) if c.is_zero), None)
     return None if zero is None else zero.arrival_s - fault_s
-
-
-def _rest(motions: Sequence[Motion]) -> Motion | None:
-    """Return the first sample of a lasting standstill."""
-    first: Motion | None = None
-    for motion in motions:
-        if not motion.is_still:
-            first = None
-        elif first is None:
-            first = motion
-        elif motion.time_s - first.time_s >= STILL_S:
-            return first
-    return None

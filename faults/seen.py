@@ -1,12 +1,9 @@
 """The observations of a run from outside. Times are seconds of one monotonic clock."""
 
-import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-STILL_M_S = 0.01
-STILL_RAD_S = 0.02
-"""Below both speeds, the robot stands."""
+from lifeline.incidents.braking import Motion
 
 
 class Command(NamedTuple):
@@ -34,28 +31,6 @@ class Status(NamedTuple):
     @property
     def is_stopped(self) -> bool:
         return bool(self.reasons)
-
-
-class Motion(NamedTuple):
-    """The true pose of the robot and its clearance."""
-
-    time_s: float
-    x_m: float
-    y_m: float
-    linear_m_s: float
-    angular_rad_s: float
-    clearance_m: float = math.inf
-    """Distance from the hull to the nearest object; at most 0 on contact."""
-    own_approach_m: float = 0.0
-    """How much nearer it came since the sample before by its own motion alone: the clearance that the pose
-    of before has in the world of now, less the clearance now."""
-    is_touching: bool = False
-    appeared_m: float = math.inf
-    """Distance from the hull to an object that was placed since the previous sample."""
-
-    @property
-    def is_still(self) -> bool:
-        return abs(self.linear_m_s) < STILL_M_S and abs(self.angular_rad_s) < STILL_RAD_S
 
 
 class Asked(NamedTuple):

@@ -7,6 +7,7 @@ messages.py     CDR encoding of the messages (rosbags); msg/ has their definitio
 cdr.py          encoding and decoding of the most frequent messages by offset
 reasons.py      the stop reasons, with their names and their texts on every screen
 stamp.py        the attachment of each sample: sequence, source time, epoch
+standstill.py   the speeds below which a robot counts as standing (pure)
 bearing.py      the words for a bearing, the same in every program (pure)
 freshness.py    age of a command from its stamp, despite network delays (pure)
 lease.py        challenges between the supervisor and an e-stop station (pure)

@@ -14,7 +14,6 @@ from rich.text import Text
 
 from deploy.stack.errors import DeployError
 from deploy.stack.formatting import COLOURS, nearest, printable
-from faults.seen import STILL_M_S, STILL_RAD_S
 from lifeline.incidents.files import black_boxes, id_of
 from lifeline.incidents.incident import IncidentError, messages
 from lifeline.incidents.plot import Series, plot
@@ -22,6 +21,7 @@ from lifeline.incidents.summary import Incident, Sample, read_incident
 from lifeline.recording.reader import Recorded, RecordingError, RecordingWriter, exists
 from supervisor.law.reckoning import Velocity
 from wire.reasons import words_of
+from wire.standstill import is_still
 
 EXIT_INCOMPLETE = 1
 ROW_S = 0.25
@@ -101,7 +101,7 @@ def _problem(path: Path, sentence: str) -> str:
 
 def _speed(velocity: Velocity) -> str:
     """Format the speed, or the turn rate of a robot that turns on the spot."""
-    if abs(velocity.linear_m_s) < STILL_M_S and abs(velocity.angular_rad_s) >= STILL_RAD_S:
+    if is_still(velocity.linear_m_s, 0.0) and not is_still(0.0, velocity.angular_rad_s):
         return f"{abs(velocity.angular_rad_s):.2f} rad/s"
     return f"{abs(velocity.linear_m_s):.2f} m/s"
 
@@ -188,7 +188,7 @@ def _outline(sample: Sample) -> tuple[str, str]:
 def _repeats(sample: Sample, last: Sample) -> bool:
     """Return whether two samples differ only by the noise of a robot at rest."""
     rates = [*_velocities(sample), *_velocities(last)]
-    is_at_rest = all(abs(v.linear_m_s) < STILL_M_S and abs(v.angular_rad_s) < STILL_RAD_S for v in rates)
+    is_at_rest = all(is_still(*velocity) for velocity in rates)
     return (
         is_at_rest and _outline(sample) == _outline(last) and abs(sample.nearest_m - last.nearest_m) < NOISE_M
     )

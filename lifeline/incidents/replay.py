@@ -15,17 +15,15 @@ from rich.text import Text
 
 from deploy.stack.errors import DeployError
 from deploy.stack.formatting import number
-from faults.seen import STILL_M_S, STILL_RAD_S
 from supervisor.blackbox.file import DECISION, INPUTS, STATE, dumps
 from supervisor.blackbox.reader import BlackBoxError, Document, read, stops_of
 from supervisor.law.model import STANDSTILL, Decision, Inputs, Mode, Reply, State, Velocity
 from supervisor.law.safety import step
+from wire.standstill import is_still
 
 EXIT_DIFFERENT = 1
 MIN_WIDTH = 130
 """Width of the table in columns if the output is not a terminal."""
-AT_REST = Velocity(STILL_M_S, STILL_RAD_S)
-"""Below this odometry velocity [m/s, rad/s], the base is at rest."""
 
 COLOURS = {
     Mode.STOPPED: "bold red",
@@ -137,9 +135,7 @@ def _inputs(document: object) -> Inputs:
 
 
 def _is_at_rest(inputs: Inputs) -> bool:
-    if inputs.odometry is None:
-        return False
-    return all(abs(v) < limit for v, limit in zip(inputs.odometry.velocity, AT_REST, strict=True))
+    return inputs.odometry is not None and is_still(*inputs.odometry.velocity)
 
 
 def _tell(found: Replay, now_s: float, decision: Decision) -> None:

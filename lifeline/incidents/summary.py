@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from deploy.stack.formatting import MODES, number, printable
-from faults.measure import Braking, braking
-from faults.seen import Motion
+from lifeline.incidents.braking import Braking, Motion, braking
 from lifeline.incidents.incident import IncidentError
 from supervisor.blackbox.file import SUFFIX
 from supervisor.blackbox.reader import BlackBoxError, BlackBoxReader, Step, Stop

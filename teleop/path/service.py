@@ -21,6 +21,7 @@ from teleop.view import plain
 from wire import topics
 from wire.bus import Arrival, Bus, wait_until
 from wire.messages import Odometry, SafetyStatus, planar_twist
+from wire.standstill import is_still
 
 SOURCE = "path"
 RATE_HZ = 20.0
@@ -34,7 +35,6 @@ ARM_LIMIT_S = 3.0
 HEADWAY_S, HEADWAY_M, HEADWAY_RAD = 3.0, 0.01, 0.03
 """A robot that has moved or turned less than this within this time is stuck."""
 SETTLE_LIMIT_S = 1.0
-STILL_M_S, STILL_RAD_S = 0.005, 0.01
 SHOW_PERIOD_S = 0.2
 DEPTH = 64
 
@@ -208,10 +208,10 @@ class PathService:
             self._arm(now_s)
         elif self._phase is _Phase.DRIVING:
             return self._drive_on(now_s)
-        elif self._phase is _Phase.SETTLING:
-            still = abs(self._speed.linear_m_s) < STILL_M_S and abs(self._speed.angular_rad_s) < STILL_RAD_S
-            if still or now_s - self._since_s > SETTLE_LIMIT_S:
-                self._end(Ending.DONE, "")
+        elif self._phase is _Phase.SETTLING and (
+            is_still(*self._speed) or now_s - self._since_s > SETTLE_LIMIT_S
+        ):
+            self._end(Ending.DONE, "")
         return NEUTRAL
 
     # --- input
