@@ -77,7 +77,7 @@ def exit_with(run: Callable[[], int]) -> NoReturn:
     try:
         code = run()
     except DeployError as error:
-        from deploy.stack.formatting import printable_lines  # noqa: PLC0415
+        from wire.text import printable_lines  # noqa: PLC0415
 
         print(f"lifeline: {printable_lines(str(error))}", file=sys.stderr)
         code = EXIT_REFUSED

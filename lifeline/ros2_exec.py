@@ -14,7 +14,6 @@ from pydantic import TypeAdapter, ValidationError
 
 from deploy.stack.bound_child import BoundChild, end, take_signals
 from deploy.stack.errors import EXIT_REFUSED, DeployError
-from deploy.stack.formatting import printable
 from deploy.stack.launch import Launch
 from lifeline.inspection.network import network_of
 from ros2.config import Ros2Section
@@ -24,6 +23,7 @@ from wire.host.config import BusSection, ConfigError, FreeName, Section, read_se
 from wire.host.memory_keeper import MemoryKeeper
 from wire.host.notify import Notifier, take_notifier
 from wire.inbox import BusError, Token
+from wire.text import printable
 from wire.zenoh.connect import open_session
 from wire.zenoh.local_socket import pid_in
 from wire.zenoh.session import ZenohSession

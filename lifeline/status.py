@@ -13,16 +13,7 @@ from rich.text import Text
 from deploy.estop import RESET, latched_sentence
 from deploy.stack import elsewhere, processes, ros2_reports, supervisord
 from deploy.stack.errors import EXIT_NOT_RUNNING
-from deploy.stack.formatting import (
-    CHECK_NETWORK,
-    COLOURS,
-    GO_NEUTRAL,
-    mode_name,
-    nearest,
-    number,
-    printable,
-    speed,
-)
+from deploy.stack.formatting import CHECK_NETWORK, COLOURS, GO_NEUTRAL, mode_name, nearest, number, speed
 from deploy.stack.launch import ANY_BASE, SIMULATED, Launch
 from deploy.stack.observe import observing
 from deploy.stack.ros2_reports import Report
@@ -30,6 +21,7 @@ from deploy.stack.statedir import StateDir
 from deploy.stack.takedown import listed
 from wire import tls, topics
 from wire.messages import Odometry, SafetyStatus, Twist
+from wire.text import printable
 
 CONNECT_LIMIT_S = 1.0
 SECURE_CONNECT_LIMIT_S = 3.0

@@ -17,6 +17,7 @@ from typing import NamedTuple
 from ros2 import ros
 from ros2.endpoints import Endpoint
 from wire.stamp import GID_BYTES, Stamp, parse_stamp
+from wire.text import printable
 
 ADMIN_SPACE = "@ros2_lv"
 TRIGGER = "std_srvs/srv/Trigger"
@@ -185,7 +186,7 @@ def gid_of(token: str) -> bytes:
 
 def _shown(name: str) -> str:
     """Return a name from the network for a report: at most as long as ROS names are, and printable."""
-    return "".join(c if c.isprintable() else "?" for c in name[:MAX_NAME])
+    return printable(name[:MAX_NAME])
 
 
 def _mangled(name: str) -> str:

@@ -24,7 +24,7 @@ from teleop.display import SILENT_AFTER_S, News, is_silent, news, render, reques
 from teleop.pilot import LEVELS, amounts
 from teleop.top_view import Scale, draw_top_view, scale_of
 from teleop.view import Control, KeyHelp, Line, Segment, Tone, View, columns_of, plain
-from wire.bearing import bearing_in_words
+from wire.text import bearing_in_words
 
 MIN_COLUMNS, MIN_ROWS = 80, 24
 """Minimum size of the terminal for the dashboard."""

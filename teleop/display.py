@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from teleop.view import Control, Line, Segment, Tone, View, columns_of, plain
-from wire.bearing import bearing_in_words
 from wire.messages import SafetyStatus, SourceStatus, Twist
 from wire.reasons import words_of
+from wire.text import bearing_in_words
 
 SILENT_AFTER_S = 0.5
 """A stream without a message for longer than this is outdated; the slowest stream has 10 Hz."""

@@ -2,8 +2,8 @@
 
 import math
 
-from wire.bearing import bearing_in_words
 from wire.messages import SafetyStatus, Twist
+from wire.text import bearing_in_words
 
 MODES = ("STOPPED", "READY", "DRIVING", "LIMITED")
 """The modes of SafetyStatus, in the order of their numbers."""
@@ -22,16 +22,6 @@ HEARD_LIMIT_S = 1.0
 def mode_name(status: SafetyStatus) -> str:
     """Return the name of the mode; an unknown mode of a newer supervisor has the last name."""
     return MODES[min(status.mode, len(MODES) - 1)]
-
-
-def printable(text: str) -> str:
-    """Replace control characters, so that no payload can control the terminal."""
-    return "".join(char if char.isprintable() else "?" for char in text)
-
-
-def printable_lines(text: str) -> str:
-    """Replace control characters except line feeds."""
-    return "\n".join(map(printable, text.split("\n")))
 
 
 def number(value: float | None) -> float | None:

@@ -7,8 +7,8 @@ from enum import StrEnum
 from itertools import islice
 from typing import Any, NamedTuple
 
-from deploy.stack.formatting import printable
 from wire.messages import DiagnosticArray, DiagnosticStatus
+from wire.text import printable
 
 PREFIX = "lifeline: "
 MAX_REPORTS = 32

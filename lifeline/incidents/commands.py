@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from deploy.stack.errors import DeployError
-from deploy.stack.formatting import COLOURS, nearest, printable
+from deploy.stack.formatting import COLOURS, nearest
 from lifeline.incidents.files import black_boxes, id_of
 from lifeline.incidents.incident import IncidentError, messages
 from lifeline.incidents.plot import Series, plot
@@ -22,6 +22,7 @@ from lifeline.recording.reader import Recorded, RecordingError, RecordingWriter,
 from supervisor.law.reckoning import Velocity
 from wire.reasons import words_of
 from wire.standstill import is_still
+from wire.text import printable
 
 EXIT_INCOMPLETE = 1
 ROW_S = 0.25

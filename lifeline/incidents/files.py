@@ -3,12 +3,12 @@
 from pathlib import Path
 
 from deploy.stack.errors import DeployError
-from deploy.stack.formatting import printable
 from deploy.stack.launch import Launch
 from deploy.stack.statedir import StateDir
 from supervisor.blackbox.file import OURS, SUFFIX
 from supervisor.config import SupervisorSection
 from wire.host.config import ConfigError, absolute, read_toml, section
+from wire.text import printable
 
 LAST = "last"
 

@@ -10,13 +10,14 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from deploy.stack.formatting import MODES, number, printable
+from deploy.stack.formatting import MODES, number
 from lifeline.incidents.braking import Braking, Motion, braking
 from lifeline.incidents.incident import IncidentError
 from supervisor.blackbox.file import SUFFIX
 from supervisor.blackbox.reader import BlackBoxError, BlackBoxReader, Step, Stop
 from supervisor.law.reckoning import Odometer, Pose, Velocity, reckon, where
 from supervisor.messages import to_status
+from wire.text import printable
 
 BEFORE_S = 1.0
 """Time before the stop in which the last odometry must have arrived."""

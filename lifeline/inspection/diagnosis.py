@@ -9,7 +9,7 @@ from enum import StrEnum
 from typing import Any, NamedTuple
 
 from deploy.stack import ros2_reports
-from deploy.stack.formatting import CHECK_NETWORK, GO_NEUTRAL, mode_name, printable
+from deploy.stack.formatting import CHECK_NETWORK, GO_NEUTRAL, mode_name
 from deploy.stack.ros2_reports import Level, Report
 from lifeline.inspection.nodes import Node, describe
 from lifeline.inspection.traffic import Traffic
@@ -17,6 +17,7 @@ from supervisor.config import SupervisorSection
 from wire import topics
 from wire.messages import SafetyStatus
 from wire.reasons import words_of
+from wire.text import printable
 from wire.topics import ANYONE, Topic
 
 CLOCK_LIMIT_S = 1.0

@@ -17,7 +17,6 @@ from rich.text import Text
 
 from deploy.stack import elsewhere, supervisord
 from deploy.stack.errors import DeployError
-from deploy.stack.formatting import printable
 from deploy.stack.launch import ANY_BASE, Launch, check_endpoint_is_free
 from deploy.stack.observe import DEPTH
 from deploy.stack.reach import NotRunningError, reach
@@ -34,6 +33,7 @@ from wire import topics
 from wire.bus import BusError
 from wire.host.config import ConfigError, read_toml
 from wire.host.process import run_process
+from wire.text import printable
 
 PACKAGES = ("eclipse-zenoh", "numpy", "pydantic", "rich", "rosbags", "typer")
 KEY_REPLY_S = 0.3

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 from PIL import Image, ImageDraw, ImageFont
 
-from deploy.stack.formatting import printable
 from lifeline.inspection.wiring import Wire
+from wire.text import printable
 
 SCALE = 2
 """Pixels for each unit of the drawing, for sharp lines on dense screens."""

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED, DeployError
-from deploy.stack.formatting import printable_lines
 from deploy.stack.launch import Launch
 from deploy.stack.reach import NotRunningError, reach
 from lifeline.inspection.keys import by_full_key, full_key, is_key, topic_of
@@ -22,6 +21,7 @@ from supervisor.config import SupervisorSection
 from wire.bus import BusError, Inbox, Overheard, wait_until
 from wire.host.config import ConfigError, read_toml, section
 from wire.host.process import run_process
+from wire.text import printable_lines
 from wire.topics import Topic
 from wire.zenoh.bus import ZenohBus
 

@@ -9,11 +9,12 @@ from rich.table import Table
 from rich.text import Text
 
 from deploy.stack.errors import DeployError
-from deploy.stack.formatting import number, printable
+from deploy.stack.formatting import number
 from deploy.stack.launch import Launch
 from lifeline.inspection.listening import Robot, inspect
 from lifeline.inspection.nodes import Node, find
 from lifeline.inspection.traffic import Traffic
+from wire.text import printable
 
 
 def show_list(launch: Launch, *, as_json: bool) -> NoReturn:

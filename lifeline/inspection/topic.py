@@ -11,12 +11,13 @@ from rich.table import Table
 from rich.text import Text
 
 from deploy.stack.errors import DeployError
-from deploy.stack.formatting import number, printable
+from deploy.stack.formatting import number
 from deploy.stack.launch import Launch
 from lifeline.inspection.listening import Robot, inspect
 from lifeline.inspection.nodes import Node, describe
 from lifeline.inspection.traffic import KeyTraffic, Traffic
 from wire.messages import definition
+from wire.text import printable
 from wire.topics import ANYONE, Topic
 
 

@@ -13,8 +13,8 @@ import numpy as np
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from deploy.stack.formatting import printable
 from wire.messages import Bool, M, Message, Point, Twist, Vector3
+from wire.text import printable
 
 MAX_YAML = 4096
 """Longest accepted YAML text, in characters."""

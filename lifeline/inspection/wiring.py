@@ -12,9 +12,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 
-from deploy.stack.formatting import printable
 from lifeline.inspection.nodes import Node
 from lifeline.inspection.traffic import Traffic
+from wire.text import printable
 
 GAP = 4
 """Columns of text between two lanes, besides their names."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from deploy.stack.formatting import mode_name, nearest, printable, speed
+from deploy.stack.formatting import mode_name, nearest, speed
 from lifeline.view.primitives import (
     Area,
     Colour,
@@ -33,6 +33,7 @@ from supervisor.law.scan import LaserScan, Moment, ScanReading, rays_of, read_sc
 from supervisor.law.seen_space import hidden_places, lookout
 from wire import ros, topics
 from wire.messages import Odometry, SafetyStatus, Twist, UndecodableError, decode, yaw_of
+from wire.text import printable
 from wire.topics import Topic
 
 BASE, ODOM = "base_link", "odom"

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED, DeployError
-from deploy.stack.formatting import printable_lines
 from deploy.stack.launch import Launch
 from deploy.stack.reach import NotRunningError, reach
 from lifeline.recording.reader import Recorded
@@ -22,6 +21,7 @@ from supervisor.config import SupervisorSection
 from wire.bus import Bus, RawArrival, Subscription, wait_until
 from wire.host.config import ConfigError, read_toml, section
 from wire.host.process import run_process
+from wire.text import printable_lines
 
 DEPTH = 256
 """Samples of each topic that wait while others are drawn; beyond it, the oldest are dropped."""

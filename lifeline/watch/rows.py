@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 from rich.table import Table
 from rich.text import Text
 
-from deploy.stack.formatting import COLOURS, HEARD_LIMIT_S, mode_name, nearest, number, printable, speed
+from deploy.stack.formatting import COLOURS, HEARD_LIMIT_S, mode_name, nearest, number, speed
 from wire.messages import Odometry, SafetyStatus, Twist
+from wire.text import printable
 
 LINE_PERIOD_S = 0.85
 """Maximum time between two JSON lines of a robot; with the update period (0.1 s) added, it is still below 1 s."""

@@ -3,8 +3,8 @@
 import math
 
 from supervisor.law.model import Reasons
-from wire.bearing import bearing_in_words
 from wire.reasons import SEVERITY, Limit, StopReason
+from wire.text import bearing_in_words
 
 
 def detail_of(

@@ -8,9 +8,9 @@ import math
 from collections import deque
 
 from teleop.view import plain
-from wire.bearing import bearing_in_words
 from wire.messages import SafetyStatus, SourceStatus
 from wire.stamp import Stamp
+from wire.text import bearing_in_words
 
 HEARD_S = 0.2
 """A command older than this has timed out at the supervisor."""

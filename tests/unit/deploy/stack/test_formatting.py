@@ -2,7 +2,7 @@
 
 import math
 
-from deploy.stack.formatting import mode_name, nearest, number, printable_lines, speed
+from deploy.stack.formatting import mode_name, nearest, number, speed
 from wire.messages import SafetyStatus, header, planar_twist
 
 
@@ -23,7 +23,3 @@ def test_a_velocity_has_no_negative_zero() -> None:
 
 def test_what_json_cannot_represent_is_none() -> None:
     assert [number(value) for value in (None, math.nan, -math.inf, 1.23456)] == [None, None, None, 1.2346]
-
-
-def test_a_sentence_keeps_its_lines_and_loses_its_control_characters() -> None:
-    assert printable_lines("refused:\n  \x1b]0;title\x07 \x9b31m") == "refused:\n  ?]0;title? ?31m"

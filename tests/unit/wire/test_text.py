@@ -1,4 +1,4 @@
-"""The words for a bearing, in all directions."""
+"""The words for a bearing in all directions, and foreign text without control characters."""
 
 import math
 
@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wire.bearing import bearing_in_words
+from wire.text import bearing_in_words, printable_lines
 
 
 @pytest.mark.parametrize(
@@ -44,3 +44,7 @@ def test_a_bearing_is_said_with_its_side(degrees: float, words: str) -> None:
 @given(st.floats())
 def test_any_bearing_has_words_or_none(bearing_rad: float) -> None:
     assert bool(bearing_in_words(bearing_rad)) == math.isfinite(bearing_rad)
+
+
+def test_a_sentence_keeps_its_lines_and_loses_its_control_characters() -> None:
+    assert printable_lines("refused:\n  \x1b]0;title\x07 \x9b31m") == "refused:\n  ?]0;title? ?31m"

@@ -1,9 +1,19 @@
-"""The words for a bearing, the same in every program. Pure."""
+"""Text for screens, the same in every program: foreign text made printable, and bearings in words. Pure."""
 
 import math
 
 AHEAD_DEG = 10
 """Directions within this angle of straight ahead or behind are named "ahead" or "behind"."""
+
+
+def printable(text: str) -> str:
+    """Replace control characters of foreign text, so that no payload can control the terminal."""
+    return "".join(char if char.isprintable() else "?" for char in text)
+
+
+def printable_lines(text: str) -> str:
+    """Replace control characters except line feeds."""
+    return "\n".join(map(printable, text.split("\n")))
 
 
 def bearing_in_words(bearing_rad: float, degree: str = "°") -> str:
