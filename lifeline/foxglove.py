@@ -90,7 +90,7 @@ def foxglove(launch: Launch, listen: str) -> NoReturn:
         return 0
 
     # No process waits for this command's liveliness token: it has none.
-    run_process("lifeline", main, memory_keeper=False)
+    run_process("lifeline", main)
 
 
 def start(context: sdk.Context, namespace: str, listen: str) -> WebSocketServer:

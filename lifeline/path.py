@@ -25,7 +25,7 @@ from teleop.path.pursuit import Limits
 from teleop.path.recording import to_poses
 from teleop.path.service import SOURCE, Drive, Ending, PathService, Plan
 from wire import topics
-from wire.host.config import BusSection, ConfigError, read_toml, section
+from wire.host.config import ConfigError, read_toml, section
 from wire.host.process import run_process
 from wire.messages import Odometry, UndecodableError, decode
 
@@ -143,13 +143,12 @@ def drive(plan: Plan, launch: Launch, speed_m_s: float, *, as_json: bool = False
     """
     try:
         document = read_toml(launch.config)
-        teleop, bus = section(document, "teleop", TeleopSection), section(document, "bus", BusSection)
+        teleop = section(document, "teleop", TeleopSection)
     except ConfigError as error:
         raise DeployError(str(error)) from error
     run_process(
         "lifeline",
         lambda stop: _drive(stop, plan, launch, speed_m_s, teleop, as_json=as_json),
-        memory_keeper=bus.memory_keeper,
     )
 
 

@@ -20,7 +20,6 @@ from ros2.config import Ros2Section
 from wire import topics
 from wire.bus_config import BusConfig
 from wire.host.config import BusSection, ConfigError, FreeName, Section, read_sections, read_toml
-from wire.host.memory_keeper import MemoryKeeper
 from wire.host.notify import Notifier, take_notifier
 from wire.inbox import BusError, Token
 from wire.text import printable
@@ -51,15 +50,12 @@ def run(launch: Launch, source: str, command: list[str]) -> NoReturn:
     check_source(source, sections.get(Ros2Section), str(launch.config))
     notifier = take_notifier(os.environ)  # before the program inherits the environment
     child = BoundChild(command)  # before the threads of Zenoh
-    keeper = MemoryKeeper() if sections[BusSection].memory_keeper else None
     code = EXIT_REFUSED
     try:
         code = asyncio.run(_hold(launch.bus, source, command[0], child, notifier))
     except BusError as error:
         print(f"lifeline: {error}", file=sys.stderr)
     finally:
-        if keeper is not None:
-            keeper.end()
         end(code)
 
 

@@ -133,4 +133,4 @@ def run_router(config: RouterConfig) -> NoReturn:
         return 0
 
     bound_memory(limits.MEMORY_BYTES)
-    run_process("lifeline", main, memory_keeper=False)
+    run_process("lifeline", main)

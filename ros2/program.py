@@ -100,7 +100,7 @@ def main() -> None:
             await asyncio.to_thread(node.close)
         return 0
 
-    run_process("ros2", run, memory_keeper=bus_section.memory_keeper)
+    run_process("ros2", run)
 
 
 def _over_dds(config: Ros2Section) -> MakeNode:

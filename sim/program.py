@@ -110,7 +110,7 @@ def main() -> None:
             await bus.close()
         return 0
 
-    run_process("sim", run, memory_keeper=bus_section.memory_keeper)
+    run_process("sim", run)
 
 
 def _open_window(plant: Plant, *, asked_for: bool) -> Callable[[Shown], None] | None:

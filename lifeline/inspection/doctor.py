@@ -47,9 +47,7 @@ def doctor(launch: Launch, state: StateDir, seconds: float, *, as_json: bool) ->
     seen = _at_rest(launch, state)
     if not as_json:
         seen.terminal = _terminal()
-    run_process(
-        "lifeline", lambda stop: _examine(seen, launch, seconds, stop, as_json=as_json), memory_keeper=False
-    )
+    run_process("lifeline", lambda stop: _examine(seen, launch, seconds, stop, as_json=as_json))
 
 
 async def _examine(

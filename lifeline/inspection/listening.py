@@ -110,7 +110,7 @@ def inspect(launch: Launch, body: Callable[[Robot], Awaitable[int]]) -> NoReturn
         config = section(read_toml(launch.config), "supervisor", SupervisorSection)
     except ConfigError as error:
         raise DeployError(str(error)) from error
-    run_process("lifeline", lambda stop: _run(launch, config, stop, body), memory_keeper=False)
+    run_process("lifeline", lambda stop: _run(launch, config, stop, body))
 
 
 async def _run(

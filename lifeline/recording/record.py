@@ -165,9 +165,7 @@ def record(path: Path, launch: Launch, *, as_json: bool = False) -> NoReturn:
         raise RecordingError(str(error)) from error
     sources = [source.name for source in known.sources]
     # No process waits for the recorder's liveliness token to disappear.
-    run_process(
-        "lifeline", lambda stop: _record(stop, path, launch, sources, as_json=as_json), memory_keeper=False
-    )
+    run_process("lifeline", lambda stop: _record(stop, path, launch, sources, as_json=as_json))
 
 
 async def _record(

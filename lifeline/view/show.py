@@ -81,7 +81,7 @@ def view(wanted: Wanted, launch: Launch) -> NoReturn:
             return EXIT_REFUSED
 
     # This command holds no liveliness token, so no process waits for its end.
-    run_process("lifeline", main, memory_keeper=False)
+    run_process("lifeline", main)
 
 
 class Shown:

@@ -180,7 +180,7 @@ def _run(
         finally:
             await fleet.close()
 
-    run_process("lifeline", main, memory_keeper=False)
+    run_process("lifeline", main)
 
 
 def list_robots(config: BusConfig, expected: Sequence[str], *, as_json: bool) -> NoReturn:

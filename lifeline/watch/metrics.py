@@ -162,7 +162,7 @@ def metrics(launch: Launch, listen: str) -> NoReturn:
         return 0
 
     # No process waits for this command's liveliness token: it has none.
-    run_process("lifeline", main, memory_keeper=False)
+    run_process("lifeline", main)
 
 
 async def _count(bus: Bus, ledger: Ledger, stop: asyncio.Event) -> None:

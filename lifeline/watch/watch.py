@@ -110,7 +110,7 @@ def watch(robots: Sequence[Launch], *, as_json: bool, once: bool) -> NoReturn:
 
     as_json = wants_lines(as_json=as_json)
     # No process waits for this command's liveliness token: it has none.
-    run_process("lifeline", main, memory_keeper=False)
+    run_process("lifeline", main)
 
 
 async def _once(stop: asyncio.Event, feeds: Sequence[Feed], *, as_json: bool) -> int:

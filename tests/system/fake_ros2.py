@@ -61,4 +61,4 @@ if __name__ == "__main__":
         document = {"pid": os.getpid(), "arguments": sys.argv[1:], "environment": dict(os.environ)}
         written.with_suffix(".part").write_text(json.dumps(document))
         written.with_suffix(".part").replace(written)
-    run_process("fake_ros2", main, memory_keeper=False)
+    run_process("fake_ros2", main)

@@ -296,9 +296,8 @@ def test_the_keeper_of_a_running_process_is_reported_after_the_limit(tmp_path: P
         assert processes.end_keepers(tmp_path, 0.0) == [Process(one.keeper, NAME)]
 
 
-@pytest.mark.parametrize("service", ["supervisor", "sim"])
-def test_each_service_has_a_keeper_and_takes_it_along_when_it_ends(service: str) -> None:
-    with subprocess.Popen([sys.executable, "-m", service, "--endpoint", free_endpoint()]) as process:
+def test_the_supervisor_has_a_keeper_and_takes_it_along_when_it_ends() -> None:
+    with subprocess.Popen([sys.executable, "-m", "supervisor", "--endpoint", free_endpoint()]) as process:
         try:
             until(lambda: bool(keepers_of(process.pid)))
             (keeper,) = keepers_of(process.pid)

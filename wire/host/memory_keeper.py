@@ -2,7 +2,7 @@
 
 When a process ends, the kernel frees its memory page by page before it closes its files. Its sockets close, and its
 liveliness token disappears, only after all memory is freed. Memory that a second process shares is not freed at that
-time. Each service therefore has a keeper: a sleeping process that shares only its memory (clone(2) with CLONE_VM). A
+time. The supervisor and teleop, whose death must stop the robot, therefore have a keeper: a sleeping process that shares only its memory (clone(2) with CLONE_VM). A
 thread of the service extends this sleep periodically. After the service has ended, the keeper wakes up, ends and frees
 the memory, some seconds after the peers have noticed the end of the service.
 

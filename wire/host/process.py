@@ -29,13 +29,13 @@ EXIT_FAILURE = 1
 Main = Callable[[asyncio.Event], Coroutine[Any, Any, int]]
 
 
-def run_process(name: str, main: Main, *, memory_keeper: bool = True) -> NoReturn:
+def run_process(name: str, main: Main, *, memory_keeper: bool = False) -> NoReturn:
     """Run `main(stop)` in a new event loop and end the process with the code that it returns.
 
     Args:
         name: the name of the process, for error messages.
         main: SIGTERM, SIGINT and SIGHUP set `stop`; main must then return within `STOP_LIMIT_S`.
-        memory_keeper: whether to start a memory keeper for the process (wire/host/memory_keeper.py).
+        memory_keeper: whether to start a memory keeper (wire/host/memory_keeper.py), for a process whose death must stop the robot.
     """
     at_end = ExitStack()
     code = EXIT_FAILURE

@@ -11,7 +11,6 @@ from pathlib import Path
 from bench.peers.links import CDR_HEADER, payload_of, turn_of
 from wire import topics
 from wire.bus_config import BusConfig
-from wire.host.memory_keeper import MemoryKeeper
 from wire.stamp import GID_BYTES, Stamp
 from wire.zenoh.connect import open_session
 from wire.zenoh.session import ZenohSession
@@ -60,7 +59,6 @@ def connect(address: str, role: str, heard: Callable[[bytes], None]) -> Callable
 def hold(address: str, namespace: str = "robot", keys: Path | None = None) -> None:
     """Command neutral, and then turn the robot until the process is killed; return when it turns."""
     session, turns = _open(address, namespace, keys), threading.Event()
-    _kept.append(MemoryKeeper())  # as in teleop
     _kept.append(session.declare_alive(topics.TELEOP))
     send = _source(session)
 
