@@ -7,14 +7,8 @@ the reader with rosbags.
 from typing import NamedTuple
 
 from wire.cdr import Planar, Reader
-from wire.message_types import SafetyStatus
+from wire.message_types import MODES
 
-MODES = {
-    SafetyStatus.STOPPED: "STOPPED",
-    SafetyStatus.READY: "READY",
-    SafetyStatus.DRIVING: "DRIVING",
-    SafetyStatus.LIMITED: "LIMITED",
-}
 MAX_REASONS = 64
 
 
@@ -48,7 +42,7 @@ def status_of(payload: bytes) -> Status | None:
             scale=reader.value("d"),
             nearest_m=reader.value("d"),
         )
-    except (ValueError, KeyError):
+    except (ValueError, IndexError):
         return None
 
 

@@ -90,20 +90,6 @@ async def woken_by(wake: asyncio.Event, time_s: float) -> None:
         timer.cancel()
 
 
-class Kept(Protocol[T]):
-    """Interface to the items between two takes. Not thread-safe: the inbox holds a lock during every call."""
-
-    def add(self, item: T) -> int:
-        """Keep an item; return how many items were dropped, this one included."""
-        ...
-
-    def take(self) -> list[T]:
-        """Remove and return all items, oldest first."""
-        ...
-
-    def __len__(self) -> int: ...
-
-
 class Newest(Generic[T]):
     """The newest items of all writers together, bounded by number, and by size if a limit is given.
 
@@ -122,6 +108,7 @@ class Newest(Generic[T]):
         return len(self._items)
 
     def add(self, item: T) -> int:
+        """Keep an item; return how many items were dropped, this one included."""
         self._items.append(item)
         self._size += self._size_of(item)
         dropped = 0
@@ -131,6 +118,7 @@ class Newest(Generic[T]):
         return dropped
 
     def take(self) -> list[T]:
+        """Remove and return all items, oldest first."""
         items = list(self._items)
         self._items.clear()
         self._size = 0
@@ -138,7 +126,7 @@ class Newest(Generic[T]):
 
 
 class NewestOfEachWriter(Generic[T]):
-    """The newest item of each of `PLACES` writers.
+    """The newest item of each of `PLACES` writers, added and taken as those of `Newest`.
 
     If all writers of a key share one place, a flood by one of them displaces every other writer's sample. If each writer
     has a place, a flood displaces only its own samples. The number of places is bounded, and a flood may use a new writer
@@ -201,8 +189,10 @@ class Inbox(Generic[T]):
         kept: storage that is used instead of one of `depth` items, and that decides which items are dropped.
     """
 
-    def __init__(self, depth: int, wake: Wake | None, kept: Kept[T] | None = None) -> None:
-        self._kept: Kept[T] = Newest(depth) if kept is None else kept
+    def __init__(
+        self, depth: int, wake: Wake | None, kept: Newest[T] | NewestOfEachWriter[T] | None = None
+    ) -> None:
+        self._kept = Newest[T](depth) if kept is None else kept  # not thread-safe: every call holds the lock
         self._wake = wake
         self._loop = asyncio.get_running_loop()
         self._context = copy_context()

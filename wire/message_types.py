@@ -94,6 +94,10 @@ class EstopStationStatus:
         return f"{state}, pressed" if self.pressed and self.state == self.HEARD else state
 
 
+MODES = ("STOPPED", "READY", "DRIVING", "LIMITED")
+"""The modes of SafetyStatus, in the order of their numbers."""
+
+
 @dataclass
 class SafetyStatus:
     """`lifeline_msgs/msg/SafetyStatus`; msg/SafetyStatus.msg documents the fields."""

@@ -18,13 +18,13 @@ from bench.rig.program import running
 from deploy.stack.launch import free_loopback_endpoint
 from wire import topics
 from wire.bus import BusError
+from wire.message_types import MODES
 from wire.messages import LaserScan, SafetyStatus, laser_scan, odometry
 from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
 
 BEAMS, SCANS = 360, 64
 SCAN_HZ, ODOM_HZ = 20.0, 50.0
 START_S = 20.0
-MODES = ("STOPPED", "READY", "DRIVING", "LIMITED")
 
 
 @dataclass(frozen=True)

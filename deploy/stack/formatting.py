@@ -2,11 +2,9 @@
 
 import math
 
+from wire.message_types import MODES
 from wire.messages import SafetyStatus, Twist
 from wire.text import bearing_in_words
-
-MODES = ("STOPPED", "READY", "DRIVING", "LIMITED")
-"""The modes of SafetyStatus, in the order of their numbers."""
 
 COLOURS = {"STOPPED": "bold red", "READY": "green", "DRIVING": "bold green", "LIMITED": "yellow"}
 

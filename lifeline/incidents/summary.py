@@ -10,13 +10,14 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from deploy.stack.formatting import MODES, number
+from deploy.stack.formatting import number
 from lifeline.incidents.braking import Braking, Motion, braking
 from lifeline.incidents.incident import IncidentError
 from supervisor.blackbox.file import SUFFIX
 from supervisor.blackbox.reader import BlackBoxError, BlackBoxReader, Step, Stop
 from supervisor.law.reckoning import Odometer, Pose, Velocity, reckon, where
 from supervisor.messages import to_status
+from wire.message_types import MODES
 from wire.text import printable
 
 BEFORE_S = 1.0

@@ -8,8 +8,9 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from deploy.stack.formatting import HEARD_LIMIT_S, MODES, mode_name
+from deploy.stack.formatting import HEARD_LIMIT_S, mode_name
 from wire.freshness import DRIFT
+from wire.message_types import MODES
 from wire.messages import SafetyStatus, SourceStatus, Twist
 from wire.reasons import StopReason
 from wire.stamp import Stamp
