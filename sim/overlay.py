@@ -16,6 +16,7 @@ from sim.floorplan import Circle, Outline
 from sim.lidar import Ranges
 from sim.lidar_geometry import LidarConfig
 from sim.shown import COLOURS, STOP_DISTANCE_M, WARNING_DISTANCE_M, Shown
+from wire.outline import line_around
 
 Floats = NDArray[np.float64]
 
@@ -36,28 +37,12 @@ _TOLERANCE_M = 0.02
 """A point beyond the stop distance by less than this is drawn as inside, because a stopped robot rests there."""
 
 
-def offset_outline(hull: Outline, distance_m: float, segments: int = SEGMENTS) -> Floats:
-    """Return points around a hull at a constant distance, counter-clockwise, in the hull's frame.
-
-    Args:
-        hull: The hull; its pose is ignored.
-        distance_m: Distance of the points from the hull.
-        segments: Number of points; a multiple of 4.
-
-    Returns:
-        The points [m], shape (segments, 2).
-    """
+def offset_outline(hull: Outline, distance_m: float) -> Floats:
+    """Return `SEGMENTS` points (n, 2) [m] at a distance from a hull, counter-clockwise, in the hull's frame; its pose is ignored."""
     if isinstance(hull, Circle):
-        angles_rad = math.tau * np.arange(segments) / segments
-        return (hull.radius_m + distance_m) * np.column_stack((np.cos(angles_rad), np.sin(angles_rad)))
-    quarter = segments // 4
-    within_rad = 0.5 * math.pi * np.arange(quarter) / (quarter - 1)
-    corners: list[Floats] = []
-    for number, (u, v) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
-        angles_rad = within_rad + 0.5 * math.pi * number
-        arc_m = distance_m * np.column_stack((np.cos(angles_rad), np.sin(angles_rad)))
-        corners.append(np.array((u * hull.half_x_m, v * hull.half_y_m)) + arc_m)
-    return np.concatenate(corners)
+        return line_around([(0.0, 0.0)], hull.radius_m + distance_m, SEGMENTS)
+    x_m, y_m = hull.half_x_m, hull.half_y_m
+    return line_around([(x_m, y_m), (-x_m, y_m), (-x_m, -y_m), (x_m, -y_m)], distance_m, SEGMENTS)
 
 
 def gaps_m(hull: Outline, points_m: Floats) -> Floats:

@@ -8,6 +8,7 @@ cdr.py          encoding and decoding of the most frequent messages by offset
 reasons.py      the stop reasons, with their names and their texts on every screen
 stamp.py        the attachment of each sample: sequence, source time, epoch
 standstill.py   the speeds below which a robot counts as standing (pure)
+outline.py      the line at a distance from the hull, for every picture of it (pure)
 text.py         text for screens: foreign text made printable, bearings in words (pure)
 freshness.py    age of a command from its stamp, despite network delays (pure)
 lease.py        challenges between the supervisor and an e-stop station (pure)

@@ -1,12 +1,11 @@
 """The robot's hull, lines at a distance from it, and the free space of a scan, as shapes in the base frame. Pure."""
 
-import math
-
 import numpy as np
 
 from lifeline.view.primitives import Floats, Indices
 from supervisor.law.clearance import Circle, ConvexPolygon, Hull
 from supervisor.law.scan import Mount, View, is_full_turn, rays_of
+from wire.outline import line_around
 
 SEGMENTS = 96
 """Points of a full turn."""
@@ -20,29 +19,11 @@ def outline(hull: Hull, away_m: float = 0.0) -> Floats:
         away_m: the distance of each point of the line from the hull.
     """
     if isinstance(hull, Circle):
-        line = (hull.radius_m + away_m) * _arc(0.0, math.tau, SEGMENTS)
+        line = line_around([(0.0, 0.0)], hull.radius_m + away_m, SEGMENTS)
     else:
         assert isinstance(hull, ConvexPolygon)  # the configuration has no other shape
-        line = _around(np.array(hull.corners), away_m)
+        line = line_around(hull.corners, away_m, SEGMENTS)
     return np.vstack([line, line[:1]])
-
-
-def _around(corners: Floats, away_m: float) -> Floats:
-    """Return an arc around each corner, from the normal of the side before it to that of the side behind it."""
-    sides = np.roll(corners, -1, axis=0) - corners
-    normal_rad = np.arctan2(-sides[:, 0], sides[:, 1])
-    arcs: list[Floats] = []
-    for place, corner in enumerate(corners):
-        turn_rad = (normal_rad[place] - normal_rad[place - 1]) % math.tau
-        number = 2 + math.ceil(SEGMENTS * turn_rad / math.tau)
-        arcs.append(corner + away_m * _arc(normal_rad[place - 1], turn_rad, number, ends=True))
-    return np.concatenate(arcs)
-
-
-def _arc(start_rad: float, turn_rad: float, number: int, *, ends: bool = False) -> Floats:
-    """Return points (number, 2) on the unit circle."""
-    angle = np.linspace(start_rad, start_rad + turn_rad, number, endpoint=ends)
-    return np.column_stack((np.cos(angle), np.sin(angle)))
 
 
 def fan(line_m: Floats) -> tuple[Floats, Indices]:
