@@ -20,7 +20,7 @@ campaign/          `lifeline faults` and `fault-report`: fault injection at rand
 supervisord.conf   the programs that supervisord runs
 robot.toml         every key of the configuration, with its default
 systemd/           the units that start a real robot at boot
-examples/          configurations of real robots, of zenoh-bridge-ros2dds and of Foxglove
+examples/          configurations of real robots and of zenoh-bridge-ros2dds
 
 Commands use campaign/, keys/ and stack/, campaign/ and keys/ use stack/, never the reverse.
 """

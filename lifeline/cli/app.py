@@ -20,7 +20,6 @@ from lifeline.cli.completion import (
     shells,
 )
 from lifeline.cli.fleet import fleet_app, router
-from lifeline.cli.foxglove import foxglove
 from lifeline.cli.incidents import incidents_app
 from lifeline.cli.inspection import doctor, graph, node_app, topic_app
 from lifeline.cli.keys import keys_app
@@ -67,7 +66,6 @@ app.add_typer(keys_app, name="keys")
 app.add_typer(fleet_app, name="fleet")
 app.command()(graph)
 app.command()(doctor)
-app.command()(foxglove)
 app.command()(view)
 app.command()(router)
 

@@ -3,7 +3,6 @@
 from importlib.util import find_spec
 
 EXTRAS = {
-    "foxglove": ("foxglove",),
     "gamepad": ("evdev",),
     "metrics": ("prometheus_client",),
     "sim": ("mujoco", "PIL"),

@@ -10,7 +10,6 @@ from lifeline.cli.app import app
 
 WITHOUT_JSON = {
     "completion": "prints a script",
-    "foxglove": "serves WebSockets until Ctrl-C",
     "router": "routes until Ctrl-C; --print-config prints JSON",
     "metrics": "serves HTTP until Ctrl-C",
     "view": "shows pictures; `topic echo --json` prints the messages",
