@@ -7,13 +7,12 @@ estop_press.py     `lifeline estop`: press the emergency stop once; estop_statio
 status.py          `lifeline status`: print the status once
 demo.py            `lifeline demo`: a few trials of the real campaign and a drive at a rack; verdict.py one promise, bound and measurement
 path.py            `lifeline path`: drive squares, circles and recorded paths
-ros2_exec.py       `lifeline ros2 exec`: run a ROS 2 program with a token; ros2_run.py run the ROS 2 process; ros2_profile.py print the Fast DDS profile
+ros2_exec.py       `lifeline ros2 exec`: run a ROS 2 program with a token; ros2_run.py run the ROS 2 process
 record.py          `lifeline record`: record all messages
 render.py          `lifeline render`: draw the robot; picture.py the options; film.py the frames; rehearsal.py robot, law and operator in simulated time
 check.py           `lifeline check`: check a configuration; check_motions.py permitted motions; check_risks.py risks; check_ros2.py the ROS 2 side
 incidents.py       `lifeline incidents`: list, show and export black boxes
 replay.py          `lifeline replay-decision`: run the law again over a black box recording
-completion.py      `lifeline completion`: the completion scripts of the shells, and the words that they complete
 keys/              `lifeline keys`: an authority, its certificates, and the bundles for other computers
 stack/             start, find, observe and stop the running robot
 campaign/          `lifeline faults` and `fault-report`: fault injection at random moments, on real processes and in virtual time

@@ -1,4 +1,5 @@
 """The command `lifeline`: what an operator starts, looks at, understands and proves.
 
-`cli/` has the options of every command, and each other file or folder has one command or one group of commands.
+`cli/` declares the options of every command, with the decorators of command.py; each other file or folder has one command or
+one group of commands.
 """

@@ -1,22 +1,44 @@
-"""The common options of all commands, and how a command ends."""
+"""What all commands share: their common options, the decorators that declare them, and how a command ends.
+
+A declaration in cli/ has the options of a command and its sentence, and imports its implementation when it runs, which
+keeps `lifeline --help` fast.
+"""
 
 import json
 import sys
 from collections.abc import Callable
+from functools import wraps
+from inspect import Signature, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, NamedTuple, NoReturn
 
 import typer
+from typer.core import TyperArgument, TyperOption
 
 from deploy.stack.errors import EXIT_REFUSED, DeployError
 from wire.host.extras import how_to_install, missing_extra
 
 if TYPE_CHECKING:
     from deploy.stack.launch import Launch
+    from deploy.stack.statedir import StateDir
+
+# Help names a value by our metavar. Typer adds the types of Python, such as <str> beside NAME and <bool> beside a flag.
+TyperArgument.display_type_rich = lambda self, ctx: None  # noqa: ARG005
+TyperOption.display_type_rich = lambda self, ctx: self.metavar  # noqa: ARG005
+
+Run = Callable[..., int | None]
+"""The function of a command. It returns the exit code; None is 0."""
+ROBOT_PANEL = "Robot and connection"
+"""The part of the help of a command with the options that name a robot or the connection to it."""
 
 Config = Annotated[
     Path | None,
-    typer.Option("--config", metavar="FILE", help="Configuration file. Default: deploy/robot.toml."),
+    typer.Option(
+        "--config",
+        metavar="FILE",
+        help="Configuration file. Default: deploy/robot.toml.",
+        rich_help_panel=ROBOT_PANEL,
+    ),
 ]
 Endpoint = Annotated[
     str | None,
@@ -24,6 +46,7 @@ Endpoint = Annotated[
         "--endpoint",
         metavar="tcp/HOST:PORT",
         help="Address on which the supervisor listens. Default: the one in the configuration.",
+        rich_help_panel=ROBOT_PANEL,
     ),
 ]
 KeysPath = Annotated[
@@ -32,6 +55,7 @@ KeysPath = Annotated[
         "--keys",
         metavar="DIR",
         help="Bundle of this computer's certificate and key, for endpoints quic/ and tls/. Default: the one in the configuration.",
+        rich_help_panel=ROBOT_PANEL,
     ),
 ]
 StatePath = Annotated[
@@ -40,6 +64,7 @@ StatePath = Annotated[
         "--state-dir",
         metavar="DIR",
         help="Directory of the logs, the black boxes and the e-stop record. Default: $LIFELINE_STATE_DIR, else .lifeline in the checkout or ~/.local/state/lifeline.",
+        rich_help_panel=ROBOT_PANEL,
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
@@ -48,14 +73,68 @@ ResultJson = Annotated[
 ]
 
 
-def running(
-    config: Path | None, endpoint: str | None, state_dir: Path | None, keys: Path | None = None
-) -> "Launch":
-    """Return the connection settings from the command line, else the running stack, else the configuration."""
-    from deploy.stack.launch import Launch  # noqa: PLC0415
-    from deploy.stack.statedir import StateDir  # noqa: PLC0415
+class Robot(NamedTuple):
+    """The robot that a command is about."""
 
-    return Launch.find(StateDir.choose(state_dir), config, endpoint, keys)
+    launch: "Launch"
+    """How to reach it."""
+    state: "StateDir"
+    """The state directory of this computer."""
+
+    @classmethod
+    def find(
+        cls,
+        *,
+        config: Config = None,
+        endpoint: Endpoint = None,
+        keys_dir: KeysPath = None,
+        state_dir: StatePath = None,
+    ) -> "Robot":
+        """Return the robot that the options name, else the running one of the state directory, else the default."""
+        from deploy.stack.launch import Launch  # noqa: PLC0415
+        from deploy.stack.statedir import StateDir  # noqa: PLC0415
+
+        state = StateDir.choose(state_dir)
+        return cls(Launch.find(state, config, endpoint, keys_dir), state)
+
+
+def command(
+    app: typer.Typer, name: str | None = None, *, context_settings: dict[str, object] | None = None
+) -> Callable[[Run], Run]:
+    """Add a command to a group. By default, it has the function's name."""
+
+    def add(run: Run) -> Run:
+        @wraps(run)
+        def run_and_exit(**options: object) -> NoReturn:
+            exit_with(lambda: run(**options))
+
+        app.command(name, context_settings=context_settings)(run_and_exit)
+        return run
+
+    return add
+
+
+def robot_command(
+    app: typer.Typer,
+    name: str | None = None,
+    *,
+    find: Callable[..., Robot] = Robot.find,
+    context_settings: dict[str, object] | None = None,
+) -> Callable[[Run], Run]:
+    """Add a command about one robot: its function receives the robot, and the parameters of `find` become its last options."""
+    naming = signature(find).parameters
+
+    def add(run: Run) -> Run:
+        @wraps(run)
+        def run_with_robot(**options: object) -> int | None:
+            robot = find(**{option: options.pop(option) for option in naming})
+            return run(robot, **options)
+
+        own = [one for one in signature(run).parameters.values() if one.name != "robot"]
+        run_with_robot.__signature__ = Signature([*own, *naming.values()])  # pyright: ignore[reportAttributeAccessIssue]
+        return command(app, name, context_settings=context_settings)(run_with_robot)
+
+    return add
 
 
 def say(sentence: str) -> None:
@@ -72,10 +151,18 @@ def print_json(document: object) -> None:
     print(json.dumps(document, indent=2), flush=True)
 
 
-def exit_with(run: Callable[[], int]) -> NoReturn:
+def answer(result: object, sentence: str, *, as_json: bool) -> None:
+    """Print a result as JSON, or as a sentence."""
+    if as_json:
+        print_json(result)
+    else:
+        say(sentence)
+
+
+def exit_with(run: Callable[[], int | None]) -> NoReturn:
     """Run a command and exit with its code; print each error that the operator can correct as one sentence."""
     try:
-        code = run()
+        code = run() or 0
     except DeployError as error:
         from wire.text import printable_lines  # noqa: PLC0415
 

@@ -14,6 +14,6 @@ start many collections, which find no garbage."""
 def main() -> None:
     """Run the command `lifeline`, and exit with its code."""
     gc.set_threshold(COLLECT_AFTER)
-    from lifeline.cli import app as cli  # noqa: PLC0415 - takes most of the time until the command begins
+    from lifeline.cli import app as cli
 
     cli.main()

@@ -17,7 +17,6 @@ import pytest
 
 from deploy.stack import processes, takedown
 from deploy.stack.statedir import StateDir
-from lifeline.ros2_profile import NAME
 from tests.ros2.host import ROOT, ROS_PYTHON, Host, Line, Peer
 from tests.ros2.stack import Watch
 from tests.system.ports import free_endpoint
@@ -192,7 +191,7 @@ def test_a_program_under_exec_drives_again_after_a_restart_of_the_supervisor(rob
 
 def test_with_the_profile_discovery_forgets_a_killed_program_within_its_lease(host: Host) -> None:
     """Without it, discovery lists the program for another 20 s."""
-    profile = host.variables | {"FASTRTPS_DEFAULT_PROFILES_FILE": str(ROOT / "ros2" / NAME)}
+    profile = host.variables | {"FASTRTPS_DEFAULT_PROFILES_FILE": str(ROOT / "ros2/fastdds_short_lease.xml")}
     watcher = host.start("publishers", "--topic", "/joy_vel").ready()
     command = [str(ROS_PYTHON), "-m", "tests.ros2.peers.source", "--topic", "/joy_vel"]
     source = host.run("source", command, profile, ends_with_stdin=True).ready()

@@ -12,7 +12,7 @@ import pyte
 import pytest
 
 from deploy.stack.errors import EXIT_REFUSED
-from lifeline.cli.completion import SCRIPTS
+from lifeline.cli.app import COMPLETED
 from tests.system.harness import PATIENCE_S
 
 COLUMNS = 120
@@ -99,7 +99,7 @@ def test_a_shell_that_is_not_known_is_refused_in_a_sentence() -> None:
 
 
 @pytest.mark.timeout(240)
-@pytest.mark.parametrize("shell", SCRIPTS)
+@pytest.mark.parametrize("shell", COMPLETED)
 def test_tab_completes_commands_options_values_and_files(shell: str, tmp_path: Path) -> None:
     if shutil.which(shell) is None:
         pytest.skip(f"{shell} is not installed")

@@ -6,7 +6,7 @@ import typer.core
 import typer.main
 from rich.text import Text
 
-from lifeline.cli.app import app
+from lifeline.cli.app import PARTS, app
 
 WITHOUT_JSON = {
     "completion": "prints a script",
@@ -53,6 +53,25 @@ def test_every_command_and_option_has_a_help_text() -> None:
         assert command.help, name
         for parameter in command.params:
             assert getattr(parameter, "help", ""), (name, parameter.name)
+
+
+def test_every_value_has_a_metavar_and_help_shows_no_type() -> None:
+    for name, command in all_commands().items():
+        context = typer.Context(command)
+        for parameter in command.get_params(context):
+            assert isinstance(parameter, typer.core.TyperArgument | typer.core.TyperOption)
+            is_flag = isinstance(parameter, typer.core.TyperOption) and parameter.is_flag
+            assert is_flag or parameter.metavar, (name, parameter.name)
+            assert parameter.display_type_rich(context) in {None, parameter.metavar}, (name, parameter.name)
+
+
+def test_the_help_begins_with_up_and_each_command_has_a_part() -> None:
+    group = typer.main.get_command(app)
+    assert isinstance(group, typer.core.TyperGroup)
+    assert next(iter(group.commands)) == "up"
+    for name, command in group.commands.items():
+        assert isinstance(command, typer.core.TyperCommand | typer.core.TyperGroup)
+        assert command.rich_help_panel in PARTS, name
 
 
 def test_no_help_text_loses_words_in_brackets_as_markup() -> None:

@@ -2,7 +2,8 @@
 
 from faults.classes import BY_NAME
 from faults.real.injectors.plans import real_classes
-from lifeline.cli import completion
+from lifeline.cli.look import CAMERAS, HULLS, layout_names, node_names, topic_names
+from lifeline.cli.prove import class_names
 from sim.build import Hull
 from sim.layout import known
 from sim.views import NAMES
@@ -13,24 +14,24 @@ from wire import topics
 def test_topics_are_those_of_the_table_and_of_the_default_command_sources() -> None:
     sources = {f"{source.name}/cmd_vel" for source in SupervisorSection().sources}
     fixed = {topic.key for topic in topics.TOPICS if "<" not in topic.key}
-    assert set(completion.topic_names("")) == fixed | sources
+    assert set(topic_names("")) == fixed | sources
 
 
 def test_a_word_that_begins_like_an_absolute_name_is_completed_to_one() -> None:
-    assert "/robot/scan" in completion.topic_names("/")
-    assert "robot/scan" in completion.topic_names("rob")
-    assert "scan" in completion.topic_names("s")
+    assert "/robot/scan" in topic_names("/")
+    assert "robot/scan" in topic_names("rob")
+    assert "scan" in topic_names("s")
 
 
 def test_classes_follow_the_names_that_are_already_there() -> None:
     name = real_classes()[0].name
     assert name in BY_NAME
-    assert name in completion.class_names("")
-    assert f"a,b,{name}" in completion.class_names("a,b,te")
+    assert name in class_names("")
+    assert f"a,b,{name}" in class_names("a,b,te")
 
 
 def test_the_other_words_are_those_that_the_commands_accept() -> None:
-    assert tuple(completion.camera_names("")) == NAMES
-    assert completion.hull_names("") == list(Hull)
-    assert completion.layout_names("") == known()
-    assert completion.node_names("") == [topics.SUPERVISOR, topics.SIM, topics.TELEOP]
+    assert CAMERAS == NAMES
+    assert tuple(Hull) == HULLS
+    assert layout_names() == known()
+    assert node_names() == [topics.SUPERVISOR, topics.SIM, topics.TELEOP]

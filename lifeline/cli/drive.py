@@ -1,0 +1,232 @@
+"""The commands that start, drive and stop a robot: up, down, estop, path, ros2."""
+
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lifeline.command import (
+    Config,
+    Endpoint,
+    KeysPath,
+    ResultJson,
+    Robot,
+    StatePath,
+    command,
+    note,
+    print_json,
+    robot_command,
+    say,
+)
+
+app = typer.Typer()
+path_app = typer.Typer(
+    help="Drive the robot along a path. A stop, and usually a key press in teleop, pauses it; Enter continues. A motion command from teleop always takes over.",
+    no_args_is_help=True,
+)
+ros2_app = typer.Typer(
+    help="Run ROS 2 programs under the supervisor, and check the base of a ROS 2 robot.", no_args_is_help=True
+)
+app.add_typer(path_app, name="path")
+app.add_typer(ros2_app, name="ros2")
+
+Speed = Annotated[
+    float, typer.Option("--speed", min=0.05, max=1.0, metavar="V", help="Maximum speed in m/s.")
+]
+Laps = Annotated[int, typer.Option("--laps", min=1, max=1000, metavar="N", help="Number of laps.")]
+Clockwise = Annotated[bool, typer.Option("--clockwise", help="Turn right instead of left.")]
+
+
+@command(app)
+def up(
+    *,
+    detach: Annotated[
+        bool, typer.Option("--detach", help="Start in the background, without teleop.")
+    ] = False,
+    viewer: Annotated[
+        bool | None,
+        typer.Option("--viewer/--no-viewer", help="Open MuJoCo's window. Default: only if a display exists."),
+    ] = None,
+    sim: Annotated[
+        bool,
+        typer.Option(
+            "--sim/--no-sim",
+            help="Simulate the base. With a section ros2 in the configuration, no sim starts.",
+        ),
+    ] = True,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--only",
+            metavar="NODE",
+            help="Start only supervisor, sim or ros2, in the background; repeat for several.",
+        ),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="With --detach: print the address and teleop's command as JSON.")
+    ] = False,
+    config: Config = None,
+    endpoint: Endpoint = None,
+    keys_dir: KeysPath = None,
+    state_dir: StatePath = None,
+) -> int:
+    """Start the robot, open teleop in this terminal, and stop everything when teleop ends.
+
+    The robot is supervisor and sim, or supervisor and ros2 if the configuration has a section ros2.
+    """
+    from deploy.stack.launch import Launch
+    from deploy.stack.statedir import StateDir
+    from deploy.up import up
+
+    sim_options = {None: "", True: "--viewer", False: "--no-viewer"}[viewer]
+    launch = Launch.read(config, endpoint, keys_dir, sim_options=sim_options, with_sim=sim)
+    if only:
+        launch = launch.only(only)
+    progress = note if as_json else say
+    return up(StateDir.choose(state_dir), launch, progress, detach=detach or bool(only), as_json=as_json)
+
+
+@command(app)
+def down(*, as_json: ResultJson = False, state_dir: StatePath = None) -> None:
+    """Stop all processes that were started with this state directory."""
+    from deploy.down import down
+    from deploy.stack.statedir import StateDir
+
+    stopped = down(StateDir.choose(state_dir), note if as_json else say)
+    if as_json:
+        print_json(stopped)
+
+
+@robot_command(app)
+def estop(
+    robot: Robot,
+    *,
+    name: Annotated[
+        str | None,
+        typer.Option(
+            "--name",
+            metavar="NAME",
+            help="Be the e-stop station of this name in the configuration until q or Ctrl-C: prove its presence, show whether "
+            "it is heard, and stop the robot at any key.",
+        ),
+    ] = None,
+) -> int:
+    """Press the emergency stop once, or be an e-stop station. Exit 0 if the supervisor confirms the press, 1 if not, 3 if nothing runs."""
+    if name is not None:
+        from lifeline.estop_station import run_station
+
+        run_station(robot.launch, name)
+    from lifeline.estop_press import press
+
+    return press(robot.launch)
+
+
+@robot_command(path_app, "square")
+def path_square(
+    robot: Robot,
+    *,
+    side: Annotated[
+        float, typer.Option("--side", min=0.1, max=50.0, metavar="M", help="Length of a side in m.")
+    ] = 1.5,
+    laps: Laps = 1,
+    speed: Speed = 0.4,
+    clockwise: Clockwise = False,
+    as_json: ResultJson = False,
+) -> None:
+    """Drive a square whose first side begins at the robot and points ahead."""
+    from lifeline.path import drive, relative
+    from teleop.path.course import square
+
+    drive(relative(square(side, laps, clockwise=clockwise)), robot.launch, speed, as_json=as_json)
+
+
+@robot_command(path_app, "circle")
+def path_circle(
+    robot: Robot,
+    *,
+    radius: Annotated[
+        float, typer.Option("--radius", min=0.1, max=50.0, metavar="M", help="Radius in m.")
+    ] = 0.6,
+    laps: Laps = 1,
+    speed: Speed = 0.4,
+    clockwise: Clockwise = False,
+    as_json: ResultJson = False,
+) -> None:
+    """Drive a circle whose centre is to the side of the robot."""
+    from lifeline.path import drive, relative
+    from teleop.path.course import circle
+
+    drive(relative(circle(radius, laps, clockwise=clockwise)), robot.launch, speed, as_json=as_json)
+
+
+@robot_command(path_app, "follow")
+def path_follow(
+    robot: Robot,
+    *,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file that `lifeline record` wrote.")],
+    in_place: Annotated[
+        bool,
+        typer.Option(
+            "--absolute",
+            help="Drive where the path was recorded, by odometry. Default: start at the robot's present pose.",
+        ),
+    ] = False,
+    speed: Speed = 0.4,
+    as_json: ResultJson = False,
+) -> None:
+    """Replay a recorded path, reversing where it reversed."""
+    from lifeline.path import absolute, drive, read_poses, relative
+
+    plan = (absolute if in_place else relative)(read_poses(file))
+    drive(plan, robot.launch, speed, as_json=as_json)
+
+
+@robot_command(ros2_app, "exec", context_settings={"allow_interspersed_args": False})
+def ros2_exec(
+    robot: Robot,
+    *,
+    command: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="CMD", help="After --: the program that commands the robot, and its arguments."
+        ),
+    ],
+    source: Annotated[str, typer.Option("--source", metavar="NAME", help="Command source of the program.")],
+) -> None:
+    """Run a program that commands the robot, such as a teleop, and stop the robot as soon as the program ends.
+
+    Exit with the program's own code, or 128 + N if signal N ended it. If this command is killed, so is the program.
+    """
+    from lifeline.ros2_exec import run
+
+    run(robot.launch, source, command)
+
+
+@robot_command(ros2_app, "run")
+def ros2_run(robot: Robot) -> None:
+    """Run the ROS 2 process in this terminal, as `lifeline up` and the service lifeline-ros2 do."""
+    from deploy.ros2_run import run
+
+    run(robot.launch, robot.state)
+
+
+@robot_command(ros2_app, "check-base")
+def ros2_check_base(
+    robot: Robot,
+    *,
+    yes: Annotated[bool, typer.Option("--yes", help="Move the robot without asking.")] = False,
+) -> None:
+    """Measure how long the base moves after its commands end. The robot turns on the spot: keep 1 m around it free."""
+    from deploy.ros2_run import run
+
+    run(robot.launch, robot.state, "--check-base", *(["--yes"] if yes else []))
+
+
+@command(ros2_app, "profile")
+def ros2_profile() -> None:
+    """Print a Fast DDS profile for programs on other hosts: their death is detected after 0.3 s instead of 20 s.
+
+    Write it to a file, and start the program with FASTRTPS_DEFAULT_PROFILES_FILE=FILE.
+    """
+    print((files("ros2") / "fastdds_short_lease.xml").read_text(encoding="utf-8"), end="")

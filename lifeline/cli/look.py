@@ -1,0 +1,414 @@
+"""The commands that show and record a robot: status, watch, metrics, view, record, render, graph, topic, node."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lifeline.command import (
+    ROBOT_PANEL,
+    Json,
+    KeysPath,
+    ResultJson,
+    Robot,
+    StatePath,
+    answer,
+    command,
+    robot_command,
+)
+from wire.host.extras import require
+
+app = typer.Typer()
+topic_app = typer.Typer(
+    help="Inspect the topics of a running robot. cmd_vel, /robot/cmd_vel and robot/cmd_vel name the same topic.",
+    no_args_is_help=True,
+)
+node_app = typer.Typer(help="Inspect the nodes of a running robot.", no_args_is_help=True)
+app.add_typer(topic_app, name="topic")
+app.add_typer(node_app, name="node")
+
+HULLS = ("round", "rectangular")
+CAMERAS = ("follow", "corner", "top")
+
+
+# --- the words that the shells complete
+
+
+def topic_names(incomplete: str) -> list[str]:
+    """Return the topics of a robot with the default configuration, also as absolute names if a word has begun."""
+    from lifeline.inspection.keys import known_topics
+    from supervisor.config import SupervisorSection
+
+    sources = [source.name for source in SupervisorSection().sources]
+    names = [topic.key for topic in known_topics(sources, ())]
+    absolute = ("/robot/", "robot/") if incomplete else ()
+    return [f"{prefix}{name}" for prefix in ("", *absolute) for name in names]
+
+
+def node_names() -> list[str]:
+    from wire.topics import SIM, SUPERVISOR, TELEOP
+
+    return [SUPERVISOR, SIM, TELEOP]
+
+
+def layout_names() -> list[str]:
+    from sim.layout import known
+
+    return known()
+
+
+# --- common options
+
+Name = Annotated[
+    str,
+    typer.Argument(metavar="TOPIC", help="Name of a topic, such as cmd_vel.", autocompletion=topic_names),
+]
+Names = Annotated[
+    list[str],
+    typer.Argument(metavar="TOPIC…", help="Names of topics, such as cmd_vel.", autocompletion=topic_names),
+]
+Listen = Annotated[
+    float, typer.Option("--seconds", min=0.1, max=3600.0, metavar="S", help="Listening time in s.")
+]
+Until = Annotated[
+    float | None,
+    typer.Option(
+        "--seconds", min=0.1, max=86400.0, metavar="S", help="End after S seconds. Default: until Ctrl-C."
+    ),
+]
+
+
+# --- the commands
+
+
+@robot_command(app)
+def status(robot: Robot, *, as_json: Json = False) -> int:
+    """Print the status once. Exit 0 if the stack runs, 1 if a part of it runs, 3 if nothing runs."""
+    from lifeline.status import show_status
+
+    return show_status(robot.state, robot.launch, as_json=as_json)
+
+
+@command(app)
+def watch(
+    *,
+    as_json: Annotated[
+        bool,
+        typer.Option(
+            "--json", help="Print JSON lines instead of a table; default on a pipe or a dumb terminal."
+        ),
+    ] = False,
+    once: Annotated[
+        bool,
+        typer.Option(
+            "--once", help="Print one row per robot. Exit 0 if all answer, 1 if some do, 3 if none does."
+        ),
+    ] = False,
+    config: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--config",
+            metavar="FILE",
+            help="Configuration file of a robot; repeat for several robots.",
+            rich_help_panel=ROBOT_PANEL,
+        ),
+    ] = None,
+    endpoint: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--endpoint",
+            metavar="tcp/HOST:PORT",
+            help="Address on which a supervisor listens; repeat for several robots.",
+            rich_help_panel=ROBOT_PANEL,
+        ),
+    ] = None,
+    keys_dir: KeysPath = None,
+    state_dir: StatePath = None,
+) -> None:
+    """Show a live table of one or several robots until Ctrl-C."""
+    from lifeline.watch.watch import launches, watch
+
+    if config or endpoint:
+        robots = launches(config or (), endpoint or (), keys_dir)
+    else:
+        robots = [Robot.find(keys_dir=keys_dir, state_dir=state_dir).launch]
+    watch(robots, as_json=as_json, once=once)
+
+
+@robot_command(app)
+def metrics(
+    robot: Robot,
+    *,
+    listen: Annotated[
+        str,
+        typer.Option(
+            "--listen", metavar="HOST:PORT", help="Address to serve HTTP on; port 0 chooses a free one."
+        ),
+    ] = "127.0.0.1:9464",
+) -> None:
+    """Serve counters and timings of a robot to Prometheus, until Ctrl-C."""
+    from lifeline.watch.metrics import metrics
+
+    metrics(robot.launch, listen)
+
+
+@robot_command(app)
+def view(
+    robot: Robot,
+    *,
+    what: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[FILE|ID]",
+            help="A recording (.mcap), a black box (.jsonl.gz) or an incident's ID. Default: the running robot.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE.rrd", help="Write a file for Rerun instead of opening a window."),
+    ] = None,
+    web: Annotated[
+        bool,
+        typer.Option(
+            "--web", help="Serve the viewer to a browser on this machine instead of opening a window."
+        ),
+    ] = False,
+    port: Annotated[
+        int,
+        typer.Option(
+            "--port", min=1, max=65534, metavar="N", help="With --web: port of the page; its data are on N+1."
+        ),
+    ] = 9090,
+) -> None:
+    """Show the robot in Rerun: hull, lidars, seen space, velocities, mode and reasons."""
+    require("view")
+    from lifeline.incidents.files import directory_of, find
+    from lifeline.view.show import Wanted, view
+
+    if what is None or what.endswith(".mcap"):
+        file = None if what is None else Path(what)
+    else:
+        file = find(directory_of(robot.launch, robot.state), what)
+    view(Wanted(file, out, web, port), robot.launch)
+
+
+@robot_command(app)
+def record(
+    robot: Robot,
+    *,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write: NAME.mcap.")],
+    as_json: ResultJson = False,
+) -> None:
+    """Record all messages in an MCAP file, as rosbag2 does, until Ctrl-C."""
+    from lifeline.recording.record import record
+
+    record(file, robot.launch, as_json=as_json)
+
+
+@command(app)
+def render(
+    *,
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="The file to write: a picture (.png) or an animation (.mp4, .webp, .gif).",
+        ),
+    ],
+    scene: Annotated[
+        str,
+        typer.Option(
+            "--scene",
+            "--layout",
+            metavar="NAME|FILE",
+            help="Name of a layout, or a layout or MJCF file.",
+            autocompletion=layout_names,
+        ),
+    ] = "warehouse",
+    hull: Annotated[
+        str,
+        typer.Option(
+            "--hull",
+            metavar="SHAPE",
+            help="Hull of the robot: round or rectangular.",
+            autocompletion=lambda: HULLS,
+        ),
+    ] = "round",
+    camera: Annotated[
+        str,
+        typer.Option(
+            "--camera",
+            metavar="NAME",
+            help="View: follow, corner, top, or a camera of the scene.",
+            autocompletion=lambda: CAMERAS,
+        ),
+    ] = "follow",
+    size: Annotated[str, typer.Option("--size", metavar="WxH", help="Size in pixels.")] = "1280x720",
+    seconds: Annotated[
+        float,
+        typer.Option("--seconds", metavar="S", help="Simulated duration; a picture shows the last moment."),
+    ] = 8.0,
+    fps: Annotated[
+        float, typer.Option("--fps", metavar="N", help="Frames per second of an animation.")
+    ] = 15.0,
+    drive: Annotated[
+        bool, typer.Option("--drive", help="Drive toward a pillar under the real safety law, and back out.")
+    ] = False,
+    caption: Annotated[
+        bool, typer.Option(help="Print the mode, speed and nearest distance on each frame.")
+    ] = True,
+    as_json: Json = False,
+) -> None:
+    """Render the simulated robot to an image or animation; no display is needed."""
+    require("sim")  # before the renderer is chosen, which must precede MuJoCo's import
+    from lifeline.render.picture import Wanted
+    from lifeline.render.render import render
+
+    rendered = render(Wanted(out, scene, hull, camera, size, seconds, fps, drive, caption))
+    answer(rendered._asdict(), rendered.sentence, as_json=as_json)
+
+
+@robot_command(app)
+def graph(
+    robot: Robot,
+    *,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="Write a drawing (.svg, .png) or a Graphviz file (.dot)."),
+    ] = None,
+    seconds: Listen = 2.0,
+    as_json: Json = False,
+) -> None:
+    """Show which nodes communicate, from the hub's sessions and the received messages."""
+    from lifeline.inspection.graph import show_graph
+
+    show_graph(robot.launch, out, seconds, as_json=as_json)
+
+
+@robot_command(topic_app, "list")
+def topic_list(robot: Robot, *, seconds: Listen = 2.0, as_json: Json = False) -> None:
+    """List all topics with their types, permitted writers, actual writers and rates, then all other keys."""
+    from lifeline.inspection.topic import show_list
+
+    show_list(robot.launch, seconds, as_json=as_json)
+
+
+@robot_command(topic_app, "info")
+def topic_info(robot: Robot, *, key: Name, seconds: Listen = 2.0, as_json: Json = False) -> None:
+    """Print the writers and readers of a topic. Exit 1 if it has more writers than permitted."""
+    from lifeline.inspection.topic import show_info
+
+    show_info(robot.launch, key, seconds, as_json=as_json)
+
+
+@robot_command(topic_app, "type")
+def topic_type(
+    robot: Robot,
+    *,
+    key: Name,
+    full: Annotated[bool, typer.Option("--full", help="Also print the definition.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Print the ROS 2 type of a topic."""
+    from lifeline.inspection.topic import show_type
+
+    show_type(robot.launch, key, full=full, as_json=as_json)
+
+
+@robot_command(topic_app, "echo")
+def topic_echo(
+    robot: Robot,
+    *,
+    keys: Names,
+    once: Annotated[bool, typer.Option("--once", help="Print one message and exit.")] = False,
+    field: Annotated[
+        str, typer.Option("--field", metavar="PATH", help="Print only a field, such as linear.x or ranges.0.")
+    ] = "",
+    as_csv: Annotated[bool, typer.Option("--csv", help="Print CSV, with a header.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Print the messages of topics as YAML, until Ctrl-C."""
+    from lifeline.inspection.topic_stream import Echo, echo
+
+    echo(robot.launch, keys, Echo(once, field, as_csv, as_json))
+
+
+@robot_command(topic_app, "hz")
+def topic_hz(robot: Robot, *, keys: Names, seconds: Until = None, as_json: Json = False) -> None:
+    """Measure the rates of topics, and the gaps between messages. Exit 1 if nothing was heard."""
+    from lifeline.inspection.topic_stream import measure, rate_report
+
+    measure(robot.launch, keys, rate_report, seconds, as_json=as_json)
+
+
+@robot_command(topic_app, "bw")
+def topic_bw(robot: Robot, *, keys: Names, seconds: Until = None, as_json: Json = False) -> None:
+    """Measure the bandwidth of topics. Exit 1 if nothing was heard."""
+    from lifeline.inspection.topic_stream import measure, size_report
+
+    measure(robot.launch, keys, size_report, seconds, as_json=as_json)
+
+
+@robot_command(topic_app, "delay")
+def topic_delay(robot: Robot, *, keys: Names, seconds: Until = None, as_json: Json = False) -> None:
+    """Measure the ages of messages at arrival, from the senders' stamps. Exit 1 if nothing was heard."""
+    from lifeline.inspection.topic_stream import age_report, measure
+
+    measure(robot.launch, keys, age_report, seconds, as_json=as_json)
+
+
+@robot_command(topic_app, "pub")
+def topic_pub(
+    robot: Robot,
+    *,
+    key: Annotated[
+        str,
+        typer.Argument(
+            metavar="KEY",
+            help="Name of a topic, such as estop or path/cmd_vel.",
+            autocompletion=topic_names,
+        ),
+    ],
+    message: Annotated[
+        str,
+        typer.Argument(metavar="YAML", help="The message, such as '{linear: {x: 0.1}}'; the rest is zero."),
+    ],
+    rate: Annotated[
+        float | None,
+        typer.Option("--rate", min=0.01, max=500.0, metavar="HZ", help="Publish at this rate until Ctrl-C."),
+    ] = None,
+    once: Annotated[bool, typer.Option("--once", help="Publish one message and exit.")] = False,
+) -> None:
+    """Publish an e-stop, an obstacle, or the commands of a command source that no other program holds.
+
+    The commands of a source are sent until Ctrl-C, after 1 s of zero, which arms the source.
+    """
+    from lifeline.inspection.topic_publish import publish
+
+    publish(robot.launch, key, message, rate, once=once)
+
+
+@robot_command(node_app, "list")
+def node_list(robot: Robot, *, as_json: Json = False) -> None:
+    """List all nodes with their processes. A program without a liveliness token is listed by its program name."""
+    from lifeline.inspection.node import show_list
+
+    show_list(robot.launch, as_json=as_json)
+
+
+@robot_command(node_app, "info")
+def node_info(
+    robot: Robot,
+    *,
+    node: Annotated[
+        str,
+        typer.Argument(metavar="NODE", help="Name, pid or session id of a node.", autocompletion=node_names),
+    ],
+    seconds: Listen = 2.0,
+    as_json: Json = False,
+) -> None:
+    """Print a node's process, and the topics that it writes, reads and serves, with their rates."""
+    from lifeline.inspection.node import show_info
+
+    show_info(robot.launch, node, seconds, as_json=as_json)

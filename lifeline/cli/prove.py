@@ -1,0 +1,143 @@
+"""The commands that check a configuration and prove the promises: check, demo, faults, fault-report."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lifeline.command import Json, ResultJson, answer, command, note, say
+from wire.host.extras import require
+
+app = typer.Typer()
+
+
+@command(app)
+def check(
+    *,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Configuration file, such as robot.toml.")],
+    as_json: Json = False,
+) -> int:
+    """Check a configuration: its lidars, stopping distance, permitted motions and risks.
+
+    Exit 0 if the file is valid without a risk, 1 if a setting creates a risk, 2 if the file is refused.
+    A file without a sim section always exits 1: nothing in it proves the deceleration.
+    """
+    from lifeline.check.check import check
+
+    return check(file, as_json=as_json)
+
+
+@command(app)
+def demo(
+    *,
+    quick: Annotated[bool, typer.Option("--quick", help="Repeat each fault less often.")] = False,
+    viewer: Annotated[bool, typer.Option("--viewer", help="Open MuJoCo's window.")] = False,
+    as_json: ResultJson = False,
+) -> int:
+    """Drive, inject faults, and print the measurements. Exit 1 if a promise was broken."""
+    require("sim")  # before anything is announced
+    from faults.demo.demo import play
+
+    return play(note if as_json else say, quick=quick, viewer=viewer, as_json=as_json)
+
+
+def class_names(incomplete: str) -> list[str]:
+    """Return the classes of faults, after the names that the word already has."""
+    from faults.real.injectors.plans import real_classes
+
+    before, comma, _ = incomplete.rpartition(",")
+    return [f"{before}{comma}{one.name}" for one in real_classes()]
+
+
+@command(app)
+def faults(
+    *,
+    virtual: Annotated[
+        bool, typer.Option("--virtual", help="Run on a virtual clock, many times faster than real time.")
+    ] = False,
+    seeds: Annotated[
+        int, typer.Option("--seeds", min=1, metavar="N", help="With --virtual: run the seeds from 0 to N-1.")
+    ] = 200,
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            "--seed",
+            min=0,
+            metavar="K",
+            help="With --virtual: run only this seed and print every event. Otherwise: the seed of the first trial of each class.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="FILE.jsonl",
+            help="Append one line for each trial. Trials that are already in the file are not run again.",
+        ),
+    ] = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            "--jobs",
+            min=1,
+            metavar="N",
+            help="With --virtual: number of processes. Default: one for each core.",
+        ),
+    ] = None,
+    classes: Annotated[
+        str,
+        typer.Option(
+            "--classes",
+            metavar="NAME,…",
+            help="Run only these classes; `teleop_*` selects by prefix.",
+            autocompletion=class_names,
+        ),
+    ] = "",
+    trials: Annotated[
+        int, typer.Option("--trials", min=1, metavar="N", help="Trials of each class on real processes.")
+    ] = 3,
+    minutes: Annotated[
+        float | None,
+        typer.Option(
+            "--minutes",
+            min=0.1,
+            metavar="M",
+            help="Start no trial on real processes after M minutes. Exit 1 if a class has not been tried by then.",
+        ),
+    ] = None,
+    as_json: ResultJson = False,
+) -> int:
+    """Inject every fault at random moments, and check every promise.
+
+    Exit 1 if a promise was broken, or if time ran out before every class of faults was tried.
+    """
+    require("sim")
+    if not virtual:
+        from faults.real import runner
+
+        wanted = tuple(name.strip() for name in classes.split(",") if name.strip())
+        return runner.run(runner.Orders(trials, wanted, seed or 0, out, minutes), as_json=as_json)
+    from faults.simulated.runner import campaign, default_jobs, replay
+
+    if seed is not None:
+        return replay(seed, say, as_json=as_json)
+    return campaign(seeds, jobs or default_jobs(), out, note if as_json else say, as_json=as_json)
+
+
+@command(app)
+def fault_report(
+    *,
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE.jsonl…", help="Result files of `lifeline faults --out`, also compressed (.gz)."
+        ),
+    ],
+    html: Annotated[Path, typer.Option("--html", metavar="OUT.html", help="The page to write.")],
+    as_json: Json = False,
+) -> None:
+    """Render campaign results as an HTML page."""
+    from faults.report.report import write_report
+
+    written = write_report(files, html)
+    answer(written._asdict(), written.sentence, as_json=as_json)
