@@ -2,8 +2,8 @@
 
 import math
 
-from wire.message_types import MODES
-from wire.messages import SafetyStatus, Twist
+from wire.message_types import MODES, SafetyStatus
+from wire.ros import Twist
 from wire.text import bearing_in_words
 
 COLOURS = {"STOPPED": "bold red", "READY": "green", "DRIVING": "bold green", "LIMITED": "yellow"}
