@@ -12,8 +12,7 @@ import numpy as np
 
 from bench.rig.sheet import Column, Sheet, Verdict
 from sim import mj
-from sim.build import Build
-from sim.config import SimSection
+from sim.config import Build, SimSection
 from sim.lidar import SOLID_GROUP
 from sim.plant import Plant
 

@@ -1,26 +1,56 @@
-"""`[sim]` of robot.toml."""
+"""`[sim]` of robot.toml, and the options of robot and scene that it makes of it. It imports no MuJoCo."""
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
-from sim.build import DEFAULT, MAX_PAYLOAD_KG, MAX_SLIP, Build, Hull
 from sim.drive import DriveLimits
-from sim.encoders import MAX_ERROR, EncoderConfig
-from sim.imu import ImuConfig
-from sim.lidar_config import MAX_LIDARS, SimLidarSection, conflicts_of_lidars
-from sim.lidar_geometry import LidarConfig
+from sim.lidar_config import MAX_LIDARS, LidarConfig, NoiseM, SimLidarSection, Span, conflicts_of_lidars
+from sim.motion_sensors import MAX_ERROR, EncoderConfig, ImuConfig
 from wire.host.config import BaseSection, Beams, Between, Conflict, Range, Seed, Speed, TurnRate
+
+DEFAULT = "warehouse"
+
+
+class SceneError(ValueError):
+    """The scene is refused; the message says why, and what to do."""
+
+
+class Hull(StrEnum):
+    """Shape of the robot from above."""
+
+    ROUND = "round"
+    RECTANGULAR = "rectangular"
+
+
+@dataclass(frozen=True, slots=True)
+class Build:
+    """Options of the robot and the scene.
+
+    Attributes:
+        hull: round, 0.5 m in diameter, or rectangular, 0.6 m × 0.4 m. A scene with its own robot keeps that hull.
+        payload_kg: Payload in the hull, 0 to 100 kg.
+        wheel_slip: Lost share of the wheels' grip, 0 to 0.95; with too little grip, the wheels spin and slide.
+        moving: Whether the people and forklifts of the layout are present.
+        scenery: Whether to add purely visual elements; they take time and have no other effect.
+    """
+
+    hull: Hull = Hull.ROUND
+    payload_kg: float = 0.0
+    wheel_slip: float = 0.0
+    moving: bool = False
+    scenery: bool = False
+
 
 # From one sample in 10 s, which is useless, to the rate of the physics steps, 500 Hz.
 Rate = Annotated[float, Between(0.1, 500.0, "in Hz")]
 Share = Annotated[float, Between(0.0, 1.0)]
 Error = Annotated[float, Between(-MAX_ERROR, MAX_ERROR)]
-NoiseM = Annotated[float, Between(0.0, 0.1, "in m")]
-Span = Annotated[float, Between(0.01, math.tau, "in rad: at most a full turn")]
 
 
 class SimSection(BaseSection):
@@ -33,8 +63,8 @@ class SimSection(BaseSection):
 
     scene: str = DEFAULT
     hull: Literal["round", "rectangular"] = "round"
-    payload_kg: Annotated[float, Between(0.0, MAX_PAYLOAD_KG)] = 0.0
-    wheel_slip: Annotated[float, Between(0.0, MAX_SLIP)] = 0.0
+    payload_kg: Annotated[float, Between(0.0, 100.0)] = 0.0
+    wheel_slip: Annotated[float, Between(0.0, 0.95)] = 0.0
     moving: bool = True
     max_linear_m_s: Speed = 1.0
     max_angular_rad_s: TurnRate = 2.0
@@ -89,9 +119,7 @@ class SimSection(BaseSection):
 
     def lidar_configs(self) -> tuple[LidarConfig, ...]:
         """Return the configuration of each lidar; the first one publishes on `scan`."""
-        if self.lidars is not None:
-            return tuple(lidar.lidar() for lidar in self.lidars)
-        return (self.lidar(),)
+        return self.lidars or (self.lidar(),)
 
     def lidar(self) -> LidarConfig:
         """Return the single lidar of a robot without `[[sim.lidars]]`."""
@@ -100,7 +128,7 @@ class SimSection(BaseSection):
             span_rad=self.lidar_span_rad,
             range_min_m=self.lidar_range_min_m,
             range_max_m=self.lidar_range_max_m,
-            noise_std_m=self.lidar_noise_m,
+            noise_m=self.lidar_noise_m,
             dropout=self.lidar_dropout,
         )
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim import mj
-from sim.lidar_geometry import LidarConfig
+from sim.lidar_config import LidarConfig
 
 Ranges = NDArray[np.float32]
 
@@ -79,8 +79,8 @@ class Lidar:
         )
         ranges = self._distances.copy()
         missed = ranges < 0.0
-        if config.noise_std_m > 0.0:
-            ranges += self._random.normal(0.0, config.noise_std_m, config.beams)
+        if config.noise_m > 0.0:
+            ranges += self._random.normal(0.0, config.noise_m, config.beams)
         ranges[ranges < config.range_min_m] = -math.inf
         ranges[missed | (ranges > config.range_max_m)] = math.inf
         if config.dropout > 0.0:

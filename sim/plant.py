@@ -5,28 +5,86 @@ The caller controls the simulated time. The same calls give the same trajectory,
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from sim import mj
-from sim.build import DEFAULT, Build
+from sim.config import DEFAULT, Build
 from sim.drive import Drive, DriveLimits, Twist, WheelGeometry
 from sim.floorplan import Circle, Floats, FloorPlan, Outline, Rectangle, Standing, survey, way_out_m
 from sim.lidar import Lidar, Ranges
-from sim.lidar_geometry import LidarConfig
+from sim.lidar_config import LidarConfig
+from sim.motion_sensors import Axes
 from sim.movers import Mover, Placed
-from sim.room import is_inside
-from sim.scene import PARKED_Z_M, build, pose_of
-from sim.snapshot import Snapshot, SnapshotError
+from sim.scene import PARKED_Z_M, build, is_inside, pose_of
+
+
+class SnapshotError(ValueError):
+    """The bytes are not a snapshot, or the snapshot is of another world."""
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """The complete state of a plant, including its record of contacts.
+
+    Attributes:
+        world: A fingerprint of the model; the snapshot of another world is refused.
+        physics: MuJoCo's integration state, float64.
+        sensors: The readings of the last step, float64.
+        noise: The state of each lidar's noise generator.
+        drive: v and ω of the drive's ramp.
+        walked_s: Time in motion of each mover.
+        steps_to_tick: Steps until the next update of the movers.
+        pillar: Position of the pillar, or None.
+        collisions: Number of collisions since the last reset.
+        touching: Whether the hull had contact.
+        last_contact: Object of the last contact.
+    """
+
+    __pydantic_config__: ClassVar = ConfigDict(
+        extra="forbid", strict=True, ser_json_bytes="base64", val_json_bytes="base64"
+    )
+
+    world: str
+    physics: bytes
+    sensors: bytes
+    noise: tuple[Mapping[str, Any], ...]
+    drive: tuple[float, float]
+    walked_s: tuple[float, ...]
+    steps_to_tick: int
+    pillar: tuple[float, float] | None
+    collisions: int
+    touching: bool
+    last_contact: str | None
+
+    def to_bytes(self) -> bytes:
+        return _ADAPTER.dump_json(self)
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> "Snapshot":
+        """Read the bytes of `to_bytes`.
+
+        Raises:
+            SnapshotError: The bytes are not a snapshot of this version.
+        """
+        try:
+            return _ADAPTER.validate_json(data)
+        except ValidationError as error:
+            raise SnapshotError("these bytes are no snapshot of this version; take a new one") from error
+
+
+_ADAPTER = TypeAdapter(Snapshot)
+
 
 TICK_STEPS = 10
 """Number of steps between two updates of the movers: in 20 ms, they move by 3 cm at most."""
 
 ONE_LIDAR = (LidarConfig(),)
-Axes = tuple[float, float, float]
 
 
 class Pose(NamedTuple):

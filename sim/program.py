@@ -6,14 +6,13 @@ import logging
 import sys
 from collections.abc import Callable
 
-from sim.build import SceneError
-from sim.config import SimSection
+from sim.config import SceneError, SimSection
 from sim.layout import known
+from sim.overlay import Shown
 from sim.pace import TimeRequestError, parse_speed
 from sim.plant import Plant
 from sim.sensor_faults import FORMS, FaultError, parse_faults
 from sim.service import SimService
-from sim.shown import Shown
 from sim.viewer import NoDisplayError, has_display, open_viewer
 from wire.host.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.host.config import BusSection, ConfigError, section

@@ -14,18 +14,32 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sim.config import SimSection
-from sim.diagnostics import Health, contact_sentence, pace_sentence, to_diagnostics
-from sim.encoders import Odometer
-from sim.imu import Imu
 from sim.lidar import Ranges
-from sim.lidar_faults import FaultyLidar
-from sim.lidar_geometry import LidarConfig
-from sim.messages import to_clock, to_imu, to_odometry, to_scan, to_truth
-from sim.odometry_faults import FaultyOdometry
+from sim.lidar_config import LidarConfig
+from sim.messages import (
+    Health,
+    contact_sentence,
+    pace_sentence,
+    to_clock,
+    to_diagnostics,
+    to_imu,
+    to_odometry,
+    to_scan,
+    to_truth,
+)
+from sim.motion_sensors import Imu, Odometer
+from sim.overlay import Mode, Shown
 from sim.pace import Ask, Every, Measured, Pace, Pause, Run, Speed, Step, TimeRequestError, parse_time_request
 from sim.plant import Plant
-from sim.sensor_faults import NO_FAULTS, FaultError, LidarFaults, SensorFaults, parse_faults
-from sim.shown import Mode, Shown
+from sim.sensor_faults import (
+    NO_FAULTS,
+    FaultError,
+    FaultyLidar,
+    FaultyOdometry,
+    LidarFaults,
+    SensorFaults,
+    parse_faults,
+)
 from wire import topics
 from wire.bus import Arrival, Bus, Publisher, woken_by
 from wire.host.pauses import never_suspended

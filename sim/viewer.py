@@ -16,10 +16,8 @@ from contextlib import contextmanager
 from typing import Any
 
 from sim import mj
-from sim.overlay import Overlay
+from sim.overlay import Overlay, Shown
 from sim.plant import Plant
-from sim.shown import Shown
-from sim.views import fit
 
 _log = logging.getLogger(__name__)
 
@@ -48,7 +46,6 @@ def open_viewer(plant: Plant) -> Callable[[Shown], None]:
     """
     if not has_display():
         raise NoDisplayError("there is no display for a window")
-    fit(plant)
     handle = _launch(plant)
     camera = handle.cam
     camera.type = int(mj.mujoco.mjtCamera.mjCAMERA_TRACKING)

@@ -6,8 +6,7 @@ import numpy as np
 
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
-from sim.build import SceneError
-from sim.config import SimSection
+from sim.config import SceneError, SimSection
 from sim.floorplan import Circle
 from sim.plant import Plant
 from supervisor.config import SupervisorSection

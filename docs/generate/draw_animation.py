@@ -10,7 +10,7 @@ from pathlib import Path
 from lifeline.render.film import FilmError, film
 from lifeline.render.picture import Wanted, parse_size
 from sim.gl import NoGlError
-from sim.views import View
+from sim.render import View
 
 IMAGES = Path(__file__).parents[1] / "images"
 WANTED = Wanted(

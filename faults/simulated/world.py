@@ -16,14 +16,12 @@ from faults.simulated.clearance_witness import Witness
 from faults.simulated.machine import Machine
 from faults.simulated.scenario import Drivers, Scenario
 from sim import mj
-from sim.build import Build, Hull
-from sim.config import SimSection
-from sim.diagnostics import base_reason
+from sim.config import Build, Hull, SimSection
 from sim.floorplan import Circle, FloorPlan
-from sim.plant import Plant
+from sim.messages import base_reason
+from sim.plant import Plant, Snapshot
 from sim.scene import build
 from sim.service import SimService
-from sim.snapshot import Snapshot
 from supervisor.config import FootprintSection, SupervisorSection
 from supervisor.service import SupervisorService
 from teleop.holder import HeldError

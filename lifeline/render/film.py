@@ -8,14 +8,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from lifeline.render.picture import Wanted
 from lifeline.render.rehearsal import Operator, Rehearsal
-from sim.build import Build, Hull, SceneError
-from sim.caption import captioned
+from sim.config import Build, Hull, SceneError
 from sim.floorplan import Circle, Rectangle
-from sim.lidar_geometry import LidarConfig
+from sim.lidar_config import LidarConfig
 from sim.plant import Plant
-from sim.render import Pixels, Studio
-from sim.video import OutputError, refuse_bad_output, write
-from sim.views import View, ViewError, view_of
+from sim.render import Studio, View, ViewError, captioned, view_of
+from sim.video import OutputError, Pixels, refuse_bad_output, write
 from supervisor.config import FootprintSection, SupervisorSection
 
 PILLARS_AHEAD_M = (3.0, 2.4, 1.8, 1.4)
@@ -69,7 +67,7 @@ def _plant(wanted: Wanted) -> Plant:
         raise FilmError(f"There is no hull named {wanted.hull!r}; there are {', '.join(Hull)}")
     options = Build(Hull(wanted.hull), moving=True, scenery=True)
     scene = wanted.scene
-    return Plant(scene, lidars=(LidarConfig(noise_std_m=LIDAR_NOISE_M),), options=options)
+    return Plant(scene, lidars=(LidarConfig(noise_m=LIDAR_NOISE_M),), options=options)
 
 
 def _put_pillar(plant: Plant) -> None:

@@ -7,9 +7,9 @@ Messages arrive without delay.
 from collections.abc import Iterator
 from enum import Enum, auto
 
+from sim.overlay import Mode, Shown
 from sim.pace import Every
 from sim.plant import Plant
-from sim.shown import Mode, Shown
 from supervisor.config import SupervisorSection
 from supervisor.law.model import Command, Decision, Inputs, LaserScan, Liveliness, Odometry, Velocity
 from supervisor.law.safety import initial_state, step

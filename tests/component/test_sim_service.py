@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from sim.config import SimSection
-from sim.diagnostics import base_reason
 from sim.lidar_config import SimLidarSection
+from sim.messages import base_reason
+from sim.overlay import Mode, Shown
 from sim.plant import Plant
 from sim.sensor_faults import NO_FAULTS, SensorFaults, parse_faults
 from sim.service import SimService
-from sim.shown import Mode, Shown
 from tests.component.rig import Rig
 from virtual.network import VirtualBus
 from wire import topics

@@ -6,7 +6,7 @@ import pytest
 
 from faults.seen import Motion
 from faults.simulated.clearance_witness import FAR_M, Witness
-from sim.build import Build
+from sim.config import Build
 from sim.plant import Plant
 from sim.scene import build
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Any, NamedTuple, cast
 
+from sim.overlay import Mode
 from sim.pace import TimeRequestError, parse_time_request
 from sim.sensor_faults import FaultError, parse_faults
-from sim.shown import Mode
 from supervisor.messages import to_command, to_odometry, to_scan
 from teleop.dashboard import render_dashboard
 from teleop.display import render

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim.shown import COLOURS, Mode
+from sim.overlay import COLOURS, Mode
 from tests.system.harness import PATIENCE_S, Robot, free_endpoint
 from tests.system.xserver import XVFB, XServer, x_server
 from wire import topics

@@ -4,9 +4,9 @@ from faults.classes import BY_NAME
 from faults.real.injectors.plans import real_classes
 from lifeline.cli.look import CAMERAS, HULLS, layout_names, node_names, topic_names
 from lifeline.cli.prove import class_names
-from sim.build import Hull
+from sim.config import Hull
 from sim.layout import known
-from sim.views import NAMES
+from sim.render import NAMES
 from supervisor.config import SupervisorSection
 from wire import topics
 

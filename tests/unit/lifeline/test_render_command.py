@@ -16,10 +16,10 @@ from lifeline.render.film import supervisor_for
 from lifeline.render.picture import Wanted, parse_size
 from lifeline.render.rehearsal import Operator, Rehearsal
 from lifeline.render.render import render
-from sim.build import Build, Hull
+from sim.config import Build, Hull
 from sim.gl import NoGlError, choose
+from sim.overlay import Mode, Shown
 from sim.plant import Plant
-from sim.shown import Mode, Shown
 
 ROOT = Path(__file__).parents[3]
 

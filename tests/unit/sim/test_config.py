@@ -5,15 +5,14 @@ import math
 import pytest
 
 from sim.config import SimSection
-from sim.encoders import EncoderConfig
-from sim.imu import ImuConfig
-from sim.lidar_geometry import LidarConfig
+from sim.lidar_config import LidarConfig
+from sim.motion_sensors import EncoderConfig, ImuConfig
 from wire.host.config import ConfigError, section
 
 
 def test_what_is_left_out_is_what_the_models_default_to() -> None:
     config = SimSection()
-    assert config.lidar() == LidarConfig(noise_std_m=0.002)
+    assert config.lidar() == LidarConfig(noise_m=0.002)
     assert config.encoders() == EncoderConfig()
     assert config.imu() == ImuConfig()
 
@@ -36,7 +35,7 @@ def test_every_key_of_the_sensors_reaches_its_model() -> None:
     )
     lidar = config.lidar()
     assert (lidar.beams, lidar.span_rad, lidar.range_min_m, lidar.range_max_m) == (500, 4.0, 0.2, 8.0)
-    assert (lidar.noise_std_m, lidar.dropout) == (0.01, 0.25)
+    assert (lidar.noise_m, lidar.dropout) == (0.01, 0.25)
     assert config.encoders() == EncoderConfig(1000, 0.01, -0.02, 0.03, 0.04)
     assert config.imu() == ImuConfig(0.05, 0.06)
 
@@ -57,11 +56,23 @@ def test_every_key_of_the_sensors_reaches_its_model() -> None:
         ("scan_hz", 501.0, r"must be from 0\.1 to 500"),
         ("imu_hz", 0.0, r"must be from 0\.1 to 500"),
         ("odom_hz", math.nan, r"must be from 0\.1 to 500"),
-        ("odom_left_error", 0.3, r"must be from -0\.2 to 0\.2"),
+        ("payload_kg", -0.1, "must be from 0 to 100"),
+        ("payload_kg", 100.1, "must be from 0 to 100"),
+        ("payload_kg", math.nan, "must be from 0 to 100"),
+        ("wheel_slip", -0.1, r"must be from 0 to 0\.95"),
+        ("wheel_slip", 1.0, r"must be from 0 to 0\.95"),
+        ("odom_left_error", 0.21, r"must be from -0\.2 to 0\.2"),
+        ("odom_right_error", -0.21, r"must be from -0\.2 to 0\.2"),
+        ("odom_track_error", math.nan, r"must be from -0\.2 to 0\.2"),
         ("odom_noise_m", -0.1, r"must be from 0 to 0\.1"),
+        ("odom_noise_m", math.inf, r"must be from 0 to 0\.1"),
         ("encoder_ticks", 0, "must be from 1 to 1000000"),
+        ("gyro_noise_rad_s", -1.0, "must be from 0 to 1"),
+        ("gyro_noise_rad_s", math.nan, "must be from 0 to 1"),
         ("gyro_noise_rad_s", math.inf, "must be from 0 to 1"),
         ("accel_noise_m_s2", -1.0, "must be from 0 to 10"),
+        ("accel_noise_m_s2", math.nan, "must be from 0 to 10"),
+        ("accel_noise_m_s2", math.inf, "must be from 0 to 10"),
     ],
 )
 def test_a_value_out_of_its_bounds_is_refused_by_name_with_what_is_allowed(

@@ -1,12 +1,17 @@
-"""What the simulation says of itself."""
+"""The simulated robot's messages: its sensors', and what the simulation says of itself."""
 
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from sim.diagnostics import Health, base_reason, to_diagnostics
+from sim.drive import Twist
+from sim.lidar_config import LidarConfig
+from sim.messages import Health, base_reason, to_clock, to_diagnostics, to_imu, to_odometry, to_scan, to_truth
+from sim.motion_sensors import ImuConfig, Motion, Reckoning
 from sim.pace import Measured
+from sim.plant import Pose
 from sim.sensor_faults import NO_FAULTS, parse_faults
 from wire.messages import DiagnosticArray, DiagnosticStatus, decode, encode
 from wire.watchdog import BaseReason
@@ -112,3 +117,40 @@ def test_whoever_goes_about_is_told_with_the_place_whatever_the_name() -> None:
     busy = replace(WELL, movers={"level": (1.0, -2.5, 0.0), "forklift": (0.25, 3.0, 1.57)})
     assert said(busy, "movers") == (OK, "2 movers")
     assert values(busy, "movers") == {"level": "1.00 -2.50 0.00", "forklift": "0.25 3.00 1.57"}
+
+
+def test_a_scan_has_its_lidar_s_frame_and_geometry_and_the_present_reach() -> None:
+    lidar = LidarConfig(name="front", beams=3, span_rad=math.pi)
+    message = to_scan(np.ones(3, np.float32), lidar, 0.05, reach_m=2.0)
+    assert message.header.frame_id == "front"
+    assert (message.range_min, message.range_max) == pytest.approx((0.1, 2.0))
+    assert (message.angle_min, message.angle_increment) == pytest.approx((-0.5 * math.pi, 0.5 * math.pi))
+    assert to_scan(np.ones(3, np.float32), lidar, 0.05).range_max == pytest.approx(12.0)
+
+
+def test_odometry_has_the_covariance_of_its_axes_and_the_truth_has_none() -> None:
+    message = to_odometry(Reckoning(1.0, 2.0, 0.0, 0.5, 0.1, 4.0 * np.eye(3), 9.0 * np.eye(2)))
+    assert np.diag(message.pose.covariance.reshape(6, 6)) == pytest.approx([4.0, 4.0, 1e-6, 1e-6, 1e-6, 4.0])
+    assert np.diag(message.twist.covariance.reshape(6, 6)) == pytest.approx(
+        [9.0, 1e-6, 1e-6, 1e-6, 1e-6, 9.0]
+    )
+    truth = to_truth(Pose(1.0, 2.0, 0.0), Twist(0.5, 0.1))
+    assert (truth.header.frame_id, truth.pose.pose.position.x, truth.twist.twist.linear.x) == (
+        "world",
+        1.0,
+        0.5,
+    )
+    assert not truth.pose.covariance.any()
+
+
+def test_the_inertial_unit_has_no_orientation_and_the_variance_of_its_noise() -> None:
+    message = to_imu(Motion((0.1, 0.2, 0.3), (0.0, 0.0, 9.81)), ImuConfig(0.5, 2.0))
+    assert message.orientation_covariance[0] == -1.0
+    assert message.angular_velocity_covariance[0] == pytest.approx(0.25)
+    assert message.linear_acceleration_covariance[0] == pytest.approx(4.0)
+    assert (message.angular_velocity.z, message.linear_acceleration.z) == (0.3, 9.81)
+
+
+def test_the_clock_is_simulated_time_to_the_nanosecond() -> None:
+    clock = to_clock(12.5).clock
+    assert (clock.sec, clock.nanosec) == (12, 500_000_000)

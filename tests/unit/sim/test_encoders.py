@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim.drive import Twist, WheelGeometry
-from sim.encoders import MAX_ERROR, PERFECT, EncoderConfig, Odometer, Reckoning
+from sim.motion_sensors import MAX_ERROR, PERFECT, EncoderConfig, Odometer, Reckoning
 
 WHEELS = WheelGeometry(radius_m=0.08, track_m=0.34)
 PERIOD_S = 0.02
@@ -143,19 +143,3 @@ def test_its_covariances_are_covariances(
         for matrix in (reckoning.pose_covariance, reckoning.twist_covariance):
             np.testing.assert_allclose(matrix, matrix.T, atol=1e-12)
             assert np.min(np.linalg.eigvalsh(matrix)) > 0.0
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("ticks", 0),
-        ("left_error", 0.21),
-        ("right_error", -0.21),
-        ("track_error", math.nan),
-        ("noise_m", -0.1),
-        ("noise_m", math.inf),
-    ],
-)
-def test_a_value_that_makes_no_sense_is_refused_by_name(name: str, value: float) -> None:
-    with pytest.raises(ValueError, match=f"{name} must be"):
-        EncoderConfig(**{name: value})  # pyright: ignore[reportArgumentType]

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim import mj
-from sim.build import Build, Hull
+from sim.config import Build, Hull
 from sim.floorplan import NOTHING, Circle, FloorPlan, Nearest, Outline, Rectangle, Standing, survey, way_out_m
 from sim.plant import Plant
 

@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 
 from sim.config import SimSection
-from sim.lidar_config import MAX_LIDARS
-from sim.lidar_geometry import LidarConfig
+from sim.lidar_config import MAX_LIDARS, LidarConfig
 from wire.host.config import ConfigError, section
 
 DIAGONAL = """
@@ -48,27 +47,31 @@ def lidars(**changed: object) -> dict[str, Any]:
 
 def test_every_key_of_a_lidar_reaches_its_model() -> None:
     front, rear = read(tomllib.loads(DIAGONAL)).lidar_configs()
-    assert front == LidarConfig(
-        beams=811,
-        range_min_m=0.05,
-        range_max_m=25.0,
-        noise_std_m=0.01,
-        span_rad=4.712389,
-        dropout=0.001,
-        x_m=0.3,
-        y_m=0.2,
-        yaw_rad=0.785398,
-        name="front",
-        topic="scan",
+    assert front.model_dump() == dict(
+        LidarConfig(
+            beams=811,
+            range_min_m=0.05,
+            range_max_m=25.0,
+            noise_m=0.01,
+            span_rad=4.712389,
+            dropout=0.001,
+            x_m=0.3,
+            y_m=0.2,
+            yaw_rad=0.785398,
+            name="front",
+            topic="scan",
+        )
     )
-    assert rear == LidarConfig(
-        noise_std_m=0.002,
-        span_rad=4.712389,
-        x_m=-0.3,
-        y_m=-0.2,
-        yaw_rad=-2.356194,
-        name="rear",
-        topic="scan_rear",
+    assert rear.model_dump() == dict(
+        LidarConfig(
+            noise_m=0.002,
+            span_rad=4.712389,
+            x_m=-0.3,
+            y_m=-0.2,
+            yaw_rad=-2.356194,
+            name="rear",
+            topic="scan_rear",
+        )
     )
 
 

@@ -7,8 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.lidar_faults import NEAR_M, STRAY_M, FaultyLidar, Ranges, nearest_object
-from sim.sensor_faults import NO_FAULTS, LidarFaults, parse_faults
+from sim.sensor_faults import (
+    NEAR_M,
+    NO_FAULTS,
+    STRAY_M,
+    FaultyLidar,
+    LidarFaults,
+    Ranges,
+    nearest_object,
+    parse_faults,
+)
 
 ANGLES_RAD = np.deg2rad(np.arange(-180.0, 180.0))
 RANGES = np.full(360, 2.0, dtype=np.float32)

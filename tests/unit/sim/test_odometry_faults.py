@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.encoders import Reckoning
-from sim.odometry_faults import FaultyOdometry
-from sim.sensor_faults import NO_FAULTS, parse_faults
+from sim.motion_sensors import Reckoning
+from sim.sensor_faults import NO_FAULTS, FaultyOdometry, parse_faults
 
 STEP_S = 0.02
 

@@ -10,9 +10,18 @@ from hypothesis import strategies as st
 
 from sim import mj
 from sim.floorplan import Circle, FloorPlan, Outline, Rectangle, Standing
-from sim.lidar_geometry import LidarConfig
-from sim.overlay import MAX_POINTS, SEGMENTS, Overlay, gaps_m, geoms_needed, offset_outline
-from sim.shown import COLOURS, Mode, Shown
+from sim.lidar_config import LidarConfig
+from sim.overlay import (
+    COLOURS,
+    MAX_POINTS,
+    SEGMENTS,
+    Mode,
+    Overlay,
+    Shown,
+    gaps_m,
+    geoms_needed,
+    offset_outline,
+)
 
 sizes_m = st.floats(0.05, 2.0)
 hulls: st.SearchStrategy[Outline] = st.one_of(

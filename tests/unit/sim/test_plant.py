@@ -4,15 +4,14 @@ import hashlib
 import math
 import subprocess
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from sim import mj
-from sim.build import Build, Hull
-from sim.encoders import PERFECT, Odometer
-from sim.lidar_geometry import LidarConfig
+from sim.config import Build, Hull
+from sim.lidar_config import LidarConfig
+from sim.motion_sensors import PERFECT, Odometer
 from sim.movers import BODIES, MoverKind
 from sim.plant import Plant, Pose
 
@@ -483,11 +482,11 @@ def test_movers_are_solid_within_the_floor_that_they_take() -> None:
 
 _STORY = """
 import hashlib, sys
-from sim.lidar_geometry import LidarConfig
-from sim.encoders import PERFECT, Odometer
+from sim.lidar_config import LidarConfig
+from sim.motion_sensors import PERFECT, Odometer
 from sim.plant import Plant
-from sim.build import Build, Hull
-plant = Plant("empty", None, (LidarConfig(noise_std_m=0.01),), 5, Build(Hull.RECTANGULAR, 20.0, 0.8, moving=True))
+from sim.config import Build, Hull
+plant = Plant("empty", None, (LidarConfig(noise_m=0.01),), 5, Build(Hull.RECTANGULAR, 20.0, 0.8, moving=True))
 digest = hashlib.sha256()
 for target in ((1.0, 0.0), (0.4, 1.5), (0.0, 0.0), (-0.5, -0.5)):
     for _ in range(30):
@@ -520,7 +519,7 @@ def test_steps_one_by_one_and_many_at_a_time_are_the_same() -> None:
 
 
 def test_another_seed_makes_other_noise_and_the_same_way() -> None:
-    config = LidarConfig(noise_std_m=0.01)
+    config = LidarConfig(noise_m=0.01)
     one, other = (Plant(lidars=(config,), seed=seed) for seed in (1, 2))
     for plant in (one, other):
         _run(plant, 0.5, 0.2, 1.0)
@@ -581,10 +580,10 @@ def test_two_diagonal_lidars_leave_no_direction_around_the_hull_unseen() -> None
 
 
 def test_the_first_of_several_lidars_has_the_noise_of_one_alone_and_the_others_their_own() -> None:
-    noisy = tuple(replace(lidar, noise_std_m=0.01) for lidar in DIAGONAL)
+    noisy = tuple(lidar.model_copy(update={"noise_m": 0.01}) for lidar in DIAGONAL)
     alone, both = (Plant("empty", lidars=some, seed=5, options=BOXY) for some in (noisy[:1], noisy))
     assert alone.scan().tobytes() == both.scan().tobytes()
-    same_place = (noisy[0], replace(noisy[0], name="twin", topic="scan_twin"))
+    same_place = (noisy[0], noisy[0].model_copy(update={"name": "twin", "topic": "scan_twin"}))
     twins = Plant("empty", lidars=same_place, seed=5, options=BOXY)
     assert twins.scan(0).tobytes() != twins.scan(1).tobytes()
 

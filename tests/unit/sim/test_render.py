@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from sim import gl, render
-from sim.build import Build, Hull
-from sim.caption import captioned
+from sim.config import Build, Hull
 from sim.gl import NoGlError
-from sim.overlay import offset_outline
+from sim.overlay import COLOURS, STOP_DISTANCE_M, WARNING_DISTANCE_M, Mode, Shown, in_words, offset_outline
 from sim.plant import Plant
-from sim.render import Pixels, Studio
-from sim.shown import COLOURS, STOP_DISTANCE_M, WARNING_DISTANCE_M, Mode, Shown, in_words
-from sim.views import FIELD_OF_VIEW_RAD, NAMES, View, ViewError, camera, view_of
+from sim.render import FIELD_OF_VIEW_RAD, NAMES, Studio, View, ViewError, camera, captioned, view_of
+from sim.video import Pixels
 from wire.reasons import StopReason
 
 WIDTH, HEIGHT = 192, 144

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from sim import mj
-from sim.build import Build, Hull, SceneError
-from sim.config import SimSection
+from sim.config import Build, Hull, SceneError, SimSection
 from sim.plant import Plant
 from sim.scene import MODELS, build
 
@@ -216,21 +215,6 @@ def test_the_way_of_a_mover_is_checked_also_while_nothing_moves(tmp_path: Path) 
     path = _file(tmp_path, HALL + _walker((0.0, 1.0), (4.5, 1.0)), "yard.toml")
     with pytest.raises(SceneError, match="passes through east wall"):
         build(path)
-
-
-@pytest.mark.parametrize(
-    "values",
-    [
-        {"payload_kg": -0.1},
-        {"payload_kg": 100.1},
-        {"payload_kg": math.nan},
-        {"wheel_slip": -0.1},
-        {"wheel_slip": 1.0},
-    ],
-)
-def test_a_robot_that_cannot_be_is_refused_by_name(values: dict[str, float]) -> None:
-    with pytest.raises(SceneError, match=next(iter(values))):
-        Build(**values)  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.parametrize("scene", ["warehouse", "aisle", "empty"])

@@ -6,12 +6,11 @@ from collections.abc import Callable
 
 import pytest
 
-from sim.build import Build, Hull
-from sim.lidar_geometry import LidarConfig
-from sim.plant import Plant
-from sim.snapshot import Snapshot, SnapshotError
+from sim.config import Build, Hull
+from sim.lidar_config import LidarConfig
+from sim.plant import Plant, Snapshot, SnapshotError
 
-NOISY = LidarConfig(noise_std_m=0.01)
+NOISY = LidarConfig(noise_m=0.01)
 HARD = Build(hull=Hull.RECTANGULAR, payload_kg=30.0, wheel_slip=0.85, moving=True)
 
 

@@ -2,8 +2,8 @@
 
 import pytest
 
+from sim.overlay import Mode, Shown
 from sim.plant import Plant
-from sim.shown import Mode, Shown
 from sim.viewer import NoDisplayError, open_viewer, words
 
 

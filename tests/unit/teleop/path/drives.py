@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.encoders import PERFECT, Odometer
+from sim.motion_sensors import PERFECT, Odometer
 from sim.plant import Plant
 from teleop.path.course import Path, Pose, Poses, TrackError, seen_from, wrap
 from teleop.path.pursuit import Course, Limits

@@ -1,6 +1,6 @@
-"""Wheel odometry with errors: two encoders and slightly wrong wheel geometry.
+"""Wheel odometry with errors, from two encoders and slightly wrong wheel geometry; and an inertial measurement unit.
 
-Pure except for a seeded generator. As on a real robot, the pose drifts because of errors of the wheel radii and the
+Pure except for seeded generators. As on a real robot, the pose drifts because of errors of the wheel radii and the
 track, noise that grows with the distance, and the resolution of the encoders.
 """
 
@@ -28,9 +28,6 @@ class EncoderConfig:
         right_error: the same for the right wheel.
         track_error: relative error of the assumed track; positive if assumed too wide.
         noise_m: standard deviation of a wheel's counted distance after 1 m; grows with the root of the distance.
-
-    Raises:
-        ValueError: A value is invalid; the message names it.
     """
 
     ticks: int = 16384
@@ -38,17 +35,6 @@ class EncoderConfig:
     right_error: float = 0.0005
     track_error: float = 0.005
     noise_m: float = 0.0005
-
-    def __post_init__(self) -> None:
-        if self.ticks < 1:
-            raise ValueError(f"ticks must be at least 1, not {self.ticks}.")
-        for name in ("left_error", "right_error", "track_error"):
-            if not abs(getattr(self, name)) <= MAX_ERROR:
-                raise ValueError(
-                    f"{name} must be from -{MAX_ERROR} to {MAX_ERROR}, not {getattr(self, name)}."
-                )
-        if not (math.isfinite(self.noise_m) and self.noise_m >= 0.0):
-            raise ValueError(f"noise_m must be finite and not negative, not {self.noise_m}.")
 
 
 PERFECT = EncoderConfig(left_error=0.0, right_error=0.0, track_error=0.0, noise_m=0.0)
@@ -170,3 +156,41 @@ class Odometer:
         both, difference = 0.25 * (left_m2 + right_m2), 0.5 * (right_m2 - left_m2) / self._track_m
         turn = (left_m2 + right_m2) / self._track_m**2 + (config.track_error * turn_rad) ** 2
         return np.array([[both, difference], [difference, turn]]) / elapsed_s**2
+
+
+Axes = tuple[float, float, float]
+"""Components along the sensor's axes: x forward, y left, z up."""
+
+
+@dataclass(frozen=True, slots=True)
+class ImuConfig:
+    """Noise of each reading, as standard deviation on each axis."""
+
+    gyro_noise_rad_s: float = 0.002
+    accel_noise_m_s2: float = 0.02
+
+
+class Motion(NamedTuple):
+    """One reading of the unit."""
+
+    gyro_rad_s: Axes
+    accel_m_s2: Axes
+    """The specific force: at rest it points up with 9.81 m/s²."""
+
+
+class Imu:
+    """Adds the noise of a sensor to the true motion; the same seed makes the same noise."""
+
+    def __init__(self, config: ImuConfig | None = None, seed: int = 0) -> None:
+        self.config = config or ImuConfig()
+        self._random = np.random.default_rng((seed, 2))
+        self._scale = np.repeat((self.config.gyro_noise_rad_s, self.config.accel_noise_m_s2), 3)
+
+    def read(self, gyro_rad_s: Axes, accel_m_s2: Axes) -> Motion:
+        """Return the sensor's reading for a true motion."""
+        noise = (self._scale * self._random.standard_normal(6)).tolist()
+        gx, gy, gz = gyro_rad_s
+        ax, ay, az = accel_m_s2
+        return Motion(
+            (gx + noise[0], gy + noise[1], gz + noise[2]), (ax + noise[3], ay + noise[4], az + noise[5])
+        )
