@@ -2,7 +2,7 @@
 
 from deploy.stack.launch import Launch
 from deploy.stack.statedir import StateDir
-from supervisor.estop_files import is_recorded
+from supervisor.estop_record import is_recorded
 from wire import topics
 
 RESET = "press r in teleop to reset it"

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Literal
@@ -108,14 +108,7 @@ class SimSection(BaseSection):
         return Build(Hull(self.hull), self.payload_kg, self.wheel_slip, moving=self.moving, scenery=scenery)
 
     def limits(self) -> DriveLimits:
-        return DriveLimits(
-            max_linear_m_s=self.max_linear_m_s,
-            max_angular_rad_s=self.max_angular_rad_s,
-            acceleration_m_s2=self.acceleration_m_s2,
-            braking_m_s2=self.braking_m_s2,
-            angular_acceleration_rad_s2=self.angular_acceleration_rad_s2,
-            angular_braking_rad_s2=self.angular_braking_rad_s2,
-        )
+        return DriveLimits(**{field.name: getattr(self, field.name) for field in fields(DriveLimits)})
 
     def lidar_configs(self) -> tuple[LidarConfig, ...]:
         """Return the configuration of each lidar; the first one publishes on `scan`."""

@@ -13,16 +13,11 @@
     transition.py     intermediate twists between the present and the commanded one
     reckoning.py      dead reckoning since a scan
     lidar.py          meaning of lidar readings: REP 117 and the conventions of real sensors
-    law_codec.py      the law's types as JSON and back, exactly
-    config.py         [supervisor] of robot.toml
-    lidar_config.py   [supervisor.lidar] and [[supervisor.lidars]]
-    fit.py            consistency of [supervisor] with the base in [sim]
-    estop_record.py   record of a pressed e-stop, written on threads beside the loop
-    estop_files.py    the files of this record
+    config.py         [supervisor] of robot.toml with its lidars, and its consistency with the base in [sim]
     messages.py       wire messages -> inputs, decision -> wire messages
-    blackbox.py       recording of the last minute, written to a file at every stop
-    blackbox_file.py  format of this file; blackbox_reader.py reads it
+    estop_record.py   record of a pressed e-stop: its files, written on threads beside the loop
+    blackbox/         recording of the last minute, written to a file at every stop
     service.py        the asyncio shell: bytes in, one step, bytes out
 
-All but the last nine are pure: no clock, no I/O, no asyncio, no logging.
+All but the last three are pure: no clock, no I/O, no asyncio, no logging.
 """

@@ -13,10 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from supervisor.blackbox.recorder import BlackBox, ThreadWriter
-from supervisor.config import SupervisorSection
-from supervisor.estop_files import RecordFiles, record_path
-from supervisor.estop_record import EstopRecord
-from supervisor.fit import fit_to_base
+from supervisor.config import SupervisorSection, fit_to_base
+from supervisor.estop_record import EstopRecord, RecordFiles, record_path
 from supervisor.service import SupervisorService
 from wire.host.command_line import log_to_stderr, read_document, refuse, service_parser
 from wire.host.config import BaseSection, BusSection, ConfigError, Section, read_sections

@@ -1,34 +1,154 @@
-"""The section `[supervisor]` of robot.toml, checked completely before any process starts.
-
-lidar_config.py defines the lidars; fit.py compares these numbers with those of the base.
-"""
+"""The section `[supervisor]` of robot.toml, checked completely before any process starts: by itself, and against the base."""
 
 import math
 from collections.abc import Iterable, Iterator
-from typing import Annotated, Self
+from dataclasses import fields
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+import numpy as np
+from pydantic import AfterValidator, Field, model_validator
 
 from supervisor.law.clearance import Circle, ConvexPolygon, Hull
 from supervisor.law.estop_stations import StationConfig
+from supervisor.law.lidar import PROFILES, TIMINGS, LidarProfile, SensorTiming
 from supervisor.law.model import LawConfig, SourceConfig
-from supervisor.law.scan import Lidar
-from supervisor.lidar_config import LidarSection, NamedLidarSection
+from supervisor.law.scan import Lidar, Mount
 from wire import topics
 from wire.access import Contract
 from wire.host.config import (
+    TAKEN_NAMES,
     Acceleration,
+    Angle,
     AngularAcceleration,
+    BaseSection,
+    Beams,
     Between,
     ConfigError,
     Conflict,
     Distance,
     FreeName,
     Name,
+    Range,
     Section,
+    Sections,
     Speed,
     TurnRate,
 )
+
+# Codes are a few mm or cm; a profile with larger codes would miss obstacles right in front of the lidar.
+CodeLimit = Annotated[float, Between(0.0, 0.5)]
+FreeCode = Annotated[float, Between(0.001, 200.0)]
+ScanTimeout = Annotated[float, Between(0.03, 3.0, "a slower lidar does not detect obstacles in time")]
+Period = Annotated[float, Between(0.002, 2.0)]
+# Fewer beams cannot show the surroundings; no planar lidar has more than 4,096.
+MinBeams = Annotated[int, Between(12, 4096)]
+OUTSIDE_M = 0.02
+"""Accepted distance of a mount outside the footprint; a mount is measured to a centimetre or two. From farther outside,
+a lidar would look past the hull, and the law does not search the shadows of objects there (docs/decisions/0039)."""
+FULL_TURN_SLACK_RAD = 1e-3
+"""Tolerance for a full turn that is written as a rounded multiple of pi."""
+Sector = Annotated[tuple[Angle, Angle], Field(strict=False)]
+
+
+def _is_a_sensors_topic(topic: str) -> str:
+    if topic in TAKEN_NAMES - {topics.SCAN.key}:
+        raise ValueError("is a node or another topic of the wire; choose a name such as scan_rear")
+    return topic
+
+
+class ReadingsSection(Section):
+    """Meaning of the readings of a sensor without a profile; +Inf and readings beyond range_max are always free."""
+
+    nan_is_free: bool = False
+    zero_is_free: bool = False
+    codes_below_m: CodeLimit = 0.0
+    free_codes_m: Annotated[tuple[FreeCode, ...], Field(max_length=16, strict=False)] = ()
+
+
+class LidarSection(Section):
+    """Mount of a lidar, meaning of its readings, and requirements on its scans."""
+
+    profile: Literal["rep117", "rplidar", "neato_xv", "hokuyo_urg", "sick_lms", "own"] = "rep117"
+    own: ReadingsSection | None = None
+
+    x_m: Distance = 0.0
+    y_m: Distance = 0.0
+    yaw_rad: Angle = 0.0
+    masked_rad: Annotated[tuple[Sector, ...], Field(max_length=16, strict=False)] = ()
+    min_beams: MinBeams = 90
+    timeout_s: ScanTimeout | None = None
+    """None: `scan_timeout_s` if given, else the profile's timeout."""
+    period_s: Period | None = None
+    """Time between two scans; None: the profile's usual period."""
+
+    view_rad: Sector | None = None
+    """Angles of the first and the last beam in its own frame; used, like the next two, by `lifeline check` only."""
+    beams: Beams | None = None
+    range_max_m: Range | None = None
+
+    @model_validator(mode="after")
+    def _knows_its_readings(self) -> Self:
+        if (self.profile == "own") != (self.own is not None):
+            raise ValueError('profile = "own" requires the table `own`, and the table requires this profile')
+        return self
+
+    def mount(self) -> Mount:
+        return Mount(self.x_m, self.y_m, self.yaw_rad, self.masked_rad)
+
+    def readings(self) -> LidarProfile:
+        if self.own is None:
+            return PROFILES[self.profile]
+        own = self.own
+        return LidarProfile(own.nan_is_free, own.zero_is_free, own.codes_below_m, own.free_codes_m)
+
+    def timing(self) -> SensorTiming | None:
+        """Timing of the sensor that the profile names; None if it does not name a sensor."""
+        return TIMINGS.get(self.profile)
+
+    def usual_period_s(self) -> float | None:
+        """Scan period from the configuration, else from the profile; None if neither has one."""
+        timing = self.timing()
+        return self.period_s if self.period_s is not None or timing is None else timing.usual_period_s
+
+    def contradictions(self, stop_distance_m: float, hull: Hull) -> Iterator[Conflict]:
+        """Yield a conflict for each value that does not fit the robot.
+
+        Args:
+            stop_distance_m: the stop distance of the robot's hull.
+            hull: the robot's outline.
+        """
+        outside_m = hull.clearance(np.array([[self.x_m, self.y_m]])).item()
+        if outside_m > OUTSIDE_M:
+            key = "x_m" if abs(self.x_m) >= abs(self.y_m) else "y_m"
+            message = (
+                f"puts the lidar {outside_m:.2f} m outside the footprint, but it is part of the robot: correct the mount, "
+                "or make the footprint include the lidar"
+            )
+            yield Conflict((key,), getattr(self, key), message)
+        if self.own is not None and self.own.codes_below_m >= stop_distance_m:
+            message = (
+                f"must be less than stop_distance_m = {stop_distance_m:g}: what is nearer than this to the lidar "
+                "would count as nothing"
+            )
+            yield Conflict(("own", "codes_below_m"), self.own.codes_below_m, message)
+        if self.beams is not None and self.beams < self.min_beams:
+            message = f"is less than min_beams = {self.min_beams}, so every scan would be refused"
+            yield Conflict(("beams",), self.beams, message)
+        if (
+            self.view_rad is not None
+            and not 0.0 < self.view_rad[1] - self.view_rad[0] <= math.tau + FULL_TURN_SLACK_RAD
+        ):
+            message = "must be [from, to], counter-clockwise, and at most a full turn"
+            yield Conflict(("view_rad",), list(self.view_rad), message)
+
+
+class NamedLidarSection(LidarSection):
+    """Section of one of several lidars, with its name and topic."""
+
+    name: Name
+    topic: Annotated[Name, AfterValidator(_is_a_sensors_topic)]
+    """Its key below the namespace."""
+
 
 # Fast enough for every timeout and distance of the law, and slow enough for a process to keep.
 TickRate = Annotated[float, Between(10.0, 1000.0)]
@@ -36,7 +156,6 @@ TickRate = Annotated[float, Between(10.0, 1000.0)]
 StatusRate = Annotated[float, Between(1.0, 100.0)]
 # At 1 m/s, a command timeout of 2 s lets the robot drive 2 m after the operator's program hangs.
 CommandTimeout = Annotated[float, Between(0.03, 2.0)]
-ScanTimeout = Annotated[float, Between(0.03, 3.0, "a slower lidar does not detect obstacles in time")]
 OdomTimeout = Annotated[float, Between(0.03, 2.0)]
 Overrun = Annotated[float, Between(0.02, 1.0, "nothing is supervised while the supervisor hangs")]
 Transport = Annotated[float, Between(0.001, 0.5)]
@@ -286,32 +405,71 @@ class SupervisorSection(Section):
 
     def law(self) -> LawConfig:
         """Return the configuration of the pure law."""
-        return LawConfig(
-            sources=tuple(SourceConfig(s.name, s.priority) for s in self.sources),
-            hull=self.footprint.hull(),
-            lidars=tuple(
+        same = {f.name: getattr(self, f.name) for f in fields(LawConfig) if f.name in type(self).model_fields}
+        own: dict[str, Any] = {
+            "sources": tuple(SourceConfig(s.name, s.priority) for s in self.sources),
+            "hull": self.footprint.hull(),
+            "lidars": tuple(
                 Lidar(s.name, s.mount(), s.readings(), self.scan_timeout_of(s), s.min_beams)
                 for s in self.all_lidars()
             ),
-            command_timeout_s=self.command_timeout_s,
-            overrun_s=self.overrun_s,
-            stop_distance_m=self.stop_distance_m,
-            warning_distance_m=self.warning_distance_m,
-            deceleration_m_s2=self.deceleration_m_s2,
-            transport_s=self.transport_s,
-            creep_m_s=self.creep_m_s,
-            max_linear_m_s=self.max_linear_m_s,
-            max_angular_rad_s=self.max_angular_rad_s,
-            blind_creep_m_s=self.blind_creep_m_s,
-            blind_budget_m=self.blind_budget_m,
-            runaway_linear_m_s=self.runaway_linear_m_s,
-            runaway_angular_rad_s=self.runaway_angular_rad_s,
-            smallest_obstacle_m=self.smallest_obstacle_m,
-            unseen_memory_s=self.unseen_memory_s,
-            works_in_the_open=self.works_in_the_open,
-            odometry=self.odometry,
-            odom_timeout_s=self.odom_timeout_s,
-            base_acceleration_m_s2=self.base_acceleration_m_s2,
-            base_angular_acceleration_rad_s2=self.base_angular_acceleration_rad_s2,
-            estop_stations=tuple(StationConfig(s.name, s.required) for s in self.estop_stations or ()),
+            "estop_stations": tuple(StationConfig(s.name, s.required) for s in self.estop_stations or ()),
+        }
+        return LawConfig(**(same | own))
+
+
+# --- against the base
+
+TICKS_IN_BASE_TIMEOUT = 2.0
+
+
+def fit_to_base(sections: Sections) -> Iterator[Conflict]:
+    """Yield a conflict for each value of `[supervisor]` that is unsafe or useless with the values of `[sim]`."""
+    config, base = sections.get(SupervisorSection), sections.get(BaseSection)
+    if config is None or base is None:
+        return
+    yield from _motion(config, base)
+    yield from _timing(config, base)
+    for index, lidar in enumerate(config.all_lidars()):
+        path = ("supervisor", *(("lidars", index) if config.lidars is not None else ("lidar",)))
+        for key, value, message in config.conflicts_of_period(path[1:], lidar, 1.0 / base.scan_hz):
+            yield Conflict(("supervisor", *key), value, f"[sim] scan_hz = {base.scan_hz:g}: {message}")
+
+
+def _motion(config: SupervisorSection, base: BaseSection) -> Iterator[Conflict]:
+    trusted = config.deceleration_m_s2
+    if trusted > base.braking_m_s2:
+        yield _more_than(config, "deceleration_m_s2", "braking_m_s2", base.braking_m_s2)
+    # On an arc, the rim of the hull must stop as fast as its centre.
+    rim = base.angular_braking_rad_s2 * (radius_m := config.footprint.hull().radius_m)
+    if trusted > rim:
+        message = (
+            f"is more than the {rim:.3g} m/s² that result from [sim] angular_braking_rad_s2 = {base.angular_braking_rad_s2:g} "
+            f"at the hull's radius of {radius_m:.3g} m: set at most {rim:.3g}"
         )
+        yield Conflict(("supervisor", "deceleration_m_s2"), trusted, message)
+    for key, of_base in (
+        ("base_acceleration_m_s2", "acceleration_m_s2"),
+        ("base_angular_acceleration_rad_s2", "angular_acceleration_rad_s2"),
+    ):
+        if getattr(config, key) > getattr(base, of_base):
+            yield _more_than(config, key, of_base, getattr(base, of_base))
+
+
+def _more_than(config: SupervisorSection, key: str, of_base: str, limit: float) -> Conflict:
+    message = f"is more than the base does, [sim] {of_base} = {limit:g}: set at most {limit:g}"
+    return Conflict(("supervisor", key), getattr(config, key), message)
+
+
+def _timing(config: SupervisorSection, base: BaseSection) -> Iterator[Conflict]:
+    least_s = TICKS_IN_BASE_TIMEOUT / config.tick_hz
+    if base.command_timeout_s < least_s:
+        message = (
+            f"must be at least {TICKS_IN_BASE_TIMEOUT:g} ticks of [supervisor] tick_hz = {config.tick_hz:g}, or the "
+            f"base brakes between two commands: set {least_s:.4g}"
+        )
+        yield Conflict(("sim", "command_timeout_s"), base.command_timeout_s, message)
+    least_s = PERIODS_IN_TIMEOUT / base.odom_hz
+    if config.odometry and config.odom_timeout_s < least_s:
+        message = f"must be at least {PERIODS_IN_TIMEOUT:g} periods of [sim] odom_hz = {base.odom_hz:g}: set {least_s:.4g}"
+        yield Conflict(("supervisor", "odom_timeout_s"), config.odom_timeout_s, message)

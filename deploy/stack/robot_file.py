@@ -4,8 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from sim.config import SimSection
-from supervisor.config import SupervisorSection
-from supervisor.fit import fit_to_base
+from supervisor.config import SupervisorSection, fit_to_base
 from supervisor.law.safety import IMPLAUSIBLE_FACTOR
 from teleop.config import TeleopSection
 from wire.host.config import BusSection, Conflict, Fit, Section, Sections, read_sections

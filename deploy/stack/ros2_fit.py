@@ -3,8 +3,7 @@
 from collections.abc import Iterator
 
 from ros2.config import Ros2Section
-from supervisor.config import SupervisorSection
-from supervisor.fit import TICKS_IN_BASE_TIMEOUT
+from supervisor.config import TICKS_IN_BASE_TIMEOUT, SupervisorSection
 from teleop.config import TeleopSection
 from wire.host.config import Conflict, Sections
 

@@ -16,9 +16,8 @@ from lifeline.check.risks import Risk, risks
 from lifeline.check.ros2 import RosTopicUse, ros2_risks, ros2_table, topics_of
 from ros2.config import Ros2Section
 from sim.config import SimSection
-from supervisor.config import SupervisorSection
+from supervisor.config import FULL_TURN_SLACK_RAD, NamedLidarSection, SupervisorSection
 from supervisor.law.model import Decision
-from supervisor.lidar_config import FULL_TURN_SLACK_RAD, NamedLidarSection
 from wire import topics
 from wire.host.config import BusSection, ConfigError, read_toml
 

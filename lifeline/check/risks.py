@@ -4,8 +4,7 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from supervisor.config import SupervisorSection
-from supervisor.lidar_config import NamedLidarSection
+from supervisor.config import NamedLidarSection, SupervisorSection
 from wire.host.config import BaseSection, BusSection
 from wire.tls import is_loopback
 

@@ -28,7 +28,7 @@ from lifeline.inspection.keys import by_full_key
 from lifeline.inspection.listening import Robot
 from lifeline.inspection.sockets import processes_at
 from supervisor.config import SupervisorSection
-from supervisor.estop_files import is_recorded
+from supervisor.estop_record import is_recorded
 from wire import topics
 from wire.bus import BusError
 from wire.host.config import ConfigError, read_toml

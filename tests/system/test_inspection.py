@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED
-from supervisor.estop_files import record_path
+from supervisor.estop_record import record_path
 from tests.system.harness import PATIENCE_S, Robot, free_endpoint, robot
 from tests.system.rogue import answer, open_rogue
 from wire import topics

@@ -15,7 +15,7 @@ import pytest
 
 from deploy.stack.errors import EXIT_REFUSED
 from deploy.stack.supervisord import find_uv
-from supervisor.estop_files import record_path
+from supervisor.estop_record import record_path
 from tests.system import fake_ros2
 from tests.system.operators import ROOT, Operator, until
 from tests.system.ports import free_endpoint

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from supervisor.estop_files import RecordError, RecordFiles, is_recorded, record_path
+from supervisor.estop_record import RecordError, RecordFiles, is_recorded, record_path
 
 ROBOT = "robot"
 

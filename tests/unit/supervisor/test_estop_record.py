@@ -9,13 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from supervisor.estop_files import RecordError
 from supervisor.estop_record import (
     PREPARE_PENDING,
     PRESS_PENDING,
     RESET_PENDING,
     EstopRecord,
     MemoryRecord,
+    RecordError,
+    RecordFiles,
 )
 
 PATIENCE_S = 20.0
@@ -23,7 +24,7 @@ OFTEN_S = 0.002
 NEVER_S = 3600.0
 
 
-class FakeDisk:
+class FakeDisk(RecordFiles):
     """A disk that can hang, fail, and be changed behind the supervisor's back."""
 
     def __init__(self, *, latched: bool = False) -> None:

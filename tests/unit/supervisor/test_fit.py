@@ -5,8 +5,7 @@ from typing import Any
 
 import pytest
 
-from supervisor.config import SupervisorSection
-from supervisor.fit import fit_to_base
+from supervisor.config import SupervisorSection, fit_to_base
 from wire.host.config import BaseSection, ConfigError, Sections, read_sections
 
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from supervisor.config import LidarSection, ReadingsSection
 from supervisor.law.lidar import CODE_TOLERANCE_M, PROFILES, LidarProfile, explain
-from supervisor.lidar_config import LidarSection, ReadingsSection
 
 MIN_M, MAX_M = 0.125, 8.0  # exact in binary
 
