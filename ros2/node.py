@@ -9,26 +9,24 @@ otherwise its tokens would remain although it publishes nothing.
 import itertools
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from ros2 import ros
-from ros2.diagnostics import Level, Report
-from ros2.endpoints import Endpoint
+from ros2.ros import Endpoint
 from ros2.samples import Sample
 
 TYPES: dict[str, Any] = {
@@ -39,11 +37,6 @@ TYPES: dict[str, Any] = {
     ros.BOOL: Bool,
     ros.DIAGNOSTIC_ARRAY: DiagnosticArray,
     ros.DIAGNOSTIC_STATUS: DiagnosticStatus,
-}
-LEVELS = {
-    Level.OK: DiagnosticStatus.OK,
-    Level.WARN: DiagnosticStatus.WARN,
-    Level.ERROR: DiagnosticStatus.ERROR,
 }
 QUALITIES = {
     ros.Quality.BEST_EFFORT: QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT),
@@ -159,16 +152,6 @@ class RosNode:
     def name(self) -> str:
         return self._node.get_fully_qualified_name()
 
-    def encode_array(self, reports: Sequence[Report]) -> bytes:
-        """Return a `diagnostic_msgs/msg/DiagnosticArray` with one status for each report."""
-        array = DiagnosticArray(status=[_status(report) for report in reports])
-        array.header.stamp = self._node.get_clock().now().to_msg()
-        return serialize_message(array)
-
-    def encode_status(self, report: Report) -> bytes:
-        """Return a `diagnostic_msgs/msg/DiagnosticStatus`."""
-        return serialize_message(_status(report))
-
     def close(self) -> None:
         """Leave the domain, so that other nodes notice it at once."""
         rclpy.try_shutdown()
@@ -182,14 +165,4 @@ def _endpoint(info: Any) -> Endpoint:  # noqa: ANN401 - rclpy has no types
         bytes(info.endpoint_gid),
         info.qos_profile.reliability == ReliabilityPolicy.RELIABLE,
         info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL,
-    )
-
-
-def _status(report: Report) -> DiagnosticStatus:
-    return DiagnosticStatus(
-        level=LEVELS[report.level],
-        name=f"lifeline: {report.name}",
-        message=report.message,
-        hardware_id="lifeline",
-        values=[KeyValue(key=key, value=value) for key, value in report.values],
     )

@@ -7,9 +7,8 @@ ROS's discovery lists a killed program for up to 20 s. Its process, if it runs o
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from ros2.endpoints import Endpoint
 from ros2.guard import Guard, of_this_process
-from ros2.ros import Ros
+from ros2.ros import Endpoint, Ros
 
 PREFIX_BYTES = 12
 """All endpoints of one process have the same first bytes."""

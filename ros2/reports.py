@@ -1,12 +1,47 @@
-"""The report of each topic, in plain words (pure)."""
+"""What the ROS 2 process reports, in plain words: one report for each topic, and one for the supervisor (pure).
+
+Reports are written as CDR without rclpy; tests/unit/ros2/test_diagnostics.py compares each message with rosbags.
+"""
 
 from collections.abc import Sequence
 
 from ros2.config import RosSourceSection
-from ros2.diagnostics import Level, Report
-from ros2.endpoints import Endpoint, clause, names, wrong_qos, wrong_types
 from ros2.presence import Programs
-from ros2.ros import BOOL
+from ros2.ros import BOOL, Endpoint, Level, Report
+from ros2.status import Status
+from wire.cdr import Writer
+
+HARDWARE_ID = "lifeline"
+MOST_NAMES = 4
+
+
+def supervisor_report(status: Status | None, base: str) -> Report:
+    """Return the report of the robot's mode.
+
+    Args:
+        status: the supervisor's newest status; None if it is silent.
+        base: state of the base's watchdog in this process.
+    """
+    if status is None:
+        return Report(
+            "supervisor", Level.ERROR, "the supervisor is silent: the robot is stopped", (("base", base),)
+        )
+    level = Level.OK
+    if status.alarm:
+        level = Level.ERROR
+    elif status.mode == "STOPPED" or status.warning:
+        level = Level.WARN
+    why = f" ({', '.join(status.reasons)})" if status.reasons else ""
+    values = (
+        ("mode", status.mode),
+        ("reasons", " ".join(status.reasons)),
+        ("owner", status.owner),
+        ("nearest_m", f"{status.nearest_m:.3f}"),
+        ("requested", f"{status.requested.linear_m_s:.3f} m/s {status.requested.angular_rad_s:.3f} rad/s"),
+        ("permitted", f"{status.permitted.linear_m_s:.3f} m/s {status.permitted.angular_rad_s:.3f} rad/s"),
+        ("base", base),
+    )
+    return Report("supervisor", level, f"{status.mode}{why}", values)
 
 
 def source_report(
@@ -145,3 +180,83 @@ def _report(name: str, problems: Sequence[str], fine: str, values: Sequence[tupl
     """Return an error with all problems, else what is fine."""
     level = Level.ERROR if problems else Level.OK
     return Report(name, level, "; ".join(problems) or fine, tuple(values))
+
+
+# --- sentences
+
+
+def names(endpoints: Sequence[Endpoint]) -> str:
+    """Return the names of the nodes, as in "/a and /b"; of many, the first ones and how many more endpoints there are."""
+    nodes = sorted(endpoint.node for endpoint in endpoints)
+    if len(nodes) > MOST_NAMES:
+        nodes[MOST_NAMES:] = [f"{len(nodes) - MOST_NAMES} more"]
+    return " and ".join(nodes) or "none"
+
+
+def clause(endpoints: Sequence[Endpoint], verb: str) -> str:
+    """Return subject and verb, as in "/a listens" and "/a and /b listen"."""
+    ending = "" if len(endpoints) > 1 else "es" if verb.endswith("sh") else "s"
+    return f"{names(endpoints)} {verb}{ending}"
+
+
+def wrong_types(topic: str, expected: str, endpoints: Sequence[Endpoint], option: str) -> str | None:
+    """Return a sentence if an endpoint of a topic has another type, which DDS does not connect; None if none has.
+
+    Args:
+        topic: absolute name.
+        expected: the type that the configuration names.
+        endpoints: the publishers, or the subscriptions, of the topic.
+        option: the key of `[ros2]` that selects Twist or TwistStamped; empty if there is no choice.
+    """
+    wrong = [e for e in endpoints if e.type_name != expected]
+    if not wrong:
+        return None
+    kind = wrong[0].type_name
+    advice = f"give it a topic with {expected}"
+    if option and kind.removesuffix("Stamped") == expected.removesuffix("Stamped"):
+        advice = f"set {option} = {'true' if kind.endswith('Stamped') else 'false'}"
+    return f"{clause(wrong, 'use')} {kind} on {topic}, but {expected} is expected, so they are not connected: {advice}"
+
+
+def wrong_qos(topic: str, subscriptions: Sequence[Endpoint]) -> str | None:
+    """Return a sentence if a subscription requests more than our publisher offers (reliable, volatile); None if none does."""
+    wrong = [s for s in subscriptions if s.is_transient]
+    if not wrong:
+        return None
+    return (
+        f"{clause(wrong, 'request')} {topic} with durability transient local, which would also deliver an old command, "
+        "so they are not connected: set its durability to volatile"
+    )
+
+
+def diagnostic_status(report: Report) -> bytes:
+    """Return the payload of a `diagnostic_msgs/msg/DiagnosticStatus`."""
+    writer = Writer()
+    _write(writer, report)
+    return writer.payload()
+
+
+def diagnostic_array(reports: Sequence[Report], time_ns: int) -> bytes:
+    """Return the payload of a `diagnostic_msgs/msg/DiagnosticArray` with one status for each report.
+
+    Args:
+        reports: the reports.
+        time_ns: the stamp of its header, by the wall clock.
+    """
+    writer = Writer()
+    writer.header(time_ns)
+    writer.value("I", len(reports))
+    for report in reports:
+        _write(writer, report)
+    return writer.payload()
+
+
+def _write(writer: Writer, report: Report) -> None:
+    writer.value("B", report.level)
+    writer.text(f"lifeline: {report.name}")
+    writer.text(report.message)
+    writer.text(HARDWARE_ID)
+    writer.value("I", len(report.values))
+    for key, value in report.values:
+        writer.text(key)
+        writer.text(value)

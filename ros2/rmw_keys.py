@@ -15,7 +15,7 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from ros2 import ros
-from ros2.endpoints import Endpoint
+from ros2.ros import Endpoint
 from wire.stamp import GID_BYTES, Stamp, parse_stamp
 from wire.text import printable
 

@@ -9,14 +9,12 @@ import logging
 import math
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from itertools import count
 from typing import ParamSpec
 
-from ros2 import diagnostics, ros
-from ros2.diagnostics import Report
-from ros2.endpoints import Endpoint
+from ros2 import ros
 from ros2.rmw_keys import (
     ANY_HASH,
     TRIGGER,
@@ -33,6 +31,7 @@ from ros2.rmw_keys import (
     tokens_on,
     with_hash,
 )
+from ros2.ros import Endpoint
 from ros2.samples import Sample
 from wire import cdr
 from wire.inbox import Overheard
@@ -153,14 +152,6 @@ class RmwZenoh:
             f"messages on {topic} have no attachment of rmw_zenoh, so their age is unknown and they are refused: "
             "publish them with rmw_zenoh, or correct the topic in [ros2]"
         )
-
-    def encode_array(self, reports: Sequence[Report]) -> bytes:
-        """Return a `diagnostic_msgs/msg/DiagnosticArray` with one status for each report."""
-        return diagnostics.diagnostic_array(reports, time.time_ns())
-
-    def encode_status(self, report: Report) -> bytes:
-        """Return a `diagnostic_msgs/msg/DiagnosticStatus`."""
-        return diagnostics.diagnostic_status(report)
 
     def close(self) -> None:
         """Leave the domain: close the session; call it on another thread than the event loop's."""

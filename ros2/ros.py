@@ -1,11 +1,9 @@
 """The interface between the service and ROS 2. All messages are CDR bytes."""
 
-from collections.abc import Callable, Sequence
-from enum import Enum, auto
-from typing import Protocol
+from collections.abc import Callable
+from enum import Enum, IntEnum, auto
+from typing import NamedTuple, Protocol
 
-from ros2.diagnostics import Report
-from ros2.endpoints import Endpoint
 from ros2.samples import Sample
 
 TWIST, TWIST_STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
@@ -16,6 +14,37 @@ DIAGNOSTIC_STATUS = "diagnostic_msgs/msg/DiagnosticStatus"
 
 def twist_type(*, stamped: bool) -> str:
     return TWIST_STAMPED if stamped else TWIST
+
+
+class Endpoint(NamedTuple):
+    """A publisher or a subscription of any node."""
+
+    node: str
+    """Full name of its node."""
+    type_name: str
+    """Such as `geometry_msgs/msg/Twist`."""
+    gid: bytes
+    """Its identity (16 bytes): that of DDS, or with rmw_zenoh a hash of its token."""
+    is_reliable: bool = True
+    is_transient: bool = False
+    """Whether a subscription requests, or a publisher offers, messages from before the match (transient local)."""
+
+
+class Level(IntEnum):
+    """The levels of `diagnostic_msgs/msg/DiagnosticStatus`."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+
+
+class Report(NamedTuple):
+    """The state of one part."""
+
+    name: str
+    level: Level
+    message: str
+    values: tuple[tuple[str, str], ...] = ()
 
 
 class Quality(Enum):
@@ -79,14 +108,6 @@ class Ros(Protocol):
 
     def problem(self, topic: str) -> str | None:
         """Return a sentence if messages of a topic were refused lately; None if none was."""
-        ...
-
-    def encode_array(self, reports: Sequence[Report]) -> bytes:
-        """Return a `diagnostic_msgs/msg/DiagnosticArray` with one status for each report."""
-        ...
-
-    def encode_status(self, report: Report) -> bytes:
-        """Return a `diagnostic_msgs/msg/DiagnosticStatus`."""
         ...
 
     def close(self) -> None:

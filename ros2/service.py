@@ -18,10 +18,17 @@ from typing import Any
 from ros2 import ros
 from ros2.base import Base, message
 from ros2.config import Ros2Section, RosSourceSection
-from ros2.diagnostics import Level, Report, supervisor_report
 from ros2.presence import Presence, Programs
-from ros2.reports import base_report, estop_report, sensor_report, source_report
-from ros2.ros import Ros, twist_type
+from ros2.reports import (
+    base_report,
+    diagnostic_array,
+    diagnostic_status,
+    estop_report,
+    sensor_report,
+    source_report,
+    supervisor_report,
+)
+from ros2.ros import Level, Report, Ros, twist_type
 from ros2.samples import Sample, Writers
 from ros2.source import Command, Source
 from ros2.status import Status, status_of
@@ -369,7 +376,7 @@ class Ros2Service:
             return
         else:
             self._status = None
-        self._status_out(self._node.encode_status(self._mode_report()))
+        self._status_out(diagnostic_status(self._mode_report()))
 
     def _mode_report(self) -> Report:
         return supervisor_report(self._status, _base_text(self._base.reason))
@@ -391,7 +398,8 @@ class Ros2Service:
             return
         self._reported = outline
         self._next_report_s = now_s + REPORT_PERIOD_S
-        array = self._node.encode_array([*first, *(self._sensor_report(s, now_s) for s in self._sensors)])
+        reports = [*first, *(self._sensor_report(sensor, now_s) for sensor in self._sensors)]
+        array = diagnostic_array(reports, time.time_ns())
         self._diagnostics(array)
         self._diagnostics_out.put_bytes(array)
 

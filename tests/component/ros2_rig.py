@@ -9,8 +9,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 
 from ros2.config import Ros2Section
-from ros2.endpoints import Endpoint
-from ros2.ros import TWIST
+from ros2.ros import TWIST, Endpoint
 from ros2.samples import Sample
 from ros2.service import Ros2Service
 from tests.component.rig import Rig, laser_scan

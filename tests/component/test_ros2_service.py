@@ -5,9 +5,7 @@ import asyncio
 import pytest
 
 from ros2 import service
-from ros2.diagnostics import Level
-from ros2.endpoints import Endpoint
-from ros2.ros import TWIST, TWIST_STAMPED
+from ros2.ros import TWIST, TWIST_STAMPED, Endpoint, Level
 from tests.component.ros2_rig import BASE, CMD_VEL, ODOM, OWN, SCAN, TELEOP, Ros2Robot
 from tests.unit.ros2.programs import Program
 from virtual.loop import VirtualLoop

@@ -1,17 +1,21 @@
 """A ROS 2 node without ROS: tests set what discovery knows, and call its callbacks."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
-from ros2.diagnostics import Report
-from ros2.endpoints import Endpoint
-from ros2.ros import Quality
+from ros2.ros import Endpoint, Level, Quality, Report
 from ros2.samples import Sample
+from wire.messages import DiagnosticArray, DiagnosticStatus, decode
 
 NAME = "/lifeline"
 
 
 def _no_match() -> None:
     """Do nothing."""
+
+
+def _report(status: DiagnosticStatus) -> Report:
+    values = tuple((value.key, value.value) for value in status.values)
+    return Report(status.name.removeprefix("lifeline: "), Level(status.level), status.message, values)
 
 
 class FakeRos:
@@ -56,6 +60,10 @@ class FakeRos:
         def publish(payload: bytes) -> None:
             self.on_publish(topic, payload)
             self.published.setdefault(topic, []).append(payload)
+            if topic == "/diagnostics":
+                self.arrays.append([_report(status) for status in decode(payload, DiagnosticArray).status])
+            elif topic == "/lifeline/status":
+                self.statuses.append(_report(decode(payload, DiagnosticStatus)))
 
         return publish
 
@@ -70,14 +78,6 @@ class FakeRos:
 
     def problem(self, topic: str) -> str | None:
         return self.problems.get(topic)
-
-    def encode_array(self, reports: Sequence[Report]) -> bytes:
-        self.arrays.append(list(reports))
-        return b"array"
-
-    def encode_status(self, report: Report) -> bytes:
-        self.statuses.append(report)
-        return b"status"
 
     def close(self) -> None:
         self.is_closed = True

@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
-from ros2.diagnostics import Level, Report, diagnostic_array, diagnostic_status, supervisor_report
+from ros2.reports import diagnostic_array, diagnostic_status, supervisor_report
+from ros2.ros import Level, Report
 from ros2.status import Status
 from wire.cdr import Planar
 

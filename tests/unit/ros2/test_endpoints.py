@@ -1,7 +1,7 @@
 """Mismatches of types and of QoS, in plain words."""
 
-from ros2.endpoints import Endpoint, clause, names, wrong_qos, wrong_types
-from ros2.ros import BOOL, TWIST, TWIST_STAMPED, twist_type
+from ros2.reports import clause, names, wrong_qos, wrong_types
+from ros2.ros import BOOL, TWIST, TWIST_STAMPED, Endpoint, twist_type
 
 TELEOP = Endpoint("/teleop", TWIST, b"1" * 16)
 JOY = Endpoint("/joy", TWIST_STAMPED, b"2" * 16)

@@ -5,9 +5,8 @@ import asyncio
 import pytest
 
 from ros2 import guard
-from ros2.endpoints import Endpoint
 from ros2.presence import Presence, Programs
-from ros2.ros import TWIST, TWIST_STAMPED
+from ros2.ros import TWIST, TWIST_STAMPED, Endpoint
 from tests.unit.ros2.fake_ros import NAME, FakeRos
 from tests.unit.ros2.processes import LIMIT_S, OWN_GID, Child, gid_of, go_on, stop
 

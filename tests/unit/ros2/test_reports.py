@@ -1,11 +1,9 @@
 """The report of each topic: its level, its sentence and its values."""
 
 from ros2.config import RosSourceSection
-from ros2.diagnostics import Level, Report
-from ros2.endpoints import Endpoint
 from ros2.presence import Programs
 from ros2.reports import base_report, estop_report, sensor_report, source_report
-from ros2.ros import BOOL, LASER_SCAN, TWIST, TWIST_STAMPED
+from ros2.ros import BOOL, LASER_SCAN, TWIST, TWIST_STAMPED, Endpoint, Level, Report
 
 TELEOP = Endpoint("/teleop", TWIST, b"1" * 16)
 OTHER = Endpoint("/other", TWIST, b"2" * 16)

@@ -8,7 +8,7 @@ from rosbags.interfaces.typing import FieldDesc
 from rosbags.typesys import Stores, get_typestore
 
 from ros2 import ros
-from ros2.endpoints import wrong_types
+from ros2.reports import wrong_types
 from ros2.rmw_keys import (
     ANY_HASH,
     TRIGGER,

@@ -8,7 +8,6 @@ from typing import cast
 import pytest
 
 from ros2 import ros
-from ros2.diagnostics import Level, Report, diagnostic_status
 from ros2.rmw_keys import TRIGGER, TYPE_HASHES, Kind, data_key, endpoint_token, gid_of, tokens_on
 from ros2.rmw_zenoh import RECENT_S, RmwZenoh
 from ros2.samples import Sample, Writers
@@ -212,9 +211,6 @@ async def test_an_exception_in_a_callback_ends_the_process(rig: Rig) -> None:
     assert rig.failures == [error]
 
 
-async def test_reports_are_written_and_closing_closes_the_session(rig: Rig) -> None:
-    report = Report("cmd_vel", Level.WARN, "no node listens")
-    assert rig.node.encode_status(report) == diagnostic_status(report)
-    assert rig.node.encode_array([report]).count(b"no node listens") == 1
+async def test_closing_closes_the_session(rig: Rig) -> None:
     await asyncio.to_thread(rig.node.close)
     assert rig.session.is_closed
