@@ -156,7 +156,7 @@ fifth: $(STAMP) ## the same with a fifth of the mutants, another one after each 
 	.venv/bin/python -m tests.proven --passed mutants
 
 picture: $(STAMP) ## render the warehouse and the animation of the README again (a few minutes)
-	.venv/bin/python -m sim.render --out docs/images/warehouse.png
+	.venv/bin/python -m docs.generate.draw_warehouse
 	.venv/bin/python -m docs.generate.draw_animation
 
 $(STAMP): uv.lock pyproject.toml | $(OWN_UV)

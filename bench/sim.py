@@ -62,15 +62,15 @@ class Bare:
         plant = Plant(scene, options=Build(moving=moving))
         self._model, self._data = plant.model, plant.data
         self._data.ctrl[:] = plant.wheels.wheel_speeds(plant.wheels.twist(2.0, 3.0))
-        angles_rad = plant.lidar.angles_rad
+        angles_rad = plant.lidars[0].angles_rad
         self._directions = np.stack(
             (np.cos(angles_rad), np.sin(angles_rad), 0.0 * angles_rad), axis=1
         ).ravel()
-        self._origin = np.array((*plant.start_pose[:2], plant.lidar.height_m))
+        self._origin = np.array((*plant.start_pose[:2], plant.lidars[0].height_m))
         self._groups = np.zeros(6, np.uint8)
         self._groups[SOLID_GROUP] = 1
         self._geoms, self._distances = np.zeros(angles_rad.size, np.int32), np.zeros(angles_rad.size)
-        self._range_m = plant.lidar.range_max_m
+        self._range_m = plant.lidars[0].range_max_m
 
     def run(self, scans: int, steps: int) -> None:
         for _ in range(scans):

@@ -4,6 +4,7 @@ import math
 import random
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from sim import mj
 from sim.layout import Layout, Line, Pallet, Racks
@@ -240,31 +241,25 @@ class _Builder:
         place_m = (u * x_m, at_m, z_m) if u else (at_m, v * y_m, z_m)
         self._add_goods(size_m, place_m, material)
 
-    def _add_solid(
-        self,
-        name: str,
-        size_m: Sequence[float],
-        place_m: Sequence[float],
-        material: str,
-        body: object = None,
-        yaw_deg: float = 0.0,
-    ) -> None:
-        self._add(self._solid, body, name=name, size=size_m, pos=place_m, material=material, yaw_deg=yaw_deg)
+    def _add_solid(self, name: str, *box: Any, **values: Any) -> None:  # noqa: ANN401 - those of _add_goods
+        self._add_goods(*box, kind=self._solid, name=name, **values)
 
     def _add_goods(
         self,
         size_m: Sequence[float],
         place_m: Sequence[float],
         material: str,
-        body: object = None,
+        body: mj.Spec = None,
         yaw_deg: float = 0.0,
+        kind: mj.Spec = None,
         **values: object,
     ) -> None:
-        self._add(self._goods, body, size=size_m, pos=place_m, material=material, yaw_deg=yaw_deg, **values)
-
-    def _add(self, kind: mj.Spec, body: mj.Spec, *, yaw_deg: float, **values: object) -> None:
-        parent = self._world if body is None else body
-        parent.add_geom(kind, type=mj.Shape.BOX, quat=_quat(math.radians(yaw_deg)), **values)
+        """Add a box to a body, or else to the world."""
+        parent, quat = body or self._world, _quat(math.radians(yaw_deg))
+        kind = kind or self._goods
+        parent.add_geom(
+            kind, type=mj.Shape.BOX, size=size_m, pos=place_m, material=material, quat=quat, **values
+        )
 
 
 def _quat(yaw_rad: float) -> tuple[float, float, float, float]:

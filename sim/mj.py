@@ -39,7 +39,6 @@ class Model(Protocol):
     """The attributes of `mujoco.MjModel` in use."""
 
     ngeom: int
-    nbody: int
     nkey: int
     ncam: int
     opt: Any
@@ -115,33 +114,8 @@ def one_line(error: Exception) -> str:
     return " ".join(str(error).split()).removeprefix("Error: ")
 
 
-def load_string(xml: str) -> Model:
-    """Compile MJCF text, for tests."""
-    return mujoco.MjModel.from_xml_string(xml)
-
-
 def make_data(model: Model) -> Data:
     return mujoco.MjData(model)
-
-
-def body_id(model: Model, name: str) -> int:
-    return _id(model, "body", name)
-
-
-def geom_id(model: Model, name: str) -> int:
-    return _id(model, "geom", name)
-
-
-def joint_id(model: Model, name: str) -> int:
-    return _id(model, "joint", name)
-
-
-def actuator_id(model: Model, name: str) -> int:
-    return _id(model, "actuator", name)
-
-
-def sensor_id(model: Model, name: str) -> int:
-    return _id(model, "sensor", name)
 
 
 def geom_label(model: Model, geom: int) -> str:
@@ -153,7 +127,8 @@ def geom_label(model: Model, geom: int) -> str:
     return f"geom {geom}"
 
 
-def _id(model: Model, kind: str, name: str) -> int:
+def id_of(model: Model, kind: str, name: str) -> int:
+    """Return the number of a named element: a body, geom, joint, actuator, sensor or camera."""
     found = int(mujoco.mj_name2id(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), name))
     if found < 0:
         raise ValueError(f"The model has no {kind} named {name!r}.")
@@ -166,16 +141,6 @@ def reset(model: Model, data: Data) -> None:
         mujoco.mj_resetDataKeyframe(model, data, 0)
     else:
         mujoco.mj_resetData(model, data)
-
-
-def forward(model: Model, data: Data) -> None:
-    """Update all derived quantities (poses, contacts, sensors) from the positions."""
-    mujoco.mj_forward(model, data)
-
-
-def kinematics(model: Model, data: Data) -> None:
-    """Update the poses of bodies and geoms from the positions."""
-    mujoco.mj_kinematics(model, data)
 
 
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
@@ -194,6 +159,10 @@ def set_state(model: Model, data: Data, state: Floats) -> None:
     mujoco.mj_kinematics(model, data)
 
 
+forward = mujoco.mj_forward
+"""Update all derived quantities (poses, contacts, sensors) from the positions."""
+kinematics = mujoco.mj_kinematics
+"""Update the poses of bodies and geoms from the positions."""
 step = mujoco.mj_step
 multi_ray = mujoco.mj_multiRay
 geom_distance = mujoco.mj_geomDistance
@@ -225,7 +194,7 @@ def fixed_camera(model: Model, name: str) -> Camera:
     """Return a camera of the model."""
     camera = mujoco.MjvCamera()
     camera.type = int(mujoco.mjtCamera.mjCAMERA_FIXED)
-    camera.fixedcamid = _id(model, "camera", name)
+    camera.fixedcamid = id_of(model, "camera", name)
     return camera
 
 

@@ -108,6 +108,7 @@ class Plant:
     Attributes:
         model: MuJoCo's model of robot and scene.
         data: MuJoCo's state.
+        drive: The base's drive: its limits, and the present output of its ramp.
         hull_radius_m: Radius of the smallest circle around the hull.
         size_m: Size of the floor between the walls along x and y, around the origin; None if the walls are unknown.
         start_pose: The robot's pose at the start and after a reset.
@@ -127,37 +128,37 @@ class Plant:
         world = build(scene, options)
         self.model = model = world.model
         self.data = data = mj.make_data(model)
-        self._drive = Drive(limits)
+        self.drive = Drive(limits)
         # The first lidar has the same noise as the only lidar of another robot.
         self._lidars = [Lidar(model, one, (seed, n) if n else seed) for n, one in enumerate(lidars)]
 
         self._qpos, self._qvel, self._ctrl, self._sensors = data.qpos, data.qvel, data.ctrl, data.sensordata
-        base = mj.joint_id(model, "robot")
-        left, right = mj.joint_id(model, "wheel_left"), mj.joint_id(model, "wheel_right")
+        base = mj.id_of(model, "joint", "robot")
+        left, right = mj.id_of(model, "joint", "wheel_left"), mj.id_of(model, "joint", "wheel_right")
         self._base_qpos, self._base_qvel = int(model.jnt_qposadr[base]), int(model.jnt_dofadr[base])
         self._left_qpos, self._right_qpos = int(model.jnt_qposadr[left]), int(model.jnt_qposadr[right])
         self._left_qvel, self._right_qvel = int(model.jnt_dofadr[left]), int(model.jnt_dofadr[right])
-        self._left_ctrl = mj.actuator_id(model, "wheel_left")
-        self._right_ctrl = mj.actuator_id(model, "wheel_right")
-        self._contacts_adr = int(model.sensor_adr[mj.sensor_id(model, "hull_contacts")])
-        self._gyro_adr = int(model.sensor_adr[mj.sensor_id(model, "gyro")])
-        self._accelerometer_adr = int(model.sensor_adr[mj.sensor_id(model, "accelerometer")])
+        self._left_ctrl = mj.id_of(model, "actuator", "wheel_left")
+        self._right_ctrl = mj.id_of(model, "actuator", "wheel_right")
+        self._contacts_adr = int(model.sensor_adr[mj.id_of(model, "sensor", "hull_contacts")])
+        self._gyro_adr = int(model.sensor_adr[mj.id_of(model, "sensor", "gyro")])
+        self._accelerometer_adr = int(model.sensor_adr[mj.id_of(model, "sensor", "accelerometer")])
 
-        self._hull = mj.geom_id(model, "hull")
+        self._hull = mj.id_of(model, "geom", "hull")
         self._hull_half_x_m, self._hull_half_y_m, _ = model.geom_size[self._hull].tolist()
         self._is_round = model.geom_type[self._hull] != mj.Shape.BOX
         self.hull_radius_m = (
             self._hull_half_x_m if self._is_round else math.hypot(self._hull_half_x_m, self._hull_half_y_m)
         )
         self.wheels = WheelGeometry(
-            radius_m=float(model.geom_size[mj.geom_id(model, "wheel_left"), 0]),
-            track_m=2.0 * float(model.body_pos[mj.body_id(model, "wheel_left"), 1]),
+            radius_m=float(model.geom_size[mj.id_of(model, "geom", "wheel_left"), 0]),
+            track_m=2.0 * float(model.body_pos[mj.id_of(model, "body", "wheel_left"), 1]),
         )
         self.timestep_s = float(model.opt.timestep)
-        pillar = mj.geom_id(model, "pillar")
+        pillar = mj.id_of(model, "geom", "pillar")
         self.pillar_radius_m = float(model.geom_size[pillar, 0])
         self._pillar_half_height_m = float(model.geom_size[pillar, 1])
-        self._pillar_pos = data.mocap_pos[model.body_mocapid[mj.body_id(model, "pillar")]]
+        self._pillar_pos = data.mocap_pos[model.body_mocapid[mj.id_of(model, "body", "pillar")]]
 
         self.size_m = world.size_m
         self._floor_plan = FloorPlan(world.standing)
@@ -168,7 +169,7 @@ class Plant:
             model.body_mocapid[model.geom_bodyid[geom]] < 0 for geom in self._moving_geoms
         )
         self._movers = world.movers
-        self._mover_ids = [int(model.body_mocapid[mj.body_id(model, m.name)]) for m in self._movers]
+        self._mover_ids = [int(model.body_mocapid[mj.id_of(model, "body", m.name)]) for m in self._movers]
         self._walked_s = [0.0] * len(self._movers)
         self._placed = [mover.placed(0.0) for mover in self._movers]
         self._steps_to_tick = TICK_STEPS
@@ -185,17 +186,8 @@ class Plant:
         self.reset()
 
     @property
-    def limits(self) -> DriveLimits:
-        return self._drive.limits
-
-    @property
     def lidars(self) -> tuple[LidarConfig, ...]:
         return tuple(lidar.config for lidar in self._lidars)
-
-    @property
-    def lidar(self) -> LidarConfig:
-        """Configuration of the first lidar."""
-        return self._lidars[0].config
 
     @property
     def time_s(self) -> float:
@@ -213,11 +205,6 @@ class Plant:
         vx, vy, _, _, _, omega = self._qvel[self._base_qvel : self._base_qvel + 6].tolist()
         yaw_rad = self.true_pose.yaw_rad
         return Twist(vx * math.cos(yaw_rad) + vy * math.sin(yaw_rad), omega)
-
-    @property
-    def drive_twist(self) -> Twist:
-        """The present output of the drive's ramp."""
-        return self._drive.twist
 
     @property
     def wheel_angles_rad(self) -> tuple[float, float]:
@@ -355,7 +342,7 @@ class Plant:
         data.time = time_s
         data.mocap_pos[:], data.mocap_quat[:] = mocap_pos, mocap_quat
         mj.forward(self.model, data)
-        self._drive.reset()
+        self.drive.reset()
         self._reached = None
         self._collisions = 0
         self._touching = False
@@ -368,7 +355,7 @@ class Plant:
             physics=mj.get_state(self.model, self.data).tobytes(),
             sensors=self._sensors.tobytes(),
             noise=tuple(lidar.noise_state for lidar in self._lidars),
-            drive=self._drive.twist,
+            drive=self.drive.twist,
             walked_s=tuple(self._walked_s),
             steps_to_tick=self._steps_to_tick,
             pillar=self._pillar,
@@ -402,7 +389,7 @@ class Plant:
             raise SnapshotError("the snapshot is damaged; take a new one") from error
         mj.set_state(self.model, self.data, state)
         self._sensors[:] = sensors
-        self._drive.reset(Twist(*snapshot.drive))
+        self.drive.reset(Twist(*snapshot.drive))
         self._reached = None
         self._walked_s = list(snapshot.walked_s)
         self._placed = [
@@ -415,8 +402,8 @@ class Plant:
 
     def _follow(self, twist_target: tuple[float, float]) -> None:
         """Advance the drive by one step toward the target, and set the wheel speeds."""
-        was = self._drive.twist
-        twist = self._drive.step(twist_target, self.timestep_s)
+        was = self.drive.twist
+        twist = self.drive.step(twist_target, self.timestep_s)
         self._ctrl[self._left_ctrl], self._ctrl[self._right_ctrl] = self.wheels.wheel_speeds(twist)
         self._reached = twist_target if twist is was else None
 

@@ -1,9 +1,6 @@
-"""Render pictures of the world without a display: `python -m sim.render --out docs/images/warehouse.png`."""
+"""Render pictures of the world without a display: cameras that fit any layout, captions, and the pictures."""
 
-import argparse
 import math
-import sys
-from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
@@ -11,11 +8,10 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from sim import mj
-from sim.config import Build, SceneError
-from sim.gl import NoGlError, choose, open_context
+from sim.gl import open_context
 from sim.overlay import COLOURS, Mode, Overlay, Shown, geoms_needed
 from sim.plant import Plant
-from sim.video import OutputError, Pixels, refuse_bad_output, write
+from sim.video import Pixels
 
 FIELD_OF_VIEW_RAD = math.radians(50.0)
 """Vertical field of view, as in models/hall.xml."""
@@ -149,11 +145,6 @@ def captioned(pixels: Pixels, shown: Shown) -> Pixels:
     return np.asarray(Image.alpha_composite(picture, layer).convert("RGB"))
 
 
-# Camera, the robot's drive to its place (v in m/s, ω in rad/s, duration in s), and time of the picture, which shows the
-# forklift and the people.
-_VIEW = View((-2.05, -0.62, 0.52), 4.3, 30.0, -25.5)
-_DRIVE_OUT = ((0.0, 0.0, 2.2), (0.8, 0.0, 1.5), (0.8, 0.3, 1.1))
-
 _MAX_GEOMS = 10_000
 
 
@@ -218,37 +209,3 @@ class Studio:
         pixels = np.empty((self._height, self._width, 3), np.uint8)
         mujoco.mjr_readPixels(pixels, None, self._rect, self._context)
         return np.ascontiguousarray(pixels[::-1])
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Write the picture of the README; return 1 if this machine cannot render, 2 for wrong arguments."""
-    parser = argparse.ArgumentParser(prog="python -m sim.render", description=__doc__)
-    parser.add_argument("--out", type=Path, required=True, help="the PNG file to write")
-    parser.add_argument("--width", type=int, default=1280, help="in pixels, default 1280")
-    parser.add_argument("--height", type=int, default=720, help="in pixels, default 720")
-    options = parser.parse_args(arguments)
-    try:
-        choose()
-        refuse_bad_output(options.out, options.width, options.height, frames=1)
-        write(options.out, [_warehouse(options.width, options.height)], fps=1.0)
-    except (OutputError, SceneError) as error:
-        print(f"The picture cannot be written: {error}", file=sys.stderr)
-        return 2
-    except NoGlError as error:
-        print(f"The warehouse cannot be drawn here: {error}.", file=sys.stderr)
-        return 1
-    return 0
-
-
-def _warehouse(width: int, height: int) -> Pixels:
-    """Return a picture of the warehouse with the robot in its aisle."""
-    plant = Plant(options=Build(moving=True, scenery=True))
-    for linear_m_s, angular_rad_s, duration_s in _DRIVE_OUT:
-        plant.step((linear_m_s, angular_rad_s), round(duration_s / plant.timestep_s))
-    with Studio(plant, width, height) as studio:
-        shown = Shown(Mode.DRIVING, (), plant.true_velocity.linear_m_s, math.nan, (plant.scan(),))
-        return studio.picture(_VIEW, shown)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

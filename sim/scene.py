@@ -164,7 +164,7 @@ def build(scene: str | Path = DEFAULT, options: Build | None = None) -> Scene:
 
 def robot_pose(model: mj.Model, data: mj.Data) -> tuple[float, float, float]:
     """Return the robot's pose in the world: x [m], y [m] and yaw [rad] in (-π, π]."""
-    base = int(model.jnt_qposadr[mj.joint_id(model, "robot")])
+    base = int(model.jnt_qposadr[mj.id_of(model, "joint", "robot")])
     return pose_of(data.qpos[base : base + 7].tolist())
 
 
@@ -176,7 +176,7 @@ def pose_of(qpos: list[float]) -> tuple[float, float, float]:
 
 def robot_outline(model: mj.Model, data: mj.Data) -> Outline:
     """Return the hull's outline at the robot's pose; the origin of the robot's frame is its centre."""
-    hull = mj.geom_id(model, "hull")
+    hull = mj.id_of(model, "geom", "hull")
     half_x_m, half_y_m, _ = model.geom_size[hull].tolist()
     x_m, y_m, yaw_rad = robot_pose(model, data)
     if model.geom_type[hull] == mj.Shape.BOX:
@@ -270,7 +270,7 @@ def _checked(
     mj.forward(model, data)
     solids = [geom for geom in range(model.ngeom) if model.geom_group[geom] == SOLID_GROUP]
     moving = tuple(geom for geom in solids if _moves(model, geom))
-    low_m, high_m = _height_m(model, data, mj.geom_id(model, "hull"))
+    low_m, high_m = _height_m(model, data, mj.id_of(model, "geom", "hull"))
     still = [
         geom
         for geom in solids

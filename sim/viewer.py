@@ -49,7 +49,7 @@ def open_viewer(plant: Plant) -> Callable[[Shown], None]:
     handle = _launch(plant)
     camera = handle.cam
     camera.type = int(mj.mujoco.mjtCamera.mjCAMERA_TRACKING)
-    camera.trackbodyid = mj.body_id(plant.model, "robot")
+    camera.trackbodyid = mj.id_of(plant.model, "body", "robot")
     camera.distance, camera.azimuth, camera.elevation = VIEW_DISTANCE_M, VIEW_AZIMUTH_DEG, VIEW_ELEVATION_DEG
     return _Window(handle, plant).draw
 

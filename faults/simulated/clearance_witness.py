@@ -25,7 +25,7 @@ class Witness:
     def __init__(self, plant: Plant, scene: Scene) -> None:
         self._plant = plant
         self._standing = FloorPlan(scene.standing)
-        pillar = mj.geom_id(plant.model, "pillar")  # its geom follows at the next step only
+        pillar = mj.id_of(plant.model, "geom", "pillar")  # its geom follows at the next step only
         self._moving = [geom for geom in scene.moving_geoms if geom != pillar]
         self._fastest_m_s = FASTEST_M_S if self._moving else FASTEST_ALONE_M_S
         self.start(0.0)

@@ -313,7 +313,7 @@ class World:
         noise = np.random.default_rng(self.scenario.seed).bit_generator.state
         plant.restore(replace(self.stage.initial, noise=(noise,)))
         half_x_m, half_y_m = self.stage.half_size_m
-        base = int(plant.model.jnt_qposadr[mj.joint_id(plant.model, "robot")])
+        base = int(plant.model.jnt_qposadr[mj.id_of(plant.model, "joint", "robot")])
         for _ in range(PLACES):
             x_m, y_m = random.uniform(-half_x_m, half_x_m), random.uniform(-half_y_m, half_y_m)
             yaw_rad = random.uniform(-math.pi, math.pi)

@@ -138,7 +138,7 @@ class Rehearsal:
         return Command(SOURCE, self._operator.wants(now_s, self._decision), now_s)
 
     def _look(self, now_s: float) -> LaserScan:
-        self._ranges, lidar = self._plant.scan(), self._plant.lidar
+        self._ranges, lidar = self._plant.scan(), self._plant.lidars[0]
         return LaserScan(
             self._ranges,
             lidar.angle_min_rad,

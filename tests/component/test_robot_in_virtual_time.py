@@ -80,11 +80,11 @@ async def test_the_base_brakes_150_ms_after_the_last_command_of_a_hung_superviso
         for _ in range(100):
             cmd_vel.put(planar_twist(0.5, 0.0))
             await rig.pass_time(0.02)
-        assert plant.drive_twist.linear_m_s == 0.5
+        assert plant.drive.twist.linear_m_s == 0.5
         await rig.pass_time(0.12)
-        assert plant.drive_twist.linear_m_s == 0.5
+        assert plant.drive.twist.linear_m_s == 0.5
         await rig.pass_time(0.02)
-        assert plant.drive_twist.linear_m_s < 0.5
+        assert plant.drive.twist.linear_m_s < 0.5
 
 
 async def test_a_reset_puts_the_robot_back_and_a_senseless_pillar_does_no_harm() -> None:

@@ -448,13 +448,13 @@ async def test_at_ten_times_the_pace_the_base_still_waits_150_ms_of_real_time_fo
     async with bench.simulating(speed=10.0):
         async with bench.commanding(0.1):
             await bench.pass_time(1.0)
-            assert bench.plant.drive_twist.linear_m_s == 0.1
+            assert bench.plant.drive.twist.linear_m_s == 0.1
         last_s = bench.plant.time_s
         await bench.pass_time(0.12)
-        assert bench.plant.drive_twist.linear_m_s == 0.1
+        assert bench.plant.drive.twist.linear_m_s == 0.1
         assert bench.plant.time_s > last_s + 1.0
         await bench.pass_time(0.05)
-        assert bench.plant.drive_twist.linear_m_s == 0.0
+        assert bench.plant.drive.twist.linear_m_s == 0.0
 
 
 async def test_in_slow_motion_scans_stay_fresh_and_the_robot_can_be_driven_again_and_again(

@@ -95,7 +95,7 @@ def test_the_distance_of_rectangles_is_that_of_their_nearest_points(a: Rectangle
 
 
 def test_only_upright_boxes_cylinders_and_spheres_have_an_outline() -> None:
-    model = mj.load_string("""<mujoco><compiler angle="degree"/><worldbody>
+    model = mj.mujoco.MjModel.from_xml_string("""<mujoco><compiler angle="degree"/><worldbody>
       <geom name="box" type="box" size="1 2 1" pos="1 2 3" euler="0 0 30"/>
       <geom name="drum" type="cylinder" size="0.5 1" pos="0 2 0"/>
       <geom name="ball" type="sphere" size="0.5" euler="10 0 0"/>
@@ -116,7 +116,7 @@ def test_only_upright_boxes_cylinders_and_spheres_have_an_outline() -> None:
 def test_the_clearance_agrees_with_mujoco_s_own_distance(hull: Hull) -> None:
     plant = Plant(options=Build(hull=hull, moving=True))
     plant.place_pillar(-3.0, 0.6)
-    hull_geom = mj.geom_id(plant.model, "hull")
+    hull_geom = mj.id_of(plant.model, "geom", "hull")
     solids = [g for g in range(plant.model.ngeom) if plant.model.geom_group[g] == 1]
     for target in ((0.5, 0.2), (0.5, -0.6), (-0.3, 1.0), (0.6, -1.0), (0.8, 0.3)):
         plant.step(target, 300)

@@ -37,7 +37,7 @@ def _scan(
 
 
 def _lidar(config: LidarConfig | None = None, seed: int = 0) -> tuple[Lidar, mj.Data]:
-    model = mj.load_string(ROOM)
+    model = mj.mujoco.MjModel.from_xml_string(ROOM)
     data = mj.make_data(model)
     mj.forward(model, data)
     return Lidar(model, config, seed), data

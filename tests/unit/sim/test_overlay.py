@@ -37,7 +37,7 @@ def at_origin(hull: Outline) -> Outline:
 
 
 def scene(room: int = 2000) -> Any:  # noqa: ANN401 - MuJoCo has no types
-    model = mj.load_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
+    model = mj.mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
     return mj.mujoco.MjvScene(model, maxgeom=room)
 
 

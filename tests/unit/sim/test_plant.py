@@ -37,7 +37,9 @@ def test_the_robot_starts_at_rest_facing_at_least_four_metres_of_free_aisle(plan
     assert free_m > 4.0
     # The whole width of the hull and the stop distance beside it fits the aisle.
     half_width_m = plant.hull_radius_m + 0.30
-    angles_rad = plant.lidar.angle_min_rad + plant.lidar.angle_increment_rad * np.arange(plant.lidar.beams)
+    angles_rad = plant.lidars[0].angle_min_rad + plant.lidars[0].angle_increment_rad * np.arange(
+        plant.lidars[0].beams
+    )
     ranges = plant.scan()
     in_the_way = (np.abs(ranges * np.sin(angles_rad)) < half_width_m) & (np.cos(angles_rad) > 0.0)
     assert np.min((ranges * np.cos(angles_rad))[in_the_way]) > 4.0 + plant.hull_radius_m
@@ -216,7 +218,7 @@ def test_a_reset_brings_the_robot_back_while_time_goes_on_and_the_pillar_stays(p
     assert plant.true_pose == plant.start_pose
     assert plant.true_velocity == (0.0, 0.0)
     assert plant.wheel_angles_rad == (0.0, 0.0)
-    assert plant.drive_twist == (0.0, 0.0)
+    assert plant.drive.twist == (0.0, 0.0)
     assert plant.collisions == 0
     assert plant.time_s == time_s
     assert plant.pillar == (-3.5, 0.0)
@@ -253,7 +255,7 @@ def test_the_same_commands_make_the_same_trajectory_bit_for_bit() -> None:
 def test_nothing_of_the_robot_reaches_out_of_its_hull(hull: Hull) -> None:
     plant = Plant(options=Build(hull=hull, scenery=True))
     model, data = plant.model, plant.data
-    robot = mj.body_id(model, "robot")
+    robot = mj.id_of(model, "body", "robot")
     geoms = [g for g in range(model.ngeom) if model.body_rootid[model.geom_bodyid[g]] == robot]
     assert len(geoms) > 10
     for geom in geoms:
@@ -278,7 +280,7 @@ def test_nothing_of_the_robot_reaches_out_of_its_hull(hull: Hull) -> None:
 def test_what_the_hull_can_hit_the_lidar_can_see(scene: str) -> None:
     plant = Plant(scene, options=Build(moving=True))
     model, data = plant.model, plant.data
-    plane_m = plant.lidar.height_m
+    plane_m = plant.lidars[0].height_m
     plant.place_pillar(*(plant.start_pose[0] + 1.0, 0.0))
     solids = [g for g in range(model.ngeom) if model.geom_conaffinity[g] & 2]
     assert len(solids) > 4 + len(plant.movers)
@@ -291,7 +293,7 @@ def test_what_the_hull_can_hit_the_lidar_can_see(scene: str) -> None:
 @pytest.mark.parametrize("scene", ["warehouse", "aisle", "empty"])
 def test_every_layout_has_four_metres_of_free_aisle_ahead_of_the_start(scene: str) -> None:
     plant = Plant(scene, lidars=(LidarConfig(range_max_m=20.0),))
-    ranges, angles_rad = plant.scan(), plant.lidar.angles_rad
+    ranges, angles_rad = plant.scan(), plant.lidars[0].angles_rad
     half_width_m = plant.hull_radius_m + 0.30
     in_the_way = (np.abs(ranges * np.sin(angles_rad)) < half_width_m) & (np.cos(angles_rad) > 0.0)
     assert np.min((ranges * np.cos(angles_rad))[in_the_way]) > 4.0 + plant.hull_radius_m
@@ -389,7 +391,7 @@ def test_wheels_with_little_grip_lock_and_say_that_it_stands_while_it_slides() -
 def test_a_payload_and_a_hull_add_their_mass() -> None:
     def mass_kg(options: Build) -> float:
         model = Plant(options=options).model
-        return float(np.sum(model.body_mass[model.body_rootid == mj.body_id(model, "robot")]))
+        return float(np.sum(model.body_mass[model.body_rootid == mj.id_of(model, "body", "robot")]))
 
     assert mass_kg(Build()) == pytest.approx(20.0)
     assert mass_kg(RECTANGULAR) == pytest.approx(20.0)
@@ -467,7 +469,7 @@ def test_movers_are_solid_within_the_floor_that_they_take() -> None:
     model, data = plant.model, plant.data
     for name, kind in (("walker", MoverKind.PERSON), ("forklift", MoverKind.FORKLIFT)):
         pose = plant.movers[name]
-        body = mj.body_id(model, name)
+        body = mj.id_of(model, "body", name)
         for geom in (g for g in range(model.ngeom) if model.geom_bodyid[g] == body):
             dx_m, dy_m, _ = data.geom_xpos[geom] - data.mocap_pos[model.body_mocapid[body]]
             ahead_m = dx_m * math.cos(pose.yaw_rad) + dy_m * math.sin(pose.yaw_rad)

@@ -9,7 +9,8 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from sim import gl, render
+from docs.generate import draw_warehouse
+from sim import gl
 from sim.config import Build, Hull
 from sim.gl import NoGlError
 from sim.overlay import COLOURS, STOP_DISTANCE_M, WARNING_DISTANCE_M, Mode, Shown, in_words, offset_outline
@@ -236,7 +237,7 @@ def test_without_gl_the_command_says_so_in_one_sentence_and_fails(
 ) -> None:
     monkeypatch.setattr(gl.ctypes.util, "find_library", nothing)
     monkeypatch.setenv("MUJOCO_GL", "egl")
-    assert render.main(["--out", str(tmp_path / "picture.png")]) == 1
+    assert draw_warehouse.main(["--out", str(tmp_path / "picture.png")]) == 1
     said = capsys.readouterr().err
     assert said.startswith("The warehouse cannot be drawn here: MUJOCO_GL asks for egl")
     assert said.count("\n") == 1
@@ -248,14 +249,14 @@ def test_a_picture_of_no_known_kind_is_refused_before_it_is_drawn(
 ) -> None:
     if not has_gl():
         pytest.skip("neither EGL nor OSMesa")
-    assert render.main(["--out", str(tmp_path / "picture.bmp")]) == 2
+    assert draw_warehouse.main(["--out", str(tmp_path / "picture.bmp")]) == 2
     assert "ends in none of .png, .webp, .gif, .mp4." in capsys.readouterr().err
 
 
 @needs_gl
 def test_the_picture_of_the_readme_shows_hall_robot_ring_person_and_forklift(tmp_path: Path) -> None:
     out = tmp_path / "warehouse.png"
-    assert render.main(["--out", str(out), "--width", "320", "--height", "180"]) == 0
+    assert draw_warehouse.main(["--out", str(out), "--width", "320", "--height", "180"]) == 0
     with Image.open(out) as image:
         picture = np.asarray(image.convert("RGB")).astype(int)
     assert picture.shape == (180, 320, 3)

@@ -228,7 +228,7 @@ def test_every_layout_takes_every_hull_with_all_that_moves_and_all_that_is_to_be
     assert {mover.name for mover in full.movers} >= {"forklift"} or scene == "aisle"
     assert not full.odd_geoms
     for mover in full.movers:
-        mj.body_id(full.model, mover.name)
+        mj.id_of(full.model, "body", mover.name)
 
 
 def test_the_goods_follow_their_seed(tmp_path: Path) -> None:

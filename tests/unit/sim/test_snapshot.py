@@ -88,7 +88,7 @@ def test_a_restored_plant_says_what_the_saved_one_said_before_any_step() -> None
             plant.time_s,
             plant.imu(),
             plant.wheel_twist,
-            plant.drive_twist,
+            plant.drive.twist,
             plant.pillar,
             plant.clearance_m(),
             plant.hull_contacts,
