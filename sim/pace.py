@@ -5,6 +5,7 @@ sensors run in simulated time; its commands and the base's watchdog run in real 
 """
 
 import math
+from enum import StrEnum
 from typing import NamedTuple
 
 MIN_SPEED, MAX_SPEED = 0.1, 100.0
@@ -23,31 +24,21 @@ class TimeRequestError(ValueError):
     """The request cannot be fulfilled; the message lists the possible ones."""
 
 
-class Ask(NamedTuple):
-    """Ask for the present pace."""
+class Request(StrEnum):
+    """What can be asked of time."""
+
+    ASK = "ask"
+    PAUSE = "pause"
+    RUN = "run"
+    STEP = "step"
+    SPEED = "speed"
 
 
-class Pause(NamedTuple):
-    """Pause the simulation."""
+class TimeRequest(NamedTuple):
+    """A request, with the number of steps or the simulated seconds per second."""
 
-
-class Run(NamedTuple):
-    """Continue the simulation."""
-
-
-class Step(NamedTuple):
-    """Make a number of physics steps of a paused simulation."""
-
-    steps: int
-
-
-class Speed(NamedTuple):
-    """Set the simulated seconds per second."""
-
-    factor: float
-
-
-TimeRequest = Ask | Pause | Run | Step | Speed
+    what: Request
+    number: float = 0.0
 
 
 def parse_time_request(text: str) -> TimeRequest:
@@ -58,15 +49,13 @@ def parse_time_request(text: str) -> TimeRequest:
     """
     match text.split():
         case []:
-            return Ask()
-        case ["pause"]:
-            return Pause()
-        case ["run"]:
-            return Run()
+            return TimeRequest(Request.ASK)
+        case ["pause" | "run" as what]:
+            return TimeRequest(Request(what))
         case ["step", number] if _is_count(number) and 1 <= int(number) <= MAX_SINGLE_STEPS:
-            return Step(int(number))
+            return TimeRequest(Request.STEP, int(number))
         case ["speed", number]:
-            return Speed(parse_speed(number))
+            return TimeRequest(Request.SPEED, parse_speed(number))
         case _:
             raise TimeRequestError(f"{text!r} is not a time request; give one of: {_FORMS}")
 

@@ -29,7 +29,7 @@ from sim.messages import (
 )
 from sim.motion_sensors import Imu, Odometer
 from sim.overlay import Mode, Shown
-from sim.pace import Ask, Every, Measured, Pace, Pause, Run, Speed, Step, TimeRequestError, parse_time_request
+from sim.pace import Every, Measured, Pace, Request, TimeRequestError, parse_time_request
 from sim.plant import Plant
 from sim.sensor_faults import (
     NO_FAULTS,
@@ -368,18 +368,18 @@ class SimService:
         pace, now_s = self._pace, self._loop.time()
         try:
             match parse_time_request(text):
-                case Ask():
+                case (Request.ASK, _):
                     pass
-                case Pause():
+                case (Request.PAUSE, _):
                     pace.pause(now_s)
                     self._end_of_single_steps()
-                case Run():
+                case (Request.RUN, _):
                     pace.run(now_s)
                     self._end_of_single_steps()
-                case Step(steps):
-                    pace.step(steps)
+                case (Request.STEP, steps):
+                    pace.step(int(steps))
                     await self._until_stepped()
-                case Speed(factor):
+                case (Request.SPEED, factor):
                     pace.set_speed(now_s, factor)
                     self._warn_of_speed()
         except TimeRequestError as error:
