@@ -26,7 +26,7 @@ from pydantic.dataclasses import dataclass
 from bench.rig.options import failing_in_a_sentence, output_file, positive
 from bench.rig.options import seed as seed_number
 from bench.rig.sheet import commit, machine, now
-from deploy.stack import bringup, interrupts, processes, takedown
+from deploy.stack import bringup, errors, processes, takedown
 from deploy.stack.errors import DeployError
 from deploy.stack.keyboard import TypedTeleop, typing
 from deploy.stack.launch import Launch, free_loopback_endpoint
@@ -378,15 +378,15 @@ def soak(duration_s: float, seed: int, add: Callable[[Sample], None]) -> None:
         state = StateDir(Path(directory).resolve())
         state.create()
         launch = Launch.read(None, free_loopback_endpoint(), sim_options="--no-viewer")
-        with interrupts.interrupts(), locked(state, "soak"):
+        with errors.interrupts(), locked(state, "soak"):
             try:
                 try:
                     bringup.start(state, launch, print)
                     asyncio.run(_drive(state, launch, seed, duration_s, add))
-                except interrupts.Interrupted:
+                except errors.Interrupted:
                     print("warning: cut short")
                 finally:
-                    interrupts.ignore()
+                    errors.ignore()
             finally:
                 takedown.stop(state)
 

@@ -13,7 +13,7 @@ from contextlib import suppress
 from typing import Any
 
 from deploy.estop import latched_sentence
-from deploy.stack import bringup, interrupts, processes, takedown
+from deploy.stack import bringup, errors, processes, takedown
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import SIMULATED, Launch
 from deploy.stack.statedir import StateDir, locked
@@ -44,7 +44,7 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool, as_json: bool
         )
     state.create()
     keep = False
-    with interrupts.interrupts(), locked(state, "up"):
+    with errors.interrupts(), locked(state, "up"):
         bringup.check_nothing_runs(state)
         try:
             try:
@@ -67,7 +67,7 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool, as_json: bool
                     return 0
                 return _teleop_here(state, launch, say)
             finally:
-                interrupts.ignore()
+                errors.ignore()
         finally:
             if not keep:
                 stopped = takedown.stop(state)

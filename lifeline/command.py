@@ -5,12 +5,13 @@ keeps `lifeline --help` fast.
 """
 
 import json
+import os
 import sys
 from collections.abc import Callable
 from functools import wraps
 from inspect import Signature, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Annotated, NamedTuple, NoReturn, TextIO
 
 import typer
 from typer.core import TyperArgument, TyperOption
@@ -157,6 +158,39 @@ def answer(result: object, sentence: str, *, as_json: bool) -> None:
         print_json(result)
     else:
         say(sentence)
+
+
+class StatusLine:
+    """A line on a stream, by default standard output, that is updated in place on a terminal, and not shown on a pipe.
+
+    Print everything else there with `say`.
+    """
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = stream or sys.stdout
+        self._on_terminal = self._stream.isatty() and os.environ.get("TERM", "dumb") != "dumb"
+        self._shown = ""
+
+    def show(self, line: str) -> None:
+        """Replace the status line."""
+        if not self._on_terminal or line == self._shown:
+            return
+        try:
+            columns = os.get_terminal_size(self._stream.fileno()).columns
+        except OSError:
+            columns = 80
+        self._shown = line
+        print(f"\r\x1b[K{line[: columns - 1]}", end="", flush=True, file=self._stream)
+
+    def say(self, sentence: str) -> None:
+        """Print a permanent line."""
+        self.clear()
+        print(sentence, flush=True, file=self._stream)
+
+    def clear(self) -> None:
+        if self._shown:
+            print("\r\x1b[K", end="", flush=True, file=self._stream)
+            self._shown = ""
 
 
 def exit_with(run: Callable[[], int | None]) -> NoReturn:

@@ -16,7 +16,7 @@ import numpy as np
 from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED, DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.reach import NotRunningError, reach
-from deploy.stack.statusline import StatusLine
+from lifeline.command import StatusLine
 from lifeline.recording.reader import Recorded, RecordingReader
 from teleop.config import TeleopSection
 from teleop.holder import HeldError, about_this_process

@@ -11,11 +11,11 @@ from rich.table import Table
 from rich.text import Text
 
 from deploy.estop import RESET, latched_sentence
-from deploy.stack import elsewhere, processes, ros2_reports, supervisord
+from deploy.stack import processes, ros2_reports, supervisord
 from deploy.stack.errors import EXIT_NOT_RUNNING
 from deploy.stack.formatting import CHECK_NETWORK, COLOURS, GO_NEUTRAL, mode_name, nearest, number, speed
 from deploy.stack.launch import ANY_BASE, SIMULATED, Launch
-from deploy.stack.observe import observing
+from deploy.stack.reach import observing, silence_of
 from deploy.stack.ros2_reports import Report
 from deploy.stack.statedir import StateDir
 from deploy.stack.takedown import listed
@@ -123,7 +123,7 @@ def show_status(state: StateDir, launch: Launch, *, as_json: bool) -> int:
 
 
 async def _look(state: StateDir, launch: Launch) -> Look:
-    silence = elsewhere.silence(launch.bus.endpoint)
+    silence = silence_of(launch.bus.endpoint)
     is_ours = silence is None or launch.is_started(state)
     programs = {p.name: p.state for p in supervisord.programs(state) or ()} if is_ours else {}
     with_ros2 = topics.ROS2 in launch.nodes

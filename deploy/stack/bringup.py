@@ -3,13 +3,15 @@
 import json
 import time
 
-from deploy.stack import preflight, processes, supervisord
-from deploy.stack.errors import DeployError
+from deploy.stack import processes, supervisord
+from deploy.stack.errors import DeployError, held_back
 from deploy.stack.launch import Launch, check_endpoint_is_free
-from deploy.stack.observe import observing
+from deploy.stack.reach import observing
+from deploy.stack.robot_file import read_robot
 from deploy.stack.statedir import StateDir
 from deploy.stack.takedown import Say, listed
 from wire import topics
+from wire.host.config import ConfigError, read_toml
 
 ALIVE_LIMIT_S = 20.0
 ASK_PERIOD_S = 0.2
@@ -44,12 +46,34 @@ def start(state: StateDir, launch: Launch, say: Say) -> None:
     state.forget()
     if topics.SUPERVISOR in launch.nodes:
         check_endpoint_is_free(launch.bus.endpoint)
-    preflight.check(launch)
+    check_configuration(launch)
     uv = supervisord.find_uv()
     for node in launch.nodes:
         state.log(node).unlink(missing_ok=True)
     state.record.write_text(json.dumps(launch.to_record()))
     supervisord.start(uv, state, launch, say)
+
+
+def check_configuration(launch: Launch) -> None:
+    """Refuse a configuration that would fail or be unsafe at runtime. Without a sim, it needs neither MuJoCo nor a scene.
+
+    Raises:
+        DeployError: a section or the scene is invalid, the simulated robot extends beyond the footprint, or the
+            interpreter of the ROS 2 process is missing.
+    """
+    try:
+        sections = read_robot(read_toml(launch.config), simulated=topics.SIM in launch.nodes)
+    except ConfigError as error:
+        raise DeployError(str(error)) from error
+    if topics.SIM in launch.nodes:
+        with held_back():
+            from deploy.stack.preflight import check_scene  # noqa: PLC0415 - needs the extra `sim`
+
+        check_scene(launch, sections)
+    if topics.ROS2 in launch.nodes:
+        from deploy.stack.ros2_program import interpreter  # noqa: PLC0415 - not without [ros2]
+
+        interpreter(launch.config)
 
 
 async def check_supervisor_answers(launch: Launch) -> None:

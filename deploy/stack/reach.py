@@ -1,11 +1,21 @@
-"""Connects a client to the hub, for commands that run until Ctrl-C."""
+"""Connects a client to the hub, and observes a running robot: nodes, command sources, newest status, odometry and reports.
+
+On another machine, the processes and records of this machine say nothing about the robot (`silence_of`).
+"""
 
 import asyncio
-from collections.abc import Awaitable, Callable
+import re
+import socket
+import time
+from collections.abc import AsyncGenerator, Awaitable, Callable, Iterable
+from contextlib import asynccontextmanager
 
-from deploy.stack import elsewhere
 from deploy.stack.errors import DeployError
 from deploy.stack.formatting import CHECK_NETWORK
+from deploy.stack.ros2_reports import Report, reports_of
+from wire import tls, topics
+from wire.bus import Bus, BusError, Inbox, wait_until
+from wire.messages import Odometry, SafetyStatus
 from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
 
 CONNECT_LIMIT_S = 2.0
@@ -31,7 +41,7 @@ async def reach(config: BusConfig, stop: asyncio.Event) -> ZenohBus | None:
             return opening.result()
         if stop.is_set():
             return None
-        silence = elsewhere.silence(config.endpoint)
+        silence = silence_of(config.endpoint)
         raise NotRunningError(
             f"no supervisor answers at {config.endpoint}: start the robot with `lifeline up`"
             if silence is None
@@ -70,3 +80,115 @@ async def run_connected(
     await asyncio.wait({running}, timeout=CLOSE_LIMIT_S)
     if running.done():
         running.result()
+
+
+def silence_of(endpoint: str) -> str | None:
+    """Return why nothing can be heard at an endpoint on another machine; None if it is on this machine."""
+    host = tls.host_of(endpoint).strip("[]")
+    try:
+        family, *_, address = socket.getaddrinfo(host, 0, type=socket.SOCK_DGRAM)[0]
+    except (OSError, UnicodeError):
+        return f"the name {host} of the endpoint cannot be resolved"
+    try:
+        with socket.socket(family, socket.SOCK_DGRAM) as probe:
+            probe.bind(address)  # only to an address of this machine
+    except OSError:
+        return f"nothing answers at {endpoint}, which is on another machine"
+    return None
+
+
+DEPTH = 8
+"""Diagnostics that wait: a base and the ROS 2 process may both write them."""
+
+
+class Observer:
+    """Keeps the newest of what a robot publishes; updated by `until`."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.alive: set[str] = set()
+        """The nodes that are alive."""
+        self.status: SafetyStatus | None = None
+        self.odometry: Odometry | None = None
+        self.ros2: tuple[Report, ...] = ()
+        """The reports of the ROS 2 process; empty without one."""
+        self._wake = asyncio.Event()
+        self._liveliness = bus.watch_alive(self._wake)
+        self._statuses = bus.subscribe(topics.STATUS, wake=self._wake)
+        self._odometry = bus.subscribe(topics.ODOM, wake=self._wake)
+        self._diagnostics = bus.subscribe(topics.DIAGNOSTICS, depth=DEPTH, wake=self._wake)
+
+    async def until(self, condition: Callable[["Observer"], bool], limit_s: float) -> bool:
+        """Wait until the condition holds; return whether it did within `limit_s`."""
+
+        def holds() -> bool:
+            self._update()
+            return condition(self)
+
+        return await seen_within(limit_s, self._wake, holds)
+
+    def _update(self) -> None:
+        for change in self._liveliness.take():
+            (self.alive.add if change.alive else self.alive.discard)(change.node)
+        if (status := self._statuses.latest()) is not None:
+            self.status = status.message
+        if (odometry := self._odometry.latest()) is not None:
+            self.odometry = odometry.message
+        for diagnostics in self._diagnostics.take():
+            if diagnostics.message is not None:
+                self.ros2 = reports_of(diagnostics.message) or self.ros2
+
+
+async def seen_within(limit_s: float, wake: asyncio.Event, is_seen: Callable[[], bool]) -> bool:
+    """Check a condition at each wake-up; return whether it held in time. The loop's clock is `time.monotonic`."""
+    deadline_s = time.monotonic() + limit_s
+    while not is_seen():
+        if time.monotonic() >= deadline_s:
+            return False
+        wake.clear()
+        await wait_until(wake, deadline_s)
+    return True
+
+
+@asynccontextmanager
+async def observing(config: BusConfig, limit_s: float) -> AsyncGenerator[Observer]:
+    """Open an observer on a connection of its own.
+
+    Raises:
+        TimeoutError: no hub answers within `limit_s`.
+        DeployError: the endpoint is invalid.
+    """
+    try:
+        bus = await asyncio.wait_for(open_bus(config, "client"), limit_s)
+    except BusError as error:
+        raise DeployError(str(error)) from error
+    try:
+        yield Observer(bus)
+    finally:
+        await bus.close()
+
+
+MAX_SOURCES = 16
+"""Maximum number of sources, so that invented names do not fill the memory."""
+NAME = re.compile(r"[a-z][a-z0-9_]*")
+
+
+class HeardSources:
+    """Collects the names of command sources.
+
+    Args:
+        heard: the inbox of `Bus.hear_sources`.
+        known: the sources that are already known.
+    """
+
+    def __init__(self, heard: Inbox[str], known: Iterable[str]) -> None:
+        self._heard = heard
+        self._known = set(known)
+
+    def take_new(self) -> list[str]:
+        """Return the sources that were heard for the first time since the last call."""
+        new: list[str] = []
+        for source in self._heard.take():
+            if source not in self._known and len(self._known) < MAX_SOURCES and NAME.fullmatch(source):
+                self._known.add(source)
+                new.append(source)
+        return new

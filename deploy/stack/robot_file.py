@@ -3,8 +3,9 @@
 from collections.abc import Iterator
 from typing import Any
 
+from ros2.config import Ros2Section, apart_from_hub
 from sim.config import SimSection
-from supervisor.config import SupervisorSection, fit_to_base
+from supervisor.config import TICKS_IN_BASE_TIMEOUT, SupervisorSection, fit_to_base
 from supervisor.law.safety import IMPLAUSIBLE_FACTOR
 from teleop.config import TeleopSection
 from wire.host.config import BusSection, Conflict, Fit, Section, Sections, read_sections
@@ -35,10 +36,6 @@ def read_robot(document: dict[str, Any], *, simulated: bool) -> Sections:
         models["sim"] = SimSection
     fits: list[Fit] = [fit_to_base, fit_to_supervisor, fit_to_simulation]
     if "ros2" in document:
-        # Without the section, nothing of ROS is imported.
-        from deploy.stack.ros2_fit import fit_to_ros2  # noqa: PLC0415
-        from ros2.config import Ros2Section, apart_from_hub  # noqa: PLC0415
-
         models["ros2"] = Ros2Section
         fits += [fit_to_ros2, apart_from_hub]
     return read_sections(document, models, *fits)
@@ -92,3 +89,50 @@ def fit_to_supervisor(sections: Sections) -> Iterator[Conflict]:
             f"stops whenever a command is slightly late: set {least_s:.4g}, or a higher rate_hz"
         )
         yield Conflict(("supervisor", "command_timeout_s"), config.command_timeout_s, message)
+
+
+def fit_to_ros2(sections: Sections) -> Iterator[Conflict]:
+    """Yield every value of `[ros2]` that contradicts `[supervisor]` or `[teleop]`."""
+    ros2, config, teleop = (
+        sections.get(Ros2Section),
+        sections.get(SupervisorSection),
+        sections.get(TeleopSection),
+    )
+    if ros2 is None or config is None:
+        return
+    yield from _sources(ros2, config, teleop)
+    lidars = [lidar.name for lidar in config.all_lidars()]
+    if len(ros2.scans) != len(lidars):
+        message = (
+            f"must name one topic for each lidar of [supervisor], in the same order: there "
+            f"{'is' if len(lidars) == 1 else 'are'} {len(lidars)} ({', '.join(lidars)})"
+        )
+        value = ros2.scan if isinstance(ros2.scan, str) else list(ros2.scan)
+        yield Conflict(("ros2", "scan"), value, message)
+    least_s = TICKS_IN_BASE_TIMEOUT / config.tick_hz
+    if ros2.command_timeout_s < least_s:
+        message = (
+            f"must be at least {TICKS_IN_BASE_TIMEOUT:g} ticks of [supervisor] tick_hz = {config.tick_hz:g}, or the "
+            f"base stops between two commands: set {least_s:.4g}"
+        )
+        yield Conflict(("ros2", "command_timeout_s"), ros2.command_timeout_s, message)
+
+
+def _sources(
+    ros2: Ros2Section, config: SupervisorSection, teleop: TeleopSection | None
+) -> Iterator[Conflict]:
+    known = [source.name for source in config.sources]
+    for index, source in enumerate(ros2.sources):
+        path = ("ros2", "sources", index, "name")
+        if source.name not in known:
+            message = (
+                f"is none of [supervisor] sources, which are {', '.join(known)}: use one of them, or add it there "
+                "with a priority"
+            )
+            yield Conflict(path, source.name, message)
+        elif teleop is not None and source.name == teleop.source:
+            message = (
+                "is the source of the keyboard, [teleop] source: choose another one, such as joy, or add one to "
+                "[supervisor] sources"
+            )
+            yield Conflict(path, source.name, message)

@@ -1,15 +1,17 @@
-"""Stops all processes of a state directory; the caller holds its lock."""
+"""Stops all processes of a state directory, also for `lifeline down`. It does not need the extra `sim`."""
 
+import os
 import signal
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
 from deploy.stack import processes, supervisord
 from deploy.stack.errors import DeployError
 from deploy.stack.processes import Process
-from deploy.stack.statedir import StateDir, UnwritableError
+from deploy.stack.statedir import LockedError, StateDir, UnwritableError, locked
 
 SHUTDOWN_LIMIT_S = 12.0
 """Longer than the stopwaitsecs in supervisord.conf of two programs in sequence."""
@@ -33,7 +35,7 @@ class Stopped:
 def stop(state: StateDir) -> Stopped:
     """Stop all processes of the state directory and remove its records; having none is not an error.
 
-    On return, no process is left, and no memory keeper of a process that was killed earlier.
+    The caller holds the lock of the directory.     On return, no process is left, and no memory keeper of a process that was killed earlier.
 
     Raises:
         DeployError: a process survives SIGKILL.
@@ -70,3 +72,55 @@ def _named(found: list[Process], name: str | None) -> list[Process]:
 def listed(found: list[Process]) -> str:
     """Format names and pids for a message."""
     return ", ".join(f"{p.name} (pid {p.pid})" for p in sorted(found, key=lambda p: p.name))
+
+
+END_LIMIT_S = 20.0
+"""How long `down` waits for `up` to stop everything: more than its slowest shutdown."""
+
+
+def down(state: StateDir, say: Say) -> dict[str, Any]:
+    """Stop all processes of a state directory, and return what was stopped; having none is not an error.
+
+    Raises:
+        DeployError: a process does not end.
+    """
+    if not state.path.is_dir():
+        say("nothing is running")
+        return {"was_running": False, "stopped": [], "supervisord_was_killed": False}
+    asked = False
+    try:
+        asked = _end_the_command_at_work(state)
+        with locked(state, "down"):
+            stopped = stop(state)
+    except UnwritableError:  # stop the processes even if the disk is full
+        stopped = stop(state)
+    if stopped.orphaned:
+        say(f"supervisord had been killed; stopped its remaining processes: {', '.join(stopped.names)}")
+    elif stopped.names or asked:
+        say("everything is stopped")
+    else:
+        say("nothing is running")
+    return {
+        "was_running": asked or bool(stopped.names),
+        "stopped": list(stopped.names),
+        "supervisord_was_killed": stopped.orphaned,
+    }
+
+
+def _end_the_command_at_work(state: StateDir) -> bool:
+    """Ask `up` or `demo` in another terminal to end, and wait for it; return whether one was running."""
+    deadline_s = time.monotonic() + END_LIMIT_S
+    asked = False
+    while True:
+        try:
+            with locked(state, "down"):
+                return asked
+        except LockedError as error:
+            if time.monotonic() > deadline_s:
+                raise
+            holder = error.holder
+            if not asked and holder is not None and holder.command != "down":
+                asked = True
+                with suppress(ProcessLookupError, PermissionError):
+                    os.kill(holder.pid, signal.SIGTERM)
+        time.sleep(processes.POLL_S)

@@ -23,7 +23,7 @@ from deploy.stack.launch import free_loopback_endpoint
 from lifeline.recording.reader import Recorded, RecordingReader
 from lifeline.view.page import LOOPBACK
 from lifeline.view.rerun_log import TIMELINE, RerunLog
-from lifeline.view.sources import read
+from lifeline.view.scene import read_source
 from lifeline.view.window import Viewer, free_port
 from supervisor.config import SupervisorSection
 from wire import topics
@@ -91,7 +91,7 @@ async def cover(endpoint: str) -> None:
 
 def write(recording: Path, shown: Path) -> int:
     """Write the recording for Rerun in the layout of a running robot; return the time of its last message [ns]."""
-    source = read(recording, SupervisorSection(), "robot")
+    source = read_source(recording, SupervisorSection(), "robot")
     log = RerunLog(source.name, follows=True)
     log.save(shown)
     log.fixed(source.scene.fixed())

@@ -14,7 +14,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from deploy.stack import interrupts
+from deploy.stack import errors
 from deploy.stack.errors import DeployError
 from faults.report.results import results
 from faults.report.table import print_results, story
@@ -59,7 +59,7 @@ def campaign(seeds: int, jobs: int, out: Path | None, say: Say, *, as_json: bool
     """
     code = revision(DECIDES)
     interrupted = False
-    with interrupts.interrupts(), appending(out) as append:
+    with errors.interrupts(), appending(out) as append:
         trials = {trial.seed: trial for trial in known_trials(out, "virtual", code) if trial.seed < seeds}
         if trials:
             say(f"{len(trials)} of {seeds} seeds are in {out} already")

@@ -11,8 +11,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from deploy.stack.errors import DeployError
-from deploy.stack.interrupts import default_until_handled
+from deploy.stack.errors import DeployError, default_until_handled
 from lifeline.cli import drive, look, prove, sites, stops
 from lifeline.command import command
 

@@ -90,8 +90,8 @@ def up(
 @command(app)
 def down(*, as_json: ResultJson = False, state_dir: StatePath = None) -> None:
     """Stop all processes that were started with this state directory."""
-    from deploy.down import down
     from deploy.stack.statedir import StateDir
+    from deploy.stack.takedown import down
 
     stopped = down(StateDir.choose(state_dir), note if as_json else say)
     if as_json:
@@ -114,10 +114,10 @@ def estop(
 ) -> int:
     """Press the emergency stop once, or be an e-stop station. Exit 0 if the supervisor confirms the press, 1 if not, 3 if nothing runs."""
     if name is not None:
-        from lifeline.estop_station import run_station
+        from lifeline.estop import run_station
 
         run_station(robot.launch, name)
-    from lifeline.estop_press import press
+    from lifeline.estop import press
 
     return press(robot.launch)
 
@@ -206,7 +206,7 @@ def ros2_exec(
 @robot_command(ros2_app, "run")
 def ros2_run(robot: Robot) -> None:
     """Run the ROS 2 process in this terminal, as `lifeline up` and the service lifeline-ros2 do."""
-    from deploy.ros2_run import run
+    from deploy.stack.ros2_program import run
 
     run(robot.launch, robot.state)
 
@@ -218,7 +218,7 @@ def ros2_check_base(
     yes: Annotated[bool, typer.Option("--yes", help="Move the robot without asking.")] = False,
 ) -> None:
     """Measure how long the base moves after its commands end. The robot turns on the spot: keep 1 m around it free."""
-    from deploy.ros2_run import run
+    from deploy.stack.ros2_program import run
 
     run(robot.launch, robot.state, "--check-base", *(["--yes"] if yes else []))
 

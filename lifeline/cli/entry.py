@@ -2,7 +2,7 @@
 
 import gc
 
-from deploy.stack.interrupts import default_until_handled
+from deploy.stack.errors import default_until_handled
 
 default_until_handled()  # before the slow imports, of which `typing` is one
 

@@ -15,11 +15,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from deploy.stack import elsewhere, supervisord
+from deploy.stack import supervisord
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import ANY_BASE, Launch, check_endpoint_is_free
-from deploy.stack.observe import DEPTH
-from deploy.stack.reach import NotRunningError, reach
+from deploy.stack.reach import DEPTH, NotRunningError, reach, silence_of
 from deploy.stack.robot_file import read_robot
 from deploy.stack.ros2_reports import reports_of
 from deploy.stack.statedir import StateDir
@@ -95,7 +94,7 @@ def _at_rest(launch: Launch, state: StateDir) -> Observed:
         seen.config_problem = str(error)
     if state.path.exists() and not os.access(state.path, os.W_OK | os.X_OK):
         seen.state_problem = f"{state.path} is not writable"
-    seen.silence = elsewhere.silence(launch.bus.endpoint)
+    seen.silence = silence_of(launch.bus.endpoint)
     is_ours = seen.silence is None or launch.is_started(state)
     seen.is_stale = is_ours and state.record.exists() and supervisord.programs(state) is None
     seen.is_estop_recorded = seen.silence is None and is_recorded(state.path, launch.bus.namespace)

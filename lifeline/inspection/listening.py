@@ -13,8 +13,7 @@ from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED, DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.reach import NotRunningError, reach
 from lifeline.inspection.keys import by_full_key, full_key, is_key, topic_of
-from lifeline.inspection.network import network_of
-from lifeline.inspection.nodes import Node, addresses, claimed_pids, nodes_of
+from lifeline.inspection.nodes import Node, addresses, claimed_pids, network_of, nodes_of
 from lifeline.inspection.sockets import processes_at, processes_with
 from lifeline.inspection.traffic import Traffic
 from supervisor.config import SupervisorSection

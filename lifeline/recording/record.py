@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED
-from deploy.stack.heard_sources import HeardSources
 from deploy.stack.launch import Launch
-from deploy.stack.reach import NotRunningError, reach
-from deploy.stack.statusline import StatusLine
+from deploy.stack.reach import HeardSources, NotRunningError, reach
+from lifeline.command import StatusLine
 from lifeline.recording.reader import Recorded, RecordingError, RecordingWriter, exists
 from supervisor.config import SupervisorSection
 from wire import topics

@@ -1,9 +1,7 @@
 """`lifeline view`: a robot, a recording or an incident in the Rerun viewer.
 
-primitives.py   shapes, values and texts to draw, in metres, in named frames (pure)
-shapes.py       the robot's hull, its rings and the free space of a scan as shapes (pure)
-scene.py        what each message draws (pure)
-sources.py      recordings and black boxes, with the configuration in them
+shapes.py       shapes, values and texts to draw, in metres, in named frames; the hull, its rings and free space (pure)
+scene.py        what each message draws; recordings and black boxes, with the configuration in them
 rerun_log.py    logs primitives to Rerun, and the layout of the viewer: the only file that imports it
 window.py       the viewer as a separate process, on loopback only and without analytics
 page.py         the page of the web viewer, which connects to no other host, and which no other host can reach

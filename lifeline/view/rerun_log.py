@@ -10,18 +10,6 @@ import pyarrow as pa
 import rerun as rr
 import rerun.blueprint as rrb
 
-from lifeline.view.primitives import (
-    Area,
-    Floats,
-    Frame,
-    Level,
-    Line,
-    LogLine,
-    Points,
-    Primitive,
-    State,
-    Value,
-)
 from lifeline.view.scene import (
     ANGULAR,
     BASE,
@@ -40,6 +28,18 @@ from lifeline.view.scene import (
     STOP_RING,
     TRAIL,
     WARNING_RING,
+)
+from lifeline.view.shapes import (
+    Area,
+    Floats,
+    Frame,
+    Level,
+    Line,
+    LogLine,
+    Points,
+    Primitive,
+    State,
+    Value,
 )
 
 APPLICATION = "lifeline"

@@ -1,4 +1,4 @@
-"""Converts each message of a robot to shapes, values, states and log lines. Pure: the times are arguments, and the scene holds what it has drawn so far.
+"""Converts each message of a robot to shapes, values, states and log lines. The times are arguments, and the scene holds what it has drawn so far.
 
 The scans are read by the law's own modules (`supervisor.law.scan`, `seen_space`). The scene reads them without the states of
 sources and odometry that the law has, so its hidden places show what the scans prove, not what the supervisor decided.
@@ -8,12 +8,16 @@ import math
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from deploy.stack.formatting import mode_name, nearest, speed
-from lifeline.view.primitives import (
+from lifeline.incidents import incident
+from lifeline.incidents.incident import IncidentError
+from lifeline.recording.reader import Recorded, RecordingReader
+from lifeline.view.shapes import (
     Area,
     Colour,
     Floats,
@@ -25,8 +29,13 @@ from lifeline.view.primitives import (
     Primitive,
     State,
     Value,
+    fan,
+    free_space,
+    outline,
 )
-from lifeline.view.shapes import fan, free_space, outline
+from supervisor.blackbox.file import SUFFIX
+from supervisor.blackbox.reader import BlackBoxError, BlackBoxReader
+from supervisor.config import SupervisorSection
 from supervisor.law.model import LawConfig
 from supervisor.law.reckoning import Pose
 from supervisor.law.scan import LaserScan, Moment, ScanReading, rays_of, read_scan
@@ -34,7 +43,7 @@ from supervisor.law.seen_space import hidden_places, lookout
 from wire import ros, topics
 from wire.messages import Odometry, SafetyStatus, Twist, UndecodableError, decode, yaw_of
 from wire.text import printable
-from wire.topics import Topic
+from wire.topics import Topic, lidar_scan
 
 BASE, ODOM = "base_link", "odom"
 LINEAR, ANGULAR = "velocity/linear", "velocity/angular"
@@ -277,3 +286,34 @@ def _level(status: SafetyStatus, mode: str) -> Level:
     if status.alarm or mode == "STOPPED":
         return Level.ERROR
     return Level.WARN if status.warning or mode == "LIMITED" else Level.INFO
+
+
+class Source(NamedTuple):
+    """The messages of a file, in order of time, and the scene that draws them."""
+
+    name: str
+    scene: Scene
+    messages: Iterator[Recorded]
+
+
+def scene_of(config: SupervisorSection, namespace: str) -> Scene:
+    """Return the scene of a robot with this configuration."""
+    topics = [lidar_scan(lidar.topic) for lidar in config.all_lidars()]
+    return Scene(config.law(), topics, namespace)
+
+
+def read_source(path: Path, config: SupervisorSection, namespace: str) -> Source:
+    """Open a recording or a black box; a black box brings its own configuration.
+
+    Raises:
+        DeployError: the file cannot be read, or is neither.
+    """
+    if not path.name.endswith(SUFFIX):
+        return Source(path.name, scene_of(config, namespace), RecordingReader(path).messages())
+    try:
+        reader = BlackBoxReader(path)
+        topics = [lidar_scan(topic) for topic in reader.lidar_topics]
+        scene = Scene(reader.law, topics, namespace)
+    except (BlackBoxError, ValueError) as error:
+        raise IncidentError(str(error)) from error
+    return Source(path.name, scene, incident.messages(path, namespace))

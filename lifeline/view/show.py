@@ -14,9 +14,9 @@ from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED, DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.reach import NotRunningError, reach
 from lifeline.recording.reader import Recorded
-from lifeline.view import page, sources, window
+from lifeline.view import page, window
 from lifeline.view.rerun_log import RerunLog
-from lifeline.view.scene import Scene
+from lifeline.view.scene import Scene, read_source, scene_of
 from supervisor.config import SupervisorSection
 from wire.bus import Bus, RawArrival, Subscription, wait_until
 from wire.host.config import ConfigError, read_toml, section
@@ -57,9 +57,9 @@ def view(wanted: Wanted, launch: Launch) -> NoReturn:
     if wanted.out is not None and wanted.out.exists():
         raise DeployError(f"{wanted.out} already exists: choose another file")
     if wanted.file is None:
-        name, scene, recorded = launch.bus.namespace, sources.scene_of(config, launch.bus.namespace), None
+        name, scene, recorded = launch.bus.namespace, scene_of(config, launch.bus.namespace), None
     else:
-        name, scene, recorded = sources.read(wanted.file, config, launch.bus.namespace)
+        name, scene, recorded = read_source(wanted.file, config, launch.bus.namespace)
     if wanted.out is None and not wanted.web:
         window.check_display()
     if wanted.web:

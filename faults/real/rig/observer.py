@@ -5,7 +5,7 @@ import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 
-from deploy.stack.observe import seen_within
+from deploy.stack.reach import seen_within
 from faults.classes import BASE_TIMEOUT_S
 from faults.measure import BaseReport
 from faults.real.rig.wheels import WheelPipe, WheelSample

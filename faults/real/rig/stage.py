@@ -21,7 +21,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from deploy.stack import bringup, interrupts, processes, supervisord, takedown
+from deploy.stack import bringup, errors, processes, supervisord, takedown
 from deploy.stack.errors import DeployError
 from deploy.stack.keyboard import TypedTeleop
 from deploy.stack.launch import DEFAULT_CONFIG, Launch, free_loopback_endpoint
@@ -186,12 +186,12 @@ class Stage:
         # The observer receives every attack, so undecodable messages are expected.
         logging.getLogger("wire").setLevel(logging.CRITICAL)
         try:
-            with interrupts.interrupts():
+            with errors.interrupts():
                 try:
                     try:
                         asyncio.run(opened())
                     finally:
-                        interrupts.ignore()
+                        errors.ignore()
                 except KeyboardInterrupt as error:
                     return error
                 finally:

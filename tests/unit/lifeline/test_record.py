@@ -9,7 +9,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 from typer.testing import CliRunner, Result
 
-from deploy.stack.heard_sources import MAX_SOURCES
+from deploy.stack.reach import MAX_SOURCES
 from lifeline.cli.app import app
 from lifeline.recording.reader import Recorded, RecordingError, RecordingReader, RecordingWriter
 from lifeline.recording.record import Recorder, Report

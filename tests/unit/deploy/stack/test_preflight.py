@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from deploy.stack.bringup import check_configuration
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import DEFAULT_CONFIG, Launch
-from deploy.stack.preflight import check
 from sim.scene import MODELS
 
 
@@ -29,7 +29,7 @@ RECTANGLE = '[sim]\nhull = "rectangular"\n[supervisor.footprint]\n'
     ],
 )
 def test_a_footprint_around_the_whole_robot_is_accepted(tmp_path: Path, text: str) -> None:
-    check(launch(tmp_path, text))
+    check_configuration(launch(tmp_path, text))
 
 
 @pytest.mark.parametrize(
@@ -43,7 +43,7 @@ def test_a_footprint_around_the_whole_robot_is_accepted(tmp_path: Path, text: st
 )
 def test_a_robot_that_sticks_out_of_its_footprint_is_refused(tmp_path: Path, text: str, remedy: str) -> None:
     with pytest.raises(DeployError, match=remedy.replace("[", r"\[")):
-        check(launch(tmp_path, text))
+        check_configuration(launch(tmp_path, text))
 
 
 def test_a_fault_in_any_section_is_refused_before_anything_starts(tmp_path: Path) -> None:
@@ -54,25 +54,25 @@ def test_a_fault_in_any_section_is_refused_before_anything_starts(tmp_path: Path
         ('[sim]\nscene = "attic"', "attic"),
     ):
         with pytest.raises(DeployError, match=key):
-            check(launch(tmp_path, text))
+            check_configuration(launch(tmp_path, text))
 
 
 def test_a_scene_is_looked_for_beside_the_configuration(tmp_path: Path) -> None:
     with pytest.raises(DeployError, match=r"mine\.toml"):
-        check(launch(tmp_path, '[sim]\nscene = "mine.toml"'))
+        check_configuration(launch(tmp_path, '[sim]\nscene = "mine.toml"'))
     (tmp_path / "mine.toml").write_text((MODELS.parent / "layouts" / "empty.toml").read_text())
-    check(launch(tmp_path, '[sim]\nscene = "mine.toml"'))
+    check_configuration(launch(tmp_path, '[sim]\nscene = "mine.toml"'))
 
 
 def test_without_a_sim_its_scene_and_hull_are_not_checked_but_every_section_is(tmp_path: Path) -> None:
     path = tmp_path / "robot.toml"
     path.write_text('[supervisor.footprint]\nradius_m = 0.24\n[sim]\nscene = "attic"')
-    check(Launch.read(path, None, with_sim=False))
+    check_configuration(Launch.read(path, None, with_sim=False))
     path.write_text("[teleop]\nlevel = 6")
     with pytest.raises(DeployError, match=r"teleop\.level"):
-        check(Launch.read(path, None, with_sim=False))
+        check_configuration(Launch.read(path, None, with_sim=False))
 
 
 def test_a_missing_python_of_ros_2_is_refused_before_anything_starts(tmp_path: Path) -> None:
     with pytest.raises(DeployError, match="make ros2"):
-        check(launch(tmp_path, '[ros2]\npython = "absent"'))
+        check_configuration(launch(tmp_path, '[ros2]\npython = "absent"'))

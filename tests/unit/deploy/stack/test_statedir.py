@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from deploy.down import down
 from deploy.stack.errors import DeployError
 from deploy.stack.statedir import SOCKET_PATH_LIMIT, LockedError, StateDir, locked
+from deploy.stack.takedown import down
 from wire.host.state_directory import ENVIRONMENT, state_directory
 
 

@@ -7,8 +7,7 @@ import pytest
 from deploy.stack.ros2_reports import Level, Report
 from lifeline.inspection.diagnosis import Finding, Observed, Terminal, Verdict, diagnose, is_healthy
 from lifeline.inspection.keys import by_full_key
-from lifeline.inspection.network import Session
-from lifeline.inspection.nodes import Node
+from lifeline.inspection.nodes import Node, Session
 from lifeline.inspection.sockets import Process
 from lifeline.inspection.traffic import Traffic
 from supervisor.config import SupervisorSection

@@ -5,8 +5,17 @@ import json
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lifeline.inspection.network import Network, Session, network_of
-from lifeline.inspection.nodes import Node, addresses, describe, find, nodes_of, program
+from lifeline.inspection.nodes import (
+    Network,
+    Node,
+    Session,
+    addresses,
+    describe,
+    find,
+    network_of,
+    nodes_of,
+    program,
+)
 from lifeline.inspection.sockets import Process
 
 HUB, SIM, STRANGER = "aa11", "bb22", "cc33dd44ee"

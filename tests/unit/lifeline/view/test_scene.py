@@ -7,9 +7,8 @@ from typing import Any, TypeVar
 import numpy as np
 import pytest
 
-from lifeline.view.primitives import Area, Frame, Level, Line, LogLine, Points, Primitive, State, Value
-from lifeline.view.scene import HIDDEN, INK, MODE_COLOURS, STOP_RING, WARNING_RING, Scene
-from lifeline.view.sources import scene_of
+from lifeline.view.scene import HIDDEN, INK, MODE_COLOURS, STOP_RING, WARNING_RING, Scene, scene_of
+from lifeline.view.shapes import Area, Frame, Level, Line, LogLine, Points, Primitive, State, Value
 from supervisor.config import SupervisorSection
 from wire.messages import (
     Message,

@@ -2,7 +2,7 @@
 
 import pytest
 
-from deploy.stack.elsewhere import silence
+from deploy.stack.reach import silence_of
 
 NOT_HERE = "198.51.100.1"
 """An address for documentation (RFC 5737), which no machine has."""
@@ -10,14 +10,14 @@ NOT_HERE = "198.51.100.1"
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "0.0.0.0", "[::1]"])
 def test_of_an_endpoint_on_this_machine_nothing_is_said(host: str) -> None:
-    assert silence(f"tcp/{host}:7447") is None
+    assert silence_of(f"tcp/{host}:7447") is None
 
 
 @pytest.mark.parametrize("name", ["robot7.invalid", f"{'a' * 64}.invalid"])
 def test_a_name_that_cannot_be_resolved_is_named(name: str) -> None:
-    assert silence(f"quic/{name}:7447") == f"the name {name} of the endpoint cannot be resolved"
+    assert silence_of(f"quic/{name}:7447") == f"the name {name} of the endpoint cannot be resolved"
 
 
 def test_an_address_of_another_machine_is_recognised() -> None:
     endpoint = f"quic/{NOT_HERE}:7447?mixed_rel=1"
-    assert silence(endpoint) == f"nothing answers at {endpoint}, which is on another machine"
+    assert silence_of(endpoint) == f"nothing answers at {endpoint}, which is on another machine"

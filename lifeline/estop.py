@@ -1,18 +1,28 @@
-"""`lifeline estop --name door`: an e-stop station in this terminal."""
+"""`lifeline estop`: press the emergency stop once, or with `--name door` be an e-stop station in this terminal."""
 
 import asyncio
 import os
 import sys
 from typing import NoReturn
 
-from deploy.stack.errors import DeployError
+from deploy.stack.errors import EXIT_NOT_RUNNING, DeployError
 from deploy.stack.launch import Launch
+from deploy.stack.reach import NotRunningError, Observer, reach
 from teleop.station.face import Look, headline, picture
 from teleop.station.service import Station
 from teleop.terminal import Terminal, is_dumb, is_terminal
+from wire import topics
 from wire.host.config import NAME
 from wire.host.process import run_process
+from wire.messages import Bool
+from wire.reasons import StopReason
 from wire.zenoh.bus import ZenohBus, open_bus
+
+CONFIRM_LIMIT_S = 1.0
+PERIOD_S = 0.05
+"""A press is one message, which a bad link may drop: it is repeated until a status confirms it."""
+EXIT_NOT_CONFIRMED = 1
+OTHER_MEANS = "stop it by other means: its own button, its power"
 
 
 def run_station(launch: Launch, name: str) -> NoReturn:
@@ -64,3 +74,39 @@ async def _run(stop: asyncio.Event, launch: Launch, name: str) -> int:
         if bus is not None:
             await bus.close()
     return 0
+
+
+def press(launch: Launch) -> int:
+    """Press the emergency stop until the supervisor confirms it; exit 0 if it does, 1 if not, 3 if none answers."""
+    return asyncio.run(_press(launch))
+
+
+async def _press(launch: Launch) -> int:
+    try:
+        bus = await reach(launch.bus, asyncio.Event())
+    except NotRunningError:
+        print(
+            f"lifeline: NOT stopped: no supervisor answers at {launch.bus.endpoint}; a base whose supervisor is silent "
+            f"brakes by itself. If the robot moves, {OTHER_MEANS}",
+            file=sys.stderr,
+        )
+        return EXIT_NOT_RUNNING
+    assert bus is not None  # nothing sets the event
+    try:
+        observer, button = Observer(bus), bus.publisher(topics.ESTOP)
+        for _ in range(round(CONFIRM_LIMIT_S / PERIOD_S)):
+            button.put(Bool(data=True))
+            if await observer.until(_is_latched, PERIOD_S):
+                print("lifeline: the emergency stop is latched; reset it with r in teleop")
+                return 0
+        print(
+            f"lifeline: NOT confirmed: the emergency stop was sent, but no status shows it. If the robot moves, {OTHER_MEANS}",
+            file=sys.stderr,
+        )
+        return EXIT_NOT_CONFIRMED
+    finally:
+        await bus.close()
+
+
+def _is_latched(robot: Observer) -> bool:
+    return robot.status is not None and StopReason.ESTOP in robot.status.causes_and_latched()[0]
