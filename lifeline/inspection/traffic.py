@@ -29,10 +29,7 @@ class Writer:
 
     first_s: float
     last_s: float
-    samples: int = 1
     sequence: int | None = None
-    lost: int = 0
-    """Samples that never arrived, by gaps in the sequence numbers."""
     is_copied: bool = False
     """Whether its sequence numbers did not increase: another program uses its epoch."""
 
@@ -53,7 +50,6 @@ class KeyTraffic:
     """The samples of one key."""
 
     samples: int = 0
-    size_bytes: int = 0
     arrivals_s: deque[float] = field(default_factory=lambda: deque[float](maxlen=WINDOW))
     sizes: deque[int] = field(default_factory=lambda: deque[int](maxlen=WINDOW))
     ages_s: deque[float] = field(default_factory=lambda: deque[float](maxlen=WINDOW))
@@ -65,7 +61,6 @@ class KeyTraffic:
     def add(self, sample: Overheard) -> None:
         """Count a sample."""
         self.samples += 1
-        self.size_bytes += len(sample.payload)
         self.arrivals_s.append(sample.arrival_s)
         self.sizes.append(len(sample.payload))
         stamp = parse_stamp(sample.attachment)
@@ -123,9 +118,8 @@ class KeyTraffic:
                 self.is_flooded = True
             return
         if sequence is not None and writer.sequence is not None:
-            writer.lost += max(0, sequence - writer.sequence - 1)
             writer.is_copied |= sequence <= writer.sequence
-        writer.samples, writer.last_s, writer.sequence = writer.samples + 1, arrival_s, sequence
+        writer.last_s, writer.sequence = arrival_s, sequence
 
 
 def _is_active(writer: Writer, at_s: float) -> bool:
@@ -150,17 +144,13 @@ class Traffic:
 
     def __init__(self) -> None:
         self.keys: dict[str, KeyTraffic] = {}
-        self.is_flooded = False
-        """Whether there were more keys than are counted."""
         self.uncounted = 0
         """Samples that arrived faster than they could be counted."""
 
     def add(self, sample: Overheard) -> None:
-        """Count a sample."""
-        if sample.key not in self.keys and len(self.keys) >= MAX_KEYS:
-            self.is_flooded = True
-            return
-        self.keys.setdefault(sample.key, KeyTraffic()).add(sample)
+        """Count a sample, unless there are too many keys."""
+        if sample.key in self.keys or len(self.keys) < MAX_KEYS:
+            self.keys.setdefault(sample.key, KeyTraffic()).add(sample)
 
     def foreign(self, namespace: str) -> Iterator[str]:
         """Yield the keys outside of a robot's namespace."""
