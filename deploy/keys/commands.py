@@ -140,9 +140,7 @@ def _to_table(table: list[Row]) -> Table:
 
 def to_json(table: list[Row]) -> list[dict[str, Any]]:
     """Return the rows as JSON values."""
-    return [
-        {**row._asdict(), "hosts": list(row.hosts), "days_left": round(row.days_left, 2)} for row in table
-    ]
+    return [row._asdict() | {"days_left": round(row.days_left, 2)} for row in table]
 
 
 def revoke(directory: Path | None, name: str) -> dict[str, Any]:

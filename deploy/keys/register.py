@@ -7,7 +7,7 @@ register therefore keeps every certificate until it has ended, and refuses a new
 import ipaddress
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
@@ -190,18 +190,7 @@ def warnings(table: Sequence[Row]) -> list[str]:
 
 def to_json(register: Register) -> dict[str, Any]:
     """Return the register as JSON values."""
-    issued = [
-        {
-            "name": one.name,
-            "role": one.role.value,
-            "robot": one.robot,
-            "hosts": list(one.hosts),
-            "serial": one.serial,
-            "ends_s": one.ends_s,
-        }
-        for one in register.issued
-    ]
-    return {"issued": issued, "revoked": dict(register.revoked)}
+    return {"issued": [asdict(one) for one in register.issued], "revoked": dict(register.revoked)}
 
 
 def from_json(document: Any) -> Register:  # noqa: ANN401 - any JSON value
