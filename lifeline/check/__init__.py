@@ -1,1 +1,1 @@
-"""`lifeline check`: what a configuration permits, its risks, and the ROS 2 side."""
+"""`lifeline check`: what a configuration permits, its risks, and the topics of a ROS 2 robot."""

@@ -1,7 +1,8 @@
-"""`lifeline check`: report a configuration's lidars, stopping distance, permitted motions and risks."""
+"""`lifeline check`: report a configuration's lidars, stopping distance, permitted motions, ROS 2 topics and risks."""
 
 import json
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,9 +13,8 @@ from rich.text import Text
 from deploy.stack.errors import DeployError
 from deploy.stack.robot_file import read_robot
 from lifeline.check.motions import Permitted, View, permitted_motions
-from lifeline.check.risks import Risk, risks
-from lifeline.check.ros2 import RosTopicUse, ros2_risks, ros2_table, topics_of
-from ros2.config import Ros2Section
+from lifeline.check.risks import Risk, held_cm, risks, ros2_risks
+from ros2.config import Ros2Section, RosSourceSection
 from sim.config import SimSection
 from supervisor.config import FULL_TURN_SLACK_RAD, NamedLidarSection, SupervisorSection
 from supervisor.law.model import Decision
@@ -25,6 +25,20 @@ EXIT_RISKS = 1
 
 ASSUMED_BEAMS = 360
 ASSUMED_RANGE_M = 12.0
+TWIST, TWIST_STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
+
+
+class RosTopicUse(NamedTuple):
+    """One ROS 2 topic that Lifeline uses."""
+
+    use: str
+    """What it carries, such as `source joy`."""
+    direction: str
+    """`in`: Lifeline subscribes; `out`: Lifeline publishes."""
+    topic: str
+    """Its absolute name."""
+    type: str
+    note: str = ""
 
 
 class Stopping(NamedTuple):
@@ -135,6 +149,35 @@ def stopping(config: SupervisorSection, views: tuple[View, ...]) -> Stopping:
     return Stopping(speed_m_s, reaction_s, speed_m_s * reaction_s, braking_m, config.stop_distance_m)
 
 
+def topics_of(ros2: Ros2Section, config: SupervisorSection) -> Iterator[RosTopicUse]:
+    """Yield every topic of a section that agrees with `[supervisor]`."""
+    for lidar, topic in zip(config.all_lidars(), ros2.scans, strict=True):
+        yield RosTopicUse(f"lidar {lidar.name}", "in", ros2.resolved(topic), "sensor_msgs/msg/LaserScan")
+    yield RosTopicUse("odometry", "in", ros2.resolved(ros2.odom), "nav_msgs/msg/Odometry")
+    for source in ros2.sources:
+        yield RosTopicUse(
+            f"source {source.name}",
+            "in",
+            ros2.resolved(source.topic),
+            TWIST_STAMPED if source.stamped else TWIST,
+            "; ".join(_notes(source, config)),
+        )
+    timeout = f"zero after {ros2.command_timeout_s:g} s without the supervisor"
+    yield RosTopicUse(
+        "base", "out", ros2.resolved(ros2.cmd_vel), TWIST_STAMPED if ros2.stamped else TWIST, timeout
+    )
+
+
+def _notes(source: RosSourceSection, config: SupervisorSection) -> Iterator[str]:
+    if source.hold_s is not None:
+        yield (
+            f"held for {source.hold_s:g} s: up to {held_cm(source.hold_s, config):.0f} cm after the last key press, "
+            "before it brakes"
+        )
+    if source.arm == "on_request":
+        yield "armed by /lifeline/arm after each stop"
+
+
 def to_json(report: Report) -> dict[str, Any]:
     """Return the report as JSON values."""
     return {
@@ -186,7 +229,7 @@ def _print(console: Console, file: Path, report: Report) -> None:
             console.print(Text(text, style="yellow"), soft_wrap=True)
     if report.ros2:
         console.print()
-        console.print(ros2_table(report.ros2))
+        console.print(_topic_table(report.ros2))
     way = report.stopping
     console.print(
         Text(
@@ -266,4 +309,15 @@ def _risk_table(found: tuple[Risk, ...]) -> Table:
     table.add_column("risk")
     for risk in found:
         table.add_row(Text(risk.setting), Text(risk.sentence))  # no markup: "[sim]" is a name
+    return table
+
+
+def _topic_table(uses: tuple[RosTopicUse, ...]) -> Table:
+    """Format the topics as a table for the terminal."""
+    table = Table(title="ROS 2 topics", title_justify="left", box=None, padding=(0, 1, 0, 0))
+    for heading in ("use", "", "topic", "type", "note"):
+        table.add_column(heading, overflow="fold")
+    for one in uses:
+        arrow = "→" if one.direction == "out" else "←"
+        table.add_row(*map(Text, (one.use, arrow, one.topic, one.type.rpartition("/")[2], one.note)))
     return table

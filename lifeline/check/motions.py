@@ -122,19 +122,16 @@ class _Robot:
         twin.lidars = [copy(lidar) for lidar in self.lidars]
         return twin
 
-    def ask(self, velocity: Velocity) -> Decision:
-        """Return the decision of the first tick that commands this velocity."""
-        return self._tick(velocity)
-
     def drive_and_stop(self, velocity: Velocity) -> None:
         self._drive(velocity, DRIVE_S)
         self._drive(NEUTRAL, self._braking_s + SETTLE_S / 2)
 
     def _drive(self, velocity: Velocity, seconds: float) -> None:
         for _ in range(math.ceil(seconds / self._tick_s)):
-            self._tick(velocity)
+            self.ask(velocity)
 
-    def _tick(self, velocity: Velocity) -> Decision:
+    def ask(self, velocity: Velocity) -> Decision:
+        """Return the decision of the next tick, which commands this velocity."""
         self._now_s += self._tick_s
         command = Command(self._source, velocity, self._now_s)
         odometry = Odometry(self._moving, self._now_s) if self._has_odometry else None

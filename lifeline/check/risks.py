@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from ros2.config import Ros2Section
 from supervisor.config import NamedLidarSection, SupervisorSection
 from wire.host.config import BaseSection, BusSection
 from wire.tls import is_loopback
@@ -155,3 +156,43 @@ def _of_base(config: SupervisorSection, base: BaseSection | None) -> Iterator[Ri
             f"The base brakes with {base.braking_m_s2:g} m/s² ([sim] braking_m_s2), which leaves no margin for load, "
             "slope and floor.",
         )
+
+
+def ros2_risks(ros2: Ros2Section, config: SupervisorSection) -> Iterator[Risk]:
+    """Yield every risk that `[ros2]` creates."""
+    if ros2.rmw == "zenoh":
+        yield Risk(
+            f'[ros2] rmw = "zenoh", router = "{ros2.router}"',
+            "Every program that reaches the router can publish scans, odometry and commands, also to the base itself, unless the "
+            "router has access control. Without the router, only the base's own timeout stops the robot.",
+        )
+    elif ros2.discovery_range == "subnet":
+        yield Risk(
+            '[ros2] discovery_range = "subnet"',
+            "Any machine in this network can publish scans, odometry and commands, also to the base itself: DDS has no "
+            "access control.",
+        )
+    default_s = Ros2Section().command_timeout_s
+    if ros2.command_timeout_s > default_s:
+        distance_m = config.max_linear_m_s * ros2.command_timeout_s
+        yield Risk(
+            f"[ros2] command_timeout_s = {ros2.command_timeout_s:g}",
+            f"The base may drive {distance_m:.2f} m after the supervisor hangs.",
+        )
+    for source in ros2.sources:
+        if source.hold_s is not None:
+            yield Risk(
+                f"hold_s of {source.name} = {source.hold_s:g}",
+                f"The robot drives up to {held_cm(source.hold_s, config):.0f} cm after the key is released or the program "
+                "hangs, and then brakes.",
+            )
+        if source.arm == "on_request":
+            yield Risk(
+                f'arm of {source.name} = "on_request"',
+                "A call of /lifeline/arm moves the robot at once if the program is requesting motion.",
+            )
+
+
+def held_cm(hold_s: float, config: SupervisorSection) -> float:
+    """Return how far the robot drives at its maximum speed during a hold [cm]."""
+    return 100.0 * hold_s * config.max_linear_m_s
