@@ -21,10 +21,9 @@ from rerun.experimental import ViewerClient
 from bench.rig.terminal import end
 from deploy.stack.launch import free_loopback_endpoint
 from lifeline.recording.reader import Recorded, RecordingReader
-from lifeline.view.page import LOOPBACK
 from lifeline.view.rerun_log import TIMELINE, RerunLog
 from lifeline.view.scene import read_source
-from lifeline.view.window import Viewer, free_port
+from lifeline.view.window import LOOPBACK, Viewer, free_port
 from supervisor.config import SupervisorSection
 from wire import topics
 from wire.zenoh.bus import BusConfig, open_bus

@@ -1,7 +1,6 @@
 """`lifeline view`: show a robot, a recording or an incident in Rerun, or write it to a file. It publishes nothing."""
 
 import asyncio
-import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -10,18 +9,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
-from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED, DeployError
+from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
-from deploy.stack.reach import NotRunningError, reach
+from deploy.stack.reach import reach, run_command
 from lifeline.recording.reader import Recorded
-from lifeline.view import page, window
+from lifeline.view import window
 from lifeline.view.rerun_log import RerunLog
 from lifeline.view.scene import Scene, read_source, scene_of
 from supervisor.config import SupervisorSection
 from wire.bus import Bus, RawArrival, Subscription, wait_until
-from wire.host.config import ConfigError, read_toml, section
-from wire.host.process import run_process
-from wire.text import printable_lines
 
 DEPTH = 256
 """Samples of each topic that wait while others are drawn; beyond it, the oldest are dropped."""
@@ -50,10 +46,7 @@ def view(wanted: Wanted, launch: Launch) -> NoReturn:
     Raises:
         DeployError: the configuration, the file or the port is refused, or there is no display.
     """
-    try:
-        config = section(read_toml(launch.config), "supervisor", SupervisorSection)
-    except ConfigError as error:
-        raise DeployError(str(error)) from error
+    config = launch.section("supervisor", SupervisorSection)
     if wanted.out is not None and wanted.out.exists():
         raise DeployError(f"{wanted.out} already exists: choose another file")
     if wanted.file is None:
@@ -67,21 +60,13 @@ def view(wanted: Wanted, launch: Launch) -> NoReturn:
         window.check_port(wanted.port + 1)
 
     async def main(stop: asyncio.Event) -> int:
-        try:
-            bus = await reach(launch.bus, stop) if recorded is None else None
-            if stop.is_set():
-                return 0
-            with ExitStack() as at_end:
-                return await Shown(stop, wanted, name, scene, at_end).run(bus, recorded)
-        except NotRunningError as error:
-            print(f"lifeline: {printable_lines(str(error))}", file=sys.stderr)
-            return EXIT_NOT_RUNNING
-        except DeployError as error:
-            print(f"lifeline: {printable_lines(str(error))}", file=sys.stderr)
-            return EXIT_REFUSED
+        bus = await reach(launch.bus, stop) if recorded is None else None
+        if stop.is_set():
+            return 0
+        with ExitStack() as at_end:
+            return await Shown(stop, wanted, name, scene, at_end).run(bus, recorded)
 
-    # This command holds no liveliness token, so no process waits for its end.
-    run_process("lifeline", main)
+    run_command(main)
 
 
 class Shown:
@@ -146,7 +131,7 @@ class Shown:
             self._at_end.callback(server.close)
             files = window.files_of(server, own_port)
             server.close()
-            shown = page.serve(files, self._wanted.port, address)
+            shown = window.serve(files, self._wanted.port, address)
             return f"open {shown} in a browser on this machine; press Ctrl-C to end"
         self._viewer = window.open_window(log.serve(window.free_port()))
         self._at_end.callback(self._viewer.close)

@@ -1,6 +1,6 @@
 """The policy of the web viewer's page."""
 
-from lifeline.view.page import policy
+from lifeline.view.window import policy
 
 
 def test_the_page_may_connect_to_its_data_and_nowhere_else() -> None:
