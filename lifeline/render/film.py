@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import track
 
 from lifeline.render.rehearsal import Operator, Rehearsal
 from lifeline.render.render import Wanted
@@ -49,15 +49,17 @@ def film(wanted: Wanted, width: int, height: int, view: View | None = None, *, p
         if wanted.drive and pillar:
             _put_pillar(plant)
         samples = _PICTURE_SAMPLES if wanted.frames == 1 else _ANIMATION_SAMPLES
-        with Studio(plant, width, height, samples) as studio, _progress() as progress:
-            task = progress.add_task(wanted.out.name, total=wanted.frames)
-
-            def pictures() -> Iterator[Pixels]:
-                for picture in _pictures(wanted, plant, studio, seen_from):
-                    yield picture
-                    progress.advance(task)
-
-            write(wanted.out, pictures(), wanted.fps)
+        with Studio(plant, width, height, samples) as studio:
+            console = Console(stderr=True)
+            pictures = track(
+                _pictures(wanted, plant, studio, seen_from),
+                f"lifeline: {wanted.out.name}",
+                wanted.frames,
+                console=console,
+                transient=True,
+                disable=not console.is_terminal,
+            )
+            write(wanted.out, iter(pictures), wanted.fps)
     except (OutputError, SceneError, ViewError) as error:
         raise FilmError(str(error).rstrip(".")) from error
 
@@ -101,14 +103,3 @@ def supervisor_for(plant: Plant) -> SupervisorSection:
             corners_m = outline._replace(x_m=0.0, y_m=0.0, yaw_rad=0.0).corners_m()
             footprint = FootprintSection(corners_m=corners_m)
     return SupervisorSection(footprint=footprint)
-
-
-def _progress() -> Progress:
-    console = Console(stderr=True)
-    columns = (
-        TextColumn("lifeline: {task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
-    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
