@@ -14,23 +14,16 @@ from rich.table import Table
 from rich.text import Text
 
 from deploy.stack.errors import DeployError
-from deploy.stack.formatting import number
+from deploy.stack.formatting import COLOURS, number
 from supervisor.blackbox.file import DECISION, INPUTS, STATE, dumps
 from supervisor.blackbox.reader import BlackBoxError, Document, read, stops_of
-from supervisor.law.model import STANDSTILL, Decision, Inputs, Mode, Reply, State, Velocity
+from supervisor.law.model import STANDSTILL, Decision, Inputs, State, Velocity
 from supervisor.law.safety import step
 from wire.standstill import is_still
 
 EXIT_DIFFERENT = 1
 MIN_WIDTH = 130
 """Width of the table in columns if the output is not a terminal."""
-
-COLOURS = {
-    Mode.STOPPED: "bold red",
-    Mode.READY: "green",
-    Mode.DRIVING: "bold green",
-    Mode.LIMITED: "yellow",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,12 +92,12 @@ def replay(document: Document) -> Replay:
         try:
             if "state" in line:
                 if state is None:
-                    state = _state(line["state"])
+                    state = STATE.read(line["state"])
                 replayed = STATE.spell(STATE.pack(state))
                 where, now_s = "state", found.phases[-1].last_s if found.phases else stop_s
                 recorded = line["state"]
             else:
-                now_s, inputs = float(line["now_s"]), _inputs(line["inputs"])
+                now_s, inputs = float(line["now_s"]), INPUTS.read(line["inputs"])
                 if state is None:
                     raise ValueError("no state precedes it")  # noqa: TRY301 - reported below with its line number
                 state, decision = step(state, now_s, inputs)
@@ -124,14 +117,6 @@ def replay(document: Document) -> Replay:
             break
     found.took_s = time.perf_counter() - started_s
     return found
-
-
-def _state(document: object) -> State:
-    return STATE.read(document)
-
-
-def _inputs(document: object) -> Inputs:
-    return INPUTS.read(document)
 
 
 def _is_at_rest(inputs: Inputs) -> bool:
@@ -245,21 +230,18 @@ def _timeline(phases: Sequence[Phase], stop_s: float) -> Table:
         end_s = phases[i + 1].first_s if i + 1 < len(phases) else phase.last_s
         first, last = phase.first, phase.last
         reasons = ", ".join(first.reasons) + (" ALARM" if first.alarm else "")
+        reset = "" if first.reset_reply is None else f" (reset: {first.reset_reply.message})"
         table.add_row(
             f"{phase.first_s - stop_s + 0.0:+.3f}",
             f"{end_s - phase.first_s:.3f}",
-            Text(first.mode.name, style=COLOURS[first.mode]),
+            Text(first.mode.name, style=COLOURS[first.mode.name]),
             first.owner,
             _span(_twist(first.commanded), _twist(last.commanded)),
             _span(_twist(first.output), _twist(last.output)),
             _span(f"{first.nearest_m:.2f}", f"{last.nearest_m:.2f}"),
-            f"{reasons}{_reply(first.reset_reply)}".strip(),
+            f"{reasons}{reset}".strip(),
         )
     return table
-
-
-def _reply(reply: Reply | None) -> str:
-    return "" if reply is None else f" (reset: {reply.message})"
 
 
 def _twist(velocity: Velocity) -> str:
