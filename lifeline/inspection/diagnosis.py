@@ -44,6 +44,18 @@ class Finding(NamedTuple):
     """What to do next; empty if nothing is to be done."""
 
 
+def problem(check: str, what: str, remedy: str = "") -> Finding:
+    return Finding(check, Verdict.PROBLEM, what, remedy)
+
+
+def note(check: str, what: str, remedy: str = "") -> Finding:
+    return Finding(check, Verdict.NOTE, what, remedy)
+
+
+def ok(check: str, what: str) -> Finding:
+    return Finding(check, Verdict.OK, what)
+
+
 @dataclass(frozen=True, slots=True)
 class Terminal:
     """The terminal of the operator, if there is one."""
@@ -109,36 +121,33 @@ def _versions(seen: Observed) -> Iterator[Finding]:
     missing = [name for name, version in seen.versions.items() if version is None]
     if seen.python < (3, 11):
         version = ".".join(map(str, seen.python))
-        yield Finding("python", Verdict.PROBLEM, f"this is Python {version}", "install Python 3.11 or newer")
+        yield problem("python", f"this is Python {version}", "install Python 3.11 or newer")
     if missing:
-        yield Finding(
+        yield problem(
             "packages",
-            Verdict.PROBLEM,
             f"not installed: {', '.join(missing)}",
             "run `make setup` in a checkout, or install Lifeline again",
         )
     elif seen.versions:
         shown = ", ".join(f"{name} {version}" for name, version in seen.versions.items())
-        yield Finding("packages", Verdict.OK, shown)
+        yield ok("packages", shown)
 
 
 def _configuration(seen: Observed) -> Iterator[Finding]:
     if seen.config_problem:
         remedy = "correct the file; `lifeline check FILE` shows what it permits"
-        yield Finding("configuration", Verdict.PROBLEM, seen.config_problem, remedy)
+        yield problem("configuration", seen.config_problem, remedy)
         return
-    yield Finding("configuration", Verdict.OK, seen.config_path)
+    yield ok("configuration", seen.config_path)
     if seen.has_ros2:
-        yield Finding(
+        yield note(
             "base",
-            Verdict.NOTE,
             "nothing here proves that the base stops by itself when the ROS 2 process dies",
             "measure it with `lifeline ros2 check-base`",
         )
     elif not seen.has_sim:
-        yield Finding(
+        yield note(
             "base",
-            Verdict.NOTE,
             "nothing proves that the base brakes by itself when cmd_vel ends, also behind a bridge",
             "stop the supervisor while the lifted robot drives: the wheels must stop within 0.15 s",
         )
@@ -146,20 +155,12 @@ def _configuration(seen: Observed) -> Iterator[Finding]:
 
 def _state(seen: Observed) -> Iterator[Finding]:
     if seen.state_problem:
-        yield Finding(
-            "state directory", Verdict.PROBLEM, seen.state_problem, "choose another with --state-dir"
-        )
+        yield problem("state directory", seen.state_problem, "choose another with --state-dir")
     if seen.is_stale and not seen.is_connected:
-        yield Finding(
-            "stack",
-            Verdict.PROBLEM,
-            "the record of a stack that no longer runs",
-            "remove it with `lifeline down`",
-        )
+        yield problem("stack", "the record of a stack that no longer runs", "remove it with `lifeline down`")
     if seen.is_estop_recorded and not seen.is_connected:
-        yield Finding(
+        yield note(
             "e-stop",
-            Verdict.NOTE,
             "an e-stop of an earlier run is latched: the robot starts stopped",
             "press s, then r in teleop to reset it",
         )
@@ -167,24 +168,20 @@ def _state(seen: Observed) -> Iterator[Finding]:
 
 def _connection(seen: Observed) -> Iterator[Finding]:
     if seen.is_connected:
-        yield Finding("supervisor", Verdict.OK, f"answers at {seen.endpoint}")
+        yield ok("supervisor", f"answers at {seen.endpoint}")
     elif seen.silence is not None:
-        yield Finding("supervisor", Verdict.PROBLEM, seen.silence, CHECK_NETWORK)
+        yield problem("supervisor", seen.silence, CHECK_NETWORK)
     elif seen.silent_pid is not None:
-        yield Finding(
+        yield problem(
             "supervisor",
-            Verdict.PROBLEM,
             f"it runs (pid {seen.silent_pid}) but does not answer: it hangs, or a signal has stopped it",
             "restart it: `lifeline down`, then `lifeline up`; under systemd `systemctl restart lifeline-supervisor`",
         )
     elif seen.port_problem:
-        yield Finding("supervisor", Verdict.PROBLEM, f"does not answer, and {seen.port_problem}")
+        yield problem("supervisor", f"does not answer, and {seen.port_problem}")
     else:
-        yield Finding(
-            "supervisor",
-            Verdict.PROBLEM,
-            f"nothing listens on {seen.endpoint}",
-            "start the robot with `lifeline up`",
+        yield problem(
+            "supervisor", f"nothing listens on {seen.endpoint}", "start the robot with `lifeline up`"
         )
 
 
@@ -193,16 +190,12 @@ def _nodes(seen: Observed) -> Iterator[Finding]:
         return
     named = {name for node in seen.nodes if node.is_named for name in node.name.split("+")}
     if seen.has_ros2 and topics.ROS2 not in named:
-        yield Finding(
-            "base",
-            Verdict.PROBLEM,
-            "the ROS 2 process does not run",
-            "start it with `lifeline up`, or check its log",
+        yield problem(
+            "base", "the ROS 2 process does not run", "start it with `lifeline up`, or check its log"
         )
     elif topics.SIM not in named and f"{seen.namespace}/{topics.CMD_VEL.key}" not in _read_by_others(seen):
-        yield Finding(
+        yield problem(
             "base",
-            Verdict.PROBLEM,
             f"no program reads {seen.namespace}/{topics.CMD_VEL.key}",
             "start the sim, or the bridge to the base",
         )
@@ -211,20 +204,13 @@ def _nodes(seen: Observed) -> Iterator[Finding]:
         name for name in sources if any(name in node.name.split("+") for node in seen.nodes if node.is_named)
     ]
     if present:
-        yield Finding("command source", Verdict.OK, f"{', '.join(present)} of {', '.join(sources)}")
+        yield ok("command source", f"{', '.join(present)} of {', '.join(sources)}")
     elif sources:
-        yield Finding(
-            "command source",
-            Verdict.PROBLEM,
-            f"none of {', '.join(sources)} runs",
-            f"start one: `{seen.drive}`",
-        )
+        yield problem("command source", f"none of {', '.join(sources)} runs", f"start one: `{seen.drive}`")
     twice = {node.name for node in seen.nodes if node.is_named and _count(seen, node.name) > 1}
     for name in sorted(twice):
         pids = ", ".join(str(node.pid) for node in seen.nodes if node.name == name)
-        yield Finding(
-            "nodes", Verdict.PROBLEM, f"two programs are {printable(name)} (pid {pids})", "end one of them"
-        )
+        yield problem("nodes", f"two programs are {printable(name)} (pid {pids})", "end one of them")
 
 
 def _read_by_others(seen: Observed) -> set[str]:
@@ -248,24 +234,20 @@ def _writers(seen: Observed) -> Iterator[Finding]:
             who = "; ".join(printable(describe(node)) for node in writing)
             hidden = number - len(writing)
             who += f"{'; ' if who else ''}{hidden} without a declaration" if hidden else ""
-            yield Finding(
-                "writers",
-                Verdict.PROBLEM,
-                f"{number} programs write {key}: {who}",
-                f"stop all but {_writer(seen, topic)}",
+            yield problem(
+                "writers", f"{number} programs write {key}: {who}", f"stop all but {_writer(seen, topic)}"
             )
     if seen.is_connected and not wrong:
-        yield Finding("writers", Verdict.OK, "no topic has more writers than permitted")
+        yield ok("writers", "no topic has more writers than permitted")
     for key in sorted(set(seen.traffic.foreign(seen.namespace)))[:5]:
-        yield Finding("foreign keys", Verdict.NOTE, f"{printable(key)} is written on this network")
+        yield note("foreign keys", f"{printable(key)} is written on this network")
 
 
 def _flood(seen: Observed) -> Iterator[Finding]:
     if seen.traffic.uncounted:
         busiest = max(seen.traffic.keys, key=lambda key: seen.traffic.keys[key].samples, default="")
-        yield Finding(
+        yield problem(
             "flood",
-            Verdict.PROBLEM,
             f"{seen.traffic.uncounted} messages arrived too fast to be counted, most of them on {printable(busiest)}; "
             "rates, clocks and status are not checked",
             "stop the program that writes them: `lifeline topic info` names it",
@@ -280,27 +262,22 @@ def _rates(seen: Observed) -> Iterator[Finding]:
         heard = seen.traffic.keys.get(key)
         if heard is None:
             if needed:
-                yield Finding("rates", Verdict.PROBLEM, f"nothing is heard on {key}", _start(seen, key))
+                yield problem("rates", f"nothing is heard on {key}", _start(seen, key))
             continue
         longest_s = heard.gaps.maximum_s
         shown = (
             f"{key}: {heard.rate_hz:.1f} Hz, longest gap {1000 * longest_s:.0f} ms of {1000 * limit_s:.0f}"
         )
         if longest_s > limit_s:
-            yield Finding(
-                "rates", Verdict.PROBLEM, shown, f"each such gap stops the robot: {_start(seen, key)}"
-            )
+            yield problem("rates", shown, f"each such gap stops the robot: {_start(seen, key)}")
         else:
-            yield Finding("rates", Verdict.OK, shown)
+            yield ok("rates", shown)
         ages = heard.ages
         if heard.is_other_clock:
-            yield Finding(
-                "ages", Verdict.NOTE, f"{key} comes from another machine: its age cannot be measured here"
-            )
+            yield note("ages", f"{key} comes from another machine: its age cannot be measured here")
         elif ages.number and ages.maximum_s > limit_s:
-            yield Finding(
+            yield problem(
                 "ages",
-                Verdict.PROBLEM,
                 f"{key} is up to {1000 * ages.maximum_s:.0f} ms old at arrival, more than {1000 * limit_s:.0f}",
                 "check the load of the sender and of its link",
             )
@@ -331,7 +308,7 @@ def _writer(seen: Observed, topic: Topic[Any]) -> str:
 
 def _ros2(seen: Observed) -> Iterator[Finding]:
     if seen.ros2_problem:
-        yield Finding("ros2", Verdict.PROBLEM, printable(seen.ros2_problem))
+        yield problem("ros2", printable(seen.ros2_problem))
     verdicts = {Level.OK: Verdict.OK, Level.WARN: Verdict.NOTE, Level.ERROR: Verdict.PROBLEM}
     for report in seen.ros2_reports:
         if report.name != ros2_reports.SUPERVISOR:  # the supervisor itself has reported this
@@ -343,65 +320,54 @@ def _clocks(seen: Observed) -> Iterator[Finding]:
         return
     for key, offset_s in seen.header_offset_s.items():
         if abs(offset_s) > CLOCK_LIMIT_S:
-            yield Finding(
+            yield note(
                 "clocks",
-                Verdict.NOTE,
                 f"the header of {key} is {abs(offset_s):.1f} s {'ahead of' if offset_s > 0 else 'behind'} this clock",
                 "synchronise the clocks with NTP; the law itself does not use them",
             )
     if seen.header_offset_s and all(abs(one) <= CLOCK_LIMIT_S for one in seen.header_offset_s.values()):
-        yield Finding("clocks", Verdict.OK, "the headers agree with this machine's clock")
+        yield ok("clocks", "the headers agree with this machine's clock")
 
 
 def _stop(seen: Observed) -> Iterator[Finding]:
     status = seen.status
     if status is None:
         if seen.is_connected and not seen.traffic.uncounted:
-            yield Finding(
-                "status", Verdict.PROBLEM, "the supervisor sends no status", "restart the supervisor"
-            )
+            yield problem("status", "the supervisor sends no status", "restart the supervisor")
         return
     mode = mode_name(status)
     if status.mode != SafetyStatus.STOPPED:
-        yield Finding("mode", Verdict.OK, f"{mode}: {_who(status)}")
+        yield ok("mode", f"{mode}: {_who(status)}")
     causes, latched = status.causes_and_latched()
     for name in causes:
         words = words_of(name)
         detail = f": {status.detail}" if name == causes[0] and status.detail else ""
         what = name if words is None else f"{name}: {words.now.replace('WHO', _who(status))}"
         remedy = "" if words is None else words.step.replace("NEUTRAL", GO_NEUTRAL)
-        yield Finding("stop", Verdict.PROBLEM, printable(f"{what}{detail}"), remedy)
+        yield problem("stop", printable(f"{what}{detail}"), remedy)
     for name in latched:
         words = words_of(name)
         what = name if words is None else f"{name}: {words.over}"
-        yield Finding(
-            "latched", Verdict.PROBLEM, printable(f"{what}. Over now"), f"{GO_NEUTRAL}: it sends zero"
-        )
+        yield problem("latched", printable(f"{what}. Over now"), f"{GO_NEUTRAL}: it sends zero")
     for source in status.unknown_sources:
-        yield Finding(
+        yield problem(
             "unknown source",
-            Verdict.PROBLEM,
             f"commands of {printable(source)} are refused: it is not configured",
             "add it to [supervisor] sources",
         )
     if status.estop_record_problem:
-        yield Finding(
-            "e-stop record", Verdict.PROBLEM, printable(status.estop_record_problem), "free the disk"
-        )
+        yield problem("e-stop record", printable(status.estop_record_problem), "free the disk")
     yield from _stations(status)
     if status.rmw_zenoh_nodes:
-        yield Finding(
+        yield note(
             "rmw_zenoh",
-            Verdict.NOTE,
             printable(
                 f"nobody reads the topics of {', '.join(status.rmw_zenoh_nodes)}: they use the keys of rmw_zenoh"
             ),
             "start them with another RMW_IMPLEMENTATION, and set [ros2]; or connect them to their own router",
         )
     if status.alarm:
-        yield Finding(
-            "alarm", Verdict.PROBLEM, "the base moves although zero is commanded", "cut the robot's power"
-        )
+        yield problem("alarm", "the base moves although zero is commanded", "cut the robot's power")
 
 
 def _stations(status: SafetyStatus) -> Iterator[Finding]:
@@ -423,23 +389,21 @@ def _terminal(seen: Observed) -> Iterator[Finding]:
         return
     size = f"{terminal.columns} x {terminal.lines}"
     if terminal.columns < MIN_COLUMNS or terminal.lines < MIN_LINES:
-        yield Finding(
+        yield note(
             "terminal",
-            Verdict.NOTE,
             f"{size} is small for the dashboard",
             f"enlarge it to {MIN_COLUMNS} x {MIN_LINES}, or use teleop --plain",
         )
     else:
-        yield Finding("terminal", Verdict.OK, f"{size}, {terminal.colours or 'no colours'}")
+        yield ok("terminal", f"{size}, {terminal.colours or 'no colours'}")
     if not terminal.reports_releases:
-        yield Finding(
+        yield note(
             "key releases",
-            Verdict.NOTE,
             "this terminal does not report key releases: --mode hold starts later",
             "use a terminal with the kitty keyboard protocol, such as kitty, foot, Ghostty or WezTerm",
         )
     else:
-        yield Finding("key releases", Verdict.OK, "reported")
+        yield ok("key releases", "reported")
 
 
 CHECKS: tuple[Callable[[Observed], Iterator[Finding]], ...] = (
