@@ -92,21 +92,17 @@ class StateDir:
         except OSError as error:
             raise UnwritableError(self, error) from error
 
-    def last_lines(self, program: str, count: int = 8) -> str:
+    def last_lines(self, program: str) -> str:
         """Return the end of a program's log, indented; empty if there is no log."""
         try:
-            text = self.log(program).read_text(errors="replace")
+            return indented(self.log(program).read_text(errors="replace"))
         except OSError:
             return ""
-        return "\n".join(f"    {line}" for line in text.splitlines()[-count:])
 
 
-@dataclass(frozen=True, slots=True)
-class Holder:
-    """The process that holds the lock of a state directory."""
-
-    pid: int
-    command: str
+def indented(text: str) -> str:
+    """Return the last lines of a text, indented."""
+    return "\n".join(f"    {line}" for line in text.splitlines()[-8:])
 
 
 class UnwritableError(DeployError):
@@ -122,13 +118,15 @@ class UnwritableError(DeployError):
 class LockedError(DeployError):
     """Another command holds the lock of this state directory."""
 
-    def __init__(self, state: StateDir, holder: Holder | None) -> None:
-        who = f"`lifeline {holder.command}` (pid {holder.pid})" if holder else "another `lifeline`"
+    def __init__(self, state: StateDir) -> None:
+        record = read_json(state.lock)
+        self.pid: object = record.get("pid")
+        self.command: object = record.get("command")
+        who = f"`lifeline {self.command}` (pid {self.pid})" if self.pid else "another `lifeline`"
         super().__init__(
             f"{who} is using {state.path}: wait until it ends, stop it with `lifeline down`, "
             "or choose another directory with --state-dir"
         )
-        self.holder = holder
 
 
 @contextmanager
@@ -147,7 +145,7 @@ def locked(state: StateDir, command: str) -> Generator[None]:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise LockedError(state, _holder(state)) from error
+            raise LockedError(state) from error
         with suppress(OSError):  # on a full disk the lock still holds
             file.truncate(0)
             file.write(json.dumps({"pid": os.getpid(), "command": command}).encode())
@@ -156,14 +154,6 @@ def locked(state: StateDir, command: str) -> Generator[None]:
         finally:
             with suppress(OSError):
                 file.truncate(0)
-
-
-def _holder(state: StateDir) -> Holder | None:
-    record = read_json(state.lock)
-    try:
-        return Holder(int(record["pid"]), str(record["command"]))
-    except (KeyError, TypeError, ValueError):
-        return None
 
 
 def read_json(path: Path) -> dict[str, Any]:

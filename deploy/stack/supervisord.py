@@ -19,7 +19,7 @@ from typing import Any, cast
 
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
-from deploy.stack.statedir import StateDir
+from deploy.stack.statedir import StateDir, indented
 from wire.host.state_directory import checkout
 
 REQUIREMENT = "supervisor==4.3.0"
@@ -74,7 +74,7 @@ def fetch(uv: str, say: Callable[[str], None]) -> bool:
     done = _run(_command(uv, "--version", offline=False), limit_s=FETCH_LIMIT_S)
     if done.returncode != 0:
         raise DeployError(
-            f"uv could not fetch {REQUIREMENT}; this needs access to the package index once:\n{_indented(done.stderr)}"
+            f"uv could not fetch {REQUIREMENT}; this needs access to the package index once:\n{indented(done.stderr)}"
         )
     return True
 
@@ -91,7 +91,7 @@ def start(uv: str, state: StateDir, launch: Launch, say: Callable[[str], None]) 
     if done.returncode != 0 and fetch(uv, say):
         done = _run(command, limit_s=START_LIMIT_S, cwd=state.path, environment=environment)
     if done.returncode != 0:
-        raise DeployError(f"supervisord did not start:\n{_indented(done.stderr or done.stdout)}")
+        raise DeployError(f"supervisord did not start:\n{indented(done.stderr or done.stdout)}")
 
 
 def _command(uv: str, *arguments: str, offline: bool = True) -> list[str]:
@@ -135,10 +135,6 @@ def _run(
                 os.killpg(child.pid, signal.SIGKILL)
             child.wait()
     return subprocess.CompletedProcess(command, child.wait(), output, errors)
-
-
-def _indented(text: str) -> str:
-    return "\n".join(f"    {line}" for line in text.strip().splitlines()[-8:])
 
 
 class _UnixConnection(http.client.HTTPConnection):

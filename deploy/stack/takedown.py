@@ -118,9 +118,8 @@ def _end_the_command_at_work(state: StateDir) -> bool:
         except LockedError as error:
             if time.monotonic() > deadline_s:
                 raise
-            holder = error.holder
-            if not asked and holder is not None and holder.command != "down":
+            if not asked and isinstance(error.pid, int) and error.command != "down":
                 asked = True
                 with suppress(ProcessLookupError, PermissionError):
-                    os.kill(holder.pid, signal.SIGTERM)
+                    os.kill(error.pid, signal.SIGTERM)
         time.sleep(processes.POLL_S)
