@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
 
-from deploy.estop import latched_sentence
 from deploy.stack import bringup, errors, processes, takedown
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import SIMULATED, Launch
@@ -53,7 +52,7 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool, as_json: bool
                 asyncio.run(bringup.check_supervisor_answers(launch))
                 bringup.start(state, launch, say)
                 asyncio.run(bringup.wait_until_alive(state, launch, say))
-                latched = latched_sentence(state, launch)
+                latched = launch.latched_sentence(state)
                 if latched is not None:
                     say(latched)
                 if as_json:

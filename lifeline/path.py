@@ -13,9 +13,9 @@ from typing import Any, NoReturn, TextIO
 
 import numpy as np
 
-from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED, DeployError
+from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
-from deploy.stack.reach import NotRunningError, reach
+from deploy.stack.reach import reach, run_command
 from lifeline.command import StatusLine
 from lifeline.recording.reader import Recorded, RecordingReader
 from teleop.config import TeleopSection
@@ -25,8 +25,6 @@ from teleop.path.pursuit import Limits
 from teleop.path.recording import to_poses
 from teleop.path.service import SOURCE, Drive, Ending, PathService, Plan
 from wire import topics
-from wire.host.config import ConfigError, read_toml, section
-from wire.host.process import run_process
 from wire.messages import Odometry, UndecodableError, decode
 
 EXIT_CODES = {Ending.DONE: 0, Ending.STOPPED: 1, Ending.INTERRUPTED: 130}
@@ -141,15 +139,8 @@ def drive(plan: Plan, launch: Launch, speed_m_s: float, *, as_json: bool = False
     Raises:
         DeployError: the configuration is refused.
     """
-    try:
-        document = read_toml(launch.config)
-        teleop = section(document, "teleop", TeleopSection)
-    except ConfigError as error:
-        raise DeployError(str(error)) from error
-    run_process(
-        "lifeline",
-        lambda stop: _drive(stop, plan, launch, speed_m_s, teleop, as_json=as_json),
-    )
+    teleop = launch.section("teleop", TeleopSection)
+    run_command(lambda stop: _drive(stop, plan, launch, speed_m_s, teleop, as_json=as_json))
 
 
 async def _drive(
@@ -161,10 +152,7 @@ async def _drive(
     *,
     as_json: bool,
 ) -> int:
-    try:
-        bus = await reach(launch.bus, stop)
-    except NotRunningError as error:
-        return _refuse(error, EXIT_NOT_RUNNING)
+    bus = await reach(launch.bus, stop)
     if bus is None:
         return EXIT_CODES[Ending.INTERRUPTED]
     person: TerminalPerson | None = None
@@ -183,7 +171,7 @@ async def _drive(
         )
         done = await service.run(stop)
     except (HeldError, PathError) as error:
-        return _refuse(error, EXIT_REFUSED)
+        raise DeployError(str(error)) from error
     finally:
         if person is not None:
             person.leave()
@@ -194,11 +182,6 @@ async def _drive(
         for line in report(done):
             print(f"lifeline: {line}")
     return EXIT_CODES[done.ending]
-
-
-def _refuse(sentence: object, code: int) -> int:
-    print(f"lifeline: {sentence}", file=sys.stderr)
-    return code
 
 
 def report(done: Drive) -> list[str]:

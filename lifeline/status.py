@@ -10,10 +10,17 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from deploy.estop import RESET, latched_sentence
 from deploy.stack import processes, ros2_reports, supervisord
 from deploy.stack.errors import EXIT_NOT_RUNNING
-from deploy.stack.formatting import CHECK_NETWORK, COLOURS, GO_NEUTRAL, mode_name, nearest, number, speed
+from deploy.stack.formatting import (
+    CHECK_NETWORK,
+    COLOURS,
+    GO_NEUTRAL,
+    mode_name,
+    nearest,
+    speed,
+    status_json,
+)
 from deploy.stack.launch import ANY_BASE, SIMULATED, Launch
 from deploy.stack.reach import observing, silence_of
 from deploy.stack.ros2_reports import Report
@@ -42,11 +49,11 @@ class Look:
 
     endpoint: str
     connected: bool
-    alive: frozenset[str]
     programs: dict[str, str]
     """supervisord's state of each of its programs."""
-    status: SafetyStatus | None
-    odometry: Odometry | None
+    alive: frozenset[str] = frozenset()
+    status: SafetyStatus | None = None
+    odometry: Odometry | None = None
     latched: str | None = None
     """The message that a robot started now has its e-stop latched; None if it is not latched."""
     needed: tuple[str, ...] = SIMULATED
@@ -82,30 +89,20 @@ class Look:
         return None if self.odometry is None else self.odometry.twist.twist
 
     def to_json(self) -> str:
-        status, twist = self.status, self.twist
+        status = self.status
         document: dict[str, Any] = {
             "endpoint": self.endpoint,
             "running": self.exit_code == 0,
             "nodes": {
                 node: {"alive": self.runs(node), "process": self.programs.get(node)} for node in self.nodes
             },
-            "mode": self.mode,
+            **status_json(status, self.twist),
             "reasons": status.reasons if status else None,
-            "causes": status.causes_and_latched()[0] if status else None,
-            "latched": status.causes_and_latched()[1] if status else None,
-            "detail": status.detail if status else None,
-            "owner": status.owner if status else None,
-            "warning": status.warning if status else None,
-            "alarm": status.alarm if status else None,
             "estop_record_problem": status.estop_record_problem if status else None,
             "rmw_zenoh_nodes": status.rmw_zenoh_nodes if status else None,
             "estop_stations": {station.name: station.words() for station in status.estop_stations}
             if status
             else None,
-            "linear_m_s": number(twist.linear.x if twist else None),
-            "angular_rad_s": number(twist.angular.z if twist else None),
-            "nearest_m": number(status.nearest_m if status else None),
-            "nearest_bearing_rad": number(status.nearest_bearing_rad if status else None),
         }
         if self.ros2:
             document["ros2"] = [report.to_json() for report in self.ros2]
@@ -153,11 +150,8 @@ async def _look(state: StateDir, launch: Launch) -> Look:
         return Look(
             launch.bus.endpoint,
             connected=False,
-            alive=frozenset(),
             programs=programs,
-            status=None,
-            odometry=None,
-            latched=latched_sentence(state, launch) if silence is None else None,
+            latched=launch.latched_sentence(state) if silence is None else None,
             needed=launch.nodes,
             left_over=listed(processes.of(state.path)) if is_ours else "",
             silence=silence,
@@ -215,7 +209,7 @@ def _idle(look: Look) -> str:
 def _estop(status: SafetyStatus) -> Iterator[tuple[str, Text]]:
     """Yield the rows about the e-stop, its record and its stations."""
     if ESTOP in status.causes_and_latched()[0]:
-        yield "e-stop", Text(f"latched until reset, even after a restart: {RESET}")
+        yield "e-stop", Text("latched until reset, even after a restart: press r in teleop to reset it")
     if status.estop_record_problem:
         yield "e-stop record", Text(status.estop_record_problem, style="bold red")
     for station in status.estop_stations:

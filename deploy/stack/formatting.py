@@ -1,6 +1,7 @@
 """Format the mode, speed and nearest distance of a robot as text and as JSON numbers."""
 
 import math
+from typing import Any
 
 from wire.message_types import MODES, SafetyStatus
 from wire.ros import Twist
@@ -25,6 +26,25 @@ def mode_name(status: SafetyStatus) -> str:
 def number(value: float | None) -> float | None:
     """Return None for NaN and infinity, which JSON cannot represent."""
     return None if value is None or not math.isfinite(value) else round(value, 4)
+
+
+def status_json(status: SafetyStatus | None, twist: Twist | None) -> dict[str, Any]:
+    """Return what a robot does and why as JSON values; unknown values are None."""
+    causes, latched = status.causes_and_latched() if status else (None, None)
+    return {
+        "mode": mode_name(status) if status else None,
+        "reasons": None if causes is None or latched is None else [*causes, *latched],
+        "causes": causes,
+        "latched": latched,
+        "detail": status.detail if status else None,
+        "owner": status.owner if status else None,
+        "warning": status.warning if status else None,
+        "alarm": status.alarm if status else None,
+        "linear_m_s": number(twist.linear.x if twist else None),
+        "angular_rad_s": number(twist.angular.z if twist else None),
+        "nearest_m": number(status.nearest_m if status else None),
+        "nearest_bearing_rad": number(status.nearest_bearing_rad if status else None),
+    }
 
 
 def speed(twist: Twist) -> str:

@@ -12,10 +12,11 @@ from typing import Any
 from deploy.stack.errors import DeployError
 from deploy.stack.processes import MARK
 from deploy.stack.statedir import StateDir, read_json
+from supervisor.estop_record import is_recorded
 from wire import topics
 from wire.bus_config import BusConfig
 from wire.host.command_line import bus_options, override
-from wire.host.config import BusSection, ConfigError, absolute, read_toml, section
+from wire.host.config import BusSection, ConfigError, S, absolute, read_toml, section
 from wire.host.state_directory import ENVIRONMENT
 from wire.zenoh.local_socket import participants
 
@@ -129,6 +130,27 @@ class Launch:
             return replace(self, bus=replace(self.bus, keys=absolute(keys)))
         except ConfigError as error:
             raise DeployError(f"{error}, with --keys") from error
+
+    def section(self, name: str, model: type[S]) -> S:
+        """Return a section of the robot's configuration.
+
+        Raises:
+            DeployError: the file or the section is refused.
+        """
+        try:
+            return section(read_toml(self.config), name, model)
+        except ConfigError as error:
+            raise DeployError(str(error)) from error
+
+    def latched_sentence(self, state: StateDir) -> str | None:
+        """Return a message that the robot starts with its e-stop latched and how to reset it, else None."""
+        if not is_recorded(state.path, self.bus.namespace):
+            return None
+        service = f"{self.bus.namespace}/{topics.SUPERVISOR_RESET.key}"
+        return (
+            "the e-stop is still latched from an earlier run, and the robot does not move until it is reset: "
+            f"press r in teleop, or call the service {service}"
+        )
 
     def to_record(self) -> dict[str, object]:
         """Return the record that `running` reads."""

@@ -6,16 +6,20 @@ On another machine, the processes and records of this machine say nothing about 
 import asyncio
 import re
 import socket
+import sys
 import time
 from collections.abc import AsyncGenerator, Awaitable, Callable, Iterable
 from contextlib import asynccontextmanager
+from typing import NoReturn
 
-from deploy.stack.errors import DeployError
+from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED, DeployError
 from deploy.stack.formatting import CHECK_NETWORK
 from deploy.stack.ros2_reports import Report, reports_of
 from wire import tls, topics
 from wire.bus import Bus, BusError, Inbox, wait_until
+from wire.host.process import Main, run_process
 from wire.messages import Odometry, SafetyStatus
+from wire.text import printable_lines
 from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
 
 CONNECT_LIMIT_S = 2.0
@@ -50,6 +54,21 @@ async def reach(config: BusConfig, stop: asyncio.Event) -> ZenohBus | None:
     finally:
         opening.cancel()
         stopping.cancel()
+
+
+def run_command(main: Main) -> NoReturn:
+    """Run `main(stop)` in this process, and exit with its code, with 2 if it is refused, or 3 if nothing runs."""
+
+    async def reporting(stop: asyncio.Event) -> int:
+        try:
+            return await main(stop)
+        except (DeployError, BusError) as error:
+            print(f"lifeline: {printable_lines(str(error))}", file=sys.stderr)
+            return EXIT_NOT_RUNNING if isinstance(error, NotRunningError) else EXIT_REFUSED
+        except BrokenPipeError:  # the reader of a pipe has ended, as `head` does
+            return 0
+
+    run_process("lifeline", reporting)
 
 
 async def run_connected(

@@ -7,7 +7,7 @@ from deploy.stack.launch import Launch
 from deploy.stack.statedir import StateDir
 from supervisor.blackbox.file import OURS, SUFFIX
 from supervisor.config import SupervisorSection
-from wire.host.config import ConfigError, absolute, read_toml, section
+from wire.host.config import ConfigError, absolute
 from wire.text import printable
 
 LAST = "last"
@@ -19,8 +19,8 @@ def directory_of(launch: Launch, state: StateDir) -> Path:
     Raises:
         DeployError: the configuration is refused.
     """
+    configured = launch.section("supervisor", SupervisorSection).black_box_dir
     try:
-        configured = section(read_toml(launch.config), "supervisor", SupervisorSection).black_box_dir
         return state.path / "blackbox" if configured is None else absolute(Path(configured))
     except ConfigError as error:
         raise DeployError(str(error)) from error

@@ -18,20 +18,18 @@ from rich.text import Text
 from deploy.stack import supervisord
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import ANY_BASE, Launch, check_endpoint_is_free
-from deploy.stack.reach import DEPTH, NotRunningError, reach, silence_of
+from deploy.stack.reach import DEPTH, NotRunningError, reach, run_command, silence_of
 from deploy.stack.robot_file import read_robot
 from deploy.stack.ros2_reports import reports_of
 from deploy.stack.statedir import StateDir
 from lifeline.inspection.diagnosis import Finding, Observed, Terminal, Verdict, diagnose, is_healthy
-from lifeline.inspection.keys import by_full_key
-from lifeline.inspection.listening import Robot
+from lifeline.inspection.listening import Robot, robot_at
 from lifeline.inspection.sockets import processes_at
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import is_recorded
 from wire import topics
 from wire.bus import BusError
 from wire.host.config import ConfigError, read_toml
-from wire.host.process import run_process
 from wire.text import printable
 
 PACKAGES = ("eclipse-zenoh", "numpy", "pydantic", "rich", "rosbags", "typer")
@@ -46,7 +44,7 @@ def doctor(launch: Launch, state: StateDir, seconds: float, *, as_json: bool) ->
     seen = _at_rest(launch, state)
     if not as_json:
         seen.terminal = _terminal()
-    run_process("lifeline", lambda stop: _examine(seen, launch, seconds, stop, as_json=as_json))
+    run_command(lambda stop: _examine(seen, launch, seconds, stop, as_json=as_json))
 
 
 async def _examine(
@@ -61,10 +59,7 @@ async def _examine(
     if stop.is_set():
         return 130
     if bus is not None and seen.config is not None:
-        sources = [source.name for source in seen.config.sources]
-        lidars = [lidar.topic for lidar in seen.config.all_lidars()]
-        known = by_full_key(seen.namespace, sources, lidars, seen.config.station_names())
-        await _listen(seen, Robot(bus, launch, seen.config, known, stop), seconds)
+        await _listen(seen, robot_at(bus, launch, seen.config, stop), seconds)
     findings = diagnose(seen)
     if as_json:
         print(json.dumps([finding._asdict() for finding in findings], indent=2))

@@ -4,23 +4,19 @@ These commands only listen: they hold no token, so no process waits for their en
 """
 
 import asyncio
-import sys
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
-from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED, DeployError
+from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
-from deploy.stack.reach import NotRunningError, reach
+from deploy.stack.reach import reach, run_command
 from lifeline.inspection.keys import by_full_key, full_key, is_key, topic_of
 from lifeline.inspection.nodes import Node, addresses, claimed_pids, network_of, nodes_of
 from lifeline.inspection.sockets import processes_at, processes_with
 from lifeline.inspection.traffic import Traffic
 from supervisor.config import SupervisorSection
-from wire.bus import BusError, Inbox, Overheard, wait_until
-from wire.host.config import ConfigError, read_toml, section
-from wire.host.process import run_process
-from wire.text import printable_lines
+from wire.bus import Inbox, Overheard, wait_until
 from wire.topics import Topic
 from wire.zenoh.bus import ZenohBus
 
@@ -100,37 +96,23 @@ class Robot:
 
 
 def inspect(launch: Launch, body: Callable[[Robot], Awaitable[int]]) -> NoReturn:
-    """Run a command on a running robot, and exit with its code, with 2 if it is refused, or 3 if nothing runs.
+    """Run a command on a running robot, and exit with its code (`deploy.stack.reach.run_command`).
 
     Raises:
         DeployError: the configuration is refused.
     """
-    try:
-        config = section(read_toml(launch.config), "supervisor", SupervisorSection)
-    except ConfigError as error:
-        raise DeployError(str(error)) from error
-    run_process("lifeline", lambda stop: _run(launch, config, stop, body))
+    config = launch.section("supervisor", SupervisorSection)
 
-
-async def _run(
-    launch: Launch,
-    config: SupervisorSection,
-    stop: asyncio.Event,
-    body: Callable[[Robot], Awaitable[int]],
-) -> int:
-    try:
+    async def main(stop: asyncio.Event) -> int:
         bus = await reach(launch.bus, stop)
-        if bus is None:
-            return EXIT_INTERRUPTED
-        sources = [source.name for source in config.sources]
-        lidars = [lidar.topic for lidar in config.all_lidars()]
-        known = by_full_key(launch.bus.namespace, sources, lidars, config.station_names())
-        return await body(Robot(bus, launch, config, known, stop))
-    except NotRunningError as error:
-        print(f"lifeline: {error}", file=sys.stderr)
-        return EXIT_NOT_RUNNING
-    except (DeployError, BusError) as error:
-        print(f"lifeline: {printable_lines(str(error))}", file=sys.stderr)
-        return EXIT_REFUSED
-    except BrokenPipeError:  # the reader of a pipe has ended, as `head` does
-        return 0
+        return EXIT_INTERRUPTED if bus is None else await body(robot_at(bus, launch, config, stop))
+
+    run_command(main)
+
+
+def robot_at(bus: ZenohBus, launch: Launch, config: SupervisorSection, stop: asyncio.Event) -> Robot:
+    """Return the robot behind a bus, with the keys that its configuration names."""
+    sources = [source.name for source in config.sources]
+    lidars = [lidar.topic for lidar in config.all_lidars()]
+    known = by_full_key(launch.bus.namespace, sources, lidars, config.station_names())
+    return Robot(bus, launch, config, known, stop)

@@ -9,16 +9,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
 
-from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED
 from deploy.stack.launch import Launch
-from deploy.stack.reach import HeardSources, NotRunningError, reach
+from deploy.stack.reach import HeardSources, reach, run_command
 from lifeline.command import StatusLine
-from lifeline.recording.reader import Recorded, RecordingError, RecordingWriter, exists
+from lifeline.recording.reader import Recorded, RecordingWriter, exists
 from supervisor.config import SupervisorSection
 from wire import topics
 from wire.bus import Bus, RawArrival, Subscription, wait_until
-from wire.host.config import ConfigError, read_toml, section
-from wire.host.process import EXIT_FAILURE, run_process
+from wire.host.process import EXIT_FAILURE
 from wire.stamp import Stamp, parse_stamp
 from wire.topics import Topic
 
@@ -158,23 +156,14 @@ def record(path: Path, launch: Launch, *, as_json: bool = False) -> NoReturn:
     """
     if path.exists():
         raise exists(path)
-    try:
-        known = section(read_toml(launch.config), "supervisor", SupervisorSection)
-    except ConfigError as error:
-        raise RecordingError(str(error)) from error
-    sources = [source.name for source in known.sources]
-    # No process waits for the recorder's liveliness token to disappear.
-    run_process("lifeline", lambda stop: _record(stop, path, launch, sources, as_json=as_json))
+    sources = [source.name for source in launch.section("supervisor", SupervisorSection).sources]
+    run_command(lambda stop: _record(stop, path, launch, sources, as_json=as_json))
 
 
 async def _record(
     stop: asyncio.Event, path: Path, launch: Launch, sources: list[str], *, as_json: bool
 ) -> int:
-    try:
-        bus = await reach(launch.bus, stop)
-    except NotRunningError as error:
-        print(f"lifeline: {error}", file=sys.stderr)
-        return EXIT_NOT_RUNNING
+    bus = await reach(launch.bus, stop)
     if bus is None:
         return 0
     try:
@@ -183,9 +172,6 @@ async def _record(
         screen.say(f"lifeline: recording to {path}; press Ctrl-C to end")
         report = await Recorder(bus, launch.bus.namespace, sources, writer, screen.show).run(stop)
         screen.clear()
-    except RecordingError as error:
-        print(f"lifeline: {error}", file=sys.stderr)
-        return EXIT_REFUSED
     finally:
         await bus.close()
     if as_json:

@@ -5,16 +5,15 @@ little.
 """
 
 import asyncio
-import sys
 import time
 from collections.abc import Awaitable, Callable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
 from deploy.stack.errors import EXIT_NOT_RUNNING, DeployError
 from deploy.stack.formatting import HEARD_LIMIT_S
+from deploy.stack.reach import NotRunningError, run_command
 from lifeline.command import print_json, say
 from lifeline.watch.rows import Row, Watched, row_at
 from lifeline.watch.watch import EXIT_PARTLY, show_lines, show_live, show_once, until, wants_lines
@@ -22,7 +21,6 @@ from wire import tls, topics
 from wire.bundle import BundleError, choose_bundle
 from wire.bus import Overheard
 from wire.host.config import NAME, BusSection, ConfigError, absolute, section
-from wire.host.process import run_process
 from wire.messages import Bool, SafetyStatus, UndecodableError, decode
 from wire.reasons import StopReason
 from wire.roles import ANY, Role
@@ -172,15 +170,14 @@ def _run(
     async def main(stop: asyncio.Event) -> int:
         try:
             fleet = await asyncio.wait_for(open_fleet(config), CONNECT_LIMIT_S)
-        except TimeoutError:
-            print(f"lifeline: no router or robot answers at {config.endpoint}", file=sys.stderr)
-            return EXIT_NOT_RUNNING
+        except TimeoutError as error:
+            raise NotRunningError(f"no router or robot answers at {config.endpoint}") from error
         try:
             return await work(stop, Robots(fleet, config.endpoint, expected), fleet)
         finally:
             await fleet.close()
 
-    run_process("lifeline", main)
+    run_command(main)
 
 
 def list_robots(config: BusConfig, expected: Sequence[str], *, as_json: bool) -> NoReturn:
@@ -208,8 +205,7 @@ def watch_robots(config: BusConfig, expected: Sequence[str], *, as_json: bool) -
             robots.look()
             return [robots.by_name[name] for name in sorted(robots.by_name)]
 
-        with suppress(BrokenPipeError):  # the reader of the lines has ended, such as `head`
-            await (show_lines(stop, feeds) if as_json else show_live(stop, feeds, config.endpoint))
+        await (show_lines(stop, feeds) if as_json else show_live(stop, feeds, config.endpoint))
         return 0
 
     _run(config, expected, work)

@@ -15,11 +15,10 @@ from prometheus_client.registry import Collector
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.listen import bracketed, cannot_listen, is_loopback, parse_listen
-from deploy.stack.reach import run_connected
+from deploy.stack.reach import run_command, run_connected
 from lifeline.watch.metrics_account import Account, Timing
 from wire import topics
 from wire.bus import Bus, wait_until
-from wire.host.process import run_process
 from wire.stamp import parse_stamp
 from wire.topics import Topic
 
@@ -161,8 +160,7 @@ def metrics(launch: Launch, listen: str) -> NoReturn:
         await run_connected(launch.bus, stop, lambda bus: _count(bus, ledger, stop))
         return 0
 
-    # No process waits for this command's liveliness token: it has none.
-    run_process("lifeline", main)
+    run_command(main)
 
 
 async def _count(bus: Bus, ledger: Ledger, stop: asyncio.Event) -> None:

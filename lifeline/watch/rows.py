@@ -8,7 +8,15 @@ from typing import Any, NamedTuple
 from rich.table import Table
 from rich.text import Text
 
-from deploy.stack.formatting import COLOURS, HEARD_LIMIT_S, mode_name, nearest, number, speed
+from deploy.stack.formatting import (
+    COLOURS,
+    HEARD_LIMIT_S,
+    mode_name,
+    nearest,
+    number,
+    speed,
+    status_json,
+)
 from wire.messages import Odometry, SafetyStatus, Twist
 from wire.text import printable
 
@@ -80,26 +88,13 @@ def _link(robot: Watched, age_s: float | None, now_s: float) -> str:
 
 def to_json(row: Row, unix_time_s: float) -> str:
     """Format a row as one line of JSON; unknown values are null."""
-    status, twist = row.status, row.twist
-    causes, latched = status.causes_and_latched() if status else (None, None)
     document: dict[str, Any] = {
         "unix_time_s": round(unix_time_s, 3),
         "robot": f"{row.namespace}@{row.endpoint}",
         "namespace": row.namespace,
         "endpoint": row.endpoint,
-        "up": status is not None,
-        "mode": row.mode,
-        "reasons": None if causes is None or latched is None else [*causes, *latched],
-        "causes": causes,
-        "latched": latched,
-        "detail": status.detail if status else None,
-        "owner": status.owner if status else None,
-        "warning": status.warning if status else None,
-        "alarm": status.alarm if status else None,
-        "linear_m_s": number(twist.linear.x if twist else None),
-        "angular_rad_s": number(twist.angular.z if twist else None),
-        "nearest_m": number(status.nearest_m if status else None),
-        "nearest_bearing_rad": number(status.nearest_bearing_rad if status else None),
+        "up": row.status is not None,
+        **status_json(row.status, row.twist),
         "status_age_s": number(row.status_age_s),
         "link": row.link,
     }

@@ -14,10 +14,10 @@ from rich.table import Table
 
 from deploy.stack.errors import EXIT_NOT_RUNNING, DeployError
 from deploy.stack.launch import Launch
+from deploy.stack.reach import run_command
 from lifeline.watch.rows import Lines, Row, Watched, row_at, table, to_json
 from wire import topics
 from wire.bus import Bus, BusError, Subscription, wait_until
-from wire.host.process import run_process
 from wire.messages import Odometry, SafetyStatus
 from wire.zenoh.bus import BusConfig, open_bus
 
@@ -100,8 +100,6 @@ def watch(robots: Sequence[Launch], *, as_json: bool, once: bool) -> NoReturn:
             if once:
                 return await _once(stop, feeds, as_json=as_json)
             await (show_lines if as_json else show_live)(stop, lambda: feeds)
-        except BrokenPipeError:  # the reader of the lines has ended, such as `head`
-            return 0
         finally:
             for task in tasks:
                 task.cancel()
@@ -109,8 +107,7 @@ def watch(robots: Sequence[Launch], *, as_json: bool, once: bool) -> NoReturn:
         return 0
 
     as_json = wants_lines(as_json=as_json)
-    # No process waits for this command's liveliness token: it has none.
-    run_process("lifeline", main)
+    run_command(main)
 
 
 async def _once(stop: asyncio.Event, feeds: Sequence[Feed], *, as_json: bool) -> int:
