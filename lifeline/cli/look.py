@@ -182,7 +182,7 @@ def view(
 ) -> None:
     """Show the robot in Rerun: hull, lidars, seen space, velocities, mode and reasons."""
     require("view")
-    from lifeline.incidents.files import directory_of, find
+    from lifeline.incidents.incident import directory_of, find
     from lifeline.view.show import Wanted, view
 
     if what is None or what.endswith(".mcap"):

@@ -46,7 +46,7 @@ def _on_this_computer(*, config: Config = None, state_dir: StatePath = None) -> 
 def incidents_list(robot: Robot, *, as_json: Json = False) -> int:
     """List all incidents: time, reasons, owner, speed at the stop, stopping distance, and nearest distance."""
     from lifeline.incidents.commands import show_list
-    from lifeline.incidents.files import directory_of
+    from lifeline.incidents.incident import directory_of
 
     return show_list(directory_of(robot.launch, robot.state), as_json=as_json)
 
@@ -66,7 +66,7 @@ def incidents_show(
 ) -> int:
     """Show the seconds around a stop as a table and as plots. Exit 1 if a part of the file cannot be read."""
     from lifeline.incidents.commands import show
-    from lifeline.incidents.files import directory_of, find
+    from lifeline.incidents.incident import directory_of, find
 
     return show(find(directory_of(robot.launch, robot.state), incident), seconds, as_json=as_json)
 
@@ -84,7 +84,7 @@ def incidents_export(
     Exit 1 if a part of the black box cannot be read.
     """
     from lifeline.incidents.commands import export
-    from lifeline.incidents.files import directory_of, find
+    from lifeline.incidents.incident import directory_of, find
 
     black_box = find(directory_of(robot.launch, robot.state), incident)
     return export(black_box, file, robot.launch.bus.namespace, as_json=as_json)

@@ -14,8 +14,7 @@ from rich.text import Text
 
 from deploy.stack.errors import DeployError
 from deploy.stack.formatting import COLOURS, nearest
-from lifeline.incidents.files import black_boxes, id_of
-from lifeline.incidents.incident import IncidentError, messages
+from lifeline.incidents.incident import IncidentError, black_boxes, id_of, messages
 from lifeline.incidents.plot import Series, plot
 from lifeline.incidents.summary import Incident, Sample, read_incident
 from lifeline.recording.reader import Recorded, RecordingError, RecordingWriter, exists
@@ -125,7 +124,7 @@ def show(path: Path, seconds: float, *, as_json: bool) -> int:
     console.print(_summary(incident))
     if incident.samples:
         console.print()
-        console.print(_table(incident.samples))
+        console.print(table_of(rows_of(incident.samples, ROW_S)))
         for drawing in _plots(incident, min(console.width, MAX_WIDTH), turns=_is_turn(incident.samples)):
             console.print()
             console.print(drawing)
@@ -168,18 +167,20 @@ def _is_turn(samples: Sequence[Sample]) -> bool:
     )
 
 
-def _rows(samples: Sequence[Sample]) -> Iterator[Sample]:
-    """Yield the first sample of each phase, and of each `ROW_S` within it, unless it repeats the one before.
+def rows_of(samples: Sequence[Sample], period_s: float) -> list[Sample]:
+    """Return the first sample of each phase, and of each period within it, unless it repeats the one before.
 
     The stop at time zero begins a phase.
     """
+    rows: list[Sample] = []
     last: Sample | None = None
     for _, phase in groupby(samples, key=lambda sample: (sample.time_s >= 0.0, *_outline(sample))):
-        for _, grid in groupby(phase, key=lambda sample: sample.time_s // ROW_S):
+        for _, grid in groupby(phase, key=lambda sample: sample.time_s // period_s):
             sample = next(grid)
             if last is None or not _repeats(sample, last):
-                yield sample
+                rows.append(sample)
             last = sample
+    return rows
 
 
 def _outline(sample: Sample) -> tuple[str, str]:
@@ -202,8 +203,9 @@ def _velocities(sample: Sample) -> Iterator[Velocity]:
         yield sample.measured
 
 
-def _table(samples: Sequence[Sample]) -> Table:
-    turns = any(abs(rate) >= TURN_RAD_S for sample in samples for rate in _turn_rates(sample))
+def table_of(rows: Sequence[Sample]) -> Table:
+    """Return the table of some samples; of very many, the first ones."""
+    turns = any(abs(rate) >= TURN_RAD_S for sample in rows for rate in _turn_rates(sample))
     table = Table(box=None, pad_edge=False)
     table.add_column("s", justify="right", no_wrap=True)
     table.add_column("mode", no_wrap=True)
@@ -211,7 +213,6 @@ def _table(samples: Sequence[Sample]) -> Table:
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("reasons", overflow="fold")
     table.add_row("", "", *["m/s, rad/s" if turns else "m/s"] * 3, "m", "", style="dim")
-    rows = list(_rows(samples))
     for sample in rows[:MAX_ROWS]:
         velocities = (sample.commanded, sample.permitted, sample.measured)
         table.add_row(

@@ -1,4 +1,4 @@
-"""A black box as ROS messages, so that tools for recordings open it. Pure.
+"""Finds a black box by its name, and reads it as ROS messages, so that tools for recordings open it.
 
 The names of the topics are those of the wire. The file holds what the law read, therefore:
 
@@ -17,14 +17,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from deploy.stack.errors import DeployError
+from deploy.stack.launch import Launch
+from deploy.stack.statedir import StateDir
 from lifeline.recording.reader import Recorded
+from supervisor.blackbox.file import OURS, SUFFIX
 from supervisor.blackbox.reader import FARTHEST_S, BlackBoxError, BlackBoxReader, Step, Stop
+from supervisor.config import SupervisorSection
 from supervisor.law.model import Command, LawConfig, Odometry
 from supervisor.law.reckoning import Odometer, reckon
 from supervisor.law.scan import LaserScan
 from supervisor.messages import HEADER_EPOCH, to_status, to_twist
 from wire import messages as ros
 from wire.freshness import Sent
+from wire.host.config import ConfigError, absolute
+from wire.text import printable
 from wire.topics import CMD_VEL, ESTOP, ODOM, STATUS, Topic, lidar_scan, source_cmd_vel
 
 REORDER_S = 1.0
@@ -176,3 +182,69 @@ def _topic_of(name: str) -> Topic[ros.LaserScan]:
         return lidar_scan(name)
     except ValueError as error:
         raise BlackBoxError(f"the lidar's topic {name!r:.80} {error}") from error
+
+
+LAST = "last"
+
+
+def directory_of(launch: Launch, state: StateDir) -> Path:
+    """Return the directory of the black boxes.
+
+    Raises:
+        DeployError: the configuration is refused.
+    """
+    configured = launch.section("supervisor", SupervisorSection).black_box_dir
+    try:
+        return state.path / "blackbox" if configured is None else absolute(Path(configured))
+    except ConfigError as error:
+        raise DeployError(str(error)) from error
+
+
+def black_boxes(directory: Path) -> list[Path]:
+    """Return the black boxes in a directory in order of time; none if there is no directory.
+
+    Raises:
+        DeployError: the directory cannot be read.
+    """
+    try:
+        return sorted(path for path in directory.iterdir() if OURS.fullmatch(path.name))
+    except FileNotFoundError:
+        return []
+    except OSError as error:
+        raise DeployError(
+            f"cannot read {directory} ({error.strerror}): name another with --state-dir"
+        ) from error
+
+
+def find(directory: Path, name: str) -> Path:
+    """Return the black box with a name, a unique beginning of a name, the path of a file, or the last one.
+
+    Args:
+        directory: of the black boxes.
+        name: as the operator wrote it; the path of a file may be of any type.
+
+    Raises:
+        DeployError: there is none, or there are several.
+    """
+    if "/" in name or Path(name).is_file():
+        return Path(name)
+    paths = black_boxes(directory)
+    if name == LAST and paths:
+        return paths[-1]
+    wanted = name.removesuffix(SUFFIX)
+    found = [path for path in paths if id_of(path) == wanted] or [
+        path for path in paths if path.name.startswith(wanted)
+    ]
+    if len(found) == 1:
+        return found[0]
+    if not found:
+        some = f"{len(paths)} incidents, none of which is {printable(name)!r}" if paths else "no incidents"
+        raise DeployError(f"{directory} has {some}: see `lifeline incidents list`")
+    raise DeployError(
+        f"{len(found)} incidents begin with {printable(name)!r}, such as {id_of(found[0])} and {id_of(found[-1])}: "
+        "give more characters"
+    )
+
+
+def id_of(path: Path) -> str:
+    return path.name.removesuffix(SUFFIX)

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 from deploy.stack.formatting import number
 from lifeline.incidents.braking import Braking, Motion, braking
-from lifeline.incidents.incident import IncidentError
-from supervisor.blackbox.file import SUFFIX
+from lifeline.incidents.incident import IncidentError, id_of
 from supervisor.blackbox.reader import BlackBoxError, BlackBoxReader, Step, Stop
+from supervisor.law.model import Decision
 from supervisor.law.reckoning import Odometer, Pose, Velocity, reckon, where
 from supervisor.messages import to_status
 from wire.message_types import MODES
@@ -78,10 +78,6 @@ class Incident:
     """Why a part of the file cannot be read; empty if it is complete."""
 
     @property
-    def id(self) -> str:
-        return self.path.name.removesuffix(SUFFIX)
-
-    @property
     def reasons(self) -> tuple[str, ...]:
         """The reasons of all stops, in order of time."""
         return tuple(dict.fromkeys(printable(reason) for stop in self.stops for reason in stop.reasons))
@@ -101,7 +97,7 @@ class Incident:
         """Return the summary; a value is None if it is unknown."""
         at, velocity, rest = self.at_stop, self.velocity, self.braking
         return {
-            "id": self.id,
+            "id": id_of(self.path),
             "file": str(self.path),
             "utc": f"{self.stops[0].utc}Z",
             "reasons": list(self.reasons),
@@ -144,7 +140,7 @@ def read_incident(path: Path, before_s: float = BEFORE_S) -> Incident:
             if len(samples) == MAX_STEPS:
                 raise IncidentError(f"{path} has more than {MAX_STEPS:,} steps: choose a shorter time")
             motion.follow(step)
-            samples.append(_sample(step, stop_s, motion.velocity))
+            samples.append(sample_of(step.now_s - stop_s, step.decision, motion.velocity))
     except BlackBoxError as error:
         problem = str(error)
     shown = tuple(sample for sample in samples if sample.time_s >= -before_s)
@@ -187,12 +183,12 @@ class _Motion:
         return motion
 
 
-def _sample(step: Step, stop_s: float, measured: Velocity | None) -> Sample:
-    decision = step.decision
+def sample_of(time_s: float, decision: Decision, measured: Velocity | None) -> Sample:
+    """Return the sample of a step at a time since the first stop, with the last velocity of odometry."""
     return Sample(
-        step.now_s - stop_s,
+        time_s,
         MODES[decision.mode],
-        to_status(decision, step.now_s).why(),
+        to_status(decision, time_s).why(),
         decision.owner,
         decision.commanded,
         decision.output,

@@ -14,7 +14,7 @@ from typer.testing import CliRunner, Result
 from deploy.stack.errors import DeployError
 from lifeline.cli.app import app
 from lifeline.incidents import commands as incidents
-from lifeline.incidents.files import find
+from lifeline.incidents.incident import find
 from lifeline.recording.reader import RecordingReader, RecordingWriter
 from tests.unit.lifeline.inspection.test_incident import stopped
 from tests.unit.lifeline.inspection.test_incident_summary import lost_at

@@ -148,7 +148,7 @@ def test_a_second_stop_has_its_time_and_reasons(tmp_path: Path) -> None:
     incident = read_incident(writer.paths[0])
     assert incident.reasons[:2] == ("SOURCE_LOST", "ESTOP")
     assert incident.to_json()["stops"][1]["time_s"] == pytest.approx(2 * TICK_S)
-    assert incident.id.endswith("Z-ESTOP")
+    assert incident.to_json()["id"].endswith("Z-ESTOP")
 
 
 def test_a_truncated_file_is_read_as_far_as_it_goes(tmp_path: Path) -> None:
