@@ -105,7 +105,7 @@ class Look:
             else None,
         }
         if self.ros2:
-            document["ros2"] = [report.to_json() for report in self.ros2]
+            document["ros2"] = [report._asdict() for report in self.ros2]
         return json.dumps(document, indent=2)
 
 

@@ -5,7 +5,7 @@ Any client may write this topic, so the texts are made printable and bounded, an
 
 from enum import StrEnum
 from itertools import islice
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from wire.messages import DiagnosticArray, DiagnosticStatus
 from wire.text import printable
@@ -39,10 +39,6 @@ class Report(NamedTuple):
     message: str
     values: dict[str, str]
     """Such as `guards` and `hold_s` of a source."""
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the report as JSON values."""
-        return self._asdict()
 
 
 def reports_of(array: DiagnosticArray) -> tuple[Report, ...]:

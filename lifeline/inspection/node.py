@@ -67,15 +67,9 @@ def _table(nodes: Iterable[Node]) -> Table:
 
 
 def uptime(duration_s: float) -> str:
-    """Return a duration as `12 s`, `3 min 20 s`, `5 h 03 min` or `2 d 4 h`."""
+    """Return a duration in hours, minutes and seconds: `5:03:20`."""
     seconds = max(0, int(duration_s))
-    if seconds < 60:
-        return f"{seconds} s"
-    if seconds < 3600:
-        return f"{seconds // 60} min {seconds % 60:02d} s"
-    if seconds < 86400:
-        return f"{seconds // 3600} h {seconds // 60 % 60:02d} min"
-    return f"{seconds // 86400} d {seconds // 3600 % 24} h"
+    return f"{seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
 
 
 def show_info(launch: Launch, name: str, seconds: float, *, as_json: bool) -> NoReturn:

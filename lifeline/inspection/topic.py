@@ -45,13 +45,11 @@ class Entry:
         }
 
 
-def entries(
-    known: dict[str, Topic[Any]], robot: Robot, nodes: Sequence[Node], traffic: Traffic
-) -> list[Entry]:
+def entries(robot: Robot, nodes: Sequence[Node], traffic: Traffic) -> list[Entry]:
     """Return all known topics, then all other keys that are declared or were heard."""
     declared = {key for node in nodes for key in node.session.writes if "*" not in key}
-    others = sorted((declared | set(traffic.keys)) - set(known))
-    return [_entry(key, robot.topic(key), nodes, traffic.keys.get(key)) for key in (*known, *others)]
+    others = sorted((declared | set(traffic.keys)) - set(robot.known))
+    return [_entry(key, robot.topic(key), nodes, traffic.keys.get(key)) for key in (*robot.known, *others)]
 
 
 def _entry(key: str, topic: Topic[Any] | None, nodes: Sequence[Node], heard: KeyTraffic | None) -> Entry:
@@ -77,7 +75,7 @@ def show_list(launch: Launch, seconds: float, *, as_json: bool) -> NoReturn:
 
     async def body(robot: Robot) -> int:
         traffic, nodes = await robot.traffic(seconds), await robot.nodes()
-        found = entries(robot.known, robot, nodes, traffic)
+        found = entries(robot, nodes, traffic)
         if as_json:
             print(json.dumps([entry.to_json() for entry in found], indent=2))
         else:
@@ -93,12 +91,11 @@ def _list_table(found: Iterable[Entry]) -> Table:
         table.add_column(name, overflow="fold")
     table.add_column("Hz", justify="right")
     for entry in found:
-        is_wrong = bool(entry.permitted) and entry.permitted != ANYONE and len(entry.writers) > 1
         table.add_row(
             Text(printable(entry.key)),
             entry.type.rpartition("/")[2] or Text("unknown", style="dim"),
             entry.permitted or Text("foreign", style="dim"),
-            Text(printable(", ".join(entry.writers)), style="bold red" if is_wrong else ""),
+            Text(printable(", ".join(entry.writers)), style="bold red" if _problem(entry) else ""),
             "" if math.isnan(entry.rate_hz) else f"{entry.rate_hz:.1f}",
         )
     return table

@@ -10,25 +10,7 @@ import pyarrow as pa
 import rerun as rr
 import rerun.blueprint as rrb
 
-from lifeline.view.scene import (
-    ANGULAR,
-    BASE,
-    CAUSES,
-    DISTANCE,
-    LATCHED,
-    LINEAR,
-    LOG,
-    MEASURED,
-    MODE,
-    MODE_COLOURS,
-    ODOM,
-    PERMITTED,
-    REQUESTED,
-    SCANS,
-    STOP_RING,
-    TRAIL,
-    WARNING_RING,
-)
+from lifeline.view import scene
 from lifeline.view.shapes import (
     Area,
     Floats,
@@ -56,9 +38,9 @@ LEVELS = {
 }
 NO_STATE: Any = pa.array([None], pa.utf8())  # pyright: ignore[reportUnknownVariableType] - no stubs
 SERIES = {
-    REQUESTED: (WARNING_RING, 3.5),
-    PERMITTED: (MODE_COLOURS["DRIVING"], 2.5),
-    MEASURED: ((235, 238, 242, 255), 1.2),
+    scene.REQUESTED: (scene.WARNING_RING, 3.5),
+    scene.PERMITTED: (scene.MODE_COLOURS["DRIVING"], 2.5),
+    scene.MEASURED: ((235, 238, 242, 255), 1.2),
 }
 """Colour and width of each velocity's line."""
 
@@ -111,20 +93,22 @@ class RerunLog:
 
     def _begin(self) -> None:
         self._stream.send_recording_name(self._name)
-        self._stream.log(ODOM, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        for parent, unit in ((LINEAR, "m/s"), (ANGULAR, "rad/s")):
+        self._stream.log(scene.ODOM, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        for parent, unit in ((scene.LINEAR, "m/s"), (scene.ANGULAR, "rad/s")):
             for name, (colour, width) in SERIES.items():
                 line = rr.SeriesLines(colors=[colour], widths=[width], names=[f"{name} [{unit}]"])
                 self._stream.log(f"{parent}/{name}", line, static=True)
         for name, colour, width in (
-            ("nearest", TRAIL, 2.5),
-            ("warning", WARNING_RING, 1.2),
-            ("stop", STOP_RING, 1.2),
+            ("nearest", scene.TRAIL, 2.5),
+            ("warning", scene.WARNING_RING, 1.2),
+            ("stop", scene.STOP_RING, 1.2),
         ):
             line = rr.SeriesLines(colors=[colour], widths=[width], names=[f"{name} [m]"])
-            self._stream.log(f"{DISTANCE}/{name}", line, static=True)
-        modes = rr.StateConfiguration(values=list(MODE_COLOURS), colors=list(MODE_COLOURS.values()))
-        self._stream.log(MODE, modes, static=True)
+            self._stream.log(f"{scene.DISTANCE}/{name}", line, static=True)
+        modes = rr.StateConfiguration(
+            values=list(scene.MODE_COLOURS), colors=list(scene.MODE_COLOURS.values())
+        )
+        self._stream.log(scene.MODE, modes, static=True)
 
 
 def _archetype(one: Primitive) -> tuple[str, rr.AsComponents]:
@@ -156,7 +140,7 @@ def _archetype(one: Primitive) -> tuple[str, rr.AsComponents]:
 
 def _path(name: str) -> str:
     """Return the entity of a path whose first part is a frame: all frames are below `odom`."""
-    return name if name.partition("/")[0] == ODOM else f"{ODOM}/{name}"
+    return name if name.partition("/")[0] == scene.ODOM else f"{scene.ODOM}/{name}"
 
 
 def _raised(points_m: Floats, height_m: float) -> Floats:
@@ -191,7 +175,7 @@ def layout(*, follows: bool) -> rrb.Blueprint:
         rrb.Horizontal(
             rrb.Vertical(
                 rrb.Spatial3DView(
-                    origin=ODOM,
+                    origin=scene.ODOM,
                     name="Robot",
                     background=(13, 17, 23),
                     line_grid=rrb.LineGrid3D(spacing=1.0, color=(120, 130, 145, 60)),
@@ -200,11 +184,11 @@ def layout(*, follows: bool) -> rrb.Blueprint:
                         look_target=(0.0, 0.0, 0.0),
                         eye_up=(0.0, 0.0, 1.0),
                         # Only an entity with a shape can be followed.
-                        tracking_entity=f"{ODOM}/{BASE}/outline",
+                        tracking_entity=f"{scene.ODOM}/{scene.BASE}/outline",
                     ),
                 ),
                 rrb.TextLogView(
-                    origin=LOG,
+                    origin=scene.LOG,
                     name="Log",
                     columns=rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"]),
                 ),
@@ -213,13 +197,19 @@ def layout(*, follows: bool) -> rrb.Blueprint:
             rrb.Vertical(
                 rrb.StateTimelineView(
                     origin="/",
-                    contents=[MODE, CAUSES, LATCHED, f"{SCANS}/**"],
+                    contents=[scene.MODE, scene.CAUSES, scene.LATCHED, f"{scene.SCANS}/**"],
                     name="Mode, reasons, scans",
                     time_ranges=recent,
                 ),
-                plot(LINEAR, "Forward velocity", -1.1, 1.1, rrb.Corner2D.LeftBottom),
-                plot(ANGULAR, "Turn rate", -2.2, 2.2, rrb.Corner2D.LeftBottom),
-                plot(DISTANCE, "Distance of the nearest point from the hull", 0.0, 2.0, rrb.Corner2D.LeftTop),
+                plot(scene.LINEAR, "Forward velocity", -1.1, 1.1, rrb.Corner2D.LeftBottom),
+                plot(scene.ANGULAR, "Turn rate", -2.2, 2.2, rrb.Corner2D.LeftBottom),
+                plot(
+                    scene.DISTANCE,
+                    "Distance of the nearest point from the hull",
+                    0.0,
+                    2.0,
+                    rrb.Corner2D.LeftTop,
+                ),
                 row_shares=(2, 2, 2, 2),
             ),
             column_shares=(5, 4),

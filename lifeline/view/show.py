@@ -127,13 +127,14 @@ class Shown:
             return f"writing {out}; press Ctrl-C to end"
         if self._wanted.web:
             address, own_port = log.serve(self._wanted.port + 1), window.free_port()
-            server = window.serve_page(own_port, address)
+            server = window.Viewer("--serve-web", "--web-viewer-port", str(own_port), address)
             self._at_end.callback(server.close)
             files = window.files_of(server, own_port)
             server.close()
             shown = window.serve(files, self._wanted.port, address)
             return f"open {shown} in a browser on this machine; press Ctrl-C to end"
-        self._viewer = window.open_window(log.serve(window.free_port()))
+        address = log.serve(window.free_port())
+        self._viewer = window.Viewer(address, "--port", "auto", "--hide-welcome-screen")
         self._at_end.callback(self._viewer.close)
         return "showing the view in Rerun; close its window or press Ctrl-C to end"
 

@@ -190,16 +190,6 @@ def check_display() -> None:
         )
 
 
-def open_window(data_address: str) -> Viewer:
-    """Open the viewer's window for the data at an address."""
-    return Viewer(data_address, "--port", "auto", "--hide-welcome-screen")
-
-
-def serve_page(port: int, data_address: str) -> Viewer:
-    """Start Rerun's own server of the web page on a port of this machine."""
-    return Viewer("--serve-web", "--web-viewer-port", str(port), data_address)
-
-
 def files_of(server: Viewer, port: int) -> dict[str, File]:
     """Return the files of the page that a server serves.
 

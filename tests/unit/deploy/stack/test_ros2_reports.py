@@ -15,7 +15,7 @@ def status(name: str, level: int = 0, message: str = "", **values: str) -> Diagn
 def test_a_report_has_the_name_of_its_topic_its_level_and_its_values() -> None:
     found = reports_of(array(status("lifeline: source joy", 1, "no program", hold_s="0.6")))
     assert found == (Report("source joy", Level.WARN, "no program", {"hold_s": "0.6"}),)
-    assert found[0].to_json() == {
+    assert found[0]._asdict() == {
         "name": "source joy",
         "level": "warn",
         "message": "no program",
