@@ -249,6 +249,11 @@ def check_endpoint_is_free(endpoint: str) -> None:
 
 def free_loopback_endpoint() -> str:
     """Return an endpoint on a free port of the loopback interface."""
+    return f"tcp/127.0.0.1:{free_port()}"
+
+
+def free_port() -> int:
+    """Return a port of the loopback interface that is free at present."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+        return int(probe.getsockname()[1])

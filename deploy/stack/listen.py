@@ -2,10 +2,9 @@
 
 import errno
 import re
-from contextlib import suppress
-from ipaddress import ip_address
 
 from deploy.stack.errors import DeployError
+from wire import tls
 
 MAX_PORT = 65535
 
@@ -50,6 +49,4 @@ def bracketed(host: str) -> str:
 
 def is_loopback(host: str) -> bool:
     """Return whether only programs of this machine can connect to a server on this host."""
-    with suppress(ValueError):
-        return ip_address(host).is_loopback
-    return host == "localhost"
+    return tls.is_loopback(f"tcp/{bracketed(host)}:0")

@@ -19,11 +19,11 @@ from PIL import Image
 from rerun.experimental import ViewerClient
 
 from bench.rig.terminal import end
-from deploy.stack.launch import free_loopback_endpoint
+from deploy.stack.launch import free_loopback_endpoint, free_port
 from lifeline.recording.reader import Recorded, RecordingReader
 from lifeline.view.rerun_log import TIMELINE, RerunLog
 from lifeline.view.scene import read_source
-from lifeline.view.window import LOOPBACK, Viewer, free_port
+from lifeline.view.window import LOOPBACK, Viewer
 from supervisor.config import SupervisorSection
 from wire import topics
 from wire.zenoh.bus import BusConfig, open_bus

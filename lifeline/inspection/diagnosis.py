@@ -72,9 +72,8 @@ class Terminal:
 class Observed:
     """What doctor has observed. A field keeps its default if its observation was not possible."""
 
-    versions: dict[str, str | None] = field(default_factory=dict[str, str | None])
-    """By package; None: not installed."""
-    python: tuple[int, int] = (3, 11)
+    versions: dict[str, str] = field(default_factory=dict[str, str])
+    """By package."""
     config_path: str = ""
     config_problem: str = ""
     """Why the configuration is refused."""
@@ -118,19 +117,8 @@ def diagnose(seen: Observed) -> list[Finding]:
 
 
 def _versions(seen: Observed) -> Iterator[Finding]:
-    missing = [name for name, version in seen.versions.items() if version is None]
-    if seen.python < (3, 11):
-        version = ".".join(map(str, seen.python))
-        yield problem("python", f"this is Python {version}", "install Python 3.11 or newer")
-    if missing:
-        yield problem(
-            "packages",
-            f"not installed: {', '.join(missing)}",
-            "run `make setup` in a checkout, or install Lifeline again",
-        )
-    elif seen.versions:
-        shown = ", ".join(f"{name} {version}" for name, version in seen.versions.items())
-        yield ok("packages", shown)
+    if seen.versions:
+        yield ok("packages", ", ".join(f"{name} {version}" for name, version in seen.versions.items()))
 
 
 def _configuration(seen: Observed) -> Iterator[Finding]:

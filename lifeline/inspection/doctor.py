@@ -72,8 +72,7 @@ async def _examine(
 def _at_rest(launch: Launch, state: StateDir) -> Observed:
     """Observe what needs no connection."""
     seen = Observed(
-        versions={name: _version(name) for name in PACKAGES},
-        python=sys.version_info[:2],
+        versions={name: importlib.metadata.version(name) for name in PACKAGES},
         config_path=str(launch.config),
         endpoint=launch.bus.endpoint,
         drive=launch.drive,
@@ -105,13 +104,6 @@ def _ros2_problem(launch: Launch) -> str:
     except DeployError as error:
         return str(error)
     return ""
-
-
-def _version(package: str) -> str | None:
-    try:
-        return importlib.metadata.version(package)
-    except importlib.metadata.PackageNotFoundError:
-        return None
 
 
 def _port_problem(endpoint: str) -> tuple[str, int | None]:

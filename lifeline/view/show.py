@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from deploy.stack.errors import DeployError
-from deploy.stack.launch import Launch
+from deploy.stack.launch import Launch, free_port
 from deploy.stack.reach import reach, run_command
 from lifeline.recording.reader import Recorded
 from lifeline.view import window
@@ -126,14 +126,14 @@ class Shown:
                 raise DeployError(f"cannot write {out} ({error}): choose another file") from error
             return f"writing {out}; press Ctrl-C to end"
         if self._wanted.web:
-            address, own_port = log.serve(self._wanted.port + 1), window.free_port()
+            address, own_port = log.serve(self._wanted.port + 1), free_port()
             server = window.Viewer("--serve-web", "--web-viewer-port", str(own_port), address)
             self._at_end.callback(server.close)
             files = window.files_of(server, own_port)
             server.close()
             shown = window.serve(files, self._wanted.port, address)
             return f"open {shown} in a browser on this machine; press Ctrl-C to end"
-        address = log.serve(window.free_port())
+        address = log.serve(free_port())
         self._viewer = window.Viewer(address, "--port", "auto", "--hide-welcome-screen")
         self._at_end.callback(self._viewer.close)
         return "showing the view in Rerun; close its window or press Ctrl-C to end"

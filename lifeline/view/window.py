@@ -204,13 +204,6 @@ def files_of(server: Viewer, port: int) -> dict[str, File]:
     raise DeployError("Rerun's web viewer did not start: use --out FILE.rrd")
 
 
-def free_port() -> int:
-    """Return a port of this machine that is free at present."""
-    with socket.socket() as found:
-        found.bind((LOOPBACK, 0))
-        return int(found.getsockname()[1])
-
-
 def check_port(port: int) -> None:
     """Check that a port of this machine is free.
 

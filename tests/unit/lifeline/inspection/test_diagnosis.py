@@ -85,7 +85,7 @@ def test_every_problem_names_what_to_do() -> None:
     for seen in (
         Observed(endpoint="tcp/127.0.0.1:1"),
         running(nodes=[], traffic=Traffic(), status=None),
-        running(status=status, versions={"zenoh": None}, python=(3, 9)),
+        running(status=status),
         running(config_problem="robot.toml: [bus] is wrong"),
     ):
         for finding in problems(seen):
@@ -95,8 +95,6 @@ def test_every_problem_names_what_to_do() -> None:
 @pytest.mark.parametrize(
     ("fields", "check", "words"),
     [
-        ({"versions": {"eclipse-zenoh": None}}, "packages", "eclipse-zenoh"),
-        ({"python": (3, 10)}, "python", "3.10"),
         ({"config_problem": "r.toml: [bus] endpoint is refused"}, "configuration", "endpoint is refused"),
         ({"state_problem": "/x is not writable"}, "state directory", "/x is not writable"),
         ({"is_connected": False}, "supervisor", "nothing listens on tcp/127.0.0.1:7447"),

@@ -1,4 +1,4 @@
-"""The environment in which the viewer connects to no other host."""
+"""The environment in which the viewer, and the policy with which its page, connect to no other host."""
 
 import json
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from deploy.stack.errors import DeployError
-from lifeline.view.window import check_display, silent
+from lifeline.view.window import check_display, policy, silent
 
 
 def test_the_viewers_own_configuration_disables_analytics(tmp_path: Path) -> None:
@@ -28,3 +28,11 @@ def test_without_a_display_the_other_ways_are_named(monkeypatch: pytest.MonkeyPa
         check_display()
     monkeypatch.setenv("WAYLAND_DISPLAY", "wayland-0")
     check_display()
+
+
+def test_the_page_may_connect_to_its_data_and_nowhere_else() -> None:
+    rules = dict(rule.split(" ", 1) for rule in policy(9091).split("; "))
+    assert rules["connect-src"] == "'self' http://127.0.0.1:9091 http://localhost:9091"
+    assert rules["default-src"] == "'none'"
+    hosts = [place for rule in rules.values() for place in rule.split() if "//" in place]
+    assert hosts == ["http://127.0.0.1:9091", "http://localhost:9091"]
