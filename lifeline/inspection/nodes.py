@@ -10,10 +10,11 @@ A program that writes without declaring a publisher does not appear here; its sa
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import PurePath
-from typing import Any, cast
+from typing import Any
 
 from lifeline.inspection.keys import matches
 from lifeline.inspection.sockets import Process
@@ -21,6 +22,8 @@ from wire import topics
 from wire.zenoh.local_socket import pid_in
 
 KINDS = ("publisher", "subscriber", "queryable", "token")
+UNREADABLE = (ValueError, RecursionError, TypeError, KeyError, AttributeError, IndexError)
+"""What a report of an unexpected form raises."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +58,7 @@ def network_of(report: Mapping[str, bytes]) -> Network:
     hub = _hub(report)
     if hub is None:
         return Network("", ())
-    hub_id, prefix, document = hub
-    address = dict(_addresses(document))
+    hub_id, prefix, address = hub
     declared: dict[str, dict[str, set[str]]] = {kind: {} for kind in KINDS}
     for entry, payload in report.items():
         kind, _, key = entry.removeprefix(f"{prefix}/").partition("/")
@@ -71,51 +73,33 @@ def network_of(report: Mapping[str, bytes]) -> Network:
     return Network(hub_id, tuple(sessions))
 
 
-def _hub(report: Mapping[str, bytes]) -> tuple[str, str, dict[str, Any]] | None:
-    """Return the hub's id, the prefix of its entries, and its own entry."""
+def _hub(report: Mapping[str, bytes]) -> tuple[str, str, dict[str, str]] | None:
+    """Return the hub's id, the prefix of its entries, and by session the address of the client's end of the link."""
     for entry, payload in report.items():
         parts = entry.split("/")
-        document = _object(payload) if len(parts) == 3 else {}
-        if "sessions" in document and document.get("locators"):
-            return parts[1], entry, document
+        if len(parts) == 3:
+            with suppress(*UNREADABLE):
+                document: Any = json.loads(payload)
+                linked = [session for session in document["sessions"] if session["links"]]
+                addresses = {
+                    str(one["peer"]): str(one["links"][0]["dst"]).partition("/")[2] for one in linked
+                }
+                if document["locators"]:
+                    return parts[1], entry, addresses
     return None
 
 
-def _addresses(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield each connected session's id and the address of its end of the link."""
-    for session in _list(document.get("sessions")):
-        links = _list(_dict(session).get("links"))
-        locators = [str(_dict(link).get("dst", "")) for link in links]
-        if locators:
-            yield str(_dict(session).get("peer", "")), locators[0].partition("/")[2]
-
-
-def _declarers(payload: bytes, hub_id: str) -> Iterator[str]:
-    """Yield the sessions that declare an entry's key.
+def _declarers(payload: bytes, hub_id: str) -> list[str]:
+    """Return the sessions that declare an entry's key.
 
     The hub names itself among the peers whenever it forwards a client's declaration, and among the clients where it
     declares the key itself.
     """
-    document = _object(payload)
-    for group in ("routers", "peers", "clients"):
-        for session_id in _list(document.get(group)):
-            if group == "clients" or session_id != hub_id:
-                yield str(session_id)
-
-
-def _object(payload: bytes) -> dict[str, Any]:
-    try:
-        return _dict(json.loads(payload))
-    except (ValueError, RecursionError):
-        return {}
-
-
-def _dict(value: object) -> dict[str, Any]:
-    return cast("dict[str, Any]", value) if isinstance(value, dict) else {}
-
-
-def _list(value: object) -> list[Any]:
-    return cast("list[Any]", value) if isinstance(value, list) else []
+    with suppress(*UNREADABLE):
+        document: Any = json.loads(payload)
+        others = [one for one in (*document["routers"], *document["peers"]) if one != hub_id]
+        return [str(one) for one in (*others, *document["clients"])]
+    return []
 
 
 @dataclass(frozen=True, slots=True)

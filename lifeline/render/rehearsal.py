@@ -4,8 +4,9 @@ It uses the plant of `python -m sim` and the law of `python -m supervisor`, with
 Messages arrive without delay.
 """
 
+import math
 from collections.abc import Iterator
-from enum import Enum, auto
+from typing import NamedTuple
 
 from sim.overlay import Mode, Shown
 from sim.pace import Every
@@ -28,12 +29,22 @@ REST_S = 1.3
 BACK_S = 1.6
 
 
-class _Act(Enum):
-    WAIT = auto()
-    AHEAD = auto()
-    REST = auto()
-    BACK = auto()
-    DONE = auto()
+class _Act(NamedTuple):
+    """What the operator commands until a time has passed, or until an obstacle has stopped the robot."""
+
+    velocity: Velocity
+    longest_s: float
+    ends_at_obstacle: bool = False
+
+
+ACTS = (
+    _Act(STANDSTILL, READY_S),
+    _Act(Velocity(FORWARD_M_S, 0.0), math.inf, ends_at_obstacle=True),
+    # At rest the key is still held, so that the picture shows why the robot is stopped.
+    _Act(Velocity(FORWARD_M_S, 0.0), REST_S),
+    _Act(Velocity(BACK_M_S, 0.0), BACK_S, ends_at_obstacle=True),
+    _Act(STANDSTILL, math.inf),
+)
 
 
 class Operator:
@@ -44,33 +55,16 @@ class Operator:
     """
 
     def __init__(self, *, drives: bool = True) -> None:
-        self._act = _Act.WAIT if drives else _Act.DONE
+        self._act = 0 if drives else len(ACTS) - 1
         self._since_s = 0.0
 
     def wants(self, now_s: float, decision: Decision | None) -> Velocity:
         """Return the velocity commanded now, given the law's last decision."""
-        for_s = now_s - self._since_s
+        act = ACTS[self._act]
         at_obstacle = decision is not None and StopReason.OBSTACLE in decision.reasons
-        match self._act:
-            case _Act.WAIT if for_s >= READY_S:
-                self._go_on(_Act.AHEAD, now_s)
-            case _Act.AHEAD if at_obstacle:
-                self._go_on(_Act.REST, now_s)
-            case _Act.REST if for_s >= REST_S:
-                self._go_on(_Act.BACK, now_s)
-            case _Act.BACK if for_s >= BACK_S or at_obstacle:
-                self._go_on(_Act.DONE, now_s)
-            case _:
-                pass
-        # At rest the key is still held, so that the picture shows why the robot is stopped.
-        return {
-            _Act.AHEAD: Velocity(FORWARD_M_S, 0.0),
-            _Act.REST: Velocity(FORWARD_M_S, 0.0),
-            _Act.BACK: Velocity(BACK_M_S, 0.0),
-        }.get(self._act, STANDSTILL)
-
-    def _go_on(self, act: _Act, now_s: float) -> None:
-        self._act, self._since_s = act, now_s
+        if now_s - self._since_s >= act.longest_s or (act.ends_at_obstacle and at_obstacle):
+            self._act, self._since_s = self._act + 1, now_s
+        return ACTS[self._act].velocity
 
 
 class Rehearsal:
