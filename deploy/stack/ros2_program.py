@@ -48,7 +48,10 @@ def interpreter(config: Path) -> Path:
         named = ros2.python
         if named is None and ros2.rmw == "zenoh":
             return Path(sys.executable)
-        python = _default() if named is None else config.parent / _expanded(named)
+        root = checkout()
+        python = None if root is None else root / ".ros2" / "bin" / "python"
+        if named is not None:
+            python = config.parent / (absolute(Path(named)) if named.startswith("~") else named)
     except ConfigError as error:
         raise DeployError(str(error)) from error
     if python is None or not os.access(python, os.X_OK):
@@ -61,16 +64,6 @@ def interpreter(config: Path) -> Path:
     if installed:
         raise DeployError(f"ROS 2 is not set up in this shell: run `. {installed[0]}/setup.sh` first")
     return python
-
-
-def _expanded(named: str) -> Path:
-    """Return the path with `~` replaced; a relative path stays relative."""
-    return absolute(Path(named)) if named.startswith("~") else Path(named)
-
-
-def _default() -> Path | None:
-    root = checkout()
-    return None if root is None else root / ".ros2" / "bin" / "python"
 
 
 def unused_ros(variables: Mapping[str, str], present: Mapping[str, str], all_ros: Path) -> list[Path]:

@@ -20,7 +20,6 @@ from rerun.experimental import ViewerClient
 
 from bench.rig.terminal import end
 from deploy.stack.launch import free_loopback_endpoint, free_port
-from lifeline.recording.reader import Recorded, RecordingReader
 from lifeline.view.rerun_log import TIMELINE, RerunLog
 from lifeline.view.scene import read_source
 from lifeline.view.window import LOOPBACK, Viewer
@@ -90,15 +89,13 @@ async def cover(endpoint: str) -> None:
 
 def write(recording: Path, shown: Path) -> int:
     """Write the recording for Rerun in the layout of a running robot; return the time of its last message [ns]."""
-    source = read_source(recording, SupervisorSection(), "robot")
-    log = RerunLog(source.name, follows=True)
+    scene, recorded = read_source(recording, SupervisorSection(), "robot")
+    log = RerunLog(recording.name, follows=True)
     log.save(shown)
-    log.fixed(source.scene.fixed())
-    messages: list[Recorded] = list(RecordingReader(recording).messages())
+    log.fixed(scene.fixed())
+    messages = list(recorded)
     for message in messages:
-        log.log(
-            message.log_time_ns, source.scene.draw(message.topic, message.log_time_ns * 1e-9, message.payload)
-        )
+        log.log(message.log_time_ns, scene.draw(message.topic, message.log_time_ns * 1e-9, message.payload))
     log.close()
     return messages[-1].log_time_ns
 

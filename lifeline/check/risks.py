@@ -174,10 +174,9 @@ def ros2_risks(ros2: Ros2Section, config: SupervisorSection) -> Iterator[Risk]:
         )
     default_s = Ros2Section().command_timeout_s
     if ros2.command_timeout_s > default_s:
-        distance_m = config.max_linear_m_s * ros2.command_timeout_s
         yield Risk(
             f"[ros2] command_timeout_s = {ros2.command_timeout_s:g}",
-            f"The base may drive {distance_m:.2f} m after the supervisor hangs.",
+            f"The base may drive {_way(config, ros2.command_timeout_s)} m after the supervisor hangs.",
         )
     for source in ros2.sources:
         if source.hold_s is not None:

@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -288,32 +288,24 @@ def _level(status: SafetyStatus, mode: str) -> Level:
     return Level.WARN if status.warning or mode == "LIMITED" else Level.INFO
 
 
-class Source(NamedTuple):
-    """The messages of a file, in order of time, and the scene that draws them."""
-
-    name: str
-    scene: Scene
-    messages: Iterator[Recorded]
-
-
 def scene_of(config: SupervisorSection, namespace: str) -> Scene:
     """Return the scene of a robot with this configuration."""
     topics = [lidar_scan(lidar.topic) for lidar in config.all_lidars()]
     return Scene(config.law(), topics, namespace)
 
 
-def read_source(path: Path, config: SupervisorSection, namespace: str) -> Source:
-    """Open a recording or a black box; a black box brings its own configuration.
+def read_source(path: Path, config: SupervisorSection, namespace: str) -> tuple[Scene, Iterator[Recorded]]:
+    """Return the scene that draws a recording or a black box, which brings its own configuration, and its messages.
 
     Raises:
         DeployError: the file cannot be read, or is neither.
     """
     if not path.name.endswith(SUFFIX):
-        return Source(path.name, scene_of(config, namespace), RecordingReader(path).messages())
+        return scene_of(config, namespace), RecordingReader(path).messages()
     try:
         reader = BlackBoxReader(path)
         topics = [lidar_scan(topic) for topic in reader.lidar_topics]
         scene = Scene(reader.law, topics, namespace)
     except (BlackBoxError, ValueError) as error:
         raise IncidentError(str(error)) from error
-    return Source(path.name, scene, incident.messages(path, namespace))
+    return scene, incident.messages(path, namespace)

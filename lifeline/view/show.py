@@ -52,7 +52,8 @@ def view(wanted: Wanted, launch: Launch) -> NoReturn:
     if wanted.file is None:
         name, scene, recorded = launch.bus.namespace, scene_of(config, launch.bus.namespace), None
     else:
-        name, scene, recorded = read_source(wanted.file, config, launch.bus.namespace)
+        name = wanted.file.name
+        scene, recorded = read_source(wanted.file, config, launch.bus.namespace)
     if wanted.out is None and not wanted.web:
         window.check_display()
     if wanted.web:

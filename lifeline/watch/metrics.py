@@ -44,10 +44,6 @@ class Ledger(Collector):
             families = list(metrics_at(self.account, self.timings, time.monotonic()))
         yield from families
 
-    def describe(self) -> list[Metric]:
-        """Return nothing: registration then does not collect."""
-        return []
-
 
 def _label(topic: Topic[Any]) -> str:
     """Return the last part of the key: status, scan, odom or cmd_vel."""
