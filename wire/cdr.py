@@ -20,6 +20,7 @@ MAX_PADDING = 3
 TRUE = LITTLE_ENDIAN + b"\1"
 """The payload of a `std_msgs/msg/Bool` that is true."""
 _TWIST = struct.Struct("<4s6d")
+_VELOCITY = struct.Struct("<6d")
 _POSE_BYTES = (7 + 36) * 8
 _COVARIANCE_BYTES = 36 * 8
 
@@ -70,9 +71,12 @@ class Reader:
         return struct.unpack(f"<{code}", self.raw(size, size))[0]
 
     def text(self) -> str:
-        text = self.raw(self.value("I"))
-        if not text.endswith(b"\0"):
-            raise ValueError("a string does not end with a zero byte")
+        length_at = self._at + -self._at % 4
+        begin = length_at + 4
+        self._at = begin + int.from_bytes(self._body[length_at:begin], "little")
+        text = self._body[begin : self._at]
+        if self._at > len(self._body) or not text.endswith(b"\0"):
+            raise ValueError("a string ends too early, or without a zero byte")
         return text[:-1].decode()
 
     def frame_id(self) -> str:
@@ -81,7 +85,7 @@ class Reader:
         return self.text()
 
     def twist(self) -> tuple[float, ...]:
-        return struct.unpack("<6d", self.raw(48, 8))
+        return _VELOCITY.unpack(self.raw(_VELOCITY.size, 8))
 
     def end(self) -> None:
         if len(self._body) - self._at > MAX_PADDING:
@@ -143,12 +147,11 @@ def unpack_motion(payload: bytes) -> Motion | None:
         reader = Reader(payload)
         frame_id = reader.frame_id()
         reader.text()
-        reader.raw(_POSE_BYTES, 8)
-        x, *_, yaw = reader.twist()
-        reader.raw(_COVARIANCE_BYTES)
+        body = reader.raw(_POSE_BYTES + _VELOCITY.size + _COVARIANCE_BYTES, 8)
         reader.end()
     except ValueError:
         return None
+    x, _, _, _, _, yaw = _VELOCITY.unpack_from(body, _POSE_BYTES)
     return Motion(frame_id, x, yaw)
 
 
@@ -158,7 +161,7 @@ def twist_of(payload: bytes, *, stamped: bool) -> bytes | None:
         reader = Reader(payload)
         if stamped:
             reader.frame_id()
-        values = reader.raw(48, 8)
+        values = reader.raw(_VELOCITY.size, 8)
         reader.end()
     except ValueError:
         return None
