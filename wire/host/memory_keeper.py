@@ -14,7 +14,6 @@ import ctypes
 import gc
 import os
 import signal
-import sys
 import threading
 import time
 from contextlib import suppress
@@ -86,12 +85,10 @@ class MemoryKeeper:
     def __init__(self) -> None:
         self._pid: int | None = None
         self._over = False
-        if sys.platform != "linux":
-            return
         libc = ctypes.CDLL(None)
         try:
             sleep = _sleep(libc)
-        except AttributeError:  # the C library lacks a function
+        except AttributeError:  # another system, or the C library lacks a function
             return
         if sleep is None:
             return

@@ -51,10 +51,3 @@ def test_where_it_cannot_be_done_there_is_no_keeper_and_nothing_else_happens(
     keeper.end()
     assert descriptors() == before
     assert gc.isenabled()
-
-
-def test_on_another_system_there_is_no_keeper(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sys.platform", "darwin")
-    keeper = MemoryKeeper()
-    assert keeper.pid is None
-    keeper.end()
