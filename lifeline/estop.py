@@ -8,8 +8,8 @@ from typing import NoReturn
 from deploy.stack.errors import EXIT_NOT_RUNNING, DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.reach import NotRunningError, Observer, reach
-from teleop.station.face import Look, headline, picture
 from teleop.station.service import Station
+from teleop.station.state import Look, headline, picture
 from teleop.terminal import Terminal, is_dumb, is_terminal
 from wire import topics
 from wire.host.config import NAME

@@ -20,9 +20,8 @@ from lifeline.command import StatusLine
 from lifeline.recording.reader import Recorded, RecordingReader
 from teleop.config import TeleopSection
 from teleop.holder import HeldError, about_this_process
-from teleop.path.course import Path, PathError, Pose, Poses, TrackError, placed, seen_from, to_path
+from teleop.path.course import Path, PathError, Pose, Poses, TrackError, placed, seen_from, to_path, to_poses
 from teleop.path.pursuit import Limits
-from teleop.path.recording import to_poses
 from teleop.path.service import SOURCE, Drive, Ending, PathService, Plan
 from wire import topics
 from wire.messages import Odometry, UndecodableError, decode

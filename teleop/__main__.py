@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from typing import NoReturn
+from typing import NoReturn, get_args
 
 from teleop.config import Mode, TeleopSection, robot_of
 from teleop.controls import command_for, help_lines, key_help, legend
@@ -204,7 +204,7 @@ def _pilot(options: Options) -> Pilot | None:
     ramp = Ramp(config.acceleration_m_s2, config.angular_acceleration_rad_s2)
     match options.setup.control:
         case Control.INCREMENTAL:
-            return Incremental(Setpoint(config.to_steps(), config.level), ramp)
+            return Incremental(Setpoint(config.step(), config.most(), config.level), ramp)
         case Control.HOLD:
             speed = Velocity(config.hold_linear_m_s, config.hold_angular_rad_s)
             return Hold(speed, config.most(), ramp, config.level)
@@ -287,7 +287,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--mode",
-        choices=[mode.value for mode in Mode],
+        choices=get_args(Mode),
         help="incremental: each key press changes the speed by one step; hold: the robot moves while a key is held; "
         f"gamepad: the robot moves while the dead-man button is held (default: {defaults.mode})",
     )

@@ -1,11 +1,9 @@
 """The values of robot.toml in use: `[teleop]`, `[teleop.gamepad]`, and the robot in the picture."""
 
-from enum import StrEnum
-from typing import Annotated, Any, cast
+from typing import Annotated, Any, Literal, cast
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from teleop.incremental import Steps
 from teleop.pilot import LEVELS, Velocity
 from teleop.view import Robot
 from wire import topics
@@ -69,21 +67,14 @@ CommandRate = Annotated[float, Between(2.0, 200.0)]
 RoundTripLimit = Annotated[float, Between(0.2, 10.0)]
 LinearStep = Annotated[float, Between(0.001, 1.0)]
 AngularStep = Annotated[float, Between(0.001, 3.2)]
-
-
-class Mode(StrEnum):
-    """Control mode of the operator."""
-
-    INCREMENTAL = "incremental"
-    HOLD = "hold"
-    GAMEPAD = "gamepad"
+Mode = Literal["incremental", "hold", "gamepad"]
 
 
 class TeleopSection(Section):
     """Name and rate of this command source, speeds, steps and control mode."""
 
     source: FreeName = topics.TELEOP
-    mode: Annotated[Mode, Field(strict=False)] = Mode.INCREMENTAL
+    mode: Mode = "incremental"
     rate_hz: CommandRate = 20.0
     round_trip_limit_s: RoundTripLimit = 0.5
     linear_step_m_s: LinearStep = 0.1
@@ -97,10 +88,9 @@ class TeleopSection(Section):
     hold_angular_rad_s: TurnRate = 1.0
     gamepad: GamepadSection = GamepadSection()
 
-    def to_steps(self) -> Steps:
-        return Steps(
-            self.linear_step_m_s, self.angular_step_rad_s, self.max_linear_m_s, self.max_angular_rad_s
-        )
+    def step(self) -> Velocity:
+        """Step of each velocity at the highest speed level."""
+        return Velocity(self.linear_step_m_s, self.angular_step_rad_s)
 
     def most(self) -> Velocity:
         """Maximum velocity at the highest speed level."""

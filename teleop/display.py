@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from teleop.view import Control, Line, Segment, Tone, View, columns_of, plain
-from wire.messages import SafetyStatus, SourceStatus, Twist
+from wire.messages import SafetyStatus, Twist
 from wire.reasons import words_of
 from wire.text import bearing_in_words
 
@@ -42,13 +42,6 @@ def is_silent(view: View) -> bool:
     return view.status is not None and not view.status_age_s <= SILENT_AFTER_S
 
 
-def lateness(round_trip_s: float, limit_s: float) -> str:
-    """Return how late the robot answers, as the beginning of a sentence."""
-    if math.isinf(round_trip_s):
-        return "the robot has not answered a command yet"
-    return f"the robot answers after {round_trip_s:.2f} s, and the limit is {limit_s:g} s"
-
-
 def news(view: View) -> News:
     """Return the texts for the mode, its cause and the next step."""
     status = view.status
@@ -62,9 +55,8 @@ def news(view: View) -> News:
     match status.mode:
         case SafetyStatus.STOPPED:
             return _stopped(view, status)
-        case _ if view.is_late:
-            what = lateness(view.round_trip_s, view.round_trip_limit_s)
-            return News("LATE", what, "no motion is sent: wait, or use a faster link", Tone.STOP)
+        case _ if view.lateness:
+            return News("LATE", view.lateness, "no motion is sent: wait, or use a faster link", Tone.STOP)
         case SafetyStatus.READY:
             return _ready(view, status)
         case SafetyStatus.DRIVING:
@@ -139,7 +131,7 @@ def _detail(status: SafetyStatus) -> str:
 
 def _silent_s(status: SafetyStatus) -> float:
     """Return the age [s] of the owner's last command; NaN if unknown."""
-    owner = _source(status, status.owner)
+    owner = status.source(status.owner)
     return math.nan if owner is None else owner.age_s
 
 
@@ -170,7 +162,7 @@ def _driving(view: View, status: SafetyStatus) -> tuple[str, str]:
         return f"{owner} drives", ""
     if status.owner in ("", view.source):
         return "as requested", "SPACE is the emergency stop"
-    own, other = view.own, _source(status, status.owner)
+    own, other = view.own, status.source(status.owner)
     if own is not None and other is not None and own.priority > other.priority:
         return f"{owner} drives, not you", "command motion to take over; SPACE is the emergency stop"
     return f"{owner} drives, not you", "it must stop first; SPACE is the emergency stop"
@@ -183,10 +175,6 @@ def _limited(view: View, status: SafetyStatus) -> News:
     if who != "as requested":
         return News("LIMITED", f"{who}; {what}", step, Tone.CAUTION)
     return News("LIMITED", what, "steer away from it, or slow down", Tone.CAUTION)
-
-
-def _source(status: SafetyStatus, name: str) -> SourceStatus | None:
-    return next((source for source in status.sources if source.name == name), None)
 
 
 # --- the display of one line
@@ -241,8 +229,8 @@ def _news(view: View, omega: str, *, short: bool = False) -> Segment:
     match status.mode:
         case SafetyStatus.STOPPED:
             return Segment(_stopped_line(status, view, short=short), Tone.STOP)
-        case _ if view.is_late:
-            return Segment(f"LATE: {lateness(view.round_trip_s, view.round_trip_limit_s)}", Tone.STOP)
+        case _ if view.lateness:
+            return Segment(f"LATE: {view.lateness}", Tone.STOP)
         case SafetyStatus.READY:
             return Segment(f"READY{who}", Tone.GOOD)
         case SafetyStatus.DRIVING:

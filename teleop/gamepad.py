@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
 from typing import NamedTuple, assert_never
 
+from teleop.config import GamepadSection
 from teleop.keys import level_of
 from teleop.pilot import LEVELS, NEUTRAL, KeyEvent, KeyKind, Velocity
 
@@ -25,6 +26,14 @@ SETTLE_S = 0.5
 """Time after connecting in which a press does not count: a driver knows the pad's state only after its first report, so
 the button may have been held before."""
 STOP_KEY = "s"
+_LABELS = {
+    "BTN_SOUTH": "A/cross",
+    "BTN_EAST": "B/circle",
+    "BTN_TL": "LB/L1",
+    "BTN_TR": "RB/R1",
+    "BTN_TL2": "LT/L2",
+    "BTN_TR2": "RT/R2",
+}
 
 
 class PadEvent(NamedTuple):
@@ -62,23 +71,14 @@ class PadState(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Axes and buttons of the pad, and the velocity at full deflection."""
+    """The configuration of a pad, Linux's codes for the names of its axes and buttons, and the velocity at full deflection."""
 
+    section: GamepadSection
     forward_axis: int
     turn_axis: int
     dead_man: int
     turbo: int
-    dead_man_name: str
-    turbo_name: str
-    max_linear_m_s: float
-    max_angular_rad_s: float
-    forward_inverted: bool = True
-    turn_inverted: bool = True
-    dead_zone: float = 0.15
-    normal_share: float = 0.5
-    turbo_share: float = 1.0
-    silence_limit_s: float = 2.0
-    pulse_limit_s: float = 0.5
+    most: Velocity
 
     @property
     def axes(self) -> tuple[int, int]:
@@ -87,6 +87,11 @@ class Layout:
     @property
     def buttons(self) -> tuple[int, int]:
         return self.dead_man, self.turbo
+
+
+def label_of(button: str) -> str:
+    """Return the label of a button on most pads; its name if it has none."""
+    return _LABELS.get(button, button)
 
 
 def deflection(axis: Axis, dead_zone: float) -> float:
@@ -200,15 +205,16 @@ class Gamepad:
     def wanted(self) -> Velocity:
         if self.phase is not Phase.DRIVING:
             return NEUTRAL
-        layout, limit = self.layout, self.limit
-        forward = self._deflection(layout.forward_axis, inverted=layout.forward_inverted)
-        turn = self._deflection(layout.turn_axis, inverted=layout.turn_inverted)
+        layout, section, limit = self.layout, self.layout.section, self.limit
+        forward = self._deflection(layout.forward_axis, inverted=section.forward_inverted)
+        turn = self._deflection(layout.turn_axis, inverted=section.turn_inverted)
         return Velocity(forward * limit.linear_m_s, turn * limit.angular_rad_s)
 
     @property
     def limit(self) -> Velocity:
-        share = self._share
-        return Velocity(share * self.layout.max_linear_m_s, share * self.layout.max_angular_rad_s)
+        section = self.layout.section
+        share = section.turbo_share if self.layout.turbo in self._pressed else section.normal_share
+        return self.layout.most.scaled(share * self.level / LEVELS)
 
     def let_go(self) -> None:
         if self.phase in (Phase.CENTRE, Phase.DRIVING):
@@ -219,33 +225,28 @@ class Gamepad:
         """Return the time at which a silent pad ends the hold."""
         if self.wanted().is_neutral:
             return math.inf
-        layout = self.layout
-        return self._alive_s + (layout.silence_limit_s if self._pulse_s is None else layout.pulse_limit_s)
+        section = self.layout.section
+        return self._alive_s + (section.silence_limit_s if self._pulse_s is None else section.pulse_limit_s)
 
     @property
     def note(self) -> str:
-        layout = self.layout
+        section = self.layout.section
+        dead_man = label_of(section.dead_man_button)
         match self.phase:
             case Phase.ABSENT | Phase.LOST:
                 return f"stopped: {self._why}"
             case Phase.LET_GO:
-                return f"{self._why}: let go of {layout.dead_man_name}, then hold it"
+                return f"{self._why}: let go of {dead_man}, then hold it"
             case Phase.READY:
-                return f"{self.name}: hold {layout.dead_man_name} to drive, {layout.turbo_name} is turbo"
+                return f"{self.name}: hold {dead_man} to drive, {label_of(section.turbo_button)} is turbo"
             case Phase.CENTRE:
                 return "centre the stick first"
             case Phase.DRIVING:
-                return f"driving while {layout.dead_man_name} is held"
+                return f"driving while {dead_man} is held"
             case _:
                 assert_never(self.phase)
 
     # --- internal
-
-    @property
-    def _share(self) -> float:
-        layout = self.layout
-        share = layout.turbo_share if layout.turbo in self._pressed else layout.normal_share
-        return share * self.level / LEVELS
 
     @property
     def _alive_s(self) -> float:
@@ -254,10 +255,10 @@ class Gamepad:
 
     @property
     def _is_centred(self) -> bool:
-        return not any(deflection(axis, self.layout.dead_zone) for axis in self._axes.values())
+        return not any(deflection(axis, self.layout.section.dead_zone) for axis in self._axes.values())
 
     def _deflection(self, code: int, *, inverted: bool) -> float:
-        value = deflection(self._axes[code], self.layout.dead_zone)
+        value = deflection(self._axes[code], self.layout.section.dead_zone)
         return -value if inverted and value else value  # never -0.0 on the wire
 
     def _take_state(self, state: PadState, why: str) -> None:

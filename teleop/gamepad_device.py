@@ -13,7 +13,7 @@ from typing import Protocol, cast
 from teleop.config import GamepadSection
 from teleop.gamepad import Axis, Gamepad, Layout, PadEvent, PadState
 from teleop.gamepad_find import DEVICES, SYSFS, Described, GamepadError, Needed, find_gamepad, find_sensors
-from teleop.pilot import LEVELS
+from teleop.pilot import LEVELS, Velocity
 from wire.host.extras import how_to_install
 
 RETRY_PERIOD_S = 0.5
@@ -23,16 +23,6 @@ PULSE_PERIOD_S = 0.1
 PULSE_BYTES = 1 << 14
 MAX_READS = 16
 """Maximum number of reads per loop iteration, with 64 events each, so that a flood does not delay the heartbeat."""
-
-_LABELS = {
-    "BTN_SOUTH": "A/cross",
-    "BTN_EAST": "B/circle",
-    "BTN_TL": "LB/L1",
-    "BTN_TR": "RB/R1",
-    "BTN_TL2": "LT/L2",
-    "BTN_TR2": "RT/R2",
-}
-"""Labels on the buttons of most pads."""
 
 
 class InputEvent(Protocol):
@@ -101,7 +91,7 @@ def open_gamepad(
     """
     opener, codes = _evdev()
     layout = layout_of(section, codes, max_linear_m_s, max_angular_rad_s)
-    pad = GamepadDevice(section, Gamepad(layout, level), opener)
+    pad = GamepadDevice(Gamepad(layout, level), opener)
     pad.open()
     return pad
 
@@ -110,8 +100,7 @@ class GamepadDevice:
     """A gamepad on its file descriptor, and its pilot.
 
     Args:
-        section: the configuration of the device.
-        pilot: receives the events.
+        pilot: receives the events; its layout has the configuration of the device.
         opener: opens a device, with evdev or in a test.
         devices: the directory of the device files.
         sysfs: the directory of their descriptions.
@@ -119,14 +108,13 @@ class GamepadDevice:
 
     def __init__(
         self,
-        section: GamepadSection,
         pilot: Gamepad,
         opener: Opener,
         *,
         devices: Path = DEVICES,
         sysfs: Path = SYSFS,
     ) -> None:
-        self._section, self.pilot, self._opener = section, pilot, opener
+        self.pilot, self._opener = pilot, opener
         self._devices, self._sysfs = devices, sysfs
         self._name = ""
         self._pad: Device | None = None
@@ -140,7 +128,7 @@ class GamepadDevice:
         Raises:
             GamepadError: the gamepad cannot be opened; the message is one sentence.
         """
-        layout, section = self.pilot.layout, self._section
+        layout, section = self.pilot.layout, self.pilot.layout.section
         names = section.forward_axis, section.turn_axis, section.dead_man_button, section.turbo_button
         needed = Needed(layout.axes, layout.buttons, names)
         found = find_gamepad(needed, section.device, devices=self._devices, sysfs=self._sysfs)
@@ -190,7 +178,7 @@ class GamepadDevice:
         return device
 
     def _axis_names(self) -> tuple[tuple[int, str], ...]:
-        layout, section = self.pilot.layout, self._section
+        layout, section = self.pilot.layout, self.pilot.layout.section
         return (layout.forward_axis, section.forward_axis), (layout.turn_axis, section.turn_axis)
 
     # --- in the loop
@@ -322,19 +310,10 @@ def layout_of(
         return codes[name]
 
     return Layout(
-        forward_axis=code("forward_axis"),
-        turn_axis=code("turn_axis"),
-        dead_man=code("dead_man_button"),
-        turbo=code("turbo_button"),
-        dead_man_name=_LABELS.get(section.dead_man_button, section.dead_man_button),
-        turbo_name=_LABELS.get(section.turbo_button, section.turbo_button),
-        max_linear_m_s=max_linear_m_s,
-        max_angular_rad_s=max_angular_rad_s,
-        forward_inverted=section.forward_inverted,
-        turn_inverted=section.turn_inverted,
-        dead_zone=section.dead_zone,
-        normal_share=section.normal_share,
-        turbo_share=section.turbo_share,
-        silence_limit_s=section.silence_limit_s,
-        pulse_limit_s=section.pulse_limit_s,
+        section,
+        code("forward_axis"),
+        code("turn_axis"),
+        code("dead_man_button"),
+        code("turbo_button"),
+        Velocity(max_linear_m_s, max_angular_rad_s),
     )

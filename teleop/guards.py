@@ -95,9 +95,13 @@ class RoundTrip:
     The age of a command at the supervisor does not contain a delay that the link has from the start, because the clocks of
     two hosts are not compared. The status repeats the stamp of each source's newest command, so that its sender can
     measure the time until the robot obeys and the operator sees that it does (docs/decisions/0057).
+
+    Args:
+        limit_s: the maximum round trip; above it, the robot obeys too late.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, limit_s: float = 0.5) -> None:
+        self._limit_s = limit_s
         self._sent_s: dict[int, float] = {}
         """Send time [s] of the newest confirmed command and of all later ones, by the stamp [µs], the oldest first."""
         self._measured: deque[tuple[float, float]] = deque()
@@ -142,6 +146,16 @@ class RoundTrip:
         if not self._is_reported:
             return math.nan
         return min((round_trip_s for _, round_trip_s in self._measured), default=math.inf)
+
+    @property
+    def lateness(self) -> str:
+        """How late the robot answers, as the beginning of a sentence; empty within the limit."""
+        shortest_s = self.shortest_s
+        if not shortest_s > self._limit_s:
+            return ""
+        if math.isinf(shortest_s):
+            return "the robot has not answered a command yet"
+        return f"the robot answers after {shortest_s:.2f} s, and the limit is {self._limit_s:g} s"
 
 
 def _rounded_us(time_ns: int) -> int:

@@ -63,8 +63,7 @@ class Hold:
 
     @property
     def limit(self) -> Velocity:
-        share = self._level / LEVELS
-        return Velocity(*(share * most for most in self._most))
+        return self._most.scaled(self._level / LEVELS)
 
     @property
     def note(self) -> str:

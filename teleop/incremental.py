@@ -14,16 +14,6 @@ DIGITS = 9
 
 
 @dataclass(frozen=True, slots=True)
-class Steps:
-    """Step sizes and maximum velocities at the highest speed level; all above zero."""
-
-    linear_step_m_s: float = 0.1
-    angular_step_rad_s: float = 0.2
-    max_linear_m_s: float = 1.0
-    max_angular_rad_s: float = 2.0
-
-
-@dataclass(frozen=True, slots=True)
 class Setpoint:
     """Requested forward velocity and turn rate (counter-clockwise positive), changed in steps within limits.
 
@@ -31,7 +21,10 @@ class Setpoint:
     crosses zero but stops at it, even after a change of level.
     """
 
-    steps: Steps = Steps()
+    full_step: Velocity = Velocity(0.1, 0.2)
+    """Step of each velocity at the highest speed level, above zero."""
+    most: Velocity = Velocity(1.0, 2.0)
+    """Maximum of each velocity at the highest speed level, above zero."""
     level: int = LEVELS
     linear_m_s: float = 0.0
     angular_rad_s: float = 0.0
@@ -48,14 +41,12 @@ class Setpoint:
     @property
     def step(self) -> Velocity:
         """Step of each velocity at this speed level."""
-        share = self.level / LEVELS
-        return Velocity(share * self.steps.linear_step_m_s, share * self.steps.angular_step_rad_s)
+        return self.full_step.scaled(self.level / LEVELS)
 
     @property
     def limit(self) -> Velocity:
         """Maximum of each velocity at this speed level."""
-        share = self.level / LEVELS
-        return Velocity(share * self.steps.max_linear_m_s, share * self.steps.max_angular_rad_s)
+        return self.most.scaled(self.level / LEVELS)
 
     def neutral(self) -> "Setpoint":
         return replace(self, linear_m_s=0.0, angular_rad_s=0.0)

@@ -10,11 +10,24 @@ A SPACE and a Ctrl-C are always recognised: as plain bytes, they are not part of
 begin with an ESC, which ends every unfinished sequence. A stray ESC therefore never swallows the emergency stop.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from enum import Enum, StrEnum, auto
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from teleop.pilot import KeyEvent, KeyKind
+
+
+class KeySource(Protocol):
+    """Interface to a source of keys. It sets the `wake` of its user when there are keys, or when they end."""
+
+    @property
+    def ended(self) -> bool:
+        """Whether there will be no more keys."""
+        ...
+
+    def take(self) -> Sequence[KeyEvent]:
+        """Return all key events since the last call; never blocks."""
+        ...
 
 
 class Command(StrEnum):

@@ -17,6 +17,10 @@ class Velocity(NamedTuple):
     def is_neutral(self) -> bool:
         return self == NEUTRAL
 
+    def scaled(self, share: float) -> "Velocity":
+        """Return this share of both components."""
+        return Velocity(share * self.linear_m_s, share * self.angular_rad_s)
+
 
 NEUTRAL = Velocity()
 LEVELS = 5

@@ -17,10 +17,9 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 from teleop.controls import command_for, help_lines
-from teleop.display import lateness
 from teleop.guards import Refusals, RoundTrip
 from teleop.holder import SENDING_S, HeldError, Holder
-from teleop.keys import Command
+from teleop.keys import Command, KeySource
 from teleop.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity, amounts
 from teleop.rate import TOLERANCE_S, Rate, WarningBell
 from teleop.telemetry import Telemetry
@@ -40,19 +39,6 @@ RESET_TIMEOUT_S = 1.0
 MIN_GAP_S = 0.01
 """Minimum time between two commands without a key press: a gamepad's stick sends a thousand events per second."""
 KEPT_EVENTS = 50
-
-
-class KeySource(Protocol):
-    """Interface to a source of keys. It sets the `wake` of its Teleop when there are keys, or when they end."""
-
-    @property
-    def ended(self) -> bool:
-        """Whether there will be no more keys."""
-        ...
-
-    def take(self) -> Sequence[KeyEvent]:
-        """Return all key events since the last call; never blocks."""
-        ...
 
 
 class Screen(Protocol):
@@ -158,8 +144,8 @@ class Teleop:
         self._redraw = True
         self._has_rival = False
         self._has_two_supervisors = False
-        self._round_trip, self._round_trip_s = RoundTrip(), math.nan
-        self._is_late = self._is_lateness_noted = False
+        self._round_trip = RoundTrip(setup.round_trip_limit_s)
+        self._lateness, self._is_lateness_noted = "", False
         self._refusals = Refusals()
         self._start(asyncio.get_running_loop().time())
 
@@ -448,13 +434,13 @@ class Teleop:
             self._round_trip.heard(
                 status.source_time_ns(self._setup.source), self._telemetry.status_arrival_s
             )
-        self._round_trip_s = self._round_trip.shortest_s
-        if self._is_late is not (self._round_trip_s > self._setup.round_trip_limit_s):
-            self._is_late, self._is_lateness_noted, self._redraw = not self._is_late, False, True
+        was_late, self._lateness = bool(self._lateness), self._round_trip.lateness
+        if was_late is not bool(self._lateness):
+            self._is_lateness_noted, self._redraw = False, True
         self._let_go_if_late(now_s)
 
     def _let_go_if_late(self, now_s: float) -> None:
-        if self._pilot is None or not self._is_late:
+        if self._pilot is None or not self._lateness:
             return
         self._pilot.velocity(now_s)  # a pilot with held keys knows only now what it wants
         if not self._asks_for_motion():
@@ -462,8 +448,7 @@ class Teleop:
         self._let_go()
         if not self._is_lateness_noted:
             self._is_lateness_noted = True
-            late = lateness(self._round_trip_s, self._setup.round_trip_limit_s)
-            self.note(f"{late}: the setpoint is zero", Tone.STOP)
+            self.note(f"{self._lateness}: the setpoint is zero", Tone.STOP)
 
     def _look_at_own(self, status: SafetyStatus, now_s: float) -> None:
         """Handle refusals of this source in the status.
@@ -471,7 +456,7 @@ class Teleop:
         Of two programs with one name, the supervisor obeys the first one while it sends. If the supervisor refuses this
         program although it receives no other, this program begins a new epoch.
         """
-        own = next((s for s in status.sources if s.name == self._setup.source), None)
+        own = status.source(self._setup.source)
         if own is None:
             return
         if self._refusals.another_speaks(own):
@@ -537,8 +522,8 @@ class Teleop:
             max_linear_m_s=setup.most.linear_m_s,
             max_angular_rad_s=setup.most.angular_rad_s,
             status=telemetry.status,
-            round_trip_s=self._round_trip_s,
-            round_trip_limit_s=setup.round_trip_limit_s,
+            round_trip_s=self._round_trip.shortest_s,
+            lateness=self._lateness,
             status_age_s=telemetry.status_age_s(now_s),
             odom=odom,
             odom_age_s=odom_age_s,

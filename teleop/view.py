@@ -172,7 +172,8 @@ class View:
     """Time since the arrival of the newest status; the other ages are defined in the same way."""
     round_trip_s: float = math.nan
     """Time from a command to the status that confirms it; infinite before the first such status; NaN if unknown."""
-    round_trip_limit_s: float = 0.5
+    lateness: str = ""
+    """How late the robot answers, if it obeys so late that no motion is requested; otherwise empty."""
     odom: Odom | None = None
     odom_age_s: float = 0.0
     scan: Scan | None = None
@@ -189,13 +190,7 @@ class View:
     @property
     def own(self) -> SourceStatus | None:
         """This source in the supervisor's status."""
-        sources = () if self.status is None else self.status.sources
-        return next((source for source in sources if source.name == self.source), None)
-
-    @property
-    def is_late(self) -> bool:
-        """Whether the robot obeys so late that no motion is requested."""
-        return self.round_trip_s > self.round_trip_limit_s
+        return None if self.status is None else self.status.source(self.source)
 
     @property
     def is_neutral(self) -> bool:

@@ -142,6 +142,10 @@ class SafetyStatus:
             return self.causes, self.latched
         return self.reasons, []
 
+    def source(self, name: str) -> SourceStatus | None:
+        """Return the status of a source; None if there is none of this name."""
+        return next((source for source in self.sources if source.name == name), None)
+
     def source_time_ns(self, source: str) -> int | None:
         """Return the stamp [ns] of a source's newest command; 0: there is none; None: the status does not report it."""
         times = (

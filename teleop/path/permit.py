@@ -8,7 +8,7 @@ import math
 from collections import deque
 
 from teleop.view import plain
-from wire.messages import SafetyStatus, SourceStatus
+from wire.messages import SafetyStatus
 from wire.stamp import Stamp
 from wire.text import bearing_in_words
 
@@ -26,7 +26,7 @@ key press."""
 
 def what_is_missing(status: SafetyStatus, source: str) -> str | None:
     """Return why a neutral source must not begin to drive; None if it may."""
-    own = _find(status, source)
+    own = status.source(source)
     if own is None:
         return f"the supervisor ignores source {source}: add it to [supervisor] sources"
     if status.mode == SafetyStatus.STOPPED:
@@ -47,7 +47,7 @@ def what_stops(status: SafetyStatus, source: str) -> str | None:
     """
     if status.mode == SafetyStatus.STOPPED:
         return _stopped(status)
-    own = _find(status, source)
+    own = status.source(source)
     if own is not None and not own.neutral and status.owner != source:
         return f"{plain(status.owner)} took over"
     return None
@@ -64,10 +64,6 @@ def _stopped(status: SafetyStatus) -> str:
     causes, _ = status.causes_and_latched()
     where = f" ({nearest(status)})" if "OBSTACLE" in causes and nearest(status) else ""
     return plain(f"STOPPED: {status.why() or 'no reason given'}{where}")
-
-
-def _find(status: SafetyStatus, source: str) -> SourceStatus | None:
-    return next((s for s in status.sources if s.name == source), None)
 
 
 class OffBeat:

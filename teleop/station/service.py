@@ -7,12 +7,11 @@ a terminal that accepts no output changes nothing else.
 import asyncio
 import secrets
 from collections.abc import Callable
-from typing import Protocol
 
-from teleop.keys import CTRL_C
+from teleop.holder import SENDING_S
+from teleop.keys import CTRL_C, KeySource
 from teleop.pilot import KeyEvent, KeyKind
-from teleop.station.face import Look, farewell
-from teleop.station.lease import Lease, Word, pressed, received, released, sent
+from teleop.station.state import Lease, Look, Word, farewell, pressed, received, released, sent
 from wire import topics
 from wire.bus import Bus, Token, woken_by
 from wire.messages import Bool, SafetyStatus
@@ -22,19 +21,6 @@ LEAVING_KEYS = frozenset({"q", CTRL_C})
 STATUS_LIMIT_S = 1.0
 """A status that is older is not shown."""
 SHOW_PERIOD_S = 0.5
-SENDING_S = 0.05
-"""Time for sending the last message before the token is withdrawn."""
-
-
-class Keys(Protocol):
-    """The terminal's keys."""
-
-    @property
-    def ended(self) -> bool:
-        """Whether the terminal is closed."""
-        ...
-
-    def take(self) -> list[KeyEvent]: ...
 
 
 class Station:
@@ -49,7 +35,13 @@ class Station:
     """
 
     def __init__(
-        self, name: str, endpoint: str, *, keys: Keys, show: Callable[[Look], object], wake: asyncio.Event
+        self,
+        name: str,
+        endpoint: str,
+        *,
+        keys: KeySource,
+        show: Callable[[Look], object],
+        wake: asyncio.Event,
     ) -> None:
         self._name, self._endpoint = name, endpoint
         self._keys, self._show, self._wake = keys, show, wake

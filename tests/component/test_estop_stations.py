@@ -16,9 +16,8 @@ from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import MemoryRecord
 from teleop.pilot import KeyEvent
-from teleop.station.face import Look
-from teleop.station.lease import Word
 from teleop.station.service import Station
+from teleop.station.state import Look, Word
 from tests.component.rig import Rig
 from virtual.network import VirtualBus
 from wire import topics

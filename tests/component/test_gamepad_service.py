@@ -82,7 +82,7 @@ class Bench:
         self.keys, self.screen = Keys(self.wake), PaperScreen()
         self.pilot = Gamepad(LAYOUT)
         load_pad(XBOX360).put_in_sysfs(sysfs, "event3")
-        self.device = GamepadDevice(GamepadSection(), self.pilot, self._open, sysfs=sysfs)
+        self.device = GamepadDevice(self.pilot, self._open, sysfs=sysfs)
         self.commands: list[tuple[float, float]] = []
 
     def _open(self, _: Path) -> Device:
@@ -242,7 +242,7 @@ def test_a_pad_that_falls_silent_while_it_drives_is_stopped(run: Callable[[Story
     """An empty battery leaves the last state indefinitely without an event, so motion must not continue."""
 
     async def story(bench: Bench) -> None:
-        bench.pilot.layout = replace(LAYOUT, silence_limit_s=1.0)
+        bench.pilot.layout = replace(LAYOUT, section=GamepadSection(silence_limit_s=1.0))
         await bench.drive()
         await bench.until_heard(ZERO)
         await bench.stays_zero()

@@ -11,22 +11,15 @@ from pathlib import Path
 from evdev import AbsInfo, ecodes
 from evdev.eventio import EventIO
 
+from teleop.config import GamepadSection
 from teleop.gamepad import Axis, Layout, PadEvent, PadState
+from teleop.pilot import Velocity
 
 XBOX360, DUALSHOCK4, MOTION_SENSORS = "xbox360", "dualshock4", "dualshock4_motion_sensors"
 
 MAX_LINEAR_M_S, MAX_ANGULAR_RAD_S = 1.0, 2.0
 X, Y, TL, TR = ecodes.ABS_X, ecodes.ABS_Y, ecodes.BTN_TL, ecodes.BTN_TR
-LAYOUT = Layout(
-    forward_axis=Y,
-    turn_axis=X,
-    dead_man=TL,
-    turbo=TR,
-    dead_man_name="LB/L1",
-    turbo_name="RB/R1",
-    max_linear_m_s=MAX_LINEAR_M_S,
-    max_angular_rad_s=MAX_ANGULAR_RAD_S,
-)
+LAYOUT = Layout(GamepadSection(), Y, X, TL, TR, Velocity(MAX_LINEAR_M_S, MAX_ANGULAR_RAD_S))
 
 Sample = tuple[int, int, int]
 """Type, code, value."""

@@ -250,7 +250,9 @@ def test_whatever_the_status_says_the_line_fits(
 
 
 def test_a_late_answer_is_shown_instead_of_any_mode_but_a_stop() -> None:
-    late = replace(view(status(SafetyStatus.DRIVING)), round_trip_s=0.7)
+    late = replace(
+        view(status(SafetyStatus.DRIVING)), lateness="the robot answers after 0.70 s, and the limit is 0.5 s"
+    )
     assert text(render(late, 79)) == "LATE: the robot answers after 0.70 s, and the limit is 0.5 s"
     stop = replace(late, status=status(SafetyStatus.STOPPED, reasons=["ESTOP"]))
     assert "STOPPED: ESTOP" in text(render(stop, 79))

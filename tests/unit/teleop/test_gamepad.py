@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from teleop.config import GamepadSection
 from teleop.gamepad import MAX_DEAD_ZONE, SETTLE_S, Axis, Gamepad, PadEvent, PadState, Phase, deflection
 from teleop.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity
 from tests.unit.teleop.pads import (
@@ -33,7 +34,7 @@ RANGE = Axis(0, -1000, 1000)
 UP, DOWN, LEFT = -1000, 1000, -1000
 START_S = 100.0
 ARMED_S = START_S + SETTLE_S
-SILENCE_S, PULSE_S = LAYOUT.silence_limit_s, LAYOUT.pulse_limit_s
+SILENCE_S, PULSE_S = LAYOUT.section.silence_limit_s, LAYOUT.section.pulse_limit_s
 
 
 def state(*pressed: int, x: int = 0, y: int = 0) -> PadState:
@@ -142,7 +143,7 @@ def test_pushed_forward_and_to_the_left_it_drives_forward_and_turns_to_the_left(
 
 def test_axes_may_be_the_other_way_round() -> None:
     pilot = driving(y=UP, x=LEFT)
-    pilot.layout = replace(LAYOUT, forward_inverted=False, turn_inverted=False)
+    pilot.layout = replace(LAYOUT, section=GamepadSection(forward_inverted=False, turn_inverted=False))
     assert pilot.velocity(ARMED_S) == (-MAX_LINEAR_M_S / 2, -MAX_ANGULAR_RAD_S / 2)
 
 

@@ -63,7 +63,7 @@ class Desk:
         self.wake = asyncio.Event()
         self.pilot = Watched(LAYOUT)
         load_pad(name).put_in_sysfs(root, "event3", uniq="mine")
-        self.device = GamepadDevice(GamepadSection(), self.pilot, self._open, sysfs=root)
+        self.device = GamepadDevice(self.pilot, self._open, sysfs=root)
 
     def forget(self) -> None:
         """The gamepad is also gone from sysfs and will not return."""

@@ -287,6 +287,26 @@ def test_only_the_newest_unconfirmed_commands_are_kept() -> None:
     assert measure.shortest_s == pytest.approx(19.99)
 
 
+@pytest.mark.parametrize(
+    ("round_trip_s", "sentence"),
+    [
+        (0.734, "the robot answers after 0.73 s, and the limit is 0.5 s"),
+        (math.nextafter(0.5, 1.0), "the robot answers after 0.50 s, and the limit is 0.5 s"),
+        (0.5, ""),
+        (0.0, ""),
+    ],
+)
+def test_an_answer_is_late_just_after_the_limit(round_trip_s: float, sentence: str) -> None:
+    assert confirmed((0.0, round_trip_s)).lateness == sentence
+
+
+def test_no_answer_is_late_and_one_of_an_older_supervisor_is_not() -> None:
+    measure = RoundTrip()
+    assert measure.lateness == "the robot has not answered a command yet"
+    measure.heard(None, 1.2)
+    assert measure.lateness == ""
+
+
 @pytest.mark.parametrize("loss", [0.0, 0.02, 0.05, 0.1])
 def test_an_hour_over_a_link_of_300_ms_that_loses_packets_never_counts_as_too_slow(loss: float) -> None:
     random, measure = Random(1), RoundTrip()

@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from teleop.config import GamepadSection
 from teleop.controls import command_for, help_lines, help_page, key_help, legend
 from teleop.dashboard import render_dashboard
 from teleop.gamepad import Gamepad, Layout
@@ -17,7 +18,7 @@ from wire.messages import SafetyStatus
 
 NAMED_KEYS = ["up", "down", "left", "right", "home", "end", "f1", "tab", "enter", "escape", "backspace"]
 ALL_KEYS = [chr(code) for code in range(128)] + NAMED_KEYS
-LAYOUT = Layout(1, 0, 310, 311, "LB", "RB", 1.0, 2.0)
+LAYOUT = Layout(GamepadSection(), 1, 0, 310, 311, Velocity(1.0, 2.0))
 
 
 def keys_of(row: KeyHelp) -> list[str]:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from teleop.incremental import Incremental, Setpoint, Steps
+from teleop.incremental import Incremental, Setpoint
 from teleop.pilot import LEVELS, NEUTRAL, KeyEvent, KeyKind, Pilot, Ramp, Velocity
 
 
@@ -77,7 +77,7 @@ def test_the_note_names_the_step_at_the_level_and_small_steps_keep_their_digits(
     press(subject, "3")
     assert subject.note == "each press: 0.06 m/s or 0.12 rad/s"
     assert subject.limit == Velocity(0.6 * 1.0, 0.6 * 2.0)
-    small = Incremental(Setpoint(Steps(linear_step_m_s=0.025), level=3), Ramp(1.0, 4.0))
+    small = Incremental(Setpoint(Velocity(0.025, 0.2), level=3), Ramp(1.0, 4.0))
     assert small.note == "each press: 0.015 m/s or 0.12 rad/s"
 
 
@@ -123,13 +123,13 @@ def test_presses_beyond_the_limit_need_not_be_counted_back() -> None:
 
 
 def test_a_step_that_does_not_divide_the_limit_still_reaches_it_and_comes_back_to_zero() -> None:
-    start = Setpoint(Steps(linear_step_m_s=0.3, max_linear_m_s=1.0))
+    start = Setpoint(Velocity(0.3, 0.2), Velocity(1.0, 2.0))
     assert [after([UP] * presses, start).linear_m_s for presses in range(6)] == [0.0, 0.3, 0.6, 0.9, 1.0, 1.0]
     assert after([UP] * 9 + [DOWN] * 4, start).is_neutral
 
 
 def test_a_step_greater_than_the_limit_is_cut_to_it() -> None:
-    assert after([DOWN], Setpoint(Steps(linear_step_m_s=0.5, max_linear_m_s=0.2))).linear_m_s == -0.2
+    assert after([DOWN], Setpoint(Velocity(0.5, 0.2), Velocity(0.2, 2.0))).linear_m_s == -0.2
 
 
 def test_neutral_keeps_the_level() -> None:
@@ -163,17 +163,18 @@ moves = st.tuples(st.integers(-1, 1), st.integers(-1, 1))
 
 
 @given(
-    st.builds(Steps, sizes, sizes, sizes, sizes),
+    st.builds(Velocity, sizes, sizes),
+    st.builds(Velocity, sizes, sizes),
     st.lists(st.one_of(moves, st.integers(1, LEVELS)), max_size=60),
 )
 def test_it_is_within_the_limits_of_its_level_and_never_leaps_across_zero(
-    steps: Steps, actions: list[Move | int]
+    step: Velocity, most: Velocity, actions: list[Move | int]
 ) -> None:
-    setpoint = Setpoint(steps)
+    setpoint = Setpoint(step, most)
     for action in actions:
         before = setpoint
         setpoint = setpoint.at_level(action) if isinstance(action, int) else after([action], setpoint)
         share = setpoint.level / LEVELS
-        assert abs(setpoint.linear_m_s) <= share * steps.max_linear_m_s + 1e-9
-        assert abs(setpoint.angular_rad_s) <= share * steps.max_angular_rad_s + 1e-9
+        assert abs(setpoint.linear_m_s) <= share * most.linear_m_s + 1e-9
+        assert abs(setpoint.angular_rad_s) <= share * most.angular_rad_s + 1e-9
         assert all(was * now >= 0.0 for was, now in zip(before.velocity, setpoint.velocity, strict=True))

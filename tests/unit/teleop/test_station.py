@@ -4,8 +4,23 @@ import math
 
 import pytest
 
-from teleop.station.face import KEYS, LETTERS, ROWS, Look, farewell, headline, large, picture, sentence
-from teleop.station.lease import Lease, Word, pressed, received, released, sent
+from teleop.station.state import (
+    KEYS,
+    LETTERS,
+    ROWS,
+    Lease,
+    Look,
+    Word,
+    farewell,
+    headline,
+    large,
+    picture,
+    pressed,
+    received,
+    released,
+    sent,
+    sentence,
+)
 from teleop.view import Line
 from wire.lease import LEASE_S, PRESENCE_PERIOD_S
 from wire.messages import EstopLease, EstopStationStatus, SafetyStatus, header

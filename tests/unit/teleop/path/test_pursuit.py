@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from teleop.path.course import Pose, Poses, circle, placed, square, to_path, wrap
+from teleop.path.course import Pose, Poses, circle, placed, square, to_path, to_poses, wrap
 from teleop.path.pursuit import (
     HEADING_RAD,
     MAX_LOOKAHEAD_M,
@@ -21,7 +21,6 @@ from teleop.path.pursuit import (
     pursue,
     turn,
 )
-from teleop.path.recording import to_poses
 from tests.unit.teleop.path.drives import drive
 
 LIMITS = Limits(speed_m_s=0.6, turn_rad_s=1.2)

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from teleop.path.course import PathError, to_path
-from teleop.path.recording import JUMP_M, JUMP_M_S, to_poses
+from teleop.path.course import JUMP_M, JUMP_M_S, PathError, to_path, to_poses
 
 ODOM_S = 0.02
 
