@@ -84,8 +84,6 @@ class Usage:
     pid: int
     rss_bytes: int
     """Resident memory, including shared pages."""
-    uss_bytes: int
-    """Private resident memory."""
     descriptors: int
     threads: int
 
@@ -266,15 +264,10 @@ def usage(pid: int) -> Usage | None:
     """Return the resources of one of our processes, from /proc; None if it has ended."""
     process = Path(f"/proc/{pid}")
     try:
-        lines = f"{(process / 'status').read_text()}{(process / 'smaps_rollup').read_text()}".splitlines()
-        fields = {
-            name: words.split() for name, colon, words in (line.partition(":") for line in lines) if colon
-        }
-        private_kib = int(fields["Private_Clean"][0]) + int(fields["Private_Dirty"][0])
+        lines = (process / "status").read_text().splitlines()
+        fields = {name: words.split() for name, _, words in (line.partition(":") for line in lines)}
         descriptors = sum(1 for _ in (process / "fd").iterdir())
-        return Usage(
-            pid, 1024 * int(fields["VmRSS"][0]), 1024 * private_kib, descriptors, int(fields["Threads"][0])
-        )
+        return Usage(pid, 1024 * int(fields["VmRSS"][0]), descriptors, int(fields["Threads"][0]))
     except (OSError, KeyError):  # ended, or not reaped yet
         return None
 

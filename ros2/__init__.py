@@ -8,11 +8,10 @@ ros.py          the interface of the node, what discovery knows of an endpoint, 
 program.py      the command line of `python -m ros2`
 service.py      the asyncio shell between the node and the Zenoh session
 presence.py     which programs publish on the topics of the sources, and which of them are alive
-source.py       the commands of one topic, with hold and arming on request (pure)
+commands.py     the commands of one topic, with hold and arming on request; the robot's, with the base's own watchdog (pure)
 samples.py      the messages of one topic, separated by writer (pure)
 guard.py        detects the death of a publisher's process on this host
 check_base.py   measures how long the base keeps its last command
-base.py         the robot's command topic, with the base's own watchdog (pure)
 reports.py      the reports on /diagnostics and /lifeline/status; mismatches in plain words (pure)
 status.py       the beginning of a SafetyStatus, read from its bytes (pure)
 environment.py  the environment variables of a Python with rclpy (pure)

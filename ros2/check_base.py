@@ -11,7 +11,7 @@ import time
 from collections.abc import Awaitable, Callable
 
 from ros2 import ros
-from ros2.base import message
+from ros2.commands import message
 from ros2.config import Ros2Section
 from ros2.reports import clause
 from ros2.ros import Ros, twist_type

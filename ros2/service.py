@@ -16,7 +16,7 @@ from functools import partial
 from typing import Any
 
 from ros2 import ros
-from ros2.base import Base, message
+from ros2.commands import Base, Command, Source, message
 from ros2.config import Ros2Section, RosSourceSection
 from ros2.presence import Presence, Programs
 from ros2.reports import (
@@ -30,7 +30,6 @@ from ros2.reports import (
 )
 from ros2.ros import Level, Report, Ros, twist_type
 from ros2.samples import Sample, Writers
-from ros2.source import Command, Source
 from ros2.status import Status, status_of
 from wire import cdr, topics
 from wire.host.notify import Notifier

@@ -72,11 +72,6 @@ class LidarConfig(Section):
         return self.span_rad / gaps
 
     @property
-    def angle_max_rad(self) -> float:
-        """Angle of the last beam; in a full turn, one increment before the first beam."""
-        return self.angle_min_rad + (self.beams - 1) * self.angle_increment_rad
-
-    @property
     def angles_rad(self) -> NDArray[np.float64]:
         """Return the angles of all beams in the lidar's frame, shape (beams,)."""
         return self.angle_min_rad + self.angle_increment_rad * np.arange(self.beams, dtype=np.float64)

@@ -3,8 +3,7 @@
     controls.py    the keys of each control mode, and their help. Start here
     keys.py        the terminal's bytes -> keys, with releases if the terminal reports them; keys for the program itself
     pilot.py       interface of a pilot: keys and time in, a velocity out; the ramp that limits its acceleration
-    incremental.py control by steps, the default
-    hold.py        control by holding a key, which is also detected from its repeats
+    keyboard.py    control by steps, the default, or by holding a key, which is also detected from its repeats
     gamepad.py     control by a gamepad; gamepad_*.py find and read it
     guards.py      what forbids motion: refusals, two robots with one namespace, late answers, a hung terminal
     rate.py        a fixed rate without drift and without catching up; when to ring the bell for a near obstacle

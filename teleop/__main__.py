@@ -22,9 +22,8 @@ from teleop.dashboard import render_dashboard
 from teleop.display import render
 from teleop.gamepad_device import GamepadDevice, open_gamepad
 from teleop.gamepad_find import GamepadError
-from teleop.hold import Hold
 from teleop.holder import HeldError, about_this_process
-from teleop.incremental import Incremental, Setpoint
+from teleop.keyboard import Hold, Incremental, Setpoint
 from teleop.keys import Command
 from teleop.pilot import LEVELS, KeyKind, Pilot, Ramp, Velocity
 from teleop.service import Render, Setup, Teleop

@@ -1,13 +1,23 @@
 """The values of robot.toml in use: `[teleop]`, `[teleop.gamepad]`, and the robot in the picture."""
 
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal, cast
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field
 
 from teleop.pilot import LEVELS, Velocity
 from teleop.view import Robot
 from wire import topics
-from wire.host.config import Acceleration, AngularAcceleration, Between, FreeName, Section, Speed, TurnRate
+from wire.host.config import (
+    Acceleration,
+    AngularAcceleration,
+    Between,
+    Conflict,
+    FreeName,
+    Section,
+    Speed,
+    TurnRate,
+)
 
 AxisName = Annotated[str, Field(pattern=r"^ABS_[A-Z0-9_]+$")]
 ButtonName = Annotated[str, Field(pattern=r"^(BTN|KEY)_[A-Z0-9_]+$")]
@@ -39,26 +49,15 @@ class GamepadSection(Section):
     pulse_limit_s: LimitS = 0.5
     """The same for a pad with motion sensors, which send continuously."""
 
-    @field_validator("turn_axis")
-    @classmethod
-    def _is_another_axis(cls, value: str, info: ValidationInfo) -> str:
-        if value == info.data.get("forward_axis"):
-            raise ValueError("expected another axis than forward_axis")
-        return value
-
-    @field_validator("turbo_button")
-    @classmethod
-    def _is_another_button(cls, value: str, info: ValidationInfo) -> str:
-        if value == info.data.get("dead_man_button"):
-            raise ValueError("expected another button than dead_man_button")
-        return value
-
-    @field_validator("turbo_share")
-    @classmethod
-    def _is_no_less_than_normal(cls, value: float, info: ValidationInfo) -> float:
-        if value < info.data.get("normal_share", value):
-            raise ValueError("expected at least normal_share")
-        return value
+    def conflicts(self) -> Iterator[Conflict]:
+        if self.turn_axis == self.forward_axis:
+            yield Conflict(("turn_axis",), self.turn_axis, "expected another axis than forward_axis")
+        if self.turbo_button == self.dead_man_button:
+            yield Conflict(
+                ("turbo_button",), self.turbo_button, "expected another button than dead_man_button"
+            )
+        if self.turbo_share < self.normal_share:
+            yield Conflict(("turbo_share",), self.turbo_share, "expected at least normal_share")
 
 
 # At a lower rate, the supervisor would time out between two commands.

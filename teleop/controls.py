@@ -9,10 +9,8 @@ from collections.abc import Iterable, Sequence
 from itertools import zip_longest
 from typing import assert_never
 
-from teleop.gamepad import STOP_KEY
-from teleop.hold import MOTIONS, SPEEDS
-from teleop.incremental import STEPS, STOP
-from teleop.keys import COMMANDS, LEVEL_KEYS, Command, command_of, name_of
+from teleop.keyboard import MOTIONS, SPEEDS, STEPS
+from teleop.keys import COMMANDS, LEVEL_KEYS, STOP_KEY, Command, command_of, name_of
 from teleop.view import Control, KeyHelp, Line, Segment, Tone
 
 NOT_IN_HOLD = ("q", "h")
@@ -86,7 +84,7 @@ def key_help(control: Control) -> tuple[KeyHelp, ...]:
     match control:
         case Control.INCREMENTAL:
             steps = ((key, f"{_motion(*step)} by one step") for key, step in STEPS.items())
-            return (*commands, *_rows(steps), KeyHelp(STOP, "stop, and arm again"), levels)
+            return (*commands, *_rows(steps), KeyHelp(STOP_KEY, "stop, and arm again"), levels)
         case Control.HOLD:
             motions = ((key, _motion(*motion)) for key, motion in MOTIONS.items())
             stop = KeyHelp("k", "stop, like any other key")

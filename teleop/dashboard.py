@@ -31,7 +31,6 @@ MIN_COLUMNS, MIN_ROWS = 80, 24
 
 PANEL_COLUMNS, WIDE_PANEL_COLUMNS = 44, 58
 WIDE_COLUMNS = 120
-HEAD_ROWS = 2
 EVENT_ROWS = 2
 """Number of rows for events below the panel, if the panel has no room for them."""
 MAX_KEY_ROWS = 5

@@ -13,7 +13,7 @@ from enum import IntEnum, StrEnum
 from typing import NamedTuple, assert_never
 
 from teleop.config import GamepadSection
-from teleop.keys import level_of
+from teleop.keys import STOP_KEY, level_of
 from teleop.pilot import LEVELS, NEUTRAL, KeyEvent, KeyKind, Velocity
 
 EV_SYN, EV_KEY, EV_ABS = 0, 1, 3
@@ -25,7 +25,6 @@ MAX_DEAD_ZONE = 0.5
 SETTLE_S = 0.5
 """Time after connecting in which a press does not count: a driver knows the pad's state only after its first report, so
 the button may have been held before."""
-STOP_KEY = "s"
 _LABELS = {
     "BTN_SOUTH": "A/cross",
     "BTN_EAST": "B/circle",
@@ -49,7 +48,6 @@ class Button(IntEnum):
 
     RELEASED = 0
     PRESSED = 1
-    REPEATED = 2
 
 
 class Axis(NamedTuple):

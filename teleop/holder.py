@@ -42,7 +42,7 @@ class HeldError(Exception):
 
 
 class Holder:
-    """Holds a source's name for this program, from `claim` to `release`.
+    """Holds a source's name for this program, from `claim` to `leave`.
 
     Args:
         bus: its bus.
@@ -90,19 +90,15 @@ class Holder:
     def _declare_run(self) -> Token:
         return self._bus.declare_alive(self._source, self._commands.epoch)
 
-    def release(self) -> None:
-        """Withdraw the tokens, if there are any."""
-        for token in self._tokens:
-            token.withdraw()
-        self._tokens.clear()
-
     async def leave(self) -> None:
         """Withdraw the token after the zero that was just sent, so that the source is not reported as lost."""
         try:
             if self.holds:
                 await asyncio.sleep(SENDING_S)
         finally:
-            self.release()
+            for token in self._tokens:
+                token.withdraw()
+            self._tokens.clear()
 
     async def _until_nobody_else(self) -> None:
         clock = asyncio.get_running_loop().time

@@ -55,6 +55,8 @@ COMMANDS = {
     "h": Command.HELP,
 }
 """Command of each key; a control mode may use a key otherwise (controls.py)."""
+STOP_KEY = "s"
+"""Key that sets the velocity to zero in control by steps, and ends the hold of a gamepad."""
 LEVEL_KEYS = ("1", "2", "3", "4", "5")
 """Keys that select the speed level of their digit."""
 

@@ -25,7 +25,7 @@ from sim.service import SimService
 from supervisor.config import FootprintSection, SupervisorSection
 from supervisor.service import SupervisorService
 from teleop.holder import HeldError
-from teleop.incremental import Incremental, Setpoint
+from teleop.keyboard import Incremental, Setpoint
 from teleop.pilot import KeyEvent, Ramp
 from teleop.service import Setup, Teleop
 from teleop.view import Control, Line, View

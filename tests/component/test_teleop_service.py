@@ -10,9 +10,8 @@ import pytest
 
 from teleop.controls import help_lines, key_help
 from teleop.display import render
-from teleop.hold import Hold
 from teleop.holder import ASK_LIMIT_S, POLL_S, SILENT_LIMIT_S, HeldError
-from teleop.incremental import Incremental, Setpoint
+from teleop.keyboard import Hold, Incremental, Setpoint
 from teleop.keys import CTRL_C, CTRL_D, CTRL_Z
 from teleop.pilot import NEUTRAL, RAMP_PERIOD_S, KeyEvent, KeyKind, Pilot, Ramp, Velocity
 from teleop.service import MIN_GAP_S, RESET_TIMEOUT_S, SCREEN_LIMIT_S, Setup, Teleop

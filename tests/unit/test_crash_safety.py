@@ -87,7 +87,7 @@ def test_the_soak_is_told_with_what_grew_and_what_stopped_without_a_cause() -> N
     gaps = Gaps(500, 20.0, 21.5, 25.0, 0)
 
     def sample(time_s: float, *false_stops: str) -> Sample:
-        used = Usage(7, int(50e6 * (1 + time_s / 36_000)), 1, 20, 9)
+        used = Usage(7, int(50e6 * (1 + time_s / 36_000)), 20, 9)
         return Sample(
             time_s, {"supervisor": used}, gaps, gaps, {"cmd_vel": 2}, false_stops, 3, 4, time_s / 2, 0.5
         )

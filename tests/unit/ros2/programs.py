@@ -4,9 +4,9 @@ import itertools
 import math
 from dataclasses import dataclass, field, replace
 
-from ros2 import source as adapter
+from ros2 import commands as adapter
+from ros2.commands import Source
 from ros2.samples import Sample, Writers
-from ros2.source import Source
 from supervisor.law.model import Command, Decision, Inputs, Liveliness, Velocity
 from tests.unit.supervisor.law.law_harness import NEUTRAL, TICK_S, Law
 from wire import cdr

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from ros2.base import PATIENCE_S, PERIOD_S, Base, message
+from ros2.commands import PATIENCE_S, REPEAT_S, Base, message
 from ros2.config import Ros2Section
 from wire import cdr
 from wire.cdr import STANDSTILL, Planar
@@ -48,7 +48,7 @@ def test_before_any_supervisor_it_publishes_zero_at_once_and_50_times_a_second()
     assert base.due_s <= 0.0
     assert base.target(7.0, repeated=True) == STANDSTILL
     assert base.reason is BaseReason.SUPERVISOR_LOST
-    assert base.due_s == 7.0 + PERIOD_S == 7.02
+    assert base.due_s == 7.0 + REPEAT_S == 7.02
 
 
 def test_a_command_is_published_at_once_and_the_next_one_is_awaited_for_longer_than_its_period() -> None:

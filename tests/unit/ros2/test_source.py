@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ros2.source import NEUTRAL, PERIOD_S, Command
+from ros2.commands import NEUTRAL, PERIOD_S, Command
 from tests.unit.ros2.programs import PROGRAM, TIMEOUT_S, WALL_S, Program, Robot, new_source
 from tests.unit.supervisor.law.law_harness import FORWARD, TICK_S, ring
 from wire import cdr

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from deploy.stack.launch import DEFAULT_CONFIG
 from teleop.config import GamepadSection, TeleopSection, robot_of
-from teleop.incremental import Setpoint
+from teleop.keyboard import Setpoint
 from teleop.pilot import Velocity
 from teleop.view import Robot
 from wire.host.config import ConfigError, section

@@ -8,9 +8,8 @@ from teleop.config import GamepadSection
 from teleop.controls import command_for, help_lines, help_page, key_help, legend
 from teleop.dashboard import render_dashboard
 from teleop.gamepad import Gamepad, Layout
-from teleop.hold import MOTIONS, SPEEDS, Hold
-from teleop.incremental import STEPS, STOP, Incremental, Setpoint
-from teleop.keys import COMMANDS, name_of
+from teleop.keyboard import MOTIONS, SPEEDS, STEPS, Hold, Incremental, Setpoint
+from teleop.keys import COMMANDS, STOP_KEY, name_of
 from teleop.pilot import KeyEvent, Pilot, Ramp, Velocity
 from teleop.view import Control, KeyHelp, Tone, View
 from tests.unit.teleop.views import driving, over, room, stopped, text
@@ -80,7 +79,7 @@ def test_the_help_lists_the_keys_beside_a_gamepad() -> None:
 
 
 def test_the_help_lists_every_key_of_each_table() -> None:
-    assert {*STEPS, STOP, *map(name_of, COMMANDS)} <= listed(Control.INCREMENTAL)
+    assert {*STEPS, STOP_KEY, *map(name_of, COMMANDS)} <= listed(Control.INCREMENTAL)
     assert {*MOTIONS, *SPEEDS} <= listed(Control.HOLD)
 
 

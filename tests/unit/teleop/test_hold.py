@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from teleop.hold import LEAST, MIN_WINDOW_S, MOTIONS, PROOF_S, SPEEDS, WINDOW_INTERVALS, Hold, Repeats
+from teleop.keyboard import LEAST, MIN_WINDOW_S, MOTIONS, PROOF_S, SPEEDS, WINDOW_INTERVALS, Hold, Repeats
 from teleop.pilot import NEUTRAL, KeyEvent, KeyKind, Ramp, Velocity
 
 from .repeat_streams import DETECTORS, KEYBOARDS, Keyboard, observe, table

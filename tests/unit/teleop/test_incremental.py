@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from teleop.incremental import Incremental, Setpoint
+from teleop.keyboard import Incremental, Setpoint
 from teleop.pilot import LEVELS, NEUTRAL, KeyEvent, KeyKind, Pilot, Ramp, Velocity
 
 

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from teleop.controls import command_for, legend
-from teleop.hold import MOTIONS, SPEEDS
+from teleop.keyboard import MOTIONS, SPEEDS
 from teleop.keys import (
     CTRL_BACKSLASH,
     CTRL_C,
