@@ -24,6 +24,7 @@ from teleop.display import SILENT_AFTER_S, News, is_silent, news, render, reques
 from teleop.pilot import LEVELS, amounts
 from teleop.top_view import Scale, draw_top_view, scale_of
 from teleop.view import Control, KeyHelp, Line, Segment, Tone, View, columns_of, plain
+from wire.messages import yaw_of
 from wire.text import bearing_in_words
 
 MIN_COLUMNS, MIN_ROWS = 80, 24
@@ -273,7 +274,7 @@ def _velocities(view: View, columns: int, glyphs: Glyphs) -> list[Line]:
     else:
         rows = [_velocity_row("requested", view, view.wanted, view.sent, half, glyphs)]
     permitted = None if status is None else (status.permitted.linear.x, status.permitted.angular.z)
-    measured = None if odom is None else (odom.linear_m_s, odom.angular_rad_s)
+    measured = None if odom is None else (odom.twist.twist.linear.x, odom.twist.twist.angular.z)
     rows += [
         _velocity_row("permitted", view, permitted, permitted, half, glyphs, is_old=is_silent(view)),
         _velocity_row("measured", view, measured, measured, half, glyphs, is_old=_is_old(view.odom_age_s)),
@@ -323,10 +324,11 @@ def _position(view: View, glyphs: Glyphs) -> list[Line]:
     odom, label = view.odom, _label("position")
     if odom is None:
         return [(label, Segment("no odometry yet", Tone.DIM))]
-    place = f"{_number(odom.x_m)}, {_number(odom.y_m)} m"
+    pose = odom.pose.pose
+    place = f"{_number(pose.position.x)}, {_number(pose.position.y)} m"
     if _is_old(view.odom_age_s):
         return [(label, Segment(f"{place}  {_age(view.odom_age_s)} ago", Tone.DIM))]
-    return [(label, Segment(f"{place}  heading {_degrees(odom.yaw_rad)}{glyphs.degree}"))]
+    return [(label, Segment(f"{place}  heading {_degrees(yaw_of(pose.orientation))}{glyphs.degree}"))]
 
 
 def _control(view: View, columns: int, glyphs: Glyphs) -> list[Line]:

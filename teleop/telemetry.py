@@ -8,7 +8,7 @@ from collections import deque
 from typing import Any
 
 from teleop.guards import Supervisors
-from teleop.view import Odom, Rates, Scan
+from teleop.view import Rates
 from wire import topics
 from wire.bus import Arrival, Bus, Subscription
 from wire.messages import LaserScan, Odometry, SafetyStatus
@@ -95,15 +95,13 @@ class Telemetry:
     def status_age_s(self, now_s: float) -> float:
         return self._status.age_s(now_s)
 
-    def odom(self, now_s: float) -> tuple[Odom | None, float]:
+    def odom(self, now_s: float) -> tuple[Odometry | None, float]:
         """Return the newest odometry and its age [s]."""
-        message, age_s = _newest(self._odom, now_s)
-        return (Odom.of(message) if isinstance(message, Odometry) else None), age_s
+        return _newest(self._odom, now_s)
 
-    def scan(self, now_s: float) -> tuple[Scan | None, float]:
+    def scan(self, now_s: float) -> tuple[LaserScan | None, float]:
         """Return the newest scan and its age [s]."""
-        message, age_s = _newest(self._scan, now_s)
-        return (Scan.of(message) if isinstance(message, LaserScan) else None), age_s
+        return _newest(self._scan, now_s)
 
     def rates(self, now_s: float) -> Rates:
         return Rates(
@@ -114,7 +112,7 @@ class Telemetry:
         )
 
 
-def _newest(stream: Stream | None, now_s: float) -> tuple[object, float]:
+def _newest(stream: Stream | None, now_s: float) -> tuple[Any, float]:
     if stream is None:
         return None, 0.0
     stream.look()

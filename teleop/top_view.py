@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from teleop.view import Line, Robot, Scan, Segment, Tone
+from teleop.view import Line, Robot, Segment, Tone
+from wire.messages import LaserScan
 
 Floats = npt.NDArray[np.float64]
 Cells = npt.NDArray[np.uint8]
@@ -49,7 +50,7 @@ def scale_of(robot: Robot, columns: int, rows: int) -> Scale:
 
 
 def draw_top_view(
-    scan: Scan | None,
+    scan: LaserScan | None,
     robot: Robot,
     columns: int,
     rows: int,
@@ -95,7 +96,9 @@ def clearance_m(points: Floats, robot: Robot) -> Floats:
     return np.where(inside, 0.0, np.sqrt((gaps * gaps).sum(axis=2).min(axis=1)))
 
 
-def _with_points(dots: Cells, ranks: Cells, scan: Scan, robot: Robot, scale: Scale) -> tuple[Cells, Cells]:
+def _with_points(
+    dots: Cells, ranks: Cells, scan: LaserScan, robot: Robot, scale: Scale
+) -> tuple[Cells, Cells]:
     """Return the picture with the scan's points added."""
     points = _points(scan, robot, scale)
     down, right = _places(points, scale)
@@ -114,17 +117,15 @@ def _with_points(dots: Cells, ranks: Cells, scan: Scan, robot: Robot, scale: Sca
     return np.where(on_top, over, dots), np.where(on_top, over_rank, ranks)
 
 
-def _points(scan: Scan, robot: Robot, scale: Scale) -> Floats:
+def _points(scan: LaserScan, robot: Robot, scale: Scale) -> Floats:
     """Return the points (n, 2) [m] in the base frame that may be in the picture."""
-    ranges = scan.ranges_m
+    ranges = scan.ranges
     farthest_m = scale.dot_m * math.hypot(scale.columns, 2 * scale.rows) + math.hypot(
         robot.lidar_x_m, robot.lidar_y_m
     )
     # NaN and infinity give no point: comparisons with NaN are false, and infinity exceeds every limit.
-    at = np.flatnonzero(
-        (ranges >= max(0.0, scan.range_min_m)) & (ranges <= min(scan.range_max_m, farthest_m))
-    )
-    beams = _beams(len(ranges), scan.angle_min_rad + robot.lidar_yaw_rad, scan.angle_increment_rad)[at]
+    at = np.flatnonzero((ranges >= max(0.0, scan.range_min)) & (ranges <= min(scan.range_max, farthest_m)))
+    beams = _beams(len(ranges), scan.angle_min + robot.lidar_yaw_rad, scan.angle_increment)[at]
     points = beams * ranges[at, None] + np.array([robot.lidar_x_m, robot.lidar_y_m])
     return points[np.isfinite(points).all(axis=1)]
 

@@ -8,11 +8,8 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
-import numpy as np
-import numpy.typing as npt
-
 from teleop.pilot import NEUTRAL, Velocity
-from wire.messages import LaserScan, Odometry, SafetyStatus, SourceStatus, yaw_of
+from wire.messages import LaserScan, Odometry, SafetyStatus, SourceStatus
 
 # --- elements of a display
 
@@ -62,44 +59,6 @@ class Control(StrEnum):
     HOLD = "hold"
     GAMEPAD = "gamepad"
     VIEW_ONLY = "view only"
-
-
-@dataclass(frozen=True, slots=True)
-class Odom:
-    """Pose by odometry, in the odometry's frame, and velocity."""
-
-    x_m: float
-    y_m: float
-    yaw_rad: float
-    linear_m_s: float
-    angular_rad_s: float
-
-    @staticmethod
-    def of(message: Odometry) -> "Odom":
-        pose, twist = message.pose.pose, message.twist.twist
-        yaw_rad = yaw_of(pose.orientation)
-        return Odom(pose.position.x, pose.position.y, yaw_rad, twist.linear.x, twist.angular.z)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Scan:
-    """One scan in the lidar's frame; readings outside [range_min_m, range_max_m] are not points."""
-
-    ranges_m: npt.NDArray[np.float32]
-    angle_min_rad: float
-    angle_increment_rad: float
-    range_min_m: float
-    range_max_m: float
-
-    @staticmethod
-    def of(message: LaserScan) -> "Scan":
-        return Scan(
-            message.ranges,
-            message.angle_min,
-            message.angle_increment,
-            message.range_min,
-            message.range_max,
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,9 +133,9 @@ class View:
     """Time from a command to the status that confirms it; infinite before the first such status; NaN if unknown."""
     lateness: str = ""
     """How late the robot answers, if it obeys so late that no motion is requested; otherwise empty."""
-    odom: Odom | None = None
+    odom: Odometry | None = None
     odom_age_s: float = 0.0
-    scan: Scan | None = None
+    scan: LaserScan | None = None
     scan_age_s: float = 0.0
     rates: Rates = Rates()
     robot: Robot = Robot()

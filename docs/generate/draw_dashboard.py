@@ -20,7 +20,7 @@ import pyte
 from bench.rig.terminal import Terminal, end, teleop
 from deploy.stack.launch import free_loopback_endpoint
 from docs.generate.terminal_picture import draw
-from teleop.view import Odom
+from teleop.path.course import Pose
 from wire import topics
 from wire.messages import Odometry, Point, SafetyStatus
 from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
@@ -96,7 +96,7 @@ async def _pass_pillar(bus: ZenohBus, endpoint: str) -> pyte.Screen:
 
 def _beside_the_way(truth: Odometry) -> Point:
     """Where the pillar stands, in the world."""
-    pose = Odom.of(truth)
+    pose = Pose.of(truth)
     cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
     x_m = pose.x_m + PILLAR_AHEAD_M * cos - PILLAR_LEFT_M * sin
     y_m = pose.y_m + PILLAR_AHEAD_M * sin + PILLAR_LEFT_M * cos

@@ -15,7 +15,7 @@ from sim.sensor_faults import FaultError, parse_faults
 from supervisor.messages import to_command, to_odometry, to_scan
 from teleop.dashboard import render_dashboard
 from teleop.display import render
-from teleop.view import Odom, Scan, View
+from teleop.view import View
 from tests.fuzz import payloads
 from wire.bus import Arrival, Subscription
 from wire.messages import (
@@ -122,8 +122,8 @@ class Decoders:
         self._watchdog = Watchdog()
         self._watchdog.supervisor_alive(alive=True)
         self._status: SafetyStatus | None = None
-        self._scan: Scan | None = None
-        self._odom: Odom | None = None
+        self._scan: LaserScan | None = None
+        self._odom: Odometry | None = None
 
     def take(self, given: Case) -> bool:
         """Process one payload; return whether it is a message.
@@ -153,9 +153,9 @@ class Decoders:
                 self._command(arrival)
             case LaserScan() as scan:
                 to_scan(arrival, HEADER_TOLERANCE_S)
-                self._scan = Scan.of(scan)
+                self._scan = scan
             case Odometry() as message:
-                self._odom = Odom.of(message)
+                self._odom = message
             case SafetyStatus() as status:
                 self._status = status
                 Mode.of(status.mode)

@@ -11,8 +11,19 @@ from hypothesis import strategies as st
 from teleop.dashboard import MIN_COLUMNS, MIN_ROWS, render_dashboard
 from teleop.display import SILENT_AFTER_S
 from teleop.pilot import NEUTRAL, Velocity
-from teleop.view import Control, Event, KeyHelp, Line, Odom, Rates, Robot, Scan, Tone, View
-from tests.unit.teleop.views import REASONS, driving, over, room, source, status, stopped, text
+from teleop.view import Control, Event, KeyHelp, Line, Rates, Robot, Tone, View
+from tests.unit.teleop.views import (
+    REASONS,
+    driving,
+    odom_of,
+    over,
+    room,
+    scan_of,
+    source,
+    status,
+    stopped,
+    text,
+)
 from wire.messages import SafetyStatus, planar_twist
 
 SIZES = [(80, 24), (100, 30), (160, 50), (200, 24), (80, 60)]
@@ -298,7 +309,7 @@ def test_the_position_is_that_of_the_odometry() -> None:
     [(99.5, "+99.50"), (123.4, "  +123"), (-1e9, "-large"), (math.nan, "     -"), (1e300, "+large")],
 )
 def test_a_number_never_needs_more_than_six_characters(value: float, text_: str) -> None:
-    odom = Odom(value, 0.0, math.nan, 0.0, 0.0)
+    odom = odom_of(value, 0.0, math.nan, 0.0, 0.0)
     assert row_of(driving(odom=odom), "position") == f"position  {text_},   0.00 m  heading -°"
 
 
@@ -417,7 +428,7 @@ STATUSES = st.builds(
     ),
 )
 SCANS = st.builds(
-    Scan,
+    scan_of,
     st.lists(st.floats(width=32), max_size=40).map(lambda ranges: np.array(ranges, dtype=np.float32)),
     NUMBER,
     NUMBER,
@@ -438,7 +449,7 @@ VIEWS = st.builds(
     max_angular_rad_s=NUMBER,
     status=st.none() | STATUSES,
     status_age_s=AGE,
-    odom=st.none() | st.builds(Odom, NUMBER, NUMBER, NUMBER, NUMBER, NUMBER),
+    odom=st.none() | st.builds(odom_of, NUMBER, NUMBER, NUMBER, NUMBER, NUMBER),
     odom_age_s=AGE,
     scan=st.none() | SCANS,
     scan_age_s=AGE,

@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from teleop.top_view import clearance_m, draw_top_view, scale_of
-from teleop.view import Line, Robot, Scan, Tone
-from tests.unit.teleop.views import room, text
+from teleop.view import Line, Robot, Tone
+from tests.unit.teleop.views import room, scan_of, text
+from wire.messages import LaserScan
 
 COLUMNS, ROWS = 40, 20
 FAR_M = 50.0
@@ -23,9 +24,9 @@ Place = tuple[int, int]
 """Dots down from the top and right from the left side."""
 
 
-def one_beam(bearing_rad: float, range_m: float, **fields: Any) -> Scan:  # noqa: ANN401 - any field of the scan
+def one_beam(bearing_rad: float, range_m: float, **fields: Any) -> LaserScan:  # noqa: ANN401 - any field of the scan
     numbers: dict[str, Any] = {"range_min_m": 0.1, "range_max_m": 12.0} | fields
-    return Scan(np.array([range_m], dtype=np.float32), bearing_rad, 1.0, **numbers)
+    return scan_of([range_m], bearing_rad, 1.0, **numbers)
 
 
 def cells(lines: list[Line], tones: Iterable[Tone]) -> list[tuple[int, int, str]]:
@@ -56,7 +57,7 @@ def dots(lines: list[Line], *tones: Tone) -> set[Place]:
 POINTS = (Tone.PLAIN, Tone.CAUTION, Tone.STOP)
 
 
-def point_of(scan: Scan, robot: Robot = ROUND) -> Place:
+def point_of(scan: LaserScan, robot: Robot = ROUND) -> Place:
     (place,) = dots(draw_top_view(scan, robot, COLUMNS, ROWS), *POINTS)
     return place
 
@@ -215,6 +216,6 @@ def test_whatever_the_scan_and_the_configuration_say_there_is_a_picture_of_its_s
     rows: int,
     unicode: bool,  # noqa: FBT001 - drawn by hypothesis
 ) -> None:
-    scan = Scan(np.array(ranges, dtype=np.float32), angle_min_rad, increment_rad, range_min_m, range_max_m)
+    scan = scan_of(ranges, angle_min_rad, increment_rad, range_min_m, range_max_m)
     lines = draw_top_view(scan, robot, columns, rows, unicode=unicode)
     assert [len(text(line)) for line in lines] == [columns] * rows
