@@ -65,10 +65,10 @@ class _Leg(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """The waypoints and the speed of a mover.
+    """The waypoints and the speed of a mover; `layout` checks each number.
 
     Raises:
-        ValueError: There are fewer than two waypoints, two successive ones are equal, or a speed or pause is invalid.
+        ValueError: Two successive waypoints are equal.
     """
 
     waypoints_m: tuple[Point, ...]
@@ -78,17 +78,9 @@ class Way:
     backs_up: bool = False
 
     def __post_init__(self) -> None:
-        if len(self.waypoints_m) < 2:
-            raise ValueError("a path needs at least two waypoints.")
-        if not all(math.isfinite(value) for point in self.waypoints_m for value in point):
-            raise ValueError("a path needs finite waypoints.")
         for a, b in itertools.pairwise(self._stops()):
             if math.dist(a, b) < CLOSEST_WAYPOINTS_M:
                 raise ValueError(f"the waypoints {a} and {b} of a path are at the same place.")
-        if not (math.isfinite(self.speed_m_s) and self.speed_m_s > 0.0):
-            raise ValueError(f"speed_m_s must be positive and finite, not {self.speed_m_s}.")
-        if not (math.isfinite(self.dwell_s) and self.dwell_s >= 0.0):
-            raise ValueError(f"dwell_s must be finite and not negative, not {self.dwell_s}.")
 
     def _stops(self) -> list[Point]:
         """Return the waypoints of one round; the last equals the first."""

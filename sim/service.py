@@ -333,18 +333,11 @@ class SimService:
     def _warn_of_speed(self) -> None:
         """Log a warning if the pace is not real time: the supervisor runs in real time, so its guarantees change."""
         speed = self._pace.speed
-        if speed > 1.0:
-            _log.warning(
-                "%g times real time: the supervisor's clock does not run faster, so it reacts that much later, "
-                "and its distances do not hold",
-                speed,
-            )
-        elif speed < 1.0:
-            _log.warning(
-                "%g times real time: the supervisor's clock does not run slower, so it may take slow braking for "
-                "a runaway",
-                speed,
-            )
+        if speed != 1.0:
+            effect = "slower, so it may take slow braking for a runaway"
+            if speed > 1.0:
+                effect = "faster, so it reacts that much later, and its distances do not hold"
+            _log.warning("%g times real time: the supervisor's clock does not run %s", speed, effect)
 
     async def _on_reset(self, _: str) -> TriggerResponse:
         try:

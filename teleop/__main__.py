@@ -49,7 +49,6 @@ class Options:
     config: TeleopSection
     bus: BusSection
     setup: Setup
-    plain: bool
     gamepad: GamepadDevice | None = None
 
 
@@ -80,7 +79,9 @@ async def _run(stop: asyncio.Event, options: Options) -> int:
     try:
         with ExitStack() as stack:
             on_releases = pilot.rely_on_releases if isinstance(pilot, Hold) else None
-            terminal = stack.enter_context(Terminal(wake, plain=options.plain, on_releases=on_releases))
+            terminal = stack.enter_context(
+                Terminal(wake, plain=not options.setup.pictures, on_releases=on_releases)
+            )
             _greet(terminal, options)
             waiting = _Waiting(options, terminal, wake, stop)
             bus = await waiting.connect()
@@ -157,7 +158,7 @@ class _Waiting:
             while not opening.done():
                 if self._is_told_to_end():
                     return None
-                if not self._options.plain:
+                if self._options.setup.pictures:
                     self._show()
                 await wait_until(self._wake, clock() + REDRAW_PERIOD_S)
                 self._wake.clear()
@@ -215,7 +216,7 @@ def _pilot(options: Options) -> Pilot | None:
 
 
 def _render(options: Options) -> Render:
-    if options.plain:
+    if not options.setup.pictures:
         return lambda view, columns, _: [
             render(view, columns - 1)
         ]  # in the last column, the position of the cursor would be undefined
@@ -226,7 +227,7 @@ def _render(options: Options) -> Render:
 
 def _greet(terminal: Terminal, options: Options) -> None:
     """Print the keys once if the display does not show them."""
-    if not options.plain:
+    if options.setup.pictures:
         return
     if is_dumb():
         terminal.note("this terminal has no control sequences (TERM=dumb): one line instead of a screen")
@@ -262,7 +263,7 @@ def _options(args: argparse.Namespace) -> Options:
         about=about_this_process(source),
         pictures=not (args.plain or is_dumb()),
     )
-    return Options(config, bus, setup, plain=args.plain or is_dumb())
+    return Options(config, bus, setup)
 
 
 def _parser() -> argparse.ArgumentParser:
