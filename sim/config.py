@@ -116,14 +116,8 @@ class SimSection(BaseSection):
 
     def lidar(self) -> LidarConfig:
         """Return the single lidar of a robot without `[[sim.lidars]]`."""
-        return LidarConfig(
-            beams=self.lidar_beams,
-            span_rad=self.lidar_span_rad,
-            range_min_m=self.lidar_range_min_m,
-            range_max_m=self.lidar_range_max_m,
-            noise_m=self.lidar_noise_m,
-            dropout=self.lidar_dropout,
-        )
+        keys = ("beams", "span_rad", "range_min_m", "range_max_m", "noise_m", "dropout")
+        return LidarConfig(**{key: getattr(self, f"lidar_{key}") for key in keys})
 
     def encoders(self) -> EncoderConfig:
         return EncoderConfig(
