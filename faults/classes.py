@@ -1,11 +1,15 @@
 """The table of fault classes: the fault, the affected process, the stop reasons that detect it, and the time limit.
 
+A sentence gives the ranges of what is drawn; injection.py draws it for both campaigns. The virtual campaign varies the
+length of faults for which the sentence gives none.
+
 The limit is the time from the fault to zero on `cmd_vel`; if the supervisor itself fails, the time until the base
 brakes. Without a limit, no stop time is required; the effect may still require a stop.
 """
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from enum import Flag, StrEnum, auto
+from functools import partial
 
 from faults.promises import Kind
 
@@ -76,174 +80,26 @@ class FaultClass:
     """One class of faults."""
 
     name: str
-    group: Group
     does: str
-    """The fault, in a few words."""
-    target: str
-    """The affected process; empty: none in particular."""
+    """The fault and its ranges, in a few words."""
     detectors: tuple[str, ...]
     """The stop reasons that may detect it; those of the base itself begin with `base: `. Empty: no detection is required."""
     bound_s: float | None
     promise: int
     """The number of the promise that it tests."""
-    virtual: bool
+    effect: Effect = Effect.NONE
+    _: KW_ONLY
+    group: Group
+    target: str = ""
+    """The affected process; empty: none in particular."""
+    virtual: bool = True
     """Whether it can be injected on the virtual clock."""
     real: bool = True
     """Whether it can be injected into real processes without special rights."""
     by_itself: bool = False
     """Whether its virtual trials contain no other fault; such a class is never part of a pair."""
-    effect: Effect = Effect.NONE
     demands: Kind | None = None
     """The demand for its own trials, in addition to the promises for every run."""
-
-
-def _teleop(
-    name: str,
-    does: str,
-    effect: Effect,
-    detectors: tuple[str, ...],
-    bound_s: float | None,
-    promise: int,
-    *,
-    virtual: bool,
-) -> FaultClass:
-    return FaultClass(
-        f"teleop_{name}",
-        Group.TELEOP,
-        does,
-        "teleop",
-        detectors,
-        bound_s,
-        promise,
-        virtual,
-        effect=effect,
-    )
-
-
-def _supervisor(name: str, does: str, effect: Effect, bound_s: float | None, promise: int = 4) -> FaultClass:
-    return FaultClass(
-        f"supervisor_{name}",
-        Group.SUPERVISOR,
-        does,
-        "supervisor",
-        BASE_ALONE,
-        bound_s,
-        promise,
-        virtual=True,
-        effect=effect,
-    )
-
-
-def _sim(
-    name: str,
-    does: str,
-    effect: Effect,
-    detectors: tuple[str, ...],
-    bound_s: float | None,
-    promise: int = 5,
-    *,
-    virtual: bool = True,
-) -> FaultClass:
-    return FaultClass(
-        f"sim_{name}", Group.SENSORS, does, "sim", detectors, bound_s, promise, virtual, effect=effect
-    )
-
-
-def _network(
-    name: str,
-    does: str,
-    target: str,
-    detectors: tuple[str, ...],
-    bound_s: float | None,
-    promise: int = 3,
-    *,
-    effect: Effect = Effect.NONE,
-    virtual: bool = True,
-    real: bool = True,
-) -> FaultClass:
-    """Return a network class; `real` is false for faults that cannot happen on TCP."""
-    return FaultClass(
-        f"net_{name}",
-        Group.NETWORK,
-        does,
-        target,
-        detectors,
-        bound_s,
-        promise,
-        virtual,
-        real=real,
-        effect=effect,
-    )
-
-
-def _wire(
-    name: str,
-    does: str,
-    target: str,
-    detectors: tuple[str, ...],
-    promise: int,
-    effect: Effect = Effect.NONE,
-) -> FaultClass:
-    return FaultClass(
-        f"wire_{name}", Group.WIRE, does, target, detectors, None, promise, virtual=True, effect=effect
-    )
-
-
-def _lidar(
-    name: str,
-    does: str,
-    detectors: tuple[str, ...],
-    bound_s: float | None,
-    promise: int,
-    demands: Kind | None = None,
-) -> FaultClass:
-    return FaultClass(
-        f"sim_scan_{name}",
-        Group.SENSORS,
-        does,
-        "sim",
-        detectors,
-        bound_s,
-        promise,
-        virtual=True,
-        by_itself=True,
-        effect=Effect.SENSOR,
-        demands=demands,
-    )
-
-
-def _second_writer(name: str, does: str) -> FaultClass:
-    return FaultClass(
-        f"wire_second_lidar_{name}",
-        Group.WIRE,
-        does,
-        "",
-        ("SENSOR_CONFLICT",),
-        BLIND_BOUND_S,
-        5,
-        virtual=True,
-        by_itself=True,
-        demands=Kind.NAMED,
-    )
-
-
-def _estop(node: str) -> FaultClass:
-    return FaultClass(
-        f"estop_{node}_sigkill",
-        Group.ESTOP,
-        f"an e-stop, then SIGKILL of {node}: only a reset ends the stop",
-        node,
-        ("ESTOP",),
-        ESTOP_BOUND_S,
-        7,
-        virtual=True,
-        by_itself=True,
-        demands=Kind.ZERO,
-    )
-
-
-def _machine(name: str, does: str, detectors: tuple[str, ...] = ()) -> FaultClass:
-    return FaultClass(f"machine_{name}", Group.MACHINE, does, "", detectors, None, promise=8, virtual=False)
 
 
 SILENT = ("COMMAND_TIMEOUT", "COMMAND_STALE")
@@ -251,253 +107,261 @@ SILENT_OR_LOST = (*SILENT, "SOURCE_LOST")
 GONE = ("SOURCE_LOST", "NO_COMMAND")
 """NO_COMMAND if the source sent zero before its token was deleted, else SOURCE_LOST."""
 BASE_ALONE = ("base: SUPERVISOR_LOST", "base: COMMAND_TIMEOUT")
-NO_VALID_SCAN = ("SCAN_STALE", "SCAN_INVALID")
+SCAN_STALE = ("SCAN_STALE",)
+SCAN_INVALID = ("SCAN_INVALID",)
 BARRIER = ("OBSTACLE", "SCAN_BLIND")
 
-CUT = Effect.TELEOP_SILENT
+ENDS, CUT = Effect.TELEOP_ENDS, Effect.TELEOP_SILENT
 CUT_BASE = Effect.BLIND | Effect.BASE_HOLDS
 HUNG = Effect.SUPERVISOR_SILENT | Effect.BASE_HOLDS
 STANDS = Effect.BLIND | Effect.STANDSTILL
 BLINDED = Effect.BLIND | Effect.SENSOR
 FOREIGN = Effect.SPEAKS_AS_TELEOP
+POSES = FOREIGN | Effect.TAKES_OVER
+
+_teleop = partial(FaultClass, group=Group.TELEOP, target="teleop")
+_supervisor = partial(FaultClass, group=Group.SUPERVISOR, target="supervisor")
+_sim = partial(FaultClass, group=Group.SENSORS, target="sim")
+_lidar = partial(_sim, by_itself=True, effect=Effect.SENSOR)
+_network = partial(FaultClass, group=Group.NETWORK, target="teleop")
+_base_network = partial(FaultClass, group=Group.NETWORK, target="sim")
+_wire = partial(FaultClass, group=Group.WIRE)
+_second_writer = partial(_wire, by_itself=True, demands=Kind.NAMED)
+_machine = partial(FaultClass, group=Group.MACHINE)
+_supervisord = partial(FaultClass, group=Group.SUPERVISORD, virtual=False)
+
+
+def _estop(node: str) -> FaultClass:
+    return FaultClass(
+        f"estop_{node}_sigkill",
+        f"an e-stop, then SIGKILL of {node} within 0.3 s: only a reset ends the stop",
+        ("ESTOP",),
+        ESTOP_BOUND_S,
+        7,
+        group=Group.ESTOP,
+        target=node,
+        by_itself=True,
+        demands=Kind.ZERO,
+    )
+
 
 CLASSES = (
-    _teleop("sigkill", "SIGKILL", Effect.TELEOP_ENDS, GONE, KILL_BOUND_S, 2, virtual=True),
-    _teleop("sigterm", "SIGTERM", Effect.TELEOP_ENDS, GONE, KILL_BOUND_S, 2, virtual=True),
-    _teleop(
-        "sigstop",
-        "SIGSTOP, then SIGCONT",
-        Effect.TELEOP_SILENT,
-        SILENT_OR_LOST,
-        SILENT_BOUND_S,
-        3,
-        virtual=True,
-    ),
-    _teleop(
-        "blocked",
-        "its event loop is blocked for a while",
-        Effect.TELEOP_SILENT,
-        SILENT,
-        SILENT_BOUND_S,
-        3,
-        virtual=True,
-    ),
-    _teleop("exception", "an uncaught exception", Effect.TELEOP_SILENT, GONE, None, 2, virtual=False),
-    _teleop("hang_up", "its terminal is closed", Effect.TELEOP_SILENT, GONE, None, 2, virtual=False),
-    _teleop(
-        "end_of_input", "end of its keyboard input", Effect.TELEOP_ENDS, GONE, KILL_BOUND_S, 2, virtual=True
-    ),
-    _teleop(
-        "gil",
-        "one of its threads holds the interpreter's lock",
-        Effect.TELEOP_SILENT,
-        SILENT,
-        SILENT_BOUND_S,
-        3,
-        virtual=True,
-    ),
-    _supervisor("sigkill", "SIGKILL, then a restart", Effect.SUPERVISOR_ENDS, KILL_BOUND_S),
-    _supervisor("sigstop", "SIGSTOP, then SIGCONT", HUNG, HUNG_BASE_BOUND_S),
-    _supervisor("blocked", "its event loop is blocked for a while", HUNG, HUNG_BASE_BOUND_S),
+    _teleop("teleop_sigkill", "SIGKILL", GONE, KILL_BOUND_S, 2, ENDS),
+    _teleop("teleop_sigterm", "SIGTERM", GONE, KILL_BOUND_S, 2, ENDS),
+    _teleop("teleop_sigstop", "SIGSTOP, then SIGCONT", SILENT_OR_LOST, SILENT_BOUND_S, 3, CUT),
+    _teleop("teleop_blocked", "its event loop is blocked for a while", SILENT, SILENT_BOUND_S, 3, CUT),
+    _teleop("teleop_exception", "an uncaught exception", GONE, None, 2, CUT, virtual=False),
+    _teleop("teleop_hang_up", "its terminal is closed", GONE, None, 2, CUT, virtual=False),
+    _teleop("teleop_end_of_input", "end of its keyboard input", GONE, KILL_BOUND_S, 2, ENDS),
+    _teleop("teleop_gil", "one of its threads holds the interpreter's lock", SILENT, SILENT_BOUND_S, 3, CUT),
     _supervisor(
-        "and_teleop_sigkill",
-        "SIGKILL of supervisor and teleop together",
-        Effect.SUPERVISOR_ENDS,
-        KILL_BOUND_S,
+        "supervisor_sigkill", "SIGKILL, then a restart", BASE_ALONE, KILL_BOUND_S, 4, Effect.SUPERVISOR_ENDS
     ),
-    _supervisor("restart", "it ends and is restarted", Effect.SUPERVISOR_ENDS, KILL_BOUND_S),
-    _sim("sigkill", "SIGKILL, then a restart", STANDS, ("SCAN_STALE",), BLIND_BOUND_S),
-    _sim("sigstop", "SIGSTOP, then SIGCONT", STANDS, ("SCAN_STALE",), BLIND_BOUND_S),
+    _supervisor("supervisor_sigstop", "SIGSTOP, then SIGCONT", BASE_ALONE, HUNG_BASE_BOUND_S, 4, HUNG),
+    _supervisor(
+        "supervisor_blocked",
+        "its event loop is blocked, its interpreter's lock is held, or a decided motion is sent late",
+        BASE_ALONE,
+        HUNG_BASE_BOUND_S,
+        4,
+        HUNG,
+    ),
+    _supervisor(
+        "supervisor_and_teleop_sigkill",
+        "SIGKILL of supervisor and teleop together",
+        BASE_ALONE,
+        KILL_BOUND_S,
+        4,
+        Effect.SUPERVISOR_ENDS,
+    ),
+    _supervisor(
+        "supervisor_restart",
+        "it ends by SIGTERM or by an exception, and is restarted",
+        BASE_ALONE,
+        KILL_BOUND_S,
+        4,
+        Effect.SUPERVISOR_ENDS,
+    ),
+    _sim("sim_sigkill", "SIGKILL, then a restart", SCAN_STALE, BLIND_BOUND_S, 5, STANDS),
+    _sim("sim_sigstop", "SIGSTOP, then SIGCONT", SCAN_STALE, BLIND_BOUND_S, 5, STANDS),
     _sim(
-        "blocked",
-        "its event loop is blocked for a while",
-        STANDS,
-        ("SCAN_STALE",),
+        "sim_blocked",
+        "its event loop is blocked, or its interpreter's lock is held",
+        SCAN_STALE,
         BLIND_BOUND_S,
+        5,
+        STANDS,
         virtual=False,
     ),
-    _sim("scan_frozen", "the same scan is repeated", Effect.SENSOR, ("SCAN_INVALID",), None),
-    _sim("scan_nan", "every beam reads NaN", BLINDED, ("SCAN_INVALID",), BLIND_BOUND_S),
-    _sim("scan_blocked", "dirt on the lidar's window", Effect.SENSOR, ("SCAN_BLIND", "SCAN_INVALID"), None),
-    _sim("scan_silent", "no scans arrive", BLINDED, ("SCAN_STALE",), BLIND_BOUND_S),
-    _sim("scan_rate", "scans arrive at a low rate", Effect.SENSOR, ("SCAN_STALE",), None),
-    _sim("odom_gone", "no odometry arrives", Effect.SENSOR, (), None, 6),
-    _lidar("dirt", "1 to 20° of NaN straight ahead, with a pillar inside", BARRIER, None, 6),
-    _lidar("dropout", "the nearest object is missing from 2 to 30 % of the scans", BARRIER, None, 6),
-    _lidar("short", "a range of 0.5 to 1 m, as range_max says", BARRIER, None, 6),
-    _lidar("stray", "single false readings near the hull", (), None, 8, Kind.UNHINDERED),
+    _sim("sim_scan_frozen", "the same scan is repeated", SCAN_INVALID, None, 5, Effect.SENSOR),
+    _sim("sim_scan_nan", "every beam reads NaN", SCAN_INVALID, BLIND_BOUND_S, 5, BLINDED),
+    _sim(
+        "sim_scan_blocked",
+        "dirt on 20 to 120° of the lidar's window, at least half of the time straight ahead",
+        ("SCAN_BLIND", "SCAN_INVALID"),
+        None,
+        5,
+        Effect.SENSOR,
+    ),
+    _sim("sim_scan_silent", "no scans arrive", SCAN_STALE, BLIND_BOUND_S, 5, BLINDED),
+    _sim("sim_scan_rate", "scans arrive at 1 to 14 Hz", SCAN_STALE, None, 5, Effect.SENSOR),
+    _sim("sim_odom_gone", "no odometry arrives", (), None, 6, Effect.SENSOR),
+    _lidar("sim_scan_dirt", "1 to 20° of NaN straight ahead, with a pillar inside", BARRIER, None, 6),
+    _lidar("sim_scan_dropout", "the nearest object is missing from 2 to 30 % of the scans", BARRIER, None, 6),
+    _lidar("sim_scan_short", "a range of 0.5 to 1 m, as range_max says", BARRIER, None, 6),
     _lidar(
-        "frozen_no_odom",
+        "sim_scan_stray",
+        "single false readings near the hull, in 4 % of the scans",
+        (),
+        None,
+        8,
+        demands=Kind.UNHINDERED,
+    ),
+    _lidar(
+        "sim_scan_frozen_no_odom",
         "the same scan is repeated, and no odometry arrives",
         ("ODOM_STALE", "SCAN_INVALID"),
         ODOM_BOUND_S,
         5,
-        Kind.STOPPED,
+        demands=Kind.STOPPED,
     ),
     _lidar(
-        "frozen_odom_zero",
+        "sim_scan_frozen_odom_zero",
         "the same scan is repeated, and odometry reports a standstill",
         ("BASE_UNRESPONSIVE", "SCAN_INVALID"),
         FROZEN_BOUND_S,
         5,
-        Kind.STOPPED,
+        demands=Kind.STOPPED,
     ),
-    _network("cut", "a link is cut permanently", "teleop", SILENT_OR_LOST, SILENT_BOUND_S, effect=CUT),
+    _network("net_cut", "a link is cut for longer than its lease", SILENT_OR_LOST, SILENT_BOUND_S, 3, CUT),
+    _base_network("net_cut_base", "the same for the sim's link", SCAN_STALE, BLIND_BOUND_S, 5, CUT_BASE),
     _network(
-        "cut_base",
-        "the sim's link is cut permanently",
-        "sim",
-        ("SCAN_STALE",),
-        BLIND_BOUND_S,
-        5,
-        effect=CUT_BASE,
-    ),
-    _network(
-        "healed",
-        "a link is cut and healed: its backlog arrives in one burst",
-        "teleop",
+        "net_healed",
+        "a link is cut and healed after 0.3, 1 or 3 s: its backlog arrives in one burst",
         SILENT_OR_LOST,
         SILENT_BOUND_S,
-        effect=CUT,
+        3,
+        CUT,
     ),
-    _network(
-        "healed_base",
-        "the same for the sim's link",
-        "sim",
-        ("SCAN_STALE",),
-        BLIND_BOUND_S,
-        5,
-        effect=CUT_BASE,
+    _base_network("net_healed_base", "the same for the sim's link", SCAN_STALE, BLIND_BOUND_S, 5, CUT_BASE),
+    _network("net_delayed", "messages are delayed by 50 to 500 ms, with jitter", (), None, 3, Effect.DELAYED),
+    _base_network("net_delayed_base", "the same for the sim's link", (), None, 6, Effect.DELAYED),
+    _network("net_up_only", "no message reaches teleop", ("SOURCE_LOST",), None, 8),
+    _network("net_down_only", "no message from teleop arrives", SILENT_OR_LOST, SILENT_BOUND_S, 3, CUT),
+    _base_network("net_base_deaf", "no message reaches the sim", (), None, 4, HUNG),
+    _base_network(
+        "net_base_mute", "no message from the sim arrives", SCAN_STALE, BLIND_BOUND_S, 5, Effect.BLIND
     ),
+    _network("net_lossy", "10 to 80 % of the messages are lost", (), None, 7, real=False),
+    _network("net_reordered", "messages are reordered within 50 to 250 ms", (), None, 7, real=False),
     _network(
-        "delayed",
-        "messages are delayed by 50 to 500 ms, with jitter",
-        "teleop",
-        (),
-        None,
-        effect=Effect.DELAYED,
-    ),
-    _network("delayed_base", "the same for the sim's link", "sim", (), None, 6, effect=Effect.DELAYED),
-    _network("up_only", "no message reaches teleop", "teleop", ("SOURCE_LOST",), None, 8),
-    _network(
-        "down_only",
-        "no message from teleop arrives",
-        "teleop",
-        SILENT_OR_LOST,
-        SILENT_BOUND_S,
-        effect=CUT,
-    ),
-    _network("base_deaf", "no message reaches the sim", "sim", (), None, 4, effect=HUNG),
-    _network(
-        "base_mute",
-        "no message from the sim arrives",
-        "sim",
-        ("SCAN_STALE",),
-        BLIND_BOUND_S,
-        5,
-        effect=Effect.BLIND,
-    ),
-    _network("lossy", "messages are lost at random", "teleop", (), None, 7, real=False),
-    _network("reordered", "messages are reordered", "teleop", (), None, 7, real=False),
-    _network(
-        "flapping",
+        "net_flapping",
         "teleop's token disappears and returns within 2 ms",
-        "teleop",
         ("SOURCE_LOST",),
         KILL_BOUND_S,
         7,
-        effect=Effect.TELEOP_ENDS,
+        ENDS,
         real=False,
     ),
     _network(
-        "unplugged",
-        "teleop's cable is unplugged and plugged in again",
-        "teleop",
+        "net_unplugged",
+        "teleop's cable is unplugged, and plugged in after 0.3, 1 or 3 s",
         SILENT_OR_LOST,
         SILENT_BOUND_S,
-        effect=CUT,
+        3,
+        CUT,
         virtual=False,
     ),
-    _wire("malformed", "random bytes on every key", "", (), 1, FOREIGN),
-    _wire("truncated", "truncated messages", "", (), 1, FOREIGN),
-    _wire("oversized", "payloads larger than any message", "", (), 1),
-    _wire("wrong_type", "messages of another type", "", (), 1, FOREIGN),
-    _wire("not_finite", "NaN and infinite values", "", (), 1),
-    _wire("huge", "values beyond every robot's limits", "", (), 1),
+    _wire("wire_malformed", "random bytes on every key, at 400 Hz", (), None, 1, FOREIGN),
+    _wire("wire_truncated", "truncated messages, at 400 Hz", (), None, 1, FOREIGN),
+    _wire("wire_oversized", "payloads of up to 3 MiB, at 20 Hz", (), None, 1),
+    _wire("wire_wrong_type", "messages of another type, at 400 Hz", (), None, 1, FOREIGN),
+    _wire("wire_not_finite", "NaN and infinite values, at 400 Hz", (), None, 1),
+    _wire("wire_huge", "values beyond every robot's limits, at 400 Hz", (), None, 1),
     _wire(
-        "attachments",
-        "attachments with other layouts, times and epochs",
-        "",
+        "wire_attachments",
+        "replayed messages, and attachments with other layouts, times and epochs, at 400 Hz",
         (),
+        None,
         7,
-        FOREIGN | Effect.TAKES_OVER,
+        POSES,
     ),
-    _wire("flood", "a burst of a thousand messages", "", (), 1, FOREIGN),
-    _wire("rogue_cmd_vel", "a client publishes cmd_vel", "", (), 1),
     _wire(
-        "second_teleop", "a second program with teleop's name", "teleop", (), 7, FOREIGN | Effect.TAKES_OVER
+        "wire_flood",
+        "valid messages of one kind at up to 10 kHz for 0.5 to 1 s: up to 10,000 messages",
+        (),
+        None,
+        1,
+        FOREIGN,
     ),
-    _wire("second_lidar", "a second client's scans, all NaN", "", (), 8),
+    _wire("wire_rogue_cmd_vel", "a client publishes cmd_vel, at 400 Hz", (), None, 1),
+    _wire("wire_second_teleop", "a second program with teleop's name", (), None, 7, POSES, target="teleop"),
+    _wire("wire_second_lidar", "a second client's scans, all NaN, at 20 Hz", (), None, 8),
     _second_writer(
-        "steady", "a second client's scans of free space at 20 Hz; the real lidar pauses for 0.6 s"
+        "wire_second_lidar_steady",
+        "a second client's scans of free space at 20 Hz; the real lidar pauses for 0.6 s",
+        ("SENSOR_CONFLICT",),
+        BLIND_BOUND_S,
+        5,
     ),
-    _second_writer("flood", "the same for 1.5 s at the highest possible rate"),
-    _wire("clock_step", "the sender's clock steps", "teleop", (), 7),
-    _wire("estop", "an emergency stop, then a reset", "supervisor", ("ESTOP",), 7),
-    _estop("teleop"),
-    _estop("supervisor"),
-    _estop("sim"),
-    FaultClass(
+    _second_writer(
+        "wire_second_lidar_flood",
+        "the same at up to 2 kHz for 1.5 s",
+        ("SENSOR_CONFLICT",),
+        BLIND_BOUND_S,
+        5,
+    ),
+    _wire(
+        "wire_clock_step",
+        "its clock, or the sim's, steps by 0.05 s to 1 h, forward or back, and returns",
+        (),
+        None,
+        7,
+        target="teleop",
+    ),
+    _wire("wire_estop", "an emergency stop, then a reset", ("ESTOP",), None, 7, target="supervisor"),
+    *(_estop(node) for node in ("teleop", "supervisor", "sim")),
+    _machine(
         "machine_suspend",
-        Group.MACHINE,
-        "the machine is suspended, and its monotonic clock with it",
-        "",
+        "the machine is suspended for 0.2 to 60 s, and its monotonic clock with it",
         ("OVERRUN",),
         TICK_S,
         7,
-        virtual=True,
         real=False,
         by_itself=True,
         demands=Kind.NAMED,
     ),
-    _machine("cpu_hogs", "eight CPU-bound processes"),
-    _machine("memory", "little free memory"),
-    _machine("disk", "a full disk"),
-    FaultClass(
+    _machine("machine_cpu_hogs", "eight CPU-bound processes", (), None, 8, virtual=False),
+    _machine("machine_memory", "little free memory", (), None, 8, virtual=False),
+    _machine("machine_disk", "a full disk", (), None, 8, virtual=False),
+    _supervisord(
         "supervisord_sigkill",
-        Group.SUPERVISORD,
         "SIGKILL: its children continue; a new supervisord replaces them after 0.5 s",
-        "",
         (),
         None,
         8,
-        virtual=False,
     ),
-    FaultClass(
-        "supervisord_restart",
-        Group.SUPERVISORD,
-        "a restart of all processes",
-        "supervisor",
-        BASE_ALONE,
-        None,
-        8,
-        virtual=False,
+    _supervisord(
+        "supervisord_restart", "a restart of all processes", BASE_ALONE, None, 8, target="supervisor"
     ),
-    FaultClass(
+    _supervisord(
         "supervisord_crash_loop",
-        Group.SUPERVISORD,
-        "a child that ends at each start",
-        "sim",
-        NO_VALID_SCAN,
+        "a child that ends at each start, for 1 to 2 s",
+        ("SCAN_STALE", "SCAN_INVALID"),
         None,
         8,
-        virtual=False,
+        target="sim",
     ),
-    FaultClass("pair", Group.PAIR, "two of these faults together", "", (), None, 8, virtual=True),
+    FaultClass("pair", "two of these faults together", (), None, 8, group=Group.PAIR),
 )
 
 BY_NAME = {one.name: one for one in CLASSES}
 """The classes by name."""
+
+
+def real_classes() -> tuple[FaultClass, ...]:
+    """Return the classes of the real campaign, including pairs."""
+    return tuple(one for one in CLASSES if one.real)
 
 
 def virtual_classes() -> tuple[FaultClass, ...]:

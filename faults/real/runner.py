@@ -16,18 +16,18 @@ from random import Random
 from rich.console import Console
 
 from deploy.stack.errors import DeployError
-from faults.classes import BY_NAME, Group
-from faults.real.injectors.plans import real_classes, why_not
+from faults.classes import BY_NAME, Group, real_classes
 from faults.real.progress import Progressing
-from faults.real.rig.stage import Route, Stage
-from faults.real.trial_run import complete_trial, planned, routes
+from faults.real.real_faults import planned, why_not
+from faults.real.rig.stage import Route, Stage, routes_for
+from faults.real.trial_run import complete_trial
 from faults.report.figures import class_of, time_in
 from faults.report.results import results
 from faults.report.table import print_results
 from faults.trial import Trial
 from faults.trial_file import appending, known_trials
 
-REVISION = "1"
+REVISION = "2"
 """Revision of this campaign; it increases when the meaning of a seed changes."""
 KEPT_TIMELINES = 4
 """Number of trials of a class that always keep their timeline, to show a typical one."""
@@ -90,7 +90,7 @@ def schedule(orders: Orders, names: Sequence[str], there: Sequence[Trial]) -> li
 
 
 def _place(name: str, seed: int) -> tuple[int, int]:
-    teleop, sim = routes(planned(name, seed))
+    teleop, sim = routes_for([one for one, _ in planned(name, seed)])
     order = list(Route)
     return len(order) * order.index(sim) + order.index(teleop), int(BY_NAME[name].group is Group.SUPERVISORD)
 

@@ -13,17 +13,17 @@ import math
 import os
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import aclosing, suppress
 from dataclasses import dataclass, field
 from random import Random
 
 from faults.classes import BY_NAME, KILL_BOUND_S, Effect, Group
 from faults.demands import Done, asked_age_s, demands
 from faults.measure import stop_after
+from faults.port import Fault, Pillar
 from faults.promises import Bounds, Demand, Kind, Violation, violations
-from faults.real.injectors.injection import Injection, Pillar
-from faults.real.injectors.plans import PAIR, draw_pair, plan
-from faults.real.rig.stage import NODES, PRESS_AGAIN_S, Route, Stage, StageError
+from faults.real.real_faults import planned
+from faults.real.rig.stage import NODES, PRESS_AGAIN_S, Stage, StageError
 from faults.real.times import STALL_S, longest_gap_s, since, stood_s, to_lasting_rest_s, to_lasting_zero_s
 from faults.report.drawing import AFTER_S, BEFORE_S
 from faults.seen import Seen
@@ -41,6 +41,13 @@ PILLAR_AHEAD_M = (1.8, 3.0)
 PILLAR_BESIDE_M = 0.4
 LAST_KEYS_S = 0.3
 """Maximum time from the required speed to the fault."""
+KEYS = {
+    Pillar.BY_CHANCE: ("w", "w", "a", "d", "x", "s"),
+    Pillar.AHEAD: ("w", "w", "ww", "ww", "www", "wwww", "s"),
+    Pillar.NONE: ("w",),
+}
+"""The keys that the operator presses at random meanwhile, unless the fault must stop the robot; after a stop at the pillar,
+the operator re-arms and drives at it again."""
 PAIR_APART_S = 0.4
 STAND_LIMIT_S = 4.0
 QUIET_S = 1.0
@@ -65,16 +72,17 @@ class _Run:
 
     name: str
     seed: int
-    faults: list[tuple[str, Injection]]
+    faults: list[tuple[str, Fault[Stage]]]
     done: list[Done] = field(default_factory=list[Done])
-    lifted: list[Injection] = field(default_factory=list[Injection])
+    begun_late_s: float = 0.0
+    """How much later than recorded a fault of the sensors may have begun: the sim answered only then."""
     complaints: list[Violation] = field(default_factory=list[Violation])
     recovering_s: float = 0.0
 
     @property
     def stops(self) -> bool:
         """Whether at least one of the faults must stop the robot."""
-        return any(BY_NAME[name].bound_s is not None or injection.also for name, injection in self.faults)
+        return any(BY_NAME[name].bound_s is not None or fault.also for name, fault in self.faults)
 
     @property
     def pillar(self) -> Pillar:
@@ -87,7 +95,7 @@ class _Run:
 
     @property
     def leeway_s(self) -> float:
-        return LEEWAY_S + max(injection.leeway_s for _, injection in self.faults)
+        return LEEWAY_S + max(self.begun_late_s, *(fault.leeway_s for _, fault in self.faults))
 
     def may_end(self, node: str) -> bool:
         """Return whether one of the faults may end this process."""
@@ -95,27 +103,9 @@ class _Run:
             BY_NAME[name].target in ("", node)
             or BY_NAME[name].group is Group.SUPERVISORD
             or node in name
-            or injection.also
-            for name, injection in self.faults
+            or fault.also
+            for name, fault in self.faults
         )
-
-
-def planned(name: str, seed: int) -> list[tuple[str, Injection]]:
-    """Return the faults of a trial; the same seed gives the same faults."""
-    chance = Random(f"{name} {seed}")  # noqa: S311 - to be repeated is what it is for
-    names = draw_pair(chance) if name == PAIR else (name,)
-    faults = [(one, plan(one, chance)) for one in names]
-    if name == PAIR:
-        for _, injection in faults:
-            injection.parameters[PAIR] = " and ".join(names)
-    return faults
-
-
-def routes(faults: list[tuple[str, Injection]]) -> tuple[Route, Route]:
-    """Return the routes of teleop and sim to the hub that these faults need."""
-    teleop = [one.teleop for _, one in faults if one.teleop is not Route.DIRECT]
-    sim = [one.sim for _, one in faults if one.sim is not Route.DIRECT]
-    return (teleop or [Route.DIRECT])[0], (sim or [Route.DIRECT])[0]
 
 
 async def complete_trial(
@@ -149,21 +139,14 @@ async def _run_trial(stage: Stage, name: str, seed: int, revision: str) -> tuple
     """
     run = _Run(name, seed, planned(name, seed))
     chance = Random(f"{name} {seed} driving")  # noqa: S311 - as above
-    teleop, sim = routes(run.faults)
-    await stage.route(teleop=teleop, sim=sim)
+    await stage.prepare([name for name, _ in run.faults])
     if any(run.may_end(node) for node in NODES):
         await stage.settled()
-    for _, injection in run.faults:
-        await injection.prepare(stage)
     await _drive(stage, run, chance)
     pids = {node: stage.pid(node) for node in NODES}
     load = os.getloadavg()[0]
-    try:
-        await _break(stage, run, chance)
-        await _watch(stage, run)
-    finally:
-        for _, injection in run.faults:
-            await _lift(stage, run, injection)
+    await _break(stage, run, chance)
+    await _watch(stage, run)
     drivable = await _recover(stage, run)
     if drivable:
         _complain_of_deaths(stage, run, pids)
@@ -244,8 +227,8 @@ async def _break(stage: Stage, run: _Run, chance: Random) -> None:
     """Run every fault from its beginning to its end."""
     pauses_s = [0.0, *(chance.uniform(0.0, PAIR_APART_S) for _ in run.faults[1:])]
     tasks = [
-        asyncio.ensure_future(_inject(stage, run, name, injection, pause_s))
-        for (name, injection), pause_s in zip(run.faults, pauses_s, strict=True)
+        asyncio.ensure_future(_inject(stage, run, name, fault, pause_s))
+        for (name, fault), pause_s in zip(run.faults, pauses_s, strict=True)
     ]
     caring = asyncio.ensure_future(_take_care(stage, run))
     typing = asyncio.ensure_future(_go_on_typing(stage, run, chance)) if not run.stops else None
@@ -257,28 +240,25 @@ async def _break(stage: Stage, run: _Run, chance: Random) -> None:
         await asyncio.gather(*tasks, caring, *([typing] if typing else []), return_exceptions=True)
 
 
-async def _inject(stage: Stage, run: _Run, name: str, injection: Injection, pause_s: float) -> None:
+async def _inject(stage: Stage, run: _Run, name: str, fault: Fault[Stage], pause_s: float) -> None:
     if pause_s > 0.0:
         await asyncio.sleep(pause_s)
-    try:
-        at_s = await injection.do(stage)
-    except (StageError, OSError):
-        # The other fault of a pair has removed its target, so it does not count.
-        if len(run.faults) == 1:
-            raise
-        return
-    run.done.append(Done(name, at_s, at_s, injection.parameters))
-    if injection.lasts_s > 0.0:
-        await asyncio.sleep(injection.lasts_s)
-    await _lift(stage, run, injection)
-
-
-async def _lift(stage: Stage, run: _Run, injection: Injection) -> None:
-    """End a fault, once."""
-    if injection not in run.lifted:
-        run.lifted.append(injection)
-        with suppress(StageError, OSError):
-            await injection.lift(stage)
+    async with aclosing(fault.steps(stage)) as steps:
+        try:
+            at_s = await anext(steps)
+        except (StageError, OSError):
+            # The other fault of a pair has removed its target, so it does not count.
+            if len(run.faults) == 1:
+                raise
+            return
+        run.done.append(Done(name, at_s, at_s, fault.parameters))
+        if Effect.SENSOR in BY_NAME[name].effect:
+            run.begun_late_s = max(run.begun_late_s, time.monotonic() - at_s)
+        try:
+            await asyncio.sleep(fault.lasts_s)
+        finally:
+            with suppress(StageError, OSError):
+                await anext(steps, None)
 
 
 async def _take_care(stage: Stage, run: _Run) -> None:
@@ -303,7 +283,7 @@ async def _go_on_typing(stage: Stage, run: _Run, chance: Random) -> None:
     """Press random keys, including neutral, if no fault must stop the robot."""
     while True:
         await asyncio.sleep(chance.uniform(0.05, 0.3))
-        stage.teleop.press(chance.choice(run.faults[0][1].keys))
+        stage.teleop.press(chance.choice(KEYS[run.pillar]))
 
 
 # --- watch
@@ -353,9 +333,9 @@ async def _recover(stage: Stage, run: _Run) -> bool:
         return False
     await _let_go(stage)
     stage.is_ready = True
-    for _, injection in run.faults:
-        injection.parameters["to_alive_s"] = round(run.recovering_s - began_s, 3)
-        injection.parameters["to_ready_s"] = round(neutral_s, 3)
+    for _, fault in run.faults:
+        fault.parameters["to_alive_s"] = round(run.recovering_s - began_s, 3)
+        fault.parameters["to_ready_s"] = round(neutral_s, 3)
     return True
 
 
@@ -398,14 +378,11 @@ def _judge(stage: Stage, run: _Run, revision: str, load: float) -> Trial:
     began_s, end_s = observer.began_s, time.monotonic()
     seen, base = since(began_s, observer.finished(), observer.base)
     recovering_s = run.recovering_s - began_s
-    done = [_shifted(one, began_s, run, injection) for one in run.done for injection in _of(run, one)]
+    # In the trial's own time, a fault is in force until the operator sends neutral.
+    done = [Done(one.name, one.at_s - began_s, recovering_s, one.parameters) for one in run.done]
+    also = {name: fault.also for name, fault in run.faults}
     late = [Done(one.name, one.at_s + run.leeway_s, one.until_s, one.parameters) for one in done]
-    late += [
-        Done(other, one.at_s + run.leeway_s, one.until_s)
-        for one in done
-        for injection in _of(run, one)
-        for other in injection.also
-    ]
+    late += [Done(other, one.at_s + run.leeway_s, one.until_s) for one in done for other in also[one.name]]
     is_alone = not any(BY_NAME[one.name].group is Group.WIRE for one in done)
     stalled_s = longest_gap_s([m.time_s for m in seen.motions], done[0].at_s, recovering_s)
     wanted = [
@@ -469,15 +446,6 @@ def _judge(stage: Stage, run: _Run, revision: str, load: float) -> Trial:
         violations=broken,
         timeline=tuple(thinned(timeline(seen, FINE_S), *window)),
     )
-
-
-def _of(run: _Run, one: Done) -> list[Injection]:
-    return [injection for name, injection in run.faults if name == one.name]
-
-
-def _shifted(one: Done, began_s: float, run: _Run, injection: Injection) -> Done:
-    """Return the fault in the trial's own time, in force until the operator sent neutral."""
-    return Done(one.name, one.at_s - began_s, run.recovering_s - began_s, injection.parameters)
 
 
 def _base_bound_s(name: str) -> float | None:

@@ -16,6 +16,7 @@ MOVING_LIMIT_S = 1.2
 STRAIGHT_LIMIT_S = 3.0
 """The same, if the operator only drives straight on."""
 
+FROM_M_S = (0.1, 0.9)
 PAIR_SHARE = 0.2
 PAIR_APART_S = 0.4
 
@@ -23,8 +24,6 @@ PAIR_APART_S = 0.4
 BY_THEMSELVES_EVERY, BY_THEMSELVES_REST = 10, 7
 """Seeds that end in 7 try the classes with trials of their own, one after the other. What the other seeds mean
 does not depend on how many such classes there are."""
-LONG_S = (3.0, 4.5)
-"""Long enough to reach the pillar, re-arm, and drive at it again."""
 
 
 class Scene(StrEnum):
@@ -54,8 +53,9 @@ class Planned:
     at_s: float
     """The earliest time; the fault then waits until the robot moves."""
     lasts_s: float
-    strength: float
-    """0 to 1: the position of the fault's parameters in their ranges."""
+    """The length of a fault that may have any length."""
+    from_m_s: float
+    """The speed that the fault waits for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,11 +119,11 @@ def _draw_by_itself(seed: int) -> Scenario:
         drivers=random.choices((Drivers.TELEOP, Drivers.STUBBORN), weights=(2, 1))[0],
         stubbornness=random.choice((0.0, 0.3)),
         pillars=(),
-        faults=(Planned(name, at_s, random.uniform(*LONG_S), random.random()),),
+        faults=(Planned(name, at_s, 0.0, random.uniform(*FROM_M_S)),),
         straight=True,
     )
 
 
 def _plan(random: Random, name: str, at_s: float) -> Planned:
     lasts_s = random.choice((0.05, 0.12, 0.3, 0.6, 1.0, 2.0, 3.0)) * random.uniform(0.8, 1.2)
-    return Planned(name, at_s, lasts_s, random.random())
+    return Planned(name, at_s, lasts_s, random.uniform(*FROM_M_S))

@@ -13,7 +13,7 @@ from faults.demands import Done, asked_age_s, demands, may_be_locked_out, tolera
 from faults.measure import NOTICED_WITHIN_S, stop_after
 from faults.promises import Bounds, Demand, Kind, Violation, violations
 from faults.seen import Seen
-from faults.simulated.fault_injection import Injector, calm
+from faults.simulated.fault_injection import Injector
 from faults.simulated.operator import Operator, reset_from_outside
 from faults.simulated.scenario import EPISODE_S, RECOVERY_S, Drivers, draw
 from faults.simulated.world import World
@@ -102,18 +102,17 @@ def _has_been_free(seen: Seen, since_s: float) -> bool:
 
 async def mend(world: World, injector: Injector) -> None:
     """Lift all remaining faults, as an operator of the machine would."""
-    world.kill("teleop2")
+    injector.end_attacks()
+    world.may_reset = True
     for name in (topics.TELEOP, topics.SIM):
-        for conditions in world.network.link(name):
-            calm(conditions)
-        world.network.heal(name)
+        injector.heal(name)
     for life in list(world.lives.values()):
         world.let_go(life)
     names = {one.name for one in injector.finished()}
     if world.scenario.drivers is Drivers.STUBBORN and may_be_locked_out(names):
         world.kill(topics.TELEOP)
     world.start_all()
-    await injector.calm_sensors()
+    await injector.mend_sensors()
     while True:  # what ends only now is started again as well
         world.start_all()
         await asyncio.sleep(AGAIN_S)

@@ -179,7 +179,6 @@ class World:
             topics.SUPERVISOR: self._supervisor,
             topics.SIM: self._sim,
             topics.TELEOP: self._stubborn if scenario.drivers is Drivers.STUBBORN else self._teleop,
-            "teleop2": self._second,
             JOY: self._joy,
         }
         loop.on_error = self._on_error
@@ -290,10 +289,6 @@ class World:
 
     async def _joy(self, life: Life) -> None:
         await self._beat(life, JOY, lambda: self.velocity)
-
-    async def _second(self, life: Life) -> None:
-        """Run a second program with a taken name that commands a turn."""
-        await self._beat(life, topics.TELEOP, lambda: (0.0, 0.6))
 
     async def _beat(self, life: Life, source: str, wanted: Callable[[], tuple[float, float]]) -> None:
         await life.bus.connect()

@@ -43,7 +43,7 @@ def demo(
 
 def class_names(incomplete: str) -> list[str]:
     """Return the classes of faults, after the names that the word already has."""
-    from faults.real.injectors.plans import real_classes
+    from faults.classes import real_classes
 
     before, comma, _ = incomplete.rpartition(",")
     return [f"{before}{comma}{one.name}" for one in real_classes()]

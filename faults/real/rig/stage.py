@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Collection, Coroutine
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
@@ -27,6 +27,8 @@ from deploy.stack.keyboard import TypedTeleop
 from deploy.stack.launch import DEFAULT_CONFIG, Launch, free_loopback_endpoint
 from deploy.stack.statedir import StateDir
 from deploy.stack.takedown import Say
+from faults.classes import BY_NAME, Group
+from faults.port import End, Hold
 from faults.real.rig import faulty_process
 from faults.real.rig.cable import Cable
 from faults.real.rig.helper_process import HelperProcess
@@ -37,10 +39,11 @@ from faults.real.rig.wheels import WheelPipe
 from faults.seen import Seen
 from wire import topics
 from wire.bus import BusError, NoReplyError
-from wire.messages import Point
+from wire.messages import Bool, Point
 from wire.zenoh.bus import ZenohBus, open_bus
 
 NODES = (topics.SUPERVISOR, topics.SIM)
+UNPLUGGED = "net_unplugged"
 DISK_BYTES = 96 << 20
 """Size of the state directory: more than logs and black boxes need."""
 OPEN_LIMIT_S = 10.0
@@ -53,6 +56,10 @@ START_M = (-4.5, 0.0)
 PRESS_AGAIN_S = 0.4
 """An operator who sees no effect presses again."""
 CALL_LIMIT_S = 1.0
+ASK_AGAIN_S = 0.1
+PRESSED_LIMIT_S = 1.0
+"""From the press of the e-stop to zero."""
+INSISTS_S, LOOK_S = 1.5, 0.05
 SWITCH_S = 0.0005
 """Maximum time that a thread keeps the interpreter: the observer's stamps must not wait for a table."""
 SETTLE_POLL_S = 0.1
@@ -69,6 +76,15 @@ class Route(StrEnum):
 
 class StageError(DeployError):
     """The robot did not do what must precede or follow a fault."""
+
+
+def routes_for(classes: Collection[str]) -> tuple[Route, Route]:
+    """Return the routes of teleop and sim to the hub that these classes of faults need."""
+    routes = {topics.TELEOP: Route.DIRECT, topics.SIM: Route.DIRECT}
+    for name in classes:
+        if BY_NAME[name].group is Group.NETWORK:
+            routes[BY_NAME[name].target] = Route.CABLE if name == UNPLUGGED else Route.PROXY
+    return routes[topics.TELEOP], routes[topics.SIM]
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +107,7 @@ class ArmedLaunch(Launch):
 
 
 class Stage:
-    """The robot, its operator and an observer; `open` starts them, `close` ends them.
+    """The robot, its operator and an observer; `open` starts them, `close` ends them. Faults use it as their `Port`.
 
     Args:
         sim_options: options of `python -m sim`.
@@ -289,7 +305,16 @@ class Stage:
 
     # --- routes
 
-    async def route(self, *, teleop: Route, sim: Route) -> None:
+    async def prepare(self, classes: Collection[str]) -> None:
+        """Prepare the routes and helper processes that these classes of faults need, and heal the links."""
+        if any(BY_NAME[name].group is Group.WIRE for name in classes):
+            _ = self.attacker
+        await self._route(*routes_for(classes))
+        for node, route in self.routes.items():
+            if route is Route.PROXY:
+                self.links.heal(node)
+
+    async def _route(self, teleop: Route, sim: Route) -> None:
         """Make each process reach the hub on its route; restart those whose route changes."""
         if self.routes != {topics.TELEOP: teleop, topics.SIM: sim}:
             self.is_ready = False
@@ -382,16 +407,115 @@ class Stage:
         path = self.directory / f"{faulty_process.CRASH}-{node}"
         path.touch() if ends else path.unlink(missing_ok=True)
 
+    # --- the port of the faults
+
+    async def pause(self, duration_s: float) -> None:
+        await self.observer.watch(duration_s)
+
+    def kill(self, *nodes: str) -> float:
+        pids = [self.pid(node) for node in nodes]
+        now_s = time.monotonic()
+        for pid in pids:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        self.observer.alive.difference_update(nodes)
+        return now_s
+
+    def end(self, node: str, how: End) -> float:
+        match how:
+            case End.TERM:
+                return self.signal(node, signal.SIGTERM)
+            case End.RAISE:
+                return self.order(node, how)
+            case End.INPUT:
+                return self.teleop.end_input()
+            case End.HANG_UP:
+                return self.teleop.hang_up()
+
+    async def restart(self, *nodes: str) -> None:
+        """Do nothing: supervisord and the operator restart what has ended."""
+
+    def hold(self, node: str, how: Hold, for_s: float) -> float:
+        if how is Hold.STOP:
+            return self.signal(node, signal.SIGSTOP)
+        return self.order(node, f"{how} {for_s}")
+
+    def let_go(self, node: str, how: Hold) -> None:
+        if how is Hold.STOP:
+            self.signal(node, signal.SIGCONT)
+
+    def cut(self, node: str, *, up: bool, down: bool) -> float:
+        now_s = time.monotonic()
+        self.links.open(node, up=not up, down=not down)
+        return now_s
+
+    def delay(self, node: str, least_s: float, most_s: float) -> float:
+        now_s = time.monotonic()
+        self.links.delay(node, least_s, most_s)
+        return now_s
+
+    def heal(self, node: str) -> None:
+        self.links.heal(node)
+
     def attack(self, name: str, seed: int, for_s: float) -> float:
-        """Start an attack; return the time just before."""
         attacker = self.attacker
         now_s = time.monotonic()
         attacker.order({"attack": name, "seed": seed, "for_s": for_s})
         return now_s
 
-    def end_attack(self) -> int:
-        """End the attack; return the number of sent messages."""
+    def end_attack(self, name: str) -> int:  # noqa: ARG002 - there is one attack at a time
         return int(self.attacker.order({"attack": "stop"}))
+
+    def step_clock(self, node: str, by_s: float) -> float:
+        if node == topics.TELEOP:
+            self.observer.trusts_stamps = False
+        return self.order(node, f"clock {by_s}")
+
+    async def press_estop(self) -> float:
+        at_s = time.monotonic()
+        self.observer.bus.publisher(topics.ESTOP).put(Bool(data=True))
+        if not await self.observer.until(
+            lambda seen: any(one.is_zero and one.arrival_s > at_s for one in seen.commands[-200:]),
+            PRESSED_LIMIT_S,
+        ):
+            raise StageError("the e-stop did not reach the supervisor")
+        return at_s
+
+    async def insist(self) -> None:
+        """Wait until all processes are alive; then send neutral, and request motion."""
+        await self.alive(topics.TELEOP)
+        until_s = time.monotonic() + INSISTS_S
+        while time.monotonic() < until_s:
+            self.teleop.press("s")
+            await self.observer.watch(3 * LOOK_S)
+            self.teleop.press("wwww")
+            await self.observer.watch(6 * LOOK_S)
+
+    async def sensors(self, faults: str) -> float:
+        """As `Port.sensors`.
+
+        Raises:
+            StageError: the sim refuses, or does not answer.
+        """
+        now_s = time.monotonic()
+        try:
+            response = await self.observer.bus.call(topics.SIM_FAULTS, faults, timeout_s=CALL_LIMIT_S)
+        except NoReplyError as error:
+            raise StageError(f"the sim does not take the faults {faults!r}: {error}") from error
+        if not response.success:
+            raise StageError(f"the sim refuses the faults {faults!r}: {response.message}")
+        return now_s
+
+    async def mend_sensors(self) -> None:
+        deadline_s = time.monotonic() + ALIVE_LIMIT_S
+        while time.monotonic() < deadline_s:
+            with suppress(StageError):
+                await self.sensors("none")
+                return
+            await self.observer.watch(ASK_AGAIN_S)
+        raise StageError(f"no sim accepted the end of its sensor faults within {ALIVE_LIMIT_S:g} s")
+
+    # --- waiting
 
     async def settled(self) -> None:
         """Wait until supervisord considers its programs running; it restarts a program that dies earlier with growing delays.
@@ -479,21 +603,6 @@ class Stage:
         """Place a pillar relative to the robot's start pose."""
         x_m, y_m = START_M
         self.observer.bus.publisher(topics.OBSTACLE).put(Point(x_m + ahead_m, y_m + left_m, 0.0))
-
-    async def sensors(self, faults: str) -> float:
-        """Request these faults from the sim; return the time just before.
-
-        Raises:
-            StageError: it refuses, or does not answer.
-        """
-        now_s = time.monotonic()
-        try:
-            response = await self.observer.bus.call(topics.SIM_FAULTS, faults, timeout_s=CALL_LIMIT_S)
-        except NoReplyError as error:
-            raise StageError(f"the sim does not take the faults {faults!r}: {error}") from error
-        if not response.success:
-            raise StageError(f"the sim refuses the faults {faults!r}: {response.message}")
-        return now_s
 
 
 def _is_free(seen: Seen, since_s: float) -> bool:

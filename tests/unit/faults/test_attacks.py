@@ -6,17 +6,28 @@ import random
 
 import pytest
 
-from faults.attacks import ATTACKS, KEYS, SOURCE_KEYS, Shot
+from faults.attacks import ATTACKS, KEYS, SOURCE_KEYS, Knowledge, Shot
 from wire import topics
-from wire.messages import MAX_PAYLOAD_BYTES, LaserScan, Odometry, Point, Twist, UndecodableError, decode
-from wire.stamp import parse_stamp
+from wire.messages import (
+    MAX_PAYLOAD_BYTES,
+    LaserScan,
+    Odometry,
+    Point,
+    Twist,
+    UndecodableError,
+    decode,
+    planar_twist,
+)
+from wire.stamp import Stamp, parse_stamp
 
 MANY = 300
+HEARD = [(planar_twist(0.5, 0.0), Stamp(3, 5, b"T" * 16))]
 
 
 def _shots(name: str, seed: int = 7, count: int = MANY) -> list[Shot]:
     attack, _ = ATTACKS[name]
-    return list(itertools.islice(attack(random.Random(seed)), count))
+    knows = Knowledge(random.Random(seed), lambda: 7, lambda: 7, HEARD)
+    return list(itertools.islice(attack(knows), count))
 
 
 @pytest.mark.parametrize("name", sorted(set(ATTACKS) - {"oversized", "second_lidar"}))
@@ -70,6 +81,9 @@ def test_attachments_are_of_many_kinds() -> None:
     stamps = [parse_stamp(shot.attachment) for shot in _shots("attachments")]
     assert any(stamp is None for stamp in stamps)
     assert any(stamp is not None and stamp.sequence < 0 for stamp in stamps)
+    teleops = [stamp for stamp in stamps if stamp is not None and stamp.gid == HEARD[0][1].gid]
+    assert HEARD[0][1] in teleops, "replayed"
+    assert len({stamp.sequence for stamp in teleops}) == 3, "and forged"
 
 
 def test_a_rogue_writes_on_cmd_vel_and_on_whatever_matches_it() -> None:

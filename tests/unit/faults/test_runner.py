@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from deploy.stack.errors import DeployError
-from faults.real.injectors.plans import real_classes
-from faults.real.rig.stage import Route
+from faults.classes import real_classes
+from faults.real.real_faults import planned
+from faults.real.rig.stage import Route, routes_for
 from faults.real.runner import KEPT_TIMELINES, REVISION, Made, Orders, chosen, run, schedule, untried
-from faults.real.trial_run import planned, routes
 from faults.trial import BrokenPromise, Injected, Sample, Trial
 
 NAMES = tuple(one.name for one in real_classes())
@@ -49,7 +49,7 @@ def test_what_is_there_is_not_done_again() -> None:
 def test_in_a_round_a_way_to_the_hub_is_changed_as_rarely_as_can_be() -> None:
     for trials in (1, 2, 3):
         plan = schedule(Orders(trials), [name for name in NAMES if name != "pair"], [])
-        ways = [routes(planned(*one)) for one in plan]
+        ways = [routes_for([name]) for name, _ in plan]
         changes = sum(a != b for a, b in itertools.pairwise(ways))
         assert changes <= trials * (len(set(ways)) - 1)
 
@@ -79,7 +79,7 @@ def test_the_same_seed_plans_the_same_faults(name: str) -> None:
         assert [one.parameters for _, one in first] == [one.parameters for _, one in second]
         assert [one.lasts_s for _, one in first] == [one.lasts_s for _, one in second]
         assert len(first) == (2 if name == "pair" else 1)
-        teleop, sim = routes(first)
+        teleop, sim = routes_for([one for one, _ in first])
         assert sim is not Route.CABLE
         assert teleop is not Route.CABLE or name == "net_unplugged"
 

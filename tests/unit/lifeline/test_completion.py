@@ -1,7 +1,6 @@
 """The words that the shells complete."""
 
-from faults.classes import BY_NAME
-from faults.real.injectors.plans import real_classes
+from faults.classes import BY_NAME, real_classes
 from lifeline.cli.look import CAMERAS, HULLS, layout_names, node_names, topic_names
 from lifeline.cli.prove import class_names
 from sim.config import Hull
