@@ -178,15 +178,19 @@ def second_lidar_flood(knows: Knowledge) -> Iterator[Shot]:
 
 
 def _free_space(knows: Knowledge, rate_hz: float) -> Iterator[Shot]:
-    """Plausible scans of an empty round room, no two equal; all without a stamp, or all with valid stamps in order."""
+    """Plausible scans; all without a stamp, or all with valid stamps in order."""
     chance = knows.chance
-    noise = np.random.default_rng(chance.randrange(1 << 31))
     gid = chance.randbytes(GID_BYTES) if chance.random() < 0.5 else None
     for number in itertools.count(1):
-        ranges = noise.normal(FREE_M, NOISE_M, 360).astype(np.float32)
-        scan = laser_scan(ranges, range_m=(0.1, 12.0), period_s=SCAN_PERIOD_S, time_ns=knows.header_ns())
         attachment = None if gid is None else Stamp(number, number * round(1e9 / rate_hz), gid).pack()
-        yield Shot(topics.SCAN.key, encode(scan), attachment)
+        yield Shot(topics.SCAN.key, encode(free_scan(chance, knows.header_ns())), attachment)
+
+
+def free_scan(chance: Random, time_ns: int | None = None) -> LaserScan:
+    """Return a plausible scan of an empty round room; no two are equal."""
+    noise = np.random.default_rng(chance.randrange(1 << 31))
+    ranges = noise.normal(FREE_M, NOISE_M, 360).astype(np.float32)
+    return laser_scan(ranges, range_m=(0.1, 12.0), period_s=SCAN_PERIOD_S, time_ns=time_ns)
 
 
 def estop(knows: Knowledge) -> Iterator[Shot]:  # noqa: ARG001 - as every attack

@@ -18,10 +18,9 @@ from pydantic import TypeAdapter
 
 from bench.rig.sheet import now
 from deploy.stack.errors import DeployError
-from faults.provenance import commit, machine
 from faults.report.statistics import quantile
 from faults.trial import PROVENANCE_BEGINS, Provenance, parse_provenance
-from faults.trial_file import whole_lines
+from faults.trial_file import commit, machine, whole_lines
 
 SPEED_M_S = 0.5
 LIMIT_S = 5.0

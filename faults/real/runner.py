@@ -8,27 +8,36 @@ import itertools
 import json
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
 
 from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from deploy.stack.errors import DeployError
 from faults.classes import BY_NAME, Group, real_classes
-from faults.real.progress import Progressing
 from faults.real.real_faults import planned, why_not
 from faults.real.rig.stage import Route, Stage, routes_for
 from faults.real.trial_run import complete_trial
 from faults.report.figures import class_of, time_in
-from faults.report.results import results
-from faults.report.table import print_results
+from faults.report.table import print_results, results
 from faults.trial import Trial
 from faults.trial_file import appending, known_trials
 
 REVISION = "2"
 """Revision of this campaign; it increases when the meaning of a seed changes."""
+LINE_PERIOD_S = 30.0
+"""Time between two lines of progress, if the output is no terminal."""
 KEPT_TIMELINES = 4
 """Number of trials of a class that always keep their timeline, to show a typical one."""
 
@@ -234,3 +243,51 @@ def _what_cannot_be(stage: Stage, names: Iterable[str], console: Console) -> lis
             found.append(name)
             console.print(f"{name} is skipped: {reason}", highlight=False)
     return found
+
+
+class Progressing:
+    """Shows a bar on a terminal, otherwise a line from time to time; call it for each trial."""
+
+    def __init__(self, console: Console, total: int) -> None:
+        self._console, self._total = console, total
+        self._number = self._broken = 0
+        self._line_s = time.monotonic()
+        # Drawn on changes only, without a thread, because a measurement may be running.
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=console,
+            auto_refresh=False,
+            transient=True,
+        )
+        self._task = self._bar.add_task("", total=total)
+
+    def begin(self, name: str, number: int) -> None:
+        """Show that the trial with this number begins."""
+        if self._console.is_terminal:
+            broken = f"  [red]{self._broken} broken[/]" if self._broken else ""
+            self._bar.update(self._task, description=f"{name} {number}{broken}", refresh=True)
+
+    def end(self, *, broken: bool) -> None:
+        self._number += 1
+        self._broken += broken
+        self._bar.update(self._task, advance=1, refresh=self._console.is_terminal)
+        if not self._console.is_terminal and time.monotonic() - self._line_s > LINE_PERIOD_S:
+            self._line_s = time.monotonic()
+            self._console.print(f"  {self._number} of {self._total} trials, {self._broken} broken")
+
+    def say(self, sentence: str) -> None:
+        """Print a line that remains."""
+        self._console.print(sentence, markup=False, highlight=False, soft_wrap=True)
+
+    @contextmanager
+    def shown(self) -> Generator[None]:
+        if not self._console.is_terminal:
+            yield
+            return
+        with self._bar:
+            yield

@@ -19,16 +19,22 @@ from random import Random
 
 from faults.classes import BY_NAME, KILL_BOUND_S, Effect, Group
 from faults.demands import Done, asked_age_s, demands
-from faults.measure import stop_after
+from faults.measure import (
+    STALL_S,
+    longest_gap_s,
+    since,
+    stood_s,
+    stop_after,
+    to_lasting_rest_s,
+    to_lasting_zero_s,
+)
 from faults.port import Fault, Pillar
 from faults.promises import Bounds, Demand, Kind, Violation, violations
 from faults.real.real_faults import planned
 from faults.real.rig.stage import NODES, PRESS_AGAIN_S, Stage, StageError
-from faults.real.times import STALL_S, longest_gap_s, since, stood_s, to_lasting_rest_s, to_lasting_zero_s
 from faults.report.drawing import AFTER_S, BEFORE_S
 from faults.seen import Seen
-from faults.timeline import FINE_S, thinned, timeline
-from faults.trial import BrokenPromise, Injected, Trial
+from faults.trial import FINE_S, BrokenPromise, Injected, Trial, thinned, timeline
 from wire import topics
 
 FAULT_SPEED_M_S = 0.3

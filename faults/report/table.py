@@ -1,11 +1,12 @@
-"""Print the results of a campaign: a table by class of fault, the broken promises, and the events of one trial."""
+"""The results of a campaign: a table by class of fault with the broken promises, JSON values, and the events of one trial."""
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
-from faults.report.figures import ClassFigures, class_of, figures_of, replay
+from faults.report.figures import ClassFigures, Spread, class_of, figures_of, replay
 from faults.trial import Trial
 
 MIN_WIDTH = 160
@@ -58,6 +59,46 @@ def broken_sentences(trials: Sequence[Trial]) -> list[str]:
             f"  replay: {replay(trial)}",
         )
     ]
+
+
+def results(trials: Sequence[Trial]) -> dict[str, Any]:
+    """Return the figures of each class, and every broken promise with the command that replays it."""
+    return {
+        "trials": len(trials),
+        "broken_trials": sum(bool(trial.violations) for trial in trials),
+        "classes": [_class(one) for one in figures_of(trials)],
+        "broken": [
+            {
+                "class": class_of(trial),
+                "seed": trial.seed,
+                "promise": broken.promise,
+                "time_s": broken.time_s,
+                "sentence": broken.sentence,
+                "replay": replay(trial),
+            }
+            for trial in trials
+            for broken in trial.violations
+        ],
+    }
+
+
+def _class(one: ClassFigures) -> dict[str, Any]:
+    return {
+        "class": one.name,
+        "trials": one.trials,
+        "stops": len(one.stops),
+        "detectors": dict(one.detectors),
+        "bound_s": one.bound_s,
+        "to_zero_s": _spread(one.stop),
+        "to_standstill_s": _spread(one.standstill),
+        "distance_m": _spread(one.distance),
+        "clearance_m": one.clearance_m,
+        "broken_trials": one.broken,
+    }
+
+
+def _spread(spread: Spread | None) -> dict[str, float] | None:
+    return None if spread is None else spread._asdict()
 
 
 def story(trial: Trial) -> Iterator[str]:

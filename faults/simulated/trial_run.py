@@ -17,8 +17,7 @@ from faults.simulated.fault_injection import Injector
 from faults.simulated.operator import Operator, reset_from_outside
 from faults.simulated.scenario import EPISODE_S, RECOVERY_S, Drivers, draw
 from faults.simulated.world import World
-from faults.timeline import timeline
-from faults.trial import BrokenPromise, Injected, Trial
+from faults.trial import BrokenPromise, Injected, Trial, timeline
 from supervisor.config import SupervisorSection
 from virtual.loop import VirtualLoop, VirtualTimeError
 from wire import topics

@@ -13,7 +13,6 @@ import numpy as np
 from faults.measure import BaseReport
 from faults.seen import Asked, Command, Seen, Status
 from faults.simulated.clearance_witness import Witness
-from faults.simulated.machine import Machine
 from faults.simulated.scenario import Drivers, Scenario
 from sim import mj
 from sim.config import Build, Hull, SimSection
@@ -23,6 +22,7 @@ from sim.plant import Plant, Snapshot
 from sim.scene import build
 from sim.service import SimService
 from supervisor.config import FootprintSection, SupervisorSection
+from supervisor.estop_record import MemoryRecord
 from supervisor.service import SupervisorService
 from teleop.holder import HeldError
 from teleop.keyboard import Incremental, Setpoint
@@ -92,6 +92,23 @@ def stage(scene: str, *, movers: bool, rectangular: bool) -> Stage:
     half_size_m = (0.5 * world.size_m[0], 0.5 * world.size_m[1])
     witness = Witness(plant, world)
     return Stage(plant, witness, plant.save(), not rectangular, FloorPlan(world.standing), half_size_m)
+
+
+class Machine:
+    """What outlives a supervisor's process: its machine's suspended time, and its record of a pressed e-stop."""
+
+    def __init__(self) -> None:
+        self._slept_s = 0.0
+        self.record = MemoryRecord()
+
+    def sleep(self, duration_s: float) -> None:
+        """Suspend the machine: time passes, but the monotonic clock does not advance."""
+        self._slept_s += duration_s
+
+    def suspended_s(self) -> float:
+        """Return the suspended time since the last call [s]."""
+        slept_s, self._slept_s = self._slept_s, 0.0
+        return slept_s
 
 
 class Keyboard:
@@ -266,7 +283,11 @@ class World:
         self.kill(name)
 
     async def _supervisor(self, life: Life) -> None:
-        await SupervisorService(life.bus, self._config, **self.machine.options()).run(life.stop)
+        machine = self.machine
+        service = SupervisorService(
+            life.bus, self._config, estop_record=machine.record, suspended_s=machine.suspended_s
+        )
+        await service.run(life.stop)
         await life.bus.close()
 
     async def _sim(self, life: Life) -> None:

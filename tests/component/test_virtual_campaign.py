@@ -16,7 +16,7 @@ from faults.classes import classes_by_themselves
 from faults.demands import may_be_locked_out
 from faults.simulated import runner as campaigns
 from faults.simulated import world
-from faults.simulated.revision import revision
+from faults.simulated.runner import revision
 from faults.simulated.scenario import draw
 from faults.simulated.trial_run import run_trial
 from faults.trial import PROVENANCE_BEGINS, Trial, parse

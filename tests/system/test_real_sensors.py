@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from faults.writers import free_scan
+from faults.attacks import free_scan
 from tests.system.harness import PATIENCE_S, Robot, free_endpoint, robot
 from wire import topics
 from wire.bus import Subscription

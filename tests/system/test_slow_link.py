@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from faults.real.rig.links import Links
+from faults.real.rig.helper_process import Links
 from teleop.service import RESET_TIMEOUT_S
 from tests.system.harness import is_zero, robot
 from tests.system.operators import Operator, until

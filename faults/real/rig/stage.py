@@ -31,9 +31,8 @@ from faults.classes import BY_NAME, Group
 from faults.port import End, Hold
 from faults.real.rig import faulty_process
 from faults.real.rig.cable import Cable
-from faults.real.rig.helper_process import HelperProcess
+from faults.real.rig.helper_process import HelperProcess, Links
 from faults.real.rig.janitor import STATE, sweep
-from faults.real.rig.links import Links
 from faults.real.rig.observer import Observer
 from faults.real.rig.wheels import WheelPipe
 from faults.seen import Seen

@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from deploy.stack.errors import DeployError
-from faults import provenance
+from faults import trial_file
 from faults.report.drawing import timeline
 from faults.report.figures import campaigns, replay
 from faults.report.page import BROKEN_SHOWN, percent
@@ -307,12 +307,12 @@ def test_what_is_added_to_a_file_is_signed_and_nothing_is_where_nothing_was_adde
 ) -> None:
     monkeypatch.setattr("sys.argv", ["lifeline", "faults", "--out", str(tmp_path / "trials.jsonl")])
     out = tmp_path / "trials.jsonl"
-    with provenance.signed(out):
+    with trial_file.signed(out):
         pass
-    with provenance.signed(None):
+    with trial_file.signed(None):
         pass
     assert not out.exists()
-    with pytest.raises(KeyboardInterrupt), provenance.signed(out):  # noqa: PT012 - interrupted after a trial
+    with pytest.raises(KeyboardInterrupt), trial_file.signed(out):  # noqa: PT012 - interrupted after a trial
         file_of(out, trial(fault()))
         raise KeyboardInterrupt
     last = parse_provenance(out.read_text().splitlines()[-1])
@@ -340,7 +340,7 @@ def test_a_file_that_cannot_be_appended_to_is_refused_in_one_sentence(tmp_path: 
 
 def test_where_git_does_not_know_the_commit_stays_empty(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")
-    assert provenance.commit() == ""
+    assert trial_file.commit() == ""
 
 
 def test_the_command_writes_the_page_and_refuses_in_a_sentence(tmp_path: Path) -> None:
@@ -355,7 +355,7 @@ def test_the_command_writes_the_page_and_refuses_in_a_sentence(tmp_path: Path) -
 
 def test_an_origin_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:
     out = tmp_path / "trials.jsonl"
-    with pytest.raises(DeployError, match="cannot write"), provenance.signed(out):
+    with pytest.raises(DeployError, match="cannot write"), trial_file.signed(out):
         out.mkdir()
 
 

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from faults.simulated import revision as revisions
-from faults.simulated.revision import PACKAGES, ROOT, files_behind, revision
-from faults.simulated.runner import DECIDES
+from faults.simulated import runner
+from faults.simulated.runner import DECIDES, PACKAGES, ROOT, files_behind, revision
 
 RUN = f"""
 import importlib, json, sys
@@ -49,8 +48,8 @@ def test_a_change_anywhere_behind_a_module_changes_its_revision(
     for name, text in texts.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
-    monkeypatch.setattr(revisions, "ROOT", tmp_path)
-    monkeypatch.setattr(revisions, "PACKAGES", ("one", "part", "aside"))
+    monkeypatch.setattr(runner, "ROOT", tmp_path)
+    monkeypatch.setattr(runner, "PACKAGES", ("one", "part", "aside"))
     before = revision("one")
     (tmp_path / "aside.py").write_text("# changed")
     assert revision("one") == before

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from faults.seen import Command, Motion, Seen, Status
-from faults.timeline import FINE_S, STEP_M_S, STEP_RAD_S, thinned, timeline
-from faults.trial import Sample
+from faults.trial import FINE_S, STEP_M_S, STEP_RAD_S, Sample, thinned, timeline
 
 
 def stopped_seen() -> Seen:

@@ -5,8 +5,15 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from faults.measure import BaseReport
-from faults.real.times import STALL_S, longest_gap_s, since, stood_s, to_lasting_rest_s, to_lasting_zero_s
+from faults.measure import (
+    STALL_S,
+    BaseReport,
+    longest_gap_s,
+    since,
+    stood_s,
+    to_lasting_rest_s,
+    to_lasting_zero_s,
+)
 from faults.seen import Asked, Command, Motion, Seen, Status
 
 END_S = 10.0

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from faults.demo.verdict import MEASURING_S, Outcome, Verdict, judged, summary, timed, worst
+from faults.real.demo import MEASURING_S, Outcome, Verdict, judged, summary, timed, worst
 
 BOUND_S = 0.2
 
