@@ -233,7 +233,9 @@ CLASSES = (
         5,
         demands=Kind.STOPPED,
     ),
-    _network("net_cut", "a link is cut for longer than its lease", SILENT_OR_LOST, SILENT_BOUND_S, 3, CUT),
+    _network(
+        "net_cut", "a link is cut; with real processes for 1.5 s", SILENT_OR_LOST, SILENT_BOUND_S, 3, CUT
+    ),
     _base_network("net_cut_base", "the same for the sim's link", SCAN_STALE, BLIND_BOUND_S, 5, CUT_BASE),
     _network(
         "net_healed",
