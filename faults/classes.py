@@ -145,6 +145,9 @@ def _estop(node: str) -> FaultClass:
     )
 
 
+PAIR = "pair"
+"""The class of two faults together."""
+
 CLASSES = (
     _teleop("teleop_sigkill", "SIGKILL", GONE, KILL_BOUND_S, 2, ENDS),
     _teleop("teleop_sigterm", "SIGTERM", GONE, KILL_BOUND_S, 2, ENDS),
@@ -354,7 +357,7 @@ CLASSES = (
         8,
         target="sim",
     ),
-    FaultClass("pair", "two of these faults together", (), None, 8, group=Group.PAIR),
+    FaultClass(PAIR, "two of these faults together", (), None, 8, group=Group.PAIR),
 )
 
 BY_NAME = {one.name: one for one in CLASSES}

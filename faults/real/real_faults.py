@@ -10,14 +10,13 @@ from functools import partial
 from pathlib import Path
 from random import Random
 
-from faults.classes import KILL_BOUND_S, SILENT_BOUND_S, Group, real_classes
+from faults.classes import KILL_BOUND_S, PAIR, SILENT_BOUND_S, Group, real_classes
 from faults.injection import DRAWS, HEALED_AFTER_S, lasting
 from faults.port import Fault
 from faults.real.rig import cable
 from faults.real.rig.stage import NODES, UNPLUGGED, Stage, StageError
 from wire import topics
 
-PAIR = "pair"
 NOT_IN_PAIRS = frozenset({Group.SUPERVISORD, Group.MACHINE, Group.PAIR})
 """Each of these affects the whole stage."""
 ONE_OF = ("wire_", "sim_scan_", "net_")

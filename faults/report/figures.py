@@ -6,15 +6,14 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from faults.classes import BY_NAME, CLASSES, Effect
+from faults.classes import BY_NAME, CLASSES, PAIR, Effect
 from faults.demands import LEEWAY_S
+from faults.measure import BASE
 from faults.report.statistics import quantile, upper_rate
 from faults.trial import BrokenPromise, Injected, Provenance, Trial
 
-PAIR = "pair"
 APART_S = 2.0
 """Faults closer together than this count as a pair, not as their own classes."""
-BASE = "base: "
 TIMELINES_KEPT = 40
 """Number of trials with a timeline that are kept for each class, to choose a typical one."""
 ROUNDING_S = 1e-9

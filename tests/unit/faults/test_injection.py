@@ -9,10 +9,10 @@ from typing import Any, cast
 
 import pytest
 
-from faults.classes import BY_NAME, CLASSES, Group, classes_by_themselves, real_classes, virtual_classes
+from faults.classes import BY_NAME, CLASSES, PAIR, Group, classes_by_themselves, real_classes, virtual_classes
 from faults.injection import DRAWS
 from faults.port import Fault, Pillar
-from faults.real.real_faults import NOT_IN_PAIRS, PAIR, REAL_DRAWS, draw_pair
+from faults.real.real_faults import NOT_IN_PAIRS, REAL_DRAWS, draw_pair
 from faults.real.rig import stage as stages
 from faults.real.rig.stage import Stage, StageError
 from faults.simulated.fault_injection import VIRTUAL_DRAWS
