@@ -36,7 +36,7 @@ def demo(
 ) -> int:
     """Drive, inject faults, and print the measurements. Exit 1 if a promise was broken."""
     require("sim")  # before anything is announced
-    from faults.demo.demo import play
+    from faults.real.demo import play
 
     return play(note if as_json else say, quick=quick, viewer=viewer, as_json=as_json)
 

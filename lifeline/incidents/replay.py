@@ -1,27 +1,29 @@
 """`lifeline replay-decision`: run the law again over a black box recording, and compare the decisions."""
 
 import json
-import math
 import platform
 import time
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 from rich.console import Console
+from rich.table import Table
 from rich.text import Text
 
 from deploy.stack.errors import DeployError
-from lifeline.incidents.commands import rows_of, table_of
-from lifeline.incidents.summary import Sample, sample_of
+from deploy.stack.formatting import COLOURS, number
 from supervisor.blackbox.file import DECISION, INPUTS, STATE, dumps
 from supervisor.blackbox.reader import BlackBoxError, Document, read, stops_of
-from supervisor.law.model import Inputs, State, Velocity
+from supervisor.law.model import STANDSTILL, Decision, Inputs, State, Velocity
 from supervisor.law.safety import step
 from wire.standstill import is_still
 
 EXIT_DIFFERENT = 1
+MIN_WIDTH = 130
+"""Width of the table in columns if the output is not a terminal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,12 +38,23 @@ class Difference:
 
 
 @dataclass(slots=True)
+class Phase:
+    """Consecutive steps with the same outline: one line of the timeline."""
+
+    first_s: float
+    last_s: float
+    first: Decision
+    last: Decision
+
+
+@dataclass(slots=True)
 class Replay:
     """The result of a replay."""
 
+    steps: int = 0
     difference: Difference | None = None
-    samples: list[Sample] = field(default_factory=list[Sample])
-    """The steps of the replay, up to the difference."""
+    phases: list[Phase] = field(default_factory=list[Phase])
+    """The phases of the replay, up to the difference."""
     rest_s: float | None = None
     """Time of the first odometry after the first stop in which the base is at rest."""
     took_s: float = 0.0
@@ -72,9 +85,8 @@ def replay(document: Document) -> Replay:
         BlackBoxError: a line does not match the types of this law.
     """
     found = Replay()
-    now_s = stop_s = stops_of(document.header)[0].now_s
+    stop_s = stops_of(document.header)[0].now_s
     state: State | None = None
-    measured: Velocity | None = None
     started_s = time.perf_counter()
     for line_number, line in enumerate(document.lines, start=2):
         try:
@@ -82,7 +94,8 @@ def replay(document: Document) -> Replay:
                 if state is None:
                     state = STATE.read(line["state"])
                 replayed = STATE.spell(STATE.pack(state))
-                where, recorded = "state", line["state"]
+                where, now_s = "state", found.phases[-1].last_s if found.phases else stop_s
+                recorded = line["state"]
             else:
                 now_s, inputs = float(line["now_s"]), INPUTS.read(line["inputs"])
                 if state is None:
@@ -90,8 +103,8 @@ def replay(document: Document) -> Replay:
                 state, decision = step(state, now_s, inputs)
                 replayed = DECISION.spell(DECISION.pack(decision))
                 where, recorded = "decision", line["decision"]
-                measured = measured if inputs.odometry is None else inputs.odometry.velocity
-                found.samples.append(sample_of(now_s - stop_s, decision, measured))
+                found.steps += 1
+                _tell(found, now_s, decision)
                 if found.rest_s is None and now_s >= stop_s and _is_at_rest(inputs):
                     found.rest_s = now_s
         except (KeyError, TypeError, ValueError) as error:
@@ -108,6 +121,26 @@ def replay(document: Document) -> Replay:
 
 def _is_at_rest(inputs: Inputs) -> bool:
     return inputs.odometry is not None and is_still(*inputs.odometry.velocity)
+
+
+def _tell(found: Replay, now_s: float, decision: Decision) -> None:
+    last = found.phases[-1] if found.phases else None
+    if last is None or _outline(last.last) != _outline(decision):
+        found.phases.append(Phase(now_s, now_s, decision, decision))
+    else:
+        last.last_s, last.last = now_s, decision
+
+
+def _outline(decision: Decision) -> tuple[object, ...]:
+    """Return the values whose change begins a new line of the timeline."""
+    return (
+        decision.mode,
+        decision.reasons,
+        decision.owner,
+        decision.commanded == STANDSTILL,
+        decision.alarm,
+        None if decision.reset_reply is None else decision.reset_reply.message,
+    )
 
 
 def _different(where: str, recorded: object, replayed: object) -> tuple[str, str, str] | None:
@@ -141,21 +174,31 @@ def to_json(document: Document, found: Replay) -> dict[str, Any]:
     difference = found.difference
     return {
         "same": difference is None,
-        "steps": len(found.samples),
+        "steps": found.steps,
         "stops": document.header["stops"],
         "rest_s": None if found.rest_s is None else found.rest_s - stop_s,
         "difference": None if difference is None else asdict(difference),
-        "timeline": [sample.to_json() for sample in _phases(found)],
+        "timeline": [
+            {
+                "from_s": phase.first_s - stop_s,
+                "to_s": phase.last_s - stop_s,
+                "mode": phase.first.mode.name,
+                "reasons": sorted(phase.first.reasons),
+                "owner": phase.first.owner,
+                "alarm": phase.first.alarm,
+                "commanded": [number(value) for value in phase.first.commanded],
+                "permitted": [number(value) for value in phase.first.output],
+                "nearest_m": number(phase.first.nearest_m),
+            }
+            for phase in found.phases
+        ],
     }
-
-
-def _phases(found: Replay) -> list[Sample]:
-    """Return the first step of each mode with its reasons."""
-    return rows_of(found.samples, math.inf)
 
 
 def _print(document: Document, found: Replay) -> None:
     console = Console()
+    if not console.is_terminal:
+        console = Console(width=MIN_WIDTH)
     stop_s = stops_of(document.header)[0].now_s
     header = document.header
     for stop in header["stops"]:
@@ -165,24 +208,58 @@ def _print(document: Document, found: Replay) -> None:
         console.print(
             f"{left_out:,} older steps of the window were left out for lack of space", highlight=False
         )
-    console.print(table_of(_phases(found)))
+    console.print(_timeline(found.phases, stop_s))
     if found.rest_s is not None:
         console.print(
             f"the base was at rest {found.rest_s - stop_s:.2f} s after the stop, by its odometry",
             highlight=False,
         )
-    console.print(_verdict(document, found, stop_s), soft_wrap=True)
+    console.print(_verdict(document, found, stop_s))
+
+
+def _timeline(phases: Sequence[Phase], stop_s: float) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))  # fits into 80 columns
+    for name in ("s from\nthe stop", "for s"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("mode", no_wrap=True)
+    table.add_column("owner", overflow="fold")
+    for name in ("requested\nm/s, rad/s", "permitted\nm/s, rad/s", "nearest\nm"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("reasons", overflow="fold")
+    for i, phase in enumerate(phases):
+        end_s = phases[i + 1].first_s if i + 1 < len(phases) else phase.last_s
+        first, last = phase.first, phase.last
+        reasons = ", ".join(first.reasons) + (" ALARM" if first.alarm else "")
+        reset = "" if first.reset_reply is None else f" (reset: {first.reset_reply.message})"
+        table.add_row(
+            f"{phase.first_s - stop_s + 0.0:+.3f}",
+            f"{end_s - phase.first_s:.3f}",
+            Text(first.mode.name, style=COLOURS[first.mode.name]),
+            first.owner,
+            _span(_twist(first.commanded), _twist(last.commanded)),
+            _span(_twist(first.output), _twist(last.output)),
+            _span(f"{first.nearest_m:.2f}", f"{last.nearest_m:.2f}"),
+            f"{reasons}{reset}".strip(),
+        )
+    return table
+
+
+def _twist(velocity: Velocity) -> str:
+    # Adding zero turns −0.0 into 0.0.
+    return ", ".join(f"{round(value, 2) + 0.0:.2f}" for value in velocity)
+
+
+def _span(first: str, last: str) -> str:
+    return first if first == last else f"{first}\n→ {last}"
 
 
 def _verdict(document: Document, found: Replay, stop_s: float) -> Text:
     took = f"in {found.took_s:.2f} s"
     difference = found.difference
     if difference is None:
-        return Text(
-            f"{len(found.samples):,} steps replayed {took}; all decisions are the same", style="bold green"
-        )
+        return Text(f"{found.steps:,} steps replayed {took}; all decisions are the same", style="bold green")
     lines = [
-        f"{len(found.samples):,} steps replayed {took}; the first difference is in {difference.where}",
+        f"{found.steps:,} steps replayed {took}; the first difference is in {difference.where}",
         f"  {difference.now_s - stop_s:+.3f} s from the stop, at step time {difference.now_s!r} s:",
         f"  recorded {_short(difference.recorded)}",
         f"  replayed {_short(difference.replayed)}",

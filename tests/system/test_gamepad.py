@@ -187,7 +187,7 @@ async def test_motion_sensors_of_the_kernel_are_a_pulse(monkeypatch: pytest.Monk
             while loop.time() < began_s + 0.5:
                 sensors.tell((ecodes.EV_MSC, ecodes.MSC_TIMESTAMP, 1))
                 await asyncio.sleep(0.01)
-            limit_s = desk.pilot.layout.pulse_limit_s
+            limit_s = desk.pilot.layout.section.pulse_limit_s
             assert desk.pilot.next_s == pytest.approx(loop.time() + limit_s, abs=0.2)
             assert desk.pilot.velocity(desk.pilot.next_s) == (0.0, 0.0)
 

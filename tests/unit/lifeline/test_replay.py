@@ -51,9 +51,9 @@ def test_the_timeline_names_each_change_and_all_decisions_are_the_same(recording
     assert result.exit_code == 0, result.output
     text = in_one_line(result.output)
     assert "2026-07-04T12:00:00.000+00:00 OBSTACLE" in text
-    assert "-1.020 DRIVING" in text
-    assert "-0.020 LIMITED" in text
-    assert "+0.000 STOPPED 0.50 0.00 – 0.20 OBSTACLE" in text
+    assert "-1.020 1.000 DRIVING" in text
+    assert "-0.020 0.020 LIMITED" in text
+    assert "STOPPED teleop 0.50, 0.00 0.00, 0.00 0.20 OBSTACLE" in text
     assert "the base was at rest 0.32 s after the stop" in text
     assert "83 steps replayed in" in text
     assert "all decisions are the same" in text
