@@ -87,9 +87,17 @@ def _handle(process: Process, state_dir: Path) -> Generator[int | None]:
 
 
 def _marked(state_dir: Path) -> list[Process]:
-    pids = (int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdecimal())
-    found = ((pid, _name(pid, state_dir)) for pid in pids if pid != os.getpid())
-    return [Process(pid, name) for pid, name in found if name is not None]
+    """Return the processes with the mark of a state directory.
+
+    A process that ends before it is read may have left a child, as a supervisord does that becomes a daemon. That child
+    is new since the listing, so the new processes are read until there are none.
+    """
+    found: list[Process] = []
+    seen = {os.getpid()}
+    while new := {int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdecimal()} - seen:
+        seen |= new
+        found += [Process(pid, name) for pid in sorted(new) if (name := _name(pid, state_dir)) is not None]
+    return found
 
 
 def _name(pid: int, state_dir: Path) -> str | None:

@@ -133,6 +133,7 @@ async def test_driven_at_0_8_m_s_with_a_frozen_lidar_and_no_odometry_the_robot_s
         assert way.least_m >= LEAST_M
 
 
+@pytest.mark.timed  # a drive of 17 s; the virtual faults drive with dim lidars too
 @pytest.mark.parametrize("range_m", [0.6, 0.7])
 async def test_with_a_lidar_that_reaches_less_than_a_metre_the_hull_keeps_its_distance(
     tmp_path: Path, range_m: float
@@ -199,6 +200,7 @@ def scans_of_free_space(bus: ZenohBus, period_s: float) -> Generator[None]:
         speaking.cancel()
 
 
+@pytest.mark.timed  # a drive of 19 s; its twins in virtual time are the faults wire_second_lidar_*
 @pytest.mark.parametrize("period_s", [PERIOD_S, 0.001], ids=["steady", "flood"])
 async def test_a_second_writer_of_scan_stops_the_robot_by_name_and_when_it_ends_the_lidar_is_heard_again(
     tmp_path: Path, period_s: float

@@ -52,6 +52,7 @@ def test_a_cut_link_stops_the_robot_until_the_returned_operator_sends_neutral(
     assert measured["to_zero_s"] < measured["to_rest_s"]
 
 
+@pytest.mark.timed
 def test_the_operators_commands_arrive_when_the_links_of_viewers_die(tmp_path: Path) -> None:
     """Zenoh waits for a dead TCP link up to ten seconds, on a thread that also receives from the other links."""
     assert play("viewers", "tcp", tmp_path)["longest_gap_s"] < LONGEST_GAP_S

@@ -6,8 +6,10 @@ import subprocess
 import sys
 import time
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+
+import pytest
 
 from deploy.stack import processes
 from deploy.stack.processes import MARK, Process
@@ -35,6 +37,26 @@ def _running(arguments: list[str], mark: Path | None) -> Generator[subprocess.Po
 def test_a_marked_program_of_ours_is_found_by_its_name(tmp_path: Path) -> None:
     with _running(["-m", "sim"], tmp_path) as child:
         assert processes.of(tmp_path) == [Process(child.pid, "sim")]
+
+
+def test_the_child_of_a_process_that_ends_while_processes_are_looked_for_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As with a supervisord that becomes a daemon: it is gone before it is read, and its child was not listed."""
+    with ExitStack() as stack, _running(["-m", "sim"], tmp_path) as parent:
+        name_of = processes._name  # pyright: ignore[reportPrivateUsage] - it reads a process
+
+        def name_after_the_fork(pid: int, state_dir: Path) -> str | None:
+            if pid == parent.pid:
+                children.append(stack.enter_context(_running(["-m", "sim"], tmp_path)))
+                parent.kill()
+                parent.wait()
+            return name_of(pid, state_dir)
+
+        children: list[subprocess.Popen[bytes]] = []
+        monkeypatch.setattr(processes, "_name", name_after_the_fork)
+        found = processes.of(tmp_path)
+        assert found == [Process(child.pid, "sim") for child in children]
 
 
 def test_a_marked_process_that_is_no_program_of_ours_is_left_alone(tmp_path: Path) -> None:
