@@ -57,7 +57,7 @@ unit: $(STAMP)
 component: $(STAMP)
 	.venv/bin/pytest tests/component -m "not proof" $(IN_PARALLEL)
 
-# The real processes mostly wait: four tests run at a time.
+# The real processes mostly wait: four tests run at a time. tests/system/zygote.py starts them without their imports.
 system: $(STAMP)
 	.venv/bin/pytest tests/system -m "not timed and not demo" --numprocesses=4 --dist=worksteal --durations=10
 
@@ -70,7 +70,7 @@ flaky: $(STAMP) ## run the system tests N times (10), every third time under loa
 timed: $(STAMP) $(PEERS_STAMP) ## run the system tests that measure real time, one at a time, on an idle machine (six minutes)
 	.venv/bin/pytest -s tests/system -m timed --durations=10
 
-demo: $(STAMP) ## play the demo from the checkout and from an installed wheel (two minutes)
+demo: $(STAMP) ## play the demo from the checkout and from an installed wheel, and test what is installed (three minutes)
 	.venv/bin/pytest -s tests/system -m demo
 
 # These tests measure times of many processes, and share the machine's ports: one test at a time.

@@ -437,8 +437,8 @@ def main() -> None:
 
         def add(sample: Sample) -> None:
             samples.append(sample)
-            print(f"sample after {sample.time_s:.0f} s: {sample.driven_m:.0f} m", flush=True)
             write(SAMPLE.dump_json(sample).decode())
+            print(f"sample after {sample.time_s:.0f} s: {sample.driven_m:.0f} m", flush=True)
 
         command = f"python -m bench.soak --hours {arguments.hours:g} --seed {arguments.seed}"
         write(Provenance(command=command, date=now(), machine=machine(), commit=commit()).line())

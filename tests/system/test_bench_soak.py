@@ -23,6 +23,7 @@ def place() -> Iterator[Path]:
         yield Path(directory).resolve()
 
 
+@pytest.mark.timed
 def test_a_soak_that_is_cut_short_judges_what_it_has(tmp_path: Path, place: Path) -> None:
     out = tmp_path / "soak.jsonl"
     soak = subprocess.Popen(

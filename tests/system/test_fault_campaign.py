@@ -109,6 +109,7 @@ def test_one_fault_of_each_kind_is_done_measured_and_kept(campaign: Campaign) ->
     assert "starting" not in said
 
 
+@pytest.mark.timed
 def test_a_campaign_whose_time_is_over_before_every_class_was_tried_fails_and_names_them(
     campaign: Campaign,
 ) -> None:

@@ -32,7 +32,7 @@ STATUS_PARTLY = 1
 OF_THE_CHECKOUT = ("PYTHONPATH", "VIRTUAL_ENV", ENVIRONMENT)
 """Variables that would lead an installed Lifeline back to the checkout or its environment."""
 
-pytestmark = pytest.mark.timeout(180)
+pytestmark = [pytest.mark.timeout(180), pytest.mark.demo]
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +153,6 @@ def test_the_wheel_holds_every_file_of_the_packages_and_nothing_else(wheel: Path
     assert held == {str(path.relative_to(ROOT)) for path in files if "__pycache__" not in path.parts}
 
 
-@pytest.mark.demo
 def test_installed_as_a_tool_with_the_simulation_it_plays_the_demo(
     wheel: Path, constraints: Path, tmp_path: Path
 ) -> None:
