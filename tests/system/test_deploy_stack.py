@@ -114,7 +114,11 @@ def _refused(done: subprocess.CompletedProcess[str], sentence: str) -> None:
     assert re.search(sentence, done.stderr), done.stderr
 
 
-def test_a_robot_comes_up_is_seen_and_goes_down(robot: Robot) -> None:
+def test_beside_the_pid_file_of_a_dead_supervisord_a_robot_comes_up_is_seen_and_goes_down(
+    robot: Robot,
+) -> None:
+    robot.state.pid_file.write_text("1\n")
+    robot.state.socket.touch()
     up = robot.run("up", "--detach")
     assert up.returncode == 0, up.stderr
     assert "waiting for sim and supervisor" in up.stdout
@@ -185,13 +189,6 @@ def test_a_killed_supervisor_is_restarted_and_a_killed_supervisord_is_cleaned_up
         == "lifeline: supervisord had been killed; stopped its remaining processes: sim, supervisor\n"
     )
     assert robot.pids() == {}
-
-
-def test_a_pid_file_of_a_dead_supervisord_is_in_nobodys_way(robot: Robot) -> None:
-    robot.state.pid_file.write_text("1\n")
-    robot.state.socket.touch()
-    assert robot.run("up", "--detach").returncode == 0
-    assert robot.run("down").returncode == 0
 
 
 def test_a_port_in_use_is_one_sentence_and_starts_nothing(robot: Robot) -> None:

@@ -44,7 +44,7 @@ def play(scenario: str, protocol: str, logs: Path) -> dict[str, Any]:
     return measured
 
 
-@pytest.mark.parametrize("protocol", ["tcp", "quic"])
+@pytest.mark.parametrize("protocol", ["tcp", pytest.param("quic", marks=pytest.mark.timed)])
 def test_a_cut_link_stops_the_robot_until_the_returned_operator_sends_neutral(
     tmp_path: Path, protocol: str
 ) -> None:
