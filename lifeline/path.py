@@ -17,7 +17,7 @@ from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.reach import reach, run_command
 from lifeline.command import StatusLine
-from lifeline.recording.reader import Recorded, RecordingReader
+from lifeline.recording import Recorded, RecordingReader
 from teleop.config import TeleopSection
 from teleop.holder import HeldError, about_this_process
 from teleop.path.course import Path, PathError, Pose, Poses, TrackError, placed, seen_from, to_path, to_poses

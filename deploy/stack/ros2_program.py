@@ -8,12 +8,9 @@ import shlex
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
-from importlib.resources import files
 from pathlib import Path
-from typing import NoReturn
 
 from deploy.stack.errors import DeployError
-from deploy.stack.launch import Launch
 from deploy.stack.statedir import StateDir, UnwritableError
 from ros2.config import Ros2Section
 from ros2.environment import ros_variables
@@ -23,7 +20,6 @@ from wire.host.command_line import bus_options
 from wire.host.config import ConfigError, absolute, read_toml, section
 from wire.host.state_directory import checkout
 
-PROFILE = "fastdds_short_lease.xml"
 PACKAGES = ("ros2", "wire")
 ROOT = Path(__file__).resolve().parents[2]
 """Where Lifeline's packages are: the checkout, or `site-packages`."""
@@ -128,33 +124,3 @@ def shell_command(state: StateDir, config: Path, bus: BusConfig) -> str:
     variables = variables_of(python, link_packages(state), os.environ)
     words = [f"{name}={value}" for name, value in variables.items()]
     return shlex.join(["/usr/bin/env", *words, *command(python, config, bus)])
-
-
-def run(launch: Launch, state: StateDir, *options: str) -> NoReturn:
-    """Run the ROS 2 process with more options; the process id stays the same, which systemd needs for its reports.
-
-    Raises:
-        DeployError: the configuration has no `[ros2]`, or the interpreter is missing.
-    """
-    try:
-        document = read_toml(launch.config)
-    except ConfigError as error:
-        raise DeployError(str(error)) from error
-    if topics.ROS2 not in document:
-        raise DeployError(
-            f"{launch.config} has no section [ros2], which names the topics of the base: give a file with --config; "
-            "deploy/examples/ros2_diff_drive.toml is an example"
-        )
-    python = interpreter(launch.config)
-    state.create()
-    variables = os.environ | variables_of(python, link_packages(state), os.environ)
-    sys.stdout.flush()
-    try:
-        os.execve(python, command(python, launch.config, launch.bus, *options), variables)  # noqa: S606 - the user's own interpreter
-    except OSError as error:
-        raise DeployError(f"cannot run {python}: {error.strerror}") from error
-
-
-def profile() -> str:
-    """Return the Fast DDS profile with a short lease, from the package `ros2`, as XML."""
-    return (files(topics.ROS2) / PROFILE).read_text(encoding="utf-8")

@@ -200,7 +200,7 @@ def record(
     as_json: ResultJson = False,
 ) -> None:
     """Record all messages in an MCAP file, as rosbag2 does, until Ctrl-C."""
-    from lifeline.recording.record import record
+    from lifeline.record import record
 
     record(file, robot.launch, as_json=as_json)
 

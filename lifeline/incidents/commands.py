@@ -17,7 +17,7 @@ from deploy.stack.formatting import COLOURS, nearest
 from lifeline.incidents.incident import IncidentError, black_boxes, id_of, messages
 from lifeline.incidents.plot import Series, plot
 from lifeline.incidents.summary import Incident, Sample, read_incident
-from lifeline.recording.reader import Recorded, RecordingError, RecordingWriter, exists
+from lifeline.recording import Recorded, RecordingError, RecordingWriter, exists
 from supervisor.law.reckoning import Velocity
 from wire.reasons import words_of
 from wire.standstill import is_still

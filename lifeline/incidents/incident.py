@@ -19,7 +19,7 @@ import numpy as np
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.statedir import StateDir
-from lifeline.recording.reader import Recorded
+from lifeline.recording import Recorded
 from supervisor.blackbox.file import OURS, SUFFIX
 from supervisor.blackbox.reader import FARTHEST_S, BlackBoxError, BlackBoxReader, Step, Stop
 from supervisor.config import SupervisorSection

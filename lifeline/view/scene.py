@@ -16,7 +16,7 @@ import numpy as np
 from deploy.stack.formatting import mode_name, nearest, speed
 from lifeline.incidents import incident
 from lifeline.incidents.incident import IncidentError
-from lifeline.recording.reader import Recorded, RecordingReader
+from lifeline.recording import Recorded, RecordingReader
 from lifeline.view.shapes import (
     Area,
     Colour,

@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch, free_port
 from deploy.stack.reach import reach, run_command
-from lifeline.recording.reader import Recorded
+from lifeline.recording import Recorded
 from lifeline.view import window
 from lifeline.view.rerun_log import RerunLog
 from lifeline.view.scene import Scene, read_source, scene_of

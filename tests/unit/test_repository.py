@@ -1,5 +1,7 @@
 """Rules for the repository itself."""
 
+import ast
+import re
 import subprocess
 import sys
 import tomllib
@@ -8,11 +10,10 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
+PACKAGES = ("wire", "supervisor", "teleop", "sim", "ros2", "virtual", "deploy", "faults", "lifeline", "bench")
 
 
-@pytest.mark.parametrize(
-    "package", ["wire", "supervisor", "teleop", "sim", "ros2", "virtual", "deploy", "faults", "lifeline"]
-)
+@pytest.mark.parametrize("package", PACKAGES[:-1])
 def test_each_package_is_this_repository_s_from_any_directory(package: str, tmp_path: Path) -> None:
     """PyPI has a `supervisor` (supervisord's) and a `teleop`: neither may shadow ours."""
     found = subprocess.run(
@@ -39,3 +40,25 @@ def test_the_readme_names_every_key_of_the_wire() -> None:
     readme = (ROOT / "README.md").read_text()
     for entry in (*topics.TOPICS, *topics.SERVICES):
         assert f"`robot/{entry.key}`" in readme
+
+
+def listed_files(docstring: str) -> set[str]:
+    """Return the files and folders that lines of a docstring begin with."""
+    return set(re.findall(r"^\s*(?:\* )?`?(\w+(?:\.py|/))", docstring, re.MULTILINE))
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_list_of_files_in_a_package_names_each_of_them(package: str) -> None:
+    for init in (ROOT / package).rglob("__init__.py"):
+        listed = listed_files(ast.get_docstring(ast.parse(init.read_text())) or "")
+        there = {path.name for path in init.parent.glob("*.py")} - {"__init__.py"}
+        there |= {f"{path.parent.name}/" for path in init.parent.glob("*/__init__.py")}
+        assert not listed or listed == there, init
+
+
+def test_a_file_that_begins_a_line_is_listed() -> None:
+    assert listed_files("One idea. See a.py.\n\n  start.py   begins\n* rig/: robots\n`end.py` ends") == {
+        "start.py",
+        "rig/",
+        "end.py",
+    }

@@ -15,7 +15,7 @@ from deploy.stack.errors import DeployError
 from lifeline.cli.app import app
 from lifeline.incidents import commands as incidents
 from lifeline.incidents.incident import find
-from lifeline.recording.reader import RecordingReader, RecordingWriter
+from lifeline.recording import RecordingReader, RecordingWriter
 from tests.unit.lifeline.inspection.test_incident import stopped
 from tests.unit.lifeline.inspection.test_incident_summary import lost_at
 from tests.unit.supervisor.law.law_harness import BACK, SPIN

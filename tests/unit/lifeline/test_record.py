@@ -11,8 +11,8 @@ from typer.testing import CliRunner, Result
 
 from deploy.stack.reach import MAX_SOURCES
 from lifeline.cli.app import app
-from lifeline.recording.reader import Recorded, RecordingError, RecordingReader, RecordingWriter
-from lifeline.recording.record import Recorder, Report
+from lifeline.record import Recorder, Report
+from lifeline.recording import Recorded, RecordingError, RecordingReader, RecordingWriter
 from virtual.network import VirtualNetwork
 from wire import topics
 from wire.messages import M, Odometry, SafetyStatus, Twist, decode, encode, header, odometry, planar_twist

@@ -10,7 +10,7 @@ import pytest
 
 from lifeline.incidents import incident
 from lifeline.incidents.incident import IncidentError, messages
-from lifeline.recording.reader import Recorded
+from lifeline.recording import Recorded
 from supervisor.blackbox.recorder import BlackBox
 from supervisor.law.model import Command, Inputs, Odometry, Velocity
 from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, Drive, WriterAtOnce

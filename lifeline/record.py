@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 from deploy.stack.launch import Launch
 from deploy.stack.reach import HeardSources, reach, run_command
 from lifeline.command import StatusLine
-from lifeline.recording.reader import Recorded, RecordingWriter, exists
+from lifeline.recording import Recorded, RecordingWriter, exists
 from supervisor.config import SupervisorSection
 from wire import topics
 from wire.bus import Bus, RawArrival, Subscription, wait_until

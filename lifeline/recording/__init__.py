@@ -1,1 +1,0 @@
-"""`lifeline record`: record all messages in MCAP files, and read them again."""
