@@ -18,11 +18,11 @@ from deploy.stack.launch import Launch
 from deploy.stack.reach import reach, run_command
 from lifeline.command import StatusLine
 from lifeline.recording import Recorded, RecordingReader
-from teleop.config import TeleopSection
 from teleop.holder import HeldError, about_this_process
 from teleop.path.course import Path, PathError, Pose, Poses, TrackError, placed, seen_from, to_path, to_poses
 from teleop.path.pursuit import Limits
 from teleop.path.service import SOURCE, Drive, Ending, PathService, Plan
+from teleop.pilots.config import TeleopSection
 from wire import topics
 from wire.messages import Odometry, UndecodableError, decode
 

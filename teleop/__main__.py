@@ -16,19 +16,20 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import NoReturn, get_args
 
-from teleop.config import Mode, TeleopSection, robot_of
-from teleop.controls import command_for, help_lines, key_help, legend
-from teleop.dashboard import render_dashboard
-from teleop.display import render
-from teleop.gamepad_device import GamepadDevice, open_gamepad
-from teleop.gamepad_find import GamepadError
+from teleop.gamepad.device import GamepadDevice, open_gamepad
+from teleop.gamepad.find import GamepadError
 from teleop.holder import HeldError, about_this_process
-from teleop.keyboard import Hold, Incremental, Setpoint
-from teleop.keys import Command
-from teleop.pilot import LEVELS, KeyKind, Pilot, Ramp, Velocity
+from teleop.pilots.config import Mode, TeleopSection
+from teleop.pilots.keyboard import Hold, Incremental, Setpoint
+from teleop.pilots.keys import Command
+from teleop.pilots.pilot import LEVELS, KeyKind, Pilot, Ramp, Velocity
+from teleop.screen.controls import command_for, help_lines, key_help, legend
+from teleop.screen.dashboard import render_dashboard
+from teleop.screen.display import render
+from teleop.screen.footprint import robot_of
+from teleop.screen.view import Control, Event, Tone, View
 from teleop.service import Render, Setup, Teleop
 from teleop.terminal import Terminal, is_dumb, is_terminal
-from teleop.view import Control, Event, Tone, View
 from wire import topics
 from wire.bus import Bus, wait_until
 from wire.host.command_line import EXIT_USAGE, override, read_document, refuse, service_parser

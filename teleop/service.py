@@ -16,14 +16,14 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-from teleop.controls import command_for, help_lines
 from teleop.guards import Refusals, RoundTrip
 from teleop.holder import SENDING_S, HeldError, Holder
-from teleop.keys import Command, KeySource
-from teleop.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity, amounts
+from teleop.pilots.keys import Command, KeySource
+from teleop.pilots.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity, amounts
 from teleop.rate import TOLERANCE_S, Rate, WarningBell
+from teleop.screen.controls import command_for, help_lines
+from teleop.screen.view import Control, Event, KeyHelp, Line, Robot, Tone, View, plain
 from teleop.telemetry import Telemetry
-from teleop.view import Control, Event, KeyHelp, Line, Robot, Tone, View, plain
 from wire import topics
 from wire.bus import Bus, NoReplyError
 from wire.messages import Bool, SafetyStatus, TriggerResponse, planar_twist

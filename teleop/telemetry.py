@@ -8,7 +8,7 @@ from collections import deque
 from typing import Any
 
 from teleop.guards import Supervisors
-from teleop.view import Rates
+from teleop.screen.view import Rates
 from wire import topics
 from wire.bus import Arrival, Bus, Subscription
 from wire.messages import LaserScan, Odometry, SafetyStatus

@@ -17,11 +17,11 @@ from types import FrameType, TracebackType
 from typing import NoReturn, Protocol, Self
 
 from teleop.guards import Pulse
-from teleop.keys import CTRL_Z, KeyDecoder, ReportKind
-from teleop.pilot import KeyEvent
-from teleop.screen import FrameWriter
+from teleop.pilots.keys import CTRL_Z, KeyDecoder, ReportKind
+from teleop.pilots.pilot import KeyEvent
+from teleop.screen.output import FrameWriter
+from teleop.screen.view import Line, Tone
 from teleop.terminal_guard import BY_PARENT, Modes, TerminalGuard
-from teleop.view import Line, Tone
 
 READ_BYTES = 1024
 MAX_READS = 16

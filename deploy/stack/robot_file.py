@@ -7,7 +7,7 @@ from ros2.config import Ros2Section, apart_from_hub
 from sim.config import SimSection
 from supervisor.config import TICKS_IN_BASE_TIMEOUT, SupervisorSection, fit_to_base
 from supervisor.law.safety import IMPLAUSIBLE_FACTOR
-from teleop.config import TeleopSection
+from teleop.pilots.config import TeleopSection
 from wire.host.config import BusSection, Conflict, Fit, Section, Sections, read_sections
 
 MOUNT_TOLERANCE = 0.01

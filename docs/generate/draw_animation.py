@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from lifeline.render.film import FilmError, film
-from lifeline.render.render import Wanted, parse_size
+from lifeline.render.picture import Wanted, parse_size
 from sim.gl import NoGlError
 from sim.render import View
 

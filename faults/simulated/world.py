@@ -25,10 +25,10 @@ from supervisor.config import FootprintSection, SupervisorSection
 from supervisor.estop_record import MemoryRecord
 from supervisor.service import SupervisorService
 from teleop.holder import HeldError
-from teleop.keyboard import Incremental, Setpoint
-from teleop.pilot import KeyEvent, Ramp
+from teleop.pilots.keyboard import Incremental, Setpoint
+from teleop.pilots.pilot import KeyEvent, Ramp
+from teleop.screen.view import Control, Line, View
 from teleop.service import Setup, Teleop
-from teleop.view import Control, Line, View
 from virtual.loop import VirtualLoop, VirtualProcess
 from virtual.network import VirtualBus, VirtualNetwork
 from wire import topics

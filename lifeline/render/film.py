@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from rich.console import Console
 from rich.progress import track
 
+from lifeline.render.picture import Wanted
 from lifeline.render.rehearsal import Operator, Rehearsal
-from lifeline.render.render import Wanted
 from sim.config import Build, Hull, SceneError
 from sim.floorplan import Circle, Rectangle
 from sim.lidar_config import LidarConfig

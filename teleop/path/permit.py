@@ -7,7 +7,7 @@ plain ASCII, so that no payload can send control sequences to the terminal.
 import math
 from collections import deque
 
-from teleop.view import plain
+from teleop.screen.view import plain
 from wire.messages import SafetyStatus
 from wire.stamp import Stamp
 from wire.text import bearing_in_words

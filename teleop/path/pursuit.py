@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 
 from teleop.path.course import Leg, Path, Pose, Station, wrap
-from teleop.pilot import Velocity
+from teleop.pilots.pilot import Velocity
 
 LOOKAHEAD_S = 0.6
 MIN_LOOKAHEAD_M = 0.15

@@ -15,9 +15,9 @@ from teleop.holder import HeldError, Holder
 from teleop.path.course import Path, Pose, wrap
 from teleop.path.permit import OffBeat, nearest, what_is_missing, what_stops
 from teleop.path.pursuit import ON_PATH_M, Course, Limits
-from teleop.pilot import NEUTRAL, Velocity
+from teleop.pilots.pilot import NEUTRAL, Velocity
 from teleop.rate import Rate
-from teleop.view import plain
+from teleop.screen.view import plain
 from wire import topics
 from wire.bus import Arrival, Bus, wait_until
 from wire.messages import Odometry, SafetyStatus, planar_twist

@@ -9,8 +9,8 @@ import secrets
 from collections.abc import Callable
 
 from teleop.holder import SENDING_S
-from teleop.keys import CTRL_C, KeySource
-from teleop.pilot import KeyEvent, KeyKind
+from teleop.pilots.keys import CTRL_C, KeySource
+from teleop.pilots.pilot import KeyEvent, KeyKind
 from teleop.station.state import Lease, Look, Word, farewell, pressed, received, released, sent
 from wire import topics
 from wire.bus import Bus, Token, woken_by

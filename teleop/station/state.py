@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from teleop.view import Line, Segment, Tone, plain
+from teleop.screen.view import Line, Segment, Tone, plain
 from wire.lease import LEASE_S, PRESENCE_PERIOD_S, Challenges, issued, proven_s
 from wire.message_types import EstopLease, EstopStationStatus, SafetyStatus
 from wire.reasons import StopReason

@@ -15,7 +15,7 @@ from supervisor.blackbox.reader import read
 from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import MemoryRecord
-from teleop.pilot import KeyEvent
+from teleop.pilots.pilot import KeyEvent
 from teleop.station.service import Station
 from teleop.station.state import Look, Word
 from tests.component.rig import Rig

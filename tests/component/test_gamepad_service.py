@@ -12,14 +12,16 @@ from pathlib import Path
 
 import pytest
 
-from teleop import gamepad, gamepad_device, service
-from teleop.config import GamepadSection
-from teleop.display import render
-from teleop.gamepad import Gamepad
-from teleop.gamepad_device import Device, GamepadDevice
-from teleop.pilot import KeyEvent
+from teleop import service
+from teleop.gamepad import device as gamepad_device
+from teleop.gamepad import pad as gamepad
+from teleop.gamepad.device import Device, GamepadDevice
+from teleop.gamepad.pad import Gamepad
+from teleop.pilots.config import GamepadSection
+from teleop.pilots.pilot import KeyEvent
+from teleop.screen.display import render
+from teleop.screen.view import Control, Line, View
 from teleop.service import HANG_S, Setup, Teleop
-from teleop.view import Control, Line, View
 from tests.unit.teleop.pads import LAYOUT, REPORT, TL, XBOX360, FakeDevice, Y, button, load_pad, stick
 from virtual.network import VirtualNetwork
 from wire import topics

@@ -8,14 +8,14 @@ from typing import Any, cast
 
 import pytest
 
-from teleop.controls import help_lines, key_help
-from teleop.display import render
 from teleop.holder import ASK_LIMIT_S, POLL_S, SILENT_LIMIT_S, HeldError
-from teleop.keyboard import Hold, Incremental, Setpoint
-from teleop.keys import CTRL_C, CTRL_D, CTRL_Z
-from teleop.pilot import NEUTRAL, RAMP_PERIOD_S, KeyEvent, KeyKind, Pilot, Ramp, Velocity
+from teleop.pilots.keyboard import Hold, Incremental, Setpoint
+from teleop.pilots.keys import CTRL_C, CTRL_D, CTRL_Z
+from teleop.pilots.pilot import NEUTRAL, RAMP_PERIOD_S, KeyEvent, KeyKind, Pilot, Ramp, Velocity
+from teleop.screen.controls import help_lines, key_help
+from teleop.screen.display import render
+from teleop.screen.view import Control, Line, View
 from teleop.service import MIN_GAP_S, RESET_TIMEOUT_S, SCREEN_LIMIT_S, Setup, Teleop
-from teleop.view import Control, Line, View
 from virtual.loop import VirtualLoop
 from virtual.network import VirtualNetwork
 from wire import topics

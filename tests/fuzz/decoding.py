@@ -13,9 +13,9 @@ from sim.overlay import Mode
 from sim.pace import TimeRequestError, parse_time_request
 from sim.sensor_faults import FaultError, parse_faults
 from supervisor.messages import to_command, to_odometry, to_scan
-from teleop.dashboard import render_dashboard
-from teleop.display import render
-from teleop.view import View
+from teleop.screen.dashboard import render_dashboard
+from teleop.screen.display import render
+from teleop.screen.view import View
 from tests.fuzz import payloads
 from wire.bus import Arrival, Subscription
 from wire.messages import (

@@ -14,11 +14,12 @@ import pexpect
 import pytest
 from evdev import ecodes
 
-from teleop import gamepad, gamepad_device
-from teleop.config import GamepadSection
-from teleop.gamepad import Gamepad, Phase
-from teleop.gamepad_device import GamepadDevice, open_gamepad
-from teleop.gamepad_find import GamepadError, Needed, describe, find_gamepad, find_sensors
+from teleop.gamepad import device as gamepad_device
+from teleop.gamepad import pad as gamepad
+from teleop.gamepad.device import GamepadDevice, open_gamepad
+from teleop.gamepad.find import GamepadError, Needed, describe, find_gamepad, find_sensors
+from teleop.gamepad.pad import Gamepad, Phase
+from teleop.pilots.config import GamepadSection
 from tests.system.harness import PATIENCE_S, robot
 from tests.unit.teleop.pads import (
     DUALSHOCK4,
@@ -277,5 +278,5 @@ def test_a_wrong_key_is_refused_by_its_whole_name(tmp_path: Path) -> None:
     config = tmp_path / "robot.toml"
     config.write_text('[teleop.gamepad]\ndead_man_button = "the left one"\n')
     said, code = sentence_of(["--mode", "gamepad", "--config", str(config)])
-    assert "teleop.gamepad.dead_man_button = 'the left one'" in said
+    assert "teleop.gamepad.pad.dead_man_button = 'the left one'" in said
     assert code == EXIT_USAGE

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from teleop.view import Control
+from teleop.screen.view import Control
 from tests.system.operators import (
     LIMIT_S,
     PATIENT,

@@ -43,8 +43,8 @@ def test_the_readme_names_every_key_of_the_wire() -> None:
 
 
 def listed_files(docstring: str) -> set[str]:
-    """Return the files and folders that lines of a docstring begin with."""
-    return set(re.findall(r"^\s*(?:\* )?`?(\w+(?:\.py|/))", docstring, re.MULTILINE))
+    """Return the files and folders of a list in a docstring: names that begin a line, with a gap or a colon after them."""
+    return set(re.findall(r"^\s*(?:\* )?`?(\w+(?:\.py|/))`?(?:  |:)", docstring, re.MULTILINE))
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -57,7 +57,9 @@ def test_a_list_of_files_in_a_package_names_each_of_them(package: str) -> None:
 
 
 def test_a_file_that_begins_a_line_is_listed() -> None:
-    assert listed_files("One idea. See a.py.\n\n  start.py   begins\n* rig/: robots\n`end.py` ends") == {
+    assert listed_files(
+        "One idea. See a.py.\n`b.py` decides.\n\n  start.py   begins\n* rig/: robots\n`end.py`  ends"
+    ) == {
         "start.py",
         "rig/",
         "end.py",

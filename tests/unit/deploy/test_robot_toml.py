@@ -11,7 +11,7 @@ from deploy.stack.launch import DEFAULT_CONFIG
 from ros2.config import Ros2Section, RosSourceSection
 from sim.config import SimSection
 from supervisor.config import SupervisorSection
-from teleop.config import TeleopSection
+from teleop.pilots.config import TeleopSection
 from wire.host.config import SECTIONS, BusSection, Section, read_toml, section
 
 MODELS: dict[str, type[Section]] = {

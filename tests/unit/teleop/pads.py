@@ -11,9 +11,9 @@ from pathlib import Path
 from evdev import AbsInfo, ecodes
 from evdev.eventio import EventIO
 
-from teleop.config import GamepadSection
-from teleop.gamepad import Axis, Layout, PadEvent, PadState
-from teleop.pilot import Velocity
+from teleop.gamepad.pad import Axis, Layout, PadEvent, PadState
+from teleop.pilots.config import GamepadSection
+from teleop.pilots.pilot import Velocity
 
 XBOX360, DUALSHOCK4, MOTION_SENSORS = "xbox360", "dualshock4", "dualshock4_motion_sensors"
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from itertools import pairwise
 from typing import NamedTuple
 
-from teleop.keyboard import Repeats
+from teleop.pilots.keyboard import Repeats
 
 SAMPLE_S = 0.001
 HELD_S = 3.0

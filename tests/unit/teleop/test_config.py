@@ -7,10 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from deploy.stack.launch import DEFAULT_CONFIG
-from teleop.config import GamepadSection, TeleopSection, robot_of
-from teleop.keyboard import Setpoint
-from teleop.pilot import Velocity
-from teleop.view import Robot
+from teleop.pilots.config import GamepadSection, TeleopSection
+from teleop.pilots.keyboard import Setpoint
+from teleop.pilots.pilot import Velocity
+from teleop.screen.footprint import robot_of
+from teleop.screen.view import Robot
 from wire.host.config import ConfigError, section
 
 NUMBERS = [

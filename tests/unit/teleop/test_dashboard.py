@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from teleop.dashboard import MIN_COLUMNS, MIN_ROWS, render_dashboard
-from teleop.display import SILENT_AFTER_S
-from teleop.pilot import NEUTRAL, Velocity
-from teleop.view import Control, Event, KeyHelp, Line, Rates, Robot, Tone, View
+from teleop.pilots.pilot import NEUTRAL, Velocity
+from teleop.screen.dashboard import MIN_COLUMNS, MIN_ROWS, render_dashboard
+from teleop.screen.display import SILENT_AFTER_S
+from teleop.screen.view import Control, Event, KeyHelp, Line, Rates, Robot, Tone, View
 from tests.unit.teleop.views import (
     REASONS,
     driving,

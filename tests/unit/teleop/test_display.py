@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from teleop.display import SILENT_AFTER_S, next_step, render
-from teleop.pilot import NEUTRAL, Velocity
-from teleop.view import Control, Line, Tone, View
+from teleop.pilots.pilot import NEUTRAL, Velocity
+from teleop.screen.display import SILENT_AFTER_S, next_step, render
+from teleop.screen.view import Control, Line, Tone, View
 from wire.messages import SafetyStatus, header, planar_twist
 
 FORWARD = Velocity(0.1, 0.2)

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from teleop.config import GamepadSection
-from teleop.gamepad import MAX_DEAD_ZONE, SETTLE_S, Axis, Gamepad, PadEvent, PadState, Phase, deflection
-from teleop.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity
+from teleop.gamepad.pad import MAX_DEAD_ZONE, SETTLE_S, Axis, Gamepad, PadEvent, PadState, Phase, deflection
+from teleop.pilots.config import GamepadSection
+from teleop.pilots.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity
 from tests.unit.teleop.pads import (
     DROPPED,
     DUALSHOCK4,

@@ -11,12 +11,13 @@ from pathlib import Path
 import evdev
 import pytest
 
-from teleop import gamepad, gamepad_device
-from teleop.config import GamepadSection
-from teleop.gamepad import Gamepad, PadEvent, Phase
-from teleop.gamepad_device import Device, GamepadDevice, open_gamepad
-from teleop.gamepad_find import GamepadError
-from teleop.pilot import NEUTRAL
+from teleop.gamepad import device as gamepad_device
+from teleop.gamepad import pad as gamepad
+from teleop.gamepad.device import Device, GamepadDevice, open_gamepad
+from teleop.gamepad.find import GamepadError
+from teleop.gamepad.pad import Gamepad, PadEvent, Phase
+from teleop.pilots.config import GamepadSection
+from teleop.pilots.pilot import NEUTRAL
 from tests.unit.teleop.pads import (
     DROPPED,
     DUALSHOCK4,

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from teleop.gamepad_find import (
+from teleop.gamepad.find import (
     Described,
     GamepadError,
     Needed,

@@ -22,8 +22,8 @@ from teleop.guards import (
     RoundTrip,
     Supervisors,
 )
+from teleop.screen.view import Control
 from teleop.service import Setup
-from teleop.view import Control
 from tests.unit.teleop.views import source
 
 # --- refusals

@@ -4,14 +4,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from teleop.config import GamepadSection
-from teleop.controls import command_for, help_lines, help_page, key_help, legend
-from teleop.dashboard import render_dashboard
-from teleop.gamepad import Gamepad, Layout
-from teleop.keyboard import MOTIONS, SPEEDS, STEPS, Hold, Incremental, Setpoint
-from teleop.keys import COMMANDS, STOP_KEY, name_of
-from teleop.pilot import KeyEvent, Pilot, Ramp, Velocity
-from teleop.view import Control, KeyHelp, Tone, View
+from teleop.gamepad.pad import Gamepad, Layout
+from teleop.pilots.config import GamepadSection
+from teleop.pilots.keyboard import MOTIONS, SPEEDS, STEPS, Hold, Incremental, Setpoint
+from teleop.pilots.keys import COMMANDS, STOP_KEY, name_of
+from teleop.pilots.pilot import KeyEvent, Pilot, Ramp, Velocity
+from teleop.screen.controls import command_for, help_lines, help_page, key_help, legend
+from teleop.screen.dashboard import render_dashboard
+from teleop.screen.view import Control, KeyHelp, Tone, View
 from tests.unit.teleop.views import driving, over, room, stopped, text
 from wire.messages import SafetyStatus
 

@@ -8,8 +8,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from teleop.keyboard import LEAST, MIN_WINDOW_S, MOTIONS, PROOF_S, SPEEDS, WINDOW_INTERVALS, Hold, Repeats
-from teleop.pilot import NEUTRAL, KeyEvent, KeyKind, Ramp, Velocity
+from teleop.pilots.keyboard import (
+    LEAST,
+    MIN_WINDOW_S,
+    MOTIONS,
+    PROOF_S,
+    SPEEDS,
+    WINDOW_INTERVALS,
+    Hold,
+    Repeats,
+)
+from teleop.pilots.pilot import NEUTRAL, KeyEvent, KeyKind, Ramp, Velocity
 
 from .repeat_streams import DETECTORS, KEYBOARDS, Keyboard, observe, table
 

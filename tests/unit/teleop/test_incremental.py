@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from teleop.keyboard import Incremental, Setpoint
-from teleop.pilot import LEVELS, NEUTRAL, KeyEvent, KeyKind, Pilot, Ramp, Velocity
+from teleop.pilots.keyboard import Incremental, Setpoint
+from teleop.pilots.pilot import LEVELS, NEUTRAL, KeyEvent, KeyKind, Pilot, Ramp, Velocity
 
 
 def pilot() -> Incremental:

@@ -4,9 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from teleop.controls import command_for, legend
-from teleop.keyboard import MOTIONS, SPEEDS
-from teleop.keys import (
+from teleop.pilots.keyboard import MOTIONS, SPEEDS
+from teleop.pilots.keys import (
     CTRL_BACKSLASH,
     CTRL_C,
     CTRL_D,
@@ -20,8 +19,9 @@ from teleop.keys import (
     level_of,
     name_of,
 )
-from teleop.pilot import KeyEvent, KeyKind
-from teleop.view import Control
+from teleop.pilots.pilot import KeyEvent, KeyKind
+from teleop.screen.controls import command_for, legend
+from teleop.screen.view import Control
 
 PRESS, REPEAT, RELEASE = KeyKind.PRESS, KeyKind.REPEAT, KeyKind.RELEASE
 

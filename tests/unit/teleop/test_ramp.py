@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from teleop.pilot import NEUTRAL, RAMP_PERIOD_S, Ramp, Velocity
+from teleop.pilots.pilot import NEUTRAL, RAMP_PERIOD_S, Ramp, Velocity
 
 
 def test_its_first_step_is_taken_at_once_and_no_more_at_the_same_instant() -> None:

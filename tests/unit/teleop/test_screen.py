@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from teleop.screen import FrameWriter
-from teleop.view import Line, Segment, Tone
+from teleop.screen.output import FrameWriter
+from teleop.screen.view import Line, Segment, Tone
 
 COLOURS = {
     Tone.PLAIN: ("default", "default", False, False),

@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from teleop.screen.view import Line
 from teleop.station.state import (
     KEYS,
     LETTERS,
@@ -21,7 +22,6 @@ from teleop.station.state import (
     sent,
     sentence,
 )
-from teleop.view import Line
 from wire.lease import LEASE_S, PRESENCE_PERIOD_S
 from wire.messages import EstopLease, EstopStationStatus, SafetyStatus, header
 from wire.reasons import StopReason

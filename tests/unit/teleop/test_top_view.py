@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from teleop.top_view import clearance_m, draw_top_view, scale_of
-from teleop.view import Line, Robot, Tone
+from teleop.screen.top_view import clearance_m, draw_top_view, scale_of
+from teleop.screen.view import Line, Robot, Tone
 from tests.unit.teleop.views import room, scan_of, text
 from wire.messages import LaserScan
 

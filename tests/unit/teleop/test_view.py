@@ -1,7 +1,7 @@
 """The parts of a View."""
 
-from teleop.pilot import NEUTRAL, Velocity
-from teleop.view import Segment, Tone, View, columns_of, plain
+from teleop.pilots.pilot import NEUTRAL, Velocity
+from teleop.screen.view import Segment, Tone, View, columns_of, plain
 from tests.unit.teleop.views import source, status
 
 

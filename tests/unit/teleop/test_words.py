@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from teleop.display import LATE_S, SILENT_AFTER_S, News, news, next_step
-from teleop.pilot import NEUTRAL
-from teleop.view import Control, Tone, View
+from teleop.pilots.pilot import NEUTRAL
+from teleop.screen.display import LATE_S, SILENT_AFTER_S, News, news, next_step
+from teleop.screen.view import Control, Tone, View
 from tests.unit.teleop.views import REASONS, driving, over, source, status, stopped
 from wire.messages import SafetyStatus
 from wire.reasons import StopReason

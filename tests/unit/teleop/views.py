@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from teleop.pilot import Velocity
-from teleop.view import Event, KeyHelp, Line, Rates, View
+from teleop.pilots.pilot import Velocity
+from teleop.screen.view import Event, KeyHelp, Line, Rates, View
 from wire.messages import LaserScan, Odometry, SafetyStatus, SourceStatus, header, odometry
 
 REASONS = (

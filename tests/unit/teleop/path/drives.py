@@ -9,7 +9,7 @@ from sim.motion_sensors import PERFECT, Odometer
 from sim.plant import Plant
 from teleop.path.course import Path, Pose, Poses, TrackError, seen_from, wrap
 from teleop.path.pursuit import Course, Limits
-from teleop.pilot import NEUTRAL, Velocity
+from teleop.pilots.pilot import NEUTRAL, Velocity
 
 BEAT_STEPS = 25
 """Of 2 ms: the heartbeat's 20 Hz."""

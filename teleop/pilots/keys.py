@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from enum import Enum, StrEnum, auto
 from typing import NamedTuple, Protocol
 
-from teleop.pilot import KeyEvent, KeyKind
+from teleop.pilots.pilot import KeyEvent, KeyKind
 
 
 class KeySource(Protocol):

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from teleop.view import Line, Tone
+from teleop.screen.view import Line, Tone
 
 Cells = npt.NDArray[np.uint32]
 """(rows x columns,): the character's code point, with the number of its tone in the bits above TONE_SHIFT."""

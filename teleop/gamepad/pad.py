@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
 from typing import NamedTuple, assert_never
 
-from teleop.config import GamepadSection
-from teleop.keys import STOP_KEY, level_of
-from teleop.pilot import LEVELS, NEUTRAL, KeyEvent, KeyKind, Velocity
+from teleop.pilots.config import GamepadSection
+from teleop.pilots.keys import STOP_KEY, level_of
+from teleop.pilots.pilot import LEVELS, NEUTRAL, KeyEvent, KeyKind, Velocity
 
 EV_SYN, EV_KEY, EV_ABS = 0, 1, 3
 """Types of events, from linux/input-event-codes.h."""
@@ -124,7 +124,7 @@ class Phase(StrEnum):
 
 @dataclass(slots=True)
 class Gamepad:
-    """The pilot for the stick while the dead-man button is held. See `teleop.pilot.Pilot`.
+    """The pilot for the stick while the dead-man button is held. See `teleop.pilots.pilot.Pilot`.
 
     Time, in seconds of the loop's clock, is an argument. Between `lost` and `resync`, and before `plug_in`,
     events are ignored.

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from teleop.view import Line, Robot, Segment, Tone
+from teleop.screen.view import Line, Robot, Segment, Tone
 from wire.messages import LaserScan
 
 Floats = npt.NDArray[np.float64]

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from teleop.view import Control, Line, Segment, Tone, View, columns_of, plain
+from teleop.screen.view import Control, Line, Segment, Tone, View, columns_of, plain
 from wire.messages import SafetyStatus, Twist
 from wire.reasons import words_of
 from wire.text import bearing_in_words

@@ -19,11 +19,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
-from teleop.controls import help_page
-from teleop.display import SILENT_AFTER_S, News, is_silent, news, render, requested_text, signed
-from teleop.pilot import LEVELS, amounts
-from teleop.top_view import Scale, draw_top_view, scale_of
-from teleop.view import Control, KeyHelp, Line, Segment, Tone, View, columns_of, plain
+from teleop.pilots.pilot import LEVELS, amounts
+from teleop.screen.controls import help_page
+from teleop.screen.display import SILENT_AFTER_S, News, is_silent, news, render, requested_text, signed
+from teleop.screen.top_view import Scale, draw_top_view, scale_of
+from teleop.screen.view import Control, KeyHelp, Line, Segment, Tone, View, columns_of, plain
 from wire.messages import yaw_of
 from wire.text import bearing_in_words
 

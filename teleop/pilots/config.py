@@ -1,12 +1,11 @@
-"""The values of robot.toml in use: `[teleop]`, `[teleop.gamepad]`, and the robot in the picture."""
+"""The values of robot.toml in use: `[teleop]` and `[teleop.gamepad]`."""
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from teleop.pilot import LEVELS, Velocity
-from teleop.view import Robot
+from teleop.pilots.pilot import LEVELS, Velocity
 from wire import topics
 from wire.host.config import (
     Acceleration,
@@ -94,58 +93,3 @@ class TeleopSection(Section):
     def most(self) -> Velocity:
         """Maximum velocity at the highest speed level."""
         return Velocity(self.max_linear_m_s, self.max_angular_rad_s)
-
-
-# --- the robot in the picture
-
-
-_DEFAULT = Robot()
-
-
-def robot_of(document: dict[str, Any]) -> Robot:
-    """Return the hull, the lidar's mount, and the stop and warning distances in a robot.toml, for the picture.
-
-    They are used only for drawing: missing or invalid values are replaced by defaults. The supervisor checks the
-    configuration itself and refuses to start with invalid values.
-    """
-    supervisor = _table(document, "supervisor")
-    hull, lidar = _table(supervisor, "footprint"), _lidar_on_scan(supervisor)
-    return Robot(
-        radius_m=_number(hull, "radius_m", _DEFAULT.radius_m),
-        corners_m=_corners(hull),
-        lidar_x_m=_number(lidar, "x_m", 0.0),
-        lidar_y_m=_number(lidar, "y_m", 0.0),
-        lidar_yaw_rad=_number(lidar, "yaw_rad", 0.0),
-        stop_distance_m=_number(supervisor, "stop_distance_m", _DEFAULT.stop_distance_m),
-        warning_distance_m=_number(supervisor, "warning_distance_m", _DEFAULT.warning_distance_m),
-    )
-
-
-def _table(document: dict[str, Any], name: str) -> dict[str, Any]:
-    value = document.get(name)
-    return cast("dict[str, Any]", value) if isinstance(value, dict) else {}
-
-
-def _lidar_on_scan(supervisor: dict[str, Any]) -> dict[str, Any]:
-    """Return the section of the lidar whose scan is drawn: the only one, or the one on the topic `scan`."""
-    lidars = supervisor.get("lidars")
-    if not isinstance(lidars, list):
-        return _table(supervisor, "lidar")
-    for entry in cast("list[object]", lidars):
-        if isinstance(entry, dict):
-            table = cast("dict[str, Any]", entry)
-            if table.get("topic") == topics.SCAN.key:
-                return table
-    return {}
-
-
-def _number(table: dict[str, Any], name: str, default: float) -> float:
-    value = table.get(name)
-    return float(value) if isinstance(value, int | float) else default
-
-
-def _corners(hull: dict[str, Any]) -> tuple[tuple[float, float], ...]:
-    try:
-        return tuple((float(x_m), float(y_m)) for x_m, y_m in hull.get("corners_m", ()))
-    except (TypeError, ValueError):
-        return ()

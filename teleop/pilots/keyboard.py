@@ -13,8 +13,8 @@ import math
 from collections import deque
 from dataclasses import dataclass, replace
 
-from teleop.keys import STOP_KEY, level_of
-from teleop.pilot import LEVELS, NEUTRAL, KeyEvent, KeyKind, Ramp, Velocity, amount
+from teleop.pilots.keys import STOP_KEY, level_of
+from teleop.pilots.pilot import LEVELS, NEUTRAL, KeyEvent, KeyKind, Ramp, Velocity, amount
 
 DIGITS = 9
 """Decimal places for rounding: finer than any step, coarser than floating-point errors (3 x 0.1 is 0.3)."""

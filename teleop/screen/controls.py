@@ -9,9 +9,9 @@ from collections.abc import Iterable, Sequence
 from itertools import zip_longest
 from typing import assert_never
 
-from teleop.keyboard import MOTIONS, SPEEDS, STEPS
-from teleop.keys import COMMANDS, LEVEL_KEYS, STOP_KEY, Command, command_of, name_of
-from teleop.view import Control, KeyHelp, Line, Segment, Tone
+from teleop.pilots.keyboard import MOTIONS, SPEEDS, STEPS
+from teleop.pilots.keys import COMMANDS, LEVEL_KEYS, STOP_KEY, Command, command_of, name_of
+from teleop.screen.view import Control, KeyHelp, Line, Segment, Tone
 
 NOT_IN_HOLD = ("q", "h")
 """Keys that are no commands in hold mode, which has the layout of teleop_twist_keyboard: q is a speed, h stops."""

@@ -10,10 +10,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Protocol, cast
 
-from teleop.config import GamepadSection
-from teleop.gamepad import Axis, Gamepad, Layout, PadEvent, PadState
-from teleop.gamepad_find import DEVICES, SYSFS, Described, GamepadError, Needed, find_gamepad, find_sensors
-from teleop.pilot import LEVELS, Velocity
+from teleop.gamepad.find import DEVICES, SYSFS, Described, GamepadError, Needed, find_gamepad, find_sensors
+from teleop.gamepad.pad import Axis, Gamepad, Layout, PadEvent, PadState
+from teleop.pilots.config import GamepadSection
+from teleop.pilots.pilot import LEVELS, Velocity
 from wire.host.extras import how_to_install
 
 RETRY_PERIOD_S = 0.5
@@ -66,7 +66,7 @@ def open_gamepad(
 ) -> "GamepadDevice":
     """Find and open the gamepad of a section. It does not need an event loop.
 
-    The result has the pilot (`.pilot`, a `teleop.pilot.Pilot`) that the gamepad controls; it is neutral until the pad is
+    The result has the pilot (`.pilot`, a `teleop.pilots.pilot.Pilot`) that the gamepad controls; it is neutral until the pad is
     read:
 
         pad = open_gamepad(config.gamepad, config.max_linear_m_s, config.max_angular_rad_s)
@@ -305,7 +305,7 @@ def layout_of(
         name: str = getattr(section, key)
         if name not in codes:
             raise GamepadError(
-                f"teleop.gamepad.{key} = {name!r}: Linux has no such name; evtest shows those of a pad"
+                f"teleop.gamepad.pad.{key} = {name!r}: Linux has no such name; evtest shows those of a pad"
             )
         return codes[name]
 

@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
-from teleop.pilot import NEUTRAL, Velocity
+from teleop.pilots.pilot import NEUTRAL, Velocity
 from wire.messages import LaserScan, Odometry, SafetyStatus, SourceStatus
 
 # --- elements of a display

@@ -8,7 +8,7 @@ import struct
 from pathlib import Path
 from typing import NamedTuple
 
-from teleop.view import plain
+from teleop.screen.view import plain
 
 DEVICES = Path("/dev/input")
 SYSFS = Path("/sys/class/input")

@@ -1,0 +1,1 @@
+"""What the operator sees: `view.py` has the values, and the displays convert them to lines. Pure."""
