@@ -271,7 +271,7 @@ async def test_a_robot_whose_wheels_spin_on_the_spot_pauses_the_path() -> None:
         await run.paused("no headway for 3 s (nearest: 2.75 m")
 
 
-async def test_a_base_that_stands_whatever_it_is_told_pauses_the_path() -> None:
+async def test_a_base_that_stands_whatever_is_commanded_pauses_the_path() -> None:
     rig = Rig()
     odom = rig.outsider.publisher(topics.ODOM)
 

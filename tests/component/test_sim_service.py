@@ -400,7 +400,7 @@ async def test_a_lidar_of_part_of_a_turn_says_where_its_beams_look() -> None:
     assert scan.ranges[135] == pytest.approx(9.1, abs=0.02)
 
 
-async def test_why_the_base_brakes_is_told_in_the_diagnostics_at_once() -> None:
+async def test_why_the_base_brakes_is_reported_in_the_diagnostics_at_once() -> None:
     bench = Bench()
     diagnostics = bench.hear(topics.DIAGNOSTICS)
     async with bench.simulating():
@@ -412,7 +412,7 @@ async def test_why_the_base_brakes_is_told_in_the_diagnostics_at_once() -> None:
         assert base_reason(newest(diagnostics)) == BaseReason.COMMAND_TIMEOUT
 
 
-async def test_a_contact_of_the_hull_is_told_at_once_and_until_the_reset(
+async def test_a_contact_of_the_hull_is_reported_at_once_and_until_the_reset(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     bench = Bench()

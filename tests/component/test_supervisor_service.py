@@ -357,7 +357,7 @@ async def test_a_restarted_supervisor_moves_nothing_until_neutral() -> None:
             await rig.drive(0.5)
 
 
-async def test_a_supervisor_held_up_between_deciding_and_saying_so_tells_how_old_its_word_is(
+async def test_a_supervisor_held_up_between_deciding_and_saying_so_reports_how_old_its_word_is(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     rig, held_up_s = Rig(), 0.5

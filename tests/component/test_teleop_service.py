@@ -359,7 +359,7 @@ async def test_after_a_hang_there_is_no_burst_and_the_beat_goes_on_in_step() -> 
         assert [round(time_s - b.start_s, 2) for time_s, _ in b.wire.commands()][1:] == [3.15, 3.2]
 
 
-async def test_after_a_hang_the_setpoint_is_zero_and_the_operator_is_told() -> None:
+async def test_after_a_hang_the_setpoint_is_zero_and_the_operator_is_informed() -> None:
     async with bench() as b:
         await b.press("www")
         hang(1.0)
@@ -600,7 +600,7 @@ async def test_the_bell_rings_at_the_edge_of_the_warning_and_then_only_while_it_
 # --- one name, one program
 
 
-async def test_a_second_teleop_is_told_who_holds_the_name_and_disturbs_nobody() -> None:
+async def test_a_second_teleop_is_shown_who_holds_the_name_and_disturbs_nobody() -> None:
     wire = Wire()
     async with bench(wire=wire) as first:
         await first.press("w")
@@ -714,7 +714,7 @@ async def test_keys_typed_before_the_name_is_ours_move_nothing_but_can_stop_and_
     assert (hasty.running.done(), hasty.wire.commands(), hasty.wire.alive()) == (True, [], [])
 
 
-async def test_a_rival_with_the_same_name_stops_this_one_and_is_told_once() -> None:
+async def test_a_rival_with_the_same_name_stops_this_one_and_is_reported_once() -> None:
     async with bench() as b:
         await b.press("w")
         for refused in (0, 3, 6):
@@ -1034,7 +1034,7 @@ async def test_the_emergency_stop_is_anybodys_right() -> None:
         assert viewer.wire.commands() == []
 
 
-async def test_a_key_release_is_told_to_the_pilot_and_is_no_command() -> None:
+async def test_a_key_release_reaches_the_pilot_and_is_no_command() -> None:
     async with bench() as b:
         b.keys.happen(KeyEvent("q", KeyKind.RELEASE), KeyEvent(" ", KeyKind.RELEASE))
         await asyncio.sleep(INSTANT_S)

@@ -96,7 +96,7 @@ def test_a_base_that_waits_too_long_does_not_brake_in_time(monkeypatch: pytest.M
     assert broken(4, run_trial)
 
 
-def test_a_supervisor_that_fails_is_told_with_its_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_supervisor_that_fails_is_reported_with_its_error(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: object) -> None:
         raise ZeroDivisionError("by nothing")
 
@@ -105,7 +105,7 @@ def test_a_supervisor_that_fails_is_told_with_its_error(monkeypatch: pytest.Monk
     assert any("ZeroDivisionError: by nothing" in sentence for sentence in sentences)
 
 
-async def test_one_scan_of_another_client_does_not_blind_the_robot_for_good() -> None:
+async def test_one_scan_of_another_client_does_not_blind_the_robot_permanently() -> None:
     """Found by the campaign: an epoch ended with the first scan of another one, and could never return."""
     rig = Rig()
     async with rig.supervisor(), rig.lidar(), rig.source():
@@ -193,7 +193,7 @@ def test_a_file_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
         campaigns.campaign(1, 1, tmp_path, print)
 
 
-def test_a_replay_tells_the_story(tmp_path: Path) -> None:
+def test_a_replay_prints_the_story(tmp_path: Path) -> None:
     said = list[str]()
     assert campaigns.replay(3, said.append) == 0
     assert any("FAULT" in line for line in said)

@@ -226,7 +226,7 @@ def test_without_a_terminal_up_says_what_to_do_instead(robot: Robot) -> None:
     _refused(robot.run("up"), r"teleop needs a terminal.*--detach.*lifeline demo")
 
 
-def test_a_process_that_ends_at_once_is_told_with_the_end_of_its_log(
+def test_a_process_that_ends_at_once_is_reported_with_the_end_of_its_log(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
@@ -238,7 +238,7 @@ def test_a_process_that_ends_at_once_is_told_with_the_end_of_its_log(
     assert robot.pids() == {}
 
 
-def test_a_section_that_is_refused_is_told_before_anything_starts(robot: Robot) -> None:
+def test_a_section_that_is_refused_is_reported_before_anything_starts(robot: Robot) -> None:
     config = robot.state.path / "robot.toml"
     config.write_text("[sim]\nscan_hz = -1.0\n")
     _refused(robot.run("up", "--detach", "--config", str(config)), r"sim\.scan_hz = -1")

@@ -51,7 +51,7 @@ async def test_a_command_source_that_receives_sigint_exits_with_0_and_without_an
                 source.kill()
 
 
-async def test_the_profile_finder_tells_what_each_profile_explains(tmp_path: Path) -> None:
+async def test_the_profile_finder_reports_what_each_profile_explains(tmp_path: Path) -> None:
     async with robot(tmp_path, teleop=False) as subject:
         await subject.until(lambda: subject.status.scan_age_s < 1.0, "scans")
         assert subject.bus is not None

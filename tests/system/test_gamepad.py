@@ -151,7 +151,7 @@ async def test_a_pad_of_the_kernel_drives_and_is_missed(name: str, monkeypatch: 
 
 
 @needs_uinput
-async def test_a_button_held_at_the_start_is_told_by_the_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_button_held_at_the_start_is_reported_by_the_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
     with virtual_pad() as pad:
         pad.tell(button(TL, 1))
         pad.push()
@@ -194,7 +194,7 @@ async def test_motion_sensors_of_the_kernel_are_a_pulse(monkeypatch: pytest.Monk
 
 
 @needs_uinput
-def test_a_pad_is_told_from_its_motion_sensors_by_what_the_kernel_says_of_it() -> None:
+def test_a_pad_is_distinguished_from_its_motion_sensors_by_what_the_kernel_says_of_it() -> None:
     needed = Needed(LAYOUT.axes, LAYOUT.buttons, ("ABS_Y", "ABS_X", "BTN_TL", "BTN_TR"))
     with virtual_pad(MOTION_SENSORS) as sensors, virtual_pad(DUALSHOCK4) as pad:
         found = find_gamepad(needed, pad.path)

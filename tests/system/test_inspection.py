@@ -341,7 +341,7 @@ async def test_doctor_finds_what_prevents_motion(tmp_path: Path) -> None:
         assert any(one["what"].startswith("NO_COMMAND: ") for one in problems)
 
 
-async def test_doctor_tells_a_supervisor_that_hangs_from_another_program(tmp_path: Path) -> None:
+async def test_doctor_distinguishes_a_supervisor_that_hangs_from_another_program(tmp_path: Path) -> None:
     async with standing(tmp_path) as subject:
         pid = subject.pid("supervisor")
         os.kill(pid, signal.SIGSTOP)

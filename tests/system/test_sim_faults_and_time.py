@@ -91,7 +91,7 @@ async def test_a_fault_from_the_start_and_twice_the_speed_are_taken_from_the_com
 
 
 @pytest.mark.timed
-async def test_real_time_is_kept_and_a_stall_is_told(tmp_path: Path) -> None:
+async def test_real_time_is_kept_and_a_stall_is_reported(tmp_path: Path) -> None:
     async with robot(tmp_path, teleop=False) as subject:
         assert subject.bus is not None
         clocks = subject.bus.subscribe(topics.CLOCK, depth=5000)

@@ -313,7 +313,7 @@ async def test_ctrl_c_in_its_first_moments_ends_it_quietly() -> None:
             assert op.modes() == op.modes_before
 
 
-async def test_a_second_operator_is_told_who_holds_the_name() -> None:
+async def test_a_second_operator_is_shown_who_holds_the_name() -> None:
     async with driving() as (h, op):
         async with operator(op.endpoint) as second:
             code, errors = await second.ended()

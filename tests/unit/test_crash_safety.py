@@ -83,7 +83,7 @@ def test_the_committed_results_are_where_the_document_says() -> None:
     }
 
 
-def test_the_soak_is_told_with_what_grew_and_what_stopped_without_a_cause() -> None:
+def test_the_soak_is_reported_with_what_grew_and_what_stopped_without_a_cause() -> None:
     gaps = Gaps(500, 20.0, 21.5, 25.0, 0)
 
     def sample(time_s: float, *false_stops: str) -> Sample:

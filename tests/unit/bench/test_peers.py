@@ -43,7 +43,7 @@ def test_the_verdicts_are_ratios_to_the_relay_and_differences_of_tails() -> None
     assert measured[-2:] == [pytest.approx(1.6), pytest.approx(8.9)]
 
 
-def test_the_tables_have_a_row_for_each_kind_and_rate_and_tell_the_run() -> None:
+def test_the_tables_have_a_row_for_each_kind_and_rate_and_report_the_run() -> None:
     trip, death = sheets(PEERS)
     assert [row[0] for row in trip.rows] == [OWN, RELAY, OTHER] * len(RATES_HZ)
     assert [row[1] for row in trip.rows[::3]] == [f"{rate_hz:.0f} Hz" for rate_hz in RATES_HZ]

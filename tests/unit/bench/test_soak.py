@@ -104,13 +104,13 @@ def test_the_warm_up_is_a_sixth_but_neither_too_short_nor_too_long(
     assert warm_up_s(duration_s) == expected_s
 
 
-def test_too_few_samples_tell_no_growth_and_fail_nothing() -> None:
+def test_too_few_samples_report_no_growth_and_fail_nothing() -> None:
     growths, faults = judge(samples(50.0, duration_s=60.0))
     assert faults == []
     assert all(math.isnan(growth.percent) for growth in growths)
 
 
-def test_growth_over_a_few_minutes_is_told_and_fails_nothing() -> None:
+def test_growth_over_a_few_minutes_is_reported_and_fails_nothing() -> None:
     growths, faults = judge(samples(5.0, duration_s=300.0))
     assert faults == []
     assert growths[0].percent == pytest.approx(3.4, abs=0.2)
@@ -134,7 +134,7 @@ def test_gaps_and_losses_begin_at_the_last_message_of_the_previous_sample() -> N
     assert math.isnan(gaps([(0.1, None)]).p50_ms)
 
 
-def test_a_new_epoch_loses_nothing_and_no_stamp_tells_nothing() -> None:
+def test_a_new_epoch_loses_nothing_and_no_stamp_reports_nothing() -> None:
     assert gaps([(0.1, Stamp(100, 0, b"a" * 16)), (0.1, Stamp(1, 0, b"b" * 16)), (0.2, None)]).lost == 0
 
 

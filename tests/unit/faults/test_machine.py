@@ -3,7 +3,7 @@
 from faults.simulated.world import Machine
 
 
-def test_a_sleep_is_told_once_and_several_add_up() -> None:
+def test_a_sleep_is_reported_once_and_several_add_up() -> None:
     subject = Machine()
     subject.sleep(1.0)
     subject.sleep(0.5)

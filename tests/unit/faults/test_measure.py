@@ -34,7 +34,7 @@ def test_without_a_stop_there_is_nothing_to_measure() -> None:
     assert stop_after(Seen(), FAULT_S) == Stop(None, 0.0, None, None, None)
 
 
-def test_a_robot_that_was_stopped_already_tells_nothing() -> None:
+def test_a_robot_that_was_stopped_already_reports_nothing() -> None:
     assert stop_after(drive(0.5), FAULT_S) == Stop(None, 0.0, None, None, None)
 
 

@@ -37,7 +37,7 @@ def test_a_command_at_the_limits_is_kept(command: tuple[float, float]) -> None:
 
 
 @pytest.mark.parametrize("value", [1.00001, -1.00001, math.nan, math.inf])
-def test_a_command_beyond_the_limits_or_no_number_is_told_once(value: float) -> None:
+def test_a_command_beyond_the_limits_or_no_number_is_reported_once(value: float) -> None:
     seen = Seen(commands=[Command(0.0, value, 0.0), Command(0.1, 0.0, value * 2)])
     (found,) = violations(seen)
     assert (found.promise, found.time_s) == (1, 0.0)
@@ -189,7 +189,7 @@ def test_an_old_surprise_excuses_nothing() -> None:
     assert numbers(violations(Seen(motions=late))) == [6]
 
 
-def test_a_touch_by_its_own_motion_is_told_as_one() -> None:
+def test_a_touch_by_its_own_motion_is_reported_as_one() -> None:
     (found,) = violations(Seen(motions=approach([(0.6, 0.0)])))
     assert "touching" in found.sentence
 

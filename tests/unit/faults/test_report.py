@@ -130,7 +130,7 @@ def test_the_page_has_each_class_with_its_figures(tmp_path: Path) -> None:
     assert "n < 100" in rows.row("teleop_sigstop")
 
 
-def test_the_page_tells_how_soon_it_stopped_over_all_faults_with_a_bound_each_alone(tmp_path: Path) -> None:
+def test_the_page_reports_how_soon_it_stopped_over_all_faults_with_a_bound_each_alone(tmp_path: Path) -> None:
     quick = [trial(fault(zero_s=0.001 * (1 + n % 5)), seed=n) for n in range(120)]
     slow = trial(fault(zero_s=0.025), seed=500)
     hung = trial(fault("teleop_sigstop", zero_s=0.2, detector="COMMAND_TIMEOUT"), seed=600)
@@ -207,7 +207,7 @@ def test_faults_far_apart_count_for_their_own_classes() -> None:
     assert [one.name for one in campaign.classes()] == ["teleop_sigkill", "teleop_gil"]
 
 
-def test_a_stop_for_another_reason_is_told_beside_and_not_among_the_figures(tmp_path: Path) -> None:
+def test_a_stop_for_another_reason_is_reported_beside_and_not_among_the_figures(tmp_path: Path) -> None:
     html = page_of(tmp_path, trial(fault()), trial(fault(detector="OBSTACLE", zero_s=1.5), seed=2))
     row = Texts(html).row("teleop_sigkill")
     assert row[2] == "SOURCE_LOST 1 or first by OBSTACLE 1 (max 1500 ms)"
@@ -228,7 +228,7 @@ def test_a_zero_that_nobody_explained_still_counts_in_a_real_trial() -> None:
     assert figures.others == (("no reason seen", 1, 0.9),)
 
 
-def test_a_simulation_that_stood_still_tells_no_way() -> None:
+def test_a_simulation_that_stood_still_shows_no_way() -> None:
     ((campaign,), _) = campaigns([trial(fault("sim_sigstop", detector="SCAN_STALE"))])
     (figures,) = campaign.classes()
     assert figures.stop is not None

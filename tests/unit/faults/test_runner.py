@@ -155,7 +155,7 @@ def test_the_first_trials_the_longest_so_far_and_the_broken_ones_keep_their_time
     assert [trial.seed for trial in made.trials] == [*range(10), 20]
 
 
-def test_a_campaign_that_goes_on_knows_what_the_file_tells_already() -> None:
+def test_a_campaign_that_goes_on_knows_what_the_file_reports_already() -> None:
     before = Made([])
     there = [before.add(_timelines(seed, 0.2)) for seed in range(KEPT_TIMELINES + 3)]
     made = Made(there)

@@ -152,7 +152,7 @@ def test_on_a_narrow_console_the_detectors_wrap_and_every_number_is_whole(
     assert "…" not in printed
 
 
-def test_a_story_tells_everything_in_order() -> None:
+def test_a_story_has_everything_in_order() -> None:
     lines = list(story(trial(killed(0.5), broken=True)))
     assert "seed 5" in lines[0]
     told = [word for line in lines for word in ("ESTOP", "FAULT", "no stop", "BROKEN 3") if word in line]

@@ -46,7 +46,7 @@ def test_a_timeline_has_a_sample_for_each_period_with_what_held_then() -> None:
     assert len(list(timeline(stopped_seen()))) == 10
 
 
-def test_a_steady_motion_needs_two_samples_and_a_stop_is_told_when_it_came() -> None:
+def test_a_steady_motion_needs_two_samples_and_a_stop_is_reported_when_it_came() -> None:
     samples = list(timeline(stopped_seen(), FINE_S))
     steady = list(thinned(samples, 0.0, 0.49))
     assert [one.time_s for one in steady] == [0.0, 0.48]
@@ -55,12 +55,12 @@ def test_a_steady_motion_needs_two_samples_and_a_stop_is_told_when_it_came() -> 
     assert len(kept) < 20
 
 
-def test_a_zero_is_told_however_slow_the_motion_was() -> None:
+def test_a_zero_is_reported_however_slow_the_motion_was() -> None:
     slow = [sample(0.1 * n, 0.02, 0.02 if n < 5 else 0.0, 0.02, ()) for n in range(10)]
     assert [one.time_s for one in thinned(slow, 0.0, math.inf)] == [0.0, 0.5, 0.9]
 
 
-def test_a_window_without_samples_tells_nothing() -> None:
+def test_a_window_without_samples_reports_nothing() -> None:
     assert list(thinned([sample(1.0, 0.0, 0.0, 0.0, ())], 2.0, 3.0)) == []
 
 

@@ -114,7 +114,7 @@ def _motions(*times_s: float) -> list[Motion]:
     return [Motion(time_s, 0.0, 0.0, 0.5, 0.0) for time_s in times_s]
 
 
-def test_a_simulation_that_tells_its_motion_in_time_has_not_stood() -> None:
+def test_a_simulation_that_reports_its_motion_in_time_has_not_stood() -> None:
     assert stood_s(_motions(0.99, 1.0, 1.01, 1.02, 1.04), 1.005, 1.04) == 0.0
 
 

@@ -36,6 +36,6 @@ def test_our_names_are_ours_from_any_directory(name: str, tmp_path: Path) -> Non
     assert Path(found) == root / name / "__init__.py"
 
 
-def test_the_command_tells_its_version(tmp_path: Path) -> None:
+def test_the_command_reports_its_version(tmp_path: Path) -> None:
     code = "import sys; sys.argv = ['lifeline', '--version']; from lifeline.cli.app import app; app()"
     assert _python(code, tmp_path) == f"lifeline {version('lifeline')}"

@@ -77,7 +77,7 @@ def test_a_rehearsal_is_the_same_each_time() -> None:
     assert [shown[:4] for shown in first] == [shown[:4] for shown in second]
 
 
-def test_the_animation_of_the_readme_still_tells_its_story() -> None:
+def test_the_animation_of_the_readme_still_shows_its_story() -> None:
     """The robot follows someone, slows, rests at 30 cm and backs out; `python -m docs.generate.draw_animation` films it."""
     plant = Plant(WANTED.scene, options=Build(moving=True))
     rehearsal = Rehearsal(plant, Operator(), supervisor_for(plant))

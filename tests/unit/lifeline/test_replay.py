@@ -59,7 +59,7 @@ def test_the_timeline_names_each_change_and_all_decisions_are_the_same(recording
     assert "all decisions are the same" in text
 
 
-def test_a_difference_is_told_with_its_place_and_exit_code_1(recording: Path) -> None:
+def test_a_difference_is_reported_with_its_place_and_exit_code_1(recording: Path) -> None:
     def change(lines: list[dict[str, Any]]) -> None:
         lines[40]["decision"]["scale"] = 0.9999999
 

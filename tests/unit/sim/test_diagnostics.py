@@ -113,7 +113,7 @@ def test_faults_in_force_are_a_warning_that_names_them() -> None:
     assert said(faulty, "sensors") == (WARN, "faults in force: freeze; rate 2")
 
 
-def test_whoever_goes_about_is_told_with_the_place_whatever_the_name() -> None:
+def test_whoever_goes_about_is_reported_with_the_place_whatever_the_name() -> None:
     busy = replace(WELL, movers={"level": (1.0, -2.5, 0.0), "forklift": (0.25, 3.0, 1.57)})
     assert said(busy, "movers") == (OK, "2 movers")
     assert values(busy, "movers") == {"level": "1.00 -2.50 0.00", "forklift": "0.25 3.00 1.57"}

@@ -53,7 +53,7 @@ def test_zero_says_that_the_robot_stands_where_it_was_and_the_way_is_lost() -> N
     assert said(faulty, "none", reading(2.5, 0.0, 0.0))[:5] == (1.5, 0.0, 0.0, 0.5, 0.2)
 
 
-def test_frozen_odometry_repeats_its_first_reading_and_then_tells_the_whole_way() -> None:
+def test_frozen_odometry_repeats_its_first_reading_and_then_reports_the_whole_way() -> None:
     faulty = FaultyOdometry()
     first = said(faulty, "odom_freeze", reading(1.0, 0.0, 0.1))
     assert first[:5] == (1.0, 0.0, 0.1, 0.5, 0.2)

@@ -49,7 +49,7 @@ def test_there_is_at_least_a_metre_behind_the_start(plant: Plant) -> None:
     assert plant.scan()[0] - plant.hull_radius_m == pytest.approx(1.25)
 
 
-def test_a_robot_that_is_told_nothing_stays_where_it_is(plant: Plant) -> None:
+def test_a_robot_without_a_command_stays_where_it_is(plant: Plant) -> None:
     _run(plant, 0.0, 0.0, 2.0)
     assert plant.true_pose == pytest.approx(plant.start_pose, abs=1e-6)
 
@@ -65,7 +65,7 @@ def test_the_robot_reaches_its_speed_and_the_wheels_count_the_true_way(plant: Pl
     assert true.y_m == pytest.approx(0.0, abs=0.001)
 
 
-def test_the_wheels_tell_an_arc(plant: Plant) -> None:
+def test_the_wheels_report_an_arc(plant: Plant) -> None:
     odometer = Odometer(plant.wheels, PERFECT)
     odometry = odometer.read(*plant.wheel_angles_rad, 0.02)
     for _ in range(150):
@@ -119,7 +119,7 @@ def test_the_wheels_do_not_slip_and_the_robot_does_not_tip_in_a_full_stop(plant:
 
 
 @pytest.mark.parametrize("angular_rad_s", [1.0, -2.0])
-def test_the_robot_turns_at_the_rate_it_is_told_on_the_spot(plant: Plant, angular_rad_s: float) -> None:
+def test_the_robot_turns_at_the_commanded_rate_on_the_spot(plant: Plant, angular_rad_s: float) -> None:
     _run(plant, 0.0, angular_rad_s, 1.0)
     yaw_rad = plant.true_pose.yaw_rad
     _run(plant, 0.0, angular_rad_s, 1.0)

@@ -200,7 +200,7 @@ def test_a_narrow_picture_keeps_the_mode_and_lets_the_words_go() -> None:
     assert (picture != 0).any()
 
 
-def test_reasons_are_told_in_words_and_nothing_that_comes_from_the_network_is_drawn_as_it_is() -> None:
+def test_reasons_are_reported_in_words_and_nothing_that_comes_from_the_network_is_drawn_as_it_is() -> None:
     assert in_words(("OBSTACLE", "SOURCE_LOST")) == "obstacle too close, command source lost"
     assert in_words(("SOME_NEW_REASON",)) == "some new reason"
     assert in_words(("é" * 500,)) == "?" * 120

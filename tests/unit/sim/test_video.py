@@ -83,7 +83,7 @@ def test_what_fails_half_way_leaves_nothing_and_the_old_file_as_it_was(tmp_path:
     assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [(path.name, "as it was")]
 
 
-def test_a_disk_that_takes_nothing_is_told_in_one_sentence() -> None:
+def test_a_disk_that_takes_nothing_is_reported_in_one_sentence() -> None:
     with pytest.raises(OutputError, match=r"^/proc/picture\.png cannot be written: .+\.$"):
         write(Path("/proc/picture.png"), frames(), FPS)
 

@@ -83,7 +83,7 @@ def test_a_warning_that_does_not_fit_beside_the_sentence_is_left_to_the_panel() 
     assert any(" WARNING " in line for line in lines[3:])
 
 
-def test_a_silence_is_told_as_a_person_would() -> None:
+def test_a_silence_is_reported_as_a_person_would() -> None:
     newest = stopped("COMMAND_TIMEOUT", sources=[source("teleop", age_s=0.21)])
     first, second, *_ = shown(driving(newest)).splitlines()
     assert first.rstrip() == " STOPPED: teleop silent for 0.2 s"

@@ -129,7 +129,7 @@ def test_causes_that_hold_come_first_and_what_is_over_is_marked() -> None:
     assert "STOPPED: SCAN_STALE +1 - wait for the lidar, press s" in shown(newest)
 
 
-def test_who_only_looks_on_is_told_who_can_drive_again() -> None:
+def test_who_only_looks_on_is_shown_who_can_drive_again() -> None:
     newest = status(SafetyStatus.STOPPED, reasons=OVERS, latched=OVERS)
     looking_on = View("view", "", control=Control.VIEW_ONLY, status=newest)
     for width in (120, 79):
@@ -218,7 +218,7 @@ def test_without_unicode_the_line_is_ascii() -> None:
     assert text(render(view(newest), 10, unicode=False)) == "LIMITED t."
 
 
-def test_who_only_looks_on_is_told_who_can_act() -> None:
+def test_who_only_looks_on_is_shown_who_can_act() -> None:
     looking_on = View("view", "", control=Control.VIEW_ONLY, status=status(0, reasons=["OBSTACLE"]))
     assert "STOPPED: OBSTACLE - the operator must re-arm" in text(render(looking_on, 100))
 

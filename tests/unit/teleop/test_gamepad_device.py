@@ -127,7 +127,7 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Desk:
     return Desk(tmp_path)
 
 
-async def test_what_the_pad_tells_reaches_the_pilot_and_wakes_the_loop(desk: Desk) -> None:
+async def test_what_the_pad_reports_reaches_the_pilot_and_wakes_the_loop(desk: Desk) -> None:
     with desk.reading():
         await desk.drive()
         assert desk.pilot.wanted() == (0.5, 0.0)

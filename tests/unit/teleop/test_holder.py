@@ -13,7 +13,7 @@ def test_it_names_the_person_the_machine_and_the_process() -> None:
     assert about.startswith(f"the joy of {getpass.getuser()}@{os.uname().nodename}, pid {os.getpid()}")
 
 
-def test_a_user_id_without_a_name_is_told_as_such(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_user_id_without_a_name_is_reported_as_such(monkeypatch: pytest.MonkeyPatch) -> None:
     def nobody() -> str:
         raise KeyError("getpwuid(): uid not found")
 

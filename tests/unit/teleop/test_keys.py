@@ -90,7 +90,7 @@ def test_a_cursor_or_function_key_has_a_name_and_is_no_letter(sequence: bytes, k
         b"\x1bOj",
     ],
 )
-def test_what_a_terminal_tells_by_itself_is_no_key(sequence: bytes) -> None:
+def test_what_a_terminal_reports_by_itself_is_no_key(sequence: bytes) -> None:
     assert keys(b"w" + sequence + b"x") == ["w", "x"]
 
 
@@ -126,7 +126,7 @@ def test_what_a_terminal_tells_by_itself_is_no_key(sequence: bytes) -> None:
         (b"\x1b[0n", Report(ReportKind.WELL)),
     ],
 )
-def test_the_kitty_protocol_tells_what_happened_to_a_key(sequence: bytes, event: KeyEvent | Report) -> None:
+def test_the_kitty_protocol_reports_what_happened_to_a_key(sequence: bytes, event: KeyEvent | Report) -> None:
     assert KeyDecoder().feed(sequence) == [event]
 
 
@@ -161,7 +161,7 @@ def test_parameters_without_end_are_no_key_and_fill_no_memory() -> None:
     assert decoder.feed(b"\x1b[32u") == [KeyEvent(" ")]
 
 
-def test_a_plain_byte_where_releases_are_told_is_released_at_once() -> None:
+def test_a_plain_byte_where_releases_are_reported_is_released_at_once() -> None:
     decoder = KeyDecoder()
     decoder.tells_releases = True
     assert decoder.feed(b"i\x1b[105u ") == [

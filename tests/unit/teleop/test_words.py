@@ -70,7 +70,7 @@ def test_an_estop_that_is_not_on_disk_says_so_in_ascii() -> None:
     assert what.what == f"{CAUSES['ESTOP']}; the disk is full?[2J"
 
 
-def test_a_stop_reason_that_is_new_is_told_by_its_name() -> None:
+def test_a_stop_reason_that_is_new_is_shown_by_its_name() -> None:
     what = said(stopped("FLOOD\x1b[2J"))
     assert what.what == "unknown stop reason FLOOD?[2J"
     assert what.next_step == "remove the cause, press s"
@@ -136,7 +136,7 @@ def test_an_unknown_reason_that_is_over_is_named_in_ascii() -> None:
     assert said(over("FLOOD\x1b[2J")).what == "the reason was FLOOD?[2J. Over now"
 
 
-def test_who_only_looks_on_is_told_that_the_operator_must_re_arm() -> None:
+def test_who_only_looks_on_is_shown_that_the_operator_must_re_arm() -> None:
     assert said(over("OVERRUN"), control=Control.VIEW_ONLY).next_step == "the operator must re-arm"
 
 
@@ -253,7 +253,7 @@ def test_ready_for_another_source_is_not_ready_for_this_one() -> None:
     assert said(replace(newest, owner="")).what == "for another source, but not for teleop"
 
 
-def test_a_source_that_the_supervisor_does_not_know_is_told_so() -> None:
+def test_a_source_that_the_supervisor_does_not_know_is_shown_this() -> None:
     what = said(status(sources=[source("joy")], unknown_sources=["teleop"]))
     assert what.what == "but the supervisor ignores teleop"
     assert what.next_step == "add it to the sources in robot.toml"
@@ -289,7 +289,7 @@ def test_limited_says_to_what_and_by_what() -> None:
     )
 
 
-def test_who_only_looks_on_is_told_who_drives() -> None:
+def test_who_only_looks_on_is_shown_who_drives() -> None:
     newest = status(SafetyStatus.DRIVING)
     assert said(newest, control=Control.VIEW_ONLY) == News("DRIVING", "teleop drives", "", Tone.GOOD)
     assert said(status(sources=[]), control=Control.VIEW_ONLY).what == "at rest, armed"

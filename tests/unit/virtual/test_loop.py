@@ -100,7 +100,7 @@ def test_a_loop_that_spins_at_one_time_says_so() -> None:
         run(loop, 1.0)
 
 
-def test_an_error_that_nobody_awaits_is_told_with_its_process() -> None:
+def test_an_error_that_nobody_awaits_is_reported_with_its_process() -> None:
     loop, told = VirtualLoop(), list[tuple[str, str]]()
     loop.on_error = lambda name, error: told.append((name, str(error)))
     process = VirtualProcess("clumsy")

@@ -251,7 +251,7 @@ def test_a_lossy_link_loses_samples_but_no_token() -> None:
 
 
 @pytest.mark.parametrize("in_order", [True, False])
-def test_jitter_keeps_the_order_unless_it_is_told_not_to(in_order: bool) -> None:  # noqa: FBT001 - a parameter of a test
+def test_jitter_keeps_the_order_unless_it_is_set_not_to(in_order: bool) -> None:  # noqa: FBT001 - a parameter of a test
     async def story(b: Bench) -> None:
         up, _ = b.network.link("teleop")
         up.delay_s, up.jitter_s, up.in_order = 0.01, 0.2, in_order
@@ -317,7 +317,7 @@ def test_a_query_reaches_whoever_serves_and_the_first_answer_counts() -> None:
     play(story)
 
 
-def test_a_handler_that_fails_is_told_with_its_process() -> None:
+def test_a_handler_that_fails_is_reported_with_its_process() -> None:
     async def story(b: Bench) -> None:
         async def fail(_: str) -> TriggerResponse:
             raise ZeroDivisionError

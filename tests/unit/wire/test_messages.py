@@ -158,7 +158,7 @@ def test_the_yaw_of_odometry_is_the_one_that_was_put_in(yaw_rad: float) -> None:
     assert yaw_of(odometry((1.0, 2.0, yaw_rad), (0.0, 0.0)).pose.pose.orientation) == pytest.approx(yaw_rad)
 
 
-def test_the_beams_of_a_scan_share_a_full_turn_unless_they_are_told_apart() -> None:
+def test_the_beams_of_a_scan_share_a_full_turn_unless_their_angles_are_given() -> None:
     ranges = np.ones(4, dtype=np.float32)
     turn = laser_scan(ranges, range_m=(0.1, 12.0), period_s=0.05)
     assert (turn.angle_min, turn.angle_increment, turn.angle_max) == (-math.pi, math.pi / 2, math.pi / 2)

@@ -65,19 +65,19 @@ def test_a_free_endpoint_is_free() -> None:
     check_endpoint_is_free(free_loopback_endpoint())
 
 
-def test_a_port_in_use_is_told_with_a_way_out() -> None:
+def test_a_port_in_use_is_reported_with_a_way_out() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         with pytest.raises(DeployError, match=f"port {port} on 127.0.0.1 is in use .* --endpoint"):
             check_endpoint_is_free(f"tcp/127.0.0.1:{port}")
 
 
-def test_an_address_of_another_machine_is_told() -> None:
+def test_an_address_of_another_machine_is_reported() -> None:
     with pytest.raises(DeployError, match=r"cannot listen on tcp/192\.0\.2\.1:7447"):
         check_endpoint_is_free("tcp/192.0.2.1:7447")
 
 
-def test_a_missing_uv_is_told_with_a_way_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_uv_is_reported_with_a_way_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("UV", raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr("deploy.stack.supervisord.checkout", lambda: tmp_path)

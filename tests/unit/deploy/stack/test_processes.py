@@ -89,6 +89,6 @@ def test_a_process_that_has_ended_gets_no_signal(tmp_path: Path) -> None:
         processes.send(Process(child.pid, "sim"), tmp_path, signal.SIGTERM)
 
 
-def test_a_process_that_does_not_end_is_told_after_the_limit(tmp_path: Path) -> None:
+def test_a_process_that_does_not_end_is_reported_after_the_limit(tmp_path: Path) -> None:
     with _running(["-m", "sim"], tmp_path) as child:
         assert processes.wait_for_none(tmp_path, 0.01) == [Process(child.pid, "sim")]

@@ -107,7 +107,7 @@ def test_a_lock_without_a_readable_holder_is_a_lock_all_the_same(tmp_path: Path)
             pass
 
 
-def test_the_last_lines_of_a_log_are_told_and_a_missing_log_is_empty(tmp_path: Path) -> None:
+def test_the_last_lines_of_a_log_are_reported_and_a_missing_log_is_empty(tmp_path: Path) -> None:
     state = StateDir(tmp_path)
     state.log("sim").write_text("".join(f"line {i}\n" for i in range(20)))
     assert state.last_lines("sim") == "\n".join(f"    line {n}" for n in range(12, 20))

@@ -316,7 +316,7 @@ def test_a_flood_after_the_stop_does_not_push_the_stop_out() -> None:
     assert sum(len(steps) for _, steps in keeping.orders[0].segments) > 40
 
 
-def test_what_it_cannot_record_is_told_once_and_supervision_goes_on(
+def test_what_it_cannot_record_is_reported_once_and_supervision_goes_on(
     drive: Drive, writer: WriterAtOnce, caplog: pytest.LogCaptureFixture
 ) -> None:
     decision = drive.drive()
@@ -459,7 +459,7 @@ def test_the_thread_writes_and_says_where(tmp_path: Path, caplog: pytest.LogCapt
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_directory_that_cannot_be_is_told_once_and_again_after_a_success(
+def test_a_directory_that_cannot_be_is_reported_once_and_again_after_a_success(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO)
@@ -626,7 +626,7 @@ def test_a_field_that_only_another_law_knows_is_no_difference() -> None:
     assert replay(written(an_order(1.0), change)).difference is None
 
 
-def test_the_replay_tells_the_phases_of_the_drive() -> None:
+def test_the_replay_reports_the_phases_of_the_drive() -> None:
     found = replay(written(an_order(1.0)))
     assert [phase.first.mode for phase in found.phases] == [
         Mode.READY,

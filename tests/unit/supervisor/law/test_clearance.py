@@ -365,7 +365,7 @@ def test_the_nearest_point_is_named_by_its_clearance_and_its_bearing() -> None:
     assert bearing_rad == pytest.approx(math.pi / 2)
 
 
-def test_points_inside_and_outside_of_a_polygon_are_told_apart_in_one_go() -> None:
+def test_points_inside_and_outside_of_a_polygon_are_distinguished_in_one_call() -> None:
     points = np.array([[0.0, 0.0], [1.0, 0.0], [0.29, 0.0], [0.6, 0.6]])
     clearances, normals = ConvexPolygon(CORNERS).nearest(points)
     assert clearances == pytest.approx([-0.2, 0.7, -0.01, 0.5])
@@ -500,7 +500,7 @@ def test_the_least_turn_that_a_float_can_say_is_limited_as_a_slight_one_is() -> 
     assert permitted_scale(ahead, 1.0, 5e-324, BARRIER)[0] == pytest.approx(slight)
 
 
-def test_what_limits_is_told_only_where_it_leaves_less_than_is_worth_moving_for() -> None:
+def test_what_limits_is_reported_only_where_it_leaves_less_than_is_worth_moving_for() -> None:
     beside = seen(Circle(0.25), one(0.2, 0.6))
     scale, block = permitted_scale(beside, 0.9, 1.8, BARRIER)
     assert block is not None

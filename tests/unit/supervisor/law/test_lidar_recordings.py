@@ -186,7 +186,7 @@ def _branch(replay: Replay) -> Replay:
 
 
 @pytest.mark.parametrize("driving", [True, False])
-def test_an_odometry_spike_neither_stops_it_for_good_nor_hides_what_is_ahead(
+def test_an_odometry_spike_neither_stops_it_permanently_nor_hides_what_is_ahead(
     recording: Recording, *, driving: bool
 ) -> None:
     good = _open(recording)[0]

@@ -185,7 +185,7 @@ def test_the_time_on_the_way_counts_into_the_age() -> None:
     assert law.step().reasons == (StopReason.COMMAND_TIMEOUT,)
 
 
-def test_each_source_s_state_is_told() -> None:
+def test_each_source_s_state_is_reported() -> None:
     law = Law()
     law.tick_unstamped(NEUTRAL)
     teleop = law.state.sources[0]
@@ -203,7 +203,7 @@ def test_each_source_s_state_is_told() -> None:
     assert law.state.sources[0].invalid is False
 
 
-def test_an_accepted_command_tells_again_that_its_source_stamps() -> None:
+def test_an_accepted_command_shows_again_that_its_source_stamps() -> None:
     law = Law()
     law.tick(("teleop", NEUTRAL))
     law.tick_unstamped(None)
@@ -321,7 +321,7 @@ def test_the_newest_scan_once_more_counts_as_none(law_with_stamped_scans: Law) -
 
 
 @pytest.mark.parametrize("foreign", [Sent(b"header", 1, 5.0), Sent(b"F", 1, 1e9)])
-def test_one_foreign_scan_does_not_blind_the_robot_for_good(
+def test_one_foreign_scan_does_not_blind_the_robot_permanently(
     law_with_stamped_scans: Law, foreign: Sent
 ) -> None:
     """Formerly, the lidar's own epoch ended, and SCAN_STALE held until the lidar was restarted."""
@@ -529,7 +529,7 @@ def test_what_the_robot_drives_toward_between_scans_is_nearer_than_the_scan_show
 # --- the explanation of a decision
 
 
-def test_a_decision_tells_what_was_asked_and_what_is_given() -> None:
+def test_a_decision_reports_what_was_asked_and_what_is_given() -> None:
     law = Law()
     ready = law.tick(("teleop", NEUTRAL))
     assert (ready.commanded, ready.scale, ready.mode) == (NEUTRAL, 1.0, Mode.READY)
@@ -543,7 +543,7 @@ def test_a_decision_tells_what_was_asked_and_what_is_given() -> None:
     assert (stopped.commanded, stopped.output, stopped.scale) == (BACK, STANDSTILL, 0.0)
 
 
-def test_a_decision_tells_the_scan_s_age_and_problem() -> None:
+def test_a_decision_reports_the_scan_s_age_and_problem() -> None:
     law = Law()
     law.scanning = False
     law.tick()
@@ -555,7 +555,7 @@ def test_a_decision_tells_the_scan_s_age_and_problem() -> None:
     assert Law(scanning=False).decision.scan_problem == ""
 
 
-def test_a_senseless_scan_tells_its_problem() -> None:
+def test_a_senseless_scan_reports_its_problem() -> None:
     law = Law()
     law.scanning = False
     law.now_s += TICK_S
@@ -621,7 +621,7 @@ def test_a_stop_for_another_reason_takes_the_escape_away() -> None:
     assert path.block is None
 
 
-def test_a_flap_tells_the_other_causes_of_its_step() -> None:
+def test_a_flap_reports_the_other_causes_of_its_step() -> None:
     law = Law()
     law.drive()
     law.hold(0.18)

@@ -59,7 +59,7 @@ def test_what_is_no_endpoint_is_refused(endpoint: str) -> None:
     assert "tcp/127.0.0.1:7447" in refusal({"bus": {"endpoint": endpoint}}, "bus")
 
 
-def test_loopback_is_told_from_the_network() -> None:
+def test_loopback_is_distinguished_from_the_network() -> None:
     assert is_loopback("tcp/127.0.0.1:7447")
     assert is_loopback("tcp/[::1]:7447")
     assert is_loopback("tcp/localhost:7447")
