@@ -39,14 +39,9 @@ ros2: $(ROS2_STAMP) ## create the environment .ros2 with rclpy, in which `python
 run: $(STAMP) ## drive the robot by keyboard; without a terminal, play the demo
 	@if [ -t 0 ] && [ -t 1 ]; then exec .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
 
-test: $(STAMP) ## run the checks and all tests that need no idle machine, also with real processes (four minutes); each commit must pass them
+test: $(STAMP) ## run the checks and all tests that need no idle machine, also with real processes; each commit must pass them
 	$(COMPILE)
-	$(MAKE) --no-print-directory unit
-	$(MAKE) --no-print-directory checked
-
-# The real processes of the system tests mostly wait, so the checks run beside them.
-checked: $(STAMP)
-	$(MAKE) --no-print-directory --jobs=2 --output-sync=target check system
+	$(MAKE) --no-print-directory check unit system
 
 # No test here depends on the real clock, so one runs on each core.
 IN_PARALLEL := --numprocesses=auto --dist=worksteal

@@ -278,5 +278,5 @@ def test_a_wrong_key_is_refused_by_its_whole_name(tmp_path: Path) -> None:
     config = tmp_path / "robot.toml"
     config.write_text('[teleop.gamepad]\ndead_man_button = "the left one"\n')
     said, code = sentence_of(["--mode", "gamepad", "--config", str(config)])
-    assert "teleop.gamepad.pad.dead_man_button = 'the left one'" in said
+    assert "teleop.gamepad.dead_man_button = 'the left one'" in said
     assert code == EXIT_USAGE

@@ -93,7 +93,7 @@ def test_the_models_have_all_the_kinds_of_places_that_a_number_can_be_in() -> No
         "supervisor.footprint.corners_m.0.1",
         "supervisor.lidar.own.free_codes_m.0",
         "supervisor.lidars.0.view_rad.1",
-        "teleop.gamepad.pad.dead_zone",
+        "teleop.gamepad.dead_zone",
         "sim.braking_m_s2",
     }
     assert len(NUMBERS) > 90
