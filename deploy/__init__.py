@@ -1,5 +1,5 @@
-"""What starts the processes of a robot: `lifeline up`, supervisord, units of systemd, a container; and `lifeline keys`, its certificates.
+"""Starts the processes of a robot with supervisord, systemd or a container, and issues its certificates.
 
-`robot.toml` has every key of the configuration with its default; `examples` has files of real robots. Nothing here imports
-`lifeline` or `faults`.
+`robot.toml` has every key of the configuration with its default; `examples` has files of real robots.
+Nothing here imports `lifeline` or `faults`.
 """

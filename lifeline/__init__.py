@@ -1,4 +1,4 @@
-"""The command `lifeline`: what an operator starts, looks at, understands and proves.
+"""The command-line tool `lifeline`: starts, drives, shows, explains and tests a robot.
 
 `cli/` declares the options of every command, with the decorators of `command.py`; each other file or folder has one command or
 one group of commands.

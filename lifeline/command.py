@@ -1,7 +1,7 @@
 """What all commands share: their common options, the decorators that declare them, and how a command ends.
 
-A declaration in cli/ has the options of a command and its sentence, and imports its implementation when it runs, which
-keeps `lifeline --help` fast.
+A declaration in cli/ has the options of a command and its help text, and imports its implementation when it
+runs, which keeps `lifeline --help` fast.
 """
 
 import json
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from deploy.stack.launch import Launch
     from deploy.stack.statedir import StateDir
 
-# Help names a value by our metavar. Typer adds the types of Python, such as <str> beside NAME and <bool> beside a flag.
+# The help shows only our metavar of a value: Typer would add Python's types, such as <str> beside NAME.
 TyperArgument.display_type_rich = lambda self, ctx: None  # noqa: ARG005
 TyperOption.display_type_rich = lambda self, ctx: self.metavar  # noqa: ARG005
 
 Run = Callable[..., int | None]
 """The function of a command. It returns the exit code; None is 0."""
 ROBOT_PANEL = "Robot and connection"
-"""The part of the help of a command with the options that name a robot or the connection to it."""
+"""The panel of a command's help with the options that name a robot or the connection to it."""
 
 Config = Annotated[
     Path | None,

@@ -1,4 +1,4 @@
-"""`lifeline estop`: press the emergency stop once, or with `--name door` be an e-stop station in this terminal."""
+"""`lifeline estop`: press the emergency stop once, or act as an e-stop station (`--name door`)."""
 
 import asyncio
 import os

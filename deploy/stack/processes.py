@@ -89,8 +89,8 @@ def _handle(process: Process, state_dir: Path) -> Generator[int | None]:
 def _marked(state_dir: Path) -> list[Process]:
     """Return the processes with the mark of a state directory.
 
-    A process that ends before it is read may have left a child, as a supervisord does that becomes a daemon. That child
-    is new since the listing, so the new processes are read until there are none.
+    A process that ends before it is read may leave a child that is not in the listing, such as a supervisord
+    that becomes a daemon. The processes are therefore listed until no new ones appear.
     """
     found: list[Process] = []
     seen = {os.getpid()}

@@ -1,6 +1,7 @@
-"""Runs `python -m ros2`, whose interpreter has rclpy and is not Lifeline's own: its command line and its variables.
+"""The command line and environment of `python -m ros2`, whose interpreter has rclpy and is not Lifeline's.
 
-That interpreter finds Lifeline's packages in a directory of links, because Lifeline's environment may be for another Python.
+That interpreter finds Lifeline's packages in a directory of links, because Lifeline's environment may be for
+another version of Python.
 """
 
 import os

@@ -131,7 +131,7 @@ class _Robot:
             self.ask(velocity)
 
     def ask(self, velocity: Velocity) -> Decision:
-        """Return the decision of the next tick, which commands this velocity."""
+        """Return the decision of the law at the next tick if this velocity is commanded."""
         self._now_s += self._tick_s
         command = Command(self._source, velocity, self._now_s)
         odometry = Odometry(self._moving, self._now_s) if self._has_odometry else None

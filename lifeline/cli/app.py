@@ -1,6 +1,6 @@
 """The command `lifeline`: its groups of commands in the order of its help, and how its process ends.
 
-drive.py, look.py, stops.py, prove.py and sites.py have the commands, one file for each part of the help.
+The commands are in drive.py, look.py, stops.py, prove.py and sites.py, one file for each panel of the help.
 """
 
 import os
@@ -30,7 +30,7 @@ PARTS = {
     "Sites": sites.app,
     "Shell": shell_app,
 }
-"""The parts of the help."""
+"""The panels of the help, with their commands."""
 
 COMPLETED = {
     "bash": "",
@@ -83,7 +83,7 @@ def main() -> NoReturn:
     """Run the command, and exit without the interpreter's shutdown, which can hang if a session is open."""
     code = 1
     default_until_handled()
-    # Pydantic would read the metadata of every installed package for plugins: a sixth of the time of `lifeline status`.
+    # Otherwise Pydantic searches all packages for plugins: a sixth of the time of `lifeline status`.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
         app(prog_name="lifeline")

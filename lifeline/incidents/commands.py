@@ -204,7 +204,7 @@ def _velocities(sample: Sample) -> Iterator[Velocity]:
 
 
 def table_of(rows: Sequence[Sample]) -> Table:
-    """Return the table of some samples; of very many, the first ones."""
+    """Return the table of the samples, of at most the first `MAX_ROWS`."""
     turns = any(abs(rate) >= TURN_RAD_S for sample in rows for rate in _turn_rates(sample))
     table = Table(box=None, pad_edge=False)
     table.add_column("s", justify="right", no_wrap=True)

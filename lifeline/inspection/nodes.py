@@ -23,7 +23,7 @@ from wire.zenoh.local_socket import pid_in
 
 KINDS = ("publisher", "subscriber", "queryable", "token")
 UNREADABLE = (ValueError, RecursionError, TypeError, KeyError, AttributeError, IndexError)
-"""What a report of an unexpected form raises."""
+"""The exceptions that a report of an unexpected form raises."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""The options of `lifeline render`, without MuJoCo."""
+"""The options of `lifeline render`; imports no MuJoCo."""
 
 import re
 from pathlib import Path
