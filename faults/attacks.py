@@ -59,7 +59,7 @@ class Shot(NamedTuple):
 
 
 class Knowledge(NamedTuple):
-    """What an attacker draws its messages from."""
+    """The data from which an attacker draws its messages."""
 
     chance: Random
     now_ns: Callable[[], int]
@@ -295,7 +295,7 @@ class Attacker:
         self._sent = 0
 
     def begin(self, name: str, seed: int, for_s: float) -> None:
-        """Begin an attack, which ends after `for_s`; an attack before it ends."""
+        """End the present attack, and begin one that ends after `for_s`."""
         self.end()
         self._sent = 0
         chance = Random(seed)  # noqa: S311 - to be repeated is what it is for

@@ -45,7 +45,7 @@ class Pillar(Enum):
 
 
 class Port(Protocol):
-    """A robot under test. Actions that begin a fault return the time just before [s]; what cannot be done is an error."""
+    """A robot under test. Actions that begin a fault return the time before it [s]; impossible ones fail."""
 
     async def pause(self, duration_s: float) -> None:
         """Let time pass."""
@@ -57,7 +57,7 @@ class Port(Protocol):
     def end(self, node: str, how: End) -> float: ...
 
     async def restart(self, *nodes: str) -> None:
-        """Restart nodes that have ended, unless something else does."""
+        """Restart nodes that have ended, unless the robot under test restarts them itself."""
 
     def hold(self, node: str, how: Hold, for_s: float) -> float:
         """Hold a node until `let_go`; some ways end after `for_s` by themselves."""
@@ -96,7 +96,7 @@ class Port(Protocol):
         ...
 
     async def press_estop(self) -> float:
-        """Press the e-stop, and wait for zero; nobody resets it before the end of `insist`."""
+        """Press the e-stop, and wait for zero; it is not reset before `insist` ends."""
         ...
 
     async def insist(self) -> None:
@@ -108,7 +108,7 @@ P_contra = TypeVar("P_contra", contravariant=True)
 
 @dataclass(frozen=True, eq=False)
 class Fault(Generic[P_contra]):
-    """A drawn fault over a port.
+    """A drawn fault, with the steps that inject it through a port.
 
     Attributes:
         steps: begins the fault, yields the time just before, and then ends the fault.

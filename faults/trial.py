@@ -1,4 +1,4 @@
-"""The record of one trial, its timeline, and its line of JSON: written by the campaigns, read by resumes and reports.
+"""The record of one trial, its timeline, and its line of JSON, which campaigns write and reports read.
 
 A line holds no time of day and no name of a machine: the same seed makes the same line, byte for byte. Where
 and when a campaign ran is recorded in a separate line, its provenance, after its trials.

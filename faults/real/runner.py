@@ -246,7 +246,7 @@ def _what_cannot_be(stage: Stage, names: Iterable[str], console: Console) -> lis
 
 
 class Progressing:
-    """Shows a bar on a terminal, otherwise a line from time to time; call it for each trial."""
+    """Shows progress: a bar on a terminal, otherwise a line every `LINE_PERIOD_S`; call it for each trial."""
 
     def __init__(self, console: Console, total: int) -> None:
         self._console, self._total = console, total

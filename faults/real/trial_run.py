@@ -81,7 +81,7 @@ class _Run:
     faults: list[tuple[str, Fault[Stage]]]
     done: list[Done] = field(default_factory=list[Done])
     begun_late_s: float = 0.0
-    """How much later than recorded a fault of the sensors may have begun: the sim answered only then."""
+    """Maximum delay of a sensor fault after its recorded begin, because the sim confirms it later."""
     complaints: list[Violation] = field(default_factory=list[Violation])
     recovering_s: float = 0.0
 

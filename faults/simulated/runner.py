@@ -1,7 +1,7 @@
 """Many seeds of the virtual campaign on several cores: progress, file, table, exit code; and the revision of its code.
 
-Equal revision, equal trials: a resumed campaign must not mix the results of different code. What decides is found
-by following the imports, so that no list can miss a file.
+Equal revisions give equal trials: a resumed campaign must not mix the results of different code. The revision
+covers all files that the trials import, directly or through others, so no list of files can be incomplete.
 """
 
 import ast

@@ -38,9 +38,9 @@ def run_trial(
     """Run the trial of a seed.
 
     Args:
-        seed: says everything that happens.
-        revision: of the code, for the record.
-        config: of the supervisor; None: as it comes.
+        seed: determines every event.
+        revision: the revision of the code, for the record.
+        config: the configuration of the supervisor; None: the default.
         with_timeline: whether the record contains the motions; one with violations always does.
     """
     scenario = draw(seed)
