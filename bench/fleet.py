@@ -155,7 +155,7 @@ def main() -> None:
         "soak",
         duration_s,
         None,
-        "instead of the curve, drive for this time [s], kill operators all the while, and check every promise",
+        "instead of the curve, drive for this time [s], kill operators throughout, and check every promise",
     )
     line.file("json", "write the results as JSON lines")
     options = line.parse()

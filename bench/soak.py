@@ -41,7 +41,7 @@ from wire.zenoh.bus import open_bus
 
 SAMPLE_S, LOOK_S, READY_LIMIT_S = 10.0, 0.1, 15.0
 DEPTH = 512
-"""Messages kept between two looks: ten seconds of the fastest topic."""
+"""Messages kept between two samples: ten seconds of the fastest topic."""
 HEARTBEAT = topics.source_cmd_vel(topics.TELEOP)
 HEARTBEAT_S = 0.05
 JUMP_M = 0.5
@@ -215,7 +215,7 @@ def gaps(heard: Sequence[tuple[float, Stamp | None]], beyond_s: float | None = N
 
 
 class Stops:
-    """Distinguishes stops that the operator provoked from all others, from the first status that is ready on."""
+    """Distinguishes stops that the operator provoked from all others; begins at the first status READY."""
 
     def __init__(self) -> None:
         self.is_watching = False
@@ -239,7 +239,7 @@ class Operator:
     def __init__(self, random: Random) -> None:
         self._random, self._until_s, self._is_back = random, 0.0, False
         self.stops = 0
-        """Consecutive stops after which the robot never drove forward in full."""
+        """Number of consecutive stops without a complete forward drive between them."""
 
     def keys(self, now_s: float, status: SafetyStatus) -> str:
         """Return the keys to press now; mostly none. "s" is neutral, which a stopped robot needs first."""

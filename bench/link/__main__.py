@@ -34,13 +34,13 @@ def command_line() -> CommandLine:
         "network namespaces with a router in user space. Needs root. Takes about four minutes for each round.",
         "exit code: 0, even if a target is missed; 1 if a program fails or a round is rejected",
     )
-    line.option("links", Link, list(Link), "what carries the commands: tcp, quic, udp", many=True)
-    line.option("loss-percent", percent, [100 * one for one in LOSSES], "packets lost, each way", many=True)
+    line.option("links", Link, list(Link), "transports of the commands: tcp, quic, udp", many=True)
+    line.option("loss-percent", percent, [100 * one for one in LOSSES], "loss in each direction", many=True)
     line.option(
         "round-trip-ms", at_least_zero, [1000 * one for one in ROUND_TRIPS_S], "without jitter", many=True
     )
     line.option(
-        "lease-s", positive, [BusConfig().lease_s], "how long a silent link counts as alive", many=True
+        "lease-s", positive, [BusConfig().lease_s], "time after which a silent link counts as dead", many=True
     )
     line.option("flows", count, FLOWS, "flows of each condition")
     line.option("together", count, 1, "flows that share a process, to measure more of them on one machine")
@@ -48,7 +48,7 @@ def command_line() -> CommandLine:
     line.option("rounds", count, 1, "number of rounds")
     line.option("seed", seed, 1, "seed of the first round")
     line.option(
-        "late-ms", positive, LATE_MS, "reject a round in which a part of the bench is later than this, p99"
+        "late-ms", positive, LATE_MS, "reject a round if a part of the bench exceeds this p99 lateness"
     )
     line.file("json", "add the results to the JSON lines in FILE")
     return line

@@ -50,7 +50,7 @@ FRESH_LIMIT_S = 60.0
 BEAT_S = 0.005
 """Period at which the receiver measures how late the machine lets it run."""
 _OPENING = threading.Lock()
-"""Taken while a source connects: many handshakes at once, in one process, starve each other until they time out."""
+"""Held while a source connects: many simultaneous handshakes in one process would time out."""
 
 Pipe: TypeAlias = "Connection[Any, Any]"
 
@@ -62,7 +62,7 @@ class End:
     process: int
     """Number of the process in which it runs."""
     endpoint: str
-    """Of the hub."""
+    """Endpoint of the hub."""
     lease_s: float
     security: dict[str, str | bool]
     """Zenoh's settings for mutual TLS (`wire.tls.settings`)."""
@@ -104,7 +104,7 @@ def endpoint(link: Link, address: str, port: int) -> str:
 
 
 def fork_each(ends: Sequence[End], work: Callable[[End, Pipe], None], together: int) -> list[Pipe]:
-    """Run `work` for each end, in a process for so many of them together; return the parent's end of each pipe.
+    """Run `work` for each end, `together` ends in one process; return the parent's end of each pipe.
 
     The parent has imported all modules and opened no session, so that a fork is safe, and much cheaper than a new interpreter.
     The processes end with their work, or with this one.

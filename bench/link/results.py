@@ -21,7 +21,7 @@ MAX_CONDITIONS = 254
 """A condition has a number in one byte of its addresses; 0 and 255 are not used."""
 STORED = FOLDER / "bench_link.jsonl"
 DIGITS = 4
-"""Of stored figures: a tenth of a millisecond is enough."""
+"""Decimal places of stored figures: a tenth of a millisecond is enough."""
 HOUR_S = 3600.0
 TARGETS = {0.02: 1.0, 0.05: 10.0}
 """Maximum number of false stops an hour over QUIC, by loss, at `TARGET_ROUND_TRIP_S`."""

@@ -35,7 +35,7 @@ class RoundTrip:
 
 @dataclass(frozen=True)
 class Death:
-    """The times of one kind in one round, from a SIGKILL to its notice."""
+    """The times of one kind in one round, from a SIGKILL to its detection."""
 
     kind: str
     round: int

@@ -28,7 +28,7 @@ TRIP_LIMIT_S, DEATH_LIMIT_S = 120.0, 20.0
 
 @dataclass(frozen=True)
 class Kind:
-    """One way to pass a command on, and perhaps to notice a death."""
+    """A transport that is compared: it passes commands on, and may have presence."""
 
     name: str
     link: str

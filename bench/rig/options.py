@@ -21,7 +21,7 @@ class CommandLine:
     """The options of `python -m MODULE`, and the command that repeats a run with them.
 
     Args:
-        module: of the bench.
+        module: the module of the bench.
         description: what it measures.
         epilog: the exit codes.
     """
@@ -39,7 +39,7 @@ class CommandLine:
         """Add an option with a value, or with several.
 
         Args:
-            name: of the option, without dashes.
+            name: the name of the option, without dashes.
             read: returns a value, or raises ArgumentTypeError or ValueError.
             default: None: the text describes it.
             text: the help, as an imperative or a noun.
@@ -125,9 +125,9 @@ def whole_number(least: int) -> Callable[[str], int]:
 
 
 seed = whole_number(0)
-"""Of a random number generator."""
+"""Type of an option: the seed of a random number generator."""
 count = whole_number(1)
-"""Of rounds, kills or robots."""
+"""Type of an option: a number of rounds, kills or robots."""
 
 
 def seeds(text: str) -> range:

@@ -13,7 +13,7 @@ from bench.rig.stored import FOLDER, origin, read_rows, rows_of, write_rows
 
 STORED = FOLDER / "bench_robots.jsonl"
 DIGITS = 3
-"""Of stored figures: microseconds are enough."""
+"""Decimal places of stored figures: microseconds are enough."""
 TARGET_ROBOTS = 25
 TARGET_GAP_P99_MS, TARGET_STOP_P99_MS = 30.0, 15.0
 

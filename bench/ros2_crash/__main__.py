@@ -61,7 +61,7 @@ def main() -> None:
         "--lifeline",
         choices=("no", "yes", "both"),
         default="both",
-        help="whether Lifeline is between the node and the robot (default: %(default)s)",
+        help="run the trials with Lifeline, without it, or both (default: %(default)s)",
     )
     line.option("seed", seed, 1, "seed of the times of the faults")
     options = line.parse()
