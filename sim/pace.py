@@ -25,7 +25,7 @@ class TimeRequestError(ValueError):
 
 
 class Request(StrEnum):
-    """What can be asked of time."""
+    """The kinds of request about simulated time."""
 
     ASK = "ask"
     PAUSE = "pause"

@@ -1,4 +1,4 @@
-"""What forbids motion although the operator asks for it. Pure.
+"""Guards: conditions that forbid motion although the operator requests it. Pure.
 
 Refusals     the supervisor refuses all commands of this program
 Supervisors  two robots have one namespace
@@ -18,9 +18,9 @@ LOCKED_OUT_S = 0.5
 class Refusals:
     """Detects from the status counters that the supervisor refuses all commands of this program.
 
-    The supervisor never accepts an epoch again that has ended (docs/decisions/0020). This happens if another program used
-    this name while this program was silent, or a copy of its epoch. Then only a new epoch is accepted, which begins neutral
-    like a restarted program.
+    The supervisor never accepts an ended epoch again (docs/decisions/0020). An epoch ends if another program
+    uses this name, or a copy of the epoch, while this program is silent. Then only a new epoch is accepted,
+    which begins neutral like a restarted program.
     """
 
     def __init__(self) -> None:

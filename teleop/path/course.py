@@ -19,7 +19,7 @@ STEP_M = 0.02
 MIN_STEPS = 72
 """Minimum number of steps of a full circle."""
 WINDOW_M = 0.4
-"""Progress is searched only this far ahead and never behind, so that a path that crosses or repeats itself is driven whole."""
+"""Progress is searched only this far ahead and never behind, so a crossing does not skip part of the path."""
 
 Floats = npt.NDArray[np.float64]
 Poses = Floats

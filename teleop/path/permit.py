@@ -74,8 +74,8 @@ class OffBeat:
     the sequence numbers include lost samples.
 
     This is a convenience, not a safety function: a press that the sender's loop handles together with a heartbeat adds no
-    sample and is not detected (2 of 60 on a loaded machine). A command for motion takes the wheels in any case, and SPACE
-    is the emergency stop.
+    sample and is not detected (2 of 60 on a loaded machine). A motion command takes control in any case, and
+    SPACE is the emergency stop.
 
     Args:
         period_s: the period of the heartbeat.

@@ -282,7 +282,7 @@ class PathService:
         return velocity
 
     def _stuck(self, pose: Pose, now_s: float) -> str | None:
-        """Return a text about a robot that makes no headway; None if it does."""
+        """Return the reason for a pause if the robot makes no headway; None if it does."""
         since_s, before = self._headway or (-math.inf, pose)
         moved_m = math.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m)
         turned_rad = abs(wrap(pose.yaw_rad - before.yaw_rad))

@@ -1,1 +1,4 @@
-"""What the operator wants: keys and their meaning, and pilots that convert keys to a velocity. Pure, but for the configuration."""
+"""The operator's requests: keys and their meaning, and pilots that convert keys to a velocity.
+
+Pure, except for the configuration.
+"""
