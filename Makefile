@@ -52,7 +52,7 @@ unit: $(STAMP)
 component: $(STAMP)
 	.venv/bin/pytest tests/component -m "not proof" $(IN_PARALLEL)
 
-# The real processes mostly wait: four tests run at a time. tests/system/zygote.py starts them without their imports.
+# The real processes mostly wait: four tests run at a time.
 system: $(STAMP)
 	.venv/bin/pytest tests/system -m "not timed and not demo" --numprocesses=4 --dist=worksteal --durations=10
 

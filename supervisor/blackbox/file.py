@@ -6,8 +6,8 @@
     …
     {"end": true, "steps": 4812}                 the file is complete
 
-`law_codec.py` defines the encoding of values. Each second is a separate gzip member. The oldest members are left out
-if the file would become too large. `blackbox_reader.py` reads the file.
+`codec.py` defines the encoding of values. Each second is a separate gzip member. The oldest members are left out
+if the file would become too large. `reader.py` reads the file.
 """
 
 import gzip

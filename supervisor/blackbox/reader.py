@@ -1,4 +1,4 @@
-"""Reads a black box line by line; `blackbox_file.py` describes the file.
+"""Reads a black box line by line; `file.py` describes the file.
 
 The memory is bounded by the longest line, so that a damaged file cannot exhaust it. Times are seconds of the recording
 supervisor's monotonic clock, unless a name says otherwise.
