@@ -1,5 +1,5 @@
 """The safety supervisor: the only writer of `cmd_vel`.
 
-`service.py` is the asyncio shell: bytes in, one step, bytes out. `law/` decides, `blackbox/` records, and `estop_record.py` keeps a
-pressed e-stop over the death of every process.
+`service.py` is the asyncio shell: bytes in, one step, bytes out. `law/` decides, `blackbox/` records, and
+`estop_record.py` preserves a pressed e-stop when every process has died.
 """
