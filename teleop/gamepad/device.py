@@ -305,7 +305,7 @@ def layout_of(
         name: str = getattr(section, key)
         if name not in codes:
             raise GamepadError(
-                f"teleop.gamepad.pad.{key} = {name!r}: Linux has no such name; evtest shows those of a pad"
+                f"teleop.gamepad.{key} = {name!r}: Linux has no such name; evtest shows those of a pad"
             )
         return codes[name]
 
