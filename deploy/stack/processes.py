@@ -20,6 +20,9 @@ from wire.host import memory_keeper
 MARK = "LIFELINE_STACK"
 POLL_S = 0.02
 OURS = ("supervisor", "sim", "ros2", "teleop")
+LISTINGS = 8
+"""Listings of all processes in one search: more than the forks by which a daemon leaves its parent behind. On a machine
+where other programs start processes all the time, each listing has new ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,11 +93,14 @@ def _marked(state_dir: Path) -> list[Process]:
     """Return the processes with the mark of a state directory.
 
     A process that ends before it is read may leave a child that is not in the listing, such as a supervisord
-    that becomes a daemon. The processes are therefore listed until no new ones appear.
+    that becomes a daemon. The new processes are therefore read until there are none, in at most `LISTINGS`.
     """
     found: list[Process] = []
     seen = {os.getpid()}
-    while new := {int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdecimal()} - seen:
+    for _ in range(LISTINGS):
+        new = {int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdecimal()} - seen
+        if not new:
+            break
         seen |= new
         found += [Process(pid, name) for pid in sorted(new) if (name := _name(pid, state_dir)) is not None]
     return found

@@ -35,7 +35,8 @@ class Stopped:
 def stop(state: StateDir) -> Stopped:
     """Stop all processes of the state directory and remove its records; having none is not an error.
 
-    The caller holds the lock of the directory.     On return, no process is left, and no memory keeper of a process that was killed earlier.
+    The caller holds the lock of the directory. On return, no process is left, and no memory keeper of a process that was
+    killed earlier.
 
     Raises:
         DeployError: a process survives SIGKILL.

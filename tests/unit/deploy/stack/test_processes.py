@@ -1,11 +1,12 @@
 """Only our own programs with the mark of a state directory are signalled."""
 
+import itertools
 import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -57,6 +58,21 @@ def test_the_child_of_a_process_that_ends_while_processes_are_looked_for_is_foun
         monkeypatch.setattr(processes, "_name", name_after_the_fork)
         found = processes.of(tmp_path)
         assert found == [Process(child.pid, "sim") for child in children]
+
+
+def test_processes_are_found_while_others_start_all_the_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    listed = Path.iterdir
+    pids = itertools.count(1 << 30)
+
+    def with_a_new_one(path: Path) -> Iterator[Path]:
+        yield from listed(path)
+        yield path / str(next(pids))
+
+    with _running(["-m", "sim"], tmp_path) as child:
+        monkeypatch.setattr(Path, "iterdir", with_a_new_one)
+        assert processes.of(tmp_path) == [Process(child.pid, "sim")]
 
 
 def test_a_marked_process_that_is_no_program_of_ours_is_left_alone(tmp_path: Path) -> None:

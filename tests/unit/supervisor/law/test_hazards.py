@@ -4,7 +4,7 @@ Hazards beyond the law are tested on the processes:
 
 * a key's release and a lost keyboard: `tests/unit/teleop`, `tests/component/test_teleop_service.py`;
 * a process that hangs while its supervisor shows RUNNING, and its independent base watchdog:
-  `tests/system/test_faults.py` (`a_stopped_supervisor_…`, `a_stopped_teleop_…`), `tests/unit/sim/test_base_watchdog.py`;
+  `tests/system/test_faults.py` (`a_stopped_supervisor_…`, `a_stopped_teleop_…`), `tests/unit/wire/test_watchdog.py`;
 * children that survive their supervisord, with their ports: `tests/system/test_deploy_stack.py`
   (`a_killed_supervisor_is_restarted_and_a_killed_supervisord_is_cleaned_up_after`);
 * a keyboard that supervisord's children do not have: `test_deploy_stack.py`
