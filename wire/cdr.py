@@ -71,13 +71,17 @@ class Reader:
         return struct.unpack(f"<{code}", self.raw(size, size))[0]
 
     def text(self) -> str:
+        return self.string().decode()
+
+    def string(self) -> bytes:
+        """Read a string that may be other than UTF-8."""
         length_at = self._at + -self._at % 4
         begin = length_at + 4
         self._at = begin + int.from_bytes(self._body[length_at:begin], "little")
         text = self._body[begin : self._at]
         if self._at > len(self._body) or not text.endswith(b"\0"):
             raise ValueError("a string ends too early, or without a zero byte")
-        return text[:-1].decode()
+        return text[:-1]
 
     def frame_id(self) -> str:
         """Read a `std_msgs/msg/Header`, and return its frame id."""
@@ -156,11 +160,15 @@ def unpack_motion(payload: bytes) -> Motion | None:
 
 
 def twist_of(payload: bytes, *, stamped: bool) -> bytes | None:
-    """Return the payload of a `geometry_msgs/msg/Twist`, or of the Twist in a `TwistStamped`; None if it is neither."""
+    """Return the payload of a `geometry_msgs/msg/Twist`, or of the Twist in a `TwistStamped`; None if it is neither.
+
+    The frame id has no effect, so its bytes may have any value.
+    """
     try:
         reader = Reader(payload)
         if stamped:
-            reader.frame_id()
+            reader.raw(8, 4)
+            reader.string()
         values = reader.raw(_VELOCITY.size, 8)
         reader.end()
     except ValueError:

@@ -256,6 +256,12 @@ def test_a_big_endian_message_is_no_command() -> None:
     assert cdr.twist_of(payload, stamped=False) is None
 
 
+def test_the_frame_id_of_a_command_need_not_be_utf_8() -> None:
+    values = (0.5, 0.0, 0.0, 0.0, 0.0, 0.1)
+    payload = stamped_bytes(values, "base").replace(b"base\0", b"b\xe4se\0")
+    assert cdr.twist_of(payload, stamped=True) == twist_bytes(values)
+
+
 def test_a_frame_id_without_its_zero_or_without_any_byte_is_refused() -> None:
     payload = bytearray(stamped_bytes((0.0,) * 6, "abc"))
     payload[4 + 12 + 3] = ord("d")
