@@ -62,10 +62,10 @@ TESTS ?= tests/system
 flaky: $(STAMP) ## run the system tests N times (10), every third time under load, and list what failed; TESTS selects some
 	.venv/bin/python -m tests.flaky --runs $(N) $(TESTS)
 
-timed: $(STAMP) $(PEERS_STAMP) ## run the system tests that measure real time, one at a time, on an idle machine (six minutes)
+timed: $(STAMP) $(PEERS_STAMP) ## run the system tests that measure real time, one at a time, on an idle machine (twelve minutes)
 	.venv/bin/pytest -s tests/system -m timed --durations=10
 
-demo: $(STAMP) ## play the demo from the checkout and from an installed wheel, and test what is installed (three minutes)
+demo: $(STAMP) ## play the demo from the checkout and from an installed wheel, and test what is installed (two minutes)
 	.venv/bin/pytest -s tests/system -m demo
 
 # These tests measure times of many processes, and share the machine's ports: one test at a time.
