@@ -3,7 +3,7 @@
 import os
 import sys
 
-from hypothesis import settings
+from hypothesis import Phase, settings
 
 # With PYTHONDONTWRITEBYTECODE, each worker would rewrite the assertions of all test modules again, which takes ten seconds.
 sys.dont_write_bytecode = False
@@ -11,5 +11,11 @@ sys.dont_write_bytecode = False
 # A deadline for each example would test the machine's speed; pytest-timeout ends hanging tests.
 # Examples are derived from the tests themselves, so that the same commit is always green or always red, and each
 # mutant always killed or never. LIFELINE_RANDOM=1 looks for new ones instead.
-settings.register_profile("lifeline", deadline=None, derandomize="LIFELINE_RANDOM" not in os.environ)
+# A mutant is killed by the first example that fails: the search for a smaller one takes minutes, and nobody reads it.
+settings.register_profile(
+    "lifeline",
+    deadline=None,
+    derandomize="LIFELINE_RANDOM" not in os.environ,
+    phases=[phase for phase in Phase if phase is not Phase.shrink or "LIFELINE_MUTATION" not in os.environ],
+)
 settings.load_profile("lifeline")

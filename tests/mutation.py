@@ -8,6 +8,7 @@ Exit 1 if any other mutant survives, and print each of these as a diff.
 
 import argparse
 import hashlib
+import os
 import re
 import shutil
 import subprocess
@@ -18,6 +19,8 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 MUTANTS = ROOT / "mutants"
 MUTMUT = [sys.executable, "-m", "mutmut"]
+ENVIRONMENT = os.environ | {"LIFELINE_MUTATION": "1"}
+"""tests/conftest.py reads it."""
 
 EQUIVALENT = {
     # On the outline the gap is zero, which the other half catches.
@@ -80,7 +83,9 @@ def main() -> int:
     chosen = [fifth()] if parser.parse_args().fifth else []
     shutil.rmtree(MUTANTS, ignore_errors=True)
     try:
-        run = subprocess.run([*MUTMUT, "run", *chosen], cwd=ROOT, capture_output=True, text=True, check=False)
+        run = subprocess.run(
+            [*MUTMUT, "run", *chosen], cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True, check=False
+        )
         counts = re.findall(r"(\d+)/(\d+)\s+🎉 (\d+)", run.stdout)
         if not counts:
             print(run.stdout[-2000:], run.stderr[-2000:], sep="\n")
