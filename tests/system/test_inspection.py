@@ -1,19 +1,28 @@
-"""`lifeline topic`, `node` and `graph` beside a real robot: names, pids, rates and writers that the tests know."""
+"""`lifeline topic`, `node`, `graph` and `doctor` beside a real robot: names, pids, rates and writers that the tests know.
+
+Tests that only read share one standing robot, and run the commands in this process.
+"""
 
 import asyncio
+import gc
 import json
 import os
 import signal
 import socket
+import subprocess
 import sys
-from collections.abc import AsyncGenerator
-from contextlib import asynccontextmanager
+import threading
+from collections.abc import AsyncGenerator, Callable, Generator
+from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import pytest
+import zenoh
+from typer.testing import CliRunner
 
 from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED
+from lifeline.cli.app import app
 from supervisor.estop_record import record_path
 from tests.system.harness import PATIENCE_S, Robot, free_endpoint, robot
 from tests.system.rogue import answer, open_rogue
@@ -21,7 +30,7 @@ from wire import topics
 from wire.stamp import Stamper
 
 ROOT = Path(__file__).parents[2]
-PARTICIPANTS = '[bus]\nwithout_certificate = "participant"\n'
+PARTICIPANTS = '[bus]\nwithout_certificate = "participant"\nmore_keys = ["camera/**"]\n'
 FOREIGN = """
 import sys, threading
 sys.path.insert(0, ".")
@@ -38,14 +47,36 @@ def say(text: str) -> None:
     print(f"\n    measured: {text}")
 
 
-async def start(subject: Robot, *arguments: str, endpoint: str | None = None) -> asyncio.subprocess.Process:
+def in_process(subject: Robot, *arguments: str) -> tuple[int, str, str]:
+    """Run a command in this process; return its exit code, output and errors."""
+
+    def end(code: int) -> NoReturn:
+        raise SystemExit(code)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "_exit", end)
+        result = CliRunner().invoke(
+            app, [*arguments, "--endpoint", subject.endpoint], env=dict(subject.environment)
+        )
+    gc.collect()  # closes the command's session, which a process would leave to its end
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result.exit_code, result.stdout, result.stderr
+
+
+def listed(subject: Robot, *arguments: str) -> Any:  # noqa: ANN401 - any JSON
+    _, output, errors = in_process(subject, *arguments, "--json")
+    assert output, errors
+    return json.loads(output)
+
+
+def command(subject: Robot, *arguments: str) -> list[str]:
+    return [sys.executable, "-m", "lifeline.cli.app", *arguments, "--endpoint", subject.endpoint]
+
+
+async def start(subject: Robot, *arguments: str) -> asyncio.subprocess.Process:
     return await asyncio.create_subprocess_exec(
-        sys.executable,
-        "-m",
-        "lifeline.cli.app",
-        *arguments,
-        "--endpoint",
-        endpoint or subject.endpoint,
+        *command(subject, *arguments),
         stdout=asyncio.subprocess.PIPE,
         stderr=asyncio.subprocess.PIPE,
         env=subject.environment,
@@ -53,7 +84,7 @@ async def start(subject: Robot, *arguments: str, endpoint: str | None = None) ->
 
 
 async def lifeline(subject: Robot, *arguments: str) -> tuple[int, str, str]:
-    """Run a command to its end; return its exit code, output and errors."""
+    """Run a command as a process to its end; return its exit code, output and errors."""
     process = await start(subject, *arguments)
     output, errors = await asyncio.wait_for(process.communicate(), PATIENCE_S)
     assert process.returncode is not None
@@ -61,30 +92,58 @@ async def lifeline(subject: Robot, *arguments: str) -> tuple[int, str, str]:
     return process.returncode, output.decode(), errors.decode()
 
 
-async def listed(subject: Robot, *arguments: str) -> Any:  # noqa: ANN401 - any JSON
-    code, output, errors = await lifeline(subject, *arguments, "--json")
-    assert output, errors
-    del code
-    return json.loads(output)
-
-
 @asynccontextmanager
-async def standing(tmp_path: Path, config: Path | None = None) -> AsyncGenerator[Robot]:
+async def standing(directory: Path) -> AsyncGenerator[Robot]:
     """A robot without an operator, whose sim publishes; foreign programs take part over TCP, where the kernel knows their pids."""
-    if config is None:
-        config = tmp_path / "robot.toml"
-        config.write_text(PARTICIPANTS)
-    async with robot(tmp_path, teleop=False, config=config) as subject:
+    config = directory / "robot.toml"
+    config.write_text(PARTICIPANTS)
+    async with robot(directory, teleop=False, config=config) as subject:
         await subject.until(
             lambda: "SCAN_STALE" not in subject.status.reasons and bool(subject.travel), "scans"
         )
         yield subject
 
 
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Generator[Robot]:
+    """A standing robot for all tests that only read."""
+    with asyncio.Runner() as runner:
+        context = standing(tmp_path_factory.mktemp("robot"))
+        yield runner.run(context.__aenter__())
+        runner.run(context.__aexit__(None, None, None))
+
+
+@contextmanager
+def rogue_of(subject: Robot) -> Generator[zenoh.Session]:
+    """A bare Zenoh session of this process."""
+    session = open_rogue(subject.endpoint)
+    try:
+        yield session
+    finally:
+        session.close()  # pyright: ignore[reportUnknownMemberType]
+
+
+@contextmanager
+def repeated(write: Callable[[], None], period_s: float) -> Generator[None]:
+    """Call a function again and again in a thread."""
+    ended = threading.Event()
+
+    def work() -> None:
+        while not ended.wait(period_s):
+            write()
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+
+
 @pytest.mark.timed
-async def test_the_list_names_each_topics_type_writer_and_rate(tmp_path: Path) -> None:
-    async with standing(tmp_path) as subject:
-        entries = {one["key"]: one for one in await listed(subject, "topic", "list", "--seconds", "4")}
+def test_the_list_names_each_topics_type_writer_and_rate(shared: Robot) -> None:
+    entries = {one["key"]: one for one in listed(shared, "topic", "list", "--seconds", "4")}
     for key, writer, type_name, rate_hz in (
         ("robot/scan", "sim", "sensor_msgs/msg/LaserScan", 20.0),
         ("robot/odom", "sim", "nav_msgs/msg/Odometry", 50.0),
@@ -98,71 +157,67 @@ async def test_the_list_names_each_topics_type_writer_and_rate(tmp_path: Path) -
     assert entries["robot/teleop/cmd_vel"]["writers"] == []
 
 
-async def test_the_nodes_have_the_pids_of_their_processes(tmp_path: Path) -> None:
-    async with standing(tmp_path) as subject:
-        nodes = {one["node"]: one for one in await listed(subject, "node", "list")}
-        pids = {node: subject.pid(node) for node in (topics.SUPERVISOR, topics.SIM)}
-        (info,) = await listed(subject, "node", "info", "/sim", "--seconds", "3")
-        code, text, _ = await lifeline(subject, "graph", "--seconds", "1")
-        for name in ("graph.svg", "graph.png", "graph.dot"):
-            assert (await lifeline(subject, "graph", "--seconds", "0.5", "--out", str(tmp_path / name)))[
-                0
-            ] == 0
-            assert (tmp_path / name).stat().st_size > 500
+def test_the_nodes_have_the_pids_of_their_processes(shared: Robot, tmp_path: Path) -> None:
+    nodes = {one["node"]: one for one in listed(shared, "node", "list")}
+    pids = {node: shared.pid(node) for node in (topics.SUPERVISOR, topics.SIM)}
     assert {name: nodes[name]["pid"] for name in pids} == pids
     # The test's own session has no token, so it has the name of its program.
     assert os.getpid() in {one["pid"] for one in nodes.values()}
+    (info,) = listed(shared, "node", "info", "/sim", "--seconds", "3")
     assert (info["pid"], info["host"]) == (pids["sim"], "local")
     assert {"robot/scan", "robot/odom"} <= set(info["writes"])
     assert "robot/sim/reset" in info["serves"]
     assert info["rates_hz"]["robot/odom"] > 0.0
+    code, text, _ = in_process(shared, "graph", "--seconds", "1")
     assert code == 0
     assert any("►" in line and "cmd_vel" in line for line in text.splitlines())
+    for name in ("graph.svg", "graph.png", "graph.dot"):
+        assert in_process(shared, "graph", "--seconds", "0.5", "--out", str(tmp_path / name))[0] == 0
+        assert (tmp_path / name).stat().st_size > 500
 
 
-async def test_messages_are_printed_as_yaml_csv_and_fields(tmp_path: Path) -> None:
-    async with standing(tmp_path) as subject:
-        code, text, _ = await lifeline(subject, "topic", "echo", "/robot/cmd_vel", "--once")
-        assert (code, text) == (
-            0,
-            "linear: {x: 0.0, y: 0.0, z: 0.0}\nangular: {x: 0.0, y: 0.0, z: 0.0}\n---\n",
-        )
-        code, text, _ = await lifeline(
-            subject, "topic", "echo", "odom", "--field", "twist.twist.linear.x", "--once"
-        )
-        assert abs(float(text.splitlines()[0])) < 0.05
-        code, text, _ = await lifeline(subject, "topic", "echo", "cmd_vel", "--csv", "--once")
-        assert text.splitlines()[0] == "linear.x,linear.y,linear.z,angular.x,angular.y,angular.z"
-        code, _, errors = await lifeline(subject, "topic", "echo", "cmd_vel", "--field", "linear.w", "--once")
-        assert code == EXIT_REFUSED
-        assert "there is no field 'w'; there are x, y, z" in errors
-        assert (await lifeline(subject, "topic", "type", "scan"))[1] == "sensor_msgs/msg/LaserScan\n"
-        code, text, _ = await lifeline(subject, "topic", "hz", "nobody", "--seconds", "0.3")
-        assert (code, text) == (1, "robot/nobody: nothing heard\n")
+def test_messages_are_printed_as_yaml_csv_and_fields(shared: Robot) -> None:
+    code, text, _ = in_process(shared, "topic", "echo", "/robot/cmd_vel", "--once")
+    assert (code, text) == (
+        0,
+        "linear: {x: 0.0, y: 0.0, z: 0.0}\nangular: {x: 0.0, y: 0.0, z: 0.0}\n---\n",
+    )
+    code, text, _ = in_process(shared, "topic", "echo", "odom", "--field", "twist.twist.linear.x", "--once")
+    assert abs(float(text.splitlines()[0])) < 0.05
+    code, text, _ = in_process(shared, "topic", "echo", "cmd_vel", "--csv", "--once")
+    assert text.splitlines()[0] == "linear.x,linear.y,linear.z,angular.x,angular.y,angular.z"
+    code, _, errors = in_process(shared, "topic", "echo", "cmd_vel", "--field", "linear.w", "--once")
+    assert code == EXIT_REFUSED
+    assert "there is no field 'w'; there are x, y, z" in errors
+    assert in_process(shared, "topic", "type", "scan")[1] == "sensor_msgs/msg/LaserScan\n"
+    code, text, _ = in_process(shared, "topic", "hz", "nobody", "--seconds", "0.3")
+    assert (code, text) == (1, "robot/nobody: nothing heard\n")
 
 
-async def test_echo_names_the_topics_that_are_silent(tmp_path: Path) -> None:
-    async with standing(tmp_path) as subject:
-        process = await start(subject, "topic", "echo", "joy/cmd_vel", "nosuch")
+def test_echo_names_the_topics_that_are_silent(shared: Robot) -> None:
+    process = subprocess.Popen(
+        command(shared, "topic", "echo", "joy/cmd_vel", "nosuch"),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        env=shared.environment,
+        text=True,
+    )
+    with process:
         assert process.stderr is not None
-        lines = [(await asyncio.wait_for(process.stderr.readline(), PATIENCE_S)).decode() for _ in range(2)]
+        lines = [process.stderr.readline() for _ in range(2)]
         process.send_signal(signal.SIGINT)
-        await asyncio.wait_for(process.communicate(), PATIENCE_S)
     assert lines[0].startswith("lifeline: nothing heard on robot/joy/cmd_vel: see `lifeline topic list`")
     assert "robot/nosuch, which is not a topic of this robot" in lines[1]
 
 
 @pytest.mark.timed
-async def test_rates_sizes_and_ages_are_measured(tmp_path: Path) -> None:
-    async with standing(tmp_path) as subject:
-        figures: dict[str, Any] = {}
-        for measure in ("hz", "bw", "delay"):
-            code, text, _ = await lifeline(
-                subject, "topic", measure, "scan", "odom", "--seconds", "4", "--json"
-            )
-            scan, odom = (json.loads(line) for line in text.splitlines())
-            assert (code, scan["key"], odom["key"]) == (0, "robot/scan", "robot/odom")
-            figures |= scan
+def test_rates_sizes_and_ages_are_measured(shared: Robot) -> None:
+    figures: dict[str, Any] = {}
+    for measure in ("hz", "bw", "delay"):
+        code, text, _ = in_process(shared, "topic", measure, "scan", "odom", "--seconds", "4", "--json")
+        scan, odom = (json.loads(line) for line in text.splitlines())
+        assert (code, scan["key"], odom["key"]) == (0, "robot/scan", "robot/odom")
+        figures |= scan
     say(str(figures))
     assert figures["rate_hz"] == pytest.approx(20.0, rel=0.05)
     assert figures["bytes_per_s"] == pytest.approx(20.0 * figures["size_max_bytes"], rel=0.05)
@@ -170,29 +225,20 @@ async def test_rates_sizes_and_ages_are_measured(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("declares", [True, False], ids=["declared", "undeclared"])
-async def test_a_second_writer_of_the_scan_is_found(tmp_path: Path, *, declares: bool) -> None:
-    async with standing(tmp_path) as subject:
-        ended = asyncio.Event()
-        rogue = await asyncio.to_thread(open_rogue, subject.endpoint)
+def test_a_second_writer_of_the_scan_is_found(shared: Robot, *, declares: bool) -> None:
+    stamper = Stamper()
+    with rogue_of(shared) as rogue:
         publisher = rogue.declare_publisher("robot/scan") if declares else None
-        stamper = Stamper()
 
-        async def write() -> None:
-            while not ended.is_set():
-                stamp = stamper.next().pack()
-                if publisher is None:
-                    rogue.put("robot/scan", b"x", attachment=stamp)
-                else:
-                    publisher.put(b"x", attachment=stamp)
-                await asyncio.sleep(0.05)
+        def write() -> None:
+            stamp = stamper.next().pack()
+            if publisher is None:
+                rogue.put("robot/scan", b"x", attachment=stamp)
+            else:
+                publisher.put(b"x", attachment=stamp)
 
-        writing = asyncio.ensure_future(write())
-        try:
-            code, output, _ = await lifeline(subject, "topic", "info", "scan", "--json")
-        finally:
-            ended.set()
-            await writing
-            await asyncio.to_thread(rogue.close)  # pyright: ignore[reportUnknownArgumentType]
+        with repeated(write, 0.05):
+            code, output, _ = in_process(shared, "topic", "info", "scan", "--json")
     info = json.loads(output)
     assert code == 1
     assert info["problem"] == "2 programs write robot/scan, but only one may: stop all but sim"
@@ -204,9 +250,8 @@ async def test_a_second_writer_of_the_scan_is_found(tmp_path: Path, *, declares:
         assert info["undeclared_writers"] == 1
 
 
-async def test_a_forged_report_of_the_hub_does_not_hide_a_second_writer(tmp_path: Path) -> None:
-    async with standing(tmp_path) as subject:
-        rogue = await asyncio.to_thread(open_rogue, subject.endpoint)
+def test_a_forged_report_of_the_hub_does_not_hide_a_second_writer(shared: Robot) -> None:
+    with rogue_of(shared) as rogue:
         forged = json.dumps({"sessions": [], "locators": ["tcp/x"]}).encode()
         hub = f"@/{rogue.info.peers_zid()[0]}/peer"
         declared = [
@@ -214,77 +259,68 @@ async def test_a_forged_report_of_the_hub_does_not_hide_a_second_writer(tmp_path
             answer(rogue, hub, forged),
             rogue.declare_publisher("robot/scan"),
         ]
-        try:
-            code, output, _ = await lifeline(subject, "topic", "info", "scan", "--json")
-        finally:
-            await asyncio.to_thread(rogue.close)  # pyright: ignore[reportUnknownArgumentType]
+        code, output, _ = in_process(shared, "topic", "info", "scan", "--json")
     assert len(declared) == 3
     assert code == 1
     assert {one["pid"] for one in json.loads(output)["writers"]} >= {os.getpid()}
 
 
-async def test_a_foreign_name_in_an_error_does_not_control_the_terminal(tmp_path: Path) -> None:
-    async with standing(tmp_path) as subject:
-        program = tmp_path / "\x1b]0;title\x07"
-        program.write_text(FOREIGN)
-        rogue = await asyncio.create_subprocess_exec(
-            sys.executable, str(program), subject.endpoint, cwd=ROOT, stdout=asyncio.subprocess.PIPE
-        )
-        try:
-            assert rogue.stdout is not None
-            await asyncio.wait_for(rogue.stdout.readline(), PATIENCE_S)
-            code, _, errors = await lifeline(subject, "node", "info", "nobody")
-        finally:
-            rogue.kill()
-            await rogue.communicate()
+def test_a_foreign_name_in_an_error_does_not_control_the_terminal(shared: Robot, tmp_path: Path) -> None:
+    program = tmp_path / "\x1b]0;title\x07"
+    program.write_text(FOREIGN)
+    foreign = subprocess.Popen(
+        [sys.executable, str(program), shared.endpoint], cwd=ROOT, stdout=subprocess.PIPE
+    )
+    with foreign:
+        assert foreign.stdout is not None
+        foreign.stdout.readline()
+        code, _, errors = in_process(shared, "node", "info", "nobody")
+        foreign.kill()
     assert code == EXIT_REFUSED
     assert "?]0;title?" in errors
     assert "\x1b" not in errors
 
 
-async def test_the_key_of_another_topic_is_listed_if_the_configuration_admits_it(tmp_path: Path) -> None:
-    config = tmp_path / "robot.toml"
-    config.write_text(PARTICIPANTS + 'more_keys = ["camera/**"]\n')
-    async with standing(tmp_path, config) as subject:
-        rogue = await asyncio.to_thread(open_rogue, subject.endpoint)
-        ended = asyncio.Event()
+def test_the_key_of_another_topic_is_listed_if_the_configuration_admits_it(shared: Robot) -> None:
+    with rogue_of(shared) as rogue:
 
-        async def write() -> None:
-            while not ended.is_set():
-                rogue.put("robot/camera/front", b"\x00\x01\xff")
-                rogue.put("another/robot/scan", b"refused")
-                rogue.put("robot/secret", b"refused")
-                await asyncio.sleep(0.02)
+        def write() -> None:
+            rogue.put("robot/camera/front", b"\x00\x01\xff")
+            rogue.put("another/robot/scan", b"refused")
+            rogue.put("robot/secret", b"refused")
 
-        writing = asyncio.ensure_future(write())
-        try:
-            entries = {one["key"]: one for one in await listed(subject, "topic", "list", "--seconds", "1")}
-            code, text, _ = await lifeline(subject, "topic", "echo", "camera/front", "--once")
-        finally:
-            ended.set()
-            await writing
-            await asyncio.to_thread(rogue.close)  # pyright: ignore[reportUnknownArgumentType]
+        with repeated(write, 0.02):
+            entries = {one["key"]: one for one in listed(shared, "topic", "list", "--seconds", "1")}
+            code, text, _ = in_process(shared, "topic", "echo", "camera/front", "--once")
     assert entries["robot/camera/front"]["type"] is None
     assert entries["robot/camera/front"]["writers"] == ["undeclared"]
     assert not {"another/robot/scan", "robot/secret"} & entries.keys()
     assert (code, text) == (0, 'bytes: 3\nhex: "00 01 ff"\n---\n')
 
 
-async def test_only_topics_of_the_caller_can_be_published(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("scan", "{}"), "robot/scan belongs to sim"),
+        (("cmd_vel", "{}"), "robot/cmd_vel belongs to supervisor"),
+        (("ghost/cmd_vel", "{}"), "ghost is not a command source of this robot"),
+        (("nothing", "{}"), "robot/nothing is not a topic of this robot"),
+        (("estop", "{data: 1}"), "data is true or false"),
+        (("path/cmd_vel", "{}", "--rate", "2"), "choose --rate 10 or more"),
+        (("path/cmd_vel", "{}", "--once"), "leave out --once"),
+        (("robot/**", "{}"), "is not a key"),
+    ],
+)
+def test_only_topics_of_the_caller_can_be_published(
+    shared: Robot, arguments: tuple[str, ...], words: str
+) -> None:
+    code, output, errors = in_process(shared, "topic", "pub", *arguments)
+    assert (code, output) == (EXIT_REFUSED, "")
+    assert words in errors
+
+
+async def test_a_source_has_one_publisher_and_one_press_of_the_estop_is_published(tmp_path: Path) -> None:
     async with standing(tmp_path) as subject:
-        for arguments, words in (
-            (("scan", "{}"), "robot/scan belongs to sim"),
-            (("cmd_vel", "{}"), "robot/cmd_vel belongs to supervisor"),
-            (("ghost/cmd_vel", "{}"), "ghost is not a command source of this robot"),
-            (("nothing", "{}"), "robot/nothing is not a topic of this robot"),
-            (("estop", "{data: 1}"), "data is true or false"),
-            (("path/cmd_vel", "{}", "--rate", "2"), "choose --rate 10 or more"),
-            (("path/cmd_vel", "{}", "--once"), "leave out --once"),
-            (("robot/**", "{}"), "is not a key"),
-        ):
-            code, output, errors = await lifeline(subject, "topic", "pub", *arguments)
-            assert (code, output) == (EXIT_REFUSED, "")
-            assert words in errors
         holder = await start(subject, "topic", "pub", "path/cmd_vel", "{}")
         assert holder.stdout is not None
         await holder.stdout.readline()
@@ -301,7 +337,7 @@ async def test_only_topics_of_the_caller_can_be_published(tmp_path: Path) -> Non
 
 async def test_published_commands_drive_after_a_zero_and_end_without_a_lost_source(tmp_path: Path) -> None:
     async with standing(tmp_path) as subject:
-        for _ in range(5):
+        for _ in range(3):
             process = await start(subject, "topic", "pub", "path/cmd_vel", "{angular: {z: 0.3}}")
             await subject.until(lambda: subject.turn_rad_s > 0.2, "a turn")
             process.send_signal(signal.SIGINT)
@@ -311,34 +347,27 @@ async def test_published_commands_drive_after_a_zero_and_end_without_a_lost_sour
             assert subject.status.reasons == ["NO_COMMAND"]
 
 
-async def test_nothing_running_is_said_in_a_sentence() -> None:
-    for arguments in (("topic", "list"), ("node", "list"), ("graph",), ("topic", "echo", "scan")):
-        process = await asyncio.create_subprocess_exec(
-            sys.executable, "-m", "lifeline.cli.app", *arguments, "--endpoint", free_endpoint(),
-            stderr=asyncio.subprocess.PIPE,
-        )  # fmt: skip
-        _, errors = await asyncio.wait_for(process.communicate(), PATIENCE_S)
-        assert process.returncode == EXIT_NOT_RUNNING
-        assert b"no supervisor answers" in errors
-        assert b"Traceback" not in errors
+@pytest.mark.parametrize(
+    "arguments", [("topic", "list"), ("node", "list"), ("graph",), ("topic", "echo", "scan")]
+)
+def test_nothing_running_is_said_in_a_sentence(arguments: tuple[str, ...], tmp_path: Path) -> None:
+    code, _, errors = in_process(Robot(free_endpoint(), tmp_path), *arguments)
+    assert code == EXIT_NOT_RUNNING
+    assert "no supervisor answers" in errors
 
 
-async def test_doctor_finds_what_prevents_motion(tmp_path: Path) -> None:
-    async with standing(tmp_path) as subject:
-        rogue = await asyncio.to_thread(open_rogue, subject.endpoint)
+def test_doctor_finds_what_prevents_motion(shared: Robot) -> None:
+    with rogue_of(shared) as rogue:
         publisher = rogue.declare_publisher("robot/scan")
-        try:
-            code, output, _ = await lifeline(subject, "doctor", "--seconds", "1", "--json")
-        finally:
-            publisher.undeclare()  # pyright: ignore[reportUnknownMemberType]
-            await asyncio.to_thread(rogue.close)  # pyright: ignore[reportUnknownArgumentType]
-        problems = [one for one in json.loads(output) if one["verdict"] == "problem"]
-        assert code == 1
-        assert {one["check"] for one in problems} >= {"command source", "writers", "stop"}
-        (writers,) = (one for one in problems if one["check"] == "writers")
-        assert f"sim, pid {subject.pid('sim')}" in writers["what"]
-        assert f"pid {os.getpid()}" in writers["what"]
-        assert any(one["what"].startswith("NO_COMMAND: ") for one in problems)
+        code, output, _ = in_process(shared, "doctor", "--seconds", "1", "--json")
+        publisher.undeclare()  # pyright: ignore[reportUnknownMemberType]
+    problems = [one for one in json.loads(output) if one["verdict"] == "problem"]
+    assert code == 1
+    assert {one["check"] for one in problems} >= {"command source", "writers", "stop"}
+    (writers,) = (one for one in problems if one["check"] == "writers")
+    assert f"sim, pid {shared.pid('sim')}" in writers["what"]
+    assert f"pid {os.getpid()}" in writers["what"]
+    assert any(one["what"].startswith("NO_COMMAND: ") for one in problems)
 
 
 async def test_doctor_distinguishes_a_supervisor_that_hangs_from_another_program(tmp_path: Path) -> None:
@@ -354,25 +383,25 @@ async def test_doctor_distinguishes_a_supervisor_that_hangs_from_another_program
     assert f"it runs (pid {pid}) but does not answer" in problem["what"]
 
 
-async def test_records_of_this_machine_say_nothing_about_a_robot_on_another(tmp_path: Path) -> None:
+def test_records_of_this_machine_say_nothing_about_a_robot_on_another(tmp_path: Path) -> None:
     subject = Robot("tcp/robot7.invalid:7447", tmp_path)
     record_path(subject.logs, "robot").touch()
-    texts = [(await lifeline(subject, command))[1] for command in ("doctor", "status")]
-    errors = (await lifeline(subject, "topic", "list"))[2]
+    texts = [in_process(subject, name)[1] for name in ("doctor", "status")]
+    errors = in_process(subject, "topic", "list")[2]
     for text in (*texts, errors):
         assert "the name robot7.invalid of the endpoint cannot be resolved" in " ".join(text.split())
         assert "e-stop" not in text
         assert "lifeline up" not in text
 
 
-async def test_doctor_names_the_program_that_holds_the_port(tmp_path: Path) -> None:
+def test_doctor_names_the_program_that_holds_the_port(tmp_path: Path) -> None:
     subject = Robot(free_endpoint(), tmp_path)
     port = int(subject.endpoint.rpartition(":")[2])
     with socket.create_server(("127.0.0.1", port)):
-        code, output, _ = await lifeline(subject, "doctor", "--json")
+        code, output, _ = in_process(subject, "doctor", "--json")
     (problem,) = (one for one in json.loads(output) if one["verdict"] == "problem")
     assert code == 1
     assert "is in use by another program" in problem["what"]
     assert f"(pid {os.getpid()}: " in problem["what"]
-    code, text, _ = await lifeline(subject, "doctor")
+    code, text, _ = in_process(subject, "doctor")
     assert (code, "start the robot with `lifeline up`" in text, "\x1b" in text) == (1, True, False)
