@@ -27,7 +27,7 @@ NO_RCLPY := ROS 2 is not installed in /opt/ros/jazzy, and PyPI has no rclpy for 
   (only for CPython 3.11 to 3.14 on x86_64 Linux)
 NO_RMW_ZENOH := zenoh-ros2-sdk cannot be installed on this machine
 
-.PHONY: help setup ros2 test-ros2 run test unit component system flaky timed demo proof proofs coverage fifth check bench bench-peers bench-robots bench-fleet bench-link docs picture mutation faults campaign
+.PHONY: help setup ros2 test-ros2 run test unit component quick system flaky timed demo proof proofs coverage fifth check bench bench-peers bench-robots bench-fleet bench-link docs picture mutation faults campaign
 
 help: ## print this list
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -39,9 +39,10 @@ ros2: $(ROS2_STAMP) ## create the environment .ros2 with rclpy, in which `python
 run: $(STAMP) ## drive the robot by keyboard; without a terminal, play the demo
 	@if [ -t 0 ] && [ -t 1 ]; then exec .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
 
-test: $(STAMP) ## run the checks and all tests that need no idle machine, also with real processes; each commit must pass them
+test: $(STAMP) ## run the checks and the tests, also with real processes; each commit must pass them (four minutes)
 	$(COMPILE)
-	$(MAKE) --no-print-directory check unit system
+	$(MAKE) --no-print-directory --jobs=2 check unit
+	$(MAKE) --no-print-directory quick
 
 # No test here depends on the real clock, so one runs on each core.
 IN_PARALLEL := --numprocesses=auto --dist=worksteal
@@ -53,8 +54,13 @@ component: $(STAMP)
 	.venv/bin/pytest tests/component -m "not proof" $(IN_PARALLEL)
 
 # The real processes mostly wait: four tests run at a time.
-system: $(STAMP)
-	.venv/bin/pytest tests/system -m "not timed and not demo" --numprocesses=4 --dist=worksteal --durations=10
+FOUR_AT_A_TIME := --numprocesses=4 --dist=worksteal --durations=10
+
+quick: $(STAMP)
+	.venv/bin/pytest tests/system -m "not timed and not demo and not long" $(FOUR_AT_A_TIME)
+
+system: $(STAMP) ## run all system tests that need no idle machine, also the long ones (six minutes)
+	.venv/bin/pytest tests/system -m "not timed and not demo" $(FOUR_AT_A_TIME)
 
 N ?= 10
 TESTS ?= tests/system

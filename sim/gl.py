@@ -1,7 +1,4 @@
-"""GL context for rendering without a display: EGL if it works, else OSMesa; MUJOCO_GL (egl, osmesa, glfw) overrides.
-
-Call `choose` before MuJoCo is imported: its import fails if MUJOCO_GL names a backend that the machine does not have.
-"""
+"""GL context for rendering without a display: EGL if it works, else OSMesa; MUJOCO_GL (egl, osmesa, glfw) overrides."""
 
 import ctypes
 import ctypes.util

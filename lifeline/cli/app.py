@@ -83,8 +83,6 @@ def main() -> NoReturn:
     """Run the command, and exit without the interpreter's shutdown, which can hang if a session is open."""
     code = 1
     default_until_handled()
-    # Otherwise Pydantic searches all packages for plugins: a sixth of the time of `lifeline status`.
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
         app(prog_name="lifeline")
     except SystemExit as end:

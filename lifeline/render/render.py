@@ -40,7 +40,7 @@ def render(wanted: Wanted) -> Rendered:
             raise DeployError(f"--{name} must be from {least:g} to {most:g}, not {value:g}")
     try:
         choose()
-        # Imported only now: MuJoCo's import fails if the chosen OpenGL backend is missing.
+        # Imported only now: bad options are refused before MuJoCo is loaded.
         from lifeline.render.film import FilmError, film  # noqa: PLC0415
 
         try:

@@ -57,7 +57,7 @@ def arguments_of(name: str, files: Files) -> list[str]:
         "doctor": nobody,
         "down": nobody[2:],
         "fault-report": [str(files.trials), "--html", str(files.directory / "page.html")],
-        "faults": ["--virtual", "--seeds", "2", "--jobs", "1"],
+        "faults": ["--virtual", "--seeds", "1", "--jobs", "1"],
         "faults --virtual": ["--seed", "1"],
         "record": [str(files.directory / "none.mcap"), *nobody],
         "render": ["--out", str(files.directory / "a.png"), "--size", "64x48", "--seconds", "0.2"],

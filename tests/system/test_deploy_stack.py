@@ -114,6 +114,7 @@ def _refused(done: subprocess.CompletedProcess[str], sentence: str) -> None:
     assert re.search(sentence, done.stderr), done.stderr
 
 
+@pytest.mark.long
 def test_beside_the_pid_file_of_a_dead_supervisord_a_robot_comes_up_is_seen_and_goes_down(
     robot: Robot,
 ) -> None:
@@ -162,6 +163,7 @@ def test_a_killed_supervisor_of_a_real_robot_is_restarted_immediately(robot: Rob
     assert time.monotonic() - killed_s < RESTART_LIMIT_S
 
 
+@pytest.mark.long
 def test_a_killed_supervisor_is_restarted_and_a_killed_supervisord_is_cleaned_up_after(robot: Robot) -> None:
     assert robot.run("up", "--detach").returncode == 0
     first = robot.pids()
@@ -329,6 +331,7 @@ def test_a_signal_while_it_still_waits_leaves_nothing_behind(robot: Robot, termi
     assert robot.pids() == {}
 
 
+@pytest.mark.long
 @pytest.mark.timeout(240)  # three starts of the stack
 def test_the_estop_outlives_the_whole_stack_and_up_and_status_say_how_to_reset_it(robot: Robot) -> None:
     assert "e-stop" not in robot.run("up", "--detach").stdout
@@ -407,6 +410,7 @@ def ros2_config(robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     return config
 
 
+@pytest.mark.long
 def test_a_ros_2_robot_comes_up_without_a_sim_is_seen_and_goes_down(
     robot: Robot, ros2_config: Path, tmp_path: Path
 ) -> None:
@@ -455,6 +459,7 @@ def test_without_a_sim_only_the_supervisor_starts(robot: Robot) -> None:
     assert list(seen["nodes"]) == ["supervisor", "teleop"]
 
 
+@pytest.mark.long
 def test_a_base_alone_starts_only_where_a_supervisor_answers(robot: Robot) -> None:
     refused = robot.run("up", "--only", "sim")
     _refused(refused, r"no supervisor answers at .*, and sim cannot run without one")

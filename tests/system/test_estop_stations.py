@@ -150,6 +150,7 @@ async def test_a_stopped_station_stops_the_robot_within_its_lease(tmp_path: Path
         await drive(subject)
 
 
+@pytest.mark.long
 async def test_a_replay_of_recorded_presence_by_another_client_proves_nothing(tmp_path: Path) -> None:
     async with site(tmp_path) as subject:
         rogue = open_rogue(participants(subject.endpoint))
@@ -182,6 +183,7 @@ async def test_a_replay_of_recorded_presence_by_another_client_proves_nothing(tm
             rogue.close()  # pyright: ignore[reportUnknownMemberType]
 
 
+@pytest.mark.long
 async def test_any_zenoh_client_can_be_a_station(tmp_path: Path) -> None:
     """With no code of this project: it answers each challenge with 18 bytes of CDR."""
     async with site(tmp_path) as subject:
@@ -265,8 +267,8 @@ async def test_a_station_that_leaves_says_that_it_stops_the_robot(tmp_path: Path
         code, errors = await door.ended()
         assert (code, errors) == (0, "")
         await subject.until(lambda: subject.status.detail == "door has left", "its goodbye")
-        assert "has left: the robot stops, because this station is required" in door.output
-        assert door.is_restored
+        await until(lambda: "has left: the robot stops, because this station is required" in door.output)
+        await until(lambda: door.is_restored)
 
 
 async def test_a_supervisor_that_is_killed_during_the_latch_starts_latched(tmp_path: Path) -> None:
@@ -371,7 +373,7 @@ async def test_a_signal_ends_the_station_with_a_goodbye_and_restores_the_termina
         door.send(number)
         assert await door.ended() == (0, "")
         await subject.until(lambda: state(subject) == "has left", "its goodbye")
-        assert door.is_restored
+        await until(lambda: door.is_restored)
 
 
 async def test_a_closed_terminal_ends_the_station_and_the_robot_stops(tmp_path: Path) -> None:

@@ -364,6 +364,7 @@ def lifeline(*arguments: object) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.long
 def test_the_commands_make_list_and_revoke_certificates(tmp_path: Path) -> None:
     keys = ["--keys", tmp_path / "keys"]
     early = lifeline("issue", "alice", "--role", "operator", *keys)

@@ -111,6 +111,7 @@ async def test_watch_prints_a_row_of_a_robot_whatever_another_does(tmp_path: Pat
     assert errors == ""
 
 
+@pytest.mark.long
 async def test_metrics_count_a_stop_and_never_go_backwards_when_the_supervisor_restarts(
     tmp_path: Path,
 ) -> None:

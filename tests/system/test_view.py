@@ -213,6 +213,7 @@ def port_of(endpoint: str) -> int:
     return int(endpoint.rpartition(":")[2])
 
 
+@pytest.mark.long
 async def test_the_web_viewer_listens_on_loopback_alone_and_its_page_may_connect_nowhere_else(
     tmp_path: Path,
 ) -> None:
@@ -226,7 +227,7 @@ async def test_the_web_viewer_listens_on_loopback_alone_and_its_page_may_connect
                 sockets.update(listening(view.process.pid))
                 return "in a browser" in view.text()
 
-            await subject.until(served, "the page")
+            await subject.until(served, "the page", 60.0)
             sockets |= listening(view.process.pid)
             replies: dict[str, tuple[int, str, str]] = {}
             for path in ("/", "/?url=x", "/re_viewer.js", "/../etc/passwd"):
