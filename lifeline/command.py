@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import wraps
 from inspect import Signature, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple, NoReturn, TextIO
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, NoReturn, TextIO
 
 import typer
 from typer.core import TyperArgument, TyperOption
@@ -32,39 +32,47 @@ Run = Callable[..., int | None]
 ROBOT_PANEL = "Robot and connection"
 """The panel of a command's help with the options that name a robot or the connection to it."""
 
+
+def option(flag: str, metavar: str, text: str, **more: Any) -> Any:  # noqa: ANN401 - as Typer declares it
+    """Declare an option with a value: its flag, the name of its value and its help."""
+    return typer.Option(flag, metavar=metavar, help=text, **more)
+
+
+def argument(metavar: str, text: str, **more: Any) -> Any:  # noqa: ANN401 - as Typer declares it
+    """Declare an argument: its name and its help."""
+    return typer.Argument(metavar=metavar, help=text, **more)
+
+
 Config = Annotated[
     Path | None,
-    typer.Option(
-        "--config",
-        metavar="FILE",
-        help="Configuration file. Default: deploy/robot.toml.",
-        rich_help_panel=ROBOT_PANEL,
+    option(
+        "--config", "FILE", "Configuration file. Default: deploy/robot.toml.", rich_help_panel=ROBOT_PANEL
     ),
 ]
 Endpoint = Annotated[
     str | None,
-    typer.Option(
+    option(
         "--endpoint",
-        metavar="tcp/HOST:PORT",
-        help="Address on which the supervisor listens. Default: the one in the configuration.",
+        "tcp/HOST:PORT",
+        "Address on which the supervisor listens. Default: the one in the configuration.",
         rich_help_panel=ROBOT_PANEL,
     ),
 ]
 KeysPath = Annotated[
     Path | None,
-    typer.Option(
+    option(
         "--keys",
-        metavar="DIR",
-        help="Bundle of this computer's certificate and key, for endpoints quic/ and tls/. Default: the one in the configuration.",
+        "DIR",
+        "Bundle of this computer's certificate and key, for endpoints quic/ and tls/. Default: the one in the configuration.",
         rich_help_panel=ROBOT_PANEL,
     ),
 ]
 StatePath = Annotated[
     Path | None,
-    typer.Option(
+    option(
         "--state-dir",
-        metavar="DIR",
-        help="Directory of the logs, the black boxes and the e-stop record. Default: $LIFELINE_STATE_DIR, else .lifeline in the checkout or ~/.local/state/lifeline.",
+        "DIR",
+        "Directory of the logs, the black boxes and the e-stop record. Default: $LIFELINE_STATE_DIR, else .lifeline in the checkout or ~/.local/state/lifeline.",
         rich_help_panel=ROBOT_PANEL,
     ),
 ]

@@ -13,7 +13,7 @@ import typer
 
 from deploy.stack.errors import DeployError, default_until_handled
 from lifeline.cli import drive, look, prove, sites, stops
-from lifeline.command import command
+from lifeline.command import argument, command
 
 app = typer.Typer(
     name="lifeline",
@@ -56,10 +56,7 @@ def lifeline(
 @command(shell_app)
 def completion(
     *,
-    shell: Annotated[
-        str,
-        typer.Argument(metavar="SHELL", help="bash, zsh or fish.", autocompletion=lambda: list(COMPLETED)),
-    ],
+    shell: Annotated[str, argument("SHELL", "bash, zsh or fish.", autocompletion=lambda: list(COMPLETED))],
 ) -> None:
     """Print a shell's completion script; evaluate it in ~/.bashrc, ~/.zshrc or config.fish.
 

@@ -13,8 +13,10 @@ from lifeline.command import (
     ResultJson,
     Robot,
     StatePath,
+    argument,
     command,
     note,
+    option,
     print_json,
     robot_command,
     say,
@@ -31,10 +33,8 @@ ros2_app = typer.Typer(
 app.add_typer(path_app, name="path")
 app.add_typer(ros2_app, name="ros2")
 
-Speed = Annotated[
-    float, typer.Option("--speed", min=0.05, max=1.0, metavar="V", help="Maximum speed in m/s.")
-]
-Laps = Annotated[int, typer.Option("--laps", min=1, max=1000, metavar="N", help="Number of laps.")]
+Speed = Annotated[float, option("--speed", "V", "Maximum speed in m/s.", min=0.05, max=1.0)]
+Laps = Annotated[int, option("--laps", "N", "Number of laps.", min=1, max=1000)]
 Clockwise = Annotated[bool, typer.Option("--clockwise", help="Turn right instead of left.")]
 
 
@@ -57,10 +57,8 @@ def up(
     ] = True,
     only: Annotated[
         list[str] | None,
-        typer.Option(
-            "--only",
-            metavar="NODE",
-            help="Start only supervisor, sim or ros2, in the background; repeat for several.",
+        option(
+            "--only", "NODE", "Start only supervisor, sim or ros2, in the background; repeat for several."
         ),
     ] = None,
     as_json: Annotated[
@@ -104,10 +102,10 @@ def estop(
     *,
     name: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--name",
-            metavar="NAME",
-            help="Be the e-stop station of this name in the configuration until q or Ctrl-C: prove its presence, show whether "
+            "NAME",
+            "Be the e-stop station of this name in the configuration until q or Ctrl-C: prove its presence, show whether "
             "it is heard, and stop the robot at any key.",
         ),
     ] = None,
@@ -126,9 +124,7 @@ def estop(
 def path_square(
     robot: Robot,
     *,
-    side: Annotated[
-        float, typer.Option("--side", min=0.1, max=50.0, metavar="M", help="Length of a side in m.")
-    ] = 1.5,
+    side: Annotated[float, option("--side", "M", "Length of a side in m.", min=0.1, max=50.0)] = 1.5,
     laps: Laps = 1,
     speed: Speed = 0.4,
     clockwise: Clockwise = False,
@@ -145,9 +141,7 @@ def path_square(
 def path_circle(
     robot: Robot,
     *,
-    radius: Annotated[
-        float, typer.Option("--radius", min=0.1, max=50.0, metavar="M", help="Radius in m.")
-    ] = 0.6,
+    radius: Annotated[float, option("--radius", "M", "Radius in m.", min=0.1, max=50.0)] = 0.6,
     laps: Laps = 1,
     speed: Speed = 0.4,
     clockwise: Clockwise = False,
@@ -164,7 +158,7 @@ def path_circle(
 def path_follow(
     robot: Robot,
     *,
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file that `lifeline record` wrote.")],
+    file: Annotated[Path, argument("FILE", "A file that `lifeline record` wrote.")],
     in_place: Annotated[
         bool,
         typer.Option(
@@ -187,12 +181,9 @@ def ros2_exec(
     robot: Robot,
     *,
     command: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="CMD", help="After --: the program that commands the robot, and its arguments."
-        ),
+        list[str], argument("CMD", "After --: the program that commands the robot, and its arguments.")
     ],
-    source: Annotated[str, typer.Option("--source", metavar="NAME", help="Command source of the program.")],
+    source: Annotated[str, option("--source", "NAME", "Command source of the program.")],
 ) -> None:
     """Run a program that commands the robot, such as a teleop, and stop the robot as soon as the program ends.
 

@@ -13,7 +13,9 @@ from lifeline.command import (
     Robot,
     StatePath,
     answer,
+    argument,
     command,
+    option,
     robot_command,
 )
 from wire.host.extras import require
@@ -59,22 +61,14 @@ def layout_names() -> list[str]:
 
 # --- common options
 
-Name = Annotated[
-    str,
-    typer.Argument(metavar="TOPIC", help="Name of a topic, such as cmd_vel.", autocompletion=topic_names),
-]
+Name = Annotated[str, argument("TOPIC", "Name of a topic, such as cmd_vel.", autocompletion=topic_names)]
 Names = Annotated[
-    list[str],
-    typer.Argument(metavar="TOPIC…", help="Names of topics, such as cmd_vel.", autocompletion=topic_names),
+    list[str], argument("TOPIC…", "Names of topics, such as cmd_vel.", autocompletion=topic_names)
 ]
-Listen = Annotated[
-    float, typer.Option("--seconds", min=0.1, max=3600.0, metavar="S", help="Listening time in s.")
-]
+Listen = Annotated[float, option("--seconds", "S", "Listening time in s.", min=0.1, max=3600.0)]
 Until = Annotated[
     float | None,
-    typer.Option(
-        "--seconds", min=0.1, max=86400.0, metavar="S", help="End after S seconds. Default: until Ctrl-C."
-    ),
+    option("--seconds", "S", "End after S seconds. Default: until Ctrl-C.", min=0.1, max=86400.0),
 ]
 
 
@@ -106,19 +100,19 @@ def watch(
     ] = False,
     config: Annotated[
         list[Path] | None,
-        typer.Option(
+        option(
             "--config",
-            metavar="FILE",
-            help="Configuration file of a robot; repeat for several robots.",
+            "FILE",
+            "Configuration file of a robot; repeat for several robots.",
             rich_help_panel=ROBOT_PANEL,
         ),
     ] = None,
     endpoint: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--endpoint",
-            metavar="tcp/HOST:PORT",
-            help="Address on which a supervisor listens; repeat for several robots.",
+            "tcp/HOST:PORT",
+            "Address on which a supervisor listens; repeat for several robots.",
             rich_help_panel=ROBOT_PANEL,
         ),
     ] = None,
@@ -140,10 +134,7 @@ def metrics(
     robot: Robot,
     *,
     listen: Annotated[
-        str,
-        typer.Option(
-            "--listen", metavar="HOST:PORT", help="Address to serve HTTP on; port 0 chooses a free one."
-        ),
+        str, option("--listen", "HOST:PORT", "Address to serve HTTP on; port 0 chooses a free one.")
     ] = "127.0.0.1:9464",
 ) -> None:
     """Serve counters and timings of a robot to Prometheus, until Ctrl-C."""
@@ -158,14 +149,13 @@ def view(
     *,
     what: Annotated[
         str | None,
-        typer.Argument(
-            metavar="[FILE|ID]",
-            help="A recording (.mcap), a black box (.jsonl.gz) or an incident's ID. Default: the running robot.",
+        argument(
+            "[FILE|ID]",
+            "A recording (.mcap), a black box (.jsonl.gz) or an incident's ID. Default: the running robot.",
         ),
     ] = None,
     out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="FILE.rrd", help="Write a file for Rerun instead of opening a window."),
+        Path | None, option("--out", "FILE.rrd", "Write a file for Rerun instead of opening a window.")
     ] = None,
     web: Annotated[
         bool,
@@ -174,10 +164,7 @@ def view(
         ),
     ] = False,
     port: Annotated[
-        int,
-        typer.Option(
-            "--port", min=1, max=65534, metavar="N", help="With --web: port of the page; its data are on N+1."
-        ),
+        int, option("--port", "N", "With --web: port of the page; its data are on N+1.", min=1, max=65534)
     ] = 9090,
 ) -> None:
     """Show the robot in Rerun: hull, lidars, seen space, velocities, mode and reasons."""
@@ -196,7 +183,7 @@ def view(
 def record(
     robot: Robot,
     *,
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write: NAME.mcap.")],
+    file: Annotated[Path, argument("FILE", "The file to write: NAME.mcap.")],
     as_json: ResultJson = False,
 ) -> None:
     """Record all messages in an MCAP file, as rosbag2 does, until Ctrl-C."""
@@ -210,11 +197,7 @@ def render(
     *,
     out: Annotated[
         Path,
-        typer.Option(
-            "--out",
-            metavar="FILE",
-            help="The file to write: a picture (.png) or an animation (.mp4, .webp, .gif).",
-        ),
+        option("--out", "FILE", "The file to write: a picture (.png) or an animation (.mp4, .webp, .gif)."),
     ],
     scene: Annotated[
         str,
@@ -228,30 +211,22 @@ def render(
     ] = "warehouse",
     hull: Annotated[
         str,
-        typer.Option(
-            "--hull",
-            metavar="SHAPE",
-            help="Hull of the robot: round or rectangular.",
-            autocompletion=lambda: HULLS,
-        ),
+        option("--hull", "SHAPE", "Hull of the robot: round or rectangular.", autocompletion=lambda: HULLS),
     ] = "round",
     camera: Annotated[
         str,
-        typer.Option(
+        option(
             "--camera",
-            metavar="NAME",
-            help="View: follow, corner, top, or a camera of the scene.",
+            "NAME",
+            "View: follow, corner, top, or a camera of the scene.",
             autocompletion=lambda: CAMERAS,
         ),
     ] = "follow",
-    size: Annotated[str, typer.Option("--size", metavar="WxH", help="Size in pixels.")] = "1280x720",
+    size: Annotated[str, option("--size", "WxH", "Size in pixels.")] = "1280x720",
     seconds: Annotated[
-        float,
-        typer.Option("--seconds", metavar="S", help="Simulated duration; a picture shows the last moment."),
+        float, option("--seconds", "S", "Simulated duration; a picture shows the last moment.")
     ] = 8.0,
-    fps: Annotated[
-        float, typer.Option("--fps", metavar="N", help="Frames per second of an animation.")
-    ] = 15.0,
+    fps: Annotated[float, option("--fps", "N", "Frames per second of an animation.")] = 15.0,
     drive: Annotated[
         bool, typer.Option("--drive", help="Drive toward a pillar under the real safety law, and back out.")
     ] = False,
@@ -274,8 +249,7 @@ def graph(
     robot: Robot,
     *,
     out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="FILE", help="Write a drawing (.svg, .png) or a Graphviz file (.dot)."),
+        Path | None, option("--out", "FILE", "Write a drawing (.svg, .png) or a Graphviz file (.dot).")
     ] = None,
     seconds: Listen = 2.0,
     as_json: Json = False,
@@ -323,7 +297,7 @@ def topic_echo(
     keys: Names,
     once: Annotated[bool, typer.Option("--once", help="Print one message and exit.")] = False,
     field: Annotated[
-        str, typer.Option("--field", metavar="PATH", help="Print only a field, such as linear.x or ranges.0.")
+        str, option("--field", "PATH", "Print only a field, such as linear.x or ranges.0.")
     ] = "",
     as_csv: Annotated[bool, typer.Option("--csv", help="Print CSV, with a header.")] = False,
     as_json: Json = False,
@@ -363,20 +337,11 @@ def topic_pub(
     robot: Robot,
     *,
     key: Annotated[
-        str,
-        typer.Argument(
-            metavar="KEY",
-            help="Name of a topic, such as estop or path/cmd_vel.",
-            autocompletion=topic_names,
-        ),
+        str, argument("KEY", "Name of a topic, such as estop or path/cmd_vel.", autocompletion=topic_names)
     ],
-    message: Annotated[
-        str,
-        typer.Argument(metavar="YAML", help="The message, such as '{linear: {x: 0.1}}'; the rest is zero."),
-    ],
+    message: Annotated[str, argument("YAML", "The message, such as '{linear: {x: 0.1}}'; the rest is zero.")],
     rate: Annotated[
-        float | None,
-        typer.Option("--rate", min=0.01, max=500.0, metavar="HZ", help="Publish at this rate until Ctrl-C."),
+        float | None, option("--rate", "HZ", "Publish at this rate until Ctrl-C.", min=0.01, max=500.0)
     ] = None,
     once: Annotated[bool, typer.Option("--once", help="Publish one message and exit.")] = False,
 ) -> None:
@@ -401,10 +366,7 @@ def node_list(robot: Robot, *, as_json: Json = False) -> None:
 def node_info(
     robot: Robot,
     *,
-    node: Annotated[
-        str,
-        typer.Argument(metavar="NODE", help="Name, pid or session id of a node.", autocompletion=node_names),
-    ],
+    node: Annotated[str, argument("NODE", "Name, pid or session id of a node.", autocompletion=node_names)],
     seconds: Listen = 2.0,
     as_json: Json = False,
 ) -> None:

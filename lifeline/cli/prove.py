@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from lifeline.command import Json, ResultJson, answer, command, note, say
+from lifeline.command import Json, ResultJson, answer, argument, command, note, option, say
 from wire.host.extras import require
 
 app = typer.Typer()
@@ -14,7 +14,7 @@ app = typer.Typer()
 @command(app)
 def check(
     *,
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Configuration file, such as robot.toml.")],
+    file: Annotated[Path, argument("FILE", "Configuration file, such as robot.toml.")],
     as_json: Json = False,
 ) -> int:
     """Check a configuration: its lidars, stopping distance, permitted motions and risks.
@@ -56,53 +56,46 @@ def faults(
         bool, typer.Option("--virtual", help="Run on a virtual clock, many times faster than real time.")
     ] = False,
     seeds: Annotated[
-        int, typer.Option("--seeds", min=1, metavar="N", help="With --virtual: run the seeds from 0 to N-1.")
+        int, option("--seeds", "N", "With --virtual: run the seeds from 0 to N-1.", min=1)
     ] = 200,
     seed: Annotated[
         int | None,
-        typer.Option(
+        option(
             "--seed",
+            "K",
+            "With --virtual: run only this seed and print every event. Otherwise: the seed of the first trial of each class.",
             min=0,
-            metavar="K",
-            help="With --virtual: run only this seed and print every event. Otherwise: the seed of the first trial of each class.",
         ),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(
+        option(
             "--out",
-            metavar="FILE.jsonl",
-            help="Append one line for each trial. Trials that are already in the file are not run again.",
+            "FILE.jsonl",
+            "Append one line for each trial. Trials that are already in the file are not run again.",
         ),
     ] = None,
     jobs: Annotated[
         int | None,
-        typer.Option(
-            "--jobs",
-            min=1,
-            metavar="N",
-            help="With --virtual: number of processes. Default: one for each core.",
-        ),
+        option("--jobs", "N", "With --virtual: number of processes. Default: one for each core.", min=1),
     ] = None,
     classes: Annotated[
         str,
-        typer.Option(
+        option(
             "--classes",
-            metavar="NAME,…",
-            help="Run only these classes; `teleop_*` selects by prefix.",
+            "NAME,…",
+            "Run only these classes; `teleop_*` selects by prefix.",
             autocompletion=class_names,
         ),
     ] = "",
-    trials: Annotated[
-        int, typer.Option("--trials", min=1, metavar="N", help="Trials of each class on real processes.")
-    ] = 3,
+    trials: Annotated[int, option("--trials", "N", "Trials of each class on real processes.", min=1)] = 3,
     minutes: Annotated[
         float | None,
-        typer.Option(
+        option(
             "--minutes",
+            "M",
+            "Start no trial on real processes after M minutes. Exit 1 if a class has not been tried by then.",
             min=0.1,
-            metavar="M",
-            help="Start no trial on real processes after M minutes. Exit 1 if a class has not been tried by then.",
         ),
     ] = None,
     as_json: ResultJson = False,
@@ -128,12 +121,9 @@ def faults(
 def fault_report(
     *,
     files: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="FILE.jsonl…", help="Result files of `lifeline faults --out`, also compressed (.gz)."
-        ),
+        list[Path], argument("FILE.jsonl…", "Result files of `lifeline faults --out`, also compressed (.gz).")
     ],
-    html: Annotated[Path, typer.Option("--html", metavar="OUT.html", help="The page to write.")],
+    html: Annotated[Path, option("--html", "OUT.html", "The page to write.")],
     as_json: Json = False,
 ) -> None:
     """Render campaign results as an HTML page."""

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from lifeline.command import ROBOT_PANEL, Json, KeysPath, answer, command, print_json, say
+from lifeline.command import ROBOT_PANEL, Json, KeysPath, answer, argument, command, option, print_json, say
 from wire.roles import ANY, Role
 
 app = typer.Typer()
@@ -25,34 +25,20 @@ app.add_typer(fleet_app, name="fleet")
 
 KeysFolder = Annotated[
     Path | None,
-    typer.Option(
-        "--keys",
-        metavar="DIR",
-        help="Folder of the authority, with all keys. Default: ~/.config/lifeline/keys.",
-    ),
+    option("--keys", "DIR", "Folder of the authority, with all keys. Default: ~/.config/lifeline/keys."),
 ]
 Name = Annotated[
-    str,
-    typer.Argument(
-        metavar="NAME", help="Person or computer, such as alice or robot7; part of the file names."
-    ),
+    str, argument("NAME", "Person or computer, such as alice or robot7; part of the file names.")
 ]
 RouterEndpoint = Annotated[
     str,
-    typer.Option(
-        "--endpoint",
-        metavar="tls/HOST:PORT",
-        help="Address on which the router listens.",
-        rich_help_panel=ROBOT_PANEL,
+    option(
+        "--endpoint", "tls/HOST:PORT", "Address on which the router listens.", rich_help_panel=ROBOT_PANEL
     ),
 ]
 Expected = Annotated[
     list[str] | None,
-    typer.Option(
-        "--expect",
-        metavar="NAMESPACE",
-        help="A robot that must answer, even if it is not seen; repeat for several.",
-    ),
+    option("--expect", "NAMESPACE", "A robot that must answer, even if it is not seen; repeat for several."),
 ]
 
 
@@ -84,33 +70,31 @@ def keys_issue(
     name: Name,
     role: Annotated[
         Role | None,
-        typer.Option(
+        option(
             "--role",
-            metavar="ROLE",
-            help="What it may do: supervisor (the hub), base (wheels and odometry), sensor, operator (drive, stop, reset), "
+            "ROLE",
+            "What it may do: supervisor (the hub), base (wheels and odometry), sensor, operator (drive, stop, reset), "
             "estop (stop), viewer (read), router (passes messages on). Default: as before, for a name that has a certificate.",
         ),
     ] = None,
     robot: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--robot",
-            metavar="NAMESPACE",
-            help=f"Namespace of the robot; `{ANY}` for all robots. Default: as before, else robot.",
+            "NAMESPACE",
+            f"Namespace of the robot; `{ANY}` for all robots. Default: as before, else robot.",
         ),
     ] = None,
     host: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--host",
-            metavar="HOST",
-            help="With --role supervisor or router: host name or address by which others reach it, in addition to localhost, "
+            "HOST",
+            "With --role supervisor or router: host name or address by which others reach it, in addition to localhost, "
             "127.0.0.1 and ::1; repeat for several. Default: as before.",
         ),
     ] = None,
-    days: Annotated[
-        float, typer.Option("--days", min=0.01, max=366.0, metavar="N", help="Lifetime in days.")
-    ] = 30.0,
+    days: Annotated[float, option("--days", "N", "Lifetime in days.", min=0.01, max=366.0)] = 30.0,
     keys: KeysFolder = None,
     as_json: Json = False,
 ) -> None:
@@ -157,42 +141,34 @@ def router(
     *,
     listen: Annotated[
         list[str],
-        typer.Option(
+        option(
             "--listen",
-            metavar="tls/HOST:PORT",
-            help="Address on which the router listens; repeat for several. tcp/ only on this machine.",
+            "tls/HOST:PORT",
+            "Address on which the router listens; repeat for several. tcp/ only on this machine.",
         ),
     ],
     robots: Annotated[
         list[str] | None,
-        typer.Option(
-            "--robot", metavar="NAMESPACE", help="Namespace of a robot that it serves; repeat for several."
-        ),
+        option("--robot", "NAMESPACE", "Namespace of a robot that it serves; repeat for several."),
     ] = None,
     robots_file: Annotated[
-        Path | None,
-        typer.Option("--robots", metavar="FILE", help="File with the namespace of a robot in each line."),
+        Path | None, option("--robots", "FILE", "File with the namespace of a robot in each line.")
     ] = None,
     keys_dir: KeysPath = None,
     connect: Annotated[
         list[str] | None,
-        typer.Option(
-            "--connect",
-            metavar="tls/HOST:PORT",
-            help="Another router of this site to connect to; repeat for several.",
+        option(
+            "--connect", "tls/HOST:PORT", "Another router of this site to connect to; repeat for several."
         ),
     ] = None,
     sources: Annotated[
         list[str] | None,
-        typer.Option(
-            "--source",
-            metavar="NAME",
-            help="Name of a command source; repeat for several. Default: teleop, joy, path.",
+        option(
+            "--source", "NAME", "Name of a command source; repeat for several. Default: teleop, joy, path."
         ),
     ] = None,
     stations: Annotated[
-        list[str] | None,
-        typer.Option("--station", metavar="NAME", help="Name of an e-stop station; repeat for several."),
+        list[str] | None, option("--station", "NAME", "Name of an e-stop station; repeat for several.")
     ] = None,
     print_config: Annotated[
         bool, typer.Option("--print-config", help="Print the same configuration for zenohd, and exit.")

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from lifeline.command import Config, Json, Robot, StatePath, command, robot_command
+from lifeline.command import Config, Json, Robot, StatePath, argument, command, option, robot_command
 
 app = typer.Typer()
 incidents_app = typer.Typer(
@@ -15,10 +15,7 @@ incidents_app = typer.Typer(
 app.add_typer(incidents_app, name="incidents")
 
 Id = Annotated[
-    str,
-    typer.Argument(
-        metavar="ID", help="Name of an incident or its beginning, `last`, or the path of a black box."
-    ),
+    str, argument("ID", "Name of an incident or its beginning, `last`, or the path of a black box.")
 ]
 
 
@@ -26,9 +23,7 @@ Id = Annotated[
 def doctor(
     robot: Robot,
     *,
-    seconds: Annotated[
-        float, typer.Option("--seconds", min=0.1, max=3600.0, metavar="S", help="Listening time in s.")
-    ] = 3.0,
+    seconds: Annotated[float, option("--seconds", "S", "Listening time in s.", min=0.1, max=3600.0)] = 3.0,
     as_json: Json = False,
 ) -> None:
     """Explain why the robot does not move, or why the system cannot start. Exit 1 if there is a problem."""
@@ -57,10 +52,7 @@ def incidents_show(
     *,
     incident: Id,
     seconds: Annotated[
-        float,
-        typer.Option(
-            "--seconds", min=0.1, max=3600.0, metavar="S", help="Time before the stop to show, in s."
-        ),
+        float, option("--seconds", "S", "Time before the stop to show, in s.", min=0.1, max=3600.0)
     ] = 2.0,
     as_json: Json = False,
 ) -> int:
@@ -76,7 +68,7 @@ def incidents_export(
     robot: Robot,
     *,
     incident: Id,
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write: NAME.mcap.")],
+    file: Annotated[Path, argument("FILE", "The file to write: NAME.mcap.")],
     as_json: Json = False,
 ) -> int:
     """Write an incident as an MCAP file for Foxglove, PlotJuggler and ros2 bag.
@@ -93,7 +85,7 @@ def incidents_export(
 @command(app)
 def replay_decision(
     *,
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A black box file: blackbox/*.jsonl.gz.")],
+    file: Annotated[Path, argument("FILE", "A black box file: blackbox/*.jsonl.gz.")],
     as_json: Json = False,
 ) -> int:
     """Run the law again over the recording of a stop. Exit 1 if any decision differs from the recording."""
