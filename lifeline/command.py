@@ -20,6 +20,8 @@ from deploy.stack.errors import EXIT_REFUSED, DeployError
 from wire.host.extras import how_to_install, missing_extra
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
     from deploy.stack.launch import Launch
     from deploy.stack.statedir import StateDir
 
@@ -166,6 +168,16 @@ def answer(result: object, sentence: str, *, as_json: bool) -> None:
         print_json(result)
     else:
         say(sentence)
+
+
+def show(result: object, *pages: "RenderableType", as_json: bool) -> None:
+    """Print a result as JSON, or as pages for the terminal."""
+    if as_json:
+        print_json(result)
+        return
+    from rich.console import Console  # noqa: PLC0415 - slow, and not needed for JSON
+
+    Console().print(*pages)
 
 
 class StatusLine:

@@ -38,13 +38,12 @@ CAMERAS = ("follow", "corner", "top")
 
 def topic_names(incomplete: str) -> list[str]:
     """Return the topics of a robot with the default configuration, also as absolute names if a word has begun."""
-    from lifeline.inspection.keys import known_topics
+    from lifeline.inspection.keys import configured
     from supervisor.config import SupervisorSection
 
-    sources = [source.name for source in SupervisorSection().sources]
-    names = [topic.key for topic in known_topics(sources, ())]
+    keys = configured("robot", SupervisorSection())
     absolute = ("/robot/", "robot/") if incomplete else ()
-    return [f"{prefix}{name}" for prefix in ("", *absolute) for name in names]
+    return [key.replace("robot/", prefix, 1) for prefix in ("", *absolute) for key in keys]
 
 
 def node_names() -> list[str]:
@@ -263,17 +262,17 @@ def graph(
 @robot_command(topic_app, "list")
 def topic_list(robot: Robot, *, seconds: Listen = 2.0, as_json: Json = False) -> None:
     """List all topics with their types, permitted writers, actual writers and rates, then all other keys."""
-    from lifeline.inspection.topic import show_list
+    from lifeline.inspection.listing import list_topics
 
-    show_list(robot.launch, seconds, as_json=as_json)
+    list_topics(robot.launch, seconds, as_json=as_json)
 
 
 @robot_command(topic_app, "info")
 def topic_info(robot: Robot, *, key: Name, seconds: Listen = 2.0, as_json: Json = False) -> None:
     """Print the writers and readers of a topic. Exit 1 if it has more writers than permitted."""
-    from lifeline.inspection.topic import show_info
+    from lifeline.inspection.listing import show_topic
 
-    show_info(robot.launch, key, seconds, as_json=as_json)
+    show_topic(robot.launch, key, seconds, as_json=as_json)
 
 
 @robot_command(topic_app, "type")
@@ -285,7 +284,7 @@ def topic_type(
     as_json: Json = False,
 ) -> None:
     """Print the ROS 2 type of a topic."""
-    from lifeline.inspection.topic import show_type
+    from lifeline.inspection.keys import show_type
 
     show_type(robot.launch, key, full=full, as_json=as_json)
 
@@ -357,9 +356,9 @@ def topic_pub(
 @robot_command(node_app, "list")
 def node_list(robot: Robot, *, as_json: Json = False) -> None:
     """List all nodes with their processes. A program without a liveliness token is listed by its program name."""
-    from lifeline.inspection.node import show_list
+    from lifeline.inspection.listing import list_nodes
 
-    show_list(robot.launch, as_json=as_json)
+    list_nodes(robot.launch, as_json=as_json)
 
 
 @robot_command(node_app, "info")
@@ -371,6 +370,6 @@ def node_info(
     as_json: Json = False,
 ) -> None:
     """Print a node's process, and the topics that it writes, reads and serves, with their rates."""
-    from lifeline.inspection.node import show_info
+    from lifeline.inspection.listing import show_node
 
-    show_info(robot.launch, node, seconds, as_json=as_json)
+    show_node(robot.launch, node, seconds, as_json=as_json)

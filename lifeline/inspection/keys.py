@@ -1,9 +1,13 @@
-"""Names of topics as users write them, and the types behind their keys. Pure."""
+"""Names of topics as users write them, and the types behind their keys (`lifeline topic type`). Pure."""
 
 import re
 from collections.abc import Iterable, Iterator
 from typing import Any
 
+from deploy.stack.errors import DeployError
+from deploy.stack.launch import Launch
+from lifeline.command import print_json
+from supervisor.config import SupervisorSection
 from wire import topics
 from wire.topics import LIDAR_PLACEHOLDER as LIDAR
 from wire.topics import SOURCE_PLACEHOLDER as SOURCE
@@ -30,27 +34,39 @@ def is_key(key: str) -> bool:
     return len(key) <= 255 and all(SEGMENT.fullmatch(part) for part in key.split("/"))
 
 
-def known_topics(
-    sources: Iterable[str], lidars: Iterable[str], stations: Iterable[str] = ()
-) -> Iterator[Topic[Any]]:
-    """Yield all topics of a robot with these command sources, lidar topics and e-stop stations."""
-    for topic in topics.TOPICS:
-        if SOURCE in topic.key:
-            yield from (topics.source_cmd_vel(source) for source in sources)
-        elif topic.key == LIDAR:
-            yield from (topics.lidar_scan(lidar) for lidar in lidars if lidar != topics.SCAN.key)
-        elif STATION not in topic.key:
-            yield topic
-    for name in stations:
-        yield topics.estop_presence(name)
-        yield topics.estop_challenge(name)
+def checked_key(name: str, namespace: str) -> str:
+    """Return the full key of a name.
+
+    Raises:
+        DeployError: it is not a key.
+    """
+    key = full_key(name, namespace)
+    if not is_key(key):
+        raise DeployError(f"{name!r} is not a key: use a name such as cmd_vel or /{namespace}/cmd_vel")
+    return key
 
 
 def by_full_key(
     namespace: str, sources: Iterable[str], lidars: Iterable[str], stations: Iterable[str] = ()
 ) -> dict[str, Topic[Any]]:
-    """Return all topics of a robot by full key."""
-    return {f"{namespace}/{topic.key}": topic for topic in known_topics(sources, lidars, stations)}
+    """Return by full key all topics of a robot with these command sources, lidar topics and e-stop stations."""
+    known: list[Topic[Any]] = []
+    for topic in topics.TOPICS:
+        if SOURCE in topic.key:
+            known += (topics.source_cmd_vel(source) for source in sources)
+        elif topic.key == LIDAR:
+            known += (topics.lidar_scan(lidar) for lidar in lidars if lidar != topics.SCAN.key)
+        elif STATION not in topic.key:
+            known.append(topic)
+    for name in stations:
+        known += (topics.estop_presence(name), topics.estop_challenge(name))
+    return {f"{namespace}/{topic.key}": topic for topic in known}
+
+
+def configured(namespace: str, config: SupervisorSection) -> dict[str, Topic[Any]]:
+    """Return by full key all topics that a configuration names."""
+    sources = [source.name for source in config.sources]
+    return by_full_key(namespace, sources, [one.topic for one in config.all_lidars()], config.station_names())
 
 
 def topic_of(key: str, namespace: str, known: dict[str, Topic[Any]]) -> Topic[Any] | None:
@@ -60,6 +76,28 @@ def topic_of(key: str, namespace: str, known: dict[str, Topic[Any]]) -> Topic[An
     relative = key.removeprefix(f"{namespace}/")
     source = topics.source_of(relative) if relative != key else None
     return None if source is None else topics.source_cmd_vel(source)
+
+
+def show_type(launch: Launch, name: str, *, full: bool, as_json: bool) -> None:
+    """Print the type of a topic, with `full` also its definition; the configuration names it, so nothing has to run.
+
+    Raises:
+        DeployError: it is not a topic of this robot, or the configuration is refused.
+    """
+    namespace = launch.bus.namespace
+    key = checked_key(name, namespace)
+    topic = topic_of(key, namespace, configured(namespace, launch.section("supervisor", SupervisorSection)))
+    if topic is None:
+        raise DeployError(f"the type of {key} is unknown: it is not a topic of this robot")
+    type_name, text = topic.type.__msgtype__, None
+    if full:
+        from wire.messages import definition  # noqa: PLC0415 - slow, and not needed for the name
+
+        text = definition(type_name).text
+    if as_json:
+        print_json({"key": key, "type": type_name, "definition": text})
+    else:
+        print(type_name if text is None else f"{type_name}\n{text}")
 
 
 def matches(expression: str, key: str) -> bool:

@@ -6,12 +6,13 @@ These commands only listen: they hold no token, so no process waits for their en
 import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from functools import wraps
+from typing import Any, Concatenate, NoReturn, ParamSpec
 
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.reach import reach, run_command
-from lifeline.inspection.keys import by_full_key, full_key, is_key, topic_of
+from lifeline.inspection.keys import checked_key, configured, topic_of
 from lifeline.inspection.nodes import Node, addresses, claimed_pids, network_of, nodes_of
 from lifeline.inspection.sockets import processes_at, processes_with
 from lifeline.inspection.traffic import Traffic
@@ -20,6 +21,7 @@ from wire.bus import Inbox, Overheard, wait_until
 from wire.topics import Topic
 from wire.zenoh.bus import ZenohBus
 
+P = ParamSpec("P")
 EXIT_INTERRUPTED = 130
 DEPTH = 4096
 """Samples that wait while a command prints; beyond it, the oldest are dropped."""
@@ -52,12 +54,7 @@ class Robot:
         Raises:
             DeployError: it is not a key.
         """
-        key = full_key(name, self.namespace)
-        if not is_key(key):
-            raise DeployError(
-                f"{name!r} is not a key: use a name such as cmd_vel or /{self.namespace}/cmd_vel"
-            )
-        return key
+        return checked_key(name, self.namespace)
 
     def topic(self, key: str) -> Topic[Any] | None:
         """Return the topic of a full key; None if its type is unknown."""
@@ -95,24 +92,29 @@ class Robot:
         return traffic
 
 
-def inspect(launch: Launch, body: Callable[[Robot], Awaitable[int]]) -> NoReturn:
-    """Run a command on a running robot, and exit with its code (`deploy.stack.reach.run_command`).
+def inspection(
+    run: Callable[Concatenate[Robot, P], Awaitable[int]],
+) -> Callable[Concatenate[Launch, P], NoReturn]:
+    """Make a command of what runs on a running robot: it exits with the code (`deploy.stack.reach.run_command`).
 
-    Raises:
-        DeployError: the configuration is refused.
+    The command raises a DeployError if the configuration is refused.
     """
-    config = launch.section("supervisor", SupervisorSection)
 
-    async def main(stop: asyncio.Event) -> int:
-        bus = await reach(launch.bus, stop)
-        return EXIT_INTERRUPTED if bus is None else await body(robot_at(bus, launch, config, stop))
+    @wraps(run)
+    def command(launch: Launch, /, *args: P.args, **options: P.kwargs) -> NoReturn:
+        config = launch.section("supervisor", SupervisorSection)
 
-    run_command(main)
+        async def main(stop: asyncio.Event) -> int:
+            bus = await reach(launch.bus, stop)
+            if bus is None:
+                return EXIT_INTERRUPTED
+            return await run(robot_at(bus, launch, config, stop), *args, **options)
+
+        run_command(main)
+
+    return command
 
 
 def robot_at(bus: ZenohBus, launch: Launch, config: SupervisorSection, stop: asyncio.Event) -> Robot:
     """Return the robot behind a bus, with the keys that its configuration names."""
-    sources = [source.name for source in config.sources]
-    lidars = [lidar.topic for lidar in config.all_lidars()]
-    known = by_full_key(launch.bus.namespace, sources, lidars, config.station_names())
-    return Robot(bus, launch, config, known, stop)
+    return Robot(bus, launch, config, configured(launch.bus.namespace, config), stop)

@@ -1,11 +1,10 @@
 """`lifeline topic pub`: publish on topics that are open to tools."""
 
 import asyncio
-from typing import Any, NoReturn
+from typing import Any
 
 from deploy.stack.errors import DeployError
-from deploy.stack.launch import Launch
-from lifeline.inspection.listening import Robot, inspect
+from lifeline.inspection.listening import Robot, inspection
 from lifeline.inspection.values import ValueRefusedError, from_yaml
 from teleop.holder import HeldError, Holder, about_this_process
 from wire import topics
@@ -17,33 +16,30 @@ ARM_S = 1.0
 """How long a command source sends zero before it moves the robot: only a neutral command arms it."""
 
 
-def publish(launch: Launch, name: str, text: str, rate_hz: float | None, *, once: bool) -> NoReturn:
+@inspection
+async def publish(robot: Robot, name: str, text: str, rate_hz: float | None, *, once: bool) -> int:
     """Publish a message on a topic that is open to tools, once or until Ctrl-C."""
-
-    async def body(robot: Robot) -> int:
-        key = robot.key(name)
-        topic = robot.topic(key)
-        source = may_publish(key, topic, robot)
-        assert topic is not None
-        try:
-            message = from_yaml(text, topic.type)
-        except ValueRefusedError as error:
-            raise DeployError(f"{key}: {error}") from error
-        period_s = 1.0 / (rate_hz or topic.rate_hz or 1.0)
-        if source is None:
-            return await _publish(robot, topic, message, period_s, once=once or rate_hz is None)
-        limit_s = robot.config.command_timeout_s
-        if period_s > limit_s / 2:
-            raise DeployError(
-                f"commands older than {limit_s:g} s stop the robot: choose --rate {2 / limit_s:.0f} or more"
-            )
-        if once:
-            raise DeployError(
-                f"{key} needs a stream of commands, because one command does not move the robot: leave out --once"
-            )
-        return await _publish_as(robot, source, message, period_s)
-
-    inspect(launch, body)
+    key = robot.key(name)
+    topic = robot.topic(key)
+    source = may_publish(key, topic, robot)
+    assert topic is not None
+    try:
+        message = from_yaml(text, topic.type)
+    except ValueRefusedError as error:
+        raise DeployError(f"{key}: {error}") from error
+    period_s = 1.0 / (rate_hz or topic.rate_hz or 1.0)
+    if source is None:
+        return await _publish(robot, topic, message, period_s, once=once or rate_hz is None)
+    limit_s = robot.config.command_timeout_s
+    if period_s > limit_s / 2:
+        raise DeployError(
+            f"commands older than {limit_s:g} s stop the robot: choose --rate {2 / limit_s:.0f} or more"
+        )
+    if once:
+        raise DeployError(
+            f"{key} needs a stream of commands, because one command does not move the robot: leave out --once"
+        )
+    return await _publish_as(robot, source, message, period_s)
 
 
 def may_publish(key: str, topic: Topic[Any] | None, robot: Robot) -> str | None:

@@ -6,12 +6,11 @@ import math
 import sys
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from typing import Any
 
 from deploy.stack.errors import DeployError
 from deploy.stack.formatting import number
-from deploy.stack.launch import Launch
-from lifeline.inspection.listening import Robot, inspect
+from lifeline.inspection.listening import Robot, inspection
 from lifeline.inspection.traffic import KeyTraffic, Traffic
 from lifeline.inspection.values import (
     ValueRefusedError,
@@ -43,28 +42,25 @@ class Echo:
     as_json: bool = False
 
 
-def echo(launch: Launch, names: Sequence[str], wanted: Echo) -> NoReturn:
+@inspection
+async def echo(robot: Robot, names: Sequence[str], wanted: Echo) -> int:
     """Print the messages of some topics until Ctrl-C."""
-
-    async def body(robot: Robot) -> int:
-        keys = [robot.key(name) for name in names]
-        with_header: set[str] = set()
-        silent = set(keys)
-        asyncio.get_running_loop().call_later(HINT_S, _note_silence, robot, silent)
-        async for sample in _samples(robot, keys):
-            silent.discard(sample.key)
-            value = value_of(sample, robot.topic(sample.key))
-            if wanted.field:
-                try:
-                    value = select(value, wanted.field)
-                except ValueRefusedError as error:
-                    raise DeployError(f"{sample.key}: {error}") from error
-            _print_value(sample.key, value, wanted, with_header, several=len(keys) > 1)
-            if wanted.once:
-                break
-        return 0
-
-    inspect(launch, body)
+    keys = [robot.key(name) for name in names]
+    with_header: set[str] = set()
+    silent = set(keys)
+    asyncio.get_running_loop().call_later(HINT_S, _note_silence, robot, silent)
+    async for sample in _samples(robot, keys):
+        silent.discard(sample.key)
+        value = value_of(sample, robot.topic(sample.key))
+        if wanted.field:
+            try:
+                value = select(value, wanted.field)
+            except ValueRefusedError as error:
+                raise DeployError(f"{sample.key}: {error}") from error
+        _print_value(sample.key, value, wanted, with_header, several=len(keys) > 1)
+        if wanted.once:
+            break
+    return 0
 
 
 def _note_silence(robot: Robot, silent: set[str]) -> None:
@@ -175,26 +171,23 @@ def age_report(heard: KeyTraffic) -> tuple[str, dict[str, float | int | None]]:
     return text, numbers
 
 
-def measure(
-    launch: Launch, names: Sequence[str], report: Report, seconds: float | None, *, as_json: bool
-) -> NoReturn:
+@inspection
+async def measure(
+    robot: Robot, names: Sequence[str], report: Report, seconds: float | None, *, as_json: bool
+) -> int:
     """Print a report on some topics every second, until Ctrl-C or for some seconds. Exit 1 if nothing was heard."""
-
-    async def body(robot: Robot) -> int:
-        keys = [robot.key(name) for name in names]
-        inboxes = [robot.overhear(key) for key in keys]
-        traffic, loop = Traffic(), asyncio.get_running_loop()
-        end_s = math.inf if seconds is None else loop.time() + seconds
-        while not robot.stop.is_set() and loop.time() < end_s:
-            await wait_until(robot.stop, min(end_s, loop.time() + REPORT_PERIOD_S))
-            for sample in (one for inbox in inboxes for one in inbox.take()):
-                traffic.add(sample)
-            if seconds is None or loop.time() >= end_s or robot.stop.is_set():
-                for key in keys:
-                    _print_report(key, traffic.keys.get(key), report, as_json=as_json)
-        return 0 if all(key in traffic.keys for key in keys) else 1
-
-    inspect(launch, body)
+    keys = [robot.key(name) for name in names]
+    inboxes = [robot.overhear(key) for key in keys]
+    traffic, loop = Traffic(), asyncio.get_running_loop()
+    end_s = math.inf if seconds is None else loop.time() + seconds
+    while not robot.stop.is_set() and loop.time() < end_s:
+        await wait_until(robot.stop, min(end_s, loop.time() + REPORT_PERIOD_S))
+        for sample in (one for inbox in inboxes for one in inbox.take()):
+            traffic.add(sample)
+        if seconds is None or loop.time() >= end_s or robot.stop.is_set():
+            for key in keys:
+                _print_report(key, traffic.keys.get(key), report, as_json=as_json)
+    return 0 if all(key in traffic.keys for key in keys) else 1
 
 
 def _print_report(key: str, heard: KeyTraffic | None, report: Report, *, as_json: bool) -> None:

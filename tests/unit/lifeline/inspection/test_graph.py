@@ -3,9 +3,9 @@
 import math
 import xml.etree.ElementTree as ET
 
+from lifeline.inspection.graph import Wire, dot_of, svg_of, text_of, wires_of
 from lifeline.inspection.nodes import Node, Session
 from lifeline.inspection.traffic import Traffic
-from lifeline.inspection.wiring import Wire, dot_of, svg_of, text_of, wires_of
 from wire.bus import Overheard
 
 

@@ -1,0 +1,236 @@
+"""`lifeline topic` and `node`, each with `list` and `info`: who takes part, and who writes and reads which topic."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rich.console import RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from deploy.stack.errors import DeployError
+from deploy.stack.formatting import number
+from lifeline.command import show
+from lifeline.inspection.listening import Robot, inspection
+from lifeline.inspection.nodes import Node, describe, find
+from lifeline.inspection.traffic import KeyTraffic, Traffic
+from wire.text import printable
+from wire.topics import ANYONE, Topic
+
+
+def _facts() -> Table:
+    """Return an empty table with a name and a value in each row."""
+    table = Table(show_header=False, box=None, pad_edge=False)
+    table.add_column(style="bold")
+    table.add_column(overflow="fold")
+    return table
+
+
+# --- topics
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A topic of the list."""
+
+    key: str
+    type: str
+    """Empty if it is not known."""
+    permitted: str
+    """The permitted writer; empty for foreign keys."""
+    writers: tuple[str, ...]
+    """The names of the writers; each that was heard but declares nothing is `undeclared`."""
+    rate_hz: float
+    expected_hz: float | None
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "key": self.key,
+            "type": self.type or None,
+            "permitted_writer": self.permitted or None,
+            "writers": list(self.writers),
+            "rate_hz": number(self.rate_hz),
+            "expected_hz": self.expected_hz,
+        }
+
+    @property
+    def problem(self) -> str:
+        """That more than the permitted writer writes it; empty if not."""
+        if not self.permitted or self.permitted == ANYONE or len(self.writers) < 2:
+            return ""
+        return (
+            f"{len(self.writers)} programs write {self.key}, but only one may: stop all but {self.permitted}"
+        )
+
+
+def _entry(key: str, topic: Topic[Any] | None, nodes: Sequence[Node], heard: KeyTraffic | None) -> Entry:
+    names = [node.name for node in nodes if key in node.session.writes]
+    hidden = (0 if heard is None else heard.concurrent()) - len(names)
+    return Entry(
+        key,
+        "" if topic is None else topic.type.__msgtype__,
+        "" if topic is None else topic.writer,
+        (*names, *(["undeclared"] * hidden)),
+        math.nan if heard is None else heard.rate_hz,
+        None if topic is None else topic.rate_hz,
+    )
+
+
+@inspection
+async def list_topics(robot: Robot, seconds: float, *, as_json: bool) -> int:
+    """Print all known topics with their types, writers and rates, then all other keys that are declared or were heard."""
+    traffic, nodes = await robot.traffic(seconds), await robot.nodes()
+    declared = {key for node in nodes for key in node.session.writes if "*" not in key}
+    others = sorted((declared | set(traffic.keys)) - set(robot.known))
+    found = [_entry(key, robot.topic(key), nodes, traffic.keys.get(key)) for key in (*robot.known, *others)]
+    show([entry.to_json() for entry in found], _topic_table(found), as_json=as_json)
+    return 0
+
+
+def _topic_table(found: Iterable[Entry]) -> Table:
+    table = Table(box=None, pad_edge=False)
+    for name in ("topic", "type", "may write", "writes"):
+        table.add_column(name, overflow="fold")
+    table.add_column("Hz", justify="right")
+    for entry in found:
+        table.add_row(
+            Text(printable(entry.key)),
+            entry.type.rpartition("/")[2] or Text("unknown", style="dim"),
+            entry.permitted or Text("foreign", style="dim"),
+            Text(printable(", ".join(entry.writers)), style="bold red" if entry.problem else ""),
+            "" if math.isnan(entry.rate_hz) else f"{entry.rate_hz:.1f}",
+        )
+    return table
+
+
+@inspection
+async def show_topic(robot: Robot, name: str, seconds: float, *, as_json: bool) -> int:
+    """Print the type, writers and readers of a topic. Exit 1 if more than the permitted writer writes it."""
+    key = robot.key(name)
+    traffic, nodes = await robot.traffic(seconds, key), await robot.nodes()
+    heard, topic = traffic.keys.get(key), robot.topic(key)
+    entry = _entry(key, topic, nodes, heard)
+    writing = [node for node in nodes if key in node.session.writes]
+    reading = [node for node in nodes if node.reads(key)]
+    if topic is None and heard is None and not writing and not reading:
+        raise DeployError(f"no program declares or writes {key}: see `lifeline topic list`")
+    document = entry.to_json() | {
+        "writers": [_brief_json(node) for node in writing],
+        "undeclared_writers": entry.writers.count("undeclared"),
+        "readers": [_brief_json(node) for node in reading],
+        "problem": entry.problem or None,
+    }
+    show(document, _topic_facts(entry, writing, reading, heard), as_json=as_json)
+    return 1 if entry.problem else 0
+
+
+def _topic_facts(
+    entry: Entry, writing: Sequence[Node], reading: Sequence[Node], heard: KeyTraffic | None
+) -> Table:
+    table = _facts()
+    table.add_row("topic", Text(entry.key))
+    table.add_row("type", entry.type or "unknown")
+    table.add_row("permitted writer", entry.permitted or "not a topic of this robot")
+    rate = "nothing heard" if heard is None else f"{heard.rate_hz:.1f} Hz"
+    expected = "" if entry.expected_hz is None else f", expected {entry.expected_hz:g} Hz"
+    table.add_row("rate", f"{rate}{expected}")
+    for title, nodes in (("writer", writing), ("reader", reading)):
+        for node in nodes:
+            table.add_row(title, Text(printable(describe(node))))
+    for _ in range(entry.writers.count("undeclared")):
+        table.add_row("writer", "a program that declares no publisher (undeclared)")
+    if not entry.writers:
+        table.add_row("writer", "none")
+    if entry.problem:
+        table.add_row("problem", Text(entry.problem, style="bold red"))
+    return table
+
+
+def _brief_json(node: Node) -> dict[str, Any]:
+    return {"node": node.name, "pid": node.pid, "host": node.host, "session": node.session.session_id}
+
+
+# --- nodes
+
+
+@inspection
+async def list_nodes(robot: Robot, *, as_json: bool) -> int:
+    """Print all nodes."""
+    nodes = await robot.nodes()
+    show([_node_json(node) for node in nodes], _node_table(nodes), as_json=as_json)
+    return 0
+
+
+def _node_json(node: Node) -> dict[str, Any]:
+    return _brief_json(node) | {
+        "named": node.is_named,
+        "uptime_s": None if node.process is None else round(node.process.uptime_s, 2),
+        "address": node.session.address,
+        "writes": sorted(node.session.writes),
+        "reads": sorted(node.session.reads),
+        "serves": sorted(node.session.serves),
+    }
+
+
+def _node_table(nodes: Iterable[Node]) -> Table:
+    table = Table(box=None, pad_edge=False)
+    table.add_column("node", overflow="fold")
+    for name in ("pid", "host", "uptime", "writes", "reads", "serves"):
+        table.add_column(name, justify="left" if name == "host" else "right")
+    for node in nodes:
+        session = node.session
+        table.add_row(
+            Text(printable(node.name), style="" if node.is_named else "dim"),
+            "" if node.pid is None else str(node.pid),
+            node.host,
+            "" if node.process is None else _uptime(node.process.uptime_s),
+            *(str(len(keys)) for keys in (session.writes, session.reads, session.serves)),
+        )
+    return table
+
+
+def _uptime(duration_s: float) -> str:
+    """Return a duration in hours, minutes and seconds: `5:03:20`."""
+    seconds = max(0, int(duration_s))
+    return f"{seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+
+
+@inspection
+async def show_node(robot: Robot, name: str, seconds: float, *, as_json: bool) -> int:
+    """Print a node's process, and the keys that it writes, reads and serves, with their rates."""
+    traffic, nodes = await robot.traffic(seconds), await robot.nodes()
+    found = find(nodes, name)
+    if not found:
+        there = ", ".join(dict.fromkeys(node.name for node in nodes))
+        raise DeployError(f"there is no node {name!r}; there are {there}")
+    documents = [_node_json(node) | {"rates_hz": _rates(node, traffic)} for node in found]
+    pages: list[RenderableType] = [page for node in found for page in (_node_facts(node, traffic), "")]
+    show(documents, *pages, as_json=as_json)
+    return 0
+
+
+def _rates(node: Node, traffic: Traffic) -> dict[str, float | None]:
+    """Return the rate [Hz] of each key that was heard and that a node writes or reads."""
+    return {
+        key: number(heard.rate_hz)
+        for key, heard in sorted(traffic.keys.items())
+        if key in node.session.writes or node.reads(key)
+    }
+
+
+def _node_facts(node: Node, traffic: Traffic) -> Table:
+    table = _facts()
+    table.add_row("node", Text(printable(node.name)))
+    if node.process is not None:
+        table.add_row("pid", str(node.pid))
+        table.add_row("uptime", _uptime(node.process.uptime_s))
+        table.add_row("command", Text(printable(" ".join(node.process.arguments))))
+    table.add_row("host", node.host)
+    session = node.session
+    for title, keys in (("writes", session.writes), ("reads", session.reads), ("serves", session.serves)):
+        for key in sorted(keys):
+            heard = traffic.keys.get(key)
+            rate = "" if heard is None else f"  {heard.rate_hz:.1f} Hz"
+            table.add_row(title, Text(printable(f"{key}{rate}")))
+    return table
