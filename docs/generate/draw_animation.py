@@ -7,8 +7,9 @@ The plant and the law are the real ones: the robot is driven at someone who walk
 import sys
 from pathlib import Path
 
-from lifeline.render.film import FilmError, film
-from lifeline.render.picture import Wanted, parse_size
+from deploy.stack.errors import DeployError
+from lifeline.render.film import film
+from lifeline.render.render import Wanted, parse_size
 from sim.gl import NoGlError
 from sim.render import View
 
@@ -28,7 +29,7 @@ def main() -> int:
     """Writes it; 1 with one sentence on stderr where it cannot be."""
     try:
         film(WANTED, *parse_size(WANTED.size), VIEW, pillar=False)
-    except (FilmError, NoGlError) as error:
+    except (DeployError, NoGlError) as error:
         print(f"The animation cannot be drawn: {error}.", file=sys.stderr)
         return 1
     return 0

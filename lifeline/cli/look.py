@@ -236,8 +236,7 @@ def render(
 ) -> None:
     """Render the simulated robot to an image or animation; no display is needed."""
     require("sim")  # before the renderer is chosen, which must precede MuJoCo's import
-    from lifeline.render.picture import Wanted
-    from lifeline.render.render import render
+    from lifeline.render.render import Wanted, render
 
     rendered = render(Wanted(out, scene, hull, camera, size, seconds, fps, drive, caption))
     answer(rendered._asdict(), rendered.sentence, as_json=as_json)

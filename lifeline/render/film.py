@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from rich.console import Console
 from rich.progress import track
 
-from lifeline.render.picture import Wanted
+from deploy.stack.errors import DeployError
 from lifeline.render.rehearsal import Operator, Rehearsal
+from lifeline.render.render import Wanted
 from sim.config import Build, Hull, SceneError
 from sim.floorplan import Circle, Rectangle
 from sim.lidar_config import LidarConfig
@@ -24,10 +25,6 @@ _PICTURE_SAMPLES, _ANIMATION_SAMPLES = 8, 4
 """Multisampling; an animation needs less antialiasing than a picture."""
 
 
-class FilmError(Exception):
-    """The file cannot be rendered; the message says why."""
-
-
 def film(wanted: Wanted, width: int, height: int, view: View | None = None, *, pillar: bool = True) -> None:
     """Simulate the drive, render its frames, and write the file.
 
@@ -39,7 +36,7 @@ def film(wanted: Wanted, width: int, height: int, view: View | None = None, *, p
         pillar: Whether to place the pillar ahead of a driven robot.
 
     Raises:
-        FilmError: An option is invalid; nothing has been written.
+        DeployError: An option is invalid; nothing has been written.
         NoGlError: This machine cannot render offscreen.
     """
     try:
@@ -61,15 +58,14 @@ def film(wanted: Wanted, width: int, height: int, view: View | None = None, *, p
             )
             write(wanted.out, iter(pictures), wanted.fps)
     except (OutputError, SceneError, ViewError) as error:
-        raise FilmError(str(error).rstrip(".")) from error
+        raise DeployError(str(error).rstrip(".")) from error
 
 
 def _plant(wanted: Wanted) -> Plant:
     if wanted.hull not in tuple(Hull):
-        raise FilmError(f"There is no hull named {wanted.hull!r}; there are {', '.join(Hull)}")
+        raise DeployError(f"There is no hull named {wanted.hull!r}; there are {', '.join(Hull)}")
     options = Build(Hull(wanted.hull), moving=True, scenery=True)
-    scene = wanted.scene
-    return Plant(scene, lidars=(LidarConfig(noise_m=LIDAR_NOISE_M),), options=options)
+    return Plant(wanted.scene, lidars=(LidarConfig(noise_m=LIDAR_NOISE_M),), options=options)
 
 
 def _put_pillar(plant: Plant) -> None:
