@@ -8,6 +8,7 @@ from typing import NoReturn
 from deploy.stack.errors import EXIT_NOT_RUNNING, DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.reach import NotRunningError, Observer, reach
+from lifeline.command import note, say
 from teleop.station.service import Station
 from teleop.station.state import Look, headline, picture
 from teleop.terminal import Terminal, is_dumb, is_terminal
@@ -85,10 +86,9 @@ async def _press(launch: Launch) -> int:
     try:
         bus = await reach(launch.bus, asyncio.Event())
     except NotRunningError:
-        print(
-            f"lifeline: NOT stopped: no supervisor answers at {launch.bus.endpoint}; a base whose supervisor is silent "
-            f"brakes by itself. If the robot moves, {OTHER_MEANS}",
-            file=sys.stderr,
+        note(
+            f"NOT stopped: no supervisor answers at {launch.bus.endpoint}; a base whose supervisor is silent "
+            f"brakes by itself. If the robot moves, {OTHER_MEANS}"
         )
         return EXIT_NOT_RUNNING
     assert bus is not None  # nothing sets the event
@@ -97,11 +97,10 @@ async def _press(launch: Launch) -> int:
         for _ in range(round(CONFIRM_LIMIT_S / PERIOD_S)):
             button.put(Bool(data=True))
             if await observer.until(_is_latched, PERIOD_S):
-                print("lifeline: the emergency stop is latched; reset it with r in teleop")
+                say("the emergency stop is latched; reset it with r in teleop")
                 return 0
-        print(
-            f"lifeline: NOT confirmed: the emergency stop was sent, but no status shows it. If the robot moves, {OTHER_MEANS}",
-            file=sys.stderr,
+        note(
+            f"NOT confirmed: the emergency stop was sent, but no status shows it. If the robot moves, {OTHER_MEANS}"
         )
         return EXIT_NOT_CONFIRMED
     finally:

@@ -1,7 +1,6 @@
 """`lifeline record`: record all messages in one MCAP file until Ctrl-C."""
 
 import asyncio
-import json
 import sys
 import time
 from collections.abc import Callable, Iterable
@@ -11,7 +10,7 @@ from typing import Any, NoReturn
 
 from deploy.stack.launch import Launch
 from deploy.stack.reach import HeardSources, reach, run_command
-from lifeline.command import StatusLine
+from lifeline.command import StatusLine, note, print_json
 from lifeline.recording import Recorded, RecordingWriter, exists
 from supervisor.config import SupervisorSection
 from wire import topics
@@ -175,14 +174,13 @@ async def _record(
     finally:
         await bus.close()
     if as_json:
-        print(json.dumps(_to_json(report, path), indent=2))
+        print_json(_to_json(report, path))
     else:
         _print(report, path)
     if report.failure:
-        print(
-            f"lifeline: cannot write the file any further ({report.failure}): it is readable up to its last flush; "
-            "free disk space, and record to another file",
-            file=sys.stderr,
+        note(
+            f"cannot write the file any further ({report.failure}): it is readable up to its last flush; "
+            "free disk space, and record to another file"
         )
     return EXIT_FAILURE if report.failure else 0
 

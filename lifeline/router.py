@@ -38,18 +38,19 @@ MAX_ROBOTS = 1000
 class RouterSection(Section):
     """The options of `lifeline router`."""
 
-    listen: Annotated[list[Endpoint], Field(min_length=1, max_length=8)]
-    connect: Annotated[list[Endpoint], Field(max_length=8)]
+    listen: Annotated[tuple[Endpoint, ...], Field(min_length=1, max_length=8)]
+    connect: Annotated[tuple[Endpoint, ...], Field(max_length=8)]
     robots: Annotated[
-        list[Annotated[Name, AfterValidator(is_one_robot)]], Field(min_length=1, max_length=MAX_ROBOTS)
+        tuple[Annotated[Name, AfterValidator(is_one_robot)], ...],
+        Field(min_length=1, max_length=MAX_ROBOTS),
     ]
-    sources: Annotated[list[FreeName], Field(min_length=1, max_length=32)]
-    stations: Annotated[list[Name], Field(max_length=32)]
+    sources: Annotated[tuple[FreeName, ...], Field(min_length=1, max_length=32)]
+    stations: Annotated[tuple[Name, ...], Field(max_length=32)]
     has_keys: bool
 
     def conflicts(self) -> Iterator[Conflict]:
         for name in ("listen", "connect"):
-            endpoints: list[str] = getattr(self, name)
+            endpoints: tuple[str, ...] = getattr(self, name)
             for number, endpoint in enumerate(endpoints):
                 if tls.is_secure(endpoint) and not self.has_keys:
                     yield Conflict((name, number), None, tls.without_keys(endpoint))
@@ -75,25 +76,19 @@ def router_config(
     if not named:
         raise DeployError("name the robots whose messages the router passes on, with --robot NAMESPACE")
     values = {
-        "listen": list(listen),
-        "connect": list(connect),
-        "robots": list(dict.fromkeys(named)),
-        "sources": list(sources) or list(Contract().sources),
-        "stations": list(stations),
+        "listen": tuple(listen),
+        "connect": tuple(connect),
+        "robots": tuple(dict.fromkeys(named)),
+        "sources": tuple(sources) or Contract().sources,
+        "stations": tuple(stations),
         "has_keys": keys is not None,
     }
     try:
-        options = section({"router": values}, "router", RouterSection)
-        return RouterConfig(
-            tuple(options.listen),
-            tuple(options.robots),
-            None if keys is None else absolute(keys),
-            tuple(options.connect),
-            tuple(options.sources),
-            tuple(options.stations),
-        )
+        found = section({"router": values}, "router", RouterSection)
+        folder = None if keys is None else absolute(keys)
     except ConfigError as error:
         raise DeployError(str(error)) from error
+    return RouterConfig(found.listen, found.robots, folder, found.connect, found.sources, found.stations)
 
 
 def _read_names(path: Path) -> list[str]:

@@ -1,6 +1,5 @@
 """`lifeline check`: report a configuration's lidars, stopping distance, permitted motions, ROS 2 topics and risks."""
 
-import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +13,7 @@ from deploy.stack.errors import DeployError
 from deploy.stack.robot_file import read_robot
 from lifeline.check.motions import Permitted, View, permitted_motions
 from lifeline.check.risks import Risk, held_cm, risks, ros2_risks
+from lifeline.command import print_json
 from ros2.config import Ros2Section, RosSourceSection
 from sim.config import SimSection
 from supervisor.config import FULL_TURN_SLACK_RAD, NamedLidarSection, SupervisorSection
@@ -82,7 +82,7 @@ def check(file: Path, *, as_json: bool = False) -> int:
     """
     report = examine(file)
     if as_json:
-        print(json.dumps(to_json(report), indent=2))
+        print_json(to_json(report))
     else:
         _print(Console(), file, report)
     return EXIT_RISKS if report.risks else 0

@@ -1,6 +1,5 @@
 """`lifeline incidents`: list the black boxes of a robot, show the seconds around a stop, and export one for other tools."""
 
-import json
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import chain, groupby
@@ -14,6 +13,7 @@ from rich.text import Text
 
 from deploy.stack.errors import DeployError
 from deploy.stack.formatting import COLOURS, nearest
+from lifeline.command import print_json
 from lifeline.incidents.incident import IncidentError, black_boxes, id_of, messages
 from lifeline.incidents.plot import Series, plot
 from lifeline.incidents.summary import Incident, Sample, read_incident
@@ -43,7 +43,7 @@ def show_list(directory: Path, *, as_json: bool) -> int:
     """Print one row for each black box; a file that cannot be read has its own row."""
     paths = black_boxes(directory)
     if as_json:
-        print(json.dumps([_json_of(path) for path in paths], indent=2))
+        print_json([_json_of(path) for path in paths])
         return 0
     if not paths:
         print(f"lifeline: no incidents in {directory}: a black box is written at each stop of a moving robot")
@@ -118,7 +118,7 @@ def show(path: Path, seconds: float, *, as_json: bool) -> int:
     incident = read_incident(path, seconds)
     if as_json:
         samples = [sample.to_json() for sample in incident.samples]
-        print(json.dumps({**incident.to_json(), "samples": samples}, indent=1))
+        print_json({**incident.to_json(), "samples": samples})
         return EXIT_INCOMPLETE if incident.problem else 0
     console = Console()
     console.print(_summary(incident))
@@ -311,7 +311,7 @@ def export(path: Path, file: Path, namespace: str, *, as_json: bool) -> int:
             "bytes": file.stat().st_size,
             "problem": problem or None,
         }
-        print(json.dumps(document, indent=2))
+        print_json(document)
         return EXIT_INCOMPLETE if problem else 0
     width = max(map(len, counts))
     for topic in sorted(counts):

@@ -1,6 +1,5 @@
 """`lifeline replay-decision`: run the law again over a black box recording, and compare the decisions."""
 
-import json
 import platform
 import time
 from collections.abc import Sequence
@@ -15,6 +14,7 @@ from rich.text import Text
 
 from deploy.stack.errors import DeployError
 from deploy.stack.formatting import COLOURS, number
+from lifeline.command import print_json
 from supervisor.blackbox.file import DECISION, INPUTS, STATE, dumps
 from supervisor.blackbox.reader import BlackBoxError, Document, read, stops_of
 from supervisor.law.model import STANDSTILL, Decision, Inputs, State, Velocity
@@ -72,7 +72,7 @@ def replay_decision(path: Path, *, as_json: bool = False) -> int:
     except BlackBoxError as error:
         raise DeployError(str(error)) from error
     if as_json:
-        print(json.dumps(to_json(document, found), indent=2))
+        print_json(to_json(document, found))
     else:
         _print(document, found)
     return 0 if found.difference is None else EXIT_DIFFERENT

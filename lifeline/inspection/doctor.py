@@ -2,7 +2,6 @@
 
 import asyncio
 import importlib.metadata
-import json
 import os
 import select
 import sys
@@ -11,7 +10,6 @@ import time
 import tty
 from typing import NoReturn
 
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -22,6 +20,7 @@ from deploy.stack.reach import DEPTH, NotRunningError, reach, run_command, silen
 from deploy.stack.robot_file import read_robot
 from deploy.stack.ros2_reports import reports_of
 from deploy.stack.statedir import StateDir
+from lifeline.command import show
 from lifeline.inspection.diagnosis import Finding, Observed, Terminal, Verdict, diagnose, is_healthy
 from lifeline.inspection.listening import Robot, robot_at
 from lifeline.inspection.sockets import processes_at
@@ -61,11 +60,8 @@ async def _examine(
     if bus is not None and seen.config is not None:
         await _listen(seen, robot_at(bus, launch, seen.config, stop), seconds)
     findings = diagnose(seen)
-    if as_json:
-        print(json.dumps([finding._asdict() for finding in findings], indent=2))
-    else:
-        Console().print(_table(findings))
-        print(_summary(findings))
+    found = [finding._asdict() for finding in findings]
+    show(found, _table(findings), Text(_summary(findings)), as_json=as_json)
     return 0 if is_healthy(findings) else 1
 
 

@@ -7,16 +7,15 @@ little.
 import asyncio
 import time
 from collections.abc import Awaitable, Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
 from deploy.stack.errors import EXIT_NOT_RUNNING, DeployError
-from deploy.stack.formatting import HEARD_LIMIT_S
 from deploy.stack.reach import NotRunningError, run_command
 from lifeline.command import print_json, say
 from lifeline.watch.rows import Row, Watched, row_at
 from lifeline.watch.watch import EXIT_PARTLY, show_lines, show_live, show_once, until, wants_lines
+from teleop.guards import Supervisors
 from wire import tls, topics
 from wire.bundle import BundleError, choose_bundle
 from wire.bus import Overheard
@@ -75,47 +74,34 @@ class Robots:
         return all(one.robot.status is not None for one in self.by_name.values())
 
 
-@dataclass(slots=True)
-class Run:
-    """What was heard of one run of a supervisor; times are arrival times [s]."""
-
-    first_s: float
-    last_s: float
-    is_latched: bool = False
-    """Whether its newest status says that the e-stop is latched."""
-
-
 class Remote:
     """One robot behind the endpoint, or several that share its namespace by mistake, such as copies of one disk."""
 
     def __init__(self, name: str, endpoint: str) -> None:
         self.robot = Watched(name, endpoint, since_s=time.monotonic())
         self._new: list[tuple[Row, float]] = []
-        self._runs: dict[bytes, Run] = {}
+        self._supervisors = Supervisors()
+        self._latched: dict[bytes, tuple[float, bool]] = {}
+        """By run of a supervisor: arrival of its newest status [s], and whether the e-stop is latched in it."""
 
     def heard(self, sample: Overheard) -> None:
         try:
-            self.robot.status, self.robot.status_s = decode(sample.payload, SafetyStatus), sample.arrival_s
+            status = decode(sample.payload, SafetyStatus)
         except UndecodableError:
             return
+        self.robot.status, self.robot.status_s = status, sample.arrival_s
         stamp = parse_stamp(sample.attachment)
-        gid = b"" if stamp is None else stamp.gid
-        if gid not in self._runs and len(self._runs) >= MAX_RUNS:
-            self._runs.pop(next(iter(self._runs)))
-        run = self._runs.setdefault(gid, Run(sample.arrival_s, sample.arrival_s))
-        run.last_s, run.is_latched = sample.arrival_s, StopReason.ESTOP in self.robot.status.reasons
+        run = b"" if stamp is None else stamp.gid
+        self._supervisors.heard(run, sample.arrival_s)
+        if run not in self._latched and len(self._latched) >= MAX_RUNS:
+            self._latched.pop(next(iter(self._latched)))
+        self._latched[run] = sample.arrival_s, StopReason.ESTOP in status.reasons
         self._new.append((self.row_at(sample.arrival_s), sample.arrival_s))
 
     def row_at(self, now_s: float) -> Row:
         """Return the row at `now_s`; if several supervisors have this name, the link says so."""
-        row, count = row_at(self.robot, now_s), self.supervisors(now_s)
-        return row._replace(link=f"{count} supervisors") if count > 1 else row
-
-    def supervisors(self, now_s: float) -> int:
-        """Return how many supervisors speak at the same time; one that was restarted counts once."""
-        newest_s = max((run.first_s for run in self._runs.values()), default=0.0)
-        heard = (run for run in self._runs.values() if now_s - run.last_s <= HEARD_LIMIT_S)
-        return sum(run.last_s >= newest_s for run in heard)
+        row = row_at(self.robot, now_s)
+        return row._replace(link="2 supervisors") if self._supervisors.are_several(now_s) else row
 
     def rows(self) -> Iterator[tuple[Row, float]]:
         """Yield the row and its time [s] for each status since the last call, then the present row."""
@@ -126,8 +112,8 @@ class Remote:
 
     def is_latched_since(self, time_s: float) -> bool:
         """Return whether a status after this time says that the e-stop is latched, from each supervisor that was heard."""
-        runs = self._runs.values()
-        return bool(runs) and all(run.last_s > time_s and run.is_latched for run in runs)
+        latched = self._latched.values()
+        return bool(latched) and all(last_s > time_s and is_latched for last_s, is_latched in latched)
 
 
 def fleet_config(endpoint: str, keys: Path | None, *, stops: bool) -> BusConfig:
