@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from mcap.records import Channel, Chunk, Message, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.records import Channel, Message, Schema
+from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 
 from deploy.stack.errors import DeployError
@@ -146,37 +146,23 @@ class RecordingReader:
         channels: dict[int, Channel] = {}
         with self.path.open("rb") as file:
             size = self.path.stat().st_size
-            reader = StreamReader(file, emit_chunks=True, record_size_limit=size)
-            records = iter(reader.records)
-            while True:
-                try:
-                    record = next(records, None)
-                    inner = (
-                        breakup_chunk(record, validate_crc=True) if isinstance(record, Chunk) else [record]
-                    )
-                except Exception:  # noqa: BLE001 - a truncated record can raise any exception
-                    self.cut = True
-                    return
-                if record is None:
-                    return
-                for item in inner:
-                    match item:
+            try:
+                for record in StreamReader(file, validate_crcs=True, record_size_limit=size).records:
+                    match record:
                         case Schema():
-                            schemas[item.id] = item
+                            schemas[record.id] = record
                         case Channel():
-                            channels[item.id] = item
+                            channels[record.id] = record
                         case Message(channel_id=number) if number in channels:
                             channel = channels[number]
-                            if channel.message_encoding == MESSAGE_ENCODING and channel.schema_id in schemas:
-                                yield Recorded(
-                                    channel.topic,
-                                    schemas[channel.schema_id].name,
-                                    item.log_time,
-                                    item.sequence,
-                                    item.data,
-                                )
+                            schema = schemas.get(channel.schema_id)
+                            if channel.message_encoding == MESSAGE_ENCODING and schema is not None:
+                                time_ns, sequence = record.log_time, record.sequence
+                                yield Recorded(channel.topic, schema.name, time_ns, sequence, record.data)
                         case _:
                             pass
+            except Exception:  # noqa: BLE001 - a truncated record can raise any exception
+                self.cut = True
 
 
 def exists(path: Path) -> RecordingError:

@@ -1,5 +1,6 @@
 """`lifeline incidents`: list the black boxes of a robot, show the seconds around a stop, and export one for other tools."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import chain, groupby
@@ -17,7 +18,7 @@ from lifeline.command import print_json
 from lifeline.incidents.incident import IncidentError, black_boxes, id_of, messages
 from lifeline.incidents.plot import Series, plot
 from lifeline.incidents.summary import Incident, Sample, read_incident
-from lifeline.recording import Recorded, RecordingError, RecordingWriter, exists
+from lifeline.recording import RecordingError, RecordingWriter, exists
 from supervisor.law.reckoning import Velocity
 from wire.reasons import words_of
 from wire.standstill import is_still
@@ -205,7 +206,8 @@ def _velocities(sample: Sample) -> Iterator[Velocity]:
 
 def table_of(rows: Sequence[Sample]) -> Table:
     """Return the table of the samples, of at most the first `MAX_ROWS`."""
-    turns = any(abs(rate) >= TURN_RAD_S for sample in rows for rate in _turn_rates(sample))
+    velocities = (one for sample in rows for one in sample.velocities if one is not None)
+    turns = any(abs(one.angular_rad_s) >= TURN_RAD_S for one in velocities)
     table = Table(box=None, pad_edge=False)
     table.add_column("s", justify="right", no_wrap=True)
     table.add_column("mode", no_wrap=True)
@@ -214,23 +216,16 @@ def table_of(rows: Sequence[Sample]) -> Table:
     table.add_column("reasons", overflow="fold")
     table.add_row("", "", *["m/s, rad/s" if turns else "m/s"] * 3, "m", "", style="dim")
     for sample in rows[:MAX_ROWS]:
-        velocities = (sample.commanded, sample.permitted, sample.measured)
         table.add_row(
             f"{sample.time_s + 0.0:+.3f}",
             Text(sample.mode, COLOURS[sample.mode]),
-            *(_twist(velocity, turns=turns) for velocity in velocities),
+            *(_twist(velocity, turns=turns) for velocity in sample.velocities),
             _value(sample.nearest_m),
             Text(printable(sample.why)),
         )
     if len(rows) > MAX_ROWS:
         table.add_row("…", "", "", "", "", "", f"{len(rows) - MAX_ROWS:,} more rows: see --json")
     return table
-
-
-def _turn_rates(sample: Sample) -> Iterator[float]:
-    for velocity in (sample.commanded, sample.permitted, sample.measured):
-        if velocity is not None:
-            yield velocity.angular_rad_s
 
 
 def _twist(velocity: Velocity | None, *, turns: bool) -> str:
@@ -248,14 +243,12 @@ def _plots(incident: Incident, width: int, *, turns: bool) -> Iterator[Text]:
     samples = incident.samples
     times_s = [sample.time_s for sample in samples]
 
-    def values(velocities: Iterator[Velocity | None]) -> list[float]:
-        return [nan if velocity is None else velocity[turns] for velocity in velocities]
-
-    speeds = (
-        Series("requested", "·", "cyan", values(sample.commanded for sample in samples)),
-        Series("permitted", "─", "yellow", values(sample.permitted for sample in samples)),
-        Series("measured", "●", "bold green", values(sample.measured for sample in samples)),
-    )
+    looks = (("requested", "·", "cyan"), ("permitted", "─", "yellow"), ("measured", "●", "bold green"))
+    velocities = zip(*(sample.velocities for sample in samples), strict=True)
+    speeds = [
+        Series(*look, [nan if one is None else one[turns] for one in values])
+        for look, values in zip(looks, velocities, strict=True)
+    ]
     title = "turn rate, rad/s" if turns else "speed, m/s"
     yield plot(title, times_s, speeds, width=width, height=PLOT_HEIGHT)
     distances = (
@@ -286,12 +279,13 @@ def export(path: Path, file: Path, namespace: str, *, as_json: bool) -> int:
     if first is None:
         raise DeployError(f"{path} contains no messages: choose another incident")
     writer = RecordingWriter(file)
-    counts: dict[str, int] = {}
+    counts: Counter[str] = Counter()
     problem = ""
     try:
         try:
             for message in chain((first,), stream):
-                _write(writer, message, counts)
+                writer.write(message)
+                counts[message.topic] += 1
         except IncidentError as error:
             problem = str(error)
         writer.close()
@@ -320,8 +314,3 @@ def export(path: Path, file: Path, namespace: str, *, as_json: bool) -> int:
     if problem:
         print(f"lifeline: the recording ends early, because {printable(problem)}")
     return EXIT_INCOMPLETE if problem else 0
-
-
-def _write(writer: RecordingWriter, message: Recorded, counts: dict[str, int]) -> None:
-    writer.write(message)
-    counts[message.topic] = counts.get(message.topic, 0) + 1

@@ -48,6 +48,11 @@ class Sample(NamedTuple):
     detail: str
     """Details of the first cause."""
 
+    @property
+    def velocities(self) -> tuple[Velocity, Velocity, Velocity | None]:
+        """What is commanded, permitted and measured."""
+        return self.commanded, self.permitted, self.measured
+
     def to_json(self) -> dict[str, Any]:
         return {
             "time_s": number(self.time_s),

@@ -3,6 +3,7 @@
 Each check is one function from what was observed to findings, in the order in which the report prints them.
 """
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -176,37 +177,28 @@ def _connection(seen: Observed) -> Iterator[Finding]:
 def _nodes(seen: Observed) -> Iterator[Finding]:
     if not seen.is_connected:
         return
+    read_by_others = {key for node in seen.nodes if node.session.address for key in node.session.reads}
     named = {name for node in seen.nodes if node.is_named for name in node.name.split("+")}
     if seen.has_ros2 and topics.ROS2 not in named:
         yield problem(
             "base", "the ROS 2 process does not run", "start it with `lifeline up`, or check its log"
         )
-    elif topics.SIM not in named and f"{seen.namespace}/{topics.CMD_VEL.key}" not in _read_by_others(seen):
+    elif topics.SIM not in named and f"{seen.namespace}/{topics.CMD_VEL.key}" not in read_by_others:
         yield problem(
             "base",
             f"no program reads {seen.namespace}/{topics.CMD_VEL.key}",
             "start the sim, or the bridge to the base",
         )
     sources = [] if seen.config is None else [source.name for source in seen.config.sources]
-    present = [
-        name for name in sources if any(name in node.name.split("+") for node in seen.nodes if node.is_named)
-    ]
+    present = [name for name in sources if name in named]
     if present:
         yield ok("command source", f"{', '.join(present)} of {', '.join(sources)}")
     elif sources:
         yield problem("command source", f"none of {', '.join(sources)} runs", f"start one: `{seen.drive}`")
-    twice = {node.name for node in seen.nodes if node.is_named and _count(seen, node.name) > 1}
-    for name in sorted(twice):
+    counts = Counter(node.name for node in seen.nodes if node.is_named)
+    for name in sorted(name for name, count in counts.items() if count > 1):
         pids = ", ".join(str(node.pid) for node in seen.nodes if node.name == name)
         yield problem("nodes", f"two programs are {printable(name)} (pid {pids})", "end one of them")
-
-
-def _read_by_others(seen: Observed) -> set[str]:
-    return {key for node in seen.nodes if node.session.address for key in node.session.reads}
-
-
-def _count(seen: Observed, name: str) -> int:
-    return sum(node.is_named and node.name == name for node in seen.nodes)
 
 
 def _writers(seen: Observed) -> Iterator[Finding]:

@@ -105,7 +105,8 @@ class KeyTraffic:
         """
         writers = self.writers.values()
         active = (
-            sum(1 + one.is_copied for one in writers if _is_active(one, other.first_s)) for other in writers
+            sum(1 + one.is_copied for one in writers if one.first_s <= other.first_s <= one.last_s)
+            for other in writers
         )
         return max(active, default=0) if not self.is_flooded else max(2, *active)
 
@@ -120,10 +121,6 @@ class KeyTraffic:
         if sequence is not None and writer.sequence is not None:
             writer.is_copied |= sequence <= writer.sequence
         writer.last_s, writer.sequence = arrival_s, sequence
-
-
-def _is_active(writer: Writer, at_s: float) -> bool:
-    return writer.first_s <= at_s <= writer.last_s
 
 
 def spread(values_s: list[float]) -> Spread:

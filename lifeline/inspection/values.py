@@ -6,6 +6,7 @@ import io
 import json
 import math
 import re
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, cast
 
@@ -31,8 +32,7 @@ class ValueRefusedError(ValueError):
 def plain_value(value: object) -> Any:  # noqa: ANN401 - the nesting depends on the message
     """Return a message or a part of it as dicts, lists, numbers and strings."""
     if dataclasses.is_dataclass(value):
-        names = (field.name for field in dataclasses.fields(value))
-        return {name: plain_value(getattr(value, name)) for name in names if not name.startswith("__")}
+        return {name: plain_value(one) for name, one in _fields(value).items()}
     if isinstance(value, np.ndarray):
         return cast("list[Any]", value.tolist())
     if isinstance(value, (list, tuple)):
@@ -190,12 +190,9 @@ def _filled(default: M, value: object, where: str) -> M:
     return type(default)(**new)
 
 
-def _fields(message: Message) -> dict[str, Any]:
-    return {
-        field.name: getattr(message, field.name)
-        for field in dataclasses.fields(cast("Any", message))
-        if not field.name.startswith("__")
-    }
+def _fields(message: object) -> dict[str, Any]:
+    names = (field.name for field in dataclasses.fields(cast("Any", message)))
+    return {name: getattr(message, name) for name in names if not name.startswith("__")}
 
 
 def _single(old: object, value: object, name: str) -> object:
@@ -203,16 +200,10 @@ def _single(old: object, value: object, name: str) -> object:
         if isinstance(value, bool):
             return value
         raise ValueRefusedError(f"{name} is true or false")
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not _is_finite(value):
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not is_number or not abs(value) <= sys.float_info.max:  # false for NaN, infinity and larger integers
         raise ValueRefusedError(f"{name} is a finite number")
     return float(value)
-
-
-def _is_finite(value: float) -> bool:
-    try:
-        return math.isfinite(float(value))
-    except OverflowError:
-        return False
 
 
 def finite(value: object) -> object:

@@ -15,7 +15,6 @@ from lifeline.view.shapes import (
     Area,
     Floats,
     Frame,
-    Level,
     Line,
     LogLine,
     Points,
@@ -31,11 +30,6 @@ KEPT = "1GiB"
 SHOWN_S = 30.0
 """Seconds that the plots show while the view follows the robot."""
 
-LEVELS = {
-    Level.INFO: rr.TextLogLevel.INFO,
-    Level.WARN: rr.TextLogLevel.WARN,
-    Level.ERROR: rr.TextLogLevel.ERROR,
-}
 NO_STATE: Any = pa.array([None], pa.utf8())  # pyright: ignore[reportUnknownVariableType] - no stubs
 SERIES = {
     scene.REQUESTED: (scene.WARNING_RING, 3.5),
@@ -133,7 +127,7 @@ def _archetype(one: Primitive) -> tuple[str, rr.AsComponents]:
         case State(path, text):
             return path, rr.StateChange(state=text) if text else rr.StateChange(state=NO_STATE)
         case LogLine(path, text, level):
-            return path, rr.TextLog(text, level=LEVELS[level])
+            return path, rr.TextLog(text, level=level.value)
         case _:
             assert_never(one)
 

@@ -240,16 +240,13 @@ class Scene:
         if told == self._told:
             return
         if not self._told or self._told[0] != mode:
-            yield from self._hull(mode)
+            hull = fan(outline(self.law.hull))
+            yield Area(f"{BASE}/hull", *hull, MODE_COLOURS[mode], 0.08)
         self._told = told
         yield State(MODE, mode)
         yield State(CAUSES, causes)
         yield State(LATCHED, latched)
         yield LogLine(LOG, _sentence(status, mode), _level(status, mode))
-
-    def _hull(self, mode: str) -> Iterator[Primitive]:
-        corners, triangles = fan(outline(self.law.hull))
-        yield Area(f"{BASE}/hull", corners, triangles, MODE_COLOURS[mode], 0.08)
 
 
 def _heading(radius_m: float) -> Floats:

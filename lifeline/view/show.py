@@ -94,8 +94,8 @@ class Shown:
             await self._live(bus, log)
         elif recorded is not None:
             await self._on_thread(lambda: self._draw(log, recorded))
-            if self._wanted.out is None:
-                await self._until_closed()
+            while self._wanted.out is None and not self._is_closed:
+                await wait_until(self._stop, self._loop.time() + LOOK_PERIOD_S)
         if self._wanted.out is not None:
             await asyncio.wrap_future(self._thread.submit(log.close))
             size = self._wanted.out.stat().st_size
@@ -142,10 +142,6 @@ class Shown:
     @property
     def _is_closed(self) -> bool:
         return self._stop.is_set() or (self._viewer is not None and self._viewer.has_ended)
-
-    async def _until_closed(self) -> None:
-        while not self._is_closed:
-            await wait_until(self._stop, self._loop.time() + LOOK_PERIOD_S)
 
     async def _live(self, bus: Bus, log: RerunLog) -> None:
         namespace = self._scene.namespace

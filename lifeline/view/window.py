@@ -36,12 +36,8 @@ class File(NamedTuple):
     content: bytes
 
 
-def fetch(port: int) -> dict[str, File]:
-    """Return the files of the page that Rerun serves on a port of this machine, by path, except those that it lacks.
-
-    Raises:
-        OSError, HTTPException: it does not answer.
-    """
+def _fetch(port: int) -> dict[str, File]:
+    """Return the files of the page that Rerun serves on a port of this machine, by path, except those that it lacks."""
     files: dict[str, File] = {}
     for path in FILES:
         with closing(HTTPConnection(LOOPBACK, port, timeout=FETCH_LIMIT_S)) as connection:
@@ -199,7 +195,7 @@ def files_of(server: Viewer, port: int) -> dict[str, File]:
     end_s = time.monotonic() + START_LIMIT_S
     while time.monotonic() < end_s and not server.has_ended:
         with suppress(OSError, HTTPException):
-            return fetch(port)
+            return _fetch(port)
         time.sleep(POLL_S)
     raise DeployError("Rerun's web viewer did not start: use --out FILE.rrd")
 
