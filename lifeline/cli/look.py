@@ -301,7 +301,7 @@ def topic_echo(
     as_json: Json = False,
 ) -> None:
     """Print the messages of topics as YAML, until Ctrl-C."""
-    from lifeline.inspection.topic_stream import Echo, echo
+    from lifeline.inspection.topic import Echo, echo
 
     echo(robot.launch, keys, Echo(once, field, as_csv, as_json))
 
@@ -309,7 +309,7 @@ def topic_echo(
 @robot_command(topic_app, "hz")
 def topic_hz(robot: Robot, *, keys: Names, seconds: Until = None, as_json: Json = False) -> None:
     """Measure the rates of topics, and the gaps between messages. Exit 1 if nothing was heard."""
-    from lifeline.inspection.topic_stream import measure, rate_report
+    from lifeline.inspection.topic import measure, rate_report
 
     measure(robot.launch, keys, rate_report, seconds, as_json=as_json)
 
@@ -317,7 +317,7 @@ def topic_hz(robot: Robot, *, keys: Names, seconds: Until = None, as_json: Json 
 @robot_command(topic_app, "bw")
 def topic_bw(robot: Robot, *, keys: Names, seconds: Until = None, as_json: Json = False) -> None:
     """Measure the bandwidth of topics. Exit 1 if nothing was heard."""
-    from lifeline.inspection.topic_stream import measure, size_report
+    from lifeline.inspection.topic import measure, size_report
 
     measure(robot.launch, keys, size_report, seconds, as_json=as_json)
 
@@ -325,7 +325,7 @@ def topic_bw(robot: Robot, *, keys: Names, seconds: Until = None, as_json: Json 
 @robot_command(topic_app, "delay")
 def topic_delay(robot: Robot, *, keys: Names, seconds: Until = None, as_json: Json = False) -> None:
     """Measure the ages of messages at arrival, from the senders' stamps. Exit 1 if nothing was heard."""
-    from lifeline.inspection.topic_stream import age_report, measure
+    from lifeline.inspection.topic import age_report, measure
 
     measure(robot.launch, keys, age_report, seconds, as_json=as_json)
 
@@ -347,7 +347,7 @@ def topic_pub(
 
     The commands of a source are sent until Ctrl-C, after 1 s of zero, which arms the source.
     """
-    from lifeline.inspection.topic_publish import publish
+    from lifeline.inspection.topic import publish
 
     publish(robot.launch, key, message, rate, once=once)
 

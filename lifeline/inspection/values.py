@@ -20,6 +20,9 @@ from wire.text import printable
 MAX_YAML = 4096
 """Longest accepted YAML text, in characters."""
 
+LARGEST = sys.float_info.max
+"""No number of a message is larger; NaN does not compare, and an integer is compared exactly."""
+
 PLAIN_TEXT = re.compile(r"[A-Za-z_/][A-Za-z0-9_/]*")
 """Text that YAML reads as text without quotation marks, except `WORDS`."""
 WORDS = frozenset({"true", "false", "yes", "no", "on", "off", "null", "y", "n"})
@@ -200,8 +203,7 @@ def _single(old: object, value: object, name: str) -> object:
         if isinstance(value, bool):
             return value
         raise ValueRefusedError(f"{name} is true or false")
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not is_number or not abs(value) <= sys.float_info.max:  # false for NaN, infinity and larger integers
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= LARGEST:
         raise ValueRefusedError(f"{name} is a finite number")
     return float(value)
 
