@@ -2,8 +2,8 @@
 
 import asyncio
 import json
-from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rich.console import Console
@@ -125,6 +125,7 @@ async def _look(state: StateDir, launch: Launch) -> Look:
     programs = {p.name: p.state for p in supervisord.programs(state) or ()} if is_ours else {}
     with_ros2 = topics.ROS2 in launch.nodes
     limit_s = SECURE_CONNECT_LIMIT_S if tls.is_secure(launch.bus.endpoint) else CONNECT_LIMIT_S
+    look = Look(launch.bus.endpoint, connected=False, programs=programs, needed=launch.nodes, silence=silence)
     try:
         async with observing(launch.bus, limit_s) as observer:
             await observer.until(
@@ -136,32 +137,24 @@ async def _look(state: StateDir, launch: Launch) -> Look:
                 ),
                 ROS2_LIMIT_S if with_ros2 else LISTEN_LIMIT_S,
             )
-            return Look(
-                endpoint=launch.bus.endpoint,
+            # The base that is alive, in place of one of unknown kind.
+            base = next((name for name in (topics.SIM, topics.ROS2) if name in observer.alive), ANY_BASE)
+            return replace(
+                look,
                 connected=True,
                 alive=frozenset(observer.alive),
-                programs=programs,
                 status=observer.status,
                 odometry=observer.odometry,
-                needed=_with_known_base(launch.nodes, observer.alive),
+                needed=tuple(base if node == ANY_BASE else node for node in launch.nodes),
                 ros2=observer.ros2,
+                silence=None,
             )
     except TimeoutError:
-        return Look(
-            launch.bus.endpoint,
-            connected=False,
-            programs=programs,
+        return replace(
+            look,
             latched=launch.latched_sentence(state) if silence is None else None,
-            needed=launch.nodes,
             left_over=listed(processes.of(state.path)) if is_ours else "",
-            silence=silence,
         )
-
-
-def _with_known_base(nodes: tuple[str, ...], alive: Collection[str]) -> tuple[str, ...]:
-    """Return the nodes, with the base that is alive in place of one of unknown kind."""
-    base = next((name for name in (topics.SIM, topics.ROS2) if name in alive), ANY_BASE)
-    return tuple(base if node == ANY_BASE else node for node in nodes)
 
 
 def table(look: Look) -> Table | Text:

@@ -2,6 +2,8 @@
 
 import re
 from collections.abc import Iterable, Iterator
+from fnmatch import fnmatchcase
+from glob import escape
 from typing import Any
 
 from deploy.stack.errors import DeployError
@@ -128,16 +130,4 @@ def _skipped(parts: list[str], first: int) -> Iterator[int]:
 def _matches_part(expression: str, part: str) -> bool:
     if expression == "*":
         return not part.startswith("@")
-    first, *others = expression.split("$*")
-    if not others:
-        return expression == part
-    *middle, last = others
-    at = len(first)
-    if not part.startswith(first) or not part.endswith(last) or len(part) < at + len(last):
-        return False
-    for one in middle:  # the leftmost place leaves the most for the rest
-        at = part.find(one, at, len(part) - len(last))
-        if at < 0:
-            return False
-        at += len(one)
-    return True
+    return fnmatchcase(part, "*".join(map(escape, expression.split("$*"))))

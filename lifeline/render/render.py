@@ -12,19 +12,7 @@ MIN_FPS, MAX_FPS = 1.0, 60.0
 
 
 class Wanted(NamedTuple):
-    """The options of `lifeline render`.
-
-    Attributes:
-        out: The file to write; its extension selects the format.
-        scene: A layout's name, or a layout (.toml) or MJCF file (.xml).
-        hull: round or rectangular.
-        camera: Name of a view or of a camera of the scene.
-        size: WxH in pixels.
-        seconds: Simulated duration; a picture shows the last moment.
-        fps: Frames per second.
-        drive: Whether the operator drives the robot.
-        caption: Whether to print mode, speed and nearest distance on each frame.
-    """
+    """The options of `lifeline render`, as its help describes them."""
 
     out: Path
     scene: str = "warehouse"
