@@ -12,7 +12,7 @@ from rich.text import Text
 from deploy.stack.errors import DeployError
 from deploy.stack.robot_file import read_robot
 from lifeline.check.motions import Permitted, View, permitted_motions
-from lifeline.check.risks import Risk, held_cm, risks, ros2_risks
+from lifeline.check.risks import Risk, held_cm, risks
 from lifeline.command import print_json
 from ros2.config import Ros2Section, RosSourceSection
 from sim.config import SimSection
@@ -55,18 +55,11 @@ class Stopping(NamedTuple):
         return self.reaction_m + self.braking_m + self.keep_m
 
 
-class Seen(NamedTuple):
-    """A lidar's view, and the names of the values that were assumed because no setting gives them."""
-
-    view: View
-    assumed: tuple[str, ...]
-
-
 class Report(NamedTuple):
     """The result of `lifeline check`."""
 
     config: SupervisorSection
-    lidars: tuple[Seen, ...]
+    lidars: tuple[View, ...]
     stopping: Stopping
     motions: tuple[Permitted, ...]
     risks: tuple[Risk, ...]
@@ -99,23 +92,19 @@ def examine(file: Path) -> Report:
     except ConfigError as error:
         raise DeployError(str(error)) from error
     config, sim = sections[SupervisorSection], sections.get(SimSection)
-    lidars = tuple(_seen(lidar, sim) for lidar in config.all_lidars())
-    views = tuple(lidar.view for lidar in lidars)
+    views = tuple(_view(lidar, sim) for lidar in config.all_lidars())
     ros2 = sections.get(Ros2Section)
     return Report(
         config,
-        lidars,
+        views,
         stopping(config, views),
         tuple(permitted_motions(config, views)),
-        (
-            *risks(config, sim, sections[BusSection]),
-            *(() if ros2 is None else ros2_risks(ros2, config)),
-        ),
+        tuple(risks(config, sim, sections[BusSection], ros2)),
         () if ros2 is None else tuple(topics_of(ros2, config)),
     )
 
 
-def _seen(lidar: NamedLidarSection, sim: SimSection | None) -> Seen:
+def _view(lidar: NamedLidarSection, sim: SimSection | None) -> View:
     """Take values from the lidar's keys, else `[sim]` (without it, the period from the profile), else assume."""
     carried = None if sim is None else next(c for c in sim.lidar_configs() if c.topic == lidar.topic)
     assumed: list[str] = []
@@ -138,7 +127,7 @@ def _seen(lidar: NamedLidarSection, sim: SimSection | None) -> Seen:
         span_rad = first("view_rad", None, None if carried is None else carried.span_rad, math.tau)
         start, end = -span_rad / 2, span_rad / 2
     gaps = beams if end - start > math.tau - FULL_TURN_SLACK_RAD else beams - 1
-    return Seen(View(start, (end - start) / max(1, gaps), beams, range_m, period_s), tuple(assumed))
+    return View(start, (end - start) / max(1, gaps), beams, range_m, period_s, tuple(assumed))
 
 
 def stopping(config: SupervisorSection, views: tuple[View, ...]) -> Stopping:
@@ -189,11 +178,10 @@ def to_json(report: Report) -> dict[str, Any]:
                 "x_m": lidar.x_m,
                 "y_m": lidar.y_m,
                 "yaw_rad": lidar.yaw_rad,
-                **seen.view._asdict(),
+                **view._asdict(),
                 "timeout_s": report.config.scan_timeout_of(lidar),
-                "assumed": seen.assumed,
             }
-            for lidar, seen in zip(report.config.all_lidars(), report.lidars, strict=True)
+            for lidar, view in zip(report.config.all_lidars(), report.lidars, strict=True)
         ],
         "stopping": report.stopping._asdict() | {"total_m": report.stopping.total_m},
         "motions": [
@@ -222,9 +210,9 @@ def _decision_json(decision: Decision) -> dict[str, Any]:
 def _print(console: Console, file: Path, report: Report) -> None:
     console.print(Text(f"{file}: the configuration is valid", style="bold green"), soft_wrap=True)
     console.print(_lidar_table(report))
-    for lidar, seen in zip(report.config.all_lidars(), report.lidars, strict=True):
-        if seen.assumed:
-            keys = ", ".join(seen.assumed)
+    for lidar, view in zip(report.config.all_lidars(), report.lidars, strict=True):
+        if view.assumed:
+            keys = ", ".join(view.assumed)
             text = f"{lidar.name}: assumed {keys}; set these keys in its table, or the motions below may be wrong"
             console.print(Text(text, style="yellow"), soft_wrap=True)
     if report.ros2:
@@ -265,7 +253,7 @@ def _lidar_table(report: Report) -> Table:
         "timeout",
     ):
         table.add_column(heading, overflow="fold", no_wrap=heading not in {"mount x, y, yaw", "view"})
-    for lidar, (view, _) in zip(report.config.all_lidars(), report.lidars, strict=True):
+    for lidar, view in zip(report.config.all_lidars(), report.lidars, strict=True):
         gaps = view.beams - 1
         table.add_row(
             lidar.name,

@@ -34,6 +34,8 @@ class View(NamedTuple):
     beams: int
     range_max_m: float
     period_s: float
+    assumed: tuple[str, ...] = ()
+    """The names of the values that were assumed because no setting gives them."""
 
 
 class Motion(NamedTuple):
@@ -71,7 +73,9 @@ def permitted_motions(config: SupervisorSection, views: tuple[View, ...]) -> Ite
     """
     at_rest = _Robot(config, views)
     after_driving = at_rest.copy()
-    after_driving.drive_and_stop(Velocity(config.max_linear_m_s, 0.0))
+    after_driving.drive(Velocity(config.max_linear_m_s, 0.0), DRIVE_S)
+    braking_s = config.max_linear_m_s / config.deceleration_m_s2
+    after_driving.drive(NEUTRAL, braking_s + SETTLE_S / 2)
     for motion in MOTIONS:
         asked = Velocity(motion.linear * config.max_linear_m_s, motion.angular * config.max_angular_rad_s)
         yield Permitted(motion, at_rest.copy().ask(asked), after_driving.copy().ask(asked))
@@ -113,8 +117,7 @@ class _Robot:
         self.lidars = [_Lidar(index, view, self._now_s) for index, view in enumerate(views)]
         self._moving = NEUTRAL
         self._has_odometry = config.odometry
-        self._braking_s = law.max_linear_m_s / law.deceleration_m_s2
-        self._drive(NEUTRAL, SETTLE_S)
+        self.drive(NEUTRAL, SETTLE_S)
 
     def copy(self) -> "_Robot":
         """Return a robot in the same state; the law's states and scans are immutable, so both may share them."""
@@ -122,11 +125,7 @@ class _Robot:
         twin.lidars = [copy(lidar) for lidar in self.lidars]
         return twin
 
-    def drive_and_stop(self, velocity: Velocity) -> None:
-        self._drive(velocity, DRIVE_S)
-        self._drive(NEUTRAL, self._braking_s + SETTLE_S / 2)
-
-    def _drive(self, velocity: Velocity, seconds: float) -> None:
+    def drive(self, velocity: Velocity, seconds: float) -> None:
         for _ in range(math.ceil(seconds / self._tick_s)):
             self.ask(velocity)
 

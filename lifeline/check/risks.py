@@ -20,13 +20,16 @@ class Risk(NamedTuple):
     sentence: str
 
 
-def risks(config: SupervisorSection, base: BaseSection | None, bus: BusSection) -> Iterator[Risk]:
+def risks(
+    config: SupervisorSection, base: BaseSection | None, bus: BusSection, ros2: Ros2Section | None
+) -> Iterator[Risk]:
     """Yield every risk of a valid configuration.
 
     Args:
         config: the section `[supervisor]`.
         base: the section `[sim]`; None for a real base, whose numbers are not in the file.
         bus: the section `[bus]`.
+        ros2: the section `[ros2]`; None without it.
     """
     yield from _of_bus(bus)
     yield from _of_stop_distance(config)
@@ -35,6 +38,8 @@ def risks(config: SupervisorSection, base: BaseSection | None, bus: BusSection) 
         yield from _of_lidar(config, lidar)
     yield from _of_unseen_space(config)
     yield from _of_base(config, base)
+    if ros2 is not None:
+        yield from _of_ros2(ros2, config)
 
 
 def _of_bus(bus: BusSection) -> Iterator[Risk]:
@@ -158,8 +163,7 @@ def _of_base(config: SupervisorSection, base: BaseSection | None) -> Iterator[Ri
         )
 
 
-def ros2_risks(ros2: Ros2Section, config: SupervisorSection) -> Iterator[Risk]:
-    """Yield every risk that `[ros2]` creates."""
+def _of_ros2(ros2: Ros2Section, config: SupervisorSection) -> Iterator[Risk]:
     if ros2.rmw == "zenoh":
         yield Risk(
             f'[ros2] rmw = "zenoh", router = "{ros2.router}"',

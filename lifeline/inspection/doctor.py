@@ -23,6 +23,7 @@ from deploy.stack.statedir import StateDir
 from lifeline.command import show
 from lifeline.inspection.diagnosis import Finding, Observed, Terminal, Verdict, diagnose, is_healthy
 from lifeline.inspection.listening import Robot, robot_at
+from lifeline.inspection.nodes import program
 from lifeline.inspection.sockets import processes_at
 from supervisor.config import SupervisorSection
 from supervisor.estop_record import is_recorded
@@ -112,7 +113,7 @@ def _port_problem(endpoint: str) -> tuple[str, int | None]:
         if holder is None:
             return str(error), None
         who = f"pid {holder.pid}: {printable(' '.join(holder.arguments))}"
-        return f"{error} ({who})", holder.pid if holder.runs(topics.SUPERVISOR) else None
+        return f"{error} ({who})", holder.pid if program(holder.arguments) == topics.SUPERVISOR else None
     return "", None
 
 

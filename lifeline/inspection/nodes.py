@@ -13,6 +13,7 @@ import json
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import PurePath
 from typing import Any
 
@@ -171,27 +172,17 @@ def describe(node: Node) -> str:
 
 
 def program(arguments: tuple[str, ...]) -> str:
-    """Return the short name of a program: of `python -m sim --seed 1` it is `sim`."""
+    """Return the short name of a program: `sim` for `python -m sim --seed 1`, `lifeline topic echo` for our command."""
     names = [PurePath(one).name for one in arguments]
+    first = 0
     if "-m" in names[:-1]:
-        module = names[names.index("-m") + 1]
-        rest = names[names.index("-m") + 2 :]
-        return _command(rest) if module == "lifeline.cli.app" else module
-    scripts = [n for n, one in enumerate(arguments) if n and not one.startswith("-")]
-    if names and names[0].startswith("python") and scripts:
-        first = scripts[0]
-        return _command(names[first + 1 :]) if names[first] == "lifeline" else names[first]
-    return names[0] if names else ""
-
-
-def _command(arguments: list[str]) -> str:
-    """Return `lifeline topic echo` for the arguments of the command `lifeline`."""
-    words: list[str] = []
-    for one in arguments[:2]:
-        if not one.isalpha():
-            break
-        words.append(one)
-    return " ".join(["lifeline", *words])
+        first = names.index("-m") + 1
+    elif names and names[0].startswith("python"):
+        first = next((n for n, one in enumerate(arguments) if n and not one.startswith("-")), 0)
+    name, *rest = names[first:] or [""]
+    if name in {"lifeline", "lifeline.cli.app"}:
+        return " ".join(["lifeline", *takewhile(str.isalpha, rest[:2])])
+    return name
 
 
 def _node(session: Session, process: Process | None, namespace: str, endpoint: str) -> Node:

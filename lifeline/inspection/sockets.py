@@ -6,7 +6,6 @@ hub knows no address: there, the ids of our sessions contain their pids.
 """
 
 import ipaddress
-import itertools
 import os
 import re
 from collections.abc import Iterator, Mapping
@@ -26,10 +25,6 @@ class Process:
     arguments: tuple[str, ...]
     """Its command line."""
     uptime_s: float
-
-    def runs(self, module: str) -> bool:
-        """Return whether it was started as `python -m MODULE`."""
-        return ("-m", module) in itertools.pairwise(self.arguments)
 
 
 def processes_at(addresses: set[str]) -> dict[str, Process]:

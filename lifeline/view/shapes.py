@@ -7,6 +7,7 @@ a distance from it, and the free space of a scan are shapes in the base frame.
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -30,8 +31,7 @@ class Level(StrEnum):
     ERROR = "ERROR"
 
 
-@dataclass(frozen=True, slots=True)
-class Frame:
+class Frame(NamedTuple):
     """The pose of a frame in `odom`."""
 
     name: str
@@ -72,24 +72,21 @@ class Area:
     height_m: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Value:
+class Value(NamedTuple):
     """A number over time; NaN: unknown."""
 
     path: str
     value: float
 
 
-@dataclass(frozen=True, slots=True)
-class State:
+class State(NamedTuple):
     """A named state, valid until the next one of this path; an empty text: none."""
 
     path: str
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class LogLine:
+class LogLine(NamedTuple):
     """One line of the log."""
 
     path: str

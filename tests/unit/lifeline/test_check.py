@@ -53,7 +53,7 @@ def test_there_is_an_example_for_each_of_the_usual_robots() -> None:
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_an_example_is_valid_says_all_about_its_lidars_and_may_drive_ahead_at_full_speed(name: str) -> None:
     found = example(name)
-    assert [seen.assumed for seen in found.lidars] == [()] * len(found.lidars)
+    assert [view.assumed for view in found.lidars] == [()] * len(found.lidars)
     ahead = motion(found, "ahead")
     for decision in (ahead.at_rest, ahead.after_driving):
         assert decision.output == Velocity(found.config.max_linear_m_s, 0.0)
@@ -68,7 +68,7 @@ def test_a_turtlebot_4_sees_all_around_and_may_do_everything() -> None:
     found = example("turtlebot4")
     assert all(p.at_rest.scale == 1.0 and p.after_driving.scale == 1.0 for p in found.motions)
     (lidar,) = found.config.all_lidars()
-    assert (found.config.scan_timeout_of(lidar), found.lidars[0].view.period_s) == (0.45, 0.18)
+    assert (found.config.scan_timeout_of(lidar), found.lidars[0].period_s) == (0.45, 0.18)
 
 
 def test_a_robot_with_one_front_lidar_may_not_back_out_and_says_why() -> None:
@@ -126,7 +126,7 @@ def test_the_slowest_lidar_decides_how_late_it_reacts(tmp_path: Path) -> None:
         '[[supervisor.lidars]]\nname = "a"\ntopic = "scan"\nperiod_s = 0.05\n'
         '[[supervisor.lidars]]\nname = "b"\ntopic = "b"\nperiod_s = 0.15\n',
     )
-    assert found.stopping == stopping(found.config, (found.lidars[1].view,))
+    assert found.stopping == stopping(found.config, (found.lidars[1],))
     assert found.stopping.reaction_s == pytest.approx(0.33)
 
 
@@ -135,24 +135,24 @@ def test_the_slowest_lidar_decides_how_late_it_reacts(tmp_path: Path) -> None:
 
 def test_a_lidars_own_keys_count_before_those_of_the_simulation(tmp_path: Path) -> None:
     sim = "[sim]\nlidar_beams = 180\nlidar_span_rad = 2.0\nlidar_range_max_m = 6.0\nscan_hz = 25.0\n"
-    (seen,) = report(tmp_path, sim).lidars
-    assert seen.assumed == ()
-    assert (seen.view.beams, seen.view.range_max_m, seen.view.period_s) == (180, 6.0, 0.04)
-    assert seen.view.angle_min == -1.0
-    assert seen.view.angle_increment == pytest.approx(2.0 / 179)
+    (view,) = report(tmp_path, sim).lidars
+    assert view.assumed == ()
+    assert (view.beams, view.range_max_m, view.period_s) == (180, 6.0, 0.04)
+    assert view.angle_min == -1.0
+    assert view.angle_increment == pytest.approx(2.0 / 179)
 
     own = lidar("view_rad = [-1.5, 0.5]", "beams = 101", "range_max_m = 4.0", "period_s = 0.1")
-    (seen,) = report(tmp_path, sim + own).lidars
-    assert seen.view == (-1.5, pytest.approx(0.02), 101, 4.0, 0.1)
+    (view,) = report(tmp_path, sim + own).lidars
+    assert view == (-1.5, pytest.approx(0.02), 101, 4.0, 0.1, ())
 
 
 def test_what_the_file_does_not_say_is_assumed_and_named(tmp_path: Path) -> None:
-    (seen,) = report(tmp_path, "").lidars
-    assert set(seen.assumed) == {"view_rad", "beams", "range_max_m", "period_s"}
-    assert seen.view.angle_increment == pytest.approx(math.tau / 360)  # a full turn has as many gaps as beams
-    (seen,) = report(tmp_path, lidar('profile = "neato_xv"', "view_rad = [-1.0, 1.0]")).lidars
-    assert set(seen.assumed) == {"beams", "range_max_m"}
-    assert seen.view.period_s == 0.2
+    (view,) = report(tmp_path, "").lidars
+    assert set(view.assumed) == {"view_rad", "beams", "range_max_m", "period_s"}
+    assert view.angle_increment == pytest.approx(math.tau / 360)  # a full turn has as many gaps as beams
+    (view,) = report(tmp_path, lidar('profile = "neato_xv"', "view_rad = [-1.0, 1.0]")).lidars
+    assert set(view.assumed) == {"beams", "range_max_m"}
+    assert view.period_s == 0.2
 
 
 # --- the motions, by the law
