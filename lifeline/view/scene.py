@@ -88,8 +88,8 @@ class Scene:
     namespace: str
     undecodable: int = 0
     """Number of messages that could not be decoded."""
-    _topics: Mapping[str, Topic[Any]] = field(init=False)
-    """By ROS name."""
+    topics: Mapping[str, Topic[Any]] = field(init=False)
+    """The topics that the scene draws, by ROS name."""
     _readings: dict[int, ScanReading] = field(init=False, default_factory=dict[int, ScanReading])
     """The last scan of each lidar, by its index in the configuration."""
     _pose: Pose = Pose(0.0, 0.0, 0.0)
@@ -101,11 +101,7 @@ class Scene:
     def __post_init__(self) -> None:
         self._trail = deque(maxlen=TRAIL_POINTS)
         entries: list[Topic[Any]] = [topics.ODOM, topics.STATUS, topics.CMD_VEL, *self.lidars]
-        self._topics = {f"/{self.namespace}/{topic.key}": topic for topic in entries}
-
-    def topics(self) -> list[Topic[Any]]:
-        """Return the topics that the scene draws."""
-        return list(self._topics.values())
+        self.topics = {f"/{self.namespace}/{topic.key}": topic for topic in entries}
 
     def fixed(self) -> Iterator[Primitive]:
         """Yield the constant shapes: the hull and its rings, in `base_link`."""
@@ -126,7 +122,7 @@ class Scene:
             time_s: its time of arrival, by any clock that only increases.
             payload: the message.
         """
-        topic = self._topics.get(name)
+        topic = self.topics.get(name)
         if topic is None:
             return []
         try:

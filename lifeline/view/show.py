@@ -17,7 +17,7 @@ from lifeline.view import window
 from lifeline.view.rerun_log import RerunLog
 from lifeline.view.scene import Scene, read_source, scene_of
 from supervisor.config import SupervisorSection
-from wire.bus import Bus, RawArrival, Subscription, wait_until
+from wire.bus import Bus, wait_until
 
 DEPTH = 256
 """Samples of each topic that wait while others are drawn; beyond it, the oldest are dropped."""
@@ -144,22 +144,16 @@ class Shown:
         return self._stop.is_set() or (self._viewer is not None and self._viewer.has_ended)
 
     async def _live(self, bus: Bus, log: RerunLog) -> None:
-        namespace = self._scene.namespace
         # One offset for all messages: a step of the wall clock does not reorder them.
         wall_ns = time.time_ns() - round(self._loop.time() * 1e9)
-        heard: list[tuple[str, Subscription[Any]]] = [
-            (f"/{namespace}/{topic.key}", bus.subscribe(topic, depth=DEPTH)) for topic in self._scene.topics()
-        ]
-
-        def taken() -> Iterator[tuple[str, RawArrival]]:
-            return ((name, arrival) for name, subscription in heard for arrival in subscription.take_raw())
-
+        heard = {name: bus.subscribe(topic, depth=DEPTH) for name, topic in self._scene.topics.items()}
         while not self._is_closed:
-            arrivals = sorted(taken(), key=lambda one: one[1].arrival_s)
-            batch = [
+            taken = [
                 Recorded(name, "", wall_ns + round(arrival.arrival_s * 1e9), 0, arrival.payload)
-                for name, arrival in arrivals
+                for name, subscription in heard.items()
+                for arrival in subscription.take_raw()
             ]
+            batch = sorted(taken, key=lambda one: one.log_time_ns)
             await self._on_thread(lambda batch=batch: self._draw(log, batch))
             await wait_until(self._stop, self._loop.time() + LOOK_PERIOD_S)
 
