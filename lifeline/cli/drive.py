@@ -111,13 +111,9 @@ def estop(
     ] = None,
 ) -> int:
     """Press the emergency stop once, or be an e-stop station. Exit 0 if the supervisor confirms the press, 1 if not, 3 if nothing runs."""
-    if name is not None:
-        from lifeline.estop import run_station
+    from lifeline.estop import press, run_station
 
-        run_station(robot.launch, name)
-    from lifeline.estop import press
-
-    return press(robot.launch)
+    return press(robot.launch) if name is None else run_station(robot.launch, name)
 
 
 @robot_command(path_app, "square")

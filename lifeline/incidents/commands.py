@@ -14,7 +14,7 @@ from rich.text import Text
 
 from deploy.stack.errors import DeployError
 from deploy.stack.formatting import COLOURS, nearest
-from lifeline.command import print_json
+from lifeline.command import facts, print_json
 from lifeline.incidents.incident import IncidentError, black_boxes, id_of, messages
 from lifeline.incidents.plot import Series, plot
 from lifeline.incidents.summary import Incident, Sample, read_incident
@@ -133,9 +133,7 @@ def show(path: Path, seconds: float, *, as_json: bool) -> int:
 
 
 def _summary(incident: Incident) -> Table:
-    table = Table(show_header=False, box=None, pad_edge=False)
-    table.add_column(style="bold", no_wrap=True)
-    table.add_column(overflow="fold")
+    table = facts()
     first, at, velocity, rest = incident.stops[0], incident.at_stop, incident.velocity, incident.braking
     table.add_row("stop", Text(f"{first.utc.replace('T', ' ')} UTC"))
     for stop in incident.stops:

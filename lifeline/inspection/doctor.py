@@ -16,9 +16,8 @@ from rich.text import Text
 from deploy.stack import supervisord
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import ANY_BASE, Launch, check_endpoint_is_free
-from deploy.stack.reach import DEPTH, NotRunningError, reach, run_command, silence_of
+from deploy.stack.reach import NotRunningError, Observer, reach, run_command, silence_of
 from deploy.stack.robot_file import read_robot
-from deploy.stack.ros2_reports import reports_of
 from deploy.stack.statedir import StateDir
 from lifeline.command import show
 from lifeline.inspection.diagnosis import Finding, Observed, Terminal, Verdict, diagnose, is_healthy
@@ -120,18 +119,17 @@ def _port_problem(endpoint: str) -> tuple[str, int | None]:
 async def _listen(seen: Observed, robot: Robot, seconds: float) -> None:
     """Observe a running robot."""
     seen.is_connected, seen.known = True, robot.known
-    statuses = robot.bus.subscribe(topics.STATUS)
-    diagnostics = robot.bus.subscribe(topics.DIAGNOSTICS, depth=DEPTH)
-    scans, odometry = robot.bus.subscribe(topics.SCAN), robot.bus.subscribe(topics.ODOM)
+    observer, scans = Observer(robot.bus), robot.bus.subscribe(topics.SCAN)
     seen.traffic = await robot.traffic(seconds)
-    if (status := statuses.latest()) is not None:
-        seen.status = status.message
-    for array in diagnostics.take():
-        if array.message is not None:
-            seen.ros2_reports = reports_of(array.message) or seen.ros2_reports
-    for topic, newest in ((topics.SCAN, scans.latest()), (topics.ODOM, odometry.latest())):
-        if newest is not None and newest.message is not None:
-            stamp = newest.message.header.stamp
+    await observer.until(lambda _: True, 0.0)
+    seen.status, seen.ros2_reports = observer.status, observer.ros2
+    scan = scans.latest()
+    for topic, message in (
+        (topics.SCAN, None if scan is None else scan.message),
+        (topics.ODOM, observer.odometry),
+    ):
+        if message is not None:
+            stamp = message.header.stamp
             seen.header_offset_s[f"{robot.namespace}/{topic.key}"] = (
                 stamp.sec + stamp.nanosec * 1e-9 - time.time()
             )

@@ -11,21 +11,12 @@ from rich.text import Text
 
 from deploy.stack.errors import DeployError
 from deploy.stack.formatting import number
-from lifeline.command import show
+from lifeline.command import facts, show
 from lifeline.inspection.listening import Robot, inspection
 from lifeline.inspection.nodes import Node, describe, find
 from lifeline.inspection.traffic import KeyTraffic, Traffic
 from wire.text import printable
 from wire.topics import ANYONE, Topic
-
-
-def _facts() -> Table:
-    """Return an empty table with a name and a value in each row."""
-    table = Table(show_header=False, box=None, pad_edge=False)
-    table.add_column(style="bold")
-    table.add_column(overflow="fold")
-    return table
-
 
 # --- topics
 
@@ -128,7 +119,7 @@ async def show_topic(robot: Robot, name: str, seconds: float, *, as_json: bool) 
 def _topic_facts(
     entry: Entry, writing: Sequence[Node], reading: Sequence[Node], heard: KeyTraffic | None
 ) -> Table:
-    table = _facts()
+    table = facts()
     table.add_row("topic", Text(entry.key))
     table.add_row("type", entry.type or "unknown")
     table.add_row("permitted writer", entry.permitted or "not a topic of this robot")
@@ -220,7 +211,7 @@ def _rates(node: Node, traffic: Traffic) -> dict[str, float | None]:
 
 
 def _node_facts(node: Node, traffic: Traffic) -> Table:
-    table = _facts()
+    table = facts()
     table.add_row("node", Text(printable(node.name)))
     if node.process is not None:
         table.add_row("pid", str(node.pid))

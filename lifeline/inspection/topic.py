@@ -3,13 +3,13 @@
 import asyncio
 import json
 import math
-import sys
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from deploy.stack.errors import DeployError
 from deploy.stack.formatting import number
+from lifeline.command import note, say
 from lifeline.inspection.listening import Robot, inspection
 from lifeline.inspection.traffic import KeyTraffic, Traffic
 from lifeline.inspection.values import (
@@ -74,10 +74,7 @@ def _note_silence(robot: Robot, silent: set[str]) -> None:
     """Name the topics on which nothing has been heard, on standard error."""
     for key in sorted(silent):
         what = "" if robot.topic(key) is not None else ", which is not a topic of this robot"
-        print(
-            f"lifeline: nothing heard on {key}{what}: see `lifeline topic list`; still listening",
-            file=sys.stderr,
-        )
+        note(f"nothing heard on {key}{what}: see `lifeline topic list`; still listening")
 
 
 async def _samples(robot: Robot, keys: Sequence[str]) -> AsyncIterator[Overheard]:
@@ -258,7 +255,7 @@ async def _publish(robot: Robot, topic: Topic[Any], message: Message, period_s: 
     publisher.put(message)
     if once:
         await robot.bus.close()  # the message is sent before the session ends
-        print(f"lifeline: published on {robot.namespace}/{topic.key}", flush=True)
+        say(f"published on {robot.namespace}/{topic.key}")
         return 0
     while not robot.stop.is_set():
         await wait_until(robot.stop, asyncio.get_running_loop().time() + period_s)
@@ -275,7 +272,7 @@ async def _publish_as(robot: Robot, source: str, message: Message, period_s: flo
     except HeldError as error:
         raise DeployError(f"the command source {source} is held by {error}") from error
     loop = asyncio.get_running_loop()
-    print(f"lifeline: zero for {ARM_S:g} s, which arms {source}, then the message, until Ctrl-C", flush=True)
+    say(f"zero for {ARM_S:g} s, which arms {source}, then the message, until Ctrl-C")
     armed_s = loop.time() + ARM_S
     try:
         while not robot.stop.is_set():
