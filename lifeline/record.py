@@ -3,7 +3,7 @@
 import asyncio
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
@@ -44,9 +44,8 @@ class Channel:
         """Number of sent samples that are not in the file; lost samples without a stamp are not counted."""
         return max(self.missed, self.subscription.overflowed)
 
-    def take(self) -> list[tuple[RawArrival, int]]:
-        """Return the samples since the last call, with their sequence numbers (0 without a stamp)."""
-        taken: list[tuple[RawArrival, int]] = []
+    def take(self) -> Iterator[tuple[RawArrival, int]]:
+        """Yield the samples since the last call, with their sequence numbers (0 without a stamp)."""
         for arrival in self.subscription.take_raw():
             stamp = parse_stamp(arrival.attachment)
             if stamp is not None:
@@ -54,8 +53,7 @@ class Channel:
                 if last is not None and last.gid == stamp.gid:
                     self.missed += max(0, stamp.sequence - last.sequence - 1)
             self.messages += 1
-            taken.append((arrival, 0 if stamp is None else stamp.sequence))
-        return taken
+            yield arrival, 0 if stamp is None else stamp.sequence
 
 
 @dataclass

@@ -38,10 +38,10 @@ CAMERAS = ("follow", "corner", "top")
 
 def topic_names(incomplete: str) -> list[str]:
     """Return the topics of a robot with the default configuration, also as absolute names if a word has begun."""
-    from lifeline.inspection.keys import configured
+    from lifeline.inspection.keys import by_full_key
     from supervisor.config import SupervisorSection
 
-    keys = configured("robot", SupervisorSection())
+    keys = by_full_key("robot", SupervisorSection())
     absolute = ("/robot/", "robot/") if incomplete else ()
     return [key.replace("robot/", prefix, 1) for prefix in ("", *absolute) for key in keys]
 

@@ -1,7 +1,7 @@
 """Names of topics as users write them, and the types behind their keys (`lifeline topic type`). Pure."""
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from fnmatch import fnmatchcase
 from glob import escape
 from typing import Any
@@ -48,27 +48,20 @@ def checked_key(name: str, namespace: str) -> str:
     return key
 
 
-def by_full_key(
-    namespace: str, sources: Iterable[str], lidars: Iterable[str], stations: Iterable[str] = ()
-) -> dict[str, Topic[Any]]:
-    """Return by full key all topics of a robot with these command sources, lidar topics and e-stop stations."""
+def by_full_key(namespace: str, config: SupervisorSection) -> dict[str, Topic[Any]]:
+    """Return by full key all topics of a robot with this configuration."""
+    lidars = [lidar.topic for lidar in config.all_lidars()]
     known: list[Topic[Any]] = []
     for topic in topics.TOPICS:
         if SOURCE in topic.key:
-            known += (topics.source_cmd_vel(source) for source in sources)
+            known += (topics.source_cmd_vel(source.name) for source in config.sources)
         elif topic.key == LIDAR:
             known += (topics.lidar_scan(lidar) for lidar in lidars if lidar != topics.SCAN.key)
         elif STATION not in topic.key:
             known.append(topic)
-    for name in stations:
+    for name in config.station_names():
         known += (topics.estop_presence(name), topics.estop_challenge(name))
     return {f"{namespace}/{topic.key}": topic for topic in known}
-
-
-def configured(namespace: str, config: SupervisorSection) -> dict[str, Topic[Any]]:
-    """Return by full key all topics that a configuration names."""
-    sources = [source.name for source in config.sources]
-    return by_full_key(namespace, sources, [one.topic for one in config.all_lidars()], config.station_names())
 
 
 def topic_of(key: str, namespace: str, known: dict[str, Topic[Any]]) -> Topic[Any] | None:
@@ -88,7 +81,7 @@ def show_type(launch: Launch, name: str, *, full: bool, as_json: bool) -> None:
     """
     namespace = launch.bus.namespace
     key = checked_key(name, namespace)
-    topic = topic_of(key, namespace, configured(namespace, launch.section("supervisor", SupervisorSection)))
+    topic = topic_of(key, namespace, by_full_key(namespace, launch.section("supervisor", SupervisorSection)))
     if topic is None:
         raise DeployError(f"the type of {key} is unknown: it is not a topic of this robot")
     type_name, text = topic.type.__msgtype__, None

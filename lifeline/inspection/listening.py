@@ -12,7 +12,7 @@ from typing import Any, Concatenate, NoReturn, ParamSpec
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.reach import reach, run_command
-from lifeline.inspection.keys import checked_key, configured, topic_of
+from lifeline.inspection.keys import by_full_key, checked_key, topic_of
 from lifeline.inspection.nodes import Node, addresses, claimed_pids, network_of, nodes_of
 from lifeline.inspection.sockets import processes_at, processes_with
 from lifeline.inspection.traffic import Traffic
@@ -117,4 +117,4 @@ def inspection(
 
 def robot_at(bus: ZenohBus, launch: Launch, config: SupervisorSection, stop: asyncio.Event) -> Robot:
     """Return the robot behind a bus, with the keys that its configuration names."""
-    return Robot(bus, launch, config, configured(launch.bus.namespace, config), stop)
+    return Robot(bus, launch, config, by_full_key(launch.bus.namespace, config), stop)

@@ -48,7 +48,7 @@ def running(**fields: object) -> Observed:
             node("teleop", "robot/teleop/cmd_vel", "", 3),
         ],
         traffic=traffic(),
-        known=by_full_key("robot", [source.name for source in config.sources], ["scan"]),
+        known=by_full_key("robot", config),
         status=SafetyStatus(header(""), mode=SafetyStatus.READY),
         header_offset_s={"robot/scan": -0.01},
         terminal=Terminal(120, 40, "truecolor", reports_releases=True),

@@ -1,11 +1,16 @@
 """Names of topics as users write them, and Zenoh's key expressions."""
 
+from pathlib import Path
+
 import pytest
 import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
+from typer.testing import CliRunner
 
+from lifeline.cli.app import app
 from lifeline.inspection.keys import by_full_key, full_key, is_key, matches, topic_of
+from supervisor.config import NamedLidarSection, SupervisorSection
 from wire.messages import LaserScan, Twist
 
 
@@ -29,7 +34,8 @@ def test_wildcards_and_control_characters_are_not_keys(key: str) -> None:
 
 
 def test_the_commands_of_any_source_and_the_scans_of_configured_lidars_have_types() -> None:
-    known = by_full_key("robot", ["teleop"], ["scan", "scan_rear"])
+    lidars = tuple(NamedLidarSection(name=topic, topic=topic) for topic in ("scan", "scan_rear"))
+    known = by_full_key("robot", SupervisorSection(lidars=lidars))
     for key, wanted in (
         ("robot/teleop/cmd_vel", Twist),
         ("robot/stranger/cmd_vel", Twist),
@@ -41,6 +47,21 @@ def test_the_commands_of_any_source_and_the_scans_of_configured_lidars_have_type
     for key in ("robot/scan_left", "other/teleop/cmd_vel", "robot"):
         assert topic_of(key, "robot", known) is None
     assert list(known).count("robot/scan") == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "code", "output"),
+    [
+        ("/robot/scan", 0, "sensor_msgs/msg/LaserScan\n"),
+        ("camera", 2, "the type of robot/camera is unknown"),
+        ("a b", 2, "'a b' is not a key"),
+    ],
+)
+def test_the_type_of_a_topic_is_known_without_a_running_robot(
+    tmp_path: Path, name: str, code: int, output: str
+) -> None:
+    result = CliRunner().invoke(app, ["topic", "type", name, "--state-dir", str(tmp_path)])
+    assert (result.exit_code, output in result.output) == (code, True), result.output
 
 
 PARTS = st.lists(st.sampled_from(["a", "b", "ab", "*", "**", "a$*", "$*b"]), min_size=1, max_size=4)
