@@ -3,7 +3,7 @@
 import asyncio
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
@@ -11,6 +11,7 @@ from typing import Any, NoReturn
 from deploy.stack.launch import Launch
 from deploy.stack.reach import HeardSources, reach, run_command
 from lifeline.command import StatusLine, note, print_json
+from lifeline.inspection.keys import by_full_key
 from lifeline.recording import Recorded, RecordingWriter, exists
 from supervisor.config import SupervisorSection
 from wire import topics
@@ -77,7 +78,7 @@ class Recorder:
     Args:
         bus: an open bus; the caller closes it.
         namespace: the first part of every topic's name.
-        sources: the configured command sources; others are recorded once they are heard.
+        config: names the sources, the lidars and the e-stop stations; other sources are recorded once they are heard.
         writer: of the file.
         show: is called each second with the progress.
     """
@@ -86,7 +87,7 @@ class Recorder:
         self,
         bus: Bus,
         namespace: str,
-        sources: Iterable[str],
+        config: SupervisorSection,
         writer: RecordingWriter,
         show: Callable[[str], None],
     ) -> None:
@@ -95,13 +96,9 @@ class Recorder:
         # One offset for all messages: a step of the wall clock does not reorder the recording.
         self._wall_ns = time.time_ns() - round(self._loop.time() * 1e9)
         self._report = Report()
-        known = sorted(set(sources))
-        self._strangers = HeardSources(bus.hear_sources(), known)
-        for source in known:
-            self._add(topics.source_cmd_vel(source))
-        for topic in topics.TOPICS:
-            if "<" not in topic.key:
-                self._add(topic)
+        self._strangers = HeardSources(bus.hear_sources(), [source.name for source in config.sources])
+        for topic in by_full_key(namespace, config).values():
+            self._add(topic)
 
     async def run(self, stop: asyncio.Event) -> Report:
         """Record until `stop`, or until a write fails."""
@@ -153,12 +150,12 @@ def record(path: Path, launch: Launch, *, as_json: bool = False) -> NoReturn:
     """
     if path.exists():
         raise exists(path)
-    sources = [source.name for source in launch.section("supervisor", SupervisorSection).sources]
-    run_command(lambda stop: _record(stop, path, launch, sources, as_json=as_json))
+    config = launch.section("supervisor", SupervisorSection)
+    run_command(lambda stop: _record(stop, path, launch, config, as_json=as_json))
 
 
 async def _record(
-    stop: asyncio.Event, path: Path, launch: Launch, sources: list[str], *, as_json: bool
+    stop: asyncio.Event, path: Path, launch: Launch, config: SupervisorSection, *, as_json: bool
 ) -> int:
     bus = await reach(launch.bus, stop)
     if bus is None:
@@ -167,7 +164,7 @@ async def _record(
         writer = RecordingWriter(path)
         screen = StatusLine(sys.stderr if as_json else None)
         screen.say(f"lifeline: recording to {path}; press Ctrl-C to end")
-        report = await Recorder(bus, launch.bus.namespace, sources, writer, screen.show).run(stop)
+        report = await Recorder(bus, launch.bus.namespace, config, writer, screen.show).run(stop)
         screen.clear()
     finally:
         await bus.close()

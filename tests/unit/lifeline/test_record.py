@@ -13,6 +13,7 @@ from deploy.stack.reach import MAX_SOURCES
 from lifeline.cli.app import app
 from lifeline.record import Recorder, Report
 from lifeline.recording import Recorded, RecordingError, RecordingReader, RecordingWriter
+from supervisor.config import SupervisorSection
 from virtual.network import VirtualNetwork
 from wire import topics
 from wire.messages import M, Odometry, SafetyStatus, Twist, decode, encode, header, odometry, planar_twist
@@ -138,6 +139,16 @@ def test_a_file_that_exists_is_never_overwritten(path: Path) -> None:
 
 # --- the recorder on a bus
 
+CONFIG = SupervisorSection.model_validate(
+    {
+        "lidars": [
+            {"name": "front", "topic": "scan", "profile": "rep117"},
+            {"name": "rear", "topic": "scan_rear", "profile": "rep117"},
+        ],
+        "estop_stations": [{"name": "door"}],
+    }
+)
+
 
 class Stage:
     """A recorder on a network."""
@@ -147,7 +158,7 @@ class Stage:
         self.shown: list[str] = []
         self.stop = asyncio.Event()
         self.writer = RecordingWriter(path)
-        self.recorder = Recorder(self.bus, "robot", ["teleop"], self.writer, self.shown.append)
+        self.recorder = Recorder(self.bus, "robot", CONFIG, self.writer, self.shown.append)
 
     def put(self, topic: Topic[M], message: M) -> None:
         self.bus.receive(topic.key, encode(message), None)
@@ -174,10 +185,17 @@ async def test_everything_until_the_end_is_recorded_under_its_ros_name(path: Pat
     assert x_m == [n / 10 for n in range(100)]
 
 
+async def test_every_lidar_and_estop_station_of_the_configuration_is_recorded(path: Path) -> None:
+    stage = Stage(path)
+    report = await stage.end()
+    names = {channel.name for channel in report.channels}
+    assert names >= {"/robot/scan", "/robot/scan_rear", "/robot/estop_station/door/presence"}
+
+
 async def test_a_source_that_the_supervisor_does_not_know_is_recorded_once_it_is_heard(path: Path) -> None:
     stage = Stage(path)
     running = asyncio.create_task(stage.recorder.run(stage.stop))
-    joy, nameless = topics.source_cmd_vel("joy"), topics.source_cmd_vel("no name")
+    joy, nameless = topics.source_cmd_vel("stick"), topics.source_cmd_vel("no name")
     stage.put(nameless, planar_twist(0.1, 0.0))
     stage.put(joy, planar_twist(0.1, 0.0))
     async with asyncio.timeout(10):
@@ -187,7 +205,7 @@ async def test_a_source_that_the_supervisor_does_not_know_is_recorded_once_it_is
     stage.put(joy, planar_twist(0.1, 0.0))
     stage.stop.set()
     report = await running
-    assert [(c.name, c.messages) for c in report.channels if c.messages] == [("/robot/joy/cmd_vel", 1)]
+    assert [(c.name, c.messages) for c in report.channels if c.messages] == [("/robot/stick/cmd_vel", 1)]
 
 
 async def test_strangers_are_recorded_up_to_a_limit(path: Path) -> None:
@@ -196,7 +214,7 @@ async def test_strangers_are_recorded_up_to_a_limit(path: Path) -> None:
         stage.put(topics.source_cmd_vel(f"s{n}"), planar_twist(0.1, 0.0))
     report = await stage.end()
     assert sum(c.name.endswith("/cmd_vel") and c.name.startswith("/robot/s") for c in report.channels) == (
-        MAX_SOURCES - 1
+        MAX_SOURCES - len(CONFIG.sources)
     )
 
 
