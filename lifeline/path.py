@@ -6,10 +6,11 @@ import math
 import os
 import signal
 import sys
-from contextlib import suppress
+from collections.abc import Generator
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import asdict
 from pathlib import Path as FilePath
-from typing import Any, NoReturn, TextIO
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -20,7 +21,6 @@ from lifeline.command import StatusLine
 from lifeline.recording import Recorded, RecordingReader
 from teleop.holder import HeldError, about_this_process
 from teleop.path.course import Path, PathError, Pose, Poses, TrackError, placed, seen_from, to_path, to_poses
-from teleop.path.pursuit import Limits
 from teleop.path.service import SOURCE, Drive, Ending, PathService, Plan
 from teleop.pilots.config import TeleopSection
 from wire import topics
@@ -45,7 +45,7 @@ def absolute(poses: Poses) -> Plan:
     path = to_path(poses)
 
     def plan(pose: Pose) -> Path:
-        away_m = math.hypot(pose.x_m - path.start.x_m, pose.y_m - path.start.y_m)
+        away_m = math.dist(pose[:2], path.start[:2])
         if away_m > START_LIMIT_M:
             raise PathError(
                 f"the path begins {away_m:.2f} m from the robot, at x {path.start.x_m:.2f} m, "
@@ -88,45 +88,32 @@ def _pose(message: Recorded) -> Pose | None:
 # --- the operator at the terminal
 
 
-class TerminalPerson:
-    """The operator, who presses Enter to continue; absent if input or output is not a terminal."""
+@contextmanager
+def _attended(service: PathService) -> Generator[None]:
+    """Let Enter at the terminal continue the drive after a pause, until the input ends."""
+    loop = asyncio.get_running_loop()
 
-    def __init__(self, wake: asyncio.Event, stream: TextIO | None = None) -> None:
-        self._wake = wake
-        self._line = StatusLine(stream)
-        self._asked = False
-        self.present = sys.stdin.isatty() and (stream or sys.stdout).isatty()
-        if self.present:
-            # In the background, a read then fails instead of stopping this process and its heartbeat.
-            signal.signal(signal.SIGTTIN, signal.SIG_IGN)
-            asyncio.get_running_loop().add_reader(0, self._on_input)
-
-    def _on_input(self) -> None:
+    def on_input() -> None:
         data = b""
         with suppress(OSError):
             data = os.read(0, 1024)
         if not data:
-            self.leave()
-            return
-        self._asked = self._asked or b"\n" in data
-        self._wake.set()
+            leave()
+        elif b"\n" in data:
+            service.go_on()
 
-    def asks_to_go_on(self) -> bool:
-        asked, self._asked = self._asked, False
-        return asked
+    def leave() -> None:
+        service.is_attended = False
+        loop.remove_reader(0)
 
-    def say(self, sentence: str) -> None:
-        self._line.say(f"lifeline: {sentence}")
-
-    def show(self, line: str) -> None:
-        self._line.show(line)
-
-    def leave(self) -> None:
-        """Stop reading input and clear the status line."""
-        if self.present:
-            self.present = False
-            asyncio.get_running_loop().remove_reader(0)
-        self._line.clear()
+    # In the background, a read then fails instead of stopping this process and its heartbeat.
+    signal.signal(signal.SIGTTIN, signal.SIG_IGN)
+    service.is_attended = True
+    loop.add_reader(0, on_input)
+    try:
+        yield
+    finally:
+        leave()
 
 
 # --- the command
@@ -139,48 +126,39 @@ def drive(plan: Plan, launch: Launch, speed_m_s: float, *, as_json: bool = False
         DeployError: the configuration is refused.
     """
     teleop = launch.section("teleop", TeleopSection)
-    run_command(lambda stop: _drive(stop, plan, launch, speed_m_s, teleop, as_json=as_json))
 
+    async def run(stop: asyncio.Event) -> int:
+        bus = await reach(launch.bus, stop)
+        if bus is None:
+            return EXIT_CODES[Ending.INTERRUPTED]
+        stream = sys.stderr if as_json else sys.stdout
+        status = StatusLine(stream)
+        try:
+            service = PathService(
+                bus,
+                plan,
+                speed_m_s=speed_m_s,
+                say=lambda sentence: status.say(f"lifeline: {sentence}"),
+                show=status.show,
+                operator=teleop.source,
+                operator_rate_hz=teleop.rate_hz,
+                about=about_this_process(SOURCE),
+            )
+            with _attended(service) if sys.stdin.isatty() and stream.isatty() else nullcontext():
+                done = await service.run(stop)
+        except (HeldError, PathError) as error:
+            raise DeployError(str(error)) from error
+        finally:
+            status.clear()
+            await bus.close()
+        if as_json:
+            print(json.dumps(to_json(done), indent=2))
+        else:
+            for line in report(done):
+                print(f"lifeline: {line}")
+        return EXIT_CODES[done.ending]
 
-async def _drive(
-    stop: asyncio.Event,
-    plan: Plan,
-    launch: Launch,
-    speed_m_s: float,
-    teleop: TeleopSection,
-    *,
-    as_json: bool,
-) -> int:
-    bus = await reach(launch.bus, stop)
-    if bus is None:
-        return EXIT_CODES[Ending.INTERRUPTED]
-    person: TerminalPerson | None = None
-    try:
-        wake = asyncio.Event()
-        person = TerminalPerson(wake, sys.stderr if as_json else None)
-        service = PathService(
-            bus,
-            plan,
-            person=person,
-            wake=wake,
-            limits=Limits(speed_m_s=speed_m_s),
-            operator=teleop.source,
-            operator_rate_hz=teleop.rate_hz,
-            about=about_this_process(SOURCE),
-        )
-        done = await service.run(stop)
-    except (HeldError, PathError) as error:
-        raise DeployError(str(error)) from error
-    finally:
-        if person is not None:
-            person.leave()
-        await bus.close()
-    if as_json:
-        print(json.dumps(to_json(done), indent=2))
-    else:
-        for line in report(done):
-            print(f"lifeline: {line}")
-    return EXIT_CODES[done.ending]
+    run_command(run)
 
 
 def report(done: Drive) -> list[str]:

@@ -207,11 +207,11 @@ def to_path(poses: Poses) -> Path:
         raise PathError("the path has a pose that is not of finite numbers")
     pieces: list[tuple[list[tuple[float, float]], list[float], bool]] = []
     for here, there in pairwise(Pose(*row) for row in poses.tolist()):
-        dx_m, dy_m = there.x_m - here.x_m, there.y_m - here.y_m
-        if math.hypot(dx_m, dy_m) < SAME_PLACE_M:
+        if math.dist(here[:2], there[:2]) < SAME_PLACE_M:
             continue
         backwards = is_backwards(here, there)
-        heading_rad = wrap(math.atan2(dy_m, dx_m) + (math.pi if backwards else 0.0))
+        bearing_rad = math.atan2(there.y_m - here.y_m, there.x_m - here.x_m)
+        heading_rad = wrap(bearing_rad + (math.pi if backwards else 0.0))
         _, headings, was_backwards = pieces[-1] if pieces else ([], [], False)
         if not headings or backwards != was_backwards or abs(wrap(heading_rad - headings[-1])) > CORNER_RAD:
             pieces.append(([here[:2]], [], backwards))
@@ -262,7 +262,7 @@ def to_poses(times_s: Floats, samples: Poses) -> Poses:
     """The pose farthest from the last kept one: a robot that changes direction turned round there."""
     for pose in poses:
         last = kept[-1]
-        away_m = _distance_m(last, pose)
+        away_m = math.dist(last[:2], pose[:2])
         if abs(wrap(pose.yaw_rad - last.yaw_rad)) > TURN_RAD:
             # The turn is placed at the robot's previous position if the step has no direction.
             kept.append(last._replace(yaw_rad=pose.yaw_rad) if away_m < ON_THE_SPOT_M else pose)
@@ -272,17 +272,13 @@ def to_poses(times_s: Floats, samples: Poses) -> Poses:
                 kept.append(farthest)
             kept.append(pose)
             was_backwards = backwards
-        if kept[-1] != last or away_m > _distance_m(last, farthest):
+        if kept[-1] != last or away_m > math.dist(last[:2], farthest[:2]):
             farthest = pose
     if kept[-1] != poses[-1]:
         kept.append(poses[-1])
-    if sum(_distance_m(*pair) for pair in pairwise(kept)) < LEAST_M:
+    if sum(math.dist(here[:2], there[:2]) for here, there in pairwise(kept)) < LEAST_M:
         raise PathError("the robot of this recording does not drive: record it while it does")
     return np.array(kept)
-
-
-def _distance_m(here: Pose, there: Pose) -> float:
-    return math.hypot(there.x_m - here.x_m, there.y_m - here.y_m)
 
 
 def _check_steady(times_s: Floats, samples: Poses) -> None:

@@ -5,7 +5,6 @@ angle α from the direction of motion, the curvature is 2·sin(α)/d (Coulter, 1
 """
 
 import math
-from dataclasses import dataclass
 
 from teleop.path.course import Leg, Path, Pose, Station, wrap
 from teleop.pilots.pilot import Velocity
@@ -28,18 +27,11 @@ ON_PATH_M = 0.05
 ASTRAY_RAD = 1.0
 """With a larger bearing of the target point, turn on the spot first instead of driving an arc."""
 AIMED_RAD = 0.15
-
-
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """Speed and acceleration limits for driving a path; all above zero."""
-
-    speed_m_s: float = 0.4
-    turn_rad_s: float = 1.5
-    braking_m_s2: float = 0.4
-    """Deceleration toward the end of a leg."""
-    lateral_m_s2: float = 0.5
-    """Lateral acceleration in curves."""
+MAX_TURN_RAD_S = 1.5
+BRAKING_M_S2 = 0.4
+"""Deceleration toward the end of a leg."""
+LATERAL_M_S2 = 0.5
+"""Lateral acceleration in curves."""
 
 
 def lookahead_m(speed_m_s: float) -> float:
@@ -47,22 +39,25 @@ def lookahead_m(speed_m_s: float) -> float:
     return min(max(LOOKAHEAD_S * abs(speed_m_s), MIN_LOOKAHEAD_M), MAX_LOOKAHEAD_M)
 
 
-def turn(error_rad: float, limits: Limits) -> Velocity:
+def turn(error_rad: float) -> Velocity:
     """Return the velocity for a turn on the spot toward a heading that is `error_rad` to the left."""
-    rate_rad_s = min(max(TURN_GAIN_PER_S * abs(error_rad), MIN_TURN_RAD_S), limits.turn_rad_s)
+    rate_rad_s = min(max(TURN_GAIN_PER_S * abs(error_rad), MIN_TURN_RAD_S), MAX_TURN_RAD_S)
     return Velocity(0.0, math.copysign(rate_rad_s, error_rad))
 
 
 def bearing(point_m: tuple[float, float], pose: Pose, *, backwards: bool) -> float:
     """Return the bearing [rad] of a point from the direction of motion, positive to the left; zero at the robot's place."""
-    dx_m, dy_m = point_m[0] - pose.x_m, point_m[1] - pose.y_m
-    if math.hypot(dx_m, dy_m) < NEAR_M:
+    if math.dist(point_m, pose[:2]) < NEAR_M:
         return 0.0
-    return wrap(math.atan2(dy_m, dx_m) - pose.yaw_rad - (math.pi if backwards else 0.0))
+    return wrap(
+        math.atan2(point_m[1] - pose.y_m, point_m[0] - pose.x_m)
+        - pose.yaw_rad
+        - (math.pi if backwards else 0.0)
+    )
 
 
 def pursue(
-    leg: Leg, point_m: tuple[float, float], along_m: float, left_m: float, pose: Pose, limits: Limits
+    leg: Leg, point_m: tuple[float, float], along_m: float, left_m: float, pose: Pose, max_m_s: float
 ) -> Velocity:
     """Return the velocity on the arc through a target point, limited for its curvature, the next bend and the leg's end.
 
@@ -72,28 +67,26 @@ def pursue(
         along_m: distance driven along the leg.
         left_m: remaining distance on the leg.
         pose: the robot's pose.
-        limits: the limits of speed and acceleration.
+        max_m_s: the maximum speed.
     """
-    distance_m = max(math.hypot(point_m[0] - pose.x_m, point_m[1] - pose.y_m), NEAR_M)
+    distance_m = max(math.dist(point_m, pose[:2]), NEAR_M)
     curvature_per_m = 2.0 * math.sin(bearing(point_m, pose, backwards=leg.backwards)) / distance_m
     bend_rad = abs(wrap(leg.heading_at(along_m + MAX_LOOKAHEAD_M) - leg.heading_at(along_m)))
     sharpest_per_m = max(abs(curvature_per_m), bend_rad / MAX_LOOKAHEAD_M)
-    speed_m_s = min(limits.speed_m_s, math.sqrt(2.0 * limits.braking_m_s2 * max(left_m, 0.0)))
+    speed_m_s = min(max_m_s, math.sqrt(2.0 * BRAKING_M_S2 * max(left_m, 0.0)))
     if sharpest_per_m > 0.0:
-        speed_m_s = min(
-            speed_m_s, limits.turn_rad_s / sharpest_per_m, math.sqrt(limits.lateral_m_s2 / sharpest_per_m)
-        )
-    speed_m_s = min(max(speed_m_s, CREEP_M_S), limits.speed_m_s)
-    rate_rad_s = min(max(curvature_per_m * speed_m_s, -limits.turn_rad_s), limits.turn_rad_s)
+        speed_m_s = min(speed_m_s, MAX_TURN_RAD_S / sharpest_per_m, math.sqrt(LATERAL_M_S2 / sharpest_per_m))
+    speed_m_s = min(max(speed_m_s, CREEP_M_S), max_m_s)
+    rate_rad_s = min(max(curvature_per_m * speed_m_s, -MAX_TURN_RAD_S), MAX_TURN_RAD_S)
     return Velocity(-speed_m_s if leg.backwards else speed_m_s, rate_rad_s)
 
 
 class Course:
-    """One drive along a path. It can be interrupted for any time and continues where it was."""
+    """One drive along a path, at up to a speed. It can be interrupted for any time and continues where it was."""
 
-    def __init__(self, path: Path, limits: Limits) -> None:
+    def __init__(self, path: Path, speed_m_s: float) -> None:
         self.path = path
-        self._limits = limits
+        self._max_m_s = speed_m_s
         self._index = 0
         self._along_m = 0.0
         self._turning = True
@@ -129,7 +122,7 @@ class Course:
             self._index, self._along_m = self._index + 1, 0.0
             self._turning, self._aiming = True, False
         error_rad = wrap(self.path.end.yaw_rad - pose.yaw_rad)
-        return turn(error_rad, self._limits) if abs(error_rad) > HEADING_RAD else None
+        return turn(error_rad) if abs(error_rad) > HEADING_RAD else None
 
     def _on_leg(self, pose: Pose, speed_m_s: float, station: Station) -> Velocity | None:
         """Return the velocity on the current leg; None if it is finished."""
@@ -142,11 +135,11 @@ class Course:
         if self._turning and on_path:
             error_rad = wrap(leg.heading_at(station.along_m) - pose.yaw_rad)
             if abs(error_rad) > HEADING_RAD:
-                return turn(error_rad, self._limits)
+                return turn(error_rad)
         self._turning = False
         point_m = leg.point_at(leg.length_m if at_end else station.along_m + lookahead_m(speed_m_s))
         error_rad = bearing(point_m, pose, backwards=leg.backwards)
         self._aiming = abs(error_rad) > (AIMED_RAD if self._aiming else ASTRAY_RAD)
         if self._aiming:
-            return turn(error_rad, self._limits)
-        return pursue(leg, point_m, station.along_m, left_m + station.off_m, pose, self._limits)
+            return turn(error_rad)
+        return pursue(leg, point_m, station.along_m, left_m + station.off_m, pose, self._max_m_s)

@@ -9,17 +9,16 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum, StrEnum, auto
-from typing import Protocol
 
 from teleop.holder import HeldError, Holder
 from teleop.path.course import Path, Pose, wrap
 from teleop.path.permit import OffBeat, nearest, what_is_missing, what_stops
-from teleop.path.pursuit import ON_PATH_M, Course, Limits
+from teleop.path.pursuit import ON_PATH_M, Course
 from teleop.pilots.pilot import NEUTRAL, Velocity
 from teleop.rate import Rate
 from teleop.screen.view import plain
 from wire import topics
-from wire.bus import Arrival, Bus, wait_until
+from wire.bus import Bus, wait_until
 from wire.messages import Odometry, SafetyStatus, planar_twist
 from wire.standstill import is_still
 
@@ -37,27 +36,6 @@ HEADWAY_S, HEADWAY_M, HEADWAY_RAD = 3.0, 0.01, 0.03
 SETTLE_LIMIT_S = 1.0
 SHOW_PERIOD_S = 0.2
 DEPTH = 64
-
-
-class Person(Protocol):
-    """Interface to the person at the terminal. A request to continue also sets the `wake` of the service."""
-
-    @property
-    def present(self) -> bool:
-        """Whether there is a person who can ask to continue."""
-        ...
-
-    def asks_to_go_on(self) -> bool:
-        """Return whether the person asked to continue since the last call; never blocks."""
-        ...
-
-    def say(self, sentence: str) -> None:
-        """Print a sentence that stays visible."""
-        ...
-
-    def show(self, line: str) -> None:
-        """Show a line in place of the previous one."""
-        ...
 
 
 class Ending(StrEnum):
@@ -90,6 +68,7 @@ class _Phase(Enum):
     PAUSED = auto()
     SETTLING = auto()
     """Neutral at the end of the path, until the robot stands still."""
+    ENDED = auto()
 
 
 Plan = Callable[[Pose], Path]
@@ -106,9 +85,9 @@ class PathService:
     Args:
         bus: an open bus; the caller closes it.
         plan: returns the path; called once, when the robot may start.
-        person: the person at the terminal.
-        wake: set on every request of the person.
-        limits: limits of speed and acceleration.
+        speed_m_s: the maximum speed, above zero.
+        say: prints a sentence that stays visible.
+        show: shows a line in place of the previous one.
         operator: the source whose key presses pause the path.
         operator_rate_hz: the rate of its heartbeat.
         about: a sentence about this program, for other programs that want the source's name.
@@ -119,31 +98,39 @@ class PathService:
         bus: Bus,
         plan: Plan,
         *,
-        person: Person,
-        wake: asyncio.Event,
-        limits: Limits,
+        speed_m_s: float,
+        say: Callable[[str], None],
+        show: Callable[[str], None],
         operator: str = topics.TELEOP,
         operator_rate_hz: float = RATE_HZ,
         about: str = "the path",
     ) -> None:
-        self._plan, self._person, self._wake, self._limits = plan, person, wake, limits
+        self._plan, self._speed_m_s, self._say, self._show = plan, speed_m_s, say, show
         self._operator = operator
+        self._wake = asyncio.Event()
         self._cmd_vel = bus.publisher(topics.source_cmd_vel(SOURCE))
         self._odometry = bus.subscribe(topics.ODOM, depth=DEPTH)
-        self._statuses = bus.subscribe(topics.STATUS, depth=DEPTH, wake=wake)
-        self._keys = bus.subscribe(topics.source_cmd_vel(operator), depth=DEPTH, wake=wake)
+        self._statuses = bus.subscribe(topics.STATUS, depth=DEPTH, wake=self._wake)
+        self._keys = bus.subscribe(topics.source_cmd_vel(operator), depth=DEPTH, wake=self._wake)
         self._off_beat = OffBeat(1.0 / operator_rate_hz)
         self._holder = Holder(bus, SOURCE, self._cmd_vel, about)
+        self.is_attended = False
+        """Whether there is a person who can ask to continue; if there is none, a stop ends the drive."""
 
+        self._phase, self._since_s = _Phase.ARMING, 0.0
         self._course: Course | None = None
         self._drive = Drive()
-        self._ended = False
-        self._status: Arrival[SafetyStatus] | None = None
+        self._status: SafetyStatus | None = None
+        self._status_s = self._odom_s = -math.inf
         self._pose: Pose | None = None
-        self._odom_s = -math.inf
         self._speed = NEUTRAL
         self._on_path = False
-        self._headway: tuple[float, Pose] | None = None
+
+    def go_on(self) -> None:
+        """Continue after a pause. A request at another time has no effect: it does not answer a later stop."""
+        if self._phase is _Phase.PAUSED:
+            self._enter(_Phase.ARMING, asyncio.get_running_loop().time())
+            self._wake.set()
 
     async def run(self, stop: asyncio.Event) -> Drive:
         """Drive to the end of the path, or until `stop`; at the end, send zero and withdraw the token.
@@ -155,7 +142,6 @@ class PathService:
         loop = asyncio.get_running_loop()
         stopping = loop.create_task(stop.wait())
         stopping.add_done_callback(lambda _: self._wake.set())
-        self._phase, self._since_s = _Phase.ARMING, loop.time()
         try:
             await self._claim(stopping)
             self._since_s = loop.time()
@@ -163,7 +149,7 @@ class PathService:
             self._display = Rate(SHOW_PERIOD_S, self._since_s)
             while not stop.is_set():
                 self._turn(loop.time())
-                if self._ended:
+                if self._phase is _Phase.ENDED:
                     break
                 await wait_until(self._wake, self._beat.next_s)
                 self._wake.clear()
@@ -173,7 +159,7 @@ class PathService:
                 self._ask(NEUTRAL)
             finally:
                 await self._holder.leave()
-        self._enter(_Phase.PAUSED, loop.time())
+        self._enter(_Phase.ENDED, loop.time())
         if self._course is not None:
             self._drive.done_m = self._course.done_m
         return self._drive
@@ -192,15 +178,15 @@ class PathService:
 
     def _turn(self, now_s: float) -> None:
         late_s = self._beat.lateness_s(now_s)
-        self._listen(now_s)
-        if late_s > HANG_S:
-            self._pause_drive(f"this program hung for {late_s:.1f} s", now_s)
-        if self._phase is _Phase.PAUSED and not self._ended and self._person.asks_to_go_on():
-            self._enter(_Phase.ARMING, now_s)
-        if self._beat.tick(now_s) and not self._ended:
+        reason = self._listen()
+        if reason is None and late_s > HANG_S:
+            reason = f"this program hung for {late_s:.1f} s"
+        if reason is not None and self._phase is _Phase.DRIVING:
+            self._pause(reason, now_s)
+        if self._beat.tick(now_s) and self._phase is not _Phase.ENDED:
             self._ask(self._on_beat(now_s))
         if self._display.tick(now_s):
-            self._person.show(self._line(now_s))
+            self._show(self._line(now_s))
 
     def _on_beat(self, now_s: float) -> Velocity:
         """Act in the present phase; return the velocity to request."""
@@ -211,22 +197,26 @@ class PathService:
         elif self._phase is _Phase.SETTLING and (
             is_still(*self._speed) or now_s - self._since_s > SETTLE_LIMIT_S
         ):
-            self._end(Ending.DONE, "")
+            self._drive.ending, self._drive.reason = Ending.DONE, ""
+            self._enter(_Phase.ENDED, now_s)
         return NEUTRAL
 
     # --- input
 
-    def _listen(self, now_s: float) -> None:
+    def _listen(self) -> str | None:
+        """Process all messages; return the first reason among them to stop a drive, None if there is none."""
+        reasons: list[str | None] = []
         for odometry in self._odometry.take():
             if odometry.message is not None:
                 self._move(odometry.message, odometry.arrival_s)
         for status in self._statuses.take():
             if status.message is not None:
-                self._status = status
-                self._pause_drive(what_stops(status.message, SOURCE), now_s)
+                self._status, self._status_s = status.message, status.arrival_s
+                reasons.append(what_stops(status.message, SOURCE))
         pressed = [k.stamp is not None and self._off_beat.hears_key(k.stamp) for k in self._keys.take()]
         if any(pressed):
-            self._pause_drive(f"a key was pressed at {self._operator}", now_s)
+            reasons.append(f"a key was pressed at {self._operator}")
+        return next(filter(None, reasons), None)
 
     def _move(self, odometry: Odometry, arrival_s: float) -> None:
         twist, pose = odometry.twist.twist, Pose.of(odometry)
@@ -247,9 +237,9 @@ class PathService:
         if missing is None and self._pose is not None:
             if self._course is None:
                 path = self._drive.path = self._plan(self._pose)
-                self._course = Course(path, self._limits)
-                self._person.say(f"driving {path.length_m:.2f} m at up to {self._limits.speed_m_s:g} m/s")
-            self._on_path, self._headway = False, None
+                self._course = Course(path, self._speed_m_s)
+                self._say(f"driving {path.length_m:.2f} m at up to {self._speed_m_s:g} m/s")
+            self._on_path, self._headway = False, (now_s, self._pose)
             self._enter(_Phase.DRIVING, now_s)
         elif now_s - self._since_s > ARM_LIMIT_S:
             self._pause(missing or "no odometry arrives", now_s)
@@ -257,13 +247,13 @@ class PathService:
     def _missing(self, now_s: float) -> str | None:
         """Return why the robot must not start; None if it may."""
         silent = self._silent(now_s)
-        if silent is not None or self._status is None or self._status.message is None:
+        if silent is not None or self._status is None:
             return silent
-        return what_is_missing(self._status.message, SOURCE)
+        return what_is_missing(self._status, SOURCE)
 
     def _silent(self, now_s: float) -> str | None:
         """Return a text about a required stream that is silent; None if there is none."""
-        if self._status is None or now_s - self._status.arrival_s > STATUS_SILENT_S:
+        if now_s - self._status_s > STATUS_SILENT_S:
             return "the supervisor is silent"
         return "the odometry is silent" if now_s - self._odom_s > ODOM_SILENT_S else None
 
@@ -283,39 +273,29 @@ class PathService:
 
     def _stuck(self, pose: Pose, now_s: float) -> str | None:
         """Return the reason for a pause if the robot makes no headway; None if it does."""
-        since_s, before = self._headway or (-math.inf, pose)
-        moved_m = math.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m)
+        since_s, before = self._headway
         turned_rad = abs(wrap(pose.yaw_rad - before.yaw_rad))
-        if self._headway is None or moved_m >= HEADWAY_M or turned_rad >= HEADWAY_RAD:
+        if math.dist(pose[:2], before[:2]) >= HEADWAY_M or turned_rad >= HEADWAY_RAD:
             self._headway = (now_s, pose)
         elif now_s - since_s > HEADWAY_S:
-            status = None if self._status is None else self._status.message
-            where = "" if status is None or not nearest(status) else f" (nearest: {nearest(status)})"
-            return f"no headway for {HEADWAY_S:g} s{where}"
+            where = "" if self._status is None else nearest(self._status)
+            return f"no headway for {HEADWAY_S:g} s" + (f" (nearest: {where})" if where else "")
         return None
 
-    def _pause_drive(self, reason: str | None, now_s: float) -> None:
-        """Pause if the path is being driven and there is a reason."""
-        if reason is not None and self._phase is _Phase.DRIVING:
-            self._pause(reason, now_s)
-
     def _pause(self, reason: str, now_s: float) -> None:
-        self._enter(_Phase.PAUSED, now_s)
         self._ask(NEUTRAL)
         self._drive.reason = reason
-        if not self._person.present:
-            self._end(Ending.STOPPED, reason)
-            return
-        self._person.asks_to_go_on()  # discard a request from before this stop
-        self._person.say(f"paused: {reason}; Enter continues, Ctrl-C ends")
+        if self.is_attended:
+            self._enter(_Phase.PAUSED, now_s)
+            self._say(f"paused: {reason}; Enter continues, Ctrl-C ends")
+        else:
+            self._drive.ending = Ending.STOPPED
+            self._enter(_Phase.ENDED, now_s)
 
     def _enter(self, phase: _Phase, now_s: float) -> None:
         if self._phase is _Phase.DRIVING:
             self._drive.driving_s += now_s - self._since_s
         self._phase, self._since_s = phase, now_s
-
-    def _end(self, ending: Ending, reason: str) -> None:
-        self._drive.ending, self._drive.reason, self._ended = ending, reason, True
 
     # --- output
 

@@ -13,7 +13,6 @@ from sim.plant import Plant
 from supervisor.config import SourceSection, SupervisorSection
 from teleop.holder import ASK_LIMIT_S, HeldError
 from teleop.path.course import Path, PathError, Pose, Poses, TrackError, placed, square, to_path
-from teleop.path.pursuit import Limits
 from teleop.path.service import ARM_LIMIT_S, HEADWAY_S, Drive, Ending, PathService, Plan
 from tests.component.rig import Rig
 from virtual.loop import VirtualLoop
@@ -32,36 +31,23 @@ def here(poses: Poses) -> Plan:
 class Watcher:
     """The person at the terminal."""
 
-    wake: asyncio.Event = field(default_factory=asyncio.Event)
     present: bool = True
     said: list[str] = field(default_factory=list[str])
     shown: list[str] = field(default_factory=list[str])
-    asked: bool = False
-
-    def enter(self) -> None:
-        self.asked = True
-        self.wake.set()
-
-    def asks_to_go_on(self) -> bool:
-        asked, self.asked = self.asked, False
-        return asked
-
-    def say(self, sentence: str) -> None:
-        self.said.append(sentence)
-
-    def show(self, line: str) -> None:
-        self.shown.append(line)
 
 
 class Run:
     """A running PathService, and an outside subscriber."""
 
-    def __init__(self, rig: Rig, plan: Plan, person: Watcher, limits: Limits) -> None:
+    def __init__(self, rig: Rig, plan: Plan, person: Watcher, speed_m_s: float) -> None:
         self.rig, self.person, self.stop = rig, person, asyncio.Event()
         self._commands = rig.outsider.subscribe(CMD_VEL, depth=100_000)
         self.asked_for: list[tuple[float, float]] = []
         self.bus = rig.network.open_joined("path")
-        service = PathService(self.bus, plan, person=person, wake=person.wake, limits=limits)
+        service = PathService(
+            self.bus, plan, speed_m_s=speed_m_s, say=person.said.append, show=person.shown.append
+        )
+        service.is_attended, self.enter = person.present, service.go_on
         self.task: asyncio.Task[Drive] = asyncio.create_task(service.run(self.stop))
 
     def listen(self) -> list[tuple[float, float]]:
@@ -103,7 +89,7 @@ class Run:
 async def driving(
     rig: Rig, plan: Plan, person: Watcher | None = None, speed_m_s: float = 0.5
 ) -> AsyncGenerator[Run]:
-    run = Run(rig, plan, person or Watcher(), Limits(speed_m_s=speed_m_s))
+    run = Run(rig, plan, person or Watcher(), speed_m_s)
     try:
         yield run
     finally:
@@ -181,13 +167,13 @@ async def test_the_operator_takes_over_and_the_path_goes_on_only_when_it_is_aske
         await run.paused("teleop took over; Enter continues")
         await rig.pass_time(1.0)
         assert plant.true_velocity.linear_m_s == pytest.approx(-0.3, abs=0.02)
-        run.person.enter()
+        run.enter()
         await run.paused("teleop drives; it must stop first")
         operator.press()
         await rig.pass_time(5.0)
         assert plant.true_velocity == pytest.approx((0.0, 0.0), abs=0.01)
         assert run.asks_for_nothing
-        run.person.enter()
+        run.enter()
         drive = await run.at_its_end()
         assert drive.ending is Ending.DONE
         assert drive.done_m == pytest.approx(4.0)
@@ -215,12 +201,12 @@ async def test_an_obstacle_on_the_path_pauses_it_until_it_is_gone_and_somebody_a
         await run.until(lambda: plant.true_velocity.linear_m_s > 0.3)
         pillar.put(Point(plant.start_pose.x_m + 1.2, plant.start_pose.y_m, 0.0))
         await run.paused("STOPPED: OBSTACLE (0.3")
-        run.person.enter()
+        run.enter()
         await run.paused("STOPPED: OBSTACLE")
         pillar.put(Point(0.0, 0.0, -1.0))
         await rig.pass_time(2.0)
         assert run.asks_for_nothing
-        run.person.enter()
+        run.enter()
         drive = await run.at_its_end()
         assert drive.ending is Ending.DONE
         assert plant.collisions == 0
@@ -230,14 +216,14 @@ async def test_an_enter_from_before_a_stop_does_not_answer_it() -> None:
     rig, plant = Rig(), Plant()
     async with rig.supervisor(), rig.sim(plant), driving(rig, here(square(1.5))) as run:
         await run.until(lambda: plant.true_velocity.linear_m_s > 0.3)
-        run.person.enter()
+        run.enter()
         await rig.pass_time(0.2)
         rig.outsider.publisher(topics.ESTOP).put(Bool(data=True))
         await run.paused("STOPPED: ESTOP")
         assert (await rig.outsider.call(topics.SUPERVISOR_RESET)).success
         await rig.pass_time(5.0)
         assert run.asks_for_nothing
-        run.person.enter()
+        run.enter()
         await run.until(lambda: plant.true_velocity.linear_m_s > 0.3)
 
 
@@ -292,7 +278,7 @@ async def test_a_supervisor_that_dies_pauses_the_path_and_a_new_one_does_not_set
             await rig.pass_time(3.0)
             assert run.asks_for_nothing
             assert plant.true_velocity == pytest.approx((0.0, 0.0), abs=0.01)
-            run.person.enter()
+            run.enter()
             assert (await run.at_its_end()).ending is Ending.DONE
 
 
@@ -342,7 +328,7 @@ async def test_what_may_not_start_for_too_long_does_not_start_by_itself_later() 
             assert (await rig.outsider.call(topics.SUPERVISOR_RESET)).success
             await rig.pass_time(5.0)
             assert plant.true_pose == pytest.approx(plant.start_pose, abs=0.001)
-            run.person.enter()
+            run.enter()
             await run.until(lambda: plant.true_velocity.linear_m_s > 0.3)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from sim.motion_sensors import PERFECT, Odometer
 from sim.plant import Plant
 from teleop.path.course import Path, Pose, Poses, TrackError, seen_from, wrap
-from teleop.path.pursuit import Course, Limits
+from teleop.path.pursuit import Course
 from teleop.pilots.pilot import NEUTRAL, Velocity
 
 BEAT_STEPS = 25
@@ -41,10 +41,10 @@ class Driven(NamedTuple):
         )
 
 
-def drive(path: Path, limits: Limits, limit_s: float = 120.0) -> Driven:
+def drive(path: Path, speed_m_s: float, limit_s: float = 120.0) -> Driven:
     """Drive a path whose frame is that of the odometry; the robot stands at its origin."""
     plant = Plant()
-    course = Course(path, limits)
+    course = Course(path, speed_m_s)
     command, under_way = NEUTRAL, list[tuple[int, Velocity]]()
     by_odometry, by_truth = list[float](), list[float]()
     rows, times_s = list[tuple[float, float, float]](), list[float]()

@@ -9,13 +9,14 @@ from hypothesis import strategies as st
 
 from teleop.path.course import Pose, Poses, circle, placed, square, to_path, to_poses, wrap
 from teleop.path.pursuit import (
+    BRAKING_M_S2,
     HEADING_RAD,
     MAX_LOOKAHEAD_M,
+    MAX_TURN_RAD_S,
     MIN_LOOKAHEAD_M,
     MIN_TURN_RAD_S,
     ON_PATH_M,
     Course,
-    Limits,
     bearing,
     lookahead_m,
     pursue,
@@ -23,7 +24,7 @@ from teleop.path.pursuit import (
 )
 from tests.unit.teleop.path.drives import drive
 
-LIMITS = Limits(speed_m_s=0.6, turn_rad_s=1.2)
+SPEED_M_S = 0.6
 AHEAD = np.array([(0.0, 0.0, 0.0), (3.0, 0.0, 0.0)])
 BACK = np.array([(0.0, 0.0, 0.0), (-3.0, 0.0, 0.0)])
 angles = st.floats(-math.pi, math.pi)
@@ -45,18 +46,18 @@ def test_what_is_asked_for_is_finite_within_the_limits_and_in_the_leg_s_directio
 ) -> None:
     (leg,) = to_path(BACK if backwards else AHEAD).legs
     point_m = leg.point_at(along_m + 0.3)
-    linear, angular = pursue(leg, point_m, along_m, 3.0 - along_m, Pose(x_m, y_m, yaw_rad), LIMITS)
+    linear, angular = pursue(leg, point_m, along_m, 3.0 - along_m, Pose(x_m, y_m, yaw_rad), SPEED_M_S)
     assert math.isfinite(linear + angular)
-    assert 0.0 < (-linear if backwards else linear) <= LIMITS.speed_m_s
-    assert abs(angular) <= LIMITS.turn_rad_s
+    assert 0.0 < (-linear if backwards else linear) <= SPEED_M_S
+    assert abs(angular) <= MAX_TURN_RAD_S
 
 
 @given(angles.filter(lambda a: a != 0.0))
 def test_a_turn_goes_the_short_way_within_its_limits(error_rad: float) -> None:
-    linear, angular = turn(error_rad, LIMITS)
+    linear, angular = turn(error_rad)
     assert linear == 0.0
     assert math.copysign(1.0, angular) == math.copysign(1.0, error_rad)
-    assert MIN_TURN_RAD_S <= abs(angular) <= LIMITS.turn_rad_s
+    assert MIN_TURN_RAD_S <= abs(angular) <= MAX_TURN_RAD_S
 
 
 def test_the_lookahead_grows_with_the_speed_between_its_bounds() -> None:
@@ -72,17 +73,17 @@ def test_a_point_under_the_robot_has_no_bearing() -> None:
 
 def test_straight_ahead_it_drives_at_full_speed_and_slows_down_before_the_end() -> None:
     (leg,) = to_path(AHEAD).legs
-    ahead = pursue(leg, (1.5, 0.0), 1.0, 2.0, Pose(1.0, 0.0, 0.0), LIMITS)
-    assert ahead == (LIMITS.speed_m_s, 0.0)
-    near_end = pursue(leg, (3.2, 0.0), 2.9, 0.1, Pose(2.9, 0.0, 0.0), LIMITS)
-    assert near_end.linear_m_s == pytest.approx(math.sqrt(2 * LIMITS.braking_m_s2 * 0.1))
+    ahead = pursue(leg, (1.5, 0.0), 1.0, 2.0, Pose(1.0, 0.0, 0.0), SPEED_M_S)
+    assert ahead == (SPEED_M_S, 0.0)
+    near_end = pursue(leg, (3.2, 0.0), 2.9, 0.1, Pose(2.9, 0.0, 0.0), SPEED_M_S)
+    assert near_end.linear_m_s == pytest.approx(math.sqrt(2 * BRAKING_M_S2 * 0.1))
 
 
 def test_before_a_bend_it_slows_down_while_the_way_to_its_point_is_still_straight() -> None:
     poses = np.concatenate((np.array([(-2.0, 0.0, 0.0)]), circle(0.25)))
     (leg,) = to_path(poses).legs
-    straight = pursue(leg, leg.point_at(0.6), 0.3, 9.0, Pose(-1.7, 0.0, 0.0), LIMITS)
-    before = pursue(leg, leg.point_at(1.9), 1.7, 9.0, Pose(-0.3, 0.0, 0.0), LIMITS)
+    straight = pursue(leg, leg.point_at(0.6), 0.3, 9.0, Pose(-1.7, 0.0, 0.0), SPEED_M_S)
+    before = pursue(leg, leg.point_at(1.9), 1.7, 9.0, Pose(-0.3, 0.0, 0.0), SPEED_M_S)
     assert before.angular_rad_s == 0.0
     assert before.linear_m_s < 0.9 * straight.linear_m_s
 
@@ -110,7 +111,7 @@ def test_from_any_offset_it_comes_back_to_the_path_and_drives_it_to_its_end(
     x_m: float, y_m: float, yaw_rad: float, poses: Poses
 ) -> None:
     path = to_path(poses)
-    end, off_m = ideal(Course(path, LIMITS), Pose(x_m, y_m, yaw_rad))
+    end, off_m = ideal(Course(path, SPEED_M_S), Pose(x_m, y_m, yaw_rad))
     assert math.hypot(end.x_m - path.end.x_m, end.y_m - path.end.y_m) <= ON_PATH_M + 0.01
     assert abs(wrap(end.yaw_rad - path.end.yaw_rad)) <= HEADING_RAD
     back = next(i for i, off in enumerate(off_m) if off <= ON_PATH_M)
@@ -118,7 +119,7 @@ def test_from_any_offset_it_comes_back_to_the_path_and_drives_it_to_its_end(
 
 
 def test_a_robot_that_is_carried_off_goes_on_where_it_left_the_path() -> None:
-    course = Course(to_path(square(1.0)), LIMITS)
+    course = Course(to_path(square(1.0)), SPEED_M_S)
     pose = Pose(0.0, 0.0, 0.0)
     assert course.step(pose, 0.0) is not None
     course.step(Pose(0.3, 0.0, 0.0), 0.3)
@@ -134,7 +135,7 @@ def test_a_robot_that_is_carried_off_goes_on_where_it_left_the_path() -> None:
 
 
 def test_a_leg_passed_far_to_the_side_is_not_done_before_the_robot_was_at_its_end() -> None:
-    course = Course(to_path(AHEAD), LIMITS)
+    course = Course(to_path(AHEAD), SPEED_M_S)
     for along_m in np.arange(0.0, 3.6, 0.1):
         course.step(Pose(float(along_m), 0.5, 0.0), 0.3)
     velocity = course.step(Pose(3.5, 0.5, 0.0), 0.3)
@@ -144,7 +145,7 @@ def test_a_leg_passed_far_to_the_side_is_not_done_before_the_robot_was_at_its_en
 
 
 def test_after_the_end_the_last_leg_stays_the_current_one() -> None:
-    course = Course(to_path(AHEAD), LIMITS)
+    course = Course(to_path(AHEAD), SPEED_M_S)
     end, _ = ideal(course, Pose(0.0, 0.0, 0.0))
     assert course.done_m == 3.0
     assert course.station(end).along_m == 3.0
@@ -153,7 +154,7 @@ def test_after_the_end_the_last_leg_stays_the_current_one() -> None:
 
 def test_it_is_never_neutral_on_its_way() -> None:
     """The supervisor distinguishes a source that requests nothing from one that drives."""
-    course, pose, speed = Course(to_path(square(0.5)), LIMITS), Pose(0.0, 0.0, 0.0), 0.0
+    course, pose, speed = Course(to_path(square(0.5)), SPEED_M_S), Pose(0.0, 0.0, 0.0), 0.0
     while (velocity := course.step(pose, speed)) is not None:
         assert not velocity.is_neutral
         speed = velocity.linear_m_s
@@ -186,7 +187,7 @@ THREE_POINT = np.array(
 def test_the_plant_stays_on_the_path(
     name: str, poses: Poses, speed_m_s: float, rms_m: float, max_m: float
 ) -> None:
-    driven = drive(to_path(poses), Limits(speed_m_s=speed_m_s))
+    driven = drive(to_path(poses), speed_m_s)
     say(f"{name}: {driven}")
     assert driven.done
     assert driven.collisions == 0
@@ -198,8 +199,8 @@ def test_the_plant_stays_on_the_path(
 
 
 def test_what_was_driven_once_is_driven_again() -> None:
-    first = drive(to_path(THREE_POINT), Limits(speed_m_s=0.4))
-    again = drive(to_path(to_poses(first.times_s, first.odometry)), Limits(speed_m_s=0.6))
+    first = drive(to_path(THREE_POINT), 0.4)
+    again = drive(to_path(to_poses(first.times_s, first.odometry)), 0.6)
     say(f"a recorded three-point turn, again: {again}")
     assert again.done
     assert again.by_odometry.rms_m < 0.006
@@ -207,6 +208,6 @@ def test_what_was_driven_once_is_driven_again() -> None:
 
 
 def test_a_path_beside_the_robot_is_come_to() -> None:
-    driven = drive(to_path(placed(square(1.0), Pose(0.2, -0.2, 0.5))), Limits())
+    driven = drive(to_path(placed(square(1.0), Pose(0.2, -0.2, 0.5))), 0.4)
     assert driven.done
     assert driven.end_m < 0.02
