@@ -20,7 +20,7 @@ from teleop.gamepad.device import GamepadDevice, open_gamepad
 from teleop.gamepad.find import GamepadError
 from teleop.holder import HeldError, about_this_process
 from teleop.pilots.config import Mode, TeleopSection
-from teleop.pilots.keyboard import Hold, Incremental, Setpoint
+from teleop.pilots.keyboard import Hold, Incremental
 from teleop.pilots.keys import Command
 from teleop.pilots.pilot import LEVELS, KeyKind, Pilot, Ramp, Velocity
 from teleop.screen.controls import command_for, help_lines, key_help, legend
@@ -205,7 +205,7 @@ def _pilot(options: Options) -> Pilot | None:
     ramp = Ramp(config.acceleration_m_s2, config.angular_acceleration_rad_s2)
     match options.setup.control:
         case Control.INCREMENTAL:
-            return Incremental(Setpoint(config.step(), config.most(), config.level), ramp)
+            return Incremental(ramp, config.step(), config.most(), config.level)
         case Control.HOLD:
             speed = Velocity(config.hold_linear_m_s, config.hold_angular_rad_s)
             return Hold(speed, config.most(), ramp, config.level)

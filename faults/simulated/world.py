@@ -25,7 +25,7 @@ from supervisor.config import FootprintSection, SupervisorSection
 from supervisor.estop_record import MemoryRecord
 from supervisor.service import SupervisorService
 from teleop.holder import HeldError
-from teleop.pilots.keyboard import Incremental, Setpoint
+from teleop.pilots.keyboard import Incremental
 from teleop.pilots.pilot import KeyEvent, Ramp
 from teleop.screen.view import Control, Line, View
 from teleop.service import Setup, Teleop
@@ -299,7 +299,7 @@ class World:
         await life.bus.connect()
         wake = asyncio.Event()
         self.keyboard = keyboard = Keyboard(wake)
-        pilot = Incremental(Setpoint(), Ramp(1.0, 4.0))
+        pilot = Incremental(Ramp(1.0, 4.0))
         setup = Setup(topics.TELEOP, "virtual", Control.INCREMENTAL, about=life.name, pictures=False)
         teleop = Teleop(life.bus, setup, pilot=pilot, keys=keyboard, screen=Dark(), render=_render, wake=wake)
         await teleop.run(life.stop)

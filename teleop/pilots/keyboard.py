@@ -11,7 +11,6 @@ after any stop a key must be pressed again. On other terminals, a held key is de
 
 import math
 from collections import deque
-from dataclasses import dataclass, replace
 
 from teleop.pilots.keys import STOP_KEY, level_of
 from teleop.pilots.pilot import LEVELS, NEUTRAL, KeyEvent, KeyKind, Ramp, Velocity, amount
@@ -20,97 +19,71 @@ DIGITS = 9
 """Decimal places for rounding: finer than any step, coarser than floating-point errors (3 x 0.1 is 0.3)."""
 
 
-@dataclass(frozen=True, slots=True)
-class Setpoint:
-    """Requested forward velocity and turn rate (counter-clockwise positive), changed in steps within limits.
+class _KeyPilot:
+    """What both pilots share: the speed level, the requested velocity, and the ramp toward it."""
 
-    Sums of steps are rounded: ten steps up and ten down give exactly zero, and only exact zero is neutral. A step never
-    crosses zero but stops at it, even after a change of level.
-    """
-
-    full_step: Velocity = Velocity(0.1, 0.2)
-    """Step of each velocity at the highest speed level, above zero."""
-    most: Velocity = Velocity(1.0, 2.0)
-    """Maximum of each velocity at the highest speed level, above zero."""
-    level: int = LEVELS
-    linear_m_s: float = 0.0
-    angular_rad_s: float = 0.0
-
-    @property
-    def velocity(self) -> Velocity:
-        return Velocity(self.linear_m_s, self.angular_rad_s)
-
-    @property
-    def is_neutral(self) -> bool:
-        """Whether both velocities are exactly zero."""
-        return self.velocity.is_neutral
-
-    @property
-    def step(self) -> Velocity:
-        """Step of each velocity at this speed level."""
-        return self.full_step.scaled(self.level / LEVELS)
-
-    @property
-    def limit(self) -> Velocity:
-        """Maximum of each velocity at this speed level."""
-        return self.most.scaled(self.level / LEVELS)
-
-    def neutral(self) -> "Setpoint":
-        return replace(self, linear_m_s=0.0, angular_rad_s=0.0)
-
-    def moved(self, *, linear: int = 0, angular: int = 0) -> "Setpoint":
-        """Return the setpoint after `linear` steps forward and `angular` steps to the left, each -1, 0 or 1."""
-        step, limit = self.step, self.limit
-        return replace(
-            self,
-            linear_m_s=_stepped(self.linear_m_s, linear * step.linear_m_s, limit.linear_m_s),
-            angular_rad_s=_stepped(self.angular_rad_s, angular * step.angular_rad_s, limit.angular_rad_s),
-        )
-
-    def at_level(self, level: int) -> "Setpoint":
-        """Return the setpoint at another speed level, 1 to 5, limited to its maximum."""
-        return replace(self, level=level).moved()
-
-
-def _stepped(velocity: float, step: float, limit: float) -> float:
-    there = round(velocity + step, DIGITS)
-    if velocity * there < 0.0:
-        return 0.0
-    top = round(limit, DIGITS)
-    return max(-top, min(top, there)) + 0.0
-
-
-STEPS = {"w": (1, 0), "x": (-1, 0), "a": (0, 1), "d": (0, -1)}
-"""Steps (forward, left) of the keys."""
-
-
-class Incremental:
-    """A `Pilot` that counts key presses.
-
-    Args:
-        setpoint: a neutral setpoint at the initial speed level.
-        ramp: limits the acceleration of the sent velocity.
-    """
-
-    def __init__(self, setpoint: Setpoint, ramp: Ramp) -> None:
-        self._setpoint, self._ramp = setpoint, ramp
+    def __init__(self, most: Velocity, ramp: Ramp, level: int) -> None:
+        self._most, self._ramp, self._level = most, ramp, level
+        self._wanted = NEUTRAL
 
     @property
     def level(self) -> int:
-        return self._setpoint.level
+        return self._level
 
     @property
     def limit(self) -> Velocity:
-        return self._setpoint.limit
-
-    @property
-    def note(self) -> str:
-        step = self._setpoint.step
-        return f"each press: {amount(step.linear_m_s)} m/s or {amount(step.angular_rad_s)} rad/s"
+        return self._most.scaled(self._level / LEVELS)
 
     @property
     def next_s(self) -> float:
         return self._ramp.next_s
+
+    def wanted(self) -> Velocity:
+        return self._wanted
+
+    def let_go(self) -> None:
+        self._wanted = NEUTRAL
+        self._ramp.reset()
+
+
+# --- steps
+
+DEFAULT_STEP, DEFAULT_MOST = Velocity(0.1, 0.2), Velocity(1.0, 2.0)
+STEPS = {"w": (1, 0), "x": (-1, 0), "a": (0, 1), "d": (0, -1)}
+"""Steps (forward, left) of the keys."""
+
+
+class Incremental(_KeyPilot):
+    """A `Pilot` that counts key presses.
+
+    Sums of steps are rounded: ten steps up and ten down give exactly zero, and only exact zero is neutral. A step never
+    crosses zero but stops at it, even after a change of level.
+
+    Args:
+        ramp: limits the acceleration of the sent velocity.
+        step: step of each velocity at the highest speed level, above zero.
+        most: maximum of each velocity at the highest speed level, above zero.
+        level: the initial speed level.
+    """
+
+    def __init__(
+        self,
+        ramp: Ramp,
+        step: Velocity = DEFAULT_STEP,
+        most: Velocity = DEFAULT_MOST,
+        level: int = LEVELS,
+    ) -> None:
+        super().__init__(most, ramp, level)
+        self._full_step = step
+
+    @property
+    def _step(self) -> Velocity:
+        """Step of each velocity at this speed level."""
+        return self._full_step.scaled(self._level / LEVELS)
+
+    @property
+    def note(self) -> str:
+        return f"each press: {amount(self._step.linear_m_s)} m/s or {amount(self._step.angular_rad_s)} rad/s"
 
     def on_key(self, event: KeyEvent, now_s: float) -> None:  # noqa: ARG002 - a step is a step at any time
         if event.kind is KeyKind.RELEASE:
@@ -120,20 +93,31 @@ class Incremental:
         if key == STOP_KEY:
             self.let_go()
         elif key in STEPS:
-            linear, angular = STEPS[key]
-            self._setpoint = self._setpoint.moved(linear=linear, angular=angular)
+            self._move(STEPS[key])
         elif level is not None:
-            self._setpoint = self._setpoint.at_level(level)
+            self._level = level
+            self._move((0, 0))  # down to the maximum of the level
 
     def velocity(self, now_s: float) -> Velocity:
-        return self._ramp.toward(self._setpoint.velocity, now_s)
+        return self._ramp.toward(self._wanted, now_s)
 
-    def wanted(self) -> Velocity:
-        return self._setpoint.velocity
+    def _move(self, steps: tuple[int, int]) -> None:
+        self._wanted = Velocity(
+            *(
+                _stepped(velocity, count * step, limit)
+                for velocity, count, step, limit in zip(
+                    self._wanted, steps, self._step, self.limit, strict=True
+                )
+            )
+        )
 
-    def let_go(self) -> None:
-        self._setpoint = self._setpoint.neutral()
-        self._ramp.reset()
+
+def _stepped(velocity: float, step: float, limit: float) -> float:
+    there = round(velocity + step, DIGITS)
+    if velocity * there < 0.0:
+        return 0.0
+    top = round(limit, DIGITS)
+    return max(-top, min(top, there)) + 0.0
 
 
 # --- holding
@@ -167,7 +151,7 @@ LEAST = 0.05
 """Minimum speed as a share of the maximum: below it, a robot hardly moves, and steps of 10 % have no effect."""
 
 
-class Hold:
+class Hold(_KeyPilot):
     """A `Pilot` that moves while a key is held; any key without another meaning stops.
 
     Args:
@@ -178,19 +162,11 @@ class Hold:
     """
 
     def __init__(self, speed: Velocity, most: Velocity, ramp: Ramp, level: int = LEVELS) -> None:
-        self._speed, self._most, self._ramp, self._level = speed, most, ramp, level
+        super().__init__(most, ramp, level)
+        self._speed = speed
         self._reports_releases = False
         self._held: dict[str, None] = {}
         self._repeats = Repeats()
-        self._wanted = NEUTRAL
-
-    @property
-    def level(self) -> int:
-        return self._level
-
-    @property
-    def limit(self) -> Velocity:
-        return self._most.scaled(self._level / LEVELS)
 
     @property
     def note(self) -> str:
@@ -207,7 +183,7 @@ class Hold:
     @property
     def next_s(self) -> float:
         expiry_s = self._repeats.until_s if self._wanted != NEUTRAL and not self._held else math.inf
-        return min(self._ramp.next_s, expiry_s)
+        return min(super().next_s, expiry_s)
 
     def rely_on_releases(self, *, reported: bool) -> None:
         """Set whether the terminal reports key releases; a change makes the pilot neutral."""
@@ -246,14 +222,10 @@ class Hold:
         )
         return self._ramp.toward(self._wanted, now_s)
 
-    def wanted(self) -> Velocity:
-        return self._wanted
-
     def let_go(self) -> None:
         self._held.clear()
         self._repeats.forget()
-        self._wanted = NEUTRAL
-        self._ramp.reset()
+        super().let_go()
 
     def _on_motion(self, key: str, kind: KeyKind, now_s: float) -> None:
         if not self._reports_releases:

@@ -9,7 +9,7 @@ from typing import Any, cast
 import pytest
 
 from teleop.holder import ASK_LIMIT_S, POLL_S, SILENT_LIMIT_S, HeldError
-from teleop.pilots.keyboard import Hold, Incremental, Setpoint
+from teleop.pilots.keyboard import Hold, Incremental
 from teleop.pilots.keys import CTRL_C, CTRL_D, CTRL_Z
 from teleop.pilots.pilot import NEUTRAL, RAMP_PERIOD_S, KeyEvent, KeyKind, Pilot, Ramp, Velocity
 from teleop.screen.controls import help_lines, key_help
@@ -135,7 +135,7 @@ class Bench:
         self.wake = asyncio.Event()
         self.keys, self.screen = Keys(self.wake), PaperScreen()
         if pilot is None and control is not Control.VIEW_ONLY:
-            pilot = Incremental(Setpoint(), Ramp(1e6, 1e6))
+            pilot = Incremental(Ramp(1e6, 1e6))
         self.bus = self.wire.open_joined("teleop")
         teleop = Teleop(
             self.bus,
@@ -492,7 +492,7 @@ async def test_an_undecodable_status_leaves_the_last_one_to_age() -> None:
 
 
 def smooth() -> Incremental:
-    return Incremental(Setpoint(), Ramp(1.0, 4.0))
+    return Incremental(Ramp(1.0, 4.0))
 
 
 async def test_ten_presses_ramp_up_in_a_second_without_a_flood() -> None:

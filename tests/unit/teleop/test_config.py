@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from deploy.stack.launch import DEFAULT_CONFIG
 from teleop.pilots.config import GamepadSection, TeleopSection
-from teleop.pilots.keyboard import Setpoint
-from teleop.pilots.pilot import Velocity
+from teleop.pilots.keyboard import Incremental
+from teleop.pilots.pilot import Ramp, Velocity
 from teleop.screen.footprint import robot_of
 from teleop.screen.view import Robot
 from wire.host.config import ConfigError, section
@@ -32,10 +32,16 @@ def load(**values: object) -> TeleopSection:
     return section({"teleop": values}, "teleop", TeleopSection)
 
 
-def test_without_a_section_the_defaults_are_those_of_the_setpoint() -> None:
+def test_without_a_section_the_defaults_are_those_of_the_pilot() -> None:
     config = section({}, "teleop", TeleopSection)
     assert (config.source, config.rate_hz) == ("teleop", 20.0)
-    assert Setpoint(config.step(), config.most(), config.level) == Setpoint()
+    ramp = Ramp(config.acceleration_m_s2, config.angular_acceleration_rad_s2)
+    configured, default = Incremental(ramp, config.step(), config.most(), config.level), Incremental(ramp)
+    assert (configured.note, configured.limit, configured.level) == (
+        default.note,
+        default.limit,
+        default.level,
+    )
 
 
 @pytest.mark.parametrize("key", NUMBERS)

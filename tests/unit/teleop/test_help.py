@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from teleop.gamepad.pad import Gamepad, Layout
 from teleop.pilots.config import GamepadSection
-from teleop.pilots.keyboard import MOTIONS, SPEEDS, STEPS, Hold, Incremental, Setpoint
+from teleop.pilots.keyboard import MOTIONS, SPEEDS, STEPS, Hold, Incremental
 from teleop.pilots.keys import COMMANDS, STOP_KEY, name_of
 from teleop.pilots.pilot import KeyEvent, Pilot, Ramp, Velocity
 from teleop.screen.controls import command_for, help_lines, help_page, key_help, legend
@@ -40,7 +40,10 @@ def pilot_of(control: Control) -> Pilot:
         case Control.GAMEPAD:
             return Gamepad(LAYOUT, level=3)
         case _:
-            return Incremental(Setpoint(level=3, linear_m_s=0.06, angular_rad_s=0.12), Ramp(1e6, 1e6))
+            pilot = Incremental(Ramp(1e6, 1e6), level=3)
+            for key in "wa":
+                pilot.on_key(KeyEvent(key), 0.0)
+            return pilot
 
 
 def state_of(pilot: Pilot) -> tuple[object, ...]:
