@@ -23,10 +23,10 @@ from teleop.pilots.config import Mode, TeleopSection
 from teleop.pilots.keyboard import Hold, Incremental
 from teleop.pilots.keys import Command
 from teleop.pilots.pilot import LEVELS, KeyKind, Pilot, Ramp, Velocity
-from teleop.screen.controls import command_for, help_lines, key_help, legend
+from teleop.screen.controls import LEGENDS, command_for, help_lines, key_help
 from teleop.screen.dashboard import render_dashboard
 from teleop.screen.display import render
-from teleop.screen.footprint import robot_of
+from teleop.screen.top_view import robot_of
 from teleop.screen.view import Control, Event, Tone, View
 from teleop.service import Render, Setup, Teleop
 from teleop.terminal import Terminal, is_dumb, is_terminal
@@ -122,7 +122,7 @@ class _Waiting:
         self._render = _render(options)
         self._events: list[Event] = []
         self._warnings: list[str] = []
-        self._say = self._warn
+        self._say = self._note
         self._has_help = False
 
     def pass_warnings_to(self, say: Callable[[str], None]) -> None:
@@ -131,12 +131,9 @@ class _Waiting:
             say(text)
         self._say = say
 
-    def _on_warning(self, text: str) -> None:
-        self._say(text)
-
     def _warn(self, text: str) -> None:
         self._warnings.append(text)
-        self._note(text)
+        self._say(text)
 
     async def connect(self) -> Bus | None:
         """Return the bus as soon as the supervisor runs; None if the operator quit."""
@@ -147,9 +144,8 @@ class _Waiting:
             self._note(f"waiting for the supervisor at {section.endpoint}; {quits} quits")
 
         config = section.to_bus_config(Role.OPERATOR)
-        warn = self._on_warning
         opening = asyncio.ensure_future(
-            open_bus(config, "client", on_wait=on_wait, say=warn, on_read_only=warn)
+            open_bus(config, "client", on_wait=on_wait, say=self._warn, on_read_only=self._warn)
         )
         stopping = asyncio.ensure_future(self._stop.wait())
         for task in (opening, stopping):
@@ -255,7 +251,7 @@ def _options(args: argparse.Namespace) -> Options:
         source,
         bus.endpoint,
         control,
-        keys=legend(control),
+        keys=LEGENDS[control],
         help=key_help(control),
         robot=robot_of(document),
         most=config.most(),

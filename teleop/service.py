@@ -374,7 +374,7 @@ class Teleop:
         if self._estop_since_s is None:
             return
         status = self._telemetry.status
-        is_newer = self._telemetry.status_arrival_s > max(self._estop_since_s, self._reset_until_s)
+        is_newer = self._telemetry.statuses.arrival_s > max(self._estop_since_s, self._reset_until_s)
         if status is not None and is_newer and "ESTOP" in status.reasons:
             self._estop_since_s = None
         else:
@@ -432,7 +432,7 @@ class Teleop:
         """Update the round trip by a new status, if there is one, and send zero while it is too long."""
         if status is not None:
             self._round_trip.heard(
-                status.source_time_ns(self._setup.source), self._telemetry.status_arrival_s
+                status.source_time_ns(self._setup.source), self._telemetry.statuses.arrival_s
             )
         was_late, self._lateness = bool(self._lateness), self._round_trip.lateness
         if was_late is not bool(self._lateness):
@@ -507,8 +507,8 @@ class Teleop:
 
     def _view(self, now_s: float) -> View:
         setup, pilot, telemetry = self._setup, self._pilot, self._telemetry
-        odom, odom_age_s = telemetry.odom(now_s)
-        scan, scan_age_s = telemetry.scan(now_s)
+        for stream in (telemetry.odom, telemetry.scan):
+            stream.look()
         return View(
             setup.source,
             setup.endpoint,
@@ -524,11 +524,11 @@ class Teleop:
             status=telemetry.status,
             round_trip_s=self._round_trip.shortest_s,
             lateness=self._lateness,
-            status_age_s=telemetry.status_age_s(now_s),
-            odom=odom,
-            odom_age_s=odom_age_s,
-            scan=scan,
-            scan_age_s=scan_age_s,
+            status_age_s=telemetry.statuses.age_s(now_s),
+            odom=telemetry.odom.message,
+            odom_age_s=telemetry.odom.age_s(now_s),
+            scan=telemetry.scan.message,
+            scan_age_s=telemetry.scan.age_s(now_s),
             rates=telemetry.rates(now_s),
             robot=setup.robot,
             events=tuple(self._events),

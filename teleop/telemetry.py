@@ -11,7 +11,7 @@ from teleop.guards import Supervisors
 from teleop.screen.view import Rates
 from wire import topics
 from wire.bus import Arrival, Bus, Subscription
-from wire.messages import LaserScan, Odometry, SafetyStatus
+from wire.messages import SafetyStatus
 
 RATE_WINDOW_S = 2.0
 RATE_MIN_S = 0.9
@@ -35,9 +35,13 @@ class Meter:
 
 
 class Stream:
-    """The newest message of a topic, and the number of messages."""
+    """The newest message of a topic, and the number of messages.
 
-    def __init__(self, subscription: Subscription[Any]) -> None:
+    Args:
+        subscription: None: nothing is ever heard.
+    """
+
+    def __init__(self, subscription: Subscription[Any] | None) -> None:
         self._subscription = subscription
         self._taken = 0
         self._meter = Meter()
@@ -45,16 +49,28 @@ class Stream:
 
     def look(self) -> bool:
         """Process arrived messages; return whether there was a new one."""
-        arrivals = self._subscription.take()
+        arrivals = [] if self._subscription is None else self._subscription.take()
         self._taken += len(arrivals)
         newest = next((arrival for arrival in reversed(arrivals) if arrival.message is not None), None)
         self.newest = newest or self.newest
         return newest is not None
 
+    @property
+    def message(self) -> Any:  # noqa: ANN401 - the type of its topic
+        """The newest message; None if there is none."""
+        return None if self.newest is None else self.newest.message
+
+    @property
+    def arrival_s(self) -> float:
+        """Arrival time of the newest message; `-math.inf` if there is none."""
+        return -math.inf if self.newest is None else self.newest.arrival_s
+
     def age_s(self, now_s: float) -> float:
         return 0.0 if self.newest is None else max(0.0, now_s - self.newest.arrival_s)
 
     def rate_hz(self, now_s: float) -> float:
+        if self._subscription is None:
+            return math.nan
         return self._meter.rate_hz(self._taken + self._subscription.overflowed, now_s)
 
 
@@ -67,53 +83,23 @@ class Telemetry:
     """
 
     def __init__(self, bus: Bus, *, pictures: bool) -> None:
-        self._status = Stream(bus.subscribe(topics.STATUS))
+        self.statuses = Stream(bus.subscribe(topics.STATUS))
+        self.odom = Stream(bus.subscribe(topics.ODOM) if pictures else None)
+        self.scan = Stream(bus.subscribe(topics.SCAN) if pictures else None)
         self.supervisors = Supervisors()
-        self._odom = Stream(bus.subscribe(topics.ODOM)) if pictures else None
-        self._scan = Stream(bus.subscribe(topics.SCAN)) if pictures else None
 
     def look(self) -> SafetyStatus | None:
         """Return the newest status if it has not been returned before, else None."""
-        if not self._status.look():
+        if not self.statuses.look():
             return None
-        newest = self._status.newest
+        newest = self.statuses.newest
         if newest is not None and newest.stamp is not None:
             self.supervisors.heard(newest.stamp.gid, newest.arrival_s)
         return self.status
 
     @property
     def status(self) -> SafetyStatus | None:
-        newest = self._status.newest
-        return None if newest is None else newest.message
-
-    @property
-    def status_arrival_s(self) -> float:
-        """Arrival time of the newest status; `-math.inf` if there is none."""
-        newest = self._status.newest
-        return -math.inf if newest is None else newest.arrival_s
-
-    def status_age_s(self, now_s: float) -> float:
-        return self._status.age_s(now_s)
-
-    def odom(self, now_s: float) -> tuple[Odometry | None, float]:
-        """Return the newest odometry and its age [s]."""
-        return _newest(self._odom, now_s)
-
-    def scan(self, now_s: float) -> tuple[LaserScan | None, float]:
-        """Return the newest scan and its age [s]."""
-        return _newest(self._scan, now_s)
+        return self.statuses.message
 
     def rates(self, now_s: float) -> Rates:
-        return Rates(
-            *(
-                math.nan if stream is None else stream.rate_hz(now_s)
-                for stream in (self._status, self._odom, self._scan)
-            )
-        )
-
-
-def _newest(stream: Stream | None, now_s: float) -> tuple[Any, float]:
-    if stream is None:
-        return None, 0.0
-    stream.look()
-    return (None if stream.newest is None else stream.newest.message), stream.age_s(now_s)
+        return Rates(*(stream.rate_hz(now_s) for stream in (self.statuses, self.odom, self.scan)))

@@ -61,11 +61,6 @@ LEVEL_KEYS = ("1", "2", "3", "4", "5")
 """Keys that select the speed level of their digit."""
 
 
-def command_of(key: str) -> Command | None:
-    """Return the program command of a key, with or without caps lock; None if it has none."""
-    return COMMANDS.get(key.lower())
-
-
 def level_of(key: str) -> int | None:
     """Return the speed level that a key selects; None if it selects none."""
     return int(key) if key in LEVEL_KEYS else None

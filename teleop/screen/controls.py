@@ -10,7 +10,7 @@ from itertools import zip_longest
 from typing import assert_never
 
 from teleop.pilots.keyboard import MOTIONS, SPEEDS, STEPS
-from teleop.pilots.keys import COMMANDS, LEVEL_KEYS, STOP_KEY, Command, command_of, name_of
+from teleop.pilots.keys import COMMANDS, LEVEL_KEYS, STOP_KEY, Command, name_of
 from teleop.screen.view import Control, KeyHelp, Line, Segment, Tone
 
 NOT_IN_HOLD = ("q", "h")
@@ -19,7 +19,7 @@ NOT_IN_HOLD = ("q", "h")
 
 def command_for(key: str, control: Control) -> Command | None:
     """Return the program command of a key in a control mode; None if it has none."""
-    command = command_of(key)
+    command = COMMANDS.get(key.lower())  # with or without caps lock
     if control is Control.HOLD and key.lower() in NOT_IN_HOLD:
         return None
     if control is Control.VIEW_ONLY and command is Command.RESET:
@@ -33,45 +33,39 @@ _STOPS = (KeyHelp("SPACE", Command.ESTOP), KeyHelp("r", Command.RESET))
 _ALL = KeyHelp("?", "all keys")
 
 
-def legend(control: Control) -> tuple[KeyHelp, ...]:
-    """Return the legend of a control mode: its most important keys."""
-    match control:
-        case Control.INCREMENTAL:
-            return (
-                KeyHelp("w / x", "faster forward / backward"),
-                KeyHelp("a / d", "more to the left / right"),
-                KeyHelp("s", "stop, and arm again"),
-                *_STOPS,
-                KeyHelp("1 to 5", "speed level"),
-                KeyHelp("q", "quit"),
-                _ALL,
-            )
-        case Control.HOLD:
-            return (
-                KeyHelp("u i o", "hold: forward, and turn"),
-                KeyHelp("j k l", "hold: turn; k stops"),
-                KeyHelp("m , .", "hold: backward, and turn"),
-                KeyHelp("arrows", "the same"),
-                *_STOPS,
-                KeyHelp("q / z", "both speeds +10 / -10 %"),
-                KeyHelp("w / x", "linear, e / c angular"),
-                KeyHelp("1 to 5", "speed level"),
-                KeyHelp("Ctrl-C", "quit"),
-                _ALL,
-            )
-        case Control.GAMEPAD:
-            return (
-                KeyHelp("stick", "drive, with the dead-man button"),
-                KeyHelp("s", "stop; then press the button again"),
-                *_STOPS,
-                KeyHelp("1 to 5", "speed level"),
-                KeyHelp("q", "quit"),
-                _ALL,
-            )
-        case Control.VIEW_ONLY:
-            return (_STOPS[0], KeyHelp("q", "quit"), _ALL)
-        case _:
-            assert_never(control)
+LEGENDS = {
+    Control.INCREMENTAL: (
+        KeyHelp("w / x", "faster forward / backward"),
+        KeyHelp("a / d", "more to the left / right"),
+        KeyHelp("s", "stop, and arm again"),
+        *_STOPS,
+        KeyHelp("1 to 5", "speed level"),
+        KeyHelp("q", "quit"),
+        _ALL,
+    ),
+    Control.HOLD: (
+        KeyHelp("u i o", "hold: forward, and turn"),
+        KeyHelp("j k l", "hold: turn; k stops"),
+        KeyHelp("m , .", "hold: backward, and turn"),
+        KeyHelp("arrows", "the same"),
+        *_STOPS,
+        KeyHelp("q / z", "both speeds +10 / -10 %"),
+        KeyHelp("w / x", "linear, e / c angular"),
+        KeyHelp("1 to 5", "speed level"),
+        KeyHelp("Ctrl-C", "quit"),
+        _ALL,
+    ),
+    Control.GAMEPAD: (
+        KeyHelp("stick", "drive, with the dead-man button"),
+        KeyHelp("s", "stop; then press the button again"),
+        *_STOPS,
+        KeyHelp("1 to 5", "speed level"),
+        KeyHelp("q", "quit"),
+        _ALL,
+    ),
+    Control.VIEW_ONLY: (_STOPS[0], KeyHelp("q", "quit"), _ALL),
+}
+"""The legend of each control mode: its most important keys."""
 
 
 # --- the complete list

@@ -49,37 +49,24 @@ Stack = list[tuple[str, str]]
 class Glyphs:
     """The characters for drawing, each one column wide."""
 
-    unicode: bool
-    rule: str
-    track: str
-    bar: str
-    bar_end: str
+    unicode: bool = True
+    rule: str = "─"
+    track: str = "─"
+    bar: str = "━"
+    bar_end: str = "╾"
     """Half a cell at the end of a bar to the right."""
-    bar_begin: str
+    bar_begin: str = "╼"
     """Half a cell at the end of a bar to the left."""
-    axis: str
-    mark: str
-    on: str
-    off: str
-    arrows: str
+    axis: str = "┼"
+    mark: str = "┃"
+    on: str = "■"
+    off: str = "□"
+    arrows: str = "↑↖←↙↓↘→↗"
     """Arrows for eight directions, counter-clockwise from ahead."""
-    degree: str
+    degree: str = "°"
 
 
-_UNICODE = Glyphs(
-    unicode=True,
-    rule="─",
-    track="─",
-    bar="━",
-    bar_end="╾",
-    bar_begin="╼",
-    axis="┼",
-    mark="┃",
-    on="■",
-    off="□",
-    arrows="↑↖←↙↓↘→↗",
-    degree="°",
-)
+_UNICODE = Glyphs()
 _ASCII = Glyphs(
     unicode=False,
     rule="-",

@@ -22,28 +22,18 @@ CODE_POINT = (1 << TONE_SHIFT) - 1
 
 _TONES = tuple(Tone)
 _NUMBERS = {tone: bytes([number]) for number, tone in enumerate(_TONES)}
-_COLOURS = {
-    Tone.PLAIN: "0",
-    Tone.DIM: "0;90",
-    Tone.STRONG: "0;1",
-    Tone.GOOD: "0;32",
-    Tone.CAUTION: "0;1;33",
-    Tone.STOP: "0;1;31",
-    Tone.GOOD_BANNER: "0;30;42",
-    Tone.CAUTION_BANNER: "0;30;43",
-    Tone.STOP_BANNER: "0;1;97;41",
+_STYLES = {
+    Tone.PLAIN: ("0", "0"),
+    Tone.DIM: ("0;90", "0;2"),
+    Tone.STRONG: ("0;1", "0;1"),
+    Tone.GOOD: ("0;32", "0"),
+    Tone.CAUTION: ("0;1;33", "0;1"),
+    Tone.STOP: ("0;1;31", "0;1"),
+    Tone.GOOD_BANNER: ("0;30;42", "0;7"),
+    Tone.CAUTION_BANNER: ("0;30;43", "0;7"),
+    Tone.STOP_BANNER: ("0;1;97;41", "0;1;7"),
 }
-_MONOCHROME = {
-    Tone.PLAIN: "0",
-    Tone.DIM: "0;2",
-    Tone.STRONG: "0;1",
-    Tone.GOOD: "0",
-    Tone.CAUTION: "0;1",
-    Tone.STOP: "0;1",
-    Tone.GOOD_BANNER: "0;7",
-    Tone.CAUTION_BANNER: "0;7",
-    Tone.STOP_BANNER: "0;1;7",
-}
+"""Parameters of the control sequence of each tone, with colours and without."""
 _BEGIN, _END = "\x1b[?2026h\x1b[?7l", "\x1b[0m\x1b[?7h\x1b[?2026l"
 _CLEAR = "\x1b[0m\x1b[2J"
 
@@ -56,8 +46,7 @@ class FrameWriter:
     """
 
     def __init__(self, *, colours: bool = True) -> None:
-        styles = _COLOURS if colours else _MONOCHROME
-        self._styles = [f"\x1b[{styles[tone]}m" for tone in _TONES]
+        self._styles = [f"\x1b[{_STYLES[tone][0 if colours else 1]}m" for tone in _TONES]
         self._shown: Cells | None = None
         self._size = (0, 0)
 

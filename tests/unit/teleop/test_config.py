@@ -10,7 +10,7 @@ from deploy.stack.launch import DEFAULT_CONFIG
 from teleop.pilots.config import GamepadSection, TeleopSection
 from teleop.pilots.keyboard import Incremental
 from teleop.pilots.pilot import Ramp, Velocity
-from teleop.screen.footprint import robot_of
+from teleop.screen.top_view import robot_of
 from teleop.screen.view import Robot
 from wire.host.config import ConfigError, section
 

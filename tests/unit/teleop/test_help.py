@@ -9,7 +9,7 @@ from teleop.pilots.config import GamepadSection
 from teleop.pilots.keyboard import MOTIONS, SPEEDS, STEPS, Hold, Incremental
 from teleop.pilots.keys import COMMANDS, STOP_KEY, name_of
 from teleop.pilots.pilot import KeyEvent, Pilot, Ramp, Velocity
-from teleop.screen.controls import command_for, help_lines, help_page, key_help, legend
+from teleop.screen.controls import LEGENDS, command_for, help_lines, help_page, key_help
 from teleop.screen.dashboard import render_dashboard
 from teleop.screen.view import Control, KeyHelp, Tone, View
 from tests.unit.teleop.views import driving, over, room, stopped, text
@@ -101,7 +101,7 @@ def test_in_hold_mode_h_stops_as_any_other_key_and_the_question_mark_shows_the_h
 
 @pytest.mark.parametrize("control", Control)
 def test_the_legend_names_only_keys_of_the_help(control: Control) -> None:
-    named = {key for row in legend(control) for key in row.keys.split()} - {"/", "to", "arrows"}
+    named = {key for row in LEGENDS[control] for key in row.keys.split()} - {"/", "to", "arrows"}
     assert named <= listed(control)
     assert "?" in named
 

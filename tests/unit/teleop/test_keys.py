@@ -20,7 +20,7 @@ from teleop.pilots.keys import (
     name_of,
 )
 from teleop.pilots.pilot import KeyEvent, KeyKind
-from teleop.screen.controls import command_for, legend
+from teleop.screen.controls import LEGENDS, command_for
 from teleop.screen.view import Control
 
 PRESS, REPEAT, RELEASE = KeyKind.PRESS, KeyKind.REPEAT, KeyKind.RELEASE
@@ -304,15 +304,15 @@ def test_there_are_five_levels() -> None:
 
 @pytest.mark.parametrize("control", Control)
 def test_the_legend_of_each_mode_says_how_to_stop_and_how_to_leave(control: Control) -> None:
-    rows = legend(control)
+    rows = LEGENDS[control]
     assert "SPACE" in {row.keys for row in rows}
     assert [row.keys for row in rows if row.does == "quit"] == ["Ctrl-C" if control is Control.HOLD else "q"]
     assert all(row.keys.isascii() and len(f"{row.keys:<8}{row.does}") < 42 for row in rows)
 
 
 def test_the_legend_names_no_step_because_the_level_changes_it() -> None:
-    assert "m/s" not in str(legend(Control.INCREMENTAL))
-    assert "rad/s" not in str(legend(Control.INCREMENTAL))
+    assert "m/s" not in str(LEGENDS[Control.INCREMENTAL])
+    assert "rad/s" not in str(LEGENDS[Control.INCREMENTAL])
 
 
 def test_a_key_without_a_character_has_a_name() -> None:
