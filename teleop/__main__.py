@@ -57,19 +57,15 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     args = _parser().parse_args(arguments)
     try:
         options = _options(args)
-    except ConfigError as error:
+        if not is_terminal():
+            refuse(
+                "teleop",
+                "keys need a terminal on standard input and output: run it in one, not in a pipe or a service",
+            )
+        if options.setup.control is Control.GAMEPAD:
+            options = replace(options, gamepad=open_gamepad(options.config))
+    except (ConfigError, GamepadError) as error:
         refuse("teleop", error)
-    if not is_terminal():
-        refuse(
-            "teleop",
-            "keys need a terminal on standard input and output: run it in one, not in a pipe or a service",
-        )
-    if options.setup.control is Control.GAMEPAD:
-        try:
-            gamepad = open_gamepad(options.config.gamepad, *options.config.most(), options.config.level)
-        except GamepadError as error:
-            refuse("teleop", error)
-        options = replace(options, gamepad=gamepad)
     run_process("teleop", lambda stop: _run(stop, options), memory_keeper=options.bus.memory_keeper)
 
 

@@ -12,8 +12,7 @@ from typing import Protocol, cast
 
 from teleop.gamepad.find import DEVICES, SYSFS, Described, GamepadError, Needed, find_gamepad, find_sensors
 from teleop.gamepad.pad import Axis, Gamepad, Layout, PadEvent, PadState
-from teleop.pilots.config import GamepadSection
-from teleop.pilots.pilot import LEVELS, Velocity
+from teleop.pilots.config import TeleopSection
 from wire.host.extras import how_to_install
 
 RETRY_PERIOD_S = 0.5
@@ -61,15 +60,13 @@ Opener = Callable[[Path], Device]
 """Opens a device for non-blocking reads; raises OSError."""
 
 
-def open_gamepad(
-    section: GamepadSection, max_linear_m_s: float, max_angular_rad_s: float, level: int = LEVELS
-) -> "GamepadDevice":
-    """Find and open the gamepad of a section. It does not need an event loop.
+def open_gamepad(config: TeleopSection) -> "GamepadDevice":
+    """Find and open the gamepad of a configuration. It does not need an event loop.
 
     The result has the pilot (`.pilot`, a `teleop.pilots.pilot.Pilot`) that the gamepad controls; it is neutral until the pad is
     read:
 
-        pad = open_gamepad(config.gamepad, config.max_linear_m_s, config.max_angular_rad_s)
+        pad = open_gamepad(config)
         ...
         with pad.reading(wake=wake, say=terminal.note):  # in the loop; closes the pad at the end
             await Teleop(..., pilot=pad.pilot).run(stop)
@@ -79,19 +76,12 @@ def open_gamepad(
     without an exception. Other events that must end a hold (stop keys, a hang, a stuck terminal) call
     `pilot.let_go()`: the dead-man button must then be released and pressed again.
 
-    Args:
-        section: `[teleop.gamepad]`.
-        max_linear_m_s: forward velocity at full deflection and a share of 1.
-        max_angular_rad_s: turn rate at full deflection and a share of 1.
-        level: the initial speed level, 1 to 5; the keys 1 to 5 select another.
-
     Raises:
-        GamepadError: the package is missing, a name in `section` is unknown to Linux, or there is no gamepad, no
+        GamepadError: the package is missing, a name in `[teleop.gamepad]` is unknown to Linux, or there is no gamepad, no
             permission to read it, or more than one; the message says what to do.
     """
     opener, codes = _evdev()
-    layout = layout_of(section, codes, max_linear_m_s, max_angular_rad_s)
-    pad = GamepadDevice(Gamepad(layout, level), opener)
+    pad = GamepadDevice(Gamepad(layout_of(config, codes), config.level), opener)
     pad.open()
     return pad
 
@@ -292,17 +282,15 @@ def _evdev() -> tuple[Opener, dict[str, int]]:
     return opener, evdev.ecodes.ecodes
 
 
-def layout_of(
-    section: GamepadSection, codes: dict[str, int], max_linear_m_s: float, max_angular_rad_s: float
-) -> Layout:
-    """Return the layout of a section, with Linux's codes for the names.
+def layout_of(config: TeleopSection, codes: dict[str, int]) -> Layout:
+    """Return the layout of a configuration, with Linux's codes for the names.
 
     Raises:
         GamepadError: a name is unknown to Linux.
     """
 
     def code(key: str) -> int:
-        name: str = getattr(section, key)
+        name: str = getattr(config.gamepad, key)
         if name not in codes:
             raise GamepadError(
                 f"teleop.gamepad.{key} = {name!r}: Linux has no such name; evtest shows those of a pad"
@@ -310,10 +298,10 @@ def layout_of(
         return codes[name]
 
     return Layout(
-        section,
+        config.gamepad,
         code("forward_axis"),
         code("turn_axis"),
         code("dead_man_button"),
         code("turbo_button"),
-        Velocity(max_linear_m_s, max_angular_rad_s),
+        config.most(),
     )

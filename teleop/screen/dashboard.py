@@ -41,10 +41,6 @@ LEAST_SHOWN = 0.005
 """Minimum velocity that is shown in a bar; smaller values are displayed as 0.00."""
 
 
-Stack = list[tuple[str, str]]
-"""Keys in one column, with their functions."""
-
-
 @dataclass(frozen=True, slots=True)
 class Glyphs:
     """The characters for drawing, each one column wide."""
@@ -414,27 +410,33 @@ def _caption(view: View, scale: Scale, glyphs: Glyphs) -> Line:
 @lru_cache(maxsize=4)
 def _keys(keys: tuple[KeyHelp, ...], columns: int, glyphs: Glyphs) -> list[Line]:
     """Return the keys in columns with as few lines as possible; if they do not fit, the widest column is cut off."""
-    rows = [(row.keys, row.does) for row in _our_rows(keys, glyphs)]
-    stacks: list[Stack] = []
+    rows = _our_rows(keys, glyphs)
+    stacks: list[list[KeyHelp]] = []
     widths: list[int] = []
     for height in range(1, MAX_KEY_ROWS + 1):
         stacks = [rows[first : first + height] for first in range(0, len(rows), height)]
-        widths = [_widest(stack) for stack in stacks]
+        widths = [_keys_wide(stack) + max(len(row.does) for row in stack) + 2 for stack in stacks]
         if sum(widths) < columns:
             break
     while sum(widths) >= columns:
         widths[widths.index(max(widths))] -= 1
-    return [
-        (
-            Segment(" "),
-            *(
-                segment
-                for stack, width in zip(stacks, widths, strict=True)
-                for segment in _key(stack, row, width)
-            ),
-        )
-        for row in range(max(map(len, stacks), default=0))
-    ]
+    lines: list[Line] = [(Segment(" "),) for _ in range(max(map(len, stacks), default=0))]
+    for stack, width in zip(stacks, widths, strict=True):
+        left = min(width, _keys_wide(stack))
+        right = width - left
+        for at, line in enumerate(lines):
+            row = stack[at] if at < len(stack) else KeyHelp("", "")
+            lines[at] = (
+                *line,
+                Segment(f"{row.keys[: max(0, left - 1)]:<{left}}", Tone.STRONG),
+                Segment(f"{row.does[: max(0, right - 1)]:<{right}}", Tone.DIM),
+            )
+    return lines
+
+
+def _keys_wide(stack: list[KeyHelp]) -> int:
+    """Return the width of the keys in one column, with an empty character."""
+    return max(len(row.keys) for row in stack) + 1
 
 
 def _help(view: View, columns: int, rows: int, glyphs: Glyphs) -> list[Line]:
@@ -445,21 +447,6 @@ def _help(view: View, columns: int, rows: int, glyphs: Glyphs) -> list[Line]:
 
 def _our_rows(keys: Iterable[KeyHelp], glyphs: Glyphs) -> list[KeyHelp]:
     return [KeyHelp(_ours(row.keys, glyphs), _ours(row.does, glyphs)) for row in keys]
-
-
-def _widest(stack: Stack) -> int:
-    return max(len(keys) for keys, _ in stack) + max(len(does) for _, does in stack) + 3
-
-
-def _key(stack: Stack, row: int, columns: int) -> tuple[Segment, Segment]:
-    """Return one key of a stack in `columns` characters, the last of them empty."""
-    keys, does = stack[row] if row < len(stack) else ("", "")
-    left = min(columns, max(len(keys) for keys, _ in stack) + 1)
-    right = columns - left
-    return (
-        Segment(f"{keys[: max(0, left - 1)]:<{left}}", Tone.STRONG),
-        Segment(f"{does[: max(0, right - 1)]:<{right}}", Tone.DIM),
-    )
 
 
 # --- a terminal that is too small

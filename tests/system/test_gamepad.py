@@ -19,7 +19,7 @@ from teleop.gamepad import pad as gamepad
 from teleop.gamepad.device import GamepadDevice, open_gamepad
 from teleop.gamepad.find import GamepadError, Needed, describe, find_gamepad, find_sensors
 from teleop.gamepad.pad import Gamepad, Phase
-from teleop.pilots.config import GamepadSection
+from teleop.pilots.config import GamepadSection, TeleopSection
 from tests.system.harness import PATIENCE_S, robot
 from tests.unit.teleop.pads import (
     DUALSHOCK4,
@@ -128,7 +128,7 @@ class Reading:
 @asynccontextmanager
 async def reading(pad: VirtualPad, monkeypatch: pytest.MonkeyPatch) -> AsyncGenerator[Reading]:
     monkeypatch.setattr(gamepad, "SETTLE_S", 0.0)
-    device = open_gamepad(GamepadSection(device=pad.path), 1.0, 2.0)
+    device = open_gamepad(TeleopSection(gamepad=GamepadSection(device=pad.path)))
     wake, said = asyncio.Event(), list[str]()
     with device.reading(wake=wake, say=said.append):
         yield Reading(device, wake, said)

@@ -16,7 +16,7 @@ from teleop.gamepad import pad as gamepad
 from teleop.gamepad.device import Device, GamepadDevice, open_gamepad
 from teleop.gamepad.find import GamepadError
 from teleop.gamepad.pad import Gamepad, PadEvent, Phase
-from teleop.pilots.config import GamepadSection
+from teleop.pilots.config import GamepadSection, TeleopSection
 from teleop.pilots.pilot import NEUTRAL
 from tests.unit.teleop.pads import (
     DROPPED,
@@ -329,7 +329,7 @@ def test_an_axis_without_a_range_is_refused(desk: Desk) -> None:
 def test_without_the_package_the_sentence_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "evdev", None)
     with pytest.raises(GamepadError, match=r"install lifeline\[gamepad\], with `uv tool install"):
-        open_gamepad(GamepadSection(), 1.0, 2.0)
+        open_gamepad(TeleopSection())
 
 
 @pytest.mark.parametrize(
@@ -339,15 +339,15 @@ def test_without_the_package_the_sentence_says_how_to_get_it(monkeypatch: pytest
 def test_a_name_that_linux_does_not_know_is_refused(key: str, name: str) -> None:
     section = GamepadSection.model_validate({key: name})
     with pytest.raises(GamepadError, match=rf"teleop\.gamepad\.{key} = '{name}': Linux has no such name"):
-        open_gamepad(section, 1.0, 2.0)
+        open_gamepad(TeleopSection(gamepad=section))
 
 
 def test_the_names_of_the_defaults_are_those_of_the_kernel() -> None:
     codes = evdev.ecodes.ecodes
-    layout = gamepad_device.layout_of(GamepadSection(), codes, 1.0, 2.0)
+    layout = gamepad_device.layout_of(TeleopSection(), codes)
     assert layout == LAYOUT
 
 
 def test_a_device_that_is_not_there_is_refused_by_the_real_package() -> None:
     with pytest.raises(GamepadError, match="no input device /dev/input/no-such-pad"):
-        open_gamepad(GamepadSection(device="/dev/input/no-such-pad"), 1.0, 2.0)
+        open_gamepad(TeleopSection(gamepad=GamepadSection(device="/dev/input/no-such-pad")))
