@@ -186,8 +186,8 @@ class _Waiting:
             control=setup.control,
             robot=setup.robot,
             events=tuple(self._events),
-            keys=setup.keys,
-            help=setup.help if self._has_help else (),
+            keys=LEGENDS[setup.control],
+            help=key_help(setup.control) if self._has_help else (),
         )
         self._terminal.show(self._render(view, *self._terminal.size))
 
@@ -224,7 +224,7 @@ def _greet(terminal: Terminal, options: Options) -> None:
         return
     if is_dumb():
         terminal.note("this terminal has no control sequences (TERM=dumb): one line instead of a screen")
-    for line in help_lines(options.setup.help):
+    for line in help_lines(key_help(options.setup.control)):
         terminal.note(line)
 
 
@@ -247,8 +247,6 @@ def _options(args: argparse.Namespace) -> Options:
         source,
         bus.endpoint,
         control,
-        keys=LEGENDS[control],
-        help=key_help(control),
         robot=robot_of(document),
         most=config.most(),
         rate_hz=config.rate_hz,

@@ -21,8 +21,8 @@ from teleop.holder import SENDING_S, HeldError, Holder
 from teleop.pilots.keys import Command, KeySource
 from teleop.pilots.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity, amounts
 from teleop.rate import TOLERANCE_S, Rate, WarningBell
-from teleop.screen.controls import command_for, help_lines
-from teleop.screen.view import Control, Event, KeyHelp, Line, Robot, Tone, View, plain
+from teleop.screen.controls import LEGENDS, command_for, help_lines, key_help
+from teleop.screen.view import Control, Event, Line, Robot, Tone, View, plain
 from teleop.telemetry import Telemetry
 from wire import topics
 from wire.bus import Bus, NoReplyError
@@ -76,10 +76,6 @@ class Setup:
     endpoint: str
     """Endpoint of the supervisor."""
     control: Control
-    keys: tuple[KeyHelp, ...] = ()
-    """The most important keys."""
-    help: tuple[KeyHelp, ...] = ()
-    """All keys, for the help."""
     robot: Robot = Robot()
     most: Velocity = Velocity(1.0, 2.0)
     """Full scale of the velocity bars."""
@@ -90,14 +86,6 @@ class Setup:
     """A sentence about this program, for other programs that want the source's name."""
     pictures: bool = True
     """Whether scans and odometry are drawn; False for the display of one line."""
-
-
-NEUTRAL_HINTS = {
-    Control.INCREMENTAL: "press s",
-    Control.HOLD: "let go of the keys",
-    Control.GAMEPAD: "let go of the gamepad",
-    Control.VIEW_ONLY: "",
-}
 
 
 class Teleop:
@@ -317,7 +305,7 @@ class Teleop:
             self._has_help = not self._has_help
             self._redraw = True
             return
-        for line in help_lines(self._setup.help):
+        for line in help_lines(key_help(self._setup.control)):
             self._screen.note(line)
         if self._pilot is not None:
             self._on_level(self._pilot)
@@ -514,13 +502,11 @@ class Teleop:
             setup.endpoint,
             control=setup.control,
             control_note="" if pilot is None else pilot.note,
-            neutral_hint=NEUTRAL_HINTS[setup.control],
             level=1 if pilot is None else pilot.level,
             limit=None if pilot is None else pilot.limit,
             wanted=NEUTRAL if pilot is None else pilot.wanted(),
             sent=self._sent,
-            max_linear_m_s=setup.most.linear_m_s,
-            max_angular_rad_s=setup.most.angular_rad_s,
+            most=setup.most,
             status=telemetry.status,
             round_trip_s=self._round_trip.shortest_s,
             lateness=self._lateness,
@@ -532,6 +518,6 @@ class Teleop:
             rates=telemetry.rates(now_s),
             robot=setup.robot,
             events=tuple(self._events),
-            keys=setup.keys,
-            help=setup.help if self._has_help else (),
+            keys=LEGENDS[setup.control],
+            help=key_help(setup.control) if self._has_help else (),
         )

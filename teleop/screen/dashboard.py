@@ -279,9 +279,7 @@ def _velocity_row(
         return (_label(name), Segment("not known", Tone.DIM))
     segments = [_label(name)]
     # A turn to the left is positive, and its bar extends to the left.
-    for number, bar, limit, sign in zip(
-        numbers, bars, (view.max_linear_m_s, view.max_angular_rad_s), (1, -1), strict=True
-    ):
+    for number, bar, limit, sign in zip(numbers, bars, view.most, (1, -1), strict=True):
         cells = (columns - 9) // 2
         share = sign * bar / limit if limit > 0.0 and abs(bar) >= LEAST_SHOWN else 0.0
         segments.append(Segment(f"{_number(number)} ", Tone.DIM if is_old else Tone.STRONG))

@@ -61,6 +61,14 @@ class Control(StrEnum):
     VIEW_ONLY = "view only"
 
 
+NEUTRAL_HINTS = {
+    Control.INCREMENTAL: "press s",
+    Control.HOLD: "let go of the keys",
+    Control.GAMEPAD: "let go of the gamepad",
+    Control.VIEW_ONLY: "",
+}
+
+
 @dataclass(frozen=True, slots=True)
 class Robot:
     """Values of the supervisor's configuration for the picture: hull, lidar mount, stop and warning distance."""
@@ -113,8 +121,6 @@ class View:
     control: Control = Control.INCREMENTAL
     control_note: str = ""
     """How the control works on this terminal: "hold: key releases reported by the terminal"."""
-    neutral_hint: str = "press s"
-    """How to send neutral, as the beginning of a sentence: "press s", "let go of the keys"."""
     level: int = 1
     """Speed level, 1 to 5."""
     limit: Velocity | None = None
@@ -123,8 +129,7 @@ class View:
     """The requested velocity, at the end of the ramp."""
     sent: Velocity = NEUTRAL
     """The velocity that is sent to the supervisor now."""
-    max_linear_m_s: float = 1.0
-    max_angular_rad_s: float = 2.0
+    most: Velocity = Velocity(1.0, 2.0)
     """Full scales of the two velocity bars."""
     status: SafetyStatus | None = None
     status_age_s: float = 0.0
@@ -150,6 +155,11 @@ class View:
     def own(self) -> SourceStatus | None:
         """This source in the supervisor's status."""
         return None if self.status is None else self.status.source(self.source)
+
+    @property
+    def neutral_hint(self) -> str:
+        """How to send neutral, as the beginning of a sentence."""
+        return NEUTRAL_HINTS[self.control]
 
     @property
     def is_neutral(self) -> bool:

@@ -143,7 +143,6 @@ class Bench:
                 "teleop",
                 "tcp/127.0.0.1:7447",
                 control,
-                help=key_help(control),
                 about=f"the teleop of {id(self)}",
                 pictures=pictures,
             ),

@@ -141,10 +141,8 @@ def test_who_only_looks_on_is_shown_that_the_operator_must_re_arm() -> None:
 
 
 def test_neutral_after_a_stop_is_reached_as_the_control_says() -> None:
-    assert (
-        said(over("OVERRUN"), neutral_hint="let go of the keys").next_step
-        == "let go of the keys to drive again"
-    )
+    step = said(over("OVERRUN"), control=Control.HOLD).next_step
+    assert step == "let go of the keys to drive again"
 
 
 @pytest.mark.parametrize(
@@ -212,7 +210,7 @@ def test_an_emergency_stop_asks_for_neutral_only_where_it_is_missing() -> None:
 
 
 def test_neutral_is_reached_as_the_control_says() -> None:
-    view = driving(neutral_hint="let go of the keys")
+    view = driving(control=Control.HOLD)
     assert next_step(view, "COMMAND_TIMEOUT") == "let go of the keys to re-arm"
 
 
