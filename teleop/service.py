@@ -3,9 +3,6 @@
 The heartbeat proves that this loop runs: a hang silences it, and the supervisor stops the robot. After a hang, missed
 heartbeats are not sent later, the setpoint is zero, and keys typed during the hang are discarded, because the robot did
 not respond to them.
-
-A stop by the supervisor does not change the setpoint. The law waits for a neutral command, which must come from the
-operator: sending it automatically would re-arm the robot without the operator's knowledge.
 """
 
 import asyncio

@@ -78,7 +78,7 @@ class Terminal:
     def __init__(self, wake: asyncio.Event, *, plain: bool, on_releases: OnReleases | None = None) -> None:
         self._wake, self._on_releases = wake, on_releases
         self._decoder = KeyDecoder()
-        self._ended = False
+        self.ended = False
         self._has_terminal = False
         self._guard: TerminalGuard | None = None
         self._typed: list[KeyEvent] = []
@@ -111,10 +111,6 @@ class Terminal:
         os.close(self._out)
 
     @property
-    def ended(self) -> bool:
-        return self._ended
-
-    @property
     def size(self) -> tuple[int, int]:
         """Number of columns and rows."""
         with suppress(OSError):
@@ -126,7 +122,7 @@ class Terminal:
     def take(self) -> list[KeyEvent]:
         keys, self._typed = self._typed, []
         for _ in range(MAX_READS):
-            if self._ended or not select.select([0], [], [], 0)[0]:
+            if self.ended or not select.select([0], [], [], 0)[0]:
                 break
             try:
                 data = os.read(0, READ_BYTES)
@@ -255,7 +251,7 @@ class Terminal:
     def _await_answers(self) -> None:
         """Read pending replies of the terminal, so that they do not go to the shell."""
         deadline_s = time.monotonic() + ANSWER_LIMIT_S
-        while not self._ended and self._pulse is not None and self._pulse.answers and self._pulse.open:
+        while not self.ended and self._pulse is not None and self._pulse.answers and self._pulse.open:
             left_s = deadline_s - time.monotonic()
             if left_s <= 0 or not select.select([0], [], [], left_s)[0]:
                 return
@@ -296,14 +292,14 @@ class Terminal:
             self._backlog = b""
         self._backlog += text.encode(errors="replace")
         deadline_s = time.monotonic() + LEAVE_LIMIT_S
-        while not self._ended and not self._flush() and (left_s := deadline_s - time.monotonic()) > 0:
+        while not self.ended and not self._flush() and (left_s := deadline_s - time.monotonic()) > 0:
             select.select([], [self._out], [], left_s)
         self._backlog = b""
 
     def _end(self) -> None:
         """Stop watching a closed terminal, because it is always readable."""
-        if not self._ended:
-            self._ended = True
+        if not self.ended:
+            self.ended = True
             self._loop.remove_reader(0)
             self._wake.set()
 

@@ -158,18 +158,17 @@ class GamepadDevice:
         except OSError as error:
             raise GamepadError(f"{found} cannot be opened: {error.strerror}; plug it in again") from None
         try:
-            fixed = [name for code, name in self._axis_names() if not _has_range(device.absinfo(code))]
+            infos = [device.absinfo(code) for code in self.pilot.layout.axes]
         except OSError as error:
             device.close()
             raise GamepadError(f"{found} cannot be read: {error.strerror}; plug it in again") from None
+        section = self.pilot.layout.section
+        names = section.forward_axis, section.turn_axis
+        fixed = [name for name, info in zip(names, infos, strict=True) if info.min >= info.max]
         if fixed:
             device.close()
             raise GamepadError(f"{found} gives {' and '.join(fixed)} no range: name another axis")
         return device
-
-    def _axis_names(self) -> tuple[tuple[int, str], ...]:
-        layout, section = self.pilot.layout, self.pilot.layout.section
-        return (layout.forward_axis, section.forward_axis), (layout.turn_axis, section.turn_axis)
 
     # --- in the loop
 
@@ -261,10 +260,6 @@ def _state(pad: Device, layout: Layout) -> PadState:
         return Axis(info.value, info.min, info.max, info.flat)
 
     return PadState(frozenset(pad.active_keys()), {code: axis(code) for code in layout.axes})
-
-
-def _has_range(info: AbsInfo) -> bool:
-    return info.min < info.max
 
 
 def _evdev() -> tuple[Opener, dict[str, int]]:

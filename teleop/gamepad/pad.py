@@ -168,8 +168,13 @@ class Gamepad:
             self._axes[event.code] = self._axes[event.code]._replace(value=event.value)
         elif event.type == EV_SYN and event.code == SYN_DROPPED:
             self.phase, self._why = Phase.LOST, "events were lost"
-        elif event.type == EV_SYN and event.code == SYN_REPORT:
-            self._end_of_report()
+        elif (
+            (event.type, event.code) == (EV_SYN, SYN_REPORT)
+            and self.phase is Phase.CENTRE
+            and self._is_centred
+        ):
+            # Only at the end of a report, buttons and axes are consistent.
+            self.phase = Phase.DRIVING
 
     @property
     def needs_state(self) -> bool:
@@ -283,11 +288,6 @@ class Gamepad:
     def _miss(self, now_s: float) -> None:
         if now_s >= self.next_s:
             self._end_hold(f"nothing heard from it for {now_s - self._alive_s:.1f} s")
-
-    def _end_of_report(self) -> None:
-        """Update the phase at the end of a report, because only then buttons and axes are consistent."""
-        if self.phase is Phase.CENTRE and self._is_centred:
-            self.phase = Phase.DRIVING
 
     def _end_hold(self, why: str) -> None:
         self.phase, self._why = Phase.LET_GO, why

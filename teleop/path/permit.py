@@ -4,13 +4,11 @@ The supervisor's status is one condition; a key press of the operator is the oth
 plain ASCII, so that no payload can send control sequences to the terminal.
 """
 
-import math
 from collections import deque
 
-from teleop.screen.view import plain
+from teleop.screen.view import nearest_in_words, plain
 from wire.messages import SafetyStatus
 from wire.stamp import Stamp
-from wire.text import bearing_in_words
 
 HEARD_S = 0.2
 """A command older than this has timed out at the supervisor."""
@@ -53,16 +51,11 @@ def what_stops(status: SafetyStatus, source: str) -> str | None:
     return None
 
 
-def nearest(status: SafetyStatus) -> str:
-    """Return distance and direction of the nearest obstacle as text; empty if unknown."""
-    where = bearing_in_words(status.nearest_bearing_rad, degree=" deg")
-    return f"{status.nearest_m:.2f} m {where}" if where and math.isfinite(status.nearest_m) else ""
-
-
 def _stopped(status: SafetyStatus) -> str:
     """Return a text of the stop with its reasons, and the nearest obstacle if that is a reason."""
     causes, _ = status.causes_and_latched()
-    where = f" ({nearest(status)})" if "OBSTACLE" in causes and nearest(status) else ""
+    nearest = nearest_in_words(status) if "OBSTACLE" in causes else ""
+    where = f" ({nearest})" if nearest else ""
     return plain(f"STOPPED: {status.why() or 'no reason given'}{where}")
 
 

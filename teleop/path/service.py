@@ -12,11 +12,11 @@ from enum import Enum, StrEnum, auto
 
 from teleop.holder import HeldError, Holder
 from teleop.path.course import Path, Pose, wrap
-from teleop.path.permit import OffBeat, nearest, what_is_missing, what_stops
+from teleop.path.permit import OffBeat, what_is_missing, what_stops
 from teleop.path.pursuit import ON_PATH_M, Course
 from teleop.pilots.pilot import NEUTRAL, Velocity
 from teleop.rate import Rate
-from teleop.screen.view import plain
+from teleop.screen.view import nearest_in_words, plain
 from wire import topics
 from wire.bus import Bus, wait_until
 from wire.messages import Odometry, SafetyStatus, planar_twist
@@ -278,7 +278,7 @@ class PathService:
         if math.dist(pose[:2], before[:2]) >= HEADWAY_M or turned_rad >= HEADWAY_RAD:
             self._headway = (now_s, pose)
         elif now_s - since_s > HEADWAY_S:
-            where = "" if self._status is None else nearest(self._status)
+            where = "" if self._status is None else nearest_in_words(self._status)
             return f"no headway for {HEADWAY_S:g} s" + (f" (nearest: {where})" if where else "")
         return None
 

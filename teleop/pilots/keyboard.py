@@ -23,16 +23,12 @@ class _KeyPilot:
     """What both pilots share: the speed level, the requested velocity, and the ramp toward it."""
 
     def __init__(self, most: Velocity, ramp: Ramp, level: int) -> None:
-        self._most, self._ramp, self._level = most, ramp, level
+        self._most, self._ramp, self.level = most, ramp, level
         self._wanted = NEUTRAL
 
     @property
-    def level(self) -> int:
-        return self._level
-
-    @property
     def limit(self) -> Velocity:
-        return self._most.scaled(self._level / LEVELS)
+        return self._most.scaled(self.level / LEVELS)
 
     @property
     def next_s(self) -> float:
@@ -79,7 +75,7 @@ class Incremental(_KeyPilot):
     @property
     def _step(self) -> Velocity:
         """Step of each velocity at this speed level."""
-        return self._full_step.scaled(self._level / LEVELS)
+        return self._full_step.scaled(self.level / LEVELS)
 
     @property
     def note(self) -> str:
@@ -95,7 +91,7 @@ class Incremental(_KeyPilot):
         elif key in STEPS:
             self._move(STEPS[key])
         elif level is not None:
-            self._level = level
+            self.level = level
             self._move((0, 0))  # down to the maximum of the level
 
     def velocity(self, now_s: float) -> Velocity:
@@ -206,7 +202,7 @@ class Hold(_KeyPilot):
                 )
             )
         elif level is not None:
-            self._level = level
+            self.level = level
         else:
             self.let_go()
 
@@ -257,7 +253,8 @@ class Repeats:
     def __init__(self) -> None:
         self._key = ""
         self._last_s = -math.inf
-        self._until_s = -math.inf
+        self.until_s = -math.inf
+        """Time until which the key counts as held; `-math.inf` if none does."""
         self._void_key, self._void_s = "", -math.inf
         """The key that was held when it was forgotten, and its newest repeat since then."""
         self._intervals_s: deque[float] = deque(maxlen=REMEMBERED)
@@ -267,11 +264,6 @@ class Repeats:
         """Time after its last repeat for which a key counts as held."""
         return max(MIN_WINDOW_S, WINDOW_INTERVALS * max(self._intervals_s, default=0.0))
 
-    @property
-    def until_s(self) -> float:
-        """Time until which the key counts as held; `-math.inf` if none does."""
-        return self._until_s
-
     def press(self, key: str, now_s: float) -> None:
         if key == self._void_key and now_s - self._void_s <= self.window_s:
             self._void_s = now_s
@@ -280,17 +272,17 @@ class Repeats:
         interval_s = now_s - self._last_s
         if key == self._key and interval_s <= PROOF_S:
             self._intervals_s.append(interval_s)
-            self._until_s = now_s + self.window_s
-        elif key != self._key or now_s >= self._until_s:
-            self._until_s = -math.inf
+            self.until_s = now_s + self.window_s
+        elif key != self._key or now_s >= self.until_s:
+            self.until_s = -math.inf
         self._key, self._last_s = key, now_s
 
     def held(self, now_s: float) -> str | None:
         """Return the key that is held at `now_s`; None if none is."""
-        return self._key if now_s < self._until_s else None
+        return self._key if now_s < self.until_s else None
 
     def forget(self) -> None:
         """Release the held key, whose further repeats are void until a pause; keep the learned repeat intervals."""
-        if self._until_s > -math.inf:
+        if self.until_s > -math.inf:
             self._void_key, self._void_s = self._key, self._last_s
-        self._key, self._last_s, self._until_s = "", -math.inf, -math.inf
+        self._key, self._last_s, self.until_s = "", -math.inf, -math.inf

@@ -9,10 +9,9 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from teleop.screen.view import Control, Line, Segment, Tone, View, columns_of, plain
+from teleop.screen.view import Control, Line, Segment, Tone, View, columns_of, nearest_in_words, plain
 from wire.messages import SafetyStatus, Twist
 from wire.reasons import words_of
-from wire.text import bearing_in_words
 
 SILENT_AFTER_S = 0.5
 """A stream without a message for longer than this is outdated; the slowest stream has 10 Hz."""
@@ -136,10 +135,8 @@ def _silent_s(status: SafetyStatus) -> float:
 
 
 def _where(status: SafetyStatus) -> str:
-    if not math.isfinite(status.nearest_m):
-        return ""
-    where = bearing_in_words(status.nearest_bearing_rad, degree=" deg")
-    return f": {status.nearest_m:.2f} m{' ' if where else ''}{where}"
+    nearest = nearest_in_words(status)
+    return f": {nearest}" if nearest else ""
 
 
 def _ready(view: View, status: SafetyStatus) -> News:
@@ -264,8 +261,8 @@ def _nearest(view: View, *, unicode: bool) -> Line:
     if status is None or is_silent(view) or not math.isfinite(status.nearest_m):
         return ()
     mark, tone = ("! ", Tone.CAUTION) if status.warning else ("", Tone.PLAIN)
-    where = bearing_in_words(status.nearest_bearing_rad, degree="°" if unicode else " deg")
-    return Segment(" | "), Segment(f"{mark}{status.nearest_m:.2f} m {where}".rstrip(), tone)
+    where = nearest_in_words(status, "°" if unicode else " deg")
+    return Segment(" | "), Segment(f"{mark}{where}", tone)
 
 
 def _permitted(twist: Twist, omega: str) -> str:

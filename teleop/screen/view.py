@@ -10,6 +10,7 @@ from enum import StrEnum
 
 from teleop.pilots.pilot import NEUTRAL, Velocity
 from wire.messages import LaserScan, Odometry, SafetyStatus, SourceStatus
+from wire.text import bearing_in_words
 
 # --- elements of a display
 
@@ -47,6 +48,13 @@ def columns_of(line: Line) -> int:
 def plain(text: str) -> str:
     """Return `text` with all characters beyond printable ASCII replaced: no control sequences, one column each."""
     return "".join(char if " " <= char <= "~" else "?" for char in text)
+
+
+def nearest_in_words(status: SafetyStatus, degree: str = " deg") -> str:
+    """Return distance and direction of the nearest obstacle as text, such as "0.31 m ahead"; empty if unknown."""
+    if not math.isfinite(status.nearest_m):
+        return ""
+    return f"{status.nearest_m:.2f} m {bearing_in_words(status.nearest_bearing_rad, degree)}".rstrip()
 
 
 # --- displayed values
