@@ -18,7 +18,7 @@ from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.reach import reach, run_command
 from lifeline.command import StatusLine
-from lifeline.recording import Recorded, RecordingReader
+from lifeline.recording import RecordingReader
 from teleop.holder import HeldError, about_this_process
 from teleop.path.course import Path, PathError, Pose, Poses, TrackError, placed, seen_from, to_path, to_poses
 from teleop.path.service import SOURCE, Drive, Ending, PathService, Plan
@@ -65,8 +65,8 @@ def read_poses(file: FilePath) -> Poses:
     samples: dict[str, list[tuple[float, Pose]]] = {}
     for message in RecordingReader(file).messages():
         if message.msgtype == Odometry.__msgtype__ and message.topic.split("/")[-1] == topics.ODOM.key:
-            pose = _pose(message)
-            if pose is not None:
+            with suppress(UndecodableError):
+                pose = Pose.of(decode(message.payload, Odometry))
                 samples.setdefault(message.topic, []).append((message.log_time_ns * 1e-9, pose))
     if len(samples) != 1:
         found = f"it has {', '.join(sorted(samples))}" if samples else "it has none"
@@ -76,13 +76,6 @@ def read_poses(file: FilePath) -> Poses:
         return to_poses(np.array([time_s for time_s, _ in rows]), np.array([pose for _, pose in rows]))
     except PathError as error:
         raise DeployError(f"{file}: {error}") from error
-
-
-def _pose(message: Recorded) -> Pose | None:
-    try:
-        return Pose.of(decode(message.payload, Odometry))
-    except UndecodableError:
-        return None
 
 
 # --- the operator at the terminal

@@ -77,17 +77,14 @@ def seen_from(poses: Poses, frame: Pose) -> Poses:
 
 def square(side_m: float, laps: int = 1, *, clockwise: bool = False) -> Poses:
     """Return a square: the first side is straight ahead, each corner a turn on the spot; it ends at the start pose."""
-    quarter_rad = -math.pi / 2 if clockwise else math.pi / 2
-    x_m = y_m = 0.0
-    rows: list[tuple[float, float, float]] = []
-    for side in range(4 * laps):
-        yaw_rad = side * quarter_rad
-        rows.append((x_m, y_m, yaw_rad))
-        x_m += side_m * round(math.cos(yaw_rad))
-        y_m += side_m * round(math.sin(yaw_rad))
-        rows.append((x_m, y_m, yaw_rad))
-    rows.append((x_m, y_m, 4 * laps * quarter_rad))
-    return np.array(rows)
+    left = -1 if clockwise else 1
+    corners_m = side_m * np.array([(0, 0), (1, 0), (1, left), (0, left)])
+    rows = [
+        (*corners_m[(side + end) % 4], side * left * math.pi / 2)
+        for side in range(4 * laps)
+        for end in (0, 1)
+    ]
+    return np.array([*rows, (0.0, 0.0, 2 * laps * left * math.pi)])
 
 
 def circle(radius_m: float, laps: int = 1, *, clockwise: bool = False) -> Poses:
