@@ -1,4 +1,4 @@
-"""Statistics of many trials: quantiles, upper bound of a rate, bins on a log axis. Pure."""
+"""Statistics of many trials: quantiles and their upper limits, upper bound of a rate, bins on a log axis. Pure."""
 
 import math
 from collections.abc import Sequence
@@ -44,6 +44,21 @@ def upper_rate(count: int, events: int = 0, confidence: float = CONFIDENCE) -> f
         else:
             high = middle
     return high
+
+
+def upper_quantile(ordered: Sequence[float], share: float, confidence: float = CONFIDENCE) -> float:
+    """Return the one-sided upper limit of a quantile, from order statistics alone; infinity if there are too few values.
+
+    The k-th of n values is the limit if at most k - 1 of n independent values are below the quantile with this confidence.
+
+    Args:
+        ordered: independent values in ascending order.
+        share: of the quantile, between 0 and 1.
+        confidence: of the limit.
+    """
+    count = len(ordered)
+    enough = (below for below in range(count) if _at_most(below, count, share) >= confidence)
+    return ordered[first] if (first := next(enough, None)) is not None else math.inf
 
 
 def _at_most(events: int, count: int, rate: float) -> float:

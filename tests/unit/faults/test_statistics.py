@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from faults.report.statistics import log_bins, quantile, upper_rate
+from faults.report.statistics import log_bins, quantile, upper_quantile, upper_rate
 
 times = st.lists(st.floats(0.0, 1e3), min_size=1, max_size=60)
 
@@ -25,6 +25,22 @@ def test_a_quantile_is_the_one_of_numpy(values: list[float], share: float) -> No
 def test_of_nothing_there_is_no_quantile_and_one_value_is_all_of_them() -> None:
     assert math.isnan(quantile([], 0.5))
     assert [quantile([3.0], share) for share in (0.0, 0.5, 1.0)] == [3.0, 3.0, 3.0]
+
+
+@given(st.integers(1, 200))
+def test_the_limit_of_a_quantile_is_the_first_value_that_exceeds_it_with_the_confidence(count: int) -> None:
+    """Exact for any continuous distribution: the number of values below the quantile is binomial."""
+    limit = upper_quantile([float(rank) for rank in range(1, count + 1)], 0.95)
+    chances = [math.comb(count, k) * 0.95**k * 0.05 ** (count - k) for k in range(count + 1)]
+    if math.isinf(limit):
+        assert sum(chances[:count]) < 0.95
+    else:
+        assert sum(chances[: int(limit)]) >= 0.95 > sum(chances[: int(limit) - 1])
+
+
+def test_fewer_than_59_values_give_no_limit_of_the_95_percent_quantile() -> None:
+    assert math.isinf(upper_quantile([1.0] * 58, 0.95))
+    assert upper_quantile([1.0] * 58 + [2.0], 0.95) == 2.0
 
 
 @pytest.mark.parametrize("count", [1, 2, 30, 1000, 100_000])
