@@ -8,6 +8,7 @@ from pathlib import Path
 
 from bench.rig.sheet import Sheet
 
+ROOT = Path(__file__).parents[2]
 Parts = Mapping[str, Callable[[], str]]
 
 
@@ -37,8 +38,8 @@ def markdown(sheet: Sheet) -> str:
 
 
 def main(program: str, document: Path, regenerate: Callable[[str], str]) -> int:
-    """`python -m docs.NAME [--check]`."""
-    name = f"docs/{document.name}"
+    """`python -m docs.generate.NAME [--check]`."""
+    name = str(document.relative_to(ROOT))
     parser = argparse.ArgumentParser(prog=program, description=f"Update the generated parts of {name}.")
     parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if out of date")
     arguments = parser.parse_args()
