@@ -125,13 +125,15 @@ bench-fleet: $(STAMP) ## measure 1 to 50 robots behind one router on this machin
 bench-link: $(STAMP) ## measure false stops over links that lose packets, in network namespaces (root; four minutes)
 	.venv/bin/python -m bench.link
 
-docs: $(STAMP) ## update the generated parts and the drawings of docs/
+docs: $(STAMP) ## update the generated parts and the drawings of README.md and docs/
 	.venv/bin/python -m docs.generate.safety_law
 	.venv/bin/python -m docs.generate.access
+	.venv/bin/python -m docs.generate.commands
 	.venv/bin/python -m docs.generate.draw_safety_law
 	.venv/bin/python -m docs.generate.draw_dashboard
 	.venv/bin/python -m docs.generate.draw_lab
 	.venv/bin/python -m docs.generate.crash_safety
+	.venv/bin/python -m docs.generate.readme
 	.venv/bin/python -m docs.generate.draw_crash_safety
 	.venv/bin/python -m docs.generate.draw_robots
 	.venv/bin/python -m docs.generate.fleet
@@ -156,7 +158,7 @@ fifth: $(STAMP) ## the same with a fifth of the mutants, another one after each 
 	.venv/bin/python -m tests.mutation --fifth
 	.venv/bin/python -m tests.proven --passed mutants
 
-picture: $(STAMP) ## render the warehouse and the animation of the README again (a few minutes)
+picture: $(STAMP) ## render the warehouse and the animation again (a few minutes)
 	.venv/bin/python -m docs.generate.draw_warehouse
 	.venv/bin/python -m docs.generate.draw_animation
 

@@ -1,4 +1,4 @@
-"""Draws docs/images/warehouse.png, the warehouse of the README: `python -m docs.generate.draw_warehouse`."""
+"""Draws docs/images/warehouse.png, the warehouse of docs/how-to/view.md: `python -m docs.generate.draw_warehouse`."""
 
 import argparse
 import math
@@ -21,7 +21,7 @@ _DRIVE_OUT = ((0.0, 0.0, 2.2), (0.8, 0.0, 1.5), (0.8, 0.3, 1.1))
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Write the picture of the README; return 1 if this machine cannot render, 2 for wrong arguments."""
+    """Write the picture; return 1 if this machine cannot render, 2 for wrong arguments."""
     parser = argparse.ArgumentParser(prog="python -m docs.generate.draw_warehouse", description=__doc__)
     parser.add_argument("--out", type=Path, default=IMAGE, help="the PNG file to write")
     parser.add_argument("--width", type=int, default=1280, help="in pixels, default 1280")

@@ -4,10 +4,11 @@ import re
 import textwrap
 import tomllib
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
-from docs.generate import access, fleet, link, safety_law
+from docs.generate import access, commands, fleet, link, readme, safety_law
 from supervisor.config import SupervisorSection
 from wire.reasons import StopReason
 
@@ -32,22 +33,17 @@ def test_the_generated_parts_of_the_safety_law_are_up_to_date() -> None:
     assert safety_law.regenerated(text) == text
 
 
-def test_the_generated_parts_of_the_links_are_up_to_date() -> None:
+@pytest.mark.parametrize(
+    "generator", [access, commands, fleet, link, readme], ids=lambda one: one.DOCUMENT.stem
+)
+def test_the_generated_parts_of_a_document_are_up_to_date(generator: ModuleType) -> None:
     """`make docs` regenerates them."""
-    text = link.DOCUMENT.read_text()
-    assert link.regenerated(text) == text
+    text = generator.DOCUMENT.read_text()
+    assert generator.regenerated(text) == text
 
 
-def test_the_generated_parts_of_the_fleet_are_up_to_date() -> None:
-    """`make docs` regenerates them."""
-    text = fleet.DOCUMENT.read_text()
-    assert fleet.regenerated(text) == text
-
-
-def test_the_table_of_roles_is_up_to_date() -> None:
-    """`make docs` regenerates it."""
-    text = access.DOCUMENT.read_text()
-    assert access.regenerated(text) == text
+def test_the_readme_has_at_most_900_words() -> None:
+    assert len((ROOT / "README.md").read_text().split()) <= 900
 
 
 @pytest.mark.parametrize("reason", StopReason)

@@ -34,12 +34,12 @@ def test_the_lock_fails_when_a_namesake_comes_in() -> None:
     assert {"supervisor", "teleop"}.isdisjoint(package["name"] for package in lock["package"])
 
 
-def test_the_readme_names_every_key_of_the_wire() -> None:
+def test_the_page_of_the_wire_names_every_key() -> None:
     from wire import topics  # noqa: PLC0415 - the test above must import it first in a process of its own
 
-    readme = (ROOT / "README.md").read_text()
+    page = (ROOT / "docs/wire.md").read_text()
     for entry in (*topics.TOPICS, *topics.SERVICES):
-        assert f"`robot/{entry.key}`" in readme
+        assert f"`robot/{entry.key}`" in page
 
 
 def listed_files(docstring: str) -> set[str]:

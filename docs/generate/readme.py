@@ -1,0 +1,123 @@
+"""Write the measured parts of README.md from stored results: `python -m docs.generate.readme`.
+
+The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
+
+    stop    time and distance of a robot whose teleop is killed: docs/campaign/real.jsonl and ros2_crash.jsonl
+    cost    processor time and memory of the supervision: docs/bench.md, docs/campaign/bench_robots.jsonl and soak.jsonl.gz
+
+`--check` writes nothing and fails if a part is out of date; tests/unit/test_docs.py does the same.
+"""
+
+import re
+import sys
+from collections.abc import Iterable
+
+import numpy as np
+
+from bench.robots.results import read as read_robots
+from bench.ros2_crash.trial import LIMIT_S, Fault, Robot
+from bench.ros2_crash.trial import read as read_ros2
+from bench.soak import read_samples
+from docs.generate import sections
+from docs.generate.crash_safety import ROS2, SOAK, result
+from faults.report.figures import Campaign
+from faults.report.statistics import quantile, upper_quantile
+
+DOCUMENT = sections.ROOT / "README.md"
+BENCH = sections.ROOT / "docs/bench.md"
+KILL = "teleop_sigkill"
+SHARE = 0.95
+"""The quantile whose upper limit is given."""
+
+
+def stop(campaign: Campaign | None) -> str:
+    """Return how long and how far a robot moves after SIGKILL of teleop, and what happens without Lifeline."""
+    found = None if campaign is None else campaign.find(KILL)
+    if campaign is None or found is None:
+        return "Not measured yet: `make campaign`."
+    zero_ms, zero_limit_ms = _limited([1000 * case.stop_s for case in found.stops if case.stop_s is not None])
+    still_s, still_limit_s = _limited(
+        [case.standstill_s for case in found.stops if case.standstill_s is not None]
+    )
+    moved_cm, moved_limit_cm = _limited(
+        [100 * case.distance_m for case in found.stops if case.distance_m is not None]
+    )
+    runs = [
+        one.machine for one in campaign.provenances if "--classes" not in one.command or KILL in one.command
+    ]
+    loads = [_load(machine) for machine in runs]
+    without = [
+        one
+        for one in read_ros2(ROS2)
+        if one.fault is Fault.KILL and one.robot is Robot.KEEPS and not one.lifeline
+    ]
+    stopped = sum(one.standstill_s is not None for one in without)
+    return (
+        f"**Measured:** SIGKILL of teleop to zero: median {zero_ms:.1f} ms, upper 95 % limit of the 95 % quantile "
+        f"{zero_limit_ms:.1f} ms (n = {len(found.stops)}); to standstill: {still_s:.2f} s and {moved_cm:.0f} cm, "
+        f"limits {still_limit_s:.2f} s and {moved_limit_cm:.0f} cm.\n"
+        f"Real processes, simulated wheels, {runs[0].partition(',')[0]}, load average {min(loads):.1f} to {max(loads):.1f}. "
+        f"Without Lifeline, a robot that keeps its last command stopped within {LIMIT_S:.0f} s in {stopped} of {len(without)} "
+        "trials."
+    )
+
+
+def _limited(values: Iterable[float]) -> tuple[float, float]:
+    """Return the median, and the upper limit of the quantile."""
+    ordered = sorted(values)
+    return quantile(ordered, 0.5), upper_quantile(ordered, SHARE)
+
+
+def _load(machine: str) -> float:
+    """Return the load average in the description of a machine.
+
+    Raises:
+        ValueError: it has none.
+    """
+    found = re.search(r"load average ([\d.]+)", machine)
+    if found is None:
+        raise ValueError(f"no load average: {machine!r}")
+    return float(found[1])
+
+
+def cost(bench: str) -> str:
+    """Return the cost of a supervisor and a teleop.
+
+    Args:
+        bench: the text of docs/bench.md.
+
+    Raises:
+        ValueError: it has no table of the supervisor's processor time.
+    """
+    rows = re.findall(
+        r"^\| (?:free path|limited by the barrier) (?:\|[^|\n]*){2}\| *([\d.]+) \|", bench, re.MULTILINE
+    )
+    stored = read_robots()
+    if not rows or stored is None:
+        raise ValueError("docs/bench.md has no processor time of a supervisor")
+    idle = next(one for one in stored.crowds if one.robots == 1)
+    samples, _ = read_samples(SOAK)
+    used = samples[-1].processes
+    return (
+        f"* **Cost**: the supervisor takes {np.mean(idle.cpu_percent):.1f} % of one core "
+        f"(load average {_load(stored.run['machine']):.1f}), at most {max(map(float, rows)):.1f} % beside other work "
+        f"({_load(bench):.1f}), and {used['supervisor'].rss_bytes / 1e6:.0f} MB after an hour; "
+        f"teleop takes {used['teleop'].rss_bytes / 1e6:.0f} MB."
+    )
+
+
+PARTS: sections.Parts = {"stop": lambda: stop(result("real")), "cost": lambda: cost(BENCH.read_text())}
+
+
+def regenerated(text: str) -> str:
+    """Return the document with its generated parts updated.
+
+    Raises:
+        ValueError: a part has no place in the document.
+        DeployError: a result is damaged.
+    """
+    return sections.regenerated(text, PARTS, "README.md")
+
+
+if __name__ == "__main__":
+    sys.exit(sections.main("python -m docs.generate.readme", DOCUMENT, regenerated))
