@@ -2,6 +2,7 @@
 
 The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
 
+    caption   what the picture of the stop times shows
     answer    the time in which a robot stops when its teleop is killed
     real      the table of the campaign with real processes: docs/campaign/real.jsonl
     virtual   the table of the campaign on a virtual clock: docs/campaign/virtual.jsonl.gz
@@ -35,6 +36,7 @@ RESULTS = {
 }
 ROS2 = Path(__file__).parents[1] / "campaign" / "ros2_crash.jsonl"
 SOAK = Path(__file__).parents[1] / "campaign" / "soak.jsonl.gz"
+PLACES = {"real": "of real processes", "virtual": "on a virtual clock"}
 COMMANDS = {
     "real": "lifeline faults --out docs/campaign/real.jsonl",
     "virtual": "lifeline faults --virtual --out virtual.jsonl",
@@ -118,6 +120,16 @@ def table(mode: str, campaign: Campaign | None) -> str:
             for one in campaign.broken[:20]
         ]
     return "\n".join(lines)
+
+
+def caption(campaigns: Sequence[Campaign]) -> str:
+    """Return what the picture of the stop times shows: the numbers of stops and trials, and the load."""
+    shown = (
+        f"{sum(len(one.timed) for one in campaign.classes() if one.bound_s is not None)} stops {PLACES[campaign.mode]} "
+        f"({campaign.trials:,} trials, {sections.load_of(one.machine for one in campaign.provenances)})"
+        for campaign in campaigns
+    )
+    return f"*{' and '.join(shown)}; red: the bound of each class.*"
 
 
 def _row(one: ClassFigures) -> str:
@@ -215,6 +227,7 @@ def ros2_table() -> str:
 
 
 PARTS: sections.Parts = {
+    "caption": lambda: caption([one for mode in RESULTS if (one := result(mode)) is not None]),
     "answer": lambda: answer(result("real")),
     "real": lambda: table("real", result("real")),
     "virtual": lambda: table("virtual", result("virtual")),

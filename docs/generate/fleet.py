@@ -2,6 +2,7 @@
 
 The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
 
+    caption what the picture shows
     curve   one row for each number of robots behind a router
     soak    the promises of the long run
 
@@ -26,7 +27,18 @@ def regenerated(text: str) -> str:
     Raises:
         ValueError: a part has no place in the document.
     """
-    return sections.regenerated(text, {"curve": _curve, "soak": _soak}, str(DOCUMENT))
+    return sections.regenerated(text, {"caption": _caption, "curve": _curve, "soak": _soak}, str(DOCUMENT))
+
+
+def _caption() -> str:
+    stored = read(CURVE)
+    if stored is None:
+        return NONE
+    first = stored.crowds[0]
+    return (
+        f"*{first.seconds:.0f} s of driving and at most {first.kills} kills for each number of robots; "
+        f"{sections.load_of([stored.run['machine']])} before.*"
+    )
 
 
 def _curve() -> str:

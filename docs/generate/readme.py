@@ -3,7 +3,7 @@
 The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
 
     stop    time and distance of a robot whose teleop is killed: docs/campaign/real.jsonl and ros2_crash.jsonl
-    cost    processor time and memory of the supervision: docs/bench.md, docs/campaign/bench_robots.jsonl and soak.jsonl.gz
+    cost    processor time and memory of the supervision: docs/bench.md, docs/ros2.md, bench_robots.jsonl and soak.jsonl.gz in docs/campaign
 
 `--check` writes nothing and fails if a part is out of date; tests/unit/test_docs.py does the same.
 """
@@ -24,7 +24,7 @@ from faults.report.figures import Campaign
 from faults.report.statistics import quantile, upper_quantile
 
 DOCUMENT = sections.ROOT / "README.md"
-BENCH = sections.ROOT / "docs/bench.md"
+BENCH, ROS2_PAGE = sections.ROOT / "docs/bench.md", sections.ROOT / "docs/ros2.md"
 KILL = "teleop_sigkill"
 SHARE = 0.95
 """The quantile whose upper limit is given."""
@@ -45,7 +45,6 @@ def stop(campaign: Campaign | None) -> str:
     runs = [
         one.machine for one in campaign.provenances if "--classes" not in one.command or KILL in one.command
     ]
-    loads = [_load(machine) for machine in runs]
     without = [
         one
         for one in read_ros2(ROS2)
@@ -56,7 +55,7 @@ def stop(campaign: Campaign | None) -> str:
         f"**Measured:** SIGKILL of teleop to zero: median {zero_ms:.1f} ms, upper 95 % limit of the 95 % quantile "
         f"{zero_limit_ms:.1f} ms (n = {len(found.stops)}); to standstill: {still_s:.2f} s and {moved_cm:.0f} cm, "
         f"limits {still_limit_s:.2f} s and {moved_limit_cm:.0f} cm.\n"
-        f"Real processes, simulated wheels, {runs[0].partition(',')[0]}, load average {min(loads):.1f} to {max(loads):.1f}. "
+        f"Real processes, simulated wheels, {runs[0].partition(',')[0]}, {sections.load_of(runs)}. "
         f"Without Lifeline, a robot that keeps its last command stopped within {LIMIT_S:.0f} s in {stopped} of {len(without)} "
         "trials."
     )
@@ -68,45 +67,39 @@ def _limited(values: Iterable[float]) -> tuple[float, float]:
     return quantile(ordered, 0.5), upper_quantile(ordered, SHARE)
 
 
-def _load(machine: str) -> float:
-    """Return the load average in the description of a machine.
-
-    Raises:
-        ValueError: it has none.
-    """
-    found = re.search(r"load average ([\d.]+)", machine)
-    if found is None:
-        raise ValueError(f"no load average: {machine!r}")
-    return float(found[1])
-
-
-def cost(bench: str) -> str:
-    """Return the cost of a supervisor and a teleop.
+def cost(bench: str, ros2: str) -> str:
+    """Return the cost of a supervisor, a teleop and a process `ros2`.
 
     Args:
         bench: the text of docs/bench.md.
+        ros2: the text of docs/ros2.md, which has the figures of the process `ros2`.
 
     Raises:
-        ValueError: it has no table of the supervisor's processor time.
+        ValueError: a figure is missing.
     """
-    rows = re.findall(
+    cpu_percent = re.findall(
         r"^\| (?:free path|limited by the barrier) (?:\|[^|\n]*){2}\| *([\d.]+) \|", bench, re.MULTILINE
     )
+    machine = re.findall(r"^\* machine: .*", bench, re.MULTILINE)
+    bridge = re.search(r"`ros2` needs (\d+ % of a core and \d+ MB)", ros2)
     stored = read_robots()
-    if not rows or stored is None:
-        raise ValueError("docs/bench.md has no processor time of a supervisor")
-    idle = next(one for one in stored.crowds if one.robots == 1)
+    if not cpu_percent or bridge is None or stored is None:
+        raise ValueError("docs/bench.md or docs/ros2.md has no processor time")
+    one_robot = next(one for one in stored.crowds if one.robots == 1)
     samples, _ = read_samples(SOAK)
     used = samples[-1].processes
     return (
-        f"* **Cost**: the supervisor takes {np.mean(idle.cpu_percent):.1f} % of one core "
-        f"(load average {_load(stored.run['machine']):.1f}), at most {max(map(float, rows)):.1f} % beside other work "
-        f"({_load(bench):.1f}), and {used['supervisor'].rss_bytes / 1e6:.0f} MB after an hour; "
-        f"teleop takes {used['teleop'].rss_bytes / 1e6:.0f} MB."
+        f"* **Cost**: the supervisor takes {np.mean(one_robot.cpu_percent):.1f} % of a core "
+        f"({sections.load_of([stored.run['machine']])}), up to {max(map(float, cpu_percent)):.1f} % near an obstacle beside "
+        f"other work ({sections.load_of(machine)}), and {used['supervisor'].rss_bytes / 1e6:.0f} MB after an hour. "
+        f"The process `ros2` takes {bridge[1]}; teleop takes {used['teleop'].rss_bytes / 1e6:.0f} MB."
     )
 
 
-PARTS: sections.Parts = {"stop": lambda: stop(result("real")), "cost": lambda: cost(BENCH.read_text())}
+PARTS: sections.Parts = {
+    "stop": lambda: stop(result("real")),
+    "cost": lambda: cost(BENCH.read_text(), ROS2_PAGE.read_text()),
+}
 
 
 def regenerated(text: str) -> str:

@@ -3,7 +3,7 @@
 import argparse
 import re
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from bench.rig.sheet import Sheet
@@ -30,6 +30,17 @@ def regenerated(text: str, parts: Parts, document: str) -> str:
         body = part()
         text = place.sub(lambda match, body=body: f"{match[1]}\n{body}\n\n{match[2]}", text)
     return text
+
+
+def load_of(machines: Iterable[str]) -> str:
+    """Return the load average, or its range, from descriptions of the machines of some runs.
+
+    Raises:
+        ValueError: no description has one.
+    """
+    loads = [float(load) for machine in machines for load in re.findall(r"load average ([\d.]+)", machine)]
+    least, most = min(loads), max(loads)
+    return f"load average {least:.1f}" + (f" to {most:.1f}" if most > least else "")
 
 
 def markdown(sheet: Sheet) -> str:
