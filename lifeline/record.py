@@ -11,7 +11,6 @@ from typing import Any, NoReturn
 from deploy.stack.launch import Launch
 from deploy.stack.reach import HeardSources, reach, run_command
 from lifeline.command import StatusLine, note, print_json
-from lifeline.inspection.keys import by_full_key
 from lifeline.recording import Recorded, RecordingWriter, exists
 from supervisor.config import SupervisorSection
 from wire import topics
@@ -97,7 +96,7 @@ class Recorder:
         self._wall_ns = time.time_ns() - round(self._loop.time() * 1e9)
         self._report = Report()
         self._strangers = HeardSources(bus.hear_sources(), [source.name for source in config.sources])
-        for topic in by_full_key(namespace, config).values():
+        for topic in config.all_topics():
             self._add(topic)
 
     async def run(self, stop: asyncio.Event) -> Report:

@@ -22,7 +22,6 @@ from pydantic import TypeAdapter, ValidationError
 
 from deploy.stack.errors import EXIT_REFUSED, DeployError
 from deploy.stack.launch import Launch
-from lifeline.inspection.nodes import network_of
 from ros2.config import Ros2Section
 from wire import topics
 from wire.bus_config import BusConfig
@@ -32,6 +31,7 @@ from wire.inbox import BusError, Token
 from wire.text import printable
 from wire.zenoh.connect import open_session
 from wire.zenoh.local_socket import pid_in
+from wire.zenoh.network import network_of
 from wire.zenoh.session import ZenohSession
 
 PASSED_ON = frozenset(

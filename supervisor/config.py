@@ -267,6 +267,19 @@ class SupervisorSection(Section):
         """Return the names of the e-stop stations."""
         return tuple(station.name for station in self.estop_stations or ())
 
+    def all_topics(self) -> Iterator[topics.Topic[Any]]:
+        """Yield every topic of a robot with this configuration."""
+        for topic in topics.TOPICS:
+            if topics.SOURCE_PLACEHOLDER in topic.key:
+                yield from (topics.source_cmd_vel(source.name) for source in self.sources)
+            elif topic.key == topics.LIDAR_PLACEHOLDER:
+                others = (lidar.topic for lidar in self.all_lidars() if lidar.topic != topics.SCAN.key)
+                yield from (topics.lidar_scan(name) for name in others)
+            elif topics.STATION_PLACEHOLDER not in topic.key:
+                yield topic
+        for name in self.station_names():
+            yield from (topics.estop_presence(name), topics.estop_challenge(name))
+
     def all_lidars(self) -> tuple[NamedLidarSection, ...]:
         """Return all lidars with name and topic; `[supervisor.lidar]` has the name `lidar` and the topic `scan`."""
         if self.lidars is not None:

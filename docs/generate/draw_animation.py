@@ -8,8 +8,7 @@ import sys
 from pathlib import Path
 
 from deploy.stack.errors import DeployError
-from lifeline.render.film import film
-from lifeline.render.render import Wanted, parse_size
+from lifeline.render.render import Wanted, film, parse_size
 from sim.gl import NoGlError
 from sim.render import View
 

@@ -11,9 +11,6 @@ from deploy.stack.launch import Launch
 from lifeline.command import print_json
 from supervisor.config import SupervisorSection
 from wire import topics
-from wire.topics import LIDAR_PLACEHOLDER as LIDAR
-from wire.topics import SOURCE_PLACEHOLDER as SOURCE
-from wire.topics import STATION_PLACEHOLDER as STATION
 from wire.topics import Topic
 
 SEGMENT = re.compile(r"[A-Za-z0-9_.\-]+")
@@ -50,18 +47,7 @@ def checked_key(name: str, namespace: str) -> str:
 
 def by_full_key(namespace: str, config: SupervisorSection) -> dict[str, Topic[Any]]:
     """Return by full key all topics of a robot with this configuration."""
-    lidars = [lidar.topic for lidar in config.all_lidars()]
-    known: list[Topic[Any]] = []
-    for topic in topics.TOPICS:
-        if SOURCE in topic.key:
-            known += (topics.source_cmd_vel(source.name) for source in config.sources)
-        elif topic.key == LIDAR:
-            known += (topics.lidar_scan(lidar) for lidar in lidars if lidar != topics.SCAN.key)
-        elif STATION not in topic.key:
-            known.append(topic)
-    for name in config.station_names():
-        known += (topics.estop_presence(name), topics.estop_challenge(name))
-    return {f"{namespace}/{topic.key}": topic for topic in known}
+    return {f"{namespace}/{topic.key}": topic for topic in config.all_topics()}
 
 
 def topic_of(key: str, namespace: str, known: dict[str, Topic[Any]]) -> Topic[Any] | None:

@@ -13,13 +13,14 @@ from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.reach import reach, run_command
 from lifeline.inspection.keys import by_full_key, checked_key, topic_of
-from lifeline.inspection.nodes import Node, addresses, claimed_pids, network_of, nodes_of
+from lifeline.inspection.nodes import Node, addresses, claimed_pids, nodes_of
 from lifeline.inspection.sockets import processes_at, processes_with
 from lifeline.inspection.traffic import Traffic
 from supervisor.config import SupervisorSection
 from wire.bus import Inbox, Overheard, wait_until
 from wire.topics import Topic
 from wire.zenoh.bus import ZenohBus
+from wire.zenoh.network import network_of
 
 P = ParamSpec("P")
 EXIT_INTERRUPTED = 130

@@ -12,9 +12,8 @@ from PIL import Image
 
 from deploy.stack.errors import DeployError
 from docs.generate.draw_animation import WANTED
-from lifeline.render.film import supervisor_for
 from lifeline.render.rehearsal import Operator, Rehearsal
-from lifeline.render.render import Wanted, parse_size, render
+from lifeline.render.render import Wanted, parse_size, render, supervisor_for
 from sim.config import Build, Hull
 from sim.gl import NoGlError, choose
 from sim.overlay import Mode, Shown

@@ -7,7 +7,7 @@ import pytest
 from deploy.stack.ros2_reports import Level, Report
 from lifeline.inspection.diagnosis import Finding, Observed, Terminal, Verdict, diagnose, is_healthy
 from lifeline.inspection.keys import by_full_key
-from lifeline.inspection.nodes import Node, Session
+from lifeline.inspection.nodes import Node
 from lifeline.inspection.sockets import Process
 from lifeline.inspection.traffic import Traffic
 from supervisor.config import SupervisorSection
@@ -15,6 +15,7 @@ from wire.bus import Overheard
 from wire.messages import SafetyStatus, header
 from wire.reasons import StopReason
 from wire.stamp import Stamp
+from wire.zenoh.network import Session
 
 HUB = "127.0.0.1:4001"
 

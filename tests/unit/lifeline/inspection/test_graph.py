@@ -4,9 +4,10 @@ import math
 import xml.etree.ElementTree as ET
 
 from lifeline.inspection.graph import Wire, dot_of, svg_of, text_of, wires_of
-from lifeline.inspection.nodes import Node, Session
+from lifeline.inspection.nodes import Node
 from lifeline.inspection.traffic import Traffic
 from wire.bus import Overheard
+from wire.zenoh.network import Session
 
 
 def node(name: str, writes: str = "", reads: str = "") -> Node:

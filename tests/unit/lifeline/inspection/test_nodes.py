@@ -5,18 +5,9 @@ import json
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lifeline.inspection.nodes import (
-    Network,
-    Node,
-    Session,
-    addresses,
-    describe,
-    find,
-    network_of,
-    nodes_of,
-    program,
-)
+from lifeline.inspection.nodes import Node, addresses, describe, find, nodes_of, program
 from lifeline.inspection.sockets import Process
+from wire.zenoh.network import Network, Session, network_of
 
 HUB, SIM, STRANGER = "aa11", "bb22", "cc33dd44ee"
 ENDPOINT = "tcp/127.0.0.1:7447"
