@@ -1,29 +1,20 @@
 """`python -m bench`: run the benchmarks, print the results, and write them to files."""
 
-import argparse
-import sys
-from collections.abc import Callable, Iterable
-from typing import TypeVar
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
-from bench.heartbeat import measure_heartbeats
-from bench.law import measure_memory, time_steps
+from bench import heartbeat, law, process, sim, start
 from bench.peers import results as peers
-from bench.process import measure_process
-from bench.report import Results, write_json
-from bench.rig.options import CommandLine, count, duration_s, failing_in_a_sentence
-from bench.rig.sheet import show, write_markdown
+from bench.rig.options import CommandLine, count, duration_s, failing_in_a_sentence, progress
+from bench.rig.sheet import Sheet, Verdict, show, write_markdown
+from bench.rig.stored import rows_of, this_run, write_rows
 from bench.robots import results as robots
-from bench.sim import measure_pace
-from bench.start import measure_imports, measure_starts
 
 ROUNDS = 200
 SECONDS = 15.0
 HEARTBEAT_SECONDS = 30.0
 SIM_ROUNDS = 80
-IMPORT_ROUNDS = 10
 START_ROUNDS = 5
-PARTS = ("step", "memory", "process", "heartbeat", "sim", "import", "start")
-"""The kinds of measurements, by the names that they have in the JSON lines."""
 HEADING = """# Benchmarks
 
 Time and memory of the supervisor, lateness of teleop's heartbeat, speed of the simulated robot, and time to
@@ -39,7 +30,28 @@ The longer runs are read from docs/campaign. To measure them again, run
 """
 
 
-Measured = TypeVar("Measured")
+class Part(NamedTuple):
+    """One kind of measurements: how they are made, and what is shown of them."""
+
+    measure: Callable[..., Sequence[Any]]
+    sheet: Callable[[Sequence[Any]], Sheet]
+    verdicts: Callable[[Sequence[Any]], list[Verdict]] | None = None
+    option: str | None = None
+    """The name of the option that `measure` takes."""
+
+
+PARTS: dict[str, Part] = {
+    "step": Part(law.time_steps, law.timing_sheet, law.verdicts, "rounds"),
+    "memory": Part(law.measure_memory, law.memory_sheet),
+    "process": Part(process.measure_process, process.load_sheet, process.verdicts, "seconds"),
+    "heartbeat": Part(
+        heartbeat.measure_heartbeats, heartbeat.heartbeat_sheet, heartbeat.verdicts, "heartbeat_seconds"
+    ),
+    "sim": Part(sim.measure_pace, sim.pace_sheet, sim.verdicts, "sim_rounds"),
+    "import": Part(start.measure_imports, start.imports_sheet),
+    "start": Part(start.measure_starts, start.starts_sheet, start.verdicts, "start_rounds"),
+}
+"""By the names that they have in the JSON lines."""
 
 
 def main() -> None:
@@ -52,8 +64,8 @@ def main() -> None:
     line.parser.add_argument(
         "--only",
         nargs="+",
-        choices=PARTS,
-        default=PARTS,
+        choices=tuple(PARTS),
+        default=tuple(PARTS),
         metavar="PART",
         help=f"measure only these: {', '.join(PARTS)}",
     )
@@ -64,42 +76,36 @@ def main() -> None:
     line.option("heartbeat-seconds", duration_s, HEARTBEAT_SECONDS, "duration of each teleop run")
     line.option("sim-rounds", count, SIM_ROUNDS, "number of simulated seconds for each scene")
     line.option("start-rounds", count, START_ROUNDS, "number of starts, each with one restart")
-    arguments = line.parse()
-    if arguments.markdown is not None and set(arguments.only) != set(PARTS):
+    options = line.parse()
+    if options.markdown is not None and set(options.only) != set(PARTS):
         line.parser.error("--markdown writes a document of all parts: leave out --only")
+    measured: dict[str, Sequence[Any]] = {}
     with failing_in_a_sentence("bench"):
         # Runs of their own, which take longer; read first, so that a damaged file is noticed before the measurements.
         stored_peers, stored_robots = peers.read(), robots.read()
-        results = _measure(arguments)
-    sheets, verdicts = results.sheets(), results.verdicts()
+        for name in filter(options.only.__contains__, PARTS):
+            progress(f"bench: {name}")
+            option = PARTS[name].option
+            measured[name] = PARTS[name].measure(*([] if option is None else [getattr(options, option)]))
+    sheets = [PARTS[name].sheet(found) for name, found in measured.items()]
+    verdicts = list[Verdict]()
+    for name, found in measured.items():
+        if (judge := PARTS[name].verdicts) is not None:
+            verdicts += judge(found)
     show(sheets, verdicts)
-    if stored_peers is not None:
-        sheets, verdicts = sheets + peers.sheets(stored_peers), verdicts + peers.verdicts(stored_peers)
-    if stored_robots is not None:
-        sheets, verdicts = sheets + robots.sheets(stored_robots), verdicts + robots.verdicts(stored_robots)
-    if arguments.json is not None:
-        write_json(results, arguments.json)
-    if arguments.markdown is not None:
-        command = f"{line.repeat(arguments)} --markdown {arguments.markdown}"
-        write_markdown(arguments.markdown, HEADING, command, sheets, verdicts)
-
-
-def _measure(arguments: argparse.Namespace) -> Results:
-    def part(name: str, measure: Callable[[], Iterable[Measured]]) -> tuple[Measured, ...]:
-        if name not in arguments.only:
-            return ()
-        print(f"bench: {name}", file=sys.stderr, flush=True)
-        return tuple(measure())
-
-    return Results(
-        part("step", lambda: time_steps(arguments.rounds)),
-        part("memory", measure_memory),
-        part("process", lambda: measure_process(arguments.seconds)),
-        part("heartbeat", lambda: measure_heartbeats(arguments.heartbeat_seconds)),
-        part("sim", lambda: measure_pace(arguments.sim_rounds)),
-        part("import", lambda: measure_imports(IMPORT_ROUNDS)),
-        part("start", lambda: measure_starts(arguments.start_rounds)),
-    )
+    if options.json is not None:
+        rows = [row for name, found in measured.items() for row in rows_of(name, found)]
+        write_rows(options.json, this_run(line.repeat(options)), [*rows, *rows_of("target", verdicts)])
+    if options.markdown is not None:
+        if stored_peers is not None:
+            sheets, verdicts = sheets + peers.sheets(stored_peers), verdicts + peers.verdicts(stored_peers)
+        if stored_robots is not None:
+            sheets, verdicts = (
+                sheets + robots.sheets(stored_robots),
+                verdicts + robots.verdicts(stored_robots),
+            )
+        command = f"{line.repeat(options)} --markdown {options.markdown}"
+        write_markdown(options.markdown, HEADING, command, sheets, verdicts)
 
 
 if __name__ == "__main__":

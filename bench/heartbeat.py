@@ -22,7 +22,7 @@ from bench.rig.feed import (
     mode_of,
     supervisor,
 )
-from bench.rig.sheet import Column, Sheet, Verdict
+from bench.rig.sheet import Column, Sheet, Times, Verdict
 from bench.rig.terminal import Terminal, teleop
 from wire import topics
 from wire.bus import Arrival, Subscription
@@ -68,14 +68,10 @@ class Heartbeat:
     """The mode of the last status."""
     beats: int
     missed: int
-    sent_p50_ms: float
+    sent: Times
     """By the source time that teleop stamps on its commands."""
-    sent_p99_ms: float
-    sent_max_ms: float
-    arrival_p50_ms: float
+    arrival: Times
     """By the time of arrival in this process, through the supervisor's hub."""
-    arrival_p99_ms: float
-    arrival_max_ms: float
     output_kb_s: float
     """Output of teleop to the terminal."""
 
@@ -183,12 +179,8 @@ class _Robot(Robot):
             mode="" if status is None else mode_of(status),
             beats=len(beats),
             missed=missed,
-            sent_p50_ms=float(np.percentile(sent_ms, 50)),
-            sent_p99_ms=float(np.percentile(sent_ms, 99)),
-            sent_max_ms=float(sent_ms.max()),
-            arrival_p50_ms=float(np.percentile(arrival_ms, 50)),
-            arrival_p99_ms=float(np.percentile(arrival_ms, 99)),
-            arrival_max_ms=float(arrival_ms.max()),
+            sent=Times.of(sent_ms),
+            arrival=Times.of(arrival_ms),
             output_kb_s=output_kb_s,
         )
 
@@ -200,12 +192,8 @@ COLUMNS: tuple[Column[Heartbeat], ...] = (
     ("s", lambda one: f"{one.seconds:.0f}"),
     ("beats", lambda one: f"{one.beats}"),
     ("missed", lambda one: f"{one.missed}"),
-    ("sent p50", lambda one: f"{one.sent_p50_ms:.1f}"),
-    ("p99", lambda one: f"{one.sent_p99_ms:.1f}"),
-    ("max", lambda one: f"{one.sent_max_ms:.1f}"),
-    ("arrival p50", lambda one: f"{one.arrival_p50_ms:.1f}"),
-    ("p99", lambda one: f"{one.arrival_p99_ms:.1f}"),
-    ("max", lambda one: f"{one.arrival_max_ms:.1f}"),
+    *Times.columns("sent", lambda one: one.sent),
+    *Times.columns("arrival", lambda one: one.arrival),
     ("kB/s", lambda one: f"{one.output_kb_s:.1f}"),
 )
 
@@ -231,7 +219,7 @@ def verdicts(heartbeats: Iterable[Heartbeat]) -> list[Verdict]:
     return [
         Verdict(
             f"the heartbeat's lateness, p99, {beat.screen} at {beat.columns}×{beat.rows},",
-            beat.sent_p99_ms,
+            beat.sent.p99_ms,
             TARGET_P99_MS,
             "ms",
         )

@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Coroutine, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from bench.rig.feed import (
     supervisor,
 )
 from bench.rig.program import running
-from bench.rig.sheet import Column, Sheet, Verdict
+from bench.rig.sheet import Column, Sheet, Times, Verdict
 from wire import topics
 from wire.bus import Subscription
 from wire.messages import SafetyStatus, planar_twist
@@ -68,9 +68,7 @@ class Load:
     """How often the thread with the event loop goes to sleep."""
     rss_mb: float
     cmd_vel_hz: float
-    gap_p50_ms: float
-    gap_p99_ms: float
-    gap_max_ms: float
+    gaps: Times
     scans_hz: float
     """Rate of the scans that the supervisor accepted; below 20, the driver itself was late."""
 
@@ -141,11 +139,26 @@ class _Driver(Robot):
         await asyncio.sleep(WARM_UP_S)
         accepted = await self._scans_accepted()
         self.arrivals_s.clear()
-        began = _Usage(pid)
+        began_s = time.monotonic()
+        began = _used(pid)
         await asyncio.sleep(seconds)
-        load = began.load_until_now(phase, self.arrivals_s.copy())
+        took_s = time.monotonic() - began_s
+        cpu_s, loop_s, sleeps = np.subtract(_used(pid), began)
+        arrivals_s = self.arrivals_s.copy()
         scans = await self._scans_accepted() - accepted
-        return replace(load, mode=self._mode, scans_hz=scans / load.seconds)
+        return Load(
+            phase=phase,
+            seconds=took_s,
+            mode=self._mode,
+            cpu_percent=100 * cpu_s / took_s,
+            loop_percent=100 * loop_s / took_s,
+            zenoh_percent=100 * (cpu_s - loop_s) / took_s,
+            wakes_hz=sleeps / took_s,
+            rss_mb=load.status(pid, "VmRSS") / 1024,
+            cmd_vel_hz=len(arrivals_s) / took_s,
+            gaps=Times.of(1000 * np.diff(arrivals_s)),
+            scans_hz=scans / took_s,
+        )
 
     async def _scans_accepted(self) -> int:
         """Return the number of accepted scans in the next status."""
@@ -161,38 +174,9 @@ class _Driver(Robot):
         return status.scans_accepted
 
 
-class _Usage:
-    """What a process has used until now."""
-
-    def __init__(self, pid: int) -> None:
-        self._pid = pid
-        self._time_s, self._cpu_s, self._loop_s = time.monotonic(), load.cpu_s(pid), load.cpu_s(pid, pid)
-        self._sleeps = load.status(pid, "voluntary_ctxt_switches")
-
-    def load_until_now(self, phase: str, arrivals_s: Sequence[float]) -> Load:
-        """Return the load since this usage, with the arrival times of its `cmd_vel` [s]."""
-        now = _Usage(self._pid)
-        took_s, cpu_s, loop_s = (
-            now._time_s - self._time_s,
-            now._cpu_s - self._cpu_s,
-            now._loop_s - self._loop_s,
-        )
-        gaps_ms = 1000 * np.diff(arrivals_s) if len(arrivals_s) > 1 else np.zeros(1)
-        return Load(
-            phase=phase,
-            seconds=took_s,
-            mode="",
-            cpu_percent=100 * cpu_s / took_s,
-            loop_percent=100 * loop_s / took_s,
-            zenoh_percent=100 * (cpu_s - loop_s) / took_s,
-            wakes_hz=(now._sleeps - self._sleeps) / took_s,
-            rss_mb=load.status(self._pid, "VmRSS") / 1024,
-            cmd_vel_hz=len(arrivals_s) / took_s,
-            gap_p50_ms=float(np.percentile(gaps_ms, 50)),
-            gap_p99_ms=float(np.percentile(gaps_ms, 99)),
-            gap_max_ms=float(gaps_ms.max()),
-            scans_hz=0.0,
-        )
+def _used(pid: int) -> tuple[float, float, float]:
+    """Return the processor time of a process and of its event loop [s], and how often the loop has gone to sleep."""
+    return load.cpu_s(pid), load.cpu_s(pid, pid), float(load.status(pid, "voluntary_ctxt_switches"))
 
 
 def load_sheet(loads: Sequence[Load]) -> Sheet:
@@ -207,9 +191,7 @@ def load_sheet(loads: Sequence[Load]) -> Sheet:
         ("wakes /s", lambda one: f"{one.wakes_hz:.0f}"),
         ("RSS MB", lambda one: f"{one.rss_mb:.0f}"),
         ("cmd_vel Hz", lambda one: f"{one.cmd_vel_hz:.1f}"),
-        ("gap p50 ms", lambda one: f"{one.gap_p50_ms:.1f}"),
-        ("p99", lambda one: f"{one.gap_p99_ms:.1f}"),
-        ("max", lambda one: f"{one.gap_max_ms:.1f}"),
+        *Times.columns("gap ms", lambda one: one.gaps),
     ]
     return Sheet.of(
         "The supervisor process over Zenoh: 20 Hz scans of 360 beams, 20 Hz commands, 50 Hz odometry",

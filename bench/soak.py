@@ -4,46 +4,45 @@ A simulated operator drives the simulated robot by teleop's keys, also at racks 
 compressed file of a run of one hour, from which docs/crash-safety.md is generated.
 """
 
-import argparse
 import asyncio
 import itertools
 import math
-import os
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from pathlib import Path
 from random import Random
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BeforeValidator, TypeAdapter
+from pydantic import TypeAdapter
 from pydantic.dataclasses import dataclass
 
-from bench.rig.options import failing_in_a_sentence, output_file, positive
-from bench.rig.options import seed as seed_number
-from bench.rig.sheet import commit, machine, now
-from deploy.stack import bringup, errors, processes, takedown
-from deploy.stack.errors import DeployError
+from bench.rig import load
+from bench.rig.feed import client, simulated_robot
+from bench.rig.options import CommandLine, failing_in_a_sentence, positive, seed
+from bench.rig.sheet import Times
+from bench.rig.stored import provenance
+from deploy.stack import processes
+from deploy.stack.errors import Interrupted
 from deploy.stack.keyboard import TypedTeleop, typing
-from deploy.stack.launch import Launch, free_loopback_endpoint
-from deploy.stack.statedir import StateDir, locked
+from deploy.stack.launch import Launch
+from deploy.stack.statedir import StateDir
 from faults.trial import PROVENANCE_BEGINS, Provenance, parse_provenance
-from faults.trial_file import whole_lines
+from faults.trial_file import appending, whole_lines
 from wire import topics
 from wire.bus import Bus, NoReplyError, Subscription
 from wire.messages import Odometry, SafetyStatus, header
 from wire.stamp import Stamp
-from wire.zenoh.bus import open_bus
 
 SAMPLE_S, LOOK_S, READY_LIMIT_S = 10.0, 0.1, 15.0
 DEPTH = 512
-"""Messages kept between two samples: ten seconds of the fastest topic."""
+"""Messages kept between two looks; more than the fastest topic sends."""
 HEARTBEAT = topics.source_cmd_vel(topics.TELEOP)
 HEARTBEAT_S = 0.05
+TOPICS = (topics.CMD_VEL, HEARTBEAT, topics.SCAN, topics.ODOM, topics.STATUS)
 JUMP_M = 0.5
 """A larger step of the odometry is a reset."""
 PROVOKED = "OBSTACLE"
@@ -56,25 +55,22 @@ FEWEST_SAMPLES = 6
 JUDGED_S = 600.0
 """Minimum time for a verdict: over a shorter time, a single block of an allocator is one percent."""
 MOST_POINTS = 600
-"""Maximum number of samples for a slope over all pairs; of more samples, medians of groups are used."""
+"""Maximum number of samples for a slope over all pairs; of more samples, evenly spaced ones are used."""
 WEDGED_STOPS = 6
 """After this many consecutive stops without a completed plan, the robot is reset to its start."""
 LET_GO_S = 0.6
 
 Floats = npt.NDArray[np.float64]
-Ms = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
-"""A time [ms]; NaN, in the file null, without samples."""
+Heard = tuple[float, Stamp | None]
+"""Arrival time [s] and stamp of a message."""
 
 
 @dataclass(frozen=True)
-class Gaps:
-    """Times between the messages of a topic, and the number of lost ones by their stamps."""
+class Gaps(Times):
+    """Times between the messages of a topic."""
 
-    samples: int
-    p50_ms: Ms
-    p99_ms: Ms
-    max_ms: Ms
     lost: int
+    """Number of messages that were lost, by their stamps."""
 
 
 @dataclass(frozen=True)
@@ -106,9 +102,6 @@ class Sample:
     """Since the soak began; the next two fields as well."""
     black_boxes: int
     driven_m: float
-    load: float
-    """Load average of the last minute."""
-    kind: Literal["sample"] = "sample"
 
 
 SAMPLE = TypeAdapter(Sample)
@@ -121,10 +114,13 @@ def read_samples(path: Path) -> tuple[list[Sample], Provenance]:
         DeployError: the file cannot be read, or its provenance is damaged.
         ValueError: a line is not a sample of a soak.
     """
-    lines = list(whole_lines(path, "a soak"))
-    origins = [parse_provenance(line) for line in lines if line.startswith(PROVENANCE_BEGINS)]
-    samples = [SAMPLE.validate_json(line) for line in lines if not line.startswith(PROVENANCE_BEGINS)]
-    return samples, origins[-1] if origins else Provenance()
+    samples, origin = list[Sample](), Provenance()
+    for line in whole_lines(path, "a soak"):
+        if line.startswith(PROVENANCE_BEGINS):
+            origin = parse_provenance(line)
+        else:
+            samples.append(SAMPLE.validate_json(line))
+    return samples, origin
 
 
 class Growth(NamedTuple):
@@ -150,9 +146,8 @@ def judge(samples: Sequence[Sample]) -> tuple[list[Growth], list[str]]:
     """Return the growths, and the faults as sentences: none if the soak passed. There must be a sample."""
     kept = [sample for sample in samples if sample.time_s >= warm_up_s(samples[-1].time_s)]
     names = list(dict.fromkeys(name for sample in samples for name in sample.processes))
-    growths = [
-        _growth(kept, name, field) for name in names for field in ("rss_bytes", "descriptors", "threads")
-    ]
+    measures = (("memory", "rss_bytes"), ("descriptors", "descriptors"), ("threads", "threads"))
+    growths = [_growth(kept, name, measure, field) for name in names for measure, field in measures]
     faults = [
         f"{g.process}: {g.measure} grew by {g.percent:.2f} %, more than {GROWTH_LIMIT_PERCENT:g} %"
         for g in growths
@@ -163,12 +158,23 @@ def judge(samples: Sequence[Sample]) -> tuple[list[Growth], list[str]]:
         counts = ", ".join(f"{reason} {false.count(reason)}×" for reason in dict.fromkeys(false))
         faults.append(f"false stops: {counts}")
     for name in names:
-        pids = [sample.processes[name].pid if name in sample.processes else None for sample in samples]
-        if len(set(pids)) > 1:
+        pids = {sample.processes[name].pid if name in sample.processes else None for sample in samples}
+        if len(pids) > 1:
             faults.append(f"{name} ended or was restarted")
     if samples[-1].driven_m <= 0.0:
         faults.append("the robot never moved")
     return growths, faults
+
+
+def _growth(kept: Sequence[Sample], name: str, measure: str, field: str) -> Growth:
+    points = [(s.time_s, getattr(s.processes[name], field)) for s in kept if name in s.processes]
+    times_s, values = np.array(points, dtype=np.float64).reshape(-1, 2).T
+    level = float(np.median(values)) if points else math.nan
+    if len(points) < FEWEST_SAMPLES:
+        return Growth(name, measure, level, math.nan, is_judged=False)
+    watched_s = float(times_s[-1] - times_s[0])
+    percent = 100.0 * theil_sen(times_s, values) * watched_s / level
+    return Growth(name, measure, level, percent, is_judged=watched_s >= JUDGED_S)
 
 
 def theil_sen(times_s: Floats, values: Floats) -> float:
@@ -178,40 +184,26 @@ def theil_sen(times_s: Floats, values: Floats) -> float:
         times_s: (n,) rising; at least two.
         values: (n,).
     """
-    if len(times_s) > MOST_POINTS:
-        groups = np.array_split(np.arange(len(times_s)), MOST_POINTS)
-        times_s = np.array([np.median(times_s[group]) for group in groups])
-        values = np.array([np.median(values[group]) for group in groups])
+    thinned = slice(None, None, math.ceil(len(times_s) / MOST_POINTS))
+    times_s, values = times_s[thinned], values[thinned]
     first, second = np.triu_indices(len(times_s), 1)
     return float(np.median((values[second] - values[first]) / (times_s[second] - times_s[first])))
 
 
-def _growth(kept: Sequence[Sample], name: str, field: str) -> Growth:
-    points = [(s.time_s, getattr(s.processes[name], field)) for s in kept if name in s.processes]
-    times_s, values = np.array(points, dtype=np.float64).reshape(-1, 2).T
-    level = float(np.median(values)) if points else math.nan
-    measure = "memory" if field == "rss_bytes" else field
-    if len(points) < FEWEST_SAMPLES:
-        return Growth(name, measure, level, math.nan, is_judged=False)
-    watched_s = float(times_s[-1] - times_s[0])
-    percent = 100.0 * theil_sen(times_s, values) * watched_s / level
-    return Growth(name, measure, level, percent, is_judged=watched_s >= JUDGED_S)
-
-
-def gaps(heard: Sequence[tuple[float, Stamp | None]], beyond_s: float | None = None) -> Gaps:
+def gaps(heard: Sequence[Heard], beyond_s: float | None = None) -> Gaps:
     """Return the gaps from the first arrival of a topic to each later one; with `beyond_s`, their lateness beyond this period.
 
     Args:
-        heard: arrival time and stamp of each message. The first one ended the previous sample, and only begins a gap.
+        heard: the messages. The first one ended the previous sample, and only begins a gap.
         beyond_s: the period of the topic.
     """
     gaps_ms = 1000.0 * np.diff([arrival_s for arrival_s, _ in heard])
     if beyond_s is not None:
         gaps_ms = np.maximum(gaps_ms - 1000.0 * beyond_s, 0.0)
-    p50, p99, most = map(float, np.percentile(gaps_ms, (50, 99, 100))) if len(gaps_ms) else (math.nan,) * 3
     pairs = itertools.pairwise(stamp for _, stamp in heard if stamp is not None)
     lost = sum(max(0, b.sequence - a.sequence - 1) for a, b in pairs if a.gid == b.gid)
-    return Gaps(len(gaps_ms), p50, p99, most, lost)
+    times = Times.of(gaps_ms)
+    return Gaps(times.samples, times.p50_ms, times.p99_ms, times.max_ms, lost)
 
 
 class Stops:
@@ -261,15 +253,11 @@ class Operator:
 
 
 def usage(pid: int) -> Usage | None:
-    """Return the resources of one of our processes, from /proc; None if it has ended."""
-    process = Path(f"/proc/{pid}")
-    try:
-        lines = (process / "status").read_text().splitlines()
-        fields = {name: words.split() for name, _, words in (line.partition(":") for line in lines)}
-        descriptors = sum(1 for _ in (process / "fd").iterdir())
-        return Usage(pid, 1024 * int(fields["VmRSS"][0]), descriptors, int(fields["Threads"][0]))
-    except (OSError, KeyError):  # ended, or not reaped yet
-        return None
+    """Return the resources of one of our processes; None if it has ended."""
+    with suppress(OSError, RuntimeError):
+        rss_bytes, threads = 1024 * load.status(pid, "VmRSS"), load.status(pid, "Threads")
+        return Usage(pid, rss_bytes, sum(1 for _ in Path(f"/proc/{pid}/fd").iterdir()), threads)
+    return None
 
 
 class Drive:
@@ -277,11 +265,10 @@ class Drive:
 
     def __init__(self, bus: Bus, state: StateDir, teleop: TypedTeleop, operator: Operator) -> None:
         self._bus, self._state, self._teleop, self._operator = bus, state, teleop, operator
-        topic_list = (topics.CMD_VEL, HEARTBEAT, topics.SCAN, topics.ODOM, topics.STATUS)
-        self._heard = {topic.key: list[tuple[float, Stamp | None]]() for topic in topic_list}
         self._inboxes: dict[str, Subscription[Any]] = {
-            topic.key: bus.subscribe(topic, depth=DEPTH) for topic in topic_list
+            topic.key: bus.subscribe(topic, depth=DEPTH) for topic in TOPICS
         }
+        self._heard: dict[str, list[Heard]] = {topic.key: [] for topic in TOPICS}
         self._status = SafetyStatus(header(""))
         self._stops = Stops()
         self._false: list[str] = []
@@ -299,8 +286,8 @@ class Drive:
             while not self._stops.is_watching:
                 self._look()
                 await asyncio.sleep(LOOK_S)
-        self._heard = {key: heard[-1:] for key, heard in self._heard.items()}
         began_s = time.monotonic()
+        self._sample(0.0)  # what came before does not count
         next_s = began_s + SAMPLE_S
         while (now_s := time.monotonic()) < began_s + duration_s + LOOK_S:
             self._look()
@@ -318,24 +305,22 @@ class Drive:
 
     def _look(self) -> None:
         for key, inbox in self._inboxes.items():
-            arrivals = inbox.take()
-            self._heard[key] += [(arrival.arrival_s, arrival.stamp) for arrival in arrivals]
-            for message in (arrival.message for arrival in arrivals):
-                if isinstance(message, Odometry):
-                    before, point = self._at_m, message.pose.pose.position
+            for arrival in inbox.take():
+                self._heard[key].append((arrival.arrival_s, arrival.stamp))
+                if isinstance(arrival.message, Odometry):
+                    before, point = self._at_m, arrival.message.pose.pose.position
                     self._at_m = point.x, point.y
                     step_m = math.dist(before or self._at_m, self._at_m)
                     self._driven_m += step_m if step_m < JUMP_M else 0.0
-                elif isinstance(message, SafetyStatus):
-                    self._status = message
-                    self._false += self._stops.look(message)
+                elif isinstance(arrival.message, SafetyStatus):
+                    self._status = arrival.message
+                    self._false += self._stops.look(arrival.message)
 
     def _sample(self, time_s: float) -> Sample:
+        """Return what has happened since the last sample."""
         found = {process.name: usage(process.pid) for process in processes.of(self._state.path)}
-        taken = {
-            key: gaps(heard, HEARTBEAT_S if key == HEARTBEAT.key else None)
-            for key, heard in self._heard.items()
-        }
+        taken = {key: gaps(heard) for key, heard in self._heard.items()}
+        late = gaps(self._heard[HEARTBEAT.key], HEARTBEAT_S)
         self._heard = {key: heard[-1:] for key, heard in self._heard.items()}
         false, self._false = tuple(self._false), []
         self._boxes |= {path.name for path in (self._state.path / "blackbox").glob("*.jsonl.gz")}
@@ -343,45 +328,21 @@ class Drive:
             time_s=round(time_s, 3),
             processes={name: used for name, used in sorted(found.items()) if used is not None},
             ticks=taken[topics.CMD_VEL.key],
-            heartbeat=taken[HEARTBEAT.key],
+            heartbeat=late,
             lost={key: one.lost for key, one in taken.items()},
             false_stops=false,
             obstacle_stops=self._stops.provoked,
             black_boxes=len(self._boxes),
             driven_m=round(self._driven_m, 2),
-            load=os.getloadavg()[0],
         )
 
 
 async def _drive(
-    state: StateDir, launch: Launch, seed: int, duration_s: float, add: Callable[[Sample], None]
+    state: StateDir, endpoint: str, operator: Operator, duration_s: float, add: Callable[[Sample], None]
 ) -> None:
-    await bringup.wait_until_alive(state, launch, print)
-    bus = await open_bus(launch.bus, "client")
-    try:
-        async with typing(launch, {processes.MARK: str(state.path)}) as teleop:
-            await Drive(bus, state, teleop, Operator(Random(seed))).run(duration_s, add)
-    finally:
-        await bus.close()
-
-
-def soak(duration_s: float, seed: int, add: Callable[[Sample], None]) -> None:
-    """Start a robot, drive it, and take it down; a signal ends the drive early."""
-    with tempfile.TemporaryDirectory(prefix="lifeline-soak-", ignore_cleanup_errors=True) as directory:
-        state = StateDir(Path(directory).resolve())
-        state.create()
-        launch = Launch.read(None, free_loopback_endpoint(), sim_options="--no-viewer")
-        with errors.interrupts(), locked(state, "soak"):
-            try:
-                try:
-                    bringup.start(state, launch, print)
-                    asyncio.run(_drive(state, launch, seed, duration_s, add))
-                except errors.Interrupted:
-                    print("warning: cut short")
-                finally:
-                    errors.ignore()
-            finally:
-                takedown.stop(state)
+    marked = {processes.MARK: str(state.path)}
+    async with client(endpoint) as bus, typing(Launch.read(None, endpoint), marked) as teleop:
+        await Drive(bus, state, teleop, operator).run(duration_s, add)
 
 
 def report(samples: Sequence[Sample]) -> bool:
@@ -390,62 +351,49 @@ def report(samples: Sequence[Sample]) -> bool:
         print("it was too short: there is nothing to judge")
         return False
     last, (growths, faults) = samples[-1], judge(samples)
-    print(
-        f"{last.driven_m:.0f} m in {last.time_s:.0f} s, {last.obstacle_stops} stops at obstacles, {last.black_boxes} black boxes"
-    )
+    print(f"{last.driven_m:.0f} m in {last.time_s:.0f} s, {last.obstacle_stops} stops at obstacles")
+    print(f"  {last.black_boxes} black boxes, {sum(sum(one.lost.values()) for one in samples)} lost messages")
     for g in growths:
         judged = "" if g.is_judged else f" (not judged: less than {JUDGED_S:g} s after the warm-up)"
         print(f"  {g.process:<12} {g.measure:<12} {g.level:>12g}  {g.percent:+.2f} %{judged}")
-    for name, found in (
-        ("gaps of cmd_vel", [s.ticks for s in samples]),
-        ("lateness of the heartbeat", [s.heartbeat for s in samples]),
-    ):
-        print(
-            f"  {name}, worst p99 of ten seconds {max(g.p99_ms for g in found):.1f} ms, longest {max(g.max_ms for g in found):.1f} ms"
-        )
-    print(f"  lost messages: {sum(sum(sample.lost.values()) for sample in samples)}")
-    print(
-        "\n".join(f"FAILED: {fault}" for fault in faults)
-        or "passed: nothing stopped without a cause, and no measured growth is too much"
-    )
+    ticks, late = [one.ticks for one in samples], [one.heartbeat for one in samples]
+    for name, found in (("gaps of cmd_vel", ticks), ("lateness of the heartbeat", late)):
+        p99_ms, max_ms = max(one.p99_ms for one in found), max(one.max_ms for one in found)
+        print(f"  {name}, worst p99 of ten seconds {p99_ms:.1f} ms, longest {max_ms:.1f} ms")
+    for fault in faults:
+        print(f"FAILED: {fault}")
+    if not faults:
+        print("passed: nothing stopped without a cause, and no measured growth is too much")
     return not faults
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        prog="python -m bench.soak",
-        description="Drive for hours and report growth of memory, descriptors, threads and latency. Ctrl-C ends early.",
-        epilog="exit code: 1 on growth, on a stop without a cause, or if a process fails",
+    line = CommandLine(
+        "bench.soak",
+        "Drive for hours and report growth of memory, descriptors, threads and latency. Ctrl-C ends early.",
+        "exit code: 1 on growth, on a stop without a cause, or if a process fails",
     )
-    parser.add_argument(
-        "--hours", type=positive, default=1.0, help="duration; fractions are allowed (default: %(default)g)"
-    )
-    parser.add_argument(
-        "--out", type=output_file, metavar="FILE", help="write one JSON line every ten seconds"
-    )
-    parser.add_argument(
-        "--seed", type=seed_number, default=0, help="seed of the simulated operator (default: %(default)s)"
-    )
-    arguments = parser.parse_args()
+    line.option("hours", positive, 1.0, "duration; fractions are allowed")
+    line.option("seed", seed, 0, "seed of the simulated operator")
+    line.file("out", "write one JSON line every ten seconds")
+    options = line.parse()
     samples: list[Sample] = []
-    with failing_in_a_sentence("bench.soak"), ExitStack() as files:
-        out = files.enter_context(arguments.out.open("w")) if arguments.out else None
-
-        def write(line: str) -> None:
-            if out is not None:
-                print(line, file=out, flush=True)
+    if options.out is not None:
+        options.out.unlink(missing_ok=True)
+    origin = provenance(line.repeat(options))
+    with failing_in_a_sentence("bench.soak"), appending(options.out, origin) as write:
 
         def add(sample: Sample) -> None:
             samples.append(sample)
             write(SAMPLE.dump_json(sample).decode())
             print(f"sample after {sample.time_s:.0f} s: {sample.driven_m:.0f} m", flush=True)
 
-        command = f"python -m bench.soak --hours {arguments.hours:g} --seed {arguments.seed}"
-        write(Provenance(command=command, date=now(), machine=machine(), commit=commit()).line())
         try:
-            soak(3600.0 * arguments.hours, arguments.seed, add)
-        except DeployError as error:
-            raise RuntimeError(str(error)) from error
+            with simulated_robot() as robot:
+                operator = Operator(Random(options.seed))
+                asyncio.run(_drive(robot.state, robot.endpoint, operator, 3600.0 * options.hours, add))
+        except Interrupted:
+            print("warning: cut short")
         finally:
             passed = report(samples)
     sys.exit(not passed)

@@ -8,19 +8,16 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from bench.rig.feed import START_S, at_rate, client, feeding
+from bench.rig.feed import START_S, SimulatedRobot, at_rate, client, feeding, simulated_robot
 from bench.rig.load import started_s
 from bench.rig.sheet import Column, Sheet, Verdict
 from deploy.stack import processes
-from deploy.stack.launch import free_loopback_endpoint
 from deploy.stack.statedir import StateDir
 from wire import topics
 from wire.bus import Subscription
@@ -38,6 +35,7 @@ PROGRAMS = {
     "lifeline up": ("-c", "import lifeline.cli.app, deploy.up"),
 }
 """By name, the arguments of an interpreter that imports a program's modules and ends."""
+IMPORT_ROUNDS = 10
 COMMAND_HZ = 20.0
 SETTLED_S = 3.2
 """More than the `startsecs` of supervisord.conf: a process that dies earlier is restarted after a pause."""
@@ -71,10 +69,10 @@ class Start:
     """From SIGKILL to the first status READY: the next command moves the robot."""
 
 
-def measure_imports(rounds: int) -> list[Imports]:
-    """Start one interpreter for each program in turn, `rounds` times."""
+def measure_imports() -> list[Imports]:
+    """Start one interpreter for each program in turn, `IMPORT_ROUNDS` times."""
     taken_ms: dict[str, list[float]] = {program: [] for program in PROGRAMS}
-    for number in range(-1, rounds):
+    for number in range(-1, IMPORT_ROUNDS):
         for program, arguments in PROGRAMS.items():
             began_s = time.perf_counter()
             # With pipes, the end of the process is noticed at once; without, a time limit polls every 50 ms.
@@ -106,42 +104,26 @@ def measure_starts(rounds: int) -> list[Start]:
 
 
 def _start_once() -> Start:
-    endpoint = free_loopback_endpoint()
-    with tempfile.TemporaryDirectory() as folder:
-        options = ("--state-dir", folder)
+    with simulated_robot() as robot:
         try:
-            began_s = time.perf_counter()
-            _lifeline("up", "--detach", "--no-viewer", "--endpoint", endpoint, *options)
-            up_s = time.perf_counter() - began_s
-            try:
-                respawned_s, drivable_s = asyncio.run(_kill(StateDir.choose(Path(folder)), endpoint))
-            except TimeoutError as error:
-                raise RuntimeError("the robot does not become drivable") from error
-        finally:
-            _lifeline("down", *options)
-    return Start(up_s, respawned_s, drivable_s)
+            return Start(robot.up_s, *asyncio.run(_kill(robot)))
+        except TimeoutError as error:
+            raise RuntimeError("the robot does not become drivable") from error
 
 
-def _lifeline(*arguments: str) -> None:
-    command = [sys.executable, "-c", "from lifeline.cli.entry import main; main()", *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=RUN_LIMIT_S)
-    if done.returncode != 0:
-        raise RuntimeError(f"lifeline {arguments[0]} failed: {done.stderr}")
-
-
-async def _kill(state: StateDir, endpoint: str) -> tuple[float, float]:
+async def _kill(robot: SimulatedRobot) -> tuple[float, float]:
     """Kill the supervisor while a neutral source is live; return the times of its restart and of READY [s]."""
-    async with client(endpoint) as bus:
+    async with client(robot.endpoint) as bus:
         commands = bus.publisher(topics.source_cmd_vel(topics.TELEOP))
         statuses = _Statuses(bus)
         async with feeding([at_rate(COMMAND_HZ, lambda: commands.put(zero_twist()))]):
             await statuses.ready()
             await asyncio.sleep(SETTLED_S)
-            killed = _supervisor(state)
+            killed = _supervisor(robot.state)
             killed_s, killed_boot_s = time.monotonic(), time.clock_gettime(time.CLOCK_BOOTTIME)
             os.kill(killed, signal.SIGKILL)
             drivable_s = await statuses.ready() - killed_s
-            respawned_s = started_s(_supervisor(state)) - killed_boot_s
+            respawned_s = started_s(_supervisor(robot.state)) - killed_boot_s
     return respawned_s, drivable_s
 
 
@@ -210,7 +192,7 @@ def starts_sheet(starts: Sequence[Start]) -> Sheet:
     return Sheet.of(
         "Start and restart under supervisord, in s",
         STARTS,
-        [row for row in rows if row[1]],
+        rows,
         (
             "drivable: the first status READY, while a source sends zero velocity at 20 Hz. It includes the timeouts of "
             "0.2 s and 0.24 s for which the supervisor observes a command source and a lidar before it trusts them."
@@ -220,8 +202,6 @@ def starts_sheet(starts: Sequence[Start]) -> Sheet:
 
 
 def verdicts(starts: Sequence[Start]) -> list[Verdict]:
-    if not starts:
-        return []
     up_s = float(np.median([one.up_s for one in starts]))
     drivable_s = float(np.median([one.drivable_s for one in starts]))
     return [

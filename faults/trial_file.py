@@ -70,10 +70,14 @@ def known_trials(out: Path | None, mode: str, revision: str) -> list[Trial]:
 
 
 @contextmanager
-def appending(out: Path | None) -> Generator[Callable[[str], None]]:
+def appending(out: Path | None, origin: Provenance | None = None) -> Generator[Callable[[str], None]]:
     """Open a file and yield a function that appends one line; without a file, it does nothing.
 
     An incomplete last line is cut off first. Each line is flushed, and a provenance follows the lines.
+
+    Args:
+        out: the file.
+        origin: the provenance; None: that of this command of `lifeline`.
 
     Raises:
         DeployError: the file cannot be written.
@@ -92,7 +96,7 @@ def appending(out: Path | None) -> Generator[Callable[[str], None]]:
         file.write(line.encode() + b"\n")
         file.flush()
 
-    with signed(out), file:
+    with signed(out, origin), file:
         yield append
 
 
@@ -149,12 +153,12 @@ def commit() -> str:
 
 
 @contextmanager
-def signed(out: Path | None) -> Generator[None]:
+def signed(out: Path | None, origin: Provenance | None = None) -> Generator[None]:
     """Append a provenance line after the trials that the block adds to the file, even if the block is interrupted."""
     if out is None:
         yield
         return
-    begun, before = provenance_of(sys.argv[1:]), _size(out)
+    begun, before = origin or provenance_of(sys.argv[1:]), _size(out)
     try:
         yield
     finally:

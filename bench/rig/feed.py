@@ -1,4 +1,4 @@
-"""Runs a supervisor under measurement, and feeds it with the data of a robot at the robot's rates.
+"""Runs a supervisor, or the whole simulated robot, and feeds a supervisor with the data of a robot at the robot's rates.
 
 `python -m bench.rig.feed ENDPOINT` plays a robot in a process of its own.
 """
@@ -6,8 +6,10 @@
 import asyncio
 import itertools
 import os
+import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import AsyncGenerator, Callable, Coroutine, Generator, Iterable, Sequence
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
@@ -15,7 +17,9 @@ from pathlib import Path
 
 from bench.rig import scenery
 from bench.rig.program import running
+from deploy.stack.errors import ignore, interrupts
 from deploy.stack.launch import free_loopback_endpoint
+from deploy.stack.statedir import StateDir
 from wire import topics
 from wire.bus import BusError
 from wire.message_types import MODES
@@ -24,7 +28,7 @@ from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
 
 BEAMS, SCANS = 360, 64
 SCAN_HZ, ODOM_HZ = 20.0, 50.0
-START_S = 20.0
+START_S, UP_LIMIT_S = 20.0, 60.0
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,48 @@ def supervisor(module: str = "supervisor", options: Sequence[str] = ()) -> Gener
                 raise RuntimeError(
                     f"the {module} cannot be measured: {reason}; its log ends with:\n{log.read_text()[-600:]}"
                 ) from error
+
+
+@dataclass(frozen=True)
+class SimulatedRobot:
+    """A running sim and supervisor."""
+
+    state: StateDir
+    endpoint: str
+    up_s: float
+    """Duration of `lifeline up --detach`, which ends when every node is alive."""
+
+
+@contextmanager
+def simulated_robot() -> Generator[SimulatedRobot]:
+    """Start the simulated robot as its users do, without teleop, and take it down at the end; the first signal raises `Interrupted`.
+
+    Raises:
+        RuntimeError: it does not start.
+    """
+    with tempfile.TemporaryDirectory(prefix="lifeline-", ignore_cleanup_errors=True) as folder:
+        state, endpoint = StateDir(Path(folder).resolve()), free_loopback_endpoint()
+        options = ("--state-dir", folder)
+        with interrupts():
+            try:
+                try:
+                    began_s = time.perf_counter()
+                    _lifeline("up", "--detach", "--no-viewer", "--endpoint", endpoint, *options)
+                    yield SimulatedRobot(state, endpoint, time.perf_counter() - began_s)
+                finally:
+                    ignore()
+            finally:
+                _lifeline("down", *options)
+
+
+def _lifeline(*arguments: str) -> None:
+    command = [sys.executable, "-c", "from lifeline.cli.entry import main; main()", *arguments]
+    # A session of its own: Ctrl-C must not interrupt it half-way.
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=False, timeout=UP_LIMIT_S, start_new_session=True
+    )
+    if done.returncode != 0:
+        raise RuntimeError(f"lifeline {arguments[0]} failed: {done.stderr}")
 
 
 @asynccontextmanager

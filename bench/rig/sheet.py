@@ -1,30 +1,27 @@
 """Tables and verdicts of the benchmarks, on the terminal and in markdown."""
 
 import math
-import os
-import platform
-import subprocess
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import TypeVar
+from typing import Annotated, TypeVar
 
 import numpy as np
+from pydantic import BeforeValidator
 from rich.console import Console
 from rich.table import Table
 
-MEASURED = ("sim", "supervisor", "teleop", "wire")
-"""The measured packages."""
+from faults import trial_file
 
 T = TypeVar("T")
 Column = tuple[str, Callable[[T], str]]
 """The title of a column, and a function that returns its cell in the row of a measurement."""
 
-_LOAD_BEFORE = os.getloadavg()[0]
-"""The machine's load average before the benchmarks."""
+MACHINE = f"{trial_file.machine()}, numpy {version('numpy')}"
+"""The machine, with its load average before the benchmarks."""
 
 
 @dataclass(frozen=True)
@@ -88,29 +85,32 @@ def percentile(values: Iterable[float], percent: float) -> float:
     return float(np.percentile(found, percent)) if found.size else math.nan
 
 
-def machine() -> str:
-    """Describe the machine, without its name."""
-    return (
-        f"{os.cpu_count()} cores ({platform.machine()}), load average {_LOAD_BEFORE:.1f} before, {platform.system()}, "
-        f"Python {platform.python_version()}, numpy {version('numpy')}, eclipse-zenoh {version('eclipse-zenoh')}"
-    )
+Ms = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
+"""A time [ms]; NaN, in a file null, without samples."""
 
 
-def commit() -> str:
-    """Return the measured commit, and the measured packages with local changes."""
-    revision = _git("rev-parse", "--short", "HEAD")
-    if not revision:
-        return "unknown"
-    changed = [package for package in MEASURED if _git("status", "--porcelain", "--", package)]
-    return f"{revision}, with changes in {', '.join(changed)}" if changed else revision
+@dataclass(frozen=True)
+class Times:
+    """Statistics of some times."""
 
+    samples: int
+    p50_ms: Ms
+    p99_ms: Ms
+    max_ms: Ms
 
-def _git(*arguments: str) -> str:
-    try:
-        done = subprocess.run(["git", *arguments], capture_output=True, text=True, check=False, timeout=10)
-    except OSError:
-        return ""
-    return done.stdout.strip()
+    @classmethod
+    def of(cls, times_ms: Iterable[float]) -> "Times":
+        found = list(times_ms)
+        return cls(len(found), *(percentile(found, percent) for percent in (50, 99, 100)))
+
+    @staticmethod
+    def columns(what: str, of: Callable[[T], "Times"], digits: int = 1) -> "tuple[Column[T], ...]":
+        """Return the columns of the median, the 99th percentile and the maximum."""
+        return (
+            (f"{what} p50", lambda one: f"{of(one).p50_ms:.{digits}f}"),
+            ("p99", lambda one: f"{of(one).p99_ms:.{digits}f}"),
+            ("max", lambda one: f"{of(one).max_ms:.{digits}f}"),
+        )
 
 
 def show(sheets: Iterable[Sheet], verdicts: Iterable[Verdict]) -> None:
@@ -127,7 +127,7 @@ def show(sheets: Iterable[Sheet], verdicts: Iterable[Verdict]) -> None:
     for verdict in verdicts:
         sentence = verdict.sentence()
         console.print(sentence, style="bold red" if sentence.startswith("OVER") else "green", highlight=False)
-    console.print(f"{machine()}; commit {commit()}", style="dim", highlight=False)
+    console.print(f"{MACHINE}; commit {trial_file.commit()}", style="dim", highlight=False)
 
 
 def write_markdown(
@@ -148,8 +148,8 @@ def write_markdown(
         "",
         f"* command: `{command}`",
         f"* date: {now()}",
-        f"* machine: {machine()}",
-        f"* commit: {commit()}",
+        f"* machine: {MACHINE}",
+        f"* commit: {trial_file.commit()}",
         "",
         "## Targets",
         "",

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from bench.rig.program import ROOT
-from bench.rig.sheet import commit, machine, now
+from bench.rig.sheet import MACHINE, now
+from faults.trial import Provenance
+from faults.trial_file import commit
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -42,7 +44,13 @@ class StoredRun(NamedTuple):
 
 def this_run(command: str) -> dict[str, str]:
     """Return command, date, machine and commit of a run that has just ended."""
-    return {"command": command, "date": now(), "machine": machine(), "commit": commit()}
+    return {"command": command, "date": now(), "machine": MACHINE, "commit": commit()}
+
+
+def provenance(command: str) -> Provenance:
+    """Return the same as a line of a file to which measurements are appended."""
+    run = this_run(command)
+    return Provenance(command=command, date=run["date"], machine=run["machine"], commit=run["commit"])
 
 
 def origin(run: dict[str, str]) -> str:

@@ -88,9 +88,7 @@ def test_the_soak_is_reported_with_what_grew_and_what_stopped_without_a_cause() 
 
     def sample(time_s: float, *false_stops: str) -> Sample:
         used = Usage(7, int(50e6 * (1 + time_s / 36_000)), 20, 9)
-        return Sample(
-            time_s, {"supervisor": used}, gaps, gaps, {"cmd_vel": 2}, false_stops, 3, 4, time_s / 2, 0.5
-        )
+        return Sample(time_s, {"supervisor": used}, gaps, gaps, {"cmd_vel": 2}, false_stops, 3, 4, time_s / 2)
 
     samples = [sample(10.0 * n) for n in range(1, 361)]
     good = crash_safety.soaked(samples, Provenance())
