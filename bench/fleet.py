@@ -3,8 +3,6 @@
 Hubs dial out to the router, operators are behind it, and every link has certificates. `bench.robots` measures the robots.
 """
 
-import re
-import subprocess
 import sys
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
@@ -13,14 +11,13 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from bench.rig.load import usage
 from bench.rig.options import CommandLine, count, duration_s, failing_in_a_sentence
 from bench.rig.program import program
 from bench.rig.sheet import Column, Sheet, Verdict, percentile, show
 from bench.rig.stored import FOLDER, this_run
 from bench.robots.feeder import namespace_of
 from bench.robots.results import GAPS, Crowd, Robots, write
-from bench.robots.run import KILLS_LIMIT_S, Layout, measure
+from bench.robots.run import KILLS_LIMIT_S, Site, measure
 from deploy.keys.commands import init, issue
 from deploy.keys.register import Request
 from deploy.stack.launch import free_loopback_endpoint
@@ -36,8 +33,7 @@ SOAK_DRIVE_S = 30.0
 STOP_LIMIT_MS = 220.0
 """The command timeout and a tick: what holds for each stop, even if every token were late."""
 DAY_S = 86400.0
-LIMIT_S, START_LIMIT_S = 10.0, 60.0
-_BYTES = re.compile(r"bytes_(?:sent|received):(\d+)")
+START_LIMIT_S = 60.0
 
 COLUMNS: tuple[Column[Crowd], ...] = (
     ("robots", lambda one: f"{one.robots}"),
@@ -51,32 +47,6 @@ COLUMNS: tuple[Column[Crowd], ...] = (
     ("max", lambda one: one.stop_percentile(100)),
     ("KB/s of each", lambda one: f"{one.crossing_bytes_s / 1000:.1f}"),
 )
-
-
-class Site(Layout):
-    """A router, and robots that dial out to it."""
-
-    def __init__(self, endpoint: str, pid: int, operator: Path, configs: Sequence[Path]) -> None:
-        self._endpoint, self._pid, self._operator, self._configs = endpoint, pid, operator, configs
-
-    def options(self, number: int) -> list[str]:
-        return ["--config", str(self._configs[number])]
-
-    def feeder(self, endpoints: Sequence[str]) -> list[str]:
-        return [*endpoints, "--router", self._endpoint, "--keys", str(self._operator)]
-
-    def operator(self, number: int, endpoint: str) -> str:  # noqa: ARG002 - that of the router is used
-        return f"{self._endpoint} {namespace_of(number)} {self._operator}"
-
-    def router_cpu_s(self) -> float:
-        return usage(self._pid).cpu_s
-
-    def crossed_bytes(self) -> int:
-        port = self._endpoint.rpartition(":")[2]
-        # Each link is counted at the router's side.
-        command = ["ss", "-tinH", "state", "established", f"( sport = :{port} )"]
-        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=LIMIT_S)
-        return sum(map(int, _BYTES.findall(done.stdout)))
 
 
 @contextmanager
@@ -170,8 +140,8 @@ def main() -> None:
     crowds: list[Crowd] = []
     with failing_in_a_sentence("bench.fleet"):
         for number in options.robots:
-            with site(number) as layout:
-                crowds.append(measure(number, drive_s, options.kills, layout, kills_limit_s=kills_limit_s))
+            with site(number) as made:
+                crowds.append(measure(number, drive_s, options.kills, made, kills_limit_s=kills_limit_s))
             if options.json is not None:  # an interrupted run keeps what it has measured
                 write(Robots(this_run(line.repeat(options)), tuple(crowds)), options.json)
     verdicts = [verdict for one in crowds for verdict in soak_verdicts(one)] if options.soak else []

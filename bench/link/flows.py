@@ -29,6 +29,7 @@ import zenoh
 
 from bench.link.results import Link
 from bench.link.stops import Flow, Lateness
+from bench.peers.links.zenoh_link import open_session
 from bench.rig.program import die_with_parent
 from bench.robots.feeder import COMMAND_HZ, CRUISE_M_S, SPREAD
 from wire import tls, topics
@@ -38,6 +39,7 @@ from wire.messages import encode, planar_twist
 from wire.roles import Role
 from wire.stamp import Stamper, parse_stamp
 from wire.zenoh.connect import RECONNECT_MS, TX_QUEUE
+from wire.zenoh.session import direct
 
 RUNTIME = "(rx: (worker_threads: 1))"
 """Zenoh's threads of a process: a second receiving thread costs wake-ups, and no flow has more than 200 packets a second."""
@@ -74,29 +76,18 @@ class End:
             zenoh.ZError: it cannot.
         """
         os.environ.setdefault("ZENOH_RUNTIME", RUNTIME)  # read once, when the first session is opened
-        values: dict[str, object] = {
-            "mode": "peer" if role == "hub" else "client",
-            "scouting/multicast/enabled": False,
-            "scouting/gossip/enabled": False,
-            "transport/shared_memory/enabled": False,
-            "transport/link/tx/lease": round(self.lease_s * 1000),
+        more: dict[str, object] = {
             "transport/link/tx/queue/size/real_time": TX_QUEUE,
             "transport/link/tls": self.security,
         }
-        if role == "hub":
-            values["listen/endpoints"] = [self.endpoint]
-        else:
-            values["connect/endpoints"] = [self.endpoint]
-            values["connect/timeout_ms"] = 20_000
-            values["connect/retry"] = {
+        if role == "client":
+            more["connect/timeout_ms"] = 20_000
+            more["connect/retry"] = {
                 "period_init_ms": RECONNECT_MS,
                 "period_max_ms": RECONNECT_MS,
                 "period_increase_factor": 1,
             }
-        settings = zenoh.Config()
-        for key, value in values.items():
-            settings.insert_json5(key, json.dumps(value))
-        return zenoh.open(settings)
+        return open_session(self.endpoint, listens=role == "hub", lease_s=self.lease_s, more=more)
 
 
 def endpoint(link: Link, address: str, port: int) -> str:
@@ -181,10 +172,8 @@ def receive(hub: End, pipe: Pipe) -> None:
     session = hub.open("hub")
     # A declaration exists only as long as it is referenced.
     declared = (
-        session.declare_subscriber(COMMAND_KEY, zenoh.handlers.Callback(on_command, indirect=False)),
-        session.liveliness().declare_subscriber(
-            TOKEN_KEY, zenoh.handlers.Callback(on_token, indirect=False), history=True
-        ),
+        session.declare_subscriber(COMMAND_KEY, direct(on_command)),
+        session.liveliness().declare_subscriber(TOKEN_KEY, direct(on_token), history=True),
     )
     pipe.send("ready")
     until_s = time.monotonic() + FRESH_LIMIT_S

@@ -8,25 +8,21 @@ import ctypes
 import fcntl
 import os
 import re
-import shutil
 import struct
-import subprocess
 from collections.abc import Generator, Iterable
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+
+from deploy.stack.errors import DeployError
+from faults.real.rig.cable import ip, missing
 
 DEVICE = "lossy"
 TUN = Path("/dev/net/tun")
 NAMED = Path("/var/run/netns")
 MTU = 1400
-COMMAND_LIMIT_S = 10.0
 _NAME = re.compile(r"lifeline-link-(\d+)-[ab]")
 _SET_INTERFACE, _IS_TUN, _NO_PACKET_INFO, _NEW_NET = 0x400454CA, 0x0001, 0x1000, 0x40000000
-
-
-class NoNamespaceError(RuntimeError):
-    """No namespace can be made here. The text is one sentence for people."""
 
 
 @dataclass(frozen=True)
@@ -57,13 +53,7 @@ def inside(name: str) -> tuple[str, ...]:
 
 def why_not() -> str | None:
     """Return why no namespace can be made here, in one sentence; None if it can."""
-    if os.geteuid() != 0:
-        return "network namespaces need root"
-    if shutil.which("ip") is None:
-        return "network namespaces need `ip` (Debian package iproute2)"
-    if not TUN.exists():
-        return f"this machine has no {TUN}"
-    return None
+    return missing() or (None if TUN.exists() else f"this machine has no {TUN}")
 
 
 @contextmanager
@@ -74,23 +64,23 @@ def pair(numbers: Iterable[int]) -> Generator[Pair]:
         numbers: the paths, 1 to 254.
 
     Raises:
-        NoNamespaceError: this machine or the kernel refuses.
+        DeployError: this machine or the kernel refuses.
     """
     reason = why_not()
     if reason is not None:
-        raise NoNamespaceError(reason)
+        raise DeployError(reason)
     remove_leftovers()
     paths = list(numbers)
     a, b = (f"lifeline-link-{os.getpid()}-{side}" for side in "ab")
     opened: list[int] = []
     try:
         for name in (a, b):
-            _ip("netns", "add", name)
+            ip("netns", "add", name)
             opened.append(_open_tun(name))
         for name, own, peer in ((a, Pair.a_address, Pair.b_address), (b, Pair.b_address, Pair.a_address)):
             lines = [f"addr add {own(number)} peer {peer(number)} dev {DEVICE}" for number in paths]
             lines += [f"link set {DEVICE} mtu {MTU} up", "link set lo up"]
-            _ip("-n", name, "-batch", "-", typed="\n".join(lines) + "\n")
+            ip("-n", name, "-batch", "-", typed="\n".join(lines) + "\n")
         yield Pair(a, b, *opened)
     finally:
         for fd in opened:
@@ -111,9 +101,8 @@ def remove_leftovers() -> None:
 
 def _remove(name: str) -> None:
     if (NAMED / name).exists():
-        subprocess.run(
-            ["ip", "netns", "del", name], check=False, stderr=subprocess.DEVNULL, timeout=COMMAND_LIMIT_S
-        )
+        with suppress(DeployError):
+            ip("netns", "del", name)
 
 
 def _open_tun(name: str) -> int:
@@ -125,7 +114,7 @@ def _open_tun(name: str) -> int:
             fd = os.open(TUN, os.O_RDWR | os.O_NONBLOCK)
             fcntl.ioctl(fd, _SET_INTERFACE, struct.pack("16sH", DEVICE.encode(), _IS_TUN | _NO_PACKET_INFO))
         except OSError as error:
-            raise NoNamespaceError(f"cannot make a TUN device: {error.strerror}") from error
+            raise DeployError(f"cannot make a TUN device: {error.strerror}") from error
         finally:
             _enter(home.fileno())
     return fd
@@ -134,20 +123,4 @@ def _open_tun(name: str) -> int:
 def _enter(namespace_fd: int) -> None:
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.setns(namespace_fd, _NEW_NET) != 0:
-        raise NoNamespaceError(f"cannot enter a network namespace: {os.strerror(ctypes.get_errno())}")
-
-
-def _ip(*arguments: str, typed: str | None = None) -> None:
-    try:
-        done = subprocess.run(
-            ["ip", *arguments],
-            input=typed,
-            capture_output=True,
-            text=True,
-            check=False,
-            timeout=COMMAND_LIMIT_S,
-        )
-    except (OSError, subprocess.TimeoutExpired) as error:
-        raise NoNamespaceError(f"cannot run ip: {error}") from error
-    if done.returncode != 0:
-        raise NoNamespaceError(f"`ip {' '.join(arguments)}` failed: {done.stderr.strip()}")
+        raise DeployError(f"cannot enter a network namespace: {os.strerror(ctypes.get_errno())}")

@@ -1,9 +1,9 @@
-"""Carries the packets of a pair of namespaces, and loses, delays and reorders them: `python -m bench.link.relay A_FD B_FD`.
+"""Carries the packets of a pair of namespaces, and loses, delays and reorders them: `python -m bench.link.relay A_FD B_FD PLAN`.
 
 `Router` is pure: time is an argument, and all chance comes from one seeded generator. The program around it is started by
 bench/link/run.py.
 
-The first line of the standard input is JSON: the paths by number, and the seed. Each further line is a command:
+The plan is JSON: the paths by number, and the seed. Each line of the standard input is a command:
 
     lose      begin to lose and reorder packets
     cut       let no packet pass
@@ -13,7 +13,6 @@ The first line of the standard input is JSON: the paths by number, and the seed.
 At the end of the input, the program ends at once: the process that started it is dead.
 """
 
-import argparse
 import gc
 import heapq
 import json
@@ -173,10 +172,8 @@ def _obey(router: Router, line: bytes) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m bench.link.relay", description=__doc__)
-    parser.add_argument("fds", type=int, nargs=2)
-    fds: tuple[int, int] = tuple(parser.parse_args().fds)
-    given = json.loads(_first_line())
+    a_fd, b_fd, plan = sys.argv[1:]
+    given = json.loads(plan)
     router = Router({int(number): Path(*path) for number, path in given["paths"].items()}, given["seed"])
     router.is_calm = True
     with suppress(PermissionError):  # then the bench reports how late it is
@@ -186,20 +183,9 @@ def main() -> None:
     gc.freeze()
     gc.disable()  # a collection would delay all packets
     print("ready", flush=True)
-    late = relay(router, fds)
+    late = relay(router, (int(a_fd), int(b_fd)))
     print(json.dumps({"counts": asdict(router.counts), "late": late.report()}), flush=True)
     sys.stdout.close()
-
-
-def _first_line() -> bytes:
-    """Read one line without a buffer, because `select` does not see what waits in a buffer."""
-    line = bytearray()
-    while not line.endswith(b"\n"):
-        one = os.read(STDIN, 1)
-        if not one:
-            os._exit(1)
-        line += one
-    return bytes(line)
 
 
 if __name__ == "__main__":

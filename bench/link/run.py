@@ -43,7 +43,7 @@ def measure(plan: Plan) -> tuple[Round, list[Measured]]:
 
     Raises:
         RuntimeError: a program of the bench failed, or no flow was fresh in time.
-        NoNamespaceError: no namespaces can be made here.
+        DeployError: no namespaces can be made here.
     """
     conditions = list(plan.flows)
     if len(conditions) > MAX_CONDITIONS:
@@ -64,12 +64,12 @@ def measure(plan: Plan) -> tuple[Round, list[Measured]]:
         folder = Path(made)
         a_keys, b_keys = _bundles(folder / "keys", tuple(map(Pair.b_address, numbers)))
         fds = (spaces.a_fd, spaces.b_fd)
+        relayed_plan = json.dumps({"paths": paths, "seed": plan.seed})
         with (
-            program("bench.link.relay", (), tuple(map(str, fds)), fds) as relay,
+            program("bench.link.relay", (), [*map(str, fds), relayed_plan], fds) as relay,
             program(FLOWS, inside(spaces.b), ["receiver"], name="receiver") as receiver,
             program(FLOWS, inside(spaces.a), ["sender"], name="sender") as sender,
         ):
-            relay.tell(json.dumps({"paths": paths, "seed": plan.seed}))
             receiver.tell(json.dumps({"keys": b_keys, "flows": hubs, "together": plan.together}))
             relay.expect("ready", START_LIMIT_S)
             receiver.expect("ready", START_LIMIT_S)

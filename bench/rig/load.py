@@ -70,8 +70,6 @@ class Machine:
     """The times of all cores until now [s]."""
 
     idle_s: float
-    stolen_s: float
-    """Taken by the host of a virtual machine."""
     total_s: float
 
 
@@ -82,9 +80,8 @@ def machine() -> Machine:
     tick and ends before the next one.
     """
     total_s = time.monotonic() * (os.cpu_count() or 1)
-    words = Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:9]
-    _, _, _, idle, waiting, _, _, stolen = (int(word) / _CLOCK_TICKS_S for word in words)
-    return Machine(idle + waiting, stolen, total_s)
+    _, _, _, _, idle, waiting, *_ = Path("/proc/stat").read_text().split("\n", 1)[0].split()
+    return Machine((int(idle) + int(waiting)) / _CLOCK_TICKS_S, total_s)
 
 
 def busy_percent(before: Machine, after: Machine) -> float:

@@ -54,9 +54,9 @@ class Body:
     def __init__(self, session: ZenohSession, scans: Sequence[bytes], moved: Callable[[], None]) -> None:
         self.heard: list[tuple[float, float, bool]] = []
         """For each command to the base: its arrival and decision time [s], and whether it moves the robot."""
-        self.garbled: list[tuple[float, str, str, str]] = []
-        """For each message that its key does not permit: arrival time [s], key, payload and attachment."""
-        self._statuses: list[tuple[float, bytes, bytes | None]] = []
+        self.garbled = 0
+        """Number of messages that their key does not permit."""
+        self._statuses: list[tuple[float, bytes]] = []
         self._moved = moved
         self._session = session  # a session is closed when nothing refers to it
         self.motion: Motion = (0.0, 0.0)
@@ -70,7 +70,7 @@ class Body:
 
     def _hear_cmd_vel(self, payload: bytes, attachment: bytes | None, arrival_s: float) -> None:
         if len(payload) != _TWIST.size:
-            self._record_garbled(arrival_s, topics.CMD_VEL.key, payload, attachment)
+            self.garbled += 1
             return
         linear_m_s, *_, angular_rad_s = _TWIST.unpack(payload)
         stamp = parse_stamp(attachment)
@@ -81,11 +81,8 @@ class Body:
         if moves:
             self._moved()
 
-    def _hear_status(self, payload: bytes, attachment: bytes | None, arrival_s: float) -> None:
-        self._statuses.append((arrival_s, payload, attachment))
-
-    def _record_garbled(self, arrival_s: float, key: str, payload: bytes, attachment: bytes | None) -> None:
-        self.garbled.append((arrival_s, key, payload.hex(), (attachment or b"").hex()))
+    def _hear_status(self, payload: bytes, _attachment: bytes | None, arrival_s: float) -> None:
+        self._statuses.append((arrival_s, payload))
 
     def acts(self) -> list[Act]:
         """Return what is sent at which rates."""
@@ -104,11 +101,11 @@ class Body:
     def statuses(self) -> list[tuple[float, bool, list[str]]]:
         """Return for each status its arrival time [s], whether the robot is stopped, and the reasons."""
         found: list[tuple[float, bool, list[str]]] = []
-        for at_s, payload, attachment in self._statuses:
+        for at_s, payload in self._statuses:
             try:
                 status = decode(payload, SafetyStatus)
             except UndecodableError:
-                self._record_garbled(at_s, topics.STATUS.key, payload, attachment)
+                self.garbled += 1
             else:
                 found.append((at_s, status.mode == SafetyStatus.STOPPED, list(status.reasons)))
         return found

@@ -31,16 +31,9 @@ def within(window: Window, commands: Iterable[Heard]) -> list[Heard]:
     return [command for command in commands if begin_s <= command[0] < end_s]
 
 
-def gaps_ms(window: Window, commands: Iterable[Heard], *, decided: bool = False) -> list[float]:
-    """Return the times between one command and the next one [ms].
-
-    Args:
-        window: only commands that arrived within it count.
-        commands: of one robot, in their order.
-        decided: measure between the decisions, not between the arrivals.
-    """
-    times_s = [command[1 if decided else 0] for command in within(window, commands)]
-    return [1000.0 * (later - earlier) for earlier, later in pairwise(times_s)]
+def gaps_ms(window: Window, commands: Iterable[Heard]) -> list[float]:
+    """Return the times between the arrival of one command of a robot within a window and the next one [ms]."""
+    return [1000.0 * (later[0] - earlier[0]) for earlier, later in pairwise(within(window, commands))]
 
 
 def transits_ms(window: Window, commands: Iterable[Heard]) -> list[float]:
@@ -97,15 +90,11 @@ class Crowd:
     """Of all cores of the machine, during the drive."""
     kills_busy_percent: float
     """The same during the kills, when the killed operators also use processor time."""
-    stolen_percent: float
-    """Part of `busy_percent` that the host of a virtual machine took."""
     other_percent: float
     """Of one core: all other processes. A high value means that other work disturbed the measurement."""
     gap_p50_ms: float
     gap_p99_ms: float
     gap_max_ms: float
-    decided_gap_p99_ms: float
-    """Time between the decisions in the supervisors, without the delays of transport and of this bench."""
     transit_p99_ms: float
     """From the decision to the arrival in this bench."""
     late_p99_ms: float

@@ -1,14 +1,17 @@
 """Measures one number of robots: all of them drive, then the operators of some of them are killed repeatedly."""
 
+import itertools
 import json
 import os
 import random
+import re
 import signal
-import threading
+import subprocess
 import time
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -18,6 +21,7 @@ from bench.rig.options import progress
 from bench.rig.program import Program, SilentError, program, wait_until_listening
 from bench.rig.sheet import percentile
 from bench.robots import results
+from bench.robots.feeder import namespace_of
 
 STARTING = 2
 """Number of supervisors that start at the same time."""
@@ -29,58 +33,56 @@ HOLD_S = (0.2, 0.4)
 HOLD_LIMIT_S = 5.0
 STAND_S = 0.3
 """Time from a kill to the start of the next operator."""
-KILLS_LIMIT_S, MANY = 60.0, 1_000_000
-DUMP_LIMIT_S = 60.0
+KILLS_LIMIT_S, DUMP_LIMIT_S, SS_LIMIT_S = 60.0, 60.0, 10.0
+_BYTES = re.compile(r"bytes_(?:sent|received):(\d+)")
 
 
-class Layout:
-    """How the operators reach their robots: here, each at the supervisor of its robot."""
+@dataclass(frozen=True)
+class Site:
+    """A router through which the operators reach their robots."""
 
-    def start(self, robots: int, ending: ExitStack) -> list[Supervisor]:
-        """Start the supervisors, `STARTING` at a time: more of them would delay each other beyond the time limit of a start."""
-        supervisors: list[Supervisor] = []
+    endpoint: str
+    pid: int
+    operator: Path
+    """The bundle of the operators."""
+    configs: Sequence[Path]
+    """The configurations of the supervisors, which dial out to the router."""
 
-        def terminate_all() -> None:
-            """Signal all supervisors before waiting for each of them."""
-            for one in supervisors:
-                with suppress(ProcessLookupError):
-                    os.kill(one.pid, signal.SIGTERM)
+    def use(self) -> tuple[float, int]:
+        """Return the processor time of the router until now [s], and what it has sent and received on the links that are open."""
+        port = self.endpoint.rpartition(":")[2]
+        # Each link is counted at the router's side.
+        command = ["ss", "-tinH", "state", "established", f"( sport = :{port} )"]
+        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=SS_LIMIT_S)
+        return usage(self.pid).cpu_s, sum(map(int, _BYTES.findall(done.stdout)))
 
-        for number in range(robots):
-            supervisors.append(ending.enter_context(supervisor(options=self.options(number))))
-            if number >= STARTING:
-                wait_until_listening(supervisors[number - STARTING].endpoint)
-        for one in supervisors[-STARTING:]:
-            wait_until_listening(one.endpoint)
-        ending.callback(terminate_all)
-        return supervisors
 
-    def options(self, number: int) -> list[str]:  # noqa: ARG002 - of a layout with configurations
-        """Return the options of a supervisor."""
-        return []
+def _start(robots: int, site: Site | None, ending: ExitStack) -> list[Supervisor]:
+    """Start the supervisors, `STARTING` at a time: more of them would delay each other beyond the time limit of a start."""
+    supervisors: list[Supervisor] = []
 
-    def feeder(self, endpoints: Sequence[str]) -> list[str]:
-        """Return the arguments of the feeder."""
-        return list(endpoints)
+    def terminate_all() -> None:
+        """Signal all supervisors before waiting for each of them."""
+        for one in supervisors:
+            with suppress(ProcessLookupError):
+                os.kill(one.pid, signal.SIGTERM)
 
-    def operator(self, number: int, endpoint: str) -> str:  # noqa: ARG002 - of a layout with namespaces
-        """Return how an operator reaches its robot, for bench.robots.holders."""
-        return endpoint
-
-    def router_cpu_s(self) -> float:
-        """Return the processor time of the router until now."""
-        return 0.0
-
-    def crossed_bytes(self) -> int:
-        """Return what the router has sent and received until now on the links that are open."""
-        return 0
+    for number in range(robots):
+        options = [] if site is None else ["--config", str(site.configs[number])]
+        supervisors.append(ending.enter_context(supervisor(options=options)))
+        if number >= STARTING:
+            wait_until_listening(supervisors[number - STARTING].endpoint)
+    for one in supervisors[-STARTING:]:
+        wait_until_listening(one.endpoint)
+    ending.callback(terminate_all)
+    return supervisors
 
 
 def measure(
     robots: int,
     seconds: float,
     kills: int | None,
-    layout: Layout | None = None,
+    site: Site | None = None,
     *,
     kills_limit_s: float = KILLS_LIMIT_S,
 ) -> results.Crowd:
@@ -90,19 +92,19 @@ def measure(
         robots: number of robots.
         seconds: duration of the drive.
         kills: number of kills, distributed over at most `KILLED` robots; None: as many as the time permits.
-        layout: how the operators reach the robots.
+        site: None: each operator connects to the supervisor of its robot.
         kills_limit_s: maximum duration of the kills.
 
     Raises:
         RuntimeError: a process fails.
     """
-    layout = Layout() if layout is None else layout
     with ExitStack() as ending:
         crowd = "1 robot" if robots == 1 else f"{robots} robots"
         progress(f"{crowd}: start")
-        supervisors = layout.start(robots, ending)
+        supervisors = _start(robots, site, ending)
         endpoints = [one.endpoint for one in supervisors]
-        feeder = ending.enter_context(program("bench.robots.feeder", arguments=layout.feeder(endpoints)))
+        reach = [] if site is None else ["--router", site.endpoint, "--keys", str(site.operator)]
+        feeder = ending.enter_context(program("bench.robots.feeder", arguments=[*endpoints, *reach]))
         with suppress(SilentError):  # with too many robots, some never drive: that is a result
             feeder.line(DRIVE_LIMIT_S)
         time.sleep(SETTLE_S)
@@ -110,12 +112,12 @@ def measure(
         progress(f"{crowd}: drive")
         pids = [one.pid for one in supervisors]
         before, machine_before, feeder_before = [usage(pid) for pid in pids], machine(), usage(feeder.pid)
-        router_s, crossed = layout.router_cpu_s(), layout.crossed_bytes()
+        router_before = (0.0, 0) if site is None else site.use()
         began_s = time.monotonic()
         time.sleep(seconds)
         window = began_s, time.monotonic()
         took_s = window[1] - window[0]
-        router_s, crossed = layout.router_cpu_s() - router_s, layout.crossed_bytes() - crossed
+        router_after = (0.0, 0) if site is None else site.use()
         used = [usage(pid) - earlier for pid, earlier in zip(pids, before, strict=True)]
         machine_after, feeder_used = machine(), usage(feeder.pid) - feeder_before
 
@@ -125,8 +127,11 @@ def measure(
         time.sleep(STAND_S)
         kills_before = machine()
         kills_began_s = time.monotonic()
-        reach = [layout.operator(number, endpoint) for number, endpoint in enumerate(endpoints[:killed])]
-        kills_s = _kill(reach, kills, kills_limit_s)
+        ways = [
+            endpoint if site is None else f"{site.endpoint} {namespace_of(number)} {site.operator}"
+            for number, endpoint in enumerate(endpoints[:killed])
+        ]
+        kills_s = _kill(ways, kills, kills_limit_s)
         killing = kills_began_s, time.monotonic()
         kills_busy_percent = busy_percent(kills_before, machine())
         feeder.tell("end")
@@ -134,15 +139,9 @@ def measure(
             pass  # the robots drove only after the limit
         found = json.loads(line)
 
-    for number, robot in enumerate(found["robots"]):
-        for at_s, key, payload, attachment in robot["garbled"]:
-            progress(
-                f"robot {number}, {at_s - window[0]:.3f} s: garbled {key}: {payload}, attachment {attachment}"
-            )
     heard: list[list[results.Heard]] = [[tuple(one) for one in robot["heard"]] for robot in found["robots"]]
     late_ms = [1000.0 * late_s for due_s, late_s in found["late"] if window[0] <= due_s < window[1]]
     gaps_ms = [gap for commands in heard for gap in results.gaps_ms(window, commands)]
-    decided_ms = [gap for commands in heard for gap in results.gaps_ms(window, commands, decided=True)]
     transits_ms = [transit for commands in heard for transit in results.transits_ms(window, commands)]
     causes = [results.reasons(window, robot["statuses"]) for robot in found["robots"]]
     stops_ms = [
@@ -150,8 +149,8 @@ def measure(
         for times_s, commands in zip(kills_s, heard, strict=False)
         for killed_s in times_s
     ]
-    total_s = machine_after.total_s - machine_before.total_s
     drive_busy_percent = busy_percent(machine_before, machine_after)
+    router_s, crossed = np.subtract(router_after, router_before)
     router_percent = 100.0 * router_s / took_s
     own_percent = sum(one.cpu_percent for one in used) + feeder_used.cpu_percent + router_percent
     return results.Crowd(
@@ -162,15 +161,13 @@ def measure(
         feeder_percent=feeder_used.cpu_percent,
         busy_percent=drive_busy_percent,
         kills_busy_percent=kills_busy_percent,
-        stolen_percent=100.0 * (machine_after.stolen_s - machine_before.stolen_s) / total_s,
         other_percent=drive_busy_percent * (os.cpu_count() or 1) - own_percent,
         gap_p50_ms=percentile(gaps_ms, 50),
         gap_p99_ms=percentile(gaps_ms, 99),
         gap_max_ms=percentile(gaps_ms, 100),
-        decided_gap_p99_ms=percentile(decided_ms, 99),
         transit_p99_ms=percentile(transits_ms, 99),
         late_p99_ms=percentile(late_ms, 99),
-        garbled=sum(len(robot["garbled"]) for robot in found["robots"]),
+        garbled=sum(robot["garbled"] for robot in found["robots"]),
         stood=sum(results.stood(window, commands) for commands in heard),
         reasons={
             name: sum(name in of for of in causes)
@@ -186,64 +183,40 @@ def measure(
     )
 
 
-def _kill(reach: Sequence[str], kills: int | None, limit_s: float) -> list[list[float]]:
-    """Repeatedly let an operator drive each robot, and kill it; return the times of the kills of each robot [s].
+def _kill(ways: Sequence[str], kills: int | None, limit_s: float) -> list[list[float]]:
+    """Repeatedly let an operator drive, of one robot after the other, and kill it; return the times of the kills of each robot [s].
+
+    Operators that never drove do not count.
 
     Args:
-        reach: how the operators reach each robot.
+        ways: how an operator reaches each robot, for bench.robots.holders.
         kills: of all robots together; None: as many as the time permits.
         limit_s: maximum duration.
     """
-    ended = threading.Event()
-    with ExitStack() as ending:
-        operators = [
-            _Operators(ending.enter_context(program("bench.robots.holders")), number, one, ended)
-            for number, one in enumerate(reach)
-        ]
-        pool = ending.enter_context(ThreadPoolExecutor(len(operators)))
-        ending.callback(ended.set)  # after Ctrl-C, no further kill
-        until_s = time.monotonic() + limit_s
-        numbers = range(MANY if kills is None else kills)
-        killing = [
-            pool.submit(one.kill, len(numbers[number :: len(operators)]), until_s)
-            for number, one in enumerate(operators)
-        ]
-        return [future.result() for future in killing]
-
-
-class _Operators:
-    """Starts and kills the operators of one robot, one after the other."""
-
-    def __init__(self, holders: Program, number: int, reach: str, ended: threading.Event) -> None:
-        self._holders = holders
-        self._line = f"{number} {reach}"
-        self._chance = random.Random(number)
-        self._ended = ended
-
-    def kill(self, times: int, until_s: float) -> list[float]:
-        """Kill a number of operators; return the times of the kills [s], without operators that never drove."""
-        killed_s: list[float] = []
-        for _ in range(times):
-            if time.monotonic() > until_s or self._ended.is_set():
-                break
-            self._holders.tell(self._line)
-            pid = self._wait_for("started")
-            if pid is None:
+    chance, killed_s = random.Random(0), [list[float]() for _ in ways]
+    until_s = time.monotonic() + limit_s
+    with program("bench.robots.holders") as holders:
+        for number in itertools.count() if kills is None else range(kills):
+            robot = number % len(ways)
+            holders.tell(f"{robot} {ways[robot]}")
+            pid = _pid_of(holders, "started")
+            if pid is None or time.monotonic() > until_s:
                 break  # with too many robots, processes do not start in time: that is a result
-            drives = self._wait_for("driving", pid) is not None
-            time.sleep(self._chance.uniform(*HOLD_S))
+            drives = _pid_of(holders, "driving", pid) is not None
+            time.sleep(chance.uniform(*HOLD_S))
             at_s = time.monotonic()
             os.kill(pid, signal.SIGKILL)
             if drives:
-                killed_s.append(at_s)
+                killed_s[robot].append(at_s)
             time.sleep(STAND_S)
-        return killed_s
+    return killed_s
 
-    def _wait_for(self, word: str, pid: int | None = None) -> int | None:
-        """Wait for a line about an operator, or about the next one; return its pid, or None if none comes within the limit."""
-        with suppress(SilentError):
-            while True:
-                found, _, whose = self._holders.line(HOLD_LIMIT_S).split()
-                if found == word and pid in (None, int(whose)):
-                    return int(whose)
-        return None
+
+def _pid_of(holders: Program, word: str, pid: int | None = None) -> int | None:
+    """Wait for a line about an operator, or about the next one; return its pid, or None if none comes within the limit."""
+    with suppress(SilentError):
+        while True:
+            found, _, whose = holders.line(HOLD_LIMIT_S).split()
+            if found == word and pid in (None, int(whose)):
+                return int(whose)
+    return None

@@ -180,15 +180,12 @@ def main() -> None:
         OPERATORS: Path(LOSS if arguments.scenario == "lossy" else 0.0, DELAY_S, 0.0),
         VIEWERS: Path(1.0, DELAY_S, 0.0),
     }
-    with program("bench.link.relay", (), tuple(map(str, arguments.fds)), arguments.fds) as relay:
-        relay.tell(
-            json.dumps(
-                {
-                    "paths": {number: (one.loss, one.delay_s, one.jitter_s) for number, one in paths.items()},
-                    "seed": 1,
-                }
-            )
-        )
+    plan = {
+        "paths": {number: (one.loss, one.delay_s, one.jitter_s) for number, one in paths.items()},
+        "seed": 1,
+    }
+    words = [*map(str, arguments.fds), json.dumps(plan)]
+    with program("bench.link.relay", (), words, arguments.fds) as relay:
         relay.expect("ready", PATIENCE_S)
         print(json.dumps(asyncio.run(run(arguments, relay))), flush=True)
     os._exit(0)  # Zenoh may crash or hang at the interpreter's end

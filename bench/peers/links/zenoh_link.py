@@ -1,26 +1,33 @@
 """Bare Zenoh: the relay listens, as the supervisor does; the others are clients. Liveliness tokens show presence."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import zenoh
 
 COMMAND, OUTPUT, TOKEN = "peers/command", "peers/output", "peers/alive"
-LEASE_MS = 400
+LEASE_S = 0.4
 _kept: list[object] = []
 """Zenoh ends what is no longer referenced."""
 
 
-def _open(address: str, *, listens: bool) -> zenoh.Session:
-    """Open a session with the supervisor's settings of lease and priority."""
+def open_session(
+    address: str, *, listens: bool, lease_s: float = LEASE_S, more: Mapping[str, object] | None = None
+) -> zenoh.Session:
+    """Open a session with the supervisor's settings of lease and priority; `more` are further settings of Zenoh.
+
+    Raises:
+        zenoh.ZError: it cannot.
+    """
     config = zenoh.Config()
-    values = {
+    values: dict[str, object] = {
         "mode": "peer" if listens else "client",
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "transport/shared_memory/enabled": False,
-        "transport/link/tx/lease": LEASE_MS,
+        "transport/link/tx/lease": round(lease_s * 1000),
         "listen/endpoints" if listens else "connect/endpoints": [address],
+        **(more or {}),
     }
     for key, value in values.items():
         config.insert_json5(key, json.dumps(value))
@@ -30,7 +37,7 @@ def _open(address: str, *, listens: bool) -> zenoh.Session:
 
 
 def connect(address: str, role: str, heard: Callable[[bytes], None]) -> Callable[[bytes], None]:
-    session = _open(address, listens=role == "relay")
+    session = open_session(address, listens=role == "relay")
     hears, says = (COMMAND, OUTPUT) if role == "relay" else (OUTPUT, COMMAND)
     publisher = session.declare_publisher(
         says, priority=zenoh.Priority.REAL_TIME, congestion_control=zenoh.CongestionControl.DROP, express=True
@@ -44,7 +51,7 @@ def connect(address: str, role: str, heard: Callable[[bytes], None]) -> Callable
 
 
 def hold(address: str) -> None:
-    liveliness = _open(address, listens=False).liveliness()
+    liveliness = open_session(address, listens=False).liveliness()
     _kept.append(liveliness.declare_token(TOKEN))
     while not list(liveliness.get(TOKEN)):
         pass
@@ -55,7 +62,7 @@ def watch(address: str, lost: Callable[[], None]) -> None:
         if sample.kind == zenoh.SampleKind.DELETE:
             lost()
 
-    liveliness = _open(address, listens=False).liveliness()
+    liveliness = open_session(address, listens=False).liveliness()
     _kept.append(liveliness.declare_subscriber(TOKEN, _direct(changed), history=True))
 
 

@@ -14,12 +14,18 @@ from deploy.stack.errors import DeployError
 COMMAND_LIMIT_S = 10.0
 
 
-def why_not() -> str | None:
-    """Return why no namespace can be created here, in one sentence; None if it can."""
+def missing() -> str | None:
+    """Return what network namespaces lack on this machine, in one sentence; None if nothing."""
     if os.geteuid() != 0:
         return "network namespaces need root"
-    if shutil.which("ip") is None:
-        return "network namespaces need `ip` of iproute2"
+    return None if shutil.which("ip") else "network namespaces need `ip` of iproute2"
+
+
+def why_not() -> str | None:
+    """Return why no namespace can be created here, in one sentence; None if it can."""
+    reason = missing()
+    if reason is not None:
+        return reason
     try:
         with_cable = Cable(os.getpid(), subnet=250)
     except DeployError as error:
@@ -45,15 +51,15 @@ class Cable:
         self.host = f"10.213.{subnet}.1"
         address = f"10.213.{subnet}.2"
         try:
-            _ip("netns", "add", self.name)
-            _ip(
+            ip("netns", "add", self.name)
+            ip(
                 *("link", "add", self._here, "type", "veth"),
                 *("peer", "name", self._there, "netns", self.name),
             )
-            _ip("addr", "add", f"{self.host}/30", "dev", self._here)
-            _ip("link", "set", self._here, "up")
-            _ip("-n", self.name, "addr", "add", f"{address}/30", "dev", self._there)
-            _ip("-n", self.name, "link", "set", "lo", "up")
+            ip("addr", "add", f"{self.host}/30", "dev", self._here)
+            ip("link", "set", self._here, "up")
+            ip("-n", self.name, "addr", "add", f"{address}/30", "dev", self._there)
+            ip("-n", self.name, "link", "set", "lo", "up")
             self.plug()
         except DeployError:
             self.close()
@@ -68,14 +74,14 @@ class Cable:
     def is_up(self) -> bool:
         """Whether both ends have a carrier; the kernel reports it up to a second after plugging."""
         ends = (("-n", self.name, "link", "show", self._there), ("link", "show", self._here))
-        return all("state UP" in _ip(*end) for end in ends)
+        return all("state UP" in ip(*end) for end in ends)
 
     def unplug(self) -> None:
         # On the far side: the near address remains, and its listeners continue.
-        _ip("-n", self.name, "link", "set", self._there, "down")
+        ip("-n", self.name, "link", "set", self._there, "down")
 
     def plug(self) -> None:
-        _ip("-n", self.name, "link", "set", self._there, "up")
+        ip("-n", self.name, "link", "set", self._there, "up")
 
     def close(self) -> None:
         remove(self._number)
@@ -85,9 +91,9 @@ def remove(number: int) -> None:
     """Remove a namespace and its cable if they exist."""
     name, here, _ = _names(number)
     with suppress(DeployError):
-        _ip("link", "del", here)
+        ip("link", "del", here)
     with suppress(DeployError):
-        _ip("netns", "del", name)
+        ip("netns", "del", name)
 
 
 def _names(number: int) -> tuple[str, str, str]:
@@ -95,11 +101,16 @@ def _names(number: int) -> tuple[str, str, str]:
     return f"lifeline-{number}", f"lf{number}h", f"lf{number}t"
 
 
-def _ip(*arguments: str) -> str:
-    """Run ip; return its output."""
+def ip(*arguments: str, typed: str | None = None) -> str:
+    """Run ip with an input; return its output.
+
+    Raises:
+        DeployError: it fails.
+    """
     try:
         done = subprocess.run(
             ["ip", *arguments],  # noqa: S607 - the system's
+            input=typed,
             capture_output=True,
             text=True,
             check=False,

@@ -38,12 +38,10 @@ def crowd(robots: int, gap_p99_ms: float = 21.0, stop_ms: tuple[float, ...] = (2
         feeder_percent=20.0,
         busy_percent=60.0,
         kills_busy_percent=70.0,
-        stolen_percent=0.0,
         other_percent=1.0,
         gap_p50_ms=20.0,
         gap_p99_ms=gap_p99_ms,
         gap_max_ms=25.0,
-        decided_gap_p99_ms=21.0,
         transit_p99_ms=1.5,
         late_p99_ms=0.5,
         garbled=0,
@@ -63,7 +61,6 @@ def test_gaps_are_between_the_commands_within_the_window() -> None:
         (2.0, 1.99, MOVES),
     ]
     assert gaps_ms(WINDOW, heard) == pytest.approx([20.0, 30.0])
-    assert gaps_ms(WINDOW, heard, decided=True) == pytest.approx([10.0, 40.0])
     assert transits_ms(WINDOW, heard) == pytest.approx([10.0, 20.0, 10.0])
 
 
@@ -105,7 +102,7 @@ def test_a_stop_needs_motion_before_the_kill_and_a_zero_after_it(heard: list[Hea
 
 
 def test_the_busy_share_is_computed_between_two_readings() -> None:
-    assert busy_percent(Machine(100.0, 0.0, 1000.0), Machine(150.0, 0.0, 1200.0)) == 75.0
+    assert busy_percent(Machine(100.0, 1000.0), Machine(150.0, 1200.0)) == 75.0
 
 
 def test_the_percentile_of_no_values_is_nan() -> None:
