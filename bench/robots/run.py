@@ -197,10 +197,12 @@ def _kill(ways: Sequence[str], kills: int | None, limit_s: float) -> list[list[f
     until_s = time.monotonic() + limit_s
     with program("bench.robots.holders") as holders:
         for number in itertools.count() if kills is None else range(kills):
+            if time.monotonic() > until_s:
+                break
             robot = number % len(ways)
             holders.tell(f"{robot} {ways[robot]}")
             pid = _pid_of(holders, "started")
-            if pid is None or time.monotonic() > until_s:
+            if pid is None:
                 break  # with too many robots, processes do not start in time: that is a result
             drives = _pid_of(holders, "driving", pid) is not None
             time.sleep(chance.uniform(*HOLD_S))
