@@ -3,7 +3,6 @@
 The robot, its observer and the operator's node are real processes; with Lifeline, also supervisor and ros2.
 """
 
-import hashlib
 import itertools
 import math
 import os
@@ -106,14 +105,6 @@ class Stage:
 def program_of(teleop: Teleop) -> tuple[str, ...] | None:
     """Return the arguments that run it with the Python of ROS; None if it is not on this machine."""
     return LAB_TELEOP if teleop is Teleop.LAB else upstream_teleop()
-
-
-def digest_of(teleop: Teleop) -> str:
-    """Return the beginning of the SHA-256 of a program that is not in this repository; empty for ours."""
-    if teleop is Teleop.LAB:
-        return ""
-    (path,) = upstream_teleop() or ("",)
-    return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]
 
 
 @contextmanager
@@ -254,5 +245,4 @@ def _measured(
         zero_s=None if zero is None else (zero["at_ns"] - begin_ns) / 1e9,
         standstill_s=None if rest is None else (after[rest]["at_ns"] - begin_ns) / 1e9,
         distance_m=sum(math.dist((a["x"], a["y"]), (b["x"], b["y"])) for a, b in itertools.pairwise(way)),
-        program=digest_of(case.teleop),
     )

@@ -7,20 +7,17 @@ import itertools
 import json
 import math
 from collections import Counter, defaultdict
-from collections.abc import Generator, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import IO
 
 from pydantic import TypeAdapter
 
-from bench.rig.sheet import now
 from deploy.stack.errors import DeployError
 from faults.report.statistics import quantile
 from faults.trial import PROVENANCE_BEGINS, Provenance, parse_provenance
-from faults.trial_file import commit, machine, whole_lines
+from faults.trial_file import whole_lines
 
 SPEED_M_S = 0.5
 LIMIT_S = 5.0
@@ -79,13 +76,9 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Trial:
+class Trial(Case):
     """One fault of one case; all times from the fault."""
 
-    teleop: Teleop
-    fault: Fault
-    robot: Robot
-    lifeline: bool
     number: int
     """Number of the trial in its case, from 1."""
     speed_m_s: float
@@ -96,8 +89,6 @@ class Trial:
     """Until the true speed is below 0.005 m/s; None: not within `LIMIT_S`."""
     distance_m: float
     """True distance until standstill, or within `LIMIT_S`."""
-    program: str = ""
-    """The beginning of the SHA-256 of a program that is not in this repository; empty for others."""
 
     @property
     def case(self) -> Case:
@@ -117,9 +108,9 @@ def parse(line: str) -> Trial:
     return TypeAdapter(Trial).validate_json(line)
 
 
-def cases(teleops: Sequence[Teleop], faults: Sequence[Fault], lifeline: Sequence[bool]) -> list[Case]:
-    """Return all combinations, for both robots."""
-    return [Case(*one) for one in itertools.product(teleops, faults, Robot, lifeline)]
+def cases(teleops: Iterable[Teleop], faults: Iterable[Fault]) -> list[Case]:
+    """Return all combinations, for both robots, without and with Lifeline."""
+    return [Case(*one) for one in itertools.product(teleops, faults, Robot, (False, True))]
 
 
 def missing(wanted: Sequence[Case], count: int, done: Iterable[Trial]) -> list[tuple[Case, int]]:
@@ -160,58 +151,34 @@ def read_origins(path: Path) -> list[Provenance]:
     )
 
 
-@contextmanager
-def appending(path: Path) -> Generator[IO[str]]:
-    """Open a file to append whole lines; at the end, a line says where and when they were measured."""
-    whole = "".join(whole_lines(path, "the trials")) if path.exists() else ""
-    path.write_text(whole)
-    begun = Provenance(command="python -m bench.ros2_crash", date=now(), machine=machine(), commit=commit())
-    with path.open("a") as file:
-        try:
-            yield file
-        finally:
-            if file.tell() > len(whole.encode()):
-                file.write(begun.line() + "\n")
-
-
-@dataclass(frozen=True)
-class Row:
-    """The trials of one case."""
-
-    case: Case
-    trials: Sequence[Trial]
-
-    def cells(self) -> Iterator[str]:
-        """Yield the cells of the table; quantiles of times over the trials that have one."""
-        count, stopped = len(self.trials), sum(one.standstill_s is not None for one in self.trials)
-        yield from (self.case.teleop, self.case.fault, self.case.robot, "yes" if self.case.lifeline else "no")
-        yield f"{count}"
-        yield "all" if stopped == count else f"{stopped} within {LIMIT_S:g} s"
-        zero_s = quantile(_sorted(one.zero_s for one in self.trials), 0.5)
-        yield "none" if math.isnan(zero_s) else f"{zero_s:.3f} s"
-        yield _spread(_sorted(one.standstill_s for one in self.trials), "s")
-        # A robot that did not stop counts with its distance in `LIMIT_S`.
-        more = "" if stopped == count else "> "
-        yield f"{more}{_spread(_sorted(one.distance_m for one in self.trials), 'm')}"
-
-
-def rows(trials: Iterable[Trial]) -> list[Row]:
-    """Return a row for each case; those without and with Lifeline follow each other."""
+def markdown(trials: Iterable[Trial]) -> str:
+    """Return a table with a row for each case; those without and with Lifeline follow each other."""
     by_case: dict[Case, list[Trial]] = defaultdict(list)
     for trial in trials:
         by_case[trial.case].append(trial)
-    wanted = cases(list(Teleop), list(Fault), [False, True])
-    return [Row(case, by_case[case]) for case in wanted if case in by_case]
-
-
-def markdown(found: Iterable[Row]) -> str:
-    """Return the table as markdown."""
     lines = [
         "| teleop | fault | robot | Lifeline | n | stopped | zero p50 | standstill p50 (max) | distance p50 (max) |",
         "|---|---|---|---|---|---|---|---|---|",
-        *(f"| {' | '.join(row.cells())} |" for row in found),
+        *(
+            f"| {' | '.join(_cells(case, by_case[case]))} |"
+            for case in cases(Teleop, Fault)
+            if case in by_case
+        ),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _cells(case: Case, trials: Sequence[Trial]) -> Iterator[str]:
+    """Yield the cells of a row; quantiles of times over the trials that have one."""
+    count, stopped = len(trials), sum(one.standstill_s is not None for one in trials)
+    yield from (case.teleop, case.fault, case.robot, "yes" if case.lifeline else "no", f"{count}")
+    yield "all" if stopped == count else f"{stopped} within {LIMIT_S:g} s"
+    zero_s = quantile(_sorted(one.zero_s for one in trials), 0.5)
+    yield "none" if math.isnan(zero_s) else f"{zero_s:.3f} s"
+    yield _spread(_sorted(one.standstill_s for one in trials), "s")
+    # A robot that did not stop counts with its distance in `LIMIT_S`.
+    more = "" if stopped == count else "> "
+    yield f"{more}{_spread(_sorted(one.distance_m for one in trials), 'm')}"
 
 
 def _sorted(values: Iterable[float | None]) -> list[float]:

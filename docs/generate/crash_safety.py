@@ -17,7 +17,7 @@ from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
-from bench.ros2_crash.trial import markdown, read_origins, rows
+from bench.ros2_crash.trial import markdown, read_origins
 from bench.ros2_crash.trial import read as read_ros2
 from bench.soak import Sample, judge, read_samples, warm_up_s
 from deploy.stack.errors import DeployError
@@ -220,7 +220,7 @@ def ros2_table() -> str:
     origins = read_origins(ROS2)
     first, last = origins[0], origins[-1]
     return (
-        f"{markdown(rows(read_ros2(ROS2)))}\n"
+        f"{markdown(read_ros2(ROS2))}\n"
         f"`{first.command} --out docs/campaign/ros2_crash.jsonl`, {first.date} to {last.date}, {first.machine}, "
         f"commits {first.commit} to {last.commit}."
     )
