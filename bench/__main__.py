@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 from bench import heartbeat, law, process, sim, start
 from bench.peers import results as peers
-from bench.rig.options import CommandLine, count, duration_s, failing_in_a_sentence, progress
+from bench.rig.options import CommandLine, count, failing_in_a_sentence, positive, progress
 from bench.rig.sheet import Sheet, Verdict, show, write_markdown
 from bench.rig.stored import rows_of, this_run, write_rows
 from bench.robots import results as robots
@@ -72,8 +72,8 @@ def main() -> None:
     line.file("json", "write the results as JSON lines")
     line.file("markdown", "write the results as a markdown document")
     line.option("rounds", count, ROUNDS, "number of rounds for step()")
-    line.option("seconds", duration_s, SECONDS, "duration of each phase of the process benchmark")
-    line.option("heartbeat-seconds", duration_s, HEARTBEAT_SECONDS, "duration of each teleop run")
+    line.option("seconds", positive, SECONDS, "duration of each phase of the process benchmark")
+    line.option("heartbeat-seconds", positive, HEARTBEAT_SECONDS, "duration of each teleop run")
     line.option("sim-rounds", count, SIM_ROUNDS, "number of simulated seconds for each scene")
     line.option("start-rounds", count, START_ROUNDS, "number of starts, each with one restart")
     options = line.parse()

@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from bench.rig.options import CommandLine, count, duration_s, failing_in_a_sentence
+from bench.rig.options import CommandLine, count, failing_in_a_sentence, positive
 from bench.rig.program import program
 from bench.rig.sheet import Column, Sheet, Verdict, percentile, show
 from bench.rig.stored import FOLDER, this_run
@@ -119,11 +119,11 @@ def main() -> None:
         f"numbers of robots (default: {' '.join(map(str, ROBOTS))}; with --soak: {SOAK_ROBOTS})",
         many=True,
     )
-    line.option("seconds", duration_s, SECONDS, "duration of each drive, without --soak")
+    line.option("seconds", positive, SECONDS, "duration of each drive, without --soak")
     line.option("kills", count, KILLS, "kills for each number of robots, without --soak")
     line.option(
         "soak",
-        duration_s,
+        positive,
         None,
         "instead of the curve, drive for this time [s], kill operators throughout, and check every promise",
     )

@@ -14,8 +14,8 @@ from bench.rig.feed import (
     BEAMS,
     ODOM_HZ,
     SCANS,
-    START_S,
     Robot,
+    Stream,
     at_rate,
     client,
     feeding,
@@ -60,9 +60,7 @@ SCREENS = (
 class Heartbeat:
     """Lateness of the commands of one run against a 50 ms grid through the earliest command."""
 
-    screen: str
-    columns: int
-    rows: int
+    screen: Screen
     seconds: float
     mode: str
     """The mode of the last status."""
@@ -116,11 +114,7 @@ class _Robot(Robot):
         super().__init__(bus, [scenery.scans(BEAMS, 1, wall_m=wall_m)[0] for wall_m in walls_m])
         self._pose = (0.0, 0.0, 0.0)
         self._statuses: Subscription[SafetyStatus] = bus.subscribe(topics.STATUS)
-        self._heard = asyncio.Event()
-        self._heard_gids: set[bytes] = set()
-        self._beats: Subscription[Twist] = bus.subscribe(
-            topics.source_cmd_vel(topics.TELEOP), depth=100_000, wake=self._heard
-        )
+        self._beats = Stream(bus, topics.source_cmd_vel(topics.TELEOP), depth=100_000)
 
     def pose(self) -> tuple[float, float, float]:
         (x_m, y_m, yaw_rad), (v, w) = self._pose, self.velocity
@@ -133,7 +127,7 @@ class _Robot(Robot):
         """Start a teleop, drive at full speed, and record its commands."""
         terminal = Terminal(screen.columns, screen.rows)
         with teleop(terminal, "--endpoint", endpoint, *screen.arguments):
-            await self._until_heard()
+            await self._beats.next(of_new_run=True)  # commands of the previous teleop may arrive late
             terminal.type("s")
             await asyncio.sleep(WARM_UP_S / 2)
             terminal.type(FULL_SPEED)
@@ -146,17 +140,6 @@ class _Robot(Robot):
             took_s = time.monotonic() - began_s
             output_kb_s = (terminal.taken_bytes - began_bytes) / took_s / 1000.0
             return self._summary(screen, self._beats.take(), took_s, output_kb_s)
-
-    async def _until_heard(self) -> None:
-        """Wait for a command of a new teleop; commands of the previous one may arrive late."""
-        async with asyncio.timeout(START_S):
-            while True:
-                gids = {beat.stamp.gid for beat in self._beats.take() if beat.stamp is not None}
-                if gids - self._heard_gids:
-                    self._heard_gids |= gids
-                    return
-                self._heard.clear()
-                await self._heard.wait()
 
     def _summary(
         self, screen: Screen, beats: list[Arrival[Twist]], took_s: float, output_kb_s: float
@@ -172,9 +155,7 @@ class _Robot(Robot):
         newest = self._statuses.latest()
         status = None if newest is None else newest.message
         return Heartbeat(
-            screen=screen.name,
-            columns=screen.columns,
-            rows=screen.rows,
+            screen=screen,
             seconds=took_s,
             mode="" if status is None else mode_of(status),
             beats=len(beats),
@@ -186,8 +167,8 @@ class _Robot(Robot):
 
 
 COLUMNS: tuple[Column[Heartbeat], ...] = (
-    ("screen", lambda one: one.screen),
-    ("size", lambda one: f"{one.columns}×{one.rows}"),
+    ("screen", lambda one: one.screen.name),
+    ("size", lambda one: f"{one.screen.columns}×{one.screen.rows}"),
     ("mode", lambda one: one.mode),
     ("s", lambda one: f"{one.seconds:.0f}"),
     ("beats", lambda one: f"{one.beats}"),
@@ -218,7 +199,7 @@ def heartbeat_sheet(heartbeats: Iterable[Heartbeat]) -> Sheet:
 def verdicts(heartbeats: Iterable[Heartbeat]) -> list[Verdict]:
     return [
         Verdict(
-            f"the heartbeat's lateness, p99, {beat.screen} at {beat.columns}×{beat.rows},",
+            f"the heartbeat's lateness, p99, {beat.screen.name} at {beat.screen.columns}×{beat.screen.rows},",
             beat.sent.p99_ms,
             TARGET_P99_MS,
             "ms",

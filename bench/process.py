@@ -18,8 +18,8 @@ from bench.rig import load, scenery
 from bench.rig.feed import (
     BEAMS,
     SCANS,
-    START_S,
     Robot,
+    Stream,
     Supervisor,
     at_rate,
     client,
@@ -30,8 +30,7 @@ from bench.rig.feed import (
 from bench.rig.program import running
 from bench.rig.sheet import Column, Sheet, Times, Verdict
 from wire import topics
-from wire.bus import Subscription
-from wire.messages import SafetyStatus, planar_twist
+from wire.messages import planar_twist
 from wire.zenoh.bus import ZenohBus
 
 COMMAND_HZ = 20.0
@@ -43,7 +42,15 @@ Phase = tuple[str, float, float]
 """Its name, the distance of the wall [m], and the commanded speed [m/s]."""
 ECHO = "free path, topic echo of everything"
 """In this phase, `lifeline topic echo` prints every message of the robot."""
-RELAY = "a bare relay instead"
+PHASES: dict[str, Sequence[Phase]] = {
+    "bench.relay": [("a bare relay instead", CLEAR_M, CRUISE_M_S)],
+    "supervisor": [
+        ("free path", CLEAR_M, CRUISE_M_S),
+        ("limited by the barrier", scenery.WALL_M, scenery.FORWARD_M_S),
+        (ECHO, CLEAR_M, CRUISE_M_S),
+    ],
+}
+"""By the module that runs; the relay is the reference."""
 
 TARGET_CPU_PERCENT = 6.0
 TARGET_TO_RELAY = 1.35
@@ -79,22 +86,14 @@ def measure_process(seconds: float) -> list[Load]:
     Raises:
         RuntimeError: a process does not start or sends nothing.
     """
-    free, limited = (
-        ("free path", CLEAR_M, CRUISE_M_S),
-        ("limited by the barrier", scenery.WALL_M, scenery.FORWARD_M_S),
-    )
-    echoed = (ECHO, CLEAR_M, CRUISE_M_S)
-    [relay] = _measure_in("bench.relay", [(RELAY, CLEAR_M, CRUISE_M_S)], seconds)
-    loads = _measure_in("supervisor", [free, limited, echoed], seconds)
-    return [relay, *loads]
+    loads: list[Load] = []
+    for module, phases in PHASES.items():
+        with supervisor(module) as process:
+            loads += asyncio.run(_measure(process, phases, seconds))
+    return loads
 
 
-def _measure_in(module: str, phases: list[Phase], seconds: float) -> list[Load]:
-    with supervisor(module) as process:
-        return asyncio.run(_measure(process, phases, seconds))
-
-
-async def _measure(process: Supervisor, phases: list[Phase], seconds: float) -> list[Load]:
+async def _measure(process: Supervisor, phases: Sequence[Phase], seconds: float) -> list[Load]:
     async with client(process.endpoint) as bus:
         driver = _Driver(bus)
         async with feeding(driver.feeds()):
@@ -123,8 +122,7 @@ class _Driver(Robot):
         self._mode = ""
         self._source = bus.publisher(topics.source_cmd_vel(topics.TELEOP))
         self._token = bus.declare_alive(topics.TELEOP)
-        self._status_arrived = asyncio.Event()
-        self._statuses: Subscription[SafetyStatus] = bus.subscribe(topics.STATUS, wake=self._status_arrived)
+        self._statuses = Stream(bus, topics.STATUS)
 
     def feeds(self) -> list[Coroutine[None, None, None]]:
         commands = at_rate(COMMAND_HZ, lambda: self._source.put(planar_twist(self._speed_m_s, 0.0)))
@@ -163,13 +161,7 @@ class _Driver(Robot):
     async def _scans_accepted(self) -> int:
         """Return the number of accepted scans in the next status."""
         self._statuses.take()
-        self._status_arrived.clear()
-        async with asyncio.timeout(START_S):
-            await self._status_arrived.wait()
-        arrival = self._statuses.latest()
-        assert arrival is not None, "the supervisor's status must decode"
-        assert arrival.message is not None
-        status = arrival.message
+        _, status = await self._statuses.next()
         self._mode = mode_of(status)
         return status.scans_accepted
 

@@ -5,8 +5,8 @@ tick and a status ten times a second. The difference to the supervisor is the co
 the steps between two ticks.
 """
 
-import argparse
 import asyncio
+import sys
 
 from wire import topics
 from wire.bus import wait_until
@@ -44,12 +44,7 @@ async def relay(endpoint: str, stop: asyncio.Event) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        prog="python -m bench.relay",
-        description="Run the supervisor's traffic without a law, as a reference for benchmarks.",
-    )
-    parser.add_argument("--endpoint", required=True, help="address to listen on")
-    endpoint = parser.parse_args().endpoint
+    _, endpoint = sys.argv[1:]
 
     async def run(stop: asyncio.Event) -> int:
         await relay(endpoint, stop)

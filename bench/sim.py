@@ -39,8 +39,6 @@ class Pace:
     plant_ms: float
     plant_p90_ms: float
     bare_ms: float
-    plant_to_bare: float
-    """The ratio of the medians."""
 
     @property
     def what(self) -> str:
@@ -53,6 +51,11 @@ class Pace:
     @property
     def bare_factor(self) -> float:
         return 1000.0 / self.bare_ms
+
+    @property
+    def plant_to_bare(self) -> float:
+        """The ratio of the medians."""
+        return self.plant_ms / self.bare_ms
 
 
 class Bare:
@@ -99,9 +102,8 @@ def measure_pace(rounds: int) -> list[Pace]:
         for key in SCENES
     }
     bares = {key: Bare(key[0], moving=key[1]) for key in SCENES}
-    taken: dict[tuple[tuple[str, bool], str], list[float]] = {
-        (key, what): [] for key in SCENES for what in ("plant", "bare")
-    }
+    plant_ms: dict[tuple[str, bool], list[float]] = {key: [] for key in SCENES}
+    bare_ms: dict[tuple[str, bool], list[float]] = {key: [] for key in SCENES}
     for number in range(-WARM_UP_ROUNDS, rounds):
         for key, plant in plants.items():
             leg, second = divmod(number + WARM_UP_ROUNDS, LEG_S)
@@ -118,21 +120,17 @@ def measure_pace(rounds: int) -> list[Pace]:
             bare_ns = time.thread_time_ns()
             assert plant.collisions == 0, "the path must be free: contacts take additional time"
             if number >= 0:
-                taken[key, "plant"].append((plant_ns - started_ns) / 1e6)
-                taken[key, "bare"].append((bare_ns - plant_ns) / 1e6)
+                plant_ms[key].append((plant_ns - started_ns) / 1e6)
+                bare_ms[key].append((bare_ns - plant_ns) / 1e6)
     return [
         Pace(
-            scene,
-            moving,
-            plants[scene, moving].model.ngeom,
-            plant_ms=float(np.median(taken[(scene, moving), "plant"])),
-            plant_p90_ms=float(np.percentile(taken[(scene, moving), "plant"], 90)),
-            bare_ms=float(np.median(taken[(scene, moving), "bare"])),
-            plant_to_bare=float(
-                np.median(taken[(scene, moving), "plant"]) / np.median(taken[(scene, moving), "bare"])
-            ),
+            *key,
+            plants[key].model.ngeom,
+            plant_ms=float(np.median(plant_ms[key])),
+            plant_p90_ms=float(np.percentile(plant_ms[key], 90)),
+            bare_ms=float(np.median(bare_ms[key])),
         )
-        for scene, moving in SCENES
+        for key in SCENES
     ]
 
 

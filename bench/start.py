@@ -14,15 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.rig.feed import START_S, SimulatedRobot, at_rate, client, feeding, simulated_robot
+from bench.rig.feed import SimulatedRobot, Stream, at_rate, client, feeding, simulated_robot
 from bench.rig.load import started_s
 from bench.rig.sheet import Column, Sheet, Verdict
 from deploy.stack import processes
 from deploy.stack.statedir import StateDir
 from wire import topics
-from wire.bus import Subscription
 from wire.messages import SafetyStatus, zero_twist
-from wire.zenoh.bus import ZenohBus
 
 BARE = "python -c pass"
 LIBRARIES = "numpy and zenoh"
@@ -115,38 +113,22 @@ async def _kill(robot: SimulatedRobot) -> tuple[float, float]:
     """Kill the supervisor while a neutral source is live; return the times of its restart and of READY [s]."""
     async with client(robot.endpoint) as bus:
         commands = bus.publisher(topics.source_cmd_vel(topics.TELEOP))
-        statuses = _Statuses(bus)
+        statuses = Stream(bus, topics.STATUS)
         async with feeding([at_rate(COMMAND_HZ, lambda: commands.put(zero_twist()))]):
-            await statuses.ready()
+            await _ready(statuses)
             await asyncio.sleep(SETTLED_S)
             killed = _supervisor(robot.state)
             killed_s, killed_boot_s = time.monotonic(), time.clock_gettime(time.CLOCK_BOOTTIME)
             os.kill(killed, signal.SIGKILL)
-            drivable_s = await statuses.ready() - killed_s
+            drivable_s = await _ready(statuses) - killed_s
             respawned_s = started_s(_supervisor(robot.state)) - killed_boot_s
     return respawned_s, drivable_s
 
 
-class _Statuses:
-    """The statuses of the supervisor, which tell its runs apart by their stamps."""
-
-    def __init__(self, bus: ZenohBus) -> None:
-        self._wake = asyncio.Event()
-        self._statuses: Subscription[SafetyStatus] = bus.subscribe(topics.STATUS, depth=64, wake=self._wake)
-        self._seen: set[bytes] = set()
-
-    async def ready(self) -> float:
-        """Wait for the first status READY of a further run; return its arrival time [s]."""
-        async with asyncio.timeout(START_S):
-            while True:
-                self._wake.clear()
-                for arrival in self._statuses.take():
-                    run = None if arrival.stamp is None else arrival.stamp.gid
-                    ready = arrival.message is not None and arrival.message.mode == SafetyStatus.READY
-                    if ready and run is not None and run not in self._seen:
-                        self._seen.add(run)
-                        return arrival.arrival_s
-                await self._wake.wait()
+async def _ready(statuses: Stream[SafetyStatus]) -> float:
+    """Wait for the first status READY of a further run of the supervisor; return its arrival time [s]."""
+    at_s, _ = await statuses.next(lambda status: status.mode == SafetyStatus.READY, of_new_run=True)
+    return at_s
 
 
 def _supervisor(state: StateDir) -> int:

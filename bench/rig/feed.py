@@ -14,6 +14,7 @@ from collections.abc import AsyncGenerator, Callable, Coroutine, Generator, Iter
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Generic
 
 from bench.rig import scenery
 from bench.rig.program import running
@@ -21,9 +22,10 @@ from deploy.stack.errors import ignore, interrupts
 from deploy.stack.launch import free_loopback_endpoint
 from deploy.stack.statedir import StateDir
 from wire import topics
-from wire.bus import BusError
-from wire.message_types import MODES
+from wire.bus import Arrival, BusError, Subscription
+from wire.message_types import MODES, M
 from wire.messages import LaserScan, SafetyStatus, laser_scan, odometry
+from wire.topics import Topic
 from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
 
 BEAMS, SCANS = 360, 64
@@ -131,6 +133,41 @@ async def feeding(feeds: Iterable[Coroutine[None, None, None]]) -> AsyncGenerato
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
+
+
+class Stream(Generic[M]):
+    """The messages of a topic, with a way to wait for one."""
+
+    def __init__(self, bus: ZenohBus, topic: Topic[M], depth: int = 64) -> None:
+        self._wake = asyncio.Event()
+        self._inbox: Subscription[M] = bus.subscribe(topic, depth=depth, wake=self._wake)
+        self._runs: set[bytes | None] = {None}
+
+    def take(self) -> list[Arrival[M]]:
+        return self._inbox.take()
+
+    async def next(
+        self, holds: Callable[[M], bool] = lambda _: True, *, of_new_run: bool = False
+    ) -> tuple[float, M]:
+        """Return the next message and its arrival time [s]; drop those before it.
+
+        Args:
+            holds: a condition for the message.
+            of_new_run: whether no message of the same run of its sender may have been returned before.
+
+        Raises:
+            TimeoutError: there is none in time.
+        """
+        async with asyncio.timeout(START_S):
+            while True:
+                self._wake.clear()
+                for arrival in self.take():
+                    run = None if arrival.stamp is None else arrival.stamp.gid
+                    is_expected = not of_new_run or run not in self._runs
+                    if is_expected and arrival.message is not None and holds(arrival.message):
+                        self._runs.add(run)
+                        return arrival.arrival_s, arrival.message
+                await self._wake.wait()
 
 
 async def at_rate(rate_hz: float, act: Callable[[], object]) -> None:

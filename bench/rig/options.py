@@ -106,7 +106,6 @@ def number(holds: Callable[[float], bool], wanted: str) -> Callable[[str], float
 percent = number(lambda value: 0.0 <= value <= 100.0, "number from 0 to 100")
 at_least_zero = number(lambda value: value >= 0.0, "number of at least 0")
 positive = number(lambda value: value > 0.0, "number greater than 0")
-duration_s = number(lambda value: value > 0.0, "positive number of seconds")
 
 
 def whole_number(least: int) -> Callable[[str], int]:
@@ -128,22 +127,6 @@ seed = whole_number(0)
 """Type of an option: the seed of a random number generator."""
 count = whole_number(1)
 """Type of an option: a number of rounds, kills or robots."""
-
-
-def seeds(text: str) -> range:
-    """Return the seeds from FIRST to LAST - 1 of a text FIRST-LAST; one seed if there is no LAST.
-
-    Raises:
-        ArgumentTypeError: it is neither.
-    """
-    first, dash, last = text.partition("-")
-    try:
-        found = range(seed(first), seed(last) if dash else seed(first) + 1)
-    except argparse.ArgumentTypeError:
-        found = range(0)
-    if not found:
-        raise argparse.ArgumentTypeError(f"must be FIRST-LAST with FIRST < LAST, such as 0-300, not {text!r}")
-    return found
 
 
 def output_file(text: str) -> Path:

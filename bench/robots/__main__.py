@@ -1,6 +1,6 @@
 """`python -m bench.robots`: measure how many robots one machine can supervise. Exit 0, or 1 if a process fails."""
 
-from bench.rig.options import CommandLine, count, duration_s, failing_in_a_sentence
+from bench.rig.options import CommandLine, count, failing_in_a_sentence, positive
 from bench.rig.sheet import show
 from bench.rig.stored import this_run
 from bench.robots.results import Crowd, Robots, sheets, verdicts, write
@@ -18,7 +18,7 @@ def main() -> None:
         "exit code: 0, even if a target is missed; 1 if a process fails; 130 after Ctrl-C",
     )
     line.option("robots", count, ROBOTS, "numbers of robots", many=True)
-    line.option("seconds", duration_s, SECONDS, "duration of each drive")
+    line.option("seconds", positive, SECONDS, "duration of each drive")
     line.option("kills", count, KILLS, "kills for each number of robots")
     line.file("json", "write the results as JSON lines")
     options = line.parse()

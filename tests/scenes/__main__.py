@@ -15,7 +15,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from bench.rig.options import at_least_zero, count, failing_in_a_sentence, output_file, seed, seeds
+from bench.rig.options import at_least_zero, count, failing_in_a_sentence, output_file, seed
 from tests.scenes.run import Moment, Outcome, run, run_seed
 from tests.scenes.scene import Scene, random_scene
 from tests.scenes.summary import Summary
@@ -72,6 +72,22 @@ def _parse() -> argparse.Namespace:
     if args.replay is None and (args.verbose or args.plot is not None):
         parser.error("--verbose and --plot need --replay SEED")
     return args
+
+
+def seeds(text: str) -> range:
+    """Return the seeds from FIRST to LAST - 1 of a text FIRST-LAST; one seed if there is no LAST.
+
+    Raises:
+        ArgumentTypeError: it is neither.
+    """
+    first, dash, last = text.partition("-")
+    try:
+        found = range(seed(first), seed(last) if dash else seed(first) + 1)
+    except argparse.ArgumentTypeError:
+        found = range(0)
+    if not found:
+        raise argparse.ArgumentTypeError(f"must be FIRST-LAST with FIRST < LAST, such as 0-300, not {text!r}")
+    return found
 
 
 def _search(
