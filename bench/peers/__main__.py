@@ -3,7 +3,7 @@
 import sys
 
 from bench.peers.results import REFERENCE, Peers, sheets, verdicts, write
-from bench.peers.run import Kind, kinds, measure_deaths, measure_trips
+from bench.peers.run import Kind, kinds, measure
 from bench.rig.options import CommandLine, count, failing_in_a_sentence, progress
 from bench.rig.sheet import show
 from bench.rig.stored import this_run
@@ -35,8 +35,7 @@ def main() -> None:
             progress(f"left out: {kind.name}: {missing}")
 
     with failing_in_a_sentence("bench.peers"):
-        trips = measure_trips(present, options.rounds, options.count)
-        deaths = measure_deaths(present, options.rounds, options.kills)
+        trips, deaths = measure(present, options.rounds, options.count, options.kills)
     peers = Peers(this_run(line.repeat(options)), tuple(trips), tuple(deaths))
     if options.json is not None:
         write(peers, options.json)

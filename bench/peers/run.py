@@ -1,5 +1,6 @@
 """What is compared, how it is started, and how long a command and the notice of a death take, in interleaved rounds."""
 
+import itertools
 import json
 import os
 import shutil
@@ -22,7 +23,7 @@ PEERS_PYTHON = ROOT / ".peers/bin/python"
 ROS_PYTHON = ROOT / ".ros2/bin/python"
 DOMAIN = 27
 """Of DDS; tests use those from 30 on."""
-BROKER = "/usr/sbin/mosquitto"
+BROKER = shutil.which("mosquitto", path=f"{os.environ['PATH']}:/usr/sbin")
 TRIP_LIMIT_S, DEATH_LIMIT_S = 120.0, 20.0
 
 
@@ -42,7 +43,7 @@ class Kind:
         """Return what this machine lacks for it; None if nothing."""
         if not self.python.exists():
             return f"no environment {self.python.parent.parent.name}"
-        if self.link == "mqtt" and broker() is None:
+        if self.link == "mqtt" and BROKER is None:
             return "mosquitto is not installed"
         return None
 
@@ -124,58 +125,43 @@ def kinds() -> list[Kind]:
     ]
 
 
-def measure_trips(kinds: Sequence[Kind], rounds: int, count: int) -> list[RoundTrip]:
+def measure(
+    kinds: Sequence[Kind], rounds: int, count: int, kills: int
+) -> tuple[list[RoundTrip], list[Death]]:
     """Measure all kinds in each round, so that a slow moment of the machine affects all of them.
 
     Args:
         kinds: what is compared.
         rounds: number of rounds.
         count: number of commands for each kind, rate and round.
+        kills: number of kills for each kind that has presence, and round.
 
     Raises:
-        RuntimeError: a process fails.
+        RuntimeError: a process fails, or an end is not noticed within the limit.
     """
-    trips: list[RoundTrip] = []
-    for number in range(rounds):
-        for kind in kinds:
-            progress(f"round {number + 1}: {kind.name}")
-            trips += [
-                RoundTrip(kind.name, rate_hz, number, count, tuple(times_ms))
-                for rate_hz, times_ms in zip(RATES_HZ, kind.times_ms(count), strict=True)
-            ]
-    return trips
-
-
-def measure_deaths(kinds: Sequence[Kind], rounds: int, kills: int) -> list[Death]:
-    """Kill holders of each kind that has presence, in each round.
-
-    Raises:
-        RuntimeError: an end is not noticed within the limit.
-    """
-    deaths: list[Death] = []
-    for number in range(rounds):
-        for kind in kinds:
-            if kind.has_presence:
-                progress(f"round {number + 1}: SIGKILL, {kind.name}")
-                deaths.append(Death(kind.name, number, tuple(kind.deaths_ms(kills))))
-    return deaths
-
-
-def broker() -> str | None:
-    """Return the MQTT broker of this machine; None if there is none."""
-    return shutil.which("mosquitto") or (BROKER if os.access(BROKER, os.X_OK) else None)
+    trips, deaths = list[RoundTrip](), list[Death]()
+    for number, kind in itertools.product(range(rounds), kinds):
+        progress(f"round {number + 1}: {kind.name}")
+        trips += [
+            RoundTrip(kind.name, rate_hz, number, count, tuple(times_ms))
+            for rate_hz, times_ms in zip(RATES_HZ, kind.times_ms(count), strict=True)
+        ]
+    for number, kind in itertools.product(range(rounds), kinds):
+        if kind.has_presence:
+            progress(f"round {number + 1}: SIGKILL, {kind.name}")
+            deaths.append(Death(kind.name, number, tuple(kind.deaths_ms(kills))))
+    return trips, deaths
 
 
 @contextmanager
 def _broker(address: str) -> Generator[None]:
-    path = broker()
-    assert path is not None
+    assert BROKER is not None
     port = address.rpartition(":")[2]
     with tempfile.TemporaryDirectory() as folder:
         config = Path(folder) / "mosquitto.conf"
         config.write_text(
             f"listener {port} 127.0.0.1\nallow_anonymous true\nset_tcp_nodelay true\nuser root\npersistence false\nlog_dest none\n"
         )
-        with running([path, "-c", str(config)]):
+        with running([BROKER, "-c", str(config)]):
             wait_until_listening(address)
             yield

@@ -96,7 +96,9 @@ def running(
         stderr: None: that of this process.
         fds: file descriptors that it inherits.
     """
-    with sparing_from_ctrl_c():
+    # It inherits the mask, and ignores Ctrl-C: the bench ends it, and it prints no traceback.
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
         process: subprocess.Popen[str] = subprocess.Popen(
             command,
             cwd=ROOT,
@@ -107,6 +109,8 @@ def running(
             text=True,
             pass_fds=fds,
         )
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
     try:
         yield process
     finally:
@@ -166,16 +170,6 @@ def talking(
 
         closing.callback(close)  # when the program has ended
         yield Program(name, process, lines)
-
-
-@contextmanager
-def sparing_from_ctrl_c() -> Generator[None]:
-    """Let processes that start while the context is open ignore Ctrl-C: the bench ends them, and they print no traceback."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # a new process inherits the mask
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def end(process: "subprocess.Popen[Any]") -> None:
