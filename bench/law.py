@@ -45,9 +45,7 @@ class Driver:
         self.now_s = 1000.0
         self._ticks = 0
         self.mode = Mode.STOPPED
-        self._neutral_first()
-
-    def _neutral_first(self) -> None:
+        # Only neutral commands end the first stop.
         for _ in range(2 * round(CONFIG.command_timeout_s / TICK_S)):
             self.step(self.inputs(Velocity(0.0, 0.0), scan=True))
 
@@ -96,20 +94,17 @@ class PlainNumpy:
         )
 
 
+KINDS = ("scan", "tick", "numpy", "cold", "cold numpy")
+"""What is timed: a step with and without a scan, the plain numpy code, and a scan step and numpy after `COLD_SLEEP_S` of sleep."""
+
+
 @dataclass(frozen=True)
 class Timing:
-    """Times for one number of beams [µs]."""
+    """Times for one number of beams [µs], by their kind."""
 
     beams: int
-    scan_median_us: float
-    scan_p99_us: float
-    tick_median_us: float
-    tick_p99_us: float
-    numpy_median_us: float
-    cold_median_us: float
-    """A scan step right after `COLD_SLEEP_S` of sleep."""
-    cold_numpy_us: float
-    """The plain numpy code, after the same sleep."""
+    median_us: dict[str, float]
+    p99_us: dict[str, float]
     scan_to_numpy: float
     """The median of the ratios of each round: a slow machine slows both."""
     per_beam_to_360: float
@@ -138,9 +133,7 @@ def time_steps(rounds: int) -> list[Timing]:
     """
     drivers = {beams: Driver(beams) for beams in BEAMS}
     bounds = {beams: PlainNumpy(beams) for beams in BEAMS}
-    taken: dict[tuple[int, str], list[float]] = {
-        (beams, kind): [] for beams in BEAMS for kind in ("scan", "tick", "numpy", "cold", "cold numpy")
-    }
+    taken: dict[tuple[int, str], list[float]] = {(beams, kind): [] for beams in BEAMS for kind in KINDS}
     for number in range(-WARM_UP_ROUNDS, rounds):
         for (beams, driver), place in itertools.product(drivers.items(), range(BLOCK)):
             with_scan = driver.inputs(scan=True)
@@ -167,13 +160,8 @@ def time_steps(rounds: int) -> list[Timing]:
     return [
         Timing(
             beams,
-            scan_median_us=float(np.median(taken[beams, "scan"])),
-            scan_p99_us=float(np.percentile(taken[beams, "scan"], 99)),
-            tick_median_us=float(np.median(taken[beams, "tick"])),
-            tick_p99_us=float(np.percentile(taken[beams, "tick"], 99)),
-            numpy_median_us=float(np.median(taken[beams, "numpy"])),
-            cold_median_us=float(np.median(taken[beams, "cold"])),
-            cold_numpy_us=float(np.median(taken[beams, "cold numpy"])),
+            median_us={kind: float(np.median(taken[beams, kind])) for kind in KINDS},
+            p99_us={kind: float(np.percentile(taken[beams, kind], 99)) for kind in KINDS},
             scan_to_numpy=float(np.median(np.divide(taken[beams, "scan"], taken[beams, "numpy"]))),
             per_beam_to_360=float(np.median(taken[beams, "scan"])) / beams / first,
         )
@@ -227,15 +215,15 @@ def _assert_limited(driver: Driver) -> None:
 
 TIMING: tuple[Column[Timing], ...] = (
     ("beams", lambda one: f"{one.beams:,}"),
-    ("scan p50", lambda one: f"{one.scan_median_us:.0f}"),
-    ("scan p99", lambda one: f"{one.scan_p99_us:.0f}"),
-    ("tick p50", lambda one: f"{one.tick_median_us:.0f}"),
-    ("tick p99", lambda one: f"{one.tick_p99_us:.0f}"),
-    ("numpy p50", lambda one: f"{one.numpy_median_us:.0f}"),
+    ("scan p50", lambda one: f"{one.median_us['scan']:.0f}"),
+    ("scan p99", lambda one: f"{one.p99_us['scan']:.0f}"),
+    ("tick p50", lambda one: f"{one.median_us['tick']:.0f}"),
+    ("tick p99", lambda one: f"{one.p99_us['tick']:.0f}"),
+    ("numpy p50", lambda one: f"{one.median_us['numpy']:.0f}"),
     ("scan / numpy", lambda one: f"{one.scan_to_numpy:.1f}"),
     ("per beam", lambda one: f"{one.per_beam_to_360:.2f}"),
-    ("cold p50", lambda one: f"{one.cold_median_us:.0f}"),
-    ("cold numpy p50", lambda one: f"{one.cold_numpy_us:.0f}"),
+    ("cold p50", lambda one: f"{one.median_us['cold']:.0f}"),
+    ("cold numpy p50", lambda one: f"{one.median_us['cold numpy']:.0f}"),
 )
 MEMORY: tuple[Column[Memory], ...] = (
     ("beams", lambda one: f"{one.beams:,}"),
@@ -290,7 +278,7 @@ def verdicts(timings: Iterable[Timing]) -> list[Verdict]:
     for timing in timings:
         if timing.beams == TARGET_BEAMS:
             what = f"a step with a new scan of {timing.beams} beams, median,"
-            found.append(Verdict(what, timing.scan_median_us, TARGET_US, "µs"))
+            found.append(Verdict(what, timing.median_us["scan"], TARGET_US, "µs"))
         else:
             what = f"time for each beam at {timing.beams:,} beams"
             found.append(Verdict(what, timing.per_beam_to_360, 1.0, f"× that at {TARGET_BEAMS}"))

@@ -73,14 +73,12 @@ def _measure(options: argparse.Namespace, command: str) -> None:
     losses = [one / 100 for one in options.loss_percent]
     round_trips_s = [one / 1000 for one in options.round_trip_ms]
     conditions = grid(options.links, losses, round_trips_s, options.lease_s)
-    flows: int = options.flows
     before = None if options.json is None else read(options.json)
     results = before or Results({}, (), ())
     rejected = 0
     for number in range(options.rounds):
-        plan = Plan(
-            dict.fromkeys(conditions, flows), options.seconds, options.seed + number, options.together
-        )
+        seed_of_round: int = options.seed + number
+        plan = Plan(conditions, options.flows, options.seconds, seed_of_round, options.together)
         made, measured = measure(plan)
         rejection = made.rejection(options.late_ms)
         if rejection is not None:

@@ -3,7 +3,7 @@
 import json
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,9 @@ SETTLE_S = 1.0
 class Plan:
     """What one round measures."""
 
-    flows: Mapping[Condition, int]
+    conditions: Sequence[Condition]
+    flows: int
+    """Of each condition."""
     seconds: float
     seed: int
     together: int = 1
@@ -45,24 +47,19 @@ def measure(plan: Plan) -> tuple[Round, list[Measured]]:
         RuntimeError: a program of the bench failed, or no flow was fresh in time.
         DeployError: no namespaces can be made here.
     """
-    conditions = list(plan.flows)
-    if len(conditions) > MAX_CONDITIONS:
+    if len(plan.conditions) > MAX_CONDITIONS:
         raise RuntimeError(f"a round can have at most {MAX_CONDITIONS} conditions")
-    numbers = range(1, len(conditions) + 1)
-    owners = [condition for condition in conditions for _ in range(plan.flows[condition])]
+    numbered = dict(enumerate(plan.conditions, 1))
     # Each flow has a hub of its own.
     hubs = [
-        {
-            "endpoint": endpoint(condition.link, Pair.b_address(number), PORT + flow),
-            "lease_s": condition.lease_s,
-        }
-        for number, condition in zip(numbers, conditions, strict=True)
-        for flow in range(plan.flows[condition])
+        {"endpoint": endpoint(one.link, Pair.b_address(number), PORT + flow), "lease_s": one.lease_s}
+        for number, one in numbered.items()
+        for flow in range(plan.flows)
     ]
-    paths = {number: astuple(condition.path) for number, condition in zip(numbers, conditions, strict=True)}
-    with tempfile.TemporaryDirectory() as made, pair(numbers) as spaces:
+    paths = {number: astuple(one.path) for number, one in numbered.items()}
+    with tempfile.TemporaryDirectory() as made, pair(numbered) as spaces:
         folder = Path(made)
-        a_keys, b_keys = _bundles(folder / "keys", tuple(map(Pair.b_address, numbers)))
+        a_keys, b_keys = _bundles(folder / "keys", tuple(map(Pair.b_address, numbered)))
         fds = (spaces.a_fd, spaces.b_fd)
         relayed_plan = json.dumps({"paths": paths, "seed": plan.seed})
         with (
@@ -77,7 +74,7 @@ def measure(plan: Plan) -> tuple[Round, list[Measured]]:
             sender.expect("ready", START_LIMIT_S)
             word, *silent = receiver.line(FRESH_LIMIT_S).split()
             if word != "fresh":
-                names = sorted({str(owners[int(flow)]) for flow in silent})
+                names = sorted({str(plan.conditions[int(flow) // plan.flows]) for flow in silent})
                 raise RuntimeError(f"no fresh command before the losses began: {', '.join(names)}")
             relay.tell("lose")
             relay.expect("done", START_LIMIT_S)
@@ -92,7 +89,7 @@ def measure(plan: Plan) -> tuple[Round, list[Measured]]:
             sent = json.loads(sender.line(END_LIMIT_S))
             relay.tell("end")
             relayed = json.loads(relay.line(END_LIMIT_S))
-    return _result(plan, owners, heard, sent, relayed, busy)
+    return _result(plan, heard, sent, relayed, busy)
 
 
 def _bundles(folder: Path, hosts: tuple[str, ...]) -> tuple[str, str]:
@@ -105,7 +102,6 @@ def _bundles(folder: Path, hosts: tuple[str, ...]) -> tuple[str, str]:
 
 def _result(
     plan: Plan,
-    owners: Sequence[Condition],
     heard: dict[str, Any],
     sent: dict[str, Any],
     relayed: dict[str, Any],
@@ -117,8 +113,8 @@ def _result(
     spans = disturbed(moments, window)
     quiet_s = window[1] - window[0] - length_s(spans)
     found: list[Measured] = []
-    for condition in plan.flows:
-        flows = [heard["flows"][flow] for flow, owner in enumerate(owners) if owner == condition]
+    for number, condition in enumerate(plan.conditions):
+        flows = heard["flows"][number * plan.flows :][: plan.flows]
         stops = sum(len(one["stops_s"]) for one in flows)
         kept = sum(len(outside(one["stops_s"], spans)) for one in flows)
         found.append(
@@ -127,11 +123,11 @@ def _result(
                 loss=condition.loss,
                 round_trip_s=condition.round_trip_s,
                 lease_s=condition.lease_s,
-                flows=len(flows),
-                flow_s=len(flows) * quiet_s,
+                flows=plan.flows,
+                flow_s=plan.flows * quiet_s,
                 stops=kept,
                 disturbed_stops=stops - kept,
-                worst_age_s=max((one["worst_age_s"] for one in flows), default=0.0),
+                worst_age_s=max(one["worst_age_s"] for one in flows),
                 arrived=sum(one["arrived"] for one in flows),
                 refused=sum(one["refused"] for one in flows),
                 links_lost=sum(one["lost"] for one in flows),
@@ -142,7 +138,7 @@ def _result(
         date=now(),
         seconds=window[1] - window[0],
         seed=plan.seed,
-        flows=sum(plan.flows.values()),
+        flows=len(plan.conditions) * plan.flows,
         busy_percent=busy,
         disturbed_s=length_s(spans),
         packets=counts["passed"] + counts["lost"],

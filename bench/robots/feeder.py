@@ -1,4 +1,7 @@
-"""Plays sensors, operator and base of many robots: `python -m bench.robots.feeder ENDPOINT …`.
+"""Plays sensors, operator and base of many robots: `python -m bench.robots.feeder ROBOTS WAYS`.
+
+Both are JSON: the endpoint and the namespace of each robot; and, if the operators reach them through a router, endpoint, namespace
+and bundle of each operator, else an empty list.
 
 One thread sends prepared bytes at their times, and Zenoh's threads record what arrives, so the feeder needs little CPU. The
 streams are spread evenly over their periods. Each line on the standard input is a command: `release NUMBER …` removes the
@@ -6,7 +9,6 @@ operator of these robots, and `end` ends the program. Prints `driving` when ever
 messages as one line of JSON.
 """
 
-import argparse
 import asyncio
 import heapq
 import itertools
@@ -174,18 +176,9 @@ async def _sessions(configs: Sequence[BusConfig]) -> list[ZenohSession]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m bench.robots.feeder", description=__doc__)
-    parser.add_argument("endpoints", nargs="+", metavar="ENDPOINT")
-    parser.add_argument(
-        "--router",
-        metavar="ENDPOINT",
-        help="the operators connect to this router; the namespaces of the robots are robot0, robot1, …",
-    )
-    parser.add_argument("--keys", type=Path, metavar="DIR", help="the operators' bundle")
-    options = parser.parse_args()
-    endpoints: list[str] = options.endpoints
+    robots, ways = map(json.loads, sys.argv[1:])
     scans = encoded_scans()
-    waiting, ended = set(range(len(endpoints))), threading.Event()
+    waiting, ended = set(range(len(robots))), threading.Event()
 
     def moved(number: int) -> None:
         if number in waiting:
@@ -193,14 +186,11 @@ def main() -> None:
             if not waiting:
                 print("driving", flush=True)
 
-    at_hubs = [BusConfig(endpoint) for endpoint in endpoints]
-    if options.router is not None:
-        at_hubs = [BusConfig(endpoint, namespace_of(number)) for number, endpoint in enumerate(endpoints)]
-    sessions = asyncio.run(_sessions(at_hubs))
+    sessions = asyncio.run(_sessions([BusConfig(*robot) for robot in robots]))
     bodies = [Body(session, scans, lambda n=number: moved(n)) for number, session in enumerate(sessions)]
-    if options.router is not None:
-        remote = [BusConfig(options.router, one.namespace, keys=options.keys) for one in at_hubs]
-        sessions = asyncio.run(_sessions(remote))
+    if ways:
+        behind = [BusConfig(endpoint, namespace, keys=Path(keys)) for endpoint, namespace, keys in ways]
+        sessions = asyncio.run(_sessions(behind))
     operators = [Operator(session, body) for session, body in zip(sessions, bodies, strict=True)]
 
     def read_commands() -> None:

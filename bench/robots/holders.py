@@ -1,6 +1,6 @@
 """Starts operators for `bench.robots` to kill: `python -m bench.robots.holders`.
 
-Each line `NUMBER ENDPOINT` or `NUMBER ENDPOINT NAMESPACE KEYS` on the standard input starts an operator, a process that drives
+Each line `NUMBER ENDPOINT NAMESPACE`, with a bundle at its end or without, on the standard input starts an operator, a process that drives
 the robot at this endpoint. Prints `started NUMBER PID`, and `driving NUMBER PID` when the robot moves. The processes are forks of
 this one, which has imported all modules and opened no session: starting a new interpreter for each of them would load the machine.
 """
@@ -18,12 +18,11 @@ from bench.rig.program import die_with_parent
 def main() -> None:
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # the kernel reaps the children
     for line in sys.stdin:
-        number, endpoint, *reach = line.split()
+        number, endpoint, namespace, *keys = line.split()
         pid = os.fork()
         if pid == 0:
             die_with_parent()
-            namespace, keys = (reach[0], Path(reach[1])) if reach else ("robot", None)
-            lifeline_link.hold(endpoint, namespace, keys)
+            lifeline_link.hold(endpoint, namespace, Path(keys[0]) if keys else None)
             _tell(f"driving {number} {os.getpid()}")
             threading.Event().wait()
         _tell(f"started {number} {pid}")

@@ -22,6 +22,7 @@ from bench.rig.program import Program, SilentError, program, wait_until_listenin
 from bench.rig.sheet import percentile
 from bench.robots import results
 from bench.robots.feeder import namespace_of
+from wire.bus_config import BusConfig
 
 STARTING = 2
 """Number of supervisors that start at the same time."""
@@ -34,6 +35,7 @@ HOLD_LIMIT_S = 5.0
 STAND_S = 0.3
 """Time from a kill to the start of the next operator."""
 KILLS_LIMIT_S, DUMP_LIMIT_S, SS_LIMIT_S = 60.0, 60.0, 10.0
+DEFAULT = BusConfig().namespace
 _BYTES = re.compile(r"bytes_(?:sent|received):(\d+)")
 
 
@@ -103,8 +105,12 @@ def measure(
         progress(f"{crowd}: start")
         supervisors = _start(robots, site, ending)
         endpoints = [one.endpoint for one in supervisors]
-        reach = [] if site is None else ["--router", site.endpoint, "--keys", str(site.operator)]
-        feeder = ending.enter_context(program("bench.robots.feeder", arguments=[*endpoints, *reach]))
+        own = [
+            (endpoint, DEFAULT if site is None else namespace_of(n)) for n, endpoint in enumerate(endpoints)
+        ]
+        behind = [] if site is None else [(site.endpoint, name, str(site.operator)) for _, name in own]
+        words = [json.dumps(own), json.dumps(behind)]
+        feeder = ending.enter_context(program("bench.robots.feeder", arguments=words))
         with suppress(SilentError):  # with too many robots, some never drive: that is a result
             feeder.line(DRIVE_LIMIT_S)
         time.sleep(SETTLE_S)
@@ -127,11 +133,7 @@ def measure(
         time.sleep(STAND_S)
         kills_before = machine()
         kills_began_s = time.monotonic()
-        ways = [
-            endpoint if site is None else f"{site.endpoint} {namespace_of(number)} {site.operator}"
-            for number, endpoint in enumerate(endpoints[:killed])
-        ]
-        kills_s = _kill(ways, kills, kills_limit_s)
+        kills_s = _kill([" ".join(way) for way in (behind or own)[:killed]], kills, kills_limit_s)
         killing = kills_began_s, time.monotonic()
         kills_busy_percent = busy_percent(kills_before, machine())
         feeder.tell("end")
