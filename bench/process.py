@@ -7,7 +7,6 @@ import asyncio
 import itertools
 import subprocess
 import sys
-import time
 from collections.abc import Coroutine, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
@@ -35,6 +34,8 @@ from wire.zenoh.bus import ZenohBus
 
 COMMAND_HZ = 20.0
 WARM_UP_S = 3.0
+SLEEPS = "voluntary_ctxt_switches"
+"""In /proc: how often the main thread, which has the event loop, has gone to sleep."""
 CRUISE_M_S = 0.3
 CLEAR_M = scenery.ROOM_M
 
@@ -137,25 +138,23 @@ class _Driver(Robot):
         await asyncio.sleep(WARM_UP_S)
         accepted = await self._scans_accepted()
         self.arrivals_s.clear()
-        began_s = time.monotonic()
-        began = _used(pid)
+        began, loop_began, slept = load.usage(pid), load.usage(pid, pid), load.status(pid, SLEEPS)
         await asyncio.sleep(seconds)
-        took_s = time.monotonic() - began_s
-        cpu_s, loop_s, sleeps = np.subtract(_used(pid), began)
-        arrivals_s = self.arrivals_s.copy()
+        used, loop_used = load.usage(pid) - began, load.usage(pid, pid) - loop_began
+        sleeps, arrivals_s = load.status(pid, SLEEPS) - slept, self.arrivals_s.copy()
         scans = await self._scans_accepted() - accepted
         return Load(
             phase=phase,
-            seconds=took_s,
+            seconds=used.at_s,
             mode=self._mode,
-            cpu_percent=100 * cpu_s / took_s,
-            loop_percent=100 * loop_s / took_s,
-            zenoh_percent=100 * (cpu_s - loop_s) / took_s,
-            wakes_hz=sleeps / took_s,
+            cpu_percent=used.cpu_percent,
+            loop_percent=loop_used.cpu_percent,
+            zenoh_percent=used.cpu_percent - loop_used.cpu_percent,
+            wakes_hz=sleeps / used.at_s,
             rss_mb=load.status(pid, "VmRSS") / 1024,
-            cmd_vel_hz=len(arrivals_s) / took_s,
+            cmd_vel_hz=len(arrivals_s) / used.at_s,
             gaps=Times.of(1000 * np.diff(arrivals_s)),
-            scans_hz=scans / took_s,
+            scans_hz=scans / used.at_s,
         )
 
     async def _scans_accepted(self) -> int:
@@ -164,11 +163,6 @@ class _Driver(Robot):
         _, status = await self._statuses.next()
         self._mode = mode_of(status)
         return status.scans_accepted
-
-
-def _used(pid: int) -> tuple[float, float, float]:
-    """Return the processor time of a process and of its event loop [s], and how often the loop has gone to sleep."""
-    return load.cpu_s(pid), load.cpu_s(pid, pid), float(load.status(pid, "voluntary_ctxt_switches"))
 
 
 def load_sheet(loads: Sequence[Load]) -> Sheet:
@@ -190,7 +184,7 @@ def load_sheet(loads: Sequence[Load]) -> Sheet:
         columns,
         loads,
         (
-            "CPU: of one core, user and system, from /proc/<pid>/stat. loop: the thread with the event loop, the "
+            "CPU: of one core, user and system, from the scheduler's statistics of each thread. loop: the thread with the event loop, the "
             "law, encoding and decoding. Zenoh: all other threads."
         ),
         (

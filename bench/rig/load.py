@@ -28,29 +28,20 @@ class Usage:
         return 100.0 * self.cpu_s / self.at_s
 
 
-def usage(pid: int) -> Usage:
-    """Return the usage of a process, without that of threads that have ended."""
+def usage(pid: int, thread: int | None = None) -> Usage:
+    """Return the usage of a process, without that of threads that have ended, or of one thread; the main thread has the process's id."""
     rows: list[list[int]] = []
-    for path in Path(f"/proc/{pid}/task").glob("*/schedstat"):
+    for path in Path(f"/proc/{pid}/task").glob(f"{'*' if thread is None else thread}/schedstat"):
         with suppress(OSError):  # the thread has ended
             rows.append([int(word) for word in path.read_text().split()])
     return Usage(sum(row[0] for row in rows) / 1e9, sum(row[1] for row in rows) / 1e9, time.monotonic())
 
 
-def cpu_s(pid: int, thread: int | None = None) -> float:
-    """Return user and system time of a process or thread [s]; the main thread has the process's id."""
-    fields = _stat(f"{pid}" if thread is None else f"{pid}/task/{thread}")
-    return (int(fields[11]) + int(fields[12])) / _CLOCK_TICKS_S
-
-
 def started_s(pid: int) -> float:
     """Return when a process was started [s since boot], rounded down to the clock tick, usually 10 ms."""
-    return int(_stat(f"{pid}")[19]) / _CLOCK_TICKS_S
-
-
-def _stat(place: str) -> list[str]:
-    """Return the fields of a process or thread after its name, which may contain spaces."""
-    return Path(f"/proc/{place}/stat").read_text().rpartition(")")[2].split()
+    # The fields after the process's name, which may contain spaces.
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return int(fields[19]) / _CLOCK_TICKS_S
 
 
 def status(pid: int, name: str) -> int:
