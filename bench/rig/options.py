@@ -7,14 +7,16 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
-from typing import NoReturn
+from typing import NoReturn, TypeVar
 
 from deploy.stack.errors import DeployError
 
 EXIT_FAILED, EXIT_INTERRUPTED, EXIT_TERMINATED = 1, 130, 143
+
+N = TypeVar("N", int, float)
 
 
 class CommandLine:
@@ -83,49 +85,31 @@ def progress(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def number(holds: Callable[[float], bool], wanted: str) -> Callable[[str], float]:
+def number(kind: Callable[[str], N], holds: Callable[[N], bool], wanted: str) -> Callable[[str], N]:
     """Return a type of options: a finite number that fulfils a condition.
 
     Args:
+        kind: int or float.
         holds: the condition.
         wanted: the condition in words, such as "number from 0 to 100".
     """
 
-    def read(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value) or not holds(value):
-            raise argparse.ArgumentTypeError(f"must be a {wanted}, not {text!r}")
-        return value
+    def read(text: str) -> N:
+        with suppress(ValueError):
+            value = kind(text)
+            if math.isfinite(value) and holds(value):
+                return value
+        raise argparse.ArgumentTypeError(f"must be a {wanted}, not {text!r}")
 
     return read
 
 
-percent = number(lambda value: 0.0 <= value <= 100.0, "number from 0 to 100")
-at_least_zero = number(lambda value: value >= 0.0, "number of at least 0")
-positive = number(lambda value: value > 0.0, "number greater than 0")
-
-
-def whole_number(least: int) -> Callable[[str], int]:
-    """Return a type of options: a whole number of at least this."""
-
-    def read(text: str) -> int:
-        try:
-            value = int(text)
-        except ValueError:
-            value = least - 1
-        if value < least:
-            raise argparse.ArgumentTypeError(f"must be a whole number of at least {least}, not {text!r}")
-        return value
-
-    return read
-
-
-seed = whole_number(0)
+percent = number(float, lambda value: 0.0 <= value <= 100.0, "number from 0 to 100")
+at_least_zero = number(float, lambda value: value >= 0.0, "number of at least 0")
+positive = number(float, lambda value: value > 0.0, "number greater than 0")
+seed = number(int, lambda value: value >= 0, "whole number of at least 0")
 """Type of an option: the seed of a random number generator."""
-count = whole_number(1)
+count = number(int, lambda value: value >= 1, "whole number of at least 1")
 """Type of an option: a number of rounds, kills or robots."""
 
 
