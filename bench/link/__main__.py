@@ -15,7 +15,6 @@ from bench.rig.options import (
     positive,
     progress,
     seed,
-    unwind_at_sigterm,
 )
 from bench.rig.sheet import show
 from bench.rig.stored import this_run
@@ -57,7 +56,6 @@ def command_line() -> CommandLine:
 def main() -> None:
     line = command_line()
     options = line.parse()
-    unwind_at_sigterm()
     kept = "the complete rounds are in the file" if options.json is not None else "nothing was written"
     with failing_in_a_sentence("bench.link", kept):
         _measure(options, f"{_priority()}{line.repeat(options)}")

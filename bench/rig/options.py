@@ -3,18 +3,16 @@
 import argparse
 import math
 import os
-import signal
 import subprocess
 import sys
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import FrameType
-from typing import NoReturn, TypeVar
+from typing import TypeVar
 
-from deploy.stack.errors import DeployError
+from deploy.stack.errors import DeployError, Interrupted, interrupts
 
-EXIT_FAILED, EXIT_INTERRUPTED, EXIT_TERMINATED = 1, 130, 143
+EXIT_FAILED = 1
 
 N = TypeVar("N", int, float)
 
@@ -129,28 +127,20 @@ def output_file(text: str) -> Path:
     return path
 
 
-def unwind_at_sigterm() -> None:
-    """Let SIGTERM leave all contexts, so that processes end and namespaces are removed, before it ends the program."""
-
-    def unwind(_: int, __: FrameType | None) -> NoReturn:
-        sys.exit(EXIT_TERMINATED)
-
-    signal.signal(signal.SIGTERM, unwind)
-
-
 @contextmanager
 def failing_in_a_sentence(bench: str, written: str = "nothing was written") -> Generator[None]:
-    """End the program with one sentence if a process of the bench fails, or on Ctrl-C.
+    """End the program with one sentence if a process of the bench fails, or at a signal, after all contexts have been left.
 
     Args:
         bench: its name.
         written: what an interrupted run has stored.
     """
     try:
-        yield
-    except KeyboardInterrupt:
+        with interrupts():
+            yield
+    except Interrupted as error:
         print(f"{bench}: interrupted; {written}", file=sys.stderr)
-        sys.exit(EXIT_INTERRUPTED)
+        sys.exit(error.exit_code)
     except (RuntimeError, OSError, subprocess.SubprocessError, DeployError) as error:
         print(f"{bench}: {str(error) or type(error).__name__}", file=sys.stderr)
         sys.exit(EXIT_FAILED)

@@ -16,7 +16,6 @@ from bench.rig.options import (
     failing_in_a_sentence,
     output_file,
     progress,
-    unwind_at_sigterm,
 )
 from bench.rig.stored import provenance
 from bench.ros2_crash.stage import program_of, run, stage
@@ -44,7 +43,6 @@ def main() -> None:
     options = line.parse()
     if INSIDE not in os.environ and why_not() is None:
         isolate()
-    unwind_at_sigterm()
     with failing_in_a_sentence("bench.ros2_crash", "the complete trials are in the file"):
         sys.exit(measure(options.out, options.trials))
 

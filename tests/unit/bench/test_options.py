@@ -1,6 +1,7 @@
 """Options of the benches, and how a bench ends."""
 
 import argparse
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,7 +9,6 @@ import pytest
 
 from bench.rig.options import (
     EXIT_FAILED,
-    EXIT_INTERRUPTED,
     CommandLine,
     at_least_zero,
     count,
@@ -18,6 +18,7 @@ from bench.rig.options import (
     positive,
     seed,
 )
+from deploy.stack.errors import Interrupted
 from tests.scenes.__main__ import seeds
 
 
@@ -86,7 +87,7 @@ def test_the_command_that_repeats_a_run_has_its_defaults_and_no_file(
 @pytest.mark.parametrize(
     ("error", "code", "sentence"),
     [
-        (KeyboardInterrupt(), EXIT_INTERRUPTED, "bench: interrupted; nothing was written\n"),
+        (Interrupted(signal.SIGINT), 130, "bench: interrupted; nothing was written\n"),
         (RuntimeError("it failed"), EXIT_FAILED, "bench: it failed\n"),
         (TimeoutError(), EXIT_FAILED, "bench: TimeoutError\n"),
     ],
