@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import partial
@@ -102,13 +102,9 @@ class Round:
 
 
 @dataclass(frozen=True)
-class Measured:
+class Measured(Condition):
     """The flows of one condition, in one round or in several."""
 
-    link: Link
-    loss: float
-    round_trip_s: float
-    lease_s: float
     flows: int
     flow_s: float
     """Measured time of all flows together, without disturbed time [s]."""
@@ -282,16 +278,13 @@ def effort(results: Results) -> Sheet:
 
 def verdicts(results: Results) -> list[Verdict]:
     """Return the verdicts on QUIC, for each lease."""
-    return [
-        verdict for lease_s, together in by_lease(results).items() for verdict in _verdicts(together, lease_s)
-    ]
-
-
-def _verdicts(together: Mapping[Condition, Measured], lease_s: float) -> Iterator[Verdict]:
-    for loss, target in TARGETS.items():
-        found = together.get(Condition(Link.QUIC, loss, TARGET_ROUND_TRIP_S, lease_s))
-        if found is not None:
-            hours = found.flow_s / HOUR_S
-            where = f"{100 * loss:g} % loss, {1000 * TARGET_ROUND_TRIP_S:g} ms, lease {lease_s:g} s"
-            what = f"QUIC, {where}, {hours:.1f} flow-hours: false stops"
-            yield Verdict(what, found.per_hour, target, "an hour")
+    verdicts: list[Verdict] = []
+    for lease_s, together in by_lease(results).items():
+        for loss, target in TARGETS.items():
+            found = together.get(Condition(Link.QUIC, loss, TARGET_ROUND_TRIP_S, lease_s))
+            if found is not None:
+                hours = found.flow_s / HOUR_S
+                where = f"{100 * loss:g} % loss, {1000 * TARGET_ROUND_TRIP_S:g} ms, lease {lease_s:g} s"
+                what = f"QUIC, {where}, {hours:.1f} flow-hours: false stops"
+                verdicts.append(Verdict(what, found.per_hour, target, "an hour"))
+    return verdicts

@@ -4,7 +4,7 @@ import json
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -119,10 +119,7 @@ def _result(
         kept = sum(len(outside(one["stops_s"], spans)) for one in flows)
         found.append(
             Measured(
-                link=condition.link,
-                loss=condition.loss,
-                round_trip_s=condition.round_trip_s,
-                lease_s=condition.lease_s,
+                **asdict(condition),
                 flows=plan.flows,
                 flow_s=plan.flows * quiet_s,
                 stops=kept,
