@@ -19,8 +19,9 @@ TICKS_PER_STATUS = 5
 COMMAND_DEPTH = 32
 
 
-async def relay(endpoint: str, stop: asyncio.Event) -> None:
-    """Run the hub and relay until `stop` is set."""
+async def relay(stop: asyncio.Event) -> int:
+    """Run the hub and relay until `stop` is set; return the exit code."""
+    _, endpoint = sys.argv[1:]
     bus = await open_bus(BusConfig(endpoint), "hub")
     try:
         commands = bus.subscribe(topics.source_cmd_vel(topics.TELEOP), depth=COMMAND_DEPTH)
@@ -41,17 +42,8 @@ async def relay(endpoint: str, stop: asyncio.Event) -> None:
             ticks += 1
     finally:
         await bus.close()
-
-
-def main() -> None:
-    _, endpoint = sys.argv[1:]
-
-    async def run(stop: asyncio.Event) -> int:
-        await relay(endpoint, stop)
-        return 0
-
-    run_process("relay", run)
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    run_process("relay", relay)
