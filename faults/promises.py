@@ -1,14 +1,5 @@
 """The promises of Lifeline, checked on every sample of a run. Pure.
 
-1. `cmd_vel` is never outside the limits, never NaN, and never non-zero while a stop reason holds.
-2. Teleop is killed: zero on `cmd_vel` within 10 ms.
-3. Teleop hangs or its link is cut: zero within the command timeout and one tick.
-4. The supervisor is killed: the base brakes within 10 ms; it hangs: within the base's timeout.
-5. Scans are missing or invalid: zero within 0.25 s and one tick.
-6. By its own motion, the hull comes no closer to anything than the stop distance less 1 cm.
-7. After every stop, nothing moves before a neutral command.
-8. After every fault, the robot becomes drivable again by a neutral command alone.
-
 The consequences that a fault requires are given as `Demand`s: when zero must be commanded, when the base must brake,
 or when the robot must be drivable again.
 """
@@ -22,6 +13,18 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from faults.seen import Asked, Command, Motion, Seen, Status
+
+PROMISES = {
+    1: "cmd_vel is never outside the limits, never NaN, and zero while a stop reason holds",
+    2: "teleop dead: zero within 10 ms",
+    3: "teleop hung or cut off: zero within 0.2 s and one tick",
+    4: "supervisor dead: the base brakes within 10 ms; hung: within 0.15 s and a step",
+    5: "scan gone or senseless: zero within 0.25 s and one tick",
+    6: "by its own motion the hull never comes nearer than 0.29 m, and never touches",
+    7: "after every stop no motion without a neutral command",
+    8: "whatever was killed, it becomes drivable again by the operator's neutral alone",
+}
+"""The promises by number, with the default limits."""
 
 BARRIER_REASONS = frozenset({"OBSTACLE", "SCAN_BLIND"})
 """Stops that a command away from the obstacle ends without a neutral: the robot can leave its stop zone by itself."""

@@ -138,7 +138,7 @@ def _row(one: ClassFigures) -> str:
     cells = (
         f"`{one.name}`",
         "" if known is None else f"{known.does}{target}",
-        f"{one.count:,}",
+        f"{len(one.cases):,}",
         _detectors(one),
         "" if one.bound_s is None else f"{1000 * one.bound_s:.0f}",
         "" if stop is None else f"{1000 * stop.median:.1f}",

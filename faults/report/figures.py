@@ -6,28 +6,15 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from faults.classes import BY_NAME, CLASSES, PAIR, Effect
-from faults.demands import LEEWAY_S
+from faults.classes import BY_NAME, CLASSES, PAIR, Effect, FaultClass
 from faults.measure import BASE
 from faults.report.statistics import quantile, upper_rate
 from faults.trial import BrokenPromise, Injected, Provenance, Trial
 
 APART_S = 2.0
 """Faults closer together than this count as a pair, not as their own classes."""
-TIMELINES_KEPT = 40
-"""Number of trials with a timeline that are kept for each class, to choose a typical one."""
+UNSEEN = "no reason seen"
 ROUNDING_S = 1e-9
-
-PROMISES = {
-    1: "cmd_vel is never outside the limits, never NaN, and zero while a stop reason holds",
-    2: "teleop dead: zero within 10 ms",
-    3: "teleop hung or cut off: zero within 0.2 s and one tick",
-    4: "supervisor dead: the base brakes within 10 ms; hung: within 0.15 s and a step",
-    5: "scan gone or senseless: zero within 0.25 s and one tick",
-    6: "by its own motion the hull never comes nearer than 0.29 m, and never touches",
-    7: "after every stop no motion without a neutral command",
-    8: "whatever was killed, it becomes drivable again by the operator's neutral alone",
-}
 
 
 class Case(NamedTuple):
@@ -41,6 +28,8 @@ class Case(NamedTuple):
     """Time until the drive's target is zero; measured in real trials."""
     standstill_s: float | None
     distance_m: float | None
+    recorded: tuple[Trial, Injected] | None
+    """The trial and the fault, if the trial has a timeline."""
 
 
 class Broken(NamedTuple):
@@ -62,31 +51,75 @@ class Spread(NamedTuple):
     worst: float
 
 
-@dataclass(frozen=True)
+@dataclass
 class ClassFigures:
     """One class of faults over all trials of a campaign."""
 
     name: str
-    bound_s: float | None
-    count: int
-    """Number of injections."""
-    stops: tuple[Case, ...]
-    """Cases that led to a stop by an expected detector, the fastest first."""
-    detectors: tuple[tuple[str, int], ...]
-    """The first detectors of `stops` and their counts, the most frequent first."""
-    others: tuple[tuple[str, int, float], ...]
-    """Stops by other detectors: the detector, the count, the longest time [s]; NaN if none was measured."""
-    leeway_s: float
-    """Tolerance of a single trial beyond the bound."""
-    clearance_m: float
+    mode: str
+    cases: list[Case] = field(default_factory=list[Case])
+    """All injections."""
+    clearance_m: float = math.inf
     """Smallest clearance of its trials."""
-    contacts: int
+    contacts: int = 0
     """Contacts in its trials, whichever side moved."""
-    trials: int
-    broken: int
+    trials: int = 0
+    broken: int = 0
     """Number of `trials` that broke a promise."""
-    with_timeline: tuple[Trial, ...]
-    """Some of the trials with a timeline."""
+
+    def was_in(self, trial: Trial) -> None:
+        """Count a trial; its cases are added separately."""
+        self.trials += 1
+        self.clearance_m = min(self.clearance_m, trial.smallest_clearance_m)
+        self.contacts += trial.contacts
+        self.broken += bool(trial.violations)
+
+    @property
+    def known(self) -> FaultClass | None:
+        """Its row of the table; None if the file is of other code."""
+        return BY_NAME.get(self.name)
+
+    @property
+    def bound_s(self) -> float | None:
+        return None if self.known is None else self.known.bound_s
+
+    @property
+    def stops(self) -> list[Case]:
+        """Cases that led to a stop by an expected detector, the fastest first."""
+        return sorted(self._meant, key=lambda case: math.inf if case.stop_s is None else case.stop_s)
+
+    @property
+    def detectors(self) -> list[tuple[str, int]]:
+        """The first detectors of `stops` and their counts, the most frequent first."""
+        return Counter(case.detector or UNSEEN for case in self._meant).most_common()
+
+    @property
+    def others(self) -> list[tuple[str, int, float]]:
+        """Stops by other detectors: the detector, the count, the longest time [s]; NaN if none was measured."""
+        times_s: dict[str, list[float]] = {}
+        for case in self._stopped:
+            if not self._is_expected(case):
+                time_s = math.nan if case.stop_s is None else case.stop_s
+                times_s.setdefault(case.detector or UNSEEN, []).append(time_s)
+        return [(name, len(found), _longest_s(found)) for name, found in sorted(times_s.items())]
+
+    @property
+    def _stopped(self) -> list[Case]:
+        # In real trials, the operator keeps requesting motion, so a zero is a stop, whatever the reason.
+        zero_is_stop = self.mode == "real" and self.bound_s is not None
+        return [
+            case
+            for case in self.cases
+            if case.detector is not None or (zero_is_stop and case.stop_s is not None)
+        ]
+
+    @property
+    def _meant(self) -> list[Case]:
+        return [case for case in self._stopped if self._is_expected(case)]
+
+    def _is_expected(self, case: Case) -> bool:
+        known = self.known
+        return known is None or not known.detectors or case.detector in known.detectors
 
     @property
     def stop(self) -> Spread | None:
@@ -107,7 +140,7 @@ class ClassFigures:
     @property
     def is_stood_still(self) -> bool:
         """Whether the fault stops the simulated world itself; its motion is then not the robot's."""
-        return self.name in BY_NAME and Effect.STANDSTILL in BY_NAME[self.name].effect
+        return self.known is not None and Effect.STANDSTILL in self.known.effect
 
     @property
     def timed(self) -> list[Case]:
@@ -121,81 +154,14 @@ class ClassFigures:
             return 0
         return sum(case.stop_s > self.bound_s + ROUNDING_S for case in self.timed if case.stop_s is not None)
 
-    @property
-    def typical(self) -> Case | None:
-        """The median case."""
-        timed = self.timed
-        return timed[(len(timed) - 1) // 2] if timed else None
-
-    @property
-    def worst(self) -> Case | None:
-        timed = self.timed
-        return timed[-1] if timed else None
-
-    def timeline_near(self, stop_s: float) -> Trial | None:
-        """Return the trial with a timeline whose stop time is nearest to this one."""
-        mode_times = [(one, time_in(one, self.name)) for one in self.with_timeline]
-        timed = [(abs(time_s - stop_s), one.seed, one) for one, time_s in mode_times if time_s is not None]
-        return min(timed, key=lambda entry: entry[:2])[2] if timed else None
-
-
-@dataclass
-class _Gathered:
-    """Collects the trials of one class."""
-
-    cases: list[Case] = field(default_factory=list[Case])
-    leeway_s: float = 0.0
-    clearance_m: float = math.inf
-    contacts: int = 0
-    trials: int = 0
-    broken: int = 0
-    with_timeline: list[Trial] = field(default_factory=list[Trial])
-
-    def add(self, case: Case, one: Injected) -> None:
-        self.cases.append(case)
-        leeway_s = one.parameters.get("leeway_s", LEEWAY_S)
-        self.leeway_s = max(self.leeway_s, leeway_s if isinstance(leeway_s, float) else LEEWAY_S)
-
-    def was_in(self, trial: Trial, name: str) -> None:
-        self.trials += 1
-        self.clearance_m = min(self.clearance_m, trial.smallest_clearance_m)
-        self.contacts += trial.contacts
-        self.broken += bool(trial.violations)
-        if trial.timeline:
-            self.with_timeline.append(trial)
-            if len(self.with_timeline) > TIMELINES_KEPT:
-                # Keep the longest one; of the others, the earliest.
-                keeps = max(
-                    range(len(self.with_timeline)), key=lambda n: time_in(self.with_timeline[n], name) or 0.0
-                )
-                del self.with_timeline[-2 if keeps == TIMELINES_KEPT else -1]
-
-    def figures(self, name: str, mode: str) -> ClassFigures:
-        known = BY_NAME.get(name)
-        expected = known.detectors if known is not None else ()
-        stopped = [case for case in self.cases if case.detector is not None]
-        if mode == "real" and known is not None and known.bound_s is not None:
-            # In these trials the operator keeps requesting motion, so a zero is a stop, whatever the reason.
-            stopped = [case for case in self.cases if case.detector is not None or case.stop_s is not None]
-        meant = [case for case in stopped if not expected or case.detector in expected]
-        others: dict[str, list[Case]] = {}
-        for case in stopped:
-            if expected and case.detector not in expected:
-                others.setdefault(case.detector or "no reason seen", []).append(case)
-        return ClassFigures(
-            name,
-            None if known is None else known.bound_s,
-            len(self.cases),
-            tuple(sorted(meant, key=lambda case: math.inf if case.stop_s is None else case.stop_s)),
-            tuple(Counter(case.detector or "no reason seen" for case in meant).most_common()),
-            tuple((detector, len(cases), _longest_s(cases)) for detector, cases in sorted(others.items())),
-            self.leeway_s,
-            self.clearance_m,
-            self.contacts,
-            self.trials,
-            self.broken,
-            tuple(self.with_timeline),
-        )
+    def timeline_near(self, stop_s: float) -> Case | None:
+        """Return the case with a timeline whose stop time is nearest to this one."""
+        timed = [
+            (abs(case.stop_s - stop_s), number, case)
+            for number, case in enumerate(self.cases)
+            if case.recorded is not None and case.stop_s is not None
+        ]
+        return min(timed)[2] if timed else None
 
 
 @dataclass
@@ -210,7 +176,7 @@ class Campaign:
     contacts: int = 0
     broken_trials: int = 0
     broken: list[Broken] = field(default_factory=list[Broken])
-    _gathered: dict[str, _Gathered] = field(default_factory=dict[str, _Gathered])
+    _classes: dict[str, ClassFigures] = field(default_factory=dict[str, ClassFigures])
     unsigned: bool = False
     """Whether there are trials since the last provenance."""
 
@@ -224,9 +190,10 @@ class Campaign:
         names = tuple(dict.fromkeys(name for name, _ in named))
         self.broken += [Broken(names, trial.seed, one, replay(trial)) for one in trial.violations]
         for name, one in named:
-            self._gathered.setdefault(name, _Gathered()).add(_case(trial, one), one)
+            figures = self._classes.setdefault(name, ClassFigures(name, self.mode))
+            figures.cases.append(_case(trial, one))
         for name in names:
-            self._gathered[name].was_in(trial, name)
+            self._classes[name].was_in(trial)
 
     def sign(self, provenance: Provenance) -> None:
         """Assign the trials since the last provenance to this one."""
@@ -242,8 +209,7 @@ class Campaign:
     def classes(self) -> list[ClassFigures]:
         """Return the figures in the order of the table of classes."""
         order = {one.name: number for number, one in enumerate(CLASSES)}
-        names = sorted(self._gathered, key=lambda name: (order.get(name, len(order)), name))
-        return [self._gathered[name].figures(name, self.mode) for name in names]
+        return sorted(self._classes.values(), key=lambda one: (order.get(one.name, len(order)), one.name))
 
     @property
     def bounded(self) -> Spread | None:
@@ -253,7 +219,7 @@ class Campaign:
 
     def find(self, name: str) -> ClassFigures | None:
         """Return the figures of one class; None if it has no trial."""
-        return self._gathered[name].figures(name, self.mode) if name in self._gathered else None
+        return self._classes.get(name)
 
 
 def spread(values: Sequence[float | None]) -> Spread | None:
@@ -322,9 +288,13 @@ def class_of(trial: Trial) -> str:
 
 def replay(trial: Trial) -> str:
     """Return the command that replays this trial."""
-    if trial.mode == "virtual":
-        return f"lifeline faults --virtual --seed {trial.seed}"
-    return f"lifeline faults --classes {class_of(trial)} --trials 1 --seed {trial.seed}"
+    return command(trial.mode, class_of(trial), trial.seed)
+
+
+def command(mode: str, name: str, seed: int) -> str:
+    """Return the command that runs the trial of this seed; on real processes, of this class."""
+    which = "--virtual" if mode == "virtual" else f"--classes {name} --trials 1"
+    return f"lifeline faults {which} --seed {seed}"
 
 
 def classes_in(trial: Trial) -> Iterator[tuple[str, Injected]]:
@@ -345,6 +315,7 @@ def _case(trial: Trial, one: Injected) -> Case:
         wheels_s if isinstance(wheels_s, float) else None,
         one.to_standstill_s,
         one.distance_m,
+        (trial, one) if trial.timeline else None,
     )
 
 
@@ -354,10 +325,5 @@ def time_in(trial: Trial, name: str) -> float | None:
     return max((time_s for time_s in times_s if time_s is not None), default=None)
 
 
-def fault_of(trial: Trial, name: str) -> Injected | None:
-    """Return the first fault of a class in a trial."""
-    return next((one for class_, one in classes_in(trial) if class_ == name), None)
-
-
-def _longest_s(cases: Sequence[Case]) -> float:
-    return max((case.stop_s for case in cases if case.stop_s is not None), default=math.nan)
+def _longest_s(times_s: Sequence[float]) -> float:
+    return max((time_s for time_s in times_s if not math.isnan(time_s)), default=math.nan)

