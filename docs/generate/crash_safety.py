@@ -24,8 +24,7 @@ from deploy.stack.errors import DeployError
 from docs.generate import sections
 from faults.classes import BY_NAME
 from faults.report.figures import Campaign, ClassFigures, Spread
-from faults.report.page import FEW, percent, verdict
-from faults.report.report import read_campaigns
+from faults.report.page import FEW, percent, read_campaigns, verdict
 from faults.report.statistics import upper_rate
 from faults.trial import Provenance
 

@@ -1,13 +1,17 @@
-"""The report of a campaign as one HTML page without scripts or external resources, for screen and paper. Pure."""
+"""The report of a campaign as one HTML page without scripts or external resources, for screen and paper."""
 
 import math
 from collections.abc import Iterator, Sequence
 from html import escape
+from pathlib import Path
+from typing import NamedTuple
 
+from deploy.stack.errors import DeployError
 from faults.promises import PROMISES
 from faults.report.drawing import strips, timeline
-from faults.report.figures import Campaign, Case, ClassFigures, Spread, command
+from faults.report.figures import Campaign, Case, ClassFigures, Spread, campaigns, command
 from faults.report.statistics import upper_rate
+from faults.trial_file import read_records
 
 BROKEN_SHOWN = 200
 FEW = 100
@@ -46,12 +50,57 @@ figure{margin:1rem 0}figcaption{color:var(--soft);font-size:13px}
 """
 
 
-def page(sources: Sequence[str], campaigns: Sequence[Campaign], left_out: int) -> str:
+def read_campaigns(files: Sequence[Path]) -> tuple[list[Campaign], int]:
+    """Return the campaigns in the files, and the number of trials of older revisions, which are left out.
+
+    Raises:
+        DeployError: a file cannot be read or is damaged, or no file contains a trial.
+    """
+    found, left_out = campaigns(record for file in files for record in read_records(file))
+    if not found:
+        names = ", ".join(str(file) for file in files)
+        raise DeployError(f"there is no trial in {names}: `lifeline faults --out FILE.jsonl` makes some")
+    return found, left_out
+
+
+class Written(NamedTuple):
+    """The page that was written, and the trials on it."""
+
+    page: str
+    trials: int
+    broken_trials: int
+    trials_of_older_revisions: int
+
+    @property
+    def sentence(self) -> str:
+        verdict = (
+            f"{self.broken_trials:,} broke a promise" if self.broken_trials else "every promise was kept"
+        )
+        return f"{self.page}: {self.trials:,} trials, {verdict}"
+
+
+def write_report(files: Sequence[Path], out: Path) -> Written:
+    """Write the page.
+
+    Raises:
+        DeployError: as above, or the page cannot be written.
+    """
+    found, left_out = read_campaigns(files)
+    text = _page([file.name for file in files], found, left_out)
+    try:
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise DeployError(f"cannot write {out}: {error.strerror}") from error
+    trials, broken = sum(one.trials for one in found), sum(one.broken_trials for one in found)
+    return Written(str(out), trials, broken, left_out)
+
+
+def _page(sources: Sequence[str], found: Sequence[Campaign], left_out: int) -> str:
     """Return the page.
 
     Args:
         sources: names of the files.
-        campaigns: the campaigns in them.
+        found: the campaigns in them.
         left_out: number of trials of older revisions, which are not in the figures.
     """
     title = "Lifeline: what each fault leads to"
@@ -60,8 +109,8 @@ def page(sources: Sequence[str], campaigns: Sequence[Campaign], left_out: int) -
             '<!doctype html><html lang="en"><head><meta charset="utf-8">',
             '<meta name="viewport" content="width=device-width,initial-scale=1">',
             f"<title>{title}</title><style>{STYLE}</style></head><body><h1>{title}</h1>",
-            *_head(sources, campaigns, left_out),
-            *(part for one in campaigns for part in _campaign(one)),
+            *_head(sources, found, left_out),
+            *(part for one in found for part in _campaign(one)),
             *_how_to_read(),
             "</body></html>\n",
         ]
@@ -98,9 +147,9 @@ def percent(rate: float) -> str:
     return f"{100 * rate:.{digits}f} %"
 
 
-def _head(sources: Sequence[str], campaigns: Sequence[Campaign], left_out: int) -> Iterator[str]:
+def _head(sources: Sequence[str], found: Sequence[Campaign], left_out: int) -> Iterator[str]:
     yield "<dl><dt>file</dt><dd>" + escape(", ".join(sources)) + "</dd></dl>"
-    for one in campaigns:
+    for one in found:
         word = "bad" if one.broken_trials else "good"
         yield f'<p><b>{MODES[one.mode]}.</b> <span class="{word}">{verdict(one)}</span></p>'
     if left_out:

@@ -127,7 +127,7 @@ def fault_report(
     as_json: Json = False,
 ) -> None:
     """Render campaign results as an HTML page."""
-    from faults.report.report import write_report
+    from faults.report.page import write_report
 
     written = write_report(files, html)
     answer(written._asdict(), written.sentence, as_json=as_json)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from faults.report.report import write_report
+from faults.report.page import write_report
 from faults.trial_file import read_trials
 
 pytestmark = pytest.mark.timeout(2 * 120 + 30)

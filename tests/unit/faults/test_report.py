@@ -14,8 +14,7 @@ from deploy.stack.errors import DeployError
 from faults import trial_file
 from faults.report.drawing import timeline
 from faults.report.figures import campaigns, replay
-from faults.report.page import BROKEN_SHOWN, percent
-from faults.report.report import read_campaigns, write_report
+from faults.report.page import BROKEN_SHOWN, percent, read_campaigns, write_report
 from faults.trial import BrokenPromise, Injected, Provenance, Sample, Trial, parse_provenance
 from faults.trial_file import appending, read_records
 from lifeline.cli.app import app
