@@ -73,7 +73,8 @@ def known_trials(out: Path | None, mode: str, revision: str) -> list[Trial]:
 def appending(out: Path | None, origin: Provenance | None = None) -> Generator[Callable[[str], None]]:
     """Open a file and yield a function that appends one line; without a file, it does nothing.
 
-    An incomplete last line is cut off first. Each line is flushed, and a provenance follows the lines.
+    An incomplete last line is cut off first. Each line is flushed. A provenance follows the lines, even if the block is
+    interrupted.
 
     Args:
         out: the file.
@@ -91,13 +92,23 @@ def appending(out: Path | None, origin: Provenance | None = None) -> Generator[C
         _cut_incomplete_line(file)
     except OSError as error:
         raise DeployError(f"cannot write {out}: {error.strerror}") from error
+    begun, unsigned = origin or provenance_of(sys.argv[1:]), False
 
     def append(line: str) -> None:
-        file.write(line.encode() + b"\n")
-        file.flush()
+        nonlocal unsigned
+        unsigned = True
+        try:
+            file.write(line.encode() + b"\n")
+            file.flush()
+        except OSError as error:
+            raise DeployError(f"cannot write {out}: {error.strerror}") from error
 
-    with signed(out, origin), file:
-        yield append
+    with file:
+        try:
+            yield append
+        finally:
+            if unsigned:
+                append(begun.line())
 
 
 def _cut_incomplete_line(file: IO[bytes]) -> None:
@@ -150,32 +161,3 @@ def commit() -> str:
     except (OSError, subprocess.SubprocessError):
         return ""
     return f"{found}, with changes that are not committed" if changes else found
-
-
-@contextmanager
-def signed(out: Path | None, origin: Provenance | None = None) -> Generator[None]:
-    """Append a provenance line after the trials that the block adds to the file, even if the block is interrupted."""
-    if out is None:
-        yield
-        return
-    begun, before = origin or provenance_of(sys.argv[1:]), _size(out)
-    try:
-        yield
-    finally:
-        if _size(out) > before:
-            _sign(out, begun)
-
-
-def _sign(out: Path, begun: Provenance) -> None:
-    try:
-        with out.open("a") as file:
-            file.write(begun.line() + "\n")
-    except OSError as error:
-        raise DeployError(f"cannot write {out}: {error.strerror}") from error
-
-
-def _size(out: Path) -> int:
-    try:
-        return out.stat().st_size
-    except OSError:
-        return 0

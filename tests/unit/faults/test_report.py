@@ -305,13 +305,13 @@ def test_what_is_added_to_a_file_is_signed_and_nothing_is_where_nothing_was_adde
 ) -> None:
     monkeypatch.setattr("sys.argv", ["lifeline", "faults", "--out", str(tmp_path / "trials.jsonl")])
     out = tmp_path / "trials.jsonl"
-    with trial_file.signed(out):
+    with appending(out):
         pass
-    with trial_file.signed(None):
-        pass
-    assert not out.exists()
-    with pytest.raises(KeyboardInterrupt), trial_file.signed(out):  # noqa: PT012 - interrupted after a trial
-        file_of(out, trial(fault()))
+    with appending(None) as append:
+        append("a line")
+    assert out.read_text() == ""
+    with pytest.raises(KeyboardInterrupt), appending(out) as append:  # noqa: PT012 - interrupted after a trial
+        append(trial(fault()).line())
         raise KeyboardInterrupt
     last = parse_provenance(out.read_text().splitlines()[-1])
     assert last.command == "lifeline faults --out trials.jsonl", "no directory of this machine"
@@ -349,12 +349,6 @@ def test_the_command_writes_the_page_and_refuses_in_a_sentence(tmp_path: Path) -
     refused = CliRunner().invoke(app, ["fault-report", str(tmp_path / "none"), "--html", str(out)])
     assert refused.exit_code == 2
     assert "cannot read the trials" in refused.output
-
-
-def test_an_origin_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:
-    out = tmp_path / "trials.jsonl"
-    with pytest.raises(DeployError, match="cannot write"), trial_file.signed(out):
-        out.mkdir()
 
 
 def test_of_very_many_broken_promises_the_first_are_shown_and_the_rest_counted(tmp_path: Path) -> None:
