@@ -6,10 +6,11 @@ The last part is for real processes only: all times are of one monotonic clock.
 import itertools
 import math
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from faults.seen import Command, Motion, Seen
+from faults.trial import Injected
 from lifeline.incidents.braking import braking
 
 NOTICED_WITHIN_S = 2.0
@@ -83,6 +84,24 @@ def _to_zero_s(seen: Seen, fault_s: float) -> float | None:
         return None
     zero = next((c for c in itertools.islice(seen.commands, start, None) if c.is_zero), None)
     return None if zero is None else zero.arrival_s - fault_s
+
+
+def injected(fault: str, at_s: float, parameters: Mapping[str, float | str], stop: Stop) -> Injected:
+    """Return the record of a fault and of the stop after it."""
+    return Injected(
+        fault=fault,
+        time_s=round(at_s, 4),
+        parameters=dict(parameters),
+        detector=stop.detector,
+        speed_m_s=round(stop.speed_m_s, 4),
+        to_zero_s=_rounded(stop.to_zero_s),
+        to_standstill_s=_rounded(stop.to_standstill_s),
+        distance_m=_rounded(stop.distance_m),
+    )
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 5)
 
 
 # --- real processes

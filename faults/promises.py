@@ -13,6 +13,7 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from faults.seen import Asked, Command, Motion, Seen, Status
+from faults.trial import BrokenPromise
 
 PROMISES = {
     1: "cmd_vel is never outside the limits, never NaN, and zero while a stop reason holds",
@@ -88,16 +89,9 @@ class Demand(NamedTuple):
     reasons: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Violation:
-    """A broken promise."""
-
-    promise: int
-    time_s: float
-    sentence: str
-
-
-def violations(seen: Seen, demands: Iterable[Demand] = (), bounds: Bounds | None = None) -> list[Violation]:
+def violations(
+    seen: Seen, demands: Iterable[Demand] = (), bounds: Bounds | None = None
+) -> list[BrokenPromise]:
     """Return the broken promises, each at most once per occasion, in order of time.
 
     Args:
@@ -130,7 +124,7 @@ def violations(seen: Seen, demands: Iterable[Demand] = (), bounds: Bounds | None
 # --- 1: cmd_vel
 
 
-def _beyond_limits(commands: Sequence[Command], bounds: Bounds) -> Iterator[Violation]:
+def _beyond_limits(commands: Sequence[Command], bounds: Bounds) -> Iterator[BrokenPromise]:
     for command in commands:
         linear, angular = command.linear_m_s, command.angular_rad_s
         if not (
@@ -138,11 +132,11 @@ def _beyond_limits(commands: Sequence[Command], bounds: Bounds) -> Iterator[Viol
             and abs(angular) <= bounds.max_angular_rad_s + ROUNDING
         ):
             sentence = f"cmd_vel requests {linear:g} m/s, {angular:g} rad/s: beyond the limits"
-            yield Violation(1, command.arrival_s, sentence)
+            yield BrokenPromise(1, command.arrival_s, sentence)
             return  # later violations have the same cause
 
 
-def _motion_despite_a_stop(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
+def _motion_despite_a_stop(seen: Seen, bounds: Bounds) -> Iterator[BrokenPromise]:
     """Check that nothing moves after a status that reports a stop, until the next status."""
     for status, following in itertools.pairwise(seen.statuses):
         if not status.is_stopped:
@@ -150,7 +144,7 @@ def _motion_despite_a_stop(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
         window = (status.arrival_s + bounds.status_leeway_s, following.arrival_s - bounds.status_leeway_s)
         for command in _between(seen.commands, *window):
             if not command.is_zero:
-                yield Violation(
+                yield BrokenPromise(
                     1,
                     command.arrival_s,
                     f"cmd_vel is {command.linear_m_s:.3f} m/s, {command.angular_rad_s:.3f} rad/s "
@@ -162,10 +156,10 @@ def _motion_despite_a_stop(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
 # --- 2, 3, 5: zero in time
 
 
-def _not_zero(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]:  # noqa: ARG001
+def _not_zero(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[BrokenPromise]:  # noqa: ARG001
     for command in _between(seen.commands, demand.from_s, demand.until_s):
         if not command.is_zero:
-            yield Violation(
+            yield BrokenPromise(
                 demand.promise,
                 command.arrival_s,
                 f"cmd_vel is still {command.linear_m_s:.3f} m/s, {command.angular_rad_s:.3f} rad/s "
@@ -174,7 +168,7 @@ def _not_zero(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]
             return
 
 
-def _moved_unasked(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
+def _moved_unasked(seen: Seen, bounds: Bounds) -> Iterator[BrokenPromise]:
     """Check that a recent command for motion precedes every motion."""
     if math.isinf(bounds.asked_age_s):
         return
@@ -185,17 +179,17 @@ def _moved_unasked(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
         is_late = not command.is_zero and age_s > bounds.asked_age_s
         if is_late and not is_reported:
             sentence = f"the robot moves on a request that is {age_s:.3f} s old"
-            yield Violation(3, command.arrival_s, sentence)
+            yield BrokenPromise(3, command.arrival_s, sentence)
         is_reported = is_late
 
 
-def _set_off_unasked(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
+def _set_off_unasked(seen: Seen, bounds: Bounds) -> Iterator[BrokenPromise]:
     """Check the same at the wheels, because the network may deliver an old command late."""
     wishes = _wishes_s(seen.asked)
     for (_, before), (at_s, is_driven) in itertools.pairwise(seen.driven):
         age_s = _age_s(wishes, at_s)
         if is_driven and not before and age_s > bounds.asked_age_s:
-            yield Violation(3, at_s, f"the base starts to move on a request that is {age_s:.3f} s old")
+            yield BrokenPromise(3, at_s, f"the base starts to move on a request that is {age_s:.3f} s old")
 
 
 def _wishes_s(asked: Sequence[Asked]) -> list[float]:
@@ -212,7 +206,7 @@ def _age_s(wishes_s: Sequence[float], at_s: float) -> float:
 # --- 4: the base by itself
 
 
-def _not_braked(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]:
+def _not_braked(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[BrokenPromise]:
     """Check that both axes slow down at the trusted decelerations; both may take the time of the slower one."""
     within = list(_motions_between(seen.motions, demand.from_s, demand.until_s))
     if not within:
@@ -228,7 +222,7 @@ def _not_braked(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violatio
             abs(motion.linear_m_s) > left * abs(first.linear_m_s) + BRAKING_TOLERANCE_M_S
             or abs(motion.angular_rad_s) > left * abs(first.angular_rad_s) + BRAKING_TOLERANCE_RAD_S
         ):
-            yield Violation(
+            yield BrokenPromise(
                 demand.promise,
                 motion.time_s,
                 f"the base moves at {motion.linear_m_s:.3f} m/s, {motion.angular_rad_s:.3f} rad/s "
@@ -245,7 +239,7 @@ BRAKING_TOLERANCE_RAD_S = 0.25
 # --- 6: distance
 
 
-def _came_too_near(motions: Sequence[Motion], bounds: Bounds) -> Iterator[Violation]:
+def _came_too_near(motions: Sequence[Motion], bounds: Bounds) -> Iterator[BrokenPromise]:
     """Check that the robot's own motion does not reduce the clearance within the stop distance.
 
     An object that moves, or that is placed too near to stop in time, may reduce the clearance without limit, and the
@@ -282,7 +276,7 @@ def _came_too_near(motions: Sequence[Motion], bounds: Bounds) -> Iterator[Violat
         if too_near and not is_reported:
             is_reported = True
             touching = ", touching" if motion.is_touching else ""
-            yield Violation(
+            yield BrokenPromise(
                 6,
                 motion.time_s,
                 f"the clearance of the hull fell to {100 * motion.clearance_m:.1f} cm{touching}, "
@@ -298,7 +292,7 @@ def _stopping_m(motion: Motion, bounds: Bounds) -> float:
 # --- 7: neutral first
 
 
-def _moved_without_neutral(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
+def _moved_without_neutral(seen: Seen, bounds: Bounds) -> Iterator[BrokenPromise]:
     """Check that after every stop except the barrier's, the moving source has sent neutral since the stop began."""
     for since_s, reasons, released in _stops(seen.statuses):
         neutral_s = _first_neutral_s(seen.asked, released.owner, since_s - bounds.neutral_leeway_s)
@@ -308,7 +302,7 @@ def _moved_without_neutral(seen: Seen, bounds: Bounds) -> Iterator[Violation]:
             if command.arrival_s > neutral_s:
                 break
             if not command.is_zero:
-                yield Violation(
+                yield BrokenPromise(
                     7,
                     command.arrival_s,
                     f"{released.owner or 'nobody'} moves the robot after {', '.join(reasons)} "
@@ -357,11 +351,11 @@ def _first_neutral_s(asked: Sequence[Asked], source: str, since_s: float) -> flo
 # --- 8: drivable again
 
 
-def _not_drivable(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]:  # noqa: ARG001
+def _not_drivable(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[BrokenPromise]:  # noqa: ARG001
     statuses = [s for s in seen.statuses if demand.from_s <= s.arrival_s <= demand.until_s]
     if not any(not status.is_stopped for status in statuses):
         why = ", ".join(statuses[-1].reasons) if statuses else "no status arrived"
-        yield Violation(demand.promise, demand.until_s, f"not drivable again ({why}): {demand.because}")
+        yield BrokenPromise(demand.promise, demand.until_s, f"not drivable again ({why}): {demand.because}")
 
 
 # --- required and forbidden consequences of sensor faults
@@ -377,22 +371,24 @@ def _in_force(seen: Seen, demand: Demand) -> list[Status]:
     ]
 
 
-def _not_stopped(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]:  # noqa: ARG001
+def _not_stopped(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[BrokenPromise]:  # noqa: ARG001
     if not any(status.is_stopped for status in _in_force(seen, demand)):
         took = f"{1000 * (demand.until_s - demand.from_s):.0f} ms"
-        yield Violation(
+        yield BrokenPromise(
             demand.promise, demand.until_s, f"nothing stops the robot within {took}: {demand.because}"
         )
 
 
-def _not_named(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]:  # noqa: ARG001
+def _not_named(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[BrokenPromise]:  # noqa: ARG001
     named = {reason for status in _in_force(seen, demand) for reason in status.reasons}
     if named.isdisjoint(demand.reasons):
         wanted, instead = " or ".join(demand.reasons), ", ".join(sorted(named)) or "no reason"
-        yield Violation(demand.promise, demand.until_s, f"{instead} instead of {wanted}: {demand.because}")
+        yield BrokenPromise(
+            demand.promise, demand.until_s, f"{instead} instead of {wanted}: {demand.because}"
+        )
 
 
-def _hindered(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]:
+def _hindered(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[BrokenPromise]:
     """Check that no stop for an obstacle lasts longer than `MOMENT_S` unless a real object is near."""
     since_s: float | None = None
     for status in _in_force(seen, demand):
@@ -407,7 +403,7 @@ def _hindered(seen: Seen, demand: Demand, bounds: Bounds) -> Iterator[Violation]
                 sentence = (
                     f"stopped for an obstacle with {clearance_m:.2f} m free all around: {demand.because}"
                 )
-                yield Violation(demand.promise, status.arrival_s, sentence)
+                yield BrokenPromise(demand.promise, status.arrival_s, sentence)
                 return
 
 

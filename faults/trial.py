@@ -5,9 +5,11 @@ and when a campaign ran is recorded in a separate line, its provenance, after it
 """
 
 from collections.abc import Iterable, Iterator
-from typing import Annotated, Literal
+from functools import partial
+from typing import Annotated, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic.dataclasses import dataclass
 
 from deploy.stack.errors import DeployError
 from faults.seen import Seen
@@ -19,15 +21,19 @@ Seconds = Annotated[float, Field(allow_inf_nan=False)]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
+EXACTLY = ConfigDict(extra="forbid", strict=True)
+
+
 class _Record(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    model_config = EXACTLY | ConfigDict(frozen=True)
 
 
-class BrokenPromise(_Record):
+@dataclass(frozen=True, slots=True, config=EXACTLY)
+class BrokenPromise:
     """A broken promise, as a sentence; `promise` is its number."""
 
     promise: Annotated[int, Field(ge=1, le=8)]
-    time_s: Seconds
+    time_s: Annotated[Seconds, AfterValidator(partial(round, ndigits=4))]
     sentence: str
 
 
@@ -111,10 +117,7 @@ def parse(line: str) -> Trial:
     Raises:
         DeployError: the line is not a trial of this format.
     """
-    try:
-        return Trial.model_validate_json(line)
-    except ValidationError as error:
-        raise DeployError(_complaint("a trial", error)) from error
+    return _parsed(Trial, "a trial", line)
 
 
 def parse_provenance(line: str) -> Provenance:
@@ -123,16 +126,20 @@ def parse_provenance(line: str) -> Provenance:
     Raises:
         DeployError: as above.
     """
+    return _parsed(Provenance, "a provenance", line)
+
+
+R = TypeVar("R", bound=_Record)
+
+
+def _parsed(record: type[R], what: str, line: str) -> R:
     try:
-        return Provenance.model_validate_json(line)
+        return record.model_validate_json(line)
     except ValidationError as error:
-        raise DeployError(_complaint("a provenance", error)) from error
-
-
-def _complaint(what: str, error: ValidationError) -> str:
-    fault = error.errors(include_url=False)[0]
-    where = ".".join(str(part) for part in fault["loc"]) or "the line"
-    return f"not {what} of format {FORMAT}: {where}: {fault['msg'].lower()}"
+        fault = error.errors(include_url=False)[0]
+        where = ".".join(str(part) for part in fault["loc"]) or "the line"
+        sentence = f"not {what} of format {FORMAT}: {where}: {fault['msg'].lower()}"
+        raise DeployError(sentence) from error
 
 
 # --- the timeline: velocities over time, as samples for a drawing

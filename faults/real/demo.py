@@ -19,12 +19,12 @@ from rich.text import Text
 
 from deploy.stack.takedown import Say
 from faults.classes import BY_NAME, KILL_BOUND_S
-from faults.promises import Bounds, Violation, violations
+from faults.promises import Bounds, violations
 from faults.real.rig.stage import Stage, StageError
 from faults.real.trial_run import LEEWAY_S, complete_trial, standing_since_s
 from faults.report.table import broken_sentences
 from faults.seen import Seen
-from faults.trial import Injected, Trial
+from faults.trial import BrokenPromise, Injected, Trial
 from wire import topics
 from wire.reasons import StopReason
 
@@ -294,7 +294,7 @@ async def _back_out(stage: Stage, say: Say) -> list[Verdict]:
     ]
 
 
-def _say_violations(found: Iterable[Violation], say: Say) -> None:
+def _say_violations(found: Iterable[BrokenPromise], say: Say) -> None:
     for one in found:
         say(f"  promise {one.promise}: {one.sentence}")
 

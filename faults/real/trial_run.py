@@ -21,6 +21,7 @@ from faults.classes import BY_NAME, KILL_BOUND_S, Effect, Group
 from faults.demands import Done, asked_age_s, demands
 from faults.measure import (
     STALL_S,
+    injected,
     longest_gap_s,
     since,
     stood_s,
@@ -29,7 +30,7 @@ from faults.measure import (
     to_lasting_zero_s,
 )
 from faults.port import Fault, Pillar
-from faults.promises import Bounds, Demand, Kind, Violation, violations
+from faults.promises import Bounds, Demand, Kind, violations
 from faults.real.real_faults import planned
 from faults.real.rig.stage import NODES, PRESS_AGAIN_S, Stage, StageError
 from faults.report.drawing import AFTER_S, BEFORE_S
@@ -82,7 +83,7 @@ class _Run:
     done: list[Done] = field(default_factory=list[Done])
     begun_late_s: float = 0.0
     """Maximum delay of a sensor fault after its recorded begin, because the sim confirms it later."""
-    complaints: list[Violation] = field(default_factory=list[Violation])
+    complaints: list[BrokenPromise] = field(default_factory=list[BrokenPromise])
     recovering_s: float = 0.0
 
     @property
@@ -279,7 +280,7 @@ async def _start_what_ended(stage: Stage, run: _Run) -> None:
         return
     if not run.may_end(topics.TELEOP):
         sentence = f"teleop ended by itself; its last lines: {stage.teleop.last_lines}"
-        run.complaints.append(Violation(8, time.monotonic(), sentence))
+        run.complaints.append(BrokenPromise(8, time.monotonic(), sentence))
     # Start it only after the loss was detected, because starting a program occupies the processor.
     await asyncio.sleep(3 * LOOK_S)
     await stage.start_teleop()
@@ -335,7 +336,9 @@ async def _recover(stage: Stage, run: _Run) -> bool:
         if run.recovering_s == 0.0:
             run.recovering_s = time.monotonic()
         because = " and ".join(name for name, _ in run.faults)
-        run.complaints.append(Violation(8, time.monotonic(), f"not drivable again after {because}: {error}"))
+        run.complaints.append(
+            BrokenPromise(8, time.monotonic(), f"not drivable again after {because}: {error}")
+        )
         return False
     await _let_go(stage)
     stage.is_ready = True
@@ -373,7 +376,7 @@ def _complain_of_deaths(stage: Stage, run: _Run, pids: dict[str, int]) -> None:
     for node, pid in pids.items():
         if not run.may_end(node) and stage.pid(node) != pid:
             lines = stage.state.last_lines(node)
-            run.complaints.append(Violation(8, time.monotonic(), f"{node} ended by itself:\n{lines}"))
+            run.complaints.append(BrokenPromise(8, time.monotonic(), f"{node} ended by itself:\n{lines}"))
 
 
 # --- judge
@@ -401,10 +404,10 @@ def _judge(stage: Stage, run: _Run, revision: str, load: float) -> Trial:
     bounds = Bounds(asked_age_s=asked_s, status_leeway_s=LEEWAY_S, neutral_leeway_s=age_s)
     found = [
         *violations(seen, wanted, bounds),
-        *(Violation(one.promise, one.time_s - began_s, one.sentence) for one in run.complaints),
+        *(BrokenPromise(one.promise, one.time_s - began_s, one.sentence) for one in run.complaints),
     ]
     if observer.undecodable:
-        found.append(Violation(1, 0.0, f"{observer.undecodable} undecodable messages on cmd_vel"))
+        found.append(BrokenPromise(1, 0.0, f"{observer.undecodable} undecodable messages on cmd_vel"))
     faults: list[Injected] = []
     for one in done:
         stop = stop_after(seen, one.at_s, base)
@@ -412,35 +415,22 @@ def _judge(stage: Stage, run: _Run, revision: str, load: float) -> Trial:
         base_bound_s = _base_bound_s(one.name) if len(done) == 1 else None
         if base_bound_s is not None and _brakes_late(seen, one.at_s, wheels_s, base_bound_s + run.leeway_s):
             took = "did not brake" if wheels_s is None else f"braked after {1000 * wheels_s:.0f} ms"
-            found.append(Violation(4, one.at_s, f"the base {took}: {one.name}"))
+            found.append(BrokenPromise(4, one.at_s, f"the base {took}: {one.name}"))
         measured = {} if wheels_s is None else {"to_wheels_s": round(wheels_s, 5)}
-        faults.append(
-            Injected(
-                fault=one.name,
-                time_s=round(one.at_s, 4),
-                parameters={
-                    **one.parameters,
-                    **measured,
-                    "sim_stalled_s": round(stalled_s, 3),
-                    "load": round(load, 2),
-                    "leeway_s": round(run.leeway_s, 3),
-                    "late_commands": observer.late,
-                    "misdelivered": observer.misdelivered,
-                },
-                detector=stop.detector,
-                speed_m_s=round(stop.speed_m_s, 4),
-                to_zero_s=_rounded(to_lasting_zero_s(seen.commands, one.at_s, recovering_s)),
-                to_standstill_s=_rounded(stop.to_standstill_s),
-                distance_m=_rounded(stop.distance_m),
-            )
-        )
-    broken = tuple(
-        BrokenPromise(promise=one.promise, time_s=round(one.time_s, 4), sentence=one.sentence)
-        for one in found
-    )
+        parameters = {
+            **one.parameters,
+            **measured,
+            "sim_stalled_s": round(stalled_s, 3),
+            "load": round(load, 2),
+            "leeway_s": round(run.leeway_s, 3),
+            "late_commands": observer.late,
+            "misdelivered": observer.misdelivered,
+        }
+        to_zero_s = to_lasting_zero_s(seen.commands, one.at_s, recovering_s)
+        faults.append(injected(one.name, one.at_s, parameters, stop._replace(to_zero_s=to_zero_s)))
     clearances_m = [motion.clearance_m for motion in seen.motions]
     # The part to be drawn; everything if a promise was broken.
-    window = (0.0, math.inf) if broken else (done[0].at_s - BEFORE_S, done[-1].at_s + AFTER_S)
+    window = (0.0, math.inf) if found else (done[0].at_s - BEFORE_S, done[-1].at_s + AFTER_S)
     return Trial(
         mode="real",
         revision=revision,
@@ -449,7 +439,7 @@ def _judge(stage: Stage, run: _Run, revision: str, load: float) -> Trial:
         faults=tuple(faults),
         smallest_clearance_m=round(min(clearances_m), 4) if clearances_m else 0.0,
         contacts=observer.contacts,
-        violations=broken,
+        violations=tuple(found),
         timeline=tuple(thinned(timeline(seen, FINE_S), *window)),
     )
 
@@ -467,7 +457,3 @@ def _base_bound_s(name: str) -> float | None:
 def _brakes_late(seen: Seen, at_s: float, wheels_s: float | None, bound_s: float) -> bool:
     """Return whether zero at the wheels came too late, not counting the time in which the simulation stood still."""
     return wheels_s is None or wheels_s - stood_s(seen.motions, at_s, at_s + wheels_s) > bound_s
-
-
-def _rounded(value: float | None) -> float | None:
-    return None if value is None else round(value, 5)

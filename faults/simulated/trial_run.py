@@ -10,8 +10,8 @@ from collections.abc import Generator
 from contextlib import contextmanager
 
 from faults.demands import Done, asked_age_s, demands, may_be_locked_out, tolerance_m
-from faults.measure import NOTICED_WITHIN_S, stop_after
-from faults.promises import Bounds, Demand, Kind, Violation, violations
+from faults.measure import NOTICED_WITHIN_S, injected, stop_after
+from faults.promises import Bounds, Demand, Kind, violations
 from faults.seen import Seen
 from faults.simulated.fault_injection import Injector
 from faults.simulated.operator import Operator, reset_from_outside
@@ -125,14 +125,11 @@ def _judge(world: World, done: list[Done], revision: str, *, with_timeline: bool
     wanted.append(Demand(Kind.DRIVABLE, 8, "everything is mended", EPISODE_S, end_s))
     age_s = asked_age_s(done)
     bounds = Bounds(tolerance_m=tolerance_m(done), asked_age_s=age_s, neutral_leeway_s=age_s)
-    found = violations(seen, wanted, bounds)
-    found += [
-        Violation(8, time_s, f"{name} ended by an error of its own: {why}")
+    broken = violations(seen, wanted, bounds)
+    broken += [
+        BrokenPromise(8, time_s, f"{name} ended by an error of its own: {why}")
         for time_s, name, why in world.crashes
     ]
-    broken = tuple(
-        BrokenPromise(promise=v.promise, time_s=round(v.time_s, 4), sentence=v.sentence) for v in found
-    )
     return Trial(
         mode="virtual",
         revision=revision,
@@ -141,7 +138,7 @@ def _judge(world: World, done: list[Done], revision: str, *, with_timeline: bool
         faults=tuple(_injected(seen, one, world) for one in done),
         smallest_clearance_m=round(min(motion.clearance_m for motion in seen.motions), 4),
         contacts=world.contacts,
-        violations=broken,
+        violations=tuple(broken),
         digest=digest(seen),
         timeline=tuple(timeline(seen)) if with_timeline or broken else (),
     )
@@ -150,20 +147,7 @@ def _judge(world: World, done: list[Done], revision: str, *, with_timeline: bool
 def _injected(seen: Seen, one: Done, world: World) -> Injected:
     within_s = min(one.until_s - one.at_s + FOLLOWS_S, NOTICED_WITHIN_S)
     stop = stop_after(seen, one.at_s, world.base, within_s)
-    return Injected(
-        fault=one.name,
-        time_s=round(one.at_s, 4),
-        parameters=dict(one.parameters),
-        detector=stop.detector,
-        speed_m_s=round(stop.speed_m_s, 4),
-        to_zero_s=_rounded(stop.to_zero_s),
-        to_standstill_s=_rounded(stop.to_standstill_s),
-        distance_m=_rounded(stop.distance_m),
-    )
-
-
-def _rounded(value: float | None) -> float | None:
-    return None if value is None else round(value, 5)
+    return injected(one.name, one.at_s, one.parameters, stop)
 
 
 def digest(seen: Seen) -> str:

@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from faults.promises import Bounds, Demand, Kind, Violation, violations
+from faults.promises import Bounds, Demand, Kind, violations
 from faults.seen import Asked, Command, Motion, Seen, Status
+from faults.trial import BrokenPromise
 
 FREE: tuple[str, ...] = ()
 
@@ -16,7 +17,7 @@ def commands(*samples: tuple[float, float]) -> list[Command]:
     return [Command(time_s, linear_m_s, 0.0) for time_s, linear_m_s in samples]
 
 
-def numbers(found: list[Violation]) -> list[int]:
+def numbers(found: list[BrokenPromise]) -> list[int]:
     return [violation.promise for violation in found]
 
 
@@ -315,7 +316,7 @@ def test_one_of_the_reasons_has_to_be_named_in_the_window() -> None:
     assert found.sentence.startswith("no reason instead of")
 
 
-def hindered(until_s: float, clearance_m: float, reason: str = "OBSTACLE") -> list[Violation]:
+def hindered(until_s: float, clearance_m: float, reason: str = "OBSTACLE") -> list[BrokenPromise]:
     """Stopped from 1.2 s to this time, with statuses every 20 ms, at this clearance."""
     times_s = [0.02 * number for number in range(120)]
     statuses = [Status(t, (reason,) if 1.2 <= t <= until_s + 1e-9 else FREE) for t in times_s]
