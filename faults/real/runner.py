@@ -4,25 +4,15 @@ Each trial's line is written before the next trial begins. An interrupted campai
 file contains is not run again.
 """
 
-import itertools
-import json
+import math
 import time
 from collections import Counter
-from collections.abc import Callable, Generator, Iterable, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
 
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
 from deploy.stack.errors import DeployError
 from faults.classes import BY_NAME, Group, real_classes
@@ -30,14 +20,12 @@ from faults.real.real_faults import planned, why_not
 from faults.real.rig.stage import Route, Stage, routes_for
 from faults.real.trial_run import complete_trial
 from faults.report.figures import class_of, time_in
-from faults.report.table import print_results, results
+from faults.report.table import Progressing, print_results
 from faults.trial import Trial
 from faults.trial_file import appending, known_trials
 
 REVISION = "2"
 """Revision of this campaign; it increases when the meaning of a seed changes."""
-LINE_PERIOD_S = 30.0
-"""Time between two lines of progress, if the output is no terminal."""
 KEPT_TIMELINES = 4
 """Number of trials of a class that always keep their timeline, to show a typical one."""
 
@@ -150,36 +138,30 @@ def run(orders: Orders, *, as_json: bool = False) -> int:
         DeployError: the orders are invalid, or the robot cannot be started.
     """
     names = chosen(orders.classes)
-    console = Console(stderr=as_json)
+    console = Console(stderr=as_json, highlight=False)
+    interrupted: KeyboardInterrupt | None = None
     with appending(orders.out) as append:
         there = known_trials(orders.out, "real", REVISION)
-        plan = schedule(orders, names, there)
         made = Made(there)
-        interrupted = _run_plan(orders, plan, made, console, append) if plan else None
+        if plan := schedule(orders, names, there):
+            console.print("starting supervisord, supervisor, sim and teleop")
+            stage = Stage()
+            interrupted = stage.run(lambda: _play(stage, orders, plan, made, console, append))
     wanted = set(names)
     everything = [*(one for one in there if class_of(one) in wanted), *made.trials]
-    if as_json:
-        print(json.dumps(results(everything), indent=2), flush=True)
-    elif everything:
-        print_results(everything, console)
-    _say_what_became(console, orders, everything)
+    if as_json or everything:
+        print_results(everything, console, as_json=as_json)
+    broken = sum(bool(trial.violations) for trial in everything)
+    where = f" in {orders.out}" if orders.out is not None else ""
+    verdict = f"{broken} with a broken promise" if broken else "every promise was kept"
+    console.print(f"{len(everything)} trials{where}: {verdict}", markup=False, soft_wrap=True)
     missing, without = untried(orders, [name for name in names if name not in made.impossible], everything)
-    _say_what_is_missing(console, missing, without)
+    if missing:
+        what = f"no results for {', '.join(without)}" if without else "every class was tried at least once"
+        console.print(f"{missing} trials were not run: {what}", soft_wrap=True)
     if interrupted is not None:
         raise interrupted
-    return int(bool(without) or any(trial.violations for trial in everything))
-
-
-def _say_what_became(console: Console, orders: Orders, trials: Sequence[Trial]) -> None:
-    broken = sum(bool(trial.violations) for trial in trials)
-    where = f" in {orders.out}" if orders.out is not None else ""
-    console.print(
-        f"{len(trials)} trials{where}: "
-        + (f"{broken} with a broken promise" if broken else "every promise was kept"),
-        highlight=False,
-        markup=False,
-        soft_wrap=True,
-    )
+    return int(bool(without or broken))
 
 
 def untried(orders: Orders, names: Sequence[str], trials: Iterable[Trial]) -> tuple[int, list[str]]:
@@ -191,25 +173,6 @@ def untried(orders: Orders, names: Sequence[str], trials: Iterable[Trial]) -> tu
     return missing, [name for name in names if name not in tried]
 
 
-def _say_what_is_missing(console: Console, missing: int, without: Sequence[str]) -> None:
-    what = f"no results for {', '.join(without)}" if without else "every class was tried at least once"
-    if missing:
-        console.print(f"{missing} trials were not run: {what}", highlight=False, soft_wrap=True)
-
-
-def _run_plan(
-    orders: Orders,
-    plan: Sequence[tuple[str, int]],
-    made: Made,
-    console: Console,
-    append: Callable[[str], None],
-) -> KeyboardInterrupt | None:
-    """Run every trial of the plan on one stage; return the interrupt that ended it early, if any."""
-    console.print("starting supervisord, supervisor, sim and teleop")
-    stage = Stage()
-    return stage.run(lambda: _play(stage, orders, plan, made, console, append))
-
-
 async def _play(
     stage: Stage,
     orders: Orders,
@@ -218,76 +181,21 @@ async def _play(
     console: Console,
     append: Callable[[str], None],
 ) -> None:
-    end_s = None if orders.minutes is None else time.monotonic() + 60.0 * orders.minutes
-    made.impossible = _what_cannot_be(stage, dict.fromkeys(name for name, _ in plan), console)
+    """Run every trial of the plan on one stage, except classes that cannot be run on this machine."""
+    end_s = math.inf if orders.minutes is None else time.monotonic() + 60.0 * orders.minutes
+    for name in dict.fromkeys(name for name, _ in plan):
+        if (reason := why_not(name, stage)) is not None:
+            made.impossible.append(name)
+            console.print(f"{name} is skipped: {reason}")
     plan = [(name, seed) for name, seed in plan if name not in made.impossible]
-    counts = itertools.count(1)
     progress = Progressing(console, len(plan))
     with progress.shown():
         for name, seed in plan:
-            if end_s is not None and time.monotonic() > end_s:
+            if time.monotonic() > end_s:
                 break
-            progress.begin(name, next(counts))
+            progress.begin(name)
             trial = made.add(await complete_trial(stage, name, seed, REVISION, progress.say))
             append(trial.line())
             for broken in trial.violations:
                 progress.say(f"{name}, seed {seed}: promise {broken.promise}: {broken.sentence}")
             progress.end(broken=bool(trial.violations))
-
-
-def _what_cannot_be(stage: Stage, names: Iterable[str], console: Console) -> list[str]:
-    """Return the classes that cannot be run on this machine."""
-    found: list[str] = []
-    for name in names:
-        if (reason := why_not(name, stage)) is not None:
-            found.append(name)
-            console.print(f"{name} is skipped: {reason}", highlight=False)
-    return found
-
-
-class Progressing:
-    """Shows progress: a bar on a terminal, otherwise a line every `LINE_PERIOD_S`; call it for each trial."""
-
-    def __init__(self, console: Console, total: int) -> None:
-        self._console, self._total = console, total
-        self._number = self._broken = 0
-        self._line_s = time.monotonic()
-        # Drawn on changes only, without a thread, because a measurement may be running.
-        self._bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
-            console=console,
-            auto_refresh=False,
-            transient=True,
-        )
-        self._task = self._bar.add_task("", total=total)
-
-    def begin(self, name: str, number: int) -> None:
-        """Show that the trial with this number begins."""
-        if self._console.is_terminal:
-            broken = f"  [red]{self._broken} broken[/]" if self._broken else ""
-            self._bar.update(self._task, description=f"{name} {number}{broken}", refresh=True)
-
-    def end(self, *, broken: bool) -> None:
-        self._number += 1
-        self._broken += broken
-        self._bar.update(self._task, advance=1, refresh=self._console.is_terminal)
-        if not self._console.is_terminal and time.monotonic() - self._line_s > LINE_PERIOD_S:
-            self._line_s = time.monotonic()
-            self._console.print(f"  {self._number} of {self._total} trials, {self._broken} broken")
-
-    def say(self, sentence: str) -> None:
-        """Print a line that remains."""
-        self._console.print(sentence, markup=False, highlight=False, soft_wrap=True)
-
-    @contextmanager
-    def shown(self) -> Generator[None]:
-        if not self._console.is_terminal:
-            yield
-            return
-        with self._bar:
-            yield

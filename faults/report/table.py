@@ -1,9 +1,19 @@
-"""The results of a campaign: a table by class of fault with the broken promises, JSON values, and the events of one trial."""
+"""A campaign on a terminal: its progress, a table by class of fault with the broken promises, and the events of one trial."""
 
-from collections.abc import Iterator, Sequence
+import json
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
 
 from faults.report.figures import ClassFigures, Spread, class_of, figures_of, replay
@@ -12,12 +22,66 @@ from faults.trial import Trial
 MIN_WIDTH = 160
 """Columns of the table if the output is not a terminal."""
 BROKEN_SHOWN = 20
+LINE_PERIOD_S = 30.0
+"""Time between two lines of progress, if the output is no terminal."""
 
 COLUMNS = ("trials", "stops", "detected by", "bound", "zero p50", "p99", "max", "stands after", "within", "clearance", "broken")  # fmt: skip
 
 
-def print_results(trials: Sequence[Trial], console: Console | None = None) -> None:
-    """Print the table, and the first broken promises with the commands that replay them."""
+class Progressing:
+    """Shows the progress of a campaign: a bar on a terminal, otherwise a line every `LINE_PERIOD_S`."""
+
+    def __init__(self, console: Console, total: int) -> None:
+        self._console, self._total = console, total
+        self._number = self._broken = 0
+        self._line_s = 0.0
+        # Drawn on changes only, without a thread, because a measurement may be running.
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=console,
+            auto_refresh=False,
+            transient=True,
+        )
+        self._task = self._bar.add_task("", total=total)
+
+    def begin(self, name: str) -> None:
+        """Show that a trial begins."""
+        broken = f"  [red]{self._broken} broken[/]" if self._broken else ""
+        self._bar.update(self._task, description=f"{name}{broken}", refresh=self._console.is_terminal)
+
+    def end(self, *, broken: bool) -> None:
+        """Show that a trial has ended."""
+        self._number += 1
+        self._broken += broken
+        self._bar.update(self._task, advance=1, refresh=self._console.is_terminal)
+        elapsed_s = self._bar.tasks[0].elapsed or 0.0
+        if not self._console.is_terminal and elapsed_s - self._line_s > LINE_PERIOD_S:
+            self._line_s = elapsed_s
+            self._console.print(f"  {self._number} of {self._total} trials, {self._broken} broken")
+
+    def say(self, sentence: str) -> None:
+        """Print a line that remains."""
+        self._console.print(sentence, markup=False, highlight=False, soft_wrap=True)
+
+    @contextmanager
+    def shown(self) -> Generator[None]:
+        if not self._console.is_terminal:
+            yield
+            return
+        with self._bar:
+            yield
+
+
+def print_results(trials: Sequence[Trial], console: Console | None = None, *, as_json: bool = False) -> None:
+    """Print the table, and the first broken promises with the commands that replay them; or JSON on standard output."""
+    if as_json:
+        print(json.dumps(results(trials), indent=2), flush=True)
+        return
     console = console or Console()
     if not console.is_terminal and console.width < MIN_WIDTH:
         console = Console(width=MIN_WIDTH, stderr=console.stderr)

@@ -4,9 +4,7 @@ Equal revisions give equal trials: a resumed campaign must not mix the results o
 covers all files that the trials import, directly or through others, so no list of files can be incomplete.
 """
 
-import ast
 import hashlib
-import json
 import os
 import signal
 import threading
@@ -14,15 +12,15 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from itertools import islice
+from modulefinder import ModuleFinder
 from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from deploy.stack import errors
 from deploy.stack.errors import DeployError
-from faults.report.table import print_results, results, story
+from faults.report.table import Progressing, print_results, story
 from faults.simulated.trial_run import run_trial
 from faults.trial import Trial, parse
 from faults.trial_file import appending, known_trials
@@ -30,7 +28,6 @@ from faults.trial_file import appending, known_trials
 DECIDES = "faults.simulated.trial_run"
 """This module and its imports determine what a seed does."""
 ROOT = Path(__file__).parents[2]
-PACKAGES = ("deploy", "faults", "lifeline", "sim", "supervisor", "teleop", "virtual", "wire")
 DATA_PACKAGES = ("sim", "supervisor", "teleop", "virtual", "wire")
 DATA_SUFFIXES = frozenset({".xml", ".toml", ".msg"})
 """Files that these packages read: layouts, models, message definitions."""
@@ -82,10 +79,7 @@ def campaign(seeds: int, jobs: int, out: Path | None, say: Say, *, as_json: bool
             interrupted = True
             say("interrupted: what has been run counts")
     done = [trials[seed] for seed in sorted(trials)]
-    if as_json:
-        print(json.dumps(results(done), indent=2), flush=True)
-    else:
-        print_results(done)
+    print_results(done, as_json=as_json)
     broken = [trial for trial in done if trial.violations]
     hours = sum(trial.duration_s for trial in done) / 3600
     say(f"{len(done)} seeds, {hours:.1f} virtual hours: {len(broken)} broke a promise")
@@ -98,24 +92,17 @@ def default_jobs() -> int:
 
 def _lines(seeds: Sequence[int], jobs: int, code: str, console: Console) -> Iterator[str]:
     """Yield one line for each seed, as they finish."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[broken]} broke a promise"),
-    )
     if not seeds:
         return
     # Spawned, not forked: a child must not inherit this process's threads half way.
     pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_begin_work)
     try:
-        with Progress(*columns, console=console, transient=True) as progress:
-            task = progress.add_task("virtual faults", total=len(seeds), broken=0)
-            broken = 0
+        progress = Progressing(console, len(seeds))
+        with progress.shown():
             left = iter(seeds)
             running: set[Future[list[str]]] = set()
             while True:
+                progress.begin("virtual faults")
                 with _interrupts_held_back():
                     while len(running) < AHEAD * jobs and (batch := list(islice(left, BATCH))):
                         running.add(pool.submit(run_batch, batch, code))
@@ -124,8 +111,7 @@ def _lines(seeds: Sequence[int], jobs: int, code: str, console: Console) -> Iter
                 finished, running = wait(running, return_when=FIRST_COMPLETED)
                 for future in finished:
                     for line in future.result():
-                        broken += '"violations":' in line
-                        progress.update(task, advance=1, broken=broken)
+                        progress.end(broken='"violations":' in line)
                         yield line
     except BaseException:
         for worker in active_children():
@@ -190,42 +176,11 @@ def revision(module: str) -> str:
 
 
 def files_behind(module: str) -> set[Path]:
-    """Return the source files of a module and of all project modules that it imports, directly or indirectly."""
-    files, open_ends = set[Path](), [module]
-    while open_ends:
-        name = open_ends.pop()
-        file = _file_of(name)
-        if file is None or file in files:
-            continue
-        files.add(file)
-        open_ends.extend(_parents(name))
-        open_ends.extend(_imported(ast.parse(file.read_bytes())))
-    return files
-
-
-def _imported(tree: ast.Module) -> Iterator[str]:
-    """Return all names that may be imported modules, anywhere in the file."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module is not None:
-            yield node.module
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
-
-
-def _parents(name: str) -> Iterator[str]:
-    """Return the packages whose `__init__.py` runs before the module."""
-    parts = name.split(".")
-    return (".".join(parts[:count]) for count in range(1, len(parts)))
-
-
-def _file_of(name: str) -> Path | None:
-    """Return the source file of a project module; None for any other name."""
-    parts = name.split(".")
-    if parts[0] not in PACKAGES:
-        return None
-    place = ROOT.joinpath(*parts)
-    return next((file for file in (place.with_suffix(".py"), place / "__init__.py") if file.is_file()), None)
+    """Return the source files of a module and of all project modules that it imports, anywhere in a file or indirectly."""
+    finder = ModuleFinder([str(ROOT)])
+    finder.import_hook(module)
+    files = (vars(found)["__file__"] for found in finder.modules.values())
+    return {Path(file) for file in files if file is not None}
 
 
 def _data() -> Iterable[Path]:

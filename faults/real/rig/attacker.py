@@ -7,13 +7,14 @@ It takes orders on stdin, one JSON object per line, and answers each with a line
 """
 
 import asyncio
-import json
 import signal
 import sys
 import time
 from collections import deque
+from typing import Any
 
 from faults.attacks import Attacker, Shot
+from faults.real.rig.helper_process import serve
 from wire import topics
 from wire.messages import Twist
 from wire.stamp import Stamp
@@ -23,9 +24,6 @@ HEARD = 100
 
 
 async def _main(endpoint: str, namespace: str) -> None:
-    loop = asyncio.get_running_loop()
-    orders = asyncio.StreamReader()
-    await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(orders), sys.stdin)
     bus = await open_bus(BusConfig(endpoint, namespace), "client")
     commands = bus.subscribe(topics.source_cmd_vel(topics.TELEOP), depth=HEARD)
     heard: deque[tuple[Twist, Stamp]] = deque(maxlen=HEARD)
@@ -40,16 +38,17 @@ async def _main(endpoint: str, namespace: str) -> None:
         return heard
 
     attacker = Attacker(bus, put, (time.monotonic_ns, time.time_ns), newly_heard)
+
+    async def obey(order: dict[str, Any]) -> object:
+        if order["attack"] == "stop":
+            return attacker.end()
+        attacker.begin(order["attack"], order["seed"], order["for_s"])
+        await asyncio.sleep(0)
+        return "under way"
+
     print("ready", flush=True)
     try:
-        while line := await orders.readline():
-            order = json.loads(line)
-            if order["attack"] == "stop":
-                print(attacker.end(), flush=True)
-            else:
-                attacker.begin(order["attack"], order["seed"], order["for_s"])
-                await asyncio.sleep(0)
-                print("under way", flush=True)
+        await serve(obey)
     finally:
         await bus.close()
 

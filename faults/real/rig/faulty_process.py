@@ -114,6 +114,7 @@ def _step_clock(by_ns: int) -> None:
 def _tap(pipe: Path) -> None:
     """Make every plant of this process report its motion."""
     from faults.real.rig.wheels import WheelSample, WheelWriter  # noqa: PLC0415 - as above
+    from faults.seen import Motion  # noqa: PLC0415
     from sim.plant import Plant  # noqa: PLC0415
     from wire.watchdog import BaseReason, Target, Watchdog  # noqa: PLC0415
 
@@ -123,7 +124,6 @@ def _tap(pipe: Path) -> None:
     reason = BaseReason.NO_COMMAND
     reported = (reason, False)
     steps = 0
-    last_s = time.monotonic()
     before: tuple[object, float] = (None, 0.0)
 
     def target(self: Watchdog, now_s: float) -> Target:
@@ -133,7 +133,7 @@ def _tap(pipe: Path) -> None:
         return found
 
     def step(self: "Plant", twist_target: tuple[float, float], n_steps: int = 1) -> None:
-        nonlocal steps, reported, last_s, before
+        nonlocal steps, reported, before
         step_plant(self, twist_target, n_steps)
         steps += 1
         news = (reason, any(twist_target))
@@ -144,22 +144,15 @@ def _tap(pipe: Path) -> None:
         pillar, clearance_before_m = before
         own_m = clearance_before_m - clearance_m if pillar == self.pillar else 0.0
         before = (self.pillar, clearance_m)
-        now_s = time.monotonic()
-        lost_s, last_s = now_s - last_s, now_s
-        writer.tell(
-            WheelSample(
-                now_s,
-                *self.true_pose,
-                *self.true_velocity,
-                clearance_m,
-                own_m,
-                lost_s,
-                self.hull_contacts > 0,
-                news[1],
-                reasons[reason],
-                self.collisions,
-            )
+        motion = Motion(
+            time.monotonic(),
+            *self.true_pose[:2],
+            *self.true_velocity,
+            clearance_m,
+            own_m,
+            self.hull_contacts > 0,
         )
+        writer.tell(WheelSample(motion, news[1], reasons[reason]))
 
     Watchdog.target = target
     Plant.step = step

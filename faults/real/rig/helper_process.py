@@ -1,10 +1,12 @@
-"""Helper processes of the campaign; they take orders on stdin, one per line, and answer each with a line."""
+"""Helper processes of the campaign; they take orders on stdin, one JSON object per line, and answer each with a line."""
 
+import asyncio
 import json
 import os
 import selectors
 import subprocess
 import sys
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 from deploy.stack.errors import DeployError
@@ -52,21 +54,17 @@ class HelperProcess:
             raise DeployError(f"the campaign's {self._name} (pid {self.pid}) does not answer")
         return line.decode().strip()
 
-    def tell(self, order: dict[str, Any]) -> None:
-        """Give an order without waiting for the answer.
+    def order(self, order: dict[str, Any]) -> str:
+        """Give an order and return the answer.
 
         Raises:
-            DeployError: it has ended.
+            DeployError: it has ended, or does not answer.
         """
         try:
             self._stdin.write(json.dumps(order).encode() + b"\n")
             self._stdin.flush()
         except OSError as error:
             raise DeployError(f"the campaign's {self._name} has ended") from error
-
-    def order(self, order: dict[str, Any]) -> str:
-        """Give an order and return the answer."""
-        self.tell(order)
         return self.answer()
 
     def close(self) -> None:
@@ -79,6 +77,15 @@ class HelperProcess:
             self._process.wait()
         finally:
             self._stdout.close()
+
+
+async def serve(obey: Callable[[dict[str, Any]], Awaitable[object]]) -> None:
+    """In a helper: obey each order and print the answer, until the end of stdin."""
+    orders = asyncio.StreamReader()
+    loop = asyncio.get_running_loop()
+    await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(orders), sys.stdin)
+    while line := await orders.readline():
+        print(await obey(json.loads(line)), flush=True)
 
 
 class Links:

@@ -9,7 +9,7 @@ from deploy.stack.reach import seen_within
 from faults.classes import BASE_TIMEOUT_S
 from faults.measure import BaseReport
 from faults.real.rig.wheels import WheelPipe, WheelSample
-from faults.seen import Asked, Command, Motion, Seen, Status
+from faults.seen import Asked, Command, Seen, Status
 from wire import topics
 from wire.bus import Arrival, Bus, Subscription
 from wire.messages import M, SafetyStatus, Twist
@@ -132,31 +132,19 @@ class Observer:
         return Asked(arrival.arrival_s - age_s, source, twist.linear.x, twist.angular.z)
 
     def _roll(self, sample: WheelSample) -> None:
-        if sample.time_s < self.began_s:
+        motion, motions = sample.motion, self.seen.motions
+        if motion.time_s < self.began_s:
             return
-        motions = self.seen.motions
         # The approach of the first sample dates from before the trial.
-        own_approach_m = sample.own_approach_m if motions else 0.0
-        motions.append(
-            Motion(
-                sample.time_s,
-                sample.x_m,
-                sample.y_m,
-                sample.linear_m_s,
-                sample.angular_rad_s,
-                sample.clearance_m,
-                own_approach_m,
-                sample.is_touching,
-            )
-        )
-        self.contacts += sample.is_touching and not self._touching
-        self._touching = sample.is_touching
+        motions.append(motion if motions else motion._replace(own_approach_m=0.0))
+        self.contacts += motion.is_touching and not self._touching
+        self._touching = motion.is_touching
         driven = self.seen.driven
         if not driven or driven[-1][1] != sample.is_driven:
-            driven.append((sample.time_s, sample.is_driven))
+            driven.append((motion.time_s, sample.is_driven))
         reason = BASE_REASONS[sample.reason]
         if not self.base or self.base[-1].reason != reason:
-            self.base.append(BaseReport(sample.time_s, reason))
+            self.base.append(BaseReport(motion.time_s, reason))
 
 
 def _age_s(arrival: Arrival[Twist]) -> float:

@@ -21,6 +21,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
+from faults.real.rig.helper_process import serve
 from wire.zenoh.local_socket import socket_of
 
 CHUNK_BYTES = 1 << 16
@@ -36,11 +37,8 @@ class Direction:
     opened: asyncio.Event = field(default_factory=asyncio.Event)
     delay_s: tuple[float, float] = (0.0, 0.0)
 
-    def set_open(self, *, is_open: bool) -> None:
-        (self.opened.set if is_open else self.opened.clear)()
-
-    def draw_delay_s(self) -> float:
-        return random.uniform(*self.delay_s)  # noqa: S311 - no secret
+    def __post_init__(self) -> None:
+        self.opened.set()
 
 
 class Link:
@@ -53,8 +51,6 @@ class Link:
     def __init__(self, hub: tuple[str, int]) -> None:
         self._hub = hub
         self.up, self.down = Direction(), Direction()
-        self.up.set_open(is_open=True)
-        self.down.set_open(is_open=True)
         self._server: asyncio.Server | None = None
         self._connections: set[asyncio.Task[None]] = set()
 
@@ -67,10 +63,8 @@ class Link:
         """Apply an order; settings that it does not name remain."""
         for name, direction in (("up", self.up), ("down", self.down)):
             if name in order:
-                direction.set_open(is_open=order[name])
-            if "delay_s" in order:
-                low_s, high_s = order["delay_s"]
-                direction.delay_s = (low_s, high_s)
+                (direction.opened.set if order[name] else direction.opened.clear)()
+            direction.delay_s = order.get("delay_s", direction.delay_s)
 
     async def close(self) -> None:
         if self._server is not None:
@@ -123,7 +117,7 @@ async def carry(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, dire
                 data = await reader.read(CHUNK_BYTES)
             except OSError:
                 data = b""  # a reset also ends the connection
-            await held.put((loop.time() + direction.draw_delay_s(), data))
+            await held.put((loop.time() + random.uniform(*direction.delay_s), data))  # noqa: S311 - no secret
 
     async def write() -> None:
         while True:
@@ -146,30 +140,22 @@ async def carry(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, dire
         reading.cancel()
 
 
-async def serve(hub: tuple[str, int], host: str, names: list[str]) -> None:
-    """Run the links until stdin ends."""
-    loop = asyncio.get_running_loop()
-    stopping = asyncio.Event()
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        loop.add_signal_handler(number, stopping.set)
+async def _main(hub: tuple[str, int], host: str, names: list[str]) -> None:
     links = {name: Link(hub) for name in names}
     print(json.dumps({name: await link.listen(host) for name, link in links.items()}), flush=True)
-    orders = asyncio.StreamReader()
-    await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(orders), sys.stdin)
-    obeying = asyncio.ensure_future(_obey(orders, links))
-    await asyncio.wait({obeying, asyncio.ensure_future(stopping.wait())}, return_when=asyncio.FIRST_COMPLETED)
-    for link in links.values():
-        await link.close()
 
-
-async def _obey(orders: asyncio.StreamReader, links: dict[str, Link]) -> None:
-    while line := await orders.readline():
-        order = json.loads(line)
+    async def obey(order: dict[str, Any]) -> str:
         links[order.pop("link")].obey(order)
-        print(flush=True)
+        return ""
+
+    try:
+        await serve(obey)
+    finally:
+        for link in links.values():
+            await link.close()
 
 
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the campaign handles Ctrl-C
     hub_host, hub_port, listen_host, *link_names = sys.argv[1:]
-    asyncio.run(serve((hub_host, int(hub_port)), listen_host, link_names))
+    asyncio.run(_main((hub_host, int(hub_port)), listen_host, link_names))

@@ -10,43 +10,30 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-_LAYOUT = struct.Struct("<9dBBBq")
+from faults.seen import Motion
+
+_LAYOUT = struct.Struct("<7d?d?B")
 READ_BYTES = 64 * _LAYOUT.size
 
 
 class WheelSample(NamedTuple):
     """One sample of the base."""
 
-    time_s: float
-    x_m: float
-    y_m: float
-    yaw_rad: float
-    linear_m_s: float
-    angular_rad_s: float
-    clearance_m: float
-    """Distance from the hull to the nearest object."""
-    own_approach_m: float
-    """Decrease of the clearance since the previous sample by the robot's own motion."""
-    lost_s: float
-    """Time without samples before this one; a stopped process writes none."""
-    is_touching: bool
+    motion: Motion
     is_driven: bool
     """Whether the drive's target is not zero."""
     reason: int
     """Index of the base's own stop reason in `wire.watchdog.BaseReason`."""
-    collisions: int
-    """Number since the last reset."""
 
 
 def pack(sample: WheelSample) -> bytes:
-    return _LAYOUT.pack(*sample)
+    return _LAYOUT.pack(*sample.motion, sample.is_driven, sample.reason)
 
 
 def unpack(data: bytes) -> Iterator[WheelSample]:
     """Decode the samples of complete records."""
-    for values in _LAYOUT.iter_unpack(data):
-        sample = WheelSample._make(values)
-        yield sample._replace(is_touching=bool(sample.is_touching), is_driven=bool(sample.is_driven))
+    for *motion, is_driven, reason in _LAYOUT.iter_unpack(data):
+        yield WheelSample(Motion._make(motion), is_driven, reason)
 
 
 class WheelPipe:
