@@ -82,14 +82,14 @@ class FaultClass:
     name: str
     does: str
     """The fault and its ranges, in a few words."""
-    detectors: tuple[str, ...]
-    """The stop reasons that may detect it; those of the base itself begin with `base: `. Empty: no detection is required."""
-    bound_s: float | None
-    promise: int
-    """The number of the promise that it tests."""
-    effect: Effect = Effect.NONE
     _: KW_ONLY
     group: Group
+    promise: int
+    """The number of the promise that it tests."""
+    detectors: tuple[str, ...] = ()
+    """The stop reasons that may detect it; those of the base itself begin with `base: `. Empty: no detection is required."""
+    bound_s: float | None = None
+    effect: Effect = Effect.NONE
     target: str = ""
     """The affected process; empty: none in particular."""
     virtual: bool = True
@@ -109,36 +109,61 @@ GONE = ("SOURCE_LOST", "NO_COMMAND")
 BASE_ALONE = ("base: SUPERVISOR_LOST", "base: COMMAND_TIMEOUT")
 SCAN_STALE = ("SCAN_STALE",)
 SCAN_INVALID = ("SCAN_INVALID",)
-BARRIER = ("OBSTACLE", "SCAN_BLIND")
 
-ENDS, CUT = Effect.TELEOP_ENDS, Effect.TELEOP_SILENT
-CUT_BASE = Effect.BLIND | Effect.BASE_HOLDS
-HUNG = Effect.SUPERVISOR_SILENT | Effect.BASE_HOLDS
-STANDS = Effect.BLIND | Effect.STANDSTILL
-BLINDED = Effect.BLIND | Effect.SENSOR
+CUT = Effect.TELEOP_SILENT
 FOREIGN = Effect.SPEAKS_AS_TELEOP
-POSES = FOREIGN | Effect.TAKES_OVER
 
 _teleop = partial(FaultClass, group=Group.TELEOP, target="teleop")
-_supervisor = partial(FaultClass, group=Group.SUPERVISOR, target="supervisor")
+_teleop_ends = partial(_teleop, promise=2, detectors=GONE, bound_s=KILL_BOUND_S, effect=Effect.TELEOP_ENDS)
+_teleop_fails = partial(_teleop, promise=2, detectors=GONE, effect=CUT, virtual=False)
+_teleop_hangs = partial(_teleop, promise=3, bound_s=SILENT_BOUND_S, effect=CUT)
+_supervisor = partial(
+    FaultClass, group=Group.SUPERVISOR, target="supervisor", promise=4, detectors=BASE_ALONE
+)
+_supervisor_ends = partial(_supervisor, bound_s=KILL_BOUND_S, effect=Effect.SUPERVISOR_ENDS)
+_supervisor_hangs = partial(
+    _supervisor, bound_s=HUNG_BASE_BOUND_S, effect=Effect.SUPERVISOR_SILENT | Effect.BASE_HOLDS
+)
 _sim = partial(FaultClass, group=Group.SENSORS, target="sim")
+_sim_stands = partial(
+    _sim, promise=5, detectors=SCAN_STALE, bound_s=BLIND_BOUND_S, effect=Effect.BLIND | Effect.STANDSTILL
+)
+_scans = partial(_sim, promise=5, effect=Effect.SENSOR)
+_no_scans = partial(_sim, promise=5, bound_s=BLIND_BOUND_S, effect=Effect.BLIND | Effect.SENSOR)
 _lidar = partial(_sim, by_itself=True, effect=Effect.SENSOR)
+_barrier = partial(_lidar, promise=6, detectors=("OBSTACLE", "SCAN_BLIND"))
+_frozen = partial(_lidar, promise=5, demands=Kind.STOPPED)
 _network = partial(FaultClass, group=Group.NETWORK, target="teleop")
+_cut = partial(_network, promise=3, detectors=SILENT_OR_LOST, bound_s=SILENT_BOUND_S, effect=CUT)
 _base_network = partial(FaultClass, group=Group.NETWORK, target="sim")
+_cut_base = partial(
+    _base_network,
+    promise=5,
+    detectors=SCAN_STALE,
+    bound_s=BLIND_BOUND_S,
+    effect=Effect.BLIND | Effect.BASE_HOLDS,
+)
 _wire = partial(FaultClass, group=Group.WIRE)
-_second_writer = partial(_wire, by_itself=True, demands=Kind.NAMED)
+_second_writer = partial(
+    _wire,
+    promise=5,
+    detectors=("SENSOR_CONFLICT",),
+    bound_s=BLIND_BOUND_S,
+    by_itself=True,
+    demands=Kind.NAMED,
+)
 _machine = partial(FaultClass, group=Group.MACHINE)
-_supervisord = partial(FaultClass, group=Group.SUPERVISORD, virtual=False)
+_supervisord = partial(FaultClass, group=Group.SUPERVISORD, virtual=False, promise=8)
 
 
 def _estop(node: str) -> FaultClass:
     return FaultClass(
         f"estop_{node}_sigkill",
         f"an e-stop, then SIGKILL of {node} within 0.3 s: only a reset ends the stop",
-        ("ESTOP",),
-        ESTOP_BOUND_S,
-        7,
         group=Group.ESTOP,
+        promise=7,
+        detectors=("ESTOP",),
+        bound_s=ESTOP_BOUND_S,
         target=node,
         by_itself=True,
         demands=Kind.ZERO,
@@ -149,215 +174,153 @@ PAIR = "pair"
 """The class of two faults together."""
 
 CLASSES = (
-    _teleop("teleop_sigkill", "SIGKILL", GONE, KILL_BOUND_S, 2, ENDS),
-    _teleop("teleop_sigterm", "SIGTERM", GONE, KILL_BOUND_S, 2, ENDS),
-    _teleop("teleop_sigstop", "SIGSTOP, then SIGCONT", SILENT_OR_LOST, SILENT_BOUND_S, 3, CUT),
-    _teleop("teleop_blocked", "its event loop is blocked for a while", SILENT, SILENT_BOUND_S, 3, CUT),
-    _teleop("teleop_exception", "an uncaught exception", GONE, None, 2, CUT, virtual=False),
-    _teleop("teleop_hang_up", "its terminal is closed", GONE, None, 2, CUT, virtual=False),
-    _teleop("teleop_end_of_input", "end of its keyboard input", GONE, KILL_BOUND_S, 2, ENDS),
-    _teleop("teleop_gil", "one of its threads holds the interpreter's lock", SILENT, SILENT_BOUND_S, 3, CUT),
-    _supervisor(
-        "supervisor_sigkill", "SIGKILL, then a restart", BASE_ALONE, KILL_BOUND_S, 4, Effect.SUPERVISOR_ENDS
-    ),
-    _supervisor("supervisor_sigstop", "SIGSTOP, then SIGCONT", BASE_ALONE, HUNG_BASE_BOUND_S, 4, HUNG),
-    _supervisor(
+    _teleop_ends("teleop_sigkill", "SIGKILL"),
+    _teleop_ends("teleop_sigterm", "SIGTERM"),
+    _teleop_hangs("teleop_sigstop", "SIGSTOP, then SIGCONT", detectors=SILENT_OR_LOST),
+    _teleop_hangs("teleop_blocked", "its event loop is blocked for a while", detectors=SILENT),
+    _teleop_fails("teleop_exception", "an uncaught exception"),
+    _teleop_fails("teleop_hang_up", "its terminal is closed"),
+    _teleop_ends("teleop_end_of_input", "end of its keyboard input"),
+    _teleop_hangs("teleop_gil", "one of its threads holds the interpreter's lock", detectors=SILENT),
+    _supervisor_ends("supervisor_sigkill", "SIGKILL, then a restart"),
+    _supervisor_hangs("supervisor_sigstop", "SIGSTOP, then SIGCONT"),
+    _supervisor_hangs(
         "supervisor_blocked",
         "its event loop is blocked, its interpreter's lock is held, or a decided motion is sent late",
-        BASE_ALONE,
-        HUNG_BASE_BOUND_S,
-        4,
-        HUNG,
     ),
-    _supervisor(
-        "supervisor_and_teleop_sigkill",
-        "SIGKILL of supervisor and teleop together",
-        BASE_ALONE,
-        KILL_BOUND_S,
-        4,
-        Effect.SUPERVISOR_ENDS,
-    ),
-    _supervisor(
-        "supervisor_restart",
-        "it ends by SIGTERM or by an exception, and is restarted",
-        BASE_ALONE,
-        KILL_BOUND_S,
-        4,
-        Effect.SUPERVISOR_ENDS,
-    ),
-    _sim("sim_sigkill", "SIGKILL, then a restart", SCAN_STALE, BLIND_BOUND_S, 5, STANDS),
-    _sim("sim_sigstop", "SIGSTOP, then SIGCONT", SCAN_STALE, BLIND_BOUND_S, 5, STANDS),
-    _sim(
-        "sim_blocked",
-        "its event loop is blocked, or its interpreter's lock is held",
-        SCAN_STALE,
-        BLIND_BOUND_S,
-        5,
-        STANDS,
-        virtual=False,
-    ),
-    _sim("sim_scan_frozen", "the same scan is repeated", SCAN_INVALID, None, 5, Effect.SENSOR),
-    _sim("sim_scan_nan", "every beam reads NaN", SCAN_INVALID, BLIND_BOUND_S, 5, BLINDED),
-    _sim(
+    _supervisor_ends("supervisor_and_teleop_sigkill", "SIGKILL of supervisor and teleop together"),
+    _supervisor_ends("supervisor_restart", "it ends by SIGTERM or by an exception, and is restarted"),
+    _sim_stands("sim_sigkill", "SIGKILL, then a restart"),
+    _sim_stands("sim_sigstop", "SIGSTOP, then SIGCONT"),
+    _sim_stands("sim_blocked", "its event loop is blocked, or its interpreter's lock is held", virtual=False),
+    _scans("sim_scan_frozen", "the same scan is repeated", detectors=SCAN_INVALID),
+    _no_scans("sim_scan_nan", "every beam reads NaN", detectors=SCAN_INVALID),
+    _scans(
         "sim_scan_blocked",
         "dirt on 20 to 120° of the lidar's window, at least half of the time straight ahead",
-        ("SCAN_BLIND", "SCAN_INVALID"),
-        None,
-        5,
-        Effect.SENSOR,
+        detectors=("SCAN_BLIND", "SCAN_INVALID"),
     ),
-    _sim("sim_scan_silent", "no scans arrive", SCAN_STALE, BLIND_BOUND_S, 5, BLINDED),
-    _sim("sim_scan_rate", "scans arrive at 1 to 14 Hz", SCAN_STALE, None, 5, Effect.SENSOR),
-    _sim("sim_odom_gone", "no odometry arrives", (), None, 6, Effect.SENSOR),
-    _lidar("sim_scan_dirt", "1 to 20° of NaN straight ahead, with a pillar inside", BARRIER, None, 6),
-    _lidar("sim_scan_dropout", "the nearest object is missing from 2 to 30 % of the scans", BARRIER, None, 6),
-    _lidar("sim_scan_short", "a range of 0.5 to 1 m, as range_max says", BARRIER, None, 6),
+    _no_scans("sim_scan_silent", "no scans arrive", detectors=SCAN_STALE),
+    _scans("sim_scan_rate", "scans arrive at 1 to 14 Hz", detectors=SCAN_STALE),
+    _sim("sim_odom_gone", "no odometry arrives", promise=6, effect=Effect.SENSOR),
+    _barrier("sim_scan_dirt", "1 to 20° of NaN straight ahead, with a pillar inside"),
+    _barrier("sim_scan_dropout", "the nearest object is missing from 2 to 30 % of the scans"),
+    _barrier("sim_scan_short", "a range of 0.5 to 1 m, as range_max says"),
     _lidar(
         "sim_scan_stray",
         "single false readings near the hull, in 4 % of the scans",
-        (),
-        None,
-        8,
+        promise=8,
         demands=Kind.UNHINDERED,
     ),
-    _lidar(
+    _frozen(
         "sim_scan_frozen_no_odom",
         "the same scan is repeated, and no odometry arrives",
-        ("ODOM_STALE", "SCAN_INVALID"),
-        ODOM_BOUND_S,
-        5,
-        demands=Kind.STOPPED,
+        detectors=("ODOM_STALE", "SCAN_INVALID"),
+        bound_s=ODOM_BOUND_S,
     ),
-    _lidar(
+    _frozen(
         "sim_scan_frozen_odom_zero",
         "the same scan is repeated, and odometry reports a standstill",
-        ("BASE_UNRESPONSIVE", "SCAN_INVALID"),
-        FROZEN_BOUND_S,
-        5,
-        demands=Kind.STOPPED,
+        detectors=("BASE_UNRESPONSIVE", "SCAN_INVALID"),
+        bound_s=FROZEN_BOUND_S,
     ),
+    _cut("net_cut", "a link is cut; with real processes for 1.5 s"),
+    _cut_base("net_cut_base", "the same for the sim's link"),
+    _cut("net_healed", "a link is cut and healed after 0.3, 1 or 3 s: its backlog arrives in one burst"),
+    _cut_base("net_healed_base", "the same for the sim's link"),
     _network(
-        "net_cut", "a link is cut; with real processes for 1.5 s", SILENT_OR_LOST, SILENT_BOUND_S, 3, CUT
+        "net_delayed", "messages are delayed by 50 to 500 ms, with jitter", promise=3, effect=Effect.DELAYED
     ),
-    _base_network("net_cut_base", "the same for the sim's link", SCAN_STALE, BLIND_BOUND_S, 5, CUT_BASE),
-    _network(
-        "net_healed",
-        "a link is cut and healed after 0.3, 1 or 3 s: its backlog arrives in one burst",
-        SILENT_OR_LOST,
-        SILENT_BOUND_S,
-        3,
-        CUT,
-    ),
-    _base_network("net_healed_base", "the same for the sim's link", SCAN_STALE, BLIND_BOUND_S, 5, CUT_BASE),
-    _network("net_delayed", "messages are delayed by 50 to 500 ms, with jitter", (), None, 3, Effect.DELAYED),
-    _base_network("net_delayed_base", "the same for the sim's link", (), None, 6, Effect.DELAYED),
-    _network("net_up_only", "no message reaches teleop", ("SOURCE_LOST",), None, 8),
-    _network("net_down_only", "no message from teleop arrives", SILENT_OR_LOST, SILENT_BOUND_S, 3, CUT),
-    _base_network("net_base_deaf", "no message reaches the sim", (), None, 4, HUNG),
+    _base_network("net_delayed_base", "the same for the sim's link", promise=6, effect=Effect.DELAYED),
+    _network("net_up_only", "no message reaches teleop", promise=8, detectors=("SOURCE_LOST",)),
+    _cut("net_down_only", "no message from teleop arrives"),
     _base_network(
-        "net_base_mute", "no message from the sim arrives", SCAN_STALE, BLIND_BOUND_S, 5, Effect.BLIND
+        "net_base_deaf",
+        "no message reaches the sim",
+        promise=4,
+        effect=Effect.SUPERVISOR_SILENT | Effect.BASE_HOLDS,
     ),
-    _network("net_lossy", "10 to 80 % of the messages are lost", (), None, 7, real=False),
-    _network("net_reordered", "messages are reordered within 50 to 250 ms", (), None, 7, real=False),
+    _cut_base("net_base_mute", "no message from the sim arrives", effect=Effect.BLIND),
+    _network("net_lossy", "10 to 80 % of the messages are lost", promise=7, real=False),
+    _network("net_reordered", "messages are reordered within 50 to 250 ms", promise=7, real=False),
     _network(
         "net_flapping",
         "teleop's token disappears and returns within 2 ms",
-        ("SOURCE_LOST",),
-        KILL_BOUND_S,
-        7,
-        ENDS,
+        promise=7,
+        detectors=("SOURCE_LOST",),
+        bound_s=KILL_BOUND_S,
+        effect=Effect.TELEOP_ENDS,
         real=False,
     ),
-    _network(
-        "net_unplugged",
-        "teleop's cable is unplugged, and plugged in after 0.3, 1 or 3 s",
-        SILENT_OR_LOST,
-        SILENT_BOUND_S,
-        3,
-        CUT,
-        virtual=False,
-    ),
-    _wire("wire_malformed", "random bytes on every key, at 400 Hz", (), None, 1, FOREIGN),
-    _wire("wire_truncated", "truncated messages, at 400 Hz", (), None, 1, FOREIGN),
-    _wire("wire_oversized", "payloads of up to 3 MiB, at 20 Hz", (), None, 1),
-    _wire("wire_wrong_type", "messages of another type, at 400 Hz", (), None, 1, FOREIGN),
-    _wire("wire_not_finite", "NaN and infinite values, at 400 Hz", (), None, 1),
-    _wire("wire_huge", "values beyond every robot's limits, at 400 Hz", (), None, 1),
+    _cut("net_unplugged", "teleop's cable is unplugged, and plugged in after 0.3, 1 or 3 s", virtual=False),
+    _wire("wire_malformed", "random bytes on every key, at 400 Hz", promise=1, effect=FOREIGN),
+    _wire("wire_truncated", "truncated messages, at 400 Hz", promise=1, effect=FOREIGN),
+    _wire("wire_oversized", "payloads of up to 3 MiB, at 20 Hz", promise=1),
+    _wire("wire_wrong_type", "messages of another type, at 400 Hz", promise=1, effect=FOREIGN),
+    _wire("wire_not_finite", "NaN and infinite values, at 400 Hz", promise=1),
+    _wire("wire_huge", "values beyond every robot's limits, at 400 Hz", promise=1),
     _wire(
         "wire_attachments",
         "replayed messages, and attachments with other layouts, times and epochs, at 400 Hz",
-        (),
-        None,
-        7,
-        POSES,
+        promise=7,
+        effect=FOREIGN | Effect.TAKES_OVER,
     ),
     _wire(
         "wire_flood",
         "valid messages of one kind at up to 10 kHz for 0.5 to 1 s: up to 10,000 messages",
-        (),
-        None,
-        1,
-        FOREIGN,
+        promise=1,
+        effect=FOREIGN,
     ),
-    _wire("wire_rogue_cmd_vel", "a client publishes cmd_vel, at 400 Hz", (), None, 1),
-    _wire("wire_second_teleop", "a second program with teleop's name", (), None, 7, POSES, target="teleop"),
-    _wire("wire_second_lidar", "a second client's scans, all NaN, at 20 Hz", (), None, 8),
+    _wire("wire_rogue_cmd_vel", "a client publishes cmd_vel, at 400 Hz", promise=1),
+    _wire(
+        "wire_second_teleop",
+        "a second program with teleop's name",
+        promise=7,
+        effect=FOREIGN | Effect.TAKES_OVER,
+        target="teleop",
+    ),
+    _wire("wire_second_lidar", "a second client's scans, all NaN, at 20 Hz", promise=8),
     _second_writer(
         "wire_second_lidar_steady",
         "a second client's scans of free space at 20 Hz; the real lidar pauses for 0.6 s",
-        ("SENSOR_CONFLICT",),
-        BLIND_BOUND_S,
-        5,
     ),
-    _second_writer(
-        "wire_second_lidar_flood",
-        "the same at up to 2 kHz for 1.5 s",
-        ("SENSOR_CONFLICT",),
-        BLIND_BOUND_S,
-        5,
-    ),
+    _second_writer("wire_second_lidar_flood", "the same at up to 2 kHz for 1.5 s"),
     _wire(
         "wire_clock_step",
         "its clock, or the sim's, steps by 0.05 s to 1 h, forward or back, and returns",
-        (),
-        None,
-        7,
+        promise=7,
         target="teleop",
     ),
-    _wire("wire_estop", "an emergency stop, then a reset", ("ESTOP",), None, 7, target="supervisor"),
+    _wire(
+        "wire_estop", "an emergency stop, then a reset", promise=7, detectors=("ESTOP",), target="supervisor"
+    ),
     *(_estop(node) for node in ("teleop", "supervisor", "sim")),
     _machine(
         "machine_suspend",
         "the machine is suspended for 0.2 to 60 s, and its monotonic clock with it",
-        ("OVERRUN",),
-        TICK_S,
-        7,
+        promise=7,
+        detectors=("OVERRUN",),
+        bound_s=TICK_S,
         real=False,
         by_itself=True,
         demands=Kind.NAMED,
     ),
-    _machine("machine_cpu_hogs", "eight CPU-bound processes", (), None, 8, virtual=False),
-    _machine("machine_memory", "little free memory", (), None, 8, virtual=False),
-    _machine("machine_disk", "a full disk", (), None, 8, virtual=False),
+    _machine("machine_cpu_hogs", "eight CPU-bound processes", promise=8, virtual=False),
+    _machine("machine_memory", "little free memory", promise=8, virtual=False),
+    _machine("machine_disk", "a full disk", promise=8, virtual=False),
     _supervisord(
-        "supervisord_sigkill",
-        "SIGKILL: its children continue; a new supervisord replaces them after 0.5 s",
-        (),
-        None,
-        8,
+        "supervisord_sigkill", "SIGKILL: its children continue; a new supervisord replaces them after 0.5 s"
     ),
     _supervisord(
-        "supervisord_restart", "a restart of all processes", BASE_ALONE, None, 8, target="supervisor"
+        "supervisord_restart", "a restart of all processes", detectors=BASE_ALONE, target="supervisor"
     ),
     _supervisord(
         "supervisord_crash_loop",
         "a child that ends at each start, for 1 to 2 s",
-        ("SCAN_STALE", "SCAN_INVALID"),
-        None,
-        8,
+        detectors=("SCAN_STALE", "SCAN_INVALID"),
         target="sim",
     ),
-    FaultClass(PAIR, "two of these faults together", (), None, 8, group=Group.PAIR),
+    FaultClass(PAIR, "two of these faults together", group=Group.PAIR, promise=8),
 )
 
 BY_NAME = {one.name: one for one in CLASSES}
