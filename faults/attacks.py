@@ -4,6 +4,7 @@ import asyncio
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from random import Random
 from typing import NamedTuple
 
@@ -18,7 +19,6 @@ from wire.messages import (
     Twist,
     Vector3,
     encode,
-    header,
     laser_scan,
     odometry,
     planar_twist,
@@ -167,18 +167,8 @@ def second_lidar(knows: Knowledge) -> Iterator[Shot]:
         yield Shot(topics.SCAN.key, encode(_scan([math.nan] * 360, knows.header_ns())))
 
 
-def second_lidar_steady(knows: Knowledge) -> Iterator[Shot]:
-    """A second client's plausible scans, at a lidar's rate."""
-    yield from _free_space(knows, STEADY_HZ)
-
-
-def second_lidar_flood(knows: Knowledge) -> Iterator[Shot]:
-    """The same, at the highest possible rate."""
-    yield from _free_space(knows, FLOOD_HZ)
-
-
-def _free_space(knows: Knowledge, rate_hz: float) -> Iterator[Shot]:
-    """Plausible scans; all without a stamp, or all with valid stamps in order."""
+def second_plausible_lidar(knows: Knowledge, rate_hz: float) -> Iterator[Shot]:
+    """A second client's plausible scans; all without a stamp, or all with valid stamps in order."""
     chance = knows.chance
     gid = chance.randbytes(GID_BYTES) if chance.random() < 0.5 else None
     for number in itertools.count(1):
@@ -209,8 +199,8 @@ ATTACKS: dict[str, tuple[Attack, float]] = {
     "flood": (flood, 10_000.0),
     "rogue_cmd_vel": (rogue_cmd_vel, 400.0),
     "second_lidar": (second_lidar, 20.0),
-    "second_lidar_steady": (second_lidar_steady, STEADY_HZ),
-    "second_lidar_flood": (second_lidar_flood, FLOOD_HZ),
+    "second_lidar_steady": (partial(second_plausible_lidar, rate_hz=STEADY_HZ), STEADY_HZ),
+    "second_lidar_flood": (partial(second_plausible_lidar, rate_hz=FLOOD_HZ), FLOOD_HZ),
     "estop": (estop, 50.0),
 }
 """Each attack, and its rate in messages per second."""
@@ -259,18 +249,9 @@ def _twist(value: float, chance: Random) -> Twist:
 def _scan(ranges_m: list[float], time_ns: int) -> LaserScan:
     with np.errstate(over="ignore"):  # a huge value becomes infinite in 32 bits
         ranges = np.array(ranges_m).astype(np.float32)
-    return LaserScan(
-        header("lidar", time_ns),
-        angle_min=-math.pi,
-        angle_max=math.pi,
-        angle_increment=math.tau / max(1, len(ranges_m)),
-        time_increment=0.0,
-        scan_time=0.05,
-        range_min=0.1,
-        range_max=12.0,
-        ranges=ranges,
-        intensities=np.empty(0, dtype=np.float32),
-    )
+    scan = laser_scan(ranges, range_m=(0.1, 12.0), period_s=SCAN_PERIOD_S, time_ns=time_ns)
+    scan.angle_max = math.pi
+    return scan
 
 
 class Attacker:

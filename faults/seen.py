@@ -4,6 +4,8 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from lifeline.incidents.braking import Motion
+from wire.message_types import SafetyStatus
+from wire.ros import Twist
 
 
 class Command(NamedTuple):
@@ -12,6 +14,10 @@ class Command(NamedTuple):
     arrival_s: float
     linear_m_s: float
     angular_rad_s: float
+
+    @classmethod
+    def of(cls, arrival_s: float, twist: Twist) -> "Command":
+        return cls(arrival_s, twist.linear.x, twist.angular.z)
 
     @property
     def is_zero(self) -> bool:
@@ -27,6 +33,11 @@ class Status(NamedTuple):
     owner: str = ""
     commanded: tuple[float, float] = (0.0, 0.0)
     """The velocity that the owner requests [m/s, rad/s]."""
+
+    @classmethod
+    def of(cls, arrival_s: float, status: SafetyStatus) -> "Status":
+        commanded = (status.commanded.linear.x, status.commanded.angular.z)
+        return cls(arrival_s, tuple(status.reasons), status.owner, commanded)
 
     @property
     def is_stopped(self) -> bool:

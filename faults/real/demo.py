@@ -9,12 +9,12 @@ import json
 import math
 import statistics
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from deploy.stack.takedown import Say
@@ -22,9 +22,10 @@ from faults.classes import BY_NAME, KILL_BOUND_S
 from faults.promises import Bounds, violations
 from faults.real.rig.stage import Stage, StageError
 from faults.real.trial_run import LEEWAY_S, complete_trial, standing_since_s
+from faults.report.figures import stop_s
 from faults.report.table import broken_sentences
 from faults.seen import Seen
-from faults.trial import BrokenPromise, Injected, Trial
+from faults.trial import Injected, Trial
 from wire import topics
 from wire.reasons import StopReason
 
@@ -135,17 +136,16 @@ async def _measured_trial(stage: Stage, name: str, first_seed: int, say: Say) ->
 
 
 def _of_trials(trials: Sequence[Trial]) -> list[Verdict]:
-    killed = [fault for fault in _faults(trials) if fault.fault == TELEOP_KILLED]
+    faults = [trial.faults[0] for trial in trials]
+    killed = [fault for fault in faults if fault.fault == TELEOP_KILLED]
     hung, braked, blind = (
-        next(fault for fault in _faults(trials) if fault.fault == name)
+        next(fault for fault in faults if fault.fault == name)
         for name in (HUNG, SUPERVISOR_KILLED, SCANS_GONE)
     )
     zeros_s = [_to_stop_s(fault) for fault in killed]
     typical_s, longest_s = statistics.median(zeros_s), max(zeros_s)
     worst_stop = max(killed, key=lambda fault: _distance_m(fault) - _bound_m(fault))
-    ready_s = max(
-        float(f.parameters["to_alive_s"]) + float(f.parameters["to_ready_s"]) for f in _faults(trials)
-    )
+    ready_s = max(float(f.parameters["to_alive_s"]) + float(f.parameters["to_ready_s"]) for f in faults)
     broken = {violation.promise for trial in trials for violation in trial.violations}
 
     def verdict(promise: int, what: str, bound: str, measured: str, outcome: Outcome) -> Verdict:
@@ -199,10 +199,6 @@ def _of_trials(trials: Sequence[Trial]) -> list[Verdict]:
     ]
 
 
-def _faults(trials: Iterable[Trial]) -> Iterable[Injected]:
-    return (trial.faults[0] for trial in trials)
-
-
 def _bound_s(name: str) -> float:
     bound_s = BY_NAME[name].bound_s
     assert bound_s is not None
@@ -211,9 +207,8 @@ def _bound_s(name: str) -> float:
 
 def _to_stop_s(fault: Injected) -> float:
     """Time from the fault to zero on cmd_vel, or to the base's own stop [s]; NaN if it was not measured."""
-    if fault.fault == SUPERVISOR_KILLED:
-        return float(fault.parameters.get("to_wheels_s", math.nan))
-    return math.nan if fault.to_zero_s is None else fault.to_zero_s
+    time_s = stop_s("real", fault)
+    return math.nan if time_s is None else time_s
 
 
 def _distance_m(fault: Injected) -> float:
@@ -280,7 +275,8 @@ async def _back_out(stage: Stage, say: Say) -> list[Verdict]:
     seen = observer.finished()
     least_m, away_m = min(motion.clearance_m for motion in seen.motions), seen.motions[-1].clearance_m
     found = violations(seen, (), Bounds(status_leeway_s=LEEWAY_S, neutral_leeway_s=LEEWAY_S))
-    _say_violations(found, say)
+    for one in found:
+        say(f"  promise {one.promise}: {one.sentence}")
     bound_m = Bounds().stop_distance_m - Bounds().tolerance_m
     return [
         Verdict(
@@ -292,11 +288,6 @@ async def _back_out(stage: Stage, say: Say) -> list[Verdict]:
         ),
         Verdict(6, "… and it may back out", "by keys alone", f"to {_cm(away_m)}", judged(kept=backed_out)),
     ]
-
-
-def _say_violations(found: Iterable[BrokenPromise], say: Say) -> None:
-    for one in found:
-        say(f"  promise {one.promise}: {one.sentence}")
 
 
 def _ms(duration_s: float) -> str:
@@ -343,12 +334,10 @@ def print_verdicts(verdicts: Sequence[Verdict]) -> None:
     console = Console()
     if not console.is_terminal:
         console = Console(width=MIN_WIDTH)
-    table = Table(title="promises and measurements", title_justify="left")
-    table.add_column("№", justify="right")
-    table.add_column("promise")
-    table.add_column("bound")
-    table.add_column("measured")
-    table.add_column("")
+    columns = ("promise", "bound", "measured", "")
+    table = Table(
+        Column("№", justify="right"), *columns, title="promises and measurements", title_justify="left"
+    )
     for verdict in sorted(verdicts, key=lambda v: v.number):
         word = Text(verdict.outcome, style=COLOURS[verdict.outcome])
         table.add_row(str(verdict.number), verdict.promise, verdict.bound, verdict.measured, word)

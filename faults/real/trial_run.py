@@ -237,14 +237,15 @@ async def _break(stage: Stage, run: _Run, chance: Random) -> None:
         asyncio.ensure_future(_inject(stage, run, name, fault, pause_s))
         for (name, fault), pause_s in zip(run.faults, pauses_s, strict=True)
     ]
-    caring = asyncio.ensure_future(_take_care(stage, run))
-    typing = asyncio.ensure_future(_go_on_typing(stage, run, chance)) if not run.stops else None
+    meanwhile = [asyncio.ensure_future(_take_care(stage, run))]
+    if not run.stops:
+        meanwhile.append(asyncio.ensure_future(_go_on_typing(stage, run, chance)))
     try:
         await asyncio.gather(*tasks)
     finally:
-        for task in (*tasks, caring, *([typing] if typing else [])):
+        for task in (*tasks, *meanwhile):
             task.cancel()
-        await asyncio.gather(*tasks, caring, *([typing] if typing else []), return_exceptions=True)
+        await asyncio.gather(*tasks, *meanwhile, return_exceptions=True)
 
 
 async def _inject(stage: Stage, run: _Run, name: str, fault: Fault[Stage], pause_s: float) -> None:

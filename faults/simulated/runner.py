@@ -9,9 +9,9 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from itertools import islice
+from functools import partial
 from modulefinder import ModuleFinder
 from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
@@ -22,7 +22,7 @@ from deploy.stack import errors
 from deploy.stack.errors import DeployError
 from faults.report.table import Progressing, print_results, story
 from faults.simulated.trial_run import run_trial
-from faults.trial import Trial, parse
+from faults.trial import parse
 from faults.trial_file import appending, known_trials
 
 DECIDES = "faults.simulated.trial_run"
@@ -33,8 +33,6 @@ DATA_SUFFIXES = frozenset({".xml", ".toml", ".msg"})
 """Files that these packages read: layouts, models, message definitions."""
 BATCH = 4
 """Seeds in one batch for a worker; Ctrl-C loses those that are not finished."""
-AHEAD = 3
-"""Queued batches for each worker."""
 
 Say = Callable[[str], None]
 
@@ -91,28 +89,20 @@ def default_jobs() -> int:
 
 
 def _lines(seeds: Sequence[int], jobs: int, code: str, console: Console) -> Iterator[str]:
-    """Yield one line for each seed, as they finish."""
+    """Yield one line for each seed, in their order."""
     if not seeds:
         return
     # Spawned, not forked: a child must not inherit this process's threads half way.
     pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_begin_work)
+    progress = Progressing(console, len(seeds))
     try:
-        progress = Progressing(console, len(seeds))
+        with _interrupts_held_back():
+            lines = pool.map(partial(run_line, code=code), seeds, chunksize=BATCH)
         with progress.shown():
-            left = iter(seeds)
-            running: set[Future[list[str]]] = set()
-            while True:
-                progress.begin("virtual faults")
-                with _interrupts_held_back():
-                    while len(running) < AHEAD * jobs and (batch := list(islice(left, BATCH))):
-                        running.add(pool.submit(run_batch, batch, code))
-                if not running:
-                    break
-                finished, running = wait(running, return_when=FIRST_COMPLETED)
-                for future in finished:
-                    for line in future.result():
-                        progress.end(broken='"violations":' in line)
-                        yield line
+            progress.begin("virtual faults")
+            for line in lines:
+                progress.end(broken='"violations":' in line)
+                yield line
     except BaseException:
         for worker in active_children():
             worker.kill()  # do not wait for the end of its batch
@@ -121,18 +111,14 @@ def _lines(seeds: Sequence[int], jobs: int, code: str, console: Console) -> Iter
     pool.shutdown()
 
 
-def run_batch(seeds: Sequence[int], code: str) -> list[str]:
-    """Some trials, as lines; in a worker.
+def run_line(seed: int, code: str) -> str:
+    """Run one trial in a worker; return its line.
 
     Raises:
         DeployError: naming the seed.
     """
-    return [_run(seed, code).line() for seed in seeds]
-
-
-def _run(seed: int, code: str) -> Trial:
     try:
-        return run_trial(seed, code)
+        return run_trial(seed, code).line()
     except Exception as error:
         raise DeployError(
             f"seed {seed} could not be run: {type(error).__name__}: {error}; "

@@ -47,7 +47,7 @@ def run_trial(
     loop = VirtualLoop()
     world = World(loop, scenario, config)
     injector = Injector(world)
-    with _quiet(), _collected_later():
+    with _undisturbed():
         try:
             loop.run_until_complete(_play(world, injector))
         except VirtualTimeError as error:
@@ -162,30 +162,18 @@ def digest(seen: Seen) -> str:
     return sha.hexdigest()[:16]
 
 
-LOGGERS = ("wire", "supervisor", "teleop", "sim")
-
-
 @contextmanager
-def _quiet() -> Generator[None]:
-    """Suppress the logs of the services."""
-    loggers = [logging.getLogger(name) for name in LOGGERS]
-    levels = [logger.level for logger in loggers]
-    for logger in loggers:
-        logger.setLevel(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        for logger, level in zip(loggers, levels, strict=True):
-            logger.setLevel(level)
+def _undisturbed() -> Generator[None]:
+    """Suppress the logs of the services and cyclic garbage collection.
 
-
-@contextmanager
-def _collected_later() -> Generator[None]:
-    """Suspend cyclic garbage collection: it takes a tenth of a trial's time and frees nothing before its end."""
+    The collection takes a tenth of a trial's time and frees nothing before its end.
+    """
     was_enabled = gc.isenabled()
     gc.disable()
+    logging.disable()
     try:
         yield
     finally:
+        logging.disable(logging.NOTSET)
         if was_enabled:
             gc.enable()

@@ -370,15 +370,10 @@ class World:
     def _tap(self, _node: str, key: str, message: Any, stamp: Stamp) -> None:  # noqa: ANN401 - any message
         now_s = self.loop.time()
         if key == topics.CMD_VEL.key:
-            self.seen.commands.append(Command(now_s, message.linear.x, message.angular.z))
+            self.seen.commands.append(Command.of(now_s, message))
         elif key == topics.STATUS.key:
             self.status = message
-            commanded: Twist = message.commanded
-            self.seen.statuses.append(
-                Status(
-                    now_s, tuple(message.reasons), message.owner, (commanded.linear.x, commanded.angular.z)
-                )
-            )
+            self.seen.statuses.append(Status.of(now_s, message))
         elif key == topics.DIAGNOSTICS.key:
             reason = base_reason(message)
             if reason is not None and (not self.base or self.base[-1].reason != reason):

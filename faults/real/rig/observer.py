@@ -83,13 +83,11 @@ class Observer:
             elif _age_s(command) > BASE_TIMEOUT_S:
                 self.late += 1
             else:
-                seen.commands.append(
-                    Command(command.arrival_s, command.message.linear.x, command.message.angular.z)
-                )
+                seen.commands.append(Command.of(command.arrival_s, command.message))
         for status in self._delivered(self._statuses):
             if status.message is not None:
                 self.status = status.message
-                seen.statuses.append(_status(status.arrival_s, status.message))
+                seen.statuses.append(Status.of(status.arrival_s, status.message))
         for name, subscription in self._asked.items():
             seen.asked += [
                 self._ask(name, arrival, arrival.message)
@@ -153,8 +151,3 @@ def _age_s(arrival: Arrival[Twist]) -> float:
         return 0.0
     age_s = arrival.arrival_s - arrival.stamp.source_time_ns * 1e-9
     return age_s if 0.0 <= age_s < TRUSTED_STAMP_S else 0.0
-
-
-def _status(arrival_s: float, status: SafetyStatus) -> Status:
-    commanded = (status.commanded.linear.x, status.commanded.angular.z)
-    return Status(arrival_s, tuple(status.reasons), status.owner, commanded)

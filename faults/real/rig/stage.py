@@ -15,7 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Collection, Coroutine
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -117,13 +117,16 @@ class Stage:
     def __init__(
         self, *, sim_options: str = "--no-viewer", say: Say = lambda _: None, small_disk: bool = True
     ) -> None:
-        self._say, self._wants_disk = say, small_disk
+        self._say = say
         self.directory = Path(tempfile.mkdtemp(prefix="lifeline-faults-")).resolve()
         self.state = StateDir(self.directory / STATE)
         self.state.create()
-        self._janitor: subprocess.Popen[bytes] | None = None
-        self._has_disk = False
-        self._wheels: WheelPipe | None = None
+        self._closing = ExitStack()
+        """What must be ended without an event loop."""
+        self._hire_janitor()
+        self._closing.callback(sweep, self.directory, os.getpid())
+        self.has_disk = small_disk and self._mount_disk()
+        """Whether the state directory is a separate disk."""
         self._bus: ZenohBus | None = None
         self._links: Links | None = None
         self._cable: Cable | None = None
@@ -155,25 +158,25 @@ class Stage:
             self._attacker = HelperProcess(
                 "faults.real.rig.attacker", bus.endpoint, bus.namespace, environment=self.environment
             )
+            self._closing.callback(self._attacker.close)
             self._attacker.answer()
         return self._attacker
 
     @property
     def links(self) -> Links:
         if self._links is None:
-            names = (topics.TELEOP, topics.SIM)
-            self._links = Links(self.launch.bus.endpoint, names, environment=self.environment)
+            self._links = self._linked("127.0.0.1", topics.TELEOP, topics.SIM)
         return self._links
+
+    def _linked(self, host: str, *names: str) -> Links:
+        links = Links(self.launch.bus.endpoint, names, environment=self.environment, host=host)
+        self._closing.callback(links.close)
+        return links
 
     @property
     def cable(self) -> Cable:
         assert self._cable is not None
         return self._cable
-
-    @property
-    def has_disk(self) -> bool:
-        """Whether the state directory is a separate disk."""
-        return self._has_disk
 
     @property
     def environment(self) -> dict[str, str]:
@@ -221,9 +224,8 @@ class Stage:
         Raises:
             DeployError: it cannot be started.
         """
-        self._hire_janitor()
-        self._mount_disk()
-        self._wheels = WheelPipe(self.directory / faulty_process.WHEELS)
+        wheels = WheelPipe(self.directory / faulty_process.WHEELS)
+        self._closing.callback(wheels.close)
         python = self.directory / "python"
         python.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m faults.real.rig.faulty_process "$@"\n')
         python.chmod(stat.S_IRWXU)
@@ -233,7 +235,7 @@ class Stage:
                 self._bus = await open_bus(self.launch.bus, "client")
         except (TimeoutError, BusError) as error:
             raise StageError(f"the campaign's observer cannot connect: {error}") from error
-        self._watch = Observer(self._bus, self._wheels)
+        self._watch = Observer(self._bus, wheels)
         await self.start_teleop()
 
     async def close(self) -> None:
@@ -248,19 +250,7 @@ class Stage:
 
     def discard(self) -> None:
         """Stop everything without an event loop; may be called repeatedly."""
-        for child in (self._attacker, self._links, self._cable_link):
-            if child is not None:
-                with suppress(OSError, DeployError):
-                    child.close()
-        self._attacker = self._links = self._cable_link = None
-        if self._wheels is not None:
-            self._wheels.close()
-            self._wheels = None
-        self._cable = None
-        sweep(self.directory, os.getpid())
-        if self._janitor is not None:
-            self._janitor.communicate()
-            self._janitor = None
+        self._closing.close()
 
     async def restart_stack(self) -> None:
         """Restart everything, to reach a known state."""
@@ -284,23 +274,24 @@ class Stage:
 
     def _hire_janitor(self) -> None:
         """Start the janitor, which cleans up even if this process is killed."""
-        self._janitor = subprocess.Popen(
+        janitor = subprocess.Popen(
             [sys.executable, "-m", "faults.real.rig.janitor", str(self.directory), str(os.getpid())],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             start_new_session=True,
         )
+        self._closing.callback(janitor.communicate)
 
-    def _mount_disk(self) -> None:
-        if not self._wants_disk or os.geteuid() != 0:
-            return
+    def _mount_disk(self) -> bool:
+        if os.geteuid() != 0:
+            return False
         done = subprocess.run(
             ["mount", "-t", "tmpfs", "-o", f"size={DISK_BYTES},mode=700", "lifeline", str(self.state.path)],  # noqa: S607 - the system's
             capture_output=True,
             check=False,
         )
-        self._has_disk = done.returncode == 0
+        return done.returncode == 0
 
     # --- routes
 
@@ -347,12 +338,7 @@ class Stage:
                 if self._cable is None:
                     self._cable = Cable(os.getpid(), subnet=os.getpid() % 250)
                 if self._cable_link is None:
-                    self._cable_link = Links(
-                        self.launch.bus.endpoint,
-                        (topics.TELEOP,),
-                        environment=self.environment,
-                        host=self._cable.host,
-                    )
+                    self._cable_link = self._linked(self._cable.host, topics.TELEOP)
                 return self._cable.prefix, self._cable_link.endpoints[topics.TELEOP]
 
     # --- processes
