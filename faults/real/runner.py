@@ -6,7 +6,6 @@ file contains is not run again.
 
 import math
 import time
-from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -92,43 +91,17 @@ def _place(name: str, seed: int) -> tuple[int, int]:
     return len(order) * order.index(sim) + order.index(teleop), int(BY_NAME[name].group is Group.SUPERVISORD)
 
 
-class Made:
-    """The results of a campaign so far; decides which trials keep their timeline.
+def keeps_timeline(trial: Trial, before: Iterable[Trial]) -> bool:
+    """Return whether a trial keeps its timeline in the file.
 
-    Args:
-        there: the earlier trials in the file.
-
-    Attributes:
-        trials: the trials of this run.
-        impossible: classes that cannot be run on this machine.
+    The first trials of a class do, and so do each new longest one and those that broke a promise. This suffices to show
+    a typical trial and the worst one, even after thousands of trials.
     """
-
-    def __init__(self, there: Iterable[Trial]) -> None:
-        self.trials: list[Trial] = []
-        self.impossible: list[str] = []
-        self._timelines: Counter[str] = Counter()
-        self._longest_s: dict[str, float] = {}
-        for trial in there:
-            self._count(trial)
-
-    def add(self, trial: Trial) -> Trial:
-        """Add a trial; return it as it is written to the file.
-
-        The first trials of a class keep their timeline, and so do each new longest one and those that broke a promise.
-        This suffices to show a typical trial and the worst one, even after thousands of trials.
-        """
-        name = class_of(trial)
-        is_worst = (time_in(trial, name) or 0.0) > self._longest_s.get(name, 0.0)
-        if self._timelines[name] >= KEPT_TIMELINES and not is_worst and not trial.violations:
-            trial = trial.model_copy(update={"timeline": ()})
-        self._count(trial)
-        self.trials.append(trial)
-        return trial
-
-    def _count(self, trial: Trial) -> None:
-        name = class_of(trial)
-        self._timelines[name] += bool(trial.timeline)
-        self._longest_s[name] = max(self._longest_s.get(name, 0.0), time_in(trial, name) or 0.0)
+    name = class_of(trial)
+    same = [one for one in before if class_of(one) == name]
+    longest_s = max((time_in(one, name) or 0.0 for one in same), default=0.0)
+    is_worst = (time_in(trial, name) or 0.0) > longest_s
+    return bool(trial.violations) or is_worst or sum(bool(one.timeline) for one in same) < KEPT_TIMELINES
 
 
 def run(orders: Orders, *, as_json: bool = False) -> int:
@@ -141,21 +114,19 @@ def run(orders: Orders, *, as_json: bool = False) -> int:
     console = Console(stderr=as_json, highlight=False)
     interrupted: KeyboardInterrupt | None = None
     with appending(orders.out) as append:
-        there = known_trials(orders.out, "real", REVISION)
-        made = Made(there)
-        if plan := schedule(orders, names, there):
+        trials, impossible = known_trials(orders.out, "real", REVISION), list[str]()
+        if plan := schedule(orders, names, trials):
             console.print("starting supervisord, supervisor, sim and teleop")
             stage = Stage()
-            interrupted = stage.run(lambda: _play(stage, orders, plan, made, console, append))
-    wanted = set(names)
-    everything = [*(one for one in there if class_of(one) in wanted), *made.trials]
+            interrupted = stage.run(lambda: _play(stage, orders, plan, trials, impossible, console, append))
+    everything = [one for one in trials if class_of(one) in names]
     if as_json or everything:
         print_results(everything, console, as_json=as_json)
     broken = sum(bool(trial.violations) for trial in everything)
     where = f" in {orders.out}" if orders.out is not None else ""
     verdict = f"{broken} with a broken promise" if broken else "every promise was kept"
     console.print(f"{len(everything)} trials{where}: {verdict}", markup=False, soft_wrap=True)
-    missing, without = untried(orders, [name for name in names if name not in made.impossible], everything)
+    missing, without = untried(orders, [name for name in names if name not in impossible], everything)
     if missing:
         what = f"no results for {', '.join(without)}" if without else "every class was tried at least once"
         console.print(f"{missing} trials were not run: {what}", soft_wrap=True)
@@ -177,24 +148,38 @@ async def _play(
     stage: Stage,
     orders: Orders,
     plan: Sequence[tuple[str, int]],
-    made: Made,
+    trials: list[Trial],
+    impossible: list[str],
     console: Console,
     append: Callable[[str], None],
 ) -> None:
-    """Run every trial of the plan on one stage, except classes that cannot be run on this machine."""
+    """Run every trial of the plan on one stage.
+
+    Args:
+        stage: the open stage.
+        orders: the limit of time.
+        plan: class and seed of each trial.
+        trials: the trials of the file; each new one is added.
+        impossible: the classes that cannot be run on this machine are added.
+        console: for the progress.
+        append: writes a line to the file.
+    """
     end_s = math.inf if orders.minutes is None else time.monotonic() + 60.0 * orders.minutes
     for name in dict.fromkeys(name for name, _ in plan):
         if (reason := why_not(name, stage)) is not None:
-            made.impossible.append(name)
+            impossible.append(name)
             console.print(f"{name} is skipped: {reason}")
-    plan = [(name, seed) for name, seed in plan if name not in made.impossible]
+    plan = [(name, seed) for name, seed in plan if name not in impossible]
     progress = Progressing(console, len(plan))
     with progress.shown():
         for name, seed in plan:
             if time.monotonic() > end_s:
                 break
             progress.begin(name)
-            trial = made.add(await complete_trial(stage, name, seed, REVISION, progress.say))
+            trial = await complete_trial(stage, name, seed, REVISION, progress.say)
+            if not keeps_timeline(trial, trials):
+                trial = trial.model_copy(update={"timeline": ()})
+            trials.append(trial)
             append(trial.line())
             for broken in trial.violations:
                 progress.say(f"{name}, seed {seed}: promise {broken.promise}: {broken.sentence}")

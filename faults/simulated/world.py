@@ -168,13 +168,7 @@ class World:
         self.plant, self._witness = self.stage.plant, self.stage.witness
         self._config = config or SupervisorSection()
         if scenario.rectangular:
-            half_x_m, half_y_m = HALF_LENGTH_M, HALF_WIDTH_M
-            corners = [
-                (half_x_m, half_y_m),
-                (-half_x_m, half_y_m),
-                (-half_x_m, -half_y_m),
-                (half_x_m, -half_y_m),
-            ]
+            corners = [(x * HALF_LENGTH_M, y * HALF_WIDTH_M) for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
             self._config = self._config.model_copy(update={"footprint": FootprintSection(corners_m=corners)})
         self.seen = Seen()
         self.base: list[BaseReport] = []
@@ -195,8 +189,8 @@ class World:
         self._mains: dict[str, Main] = {
             topics.SUPERVISOR: self._supervisor,
             topics.SIM: self._sim,
-            topics.TELEOP: self._stubborn if scenario.drivers is Drivers.STUBBORN else self._teleop,
-            JOY: self._joy,
+            topics.TELEOP: self._beat if scenario.drivers is Drivers.STUBBORN else self._teleop,
+            JOY: self._beat,
         }
         loop.on_error = self._on_error
         self._place_robot()
@@ -242,7 +236,7 @@ class World:
         if life is not None:
             life.stop.set()
 
-    def hold(self, name: str, *, deaf: bool = False, stopped: bool = False) -> Life | None:
+    def hold(self, name: str, *, deaf: bool = False, stopped: bool = False) -> None:
         """Hold a process; see `virtual/network.py` for the ways."""
         life = self.lives.get(name)
         if life is not None:
@@ -251,7 +245,6 @@ class World:
                 life.bus.set_stopped(stopped=True)
             elif deaf:
                 life.bus.set_deaf(deaf=True)
-        return life
 
     def let_go(self, life: Life) -> None:
         """Continue a process; it first receives the messages that arrived meanwhile."""
@@ -305,18 +298,13 @@ class World:
         await teleop.run(life.stop)
         await life.bus.close()
 
-    async def _stubborn(self, life: Life) -> None:
-        await self._beat(life, topics.TELEOP, lambda: self.velocity)
-
-    async def _joy(self, life: Life) -> None:
-        await self._beat(life, JOY, lambda: self.velocity)
-
-    async def _beat(self, life: Life, source: str, wanted: Callable[[], tuple[float, float]]) -> None:
+    async def _beat(self, life: Life) -> None:
+        """Request the velocity all the time."""
         await life.bus.connect()
-        life.bus.declare_alive(source)
-        publisher = life.bus.publisher(topics.source_cmd_vel(source))
+        life.bus.declare_alive(life.name)
+        publisher = life.bus.publisher(topics.source_cmd_vel(life.name))
         while not life.stop.is_set():
-            publisher.put(planar_twist(*wanted()))
+            publisher.put(planar_twist(*self.velocity))
             await wait_until(life.stop, self.loop.time() + HEARTBEAT_S)
         publisher.put(planar_twist(0.0, 0.0))
         await life.bus.close()

@@ -9,7 +9,16 @@ from deploy.stack.errors import DeployError
 from faults.classes import real_classes
 from faults.real.real_faults import planned
 from faults.real.rig.stage import Route, routes_for
-from faults.real.runner import KEPT_TIMELINES, REVISION, Made, Orders, chosen, run, schedule, untried
+from faults.real.runner import (
+    KEPT_TIMELINES,
+    REVISION,
+    Orders,
+    chosen,
+    keeps_timeline,
+    run,
+    schedule,
+    untried,
+)
 from faults.trial import BrokenPromise, Injected, Sample, Trial
 
 NAMES = tuple(one.name for one in real_classes())
@@ -147,18 +156,21 @@ def _timelines(seed: int, to_zero_s: float | None, *, broken: bool = False) -> T
 
 
 def test_the_first_trials_the_longest_so_far_and_the_broken_ones_keep_their_timelines() -> None:
-    made = Made([])
+    before: list[Trial] = []
+
+    def keeps(trial: Trial) -> bool:
+        kept = keeps_timeline(trial, before)
+        before.append(trial if kept else trial.model_copy(update={"timeline": ()}))
+        return kept
+
     times_s = [0.2, 0.1, 0.15, None, 0.2, 0.21, 0.205, None, 0.21, 0.22]
-    kept = [bool(made.add(_timelines(seed, time_s)).timeline) for seed, time_s in enumerate(times_s)]
+    kept = [keeps(_timelines(seed, time_s)) for seed, time_s in enumerate(times_s)]
     assert kept == [True] * KEPT_TIMELINES + [False, True, False, False, False, True]
-    assert made.add(_timelines(20, 0.01, broken=True)).timeline
-    assert [trial.seed for trial in made.trials] == [*range(10), 20]
+    assert keeps(_timelines(20, 0.01, broken=True))
 
 
 def test_a_campaign_that_goes_on_knows_what_the_file_reports_already() -> None:
-    before = Made([])
-    there = [before.add(_timelines(seed, 0.2)) for seed in range(KEPT_TIMELINES + 3)]
-    made = Made(there)
-    assert not made.add(_timelines(10, 0.2)).timeline
-    assert made.add(_timelines(11, 0.3)).timeline
-    assert Made([]).add(_timelines(10, 0.2)).timeline
+    there = [_timelines(seed, 0.2) for seed in range(KEPT_TIMELINES)]
+    assert not keeps_timeline(_timelines(10, 0.2), there)
+    assert keeps_timeline(_timelines(11, 0.3), there)
+    assert keeps_timeline(_timelines(10, 0.2), [])
