@@ -6,8 +6,8 @@ What must be undone even if the fault does not begin is in a `finally`.
 
 import math
 from collections.abc import AsyncGenerator, Callable
-from functools import partial
 from random import Random
+from typing import Concatenate, ParamSpec
 
 from faults.attacks import ATTACKS, SECOND
 from faults.port import End, Fault, Hold, Parameters, Pillar, Port
@@ -31,58 +31,59 @@ def lasting(chance: Random, low_s: float, high_s: float) -> float:
     return round(chance.uniform(low_s, high_s), 3)
 
 
+P = ParamSpec("P")
+
+
+def drawn(draw: Callable[Concatenate[Random, P], Fault[Port]]) -> Callable[P, Draw]:
+    """Make a function that draws a fault into one that takes its other arguments and returns the draw."""
+    return lambda *args, **named: lambda chance: draw(chance, *args, **named)
+
+
 # --- processes
 
 
-async def _killed(port: Port, *nodes: str) -> AsyncGenerator[float]:
-    yield port.kill(*nodes)
-    await port.restart(*nodes)
+@drawn
+def kill(_: Random, *nodes: str) -> Fault[Port]:
+    async def steps(port: Port) -> AsyncGenerator[float]:
+        yield port.kill(*nodes)
+        await port.restart(*nodes)
+
+    return Fault(steps, any_length=True)
 
 
-async def _ended(port: Port, node: str, how: End) -> AsyncGenerator[float]:
-    yield port.end(node, how)
-    await port.restart(node)
+@drawn
+def end(chance: Random, node: str, *ways: End) -> Fault[Port]:
+    how = chance.choice(ways)
+
+    async def steps(port: Port) -> AsyncGenerator[float]:
+        yield port.end(node, how)
+        await port.restart(node)
+
+    return Fault(steps, {"how": how.value}, any_length=True)
 
 
-async def _held(port: Port, node: str, how: Hold, for_s: float) -> AsyncGenerator[float]:
-    yield port.hold(node, how, for_s)
-    port.let_go(node, how)
+@drawn
+def hold(chance: Random, node: str, *ways: Hold) -> Fault[Port]:
+    for_s, how = lasting(chance, 0.35, 1.2), chance.choice(ways)
 
+    async def steps(port: Port) -> AsyncGenerator[float]:
+        yield port.hold(node, how, for_s)
+        port.let_go(node, how)
 
-def kill(*nodes: str) -> Draw:
-    return lambda _: Fault(lambda port: _killed(port, *nodes), any_length=True)
-
-
-def end(node: str, *ways: End) -> Draw:
-    def draw(chance: Random) -> Fault[Port]:
-        how = chance.choice(ways)
-        return Fault(lambda port: _ended(port, node, how), {"how": how.value}, any_length=True)
-
-    return draw
-
-
-def hold(node: str, *ways: Hold) -> Draw:
-    def draw(chance: Random) -> Fault[Port]:
-        for_s, how = lasting(chance, 0.35, 1.2), chance.choice(ways)
-        return Fault(lambda port: _held(port, node, how, for_s), {"how": how.value}, for_s, any_length=True)
-
-    return draw
+    return Fault(steps, {"how": how.value}, for_s, any_length=True)
 
 
 # --- sensors
 
 
-async def _spoilt(port: Port, faults: str) -> AsyncGenerator[float]:
-    yield await port.sensors(faults)
-    await port.mend_sensors()
-
-
 def _sensors(
     faults: str, lasts_s: float, pillar: Pillar = Pillar.BY_CHANCE, *, any_length: bool = False
 ) -> Fault[Port]:
-    return Fault(
-        lambda port: _spoilt(port, faults), {"faults": faults}, lasts_s, any_length=any_length, pillar=pillar
-    )
+    async def steps(port: Port) -> AsyncGenerator[float]:
+        yield await port.sensors(faults)
+        await port.mend_sensors()
+
+    return Fault(steps, {"faults": faults}, lasts_s, any_length=any_length, pillar=pillar)
 
 
 def spoil(faults: str) -> Draw:
@@ -134,112 +135,100 @@ def stray(chance: Random) -> Fault[Port]:
 # --- network
 
 
-async def _cut(port: Port, node: str, *, up: bool, down: bool) -> AsyncGenerator[float]:
-    yield port.cut(node, up=up, down=down)
-    port.heal(node)
+def _cut(
+    node: str, lasts_s: float, *, up: bool = True, down: bool = True, any_length: bool = False
+) -> Fault[Port]:
+    async def steps(port: Port) -> AsyncGenerator[float]:
+        yield port.cut(node, up=up, down=down)
+        port.heal(node)
 
-
-async def _delayed(port: Port, node: str, least_s: float, most_s: float) -> AsyncGenerator[float]:
-    yield port.delay(node, least_s, most_s)
-    port.heal(node)
+    return Fault(steps, lasts_s=lasts_s, any_length=any_length)
 
 
 def cut(node: str, *, up: bool = True, down: bool = True) -> Draw:
     """Return the draw of a cut of the named directions; `up` leads to the hub."""
-    return lambda _: Fault(partial(_cut, node=node, up=up, down=down), lasts_s=CUT_S, any_length=True)
+    return lambda _: _cut(node, CUT_S, up=up, down=down, any_length=True)
 
 
 def heal(node: str) -> Draw:
-    return lambda chance: Fault(
-        partial(_cut, node=node, up=True, down=True), lasts_s=chance.choice(HEALED_AFTER_S)
-    )
+    return lambda chance: _cut(node, chance.choice(HEALED_AFTER_S))
 
 
-def delay(node: str) -> Draw:
-    def draw(chance: Random) -> Fault[Port]:
-        least_s, most_s = sorted(lasting(chance, 0.05, 0.5) for _ in range(2))
-        parameters: Parameters = {"delay_s": most_s, "least_delay_s": least_s}
-        steps = partial(_delayed, node=node, least_s=least_s, most_s=most_s)
-        return Fault(steps, parameters, lasting(chance, 1.0, 1.5), any_length=True)
+@drawn
+def delay(chance: Random, node: str) -> Fault[Port]:
+    least_s, most_s = sorted(lasting(chance, 0.05, 0.5) for _ in range(2))
 
-    return draw
+    async def steps(port: Port) -> AsyncGenerator[float]:
+        yield port.delay(node, least_s, most_s)
+        port.heal(node)
+
+    parameters: Parameters = {"delay_s": most_s, "least_delay_s": least_s}
+    return Fault(steps, parameters, lasting(chance, 1.0, 1.5), any_length=True)
 
 
 # --- wire
 
 
-async def _attacked(
-    port: Port, name: str, seed: int, for_s: float, parameters: Parameters
-) -> AsyncGenerator[float]:
-    yield port.attack(name, seed, for_s)
-    parameters["sent"] = port.end_attack(name)
+@drawn
+def attack(chance: Random, name: str) -> Fault[Port]:
+    seed, for_s = chance.randrange(1 << 31), lasting(chance, 0.5, 1.0)
+    parameters = Parameters()
 
-
-async def _second_writer(
-    port: Port, name: str, seed: int, for_s: float, parameters: Parameters
-) -> AsyncGenerator[float]:
-    """The real lidar pauses once, so that the second writer is alone."""
-    try:
-        at_s = port.attack(name, seed, for_s)
-        await port.pause(PAUSE_AFTER_S)
-        await port.sensors("silent")
-        await port.pause(PAUSE_S)
-        await port.mend_sensors()
-        yield at_s
-    finally:
+    async def steps(port: Port) -> AsyncGenerator[float]:
+        yield port.attack(name, seed, for_s)
         parameters["sent"] = port.end_attack(name)
-        await port.mend_sensors()
+
+    return Fault(steps, parameters, for_s)
 
 
-def attack(name: str) -> Draw:
-    def draw(chance: Random) -> Fault[Port]:
-        seed, for_s = chance.randrange(1 << 31), lasting(chance, 0.5, 1.0)
-        parameters = Parameters()
-        return Fault(lambda port: _attacked(port, name, seed, for_s, parameters), parameters, for_s)
+@drawn
+def second_writer(chance: Random, name: str, low_s: float, high_s: float) -> Fault[Port]:
+    """The real lidar pauses once, so that the second writer is alone."""
+    seed, for_s = chance.randrange(1 << 31), lasting(chance, low_s, high_s)
+    parameters = Parameters()
 
-    return draw
+    async def steps(port: Port) -> AsyncGenerator[float]:
+        try:
+            at_s = port.attack(name, seed, for_s)
+            await port.pause(PAUSE_AFTER_S)
+            await port.sensors("silent")
+            await port.pause(PAUSE_S)
+            await port.mend_sensors()
+            yield at_s
+        finally:
+            parameters["sent"] = port.end_attack(name)
+            await port.mend_sensors()
 
-
-def second_writer(name: str, low_s: float, high_s: float) -> Draw:
-    def draw(chance: Random) -> Fault[Port]:
-        seed, for_s = chance.randrange(1 << 31), lasting(chance, low_s, high_s)
-        parameters = Parameters()
-        steps = partial(_second_writer, name=name, seed=seed, for_s=for_s, parameters=parameters)
-        return Fault(steps, parameters, for_s, pillar=Pillar.AHEAD)
-
-    return draw
-
-
-async def _clock_stepped(port: Port, node: str, by_s: float) -> AsyncGenerator[float]:
-    yield port.step_clock(node, by_s)
-    port.step_clock(node, -by_s)
+    return Fault(steps, parameters, for_s, pillar=Pillar.AHEAD)
 
 
 def clock_step(chance: Random) -> Fault[Port]:
     node, by_s = chance.choice((TELEOP, SIM)), chance.choice((-1, 1)) * chance.choice(STEPS_S)
-    steps = partial(_clock_stepped, node=node, by_s=by_s)
+
+    async def steps(port: Port) -> AsyncGenerator[float]:
+        yield port.step_clock(node, by_s)
+        port.step_clock(node, -by_s)
+
     return Fault(steps, {"process": node, "by_s": by_s}, lasting(chance, 0.5, 1.0))
 
 
 # --- e-stop
 
 
-async def _estop_and_kill(port: Port, node: str, pause_s: float) -> AsyncGenerator[float]:
+@drawn
+def estop_and_kill(chance: Random, node: str) -> Fault[Port]:
     """Press the e-stop, kill a process, then request neutral and motion without a reset."""
-    at_s = await port.press_estop()
-    await port.pause(pause_s)
-    port.kill(node)
-    yield at_s
-    await port.restart(node)
-    await port.insist()
+    pause_s = lasting(chance, 0.0, 0.3)
 
+    async def steps(port: Port) -> AsyncGenerator[float]:
+        at_s = await port.press_estop()
+        await port.pause(pause_s)
+        port.kill(node)
+        yield at_s
+        await port.restart(node)
+        await port.insist()
 
-def estop_and_kill(node: str) -> Draw:
-    def draw(chance: Random) -> Fault[Port]:
-        pause_s = lasting(chance, 0.0, 0.3)
-        return Fault(lambda port: _estop_and_kill(port, node, pause_s), {"pause_s": pause_s}, LOOK_S)
-
-    return draw
+    return Fault(steps, {"pause_s": pause_s}, LOOK_S)
 
 
 DRAWS: dict[str, Draw] = {

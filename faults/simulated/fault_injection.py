@@ -5,7 +5,6 @@ import math
 from collections.abc import AsyncGenerator, Callable
 from contextlib import aclosing
 from dataclasses import replace
-from functools import partial
 from random import Random
 
 from faults.attacks import Attacker, Shot
@@ -34,7 +33,7 @@ class Injector:
     """Injects the faults of a scenario into a world, as their `Port`."""
 
     def __init__(self, world: World) -> None:
-        self._world = world
+        self.world = world
         self._random: Random = world.scenario.stream("injector")
         self.done: list[Done] = []
         self._open: list[Done] = []
@@ -45,7 +44,7 @@ class Injector:
 
     async def run(self, planned: Planned) -> None:
         """Wait for the fault's moment, inject it, and end it."""
-        world, loop = self._world, self._world.loop
+        world, loop = self.world, self.world.loop
         fault = _drawn(planned, world.scenario.stream(f"{planned.name} {planned.at_s}"))
         await asyncio.sleep(max(0.0, planned.at_s - loop.time()))
         limit_s = loop.time() + (STRAIGHT_LIMIT_S if world.scenario.straight else MOVING_LIMIT_S)
@@ -76,19 +75,19 @@ class Injector:
 
     @property
     def now_s(self) -> float:
-        return self._world.loop.time()
+        return self.world.loop.time()
 
     async def connect(self) -> None:
         await self._rogue.connect()
 
     async def put_pillars(self) -> None:
         """Place a pillar ahead of the robot from time to time."""
-        for at_s in self._world.scenario.pillars:
-            await asyncio.sleep(max(0.0, at_s - self._world.loop.time()))
+        for at_s in self.world.scenario.pillars:
+            await asyncio.sleep(max(0.0, at_s - self.world.loop.time()))
             self._put_pillar(self._random.uniform(0.5, 2.0), self._random.uniform(-0.4, 0.4))
 
     def _put_pillar(self, ahead_m: float, left_m: float) -> None:
-        pose = self._world.plant.true_pose
+        pose = self.world.plant.true_pose
         cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
         x_m, y_m = pose.x_m + ahead_m * cos - left_m * sin, pose.y_m + ahead_m * sin + left_m * cos
         self._put(Shot(topics.OBSTACLE.key, encode(Point(x_m, y_m, 0.0))))
@@ -100,31 +99,31 @@ class Injector:
 
     def kill(self, *nodes: str) -> float:
         for node in nodes:
-            self._world.kill(node)
+            self.world.kill(node)
         return self.now_s
 
     def end(self, node: str, how: End) -> float:
-        keyboard = self._world.keyboard
+        keyboard = self.world.keyboard
         if how is End.RAISE:
-            self._world.kill(node)
+            self.world.kill(node)
         elif how is End.INPUT and keyboard is not None:
             keyboard.end()
         else:
-            self._world.terminate(node)
+            self.world.terminate(node)
         return self.now_s
 
     async def restart(self, *nodes: str) -> None:
         await asyncio.sleep(RESTART_S)
         for node in nodes:
-            self._world.start(node)
+            self.world.start(node)
 
     def hold(self, node: str, how: Hold, for_s: float) -> float:  # noqa: ARG002 - until it is let go
-        self._world.hold(node, deaf=how is Hold.GIL, stopped=how is Hold.STOP)
+        self.world.hold(node, deaf=how is Hold.GIL, stopped=how is Hold.STOP)
         return self.now_s
 
     def let_go(self, node: str, how: Hold) -> None:  # noqa: ARG002 - the world knows it
-        if (life := self._world.lives.get(node)) is not None:
-            self._world.let_go(life)
+        if (life := self.world.lives.get(node)) is not None:
+            self.world.let_go(life)
 
     async def sensors(self, faults: str) -> float:
         now_s = self.now_s
@@ -144,7 +143,7 @@ class Injector:
             return False
 
     def cut(self, node: str, *, up: bool, down: bool) -> float:
-        self._world.network.cut(node, up=up, down=down)
+        self.world.network.cut(node, up=up, down=down)
         return self.now_s
 
     def delay(self, node: str, least_s: float, most_s: float) -> float:
@@ -157,13 +156,13 @@ class Injector:
         for conditions in self.link(node):
             conditions.delay_s = conditions.jitter_s = conditions.loss = 0.0
             conditions.in_order = True
-        self._world.network.heal(node)
+        self.world.network.heal(node)
 
     def link(self, node: str) -> tuple[Conditions, Conditions]:
-        return self._world.network.link(node)
+        return self.world.network.link(node)
 
     def attack(self, name: str, seed: int, for_s: float) -> float:
-        world = self._world
+        world = self.world
 
         def now_ns() -> int:
             return round(world.loop.time() * 1e9)
@@ -188,10 +187,10 @@ class Injector:
                 twist = decode(shot.payload, Twist)
             except UndecodableError:
                 return
-            self._world.seen.asked.append(Asked(self.now_s, source, twist.linear.x, twist.angular.z))
+            self.world.seen.asked.append(Asked(self.now_s, source, twist.linear.x, twist.angular.z))
 
     def step_clock(self, node: str, by_s: float) -> float:
-        life = self._stepped.pop(node, None) or self._world.lives.get(node)
+        life = self._stepped.pop(node, None) or self.world.lives.get(node)
         if life is not None:
             life.bus.clock_offset_s += by_s
             if life.bus.clock_offset_s:
@@ -199,63 +198,60 @@ class Injector:
         return self.now_s
 
     async def press_estop(self) -> float:
-        self._world.may_reset = False
+        self.world.may_reset = False
         self._put(Shot(topics.ESTOP.key, encode(Bool(data=True))))
         return self.now_s
 
     async def insist(self) -> None:
         """Let the operator request motion, as it does all the time."""
         await asyncio.sleep(INSISTS_S)
-        self._world.may_reset = True
-
-    # --- what only the virtual world can do
-
-    def flap(self) -> None:
-        self._world.network.flap(topics.TELEOP)
-
-    def suspend(self, slept_s: float) -> None:
-        """Suspend the machine; by the monotonic clock, all data is as fresh as before."""
-        self._world.machine.sleep(slept_s)
-
-
-async def _lossy(port: Injector, share: float) -> AsyncGenerator[float]:
-    for conditions in port.link(topics.TELEOP):
-        conditions.loss = share
-    yield port.now_s
-    port.heal(topics.TELEOP)
-
-
-async def _reordered(port: Injector, within_s: float) -> AsyncGenerator[float]:
-    for conditions in port.link(topics.TELEOP):
-        conditions.in_order, conditions.jitter_s = False, within_s
-    yield port.now_s
-    port.heal(topics.TELEOP)
-
-
-async def _once(port: Injector, act: Callable[[Injector], None]) -> AsyncGenerator[float]:
-    act(port)
-    yield port.now_s
+        self.world.may_reset = True
 
 
 def _loss(chance: Random) -> Fault[Injector]:
     share = chance.uniform(0.1, 0.8)
-    return Fault(partial(_lossy, share=share), {"share": round(share, 3)}, any_length=True)
+
+    async def steps(port: Injector) -> AsyncGenerator[float]:
+        for conditions in port.link(topics.TELEOP):
+            conditions.loss = share
+        yield port.now_s
+        port.heal(topics.TELEOP)
+
+    return Fault(steps, {"share": round(share, 3)}, any_length=True)
 
 
 def _reorder(chance: Random) -> Fault[Injector]:
     within_s = chance.uniform(0.05, 0.25)
-    return Fault(partial(_reordered, within_s=within_s), {"delay_s": round(within_s, 4)}, any_length=True)
+
+    async def steps(port: Injector) -> AsyncGenerator[float]:
+        for conditions in port.link(topics.TELEOP):
+            conditions.in_order, conditions.jitter_s = False, within_s
+        yield port.now_s
+        port.heal(topics.TELEOP)
+
+    return Fault(steps, {"delay_s": round(within_s, 4)}, any_length=True)
+
+
+async def _flapping(port: Injector) -> AsyncGenerator[float]:
+    port.world.network.flap(topics.TELEOP)
+    yield port.now_s
 
 
 def _suspend(chance: Random) -> Fault[Injector]:
+    """By the monotonic clock, all data is as fresh as before."""
     slept_s = round(0.2 + 60.0 * chance.random() ** 2, 3)
-    return Fault(partial(_once, act=lambda port: port.suspend(slept_s)), {"slept_s": slept_s}, LOOK_S)
+
+    async def steps(port: Injector) -> AsyncGenerator[float]:
+        port.world.machine.sleep(slept_s)
+        yield port.now_s
+
+    return Fault(steps, {"slept_s": slept_s}, LOOK_S)
 
 
 VIRTUAL_DRAWS: dict[str, Callable[[Random], Fault[Injector]]] = {
     "net_lossy": _loss,
     "net_reordered": _reorder,
-    "net_flapping": lambda _: Fault(partial(_once, act=Injector.flap)),
+    "net_flapping": lambda _: Fault(_flapping),
     "machine_suspend": _suspend,
 }
 """The faults that exist in virtual time only."""
