@@ -417,16 +417,13 @@ NOTHING_NEAR_M = 0.15
 
 
 def _between(commands: Sequence[Command], after_s: float, before_s: float) -> Iterator[Command]:
-    """Yield the commands strictly within the window."""
-    for command in _from(commands, after_s, inclusive=False):
-        if command.arrival_s >= before_s:
-            return
-        yield command
+    """Return the commands strictly within the window."""
+    later = itertools.dropwhile(lambda c: c.arrival_s <= after_s, _from(commands, after_s))
+    return itertools.takewhile(lambda c: c.arrival_s < before_s, later)
 
 
-def _from(commands: Sequence[Command], time_s: float, *, inclusive: bool = True) -> Iterator[Command]:
-    find = bisect_left if inclusive else bisect_right
-    return itertools.islice(commands, find(commands, time_s, key=lambda c: c.arrival_s), None)
+def _from(commands: Sequence[Command], time_s: float) -> Iterator[Command]:
+    return itertools.islice(commands, bisect_left(commands, time_s, key=lambda c: c.arrival_s), None)
 
 
 def _motions_between(motions: Sequence[Motion], from_s: float, until_s: float) -> Iterator[Motion]:

@@ -52,6 +52,10 @@ class Asked(NamedTuple):
     linear_m_s: float
     angular_rad_s: float
 
+    @classmethod
+    def of(cls, sent_s: float, source: str, twist: Twist) -> "Asked":
+        return cls(sent_s, source, twist.linear.x, twist.angular.z)
+
     @property
     def is_neutral(self) -> bool:
         return self.linear_m_s == 0.0 and self.angular_rad_s == 0.0

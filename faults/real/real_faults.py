@@ -93,17 +93,26 @@ async def _unplugged(stage: Stage) -> AsyncGenerator[float]:
 # --- the machine: an overload begins, and teleop is killed a moment later
 
 
-async def _crowded(stage: Stage, pause_s: float, command: Sequence[str], count: int) -> AsyncGenerator[float]:
+def _crowd(low_s: float, high_s: float, command: Sequence[str], count: int) -> RealDraw:
     """Overload by processes that only consume."""
-    takers = [_started(command) for _ in range(count)]
-    try:
-        await stage.pause(pause_s)
-        yield stage.kill(topics.TELEOP)
-    finally:
-        for taker in takers:
-            taker.kill()
-        for taker in takers:
-            await asyncio.to_thread(taker.wait)
+
+    def draw(chance: Random) -> Fault[Stage]:
+        pause_s = lasting(chance, low_s, high_s)
+
+        async def steps(stage: Stage) -> AsyncGenerator[float]:
+            takers = [_started(command) for _ in range(count)]
+            try:
+                await stage.pause(pause_s)
+                yield stage.kill(topics.TELEOP)
+            finally:
+                for taker in takers:
+                    taker.kill()
+                for taker in takers:
+                    await asyncio.to_thread(taker.wait)
+
+        return Fault(steps, lasts_s=0.5, also=("teleop_sigkill",), leeway_s=BUSY_LEEWAY_S)
+
+    return draw
 
 
 def _started(command: Sequence[str]) -> subprocess.Popen[bytes]:
@@ -130,14 +139,6 @@ def fill(path: Path) -> None:
                 file.write(bytes(size))
             except OSError:
                 size //= 16
-
-
-def _crowd(low_s: float, high_s: float, command: Sequence[str], count: int) -> RealDraw:
-    def draw(chance: Random) -> Fault[Stage]:
-        steps = partial(_crowded, pause_s=lasting(chance, low_s, high_s), command=command, count=count)
-        return Fault(steps, lasts_s=0.5, also=("teleop_sigkill",), leeway_s=BUSY_LEEWAY_S)
-
-    return draw
 
 
 REAL_DRAWS: dict[str, RealDraw] = {

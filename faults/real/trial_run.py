@@ -155,8 +155,10 @@ async def _run_trial(stage: Stage, name: str, seed: int, revision: str) -> tuple
     await _break(stage, run, chance)
     await _watch(stage, run)
     drivable = await _recover(stage, run)
-    if drivable:
-        _complain_of_deaths(stage, run, pids)
+    for node, pid in pids.items() if drivable else ():
+        if not run.may_end(node) and stage.pid(node) != pid:
+            sentence = f"{node} ended by itself:\n{stage.state.last_lines(node)}"
+            run.complaints.append(BrokenPromise(8, time.monotonic(), sentence))
     trial = _judge(stage, run, revision, load)
     stage.observer.trusts_stamps = True
     return trial, drivable
@@ -371,13 +373,6 @@ async def _move(stage: Stage) -> None:
         ):
             return
     raise StageError(f"the robot is ready, but no motion was commanded within {MOVES_LIMIT_S:g} s")
-
-
-def _complain_of_deaths(stage: Stage, run: _Run, pids: dict[str, int]) -> None:
-    for node, pid in pids.items():
-        if not run.may_end(node) and stage.pid(node) != pid:
-            lines = stage.state.last_lines(node)
-            run.complaints.append(BrokenPromise(8, time.monotonic(), f"{node} ended by itself:\n{lines}"))
 
 
 # --- judge

@@ -21,15 +21,11 @@ class Case(NamedTuple):
     """One fault of one trial."""
 
     seed: int
-    detector: str | None
     stop_s: float | None
     """See `stop_s`."""
-    wheels_s: float | None
-    """Time until the drive's target is zero; measured in real trials."""
-    standstill_s: float | None
-    distance_m: float | None
-    recorded: tuple[Trial, Injected] | None
-    """The trial and the fault, if the trial has a timeline."""
+    fault: Injected
+    recorded: Trial | None
+    """The trial, if it has a timeline."""
 
 
 class Broken(NamedTuple):
@@ -91,7 +87,7 @@ class ClassFigures:
     @property
     def detectors(self) -> list[tuple[str, int]]:
         """The first detectors of `stops` and their counts, the most frequent first."""
-        return Counter(case.detector or UNSEEN for case in self._meant).most_common()
+        return Counter(case.fault.detector or UNSEEN for case in self._meant).most_common()
 
     @property
     def others(self) -> list[tuple[str, int, float]]:
@@ -100,7 +96,7 @@ class ClassFigures:
         for case in self._stopped:
             if not self._is_expected(case):
                 time_s = math.nan if case.stop_s is None else case.stop_s
-                times_s.setdefault(case.detector or UNSEEN, []).append(time_s)
+                times_s.setdefault(case.fault.detector or UNSEEN, []).append(time_s)
         return [(name, len(found), _longest_s(found)) for name, found in sorted(times_s.items())]
 
     @property
@@ -110,7 +106,7 @@ class ClassFigures:
         return [
             case
             for case in self.cases
-            if case.detector is not None or (zero_is_stop and case.stop_s is not None)
+            if case.fault.detector is not None or (zero_is_stop and case.stop_s is not None)
         ]
 
     @property
@@ -119,7 +115,7 @@ class ClassFigures:
 
     def _is_expected(self, case: Case) -> bool:
         known = self.known
-        return known is None or not known.detectors or case.detector in known.detectors
+        return known is None or not known.detectors or case.fault.detector in known.detectors
 
     @property
     def stop(self) -> Spread | None:
@@ -127,15 +123,15 @@ class ClassFigures:
 
     @property
     def wheels(self) -> Spread | None:
-        return spread([case.wheels_s for case in self.stops])
+        return spread([_wheels_s(case.fault) for case in self.stops])
 
     @property
     def standstill(self) -> Spread | None:
-        return None if self.is_stood_still else spread([case.standstill_s for case in self.stops])
+        return None if self.is_stood_still else spread([case.fault.to_standstill_s for case in self.stops])
 
     @property
     def distance(self) -> Spread | None:
-        return None if self.is_stood_still else spread([case.distance_m for case in self.stops])
+        return None if self.is_stood_still else spread([case.fault.distance_m for case in self.stops])
 
     @property
     def is_stood_still(self) -> bool:
@@ -191,7 +187,8 @@ class Campaign:
         self.broken += [Broken(names, trial.seed, one, replay(trial)) for one in trial.violations]
         for name, one in named:
             figures = self._classes.setdefault(name, ClassFigures(name, self.mode))
-            figures.cases.append(_case(trial, one))
+            recorded = trial if trial.timeline else None
+            figures.cases.append(Case(trial.seed, stop_s(trial.mode, one), one, recorded))
         for name in names:
             self._classes[name].was_in(trial)
 
@@ -263,9 +260,14 @@ def stop_s(mode: str, one: Injected) -> float | None:
     """
     known = BY_NAME.get(one.fault)
     if mode == "real" and known is not None and any(name.startswith(BASE) for name in known.detectors):
-        wheels_s = one.parameters.get("to_wheels_s")
-        return wheels_s if isinstance(wheels_s, float) else None
+        return _wheels_s(one)
     return one.to_zero_s
+
+
+def _wheels_s(one: Injected) -> float | None:
+    """Return the time until the drive's target is zero; measured in real trials."""
+    wheels_s = one.parameters.get("to_wheels_s")
+    return wheels_s if isinstance(wheels_s, float) else None
 
 
 def figures_of(trials: Sequence[Trial]) -> list[ClassFigures]:
@@ -304,19 +306,6 @@ def classes_in(trial: Trial) -> Iterator[tuple[str, Injected]]:
             abs(one.time_s - other.time_s) > APART_S for other in trial.faults if other is not one
         )
         yield (one.fault if is_alone else PAIR), one
-
-
-def _case(trial: Trial, one: Injected) -> Case:
-    wheels_s = one.parameters.get("to_wheels_s")
-    return Case(
-        trial.seed,
-        one.detector,
-        stop_s(trial.mode, one),
-        wheels_s if isinstance(wheels_s, float) else None,
-        one.to_standstill_s,
-        one.distance_m,
-        (trial, one) if trial.timeline else None,
-    )
 
 
 def time_in(trial: Trial, name: str) -> float | None:

@@ -286,7 +286,7 @@ def _single(classes: Sequence[ClassFigures], mode: str) -> Iterator[str]:
 def _picture(one: ClassFigures, case: Case) -> Iterator[tuple[int, str]]:
     """Draw this case's trial, or the one with a timeline whose stop time is nearest."""
     near = one.timeline_near(case.stop_s or 0.0)
-    if near is None or near.recorded is None or not (picture := timeline(*near.recorded)):
+    if near is None or near.recorded is None or not (picture := timeline(near.recorded, near.fault)):
         return
     which = "" if near.seed == case.seed else ": the recorded timeline with the nearest stop time"
     yield near.seed, f"<figure>{picture}<figcaption>seed {near.seed}{which}</figcaption></figure>"

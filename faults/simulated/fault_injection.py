@@ -187,7 +187,7 @@ class Injector:
                 twist = decode(shot.payload, Twist)
             except UndecodableError:
                 return
-            self.world.seen.asked.append(Asked(self.now_s, source, twist.linear.x, twist.angular.z))
+            self.world.seen.asked.append(Asked.of(self.now_s, source, twist))
 
     def step_clock(self, node: str, by_s: float) -> float:
         life = self._stepped.pop(node, None) or self.world.lives.get(node)

@@ -39,9 +39,7 @@ class Operator:
     def _act(self) -> None:
         random, status = self._random, self._world.status
         if self.is_patient:
-            self._ask(0.0, 0.0)
-            if status is not None and "ESTOP" in status.reasons:
-                self._reset()
+            self._recover()
             return
         if random.random() < ESTOP_SHARE:
             self._press(" ")
@@ -66,12 +64,16 @@ class Operator:
         random, status = self._random, self._world.status
         is_stopped = status is not None and bool(status.reasons)
         if is_stopped and random.random() >= self._stubbornness:
-            self._ask(0.0, 0.0)
-            if status is not None and "ESTOP" in status.reasons:
-                self._reset()
+            self._recover()
         elif is_stopped or status is None or status.commanded.linear.x == 0.0:
             self._ask(0.0, 0.0)  # keys that were pressed while it was stopped have come to nothing
             self._ask(random.choice((1.0, 0.8, 0.6)), 0.0)
+
+    def _recover(self) -> None:
+        """Send neutral, and reset an e-stop."""
+        self._ask(0.0, 0.0)
+        if (status := self._world.status) is not None and "ESTOP" in status.reasons:
+            self._reset()
 
     @property
     def _is_neutral(self) -> bool:

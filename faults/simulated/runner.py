@@ -93,7 +93,7 @@ def _lines(seeds: Sequence[int], jobs: int, code: str, console: Console) -> Iter
     if not seeds:
         return
     # Spawned, not forked: a child must not inherit this process's threads half way.
-    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_begin_work)
+    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_end_with_parent)
     progress = Progressing(console, len(seeds))
     try:
         with _interrupts_held_back():
@@ -139,15 +139,15 @@ def _interrupts_held_back() -> Generator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _begin_work() -> None:
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
 def _end_with_parent() -> None:
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
+    """In a worker: end as soon as the campaign's process has ended."""
+
+    def wait() -> None:
+        if (parent := parent_process()) is not None:
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
 
 
 # --- the revision

@@ -88,15 +88,12 @@ async def _until_drivable(world: World) -> None:
     loop = world.loop
     await asyncio.sleep(FREE_S)
     while loop.time() < EPISODE_S + RECOVERY_S:
-        if _has_been_free(world.seen, loop.time() - FREE_S):
+        since_s = loop.time() - FREE_S
+        newest = reversed(world.seen.statuses)
+        recent = list(itertools.takewhile(lambda status: status.arrival_s >= since_s, newest))  # noqa: B023 - called at once
+        if len(recent) >= FREE_STATUSES and not any(status.is_stopped for status in recent):
             return
         await asyncio.sleep(LOOK_S)
-
-
-def _has_been_free(seen: Seen, since_s: float) -> bool:
-    """Return whether all statuses since a time, and enough of them, report no stop."""
-    recent = list(itertools.takewhile(lambda status: status.arrival_s >= since_s, reversed(seen.statuses)))
-    return len(recent) >= FREE_STATUSES and not any(status.is_stopped for status in recent)
 
 
 async def mend(world: World, injector: Injector) -> None:

@@ -367,6 +367,6 @@ class World:
             if reason is not None and (not self.base or self.base[-1].reason != reason):
                 self.base.append(BaseReport(now_s, reason))
         elif (source := topics.source_of(key)) in SOURCES:
-            self.seen.asked.append(Asked(now_s, source, message.linear.x, message.angular.z))
+            self.seen.asked.append(Asked.of(now_s, source, message))
             if source == topics.TELEOP:
                 self.heard.append((message, stamp))

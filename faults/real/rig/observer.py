@@ -11,7 +11,7 @@ from faults.measure import BaseReport
 from faults.real.rig.wheels import WheelPipe, WheelSample
 from faults.seen import Asked, Command, Seen, Status
 from wire import topics
-from wire.bus import Arrival, Bus, Subscription
+from wire.bus import Arrival, Subscription
 from wire.messages import M, SafetyStatus, Twist
 from wire.watchdog import BaseReason
 from wire.zenoh.bus import ZenohBus
@@ -36,7 +36,10 @@ class Observer:
         self.bus = bus
         self._wheels = wheels
         self._wake = asyncio.Event()
-        self._subscribe(bus)
+        self._alive = bus.watch_alive(self._wake)
+        self._commands = bus.subscribe(topics.CMD_VEL, depth=DEPTH, wake=self._wake)
+        self._statuses = bus.subscribe(topics.STATUS, depth=DEPTH, wake=self._wake)
+        self._asked = {name: bus.subscribe(topics.source_cmd_vel(name), depth=DEPTH) for name in SOURCES}
         asyncio.get_running_loop().add_reader(wheels.descriptor, self._wake.set)
         self._heard: defaultdict[bytes, Counter[str]] = defaultdict(Counter)
         """Number of samples of each epoch on each key."""
@@ -44,12 +47,6 @@ class Observer:
         self.trusts_stamps = True
         """Whether the stamps of commands are valid; they are not while the sender's clock steps."""
         self.clear()
-
-    def _subscribe(self, bus: Bus) -> None:
-        self._alive = bus.watch_alive(self._wake)
-        self._commands = bus.subscribe(topics.CMD_VEL, depth=DEPTH, wake=self._wake)
-        self._statuses = bus.subscribe(topics.STATUS, depth=DEPTH, wake=self._wake)
-        self._asked = {name: bus.subscribe(topics.source_cmd_vel(name), depth=DEPTH) for name in SOURCES}
 
     def clear(self) -> None:
         """Begin a new trial."""
@@ -90,7 +87,7 @@ class Observer:
                 seen.statuses.append(Status.of(status.arrival_s, status.message))
         for name, subscription in self._asked.items():
             seen.asked += [
-                self._ask(name, arrival, arrival.message)
+                Asked.of(arrival.arrival_s - self.trusts_stamps * _age_s(arrival), name, arrival.message)
                 for arrival in self._delivered(subscription)
                 if arrival.message is not None
             ]
@@ -124,10 +121,6 @@ class Observer:
                     self.misdelivered += 1
                     continue
             yield arrival
-
-    def _ask(self, source: str, arrival: Arrival[Twist], twist: Twist) -> Asked:
-        age_s = _age_s(arrival) if self.trusts_stamps else 0.0
-        return Asked(arrival.arrival_s - age_s, source, twist.linear.x, twist.angular.z)
 
     def _roll(self, sample: WheelSample) -> None:
         motion, motions = sample.motion, self.seen.motions

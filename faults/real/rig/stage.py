@@ -296,20 +296,21 @@ class Stage:
     # --- routes
 
     async def prepare(self, classes: Collection[str]) -> None:
-        """Prepare the routes and helper processes that these classes of faults need, and heal the links."""
+        """Prepare the routes and helper processes that these classes of faults need, and heal the links.
+
+        A process whose route to the hub changes is restarted.
+        """
         if any(BY_NAME[name].group is Group.WIRE for name in classes):
             _ = self.attacker
-        await self._route(*routes_for(classes))
-        for node, route in self.routes.items():
-            if route is Route.PROXY:
-                self.links.heal(node)
-
-    async def _route(self, teleop: Route, sim: Route) -> None:
-        """Make each process reach the hub on its route; restart those whose route changes."""
+        teleop, sim = routes_for(classes)
         if self.routes != {topics.TELEOP: teleop, topics.SIM: sim}:
             self.is_ready = False
         if self.routes[topics.SIM] is not sim:
-            self._set_route(sim)
+            path = self.directory / f"{faulty_process.ROUTE}-{topics.SIM}"
+            if sim is Route.PROXY:
+                path.write_text(self.links.endpoints[topics.SIM])
+            else:
+                path.unlink(missing_ok=True)
             self.routes[topics.SIM] = sim
             self.observer.alive.discard(topics.SIM)
             self.signal(topics.SIM, signal.SIGTERM)
@@ -319,13 +320,9 @@ class Stage:
             self.routes[topics.TELEOP] = teleop
         if self._teleop is None:
             await self.start_teleop()
-
-    def _set_route(self, sim: Route) -> None:
-        path = self.directory / f"{faulty_process.ROUTE}-{topics.SIM}"
-        if sim is Route.PROXY:
-            path.write_text(self.links.endpoints[topics.SIM])
-        else:
-            path.unlink(missing_ok=True)
+        for node, route in self.routes.items():
+            if route is Route.PROXY:
+                self.links.heal(node)
 
     def _teleop_way(self) -> tuple[tuple[str, ...], str]:
         """Return the prefix of teleop's command, and the endpoint that it connects to."""
