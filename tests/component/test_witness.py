@@ -5,7 +5,7 @@ import math
 import pytest
 
 from faults.seen import Motion
-from faults.simulated.clearance_witness import FAR_M, Witness
+from faults.simulated.world import FAR_M, Witness
 from sim.config import Build
 from sim.plant import Plant
 from sim.scene import build
