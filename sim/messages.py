@@ -84,9 +84,9 @@ def to_imu(motion: Motion, config: ImuConfig) -> Imu:
         Quaternion(0.0, 0.0, 0.0, 1.0),
         unknown,
         Vector3(*motion.gyro_rad_s),
-        np.diag(np.full(3, config.gyro_noise_rad_s**2)).reshape(-1),
+        _equal_variances(config.gyro_noise_rad_s),
         Vector3(*motion.accel_m_s2),
-        np.diag(np.full(3, config.accel_noise_m_s2**2)).reshape(-1),
+        _equal_variances(config.accel_noise_m_s2),
     )
 
 
@@ -96,11 +96,21 @@ def to_clock(time_s: float) -> Clock:
     return Clock(Time(seconds, nanoseconds))
 
 
+def _equal_variances(deviation: float) -> np.ndarray:
+    """Return the 3 × 3 covariance, row by row as (9,), of three independent components."""
+    full = np.zeros(9)
+    full[::4] = deviation**2
+    return full
+
+
 def _covariance(known: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
     """Return the 6 × 6 covariance, row by row as (36,), from the covariance of some of the axes."""
-    full = np.diag(np.full(6, HELD_BY_THE_FLOOR))
-    full[np.ix_(axes, axes)] = known
-    return full.reshape(-1)
+    full = np.zeros(36)
+    full[::7] = HELD_BY_THE_FLOOR
+    for row, variances in zip(axes, known.tolist(), strict=True):
+        for column, variance in zip(axes, variances, strict=True):
+            full[6 * row + column] = variance
+    return full
 
 
 # --- diagnostics: base, hull, time, sensors and movers

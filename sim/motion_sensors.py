@@ -72,6 +72,9 @@ class Odometer:
         self._track_m = wheels.track_m * (1.0 + config.track_error)
         self._systematic = np.diag(np.square([config.left_error, config.right_error, config.track_error]))
         self._tick_m2 = self._left_tick_m * self._right_tick_m / 12.0  # the variance of a rounded count
+        self._ticks_covariance = np.diag(
+            [self._tick_m2, self._tick_m2, 2.0 * self._tick_m2 / self._track_m**2]
+        )
         self.reset(0.0, 0.0)
 
     def reset(self, left_rad: float, right_rad: float) -> None:
@@ -132,8 +135,9 @@ class Odometer:
         by_turn = np.array([-0.5 * forward_m * sin, 0.5 * forward_m * cos, 1.0])
         by_left = 0.5 * by_forward - by_turn / self._track_m
         by_right = 0.5 * by_forward + by_turn / self._track_m
-        self._sensitivity = move @ self._sensitivity + np.column_stack(
-            (by_left * left_m, by_right * right_m, -by_turn * turn_rad)
+        # Transposed: numpy builds rows much faster than columns.
+        self._sensitivity = (
+            move @ self._sensitivity + np.array((by_left * left_m, by_right * right_m, -by_turn * turn_rad)).T
         )
         variance_m = self.config.noise_m**2
         self._random_covariance = (
@@ -144,8 +148,7 @@ class Odometer:
 
     def _pose_covariance(self) -> Matrix:
         systematic = self._sensitivity @ self._systematic @ self._sensitivity.T
-        ticks = np.diag([self._tick_m2, self._tick_m2, 2.0 * self._tick_m2 / self._track_m**2])
-        return systematic + self._random_covariance + ticks
+        return systematic + self._random_covariance + self._ticks_covariance
 
     def _twist_covariance(self, left_m: float, right_m: float, turn_rad: float, elapsed_s: float) -> Matrix:
         config = self.config

@@ -223,7 +223,7 @@ class Every:
         In slow motion, samples keep their rate in real time, because the supervisor runs in real time and does not
         accept a scan that is 0.25 s old.
         """
-        due = self._last + self._steps(speed)
+        due = self._last + (self._period if speed >= 1.0 else self._steps(speed))
         if step < due - 1e-6:
             return False
         # The fraction is kept, so that the mean rate is exact; it is reset after a change of rate.
