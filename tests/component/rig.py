@@ -18,7 +18,17 @@ from virtual.network import VirtualBus, VirtualNetwork
 from wire import messages, topics
 from wire.bus import Subscription
 from wire.host.pauses import never_suspended
-from wire.messages import LaserScan, Odometry, SafetyStatus, Twist, encode, header, planar_twist
+from wire.messages import (
+    LaserScan,
+    Message,
+    Odometry,
+    SafetyStatus,
+    Twist,
+    encode,
+    header,
+    planar_twist,
+)
+from wire.stamp import Stamp
 
 
 def laser_scan(ranges: np.ndarray) -> LaserScan:
@@ -31,7 +41,7 @@ class Rig:
 
     def __init__(self) -> None:
         self.network = VirtualNetwork()
-        self.network.tap = lambda _node, _key, message, _stamp: encode(message)  # even if nobody listens
+        self.network.tap = self._encode_unheard
         self.outsider = self.network.open_hub("outsider")
         self.cmd_vel: Subscription[Twist] = self.outsider.subscribe(topics.CMD_VEL, depth=10_000)
         self.status: Subscription[SafetyStatus] = self.outsider.subscribe(topics.STATUS, depth=10_000)
@@ -40,6 +50,11 @@ class Rig:
         self.velocity = (0.0, 0.0)
         self.newest_output = (0.0, 0.0)
         self.newest_status = SafetyStatus(header(""))
+
+    def _encode_unheard(self, _node: str, key: str, message: Message, _stamp: Stamp) -> None:
+        """Encode each message, even if nobody listens; the network encodes the others."""
+        if not self.network.is_heard(key):
+            encode(message)
 
     @asynccontextmanager
     async def supervisor(
