@@ -155,18 +155,19 @@ class Leg:
         """Return the point nearest to (x, y) between `from_m` and `from_m + window_m` along the leg."""
         to_m = max(from_m, min(from_m + window_m, self.length_m))
         first, last = self._piece(from_m), self._piece(to_m) + 1
-        starts, along_m = self.points_m[first:last], self.along_m[first : last + 1]
-        ahead, lengths_m = self.points_m[first + 1 : last + 1] - starts, np.diff(along_m)
-        robot = np.array((x_m, y_m))
-        projected_m = along_m[:-1] + ((robot - starts) * ahead).sum(axis=1) / lengths_m
-        places_m = np.clip(projected_m, np.maximum(along_m[:-1], from_m), np.minimum(along_m[1:], to_m))
-        points = starts + ahead * ((places_m - along_m[:-1]) / lengths_m)[:, None]
-        off_m = np.hypot(*(robot - points).T)
-        best = int(np.argmin(off_m))
+        x, y = self.points_m[first:last].T
+        ahead_x, ahead_y = (self.points_m[first + 1 : last + 1] - self.points_m[first:last]).T
+        starts_m, ends_m = self.along_m[first:last], self.along_m[first + 1 : last + 1]
+        lengths_m = ends_m - starts_m
+        projected_m = starts_m + ((x_m - x) * ahead_x + (y_m - y) * ahead_y) / lengths_m
+        places_m = np.minimum(np.maximum(projected_m, np.maximum(starts_m, from_m)), np.minimum(ends_m, to_m))
+        share = (places_m - starts_m) / lengths_m
+        off_m = np.hypot(x_m - (x + ahead_x * share), y_m - (y + ahead_y * share))
+        best = int(off_m.argmin())
         return Station(float(places_m[best]), float(off_m[best]))
 
     def _piece(self, along_m: float) -> int:
-        index = int(np.searchsorted(self.along_m, along_m, side="right")) - 1
+        index = int(self.along_m.searchsorted(along_m, side="right")) - 1
         return min(max(index, 0), len(self.headings_rad) - 1)
 
 
