@@ -92,8 +92,21 @@ def there_and_back(hint: Any, value: object) -> object:  # noqa: ANN401 - a hint
     return codec(hint).read(there(codec(hint), value))
 
 
-@pytest.mark.parametrize("cls", [Inputs, State, Decision, LawConfig])
-@settings(max_examples=150, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+RECORDED = (Inputs, State, Decision, LawConfig)
+LARGE_VALUES = settings(suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+
+
+@pytest.mark.parametrize("cls", RECORDED)
+@settings(LARGE_VALUES, max_examples=30)
+@given(data=st.data())
+def test_a_value_comes_back_exactly(cls: type[Any], data: st.DataObject) -> None:
+    value = data.draw(values(cls))
+    assert_same(there_and_back(cls, value), value)
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("cls", RECORDED)
+@settings(LARGE_VALUES, max_examples=150)
 @given(data=st.data())
 def test_every_value_comes_back_exactly(cls: type[Any], data: st.DataObject) -> None:
     value = data.draw(values(cls))
