@@ -26,7 +26,6 @@ from tests.scenes.scene import rectangle
 TRIANGLE = ConvexPolygon(((0.4, 0.0), (-0.3, 0.25), (-0.3, -0.25)))
 HULLS: tuple[Hull, ...] = (Circle(0.25), rectangle(0.3, 0.3, 0.2), rectangle(0.4, 0.4, 0.2), TRIANGLE)
 BARRIER = Barrier(0.3, 1.5, 0.1, 0.05)
-TRIALS = 3000
 
 
 def _points(random: Random) -> Floats:
@@ -43,14 +42,15 @@ def _numbers(scale: float, block: Block | None) -> list[float]:
     return [scale, *(() if block is None else (block.per_linear, block.per_angular, block.x_m, block.y_m))]
 
 
+@pytest.mark.parametrize("trials", [1000, pytest.param(3000, marks=pytest.mark.proof)])
 @pytest.mark.parametrize("hull", HULLS, ids=["circle", "rectangle", "behind the axle", "triangle"])
-def test_the_points_in_reach_permit_what_all_points_permit(hull: Hull) -> None:
+def test_the_points_in_reach_permit_what_all_points_permit(hull: Hull, trials: int) -> None:
     """The scale and the blocking point are the same, also for a base that has moved since the scan.
 
     They may differ in the last digit: numpy rounds some operations otherwise at the end of an array.
     """
     random, left_out = Random(7), 0
-    for _ in range(TRIALS):
+    for _ in range(trials):
         barrier, kind = _barrier(random), random.choice(list(Kind))
         around = survey(hull, _points(random), kind)
         v, w = random.uniform(-1.0, 1.0), random.uniform(-2.0, 2.0) * random.choice((0.0, 1.0))
@@ -67,7 +67,7 @@ def test_the_points_in_reach_permit_what_all_points_permit(hull: Hull) -> None:
         else:
             selected = permitted_scale(known.around, v, w, barrier, known.here, worth=0.5)
             assert _numbers(*selected) == pytest.approx(_numbers(*every), abs=1e-12)
-    assert 0 < left_out < TRIALS
+    assert 0 < left_out < trials
 
 
 def test_the_reach_is_stop_distance_stray_reaction_and_braking_distance() -> None:
