@@ -207,8 +207,11 @@ def test_a_lidar_without_noise_is_believed_after_a_long_rest_whatever_the_noise_
     assert set(outcome.stops) <= {"NO_COMMAND", "SCAN_STALE"}
 
 
-def test_a_command_of_a_millimetre_per_second_does_not_creep_up_to_a_pillar() -> None:
-    scene = plain_scene((HULL_M + 0.31 + PILLAR_M, 0.0, PILLAR_M), duration_s=60.0)
+@pytest.mark.parametrize(("gap_m", "duration_s"), [(0.302, 30.0), proved(0.31, 60.0)])
+def test_a_command_of_a_millimetre_per_second_does_not_creep_up_to_a_pillar(
+    gap_m: float, duration_s: float
+) -> None:
+    scene = plain_scene((HULL_M + gap_m + PILLAR_M, 0.0, PILLAR_M), duration_s=duration_s)
     outcome = run(scene, operator=Scripted(Velocity(0.001, 0.0)), stuck_s=math.inf)
     assert outcome.closest_m >= BOUND_M
 

@@ -59,7 +59,7 @@ def test_a_backlog_that_arrives_within_one_timeout_moves_nothing(spread_s: float
     assert set(burst(law, spread_s)) == {STANDSTILL}
 
 
-@pytest.mark.parametrize("stall_s", [TIMEOUT_S + TICK_S, 1.0, 60.0])
+@pytest.mark.parametrize("stall_s", [TIMEOUT_S + TICK_S, 1.0, pytest.param(60.0, marks=pytest.mark.proof)])
 def test_a_backlog_after_a_stall_does_not_move_a_robot_that_was_driven_before_it(stall_s: float) -> None:
     law = driving()
     assert law.hold(stall_s).reasons == (StopReason.COMMAND_TIMEOUT,)
