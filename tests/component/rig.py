@@ -30,6 +30,9 @@ from wire.messages import (
 )
 from wire.stamp import Stamp
 
+SIM = SimSection(imu_hz=1.0)
+"""The default configuration; the inertial unit is slow, because no service uses it."""
+
 
 def laser_scan(ranges: np.ndarray) -> LaserScan:
     """360 beams, counter-clockwise from straight behind."""
@@ -81,7 +84,7 @@ class Rig:
     ) -> AsyncGenerator[VirtualBus]:
         bus = self.network.open_joined(topics.SIM)
         stop = asyncio.Event()
-        running = asyncio.create_task(SimService(bus, SimSection(), plant, suspended_s=suspended_s).run(stop))
+        running = asyncio.create_task(SimService(bus, SIM, plant, suspended_s=suspended_s).run(stop))
         try:
             yield bus
         finally:

@@ -172,7 +172,7 @@ async def test_the_operator_takes_over_and_the_path_goes_on_only_when_it_is_aske
         run.enter()
         await run.paused("teleop drives; it must stop first")
         operator.press()
-        await rig.pass_time(5.0)
+        await rig.pass_time(2.0)
         assert plant.true_velocity == pytest.approx((0.0, 0.0), abs=0.01)
         assert run.asks_for_nothing
         run.enter()
@@ -223,7 +223,7 @@ async def test_an_enter_from_before_a_stop_does_not_answer_it() -> None:
         rig.outsider.publisher(topics.ESTOP).put(Bool(data=True))
         await run.paused("STOPPED: ESTOP")
         assert (await rig.outsider.call(topics.SUPERVISOR_RESET)).success
-        await rig.pass_time(5.0)
+        await rig.pass_time(2.0)
         assert run.asks_for_nothing
         run.enter()
         await run.until(lambda: plant.true_velocity.linear_m_s > 0.3)
@@ -272,7 +272,7 @@ async def test_a_base_that_stands_whatever_is_commanded_pauses_the_path() -> Non
 
 async def test_a_supervisor_that_dies_pauses_the_path_and_a_new_one_does_not_set_it_going() -> None:
     rig, plant = Rig(), Plant()
-    async with rig.sim(plant), rig.supervisor() as supervisor, driving(rig, here(square(0.6))) as run:
+    async with rig.sim(plant), rig.supervisor() as supervisor, driving(rig, here(AHEAD)) as run:
         await run.until(lambda: plant.true_velocity.linear_m_s > 0.3)
         supervisor.die()
         await run.paused("the supervisor is silent")
@@ -328,7 +328,7 @@ async def test_what_may_not_start_for_too_long_does_not_start_by_itself_later() 
             assert run.person.shown[-1].startswith("waiting: STOPPED: ESTOP")
             await run.paused("STOPPED: ESTOP")
             assert (await rig.outsider.call(topics.SUPERVISOR_RESET)).success
-            await rig.pass_time(5.0)
+            await rig.pass_time(2.0)
             assert plant.true_pose == pytest.approx(plant.start_pose, abs=0.001)
             run.enter()
             await run.until(lambda: plant.true_velocity.linear_m_s > 0.3)

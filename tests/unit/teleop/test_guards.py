@@ -307,7 +307,10 @@ def test_no_answer_is_late_and_one_of_an_older_supervisor_is_not() -> None:
     assert measure.lateness == ""
 
 
-@pytest.mark.parametrize("loss", [0.0, 0.02, 0.05, 0.1])
+@pytest.mark.parametrize(
+    "loss",
+    [0.0, pytest.param(0.02, marks=pytest.mark.proof), pytest.param(0.05, marks=pytest.mark.proof), 0.1],
+)
 def test_an_hour_over_a_link_of_300_ms_that_loses_packets_never_counts_as_too_slow(loss: float) -> None:
     random, measure = Random(1), RoundTrip()
     limit_s, newest_s = Setup("", "", Control.HOLD).round_trip_limit_s, -1.0
