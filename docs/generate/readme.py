@@ -37,10 +37,10 @@ def stop(campaign: Campaign | None) -> str:
         return "Not measured yet: `make campaign`."
     zero_ms, zero_limit_ms = _limited([1000 * case.stop_s for case in found.stops if case.stop_s is not None])
     still_s, still_limit_s = _limited(
-        [case.standstill_s for case in found.stops if case.standstill_s is not None]
+        [case.fault.to_standstill_s for case in found.stops if case.fault.to_standstill_s is not None]
     )
     moved_cm, moved_limit_cm = _limited(
-        [100 * case.distance_m for case in found.stops if case.distance_m is not None]
+        [100 * case.fault.distance_m for case in found.stops if case.fault.distance_m is not None]
     )
     runs = [
         one.machine for one in campaign.provenances if "--classes" not in one.command or KILL in one.command
