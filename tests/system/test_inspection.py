@@ -4,7 +4,6 @@ Tests that only read share one standing robot, and run the commands in this proc
 """
 
 import asyncio
-import gc
 import json
 import os
 import signal
@@ -48,17 +47,29 @@ def say(text: str) -> None:
 
 
 def in_process(subject: Robot, *arguments: str) -> tuple[int, str, str]:
-    """Run a command in this process; return its exit code, output and errors."""
+    """Run a command in this process; return its exit code, output and errors.
+
+    A process leaves its session to its end. Here it is closed: where the garbage collector closes it from one of Zenoh's
+    threads, both wait for ever.
+    """
+    sessions: list[zenoh.Session] = []
+    open_session = zenoh.open
 
     def end(code: int) -> NoReturn:
         raise SystemExit(code)
 
+    def opened(config: zenoh.Config) -> zenoh.Session:
+        sessions.append(open_session(config))
+        return sessions[-1]
+
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "_exit", end)
+        patch.setattr(zenoh, "open", opened)
         result = CliRunner().invoke(
             app, [*arguments, "--endpoint", subject.endpoint], env=dict(subject.environment)
         )
-    gc.collect()  # closes the command's session, which a process would leave to its end
+    for session in sessions:
+        session.close()  # pyright: ignore[reportUnknownMemberType]
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
     return result.exit_code, result.stdout, result.stderr
