@@ -205,14 +205,11 @@ async def _drive(stage: Stage, run: _Run, chance: Random) -> None:
 
 def _put_pillar(stage: Stage, run: _Run, chance: Random) -> None:
     """Place a pillar on the path or beside it, as the fault requires."""
-    match run.pillar:
-        case Pillar.BY_CHANCE if chance.random() < PILLAR_SHARE:
-            ahead_m = chance.uniform(*PILLAR_AHEAD_M)
-            stage.put_pillar(ahead_m, chance.uniform(-PILLAR_BESIDE_M, PILLAR_BESIDE_M))
-        case Pillar.AHEAD:
-            stage.put_pillar(chance.uniform(*PILLAR_AHEAD_M), 0.0)
-        case _:
-            pass
+    if run.pillar is Pillar.AHEAD:
+        stage.put_pillar(chance.uniform(*PILLAR_AHEAD_M), 0.0)
+    elif run.pillar is Pillar.BY_CHANCE and chance.random() < PILLAR_SHARE:
+        ahead_m = chance.uniform(*PILLAR_AHEAD_M)
+        stage.put_pillar(ahead_m, chance.uniform(-PILLAR_BESIDE_M, PILLAR_BESIDE_M))
 
 
 async def _let_go(stage: Stage) -> None:

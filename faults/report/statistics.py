@@ -18,22 +18,21 @@ def quantile(ordered: Sequence[float], share: float) -> float:
     return ordered[max(0, math.ceil(share * len(ordered)) - 1)]
 
 
-def upper_rate(count: int, events: int = 0, confidence: float = CONFIDENCE) -> float:
-    """Return the one-sided upper bound of an event's rate (Clopper and Pearson).
+def upper_rate(count: int, events: int = 0) -> float:
+    """Return the one-sided upper bound of an event's rate (Clopper and Pearson), with `CONFIDENCE`.
 
-    Without events this is 1 - (1 - confidence)^(1/count): about 3/count, the rule of three.
+    Without events this is 1 - (1 - CONFIDENCE)^(1/count): about 3/count, the rule of three.
 
     Args:
         count: number of independent trials.
         events: number of trials with the event.
-        confidence: confidence of the bound.
 
     Returns:
         0 to 1; 1 without trials.
     """
     if events >= count:
         return 1.0
-    doubt = 1.0 - confidence
+    doubt = 1.0 - CONFIDENCE
     if events == 0:
         return -math.expm1(math.log(doubt) / count)
     low, high = events / count, 1.0
@@ -46,18 +45,17 @@ def upper_rate(count: int, events: int = 0, confidence: float = CONFIDENCE) -> f
     return high
 
 
-def upper_quantile(ordered: Sequence[float], share: float, confidence: float = CONFIDENCE) -> float:
+def upper_quantile(ordered: Sequence[float], share: float) -> float:
     """Return the one-sided upper limit of a quantile, from order statistics alone; infinity if there are too few values.
 
-    The k-th of n values is the limit if at most k - 1 of n independent values are below the quantile with this confidence.
+    The k-th of n values is the limit if at most k - 1 of n independent values are below the quantile with `CONFIDENCE`.
 
     Args:
         ordered: independent values in ascending order.
         share: of the quantile, between 0 and 1.
-        confidence: of the limit.
     """
     count = len(ordered)
-    enough = (below for below in range(count) if _at_most(below, count, share) >= confidence)
+    enough = (below for below in range(count) if _at_most(below, count, share) >= CONFIDENCE)
     return ordered[first] if (first := next(enough, None)) is not None else math.inf
 
 

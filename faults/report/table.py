@@ -16,7 +16,7 @@ from rich.progress import (
 )
 from rich.table import Table
 
-from faults.report.figures import ClassFigures, Spread, class_of, figures_of, replay
+from faults.report.figures import ClassFigures, class_of, figures_of, replay
 from faults.trial import Trial
 
 MIN_WIDTH = 160
@@ -153,16 +153,12 @@ def _class(one: ClassFigures) -> dict[str, Any]:
         "stops": len(one.stops),
         "detectors": dict(one.detectors),
         "bound_s": one.bound_s,
-        "to_zero_s": _spread(one.stop),
-        "to_standstill_s": _spread(one.standstill),
-        "distance_m": _spread(one.distance),
+        "to_zero_s": one.stop and one.stop._asdict(),
+        "to_standstill_s": one.standstill and one.standstill._asdict(),
+        "distance_m": one.distance and one.distance._asdict(),
         "clearance_m": one.clearance_m,
         "broken_trials": one.broken,
     }
-
-
-def _spread(spread: Spread | None) -> dict[str, float] | None:
-    return None if spread is None else spread._asdict()
 
 
 def story(trial: Trial) -> Iterator[str]:

@@ -17,15 +17,10 @@ ESTOP_SHARE = 0.01
 
 
 class Operator:
-    """Drives a world by its seed.
+    """Drives a world by its seed."""
 
-    Args:
-        world: what is driven.
-        stubbornness: how likely a stop makes no difference to what is asked for.
-    """
-
-    def __init__(self, world: World, stubbornness: float) -> None:
-        self._world, self._stubbornness = world, stubbornness
+    def __init__(self, world: World) -> None:
+        self._world, self._stubbornness = world, world.scenario.stubbornness
         self._random: Random = world.scenario.stream("operator")
         self.is_patient = False
         """Whether the operator has released the controls and no longer drives."""

@@ -58,7 +58,7 @@ def run_trial(
 
 
 async def _play(world: World, injector: Injector) -> None:
-    operator = Operator(world, world.scenario.stubbornness)
+    operator = Operator(world)
     world.start_all()
     tasks = [
         asyncio.ensure_future(work)
@@ -132,7 +132,7 @@ def _judge(world: World, done: list[Done], revision: str, *, with_timeline: bool
         revision=revision,
         seed=scenario.seed,
         duration_s=round(end_s, 3),
-        faults=tuple(_injected(seen, one, world) for one in done),
+        faults=tuple(_injected(one, world) for one in done),
         smallest_clearance_m=round(min(motion.clearance_m for motion in seen.motions), 4),
         contacts=world.contacts,
         violations=tuple(broken),
@@ -141,9 +141,9 @@ def _judge(world: World, done: list[Done], revision: str, *, with_timeline: bool
     )
 
 
-def _injected(seen: Seen, one: Done, world: World) -> Injected:
+def _injected(one: Done, world: World) -> Injected:
     within_s = min(one.until_s - one.at_s + FOLLOWS_S, NOTICED_WITHIN_S)
-    stop = stop_after(seen, one.at_s, world.base, within_s)
+    stop = stop_after(world.seen, one.at_s, world.base, within_s)
     return injected(one.name, one.at_s, one.parameters, stop)
 
 

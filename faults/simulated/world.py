@@ -69,10 +69,6 @@ class Life:
     stop: asyncio.Event = field(default_factory=asyncio.Event)
     task: asyncio.Task[None] | None = None
 
-    @property
-    def is_over(self) -> bool:
-        return self.bus.is_dead
-
 
 class Witness:
     """Measures the clearance of the robot's hull, and how much of its change is due to the robot's own motion.
@@ -274,10 +270,6 @@ class World:
         self._place_robot()
 
     @property
-    def drivers(self) -> tuple[str, ...]:
-        return (topics.TELEOP, JOY) if self.scenario.drivers is Drivers.BOTH else (topics.TELEOP,)
-
-    @property
     def speed_m_s(self) -> float:
         return abs(self.plant.true_velocity.linear_m_s)
 
@@ -298,7 +290,8 @@ class World:
         life.task.add_done_callback(lambda task: self._on_end(life, task))
 
     def start_all(self) -> None:
-        for name in (topics.SUPERVISOR, topics.SIM, *self.drivers):
+        drivers = SOURCES if self.scenario.drivers is Drivers.BOTH else (topics.TELEOP,)
+        for name in (topics.SUPERVISOR, topics.SIM, *drivers):
             self.start(name)
 
     def kill(self, name: str) -> None:
@@ -326,7 +319,7 @@ class World:
 
     def let_go(self, life: Life) -> None:
         """Continue a process; it first receives the messages that arrived meanwhile."""
-        if life.is_over or not life.process.is_held:
+        if life.bus.is_dead or not life.process.is_held:
             return
         if life.bus.is_stopped:
             life.bus.set_stopped(stopped=False)

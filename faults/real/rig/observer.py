@@ -61,7 +61,6 @@ class Observer:
         self.misdelivered = 0
         """Number of samples under a key on which their publisher does not publish."""
         self.contacts = 0
-        self._touching = False
         for subscription in (self._commands, self._statuses, *self._asked.values()):
             subscription.take()
         self._wheels.take()
@@ -126,10 +125,9 @@ class Observer:
         motion, motions = sample.motion, self.seen.motions
         if motion.time_s < self.began_s:
             return
+        self.contacts += motion.is_touching and not (motions and motions[-1].is_touching)
         # The approach of the first sample dates from before the trial.
         motions.append(motion if motions else motion._replace(own_approach_m=0.0))
-        self.contacts += motion.is_touching and not self._touching
-        self._touching = motion.is_touching
         driven = self.seen.driven
         if not driven or driven[-1][1] != sample.is_driven:
             driven.append((motion.time_s, sample.is_driven))

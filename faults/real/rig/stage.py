@@ -199,23 +199,20 @@ class Stage:
             finally:
                 await self.close()
 
-        before = sys.getswitchinterval()
+        self._closing.callback(sys.setswitchinterval, sys.getswitchinterval())
         sys.setswitchinterval(SWITCH_S)
         # The observer receives every attack, so undecodable messages are expected.
         logging.getLogger("wire").setLevel(logging.CRITICAL)
-        try:
-            with errors.interrupts():
+        with errors.interrupts():
+            try:
                 try:
-                    try:
-                        asyncio.run(opened())
-                    finally:
-                        errors.ignore()
-                except KeyboardInterrupt as error:
-                    return error
+                    asyncio.run(opened())
                 finally:
-                    self.discard()
-        finally:
-            sys.setswitchinterval(before)
+                    errors.ignore()
+            except KeyboardInterrupt as error:
+                return error
+            finally:
+                self.discard()
         return None
 
     async def open(self) -> None:
@@ -260,8 +257,7 @@ class Stage:
                 self._links.heal(name)
         for path in self.directory.glob(f"{faulty_process.CRASH}-*"):
             path.unlink()
-        takedown.stop(self.state)
-        await self._start_stack()
+        await self.restart_supervisord()
         await self.start_teleop()
 
     async def restart_supervisord(self) -> None:
@@ -526,8 +522,8 @@ class Stage:
         def are_there(seen: Seen) -> bool:
             return (
                 self.observer.alive >= wanted
-                and _last_s([s.arrival_s for s in seen.statuses[-1:]]) > since_s
-                and _last_s([m.time_s for m in seen.motions[-1:]]) > since_s
+                and any(status.arrival_s > since_s for status in seen.statuses[-1:])
+                and any(motion.time_s > since_s for motion in seen.motions[-1:])
             )
 
         if not await self.observer.until(are_there, ALIVE_LIMIT_S):
@@ -590,7 +586,3 @@ class Stage:
 def _is_free(seen: Seen, since_s: float) -> bool:
     """Return whether a newer status without a stop reason has arrived."""
     return bool(seen.statuses) and seen.statuses[-1].arrival_s > since_s and not seen.statuses[-1].is_stopped
-
-
-def _last_s(times_s: list[float]) -> float:
-    return times_s[-1] if times_s else 0.0
