@@ -33,7 +33,13 @@ def read_records(path: Path) -> Iterator[Trial | Provenance]:
         DeployError: the file cannot be read, or a line is neither; names file and line.
     """
     for number, line in enumerate(whole_lines(path, "the trials"), 1):
-        yield _record(line, path, number)
+        try:
+            record = parse_provenance(line) if line.startswith(PROVENANCE_BEGINS) else parse(line)
+        except DeployError as error:
+            raise DeployError(
+                f"{path}:{number}: {error}; choose another --out, or remove the line"
+            ) from error
+        yield record
 
 
 def whole_lines(path: Path, what: str) -> Iterator[str]:
@@ -53,13 +59,6 @@ def whole_lines(path: Path, what: str) -> Iterator[str]:
                     yield line.decode()
     except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
         raise DeployError(f"cannot read {what} in {path}: {error}") from error
-
-
-def _record(line: str, path: Path, number: int) -> Trial | Provenance:
-    try:
-        return parse_provenance(line) if line.startswith(PROVENANCE_BEGINS) else parse(line)
-    except DeployError as error:
-        raise DeployError(f"{path}:{number}: {error}; choose another --out, or remove the line") from error
 
 
 def known_trials(out: Path | None, mode: str, revision: str) -> list[Trial]:

@@ -154,11 +154,6 @@ REAL_DRAWS: dict[str, RealDraw] = {
 }
 
 
-def draw(name: str, chance: Random) -> Fault[Stage]:
-    """Draw a fault of a class."""
-    return REAL_DRAWS[name](chance) if name in REAL_DRAWS else DRAWS[name](chance)
-
-
 def draw_pair(chance: Random) -> tuple[str, str]:
     """Draw two classes that can be in force at the same time."""
     names = [
@@ -176,7 +171,8 @@ def planned(name: str, seed: int) -> list[tuple[str, Fault[Stage]]]:
     """Return the faults of a trial; the same seed gives the same faults."""
     chance = Random(f"{name} {seed}")  # noqa: S311 - to be repeated is what it is for
     names = draw_pair(chance) if name == PAIR else (name,)
-    faults = [(one, draw(one, chance)) for one in names]
+    draws: dict[str, RealDraw] = {**DRAWS, **REAL_DRAWS}
+    faults = [(one, draws[one](chance)) for one in names]
     if name == PAIR:
         for _, fault in faults:
             fault.parameters[PAIR] = " and ".join(names)

@@ -198,8 +198,8 @@ async def _drive(stage: Stage, run: _Run, chance: Random) -> None:
         seen = stage.observer.look()
         if not seen.statuses[-1].is_stopped and seen.motions[-1].linear_m_s >= FAULT_SPEED_M_S:
             return
-    status = stage.observer.status
-    reasons = ", ".join(status.reasons) if status is not None else "no status"
+    statuses = stage.observer.seen.statuses
+    reasons = ", ".join(statuses[-1].reasons) if statuses else "no status"
     raise StageError(f"the robot does not drive by keys ({reasons})")
 
 

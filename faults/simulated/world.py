@@ -151,7 +151,6 @@ class Stage:
     plant: Plant
     witness: Witness
     initial: Snapshot
-    is_round: bool
     floor: FloorPlan
     half_size_m: tuple[float, float]
 
@@ -165,7 +164,7 @@ def stage(scene: str, *, movers: bool, rectangular: bool) -> Stage:
     assert world.size_m is not None
     half_size_m = (0.5 * world.size_m[0], 0.5 * world.size_m[1])
     witness = Witness(plant, world)
-    return Stage(plant, witness, plant.save(), not rectangular, FloorPlan(world.standing), half_size_m)
+    return Stage(plant, witness, plant.save(), FloorPlan(world.standing), half_size_m)
 
 
 class Machine:

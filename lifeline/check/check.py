@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from deploy.stack.errors import DeployError
@@ -270,9 +270,8 @@ def _lidar_table(report: Report) -> Table:
 
 
 def _motion_table(motions: tuple[Permitted, ...]) -> Table:
-    table = Table(title="motions that the sensors permit in open space", title_justify="left")
-    for heading in ("motion", "at rest", "after driving ahead"):
-        table.add_column(heading)
+    title = "motions that the sensors permit in open space"
+    table = Table("motion", "at rest", "after driving ahead", title=title, title_justify="left")
     for permitted in motions:
         table.add_row(permitted.motion.name, _speed(permitted.at_rest), _speed(permitted.after_driving))
     return table
@@ -292,16 +291,14 @@ def _speed(decision: Decision) -> Text:
 
 
 def _risk_table(found: tuple[Risk, ...]) -> Table:
-    table = Table(title="settings that create a risk", title_justify="left")
-    table.add_column("setting", style="yellow")
-    table.add_column("risk")
+    title = "settings that create a risk"
+    table = Table(Column("setting", style="yellow"), "risk", title=title, title_justify="left")
     for risk in found:
         table.add_row(Text(risk.setting), Text(risk.sentence))  # no markup: "[sim]" is a name
     return table
 
 
 def _topic_table(uses: tuple[RosTopicUse, ...]) -> Table:
-    """Format the topics as a table for the terminal."""
     table = Table(title="ROS 2 topics", title_justify="left", box=None, padding=(0, 1, 0, 0))
     for heading in ("use", "", "topic", "type", "note"):
         table.add_column(heading, overflow="fold")

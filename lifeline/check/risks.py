@@ -77,13 +77,15 @@ def _of_timeouts(config: SupervisorSection, base: BaseSection | None) -> Iterato
         value = getattr(config, key)
         if value > getattr(default, key):
             yield Risk(f"{key} = {value:g}", f"The robot may drive {_way(config, value)} m {what}.")
-    standard_s = BaseSection().command_timeout_s
-    if base is not None and base.command_timeout_s > standard_s:
-        way_m = _way(config, base.command_timeout_s)
-        yield Risk(
-            f"[sim] command_timeout_s = {base.command_timeout_s:g}",
-            f"The base may drive {way_m} m after the supervisor hangs.",
-        )
+    if base is not None and base.command_timeout_s > BaseSection().command_timeout_s:
+        yield _of_slow_base("sim", base.command_timeout_s, config)
+
+
+def _of_slow_base(section: str, timeout_s: float, config: SupervisorSection) -> Risk:
+    return Risk(
+        f"[{section}] command_timeout_s = {timeout_s:g}",
+        f"The base may drive {_way(config, timeout_s)} m after the supervisor hangs.",
+    )
 
 
 def _way(config: SupervisorSection, seconds: float) -> str:
@@ -176,12 +178,8 @@ def _of_ros2(ros2: Ros2Section, config: SupervisorSection) -> Iterator[Risk]:
             "Any machine in this network can publish scans, odometry and commands, also to the base itself: DDS has no "
             "access control.",
         )
-    default_s = Ros2Section().command_timeout_s
-    if ros2.command_timeout_s > default_s:
-        yield Risk(
-            f"[ros2] command_timeout_s = {ros2.command_timeout_s:g}",
-            f"The base may drive {_way(config, ros2.command_timeout_s)} m after the supervisor hangs.",
-        )
+    if ros2.command_timeout_s > Ros2Section().command_timeout_s:
+        yield _of_slow_base("ros2", ros2.command_timeout_s, config)
     for source in ros2.sources:
         if source.hold_s is not None:
             yield Risk(

@@ -297,18 +297,13 @@ def export(path: Path, file: Path, namespace: str, *, as_json: bool) -> int:
             ) from error
         raise
     if as_json:
-        document = {
-            "file": str(file),
-            "messages": counts,
-            "bytes": file.stat().st_size,
-            "problem": problem or None,
-        }
-        print_json(document)
-        return EXIT_INCOMPLETE if problem else 0
-    width = max(map(len, counts))
-    for topic in sorted(counts):
-        print(f"  {topic:<{width}}  {counts[topic]:>9,}")
-    print(f"lifeline: {file}: {sum(counts.values()):,} messages, {file.stat().st_size / 1e6:.2f} MB")
-    if problem:
-        print(f"lifeline: the recording ends early, because {printable(problem)}")
+        size = file.stat().st_size
+        print_json({"file": str(file), "messages": counts, "bytes": size, "problem": problem or None})
+    else:
+        width = max(map(len, counts))
+        for topic in sorted(counts):
+            print(f"  {topic:<{width}}  {counts[topic]:>9,}")
+        print(f"lifeline: {file}: {sum(counts.values()):,} messages, {file.stat().st_size / 1e6:.2f} MB")
+        if problem:
+            print(f"lifeline: the recording ends early, because {printable(problem)}")
     return EXIT_INCOMPLETE if problem else 0

@@ -21,7 +21,7 @@ from deploy.stack.launch import Launch
 from deploy.stack.statedir import StateDir
 from lifeline.recording import Recorded
 from supervisor.blackbox.file import OURS, SUFFIX
-from supervisor.blackbox.reader import FARTHEST_S, BlackBoxError, BlackBoxReader, Step, Stop
+from supervisor.blackbox.reader import FARTHEST_S, BlackBoxError, BlackBoxReader, Step
 from supervisor.config import SupervisorSection
 from supervisor.law.model import Command, LawConfig, Odometry
 from supervisor.law.reckoning import Odometer, reckon
@@ -66,8 +66,9 @@ def messages(path: Path, namespace: str = "robot") -> Iterator[Recorded]:
     try:
         reader = BlackBoxReader(path)
         last_ns = 0
-        for heard in _in_order(reader.steps(), _Converter(reader)):
-            last_ns = max(last_ns, _utc_ns(reader.stops[0], heard.time_s))
+        converter = _Converter(reader)
+        for heard in _in_order(reader.steps(), converter):
+            last_ns = max(last_ns, converter.utc_ns(heard.time_s))
             yield Recorded(
                 f"/{namespace}/{heard.topic.key}",
                 heard.topic.type.__msgtype__,
@@ -118,7 +119,7 @@ class _Converter:
             yield self._heard(step.now_s, ESTOP, ros.Bool(data=True))
         yield self._heard(step.now_s, CMD_VEL, to_twist(step.decision.output))
         status = replace(
-            to_status(step.decision, step.now_s), header=ros.header("base_link", self._utc_ns(step.now_s))
+            to_status(step.decision, step.now_s), header=ros.header("base_link", self.utc_ns(step.now_s))
         )
         yield self._heard(step.now_s, STATUS, status)
 
@@ -133,7 +134,7 @@ class _Converter:
         beams = len(scan.ranges)
         last_rad = scan.angle_min + max(0, beams - 1) * scan.angle_increment
         message = ros.LaserScan(
-            ros.header(self._law.lidars[scan.lidar].name, self._utc_ns(scan.arrival_s)),
+            ros.header(self._law.lidars[scan.lidar].name, self.utc_ns(scan.arrival_s)),
             angle_min=scan.angle_min,
             angle_max=last_rad if scan.angle_max is None else scan.angle_max,
             angle_increment=scan.angle_increment,
@@ -148,7 +149,7 @@ class _Converter:
 
     def _odom(self, sample: Odometry) -> _Heard:
         self._odometer = reckon(self._odometer, sample.velocity, sample.arrival_s, self._law.believable)
-        message = ros.odometry(self._odometer.pose, sample.velocity, time_ns=self._utc_ns(sample.arrival_s))
+        message = ros.odometry(self._odometer.pose, sample.velocity, time_ns=self.utc_ns(sample.arrival_s))
         return self._heard(sample.arrival_s, ODOM, message)
 
     def _heard(
@@ -158,16 +159,12 @@ class _Converter:
         sequence = 0 if sent is None or sent.epoch == HEADER_EPOCH else sent.sequence
         return _Heard(time_s, self._order, topic, message, sequence)
 
-    def _utc_ns(self, time_s: float) -> int:
-        return _utc_ns(self._first, time_s)
-
-
-def _utc_ns(stop: Stop, time_s: float) -> int:
-    """Return the wall time of a time of the supervisor's clock; one offset for all keeps their order."""
-    after_s = time_s - stop.now_s
-    if not abs(after_s) <= FARTHEST_S:
-        raise BlackBoxError(f"the black box is damaged: a message is {after_s:g} s from the stop")
-    return stop.utc_ns + round(after_s * 1e9)
+    def utc_ns(self, time_s: float) -> int:
+        """Return the wall time of a time of the supervisor's clock; one offset for all keeps their order."""
+        after_s = time_s - self._first.now_s
+        if not abs(after_s) <= FARTHEST_S:
+            raise BlackBoxError(f"the black box is damaged: a message is {after_s:g} s from the stop")
+        return self._first.utc_ns + round(after_s * 1e9)
 
 
 def _encoded(message: ros.Message) -> bytes:

@@ -51,12 +51,14 @@ class Phase:
 class Replay:
     """The result of a replay."""
 
+    stop_s: float
+    """Time of the first stop."""
     steps: int = 0
     difference: Difference | None = None
     phases: list[Phase] = field(default_factory=list[Phase])
     """The phases of the replay, up to the difference."""
     rest_s: float | None = None
-    """Time of the first odometry after the first stop in which the base is at rest."""
+    """Time from the first stop to the first odometry after it in which the base is at rest."""
     took_s: float = 0.0
 
 
@@ -84,8 +86,8 @@ def replay(document: Document) -> Replay:
     Raises:
         BlackBoxError: a line does not match the types of this law.
     """
-    found = Replay()
     stop_s = stops_of(document.header)[0].now_s
+    found = Replay(stop_s)
     state: State | None = None
     started_s = time.perf_counter()
     for line_number, line in enumerate(document.lines, start=2):
@@ -106,7 +108,7 @@ def replay(document: Document) -> Replay:
                 found.steps += 1
                 _tell(found, now_s, decision)
                 if found.rest_s is None and now_s >= stop_s and _is_at_rest(inputs):
-                    found.rest_s = now_s
+                    found.rest_s = now_s - stop_s
         except (KeyError, TypeError, ValueError) as error:
             raise BlackBoxError(
                 f"line {line_number} of the black box does not match the types of this law: {error}"
@@ -170,13 +172,12 @@ def _items(value: object) -> dict[str, object] | None:
 
 def to_json(document: Document, found: Replay) -> dict[str, Any]:
     """Return the result as JSON values; the times of the timeline count from the stop."""
-    stop_s = stops_of(document.header)[0].now_s
-    difference = found.difference
+    stop_s, difference = found.stop_s, found.difference
     return {
         "same": difference is None,
         "steps": found.steps,
         "stops": document.header["stops"],
-        "rest_s": None if found.rest_s is None else found.rest_s - stop_s,
+        "rest_s": found.rest_s,
         "difference": None if difference is None else asdict(difference),
         "timeline": [
             {
@@ -199,7 +200,6 @@ def _print(document: Document, found: Replay) -> None:
     console = Console()
     if not console.is_terminal:
         console = Console(width=MIN_WIDTH)
-    stop_s = stops_of(document.header)[0].now_s
     header = document.header
     for stop in header["stops"]:
         console.print(f"{stop['utc']}  {', '.join(stop['reasons'])}", style="bold", highlight=False)
@@ -208,13 +208,13 @@ def _print(document: Document, found: Replay) -> None:
         console.print(
             f"{left_out:,} older steps of the window were left out for lack of space", highlight=False
         )
-    console.print(_timeline(found.phases, stop_s))
+    console.print(_timeline(found.phases, found.stop_s))
     if found.rest_s is not None:
         console.print(
-            f"the base was at rest {found.rest_s - stop_s:.2f} s after the stop, by its odometry",
+            f"the base was at rest {found.rest_s:.2f} s after the stop, by its odometry",
             highlight=False,
         )
-    console.print(_verdict(document, found, stop_s))
+    console.print(_verdict(document, found))
 
 
 def _timeline(phases: Sequence[Phase], stop_s: float) -> Table:
@@ -253,14 +253,14 @@ def _span(first: str, last: str) -> str:
     return first if first == last else f"{first}\n→ {last}"
 
 
-def _verdict(document: Document, found: Replay, stop_s: float) -> Text:
+def _verdict(document: Document, found: Replay) -> Text:
     took = f"in {found.took_s:.2f} s"
     difference = found.difference
     if difference is None:
         return Text(f"{found.steps:,} steps replayed {took}; all decisions are the same", style="bold green")
     lines = [
         f"{found.steps:,} steps replayed {took}; the first difference is in {difference.where}",
-        f"  {difference.now_s - stop_s:+.3f} s from the stop, at step time {difference.now_s!r} s:",
+        f"  {difference.now_s - found.stop_s:+.3f} s from the stop, at step time {difference.now_s!r} s:",
         f"  recorded {_short(difference.recorded)}",
         f"  replayed {_short(difference.replayed)}",
     ]

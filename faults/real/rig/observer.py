@@ -12,7 +12,7 @@ from faults.real.rig.wheels import WheelPipe, WheelSample
 from faults.seen import Asked, Command, Seen, Status
 from wire import topics
 from wire.bus import Arrival, Subscription
-from wire.messages import M, SafetyStatus, Twist
+from wire.messages import M, Twist
 from wire.watchdog import BaseReason
 from wire.zenoh.bus import ZenohBus
 
@@ -53,7 +53,6 @@ class Observer:
         self.began_s = time.monotonic()
         self.seen = Seen()
         self.base: list[BaseReport] = []
-        self.status: SafetyStatus | None = None
         self.undecodable = 0
         """Number of undecodable messages on cmd_vel."""
         self.late = 0
@@ -82,7 +81,6 @@ class Observer:
                 seen.commands.append(Command.of(command.arrival_s, command.message))
         for status in self._delivered(self._statuses):
             if status.message is not None:
-                self.status = status.message
                 seen.statuses.append(Status.of(status.arrival_s, status.message))
         for name, subscription in self._asked.items():
             seen.asked += [

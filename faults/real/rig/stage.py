@@ -547,15 +547,14 @@ class Stage:
             pressed_s = time.monotonic()
             if await self.observer.until(lambda seen: _is_free(seen, pressed_s), PRESS_AGAIN_S):  # noqa: B023 - called at once
                 return time.monotonic() - began_s
-        status = self.observer.status
-        reasons = ", ".join(status.reasons) if status is not None else "no status arrived"
+        statuses = self.observer.seen.statuses
+        reasons = ", ".join(statuses[-1].reasons) if statuses else "no status arrived"
         ended = "" if self.teleop.running else f"; teleop has ended: {self.teleop.last_lines}"
         raise StageError(f"not ready to drive {READY_LIMIT_S:g} s after neutral ({reasons}){ended}")
 
     def press_neutral(self) -> None:
         """Press `s`, and `r` if an e-stop is latched."""
-        status = self.observer.status
-        is_latched = status is not None and "ESTOP" in status.reasons
+        is_latched = any("ESTOP" in status.reasons for status in self.observer.seen.statuses[-1:])
         self.teleop.press("sr" if is_latched else "s")
 
     async def back_to_start(self) -> None:
