@@ -30,7 +30,7 @@ from deploy.stack.errors import Interrupted
 from deploy.stack.keyboard import TypedTeleop, typing
 from deploy.stack.launch import Launch
 from deploy.stack.statedir import StateDir
-from faults.trial import PROVENANCE_BEGINS, Provenance, parse_provenance
+from faults.trial import PROVENANCE_BEGINS, Provenance, parse
 from faults.trial_file import appending, whole_lines
 from wire import topics
 from wire.bus import Bus, NoReplyError, Subscription
@@ -117,7 +117,7 @@ def read_samples(path: Path) -> tuple[list[Sample], Provenance]:
     samples, origin = list[Sample](), Provenance()
     for line in whole_lines(path, "a soak"):
         if line.startswith(PROVENANCE_BEGINS):
-            origin = parse_provenance(line)
+            origin = parse(Provenance, line)
         else:
             samples.append(SAMPLE.validate_json(line))
     return samples, origin

@@ -21,8 +21,6 @@ SCAN_TIMEOUT_S = 0.25
 BASE_TIMEOUT_S = 0.15
 KILL_BOUND_S = 0.010
 """From a process's death to its detection."""
-LEASE_S = 0.4
-"""Zenoh's lease: the time after which a silent link counts as lost."""
 
 ODOM_TIMEOUT_S = 0.3
 """Maximum age of odometry while the robot drives."""

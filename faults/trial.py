@@ -111,34 +111,22 @@ class Provenance(_Record):
 PROVENANCE_BEGINS = '{"origin":'
 
 
-def parse(line: str) -> Trial:
-    """Parse a trial's line.
+R = TypeVar("R", Trial, Provenance)
+
+
+def parse(record: type[R], line: str) -> R:
+    """Parse the line of a trial or of a provenance.
 
     Raises:
-        DeployError: the line is not a trial of this format.
+        DeployError: the line is no such record of this format.
     """
-    return _parsed(Trial, "a trial", line)
-
-
-def parse_provenance(line: str) -> Provenance:
-    """Parse a provenance line.
-
-    Raises:
-        DeployError: as above.
-    """
-    return _parsed(Provenance, "a provenance", line)
-
-
-R = TypeVar("R", bound=_Record)
-
-
-def _parsed(record: type[R], what: str, line: str) -> R:
     try:
         return record.model_validate_json(line)
     except ValidationError as error:
         fault = error.errors(include_url=False)[0]
         where = ".".join(str(part) for part in fault["loc"]) or "the line"
-        sentence = f"not {what} of format {FORMAT}: {where}: {fault['msg'].lower()}"
+        what = record.__name__.lower()
+        sentence = f"not a {what} of format {FORMAT}: {where}: {fault['msg'].lower()}"
         raise DeployError(sentence) from error
 
 

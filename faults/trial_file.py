@@ -6,7 +6,7 @@ import platform
 import subprocess
 import sys
 import zlib
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import IO
 
 from deploy.stack.errors import DeployError
-from faults.trial import PROVENANCE_BEGINS, Provenance, Trial, parse, parse_provenance
+from faults.trial import PROVENANCE_BEGINS, Provenance, Trial, parse
 
 GIT_LIMIT_S = 10.0
 
@@ -34,7 +34,8 @@ def read_records(path: Path) -> Iterator[Trial | Provenance]:
     """
     for number, line in enumerate(whole_lines(path, "the trials"), 1):
         try:
-            record = parse_provenance(line) if line.startswith(PROVENANCE_BEGINS) else parse(line)
+            is_trial = not line.startswith(PROVENANCE_BEGINS)
+            record = parse(Trial, line) if is_trial else parse(Provenance, line)
         except DeployError as error:
             raise DeployError(
                 f"{path}:{number}: {error}; choose another --out, or remove the line"
@@ -91,7 +92,7 @@ def appending(out: Path | None, origin: Provenance | None = None) -> Generator[C
         _cut_incomplete_line(file)
     except OSError as error:
         raise DeployError(f"cannot write {out}: {error.strerror}") from error
-    begun, unsigned = origin or provenance_of(sys.argv[1:]), False
+    begun, unsigned = origin or provenance_of_this_command(), False
 
     def append(line: str) -> None:
         nonlocal unsigned
@@ -120,13 +121,9 @@ def _cut_incomplete_line(file: IO[bytes]) -> None:
 # --- the provenance
 
 
-def provenance_of(arguments: Sequence[str]) -> Provenance:
-    """Return the provenance of a run that begins now.
-
-    Args:
-        arguments: the command line without the program; only the last part of absolute paths is kept.
-    """
-    words = [Path(word).name if word.startswith("/") else word for word in arguments]
+def provenance_of_this_command() -> Provenance:
+    """Return the provenance of a run that begins now; only the last part of absolute paths is kept."""
+    words = [Path(word).name if word.startswith("/") else word for word in sys.argv[1:]]
     return Provenance(
         command=" ".join(("lifeline", *words)),
         date=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),

@@ -16,7 +16,8 @@ from pydantic import TypeAdapter
 
 from deploy.stack.errors import DeployError
 from faults.report.statistics import quantile
-from faults.trial import PROVENANCE_BEGINS, Provenance, parse_provenance
+from faults.trial import PROVENANCE_BEGINS, Provenance
+from faults.trial import parse as parse_record
 from faults.trial_file import whole_lines
 
 SPEED_M_S = 0.5
@@ -147,7 +148,8 @@ def read_origins(path: Path) -> list[Provenance]:
     """Return where and when the trials of a file were measured, in the order of the runs."""
     lines = whole_lines(path, "the trials")
     return sorted(
-        (parse_provenance(line) for line in lines if line.startswith(PROVENANCE_BEGINS)), key=lambda o: o.date
+        (parse_record(Provenance, line) for line in lines if line.startswith(PROVENANCE_BEGINS)),
+        key=lambda o: o.date,
     )
 
 

@@ -72,11 +72,12 @@ def _is(stage: Stage, node: str, pid: int) -> bool:
 
 async def _crash_loop(stage: Stage) -> AsyncGenerator[float]:
     """Kill a child process, and let it end at each start."""
-    stage.crash_loop(topics.SIM, ends=True)
+    crash = stage.crash_file(topics.SIM)
+    crash.touch()
     try:
         yield stage.kill(topics.SIM)
     finally:
-        stage.crash_loop(topics.SIM, ends=False)
+        crash.unlink()
 
 
 # --- the cable

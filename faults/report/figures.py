@@ -32,7 +32,6 @@ class Broken(NamedTuple):
     """A broken promise, and the command that replays it."""
 
     classes: tuple[str, ...]
-    seed: int
     promise: BrokenPromise
     command: str
 
@@ -169,7 +168,6 @@ class Campaign:
     provenances: list[Provenance] = field(default_factory=list[Provenance])
     trials: int = 0
     duration_s: float = 0.0
-    contacts: int = 0
     broken_trials: int = 0
     broken: list[Broken] = field(default_factory=list[Broken])
     _classes: dict[str, ClassFigures] = field(default_factory=dict[str, ClassFigures])
@@ -180,11 +178,10 @@ class Campaign:
         self.trials += 1
         self.unsigned = True
         self.duration_s += trial.duration_s
-        self.contacts += trial.contacts
         self.broken_trials += bool(trial.violations)
         named = list(classes_in(trial))
         names = tuple(dict.fromkeys(name for name, _ in named))
-        self.broken += [Broken(names, trial.seed, one, replay(trial)) for one in trial.violations]
+        self.broken += [Broken(names, one, replay(trial)) for one in trial.violations]
         for name, one in named:
             figures = self._classes.setdefault(name, ClassFigures(name, self.mode))
             recorded = trial if trial.timeline else None

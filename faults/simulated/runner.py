@@ -22,7 +22,7 @@ from deploy.stack import errors
 from deploy.stack.errors import DeployError
 from faults.report.table import Progressing, print_results, story
 from faults.simulated.trial_run import run_trial
-from faults.trial import parse
+from faults.trial import Trial, parse
 from faults.trial_file import appending, known_trials
 
 DECIDES = "faults.simulated.trial_run"
@@ -71,7 +71,7 @@ def campaign(seeds: int, jobs: int, out: Path | None, say: Say, *, as_json: bool
         try:
             for line in _lines(missing, jobs, code, Console(stderr=as_json)):
                 append(line)
-                trial = parse(line)
+                trial = parse(Trial, line)
                 trials[trial.seed] = trial
         except KeyboardInterrupt:
             interrupted = True

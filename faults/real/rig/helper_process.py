@@ -39,10 +39,6 @@ class HelperProcess:
         self._ready = selectors.DefaultSelector()
         self._ready.register(self._stdout, selectors.EVENT_READ)
 
-    @property
-    def pid(self) -> int:
-        return self._process.pid
-
     def answer(self) -> str:
         """Return its next line.
 
@@ -51,7 +47,7 @@ class HelperProcess:
         """
         line = self._stdout.readline() if self._ready.select(ANSWER_LIMIT_S) else b""
         if not line:
-            raise DeployError(f"the campaign's {self._name} (pid {self.pid}) does not answer")
+            raise DeployError(f"the campaign's {self._name} (pid {self._process.pid}) does not answer")
         return line.decode().strip()
 
     def order(self, order: dict[str, Any]) -> str:

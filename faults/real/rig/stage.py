@@ -255,8 +255,6 @@ class Stage:
         for name in (topics.TELEOP, topics.SIM):
             if self._links is not None:
                 self._links.heal(name)
-        for path in self.directory.glob(f"{faulty_process.CRASH}-*"):
-            path.unlink()
         await self.restart_supervisord()
         await self.start_teleop()
 
@@ -380,10 +378,9 @@ class Stage:
         (self.directory / f"{faulty_process.ORDER}-{node}").write_text(order)
         return self.signal(node, signal.SIGUSR1)
 
-    def crash_loop(self, node: str, *, ends: bool) -> None:
-        """Set whether a node ends at each start."""
-        path = self.directory / f"{faulty_process.CRASH}-{node}"
-        path.touch() if ends else path.unlink(missing_ok=True)
+    def crash_file(self, node: str) -> Path:
+        """Return the file that makes a node end at each start, while it exists."""
+        return self.directory / f"{faulty_process.CRASH}-{node}"
 
     # --- the port of the faults
 

@@ -15,7 +15,7 @@ from faults import trial_file
 from faults.report.drawing import timeline
 from faults.report.figures import campaigns, replay
 from faults.report.page import BROKEN_SHOWN, percent, read_campaigns, write_report
-from faults.trial import BrokenPromise, Injected, Provenance, Sample, Trial, parse_provenance
+from faults.trial import BrokenPromise, Injected, Provenance, Sample, Trial, parse
 from faults.trial_file import appending, read_records
 from lifeline.cli.app import app
 
@@ -313,7 +313,7 @@ def test_what_is_added_to_a_file_is_signed_and_nothing_is_where_nothing_was_adde
     with pytest.raises(KeyboardInterrupt), appending(out) as append:  # noqa: PT012 - interrupted after a trial
         append(trial(fault()).line())
         raise KeyboardInterrupt
-    last = parse_provenance(out.read_text().splitlines()[-1])
+    last = parse(Provenance, out.read_text().splitlines()[-1])
     assert last.command == "lifeline faults --out trials.jsonl", "no directory of this machine"
     assert "cores" in last.machine
 

@@ -60,7 +60,7 @@ def trial(seed: int = 1) -> Trial:
 def test_a_trial_comes_back_from_its_line_as_it_was(one: Trial) -> None:
     line = one.line()
     assert "\n" not in line
-    assert parse(line) == one
+    assert parse(Trial, line) == one
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def test_a_trial_comes_back_from_its_line_as_it_was(one: Trial) -> None:
 )
 def test_another_line_is_refused_in_a_sentence(line: str, complaint: str) -> None:
     with pytest.raises(DeployError, match=complaint):
-        parse(line)
+        parse(Trial, line)
 
 
 def test_a_last_line_without_its_end_is_passed_over(tmp_path: Path) -> None:
