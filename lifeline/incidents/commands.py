@@ -1,8 +1,10 @@
 """`lifeline incidents`: list the black boxes of a robot, show the seconds around a stop, and export one for other tools."""
 
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from itertools import chain, groupby
 from math import isfinite, nan
 from pathlib import Path
@@ -16,7 +18,6 @@ from deploy.stack.errors import DeployError
 from deploy.stack.formatting import COLOURS, nearest
 from lifeline.command import facts, print_json
 from lifeline.incidents.incident import IncidentError, black_boxes, id_of, messages
-from lifeline.incidents.plot import Series, plot
 from lifeline.incidents.summary import Incident, Sample, read_incident
 from lifeline.recording import RecordingError, RecordingWriter, exists
 from supervisor.law.reckoning import Velocity
@@ -34,6 +35,9 @@ NOISE_M = 0.02
 MAX_ROWS = 200
 MAX_WIDTH = 160
 PLOT_HEIGHT = 8
+PLOT_LABEL = 8
+"""Columns of the axis labels and the axis of a plot."""
+PLOT_MIN_COLUMNS = 20
 UNKNOWN = "–"
 
 
@@ -188,18 +192,12 @@ def _outline(sample: Sample) -> tuple[str, str]:
 
 def _repeats(sample: Sample, last: Sample) -> bool:
     """Return whether two samples differ only by the noise of a robot at rest."""
-    rates = [*_velocities(sample), *_velocities(last)]
-    is_at_rest = all(is_still(*velocity) for velocity in rates)
+    # What is requested neither moves the robot nor shows that it moves.
+    rates = [*sample.velocities[1:], *last.velocities[1:]]
+    is_at_rest = all(velocity is None or is_still(*velocity) for velocity in rates)
     return (
         is_at_rest and _outline(sample) == _outline(last) and abs(sample.nearest_m - last.nearest_m) < NOISE_M
     )
-
-
-def _velocities(sample: Sample) -> Iterator[Velocity]:
-    """Yield the velocities that move the robot or show that it moves."""
-    yield sample.permitted
-    if sample.measured is not None:
-        yield sample.measured
 
 
 def table_of(rows: Sequence[Sample]) -> Table:
@@ -259,6 +257,71 @@ def _plots(incident: Incident, width: int, *, turns: bool) -> Iterator[Text]:
         Series("nearest", "●", "bold magenta", [sample.nearest_m for sample in samples]),
     )
     yield plot("distance, m", times_s, distances, width=width, height=PLOT_HEIGHT)
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """One value for each time of a plot; a value that is not finite is not drawn."""
+
+    name: str
+    glyph: str
+    style: str
+    values: Sequence[float]
+
+
+def plot(title: str, times_s: Sequence[float], series: Sequence[Series], *, width: int, height: int) -> Text:
+    """Return a plot as text; the glyphs differ also without colour. Of several series at one place, the last is visible.
+
+    Args:
+        title: what is plotted, with its unit.
+        times_s: (n,), increasing; the vertical line is at zero.
+        series: of n values each.
+        width: columns of the whole plot.
+        height: lines of the plot without title and time axis.
+    """
+    columns = max(PLOT_MIN_COLUMNS, width - PLOT_LABEL)
+    drawn = [value for one in series for value in one.values if isfinite(value)]
+    low, high = min([0.0, *drawn]), max([0.0, *drawn])
+    if high == low:
+        high = low + 1.0
+    cells = [[(" ", "")] * columns for _ in range(height)]
+    first_s, span_s = times_s[0], max(1e-9, times_s[-1] - times_s[0])
+    stop = round(-first_s / span_s * (columns - 1))
+    zero = round(high / (high - low) * (height - 1))
+    cells[zero] = [("┈", "dim")] * columns
+    if 0 <= stop < columns:
+        for row in cells:
+            row[stop] = ("│", "dim")
+    for one in series:
+        for column in range(columns):
+            value = one.values[_at(times_s, first_s + column * span_s / (columns - 1))]
+            if isfinite(value):
+                cells[round((high - value) / (high - low) * (height - 1))][column] = (one.glyph, one.style)
+    text = Text(f"{title}: ", no_wrap=True, overflow="crop")
+    for one in series:
+        text.append(f"{one.glyph} {one.name}  ", one.style)
+    for number, row in enumerate(cells):
+        value = high - number * (high - low) / (height - 1)
+        text.append(f"\n{value + 0.0:6.2f} ┤")
+        for glyph, style in row:
+            text.append(glyph, style)
+    return text.append(f"\n{' ' * PLOT_LABEL}{_time_axis(first_s, times_s[-1], stop, columns)}")
+
+
+def _at(times_s: Sequence[float], time_s: float) -> int:
+    """Return the index of the last time that is not after `time_s`, else the first."""
+    return max(0, bisect_right(times_s, time_s + 1e-9) - 1)
+
+
+def _time_axis(first_s: float, last_s: float, stop: int, columns: int) -> str:
+    """Return the first time, zero at the vertical line, and the last time, as far as there is room."""
+    axis = [" "] * columns
+    labels = [(0, f"{first_s:+.1f} s"), (columns, f"{last_s:+.1f} s"), (stop, "0")]
+    for place, label in labels:
+        begin = min(max(0, place), columns - len(label))
+        if all(char == " " for char in axis[max(0, begin - 1) : begin + len(label) + 1]):
+            axis[begin : begin + len(label)] = label
+    return "".join(axis).rstrip()
 
 
 # --- export

@@ -59,9 +59,9 @@ class Sample(NamedTuple):
             "mode": self.mode,
             "why": printable(self.why),
             "owner": printable(self.owner),
-            "commanded": _numbers(self.commanded),
-            "permitted": _numbers(self.permitted),
-            "measured": None if self.measured is None else _numbers(self.measured),
+            "commanded": [number(value) for value in self.commanded],
+            "permitted": [number(value) for value in self.permitted],
+            "measured": None if self.measured is None else [number(value) for value in self.measured],
             "nearest_m": number(self.nearest_m),
         }
 
@@ -202,7 +202,3 @@ def sample_of(time_s: float, decision: Decision, measured: Velocity | None) -> S
         decision.nearest_bearing_rad,
         decision.detail,
     )
-
-
-def _numbers(velocity: Velocity) -> list[float | None]:
-    return [number(value) for value in velocity]

@@ -106,11 +106,9 @@ class Scene:
     def fixed(self) -> Iterator[Primitive]:
         """Yield the constant shapes: the hull and its rings, in `base_link`."""
         hull = self.law.hull
-        for name, away_m, colour in (
-            ("stop", self.law.stop_distance_m, STOP_RING),
-            ("warning", self.law.warning_distance_m, WARNING_RING),
-        ):
-            yield Line(f"{BASE}/rings/{name}", outline(hull, away_m), colour, 0.012, 0.02)
+        stop_m, warning_m = self.law.stop_distance_m, self.law.warning_distance_m
+        yield Line(f"{BASE}/rings/stop", outline(hull, stop_m), STOP_RING, 0.012, 0.02)
+        yield Line(f"{BASE}/rings/warning", outline(hull, warning_m), WARNING_RING, 0.012, 0.02)
         yield Line(f"{BASE}/outline", outline(hull), INK, 0.008, 0.09)
         yield Line(f"{BASE}/heading", _heading(hull.radius_m), INK, 0.012, 0.09)
 
@@ -227,11 +225,8 @@ class Scene:
         yield from _velocity(REQUESTED, status.commanded)
         if math.isfinite(status.nearest_m):
             yield Value(f"{DISTANCE}/nearest", status.nearest_m)
-        for name, value in (
-            ("stop", self.law.stop_distance_m),
-            ("warning", self.law.warning_distance_m),
-        ):
-            yield Value(f"{DISTANCE}/{name}", value)
+        yield Value(f"{DISTANCE}/stop", self.law.stop_distance_m)
+        yield Value(f"{DISTANCE}/warning", self.law.warning_distance_m)
         told = (mode, causes, latched, status.owner, status.warning, status.alarm)
         if told == self._told:
             return

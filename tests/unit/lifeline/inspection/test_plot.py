@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from lifeline.incidents.plot import LABEL, Series, plot
+from lifeline.incidents.commands import PLOT_LABEL, Series, plot
 
 TIMES_S = [-1.0 + 0.01 * i for i in range(201)]
 
@@ -32,7 +32,7 @@ def test_a_plot_is_as_wide_as_requested_and_the_stop_is_in_one_column(width: int
     found = lines(ramp(), width=width)
     assert {len(line) for line in found[1:-1]} == {width}
     (stop,) = {line.index("│") for line in found[1:4]}
-    assert stop == pytest.approx(LABEL + (width - LABEL) / 2, abs=1)
+    assert stop == pytest.approx(PLOT_LABEL + (width - PLOT_LABEL) / 2, abs=1)
     assert found[-1].index(" 0 ") + 1 == stop
 
 
