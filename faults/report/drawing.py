@@ -1,7 +1,7 @@
 """SVG pictures of a campaign for an HTML page, whose style sheet gives the colours. Pure."""
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 
@@ -127,7 +127,8 @@ def _lines(frame: _Frame, samples: Sequence[Sample]) -> Iterator[str]:
     permitted = [(frame.x_px(s.time_s), frame.y_px(s.permitted[0])) for s in samples]
     true = [(frame.x_px(s.time_s), frame.y_px(s.true[0])) for s in samples]
     yield f'<path class="commanded" d="{_steps(commanded)}"/><path class="permitted" d="{_steps(permitted)}"/>'
-    yield f'<path class="true" d="{_line(true)}"/>'
+    line = "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in true)
+    yield f'<path class="true" d="{line}"/>'
 
 
 def _moment(frame: _Frame, fault: Injected) -> Iterator[str]:
@@ -157,10 +158,6 @@ def _reasons(samples: Sequence[Sample]) -> Iterator[tuple[float, float, tuple[st
                 until_s = samples[min(number, len(samples) - 1)].time_s
                 yield samples[start].time_s, until_s, samples[start].reasons
             start = number
-
-
-def _line(points: Iterable[tuple[float, float]]) -> str:
-    return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points)
 
 
 def _steps(points: Sequence[tuple[float, float]]) -> str:

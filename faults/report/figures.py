@@ -89,13 +89,12 @@ class ClassFigures:
         return Counter(case.fault.detector or UNSEEN for case in self._meant).most_common()
 
     @property
-    def others(self) -> list[tuple[str, int, float]]:
-        """Stops by other detectors: the detector, the count, the longest time [s]; NaN if none was measured."""
-        times_s: dict[str, list[float]] = {}
+    def others(self) -> list[tuple[str, int, float | None]]:
+        """Stops by other detectors: the detector, the count, the longest time [s]; None if none was measured."""
+        times_s: dict[str, list[float | None]] = {}
         for case in self._stopped:
             if not self._is_expected(case):
-                time_s = math.nan if case.stop_s is None else case.stop_s
-                times_s.setdefault(case.fault.detector or UNSEEN, []).append(time_s)
+                times_s.setdefault(case.fault.detector or UNSEEN, []).append(case.stop_s)
         return [(name, len(found), _longest_s(found)) for name, found in sorted(times_s.items())]
 
     @property
@@ -307,9 +306,8 @@ def classes_in(trial: Trial) -> Iterator[tuple[str, Injected]]:
 
 def time_in(trial: Trial, name: str) -> float | None:
     """Return the longest stop time of a class in a trial; None if none was measured."""
-    times_s = [stop_s(trial.mode, one) for class_, one in classes_in(trial) if class_ == name]
+    return _longest_s([stop_s(trial.mode, one) for class_, one in classes_in(trial) if class_ == name])
+
+
+def _longest_s(times_s: Sequence[float | None]) -> float | None:
     return max((time_s for time_s in times_s if time_s is not None), default=None)
-
-
-def _longest_s(times_s: Sequence[float]) -> float:
-    return max((time_s for time_s in times_s if not math.isnan(time_s)), default=math.nan)

@@ -174,12 +174,7 @@ def _campaign(one: Campaign) -> Iterator[str]:
 def _origin(one: Campaign) -> Iterator[str]:
     yield "<dl>"
     for provenance in one.provenances:
-        for name, value in (
-            ("command", provenance.command),
-            ("date", provenance.date),
-            ("machine", provenance.machine),
-            ("commit", provenance.commit),
-        ):
+        for name, value in provenance.model_dump(exclude={"origin"}).items():
             yield f"<dt>{name}</dt><dd>{escape(value) or 'unknown'}</dd>"
     if one.unsigned or not one.provenances:
         which = "some" if one.provenances else "these"
@@ -223,7 +218,7 @@ def _row(one: ClassFigures, mode: str) -> Iterator[str]:
 def _detectors(one: ClassFigures) -> str:
     meant = ", ".join(f"{escape(name)} {count:,}" for name, count in one.detectors)
     others = ", ".join(
-        f"{escape(name)} {count:,}" + ("" if math.isnan(longest_s) else f" (max {1000 * longest_s:.0f} ms)")
+        f"{escape(name)} {count:,}" + ("" if longest_s is None else f" (max {1000 * longest_s:.0f} ms)")
         for name, count, longest_s in one.others
     )
     return meant + (f'{" " if meant else ""}<span class="soft">or first by {others}</span>' if others else "")

@@ -14,7 +14,6 @@ from faults.port import End, Fault, Hold, Pillar
 from faults.seen import Asked
 from faults.simulated.scenario import MOVING_LIMIT_S, STRAIGHT_LIMIT_S, Planned
 from faults.simulated.world import RESTART_S, Life, World
-from virtual.network import Conditions
 from wire import topics
 from wire.bus import NoReplyError
 from wire.messages import Bool, Point, Twist, UndecodableError, decode, encode
@@ -147,19 +146,16 @@ class Injector:
         return self.now_s
 
     def delay(self, node: str, least_s: float, most_s: float) -> float:
-        for conditions in self.link(node):
+        for conditions in self.world.network.link(node):
             conditions.delay_s, conditions.jitter_s = least_s, most_s - least_s
         return self.now_s
 
     def heal(self, node: str) -> None:
         """End everything that disturbs a link."""
-        for conditions in self.link(node):
+        for conditions in self.world.network.link(node):
             conditions.delay_s = conditions.jitter_s = conditions.loss = 0.0
             conditions.in_order = True
         self.world.network.heal(node)
-
-    def link(self, node: str) -> tuple[Conditions, Conditions]:
-        return self.world.network.link(node)
 
     def attack(self, name: str, seed: int, for_s: float) -> float:
         world = self.world
@@ -212,7 +208,7 @@ def _loss(chance: Random) -> Fault[Injector]:
     share = chance.uniform(0.1, 0.8)
 
     async def steps(port: Injector) -> AsyncGenerator[float]:
-        for conditions in port.link(topics.TELEOP):
+        for conditions in port.world.network.link(topics.TELEOP):
             conditions.loss = share
         yield port.now_s
         port.heal(topics.TELEOP)
@@ -224,7 +220,7 @@ def _reorder(chance: Random) -> Fault[Injector]:
     within_s = chance.uniform(0.05, 0.25)
 
     async def steps(port: Injector) -> AsyncGenerator[float]:
-        for conditions in port.link(topics.TELEOP):
+        for conditions in port.world.network.link(topics.TELEOP):
             conditions.in_order, conditions.jitter_s = False, within_s
         yield port.now_s
         port.heal(topics.TELEOP)
