@@ -66,14 +66,9 @@ class Model(Protocol):
     geom_conaffinity: Ints
     geom_bodyid: Ints
     geom_size: Floats
-    geom_pos: Floats
-    geom_quat: Floats
-    geom_friction: Floats
     geom_rbound: Floats
     body_pos: Floats
-    body_quat: Floats
     body_mass: Floats
-    body_inertia: Floats
     body_mocapid: Ints
     body_rootid: Ints
     body_weldid: Ints
