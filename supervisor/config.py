@@ -35,13 +35,9 @@ from wire.host.config import (
     TurnRate,
 )
 
-# Codes are a few mm or cm; a profile with larger codes would miss obstacles right in front of the lidar.
-CodeLimit = Annotated[float, Between(0.0, 0.5)]
 FreeCode = Annotated[float, Between(0.001, 200.0)]
+Memory = Annotated[float, Between(0.0, 10.0, "a person may have entered space that was seen longer ago")]
 ScanTimeout = Annotated[float, Between(0.03, 3.0, "a slower lidar does not detect obstacles in time")]
-Period = Annotated[float, Between(0.002, 2.0)]
-# Fewer beams cannot show the surroundings; no planar lidar has more than 4,096.
-MinBeams = Annotated[int, Between(12, 4096)]
 OUTSIDE_M = 0.02
 """Accepted distance of a mount outside the footprint; a mount is measured to a centimetre or two. From farther outside,
 a lidar would look past the hull, and the law does not search the shadows of objects there (docs/decisions/0039)."""
@@ -61,7 +57,8 @@ class ReadingsSection(Section):
 
     nan_is_free: bool = False
     zero_is_free: bool = False
-    codes_below_m: CodeLimit = 0.0
+    # Codes are a few mm or cm; a profile with larger codes would miss obstacles right in front of the lidar.
+    codes_below_m: Annotated[float, Between(0.0, 0.5)] = 0.0
     free_codes_m: Annotated[tuple[FreeCode, ...], Field(max_length=16, strict=False)] = ()
 
 
@@ -75,10 +72,11 @@ class LidarSection(Section):
     y_m: Distance = 0.0
     yaw_rad: Angle = 0.0
     masked_rad: Annotated[tuple[Sector, ...], Field(max_length=16, strict=False)] = ()
-    min_beams: MinBeams = 90
+    # Fewer beams cannot show the surroundings; no planar lidar has more than 4,096.
+    min_beams: Annotated[int, Between(12, 4096)] = 90
     timeout_s: ScanTimeout | None = None
     """None: `scan_timeout_s` if given, else the profile's timeout."""
-    period_s: Period | None = None
+    period_s: Annotated[float, Between(0.002, 2.0)] | None = None
     """Time between two scans; None: the profile's usual period."""
 
     view_rad: Sector | None = None
@@ -150,30 +148,6 @@ class NamedLidarSection(LidarSection):
     """Its key below the namespace."""
 
 
-# Fast enough for every timeout and distance of the law, and slow enough for a process to keep.
-TickRate = Annotated[float, Between(10.0, 1000.0)]
-# Displays treat a supervisor that is silent for one second as dead.
-StatusRate = Annotated[float, Between(1.0, 100.0)]
-# At 1 m/s, a command timeout of 2 s lets the robot drive 2 m after the operator's program hangs.
-CommandTimeout = Annotated[float, Between(0.03, 2.0)]
-OdomTimeout = Annotated[float, Between(0.03, 2.0)]
-Overrun = Annotated[float, Between(0.02, 1.0, "nothing is supervised while the supervisor hangs")]
-Transport = Annotated[float, Between(0.001, 0.5)]
-Memory = Annotated[float, Between(0.0, 10.0, "a person may have entered space that was seen longer ago")]
-# Below 5 cm the errors of lidar, mount and braking are as large as the distance.
-StopDistance = Annotated[float, Between(0.05, 2.0)]
-WarningDistance = Annotated[float, Between(0.05, 5.0)]
-# More than 10 m/s² exceeds the grip of a tyre; with 0.1 m/s², stopping from 1 m/s takes 5 m.
-Deceleration = Annotated[float, Between(0.1, 10.0)]
-MinimumSpeed = Annotated[float, Between(0.001, 0.1)]
-# From a higher creep speed, the base could not stop within a hand's width.
-BlindCreep = Annotated[float, Between(0.0, 0.2)]
-BlindBudget = Annotated[float, Between(0.01, 2.0)]
-RunawaySpeed = Annotated[float, Between(0.01, 0.5)]
-RunawayTurnRate = Annotated[float, Between(0.01, 1.0)]
-# From the width of a cord to that of a person's body.
-ObstacleWidth = Annotated[float, Between(0.005, 0.5)]
-HullRadius = Annotated[float, Between(0.05, 5.0, "in m")]
 Pair = Annotated[tuple[Distance, Distance], Field(strict=False)]  # TOML has only lists
 
 MAX_ESTOP_STATIONS = 8
@@ -192,7 +166,7 @@ class SourceSection(Section):
 class FootprintSection(Section):
     """The robot's hull: a circle given by its radius, or a convex polygon given by its corners."""
 
-    radius_m: HullRadius | None = None
+    radius_m: Annotated[float, Between(0.05, 5.0, "in m")] | None = None
     corners_m: Annotated[list[Pair], Field(max_length=64)] | None = None
 
     @model_validator(mode="after")
@@ -220,30 +194,37 @@ class EstopStationSection(Section):
 class SupervisorSection(Section):
     """All parameters of the safety law and of the supervisor process."""
 
-    tick_hz: TickRate = 50.0
-    status_hz: StatusRate = 10.0
-    command_timeout_s: CommandTimeout = 0.2
+    # Fast enough for every timeout and distance of the law, and slow enough for a process to keep.
+    tick_hz: Annotated[float, Between(10.0, 1000.0)] = 50.0
+    # Displays treat a supervisor that is silent for one second as dead.
+    status_hz: Annotated[float, Between(1.0, 100.0)] = 10.0
+    # At 1 m/s, a command timeout of 2 s lets the robot drive 2 m after the operator's program hangs.
+    command_timeout_s: Annotated[float, Between(0.03, 2.0)] = 0.2
     scan_timeout_s: ScanTimeout = 0.24
     """Timeout of a lidar without its own `timeout_s`; if not given, the timeout of the sensor's profile applies."""
-    overrun_s: Overrun = 0.1
-    stop_distance_m: StopDistance = 0.30
-    warning_distance_m: WarningDistance = 0.50
-    deceleration_m_s2: Deceleration = 1.5
+    overrun_s: Annotated[float, Between(0.02, 1.0, "nothing is supervised while the supervisor hangs")] = 0.1
+    # Below 5 cm the errors of lidar, mount and braking are as large as the distance.
+    stop_distance_m: Annotated[float, Between(0.05, 2.0)] = 0.30
+    warning_distance_m: Annotated[float, Between(0.05, 5.0)] = 0.50
+    # More than 10 m/s² exceeds the grip of a tyre; with 0.1 m/s², stopping from 1 m/s takes 5 m.
+    deceleration_m_s2: Annotated[float, Between(0.1, 10.0)] = 1.5
     base_acceleration_m_s2: Acceleration = 0.5
     base_angular_acceleration_rad_s2: AngularAcceleration = 1.5
-    transport_s: Transport = 0.03
-    creep_m_s: MinimumSpeed = 0.02
+    transport_s: Annotated[float, Between(0.001, 0.5)] = 0.03
+    creep_m_s: Annotated[float, Between(0.001, 0.1)] = 0.02
     max_linear_m_s: Speed = 1.0
     max_angular_rad_s: TurnRate = 2.0
-    smallest_obstacle_m: ObstacleWidth = 0.04
+    # From the width of a cord to that of a person's body.
+    smallest_obstacle_m: Annotated[float, Between(0.005, 0.5)] = 0.04
     unseen_memory_s: Memory = 0.0
     works_in_the_open: bool = False
-    blind_creep_m_s: BlindCreep = 0.0
-    blind_budget_m: BlindBudget = 0.2
+    # From a higher creep speed, the base could not stop within a hand's width.
+    blind_creep_m_s: Annotated[float, Between(0.0, 0.2)] = 0.0
+    blind_budget_m: Annotated[float, Between(0.01, 2.0)] = 0.2
     odometry: bool = True
-    odom_timeout_s: OdomTimeout = 0.3
-    runaway_linear_m_s: RunawaySpeed = 0.05
-    runaway_angular_rad_s: RunawayTurnRate = 0.1
+    odom_timeout_s: Annotated[float, Between(0.03, 2.0)] = 0.3
+    runaway_linear_m_s: Annotated[float, Between(0.01, 0.5)] = 0.05
+    runaway_angular_rad_s: Annotated[float, Between(0.01, 1.0)] = 0.1
     black_box_s: Annotated[float, Between(1.0, 600.0)] = 60.0
     black_box_files: Annotated[int, Between(1, 1000)] = 20
     black_box_dir: Annotated[str, Field(min_length=1)] | None = None

@@ -165,10 +165,14 @@ def grants_of(role: Role, namespace: str, contract: Contract) -> Iterator[Grant]
 
 def written_by(role: Role, namespace: str, contract: Contract) -> Iterator[Grant]:
     """Yield what one role may write, serve, call and be alive as."""
+    written = [topic.key for topic in topics.TOPICS if role in topic.roles]
+    served = [service.key for service in topics.SERVICES if role in service.roles]
+    called = [service.key for service in topics.SERVICES if role is Role.OPERATOR]
+    more = contract.more_keys if role in topics.SENSORS else ()
     kinds: tuple[tuple[tuple[Message, ...], Iterable[str]], ...] = (
-        (("put",), _written_by(role, contract)),
-        (("declare_queryable", "reply"), _served_by(role, contract)),
-        (("query",), _called_by(role, contract)),
+        (("put",), (*_named(written, contract), *more)),
+        (("declare_queryable", "reply"), _named(served, contract)),
+        (("query",), _named(called, contract)),
         (("liveliness_token",), _alive_as(role, contract)),
     )
     for messages, keys in kinds:
@@ -184,26 +188,6 @@ def _unknown_sources(namespace: str) -> Grant:
     return Grant(("put",), "ingress", (f"{namespace}/{topics.source_cmd_vel('*').key}",))
 
 
-def _written_by(role: Role, contract: Contract) -> Iterator[str]:
-    for topic in topics.TOPICS:
-        if role in topic.roles:
-            yield from _named(topic.key, contract)
-    if role in topics.SENSORS:
-        yield from contract.more_keys
-
-
-def _served_by(role: Role, contract: Contract) -> Iterator[str]:
-    for service in topics.SERVICES:
-        if role in service.roles:
-            yield from _named(service.key, contract)
-
-
-def _called_by(role: Role, contract: Contract) -> Iterator[str]:
-    if role is Role.OPERATOR:
-        for service in topics.SERVICES:
-            yield from _named(service.key, contract)
-
-
 def _alive_as(role: Role, contract: Contract) -> Iterator[str]:
     """Yield the keys of the tokens that a role may hold: for each node, also those of its runs."""
     if role is Role.BASE:
@@ -217,13 +201,14 @@ def _alive_as(role: Role, contract: Contract) -> Iterator[str]:
         yield from (f"{topics.alive(topics.estop_node(station))}/**" for station in contract.stations)
 
 
-def _named(key: str, contract: Contract) -> Iterator[str]:
-    """Yield the literal keys for an entry of the table, whose key may have a placeholder."""
-    if key == topics.LIDAR_PLACEHOLDER:
-        yield from contract.lidars
-    elif topics.SOURCE_PLACEHOLDER in key:
-        yield from (key.replace(topics.SOURCE_PLACEHOLDER, source) for source in contract.sources)
-    elif topics.STATION_PLACEHOLDER in key:
-        yield from (key.replace(topics.STATION_PLACEHOLDER, station) for station in contract.stations)
-    else:
-        yield key
+def _named(keys: Iterable[str], contract: Contract) -> Iterator[str]:
+    """Yield the literal keys for keys of the table, which may have a placeholder."""
+    for key in keys:
+        if key == topics.LIDAR_PLACEHOLDER:
+            yield from contract.lidars
+        elif topics.SOURCE_PLACEHOLDER in key:
+            yield from (key.replace(topics.SOURCE_PLACEHOLDER, source) for source in contract.sources)
+        elif topics.STATION_PLACEHOLDER in key:
+            yield from (key.replace(topics.STATION_PLACEHOLDER, station) for station in contract.stations)
+        else:
+            yield key
