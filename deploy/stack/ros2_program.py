@@ -10,6 +10,7 @@ import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import NoReturn
 
 from deploy.stack.errors import DeployError
 from deploy.stack.statedir import StateDir, UnwritableError
@@ -125,3 +126,28 @@ def shell_command(state: StateDir, config: Path, bus: BusConfig) -> str:
     variables = variables_of(python, link_packages(state), os.environ)
     words = [f"{name}={value}" for name, value in variables.items()]
     return shlex.join(["/usr/bin/env", *words, *command(python, config, bus)])
+
+
+def run(state: StateDir, config: Path, bus: BusConfig, *options: str) -> NoReturn:
+    """Replace this process by the ROS 2 process with more options; the process id stays, which systemd needs for its reports.
+
+    Raises:
+        DeployError: the configuration has no `[ros2]`, or the interpreter is missing.
+    """
+    try:
+        document = read_toml(config)
+    except ConfigError as error:
+        raise DeployError(str(error)) from error
+    if topics.ROS2 not in document:
+        raise DeployError(
+            f"{config} has no section [ros2], which names the topics of the base: give a file with --config; "
+            "deploy/examples/ros2_diff_drive.toml is an example"
+        )
+    python = interpreter(config)
+    state.create()
+    variables = os.environ | variables_of(python, link_packages(state), os.environ)
+    sys.stdout.flush()
+    try:
+        os.execve(python, command(python, config, bus, *options), variables)  # noqa: S606 - the user's own interpreter
+    except OSError as error:
+        raise DeployError(f"cannot run {python}: {error.strerror}") from error

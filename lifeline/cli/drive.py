@@ -193,9 +193,9 @@ def ros2_exec(
 @robot_command(ros2_app, "run")
 def ros2_run(robot: Robot) -> None:
     """Run the ROS 2 process in this terminal, as `lifeline up` and the service lifeline-ros2 do."""
-    from deploy.ros2_run import run
+    from deploy.stack.ros2_program import run
 
-    run(robot.launch, robot.state)
+    run(robot.state, robot.launch.config, robot.launch.bus)
 
 
 @robot_command(ros2_app, "check-base")
@@ -205,9 +205,10 @@ def ros2_check_base(
     yes: Annotated[bool, typer.Option("--yes", help="Move the robot without asking.")] = False,
 ) -> None:
     """Measure how long the base moves after its commands end. The robot turns on the spot: keep 1 m around it free."""
-    from deploy.ros2_run import run
+    from deploy.stack.ros2_program import run
 
-    run(robot.launch, robot.state, "--check-base", *(["--yes"] if yes else []))
+    options = ["--check-base", *(["--yes"] if yes else [])]
+    run(robot.state, robot.launch.config, robot.launch.bus, *options)
 
 
 @command(ros2_app, "profile")
