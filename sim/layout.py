@@ -8,9 +8,10 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from sim.movers import BODIES, Mover, MoverKind, Way
+from wire.host.config import Section
 
 LAYOUTS = Path(__file__).with_name("layouts")
 
@@ -29,12 +30,6 @@ _A_LIST = Field(strict=False)
 
 class LayoutError(ValueError):
     """The layout is refused; the message says why, and what to do."""
-
-
-class Section(BaseModel):
-    """A table of the file."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
 class Hall(Section):

@@ -19,10 +19,6 @@ OVERLAP_M = 0.002
 """Tolerance for overlaps of neighbouring objects, because the numbers in files are rounded."""
 
 
-class RoomError(ValueError):
-    """An object overlaps another; the message names the object and its place."""
-
-
 def check_things(standing: Sequence[Standing], walls: Collection[str], size_m: tuple[float, float]) -> None:
     """Check that no object overlaps a wall or another object.
 
@@ -32,43 +28,43 @@ def check_things(standing: Sequence[Standing], walls: Collection[str], size_m: t
         size_m: Size of the floor between the walls along x and y, around the origin.
 
     Raises:
-        RoomError: An object overlaps; the message names the first one.
+        SceneError: An object overlaps; the message names the first one.
     """
     things = [thing for thing in standing if thing.name not in walls]
     for thing in things:
         if not is_inside(thing.outline, size_m, OVERLAP_M):
-            raise RoomError(f"{_at(thing)} reaches into or beyond the walls.")
+            raise SceneError(f"{_at(thing)} reaches into or beyond the walls.")
     plan = FloorPlan(things)
     for thing in things:
         others = [other for other in plan.overlapping(thing.outline, OVERLAP_M) if other != thing.name]
         if others:
-            raise RoomError(f"{_at(thing)} stands in {others[0]}.")
+            raise SceneError(f"{_at(thing)} stands in {others[0]}.")
 
 
 def check_start(plan: FloorPlan, hull: Outline) -> None:
     """Check that the robot's start is free.
 
     Raises:
-        RoomError: The start is occupied; the message names the object.
+        SceneError: The start is occupied; the message names the object.
     """
     nearest = plan.nearest(hull)
     if nearest.distance_m <= 0.0:
-        raise RoomError(f"the robot's start, ({hull.x_m:g}, {hull.y_m:g}) m, is in {nearest.name}.")
+        raise SceneError(f"the robot's start, ({hull.x_m:g}, {hull.y_m:g}) m, is in {nearest.name}.")
 
 
 def check_way(mover: Mover, plan: FloorPlan, hull: Outline) -> None:
     """Check that a mover's path does not lead through static objects or begin at the robot's start.
 
     Raises:
-        RoomError: The path is not free; the message names the object.
+        SceneError: The path is not free; the message names the object.
     """
     for taken in mover.swept():
         nearest = plan.nearest(taken)
         if nearest.distance_m < -OVERLAP_M:
-            raise RoomError(f"the path of {mover.name} passes through {nearest.name}.")
+            raise SceneError(f"the path of {mover.name} passes through {nearest.name}.")
     first = FloorPlan([Standing("robot", hull)]).nearest(mover.footprint(mover.placed(0.0)))
     if first.distance_m <= 0.0:
-        raise RoomError(f"the path of {mover.name} begins where the robot starts.")
+        raise SceneError(f"the path of {mover.name} begins where the robot starts.")
 
 
 def is_inside(outline: Outline, size_m: tuple[float, float], slack_m: float = 0.0) -> bool:
@@ -83,7 +79,6 @@ def _at(thing: Standing) -> str:
     return f"{thing.name} at ({thing.outline.x_m:g}, {thing.outline.y_m:g}) m"
 
 
-MODELS = Path(__file__).with_name("models")
 PARKED_Z_M = -100.0
 """Height of the removed pillar."""
 
@@ -153,23 +148,17 @@ def build(scene: str | Path = DEFAULT, options: Build | None = None) -> Scene:
         movers = tuple(ways) if options.moving else ()
         _add_robot(spec, options.hull)
         _equip(spec, options)
-        hall.attach(spec, MODELS / "pillar.xml", "pillar", (0.0, 0.0, PARKED_Z_M))
+        hall.attach(spec, hall.MODELS / "pillar.xml", "pillar", (0.0, 0.0, PARKED_Z_M))
         for mover in movers:
             x_m, y_m, yaw_rad, _ = mover.placed(0.0)
-            hall.attach(spec, MODELS / f"{mover.kind}.xml", mover.name, (x_m, y_m, 0.0), yaw_rad)
+            hall.attach(spec, hall.MODELS / f"{mover.kind}.xml", mover.name, (x_m, y_m, 0.0), yaw_rad)
         return _checked(mj.compile_spec(spec), movers, ways, size_m)
     except ValueError as error:  # from the layout, from MuJoCo, or from an overlap
         raise SceneError(f"the scene {scene} is refused: {mj.one_line(error)}") from error
 
 
-def robot_pose(model: mj.Model, data: mj.Data) -> tuple[float, float, float]:
-    """Return the robot's pose in the world: x [m], y [m] and yaw [rad] in (-π, π]."""
-    base = int(model.jnt_qposadr[mj.id_of(model, "joint", "robot")])
-    return pose_of(data.qpos[base : base + 7].tolist())
-
-
 def pose_of(qpos: list[float]) -> tuple[float, float, float]:
-    """Return x, y and yaw from the seven coordinates of a free joint."""
+    """Return x [m], y [m] and yaw [rad] in (-π, π] from the seven coordinates of a free joint."""
     x_m, y_m, _, qw, qx, qy, qz = qpos
     return x_m, y_m, math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
 
@@ -178,7 +167,8 @@ def robot_outline(model: mj.Model, data: mj.Data) -> Outline:
     """Return the hull's outline at the robot's pose; the origin of the robot's frame is its centre."""
     hull = mj.id_of(model, "geom", "hull")
     half_x_m, half_y_m, _ = model.geom_size[hull].tolist()
-    x_m, y_m, yaw_rad = robot_pose(model, data)
+    base = int(model.jnt_qposadr[mj.id_of(model, "joint", "robot")])
+    x_m, y_m, yaw_rad = pose_of(data.qpos[base : base + 7].tolist())
     if model.geom_type[hull] == mj.Shape.BOX:
         return Rectangle(x_m, y_m, yaw_rad, half_x_m, half_y_m)
     return Circle(x_m, y_m, half_x_m)
@@ -205,13 +195,13 @@ def _add_robot(spec: mj.Spec, hull: Hull) -> None:
         return
     site = spec.site("robot_start")
     if site is None:
-        raise RoomError(
+        raise SceneError(
             "it has no body named 'robot', and no site named 'robot_start' where one could be put"
         )
     if site.parent.name != "world":
-        raise RoomError("its site 'robot_start' is not in the world itself but in a body")
+        raise SceneError("its site 'robot_start' is not in the world itself but in a body")
     _admit(spec)
-    _attach(spec, mj.load_spec(MODELS / f"robot_{hull}.xml"), site)
+    _attach(spec, mj.load_spec(hall.MODELS / f"robot_{hull}.xml"), site)
 
 
 def _equip(spec: mj.Spec, options: Build) -> None:
@@ -219,13 +209,13 @@ def _equip(spec: mj.Spec, options: Build) -> None:
     for kind, names in _PARTS.items():
         for name in names:
             if getattr(spec, kind)(name) is None:
-                raise RoomError(f"its robot has no {kind} named {name!r}; see models/robot_round.xml")
+                raise SceneError(f"its robot has no {kind} named {name!r}; see models/robot_round.xml")
     hull = spec.geom("hull")
     if hull.type not in (mj.Shape.BOX, mj.Shape.CYLINDER) or any(hull.pos[:2]):
-        raise RoomError("its robot's hull is not a cylinder or box in the middle of the robot")
+        raise SceneError("its robot's hull is not a cylinder or box in the middle of the robot")
     if options.payload_kg:
         if not math.isfinite(hull.mass):
-            raise RoomError("its robot's hull has no mass of its own, so nothing can be put into it")
+            raise SceneError("its robot's hull has no mass of its own, so nothing can be put into it")
         hull.mass += options.payload_kg
     for name in _WHEELS:
         spec.geom(name).friction[0] *= 1.0 - options.wheel_slip

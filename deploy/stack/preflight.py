@@ -1,7 +1,5 @@
 """Checks the scene, and the simulated robot against the footprint, before the start; needs the extra `sim`."""
 
-import math
-
 import numpy as np
 
 from deploy.stack.errors import DeployError
@@ -12,6 +10,7 @@ from sim.plant import Plant
 from supervisor.config import SupervisorSection
 from supervisor.law.clearance import Floats
 from wire.host.config import ConfigError, Sections
+from wire.outline import line_around
 
 SLACK_M = 1e-3
 OUTLINE_POINTS = 72
@@ -39,16 +38,11 @@ def check_scene(launch: Launch, sections: Sections) -> None:
 
 
 def outline_of(plant: Plant) -> Floats:
-    """Return points (n, 2) [m] around the simulated robot, counter-clockwise in its own frame."""
-    outline, pose = plant.outline, plant.true_pose
+    """Return points (n, 2) [m] around the simulated robot, counter-clockwise in its own frame, whose origin is its centre."""
+    outline = plant.outline
     if isinstance(outline, Circle):
-        angle = np.arange(OUTLINE_POINTS) * (2 * math.pi / OUTLINE_POINTS)
-        around = outline.radius_m * np.array([np.cos(angle), np.sin(angle)]).T + (outline.x_m, outline.y_m)
-    else:
-        around = np.array(outline.corners_m())
-    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-    own: Floats = (around - (pose.x_m, pose.y_m)) @ np.array(((cos, -sin), (sin, cos)))
-    return own
+        return line_around([(0.0, 0.0)], outline.radius_m, OUTLINE_POINTS)
+    return np.array(outline._replace(x_m=0.0, y_m=0.0, yaw_rad=0.0).corners_m())
 
 
 def _footprint(outline: Floats) -> str:

@@ -9,8 +9,9 @@ import pytest
 
 from sim import mj
 from sim.config import Build, Hull, SceneError, SimSection
+from sim.hall import MODELS
 from sim.plant import Plant
-from sim.scene import MODELS, build
+from sim.scene import build
 
 YARD = """<mujoco><compiler angle="degree"/><default><geom friction="0.4" density="7"/></default><worldbody>
   <geom name="ground" type="plane" size="9 9 1"/>

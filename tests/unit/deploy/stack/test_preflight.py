@@ -7,7 +7,7 @@ import pytest
 from deploy.stack.bringup import check_configuration
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import DEFAULT_CONFIG, Launch
-from sim.scene import MODELS
+from sim.hall import MODELS
 
 
 def launch(directory: Path, text: str) -> Launch:
