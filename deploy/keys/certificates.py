@@ -60,14 +60,13 @@ def make_authority(now_s: float) -> Signed:
     """Return a new authority, whose name differs from that of every other."""
     key, serial = ec.generate_private_key(ec.SECP256R1()), x509.random_serial_number()
     name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, f"Lifeline authority {serial:040x}"[:40])])
-    usage = {"key_cert_sign": True, "crl_sign": True}
-    builder = _validity(x509.CertificateBuilder(), serial, now_s, AUTHORITY_LIFETIME)
+    builder = _valid(serial, now_s, AUTHORITY_LIFETIME)
     certificate = (
         builder.subject_name(name)
         .issuer_name(name)
         .public_key(key.public_key())
         .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
-        .add_extension(_usage(**usage), critical=True)
+        .add_extension(_usage(signs_others=True), critical=True)
         .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
         .sign(key, hashes.SHA256())
     )
@@ -100,7 +99,7 @@ def sign(authority: bytes, authority_key: bytes, subject: Subject, now_s: float,
     )
     lifetime = min(timedelta(seconds=lifetime_s), left)
     purposes = [ExtendedKeyUsageOID.CLIENT_AUTH]
-    builder = _validity(x509.CertificateBuilder(), x509.random_serial_number(), now_s, lifetime)
+    builder = _valid(x509.random_serial_number(), now_s, lifetime)
     if subject.role in SERVERS:
         purposes.append(ExtendedKeyUsageOID.SERVER_AUTH)
         hosts = x509.SubjectAlternativeName(_general_names(subject.hosts))
@@ -110,7 +109,7 @@ def sign(authority: bytes, authority_key: bytes, subject: Subject, now_s: float,
         .issuer_name(issuer.subject)
         .public_key(key.public_key())
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
-        .add_extension(_usage(digital_signature=True), critical=True)
+        .add_extension(_usage(signs_others=False), critical=True)
         .add_extension(x509.ExtendedKeyUsage(purposes), critical=False)
         .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
         .add_extension(
@@ -134,10 +133,8 @@ def _authority(certificate: bytes, key: bytes) -> tuple[x509.Certificate, ec.Ell
     return issuer, issuer_key
 
 
-def _validity(
-    builder: x509.CertificateBuilder, serial: int, now_s: float, lifetime: timedelta
-) -> x509.CertificateBuilder:
-    now = _time(now_s)
+def _valid(serial: int, now_s: float, lifetime: timedelta) -> x509.CertificateBuilder:
+    now, builder = _time(now_s), x509.CertificateBuilder()
     return builder.serial_number(serial).not_valid_before(now - BACKDATED).not_valid_after(now + lifetime)
 
 
@@ -145,17 +142,15 @@ def _time(now_s: float) -> datetime:
     return datetime.fromtimestamp(now_s, UTC)
 
 
-def _usage(
-    *, digital_signature: bool = False, key_cert_sign: bool = False, crl_sign: bool = False
-) -> x509.KeyUsage:
+def _usage(*, signs_others: bool) -> x509.KeyUsage:
     return x509.KeyUsage(
-        digital_signature=digital_signature,
+        digital_signature=not signs_others,
         content_commitment=False,
         key_encipherment=False,
         data_encipherment=False,
         key_agreement=False,
-        key_cert_sign=key_cert_sign,
-        crl_sign=crl_sign,
+        key_cert_sign=signs_others,
+        crl_sign=signs_others,
         encipher_only=False,
         decipher_only=False,
     )

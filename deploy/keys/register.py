@@ -11,19 +11,17 @@ from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
+from wire.host import config
 from wire.roles import ANY, SERVERS, Role, common_name
+from wire.tls import SOON_S
 
 NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,31}")
 """A name is part of a file name and of a subject."""
-ROBOT = re.compile(r"[a-z][a-z0-9_]{0,31}")
-"""A namespace, as in `[bus] namespace` (wire/host/config.py)."""
 HOST = re.compile(
     r"(?=.{1,253}$)[A-Za-z0-9]([A-Za-z0-9-]{0,61}[A-Za-z0-9])?(\.[A-Za-z0-9]([A-Za-z0-9-]{0,61}[A-Za-z0-9])?)*"
 )
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
 """Hosts in the certificate of every server."""
-SOON_S = 3 * 86400.0
-"""A certificate that ends within this time needs a new one."""
 
 
 class RefusedError(Exception):
@@ -114,7 +112,7 @@ def subject_of(register: Register, request: Request) -> tuple[str, Role, str, tu
     if role is None:
         raise RefusedError(f"{name} has no certificate yet: give --role, one of {', '.join(Role)}")
     robot = request.robot or (before.robot if before else "robot")
-    if ROBOT.fullmatch(robot) is None:
+    if config.NAME.fullmatch(robot) is None:
         raise RefusedError(
             f"{robot!r} is not a robot's namespace: use small letters, digits and _, or {ANY} for all robots"
         )
