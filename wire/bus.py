@@ -15,6 +15,7 @@ that waited for a busy loop does not look fresh.
 
 import logging
 from collections.abc import Awaitable, Callable, Collection
+from operator import attrgetter
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from wire.inbox import (
@@ -89,7 +90,7 @@ class Subscription(Generic[M]):
         self._type = message_type
         self._repeats_wake = repeats_wake
         self._last_payload: bytes | None = None
-        kept = NewestOfEachWriter(_writer, _arrival_s) if per_writer else None
+        kept = NewestOfEachWriter(_writer, attrgetter("arrival_s")) if per_writer else None
         self._inbox: Inbox[RawArrival] = Inbox(depth, wake, kept)
         self._next_report_s = 0.0
         self.undecodable = 0
@@ -152,10 +153,6 @@ def _writer(arrival: RawArrival) -> bytes | None:
     """Return the epoch of a sample's writer; all writers without stamps count as one."""
     stamp = parse_stamp(arrival.attachment)
     return None if stamp is None else stamp.gid
-
-
-def _arrival_s(arrival: RawArrival) -> float:
-    return arrival.arrival_s
 
 
 M_contra = TypeVar("M_contra", bound=Message, contravariant=True)

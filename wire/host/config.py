@@ -33,9 +33,9 @@ from wire.roles import ANY, Role
 SECTIONS = ("bus", "supervisor", "teleop", "sim", "ros2")
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=32)]
+"""One chunk of a key: the name of a namespace, a node or a command source."""
 NAME = re.compile("[a-z][a-z0-9_]{0,31}")
 """The same, for `fullmatch`."""
-"""One chunk of a key: the name of a namespace, a node or a command source."""
 
 
 class ConfigError(Exception):
@@ -228,17 +228,12 @@ class BusSection(Section):
 
 def same_endpoint(one: str, other: str) -> bool:
     """Return whether two endpoints cannot both be listened on: the same port, and the same host or both on this machine."""
-    (host, port), (other_host, other_port) = _host_and_port(one), _host_and_port(other)
-    return port == other_port and (host == other_host or (_is_here(one) and _is_here(other)))
-
-
-def _host_and_port(endpoint: str) -> tuple[str, str]:
-    host, _, port = endpoint.partition("/")[2].partition("?")[0].rpartition(":")
-    return host.lower(), port
+    is_same_host = tls.host_of(one).lower() == tls.host_of(other).lower()
+    return tls.port_of(one) == tls.port_of(other) and (is_same_host or (_is_here(one) and _is_here(other)))
 
 
 def _is_here(endpoint: str) -> bool:
-    return tls.is_loopback(endpoint) or _host_and_port(endpoint)[0] in {"0.0.0.0", "[::]"}  # noqa: S104 - compared only
+    return tls.is_loopback(endpoint) or tls.host_of(endpoint) in tls.EVERY_ADDRESS
 
 
 class BaseSection(Section):

@@ -9,7 +9,7 @@ import itertools
 import logging
 import threading
 import time
-from collections.abc import Awaitable, Callable, Collection, Mapping
+from collections.abc import Awaitable, Callable, Collection, Iterator, Mapping
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
@@ -87,10 +87,6 @@ def call_in(loop: asyncio.AbstractEventLoop, callback: Callable[[], None]) -> No
 def first_line(error: object) -> str:
     """Return the first line of a Zenoh error without the source location at its end."""
     return str(error).split(" at ")[0].splitlines()[0]
-
-
-def _no_attachment(_: bytes | None) -> bytes | None:
-    return None
 
 
 class RawPublisher:
@@ -337,7 +333,7 @@ class ZenohSession:
         key: str,
         handler: RawHandler,
         *,
-        stamp_reply: Callable[[bytes | None], bytes | None] = _no_attachment,
+        stamp_reply: Callable[[bytes | None], bytes | None] = lambda _: None,
         is_complete: bool = False,
     ) -> None:
         """Answer queries on a key of the robot.
@@ -449,15 +445,8 @@ class ZenohSession:
         """Return the ids of the sessions that are connected to the hub; None if others may be behind a router."""
 
         def ask() -> frozenset[bytes] | None:
-            hubs = {str(hub) for hub in self._session.info.peers_zid()}
-            replies = self._session.get(
-                "@/*/peer", timeout=timeout_s, consolidation=zenoh.ConsolidationMode.NONE
-            )
-            for reply in replies:
-                if reply.ok is None or reply.replier_id is None or str(reply.replier_id.zid) not in hubs:
-                    continue
-                return sessions_in(reply.ok.payload.to_bytes())
-            return None
+            report = next(self._reports("@/*/peer", timeout_s), None)
+            return None if report is None else sessions_in(report.payload.to_bytes())
 
         return await in_thread(ask)
 
@@ -525,22 +514,25 @@ class ZenohSession:
         self._declared.append(subscriber)
 
     async def declarations(self, *, timeout_s: float = 3.0) -> dict[str, bytes]:
-        """Return the hub's report of all sessions and their declarations, by key of Zenoh's admin space.
-
-        Any program can answer this query, also with the hub's keys. Therefore only replies of the hub itself are used, and
-        Zenoh must not consolidate replies of equal keys.
-        """
+        """Return the hub's report of all sessions and their declarations, by key of Zenoh's admin space."""
 
         def ask() -> dict[str, bytes]:
-            hubs = {str(hub) for hub in self._session.info.peers_zid()}
-            replies = self._session.get("@/**", timeout=timeout_s, consolidation=zenoh.ConsolidationMode.NONE)
-            return {
-                str(reply.ok.key_expr): reply.ok.payload.to_bytes()
-                for reply in replies
-                if reply.ok is not None and reply.replier_id is not None and str(reply.replier_id.zid) in hubs
-            }
+            reports = self._reports("@/**", timeout_s)
+            return {str(report.key_expr): report.payload.to_bytes() for report in reports}
 
         return await in_thread(ask)
+
+    def _reports(self, expression: str, timeout_s: float) -> Iterator[zenoh.Sample]:
+        """Yield the hub's replies to a query of Zenoh's admin space; blocks.
+
+        Any program can answer such a query, also with the hub's keys. Therefore only replies of the hub itself are used, and
+        Zenoh must not consolidate replies of equal keys.
+        """
+        hubs = {str(hub) for hub in self._session.info.peers_zid()}
+        replies = self._session.get(expression, timeout=timeout_s, consolidation=zenoh.ConsolidationMode.NONE)
+        for reply in replies:
+            if reply.ok is not None and reply.replier_id is not None and str(reply.replier_id.zid) in hubs:
+                yield reply.ok
 
     async def close(self) -> None:
         """Close the session; abandon the close after `CLOSE_LIMIT_S` if a stopped peer blocks it."""
