@@ -77,16 +77,12 @@ class Drive:
 
     def __init__(self, limits: DriveLimits | None = None) -> None:
         self.limits = limits or DriveLimits()
-        self._twist = STANDSTILL
-
-    @property
-    def twist(self) -> Twist:
+        self.twist = STANDSTILL
         """The present output of the ramp."""
-        return self._twist
 
     def reset(self, twist: Twist = STANDSTILL) -> None:
         """Restart the ramp from this twist."""
-        self._twist = twist
+        self.twist = twist
 
     def step(self, target: tuple[float, float], dt_s: float) -> Twist:
         """Advance by `dt_s` toward the target (v in m/s, ω in rad/s), clamped to the limits.
@@ -94,14 +90,14 @@ class Drive:
         A target that is not finite counts as standstill.
         """
         limits = self.limits
-        v, omega = self._twist
+        v, omega = self.twist
         v_target, omega_target = target
         if not (math.isfinite(v_target) and math.isfinite(omega_target)):
             v_target = omega_target = 0.0
         v_target = _clamp(v_target, limits.max_linear_m_s)
         omega_target = _clamp(omega_target, limits.max_angular_rad_s)
         if v == v_target and omega == omega_target:
-            return self._twist
+            return self.twist
 
         v_braking, omega_braking = limits.braking_m_s2, limits.angular_braking_rad_s2
         if _slows_down(v, v_target) and _slows_down(omega, omega_target):
@@ -111,11 +107,11 @@ class Drive:
             if min(v_time_s, omega_time_s) > 0.0:  # braking from the smallest floats takes zero time
                 v_braking *= v_time_s / longer_s
                 omega_braking *= omega_time_s / longer_s
-        self._twist = Twist(
+        self.twist = Twist(
             _ramp(v, v_target, limits.acceleration_m_s2, v_braking, dt_s),
             _ramp(omega, omega_target, limits.angular_acceleration_rad_s2, omega_braking, dt_s),
         )
-        return self._twist
+        return self.twist
 
 
 def _clamp(value: float, magnitude: float) -> float:

@@ -10,12 +10,12 @@ from enum import StrEnum
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim import mj
-from sim.floorplan import Circle, Outline
+from sim.floorplan import Circle, Floats, Outline
 from sim.lidar import Ranges
 from sim.lidar_config import LidarConfig
+from wire.message_types import MODES
 from wire.outline import line_around
 from wire.reasons import words_of
 
@@ -38,10 +38,8 @@ class Mode(StrEnum):
     @classmethod
     def of(cls, number: int) -> "Mode":
         """Return the mode for a number in SafetyStatus; an unknown number counts as stopped."""
-        return _BY_NUMBER.get(number, cls.STOPPED)
+        return cls(MODES[number]) if number in range(len(MODES)) else cls.STOPPED
 
-
-_BY_NUMBER = {0: Mode.STOPPED, 1: Mode.READY, 2: Mode.DRIVING, 3: Mode.LIMITED}
 
 COLOURS: dict[Mode, Rgb] = {
     Mode.STOPPED: (0.95, 0.16, 0.12),
@@ -94,8 +92,6 @@ def in_words(reasons: Sequence[str]) -> str:
     said = [reason.lower().replace("_", " ") if words is None else words.caption for reason, words in known]
     return ", ".join(said).encode("ascii", "replace").decode()[:120]
 
-
-Floats = NDArray[np.float64]
 
 SEGMENTS = 64
 _ZONE_Z_M, _RING_Z_M = 0.0035, 0.0045

@@ -97,49 +97,37 @@ class Pace:
 
     def __init__(self, timestep_s: float, now_s: float, speed: float = 1.0) -> None:
         self._timestep_s = timestep_s
-        self._speed = speed
-        self._paused = False
-        self._single_steps = 0
+        self.speed = speed
+        self.paused = False
+        """Whether the simulation is paused; single steps may still be due."""
+        self.single_steps = 0
+        """Number of requested single steps that are still to be made."""
         self._now_s = now_s
         self._owed_s = 0.0  # simulated time that has passed and is not stepped yet
         self._mark_s, self._steps, self._lost_s = now_s, 0, 0.0  # since the last measurement
 
     @property
-    def speed(self) -> float:
-        return self._speed
-
-    @property
-    def paused(self) -> bool:
-        """Whether the simulation is paused; single steps may still be due."""
-        return self._paused
-
-    @property
-    def single_steps(self) -> int:
-        """Number of requested single steps that are still to be made."""
-        return self._single_steps
-
-    @property
     def is_due(self) -> bool:
         """Whether the next step is due at the time of the last `elapse`."""
-        if self._paused:
-            return self._single_steps > 0
+        if self.paused:
+            return self.single_steps > 0
         return self._owed_s >= self._timestep_s - _ROUNDING_S
 
     @property
     def due_s(self) -> float:
         """Return the time at which the next step is due; +inf if there is none."""
-        if self._paused:
-            return self._now_s if self._single_steps else math.inf
-        return self._now_s + (self._timestep_s - self._owed_s) / self._speed
+        if self.paused:
+            return self._now_s if self.single_steps else math.inf
+        return self._now_s + (self._timestep_s - self._owed_s) / self.speed
 
     def elapse(self, now_s: float) -> float:
         """Advance to `now_s`; return the simulated time in s that is skipped because it was too much to catch up."""
         elapsed_s, self._now_s = now_s - self._now_s, now_s
-        if self._paused:
+        if self.paused:
             return 0.0
-        self._owed_s += elapsed_s * self._speed
+        self._owed_s += elapsed_s * self.speed
         # The step in progress does not count as delay: in slow motion it may take long.
-        too_much_s = max(0.0, self._owed_s - MAX_CATCH_UP_S * self._speed - self._timestep_s)
+        too_much_s = max(0.0, self._owed_s - MAX_CATCH_UP_S * self.speed - self._timestep_s)
         self._owed_s -= too_much_s
         self._lost_s += too_much_s
         return too_much_s
@@ -147,22 +135,22 @@ class Pace:
     def stepped(self) -> None:
         """Record that one step was made."""
         self._steps += 1
-        if self._paused:
-            self._single_steps -= 1
+        if self.paused:
+            self.single_steps -= 1
         else:
             self._owed_s -= self._timestep_s
 
     def pause(self, now_s: float) -> None:
         """Pause; discard single steps that are not made yet."""
         self.elapse(now_s)
-        self._paused = True
-        self._single_steps = 0
+        self.paused = True
+        self.single_steps = 0
 
     def run(self, now_s: float) -> None:
         """Continue in time from `now_s` on."""
         self.elapse(now_s)
-        self._paused = False
-        self._single_steps = 0
+        self.paused = False
+        self.single_steps = 0
 
     def step(self, steps: int) -> None:
         """Make a number of steps due immediately.
@@ -170,16 +158,16 @@ class Pace:
         Raises:
             TimeRequestError: the simulation is not paused, or earlier single steps are still to be made.
         """
-        if not self._paused:
+        if not self.paused:
             raise TimeRequestError("single steps need a paused simulation: ask for pause first")
-        if self._single_steps:
-            raise TimeRequestError(f"{self._single_steps} single steps are still to be made")
-        self._single_steps = steps
+        if self.single_steps:
+            raise TimeRequestError(f"{self.single_steps} single steps are still to be made")
+        self.single_steps = steps
 
     def set_speed(self, now_s: float, speed: float) -> None:
         """Change the speed from `now_s` on."""
         self.elapse(now_s)
-        self._speed = speed
+        self.speed = speed
 
     def measure(self, now_s: float) -> Measured:
         """Return the achieved pace since the last measurement, and start a new one."""

@@ -82,6 +82,9 @@ class Plant:
         hull_radius_m: Radius of the smallest circle around the hull.
         size_m: Size of the floor between the walls along x and y, around the origin; None if the walls are unknown.
         start_pose: The robot's pose at the start and after a reset.
+        collisions: Number of times since the last reset that the hull came into contact with an object; each bounce counts.
+        last_contact: The object of the last collision; None if there was none.
+        pillar: Position (x, y) of the pillar in the world in m; None while it is removed.
 
     Raises:
         SceneError: The scene does not exist or is invalid.
@@ -147,11 +150,11 @@ class Plant:
         mj.reset(model, data)
         mj.forward(model, data)
         self.start_pose = self.true_pose
-        self._pillar: tuple[float, float] | None = None
+        self.pillar: tuple[float, float] | None = None
         self._reached: tuple[float, float] | None = None
-        self._collisions = 0
+        self.collisions = 0
         self._touching = False
-        self._last_contact: str | None = None
+        self.last_contact: str | None = None
         self.reset()
 
     @property
@@ -204,21 +207,6 @@ class Plant:
     def hull_contacts(self) -> int:
         """Number of contact points of the hull after the last step, without the floor."""
         return int(self._sensors[self._contacts_adr])
-
-    @property
-    def collisions(self) -> int:
-        """Number of times since the last reset that the hull came into contact with an object; each bounce counts."""
-        return self._collisions
-
-    @property
-    def last_contact(self) -> str | None:
-        """The object of the last collision; None if there was none."""
-        return self._last_contact
-
-    @property
-    def pillar(self) -> tuple[float, float] | None:
-        """Position (x, y) of the pillar in the world in m; None while it is removed."""
-        return self._pillar
 
     @property
     def movers(self) -> dict[str, Pose]:
@@ -286,12 +274,12 @@ class Plant:
         taken = min(self._floor_plan.nearest(pillar), FloorPlan(others).nearest(pillar))
         if taken.distance_m <= 0.0:
             raise ValueError(f"{place} would stand in the {taken.name}.")
-        self._pillar = (x_m, y_m)
+        self.pillar = (x_m, y_m)
         self._move_pillar(x_m, y_m, self._pillar_half_height_m)
 
     def remove_pillar(self) -> None:
         """Remove the pillar from the world, if it is there."""
-        self._pillar = None
+        self.pillar = None
         self._move_pillar(0.0, 0.0, PARKED_Z_M)
 
     def reset(self) -> None:
@@ -313,9 +301,9 @@ class Plant:
         mj.forward(self.model, data)
         self.drive.reset()
         self._reached = None
-        self._collisions = 0
+        self.collisions = 0
         self._touching = False
-        self._last_contact = None
+        self.last_contact = None
 
     def save(self) -> Snapshot:
         """Return a snapshot of the present state for `restore`."""
@@ -326,10 +314,10 @@ class Plant:
             drive=self.drive.twist,
             walked_s=tuple(self._walked_s),
             steps_to_tick=self._steps_to_tick,
-            pillar=self._pillar,
-            collisions=self._collisions,
+            pillar=self.pillar,
+            collisions=self.collisions,
             touching=self._touching,
-            last_contact=self._last_contact,
+            last_contact=self.last_contact,
         )
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -345,9 +333,9 @@ class Plant:
             mover.placed(walked_s) for mover, walked_s in zip(self._movers, self._walked_s, strict=True)
         ]
         self._steps_to_tick = snapshot.steps_to_tick
-        self._pillar = snapshot.pillar
-        self._collisions, self._touching = snapshot.collisions, snapshot.touching
-        self._last_contact = snapshot.last_contact
+        self.pillar = snapshot.pillar
+        self.collisions, self._touching = snapshot.collisions, snapshot.touching
+        self.last_contact = snapshot.last_contact
 
     def _follow(self, twist_target: tuple[float, float]) -> None:
         """Advance the drive by one step toward the target, and set the wheel speeds."""
@@ -360,8 +348,8 @@ class Plant:
         """Update contact and collisions when a contact of the hull begins or ends."""
         self._touching = not self._touching
         if self._touching:
-            self._collisions += 1
-            self._last_contact = self._touched()
+            self.collisions += 1
+            self.last_contact = self._touched()
 
     def _touched(self) -> str:
         """Return the name of the object in contact with the hull."""
@@ -394,8 +382,8 @@ class Plant:
         in_the_way: list[Standing] = []
         if mover.may_be_hindered(placed, x_m, y_m, self.hull_radius_m):
             in_the_way.append(Standing("robot", self.outline))
-        if self._pillar is not None and mover.may_be_hindered(placed, *self._pillar, self.pillar_radius_m):
-            in_the_way.append(Standing("pillar", Circle(*self._pillar, self.pillar_radius_m)))
+        if self.pillar is not None and mover.may_be_hindered(placed, *self.pillar, self.pillar_radius_m):
+            in_the_way.append(Standing("pillar", Circle(*self.pillar, self.pillar_radius_m)))
         return bool(in_the_way) and FloorPlan(in_the_way).nearest(mover.looked_at(placed)).distance_m < 0.0
 
     def _hull_at(self, x_m: float, y_m: float, yaw_rad: float) -> Outline:
@@ -407,8 +395,8 @@ class Plant:
         """Return the movable objects at their present places, and the solids without a simple outline."""
         self._catch_up()
         present, odd = survey(self.model, self.data, self._moving_geoms)
-        if self._pillar is not None:
-            present.append(Standing("pillar", Circle(*self._pillar, self.pillar_radius_m)))
+        if self.pillar is not None:
+            present.append(Standing("pillar", Circle(*self.pillar, self.pillar_radius_m)))
         return present, [*self._odd_geoms, *odd]
 
     def _taken(self, *, pillar: bool = True) -> list[Standing]:

@@ -116,6 +116,7 @@ class SimService:
         dt_s = plant.timestep_s
         self._pace = Pace(dt_s, self._loop.time(), speed)
         self._single_steps_made: asyncio.Future[None] | None = None
+        """Done when the single steps are made or cancelled."""
         self._steps = 0
         self._odom_times = Every(config.odom_hz, dt_s)
         self._imu_times = Every(config.imu_hz, dt_s)
@@ -371,7 +372,9 @@ class SimService:
                     self._end_of_single_steps()
                 case (Request.STEP, steps):
                     pace.step(int(steps))
-                    await self._until_stepped()
+                    self._single_steps_made = self._loop.create_future()
+                    self._wake.set()
+                    await self._single_steps_made
                 case (Request.SPEED, factor):
                     pace.set_speed(now_s, factor)
                     self._warn_of_speed()
@@ -383,12 +386,6 @@ class SimService:
         if text.strip():
             _log.info("%s: %s", text.strip(), sentence)
         return TriggerResponse(success=True, message=sentence)
-
-    async def _until_stepped(self) -> None:
-        """Wait until the single steps are made or cancelled."""
-        self._single_steps_made = self._loop.create_future()
-        self._wake.set()
-        await self._single_steps_made
 
     def _end_of_single_steps(self) -> None:
         """Wake the requests that wait for the single steps."""
