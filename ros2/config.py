@@ -38,10 +38,8 @@ def _is_namespace(value: str) -> str:
 
 
 RosTopic = Annotated[str, AfterValidator(_is_topic)]
-RosNamespace = Annotated[str, AfterValidator(_is_namespace)]
 # A held key repeats every 30 to 50 ms, after a delay of 0.25 to 0.66 s, so no keyboard needs a hold above 1 s.
 Hold = Annotated[float, Between(0.05, 1.0, "the robot drives on for this long after the key is released")]
-DomainId = Annotated[int, Between(0, 232)]
 
 
 class RosSourceSection(Section):
@@ -61,8 +59,8 @@ class RosSourceSection(Section):
 class Ros2Section(Section):
     """The ROS 2 side of the robot; without this section, Lifeline needs no ROS."""
 
-    namespace: RosNamespace = ""
-    domain_id: DomainId = 0
+    namespace: Annotated[str, AfterValidator(_is_namespace)] = ""
+    domain_id: Annotated[int, Between(0, 232)] = 0
     rmw: Literal["dds", "zenoh"] = "dds"
     """`zenoh`: the nodes of the robot use rmw_zenoh_cpp."""
     router: Endpoint = "tcp/127.0.0.1:7448"

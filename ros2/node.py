@@ -163,6 +163,5 @@ def _endpoint(info: Any) -> Endpoint:  # noqa: ANN401 - rclpy has no types
         "a new node" if UNKNOWN in name else name,
         info.topic_type,
         bytes(info.endpoint_gid),
-        info.qos_profile.reliability == ReliabilityPolicy.RELIABLE,
         info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL,
     )

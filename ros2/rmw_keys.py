@@ -148,13 +148,12 @@ def announced_by(token: str) -> Announced | None:
     parts = token.split("/")
     if len(parts) != 13 or parts[0] != ADMIN_SPACE:
         return None
-    kind, _, namespace, node, topic, type_name, type_hash, qos = parts[5:]
+    # The QoS does not matter: Zenoh connects endpoints of any.
+    kind, _, namespace, node, topic, type_name, type_hash, _ = parts[5:]
     if kind not in {Kind.PUBLISHER, Kind.SUBSCRIPTION}:
         return None
     name = _shown(f"{_named(namespace).rstrip('/')}/{node}")
-    # Durability matters to DDS only: Zenoh connects endpoints of any QoS.
-    is_reliable = qos.partition(":")[0] != BEST_EFFORT
-    endpoint = Endpoint(name, _shown(_ros_type(_named(type_name))), gid_of(token), is_reliable)
+    endpoint = Endpoint(name, _shown(_ros_type(_named(type_name))), gid_of(token))
     return Announced(Kind(kind), _named(topic), type_hash, endpoint)
 
 

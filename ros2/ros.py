@@ -25,7 +25,6 @@ class Endpoint(NamedTuple):
     """Such as `geometry_msgs/msg/Twist`."""
     gid: bytes
     """Its identity (16 bytes): that of DDS, or with rmw_zenoh a hash of its token."""
-    is_reliable: bool = True
     is_transient: bool = False
     """Whether a subscription requests, or a publisher offers, messages from before the match (transient local)."""
 

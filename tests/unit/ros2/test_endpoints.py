@@ -48,7 +48,7 @@ def test_another_type_needs_a_topic_of_the_expected_type() -> None:
 
 def test_only_a_subscription_that_requests_old_messages_is_a_mismatch_of_qos() -> None:
     assert wrong_qos("/cmd_vel", []) is None
-    assert wrong_qos("/cmd_vel", [TELEOP, TELEOP._replace(is_reliable=False)]) is None
+    assert wrong_qos("/cmd_vel", [TELEOP, JOY]) is None
     assert wrong_qos("/cmd_vel", [TELEOP, JOY._replace(is_transient=True)]) == (
         "/joy requests /cmd_vel with durability transient local, which would also deliver an old command, "
         "so they are not connected: set its durability to volatile"
