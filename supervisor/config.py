@@ -323,7 +323,7 @@ class SupervisorSection(Section):
             message = "give either [supervisor.lidar] or [[supervisor.lidars]]: move its keys into the list"
             yield Conflict(("lidar",), None, message)
         hull = self.footprint.hull()
-        for path, lidar in self._lidars_with_paths():
+        for path, lidar in self.lidars_with_paths():
             for key, value, message in lidar.contradictions(self.stop_distance_m, hull):
                 yield Conflict((*path, *key), value, message)
             period_s = lidar.usual_period_s()
@@ -353,11 +353,10 @@ class SupervisorSection(Section):
             )
             yield Conflict(where, timeout_s, message)
 
-    def _lidars_with_paths(self) -> Iterator[tuple[tuple[str | int, ...], LidarSection]]:
-        if self.lidars is None:
-            yield ("lidar",), self.lidar
-        else:
-            yield from ((("lidars", index), lidar) for index, lidar in enumerate(self.lidars))
+    def lidars_with_paths(self) -> Iterator[tuple[tuple[str | int, ...], NamedLidarSection]]:
+        """Yield each lidar with the path of its section, relative to this one."""
+        for index, lidar in enumerate(self.all_lidars()):
+            yield ("lidar",) if self.lidars is None else ("lidars", index), lidar
 
     def _conflicts_of_names(self) -> Iterator[Conflict]:
         sources = [source.name for source in self.sources]
@@ -424,9 +423,8 @@ def fit_to_base(sections: Sections) -> Iterator[Conflict]:
         return
     yield from _motion(config, base)
     yield from _timing(config, base)
-    for index, lidar in enumerate(config.all_lidars()):
-        path = ("supervisor", *(("lidars", index) if config.lidars is not None else ("lidar",)))
-        for key, value, message in config.conflicts_of_period(path[1:], lidar, 1.0 / base.scan_hz):
+    for path, lidar in config.lidars_with_paths():
+        for key, value, message in config.conflicts_of_period(path, lidar, 1.0 / base.scan_hz):
             yield Conflict(("supervisor", *key), value, f"[sim] scan_hz = {base.scan_hz:g}: {message}")
 
 

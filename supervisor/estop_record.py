@@ -318,14 +318,10 @@ class EstopRecord:
         threading.Thread(target=self._mark, name="e-stop mark", daemon=True).start()
         if not self._was_read.wait(read_limit_s):
             _log.warning("the e-stop record was not read within %g s, so the e-stop is latched", read_limit_s)
-        self._latched_at_start = self._latched = self._found
+        self.latched_at_start = self._latched = self._found
+        """Whether a record was found, or could not be read."""
         self._asked = _Request(0, _Goal.PREPARED)
         self._ask(_Goal.LATCHED if self._latched else _Goal.PREPARED)
-
-    @property
-    def latched_at_start(self) -> bool:
-        """Whether a record was found, or could not be read."""
-        return self._latched_at_start
 
     @property
     def is_pending(self) -> bool:

@@ -269,7 +269,8 @@ class SupervisorService:
             self._recording_since_s = None
         elif self._recording_since_s is None:
             self._recording_since_s = now_s
-        outline = (*_outline(decision), decision.causes, record.problem, _outline_of_stations(decision))
+        stations = tuple((station.phase, station.pressed) for station in decision.stations)
+        outline = (*_outline(decision), decision.causes, record.problem, stations)
         if now_s < self._next_status_s and outline == self._published:
             return
         since_s = self._recording_since_s
@@ -315,10 +316,6 @@ class SupervisorService:
         with suppress(RuntimeError):  # the loop has closed
             self._loop.call_soon_threadsafe(self._turns.run_now)
             self._loop.call_soon_threadsafe(self._record_changed.set)
-
-
-def _outline_of_stations(decision: Decision) -> tuple[object, ...]:
-    return tuple((station.phase, station.pressed) for station in decision.stations)
 
 
 def _news_of_stations(last: Decision, decision: Decision) -> str:

@@ -47,14 +47,13 @@ def fit_to_simulation(sections: Sections) -> Iterator[Conflict]:
     if config is None or sim is None:
         return
     simulated = {lidar.topic: lidar for lidar in sim.lidar_configs()}
-    for index, lidar in enumerate(config.all_lidars()):
-        path = ("supervisor", *(("lidar",) if config.lidars is None else ("lidars", index)))
+    for path, lidar in config.lidars_with_paths():
         carried = simulated.get(lidar.topic)
         if carried is None:
             message = (
                 f"no lidar of [sim] publishes there, only on {', '.join(simulated)}: add it to [[sim.lidars]]"
             )
-            yield Conflict((*path, "topic"), lidar.topic, message)
+            yield Conflict(("supervisor", *path, "topic"), lidar.topic, message)
             continue
         for key in ("x_m", "y_m", "yaw_rad"):
             value, of_sim = getattr(lidar, key), getattr(carried, key)
@@ -63,10 +62,10 @@ def fit_to_simulation(sections: Sections) -> Iterator[Conflict]:
                     f"but the lidar of [sim] on {lidar.topic} is at {of_sim:g}, so obstacles would be seen in "
                     "the wrong place: give [sim] the same mount, or start a real robot with `python -m supervisor --config FILE`"
                 )
-                yield Conflict((*path, key), value, message)
+                yield Conflict(("supervisor", *path, key), value, message)
         if carried.beams < lidar.min_beams:
             message = f"is more than the {carried.beams} beams of this lidar in [sim], so every scan would be refused"
-            yield Conflict((*path, "min_beams"), lidar.min_beams, message)
+            yield Conflict(("supervisor", *path, "min_beams"), lidar.min_beams, message)
 
 
 def fit_to_supervisor(sections: Sections) -> Iterator[Conflict]:

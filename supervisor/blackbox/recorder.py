@@ -114,7 +114,8 @@ class BlackBox:
         self._window_s = window_s
         self._utc = utc
         self._segments: deque[_Segment] = deque()
-        self._size = 0
+        self.size = 0
+        """Size of the recording in memory, in bytes."""
         self._cut: deque[tuple[float, int]] = deque()
         """For each segment dropped for lack of memory: its last time and its number of steps."""
         self._free = False
@@ -123,11 +124,6 @@ class BlackBox:
         """The reasons of the last step without an owner of the wheels."""
         self._stop: _Stop | None = None
         self._broken = False
-
-    @property
-    def size(self) -> int:
-        """Size of the recording in memory, in bytes."""
-        return self._size
 
     def record(self, now_s: float, inputs: Inputs, state: State, decision: Decision) -> None:
         """Record one step; never raises.
@@ -187,10 +183,10 @@ class BlackBox:
         horizon_s = (now_s if self._stop is None else self._stop.first_s) - self._window_s
         while len(self._segments) > 1:
             is_old = self._segments[1].first_s <= horizon_s
-            if not is_old and self._size <= MEMORY_BYTES:
+            if not is_old and self.size <= MEMORY_BYTES:
                 break
             oldest = self._segments.popleft()
-            self._size -= oldest.size
+            self.size -= oldest.size
             if not is_old:
                 self._cut.append((oldest.last_s, len(oldest.steps)))
         while self._cut and self._cut[0][0] <= horizon_s:
@@ -199,7 +195,7 @@ class BlackBox:
 
     def _grow(self, segment: _Segment, size: int) -> None:
         segment.size += size
-        self._size += size
+        self.size += size
         if self._stop is not None:
             self._stop.room -= size
 
