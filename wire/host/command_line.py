@@ -47,9 +47,8 @@ def read_document(arguments: argparse.Namespace) -> dict[str, Any]:
         ConfigError: the file cannot be read.
     """
     document = read_toml(arguments.config)
-    override(document, "bus", "endpoint", arguments.endpoint)
-    override(document, "bus", "keys", arguments.keys)
-    override(document, "bus", "namespace", arguments.namespace)
+    for key in ("endpoint", "keys", "namespace"):
+        override(document, "bus", key, getattr(arguments, key))
     return document
 
 

@@ -83,7 +83,7 @@ class MemoryKeeper:
     """
 
     def __init__(self) -> None:
-        self._pid: int | None = None
+        self.pid: int | None = None
         self._over = False
         libc = ctypes.CDLL(None)
         try:
@@ -99,22 +99,18 @@ class MemoryKeeper:
         made.wait()
         if is_collecting:
             gc.enable()
-        if self._pid is None:
+        if self.pid is None:
             os.close(sleep.descriptor)
         else:
             threading.Thread(target=self._put_off, args=(libc, sleep), name=NAME, daemon=True).start()
 
-    @property
-    def pid(self) -> int | None:
-        return self._pid
-
     def end(self) -> None:
         """End the keeper; for a process that ends regularly and has announced its end to its peers."""
         self._over = True
-        if self._pid is not None:
+        if self.pid is not None:
             with suppress(ProcessLookupError):
-                expedite(self._pid)
-                os.kill(self._pid, signal.SIGKILL)
+                expedite(self.pid)
+                os.kill(self.pid, signal.SIGKILL)
 
     def _keep(self, libc: ctypes.CDLL, sleep: _Sleep, made: threading.Event) -> None:
         """Start the keeper, and start another whenever it has ended, for example while this process was stopped.
@@ -127,18 +123,18 @@ class MemoryKeeper:
         ended = ctypes.create_string_buffer(_SIGINFO_BYTES)
         try:
             if _prepare(libc, sleep.descriptor):
-                self._pid = _clone(libc, stack, sleep)
+                self.pid = _clone(libc, stack, sleep)
         finally:
             made.set()
-        while self._pid is not None:
-            libc.waitid(os.P_PID, self._pid, ended, os.WEXITED | os.WNOWAIT | _WALL)
+        while self.pid is not None:
+            libc.waitid(os.P_PID, self.pid, ended, os.WEXITED | os.WNOWAIT | _WALL)
             time.sleep(RENEW_S)  # limits the rate if keepers end one after another
             is_collecting = gc.isenabled()
             gc.disable()
             # Its pid may be reused once it is reaped, but not before.
-            pid, self._pid = self._pid, None
+            pid, self.pid = self.pid, None
             libc.waitpid(pid, None, _WALL)
-            self._pid = None if self._over else _clone(libc, stack, sleep)
+            self.pid = None if self._over else _clone(libc, stack, sleep)
             if is_collecting:
                 gc.enable()
 
