@@ -47,9 +47,6 @@ class Build:
     scenery: bool = False
 
 
-# From one sample in 10 s, which is useless, to the rate of the physics steps, 500 Hz.
-Rate = Annotated[float, Between(0.1, 500.0, "in Hz")]
-Share = Annotated[float, Between(0.0, 1.0)]
 Error = Annotated[float, Between(-MAX_ERROR, MAX_ERROR)]
 
 
@@ -68,13 +65,13 @@ class SimSection(BaseSection):
     moving: bool = True
     max_linear_m_s: Speed = 1.0
     max_angular_rad_s: TurnRate = 2.0
-    imu_hz: Rate = 100.0
+    imu_hz: Annotated[float, Between(0.1, 500.0, "in Hz")] = 100.0
     lidar_beams: Beams = 360
     lidar_span_rad: Span = math.tau
     lidar_range_min_m: Annotated[float, Between(0.0, 10.0, "in m")] = 0.1
     lidar_range_max_m: Range = 12.0
     lidar_noise_m: NoiseM = 0.002
-    lidar_dropout: Share = 0.0
+    lidar_dropout: Annotated[float, Between(0.0, 1.0)] = 0.0
     lidars: (
         Annotated[tuple[SimLidarSection, ...], Field(min_length=1, max_length=MAX_LIDARS, strict=False)]
         | None

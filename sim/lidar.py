@@ -5,8 +5,7 @@ no return, -inf is an object too close to measure, and NaN is no measurement. By
 """
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +33,8 @@ class Lidar:
     ) -> None:
         self.config = config or LidarConfig()
         self._model = model
-        self._random = np.random.default_rng(seed)
+        self.random = np.random.default_rng(seed)
+        """The generator of the noise; with the state of an earlier moment, it repeats the noise that followed."""
         beams, angles_rad = self.config.beams, self.config.angles_rad
         self._cos, self._sin = np.cos(angles_rad), np.sin(angles_rad)
         self._origin = np.array((0.0, 0.0, self.config.height_m))
@@ -44,15 +44,6 @@ class Lidar:
         self._geoms = np.zeros(beams, np.int32)
         self._groups = np.zeros(6, np.uint8)
         self._groups[SOLID_GROUP] = 1
-
-    @property
-    def noise_state(self) -> Mapping[str, Any]:
-        """State of the noise generator, for a snapshot; setting it repeats the noise that followed."""
-        return self._random.bit_generator.state
-
-    @noise_state.setter
-    def noise_state(self, state: Mapping[str, Any]) -> None:
-        self._random.bit_generator.state = state
 
     def scan(self, data: mj.Data, x_m: float, y_m: float, yaw_rad: float) -> Ranges:
         """Return the ranges [m] with the robot at a pose in the world, shape (beams,), in a new array."""
@@ -80,9 +71,9 @@ class Lidar:
         ranges = self._distances.copy()
         missed = ranges < 0.0
         if config.noise_m > 0.0:
-            ranges += self._random.normal(0.0, config.noise_m, config.beams)
+            ranges += self.random.normal(0.0, config.noise_m, config.beams)
         ranges[ranges < config.range_min_m] = -math.inf
         ranges[missed | (ranges > config.range_max_m)] = math.inf
         if config.dropout > 0.0:
-            ranges[self._random.random(config.beams) < config.dropout] = math.nan
+            ranges[self.random.random(config.beams) < config.dropout] = math.nan
         return ranges.astype(np.float32)

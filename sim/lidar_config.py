@@ -14,7 +14,6 @@ from wire.host.config import Angle, Beams, Between, Conflict, Name, Section
 MAX_LIDARS = 4
 MAX_MOUNT_M = 2.0
 """Maximum distance from the robot's centre along each axis; the largest hull in the models reaches 0.36 m."""
-MAX_RANGE_M = 1000.0
 
 
 def _is_a_topic(topic: str) -> str:
@@ -54,7 +53,7 @@ class LidarConfig(Section):
     beams: Beams = 360
     span_rad: Span = math.tau
     range_min_m: Annotated[float, Between(0.0, 10.0, "in m")] = 0.1
-    range_max_m: Annotated[float, Between(0.05, MAX_RANGE_M, "in m")] = 12.0
+    range_max_m: Annotated[float, Between(0.05, 1000.0, "in m")] = 12.0
     noise_m: NoiseM = 0.0
     dropout: Annotated[float, Between(0.0, 1.0)] = 0.0
 

@@ -310,7 +310,7 @@ class Plant:
         return Snapshot(
             physics=mj.get_state(self.model, self.data).tobytes(),
             sensors=self._sensors.tobytes(),
-            noise=tuple(lidar.noise_state for lidar in self._lidars),
+            noise=tuple(lidar.random.bit_generator.state for lidar in self._lidars),
             drive=self.drive.twist,
             walked_s=tuple(self._walked_s),
             steps_to_tick=self._steps_to_tick,
@@ -323,7 +323,7 @@ class Plant:
     def restore(self, snapshot: Snapshot) -> None:
         """Restore a snapshot of this plant, or of another with the same world and lidars; the future is then the same."""
         for lidar, noise in zip(self._lidars, snapshot.noise, strict=True):
-            lidar.noise_state = noise
+            lidar.random.bit_generator.state = noise
         mj.set_state(self.model, self.data, np.frombuffer(snapshot.physics))
         self._sensors[:] = np.frombuffer(snapshot.sensors)
         self.drive.reset(Twist(*snapshot.drive))

@@ -137,10 +137,10 @@ def test_with_a_dropout_of_one_every_beam_reads_nan() -> None:
 def test_noise_and_dropout_go_on_from_a_state_that_was_kept() -> None:
     lidar, data = _lidar(LidarConfig(noise_m=0.01, dropout=0.2))
     lidar.scan(data, 0.0, 0.0, 0.0)
-    state = lidar.noise_state
+    state = lidar.random.bit_generator.state
     first = lidar.scan(data, 0.0, 0.0, 0.0)
     assert not np.array_equal(first, lidar.scan(data, 0.0, 0.0, 0.0))
-    lidar.noise_state = state
+    lidar.random.bit_generator.state = state
     np.testing.assert_array_equal(first, lidar.scan(data, 0.0, 0.0, 0.0))
 
 
