@@ -90,7 +90,10 @@ async def open_session(
         guard = _Guard(session, config.endpoint, bundle, say, is_client=role == "client")
         await in_thread(guard.check)
     elif on_read_only is not None and not _is_local(session):
-        on_read_only(_only_reads(config.endpoint))
+        on_read_only(
+            f"connected to {config.endpoint} without a certificate and not as the supervisor's user: the supervisor accepts "
+            'nothing from this program, unless its configuration has [bus] without_certificate = "participant" (docs/access.md)'
+        )
     return session
 
 
@@ -322,13 +325,6 @@ def _endpoints(config: BusConfig, role: Role) -> list[str]:
 def _is_local(session: zenoh.Session) -> bool:
     """Return whether a client uses the socket of its hub."""
     return all(str(link.dst).startswith(local_socket.PROTOCOL) for link in session.info.links())
-
-
-def _only_reads(endpoint: str) -> str:
-    return (
-        f"connected to {endpoint} without a certificate and not as the supervisor's user: the supervisor accepts nothing from this "
-        'program, unless its configuration has [bus] without_certificate = "participant" (docs/access.md)'
-    )
 
 
 def _settings(

@@ -10,7 +10,7 @@ import re
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 from wire.zenoh.link_trouble import Repeats, at_a_client, at_the_hub
 
@@ -70,11 +70,5 @@ async def why_refused(endpoint: str, namespace: str, keys: str) -> str | None:
     finally:
         if process.returncode is None:
             process.kill()
-    return next(_refusals(output.decode(errors="replace")), None)
-
-
-def _refusals(output: str) -> Iterator[str]:
-    for line in output.splitlines():
-        sentence = at_a_client(COLOUR.sub("", line))
-        if sentence is not None:
-            yield sentence
+    lines = COLOUR.sub("", output.decode(errors="replace")).splitlines()
+    return next(filter(None, map(at_a_client, lines)), None)
