@@ -391,7 +391,8 @@ class Ros2Service:
 
     def _report(self, now_s: float, base: Report) -> None:
         """Publish all reports once a second, and at once when a source, the mode or the base's topic has changed."""
-        first = [self._mode_report(), *map(self._source_report, self._feeds), base, self._estop_report()]
+        estop = estop_report(self._estop_topic, self._node.publishers(self._estop_topic))
+        first = [self._mode_report(), *map(self._source_report, self._feeds), base, estop]
         outline = [(report.name, report.level, report.message) for report in first]
         if now_s < self._next_report_s and outline == self._reported:
             return
@@ -401,9 +402,6 @@ class Ros2Service:
         array = diagnostic_array(reports, time.time_ns())
         self._diagnostics(array)
         self._diagnostics_out.put_bytes(array)
-
-    def _estop_report(self) -> Report:
-        return estop_report(self._estop_topic, self._node.publishers(self._estop_topic))
 
     def _sensor_report(self, sensor: _Sensor, now_s: float) -> Report:
         return sensor_report(
