@@ -181,6 +181,7 @@ class DiagnosticStatus:
     OK: ClassVar[int] = 0
     WARN: ClassVar[int] = 1
     ERROR: ClassVar[int] = 2
+    STALE: ClassVar[int] = 3
 
     level: int
     name: str
