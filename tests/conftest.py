@@ -3,6 +3,7 @@
 import gc
 import os
 import sys
+import warnings
 
 from hypothesis import Phase, settings
 
@@ -27,5 +28,8 @@ gc.disable()
 
 def pytest_collection_finish() -> None:
     """Look for garbage from now on, but not among the modules and the tests."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ResourceWarning)  # of the collection, which no test causes
+        gc.collect()
     gc.freeze()
     gc.enable()
