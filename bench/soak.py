@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
@@ -18,59 +19,41 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 from pydantic import TypeAdapter
-from pydantic.dataclasses import dataclass
 
 from bench.rig import load
-from bench.rig.feed import client, simulated_robot
-from bench.rig.options import CommandLine, failing_in_a_sentence, positive, seed
-from bench.rig.sheet import Times
+from bench.rig.feed import ODOM_HZ, SimulatedRobot, Stream, client, simulated_robot
+from bench.rig.options import CommandLine, failing_in_a_sentence, positive
+from bench.rig.sheet import Times, percentile
 from bench.rig.stored import provenance
 from deploy.stack import processes
 from deploy.stack.errors import Interrupted
-from deploy.stack.keyboard import TypedTeleop, typing
+from deploy.stack.keyboard import typing
 from deploy.stack.launch import Launch
 from deploy.stack.statedir import StateDir
-from faults.trial import PROVENANCE_BEGINS, Provenance, parse
-from faults.trial_file import appending, whole_lines
+from faults.trial_file import appending
 from wire import topics
-from wire.bus import Bus, NoReplyError, Subscription
+from wire.bus import Arrival, Bus, NoReplyError, Subscription
 from wire.messages import Odometry, SafetyStatus, header
-from wire.stamp import Stamp
 
-SAMPLE_S, LOOK_S, READY_LIMIT_S = 10.0, 0.1, 15.0
+SAMPLE_S, LOOK_S = 10.0, 0.1
 DEPTH = 512
 """Messages kept between two looks; more than the fastest topic sends."""
 HEARTBEAT = topics.source_cmd_vel(topics.TELEOP)
 HEARTBEAT_S = 0.05
 TOPICS = (topics.CMD_VEL, HEARTBEAT, topics.SCAN, topics.ODOM, topics.STATUS)
-JUMP_M = 0.5
-"""A larger step of the odometry is a reset."""
 PROVOKED = "OBSTACLE"
 """The operator drives at obstacles on purpose; no other stop is expected."""
 GROWTH_LIMIT_PERCENT = 1.0
-WARM_UP_LEAST_S, WARM_UP_S, WARM_UP_SHARE = 90.0, 600.0, 1.0 / 6.0
+WARM_UP_S, WARM_UP_SHARE = 600.0, 1.0 / 6.0
 """The black box fills within a minute, during which memory grows as expected. Heap fragmentation is stable after about ten
 minutes (measured over 25 minutes: 80 MB after three, 83 to 84 MB from the thirteenth on)."""
-FEWEST_SAMPLES = 6
 JUDGED_S = 600.0
-"""Minimum time for a verdict: over a shorter time, a single block of an allocator is one percent."""
+"""Minimum time after the warm-up for a verdict: over a shorter time, a single block of an allocator is one percent."""
 MOST_POINTS = 600
 """Maximum number of samples for a slope over all pairs; of more samples, evenly spaced ones are used."""
 WEDGED_STOPS = 6
 """After this many consecutive stops without a completed plan, the robot is reset to its start."""
 LET_GO_S = 0.6
-
-Floats = npt.NDArray[np.float64]
-Heard = tuple[float, Stamp | None]
-"""Arrival time [s] and stamp of a message."""
-
-
-@dataclass(frozen=True)
-class Gaps(Times):
-    """Times between the messages of a topic."""
-
-    lost: int
-    """Number of messages that were lost, by their stamps."""
 
 
 @dataclass(frozen=True)
@@ -91,9 +74,9 @@ class Sample:
     time_s: float
     """Time since the soak began."""
     processes: dict[str, Usage]
-    ticks: Gaps
+    ticks: Times
     """Gaps of cmd_vel at an independent subscriber."""
-    heartbeat: Gaps
+    heartbeat: Times
     """Lateness of teleop's commands beyond their period of 50 ms."""
     lost: dict[str, int]
     """Lost messages of each topic."""
@@ -107,22 +90,6 @@ class Sample:
 SAMPLE = TypeAdapter(Sample)
 
 
-def read_samples(path: Path) -> tuple[list[Sample], Provenance]:
-    """Return the samples of a soak's file, compressed or not, and their provenance; an empty one if there is none.
-
-    Raises:
-        DeployError: the file cannot be read, or its provenance is damaged.
-        ValueError: a line is not a sample of a soak.
-    """
-    samples, origin = list[Sample](), Provenance()
-    for line in whole_lines(path, "a soak"):
-        if line.startswith(PROVENANCE_BEGINS):
-            origin = parse(Provenance, line)
-        else:
-            samples.append(SAMPLE.validate_json(line))
-    return samples, origin
-
-
 class Growth(NamedTuple):
     """Growth of one measure of one process after the warm-up."""
 
@@ -131,15 +98,12 @@ class Growth(NamedTuple):
     level: float
     """Its median."""
     percent: float
-    """Slope times the observed time; NaN with too few samples."""
-    is_judged: bool
-    """Enough time was observed for a verdict."""
+    """Slope times the observed time; NaN if that is less than `JUDGED_S`."""
 
 
 def warm_up_s(duration_s: float) -> float:
-    """Return the duration of the warm-up: a sixth of the soak, at most ten minutes; up to half of a short soak."""
-    wanted_s = max(min(WARM_UP_SHARE * duration_s, WARM_UP_S), WARM_UP_LEAST_S)
-    return min(wanted_s, duration_s / 2.0)
+    """Return the duration of the warm-up: a sixth of the soak, at most ten minutes."""
+    return min(WARM_UP_SHARE * duration_s, WARM_UP_S)
 
 
 def judge(samples: Sequence[Sample]) -> tuple[list[Growth], list[str]]:
@@ -151,7 +115,7 @@ def judge(samples: Sequence[Sample]) -> tuple[list[Growth], list[str]]:
     faults = [
         f"{g.process}: {g.measure} grew by {g.percent:.2f} %, more than {GROWTH_LIMIT_PERCENT:g} %"
         for g in growths
-        if g.is_judged and g.percent > GROWTH_LIMIT_PERCENT
+        if g.percent > GROWTH_LIMIT_PERCENT
     ]
     false = [reason for sample in samples for reason in sample.false_stops]
     if false:
@@ -169,15 +133,13 @@ def judge(samples: Sequence[Sample]) -> tuple[list[Growth], list[str]]:
 def _growth(kept: Sequence[Sample], name: str, measure: str, field: str) -> Growth:
     points = [(s.time_s, getattr(s.processes[name], field)) for s in kept if name in s.processes]
     times_s, values = np.array(points, dtype=np.float64).reshape(-1, 2).T
-    level = float(np.median(values)) if points else math.nan
-    if len(points) < FEWEST_SAMPLES:
-        return Growth(name, measure, level, math.nan, is_judged=False)
-    watched_s = float(times_s[-1] - times_s[0])
-    percent = 100.0 * theil_sen(times_s, values) * watched_s / level
-    return Growth(name, measure, level, percent, is_judged=watched_s >= JUDGED_S)
+    level, watched_s = percentile(values, 50), float(np.ptp(times_s)) if points else 0.0
+    is_judged = watched_s >= JUDGED_S
+    percent = 100.0 * theil_sen(times_s, values) * watched_s / level if is_judged else math.nan
+    return Growth(name, measure, level, percent)
 
 
-def theil_sen(times_s: Floats, values: Floats) -> float:
+def theil_sen(times_s: npt.NDArray[np.float64], values: npt.NDArray[np.float64]) -> float:
     """Return the median slope of all pairs of points; spikes, and steps at either end, hardly affect it.
 
     Args:
@@ -190,39 +152,21 @@ def theil_sen(times_s: Floats, values: Floats) -> float:
     return float(np.median((values[second] - values[first]) / (times_s[second] - times_s[first])))
 
 
-def gaps(heard: Sequence[Heard], beyond_s: float | None = None) -> Gaps:
-    """Return the gaps from the first arrival of a topic to each later one; with `beyond_s`, their lateness beyond this period.
+def gaps(heard: Sequence[Arrival[Any]], beyond_s: float = 0.0) -> Times:
+    """Return the times between the messages of a topic, or their lateness beyond its period.
 
     Args:
         heard: the messages. The first one ended the previous sample, and only begins a gap.
         beyond_s: the period of the topic.
     """
-    gaps_ms = 1000.0 * np.diff([arrival_s for arrival_s, _ in heard])
-    if beyond_s is not None:
-        gaps_ms = np.maximum(gaps_ms - 1000.0 * beyond_s, 0.0)
-    pairs = itertools.pairwise(stamp for _, stamp in heard if stamp is not None)
-    lost = sum(max(0, b.sequence - a.sequence - 1) for a, b in pairs if a.gid == b.gid)
-    times = Times.of(gaps_ms)
-    return Gaps(times.samples, times.p50_ms, times.p99_ms, times.max_ms, lost)
+    gaps_s = np.diff([arrival.arrival_s for arrival in heard])
+    return Times.of(1000.0 * np.maximum(gaps_s - beyond_s, 0.0))
 
 
-class Stops:
-    """Distinguishes stops that the operator provoked from all others; begins at the first status READY."""
-
-    def __init__(self) -> None:
-        self.is_watching = False
-        self._reasons: frozenset[str] = frozenset()
-        self.provoked = 0
-
-    def look(self, status: SafetyStatus) -> list[str]:
-        """Return the new reasons of this status, except provoked ones."""
-        self.is_watching = self.is_watching or status.mode == SafetyStatus.READY
-        if not self.is_watching:
-            return []
-        new = [reason for reason in status.reasons if reason not in self._reasons]
-        self._reasons = frozenset(status.reasons)
-        self.provoked += PROVOKED in new
-        return [reason for reason in new if reason != PROVOKED]
+def lost(heard: Sequence[Arrival[Any]]) -> int:
+    """Return the number of messages of a topic that were lost, by their stamps."""
+    pairs = itertools.pairwise(arrival.stamp for arrival in heard if arrival.stamp is not None)
+    return sum(max(0, b.sequence - a.sequence - 1) for a, b in pairs if a.gid == b.gid)
 
 
 class Operator:
@@ -260,89 +204,80 @@ def usage(pid: int) -> Usage | None:
     return None
 
 
-class Drive:
-    """Drives the robot, and takes a sample every ten seconds."""
+class Watch:
+    """Notes what the robot sends, and what has happened since the last sample. Begins when the robot is ready."""
 
-    def __init__(self, bus: Bus, state: StateDir, teleop: TypedTeleop, operator: Operator) -> None:
-        self._bus, self._state, self._teleop, self._operator = bus, state, teleop, operator
-        self._inboxes: dict[str, Subscription[Any]] = {
+    def __init__(self, bus: Bus, state: StateDir) -> None:
+        self._state = state
+        self.inboxes: dict[str, Subscription[Any]] = {
             topic.key: bus.subscribe(topic, depth=DEPTH) for topic in TOPICS
         }
-        self._heard: dict[str, list[Heard]] = {topic.key: [] for topic in TOPICS}
-        self._status = SafetyStatus(header(""))
-        self._stops = Stops()
-        self._false: list[str] = []
+        self._heard: dict[str, list[Arrival[Any]]] = {topic.key: [] for topic in TOPICS}
+        self._status = SafetyStatus(header(""), mode=SafetyStatus.READY)
+        self._stops: list[str] = []
+        self._obstacle_stops = 0
         self._driven_m = 0.0
-        self._at_m: tuple[float, float] | None = None
         self._boxes: set[str] = set()
 
-    async def run(self, duration_s: float, add: Callable[[Sample], None]) -> None:
-        """Drive; call `add` with each sample.
+    def look(self) -> SafetyStatus:
+        """Take what has arrived; return the newest status."""
+        for key, inbox in self.inboxes.items():
+            arrivals = inbox.take()
+            self._heard[key] += arrivals
+            for message in (arrival.message for arrival in arrivals):
+                if isinstance(message, Odometry):
+                    self._driven_m += abs(message.twist.twist.linear.x) / ODOM_HZ
+                elif isinstance(message, SafetyStatus):
+                    self._stops += [one for one in message.reasons if one not in self._status.reasons]
+                    self._status = message
+        return self._status
 
-        Raises:
-            RuntimeError: the robot does not become ready, or teleop ends.
-        """
-        async with asyncio.timeout(READY_LIMIT_S):
-            while not self._stops.is_watching:
-                self._look()
-                await asyncio.sleep(LOOK_S)
-        began_s = time.monotonic()
-        self._sample(0.0)  # what came before does not count
-        next_s = began_s + SAMPLE_S
-        while (now_s := time.monotonic()) < began_s + duration_s + LOOK_S:
-            self._look()
-            if self._operator.stops >= WEDGED_STOPS and self._status.mode == SafetyStatus.READY:
-                with suppress(NoReplyError):
-                    await self._bus.call(topics.SIM_RESET)
-                    self._operator.stops = 0
-            self._teleop.press(self._operator.keys(now_s, self._status))
-            if now_s >= next_s:
-                next_s += SAMPLE_S
-                add(self._sample(now_s - began_s))
-            if not self._teleop.running:
-                raise RuntimeError(f"teleop has ended ({self._teleop.last_lines})")
-            await asyncio.sleep(LOOK_S)
-
-    def _look(self) -> None:
-        for key, inbox in self._inboxes.items():
-            for arrival in inbox.take():
-                self._heard[key].append((arrival.arrival_s, arrival.stamp))
-                if isinstance(arrival.message, Odometry):
-                    before, point = self._at_m, arrival.message.pose.pose.position
-                    self._at_m = point.x, point.y
-                    step_m = math.dist(before or self._at_m, self._at_m)
-                    self._driven_m += step_m if step_m < JUMP_M else 0.0
-                elif isinstance(arrival.message, SafetyStatus):
-                    self._status = arrival.message
-                    self._false += self._stops.look(arrival.message)
-
-    def _sample(self, time_s: float) -> Sample:
+    def sample(self, time_s: float) -> Sample:
         """Return what has happened since the last sample."""
         found = {process.name: usage(process.pid) for process in processes.of(self._state.path)}
-        taken = {key: gaps(heard) for key, heard in self._heard.items()}
-        late = gaps(self._heard[HEARTBEAT.key], HEARTBEAT_S)
-        self._heard = {key: heard[-1:] for key, heard in self._heard.items()}
-        false, self._false = tuple(self._false), []
+        heard, stops = self._heard, self._stops
+        self._heard, self._stops = {key: arrivals[-1:] for key, arrivals in heard.items()}, []
+        self._obstacle_stops += stops.count(PROVOKED)
         self._boxes |= {path.name for path in (self._state.path / "blackbox").glob("*.jsonl.gz")}
         return Sample(
             time_s=round(time_s, 3),
             processes={name: used for name, used in sorted(found.items()) if used is not None},
-            ticks=taken[topics.CMD_VEL.key],
-            heartbeat=late,
-            lost={key: one.lost for key, one in taken.items()},
-            false_stops=false,
-            obstacle_stops=self._stops.provoked,
+            ticks=gaps(heard[topics.CMD_VEL.key]),
+            heartbeat=gaps(heard[HEARTBEAT.key], HEARTBEAT_S),
+            lost={key: lost(arrivals) for key, arrivals in heard.items()},
+            false_stops=tuple(reason for reason in stops if reason != PROVOKED),
+            obstacle_stops=self._obstacle_stops,
             black_boxes=len(self._boxes),
             driven_m=round(self._driven_m, 2),
         )
 
 
-async def _drive(
-    state: StateDir, endpoint: str, operator: Operator, duration_s: float, add: Callable[[Sample], None]
-) -> None:
-    marked = {processes.MARK: str(state.path)}
-    async with client(endpoint) as bus, typing(Launch.read(None, endpoint), marked) as teleop:
-        await Drive(bus, state, teleop, operator).run(duration_s, add)
+async def drive(robot: SimulatedRobot, duration_s: float, add: Callable[[Sample], None]) -> None:
+    """Drive; call `add` with a sample every ten seconds.
+
+    Raises:
+        TimeoutError: the robot does not become ready.
+        RuntimeError: teleop ends.
+    """
+    marked = {processes.MARK: str(robot.state.path)}
+    async with client(robot.endpoint) as bus, typing(Launch.read(None, robot.endpoint), marked) as teleop:
+        await Stream(bus, topics.STATUS).next(lambda status: status.mode == SafetyStatus.READY)
+        watch, operator = Watch(bus, robot.state), Operator(Random(0))
+        began_s = time.monotonic()
+        next_s = began_s + SAMPLE_S
+        while (now_s := time.monotonic()) < began_s + duration_s + LOOK_S:
+            status = watch.look()
+            if operator.stops >= WEDGED_STOPS and status.mode == SafetyStatus.READY:
+                with suppress(NoReplyError):
+                    await bus.call(topics.SIM_RESET)
+                    operator.stops = 0
+            teleop.press(operator.keys(now_s, status))
+            if now_s >= next_s:
+                next_s += SAMPLE_S
+                add(watch.sample(now_s - began_s))
+            if not teleop.running:
+                raise RuntimeError(f"teleop has ended ({teleop.last_lines})")
+            await asyncio.sleep(LOOK_S)
 
 
 def report(samples: Sequence[Sample]) -> bool:
@@ -354,12 +289,11 @@ def report(samples: Sequence[Sample]) -> bool:
     print(f"{last.driven_m:.0f} m in {last.time_s:.0f} s, {last.obstacle_stops} stops at obstacles")
     print(f"  {last.black_boxes} black boxes, {sum(sum(one.lost.values()) for one in samples)} lost messages")
     for g in growths:
-        judged = "" if g.is_judged else f" (not judged: less than {JUDGED_S:g} s after the warm-up)"
-        print(f"  {g.process:<12} {g.measure:<12} {g.level:>12g}  {g.percent:+.2f} %{judged}")
-    ticks, late = [one.ticks for one in samples], [one.heartbeat for one in samples]
-    for name, found in (("gaps of cmd_vel", ticks), ("lateness of the heartbeat", late)):
-        p99_ms, max_ms = max(one.p99_ms for one in found), max(one.max_ms for one in found)
-        print(f"  {name}, worst p99 of ten seconds {p99_ms:.1f} ms, longest {max_ms:.1f} ms")
+        is_judged = not math.isnan(g.percent)
+        growth = (
+            f"{g.percent:+.2f} %" if is_judged else f"not judged: less than {JUDGED_S:g} s after the warm-up"
+        )
+        print(f"  {g.process:<12} {g.measure:<12} {g.level:>12g}  {growth}")
     for fault in faults:
         print(f"FAILED: {fault}")
     if not faults:
@@ -374,7 +308,6 @@ def main() -> None:
         "exit code: 1 on growth, on a stop without a cause, or if a process fails",
     )
     line.option("hours", positive, 1.0, "duration; fractions are allowed")
-    line.option("seed", seed, 0, "seed of the simulated operator")
     line.file("out", "write one JSON line every ten seconds")
     options = line.parse()
     samples: list[Sample] = []
@@ -386,12 +319,14 @@ def main() -> None:
         def add(sample: Sample) -> None:
             samples.append(sample)
             write(SAMPLE.dump_json(sample).decode())
-            print(f"sample after {sample.time_s:.0f} s: {sample.driven_m:.0f} m", flush=True)
+            p99_ms = (
+                f"{sample.ticks.p99_ms:.1f} ms, of the heartbeat's lateness {sample.heartbeat.p99_ms:.1f} ms"
+            )
+            print(f"sample after {sample.time_s:.0f} s: p99 of the gaps of cmd_vel {p99_ms}", flush=True)
 
         try:
             with simulated_robot() as robot:
-                operator = Operator(Random(options.seed))
-                asyncio.run(_drive(robot.state, robot.endpoint, operator, 3600.0 * options.hours, add))
+                asyncio.run(drive(robot, 3600.0 * options.hours, add))
         except Interrupted:
             print("warning: cut short")
         finally:

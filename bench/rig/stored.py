@@ -1,4 +1,7 @@
-"""Stored runs of the longer benchmarks: one JSON object a line, the run first, then its measurements, each with its kind."""
+"""Stored runs of the longer benchmarks: one JSON object a line, the run first, then its measurements, each with its kind.
+
+Measurements that take hours are appended to their file one by one, and the run follows them.
+"""
 
 import json
 import os
@@ -11,8 +14,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from bench.rig.program import ROOT
 from bench.rig.sheet import MACHINE, now
-from faults.trial import Provenance
-from faults.trial_file import commit
+from faults.trial import PROVENANCE_BEGINS, Provenance, parse
+from faults.trial_file import commit, whole_lines
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -51,6 +54,22 @@ def provenance(command: str) -> Provenance:
     """Return the same as a line of a file to which measurements are appended."""
     run = this_run(command)
     return Provenance(command=command, date=run["date"], machine=run["machine"], commit=run["commit"])
+
+
+def read_appended(path: Path, made: type[T]) -> tuple[list[T], list[Provenance]]:
+    """Return the measurements of a file to which they were appended, compressed or not, and their provenances.
+
+    Raises:
+        DeployError: the file cannot be read, or a provenance is damaged.
+        ValueError: a line is not such a measurement.
+    """
+    measured, origins, read = list[T](), list[Provenance](), TypeAdapter(made).validate_json
+    for line in whole_lines(path, "the measurements"):
+        if line.startswith(PROVENANCE_BEGINS):
+            origins.append(parse(Provenance, line))
+        else:
+            measured.append(read(line))
+    return measured, origins
 
 
 def origin(run: dict[str, str]) -> str:

@@ -12,13 +12,10 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from pydantic import TypeAdapter
-
+from bench.rig.stored import read_appended
 from deploy.stack.errors import DeployError
 from faults.report.statistics import quantile
-from faults.trial import PROVENANCE_BEGINS, Provenance
-from faults.trial import parse as parse_record
-from faults.trial_file import whole_lines
+from faults.trial import Provenance
 
 SPEED_M_S = 0.5
 LIMIT_S = 5.0
@@ -100,15 +97,6 @@ class Trial(Case):
         return json.dumps(asdict(self))
 
 
-def parse(line: str) -> Trial:
-    """Parse a trial's line.
-
-    Raises:
-        ValueError: the line is not a trial.
-    """
-    return TypeAdapter(Trial).validate_json(line)
-
-
 def cases(teleops: Iterable[Teleop], faults: Iterable[Fault]) -> list[Case]:
     """Return all combinations, for both robots, without and with Lifeline."""
     return [Case(*one) for one in itertools.product(teleops, faults, Robot, (False, True))]
@@ -137,20 +125,14 @@ def read(path: Path) -> list[Trial]:
     if not path.exists():
         return []
     try:
-        return [
-            parse(one) for one in whole_lines(path, "the trials") if not one.startswith(PROVENANCE_BEGINS)
-        ]
+        return read_appended(path, Trial)[0]
     except ValueError as error:
         raise DeployError(f"{path}: {error}; choose another --out") from error
 
 
 def read_origins(path: Path) -> list[Provenance]:
     """Return where and when the trials of a file were measured, in the order of the runs."""
-    lines = whole_lines(path, "the trials")
-    return sorted(
-        (parse_record(Provenance, line) for line in lines if line.startswith(PROVENANCE_BEGINS)),
-        key=lambda o: o.date,
-    )
+    return sorted(read_appended(path, Trial)[1], key=lambda origin: origin.date)
 
 
 def markdown(trials: Iterable[Trial]) -> str:

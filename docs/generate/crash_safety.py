@@ -17,9 +17,10 @@ from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
+from bench.rig.stored import read_appended
 from bench.ros2_crash.trial import markdown, read_origins
 from bench.ros2_crash.trial import read as read_ros2
-from bench.soak import Sample, judge, read_samples, warm_up_s
+from bench.soak import Sample, judge, warm_up_s
 from deploy.stack.errors import DeployError
 from docs.generate import sections
 from faults.classes import BY_NAME
@@ -180,14 +181,14 @@ def _signature(provenance: Provenance) -> Iterator[str]:
 # --- the soak
 
 
-def soaked(samples: Sequence[Sample], provenance: Provenance) -> str:
+def soaked(samples: Sequence[Sample], origins: Sequence[Provenance]) -> str:
     """Return the resources of each process after driving, and the stops without a cause."""
     last, (found, faults) = samples[-1], judge(samples)
     growths = {(growth.process, growth.measure): growth for growth in found}
     false = sum(len(sample.false_stops) for sample in samples)
     gaps_ms = sorted(sample.ticks.p99_ms for sample in samples)
     lines = [
-        *_signature(provenance),
+        *_signature(origins[-1]),
         (
             f"{last.time_s / 60:.0f} minutes, {last.driven_m:.0f} m, {last.obstacle_stops} stops at obstacles, {last.black_boxes} black boxes; "
             f"**{false or 'no'} {'stops' if false > 1 else 'stop'} without a cause**, {sum(sum(s.lost.values()) for s in samples)} samples lost. "
@@ -231,7 +232,7 @@ PARTS: sections.Parts = {
     "real": lambda: table("real", result("real")),
     "virtual": lambda: table("virtual", result("virtual")),
     "ros2": ros2_table,
-    "soak": lambda: soaked(*read_samples(SOAK)),
+    "soak": lambda: soaked(*read_appended(SOAK, Sample)),
 }
 
 

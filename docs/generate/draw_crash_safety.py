@@ -13,7 +13,8 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from bench.soak import read_samples
+from bench.rig.stored import read_appended
+from bench.soak import Sample
 from docs.generate.crash_safety import SOAK, result
 from faults.classes import CLASSES
 from faults.report.figures import ClassFigures
@@ -144,7 +145,7 @@ def draw_sigkill(path: Path, seen: Seen) -> None:
 
 def draw_soak(path: Path) -> None:
     """Draw memory, descriptors, gaps and lateness over time, one below the other."""
-    samples, _ = read_samples(SOAK)
+    samples, _ = read_appended(SOAK, Sample)
     minutes = [sample.time_s / 60 for sample in samples]
     figure = Figure(figsize=(10, 9), layout="constrained")
     panels: list[Axes] = list(figure.subplots(4, 1, sharex=True))

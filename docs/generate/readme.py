@@ -14,10 +14,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from bench.rig.stored import read_appended
 from bench.robots.results import read as read_robots
 from bench.ros2_crash.trial import LIMIT_S, Fault, Robot
 from bench.ros2_crash.trial import read as read_ros2
-from bench.soak import read_samples
+from bench.soak import Sample
 from docs.generate import sections
 from docs.generate.crash_safety import ROS2, SOAK, result
 from faults.report.figures import Campaign
@@ -86,7 +87,7 @@ def cost(bench: str, ros2: str) -> str:
     if not cpu_percent or bridge is None or stored is None:
         raise ValueError("docs/bench.md or docs/ros2.md has no processor time")
     one_robot = next(one for one in stored.crowds if one.robots == 1)
-    samples, _ = read_samples(SOAK)
+    samples, _ = read_appended(SOAK, Sample)
     used = samples[-1].processes
     return (
         f"* **Cost**: the supervisor takes {np.mean(one_robot.cpu_percent):.1f} % of a core "

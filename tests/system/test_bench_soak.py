@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from bench.soak import read_samples
+from bench.rig.stored import read_appended
+from bench.soak import Sample
 from deploy.stack.processes import MARK
 
 LIMIT_S = 90
@@ -40,7 +41,7 @@ def test_a_soak_that_is_cut_short_judges_what_it_has(tmp_path: Path, place: Path
     finally:
         soak.kill()
         soak.wait()
-    (sample, *_), provenance = read_samples(out)
+    (sample, *_), [provenance] = read_appended(out, Sample)
     assert set(sample.processes) == {"sim", "supervisor", "supervisord", "teleop"}, told
     assert sample.driven_m > 0.05, told
     assert sample.ticks.samples > 100, told

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from bench.soak import Gaps, Sample, Usage
+from bench.rig.sheet import Times
+from bench.soak import Sample, Usage
 from docs.generate import crash_safety
 from faults.report.figures import Campaign, campaigns
 from faults.trial import BrokenPromise, Injected, Provenance, Trial
@@ -84,14 +85,14 @@ def test_the_committed_results_are_where_the_document_says() -> None:
 
 
 def test_the_soak_is_reported_with_what_grew_and_what_stopped_without_a_cause() -> None:
-    gaps = Gaps(500, 20.0, 21.5, 25.0, 0)
+    gaps = Times(500, 20.0, 21.5, 25.0)
 
     def sample(time_s: float, *false_stops: str) -> Sample:
         used = Usage(7, int(50e6 * (1 + time_s / 36_000)), 20, 9)
         return Sample(time_s, {"supervisor": used}, gaps, gaps, {"cmd_vel": 2}, false_stops, 3, 4, time_s / 2)
 
     samples = [sample(10.0 * n) for n in range(1, 361)]
-    good = crash_safety.soaked(samples, Provenance())
+    good = crash_safety.soaked(samples, [Provenance()])
     for words in (
         "60 minutes, 1800 m, 3 stops",
         "**no stop without a cause**, 720 samples lost",
@@ -102,7 +103,7 @@ def test_the_soak_is_reported_with_what_grew_and_what_stopped_without_a_cause() 
     assert "| supervisor | 52.9 MB | +7.87 % | 20 | 9 |" in good, "over 50 of the 60 minutes"
     assert "FAILED: supervisor: memory grew by" in good
     bad = crash_safety.soaked(
-        [*samples[:-1], sample(3600.0, "OVERRUN")], Provenance(command="python -m bench.soak")
+        [*samples[:-1], sample(3600.0, "OVERRUN")], [Provenance(command="python -m bench.soak")]
     )
     assert "**1 stop without a cause**" in bad
     assert "FAILED: false stops: OVERRUN" in bad

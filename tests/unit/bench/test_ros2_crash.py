@@ -2,6 +2,7 @@
 
 import itertools
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -15,8 +16,9 @@ from bench.ros2_crash.trial import (
     cases,
     markdown,
     missing,
-    parse,
+    read,
 )
+from deploy.stack.errors import DeployError
 
 TRIAL = Trial(
     Teleop.LAB,
@@ -31,14 +33,19 @@ TRIAL = Trial(
 )
 
 
-def test_a_trial_is_read_as_it_was_written() -> None:
-    assert parse(TRIAL.line()) == TRIAL
+def test_a_trial_is_read_as_it_was_written(tmp_path: Path) -> None:
+    file = tmp_path / "trials.jsonl"
+    assert read(file) == []
+    file.write_text(f"{TRIAL.line()}\n")
+    assert read(file) == [TRIAL]
 
 
 @pytest.mark.parametrize("line", ["[]", "{}", "{", TRIAL.line().replace('"number"', '"count"')])
-def test_another_line_is_no_trial(line: str) -> None:
-    with pytest.raises(ValueError, match=r"."):
-        parse(line)
+def test_another_line_is_no_trial(tmp_path: Path, line: str) -> None:
+    file = tmp_path / "trials.jsonl"
+    file.write_text(f"{line}\n")
+    with pytest.raises(DeployError, match="choose another --out"):
+        read(file)
 
 
 def test_each_combination_is_a_case() -> None:
