@@ -289,11 +289,8 @@ def report(samples: Sequence[Sample]) -> bool:
     print(f"{last.driven_m:.0f} m in {last.time_s:.0f} s, {last.obstacle_stops} stops at obstacles")
     print(f"  {last.black_boxes} black boxes, {sum(sum(one.lost.values()) for one in samples)} lost messages")
     for g in growths:
-        is_judged = not math.isnan(g.percent)
-        growth = (
-            f"{g.percent:+.2f} %" if is_judged else f"not judged: less than {JUDGED_S:g} s after the warm-up"
-        )
-        print(f"  {g.process:<12} {g.measure:<12} {g.level:>12g}  {growth}")
+        why = f" (not judged: less than {JUDGED_S:g} s after the warm-up)" if math.isnan(g.percent) else ""
+        print(f"  {g.process:<12} {g.measure:<12} {g.level:>12g}  {g.percent:+.2f} %{why}")
     for fault in faults:
         print(f"FAILED: {fault}")
     if not faults:
@@ -320,9 +317,9 @@ def main() -> None:
             samples.append(sample)
             write(SAMPLE.dump_json(sample).decode())
             p99_ms = (
-                f"{sample.ticks.p99_ms:.1f} ms, of the heartbeat's lateness {sample.heartbeat.p99_ms:.1f} ms"
+                f"gaps of cmd_vel {sample.ticks.p99_ms:.1f}, heartbeat late {sample.heartbeat.p99_ms:.1f}"
             )
-            print(f"sample after {sample.time_s:.0f} s: p99 of the gaps of cmd_vel {p99_ms}", flush=True)
+            print(f"sample after {sample.time_s:.0f} s, p99 in ms: {p99_ms}", flush=True)
 
         try:
             with simulated_robot() as robot:
