@@ -5,16 +5,11 @@ from typing import Any, NamedTuple
 
 from bench import heartbeat, law, process, sim, start
 from bench.peers import results as peers
-from bench.rig.options import CommandLine, count, failing_in_a_sentence, positive, progress
+from bench.rig.options import CommandLine, failing_in_a_sentence, progress
 from bench.rig.sheet import Sheet, Verdict, show, write_markdown
 from bench.rig.stored import rows_of, this_run, write_rows
 from bench.robots import results as robots
 
-ROUNDS = 200
-SECONDS = 15.0
-HEARTBEAT_SECONDS = 30.0
-SIM_ROUNDS = 80
-START_ROUNDS = 5
 HEADING = """# Benchmarks
 
 Time and memory of the supervisor, lateness of teleop's heartbeat, speed of the simulated robot, and time to
@@ -33,23 +28,19 @@ The longer runs are read from docs/campaign. To measure them again, run
 class Part(NamedTuple):
     """One kind of measurements: how they are made, and what is shown of them."""
 
-    measure: Callable[..., Sequence[Any]]
+    measure: Callable[[], Sequence[Any]]
     sheet: Callable[[Sequence[Any]], Sheet]
-    verdicts: Callable[[Sequence[Any]], list[Verdict]] | None = None
-    option: str | None = None
-    """The name of the option that `measure` takes."""
+    verdicts: Callable[[Sequence[Any]], list[Verdict]] = lambda _: []
 
 
 PARTS: dict[str, Part] = {
-    "step": Part(law.time_steps, law.timing_sheet, law.verdicts, "rounds"),
+    "step": Part(law.time_steps, law.timing_sheet, law.verdicts),
     "memory": Part(law.measure_memory, law.memory_sheet),
-    "process": Part(process.measure_process, process.load_sheet, process.verdicts, "seconds"),
-    "heartbeat": Part(
-        heartbeat.measure_heartbeats, heartbeat.heartbeat_sheet, heartbeat.verdicts, "heartbeat_seconds"
-    ),
-    "sim": Part(sim.measure_pace, sim.pace_sheet, sim.verdicts, "sim_rounds"),
+    "process": Part(process.measure_process, process.load_sheet, process.verdicts),
+    "heartbeat": Part(heartbeat.measure_heartbeats, heartbeat.heartbeat_sheet, heartbeat.verdicts),
+    "sim": Part(sim.measure_pace, sim.pace_sheet, sim.verdicts),
     "import": Part(start.measure_imports, start.imports_sheet),
-    "start": Part(start.measure_starts, start.starts_sheet, start.verdicts, "start_rounds"),
+    "start": Part(start.measure_starts, start.starts_sheet, start.verdicts),
 }
 """By the names that they have in the JSON lines."""
 
@@ -71,11 +62,6 @@ def main() -> None:
     )
     line.file("json", "write the results as JSON lines")
     line.file("markdown", "write the results as a markdown document")
-    line.option("rounds", count, ROUNDS, "number of rounds for step()")
-    line.option("seconds", positive, SECONDS, "duration of each phase of the process benchmark")
-    line.option("heartbeat-seconds", positive, HEARTBEAT_SECONDS, "duration of each teleop run")
-    line.option("sim-rounds", count, SIM_ROUNDS, "number of simulated seconds for each scene")
-    line.option("start-rounds", count, START_ROUNDS, "number of starts, each with one restart")
     options = line.parse()
     if options.markdown is not None and set(options.only) != set(PARTS):
         line.parser.error("--markdown writes a document of all parts: leave out --only")
@@ -85,25 +71,16 @@ def main() -> None:
         stored_peers, stored_robots = peers.read(), robots.read()
         for name in filter(options.only.__contains__, PARTS):
             progress(f"bench: {name}")
-            option = PARTS[name].option
-            measured[name] = PARTS[name].measure(*([] if option is None else [getattr(options, option)]))
+            measured[name] = PARTS[name].measure()
     sheets = [PARTS[name].sheet(found) for name, found in measured.items()]
-    verdicts = list[Verdict]()
-    for name, found in measured.items():
-        if (judge := PARTS[name].verdicts) is not None:
-            verdicts += judge(found)
+    verdicts = [verdict for name, found in measured.items() for verdict in PARTS[name].verdicts(found)]
     show(sheets, verdicts)
     if options.json is not None:
         rows = [row for name, found in measured.items() for row in rows_of(name, found)]
         write_rows(options.json, this_run(line.repeat(options)), [*rows, *rows_of("target", verdicts)])
     if options.markdown is not None:
-        if stored_peers is not None:
-            sheets, verdicts = sheets + peers.sheets(stored_peers), verdicts + peers.verdicts(stored_peers)
-        if stored_robots is not None:
-            sheets, verdicts = (
-                sheets + robots.sheets(stored_robots),
-                verdicts + robots.verdicts(stored_robots),
-            )
+        sheets += peers.sheets(stored_peers) + robots.sheets(stored_robots)
+        verdicts += peers.verdicts(stored_peers) + robots.verdicts(stored_robots)
         command = f"{line.repeat(options)} --markdown {options.markdown}"
         write_markdown(options.markdown, HEADING, command, sheets, verdicts)
 

@@ -25,14 +25,14 @@ from bench.rig.feed import (
 from bench.rig.sheet import Column, Sheet, Times, Verdict
 from bench.rig.terminal import Terminal, teleop
 from wire import topics
-from wire.bus import Arrival, Subscription
-from wire.messages import SafetyStatus, Twist
+from wire.bus import Subscription
+from wire.messages import SafetyStatus
 from wire.zenoh.bus import ZenohBus
 
 BEAT_S = 0.05
 EARLIEST_S = 0.01
 """No beat is earlier than the mean by this much."""
-WARM_UP_S = 3.0
+WARM_UP_S, MEASURED_S = 3.0, 30.0
 TYPE_PERIOD_S = 0.33
 FULL_SPEED = "w" * 12
 """More presses than speed steps: a further press changes nothing and sends no extra command."""
@@ -74,14 +74,14 @@ class Heartbeat:
     """Output of teleop to the terminal."""
 
 
-def measure_heartbeats(seconds: float) -> list[Heartbeat]:
+def measure_heartbeats() -> list[Heartbeat]:
     """Start a supervisor, simulate its robot, and drive it with one teleop for each screen.
 
     Raises:
         RuntimeError: a process does not start or sends nothing.
     """
     with supervisor() as hub:
-        return asyncio.run(_measure(hub.endpoint, seconds))
+        return asyncio.run(_measure(hub.endpoint))
 
 
 def lateness_ms(times_s: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], int]:
@@ -99,11 +99,11 @@ def lateness_ms(times_s: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float6
     return 1000.0 * (late_s - late_s.min()), missed
 
 
-async def _measure(endpoint: str, seconds: float) -> list[Heartbeat]:
+async def _measure(endpoint: str) -> list[Heartbeat]:
     async with client(endpoint) as bus:
         robot = _Robot(bus)
         async with feeding(robot.feeds()):
-            return [await robot.measure(screen, endpoint, seconds) for screen in SCREENS]
+            return [await robot.measure(screen, endpoint) for screen in SCREENS]
 
 
 class _Robot(Robot):
@@ -123,7 +123,7 @@ class _Robot(Robot):
         self._pose = (x_m + v * math.cos(yaw_rad) * step_s, y_m + v * math.sin(yaw_rad) * step_s, yaw_rad)
         return self._pose
 
-    async def measure(self, screen: Screen, endpoint: str, seconds: float) -> Heartbeat:
+    async def measure(self, screen: Screen, endpoint: str) -> Heartbeat:
         """Start a teleop, drive at full speed, and record its commands."""
         terminal = Terminal(screen.columns, screen.rows)
         with teleop(terminal, "--endpoint", endpoint, *screen.arguments):
@@ -135,15 +135,11 @@ class _Robot(Robot):
             self._beats.take()
             began_s, began_bytes = time.monotonic(), terminal.taken_bytes
             typing = asyncio.ensure_future(at_rate(1.0 / TYPE_PERIOD_S, lambda: terminal.type("w")))
-            await asyncio.sleep(seconds)
+            await asyncio.sleep(MEASURED_S)
             typing.cancel()
             took_s = time.monotonic() - began_s
             output_kb_s = (terminal.taken_bytes - began_bytes) / took_s / 1000.0
-            return self._summary(screen, self._beats.take(), took_s, output_kb_s)
-
-    def _summary(
-        self, screen: Screen, beats: list[Arrival[Twist]], took_s: float, output_kb_s: float
-    ) -> Heartbeat:
+            beats, newest = self._beats.take(), self._statuses.latest()
         stamps = [beat.stamp for beat in beats]
         if len(beats) < 2 or None in stamps:
             raise RuntimeError(
@@ -152,7 +148,6 @@ class _Robot(Robot):
         sent_s = np.array([1e-9 * stamp.source_time_ns for stamp in stamps if stamp is not None])
         sent_ms, missed = lateness_ms(sent_s)
         arrival_ms, _ = lateness_ms(np.array([beat.arrival_s for beat in beats]))
-        newest = self._statuses.latest()
         status = None if newest is None else newest.message
         return Heartbeat(
             screen=screen,

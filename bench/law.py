@@ -20,7 +20,7 @@ from wire.freshness import Sent
 BEAMS = (360, 1080, 4096, 16384)
 TICK_S = 0.02
 SCANS = 32
-WARM_UP_ROUNDS = 50
+WARM_UP_ROUNDS, ROUNDS = 50, 200
 BLOCK = 8
 MEMORY_STEPS = 200
 GROWTH_STEPS = 2000
@@ -125,7 +125,7 @@ class Memory:
     """Long-term growth of the interpreter's memory blocks per step (sys.getallocatedblocks)."""
 
 
-def time_steps(rounds: int) -> list[Timing]:
+def time_steps() -> list[Timing]:
     """Time every variant `BLOCK` times in each round, so that load on the machine affects all variants.
 
     The first time of a block is not counted: it depends on how much of the cache the previous variant used, which
@@ -134,7 +134,7 @@ def time_steps(rounds: int) -> list[Timing]:
     drivers = {beams: Driver(beams) for beams in BEAMS}
     bounds = {beams: PlainNumpy(beams) for beams in BEAMS}
     taken: dict[tuple[int, str], list[float]] = {(beams, kind): [] for beams in BEAMS for kind in KINDS}
-    for number in range(-WARM_UP_ROUNDS, rounds):
+    for number in range(-WARM_UP_ROUNDS, ROUNDS):
         for (beams, driver), place in itertools.product(drivers.items(), range(BLOCK)):
             with_scan = driver.inputs(scan=True)
             scan_us = _microseconds(lambda driver=driver, inputs=with_scan: driver.step(inputs))
@@ -147,7 +147,7 @@ def time_steps(rounds: int) -> list[Timing]:
                 taken[beams, "scan"].append(scan_us)
                 taken[beams, "tick"].append(tick_us)
                 taken[beams, "numpy"].append(numpy_us)
-    for _ in range(rounds // COLD_ROUNDS_SHARE):
+    for _ in range(ROUNDS // COLD_ROUNDS_SHARE):
         for beams, driver in drivers.items():
             inputs = driver.inputs(scan=True)
             time.sleep(COLD_SLEEP_S)

@@ -33,7 +33,7 @@ from wire.messages import planar_twist
 from wire.zenoh.bus import ZenohBus
 
 COMMAND_HZ = 20.0
-WARM_UP_S = 3.0
+WARM_UP_S, MEASURED_S = 3.0, 15.0
 SLEEPS = "voluntary_ctxt_switches"
 """In /proc: how often the main thread, which has the event loop, has gone to sleep."""
 CRUISE_M_S = 0.3
@@ -81,7 +81,7 @@ class Load:
     """Rate of the scans that the supervisor accepted; below 20, the driver itself was late."""
 
 
-def measure_process(seconds: float) -> list[Load]:
+def measure_process() -> list[Load]:
     """Measure a relay, and a supervisor on a free path, limited by the barrier, and while everything is printed.
 
     Raises:
@@ -90,18 +90,18 @@ def measure_process(seconds: float) -> list[Load]:
     loads: list[Load] = []
     for module, phases in PHASES.items():
         with supervisor(module) as process:
-            loads += asyncio.run(_measure(process, phases, seconds))
+            loads += asyncio.run(_measure(process, phases))
     return loads
 
 
-async def _measure(process: Supervisor, phases: Sequence[Phase], seconds: float) -> list[Load]:
+async def _measure(process: Supervisor, phases: Sequence[Phase]) -> list[Load]:
     async with client(process.endpoint) as bus:
         driver = _Driver(bus)
         async with feeding(driver.feeds()):
             loads: list[Load] = []
             for phase, wall_m, speed_m_s in phases:
                 with echo(process.endpoint) if phase == ECHO else nullcontext():
-                    loads.append(await driver.measure(phase, process.pid, seconds, wall_m, speed_m_s))
+                    loads.append(await driver.measure(phase, process.pid, wall_m, speed_m_s))
             return loads
 
 
@@ -129,8 +129,8 @@ class _Driver(Robot):
         commands = at_rate(COMMAND_HZ, lambda: self._source.put(planar_twist(self._speed_m_s, 0.0)))
         return [commands, *super().feeds()]
 
-    async def measure(self, phase: str, pid: int, seconds: float, wall_m: float, speed_m_s: float) -> Load:
-        """Command zero, then this motion, and measure the process from outside for `seconds`."""
+    async def measure(self, phase: str, pid: int, wall_m: float, speed_m_s: float) -> Load:
+        """Command zero, then this motion, and measure the process from outside for `MEASURED_S`."""
         self._speed_m_s = 0.0
         self.ranges = itertools.cycle(self._clear if wall_m == CLEAR_M else self._wall)
         await asyncio.sleep(WARM_UP_S)
@@ -139,7 +139,7 @@ class _Driver(Robot):
         accepted = await self._scans_accepted()
         self.arrivals_s.clear()
         began, loop_began, slept = load.usage(pid), load.usage(pid, pid), load.status(pid, SLEEPS)
-        await asyncio.sleep(seconds)
+        await asyncio.sleep(MEASURED_S)
         used, loop_used = load.usage(pid) - began, load.usage(pid, pid) - loop_began
         sleeps, arrivals_s = load.status(pid, SLEEPS) - slept, self.arrivals_s.copy()
         scans = await self._scans_accepted() - accepted

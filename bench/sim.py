@@ -20,7 +20,7 @@ SCENES = (("warehouse", False), ("warehouse", True), ("aisle", True), ("empty", 
 LEG_S = 10
 LEGS = ((0.3, 0.6), (-0.3, 0.6), (0.3, -0.6), (-0.3, -0.6))
 """v [m/s] and ω [rad/s], each for `LEG_S`, then again from the start; there is no contact in any scene."""
-WARM_UP_ROUNDS = 3
+WARM_UP_ROUNDS, ROUNDS = 3, 80
 CONFIG = SimSection()
 
 TARGET_MS = 10.0
@@ -95,7 +95,7 @@ class Bare:
             )
 
 
-def measure_pace(rounds: int) -> list[Pace]:
+def measure_pace() -> list[Pace]:
     """Measure every scene; each round is a simulated second of the plant and one of the bare loop."""
     plants = {
         key: Plant(key[0], CONFIG.limits(), CONFIG.lidar_configs(), CONFIG.seed, Build(moving=key[1]))
@@ -104,7 +104,7 @@ def measure_pace(rounds: int) -> list[Pace]:
     bares = {key: Bare(key[0], moving=key[1]) for key in SCENES}
     plant_ms: dict[tuple[str, bool], list[float]] = {key: [] for key in SCENES}
     bare_ms: dict[tuple[str, bool], list[float]] = {key: [] for key in SCENES}
-    for number in range(-WARM_UP_ROUNDS, rounds):
+    for number in range(-WARM_UP_ROUNDS, ROUNDS):
         for key, plant in plants.items():
             leg, second = divmod(number + WARM_UP_ROUNDS, LEG_S)
             if leg % len(LEGS) == 0 and second == 0:

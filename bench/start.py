@@ -33,7 +33,7 @@ PROGRAMS = {
     "lifeline up": ("-c", "import lifeline.cli.app, deploy.up"),
 }
 """By name, the arguments of an interpreter that imports a program's modules and ends."""
-IMPORT_ROUNDS = 10
+IMPORT_ROUNDS, START_ROUNDS = 10, 5
 COMMAND_HZ = 20.0
 SETTLED_S = 3.2
 """More than the `startsecs` of supervisord.conf: a process that dies earlier is restarted after a pause."""
@@ -92,21 +92,20 @@ def summary(program: str, times_ms: list[float], libraries_ms: list[float]) -> I
     )
 
 
-def measure_starts(rounds: int) -> list[Start]:
-    """Start the simulated robot, kill its supervisor, and stop everything, `rounds` times.
+def measure_starts() -> list[Start]:
+    """Start the simulated robot, kill its supervisor, and stop everything, `START_ROUNDS` times.
 
     Raises:
         RuntimeError: the robot does not start, or does not become drivable.
     """
-    return [_start_once() for _ in range(rounds)]
-
-
-def _start_once() -> Start:
-    with simulated_robot() as robot:
-        try:
-            return Start(robot.up_s, *asyncio.run(_kill(robot)))
-        except TimeoutError as error:
-            raise RuntimeError("the robot does not become drivable") from error
+    starts: list[Start] = []
+    for _ in range(START_ROUNDS):
+        with simulated_robot() as robot:
+            try:
+                starts.append(Start(robot.up_s, *asyncio.run(_kill(robot))))
+            except TimeoutError as error:
+                raise RuntimeError("the robot does not become drivable") from error
+    return starts
 
 
 async def _kill(robot: SimulatedRobot) -> tuple[float, float]:

@@ -71,8 +71,8 @@ def _measure(options: argparse.Namespace, command: str) -> None:
     losses = [one / 100 for one in options.loss_percent]
     round_trips_s = [one / 1000 for one in options.round_trip_ms]
     conditions = grid(options.links, losses, round_trips_s, options.lease_s)
-    before = None if options.json is None else read(options.json)
-    results = before or Results({}, (), ())
+    has_before = options.json is not None and options.json.exists()
+    results = read(options.json) if has_before else Results({}, (), ())
     rejected = 0
     for number in range(options.rounds):
         seed_of_round: int = options.seed + number

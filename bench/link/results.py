@@ -162,11 +162,9 @@ def write(results: Results, path: File) -> None:
     write_rows(path, results.run, [*rounds, *rows_of("condition", results.measured, DIGITS)])
 
 
-def read(path: File = STORED) -> Results | None:
-    """Return the stored measurements; None if there are none."""
+def read(path: File = STORED) -> Results:
+    """Return the stored measurements; raises as `read_rows`."""
     stored = read_rows(path)
-    if stored is None:
-        return None
     return Results(stored.run, stored.of("round", Round), stored.of("condition", Measured))
 
 

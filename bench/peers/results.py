@@ -61,11 +61,9 @@ def write(peers: Peers, path: Path) -> None:
     write_rows(path, peers.run, [*rows_of("trip", peers.trips), *rows_of("death", peers.deaths)])
 
 
-def read(path: Path = STORED) -> Peers | None:
-    """Return the stored run; None if there is none."""
+def read(path: Path = STORED) -> Peers:
+    """Return the stored run; raises as `read_rows`."""
     stored = read_rows(path)
-    if stored is None:
-        return None
     return Peers(stored.run, stored.of("trip", RoundTrip), stored.of("death", Death))
 
 

@@ -97,17 +97,15 @@ def write_rows(path: Path, run: dict[str, str], rows: Iterable[Row]) -> None:
     written.replace(path)
 
 
-def read_rows(path: Path) -> StoredRun | None:
-    """Return the run and its measurements; None if the file does not exist.
+def read_rows(path: Path) -> StoredRun:
+    """Return the run and its measurements.
 
     Raises:
         RuntimeError: the file is not a stored run.
     """
-    if not path.exists():
-        return None
     try:
         run, *rows = map(json.loads, path.read_text().splitlines())
         del run["row"]
         return StoredRun(run, [(row.pop("row"), row) for row in rows])
-    except (ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError) as error:
         raise RuntimeError(f"{path} is not a stored run of a bench") from error

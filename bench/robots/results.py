@@ -142,10 +142,10 @@ def write(robots: Robots, path: Path) -> None:
     write_rows(path, robots.run, rows_of("robots", robots.crowds, DIGITS))
 
 
-def read(path: Path = STORED) -> Robots | None:
-    """Return the stored run; None if there is none."""
+def read(path: Path = STORED) -> Robots:
+    """Return the stored run; raises as `read_rows`."""
     stored = read_rows(path)
-    return None if stored is None else Robots(stored.run, stored.of("robots", Crowd))
+    return Robots(stored.run, stored.of("robots", Crowd))
 
 
 GAPS: tuple[Column[Crowd], ...] = (

@@ -1,6 +1,6 @@
 """Draws docs/images/link.svg from the stored run of `python -m bench.link --json`: `python -m docs.generate.draw_link`.
 
-Panels: false stops an hour over loss, one for each round trip, a line for each link. Without a stored run, draws nothing.
+Panels: false stops an hour over loss, one for each round trip, a line for each link.
 """
 
 from collections.abc import Sequence
@@ -96,9 +96,7 @@ def main() -> None:
             "svg.hashsalt": "link",
         }
     )
-    stored = read()
-    if stored is not None:
-        draw(list(stored.together().values()), PICTURE)
+    draw(list(read().together().values()), PICTURE)
 
 
 if __name__ == "__main__":

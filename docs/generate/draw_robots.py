@@ -1,6 +1,6 @@
 """Draws docs/images/robots.svg and fleet.svg from the stored runs of the benches: `python -m docs.generate.draw_robots`.
 
-The runs are those of `python -m bench.robots --json` and `python -m bench.fleet --json`. Panels: load, gaps of cmd_vel and stop times over the number of robots on one machine. Without a stored run, draws nothing.
+The runs are those of `python -m bench.robots --json` and `python -m bench.fleet --json`. Panels: load, gaps of cmd_vel and stop times over the number of robots on one machine.
 """
 
 from collections.abc import Sequence
@@ -105,8 +105,7 @@ def main() -> None:
     )
     for name, file, has_targets in (("robots", STORED, True), ("fleet", CURVE, False)):
         stored = read(file)
-        if stored is not None:
-            draw(stored.crowds, _cores(stored.run), IMAGES / f"{name}.svg", has_targets=has_targets)
+        draw(stored.crowds, _cores(stored.run), IMAGES / f"{name}.svg", has_targets=has_targets)
 
 
 if __name__ == "__main__":

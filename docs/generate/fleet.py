@@ -18,7 +18,6 @@ from bench.robots.results import read
 from docs.generate import sections
 
 DOCUMENT = Path(__file__).parents[1] / "fleet.md"
-NONE = "Not measured yet: `make bench-fleet`."
 
 
 def regenerated(text: str) -> str:
@@ -32,8 +31,6 @@ def regenerated(text: str) -> str:
 
 def _caption() -> str:
     stored = read(CURVE)
-    if stored is None:
-        return NONE
     first = stored.crowds[0]
     return (
         f"*{first.seconds:.0f} s of driving and at most {first.kills} kills for each number of robots; "
@@ -43,13 +40,11 @@ def _caption() -> str:
 
 def _curve() -> str:
     stored = read(CURVE)
-    return NONE if stored is None else sections.markdown(sheet(stored.crowds).with_note(origin(stored.run)))
+    return sections.markdown(sheet(stored.crowds).with_note(origin(stored.run)))
 
 
 def _soak() -> str:
     stored = read(SOAK)
-    if stored is None:
-        return NONE
     found = [verdict.sentence() for one in stored.crowds for verdict in soak_verdicts(one)]
     return "\n".join(f"* {sentence}" for sentence in [*found, origin(stored.run)])
 

@@ -11,11 +11,10 @@ The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
 import sys
 from pathlib import Path
 
-from bench.link.results import Results, read, sheets, verdicts
+from bench.link.results import read, sheets, verdicts
 from docs.generate import sections
 
 DOCUMENT = Path(__file__).parents[1] / "link.md"
-NONE = "Not measured yet: `make bench-link`."
 
 
 def regenerated(text: str) -> str:
@@ -25,17 +24,11 @@ def regenerated(text: str) -> str:
         ValueError: a part has no place in the document.
     """
     results = read()
-    parts = {"answer": lambda: _answer(results), "tables": lambda: _tables(results)}
+    parts = {
+        "answer": lambda: "\n".join(f"* {one.sentence()}" for one in verdicts(results)),
+        "tables": lambda: "\n\n".join(map(sections.markdown, sheets(results))),
+    }
     return sections.regenerated(text, parts, str(DOCUMENT))
-
-
-def _answer(results: Results | None) -> str:
-    found = [] if results is None else verdicts(results)
-    return "\n".join(f"* {one.sentence()}" for one in found) or NONE
-
-
-def _tables(results: Results | None) -> str:
-    return NONE if results is None else "\n\n".join(sections.markdown(one) for one in sheets(results))
 
 
 if __name__ == "__main__":

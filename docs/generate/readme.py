@@ -84,7 +84,7 @@ def cost(bench: str, ros2: str) -> str:
     machine = re.findall(r"^\* machine: .*", bench, re.MULTILINE)
     bridge = re.search(r"`ros2` needs (\d+ % of a core and \d+ MB)", ros2)
     stored = read_robots()
-    if not cpu_percent or bridge is None or stored is None:
+    if not cpu_percent or bridge is None:
         raise ValueError("docs/bench.md or docs/ros2.md has no processor time")
     one_robot = next(one for one in stored.crowds if one.robots == 1)
     samples, _ = read_appended(SOAK, Sample)

@@ -58,7 +58,6 @@ def test_a_short_run_measures_each_link_without_and_with_losses(tmp_path: Path) 
     assert namespaces_of(process.pid) == []
     results = read(file)
     assert process.returncode == 0, output
-    assert results is not None
     [made] = results.rounds
     assert made.flows == 6
     assert made.packets > 6 * 6 * 20

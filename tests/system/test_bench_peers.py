@@ -32,7 +32,6 @@ def test_the_supervisor_costs_a_small_multiple_of_a_bare_relay(tmp_path: Path) -
     assert done.returncode == 0, done.stderr
     print(done.stdout)
     peers = read(file)
-    assert peers is not None
     assert peers.names == [kind.name for kind in kinds() if kind.missing() is None]
     own, reference = peers.names[:2]
     for rate_hz in RATES_HZ:

@@ -31,7 +31,6 @@ def test_two_robots_drive_and_stop_when_their_operators_are_killed(tmp_path: Pat
     assert done.returncode == 0, done.stderr
     print(done.stdout)
     robots = read(file)
-    assert robots is not None
     [crowd] = robots.crowds
     assert crowd.robots == len(crowd.cpu_percent) == ROBOTS
     assert all(0.0 < percent < GENEROUS_CPU_PERCENT for percent in crowd.cpu_percent)

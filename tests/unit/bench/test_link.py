@@ -274,7 +274,6 @@ def test_results_are_read_as_they_were_written(tmp_path: File) -> None:
     results = Results(RUN, (ROUND,), (QUIC, TCP))
     write(results, tmp_path / "link.jsonl")
     assert read(tmp_path / "link.jsonl") == results
-    assert read(tmp_path / "none.jsonl") is None
 
 
 def test_rounds_are_added_up() -> None:

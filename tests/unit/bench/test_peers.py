@@ -55,6 +55,5 @@ def test_the_tables_have_a_row_for_each_kind_and_rate_and_report_the_run() -> No
 
 def test_a_stored_run_is_read_as_it_was_written(tmp_path: Path) -> None:
     file = tmp_path / "peers.jsonl"
-    assert read(file) is None
     write(PEERS, file)
     assert read(file) == PEERS

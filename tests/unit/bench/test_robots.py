@@ -133,7 +133,6 @@ def test_the_table_has_a_row_for_each_number_of_robots() -> None:
 
 def test_a_stored_run_is_read_as_it_was_written(tmp_path: Path) -> None:
     file = tmp_path / "robots.jsonl"
-    assert read(file) is None
     robots = Robots(RUN, (crowd(1), replace(crowd(2), stood=1, reasons={"OVERRUN": 1})))
     write(robots, file)
     assert read(file) == robots

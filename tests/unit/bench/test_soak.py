@@ -152,7 +152,9 @@ def test_lateness_is_what_a_gap_is_longer_than_its_period() -> None:
 
 async def test_a_stop_counts_once_as_false_unless_the_operator_provoked_it(tmp_path: Path) -> None:
     inbox = Subscription(topics.STATUS.key, SafetyStatus, depth=8, wake=None)
-    watch = Watch(Mock(**{"subscribe.return_value.take.return_value": []}), StateDir(tmp_path))
+    bus = Mock()
+    bus.subscribe.return_value.take.return_value = []
+    watch = Watch(bus, StateDir(tmp_path))
     watch.inboxes[topics.STATUS.key] = inbox
 
     def hear(*statuses: SafetyStatus) -> Sample:

@@ -14,8 +14,9 @@ def test_a_stored_run_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert read_rows(file) == ({"command": "a"}, [("robots", {"robots": 1})])
 
 
-def test_a_missing_file_is_no_run(tmp_path: Path) -> None:
-    assert read_rows(tmp_path / "none.jsonl") is None
+def test_a_missing_file_is_refused_with_its_name(tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError, match=r"none\.jsonl is not a stored run"):
+        read_rows(tmp_path / "none.jsonl")
 
 
 @pytest.mark.parametrize("text", ["", "not JSON\n", "{}\n", "3\n", '{"row": "run"}\n{"robots": 1}\n'])
