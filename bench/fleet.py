@@ -27,7 +27,6 @@ CURVE, SOAK = FOLDER / "bench_fleet.jsonl", FOLDER / "bench_fleet_soak.jsonl"
 """The stored runs, in the form of bench.robots."""
 ROBOTS = [1, 5, 10, 20, 50]
 SECONDS, KILLS = 15.0, 30
-SOAK_ROBOTS = 10
 SOAK_DRIVE_S = 30.0
 """How long all robots of a long run drive before the kills begin."""
 STOP_LIMIT_MS = 220.0
@@ -112,31 +111,22 @@ def main() -> None:
         "Takes about six minutes.",
         "exit code: 0; 1 if a process fails, or if a promise is broken with --soak; 130 after Ctrl-C",
     )
-    line.option(
-        "robots",
-        count,
-        None,
-        f"numbers of robots (default: {' '.join(map(str, ROBOTS))}; with --soak: {SOAK_ROBOTS})",
-        many=True,
-    )
+    line.option("robots", count, ROBOTS, "numbers of robots", many=True)
     line.option("seconds", positive, SECONDS, "duration of each drive, without --soak")
     line.option("kills", count, KILLS, "kills for each number of robots, without --soak")
     line.option(
         "soak",
         positive,
         None,
-        "instead of the curve, drive for this time [s], kill operators throughout, and check every promise",
+        "drive for this time [s] with each number, kill operators throughout, and check every promise",
     )
     line.file("json", "write the results as JSON lines")
     options = line.parse()
-    soak_s: float | None = options.soak
-    if soak_s is None:
-        options.robots = options.robots or ROBOTS
-        drive_s, kills_limit_s = float(options.seconds), KILLS_LIMIT_S
-    else:
-        options.robots, options.seconds, options.kills = options.robots or [SOAK_ROBOTS], None, None
-        drive_s = min(SOAK_DRIVE_S, soak_s / 2)
-        kills_limit_s = soak_s - drive_s
+    drive_s, kills_limit_s = options.seconds, KILLS_LIMIT_S
+    if options.soak is not None:
+        options.seconds = options.kills = None
+        drive_s = min(SOAK_DRIVE_S, options.soak / 2)
+        kills_limit_s = options.soak - drive_s
     crowds: list[Crowd] = []
     with failing_in_a_sentence("bench.fleet"):
         for number in options.robots:

@@ -3,6 +3,7 @@
 import argparse
 import os
 import sys
+from pathlib import Path
 
 from bench.link.results import LOSSES, ROUND_TRIPS_S, Link, Results, grid, read, sheets, verdicts, write
 from bench.link.run import Plan, measure
@@ -71,8 +72,8 @@ def _measure(options: argparse.Namespace, command: str) -> None:
     losses = [one / 100 for one in options.loss_percent]
     round_trips_s = [one / 1000 for one in options.round_trip_ms]
     conditions = grid(options.links, losses, round_trips_s, options.lease_s)
-    has_before = options.json is not None and options.json.exists()
-    results = read(options.json) if has_before else Results({}, (), ())
+    file: Path | None = options.json
+    results = Results({}, (), ()) if file is None or not file.exists() else read(file)
     rejected = 0
     for number in range(options.rounds):
         seed_of_round: int = options.seed + number
@@ -84,8 +85,8 @@ def _measure(options: argparse.Namespace, command: str) -> None:
             progress(f"round {number + 1} is rejected: {rejection}")
             continue
         results = Results(this_run(command), (*results.rounds, made), (*results.measured, *measured))
-        if options.json is not None:
-            write(results, options.json)
+        if file is not None:
+            write(results, file)
     if results.rounds:
         show(sheets(results), verdicts(results))
     sys.exit(int(rejected > 0))

@@ -27,7 +27,6 @@ from typing import Any, Literal, TypeAlias
 
 import zenoh
 
-from bench.link.results import Link
 from bench.link.stops import Flow, Lateness
 from bench.peers.links.zenoh_link import open_session
 from bench.rig.program import die_with_parent
@@ -88,10 +87,6 @@ class End:
                 "period_increase_factor": 1,
             }
         return open_session(self.endpoint, listens=role == "hub", lease_s=self.lease_s, more=more)
-
-
-def endpoint(link: Link, address: str, port: int) -> str:
-    return tls.zenoh_endpoint(f"{link}/{address}:{port}")
 
 
 def fork_each(ends: Sequence[End], work: Callable[[End, Pipe], None], together: int) -> list[Pipe]:

@@ -8,7 +8,7 @@ from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
 from typing import Any
 
-from bench.link.flows import PORT, endpoint
+from bench.link.flows import PORT
 from bench.link.namespaces import Pair, inside, pair
 from bench.link.results import MAX_CONDITIONS, Condition, Measured, Round
 from bench.link.stops import disturbed, length_s, outside
@@ -17,6 +17,7 @@ from bench.rig.program import program
 from bench.rig.sheet import now
 from deploy.keys.commands import init, issue
 from deploy.keys.register import Request
+from wire import tls
 from wire.roles import Role
 
 FLOWS = "bench.link.flows"
@@ -52,9 +53,12 @@ def measure(plan: Plan) -> tuple[Round, list[Measured]]:
     numbered = dict(enumerate(plan.conditions, 1))
     # Each flow has a hub of its own.
     hubs = [
-        {"endpoint": endpoint(one.link, Pair.b_address(number), PORT + flow), "lease_s": one.lease_s}
+        {
+            "endpoint": tls.zenoh_endpoint(f"{one.link}/{Pair.b_address(number)}:{port}"),
+            "lease_s": one.lease_s,
+        }
         for number, one in numbered.items()
-        for flow in range(plan.flows)
+        for port in range(PORT, PORT + plan.flows)
     ]
     paths = {number: astuple(one.path) for number, one in numbered.items()}
     with tempfile.TemporaryDirectory() as made, pair(numbered) as spaces:

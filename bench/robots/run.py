@@ -8,6 +8,7 @@ import re
 import signal
 import subprocess
 import time
+from collections import Counter
 from collections.abc import Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
@@ -145,7 +146,7 @@ def measure(
     late_ms = [1000.0 * late_s for due_s, late_s in found["late"] if window[0] <= due_s < window[1]]
     gaps_ms = [gap for commands in heard for gap in results.gaps_ms(window, commands)]
     transits_ms = [transit for commands in heard for transit in results.transits_ms(window, commands)]
-    causes = [results.reasons(window, robot["statuses"]) for robot in found["robots"]]
+    reasons = Counter(one for robot in found["robots"] for one in results.reasons(window, robot["statuses"]))
     stops_ms = [
         results.stop_ms(killed_s, commands)
         for times_s, commands in zip(kills_s, heard, strict=False)
@@ -171,10 +172,7 @@ def measure(
         late_p99_ms=percentile(late_ms, 99),
         garbled=sum(robot["garbled"] for robot in found["robots"]),
         stood=sum(results.stood(window, commands) for commands in heard),
-        reasons={
-            name: sum(name in of for of in causes)
-            for name in sorted({reason for of in causes for reason in of})
-        },
+        reasons=dict(sorted(reasons.items())),
         kills=sum(map(len, kills_s)) if kills is None else kills,
         stop_ms=tuple(stop for stop in stops_ms if stop is not None),
         missed=sum(stop is None for stop in stops_ms),

@@ -49,16 +49,10 @@ def _qos() -> Qos:
     )
 
 
-def _participant(address: str) -> DomainParticipant:
-    _kept.append(Domain(int(address), CONFIG))
-    participant = DomainParticipant(int(address))
-    _kept.append(participant)
-    return participant
-
-
 def connect(address: str, role: str, heard: Callable[[bytes], None]) -> Callable[[bytes], None]:
     hears, says = ("command", "output") if role == "relay" else ("output", "command")
-    participant = _participant(address)
+    _kept.append(Domain(int(address), CONFIG))
+    participant = DomainParticipant(int(address))
     writer = DataWriter(participant, Topic(participant, says, Message), _qos())
     _kept.append(DataReader(participant, Topic(participant, hears, Message), _qos(), listener=_Heard(heard)))
     return lambda payload: writer.write(Message(data=list(payload)))

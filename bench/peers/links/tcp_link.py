@@ -25,22 +25,30 @@ def _frames(stream: socket.socket, heard: Callable[[bytes], None]) -> None:
             buffer = buffer[PAYLOAD_BYTES:]
 
 
+def _serve(address: str, talk: Callable[[socket.socket], None]) -> None:
+    """Listen, and let a thread talk to one peer after another."""
+    server = socket.create_server(_host_and_port(address))
+
+    def serve() -> None:
+        while True:
+            talk(server.accept()[0])
+
+    threading.Thread(target=serve, daemon=True).start()
+
+
 def connect(address: str, role: str, heard: Callable[[bytes], None]) -> Callable[[bytes], None]:
     """Connect the driver, or listen for it as the relay; the relay's `send` needs a connected driver."""
     if role == "driver":
         stream = socket.create_connection(_host_and_port(address))
         threading.Thread(target=_frames, args=(stream, heard), daemon=True).start()
         return stream.sendall
-    server = socket.create_server(_host_and_port(address))
     streams: list[socket.socket] = []
 
-    def serve() -> None:
-        while True:
-            stream, _ = server.accept()
-            streams[:] = [stream]
-            _frames(stream, heard)
+    def talk(stream: socket.socket) -> None:
+        streams[:] = [stream]
+        _frames(stream, heard)
 
-    threading.Thread(target=serve, daemon=True).start()
+    _serve(address, talk)
 
     def send(payload: bytes) -> None:
         streams[0].sendall(payload)
@@ -54,12 +62,9 @@ def hold(address: str) -> None:
 
 def watch(address: str, lost: Callable[[], None]) -> None:
     """Listen for one holder after another."""
-    server = socket.create_server(_host_and_port(address))
 
-    def serve() -> None:
-        while True:
-            stream, _ = server.accept()
-            _frames(stream, lambda _: None)
-            lost()
+    def talk(stream: socket.socket) -> None:
+        _frames(stream, lambda _: None)
+        lost()
 
-    threading.Thread(target=serve, daemon=True).start()
+    _serve(address, talk)
