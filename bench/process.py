@@ -77,8 +77,6 @@ class Load:
     rss_mb: float
     cmd_vel_hz: float
     gaps: Times
-    scans_hz: float
-    """Rate of the scans that the supervisor accepted; below 20, the driver itself was late."""
 
 
 def measure_process() -> list[Load]:
@@ -120,7 +118,6 @@ class _Driver(Robot):
         self._wall = scenery.scans(BEAMS, SCANS)
         super().__init__(bus, self._clear)
         self._speed_m_s = 0.0
-        self._mode = ""
         self._source = bus.publisher(topics.source_cmd_vel(topics.TELEOP))
         self._token = bus.declare_alive(topics.TELEOP)
         self._statuses = Stream(bus, topics.STATUS)
@@ -136,17 +133,17 @@ class _Driver(Robot):
         await asyncio.sleep(WARM_UP_S)
         self._speed_m_s = speed_m_s
         await asyncio.sleep(WARM_UP_S)
-        accepted = await self._scans_accepted()
         self.arrivals_s.clear()
         began, loop_began, slept = load.usage(pid), load.usage(pid, pid), load.status(pid, SLEEPS)
         await asyncio.sleep(MEASURED_S)
         used, loop_used = load.usage(pid) - began, load.usage(pid, pid) - loop_began
         sleeps, arrivals_s = load.status(pid, SLEEPS) - slept, self.arrivals_s.copy()
-        scans = await self._scans_accepted() - accepted
+        self._statuses.take()
+        _, status = await self._statuses.next()
         return Load(
             phase=phase,
             seconds=used.at_s,
-            mode=self._mode,
+            mode=mode_of(status),
             cpu_percent=used.cpu_percent,
             loop_percent=loop_used.cpu_percent,
             zenoh_percent=used.cpu_percent - loop_used.cpu_percent,
@@ -154,15 +151,7 @@ class _Driver(Robot):
             rss_mb=load.status(pid, "VmRSS") / 1024,
             cmd_vel_hz=len(arrivals_s) / used.at_s,
             gaps=Times.of(1000 * np.diff(arrivals_s)),
-            scans_hz=scans / used.at_s,
         )
-
-    async def _scans_accepted(self) -> int:
-        """Return the number of accepted scans in the next status."""
-        self._statuses.take()
-        _, status = await self._statuses.next()
-        self._mode = mode_of(status)
-        return status.scans_accepted
 
 
 def load_sheet(loads: Sequence[Load]) -> Sheet:

@@ -88,14 +88,8 @@ class Round:
 
     def rejection(self, limit_ms: float) -> str | None:
         """Return why this round proves nothing, in one sentence; None if no part was later than the limit (p99)."""
-        parts = (
-            ("router", self.router_late_p99_ms),
-            ("sender", self.sender_late_p99_ms),
-            ("receiver", self.receiver_late_p99_ms),
-        )
-        late = [
-            f"the {name} was {late_ms:.1f} ms late (p99)" for name, late_ms in parts if late_ms > limit_ms
-        ]
+        parts = {name: getattr(self, f"{name}_late_p99_ms") for name in ("router", "sender", "receiver")}
+        late = [f"the {name} was {ms:.1f} ms late (p99)" for name, ms in parts.items() if ms > limit_ms]
         if not late:
             return None
         return f"{', '.join(late)}; at most {limit_ms:g} ms are permitted: choose fewer flows"

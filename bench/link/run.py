@@ -105,11 +105,7 @@ def _bundles(folder: Path, hosts: tuple[str, ...]) -> tuple[str, str]:
 
 
 def _result(
-    plan: Plan,
-    heard: dict[str, Any],
-    sent: dict[str, Any],
-    relayed: dict[str, Any],
-    busy: float,
+    plan: Plan, heard: dict[str, Any], sent: dict[str, Any], relayed: dict[str, Any], busy: float
 ) -> tuple[Round, list[Measured]]:
     window: tuple[float, float] = tuple(heard["window"])
     lates = {"router": relayed["late"], "sender": sent["late"], "receiver": heard["late"]}

@@ -28,10 +28,6 @@ class RoundTrip:
     times_ms: tuple[float, ...]
     """Of the commands that arrived."""
 
-    @property
-    def median_ms(self) -> float:
-        return float(np.median(self.times_ms))
-
 
 @dataclass(frozen=True)
 class Death:
@@ -74,15 +70,12 @@ def pooled(kind: str, rate_hz: float, trips: Iterable[RoundTrip]) -> list[float]
 
 def ratios(kind: str, reference: str, rate_hz: float, trips: Sequence[RoundTrip]) -> list[float]:
     """Return the ratio of the two medians in each round."""
-    medians = {
-        (trip.kind, trip.round): trip.median_ms for trip in trips if trip.rate_hz == rate_hz and trip.times_ms
-    }
-    rounds = sorted({number for _, number in medians})
-    return [
-        medians[kind, number] / medians[reference, number]
-        for number in rounds
-        if (kind, number) in medians and (reference, number) in medians
-    ]
+    found = [trip for trip in trips if trip.rate_hz == rate_hz and trip.times_ms]
+    own, others = (
+        {trip.round: percentile(trip.times_ms, 50) for trip in found if trip.kind == name}
+        for name in (kind, reference)
+    )
+    return [own[number] / others[number] for number in sorted(own.keys() & others.keys())]
 
 
 def _deaths_ms(kind: str, deaths: Iterable[Death]) -> list[float]:

@@ -52,8 +52,7 @@ def this_run(command: str) -> dict[str, str]:
 
 def provenance(command: str) -> Provenance:
     """Return the same as a line of a file to which measurements are appended."""
-    run = this_run(command)
-    return Provenance(command=command, date=run["date"], machine=run["machine"], commit=run["commit"])
+    return Provenance.model_validate(this_run(command))
 
 
 def read_appended(path: Path, made: type[T]) -> tuple[list[T], list[Provenance]]:
