@@ -26,7 +26,7 @@ SECONDS = 200.0
 LATE_MS = 5.0
 
 
-def command_line() -> CommandLine:
+def main() -> None:
     line = CommandLine(
         "bench.link",
         "Measure false stops per hour of commands at 20 Hz, and their worst age, over links that lose, delay and reorder packets: "
@@ -51,11 +51,6 @@ def command_line() -> CommandLine:
         "late-ms", positive, LATE_MS, "reject a round if a part of the bench exceeds this p99 lateness"
     )
     line.file("json", "add the results to the JSON lines in FILE")
-    return line
-
-
-def main() -> None:
-    line = command_line()
     options = line.parse()
     kept = "the complete rounds are in the file" if options.json is not None else "nothing was written"
     with failing_in_a_sentence("bench.link", kept):
