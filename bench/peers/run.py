@@ -76,7 +76,14 @@ class Kind:
                 return
             address = str(DOMAIN) if self.link in ("dds", "ros") else free_loopback_endpoint()
             if self.link == "mqtt":
-                ending.enter_context(_broker(address))
+                assert BROKER is not None
+                config = Path(ending.enter_context(tempfile.TemporaryDirectory())) / "mosquitto.conf"
+                config.write_text(
+                    f"listener {address.rpartition(':')[2]} 127.0.0.1\nallow_anonymous true\nset_tcp_nodelay true\nuser root\n"
+                    "persistence false\nlog_dest none\n"
+                )
+                ending.enter_context(running([BROKER, "-c", str(config)]))
+                wait_until_listening(address)
             ending.enter_context(running(self.command("relay", address, self.mode), self.environment))
             if self.link in ("zenoh", "tcp"):
                 wait_until_listening(address)
@@ -151,17 +158,3 @@ def measure(
             progress(f"round {number + 1}: SIGKILL, {kind.name}")
             deaths.append(Death(kind.name, number, tuple(kind.deaths_ms(kills))))
     return trips, deaths
-
-
-@contextmanager
-def _broker(address: str) -> Generator[None]:
-    assert BROKER is not None
-    port = address.rpartition(":")[2]
-    with tempfile.TemporaryDirectory() as folder:
-        config = Path(folder) / "mosquitto.conf"
-        config.write_text(
-            f"listener {port} 127.0.0.1\nallow_anonymous true\nset_tcp_nodelay true\nuser root\npersistence false\nlog_dest none\n"
-        )
-        with running([BROKER, "-c", str(config)]):
-            wait_until_listening(address)
-            yield
