@@ -13,6 +13,7 @@ import pytest
 
 from faults.simulated.trial_run import run_trial
 from supervisor.blackbox.recorder import BlackBox
+from tests.system.commands import run_here
 from tests.system.harness import free_endpoint
 from tests.unit.supervisor.blackbox.black_boxes import NOON_UTC_S, Drive, WriterAtOnce
 from tests.unit.supervisor.law.law_harness import CONFIG
@@ -105,17 +106,10 @@ def on_a_terminal(arguments: list[str], **changes: str) -> str:
 
 @pytest.mark.parametrize("name", [*PRINTING, *REFUSED, *OTHERS])
 def test_a_pipe_gets_no_escape_sequences(name: str, files: Files) -> None:
-    done = subprocess.run(
-        [LIFELINE, *arguments_of(name, files)],
-        capture_output=True,
-        text=True,
-        env=environment(),
-        timeout=LIMIT_S,
-        check=False,
-    )
-    assert "\x1b" not in done.stdout + done.stderr
-    assert "Traceback" not in done.stderr
-    assert done.stdout or done.stderr
+    _, output, errors = run_here(arguments_of(name, files), environment())
+    assert "\x1b" not in output + errors
+    assert "Traceback" not in errors
+    assert output or errors
 
 
 @pytest.mark.parametrize("name", [*PRINTING, *REFUSED, *OTHERS])
@@ -151,17 +145,25 @@ def test_a_reader_that_has_ended_causes_no_traceback(name: str, files: Files) ->
 
 @pytest.mark.parametrize("name", PRINTING)
 def test_the_result_as_json_is_all_that_standard_output_gets(name: str, files: Files) -> None:
-    done = subprocess.run(
-        [LIFELINE, *arguments_of(name, files), "--json"],
-        capture_output=True,
-        text=True,
-        env=environment(),
-        timeout=LIMIT_S,
-        check=False,
-    )
-    document = json.loads(done.stdout, parse_constant=lambda text: pytest.fail(f"{text} is not JSON"))
+    _, output, errors = run_here([*arguments_of(name, files), "--json"], environment())
+    document = json.loads(output, parse_constant=lambda text: pytest.fail(f"{text} is not JSON"))
     assert document
-    assert "\x1b" not in done.stdout + done.stderr
+    assert "\x1b" not in output + errors
+
+
+def test_the_real_command_prints_plain_text_and_json_on_pipes(files: Files) -> None:
+    for more in ([], ["--json"]):
+        done = subprocess.run(
+            [LIFELINE, *arguments_of("check", files), *more],
+            capture_output=True,
+            text=True,
+            env=environment(),
+            timeout=LIMIT_S,
+            check=False,
+        )
+        assert done.stderr == ""
+        assert "\x1b" not in done.stdout
+        assert bool(more) == done.stdout.startswith("{")
 
 
 def test_json_of_up_needs_detach() -> None:

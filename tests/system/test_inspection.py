@@ -14,15 +14,14 @@ import threading
 from collections.abc import AsyncGenerator, Callable, Generator
 from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import pytest
 import zenoh
-from typer.testing import CliRunner
 
 from deploy.stack.errors import EXIT_NOT_RUNNING, EXIT_REFUSED
-from lifeline.cli.app import app
 from supervisor.estop_record import record_path
+from tests.system.commands import run_here
 from tests.system.harness import PATIENCE_S, Robot, free_endpoint, robot
 from tests.system.rogue import answer, open_rogue
 from wire import topics
@@ -47,32 +46,8 @@ def say(text: str) -> None:
 
 
 def in_process(subject: Robot, *arguments: str) -> tuple[int, str, str]:
-    """Run a command in this process; return its exit code, output and errors.
-
-    A process leaves its session to its end. Here it is closed: where the garbage collector closes it from one of Zenoh's
-    threads, both wait for ever.
-    """
-    sessions: list[zenoh.Session] = []
-    open_session = zenoh.open
-
-    def end(code: int) -> NoReturn:
-        raise SystemExit(code)
-
-    def opened(config: zenoh.Config) -> zenoh.Session:
-        sessions.append(open_session(config))
-        return sessions[-1]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(os, "_exit", end)
-        patch.setattr(zenoh, "open", opened)
-        result = CliRunner().invoke(
-            app, [*arguments, "--endpoint", subject.endpoint], env=dict(subject.environment)
-        )
-    for session in sessions:
-        session.close()  # pyright: ignore[reportUnknownMemberType]
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result.exit_code, result.stdout, result.stderr
+    """Run a command in this process; return its exit code, output and errors."""
+    return run_here([*arguments, "--endpoint", subject.endpoint], subject.environment)
 
 
 def listed(subject: Robot, *arguments: str) -> Any:  # noqa: ANN401 - any JSON
