@@ -8,9 +8,9 @@ import subprocess
 import sys
 import termios
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from typing import Any
+from typing import Any, NoReturn
 
 from deploy.stack import bringup, errors, processes, takedown
 from deploy.stack.errors import DeployError
@@ -22,8 +22,11 @@ from teleop.terminal_guard import BY_PARENT
 from wire import tls, topics
 from wire.bundle import BundleError, choose_bundle
 from wire.bus_config import BusConfig
+from wire.host.command_line import PROGRAM
 from wire.roles import Role
 
+NAMING = ("--config", "--endpoint", "--keys", "--namespace")
+"""Teleop's options that name a robot."""
 TELEOP_LIMIT_S = 4.0
 """Longer than teleop's own shutdown limit of 3 s."""
 
@@ -73,6 +76,19 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool, as_json: bool
                 with suppress(OSError):  # the terminal may be closed
                     if stopped.names:
                         say("everything is stopped")
+
+
+def become_teleop(arguments: Sequence[str]) -> NoReturn:
+    """Replace this process by teleop, for the running robot unless the arguments name one.
+
+    Raises:
+        DeployError: the record of the running robot is damaged.
+    """
+    is_named = any(argument.partition("=")[0] in NAMING for argument in arguments)
+    running = None if is_named else Launch.running(StateDir.choose(None))
+    command = [sys.executable, "-m", topics.TELEOP] if running is None else running.command(topics.TELEOP)
+    environment = os.environ | {PROGRAM: f"lifeline {topics.TELEOP}"}
+    os.execve(command[0], [*command, *arguments], environment)  # noqa: S606 - no shell is needed
 
 
 def hints(state: StateDir, launch: Launch) -> Iterator[str]:

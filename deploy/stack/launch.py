@@ -200,7 +200,8 @@ class Launch:
     @property
     def drive(self) -> str:
         """The shell command that starts teleop for this robot."""
-        return shlex.join(self.command(topics.TELEOP))
+        options, usual = (launch.command(topics.TELEOP)[3:] for launch in (self, Launch.read(None, None)))
+        return shlex.join(["lifeline", topics.TELEOP, *([] if options == usual else options)])
 
 
 def _read(

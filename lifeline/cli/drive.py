@@ -1,4 +1,4 @@
-"""The commands that start, drive and stop a robot: up, down, estop, path, ros2."""
+"""The commands that start, drive and stop a robot: up, down, teleop, estop, path, ros2."""
 
 from importlib.resources import files
 from pathlib import Path
@@ -94,6 +94,17 @@ def down(*, as_json: ResultJson = False, state_dir: StatePath = None) -> None:
     stopped = down(StateDir.choose(state_dir), note if as_json else say)
     if as_json:
         print_json(stopped)
+
+
+@command(
+    app,
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []},
+)
+def teleop(context: typer.Context) -> None:
+    """Drive the running robot by keyboard or gamepad in this terminal. `lifeline teleop --help` lists the options."""
+    from deploy.up import become_teleop
+
+    become_teleop(context.args)
 
 
 @robot_command(app)

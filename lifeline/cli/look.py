@@ -1,4 +1,4 @@
-"""The commands that show and record a robot: status, watch, metrics, view, record, render, graph, topic, node."""
+"""The commands that show and record a robot: status, watch, metrics, view, record, render, graph, topic, node, pid."""
 
 from pathlib import Path
 from typing import Annotated
@@ -372,3 +372,15 @@ def node_info(
     from lifeline.inspection.listing import show_node
 
     show_node(robot.launch, node, seconds, as_json=as_json)
+
+
+@robot_command(app)
+def pid(
+    robot: Robot,
+    *,
+    node: Annotated[str, argument("NODE", "Name of a node.", autocompletion=node_names)],
+) -> None:
+    """Print the process id of a node, for `kill -9 $(lifeline pid teleop)`. Exit 2 unless exactly one runs on this computer."""
+    from lifeline.inspection.listing import print_pid
+
+    print_pid(robot.launch, node)

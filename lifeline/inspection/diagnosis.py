@@ -100,7 +100,7 @@ class Observed:
     """If nothing answers: why a supervisor could not listen."""
     silent_pid: int | None = None
     """Of a supervisor that holds the port and does not answer."""
-    drive: str = "python -m teleop"
+    drive: str = "lifeline teleop"
     """The command that starts teleop for this robot."""
     namespace: str = "robot"
     nodes: Sequence[Node] = ()

@@ -190,15 +190,37 @@ def _uptime(duration_s: float) -> str:
 @inspection
 async def show_node(robot: Robot, name: str, seconds: float, *, as_json: bool) -> int:
     """Print a node's process, and the keys that it writes, reads and serves, with their rates."""
-    traffic, nodes = await robot.traffic(seconds), await robot.nodes()
-    found = find(nodes, name)
-    if not found:
-        there = ", ".join(dict.fromkeys(node.name for node in nodes))
-        raise DeployError(f"there is no node {name!r}; there are {there}")
+    traffic = await robot.traffic(seconds)
+    found = await _found(robot, name)
     documents = [_node_json(node) | {"rates_hz": _rates(node, traffic)} for node in found]
     pages: list[RenderableType] = [page for node in found for page in (_node_facts(node, traffic), "")]
     show(documents, *pages, as_json=as_json)
     return 0
+
+
+@inspection
+async def print_pid(robot: Robot, name: str) -> int:
+    """Print the pid of the one process of this computer that has a name."""
+    pids = [node.pid for node in await _found(robot, name) if node.pid is not None]
+    if len(pids) != 1:
+        what = f"processes {', '.join(map(str, pids))}" if pids else "no process of this computer"
+        raise DeployError(f"the node {name!r} is {what}: see `lifeline node list`")
+    print(pids[0])
+    return 0
+
+
+async def _found(robot: Robot, name: str) -> list[Node]:
+    """Return the nodes with a name.
+
+    Raises:
+        DeployError: there is none.
+    """
+    nodes = await robot.nodes()
+    found = find(nodes, name)
+    if not found:
+        there = ", ".join(dict.fromkeys(node.name for node in nodes))
+        raise DeployError(f"there is no node {name!r}; there are {there}")
+    return found
 
 
 def _rates(node: Node, traffic: Traffic) -> dict[str, float | None]:

@@ -147,6 +147,9 @@ def test_the_nodes_have_the_pids_of_their_processes(shared: Robot, tmp_path: Pat
     nodes = {one["node"]: one for one in listed(shared, "node", "list")}
     pids = {node: shared.pid(node) for node in (topics.SUPERVISOR, topics.SIM)}
     assert {name: nodes[name]["pid"] for name in pids} == pids
+    assert in_process(shared, "pid", "sim") == (0, f"{pids['sim']}\n", "")
+    code, output, errors = in_process(shared, "pid", "teleop")
+    assert (code, output, "there is no node 'teleop'" in errors) == (EXIT_REFUSED, "", True)
     # The test's own session has no token, so it has the name of its program.
     assert os.getpid() in {one["pid"] for one in nodes.values()}
     (info,) = listed(shared, "node", "info", "/sim", "--seconds", "3")

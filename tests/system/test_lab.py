@@ -15,7 +15,7 @@ from tests.system.operators import ROOT, until
 
 PAGE = ROOT / "docs/lab.md"
 START_LIMIT_S = 60.0
-LIFELINE, TELEOP = ".venv/bin/lifeline", ".venv/bin/python -m teleop"
+LIFELINE, TELEOP = ".venv/bin/lifeline", ".venv/bin/lifeline teleop"
 FULL_SCREEN = {"1049", "1004"}
 """The terminal's modes while teleop has it."""
 
@@ -60,7 +60,7 @@ EXPECTED: tuple[tuple[str, int, tuple[str, ...]], ...] = (
     (f"{LIFELINE} topic delay scan odom cmd_vel --seconds 2", 0, (r"robot/cmd_vel: \d\d?\.\d\d ms old",)),
     (f"{LIFELINE} graph --out graph.png", 0, (r"graph.png: 3 nodes",)),
     (f"{LIFELINE} topic pub sim/obstacle '{{z: -1}}' --once", 0, ("published on robot/sim/obstacle",)),
-    ("kill -9 $(pgrep -f '^.venv/bin/python -m teleop')", 0, ()),
+    ("kill -9 $(.venv/bin/lifeline pid teleop)", 0, ()),
     (f"{LIFELINE} status", 0, ("teleop +│ not alive", "STOPPED", "SOURCE_LOST")),
     (f"{LIFELINE} doctor", 1, ("SOURCE_LOST",)),
     (f"{LIFELINE} incidents list", 0, ("OBSTACLE", r"SOURCE_LOST.* teleop +0\.[45]\d m/s +0\.[01]\d m ")),

@@ -2,6 +2,7 @@
 
 import argparse
 import logging
+import os
 import sys
 from pathlib import Path
 from typing import Any, NoReturn
@@ -10,11 +11,13 @@ from wire.bus_config import DEFAULT_ENDPOINT, BusConfig
 from wire.host.config import read_toml
 
 EXIT_USAGE = 2
+PROGRAM = "LIFELINE_PROGRAM"
+"""The environment variable with the command by which a process was started, for its help."""
 
 
 def service_parser(node: str, **options: Any) -> argparse.ArgumentParser:  # noqa: ANN401 - ArgumentParser's own
     """Return the parser of `python -m <node>`, with `--config` and `--endpoint`."""
-    parser = argparse.ArgumentParser(prog=f"python -m {node}", **options)
+    parser = argparse.ArgumentParser(prog=os.environ.get(PROGRAM, f"python -m {node}"), **options)
     parser.add_argument(
         "--config",
         type=Path,

@@ -44,7 +44,7 @@ def test_only_a_state_directory_that_is_not_the_default_is_named(
 
 
 def test_teleop_is_named_only_if_it_has_a_bundle_of_the_role_operator(tmp_path: Path, keys: Path) -> None:
-    assert "drive with `" in said(tmp_path)
+    assert "drive with `lifeline teleop`" in said(tmp_path)
     bundles = bundle_of(keys, Role.BASE)
     text = said(tmp_path, bundles)
     assert "drive with `" not in text
@@ -52,3 +52,9 @@ def test_teleop_is_named_only_if_it_has_a_bundle_of_the_role_operator(tmp_path: 
     assert "drive with `" not in said(tmp_path, bundles / "my_base")
     bundle_of(keys, Role.OPERATOR)
     assert "drive with `" in said(tmp_path, bundles)
+
+
+def test_teleop_of_another_robot_than_the_default_is_named_with_its_options() -> None:
+    drive = Launch.read(None, "tcp/127.0.0.1:7448").drive
+    assert drive.startswith("lifeline teleop --config ")
+    assert drive.endswith("--endpoint tcp/127.0.0.1:7448")
