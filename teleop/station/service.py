@@ -8,19 +8,20 @@ import asyncio
 import secrets
 from collections.abc import Callable
 
-from teleop.holder import SENDING_S
 from teleop.pilots.keys import CTRL_C, KeySource
 from teleop.pilots.pilot import KeyEvent, KeyKind
 from teleop.station.state import Lease, Look, Word, farewell, pressed, received, released, sent
 from wire import topics
 from wire.bus import Bus, Token, woken_by
-from wire.messages import Bool, SafetyStatus
+from wire.messages import Bool, EstopStationStatus, SafetyStatus
 
 CTRL_R = "\x12"
 LEAVING_KEYS = frozenset({"q", CTRL_C})
 STATUS_LIMIT_S = 1.0
 """A status that is older is not shown."""
 SHOW_PERIOD_S = 0.5
+LEAVING_LIMIT_S = 0.5
+"""Time for the supervisor's confirmation that the station has left."""
 
 
 class Station:
@@ -67,7 +68,7 @@ class Station:
         self._presence = bus.publisher(topics.estop_presence(self._name))
         self._estop = bus.publisher(topics.ESTOP)
         self._challenges = bus.subscribe(topics.estop_challenge(self._name), wake=self._wake)
-        self._statuses = bus.subscribe(topics.STATUS)
+        self._statuses = bus.subscribe(topics.STATUS, wake=self._wake)
         self._others = bus.watch_alive(nodes=[node])
         # Before the first message: the supervisor then notices the end of each run that it accepts.
         self._tokens = [bus.declare_alive(node, self._presence.epoch), bus.declare_alive(node)]
@@ -90,21 +91,42 @@ class Station:
                 await woken_by(self._wake, self._lease.due_s)
                 self._wake.clear()
             if not self._keys.ended:
-                self._send(loop.time(), leaves=True)
-                await asyncio.sleep(SENDING_S)
+                await self._leave()
         finally:
             stopping.cancel()
             for token in self._tokens:
                 token.withdraw()
+
+    async def _leave(self) -> None:
+        """Report that the station leaves until a status shows it: on a busy machine, the token's end overtakes the report."""
+        loop = asyncio.get_running_loop()
+        end_s = loop.time() + LEAVING_LIMIT_S
+        self._send(loop.time(), leaves=True)
+        while self._bus is not None and not self._has_left() and loop.time() < end_s:
+            await woken_by(self._wake, end_s)
+            self._wake.clear()
+            if self._is_challenged():
+                self._send(loop.time(), leaves=True)
+            self._observe()
+
+    def _has_left(self) -> bool:
+        stations = () if self._status is None else self._status[1].estop_stations
+        return any(one.name == self._name and one.state == EstopStationStatus.LEFT for one in stations)
+
+    def _is_challenged(self) -> bool:
+        """Receive the supervisor's newest challenge, if there is one."""
+        challenge = self._challenges.latest()
+        if challenge is None or challenge.message is None:
+            return False
+        self._lease = received(self._lease, challenge.message)
+        return True
 
     def _turn(self, now_s: float) -> None:
         was_pressed, is_challenged = self._lease.is_pressed, False
         for event in self._keys.take():
             self._on_key(event, now_s)
         if self._bus is not None:
-            challenge = self._challenges.latest()
-            if challenge is not None and challenge.message is not None:
-                self._lease, is_challenged = received(self._lease, challenge.message), True
+            is_challenged = self._is_challenged()
             self._observe()
         if is_challenged or now_s >= self._lease.due_s or self._lease.is_pressed is not was_pressed:
             self._send(now_s)
