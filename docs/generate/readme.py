@@ -53,10 +53,10 @@ def stop(campaign: Campaign | None) -> str:
     ]
     stopped = sum(one.standstill_s is not None for one in without)
     return (
-        f"**Measured:** SIGKILL of teleop to zero: median {zero_ms:.1f} ms, upper 95 % limit of the 95 % quantile "
-        f"{zero_limit_ms:.1f} ms (n = {len(found.stops)}); to standstill: {still_s:.2f} s and {moved_cm:.0f} cm, "
-        f"limits {still_limit_s:.2f} s and {moved_limit_cm:.0f} cm.\n"
-        f"Real processes, simulated wheels, {runs[0].partition(',')[0]}, {sections.load_of(runs)}. "
+        f"**Measured:** from SIGKILL of teleop, the commanded velocity is zero after {zero_ms:.1f} ms, and the robot stands still "
+        f"after {still_s:.2f} s and {moved_cm:.0f} cm (medians, n = {len(found.stops)}).\n"
+        f"Upper 95 % confidence limits of the 95 % quantiles: {zero_limit_ms:.1f} ms, {still_limit_s:.2f} s and "
+        f"{moved_limit_cm:.0f} cm.\nReal processes, simulated wheels, {runs[0].partition(',')[0]}, {sections.load_of(runs)}. "
         f"Without Lifeline, a robot that keeps its last command stopped within {LIMIT_S:.0f} s in {stopped} of {len(without)} "
         "trials."
     )
@@ -91,8 +91,8 @@ def cost(bench: str, ros2: str) -> str:
     used = samples[-1].processes
     return (
         f"* **Cost**: the supervisor takes {np.mean(one_robot.cpu_percent):.1f} % of a core "
-        f"({sections.load_of([stored.run['machine']])}), up to {max(map(float, cpu_percent)):.1f} % near an obstacle beside "
-        f"other work ({sections.load_of(machine)}), and {used['supervisor'].rss_bytes / 1e6:.0f} MB after an hour. "
+        f"({sections.load_of([stored.run['machine']])}), up to {max(map(float, cpu_percent)):.1f} % near an obstacle on "
+        f"a busy machine ({sections.load_of(machine)}), and {used['supervisor'].rss_bytes / 1e6:.0f} MB after an hour. "
         f"The process `ros2` takes {bridge[1]}; teleop takes {used['teleop'].rss_bytes / 1e6:.0f} MB."
     )
 

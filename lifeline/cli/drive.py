@@ -116,12 +116,12 @@ def estop(
         option(
             "--name",
             "NAME",
-            "Be the e-stop station of this name in the configuration until q or Ctrl-C: prove its presence, show whether "
+            "Act as the e-stop station of this name in the configuration until q or Ctrl-C: prove its presence, show whether "
             "it is heard, and stop the robot at any key.",
         ),
     ] = None,
 ) -> int:
-    """Press the emergency stop once, or be an e-stop station. Exit 0 if the supervisor confirms the press, 1 if not, 3 if nothing runs."""
+    """Press the emergency stop once, or act as an e-stop station. Exit 0 if the supervisor confirms the press, 1 if not, 3 if nothing runs."""
     from lifeline.estop import press, run_station
 
     return press(robot.launch) if name is None else run_station(robot.launch, name)

@@ -56,7 +56,7 @@ def keys_init(
     keys: KeysFolder = None,
     as_json: Json = False,
 ) -> None:
-    """Make an authority: the key that signs all certificates. Keep its folder on one computer, and back it up."""
+    """Create a certificate authority: the key that signs all certificates. Keep its folder on one computer, and back it up."""
     from deploy.keys.commands import init
 
     made = init(keys, replace=replace)
@@ -129,7 +129,7 @@ def keys_list(*, keys: KeysFolder = None, as_json: Json = False) -> None:
 
 @command(keys_app, "revoke")
 def keys_revoke(*, name: Name, keys: KeysFolder = None, as_json: Json = False) -> None:
-    """Refuse further certificates to a name, and print until when the present one still connects."""
+    """Refuse further certificates to a name, and print when the current one expires."""
     from deploy.keys.commands import revoke, revoked_sentence
 
     revoked = revoke(keys, name)

@@ -15,7 +15,7 @@ incidents_app = typer.Typer(
 app.add_typer(incidents_app, name="incidents")
 
 Id = Annotated[
-    str, argument("ID", "Name of an incident or its beginning, `last`, or the path of a black box.")
+    str, argument("ID", "ID of an incident or its first characters, `last`, or the path of a black box file.")
 ]
 
 
