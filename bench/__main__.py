@@ -26,7 +26,7 @@ The longer runs are read from docs/campaign. To measure them again, run
 
 
 class Part(NamedTuple):
-    """One kind of measurements: how they are made, and what is shown of them."""
+    """A benchmark: its measurement, its table and its verdicts."""
 
     measure: Callable[[], Sequence[Any]]
     sheet: Callable[[Sequence[Any]], Sheet]
@@ -42,7 +42,7 @@ PARTS: dict[str, Part] = {
     "import": Part(start.measure_imports, start.imports_sheet),
     "start": Part(start.measure_starts, start.starts_sheet, start.verdicts),
 }
-"""By the names that they have in the JSON lines."""
+"""The benchmarks by their names in the JSON lines."""
 
 
 def main() -> None:

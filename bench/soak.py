@@ -37,7 +37,7 @@ from wire.messages import Odometry, SafetyStatus, header
 
 SAMPLE_S, LOOK_S = 10.0, 0.1
 DEPTH = 512
-"""Messages kept between two looks; more than the fastest topic sends."""
+"""Maximum number of messages kept between two readings; more than the fastest topic sends."""
 HEARTBEAT = topics.source_cmd_vel(topics.TELEOP)
 HEARTBEAT_S = 0.05
 TOPICS = (topics.CMD_VEL, HEARTBEAT, topics.SCAN, topics.ODOM, topics.STATUS)
@@ -156,7 +156,7 @@ def gaps(heard: Sequence[Arrival[Any]], beyond_s: float = 0.0) -> Times:
     """Return the times between the messages of a topic, or their lateness beyond its period.
 
     Args:
-        heard: the messages. The first one ended the previous sample, and only begins a gap.
+        heard: the messages. The first one belongs to the previous sample; it only starts a gap.
         beyond_s: the period of the topic.
     """
     gaps_s = np.diff([arrival.arrival_s for arrival in heard])
@@ -205,7 +205,7 @@ def usage(pid: int) -> Usage | None:
 
 
 class Watch:
-    """Notes what the robot sends, and what has happened since the last sample. Begins when the robot is ready."""
+    """Records the robot's messages and the events since the last sample; starts when the robot is ready."""
 
     def __init__(self, bus: Bus, state: StateDir) -> None:
         self._state = state
@@ -220,7 +220,7 @@ class Watch:
         self._boxes: set[str] = set()
 
     def look(self) -> SafetyStatus:
-        """Take what has arrived; return the newest status."""
+        """Read all arrived messages; return the newest status."""
         for key, inbox in self.inboxes.items():
             arrivals = inbox.take()
             self._heard[key] += arrivals
@@ -233,7 +233,7 @@ class Watch:
         return self._status
 
     def sample(self, time_s: float) -> Sample:
-        """Return what has happened since the last sample."""
+        """Return the measurements since the last sample."""
         found = {process.name: usage(process.pid) for process in processes.of(self._state.path)}
         heard, stops = self._heard, self._stops
         self._heard, self._stops = {key: arrivals[-1:] for key, arrivals in heard.items()}, []
@@ -294,7 +294,7 @@ def report(samples: Sequence[Sample]) -> bool:
     for fault in faults:
         print(f"FAILED: {fault}")
     if not faults:
-        print("passed: nothing stopped without a cause, and no measured growth is too much")
+        print("passed: no stop without a cause, and no growth above the limit")
     return not faults
 
 

@@ -125,7 +125,7 @@ async def _kill(robot: SimulatedRobot) -> tuple[float, float]:
 
 
 async def _ready(statuses: Stream[SafetyStatus]) -> float:
-    """Wait for the first status READY of a further run of the supervisor; return its arrival time [s]."""
+    """Wait for the first status READY of a new run of the supervisor; return its arrival time [s]."""
     at_s, _ = await statuses.next(lambda status: status.mode == SafetyStatus.READY, of_new_run=True)
     return at_s
 

@@ -138,5 +138,5 @@ def length_s(spans: Iterable[Span]) -> float:
 
 def upper_rate(events: int, time: float) -> float:
     """Return the upper bound of a rate, 95 %, from the number of independent events in a time (Poisson)."""
-    # Of so many parts of the time, none has two events.
+    # The time is divided into so many parts that none contains two events.
     return statistics.upper_rate(PARTS, events) * PARTS / time

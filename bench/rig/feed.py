@@ -104,7 +104,7 @@ def simulated_robot() -> Generator[SimulatedRobot]:
 
 def _lifeline(*arguments: str) -> None:
     command = [sys.executable, "-c", "from lifeline.cli.entry import main; main()", *arguments]
-    # A session of its own: Ctrl-C must not interrupt it half-way.
+    # In a separate process session, so that Ctrl-C does not interrupt the command.
     done = subprocess.run(
         command, capture_output=True, text=True, check=False, timeout=UP_LIMIT_S, start_new_session=True
     )

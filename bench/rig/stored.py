@@ -51,7 +51,7 @@ def this_run(command: str) -> dict[str, str]:
 
 
 def provenance(command: str) -> Provenance:
-    """Return the same as a line of a file to which measurements are appended."""
+    """Return the description of this run as a provenance, for a file to which measurements are appended."""
     return Provenance.model_validate(this_run(command))
 
 

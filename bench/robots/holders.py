@@ -1,6 +1,6 @@
 """Starts operators for `bench.robots` to kill: `python -m bench.robots.holders`.
 
-Each line `NUMBER ENDPOINT NAMESPACE`, with a bundle at its end or without, on the standard input starts an operator, a process that drives
+Each line `NUMBER ENDPOINT NAMESPACE`, optionally followed by a bundle, on the standard input starts an operator, a process that drives
 the robot at this endpoint. Prints `started NUMBER PID`, and `driving NUMBER PID` when the robot moves. The processes are forks of
 this one, which has imported all modules and opened no session: starting a new interpreter for each of them would load the machine.
 """

@@ -184,7 +184,7 @@ def measure(
 
 
 def _kill(ways: Sequence[str], kills: int | None, limit_s: float) -> list[list[float]]:
-    """Repeatedly let an operator drive, of one robot after the other, and kill it; return the times of the kills of each robot [s].
+    """For one robot after the other, repeatedly start an operator, let it drive, and kill it; return the times of the kills of each robot [s].
 
     Operators that never drove do not count.
 

@@ -64,7 +64,7 @@ def measure(out: Path, trials: int) -> int:
         for setup, block in itertools.groupby(todo, lambda one: one[0].setup):
             with tempfile.TemporaryDirectory() as logs:
                 try:
-                    # They share the processes of the robot.
+                    # The trials of a block share the robot's processes.
                     with stage(setup, Path(logs)) as made:
                         for case, number in block:
                             trial = run(made, case, number, random.Random(f"{case} {number}"))

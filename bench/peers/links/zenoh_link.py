@@ -17,7 +17,7 @@ def open_session(
     """Open a session with the supervisor's settings of lease and priority; `more` are further settings of Zenoh.
 
     Raises:
-        zenoh.ZError: it cannot.
+        zenoh.ZError: the session cannot be opened.
     """
     config = zenoh.Config()
     values: dict[str, object] = {
