@@ -203,7 +203,7 @@ CLASSES = (
     _sim("sim_odom_gone", "no odometry arrives", promise=6, effect=Effect.SENSOR),
     _barrier("sim_scan_dirt", "1 to 20° of NaN straight ahead, with a pillar inside"),
     _barrier("sim_scan_dropout", "the nearest object is missing from 2 to 30 % of the scans"),
-    _barrier("sim_scan_short", "a range of 0.5 to 1 m, as range_max says"),
+    _barrier("sim_scan_short", "a maximum range of 0.5 to 1 m, given in range_max"),
     _lidar(
         "sim_scan_stray",
         "single false readings near the hull, in 4 % of the scans",

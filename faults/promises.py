@@ -20,10 +20,10 @@ PROMISES = {
     2: "teleop dead: zero within 10 ms",
     3: "teleop hung or cut off: zero within 0.2 s and one tick",
     4: "supervisor dead: the base brakes within 10 ms; hung: within 0.15 s and a step",
-    5: "scan gone or senseless: zero within 0.25 s and one tick",
-    6: "by its own motion the hull never comes nearer than 0.29 m, and never touches",
-    7: "after every stop no motion without a neutral command",
-    8: "whatever was killed, it becomes drivable again by the operator's neutral alone",
+    5: "scan missing or invalid: zero within 0.25 s and one tick",
+    6: "the robot's own motion never brings its hull within 0.29 m of an object, or into contact",
+    7: "after every stop, no motion without a neutral command",
+    8: "after any process is killed, the operator's neutral command alone makes the robot drivable again",
 }
 """The promises by number, with the default limits."""
 

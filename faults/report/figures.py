@@ -71,7 +71,7 @@ class ClassFigures:
 
     @property
     def known(self) -> FaultClass | None:
-        """Its row of the table; None if the file is of other code."""
+        """Its row of the table of classes; None if this version has no such class."""
         return BY_NAME.get(self.name)
 
     @property

@@ -83,7 +83,7 @@ def write_report(files: Sequence[Path], out: Path) -> Written:
     """Write the page.
 
     Raises:
-        DeployError: as above, or the page cannot be written.
+        DeployError: a file cannot be read or is damaged, there is no trial, or the page cannot be written.
     """
     found, left_out = read_campaigns(files)
     text = _page([file.name for file in files], found, left_out)

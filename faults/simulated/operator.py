@@ -17,7 +17,7 @@ ESTOP_SHARE = 0.01
 
 
 class Operator:
-    """Drives a world by its seed."""
+    """Simulates the operator of a world; the seed determines the actions."""
 
     def __init__(self, world: World) -> None:
         self._world, self._stubbornness = world, world.scenario.stubbornness

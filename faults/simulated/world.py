@@ -95,7 +95,7 @@ class Witness:
         self._clearance_m = min(self._nearest_m(self._measured, self._present()), FAR_M)
 
     def look(self, now_s: float) -> Motion:
-        """Return the present sample; every other one measures the clearance, and larger ones are given as `FAR_M`."""
+        """Return the current sample. Every second sample measures the clearance; clearances above `FAR_M` are given as `FAR_M`."""
         plant = self._plant
         outline, own_approach_m, appeared_m = plant.outline, 0.0, math.inf
         self._skip = not self._skip
@@ -114,7 +114,7 @@ class Witness:
             self._clearance_m = min(clearance_m, FAR_M)
             self._measured = outline
         elif now_s < self._clear_until_s:
-            self._measured = outline  # nothing is near: what comes up next comes from where it is by then
+            self._measured = outline  # no object is near: the approach to the next one is measured from here
         velocity = plant.true_velocity
         return Motion(
             now_s,

@@ -122,7 +122,7 @@ class Stage:
         self.state = StateDir(self.directory / STATE)
         self.state.create()
         self._closing = ExitStack()
-        """What must be ended without an event loop."""
+        """Resources that are closed without an event loop."""
         self._hire_janitor()
         self._closing.callback(sweep, self.directory, os.getpid())
         self.has_disk = small_disk and self._mount_disk()
