@@ -137,7 +137,7 @@ async def _look(state: StateDir, launch: Launch) -> Look:
                 ),
                 ROS2_LIMIT_S if with_ros2 else LISTEN_LIMIT_S,
             )
-            # The base that is alive, in place of one of unknown kind.
+            # Replace a base of unknown kind by the one that is alive.
             base = next((name for name in (topics.SIM, topics.ROS2) if name in observer.alive), ANY_BASE)
             return replace(
                 look,

@@ -194,7 +194,7 @@ class EstopStationSection(Section):
 class SupervisorSection(Section):
     """All parameters of the safety law and of the supervisor process."""
 
-    # Fast enough for every timeout and distance of the law, and slow enough for a process to keep.
+    # Fast enough for every timeout and distance of the law, and slow enough for one process to sustain.
     tick_hz: Annotated[float, Between(10.0, 1000.0)] = 50.0
     # Displays treat a supervisor that is silent for one second as dead.
     status_hz: Annotated[float, Between(1.0, 100.0)] = 10.0

@@ -38,7 +38,7 @@ class Stream:
     """The newest message of a topic, and the number of messages.
 
     Args:
-        subscription: None: nothing is ever heard.
+        subscription: source of the messages; None: no message arrives.
     """
 
     def __init__(self, subscription: Subscription[Any] | None) -> None:

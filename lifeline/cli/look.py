@@ -76,7 +76,7 @@ Until = Annotated[
 
 @robot_command(app)
 def status(robot: Robot, *, as_json: Json = False) -> int:
-    """Print the status once. Exit 0 if the stack runs, 1 if a part of it runs, 3 if nothing runs."""
+    """Print the status once. Exit 0 if the stack runs, 1 if only a part of it runs, 3 if nothing runs."""
     from lifeline.status import show_status
 
     return show_status(robot.state, robot.launch, as_json=as_json)

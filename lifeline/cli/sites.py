@@ -129,7 +129,7 @@ def keys_list(*, keys: KeysFolder = None, as_json: Json = False) -> None:
 
 @command(keys_app, "revoke")
 def keys_revoke(*, name: Name, keys: KeysFolder = None, as_json: Json = False) -> None:
-    """Refuse further certificates to a name, and print when the current one expires."""
+    """Refuse further certificates to a name, and print how long the current one is still accepted."""
     from deploy.keys.commands import revoke, revoked_sentence
 
     revoked = revoke(keys, name)

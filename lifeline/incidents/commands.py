@@ -192,7 +192,7 @@ def _outline(sample: Sample) -> tuple[str, str]:
 
 def _repeats(sample: Sample, last: Sample) -> bool:
     """Return whether two samples differ only by the noise of a robot at rest."""
-    # What is requested neither moves the robot nor shows that it moves.
+    # Without the requested velocity: it does not show whether the robot moves.
     rates = [*sample.velocities[1:], *last.velocities[1:]]
     is_at_rest = all(velocity is None or is_still(*velocity) for velocity in rates)
     return (

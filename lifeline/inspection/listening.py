@@ -96,7 +96,7 @@ class Robot:
 def inspection(
     run: Callable[Concatenate[Robot, P], Awaitable[int]],
 ) -> Callable[Concatenate[Launch, P], NoReturn]:
-    """Make a command of what runs on a running robot: it exits with the code (`deploy.stack.reach.run_command`).
+    """Turn a function that inspects a running robot into a command that exits with its code (`deploy.stack.reach.run_command`).
 
     The command raises a DeployError if the configuration is refused.
     """

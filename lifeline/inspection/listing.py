@@ -1,4 +1,4 @@
-"""`lifeline topic` and `node`, each with `list` and `info`: who takes part, and who writes and reads which topic."""
+"""`lifeline topic` and `node`, each with `list` and `info`: show nodes and topics, with the writers and readers of each topic."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -47,7 +47,7 @@ class Entry:
 
     @property
     def problem(self) -> str:
-        """That more than the permitted writer writes it; empty if not."""
+        """The sentence that other programs than the permitted writer write it; empty if none does."""
         if not self.permitted or self.permitted == ANYONE or len(self.writers) < 2:
             return ""
         return (
@@ -200,11 +200,11 @@ async def show_node(robot: Robot, name: str, seconds: float, *, as_json: bool) -
 
 @inspection
 async def print_pid(robot: Robot, name: str) -> int:
-    """Print the pid of the one process of this computer that has a name."""
+    """Print the pid of a node; exactly one process of this computer must have its name."""
     pids = [node.pid for node in await _found(robot, name) if node.pid is not None]
     if len(pids) != 1:
-        what = f"processes {', '.join(map(str, pids))}" if pids else "no process of this computer"
-        raise DeployError(f"the node {name!r} is {what}: see `lifeline node list`")
+        what = f"several processes ({', '.join(map(str, pids))})" if pids else "no process"
+        raise DeployError(f"the node {name!r} has {what} on this computer: see `lifeline node list`")
     print(pids[0])
     return 0
 

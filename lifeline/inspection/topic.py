@@ -92,7 +92,7 @@ async def _samples(robot: Robot, keys: Sequence[str]) -> AsyncIterator[Overheard
             if robot.stop.is_set():
                 break
             yield sample
-            await asyncio.sleep(0)  # printing may be slow: let Ctrl-C in
+            await asyncio.sleep(0)  # printing may be slow: let the event loop handle Ctrl-C
         if robot.stop.is_set():
             return
 
@@ -272,7 +272,7 @@ async def _publish_as(robot: Robot, source: str, message: Message, period_s: flo
     except HeldError as error:
         raise DeployError(f"the command source {source} is held by {error}") from error
     loop = asyncio.get_running_loop()
-    say(f"zero for {ARM_S:g} s, which arms {source}, then the message, until Ctrl-C")
+    say(f"sending zero for {ARM_S:g} s, which arms {source}, then the message until Ctrl-C")
     armed_s = loop.time() + ARM_S
     try:
         while not robot.stop.is_set():

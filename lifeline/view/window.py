@@ -37,7 +37,7 @@ class File(NamedTuple):
 
 
 def _fetch(port: int) -> dict[str, File]:
-    """Return the files of the page that Rerun serves on a port of this machine, by path, except those that it lacks."""
+    """Return the files of the page that Rerun serves on a port of this machine, by path; missing files are left out."""
     files: dict[str, File] = {}
     for path in FILES:
         with closing(HTTPConnection(LOOPBACK, port, timeout=FETCH_LIMIT_S)) as connection:
