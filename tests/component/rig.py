@@ -55,7 +55,7 @@ class Rig:
         self.newest_status = SafetyStatus(header(""))
 
     def _encode_unheard(self, _node: str, key: str, message: Message, _stamp: Stamp) -> None:
-        """Encode each message, even if nobody listens; the network encodes the others."""
+        """Encode a message without subscribers, to check that it can be encoded; the network encodes all others."""
         if not self.network.is_heard(key):
             encode(message)
 

@@ -74,7 +74,7 @@ PRINTING = [
     "doctor",
     "down",
     "fault-report",
-    # Prints as the single seed of the next one does.
+    # Its output has the form of `faults --virtual`.
     pytest.param("faults", marks=pytest.mark.long),
     "faults --virtual",
     "render",

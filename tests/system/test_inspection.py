@@ -300,7 +300,7 @@ def test_the_key_of_another_topic_is_listed_if_the_configuration_admits_it(share
         (("robot/**", "{}"), "is not a key"),
     ],
 )
-def test_only_topics_of_the_caller_can_be_published(
+def test_a_message_that_the_caller_may_not_publish_is_refused(
     shared: Robot, arguments: tuple[str, ...], words: str
 ) -> None:
     code, output, errors = in_process(shared, "topic", "pub", *arguments)
@@ -339,7 +339,7 @@ async def test_published_commands_drive_after_a_zero_and_end_without_a_lost_sour
 @pytest.mark.parametrize(
     "arguments", [("topic", "list"), ("node", "list"), ("graph",), ("topic", "echo", "scan")]
 )
-def test_nothing_running_is_said_in_a_sentence(arguments: tuple[str, ...], tmp_path: Path) -> None:
+def test_an_error_states_that_no_supervisor_answers(arguments: tuple[str, ...], tmp_path: Path) -> None:
     code, _, errors = in_process(Robot(free_endpoint(), tmp_path), *arguments)
     assert code == EXIT_NOT_RUNNING
     assert "no supervisor answers" in errors
@@ -372,7 +372,7 @@ async def test_doctor_distinguishes_a_supervisor_that_hangs_from_another_program
     assert f"it runs (pid {pid}) but does not answer" in problem["what"]
 
 
-def test_records_of_this_machine_say_nothing_about_a_robot_on_another(tmp_path: Path) -> None:
+def test_records_of_this_machine_are_ignored_for_a_robot_on_another(tmp_path: Path) -> None:
     subject = Robot("tcp/robot7.invalid:7447", tmp_path)
     record_path(subject.logs, "robot").touch()
     texts = [in_process(subject, name)[1] for name in ("doctor", "status")]

@@ -41,7 +41,7 @@ def test_a_trial_is_read_as_it_was_written(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("line", ["[]", "{}", "{", TRIAL.line().replace('"number"', '"count"')])
-def test_another_line_is_no_trial(tmp_path: Path, line: str) -> None:
+def test_a_line_that_is_not_a_trial_is_refused(tmp_path: Path, line: str) -> None:
     file = tmp_path / "trials.jsonl"
     file.write_text(f"{line}\n")
     with pytest.raises(DeployError, match="choose another --out"):

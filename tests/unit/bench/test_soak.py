@@ -82,7 +82,7 @@ def test_a_quarter_of_spikes_does_not_move_the_slope() -> None:
     assert theil_sen(times_s, values) == pytest.approx(2.0, rel=0.2)
 
 
-def test_of_very_many_samples_the_slope_is_that_of_evenly_spaced_ones() -> None:
+def test_the_slope_of_very_many_samples_is_that_of_evenly_spaced_ones() -> None:
     times_s = np.arange(0.0, 50_000.0)
     assert theil_sen(times_s, 3.0 * times_s + 1.0) == pytest.approx(3.0)
 
@@ -104,7 +104,9 @@ def test_what_grows_during_the_warm_up_alone_does_not_count() -> None:
     ("duration_s", "expected_s"),
     [(30.0, 5.0), (1800.0, 300.0), (3600.0, 600.0), (86400.0, 600.0)],
 )
-def test_the_warm_up_is_a_sixth_but_not_too_long(duration_s: float, expected_s: float) -> None:
+def test_the_warm_up_is_a_sixth_of_the_soak_but_at_most_ten_minutes(
+    duration_s: float, expected_s: float
+) -> None:
     assert warm_up_s(duration_s) == expected_s
 
 

@@ -244,7 +244,7 @@ def test_trials_of_older_code_are_left_out_and_counted(tmp_path: Path) -> None:
     assert "1 trials of older revisions" in (tmp_path / "out.html").read_text()
 
 
-def test_of_many_timelines_the_worst_one_is_found() -> None:
+def test_the_worst_of_many_timelines_is_found() -> None:
     trials = [trial(fault(zero_s=0.001 * (n % 50 + 1)), seed=n, with_timeline=True) for n in range(200)]
     ((campaign,), _) = campaigns(
         [*trials[:60], trial(fault(zero_s=3.0), seed=999, with_timeline=True), *trials[60:]]

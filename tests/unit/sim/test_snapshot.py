@@ -48,7 +48,7 @@ def _future(plant: Plant) -> list[object]:
 
 
 @pytest.mark.parametrize("into", ["itself", "another"])
-def test_after_a_restore_everything_goes_on_bit_for_bit_noise_movers_and_all(into: str) -> None:
+def test_after_a_restore_the_simulation_continues_bit_for_bit(into: str) -> None:
     plant = _driven()
     snapshot = plant.save()
     future = _future(plant)

@@ -92,7 +92,7 @@ def after(keys: str, step: Velocity = DEFAULT_STEP, most: Velocity = DEFAULT_MOS
 
 
 @pytest.mark.parametrize(("there", "back"), ["wx", "xw", "ad", "da"])
-def test_ten_steps_there_and_ten_back_are_exactly_zero(there: str, back: str) -> None:
+def test_ten_steps_and_ten_steps_back_give_exactly_zero(there: str, back: str) -> None:
     velocity = after(there * 10 + back * 10)
     assert velocity.is_neutral
     assert str(velocity) == str(Velocity())

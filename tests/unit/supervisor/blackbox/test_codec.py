@@ -99,7 +99,7 @@ LARGE_VALUES = settings(suppress_health_check=[HealthCheck.too_slow, HealthCheck
 @pytest.mark.parametrize("cls", RECORDED)
 @settings(LARGE_VALUES, max_examples=30)
 @given(data=st.data())
-def test_a_value_comes_back_exactly(cls: type[Any], data: st.DataObject) -> None:
+def test_a_decoded_value_equals_the_encoded_one(cls: type[Any], data: st.DataObject) -> None:
     value = data.draw(values(cls))
     assert_same(there_and_back(cls, value), value)
 
