@@ -95,7 +95,7 @@ class PlainNumpy:
 
 
 KINDS = ("scan", "tick", "numpy", "cold", "cold numpy")
-"""What is timed: a step with and without a scan, the plain numpy code, and a scan step and numpy after `COLD_SLEEP_S` of sleep."""
+"""The timed operations: a step with and without a scan, the plain numpy code, and a scan step and numpy after `COLD_SLEEP_S` of sleep."""
 
 
 @dataclass(frozen=True)

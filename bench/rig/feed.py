@@ -136,7 +136,7 @@ async def feeding(feeds: Iterable[Coroutine[None, None, None]]) -> AsyncGenerato
 
 
 class Stream(Generic[M]):
-    """The messages of a topic, with a way to wait for one."""
+    """The messages of a topic; `next` waits for one."""
 
     def __init__(self, bus: ZenohBus, topic: Topic[M], depth: int = 64) -> None:
         self._wake = asyncio.Event()

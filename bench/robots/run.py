@@ -52,7 +52,7 @@ class Site:
     """The configurations of the supervisors, which dial out to the router."""
 
     def use(self) -> tuple[float, int]:
-        """Return the processor time of the router until now [s], and what it has sent and received on the links that are open."""
+        """Return the processor time of the router until now [s], and the bytes that it has sent and received on the open links."""
         port = self.endpoint.rpartition(":")[2]
         # Each link is counted at the router's side.
         command = ["ss", "-tinH", "state", "established", f"( sport = :{port} )"]

@@ -99,7 +99,7 @@ class ClassFigures:
 
     @property
     def _stopped(self) -> list[Case]:
-        # In real trials, the operator keeps requesting motion, so a zero is a stop, whatever the reason.
+        # In real trials, the operator keeps requesting motion, so a zero is a stop for any reason.
         zero_is_stop = self.mode == "real" and self.bound_s is not None
         return [
             case

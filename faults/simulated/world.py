@@ -75,7 +75,7 @@ class Witness:
 
     Args:
         plant: the robot in its world.
-        scene: what its world was built from.
+        scene: the scene of its world.
     """
 
     def __init__(self, plant: Plant, scene: Scene) -> None:

@@ -73,7 +73,7 @@ def keys_issue(
         option(
             "--role",
             "ROLE",
-            "What it may do: supervisor (the hub), base (wheels and odometry), sensor, operator (drive, stop, reset), "
+            "Permitted role: supervisor (the hub), base (wheels and odometry), sensor, operator (drive, stop, reset), "
             "estop (stop), viewer (read), router (passes messages on). Default: as before, for a name that has a certificate.",
         ),
     ] = None,

@@ -273,7 +273,7 @@ def plot(title: str, times_s: Sequence[float], series: Sequence[Series], *, widt
     """Return a plot as text; the glyphs differ also without colour. Of several series at one place, the last is visible.
 
     Args:
-        title: what is plotted, with its unit.
+        title: the plotted quantity, with its unit.
         times_s: (n,), increasing; the vertical line is at zero.
         series: of n values each.
         width: columns of the whole plot.
@@ -314,7 +314,7 @@ def _at(times_s: Sequence[float], time_s: float) -> int:
 
 
 def _time_axis(first_s: float, last_s: float, stop: int, columns: int) -> str:
-    """Return the first time, zero at the vertical line, and the last time, as far as there is room."""
+    """Return the labels of the time axis: the first time, zero at the vertical line, and the last time. A label without room is left out."""
     axis = [" "] * columns
     labels = [(0, f"{first_s:+.1f} s"), (columns, f"{last_s:+.1f} s"), (stop, "0")]
     for place, label in labels:

@@ -50,7 +50,7 @@ class Sample(NamedTuple):
 
     @property
     def velocities(self) -> tuple[Velocity, Velocity, Velocity | None]:
-        """What is commanded, permitted and measured."""
+        """The commanded, permitted and measured velocities."""
         return self.commanded, self.permitted, self.measured
 
     def to_json(self) -> dict[str, Any]:

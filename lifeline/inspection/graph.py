@@ -124,7 +124,7 @@ def _row(length: int, middle: Sequence[int], wire: Wire | None) -> str:
         cells[at] = "┼" if at in middle and first < at < last else "─"
     source = first if wire.writer is None else middle[wire.writer]
     if wire.writer is not None:
-        cells[source] = "●" if wire.readers else "○"  # nobody reads it
+        cells[source] = "●" if wire.readers else "○"  # without readers
     for reader in wire.readers:
         at = middle[reader]
         if at in (first, last):

@@ -26,7 +26,7 @@ async def test_a_command_source_drives_forward_and_back_and_is_lost_when_it_is_k
     async with robot(tmp_path, teleop=False, config=config) as subject:
 
         async def attempt() -> None:
-            """The source sends zero only in its first second: whatever stops the robot later ends the attempt."""
+            """The source sends zero only in its first second, so any later stop ends the attempt."""
             await subject.until(
                 lambda: "SCAN_STALE" not in subject.status.reasons and bool(subject.travel), "scans"
             )
