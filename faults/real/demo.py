@@ -191,7 +191,7 @@ def _of_trials(trials: Sequence[Trial]) -> list[Verdict]:
         ),
         verdict(
             8,
-            "after each fault, drivable again by neutral alone",
+            "after each fault, drivable by a neutral command alone",
             f"≤ {DRIVABLE_LIMIT_S:g} s",
             f"{ready_s:.1f} s (worst)",
             judged(kept=ready_s <= DRIVABLE_LIMIT_S),
