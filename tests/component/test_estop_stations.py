@@ -321,6 +321,20 @@ async def test_a_required_station_that_leaves_stops_the_robot_and_one_that_is_no
         assert rig.newest_status.detail == "door has left"
 
 
+async def test_a_station_that_leaves_repeats_its_report_until_the_supervisor_confirms_it() -> None:
+    rig = Rig()
+    async with robot(rig):
+        async with station(rig) as door:
+            await rig.pass_time(0.5)
+            to_hub, _ = rig.network.link("door station")
+            to_hub.loss = 1.0
+            door.type("q")
+            await rig.pass_time(0.1)
+            to_hub.loss = 0.0
+            await rig.pass_time(0.2)
+        assert states(rig.newest_status)["door"] == EstopStationStatus.LEFT
+
+
 async def test_a_lost_station_that_is_not_required_is_shown_and_stops_nothing() -> None:
     rig = Rig()
     async with robot(rig, section(gate=False)):
