@@ -18,6 +18,8 @@ WITHOUT_JSON = {
     "ros2 check-base": "its output is that of the ROS 2 process",
     "ros2 profile": "prints an XML file",
     "topic pub": "publishes; it has no result",
+    "teleop": "becomes teleop",
+    "pid": "prints one number",
     "estop": "presses; its result is the exit code",
 }
 
