@@ -39,7 +39,7 @@ ros2: $(ROS2_STAMP) ## create the environment .ros2 with rclpy, in which `python
 run: $(STAMP) ## drive the robot by keyboard; without a terminal, play the demo
 	@if [ -t 0 ] && [ -t 1 ]; then exec .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
 
-test: $(STAMP) ## run the checks and the tests, also with real processes; each commit must pass them (four minutes)
+test: $(STAMP) ## run the checks and the tests, also with real processes; each commit must pass them (seven minutes)
 	$(COMPILE)
 	$(MAKE) --no-print-directory --jobs=2 check unit
 	$(MAKE) --no-print-directory quick
@@ -59,7 +59,7 @@ FOUR_AT_A_TIME := --numprocesses=4 --dist=worksteal --durations=10
 quick: $(STAMP)
 	.venv/bin/pytest tests/system -m "not timed and not demo and not long" $(FOUR_AT_A_TIME)
 
-system: $(STAMP) ## run all system tests that need no idle machine, also the long ones (six minutes)
+system: $(STAMP) ## run all system tests that need no idle machine, also the long ones (seven minutes)
 	.venv/bin/pytest tests/system -m "not timed and not demo" $(FOUR_AT_A_TIME)
 
 N ?= 10
@@ -116,7 +116,7 @@ bench-peers: $(STAMP) $(PEERS_STAMP) ## compare the supervisor with bare relays 
 	@if $(HAS_RCLPY); then $(MAKE) --no-print-directory ros2; fi
 	.venv/bin/python -m bench.peers
 
-bench-robots: $(STAMP) ## measure CPU, gaps and stops of 1 to 30 robots on this machine (six minutes)
+bench-robots: $(STAMP) ## measure CPU, gaps and stops of 1 to 30 robots on this machine (seven minutes)
 	.venv/bin/python -m bench.robots
 
 bench-fleet: $(STAMP) ## measure 1 to 50 robots behind one router on this machine (seven minutes)
