@@ -25,8 +25,6 @@ from wire.bus_config import BusConfig
 from wire.host.command_line import PROGRAM
 from wire.roles import Role
 
-NAMING = ("--config", "--endpoint", "--keys", "--namespace")
-"""Teleop's options that name a robot."""
 TELEOP_LIMIT_S = 4.0
 """Longer than teleop's own shutdown limit of 3 s."""
 
@@ -78,17 +76,10 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool, as_json: bool
                         say("everything is stopped")
 
 
-def become_teleop(arguments: Sequence[str]) -> NoReturn:
-    """Replace this process by teleop, for the running robot unless the arguments name one.
-
-    Raises:
-        DeployError: the record of the running robot is damaged.
-    """
-    is_named = any(argument.partition("=")[0] in NAMING for argument in arguments)
-    running = None if is_named else Launch.running(StateDir.choose(None))
-    command = [sys.executable, "-m", topics.TELEOP] if running is None else running.command(topics.TELEOP)
+def become_teleop(launch: Launch, options: Sequence[str]) -> NoReturn:
+    """Replace this process by teleop for a robot, with more options."""
     environment = os.environ | {PROGRAM: f"lifeline {topics.TELEOP}"}
-    os.execve(command[0], [*command, *arguments], environment)  # noqa: S606 - no shell is needed
+    os.execve(sys.executable, [*launch.command(topics.TELEOP), *options], environment)  # noqa: S606 - no shell is needed
 
 
 def hints(state: StateDir, launch: Launch) -> Iterator[str]:

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import zlib
 from collections.abc import Callable, Generator, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -103,12 +103,15 @@ def appending(out: Path | None, origin: Provenance | None = None) -> Generator[C
         except OSError as error:
             raise DeployError(f"cannot write {out}: {error.strerror}") from error
 
-    with file:
+    try:
+        yield append
+    finally:
         try:
-            yield append
-        finally:
             if unsigned:
                 append(begun.line())
+        finally:
+            with suppress(OSError):  # what cannot be flushed has been reported
+                file.close()
 
 
 def _cut_incomplete_line(file: IO[bytes]) -> None:

@@ -201,7 +201,8 @@ class Launch:
     def drive(self) -> str:
         """The shell command that starts teleop for this robot."""
         options, usual = (launch.command(topics.TELEOP)[3:] for launch in (self, Launch.read(None, None)))
-        return shlex.join(["lifeline", topics.TELEOP, *([] if options == usual else options)])
+        lifeline = Path(sys.executable).with_name("lifeline")
+        return shlex.join([str(lifeline), topics.TELEOP, *([] if options == usual else options)])
 
 
 def _read(

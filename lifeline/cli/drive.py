@@ -96,15 +96,15 @@ def down(*, as_json: ResultJson = False, state_dir: StatePath = None) -> None:
         print_json(stopped)
 
 
-@command(
+@robot_command(
     app,
     context_settings={"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []},
 )
-def teleop(context: typer.Context) -> None:
+def teleop(robot: Robot, *, context: typer.Context) -> None:
     """Drive the running robot by keyboard or gamepad in this terminal. `lifeline teleop --help` lists the options."""
     from deploy.up import become_teleop
 
-    become_teleop(context.args)
+    become_teleop(robot.launch, context.args)
 
 
 @robot_command(app)

@@ -235,7 +235,7 @@ def render(
     as_json: Json = False,
 ) -> None:
     """Render the simulated robot to an image or animation; no display is needed."""
-    require("sim")  # before the renderer is chosen, which must precede MuJoCo's import
+    require("sim")
     from lifeline.render.render import Wanted, render
 
     rendered = render(Wanted(out, scene, hull, camera, size, seconds, fps, drive, caption))

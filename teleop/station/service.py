@@ -100,17 +100,21 @@ class Station:
     async def _leave(self) -> None:
         """Report that the station leaves until a status shows it: on a busy machine, the token's end overtakes the report."""
         loop = asyncio.get_running_loop()
-        end_s = loop.time() + LEAVING_LIMIT_S
-        self._send(loop.time(), leaves=True)
-        while self._bus is not None and not self._has_left() and loop.time() < end_s:
+        began_s = loop.time()
+        end_s = began_s + LEAVING_LIMIT_S
+        self._send(began_s, leaves=True)
+        while self._bus is not None and not self._has_left(began_s) and loop.time() < end_s:
             await woken_by(self._wake, end_s)
             self._wake.clear()
             if self._is_challenged():
                 self._send(loop.time(), leaves=True)
             self._observe()
 
-    def _has_left(self) -> bool:
-        stations = () if self._status is None else self._status[1].estop_stations
+    def _has_left(self, since_s: float) -> bool:
+        """Return whether a status since then shows that the station has left; an earlier one is about an earlier run."""
+        if self._status is None or self._status[0] < since_s:
+            return False
+        stations = self._status[1].estop_stations
         return any(one.name == self._name and one.state == EstopStationStatus.LEFT for one in stations)
 
     def _is_challenged(self) -> bool:

@@ -2,6 +2,7 @@
 
 import gzip
 import re
+import resource
 from collections.abc import Sequence
 from html.parser import HTMLParser
 from pathlib import Path
@@ -334,6 +335,20 @@ def test_an_appended_line_follows_whole_lines_only_and_a_provenance_follows_it(t
 def test_a_file_that_cannot_be_appended_to_is_refused_in_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(DeployError, match=f"cannot write {tmp_path}: Is a directory"), appending(tmp_path):
         pass
+
+
+def test_a_disk_that_is_full_is_one_sentence(tmp_path: Path) -> None:
+    out = tmp_path / "trials.jsonl"
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1024, before[1]))  # the kernel refuses more, as on a full disk
+    try:
+        with (
+            pytest.raises(DeployError, match=f"cannot write {out}: File too large"),
+            appending(out) as append,
+        ):
+            append(2000 * "x")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 def test_where_git_does_not_know_the_commit_stays_empty(monkeypatch: pytest.MonkeyPatch) -> None:
