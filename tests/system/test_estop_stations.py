@@ -362,6 +362,7 @@ async def test_a_second_program_of_one_name_stops_the_robot_by_its_key_but_not_b
             second.type(b"q")
             assert await second.ended() == (0, "")
             assert "e-stop station door has left; it was not heard" in second.output
+        await heard(subject)  # the second's press is shown until the first sends its own released button
         await subject.never(lambda: state(subject) != "heard", "the end of the first", 0.5)
 
 
