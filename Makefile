@@ -39,7 +39,7 @@ ros2: $(ROS2_STAMP) ## create the environment .ros2 with rclpy, in which `python
 run: $(STAMP) ## drive the robot by keyboard; without a terminal, play the demo
 	@if [ -t 0 ] && [ -t 1 ]; then exec .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
 
-test: $(STAMP) ## run the checks and the tests, also with real processes; each commit must pass them (seven minutes)
+test: $(STAMP) ## run the checks and the tests, also with real processes; each commit must pass them (four minutes)
 	$(COMPILE)
 	$(MAKE) --no-print-directory --jobs=2 check unit
 	$(MAKE) --no-print-directory quick
@@ -47,8 +47,9 @@ test: $(STAMP) ## run the checks and the tests, also with real processes; each c
 # No test here depends on the real clock, so one runs on each core.
 IN_PARALLEL := --numprocesses=auto --dist=worksteal
 
+# `coverage` tries more examples of each property.
 unit: $(STAMP)
-	.venv/bin/pytest tests/unit tests/component -m "not proof" $(IN_PARALLEL)
+	.venv/bin/pytest tests/unit tests/component -m "not proof" --hypothesis-profile=quick $(IN_PARALLEL)
 
 component: $(STAMP)
 	.venv/bin/pytest tests/component -m "not proof" $(IN_PARALLEL)

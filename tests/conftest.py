@@ -20,6 +20,8 @@ settings.register_profile(
     derandomize="LIFELINE_RANDOM" not in os.environ,
     phases=[phase for phase in Phase if phase is not Phase.shrink or "LIFELINE_MUTATION" not in os.environ],
 )
+# `make test` tries fewer examples of each property than `make coverage` in .ci/run.
+settings.register_profile("quick", settings.get_profile("lifeline"), max_examples=20)
 settings.load_profile("lifeline")
 
 # Until the tests are collected, all objects stay: looking for garbage among them takes a sixth of the time.

@@ -74,10 +74,9 @@ PRINTING = [
     "doctor",
     "down",
     "fault-report",
-    # Its output has the form of `faults --virtual`.
     pytest.param("faults", marks=pytest.mark.long),
-    "faults --virtual",
-    "render",
+    pytest.param("faults --virtual", marks=pytest.mark.long),
+    pytest.param("render", marks=pytest.mark.long),
     "replay-decision",
     "status",
     "watch --once",
@@ -112,6 +111,7 @@ def test_a_pipe_gets_no_escape_sequences(name: str, files: Files) -> None:
     assert output or errors
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [*PRINTING, *REFUSED, *OTHERS])
 def test_no_color_and_dumb_terminals_are_respected(name: str, files: Files) -> None:
     arguments = arguments_of(name, files)

@@ -15,6 +15,8 @@ from deploy.stack.errors import EXIT_REFUSED
 from lifeline.cli.app import COMPLETED
 from tests.system.harness import PATIENCE_S
 
+pytestmark = pytest.mark.long
+
 COLUMNS = 120
 BIN = Path(sys.executable).parent
 SHELLS = {
@@ -103,9 +105,7 @@ def test_a_shell_that_is_not_known_is_refused_in_a_sentence() -> None:
 
 
 @pytest.mark.timeout(240)
-@pytest.mark.parametrize(
-    "shell", [pytest.param(name, marks=[] if name == "bash" else pytest.mark.long) for name in COMPLETED]
-)
+@pytest.mark.parametrize("shell", COMPLETED)
 def test_tab_completes_commands_options_values_and_files(shell: str, tmp_path: Path) -> None:
     if shutil.which(shell) is None:
         pytest.skip(f"{shell} is not installed")

@@ -302,6 +302,7 @@ def test_up_drives_from_this_terminal_and_takes_everything_down_on_q(
     assert robot.pids() == {}
 
 
+@pytest.mark.long
 def test_a_killed_teleop_leaves_a_screen_that_a_shell_can_use(robot: Robot, terminal: Terminal) -> None:
     _drive(robot, terminal)
     os.kill(robot.pids()["teleop"], signal.SIGKILL)
@@ -315,6 +316,7 @@ def test_a_killed_teleop_leaves_a_screen_that_a_shell_can_use(robot: Robot, term
     assert processes.keepers(robot.state.path) == []
 
 
+@pytest.mark.long
 def test_down_from_another_terminal_ends_a_driving_up(robot: Robot, terminal: Terminal) -> None:
     """By SIGTERM, as a service manager would."""
     _drive(robot, terminal)
@@ -450,6 +452,7 @@ def test_a_ros_2_robot_comes_up_without_a_sim_is_seen_and_goes_down(
     assert robot.pids() == {}
 
 
+@pytest.mark.long
 def test_without_a_sim_only_the_supervisor_starts(robot: Robot) -> None:
     up = robot.run("up", "--detach", "--no-sim")
     assert up.returncode == 0, up.stderr

@@ -271,6 +271,7 @@ async def test_a_station_that_leaves_says_that_it_stops_the_robot(tmp_path: Path
         await until(lambda: door.is_restored)
 
 
+@pytest.mark.long
 async def test_a_supervisor_that_is_killed_during_the_latch_starts_latched(tmp_path: Path) -> None:
     config = config_with(tmp_path, door=True)
     async with robot(tmp_path, config=config) as subject:

@@ -20,6 +20,8 @@ from tests.system.process_state import state_of
 from tests.system.routers import LIFELINE, router
 from wire.roles import ANY, Role
 
+pytestmark = pytest.mark.long
+
 ROBOTS = ("robot1", "robot2")
 WITHIN_S = 60.0
 
@@ -70,7 +72,6 @@ def rows(output: str) -> dict[str, dict[str, Any]]:
     return {row["namespace"]: row for row in map(json.loads, output.splitlines())}
 
 
-@pytest.mark.long
 @pytest.mark.timeout(300)
 def test_a_fleet_is_listed_and_stopped_and_a_robot_that_does_not_answer_is_named(tmp_path: Path) -> None:
     endpoint = free_endpoint()

@@ -24,6 +24,8 @@ from wire import topics
 from wire.zenoh import limits
 from wire.zenoh.bus import BusConfig, open_bus
 
+pytestmark = pytest.mark.long
+
 ATTACKER = Path(__file__).with_name("hub_attacker.py")
 FOR_S = 0.6
 """How long an attack lasts, after it is under way."""

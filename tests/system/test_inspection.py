@@ -308,6 +308,7 @@ def test_a_message_that_the_caller_may_not_publish_is_refused(
     assert words in errors
 
 
+@pytest.mark.long
 async def test_a_source_has_one_publisher_and_one_press_of_the_estop_is_published(tmp_path: Path) -> None:
     async with standing(tmp_path) as subject:
         holder = await start(subject, "topic", "pub", "path/cmd_vel", "{}")
@@ -324,6 +325,7 @@ async def test_a_source_has_one_publisher_and_one_press_of_the_estop_is_publishe
         await subject.until(lambda: "ESTOP" in subject.status.reasons, "the e-stop")
 
 
+@pytest.mark.long
 async def test_published_commands_drive_after_a_zero_and_end_without_a_lost_source(tmp_path: Path) -> None:
     async with standing(tmp_path) as subject:
         for _ in range(3):
@@ -383,6 +385,7 @@ def test_records_of_this_machine_are_ignored_for_a_robot_on_another(tmp_path: Pa
         assert "lifeline up" not in text
 
 
+@pytest.mark.long
 def test_doctor_names_the_program_that_holds_the_port(tmp_path: Path) -> None:
     subject = Robot(free_endpoint(), tmp_path)
     port = int(subject.endpoint.rpartition(":")[2])

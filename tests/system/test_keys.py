@@ -23,6 +23,8 @@ from wire.messages import planar_twist
 from wire.roles import Role
 from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
 
+pytestmark = pytest.mark.long
+
 WITHIN_S = 60.0
 """Time limit for expected events on a loaded machine: a refused client first tries twice, and waits 10 s after a vain attempt."""
 LIFETIME_S = 4.0
@@ -364,7 +366,6 @@ def lifeline(*arguments: object) -> subprocess.CompletedProcess[str]:
     )
 
 
-@pytest.mark.long
 def test_the_commands_make_list_and_revoke_certificates(tmp_path: Path) -> None:
     keys = ["--keys", tmp_path / "keys"]
     early = lifeline("issue", "alice", "--role", "operator", *keys)

@@ -22,6 +22,8 @@ from tests.system.harness import free_endpoint
 from tests.system.process_state import children_of, state_of
 from wire.host.memory_keeper import KEEP_S, NAME, RENEW_S, is_keeper
 
+pytestmark = pytest.mark.long
+
 LIMIT_S = 20.0
 OBJECTS = 2_000_000
 """Some 50 MB of them."""

@@ -19,6 +19,8 @@ from tests.system.systemd import RUNNING, STOPPING, Systemd, end
 from wire import topics
 from wire.host.state_directory import ENVIRONMENT
 
+pytestmark = pytest.mark.long
+
 LIMIT_S = 1.0
 """`WatchdogSec` of the supervisor's unit."""
 PERIOD_S = LIMIT_S / 4

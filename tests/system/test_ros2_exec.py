@@ -18,6 +18,8 @@ from wire import topics
 from wire.bus import Inbox, LivelinessChange
 from wire.topics import EXEC_SUFFIX
 
+pytestmark = pytest.mark.long
+
 TOKEN = f"joy{EXEC_SUFFIX}"
 RUNNING = "import signal, sys, time; print('running', flush=True); "
 SLEEPS = RUNNING + "time.sleep(60)"

@@ -27,6 +27,8 @@ from wire.roles import ANY, Role
 from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
 from wire.zenoh.router import RouterConfig, region_name, settings
 
+pytestmark = pytest.mark.long
+
 WITHIN_S = 30.0
 SETTLED_S = 0.5
 """How long nothing must arrive that is refused; what is allowed arrives within milliseconds."""

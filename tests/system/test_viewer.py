@@ -22,6 +22,7 @@ from tests.system.xserver import XVFB, XServer, x_server
 from wire import topics
 
 pytestmark = [
+    pytest.mark.long,
     pytest.mark.skipif(XVFB is None, reason="there is no Xvfb: apt install xvfb"),
     pytest.mark.timeout(150),
 ]
