@@ -132,12 +132,13 @@ docs: $(STAMP) ## update the generated parts and the drawings of README.md and d
 	.venv/bin/python -m docs.generate.commands
 	.venv/bin/python -m docs.generate.draw_safety_law
 	.venv/bin/python -m docs.generate.draw_dashboard
-	.venv/bin/python -m docs.generate.draw_lab
+	.venv/bin/python -m docs.generate.draw_lab --out docs/images
 	.venv/bin/python -m docs.generate.crash_safety
 	.venv/bin/python -m docs.generate.readme
 	.venv/bin/python -m docs.generate.draw_crash_safety
 	.venv/bin/python -m docs.generate.draw_robots
 	.venv/bin/python -m docs.generate.fleet
+	.venv/bin/python -m docs.generate.lab
 	.venv/bin/python -m docs.generate.link
 	.venv/bin/python -m docs.generate.draw_link
 

@@ -1,8 +1,9 @@
-"""Draws the four screenshots of docs/lab.md: `python -m docs.generate.draw_lab`.
+"""Draws three screenshots of docs/lab.md: `python -m docs.generate.draw_lab [--out DIR]`.
 
 A robot with a state directory of its own runs, its keys are pressed, and the commands are typed into a shell.
 """
 
+import argparse
 import asyncio
 import copy
 import os
@@ -22,7 +23,8 @@ from docs.generate.terminal_picture import draw
 from wire.host.state_directory import ENVIRONMENT
 
 ROOT = Path(__file__).parents[2]
-IMAGES = ROOT / "docs" / "images"
+REPORT = Path("lab-report")
+"""The student's folder."""
 LIFELINE = ".venv/bin/lifeline"
 TELEOP_SIZE, SHELL_SIZE = (112, 31), (84, 40)
 """Columns and rows."""
@@ -87,25 +89,23 @@ class Screen:
         return [row.rstrip() for row in self.screen.display]
 
 
-async def take_screens(endpoint: str) -> dict[str, pyte.Screen]:
-    """Do the lab's steps, and return the screens by the names of their pictures; the graph draws itself.
+async def take_screens(endpoint: str, graph: Path) -> dict[str, pyte.Screen]:
+    """Do the lab's steps, and return the screens by the names of their pictures.
 
     None is drawn on the way: teleop stops the robot when its terminal is not read for half a second.
 
+    Args:
+        endpoint: of the running robot.
+        graph: the file for the graph, which `lifeline graph` draws.
+
     Raises:
+        CalledProcessError: the graph was not drawn.
         TimeoutError: a step did not end as expected.
     """
     screens: dict[str, pyte.Screen] = {}
     operator = Screen(*TELEOP_SIZE)
     with teleop(operator.terminal, "--endpoint", endpoint):
         await operator.until_shows("READY")
-        with shell() as rates:
-            await rates.run(
-                f"{LIFELINE} node list",
-                f"{LIFELINE} topic hz scan odom cmd_vel --seconds 4",
-                f"{LIFELINE} topic delay scan odom cmd_vel --seconds 2",
-            )
-            screens["lab-rates.png"] = rates.screen
         with shell() as echo:
             await echo.run(f"{LIFELINE} topic pub sim/obstacle '{PILLAR}' --once")
             operator.terminal.type("www")
@@ -120,8 +120,7 @@ async def take_screens(endpoint: str) -> dict[str, pyte.Screen]:
                 f"{LIFELINE} topic echo cmd_vel --once --field linear.x",
             )
             screens["lab-echo.png"] = echo.screen
-        with shell() as graph:
-            await graph.run(f"{LIFELINE} graph --out {IMAGES / 'lab-graph.png'}")
+        await asyncio.to_thread(subprocess.run, [LIFELINE, "graph", "--out", str(graph)], check=True)
     return screens
 
 
@@ -136,6 +135,21 @@ def shell() -> Generator[Screen]:
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(
+        prog="python -m docs.generate.draw_lab", description="Draw screenshots of docs/lab.md."
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=REPORT,
+        metavar="DIR",
+        help=f"write the pictures to this directory (default: {REPORT})",
+    )
+    out: Path = parser.parse_args().out.resolve()
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        parser.error(f"cannot create the directory {out}: {error.strerror}; choose another one with --out")
     endpoint = free_loopback_endpoint()
     with tempfile.TemporaryDirectory() as folder:
         os.environ[ENVIRONMENT] = folder
@@ -143,11 +157,15 @@ def main() -> None:
         lifeline = (sys.executable, "-m", "lifeline.cli.app")
         try:
             subprocess.run([*lifeline, "up", "--detach", "--no-viewer", "--endpoint", endpoint], check=True)
-            screens = asyncio.run(take_screens(endpoint))
+            screens = asyncio.run(take_screens(endpoint, out / "lab-graph.png"))
+        except TimeoutError as error:
+            sys.exit(
+                f"{error}\nA step of the lab did not end as expected: close other programs and try again."
+            )
         finally:
             subprocess.run([*lifeline, "down"], check=True)
     for name, screen in screens.items():
-        draw(screen, IMAGES / name)
+        draw(screen, out / name)
 
 
 if __name__ == "__main__":

@@ -23,6 +23,8 @@ PROMPT = "your command: "
 DRIVE_TRIES = 4
 LATE_S = 3.0
 """A robot that rests this long after the keys has been stopped."""
+BARS = str.maketrans(dict.fromkeys("─━╾╼┼", " "))
+"""The drawing between the numbers of a row of teleop's screen."""
 
 
 def _exist() -> bool:
@@ -76,13 +78,13 @@ class Shell(Operator):
         pytest.fail(f"the screen does not show {texts}")
 
     def _shows(self, *texts: str) -> bool:
-        picture = " ".join(self.picture.split())
+        picture = " ".join(self.picture.translate(BARS).split())
         return all(text in picture for text in texts)
 
     def _is_at_rest(self) -> bool:
         return self._shows("STOPPED") or self._shows("READY")
 
-    async def elsewhere(self, line: str) -> tuple[int, str]:
+    async def elsewhere(self, line: str, limit_s: float = COMMAND_LIMIT_S) -> tuple[int, str]:
         """Run a line in a second terminal of the same namespaces; return its exit code and output."""
         (bash,) = children_of(self.process.pid)
         there = f"cd {shlex.quote(str(self._directory))} && {line}"  # nsenter begins at the root
@@ -92,7 +94,7 @@ class Shell(Operator):
             stderr=asyncio.subprocess.STDOUT,
             env=os.environ | {ENVIRONMENT: str(self._state_dir)},
         )
-        output, _ = await asyncio.wait_for(process.communicate(), COMMAND_LIMIT_S)
+        output, _ = await asyncio.wait_for(process.communicate(), limit_s)
         assert process.returncode is not None
         return process.returncode, output.decode()
 

@@ -8,7 +8,7 @@ from types import ModuleType
 
 import pytest
 
-from docs.generate import access, commands, fleet, link, readme, safety_law
+from docs.generate import access, commands, fleet, lab, link, readme, safety_law
 from supervisor.config import SupervisorSection
 from wire.reasons import StopReason
 
@@ -34,7 +34,7 @@ def test_the_generated_parts_of_the_safety_law_are_up_to_date() -> None:
 
 
 @pytest.mark.parametrize(
-    "generator", [access, commands, fleet, link, readme], ids=lambda one: one.DOCUMENT.stem
+    "generator", [access, commands, fleet, lab, link, readme], ids=lambda one: one.DOCUMENT.stem
 )
 def test_the_generated_parts_of_a_document_are_up_to_date(generator: ModuleType) -> None:
     """`make docs` regenerates them."""
