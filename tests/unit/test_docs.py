@@ -8,7 +8,7 @@ from types import ModuleType
 
 import pytest
 
-from docs.generate import access, commands, fleet, lab, link, readme, safety_law
+from docs.generate import access, commands, draw_lab, fleet, lab, link, readme, safety_law
 from supervisor.config import SupervisorSection
 from wire.reasons import StopReason
 
@@ -40,6 +40,16 @@ def test_the_generated_parts_of_a_document_are_up_to_date(generator: ModuleType)
     """`make docs` regenerates them."""
     text = generator.DOCUMENT.read_text()
     assert generator.regenerated(text) == text
+
+
+def test_a_folder_for_the_labs_screenshots_that_cannot_be_created_is_refused_before_a_robot_starts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setattr("sys.argv", ["draw_lab", "--out", str(tmp_path / "file/lab-report")])
+    with pytest.raises(SystemExit, match="2"):
+        draw_lab.main()
+    assert "Not a directory; choose another one with --out" in capsys.readouterr().err
 
 
 def test_the_readme_has_at_most_900_words() -> None:
