@@ -71,7 +71,7 @@ def measure(out: Path, trials: int) -> int:
                             done.append(trial)
                             append(trial.line())
                             print(trial.line(), flush=True)
-                except (AssertionError, TimeoutError, pexpect.ExceptionPexpect) as error:
+                except (AssertionError, pexpect.ExceptionPexpect) as error:
                     failed += 1
                     progress(f"not run: {setup}: {error}\n{last_words(Path(logs))}")
     print(markdown(done))

@@ -19,6 +19,7 @@ import pexpect
 from bench.ros2_crash.trial import LIMIT_S, SPEED_M_S, Case, Fault, Setup, Teleop, Trial
 from faults.real.rig.cable import Cable
 from ros2.environment import dds_variables
+from sim.config import DEFAULT
 from tests.ros2.host import ROS_PYTHON, Host, Line, Peer, ros_domain
 from tests.ros2.keyboards import LAB_TELEOP, pressing, upstream_teleop
 from tests.system.ports import free_endpoint
@@ -108,8 +109,8 @@ def program_of(teleop: Teleop) -> tuple[str, ...] | None:
 
 
 @contextmanager
-def stage(setup: Setup, logs: Path) -> Generator[Stage]:
-    """Start the robot, and end it.
+def stage(setup: Setup, logs: Path, scene: str = DEFAULT) -> Generator[Stage]:
+    """Start the robot in a scene of the simulator, and end it.
 
     Raises:
         AssertionError: a process does not start.
@@ -134,7 +135,7 @@ def stage(setup: Setup, logs: Path) -> Generator[Stage]:
         timeout = "none" if setup.robot.timeout_s is None else str(setup.robot.timeout_s)
         robot = here.start("sim_robot", "--endpoint", endpoint, "--timeout", timeout)
         observer = here.start("observer", "--odom", "odom/truth")
-        here.start_node("sim", "--endpoint", endpoint, "--no-viewer", "--no-moving")
+        here.start_node("sim", "--endpoint", endpoint, "--scene", scene, "--no-viewer", "--no-moving")
         if setup.lifeline:
             _start_lifeline(here, setup, logs)
         robot.ready()
@@ -160,37 +161,43 @@ def _start_lifeline(host: Host, setup: Setup, logs: Path) -> None:
     host.run("ros2", [str(ROS_PYTHON), "-m", "ros2", *options], host.variables)
 
 
+@contextmanager
+def at_speed(
+    made: Stage, terminal: "pexpect.spawn[str]", teleop: Teleop, keys: str, speed_m_s: float
+) -> Generator[None]:
+    """Press the keys until the robot drives at this speed; a key to be held is held until the block ends.
+
+    Raises:
+        AssertionError: the robot does not drive.
+    """
+    observer = made.observer
+    for number in range(1, DRIVE_TRIES + 1):
+        terminal.send(STOP_KEYS[teleop])
+        time.sleep(BETWEEN_KEYS_S)
+        with pressing(terminal, keys, then=HELD_KEYS[teleop]):
+            try:
+                observer.until(
+                    lambda line: line.get("topic") == "odom" and line["v"] > 0.95 * speed_m_s,
+                    f"{speed_m_s} m/s",
+                    after=len(observer.lines),
+                    within_s=DRIVE_LIMIT_S,
+                )
+            except AssertionError:
+                if number == DRIVE_TRIES:
+                    raise
+                continue  # DDS had not found the robot yet, or the supervisor was not ready
+            yield
+            return
+
+
 def run(made: Stage, case: Case, number: int, moments: random.Random) -> Trial:
-    """Run one trial.
+    """Press the keys, inject the fault at speed, and measure.
 
     Raises:
         AssertionError: a process does not start, or the robot does not drive.
     """
-    with made.operator(case.teleop) as terminal:
-        for _ in range(DRIVE_TRIES - 1):
-            try:
-                return _drive_and_measure(made, terminal, case, number, moments)
-            except TimeoutError:
-                continue  # DDS had not found the robot yet, or the supervisor was not ready
-        return _drive_and_measure(made, terminal, case, number, moments)
-
-
-def _drive_and_measure(
-    made: Stage, terminal: "pexpect.spawn[str]", case: Case, number: int, moments: random.Random
-) -> Trial:
-    """Press the keys, inject the fault at speed, and measure.
-
-    Raises:
-        TimeoutError: the robot does not drive.
-    """
-    observer = made.observer
-    terminal.send(STOP_KEYS[case.teleop])
-    time.sleep(BETWEEN_KEYS_S)
-    with pressing(terminal, DRIVE_KEYS[case.teleop], then=HELD_KEYS[case.teleop]):
-        try:
-            observer.until(_drives, f"{SPEED_M_S} m/s", after=len(observer.lines), within_s=DRIVE_LIMIT_S)
-        except AssertionError as error:
-            raise TimeoutError(str(error)) from error
+    observer, teleop = made.observer, case.teleop
+    with made.operator(teleop) as terminal, at_speed(made, terminal, teleop, DRIVE_KEYS[teleop], SPEED_M_S):
         time.sleep(moments.uniform(0.0, MOMENTS_S))
         begin = len(observer.lines)
         begin_ns = time.monotonic_ns()
@@ -202,14 +209,9 @@ def _drive_and_measure(
                 after=begin,
                 within_s=LIMIT_S,
             )
-    from_ns = begin_ns - BEFORE_NS
-    return _measured(
-        case, number, observer.of("odom", from_ns=from_ns), observer.of("cmd_vel", from_ns=from_ns), begin_ns
-    )
-
-
-def _drives(line: Line) -> bool:
-    return line.get("topic") == "odom" and line["v"] > 0.95 * SPEED_M_S
+        from_ns = begin_ns - BEFORE_NS
+        travel, commands = observer.of("odom", from_ns=from_ns), observer.of("cmd_vel", from_ns=from_ns)
+        return _measured(case, number, travel, commands, begin_ns)
 
 
 def _rests(line: Line) -> bool:

@@ -15,7 +15,7 @@ from geometry_msgs.msg import Twist
 from rclpy.node import Node
 
 LINEAR_STEP_M_S, ANGULAR_STEP_RAD_S = 0.1, 0.2
-MAX_LINEAR_M_S, MAX_ANGULAR_RAD_S = 0.5, 2.0
+MAX_LINEAR_M_S, MAX_ANGULAR_RAD_S = 1.0, 2.0
 PERIOD_S = 0.1
 
 
