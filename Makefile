@@ -162,7 +162,7 @@ fifth: $(STAMP) ## the same with a fifth of the mutants, another one after each 
 
 picture: $(STAMP) ## render the warehouse and the animation again (a few minutes)
 	.venv/bin/python -m docs.generate.draw_warehouse
-	.venv/bin/python -m docs.generate.draw_animation
+	.venv/bin/python -m docs.generate.draw_crash_animation
 
 $(STAMP): uv.lock pyproject.toml | $(OWN_UV)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \

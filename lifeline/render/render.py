@@ -97,15 +97,13 @@ def render(wanted: Wanted) -> Rendered:
     return Rendered(str(wanted.out), wanted.frames, width, height, wanted.out.stat().st_size)
 
 
-def film(wanted: Wanted, width: int, height: int, view: View | None = None, *, pillar: bool = True) -> None:
+def film(wanted: Wanted, width: int, height: int) -> None:
     """Simulate the drive, render its frames, and write the file.
 
     Args:
         wanted: The options; their numbers are within bounds.
         width: In pixels.
         height: In pixels.
-        view: Replaces `wanted.camera` if given.
-        pillar: Whether to place the pillar ahead of a driven robot.
 
     Raises:
         DeployError: An option is invalid; nothing has been written.
@@ -114,8 +112,8 @@ def film(wanted: Wanted, width: int, height: int, view: View | None = None, *, p
     try:
         refuse_bad_output(wanted.out, width, height, wanted.frames)
         plant = _plant(wanted)
-        seen_from = view or view_of(plant, wanted.camera, width / height)
-        if wanted.drive and pillar:
+        seen_from = view_of(plant, wanted.camera, width / height)
+        if wanted.drive:
             _put_pillar(plant)
         samples = _PICTURE_SAMPLES if wanted.frames == 1 else _ANIMATION_SAMPLES
         with Studio(plant, width, height, samples) as studio:

@@ -8,7 +8,9 @@ from types import ModuleType
 
 import pytest
 
-from docs.generate import access, commands, draw_lab, fleet, lab, link, readme, safety_law
+from docs.generate import access, commands, draw_crash_animation, draw_lab, fleet, lab, link, readme, safety_law
+from sim.config import Build
+from sim.plant import Plant
 from supervisor.config import SupervisorSection
 from wire.reasons import StopReason
 
@@ -54,6 +56,24 @@ def test_a_folder_for_the_labs_screenshots_that_cannot_be_created_is_refused_bef
 
 def test_the_readme_has_at_most_900_words() -> None:
     assert len((ROOT / "README.md").read_text().split()) <= 900
+
+
+def test_in_the_film_of_the_readme_only_the_robot_without_lifeline_hits_the_rack() -> None:
+    """Both are killed at the same place and speed, far from the rack: the stop is due to SIGKILL only."""
+    film = draw_crash_animation
+    drives, plant = film.read(), Plant(film.SCENE, options=Build())
+    alone, supervised = drives[film.ALONE], drives[film.LIFELINE]
+    for one in drives.values():
+        killed = one.at(0.0)
+        assert killed.x_m == pytest.approx(film.KILL_X_M, abs=0.05)
+        assert killed.speed_m_s == pytest.approx(film.SPEED_M_S, abs=0.01)
+    crash, rest = film.hit(plant, alone), film.standstill(supervised)
+    assert crash.words == "hit the rack at 0.8 m/s"
+    assert alone.distance_m(crash.time_s) > 2.0
+    assert supervised.distance_m(rest.time_s) < 0.3
+    assert max(abs(pose.speed_m_s) for pose in supervised.poses if pose.time_s > rest.time_s) < 0.005
+    with pytest.raises(ValueError, match="hit nothing"):
+        film.hit(plant, supervised)
 
 
 @pytest.mark.parametrize("reason", StopReason)

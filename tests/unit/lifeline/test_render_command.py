@@ -11,7 +11,6 @@ import pytest
 from PIL import Image
 
 from deploy.stack.errors import DeployError
-from docs.generate.draw_animation import WANTED
 from lifeline.render.rehearsal import Operator, Rehearsal
 from lifeline.render.render import Wanted, parse_size, render, supervisor_for
 from sim.config import Build, Hull
@@ -73,17 +72,6 @@ def test_a_rehearsal_is_the_same_each_time() -> None:
     (one, first, _), (other, second, _) = (rehearsed(Hull.ROUND, seconds=3.0) for _ in range(2))
     assert one.true_pose == other.true_pose
     assert [shown[:4] for shown in first] == [shown[:4] for shown in second]
-
-
-def test_the_animation_of_the_readme_still_shows_its_story() -> None:
-    """The robot follows someone, slows, rests at 30 cm and backs out; `python -m docs.generate.draw_animation` films it."""
-    plant = Plant(WANTED.scene, options=Build(moving=True))
-    rehearsal = Rehearsal(plant, Operator(), supervisor_for(plant))
-    moments = list(rehearsal.play(WANTED.seconds, 10.0))
-    modes = [mode for mode, _ in itertools.groupby(shown.mode for shown in moments)]
-    assert modes == [Mode.READY, Mode.DRIVING, Mode.LIMITED, Mode.STOPPED, Mode.DRIVING, Mode.READY]
-    assert min(shown.nearest_m for shown in moments) == pytest.approx(0.30, abs=0.01)
-    assert plant.collisions == 0
 
 
 @needs_gl
