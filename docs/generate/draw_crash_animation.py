@@ -32,7 +32,8 @@ from sim.config import Build
 from sim.gl import NoGlError, choose
 from sim.plant import Plant
 from sim.render import Studio, View
-from sim.video import Pixels, write
+from sim.video import OutputError, Pixels, write
+from tests.ros2.host import ROS_PYTHON
 
 SCENE = Path(__file__).with_name("crash.toml")
 DRIVES = FOLDER / "crash_film.jsonl"
@@ -244,13 +245,16 @@ def main() -> int:
     """Write the picture; return 1 with one sentence on stderr if that is not possible."""
     parser = argparse.ArgumentParser(prog="python -m docs.generate.draw_crash_animation")
     parser.add_argument("--drive", action="store_true", help="measure both drives again; needs `make ros2`")
+    options = parser.parse_args()
+    if options.drive and not ROS_PYTHON.exists():
+        parser.error("--drive needs the environment .ros2: run `make ros2`")
     try:
-        if parser.parse_args().drive:
+        if options.drive:
             measure()
         choose()
         write(IMAGE, frames(read()), FPS)
-    except (AssertionError, NoGlError) as error:
-        print(f"The animation cannot be drawn: {error}.", file=sys.stderr)
+    except (AssertionError, NoGlError, OutputError) as error:
+        print(f"The animation cannot be drawn: {str(error).rstrip('.')}.", file=sys.stderr)
         return 1
     return 0
 
