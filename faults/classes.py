@@ -11,7 +11,7 @@ from dataclasses import KW_ONLY, dataclass
 from enum import Flag, StrEnum, auto
 from functools import partial
 
-from faults.promises import Kind
+from faults.promises import KILL_LIMIT_S, Kind
 
 TICK_S = 0.02
 """The supervisor's tick period."""
@@ -19,8 +19,6 @@ COMMAND_TIMEOUT_S = 0.2
 SCAN_TIMEOUT_S = 0.25
 """The promised limit; the supervisor's own limit is a little lower, so that zero is sent in time."""
 BASE_TIMEOUT_S = 0.15
-KILL_BOUND_S = 0.010
-"""From a process's death to its detection."""
 
 ODOM_TIMEOUT_S = 0.3
 """Maximum age of odometry while the robot drives."""
@@ -87,6 +85,7 @@ class FaultClass:
     detectors: tuple[str, ...] = ()
     """The stop reasons that may detect it; those of the base itself begin with `base: `. Empty: no detection is required."""
     bound_s: float | None = None
+    """Of each stop; `KILL_LIMIT_S` is that of the 95 % quantile."""
     effect: Effect = Effect.NONE
     target: str = ""
     """The affected process; empty: none in particular."""
@@ -112,13 +111,13 @@ CUT = Effect.TELEOP_SILENT
 FOREIGN = Effect.SPEAKS_AS_TELEOP
 
 _teleop = partial(FaultClass, group=Group.TELEOP, target="teleop")
-_teleop_ends = partial(_teleop, promise=2, detectors=GONE, bound_s=KILL_BOUND_S, effect=Effect.TELEOP_ENDS)
+_teleop_ends = partial(_teleop, promise=2, detectors=GONE, bound_s=KILL_LIMIT_S, effect=Effect.TELEOP_ENDS)
 _teleop_fails = partial(_teleop, promise=2, detectors=GONE, effect=CUT, virtual=False)
 _teleop_hangs = partial(_teleop, promise=3, bound_s=SILENT_BOUND_S, effect=CUT)
 _supervisor = partial(
     FaultClass, group=Group.SUPERVISOR, target="supervisor", promise=4, detectors=BASE_ALONE
 )
-_supervisor_ends = partial(_supervisor, bound_s=KILL_BOUND_S, effect=Effect.SUPERVISOR_ENDS)
+_supervisor_ends = partial(_supervisor, bound_s=KILL_LIMIT_S, effect=Effect.SUPERVISOR_ENDS)
 _supervisor_hangs = partial(
     _supervisor, bound_s=HUNG_BASE_BOUND_S, effect=Effect.SUPERVISOR_SILENT | Effect.BASE_HOLDS
 )
@@ -246,7 +245,7 @@ CLASSES = (
         "teleop's token disappears and returns within 2 ms",
         promise=7,
         detectors=("SOURCE_LOST",),
-        bound_s=KILL_BOUND_S,
+        bound_s=KILL_LIMIT_S,
         effect=Effect.TELEOP_ENDS,
         real=False,
     ),

@@ -9,13 +9,12 @@ from faults.classes import (
     BLIND_BOUND_S,
     BY_NAME,
     COMMAND_TIMEOUT_S,
-    KILL_BOUND_S,
     SCAN_TIMEOUT_S,
     SILENT_BOUND_S,
     TICK_S,
     Effect,
 )
-from faults.promises import Demand, Kind
+from faults.promises import KILL_MEDIAN_S, Demand, Kind
 from wire import topics
 
 LEEWAY_S = 0.005
@@ -42,9 +41,9 @@ class _Window(NamedTuple):
 
 FOLLOWS = {
     Effect.BLIND: _Window(Kind.ZERO, 5, BLIND_BOUND_S),
-    Effect.TELEOP_ENDS: _Window(Kind.ZERO, 2, KILL_BOUND_S),
+    Effect.TELEOP_ENDS: _Window(Kind.ZERO, 2, KILL_MEDIAN_S),
     Effect.TELEOP_SILENT: _Window(Kind.ZERO, 3, SILENT_BOUND_S),
-    Effect.SUPERVISOR_ENDS: _Window(Kind.BRAKE, 4, KILL_BOUND_S),
+    Effect.SUPERVISOR_ENDS: _Window(Kind.BRAKE, 4, KILL_MEDIAN_S),
     Effect.SUPERVISOR_SILENT: _Window(Kind.BRAKE, 4, BASE_TIMEOUT_S + TICK_S),
 }
 """The demand of each effect, unless another fault masks it."""

@@ -24,8 +24,9 @@ from bench.soak import Sample, judge, warm_up_s
 from deploy.stack.errors import DeployError
 from docs.generate import sections
 from faults.classes import BY_NAME
+from faults.promises import PROMISES
 from faults.report.figures import Campaign, ClassFigures, Spread
-from faults.report.page import FEW, percent, read_campaigns, verdict
+from faults.report.page import percent, read_campaigns, verdict
 from faults.report.statistics import upper_rate
 from faults.trial import Provenance
 
@@ -69,29 +70,28 @@ def answer(campaign: Campaign | None) -> str:
     if campaign is None or found is None or found.stop is None:
         return _missing("real")
     reasons = ", ".join(f"`{name}` {count} times" for name, count in found.detectors)
+    which = "longest" if found.stop.limit is None else "upper 95 % limit of the 95 % quantile"
     lines = [
-        f"**Measured** with {found.stop.number:,} kills (SIGKILL) of a real teleop while the robot drove:",
+        f"**Promised**: {PROMISES[2]}.",
         "",
-        (
-            f"* zero on `cmd_vel` after {_times(found.stop)}; {found.late} of {found.stop.number} took longer than "
-            f"{1000 * (found.bound_s or 0.0):.0f} ms. Detected by {reasons}."
-        ),
+        f"**Measured** with SIGKILL of a real teleop while the robot drove, median and {which} (n = {found.stop.number:,}):",
+        "",
+        f"* zero on `cmd_vel` after {_pair(found.stop, 1000, '.1f', 'ms')}. Detected by {reasons}.",
     ]
     if found.wheels is not None:
-        lines.append(f"* zero wheel command after {_times(found.wheels)}.")
+        lines.append(f"* zero wheel command after {_pair(found.wheels, 1000, '.1f', 'ms')}.")
     if found.standstill is not None and found.distance is not None:
-        lines.append(
-            f"* the robot stops within {found.standstill.median:.2f} s (median), {found.standstill.worst:.2f} s (longest), "
-            f"and within {100 * found.distance.worst:.0f} cm (longest)."
-        )
+        stands = _pair(found.standstill, 1, ".2f", "s")
+        lines.append(f"* standstill after {stands}, and after {_pair(found.distance, 100, '.0f', 'cm')}.")
     broken = f"{found.broken} of them" if found.broken else "none"
     lines.append(f"* broken promises: {broken} ({_at_most(found)}).")
     return "\n".join([*lines, "", *_origin(campaign)]).rstrip()
 
 
-def _times(found: Spread) -> str:
-    p99 = f"{1000 * found.p99:.1f} ms (p99), " if found.number >= FEW else ""
-    return f"{1000 * found.median:.1f} ms (median), {p99}{1000 * found.worst:.1f} ms (longest)"
+def _pair(found: Spread, factor: float, digits: str, unit: str) -> str:
+    """Return the median and the limit; without a limit, the longest."""
+    upper = found.worst if found.limit is None else found.limit
+    return f"{factor * found.median:{digits}} and {factor * upper:{digits}} {unit}"
 
 
 def _at_most(found: ClassFigures) -> str:
@@ -109,7 +109,7 @@ def table(mode: str, campaign: Campaign | None) -> str:
         *_origin(campaign),
         verdict(campaign),
         "",
-        "| fault | what is done | n | detected by | bound | p50 | p99 | longest | late | distance | nearest | broken |",
+        "| fault | what is done | n | detected by | bound | p50 | limit | longest | late | distance | nearest | broken |",
         "|---|---|--:|---|--:|--:|--:|--:|--:|--:|--:|--:|",
         *(_row(one) for one in campaign.classes()),
     ]
@@ -140,9 +140,9 @@ def _row(one: ClassFigures) -> str:
         "" if known is None else f"{known.does}{target}",
         f"{len(one.cases):,}",
         _detectors(one),
-        "" if one.bound_s is None else f"{1000 * one.bound_s:.0f}",
+        one.bound_ms,
         "" if stop is None else f"{1000 * stop.median:.1f}",
-        "" if stop is None or stop.number < FEW else f"{1000 * stop.p99:.1f}",
+        "" if stop is None or stop.limit is None else f"{1000 * stop.limit:.1f}",
         "" if stop is None else f"{1000 * stop.worst:.1f}",
         "" if stop is None or one.bound_s is None else f"{one.late} of {stop.number}",
         "" if distance is None else f"{100 * distance.worst:.0f}",

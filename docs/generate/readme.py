@@ -8,9 +8,9 @@ The parts between `<!-- NAME: generated -->` and `<!-- /NAME -->` are
 `--check` writes nothing and fails if a part is out of date; tests/unit/test_docs.py does the same.
 """
 
+import math
 import re
 import sys
-from collections.abc import Iterable
 
 import numpy as np
 
@@ -21,28 +21,19 @@ from bench.ros2_crash.trial import read as read_ros2
 from bench.soak import Sample
 from docs.generate import sections
 from docs.generate.crash_safety import ROS2, SOAK, result
-from faults.report.figures import Campaign
-from faults.report.statistics import quantile, upper_quantile
+from faults.report.figures import Campaign, Spread
 
 DOCUMENT = sections.ROOT / "README.md"
 BENCH, ROS2_PAGE = sections.ROOT / "docs/bench.md", sections.ROOT / "docs/ros2.md"
 KILL = "teleop_sigkill"
-SHARE = 0.95
-"""The quantile whose upper limit is given."""
 
 
 def stop(campaign: Campaign | None) -> str:
     """Return how long and how far a robot moves after SIGKILL of teleop, and what happens without Lifeline."""
     found = None if campaign is None else campaign.find(KILL)
-    if campaign is None or found is None:
+    if campaign is None or found is None or not (found.stop and found.standstill and found.distance):
         return "Not measured yet: `make campaign`."
-    zero_ms, zero_limit_ms = _limited([1000 * case.stop_s for case in found.stops if case.stop_s is not None])
-    still_s, still_limit_s = _limited(
-        [case.fault.to_standstill_s for case in found.stops if case.fault.to_standstill_s is not None]
-    )
-    moved_cm, moved_limit_cm = _limited(
-        [100 * case.fault.distance_m for case in found.stops if case.fault.distance_m is not None]
-    )
+    zero_s, still_s, moved_m = found.stop, found.standstill, found.distance
     runs = [
         one.machine for one in campaign.provenances if "--classes" not in one.command or KILL in one.command
     ]
@@ -53,19 +44,17 @@ def stop(campaign: Campaign | None) -> str:
     ]
     stopped = sum(one.standstill_s is not None for one in without)
     return (
-        f"**Measured:** from SIGKILL of teleop, the commanded velocity is zero after {zero_ms:.1f} ms, and the robot stands still "
-        f"after {still_s:.2f} s and {moved_cm:.0f} cm (medians, n = {len(found.stops)}).\n"
-        f"Upper 95 % confidence limits of the 95 % quantiles: {zero_limit_ms:.1f} ms, {still_limit_s:.2f} s and "
-        f"{moved_limit_cm:.0f} cm.\nReal processes, simulated wheels, {runs[0].partition(',')[0]}, {sections.load_of(runs)}. "
+        f"**Measured:** from SIGKILL of teleop, the commanded velocity is zero after {1000 * zero_s.median:.1f} ms, and the robot stands still "
+        f"after {still_s.median:.2f} s and {100 * moved_m.median:.0f} cm (medians, n = {len(found.stops)}).\n"
+        f"Upper 95 % confidence limits of the 95 % quantiles: {_limit(zero_s, 1000):.1f} ms, "
+        f"{_limit(still_s):.2f} s and {_limit(moved_m, 100):.0f} cm.\nReal processes, simulated wheels, {runs[0].partition(',')[0]}, {sections.load_of(runs)}. "
         f"Without Lifeline, a robot that keeps its last command stopped within {LIMIT_S:.0f} s in {stopped} of {len(without)} "
         "trials."
     )
 
 
-def _limited(values: Iterable[float]) -> tuple[float, float]:
-    """Return the median, and the upper limit of the quantile."""
-    ordered = sorted(values)
-    return quantile(ordered, 0.5), upper_quantile(ordered, SHARE)
+def _limit(found: Spread, factor: float = 1.0) -> float:
+    return math.inf if found.limit is None else factor * found.limit
 
 
 def cost(bench: str, ros2: str) -> str:

@@ -18,8 +18,8 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from deploy.stack.takedown import Say
-from faults.classes import BY_NAME, KILL_BOUND_S
-from faults.promises import Bounds, violations
+from faults.classes import BY_NAME
+from faults.promises import KILL_MEDIAN_S, Bounds, violations
 from faults.real.rig.stage import Stage, StageError
 from faults.real.trial_run import LEEWAY_S, complete_trial, standing_since_s
 from faults.report.figures import stop_s
@@ -162,9 +162,9 @@ def _of_trials(trials: Sequence[Trial]) -> list[Verdict]:
         verdict(
             2,
             "teleop killed: zero on cmd_vel",
-            f"≤ {_ms(KILL_BOUND_S)} (median)",
+            f"≤ {_ms(KILL_MEDIAN_S)} (median)",
             f"{_ms(typical_s)} (median of {len(killed)}; worst {_ms(longest_s)})",
-            worst(timed(typical_s, KILL_BOUND_S), judged(kept=longest_s < _bound_s(HUNG))),
+            worst(timed(typical_s, KILL_MEDIAN_S), judged(kept=longest_s < _bound_s(HUNG))),
         ),
         verdict(2, "… and the robot stands", *_stopping(worst_stop)),
         verdict(
@@ -225,7 +225,7 @@ def _stopping(fault: Injected) -> tuple[str, str, Outcome]:
 def _bound_m(fault: Injected) -> float:
     """Return the stopping distance at the trusted deceleration after the death of a process [m]."""
     speed_m_s = fault.speed_m_s
-    return speed_m_s * (KILL_BOUND_S + BASE_REACTION_S) + speed_m_s**2 / (2 * Bounds().trusted_braking_m_s2)
+    return speed_m_s * (KILL_MEDIAN_S + BASE_REACTION_S) + speed_m_s**2 / (2 * Bounds().trusted_braking_m_s2)
 
 
 # --- the rack

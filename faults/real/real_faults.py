@@ -10,9 +10,10 @@ from functools import partial
 from pathlib import Path
 from random import Random
 
-from faults.classes import KILL_BOUND_S, PAIR, SILENT_BOUND_S, Group, real_classes
+from faults.classes import PAIR, SILENT_BOUND_S, Group, real_classes
 from faults.injection import DRAWS, HEALED_AFTER_S, lasting
 from faults.port import Fault
+from faults.promises import KILL_MEDIAN_S
 from faults.real.rig import cable
 from faults.real.rig.stage import NODES, UNPLUGGED, Stage, StageError
 from wire import topics
@@ -35,7 +36,7 @@ while time.monotonic() < end_s:
     for at in range(0, len(held), 4096):
         held[at] = held[at] + 1 & 255
 """
-BUSY_LEEWAY_S = SILENT_BOUND_S - KILL_BOUND_S
+BUSY_LEEWAY_S = SILENT_BOUND_S - KILL_MEDIAN_S
 """With so many competitors, a process may be scheduled late; the command timeout is then the bound."""
 FILLER = "filler"
 FILLER_BYTES = 1 << 20

@@ -17,7 +17,7 @@ from contextlib import aclosing, suppress
 from dataclasses import dataclass, field
 from random import Random
 
-from faults.classes import BY_NAME, KILL_BOUND_S, Effect, Group
+from faults.classes import BY_NAME, Effect, Group
 from faults.demands import Done, asked_age_s, demands
 from faults.measure import (
     STALL_S,
@@ -30,7 +30,7 @@ from faults.measure import (
     to_lasting_zero_s,
 )
 from faults.port import Fault, Pillar
-from faults.promises import Bounds, Demand, Kind, violations
+from faults.promises import KILL_MEDIAN_S, Bounds, Demand, Kind, violations
 from faults.real.real_faults import planned
 from faults.real.rig.stage import NODES, PRESS_AGAIN_S, Stage, StageError
 from faults.report.drawing import AFTER_S, BEFORE_S
@@ -441,7 +441,7 @@ def _base_bound_s(name: str) -> float | None:
     """Return the limit for zero at the wheels if only the base itself can stop the robot."""
     effect = BY_NAME[name].effect
     if Effect.SUPERVISOR_ENDS in effect:
-        return KILL_BOUND_S
+        return KILL_MEDIAN_S
     if Effect.SUPERVISOR_SILENT in effect:
         return BY_NAME[name].bound_s or BY_NAME["supervisor_blocked"].bound_s
     return None

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 from faults.classes import BY_NAME, CLASSES, PAIR, Effect, FaultClass
 from faults.measure import BASE
-from faults.report.statistics import quantile, upper_rate
+from faults.promises import KILL_LIMIT_S, KILL_MEDIAN_S
+from faults.report.statistics import quantile, upper_quantile, upper_rate
 from faults.trial import BrokenPromise, Injected, Provenance, Trial
 
 APART_S = 2.0
@@ -37,12 +38,12 @@ class Broken(NamedTuple):
 
 
 class Spread(NamedTuple):
-    """Quantiles of a time or distance."""
+    """The distribution of a time or distance."""
 
     number: int
     median: float
-    p99: float
-    p999: float
+    limit: float | None
+    """Upper 95 % limit of the 95 % quantile; None with fewer than 59 values."""
     worst: float
 
 
@@ -77,6 +78,12 @@ class ClassFigures:
     @property
     def bound_s(self) -> float | None:
         return None if self.known is None else self.known.bound_s
+
+    @property
+    def bound_ms(self) -> str:
+        """The bound in ms, after the end of a process that of the median and of the limit; empty without one."""
+        median = f"{1000 * KILL_MEDIAN_S:.0f} / " if self.bound_s == KILL_LIMIT_S else ""
+        return "" if self.bound_s is None else f"{median}{1000 * self.bound_s:.0f}"
 
     @property
     def stops(self) -> list[Case]:
@@ -204,29 +211,18 @@ class Campaign:
         order = {one.name: number for number, one in enumerate(CLASSES)}
         return sorted(self._classes.values(), key=lambda one: (order.get(one.name, len(order)), one.name))
 
-    @property
-    def bounded(self) -> Spread | None:
-        """The stops of all classes with a bound, without pairs."""
-        bounded = (one for one in self.classes() if one.bound_s is not None)
-        return spread([case.stop_s for one in bounded for case in one.stops])
-
     def find(self, name: str) -> ClassFigures | None:
         """Return the figures of one class; None if it has no trial."""
         return self._classes.get(name)
 
 
 def spread(values: Sequence[float | None]) -> Spread | None:
-    """Return the quantiles of the measured values; None if there are none."""
+    """Return the distribution of the measured values; None if there are none."""
     ordered = sorted(value for value in values if value is not None)
     if not ordered:
         return None
-    return Spread(
-        len(ordered),
-        quantile(ordered, 0.5),
-        quantile(ordered, 0.99),
-        quantile(ordered, 0.999),
-        ordered[-1],
-    )
+    limit = upper_quantile(ordered, 0.95)
+    return Spread(len(ordered), quantile(ordered, 0.5), None if math.isinf(limit) else limit, ordered[-1])
 
 
 def campaigns(records: Iterable[Trial | Provenance]) -> tuple[list[Campaign], int]:

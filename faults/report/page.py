@@ -14,8 +14,6 @@ from faults.report.statistics import upper_rate
 from faults.trial_file import read_records
 
 BROKEN_SHOWN = 200
-FEW = 100
-"""With fewer stops, the 99th percentile is the maximum."""
 MODES = {"real": "Real processes", "virtual": "Virtual time"}
 ABOUT = {
     "real": "The real programs over real Zenoh, killed, stopped and cut off while the robot drives by keys. What is "
@@ -118,24 +116,13 @@ def _page(sources: Sequence[str], found: Sequence[Campaign], left_out: int) -> s
 
 
 def verdict(one: Campaign) -> str:
-    """Return one sentence: number of trials, broken promises, failure rate and stop times."""
+    """Return one sentence: number of trials, broken promises, and failure rate."""
     hours = one.duration_s / 3600
     lasted = f"{hours:.1f} h" if hours >= 1 else f"{one.duration_s / 60:.1f} min"
     found = f"{one.broken_trials:,}" if one.broken_trials else "none"
     return (
         f"{one.trials:,} trials, {lasted} in total; {found} broke a promise: failure rate ≤ {percent(one.rate)} "
-        f"(95 % upper bound).{_bounded(one.bounded)}"
-    )
-
-
-def _bounded(stops: Spread | None) -> str:
-    """Return a sentence on the stop times of all classes together."""
-    if stops is None or stops.number < FEW:
-        return ""
-    p99, p999, worst = (f"{1000 * time_s:.1f} ms" for time_s in (stops.p99, stops.p999, stops.worst))
-    return (
-        f" Over all single faults with a bound, the robot was stopped {stops.number:,} times: 99 % of the stops took "
-        f"at most {p99}, 99.9 % at most {p999}, and the slowest {worst}."
+        "(95 % upper bound)."
     )
 
 
@@ -186,7 +173,7 @@ def _table(classes: Sequence[ClassFigures], mode: str) -> Iterator[str]:
     wheels = '<th colspan="2">at the wheels<br>p50, max [ms]</th>' if mode == "real" else ""
     yield (
         '<div class="wide"><table><thead><tr><th class="l">fault</th><th>n</th><th class="l">detected by</th>'
-        '<th>bound<br>[ms]</th><th colspan="3">to zero<br>p50, p99, max [ms]</th><th>beyond<br>bound</th>'
+        '<th>bound<br>[ms]</th><th colspan="3">to zero<br>p50, limit, max [ms]</th><th>beyond<br>bound</th>'
         f'{wheels}<th colspan="2">to standstill<br>p50, max [ms]</th><th colspan="2">distance<br>p50, max [cm]</th>'
         "<th>smallest<br>clearance [cm]</th><th>contacts</th><th>trials that<br>broke a promise</th><th>at most,<br>95 %</th>"
         "</tr></thead><tbody>"
@@ -198,14 +185,13 @@ def _table(classes: Sequence[ClassFigures], mode: str) -> Iterator[str]:
 
 def _row(one: ClassFigures, mode: str) -> Iterator[str]:
     stop = one.stop
-    many = stop is not None and stop.number >= FEW
     broken = f'<span class="bad">{one.broken}</span>' if one.broken else "0"
     does = "" if one.known is None else f' title="{escape(f"{one.known.group}: {one.known.does}")}"'
     yield f'<tr><td class="l"{does}>{escape(one.name)}</td><td>{len(one.cases):,}</td>'
     yield f'<td class="l w">{_detectors(one)}</td>'
-    yield _cell("" if one.bound_s is None else f"{1000 * one.bound_s:.0f}")
+    yield _cell(one.bound_ms)
     yield _cell(number(stop, "median", 1000))
-    yield _cell(number(stop, "p99", 1000) if many else '<span class="soft">n &lt; 100</span>' if stop else "")
+    yield _cell(number(stop, "limit", 1000))
     yield _cell(number(stop, "worst", 1000))
     yield _cell("" if one.bound_s is None or stop is None else f"{one.late:,} of {stop.number:,}")
     if mode == "real":
@@ -233,8 +219,9 @@ def _cell(text: str) -> str:
 
 
 def number(found: Spread | None, which: str, factor: float) -> str:
-    """Format `median`, `p99` or `worst`, multiplied by a factor; empty if nothing was measured."""
-    return "" if found is None else f"{factor * float(getattr(found, which)):,.1f}"
+    """Format `median`, `limit` or `worst`, multiplied by a factor; empty if nothing was measured."""
+    value = getattr(found, which, None)
+    return "" if value is None else f"{factor * float(value):,.1f}"
 
 
 def _broken(one: Campaign) -> Iterator[str]:
@@ -298,7 +285,8 @@ def _how_to_read() -> Iterator[str]:
         "<li><b>beyond bound</b>: number of stops that took longer than the bound, without tolerance. A promise counts as "
         "broken only beyond a tolerance: 5 ms on the virtual clock; on a real machine, whose scheduler gives no timing "
         "guarantee, at least 50 ms. Each record contains its tolerance.</li>"
-        "<li><b>p99</b>: meaningful for 100 or more stops; below that, use the maximum.</li>"
+        "<li><b>limit</b>: upper 95 % limit of the 95 % quantile, from 59 stops on; below that, use the maximum. "
+        "A bound such as 10 / 25 applies to the median and to the limit.</li>"
         "<li><b>distance</b>: distance driven from the fault to standstill; the speeds differ between trials.</li>"
         "<li><b>smallest clearance, contacts</b>: over all trials with this fault, whether the robot or the object moved. "
         "People and forklifts may run into a robot at rest; only contact by the robot's own motion breaks a promise.</li>"

@@ -1,6 +1,7 @@
 """Statistics of many trials: quantiles and their upper limits, upper bound of a rate, bins on a log axis. Pure."""
 
 import math
+from bisect import bisect_left
 from collections.abc import Sequence
 
 CONFIDENCE = 0.95
@@ -55,8 +56,8 @@ def upper_quantile(ordered: Sequence[float], share: float) -> float:
         share: of the quantile, between 0 and 1.
     """
     count = len(ordered)
-    enough = (below for below in range(count) if _at_most(below, count, share) >= CONFIDENCE)
-    return ordered[first] if (first := next(enough, None)) is not None else math.inf
+    first = bisect_left(range(count), CONFIDENCE, key=lambda below: _at_most(below, count, share))
+    return ordered[first] if first < count else math.inf
 
 
 def _at_most(events: int, count: int, rate: float) -> float:

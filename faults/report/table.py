@@ -25,7 +25,7 @@ BROKEN_SHOWN = 20
 LINE_PERIOD_S = 30.0
 """Time between two lines of progress, if the output is no terminal."""
 
-COLUMNS = ("trials", "stops", "detected by", "bound", "zero p50", "p99", "max", "stands after", "within", "clearance", "broken")  # fmt: skip
+COLUMNS = ("trials", "stops", "detected by", "bound", "zero p50", "limit", "max", "stands after", "within", "clearance", "broken")  # fmt: skip
 
 
 class Progressing:
@@ -103,8 +103,8 @@ def _cells(one: ClassFigures) -> Iterator[str]:
     yield str(one.trials)
     yield str(len(one.stops))
     yield ", ".join(f"{name} {count}" for name, count in one.detectors[:3])
-    yield "" if one.bound_s is None else f"{1000 * one.bound_s:.0f} ms"
-    for time_s in (None,) * 3 if stop is None else (stop.median, stop.p99, stop.worst):
+    yield one.bound_ms and f"{one.bound_ms} ms"
+    for time_s in (None,) * 3 if stop is None else (stop.median, stop.limit, stop.worst):
         yield "" if time_s is None else f"{1000 * time_s:.1f} ms"
     yield "" if standstill is None else f"{1000 * standstill.median:.0f} ms"
     yield "" if distance is None else f"{100 * distance.worst:.1f} cm"

@@ -6,7 +6,8 @@ import pytest
 
 from bench.rig.sheet import Times
 from bench.soak import Sample, Usage
-from docs.generate import crash_safety
+from docs.generate import crash_safety, readme
+from faults.promises import KILL_LIMIT_S, KILL_MEDIAN_S, PROMISES
 from faults.report.figures import Campaign, campaigns
 from faults.trial import BrokenPromise, Injected, Provenance, Trial
 
@@ -48,11 +49,11 @@ def test_the_measured_parts_are_up_to_date() -> None:
 def test_the_answer_has_the_figures_and_hides_no_broken_promise() -> None:
     text = crash_safety.answer(campaign())
     for words in (
-        "3.0 ms (median)",
-        "4.0 ms (longest)",
-        "12 cm",
+        "median and longest (n = 1)",
+        "zero on `cmd_vel` after 3.0 and 3.0 ms",
+        "zero wheel command after 4.0 and 4.0 ms",
+        "12 and 12 cm",
         "`SOURCE_LOST` 1 times",
-        "0 of 1",
         "1 of them",
     ):
         assert words in text
@@ -61,7 +62,7 @@ def test_the_answer_has_the_figures_and_hides_no_broken_promise() -> None:
 
 def test_the_table_has_a_row_and_what_was_broken_in_one_line() -> None:
     text = crash_safety.table("real", campaign())
-    assert "| `teleop_sigkill` | SIGKILL (teleop) | 1 | `SOURCE_LOST` 1 | 10 | 3.0 |  | 3.0 |" in text
+    assert "| `teleop_sigkill` | SIGKILL (teleop) | 1 | `SOURCE_LOST` 1 | 10 / 25 | 3.0 |  | 3.0 |" in text
     assert (
         "* promise 2, teleop_sigkill: a / b ‹c› (`lifeline faults --classes teleop_sigkill --trials 1 --seed 4`)"
         in text
@@ -107,3 +108,24 @@ def test_the_soak_is_reported_with_what_grew_and_what_stopped_without_a_cause() 
     )
     assert "**1 stop without a cause**" in bad
     assert "FAILED: false stops: OVERRUN" in bad
+
+
+def test_each_promise_about_a_killed_process_has_one_number_with_its_statistic_in_every_place() -> None:
+    promise = "10 ms (median) and 25 ms (upper 95 % limit of the 95 % quantile)"
+    assert promise in PROMISES[2]
+    assert promise in PROMISES[4]
+    page = crash_safety.DOCUMENT.read_text()
+    assert f"**Promised**: {PROMISES[2]}." in page
+    assert "within milliseconds" not in page
+    stored = crash_safety.result("real")
+    assert stored is not None
+    killed = stored.find("teleop_sigkill")
+    assert killed is not None
+    assert killed.stop is not None
+    assert killed.stop.limit is not None
+    assert killed.stop.median <= KILL_MEDIAN_S
+    assert killed.stop.limit <= KILL_LIMIT_S
+    for document in (page, readme.DOCUMENT.read_text()):
+        assert f"{1000 * killed.stop.median:.1f}" in document
+        assert f"{1000 * killed.stop.limit:.1f} ms" in document
+        assert f"n = {killed.stop.number}" in document

@@ -120,27 +120,23 @@ class Texts(HTMLParser):
 
 def test_the_page_has_each_class_with_its_figures(tmp_path: Path) -> None:
     quick = [trial(fault(zero_s=0.001 * (1 + n % 5)), seed=n) for n in range(120)]
-    slow = trial(fault(zero_s=0.025), seed=500, clearance_m=0.31)
+    slow = trial(fault(zero_s=0.026), seed=500, clearance_m=0.31)
     hung = trial(fault("teleop_sigstop", zero_s=0.2, detector="COMMAND_TIMEOUT"), seed=600)
     rows = Texts(page_of(tmp_path, *quick, slow, hung, PROVENANCE))
     killed = rows.row("teleop_sigkill")
-    assert killed[:8] == ["teleop_sigkill", "121", "SOURCE_LOST 121", "10", "3.0", "5.0", "25.0", "1 of 121"]
+    assert killed[:8] == [
+        "teleop_sigkill",
+        "121",
+        "SOURCE_LOST 121",
+        "10 / 25",
+        "3.0",
+        "5.0",
+        "26.0",
+        "1 of 121",
+    ]
     assert "31.0" in killed
     assert killed[-2:] == ["0", "2.4 %"]
-    assert "n < 100" in rows.row("teleop_sigstop")
-
-
-def test_the_page_reports_how_soon_it_stopped_over_all_faults_with_a_bound_each_alone(tmp_path: Path) -> None:
-    quick = [trial(fault(zero_s=0.001 * (1 + n % 5)), seed=n) for n in range(120)]
-    slow = trial(fault(zero_s=0.025), seed=500)
-    hung = trial(fault("teleop_sigstop", zero_s=0.2, detector="COMMAND_TIMEOUT"), seed=600)
-    unbounded = trial(fault("net_delayed", zero_s=0.5, detector="COMMAND_TIMEOUT"), seed=700)
-    pair = trial(fault(zero_s=0.9), fault("teleop_sigstop", zero_s=0.9), seed=800)
-    assert (
-        "Over all single faults with a bound, the robot was stopped 122 times: 99 % of the stops took at most 25.0 ms, "
-        "99.9 % at most 200.0 ms, and the slowest 200.0 ms."
-    ) in page_of(tmp_path, *quick, slow, hung, unbounded, pair, PROVENANCE)
-    assert "with a bound" not in page_of(tmp_path, *quick[:90], unbounded, PROVENANCE), "too few for a p99"
+    assert rows.row("teleop_sigstop")[3:7] == ["220", "200.0", "", "200.0"], "too few for a limit"
 
 
 def test_the_page_needs_nothing_from_elsewhere_and_its_pictures_are_sound(tmp_path: Path) -> None:
