@@ -219,7 +219,7 @@ class Ros2Service:
 
     async def run(self, stop: asyncio.Event) -> None:
         """Pass messages in both directions until `stop` is set; then command zero and return."""
-        token = self._session.declare_alive(topics.ROS2)
+        tokens = [self._session.declare_alive(topics.ROS2, epoch) for epoch in (b"", self._estop.epoch)]
         stopping = asyncio.ensure_future(stop.wait())
         stopping.add_done_callback(lambda _: self._wake.set())
         self._node.start()
@@ -240,7 +240,8 @@ class Ros2Service:
             self._notifier.stopping()
             for feed in self._feeds:
                 self._end(feed)
-            token.withdraw()
+            for token in tokens:
+                token.withdraw()
 
     def _serve_base(self) -> None:
         """Take the supervisor's commands and token, and publish what the watchdog decides."""

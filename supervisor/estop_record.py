@@ -13,7 +13,8 @@ recorded may be lost.
     estop-robot.lock      held by the one supervisor that may clear the record
 
 Only the absence of the record proves that no e-stop was latched. The supervisor starts latched if anything else has
-the record's name, or if the record cannot be looked up. The content is only for people; damage to it has no effect.
+the record's name, or if the record cannot be looked up. The content is only for people; damage to it has no effect. Its
+last line says who pressed and when; it is written after the record, and a failure to write it is no problem.
 """
 
 import fcntl
@@ -27,6 +28,8 @@ from enum import Enum, auto
 from pathlib import Path
 from typing import NamedTuple
 
+from wire.text import printable
+
 _log = logging.getLogger(__name__)
 
 # --- the files
@@ -36,6 +39,9 @@ The e-stop of {namespace} was pressed. While this file exists, the supervisor st
 To clear it, start the robot, release the controls, and reset the e-stop: key r in teleop, or the service
 {namespace}/supervisor/reset.
 """
+
+PRESSED = "pressed by"
+"""Begins the last line: who pressed and when."""
 
 NOT_RECORDED = "the e-stop cannot be recorded"
 NOT_PREPARED = "a pressed e-stop could not be recorded"
@@ -62,6 +68,15 @@ def is_recorded(directory: Path, namespace: str) -> bool:
     return True
 
 
+def pressed_by(directory: Path, namespace: str) -> str:
+    """Return who pressed the recorded e-stop and when, such as "pressed by teleop, 2026-11-26 14:20:05"; empty if unknown."""
+    path = record_path(directory, namespace)
+    with suppress(OSError):
+        lines = path.read_text(errors="replace").splitlines() if path.is_file() else []
+        return printable(lines[-1]) if lines and lines[-1].startswith(PRESSED) else ""
+    return ""
+
+
 class RecordFiles:
     """The record of one namespace in one directory. All calls except `mark` may block on the disk.
 
@@ -71,7 +86,7 @@ class RecordFiles:
     """
 
     def __init__(self, directory: Path, namespace: str) -> None:
-        self._directory = directory
+        self._directory, self._namespace = directory, namespace
         self._content = CONTENT.format(namespace=namespace).encode()
         self._latched = record_path(directory, namespace)
         self._ready = self._latched.with_suffix(".ready")
@@ -129,6 +144,24 @@ class RecordFiles:
         # Check the lock last: a superfluous record is safe.
         with _saying(NOT_RECORDED):
             self._own()
+
+    def description(self) -> str:
+        """Return who pressed the recorded e-stop and when; empty if unknown."""
+        return pressed_by(self._directory, self._namespace)
+
+    def describe(self, by: str) -> None:
+        """Write who pressed into the existing record.
+
+        Raises:
+            OSError: it cannot be written; the record itself is unchanged.
+        """
+        content = self._content + f"{by}\n".encode()
+        file = os.open(self._latched, os.O_WRONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        try:
+            os.ftruncate(file, os.pwrite(file, content, 0))
+            os.fsync(file)
+        finally:
+            os.close(file)
 
     def clear(self, is_wanted: Callable[[], bool]) -> None:
         """Remove the record durably, unless the removal is no longer wanted.
@@ -312,6 +345,8 @@ class EstopRecord:
         """The number of the last press that was marked, or could not be marked."""
         self._on_change: Callable[[], None] | None = None
         self._found = True
+        self.by = ""
+        """Who pressed and when, for people: at first what the record says; to be set before `keep`."""
         self._was_read, self._ended = threading.Event(), threading.Event()
         self._done = _Done(0, "")
         threading.Thread(target=self._run, name="e-stop record", daemon=True).start()
@@ -377,6 +412,9 @@ class EstopRecord:
             self._found = self._disk.read()
         except Exception as error:  # noqa: BLE001 - after any error, nothing is proven
             _log.warning("the e-stop record cannot be read, so the e-stop is latched: %s", error)
+        if self._found:
+            with suppress(Exception):  # only for people
+                self.by = self._disk.description()
         self._was_read.set()
         request: _Request | None = None
         is_closing = False
@@ -433,6 +471,9 @@ class EstopRecord:
             _log.warning("%s", problem)
         self._done = _Done(request.number, problem)
         self._announce()
+        if request.goal is _Goal.LATCHED and not problem and self.by:
+            with suppress(Exception):  # only for people, so after the record is reported as written
+                self._disk.describe(self.by)
         return request
 
     def _announce(self) -> None:
@@ -446,6 +487,7 @@ class MemoryRecord:
     def __init__(self, *, latched: bool = False, problem: str = NO_DISK) -> None:
         self.latched = latched
         self.problem = problem
+        self.by = ""
         self.is_pending = False
         self.is_marked = True
         self._on_change: Callable[[], None] | None = None

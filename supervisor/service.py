@@ -7,15 +7,16 @@ publishing drops samples instead of waiting, and the caller of a reset waits on 
 import asyncio
 import logging
 import secrets
+import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 
 from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
-from supervisor.estop_record import MemoryRecord, Record
+from supervisor.estop_record import PRESSED, MemoryRecord, Record
 from supervisor.law.estop_stations import Presence, TokenEnd
-from supervisor.law.model import Decision, Inputs, LaserScan, Liveliness, Mode, Reply
+from supervisor.law.model import Decision, Inputs, LaserScan, Liveliness, Mode, Reply, State
 from supervisor.law.safety import initial_state, runs_out_s, step
 from supervisor.messages import (
     ForeignNodes,
@@ -35,6 +36,8 @@ from wire.host.turns import Turns
 from wire.lease import CHALLENGE_PERIOD_S
 from wire.messages import TriggerResponse, decode_motion, zero_twist
 from wire.reasons import StopReason
+from wire.runs import Runs
+from wire.stamp import Stamp
 
 _log = logging.getLogger(__name__)
 
@@ -112,7 +115,11 @@ class SupervisorService:
         }
         self._challenges = {name: bus.publisher(topics.estop_challenge(name)) for name in stations}
         self._station_of = {topics.estop_node(name): name for name in stations}
-        self._alive = bus.watch_alive(self._turns, [*self._commands, *self._station_of])
+        self._alive = bus.watch_alive(self._turns, [*self._commands, *self._station_of, topics.ROS2])
+        self._runs = Runs()
+        """Of these nodes, to name the one that presses the e-stop."""
+        self._pressing = ""
+        """Who sent the press that was gathered last; empty: none, or a flood hides it."""
         self._urgent = (
             self._estops,
             self._alive,
@@ -155,6 +162,7 @@ class SupervisorService:
             self._next_tick_s = max(self._next_tick_s + self._tick_s, now_s)
         before = self._state
         self._state, decision = step(before, now_s, inputs)
+        self._note_press(inputs, before)
         self._publish(decision, now_s, on_tick=on_tick)
         if challenge:
             self._challenge(decision, challenge)
@@ -181,6 +189,15 @@ class SupervisorService:
             for arrival in subscription.take()
         ]
         changes = self._alive.take()
+        for change in changes:
+            if change.epoch and change.alive:
+                self._runs.token(change.node, change.epoch, exists=True)
+        self._pressing = next(
+            (self._name_of(e.stamp) for e in estops if e.message is None or e.message.data), ""
+        )
+        for change in changes:
+            if change.epoch and not change.alive:
+                self._runs.token(change.node, change.epoch, exists=False)
         liveliness = [
             Liveliness(change.node, change.alive, change.epoch)
             for change in changes
@@ -196,6 +213,7 @@ class SupervisorService:
             # It stops every source. The token that is not deleted will not come again, so it counts as back.
             liveliness += [Liveliness(name, alive) for name in self._commands for alive in (False, True)]
             station_ends += [TokenEnd(name) for name in self._presences]
+            self._runs = Runs()
         scans: list[LaserScan] = []
         undecodable: list[int] = []
         for place, (subscription, timeout_s) in enumerate(self._lidars):
@@ -221,6 +239,21 @@ class SupervisorService:
             # Evaluated last, so that it covers a suspend while the other inputs were gathered.
             suspended_s=self._suspended_s(),
         )
+
+    def _name_of(self, stamp: Stamp | None) -> str:
+        """Return the node whose session has sent a message, for people."""
+        names = [] if stamp is None else [node for node, _ in self._runs.of(stamp.gid)]
+        name = topics.ROS2 if topics.ROS2 in names else next(iter(names), "another program")
+        return self._station_of.get(name, name)
+
+    def _note_press(self, inputs: Inputs, before: State) -> None:
+        """Note for people who presses the e-stop and when, until its reset."""
+        if self._state.estop and not before.estop:
+            station = next((one.station for one in inputs.presences if one.stop), "another program")
+            when = time.strftime("%Y-%m-%d %H:%M:%S")
+            self._estop_record.by = f"{PRESSED} {self._pressing or station}, {when}"
+        elif before.estop and not self._state.estop:
+            self._estop_record.by = ""
 
     def _heard_stations(self) -> Iterator[Presence]:
         for name, subscription in self._presences.items():
@@ -285,7 +318,10 @@ class SupervisorService:
         )
         for change in self._foreign_tokens.take():
             self._foreign_nodes.change(change.node, alive=change.alive)
-        self._status.put(to_status(decision, now_s, record.problem, self._foreign_nodes.names()))
+        status = to_status(decision, now_s, record.problem, self._foreign_nodes.names())
+        if StopReason.ESTOP in decision.causes and record.by and not self._state.stations.pressed:
+            status.detail = f"{record.by}; {decision.detail}" if decision.detail else record.by
+        self._status.put(status)
 
     async def _on_reset(self, _: str) -> TriggerResponse:
         if self._stall.may_be_old(self._loop.time()):  # its caller may have been informed that it failed

@@ -19,11 +19,13 @@ from teleop.pilots.keys import Command, KeySource
 from teleop.pilots.pilot import NEUTRAL, KeyEvent, KeyKind, Pilot, Velocity, amounts
 from teleop.rate import TOLERANCE_S, Rate, WarningBell
 from teleop.screen.controls import LEGENDS, command_for, help_lines, key_help
+from teleop.screen.display import cause_in_words
 from teleop.screen.view import Control, Event, Line, Robot, Tone, View, plain
-from teleop.telemetry import Telemetry
+from teleop.telemetry import StopNews, Telemetry
 from wire import topics
 from wire.bus import Bus, NoReplyError
 from wire.messages import Bool, SafetyStatus, TriggerResponse, planar_twist
+from wire.reasons import StopReason
 
 DRAW_PERIOD_S = 0.1
 DRAW_MARGIN_S = 0.002
@@ -131,7 +133,7 @@ class Teleop:
         self._has_two_supervisors = False
         self._round_trip = RoundTrip(setup.round_trip_limit_s)
         self._lateness, self._is_lateness_noted = "", False
-        self._refusals = Refusals()
+        self._refusals, self._stops = Refusals(), StopNews()
         self._start(asyncio.get_running_loop().time())
 
     def _start(self, now_s: float) -> None:
@@ -391,6 +393,8 @@ class Teleop:
     def _look(self, now_s: float) -> None:
         status = self._telemetry.look()
         self._look_for_another_robot(now_s)
+        if status is not None:
+            self._note_stops(status, now_s)
         if self._pilot is None:
             return
         self._look_at_round_trip(status, now_s)
@@ -399,6 +403,12 @@ class Teleop:
         if self._bell.rings(warning=status.warning, nearest_m=status.nearest_m, now_s=now_s):
             self._screen.bell()
         self._look_at_own(status, now_s)
+
+    def _note_stops(self, status: SafetyStatus, now_s: float) -> None:
+        """List each stop as an event; the press of the own SPACE is one already."""
+        for cause in self._stops.take(status, now_s):
+            if cause != StopReason.ESTOP or self._estop_since_s is None:
+                self.note(f"stopped: {cause_in_words(cause, status)}", Tone.STOP)
 
     def _look_for_another_robot(self, now_s: float) -> None:
         """Refuse to drive two robots at once."""

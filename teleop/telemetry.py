@@ -12,10 +12,13 @@ from teleop.screen.view import Rates
 from wire import topics
 from wire.bus import Arrival, Bus, Subscription
 from wire.messages import SafetyStatus
+from wire.reasons import StopReason, words_of
 
 RATE_WINDOW_S = 2.0
 RATE_MIN_S = 0.9
 """Minimum time for measuring a rate."""
+AGAIN_S = 2.0
+"""A cause that returns sooner is the same stop: at an obstacle, it comes and goes."""
 
 
 class Meter:
@@ -72,6 +75,22 @@ class Stream:
         if self._subscription is None:
             return math.nan
         return self._meter.rate_hz(self._taken + self._subscription.overflowed, now_s)
+
+
+class StopNews:
+    """Finds the stops in the statuses: a cause that holds, and has not held for `AGAIN_S`. That no source drives is none."""
+
+    def __init__(self) -> None:
+        self._held_s: dict[str, float] = {}
+        """When each cause held last."""
+
+    def take(self, status: SafetyStatus, now_s: float) -> list[str]:
+        """Return the causes that are new in a status, the most severe first."""
+        causes = status.causes_and_latched()[0] if status.mode == SafetyStatus.STOPPED else []
+        known = [name for name in causes if name != StopReason.NO_COMMAND and words_of(name) is not None]
+        new = [name for name in known if now_s - self._held_s.get(name, -math.inf) > AGAIN_S]
+        self._held_s.update(dict.fromkeys(known, now_s))
+        return new
 
 
 class Telemetry:

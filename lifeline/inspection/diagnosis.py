@@ -3,8 +3,9 @@
 Each check is one function from what was observed to findings, in the order in which the report prints them.
 """
 
+import shlex
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, NamedTuple
@@ -31,7 +32,7 @@ class Verdict(StrEnum):
 
     OK = "ok"
     NOTE = "note"
-    """Information that does not prevent motion."""
+    """Information, or the consequence of a problem."""
     PROBLEM = "problem"
 
 
@@ -92,6 +93,8 @@ class Observed:
     """Whether the state directory has a record of a stack that does not run."""
     is_estop_recorded: bool = False
     """Whether an e-stop of an earlier run is latched on disk."""
+    estop_pressed_by: str = ""
+    """Who pressed it and when; empty if unknown."""
     endpoint: str = ""
     is_connected: bool = False
     silence: str | None = None
@@ -113,8 +116,28 @@ class Observed:
 
 
 def diagnose(seen: Observed) -> list[Finding]:
-    """Return the findings of all checks."""
-    return [finding for check in CHECKS for finding in check(seen)]
+    """Return the findings of all checks: one problem for each cause, whose consequences are notes without a remedy."""
+    findings = [finding for check in CHECKS for finding in check(seen)]
+    causes = {finding.check for finding in findings if finding.verdict is Verdict.PROBLEM}
+    return [_explained(finding, causes) for finding in findings]
+
+
+CONSEQUENCES = {
+    "base": ("ODOM_STALE", "SCAN_STALE", "nothing is heard"),
+    "command source": ("COMMAND_STALE", "COMMAND_TIMEOUT", "NO_COMMAND", "SOURCE_LOST"),
+    "rates": ("ODOM_STALE", "SCAN_STALE"),
+    "writers": ("SENSOR_CONFLICT",),
+    "e-stop station": ("ESTOP_STATION_LOST",),
+}
+"""By check: how the findings begin that its problem explains."""
+
+
+def _explained(finding: Finding, causes: Collection[str]) -> Finding:
+    """Return a finding as a note if the problem of another check is its cause."""
+    is_explained = finding.verdict is Verdict.PROBLEM and any(
+        finding.what.startswith(CONSEQUENCES.get(cause, ())) for cause in causes if cause != finding.check
+    )
+    return finding._replace(verdict=Verdict.NOTE, remedy="") if is_explained else finding
 
 
 def _versions(seen: Observed) -> Iterator[Finding]:
@@ -145,12 +168,11 @@ def _configuration(seen: Observed) -> Iterator[Finding]:
 def _state(seen: Observed) -> Iterator[Finding]:
     if seen.state_problem:
         yield problem("state directory", seen.state_problem, "choose another with --state-dir")
-    if seen.is_stale and not seen.is_connected:
-        yield problem("stack", "the record of a stack that no longer runs", "remove it with `lifeline down`")
+    by = seen.estop_pressed_by
     if seen.is_estop_recorded and not seen.is_connected:
         yield note(
             "e-stop",
-            "an e-stop of an earlier run is latched: the robot starts stopped",
+            f"an e-stop of an earlier run is latched{by and f', {by}'}: the robot starts stopped",
             "press s, then r in teleop to reset it",
         )
 
@@ -169,16 +191,17 @@ def _connection(seen: Observed) -> Iterator[Finding]:
     elif seen.port_problem:
         yield problem("supervisor", f"does not answer, and {seen.port_problem}")
     else:
-        yield problem(
-            "supervisor", f"nothing listens on {seen.endpoint}", "start the robot with `lifeline up`"
-        )
+        what = f"nothing listens on {seen.endpoint}"
+        if seen.is_stale:
+            what += ", and an earlier stack has ended without cleaning up"
+        yield problem("supervisor", what, "start the robot with `lifeline up`")
 
 
 def _nodes(seen: Observed) -> Iterator[Finding]:
     if not seen.is_connected:
         return
     read_by_others = {key for node in seen.nodes if node.session.address for key in node.session.reads}
-    named = {name for node in seen.nodes if node.is_named for name in node.name.split("+")}
+    named = _named(seen)
     if seen.has_ros2 and topics.ROS2 not in named:
         yield problem(
             "base", "the ROS 2 process does not run", "start it with `lifeline up`, or check its log"
@@ -189,8 +212,7 @@ def _nodes(seen: Observed) -> Iterator[Finding]:
             f"no program reads {seen.namespace}/{topics.CMD_VEL.key}",
             "start the sim, or the bridge to the base",
         )
-    sources = [] if seen.config is None else [source.name for source in seen.config.sources]
-    present = [name for name in sources if name in named]
+    sources, present = _sources(seen), _present(seen)
     if present:
         yield ok("command source", f"{', '.join(present)} of {', '.join(sources)}")
     elif sources:
@@ -199,6 +221,20 @@ def _nodes(seen: Observed) -> Iterator[Finding]:
     for name in sorted(name for name, count in counts.items() if count > 1):
         pids = ", ".join(str(node.pid) for node in seen.nodes if node.name == name)
         yield problem("nodes", f"two programs are {printable(name)} (pid {pids})", "end one of them")
+
+
+def _named(seen: Observed) -> set[str]:
+    return {name for node in seen.nodes if node.is_named for name in node.name.split("+")}
+
+
+def _sources(seen: Observed) -> list[str]:
+    return [] if seen.config is None else [source.name for source in seen.config.sources]
+
+
+def _present(seen: Observed) -> list[str]:
+    """Return the command sources that run."""
+    named = _named(seen)
+    return [name for name in _sources(seen) if name in named]
 
 
 def _writers(seen: Observed) -> Iterator[Finding]:
@@ -230,7 +266,7 @@ def _flood(seen: Observed) -> Iterator[Finding]:
             "flood",
             f"{seen.traffic.uncounted} messages arrived too fast to be counted, most of them on {printable(busiest)}; "
             "rates, clocks and status are not checked",
-            "stop the program that writes them: `lifeline topic info` names it",
+            f"stop the program that writes them: `lifeline topic info {shlex.quote(printable(busiest))}` names it",
         )
 
 
@@ -316,6 +352,7 @@ def _stop(seen: Observed) -> Iterator[Finding]:
             yield problem("status", "the supervisor sends no status", "restart the supervisor")
         return
     mode = mode_name(status)
+    neutral = GO_NEUTRAL if _present(seen) or not _sources(seen) else "start a command source"
     if status.mode != SafetyStatus.STOPPED:
         yield ok("mode", f"{mode}: {_who(status)}")
     causes, latched = status.causes_and_latched()
@@ -323,12 +360,12 @@ def _stop(seen: Observed) -> Iterator[Finding]:
         words = words_of(name)
         detail = f": {status.detail}" if name == causes[0] and status.detail else ""
         what = name if words is None else f"{name}: {words.now.replace('WHO', _who(status))}"
-        remedy = "" if words is None else words.step.replace("NEUTRAL", GO_NEUTRAL)
+        remedy = "" if words is None else words.step.replace("NEUTRAL", neutral)
         yield problem("stop", printable(f"{what}{detail}"), remedy)
     for name in latched:
         words = words_of(name)
         what = name if words is None else f"{name}: {words.over}"
-        yield problem("latched", printable(f"{what}. Over now"), f"{GO_NEUTRAL}: it sends zero")
+        yield problem("latched", printable(f"{what}. Over now"), f"{neutral}: it sends zero")
     for source in status.unknown_sources:
         yield problem(
             "unknown source",

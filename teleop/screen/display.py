@@ -94,25 +94,29 @@ def _stopped(view: View, status: SafetyStatus) -> News:
         what = f"the reason was {over[0]}" if words is None else words.over
         return News("STOPPED", f"{alarm}{what}. Over now", step_after(view), Tone.STOP, causes, over)
     first = causes[0] if causes else ""
-    return News("STOPPED", alarm + _cause(first, status), next_step(view, first), Tone.STOP, causes, over)
+    return News(
+        "STOPPED", alarm + cause_in_words(first, status), next_step(view, first), Tone.STOP, causes, over
+    )
 
 
-def _cause(reason: str, status: SafetyStatus) -> str:
-    """Return the sentence for a stop reason."""
+def cause_in_words(reason: str, status: SafetyStatus) -> str:
+    """Return the sentence for a stop reason of a status; the status has details of its first cause."""
     words = words_of(reason)
     if words is None:
         unknown = f"unknown stop reason {reason}"
         return _detail(status) or (unknown if reason else "the supervisor gives no reason")
     who = plain(status.owner) or "a source"
-    now, detail = words.now.replace("WHO", who), _detail(status)
+    now = words.now.replace("WHO", who)
+    detail = _detail(status) if reason in status.causes_and_latched()[0][:1] else ""
     match reason:
+        case "ESTOP":
+            of_disk = plain(status.estop_record_problem)
+            return "; ".join(filter(None, (f"{now}: {detail}" if detail else now, of_disk)))
         case "SCAN_INVALID":
             problem = detail or plain(status.scan_problem) or "no usable beams"
             return f"{now}: {problem}"
         case _ if detail:
             return detail
-        case "ESTOP" if status.estop_record_problem:
-            return f"{now}; {plain(status.estop_record_problem)}"
         case "SCAN_STALE" if math.isfinite(status.scan_age_s):
             return f"the newest scan is {status.scan_age_s:.1f} s old"
         case "COMMAND_TIMEOUT" if (silent_s := _silent_s(status)) > LATE_S:

@@ -1,6 +1,7 @@
 """The supervisor and the record of its e-stop: what the status shows when, and how the next supervisor starts."""
 
 import asyncio
+import re
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
 
@@ -76,6 +77,30 @@ async def test_a_pressed_estop_outlives_the_supervisor_until_a_reset() -> None:
         await rig.drive(0.5)
     async with robot(rig, record):
         await rig.drive(0.5)
+
+
+@pytest.mark.parametrize("name", ["joy", topics.ROS2, "another program"])
+async def test_the_status_says_who_pressed_and_when_until_the_reset_also_after_a_restart(name: str) -> None:
+    rig, record = Rig(), MemoryRecord(problem="")
+    button = rig.network.open_joined("button")
+    pressing = button.publisher(topics.ESTOP)
+    # The process `ros2` also holds the tokens of its sources.
+    for node in {"joy": ["joy"], topics.ROS2: ["joy", topics.ROS2]}.get(name, []):
+        button.declare_alive(node, pressing.epoch)
+    told = rf"pressed by {name}, \d{{4}}-\d\d-\d\d \d\d:\d\d:\d\d"
+    async with robot(rig, record) as bus:
+        await rig.drive(0.5)
+        pressing.put(Bool(data=True))
+        await rig.pass_time(0.1)
+        assert re.fullmatch(told, rig.newest_status.detail)
+        bus.die()
+    async with robot(rig, record):
+        rig.velocity = ZERO
+        await rig.pass_time(1.0)
+        assert re.fullmatch(told, rig.newest_status.detail)
+        assert (await rig.outsider.call(topics.SUPERVISOR_RESET)).success
+        await rig.pass_time(0.5)
+        assert (rig.newest_status.detail, record.by) == ("", "")
 
 
 async def test_a_refused_reset_leaves_the_record() -> None:

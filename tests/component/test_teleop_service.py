@@ -1141,3 +1141,38 @@ async def test_a_change_of_level_is_shown_at_the_next_picture() -> None:
         await asyncio.sleep(PERIOD_S)
         assert (b.view.level, b.view.limit) == (2, Velocity(0.4, 0.8))
         assert b.screen.notes == []
+
+
+# --- the stops
+
+
+async def test_each_stop_is_an_event_with_its_cause_and_one_that_comes_and_goes_is_one_event() -> None:
+    async with bench() as b:
+        for mode, causes in ((SafetyStatus.STOPPED, ["OBSTACLE"]), (SafetyStatus.LIMITED, [])) * 3:
+            b.tell(mode, *causes, causes=causes, nearest_m=0.3, nearest_bearing_rad=0.0)
+            await asyncio.sleep(0.5)
+        b.tell(SafetyStatus.STOPPED, "OVERRUN", "NO_COMMAND", causes=["OVERRUN", "NO_COMMAND"])
+        await asyncio.sleep(0.1)
+        obstacle, overrun = b.screen.notes
+        assert obstacle.startswith("stopped: ")
+        assert "0.30 m ahead" in obstacle
+        assert overrun == "stopped: the supervisor was late, or its machine was suspended"
+
+
+@pytest.mark.parametrize("control", [Control.INCREMENTAL, Control.VIEW_ONLY])
+async def test_an_estop_from_elsewhere_is_an_event_that_says_whose_it_was(control: Control) -> None:
+    async with bench(control=control) as b:
+        by = "pressed by door, 2026-11-26 14:20:05"
+        b.tell(SafetyStatus.STOPPED, "ESTOP", causes=["ESTOP"], detail=by)
+        await asyncio.sleep(0.1)
+        assert b.screen.notes[-1] == f"stopped: the emergency stop is latched: {by}"
+
+
+async def test_the_own_estop_is_one_event() -> None:
+    async with bench() as b:
+        await b.press(" ")
+        b.tell(SafetyStatus.STOPPED, "ESTOP", causes=["ESTOP"], detail="pressed by teleop")
+        await asyncio.sleep(0.3)
+        b.tell(SafetyStatus.STOPPED, "ESTOP", causes=["ESTOP"], detail="pressed by teleop")
+        await asyncio.sleep(0.3)
+        assert b.screen.notes == ["emergency stop"]

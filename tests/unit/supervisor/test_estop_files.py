@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from supervisor.estop_record import RecordError, RecordFiles, is_recorded, record_path
+from supervisor.estop_record import RecordError, RecordFiles, is_recorded, pressed_by, record_path
 
 ROBOT = "robot"
 
@@ -54,6 +54,41 @@ def test_a_press_is_found_until_it_is_cleared(files: RecordFiles, tmp_path: Path
     files.clear(still_wanted)
     files.close()
     assert not read_anew(tmp_path / "state")
+
+
+def test_the_record_says_who_pressed_and_when_to_the_next_process(files: RecordFiles, tmp_path: Path) -> None:
+    files.latch()
+    assert pressed_by(tmp_path / "state", ROBOT) == ""
+    files.describe("pressed by some_station, 2026-11-26 14:20:05")
+    files.describe("pressed by joy, 2026-11-26 14:20:06")
+    assert (
+        pressed_by(tmp_path / "state", ROBOT) == files.description() == "pressed by joy, 2026-11-26 14:20:06"
+    )
+    assert "reset the e-stop" in record_path(tmp_path / "state", ROBOT).read_text()
+    files.clear(still_wanted)
+    assert files.description() == ""
+
+
+@pytest.mark.parametrize("content", [b"", b"\xff\x00", b"pressed by \x1b[2J", b"x" * 5000])
+def test_a_record_with_any_content_latches_and_cannot_control_a_terminal(
+    content: bytes, tmp_path: Path
+) -> None:
+    record_path(tmp_path, ROBOT).write_bytes(content)
+    assert read_anew(tmp_path)
+    assert pressed_by(tmp_path, ROBOT).isprintable()
+
+
+def test_a_record_that_is_no_file_says_nothing_and_does_not_block(tmp_path: Path) -> None:
+    os.mkfifo(record_path(tmp_path, ROBOT))
+    assert pressed_by(tmp_path, ROBOT) == ""
+    record_path(tmp_path, "other").mkdir()
+    assert pressed_by(tmp_path, "other") == ""
+
+
+def test_a_description_never_makes_a_record(files: RecordFiles) -> None:
+    with pytest.raises(FileNotFoundError):
+        files.describe("pressed by teleop")
+    assert not files.read()
 
 
 def test_pressing_twice_and_clearing_twice_changes_nothing_more(files: RecordFiles) -> None:

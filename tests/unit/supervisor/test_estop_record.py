@@ -4,6 +4,7 @@ import threading
 import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -114,6 +115,17 @@ def test_a_supervisor_that_finds_a_record_starts_latched_and_makes_it_durable() 
         assert record.latched_at_start
         assert settled(record) == ""
         assert disk.attempts == ["read", "latch"]
+
+
+def test_who_pressed_is_told_after_a_restart_and_forgotten_with_a_reset(tmp_path: Path) -> None:
+    by = "pressed by teleop, 2026-11-26 14:20:05"
+    for latched, found in ((True, ""), (False, by), (True, "")):
+        record = EstopRecord(RecordFiles(tmp_path, "robot"), period_s=NEVER_S)
+        assert (record.latched_at_start, record.by) == (bool(found), found)
+        record.by = by if latched else ""
+        record.keep(latched=latched)
+        assert settled(record) == ""
+        record.close()
 
 
 def test_a_record_that_cannot_be_read_latches_and_is_written() -> None:

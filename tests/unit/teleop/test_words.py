@@ -70,6 +70,13 @@ def test_an_estop_that_is_not_on_disk_says_so_in_ascii() -> None:
     assert what.what == f"{CAUSES['ESTOP']}; the disk is full?[2J"
 
 
+def test_a_latched_estop_says_who_pressed_it_beside_the_problem_of_its_record() -> None:
+    by = "pressed by joy, 2026-11-26 14:20:05"
+    assert said(stopped("ESTOP", causes=["ESTOP"], detail=by)).what == f"{CAUSES['ESTOP']}: {by}"
+    newest = stopped("ESTOP", causes=["ESTOP"], detail=by, estop_record_problem="the disk is full")
+    assert said(newest).what == f"{CAUSES['ESTOP']}: {by}; the disk is full"
+
+
 def test_a_stop_reason_that_is_new_is_shown_by_its_name() -> None:
     what = said(stopped("FLOOD\x1b[2J"))
     assert what.what == "unknown stop reason FLOOD?[2J"

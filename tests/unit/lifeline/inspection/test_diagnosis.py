@@ -100,7 +100,7 @@ def test_every_problem_names_what_to_do() -> None:
         ({"state_problem": "/x is not writable"}, "state directory", "/x is not writable"),
         ({"is_connected": False}, "supervisor", "nothing listens on tcp/127.0.0.1:7447"),
         ({"is_connected": False, "port_problem": "port 7447 is in use"}, "supervisor", "port 7447 is in use"),
-        ({"is_connected": False, "is_stale": True}, "stack", "no longer runs"),
+        ({"is_connected": False, "is_stale": True}, "supervisor", "has ended without cleaning up"),
         ({"nodes": [node("supervisor"), node("teleop")]}, "base", "no program reads robot/cmd_vel"),
         ({"nodes": [node("supervisor"), node("sim")]}, "command source", "none of teleop, joy, path runs"),
         ({"traffic": Traffic()}, "rates", "nothing is heard on robot/scan"),
@@ -112,6 +112,40 @@ def test_every_problem_names_what_to_do() -> None:
 def test_each_fault_has_its_finding(fields: dict[str, object], check: str, words: str) -> None:
     found = [finding for finding in problems(running(**fields)) if finding.check == check]
     assert any(words in finding.what for finding in found), problems(running(**fields))
+
+
+@pytest.mark.parametrize(
+    ("fields", "causes", "latched"),
+    [
+        ({"is_connected": False, "is_stale": True, "status": None}, [], []),
+        ({"nodes": [node("supervisor"), node("teleop")], "traffic": Traffic()}, ["SCAN_STALE"], []),
+        ({"traffic": Traffic()}, ["SCAN_STALE"], []),
+        ({"nodes": [*running().nodes[:2]]}, ["SOURCE_LOST"], []),
+        ({"nodes": [*running().nodes[:2]]}, ["NO_COMMAND"], ["SOURCE_LOST"]),
+        ({"nodes": [*running().nodes, node("spoof.py", "robot/scan", pid=99)]}, ["SENSOR_CONFLICT"], []),
+    ],
+)
+def test_one_cause_is_one_problem(fields: dict[str, object], causes: list[str], latched: list[str]) -> None:
+    status = SafetyStatus(header(""), reasons=[*causes, *latched], causes=causes, latched=latched)
+    seen = running(**{"status": status, **fields})
+    assert len(problems(seen)) == 1
+    consequences = [finding for finding in diagnose(seen) if finding.check in ("stop", "latched")]
+    assert all((one.verdict, one.remedy) == (Verdict.NOTE, "") for one in consequences)
+
+
+def test_without_a_command_source_nobody_is_told_to_release_keys() -> None:
+    status = SafetyStatus(header(""), causes=["ESTOP", "OVERRUN"], latched=["OBSTACLE"])
+    text = " ".join(finding.remedy for finding in diagnose(running(nodes=running().nodes[:2], status=status)))
+    assert "release" not in text
+    assert "start a command source, then r to reset" in text
+    assert "release the keys" in " ".join(finding.remedy for finding in diagnose(running(status=status)))
+
+
+def test_a_recorded_estop_is_reported_with_who_pressed_it_and_when() -> None:
+    by = "pressed by teleop, 2026-11-26 14:20:05"
+    seen = running(is_connected=False, is_estop_recorded=True, estop_pressed_by=by, status=None)
+    (finding,) = (finding for finding in diagnose(seen) if finding.check == "e-stop")
+    assert by in finding.what
 
 
 def test_a_supervisor_that_hangs_is_not_another_program() -> None:
