@@ -5,6 +5,8 @@ PYTHON ?= python3
 UV := $(shell uv --version >/dev/null 2>&1 && command -v uv || echo .uv/bin/uv)
 OWN_UV := $(filter .uv/bin/uv,$(UV))
 STAMP := .venv/.made-from-lock
+# What driving needs, in the same directory; the whole environment includes it.
+DRIVE_STAMP := .venv/.made-to-drive
 ROS2_STAMP := .ros2/.made-from-lock
 RMW_ZENOH_STAMP := .rmw-zenoh/.made-from-lock
 PEERS_STAMP := .peers/.made-from-lock
@@ -27,7 +29,7 @@ NO_RCLPY := ROS 2 is not installed in /opt/ros/jazzy, and PyPI has no rclpy for 
   (only for CPython 3.11 to 3.14 on x86_64 Linux)
 NO_RMW_ZENOH := zenoh-ros2-sdk cannot be installed on this machine
 
-.PHONY: help setup ros2 test-ros2 run test unit component quick system flaky timed demo proof proofs coverage fifth check bench bench-peers bench-robots bench-fleet bench-link docs picture mutation faults campaign
+.PHONY: help setup ros2 test-ros2 run test unit component quick system flaky first-minute timed demo proof proofs coverage fifth check bench bench-peers bench-robots bench-fleet bench-link docs picture mutation faults campaign
 
 help: ## print this list
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -36,8 +38,9 @@ setup: $(STAMP) ## create the environment .venv from uv.lock
 
 ros2: $(ROS2_STAMP) ## create the environment .ros2 with rclpy, in which `python -m ros2` runs
 
-run: $(STAMP) ## drive the robot by keyboard; without a terminal, play the demo
-	@if [ -t 0 ] && [ -t 1 ]; then exec .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
+# With LIFELINE_UNDER_MAKE, it exits with 0, or make would add `Error 2` to its sentence.
+run: $(DRIVE_STAMP) ## drive the robot by keyboard; without a terminal, play the demo
+	@if [ -t 0 ] && [ -t 1 ]; then exec env LIFELINE_UNDER_MAKE=1 .venv/bin/lifeline up; else exec .venv/bin/lifeline demo; fi
 
 test: $(STAMP) ## run the checks and the tests, also with real processes; each commit must pass them (four minutes)
 	$(COMPILE)
@@ -68,6 +71,9 @@ TESTS ?= tests/system
 
 flaky: $(STAMP) ## run the system tests N times (10), every third time under load, and list what failed; TESTS selects some
 	.venv/bin/python -m tests.flaky --runs $(N) $(TESTS)
+
+first-minute: $(STAMP) ## measure `make run` in a new clone with an empty home directory
+	.venv/bin/python -m tests.first_minute
 
 timed: $(STAMP) $(PEERS_STAMP) ## run the system tests that measure real time, one at a time, on an idle machine (twelve minutes)
 	.venv/bin/pytest -s tests/system -m timed --durations=10
@@ -164,14 +170,29 @@ picture: $(STAMP) ## render the warehouse and the animation again (a few minutes
 	.venv/bin/python -m docs.generate.draw_warehouse
 	.venv/bin/python -m docs.generate.draw_crash_animation
 
-$(STAMP): uv.lock pyproject.toml | $(OWN_UV)
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
-	  echo "Lifeline needs Python 3.11 or newer; this is $$($(PYTHON) --version 2>&1)." \
-	    "Choose a newer one: make PYTHON=python3.12" >&2; exit 1; }
-	$(UV) sync --locked --all-extras --compile-bytecode --python $(PYTHON)
-	@.venv/bin/python -c 'from deploy.stack.supervisord import fetch, find_uv; fetch(find_uv(), print)'
-	$(COMPILE)
+# $(1): the options of uv. A test compares the announced sizes with uv.lock.
+define INSTALL
+@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+  echo "Lifeline needs Python 3.11 or newer; this is $$($(PYTHON) --version 2>&1)." \
+    "Choose a newer one: make PYTHON=python3.12" >&2; exit 1; }
+@$(UV) sync --quiet --locked --compile-bytecode --python $(PYTHON) $(1) || { \
+  echo "lifeline: uv could not install the packages of uv.lock; the first time, this needs access to PyPI:" \
+    "run the command again when the network is there" >&2; exit 1; }
+@.venv/bin/python -c 'from deploy.stack.supervisord import fetch, find_uv; \
+  fetch(find_uv(), lambda sentence: print("lifeline:", sentence, flush=True))'
+@echo "lifeline: compiling"
+@$(COMPILE)
+endef
+
+$(DRIVE_STAMP): uv.lock pyproject.toml | $(OWN_UV)
+	@echo "lifeline: installing what driving needs; this fetches at most 90 MB, once"
+	$(call INSTALL,--inexact --no-dev --extra sim --extra gamepad)
 	@touch $@
+
+$(STAMP): uv.lock pyproject.toml | $(OWN_UV)
+	@echo "lifeline: installing everything, also for the tests; this fetches at most 500 MB, once"
+	$(call INSTALL,--all-extras)
+	@touch $(DRIVE_STAMP) $@
 
 $(ROS2_STAMP): uv.lock pyproject.toml | $(OWN_UV)
 	@$(HAS_RCLPY) || { echo "$(NO_RCLPY)" >&2; exit 1; }
@@ -193,5 +214,6 @@ $(PEERS_STAMP): uv.lock pyproject.toml | $(OWN_UV)
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { \
 	  echo "uv is missing, and this Python cannot create an environment to install it:" \
 	    "apt install python3-venv" >&2; exit 1; }
-	$(PYTHON) -m venv .uv
-	.uv/bin/pip install --quiet uv
+	@echo "lifeline: fetching uv, which installs packages (30 MB, once)"
+	@$(PYTHON) -m venv .uv
+	@.uv/bin/pip install --quiet --disable-pip-version-check uv

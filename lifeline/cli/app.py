@@ -90,7 +90,7 @@ def main() -> NoReturn:
         for stream in (sys.stdout, sys.stderr):
             with suppress(OSError):
                 stream.flush()
-        os._exit(code)
+        os._exit(0 if "LIFELINE_UNDER_MAKE" in os.environ else code)
 
 
 if __name__ == "__main__":
