@@ -43,6 +43,7 @@ def up(state: StateDir, launch: Launch, say: Say, *, detach: bool, as_json: bool
             "or `lifeline demo`, which needs no keys"
         )
     state.create()
+    bringup.check_nothing_runs(state)  # before the lock, which `up` with teleop keeps
     keep = False
     with errors.interrupts(), locked(state, "up"):
         bringup.check_nothing_runs(state)

@@ -18,6 +18,7 @@ from typer.core import TyperArgument, TyperOption
 
 from deploy.stack.errors import EXIT_REFUSED, DeployError
 from wire.host.extras import how_to_install, missing_extra
+from wire.host.runnable import runnable
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -150,12 +151,12 @@ def robot_command(
 
 
 def say(sentence: str) -> None:
-    print(f"lifeline: {sentence}", flush=True)
+    print(f"lifeline: {runnable(sentence)}", flush=True)
 
 
 def note(sentence: str) -> None:
     """Report progress on standard error; standard output is for the result."""
-    print(f"lifeline: {sentence}", file=sys.stderr, flush=True)
+    print(f"lifeline: {runnable(sentence)}", file=sys.stderr, flush=True)
 
 
 def print_json(document: object) -> None:
@@ -216,7 +217,7 @@ class StatusLine:
     def say(self, sentence: str) -> None:
         """Print a permanent line."""
         self.clear()
-        print(sentence, flush=True, file=self._stream)
+        print(runnable(sentence), flush=True, file=self._stream)
 
     def clear(self) -> None:
         if self._shown:
@@ -231,13 +232,13 @@ def exit_with(run: Callable[[], int | None]) -> NoReturn:
     except DeployError as error:
         from wire.text import printable_lines  # noqa: PLC0415
 
-        print(f"lifeline: {printable_lines(str(error))}", file=sys.stderr)
+        note(printable_lines(str(error)))
         code = EXIT_REFUSED
     except ModuleNotFoundError as error:
         extra = missing_extra(error)
         if extra is None:
             raise
-        print(f"lifeline: this needs an extra: {how_to_install(extra)}", file=sys.stderr)
+        note(f"this needs an extra: {how_to_install(extra)}")
         code = EXIT_REFUSED
     except KeyboardInterrupt as interrupt:
         code = getattr(interrupt, "exit_code", 130)

@@ -22,6 +22,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from deploy.stack.errors import EXIT_REFUSED, DeployError
 from deploy.stack.launch import Launch
+from lifeline.command import note
 from ros2.config import Ros2Section
 from wire import topics
 from wire.bus_config import BusConfig
@@ -150,7 +151,7 @@ def run(launch: Launch, source: str, command: list[str]) -> NoReturn:
     try:
         code = asyncio.run(_hold(launch.bus, source, command[0], child, notifier))
     except BusError as error:
-        print(f"lifeline: {error}", file=sys.stderr)
+        note(str(error))
     finally:
         end(code)
 

@@ -27,6 +27,7 @@ from deploy.stack.ros2_reports import Report
 from deploy.stack.statedir import StateDir
 from deploy.stack.takedown import listed
 from wire import tls, topics
+from wire.host.runnable import runnable
 from wire.messages import Odometry, SafetyStatus, Twist
 from wire.text import printable
 
@@ -160,7 +161,7 @@ async def _look(state: StateDir, launch: Launch) -> Look:
 def table(look: Look) -> Table | Text:
     """Format the status as a table for the terminal."""
     if look.exit_code == EXIT_NOT_RUNNING:
-        return Text(_idle(look) if look.latched is None else f"{_idle(look)}\n{look.latched}")
+        return Text(runnable(_idle(look) if look.latched is None else f"{_idle(look)}\n{look.latched}"))
     table = Table(show_header=False, title=look.endpoint, title_justify="left")
     table.add_column(style="bold")
     table.add_column()
@@ -187,7 +188,9 @@ def table(look: Look) -> Table | Text:
         table.add_row("nearest", nearest(status.nearest_m, status.nearest_bearing_rad, " from the hull"))
     for report in look.ros2:
         if report.name != ros2_reports.SUPERVISOR:
-            table.add_row(Text(report.name), Text(report.message, style=ros2_reports.COLOURS[report.level]))
+            table.add_row(
+                Text(report.name), Text(runnable(report.message), style=ros2_reports.COLOURS[report.level])
+            )
     return table
 
 

@@ -35,6 +35,7 @@ from wire.bus import Bus, wait_until
 from wire.host.command_line import EXIT_USAGE, override, read_document, refuse, service_parser
 from wire.host.config import BusSection, ConfigError, section
 from wire.host.process import run_process
+from wire.host.runnable import runnable
 from wire.roles import Role
 from wire.zenoh.bus import open_bus
 
@@ -92,7 +93,7 @@ async def _run(stop: asyncio.Event, options: Options) -> int:
                     render=_render(options),
                     wake=wake,
                 )
-                waiting.pass_warnings_to(lambda text: teleop.note(text, Tone.CAUTION))
+                waiting.pass_warnings_to(lambda text: teleop.note(runnable(text), Tone.CAUTION))
                 if options.gamepad is not None:
                     stack.enter_context(options.gamepad.reading(wake=wake, say=teleop.note))
                 if isinstance(pilot, Hold):

@@ -23,6 +23,7 @@ from deploy.keys.register import (
     warnings,
 )
 from deploy.stack.errors import DeployError
+from wire.host.runnable import runnable
 from wire.roles import Role
 
 
@@ -116,12 +117,12 @@ def table(directory: Path | None) -> list[Row]:
 def show(table: list[Row]) -> None:
     """Print the rows, and a sentence for each certificate that ends soon."""
     if not table:
-        print("no certificate was issued yet: `lifeline keys issue NAME --role ROLE`")
+        print(runnable("no certificate was issued yet: `lifeline keys issue NAME --role ROLE`"))
         return
     console = Console()
     console.print(_to_table(table))
     for sentence in warnings(table):
-        console.print(Text(f"warning: {sentence}", style="yellow"), soft_wrap=True)
+        console.print(Text(runnable(f"warning: {sentence}"), style="yellow"), soft_wrap=True)
 
 
 def _to_table(table: list[Row]) -> Table:

@@ -28,11 +28,15 @@ def check_nothing_runs(state: StateDir) -> None:
     if not running:
         return
     if any(p.name == "supervisord" for p in running):
+        launch = Launch.running(state)
+        drive = "" if launch is None else f"drive it with `{launch.drive}`, "
         raise DeployError(
-            f"Lifeline already runs in {state.path}: check it with `lifeline status`, stop it with `lifeline down`"
+            f"a robot already runs in {state.path}: {drive}check it with `lifeline status{state.option}`, "
+            f"stop it with `lifeline down{state.option}`"
         )
     raise DeployError(
-        f"an earlier supervisord was killed and left {listed(running)} running: clean up with `lifeline down`"
+        f"an earlier supervisord was killed and left {listed(running)} running: clean up with "
+        f"`lifeline down{state.option}`"
     )
 
 

@@ -12,7 +12,7 @@ from typing import Any
 from deploy.stack.errors import DeployError
 from deploy.stack.processes import MARK
 from deploy.stack.statedir import StateDir, read_json
-from supervisor.estop_record import is_recorded
+from supervisor.estop_record import is_recorded, pressed_by
 from wire import topics
 from wire.bus_config import BusConfig
 from wire.host.command_line import bus_options, override
@@ -147,8 +147,9 @@ class Launch:
         if not is_recorded(state.path, self.bus.namespace):
             return None
         service = f"{self.bus.namespace}/{topics.SUPERVISOR_RESET.key}"
+        by = pressed_by(state.path, self.bus.namespace)
         return (
-            "the e-stop is still latched from an earlier run, and the robot does not move until it is reset: "
+            f"the e-stop is still latched from an earlier run{by and f' ({by})'}, and the robot does not move until it is reset: "
             f"press r in teleop, or call the service {service}"
         )
 
@@ -201,8 +202,7 @@ class Launch:
     def drive(self) -> str:
         """The shell command that starts teleop for this robot."""
         options, usual = (launch.command(topics.TELEOP)[3:] for launch in (self, Launch.read(None, None)))
-        lifeline = Path(sys.executable).with_name("lifeline")
-        return shlex.join([str(lifeline), topics.TELEOP, *([] if options == usual else options)])
+        return shlex.join(["lifeline", topics.TELEOP, *([] if options == usual else options)])
 
 
 def _read(

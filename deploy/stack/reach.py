@@ -18,6 +18,7 @@ from deploy.stack.ros2_reports import Report, reports_of
 from wire import tls, topics
 from wire.bus import Bus, BusError, Inbox, wait_until
 from wire.host.process import Main, run_process
+from wire.host.runnable import runnable
 from wire.messages import Odometry, SafetyStatus
 from wire.text import printable_lines
 from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
@@ -63,7 +64,7 @@ def run_command(main: Main) -> NoReturn:
         try:
             return await main(stop)
         except (DeployError, BusError) as error:
-            print(f"lifeline: {printable_lines(str(error))}", file=sys.stderr)
+            print(f"lifeline: {runnable(printable_lines(str(error)))}", file=sys.stderr)
             return EXIT_NOT_RUNNING if isinstance(error, NotRunningError) else EXIT_REFUSED
         except BrokenPipeError:  # the reader of a pipe has ended, as `head` does
             return 0

@@ -60,7 +60,7 @@ def fit_to_simulation(sections: Sections) -> Iterator[Conflict]:
             if abs(value - of_sim) > MOUNT_TOLERANCE:
                 message = (
                     f"but the lidar of [sim] on {lidar.topic} is at {of_sim:g}, so obstacles would be seen in "
-                    "the wrong place: give [sim] the same mount, or start a real robot with `python -m supervisor --config FILE`"
+                    "the wrong place: give [sim] the same mount, or start a real robot with `lifeline up --no-sim --config FILE`"
                 )
                 yield Conflict(("supervisor", *path, key), value, message)
         if carried.beams < lidar.min_beams:

@@ -25,10 +25,11 @@ from lifeline.inspection.listening import Robot, robot_at
 from lifeline.inspection.nodes import program
 from lifeline.inspection.sockets import processes_at
 from supervisor.config import SupervisorSection
-from supervisor.estop_record import is_recorded
+from supervisor.estop_record import is_recorded, pressed_by
 from wire import topics
 from wire.bus import BusError
 from wire.host.config import ConfigError, read_toml
+from wire.host.runnable import runnable
 from wire.text import printable
 
 PACKAGES = ("eclipse-zenoh", "numpy", "pydantic", "rich", "rosbags", "typer")
@@ -59,7 +60,7 @@ async def _examine(
         return 130
     if bus is not None and seen.config is not None:
         await _listen(seen, robot_at(bus, launch, seen.config, stop), seconds)
-    findings = diagnose(seen)
+    findings = [one._replace(what=runnable(one.what), remedy=runnable(one.remedy)) for one in diagnose(seen)]
     found = [finding._asdict() for finding in findings]
     show(found, _table(findings), Text(_summary(findings)), as_json=as_json)
     return 0 if is_healthy(findings) else 1
@@ -88,6 +89,7 @@ def _at_rest(launch: Launch, state: StateDir) -> Observed:
     is_ours = seen.silence is None or launch.is_started(state)
     seen.is_stale = is_ours and state.record.exists() and supervisord.programs(state) is None
     seen.is_estop_recorded = seen.silence is None and is_recorded(state.path, launch.bus.namespace)
+    seen.estop_pressed_by = pressed_by(state.path, launch.bus.namespace)
     return seen
 
 

@@ -134,7 +134,10 @@ def test_beside_the_pid_file_of_a_dead_supervisord_a_robot_comes_up_is_seen_and_
     _wait_for(lambda: "NO_COMMAND" in robot.run("status").stdout, "not for people")
 
     before = robot.pids()
-    _refused(robot.run("up", "--detach"), r"already runs in .*`lifeline down`")
+    _refused(
+        robot.run("up", "--detach"),
+        r"already runs in .*: drive it with `lifeline teleop .*`lifeline down .*`",
+    )
     assert robot.pids() == before, "a refused second `up` must not touch the first"
     robot.seen(lambda seen: seen["running"], "not running")
 
@@ -181,7 +184,7 @@ def test_a_killed_supervisor_is_restarted_and_a_killed_supervisord_is_cleaned_up
     _wait_for(lambda: robot.pids().keys() == {"supervisor", "sim"}, "supervisord lives on")
     _refused(
         robot.run("up", "--detach"),
-        r"supervisord was killed and left .*supervisor \(pid \d+\).*`lifeline down`",
+        r"supervisord was killed and left .*supervisor \(pid \d+\).*`lifeline down --state-dir .*`",
     )
 
     down = robot.run("down")
@@ -352,7 +355,8 @@ def test_the_estop_outlives_the_whole_stack_and_up_and_status_say_how_to_reset_i
 
     up = robot.run("up", "--detach")
     assert up.returncode == 0
-    assert "the e-stop is still latched from an earlier run" in up.stdout
+    by = r"\(pressed by another program, \d{4}-\d\d-\d\d \d\d:\d\d:\d\d\)"
+    assert re.search(rf"the e-stop is still latched from an earlier run {by}", up.stdout)
     assert "press r in teleop" in up.stdout
     assert "ESTOP" in robot.seen(lambda seen: seen["running"], "not running")["reasons"]
     _wait_for(

@@ -9,6 +9,7 @@ from typing import Any, NoReturn
 
 from wire.bus_config import DEFAULT_ENDPOINT, BusConfig
 from wire.host.config import read_toml
+from wire.host.runnable import runnable
 
 EXIT_USAGE = 2
 PROGRAM = "LIFELINE_PROGRAM"
@@ -74,5 +75,5 @@ def log_to_stderr() -> None:
 
 def refuse(node: str, sentence: object) -> NoReturn:
     """Print one sentence to stderr and exit, before anything has started."""
-    print(f"{node}: {sentence}", file=sys.stderr)
+    print(f"{node}: {runnable(str(sentence))}", file=sys.stderr)
     sys.exit(EXIT_USAGE)

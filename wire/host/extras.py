@@ -1,6 +1,10 @@
 """The extras of the package `lifeline`: which modules each brings, and how to install a missing one."""
 
+import sys
 from importlib.util import find_spec
+from pathlib import Path
+
+from wire.host.state_directory import checkout
 
 EXTRAS = {
     "gamepad": ("evdev",),
@@ -29,7 +33,10 @@ def require(extra: str) -> None:
 
 
 def how_to_install(extra: str) -> str:
-    """The command that adds an extra to those that are installed: `uv tool install` replaces what it installed before."""
+    """How to add an extra to those that are installed: `uv tool install` replaces what it installed before."""
+    root = checkout()
+    if root is not None and Path(sys.prefix).is_relative_to(root):
+        return f"install lifeline[{extra}], with `make setup`"
     kept = (known for known, modules in EXTRAS.items() if all(find_spec(name) for name in modules))
     extras = ",".join(sorted({extra, *kept}))
     return f"install lifeline[{extra}], with `uv tool install '.[{extras}]'` in a checkout of Lifeline"

@@ -16,6 +16,7 @@ from contextlib import ExitStack, suppress
 from typing import Any, NoReturn
 
 from wire.host.memory_keeper import MemoryKeeper
+from wire.host.runnable import runnable
 from wire.inbox import BusError
 
 _log = logging.getLogger(__name__)
@@ -42,7 +43,7 @@ def run_process(name: str, main: Main, *, memory_keeper: bool = False) -> NoRetu
     try:
         code = asyncio.run(_supervised(main, at_end, memory_keeper=memory_keeper))
     except BusError as error:
-        print(f"{name}: {error}", file=sys.stderr)
+        print(f"{name}: {runnable(str(error))}", file=sys.stderr)
     except Exception:  # noqa: BLE001 - the last handler before the process ends
         _log.exception("%s ended with an unexpected error", name)
     finally:

@@ -3,8 +3,6 @@
 import os
 from pathlib import Path
 
-from wire.host.config import absolute
-
 ENVIRONMENT = "LIFELINE_STATE_DIR"
 IN_CHECKOUT = ".lifeline"
 INSTALLED = "~/.local/state"
@@ -26,6 +24,8 @@ def state_directory() -> Path:
     Raises:
         ConfigError: the path begins with the home of a user that does not exist.
     """
+    from wire.host.config import absolute  # noqa: PLC0415 - imports pydantic, which `checkout` does not need
+
     named = os.environ.get(ENVIRONMENT)
     if named:
         return absolute(Path(named))

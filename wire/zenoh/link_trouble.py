@@ -10,7 +10,7 @@ from collections.abc import Sequence
 LOG_FILTER = "off,zenoh_link_tls=warn,zenoh_link_commons=warn,zenoh::net::runtime=warn"
 """The parts of Zenoh's log that have these lines, in the notation of RUST_LOG."""
 
-ISSUE = "`lifeline keys issue`"
+ISSUE = "`lifeline keys issue NAME`"
 OTHER_AUTHORITY = "invalid peer certificate: (UnknownIssuer|BadSignature)"
 EXPIRED = "invalid peer certificate: (certificate expired|Expired)"
 NOT_YET = "invalid peer certificate: (certificate not valid yet|NotValidYet)"
@@ -29,7 +29,7 @@ AT_A_CLIENT = (
     (NOT_YET, "the supervisor's certificate is not valid yet: check the clocks of both computers"),
     (
         OTHER_NAME,
-        f"the supervisor's certificate is not for this host: issue it with {ISSUE}, option --host, and restart the supervisor",
+        "the supervisor's certificate is not for this host: issue it with `lifeline keys issue NAME --host HOST` and restart the supervisor",
     ),
     (OTHER_PURPOSE, "the other side is not a supervisor: its certificate has another role"),
     (

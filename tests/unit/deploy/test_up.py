@@ -1,6 +1,5 @@
 """`lifeline up --detach`: what it says of the robot that runs in the background."""
 
-import sys
 from pathlib import Path
 
 import pytest
@@ -28,9 +27,6 @@ def bundle_of(keys: Path, role: Role) -> Path:
     return Path(issue(keys, Request(f"my_{role}", role, None, None), 3600.0)["bundle"]).parent
 
 
-LIFELINE = Path(sys.executable).with_name("lifeline")
-
-
 def said(state: Path, bundles: Path | None = None) -> str:
     endpoint = "tcp/127.0.0.1:7447" if bundles is None else "quic/127.0.0.1:7447"
     return "\n".join(hints(StateDir(state), Launch.read(None, endpoint, bundles)))
@@ -48,7 +44,7 @@ def test_only_a_state_directory_that_is_not_the_default_is_named(
 
 
 def test_teleop_is_named_only_if_it_has_a_bundle_of_the_role_operator(tmp_path: Path, keys: Path) -> None:
-    assert f"drive with `{LIFELINE} teleop`" in said(tmp_path)
+    assert "drive with `lifeline teleop`" in said(tmp_path)
     bundles = bundle_of(keys, Role.BASE)
     text = said(tmp_path, bundles)
     assert "drive with `" not in text
@@ -60,5 +56,5 @@ def test_teleop_is_named_only_if_it_has_a_bundle_of_the_role_operator(tmp_path: 
 
 def test_teleop_of_another_robot_than_the_default_is_named_with_its_options() -> None:
     drive = Launch.read(None, "tcp/127.0.0.1:7448").drive
-    assert drive.startswith(f"{LIFELINE} teleop --config ")
+    assert drive.startswith("lifeline teleop --config ")
     assert drive.endswith("--endpoint tcp/127.0.0.1:7448")

@@ -8,6 +8,7 @@ from rich.console import Console
 
 from deploy.stack.ros2_reports import Level, Report
 from lifeline.status import Look, table
+from wire.host.runnable import runnable
 from wire.messages import SafetyStatus, header, odometry
 
 
@@ -128,9 +129,11 @@ def test_the_reports_of_ros_2_have_a_row_each_but_the_one_that_repeats_the_mode(
 
 def test_what_an_interrupted_start_left_is_named_with_the_way_to_clean_up() -> None:
     nothing = replace(look(), connected=False, alive=frozenset[str](), status=None)
-    assert printed(nothing) == "nothing is running at tcp/127.0.0.1:7447; start with `lifeline up`\n"
+    assert printed(nothing) == runnable(
+        "nothing is running at tcp/127.0.0.1:7447; start with `lifeline up`\n"
+    )
     left = replace(nothing, left_over="supervisord (pid 4)")
-    assert printed(left) == (
+    assert printed(left) == runnable(
         "no node is running at tcp/127.0.0.1:7447, but supervisord (pid 4): clean up with `lifeline down`\n"
     )
 

@@ -328,7 +328,7 @@ def test_an_axis_without_a_range_is_refused(desk: Desk) -> None:
 
 def test_without_the_package_the_sentence_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "evdev", None)
-    with pytest.raises(GamepadError, match=r"install lifeline\[gamepad\], with `uv tool install"):
+    with pytest.raises(GamepadError, match=r"install lifeline\[gamepad\], with `make setup`"):
         open_gamepad(TeleopSection())
 
 

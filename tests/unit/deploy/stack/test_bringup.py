@@ -1,12 +1,15 @@
-"""A start fails early if a program exits repeatedly."""
+"""A start fails early if a program exits repeatedly; a second start says how to use the robot that runs."""
 
+import json
 from pathlib import Path
 
 import pytest
 
-from deploy.stack import supervisord
-from deploy.stack.bringup import Health
+from deploy.stack import processes, supervisord
+from deploy.stack.bringup import Health, check_nothing_runs
 from deploy.stack.errors import DeployError
+from deploy.stack.launch import Launch
+from deploy.stack.processes import Process
 from deploy.stack.statedir import StateDir
 from deploy.stack.supervisord import Program
 
@@ -81,3 +84,19 @@ def test_a_supervisord_that_does_not_answer_is_no_failed_program(
 ) -> None:
     monkeypatch.setattr(supervisord, "programs", silent)
     Health(StateDir(tmp_path)).check()
+
+
+def test_a_second_start_says_how_to_drive_the_robot_that_runs(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def running(_: Path) -> list[Process]:
+        return [Process(4, "supervisord"), Process(5, "supervisor")]
+
+    monkeypatch.setattr(processes, "of", running)
+    state = StateDir(tmp_path)
+    state.record.write_text(json.dumps(Launch.read(None, None).to_record()))
+    with pytest.raises(
+        DeployError, match=r"a robot already runs in .*: drive it with `lifeline teleop`, "
+    ) as refused:
+        check_nothing_runs(state)
+    assert f"stop it with `lifeline down --state-dir {tmp_path}`" in str(refused.value)

@@ -4,6 +4,7 @@ import sys
 
 import pytest
 
+from wire.host import extras
 from wire.host.extras import EXTRAS, how_to_install, missing_extra, require
 
 
@@ -38,6 +39,8 @@ def test_the_command_that_installs_an_extra_keeps_those_that_are_installed(
     for modules in EXTRAS.values():
         for module in modules:
             monkeypatch.setitem(sys.modules, module, None)
+    assert how_to_install("sim") == "install lifeline[sim], with `make setup`"
+    monkeypatch.setattr(extras, "checkout", lambda: None)
     assert "'.[sim]'" in how_to_install("sim")
     monkeypatch.delitem(sys.modules, "evdev")
     assert "'.[gamepad,sim]'" in how_to_install("sim")
