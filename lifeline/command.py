@@ -233,7 +233,7 @@ def exit_with(run: Callable[[], int | None]) -> NoReturn:
         from wire.text import printable_lines  # noqa: PLC0415
 
         note(printable_lines(str(error)))
-        code = EXIT_REFUSED
+        code = error.exit_code
     except ModuleNotFoundError as error:
         extra = missing_extra(error)
         if extra is None:

@@ -6,15 +6,17 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NoReturn
 
+from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.reach import HeardSources, reach, run_command
 from lifeline.command import StatusLine, note, print_json
-from lifeline.recording import Recorded, RecordingWriter, exists
+from lifeline.recording import Recorded, RecordingReader, RecordingWriter, exists
 from supervisor.config import SupervisorSection
 from wire import topics
-from wire.bus import Bus, RawArrival, Subscription, wait_until
+from wire.bus import Bus, BusError, RawArrival, Subscription, wait_until
 from wire.host.process import EXIT_FAILURE
 from wire.stamp import Stamp, parse_stamp
 from wire.topics import Topic
@@ -151,6 +153,36 @@ def record(path: Path, launch: Launch, *, as_json: bool = False) -> NoReturn:
         raise exists(path)
     config = launch.section("supervisor", SupervisorSection)
     run_command(lambda stop: _record(stop, path, launch, config, as_json=as_json))
+
+
+def heard(launch: Launch, seconds: float) -> list[Recorded]:
+    """Record a running robot for some seconds, and return the messages.
+
+    Raises:
+        NotRunningError: no supervisor answers.
+        DeployError: the configuration or the endpoint is refused.
+    """
+    config = launch.section("supervisor", SupervisorSection)
+
+    async def main(path: Path) -> None:
+        stop = asyncio.Event()
+        bus = await reach(launch.bus, stop)
+        assert bus is not None  # nothing has set the event
+        note(f"recording the robot at {launch.bus.endpoint} for {seconds:g} s")
+        try:
+            asyncio.get_running_loop().call_later(seconds, stop.set)
+            writer = RecordingWriter(path)
+            await Recorder(bus, launch.bus.namespace, config, writer, lambda _: None).run(stop)
+        finally:
+            await bus.close()
+
+    with TemporaryDirectory() as directory:
+        path = Path(directory) / "heard.mcap"
+        try:
+            asyncio.run(main(path))
+        except BusError as error:
+            raise DeployError(str(error)) from error
+        return list(RecordingReader(path).messages())
 
 
 async def _record(

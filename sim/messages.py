@@ -4,6 +4,7 @@ Headers have wall-clock stamps, for people and recordings.
 """
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -119,6 +120,7 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 HARDWARE = "sim"
 BASE = f"{HARDWARE}: base"
 """The name of the base's status; its value `reason` is a BaseReason."""
+MOVERS = f"{HARDWARE}: movers"
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +137,7 @@ class Health:
         paused: whether the simulation is paused.
         measured: the pace since the last report.
         faults: the active sensor faults.
-        movers: x, y [m] and yaw [rad] of the movers in the world frame, by name.
+        movers: x, y [m] and yaw [rad] of the movers in the world frame, by name, also those of a placed `pillar`.
     """
 
     base: BaseReason
@@ -166,6 +168,15 @@ def base_reason(message: DiagnosticArray) -> str | None:
     """Return the BaseReason in a diagnostics message; None if it has none."""
     told = (value for status in message.status if status.name == BASE for value in status.values)
     return next((value.value for value in told if value.key == "reason"), None)
+
+
+def movers_of(message: DiagnosticArray) -> dict[str, Pose] | None:
+    """Return the movers in a diagnostics message, by name; None if it has none."""
+    for status in message.status:
+        if status.name == MOVERS:
+            with suppress(TypeError, ValueError):
+                return {value.key: Pose(*map(float, value.value.split())) for value in status.values}
+    return None
 
 
 def contact_sentence(health: Health) -> str:

@@ -15,13 +15,15 @@ from sim import mj
 from sim.floorplan import Circle, Floats, Outline
 from sim.lidar import Ranges
 from sim.lidar_config import LidarConfig
-from wire.message_types import MODES
+from wire.message_types import MODES, SafetyStatus
 from wire.outline import line_around
 from wire.reasons import words_of
 
 STOP_DISTANCE_M = 0.30
 WARNING_DISTANCE_M = 0.50
 """The supervisor's default; its configuration may differ, but the status does not contain it."""
+STATUS_SILENT_S = 0.5
+"""Maximum age of a valid supervisor status."""
 
 Rgb = tuple[float, float, float]
 
@@ -68,6 +70,16 @@ class Shown(NamedTuple):
     nearest_m: float = math.nan
     ranges: Sequence[Ranges] = ()
     over: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls, status: SafetyStatus | None, age_s: float, speed_m_s: float, ranges: Sequence[Ranges]
+    ) -> "Shown":
+        """Return the values for the supervisor's last status; one that is too old counts as missing."""
+        if status is None or age_s > STATUS_SILENT_S:
+            return cls(speed_m_s=speed_m_s, ranges=ranges)
+        over = tuple(status.causes_and_latched()[1])
+        return cls(Mode.of(status.mode), tuple(status.reasons), speed_m_s, status.nearest_m, ranges, over)
 
     @property
     def why(self) -> str:

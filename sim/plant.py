@@ -210,10 +210,10 @@ class Plant:
 
     @property
     def movers(self) -> dict[str, Pose]:
-        """Poses of people and forklifts in the world, by name."""
-        return {
-            mover.name: Pose(*placed[:3]) for mover, placed in zip(self._movers, self._placed, strict=True)
-        }
+        """Poses of people, forklifts and a placed `pillar` in the world, by name."""
+        pillar = {} if self.pillar is None else {"pillar": Pose(*self.pillar, 0.0)}
+        places = zip(self._movers, self._placed, strict=True)
+        return {mover.name: Pose(*placed[:3]) for mover, placed in places} | pillar
 
     def step(self, twist_target: tuple[float, float], n_steps: int = 1) -> None:
         """Advance by n_steps of `timestep_s` while the drive follows the target (v in m/s, ω in rad/s)."""
@@ -281,6 +281,21 @@ class Plant:
         """Remove the pillar from the world, if it is there."""
         self.pillar = None
         self._move_pillar(0.0, 0.0, PARKED_Z_M)
+
+    def show(self, pose: tuple[float, float, float]) -> None:
+        """Put the robot at a pose for a picture; nothing is checked, and no step may follow."""
+        free = self._qpos[self._base_qpos : self._base_qpos + 7]
+        free[:2], free[3:] = pose[:2], _turn(pose[2])
+
+    def show_movers(self, movers: Mapping[str, Pose]) -> None:
+        """Like `show`, for `movers`; one that is not named stays where it is, but the pillar is removed."""
+        for mover, number in zip(self._movers, self._mover_ids, strict=True):
+            if mover.name in movers:
+                pose = movers[mover.name]
+                self.data.mocap_pos[number, :2], self.data.mocap_quat[number] = pose[:2], _turn(pose.yaw_rad)
+        self.remove_pillar()
+        if "pillar" in movers:
+            self._move_pillar(*movers["pillar"][:2], self._pillar_half_height_m)
 
     def reset(self) -> None:
         """Put the robot at rest at its start and set wheel angles and collisions to zero.
@@ -414,3 +429,8 @@ class Plant:
     def _move_pillar(self, x_m: float, y_m: float, z_m: float) -> None:
         self._pillar_pos[:] = (x_m, y_m, z_m)
         mj.kinematics(self.model, self.data)  # the next scan must see it even without a step
+
+
+def _turn(yaw_rad: float) -> tuple[float, float, float, float]:
+    """Return the quaternion (w, x, y, z) of a turn about z."""
+    return math.cos(0.5 * yaw_rad), 0.0, 0.0, math.sin(0.5 * yaw_rad)

@@ -28,7 +28,7 @@ from sim.messages import (
     to_truth,
 )
 from sim.motion_sensors import Imu, Odometer
-from sim.overlay import Mode, Shown
+from sim.overlay import Shown
 from sim.pace import Every, Measured, Pace, Request, TimeRequestError, parse_time_request
 from sim.plant import Plant
 from sim.sensor_faults import (
@@ -54,11 +54,9 @@ TRUTH_HZ, CLOCK_HZ = 50.0, 50.0
 SLICE_S = 0.002
 """Maximum time for making due steps before commands and requests are processed again."""
 FRAME_S = 1.0 / 30.0
-STATUS_SILENT_S = 0.5
-"""Maximum age of a valid supervisor status."""
 REPORT_S = 1.0
 CONTACT_REPORT_S = 0.1
-"""Minimum time between two reports of contacts, for a hull that bounces along a rack; log lines are at least 1 s apart."""
+"""Minimum time between two reports of contacts or of the pillar, for a hull that bounces along a rack; log lines are at least 1 s apart."""
 CONTACT_LOG_S = 1.0
 PACE_LOG_S = 10.0
 FAULTS_STREAM = 1
@@ -220,6 +218,7 @@ class SimService:
             self._watchdog.command(command.arrival_s, twist.linear.x, twist.angular.z, sent)
 
     def _place(self, point: Point) -> None:
+        self._next_report_s = min(self._next_report_s, self._loop.time() + CONTACT_REPORT_S)
         if point.z < 0:
             self._plant.remove_pillar()
             return
@@ -282,15 +281,8 @@ class SimService:
         for arrival in () if self._statuses is None else self._statuses.take():
             if arrival.message is not None:
                 self._status, self._status_s = arrival.message, arrival.arrival_s
-        status, speed_m_s, ranges = (
-            self._status,
-            self._plant.true_velocity.linear_m_s,
-            [eye.last for eye in self._eyes],
-        )
-        if status is None or now_s - self._status_s > STATUS_SILENT_S:
-            return Shown(speed_m_s=speed_m_s, ranges=ranges)
-        over = tuple(status.causes_and_latched()[1])
-        return Shown(Mode.of(status.mode), tuple(status.reasons), speed_m_s, status.nearest_m, ranges, over)
+        speed_m_s, ranges = self._plant.true_velocity.linear_m_s, [eye.last for eye in self._eyes]
+        return Shown.of(self._status, now_s - self._status_s, speed_m_s, ranges)
 
     def _put_in_force(self, faults: SensorFaults) -> None:
         if faults != self._faults:

@@ -27,6 +27,8 @@ EXIT_NOT_RUNNING = 3
 class DeployError(Exception):
     """The command cannot be executed; the message gives the cause and the remedy."""
 
+    exit_code = EXIT_REFUSED
+
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 

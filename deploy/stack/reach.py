@@ -30,6 +30,8 @@ CLOSE_LIMIT_S = 0.1
 class NotRunningError(DeployError):
     """No supervisor answers at the endpoint."""
 
+    exit_code = EXIT_NOT_RUNNING
+
 
 async def reach(config: BusConfig, stop: asyncio.Event) -> ZenohBus | None:
     """Open the bus; return None if `stop` is set first.
@@ -65,7 +67,7 @@ def run_command(main: Main) -> NoReturn:
             return await main(stop)
         except (DeployError, BusError) as error:
             print(f"lifeline: {runnable(printable_lines(str(error)))}", file=sys.stderr)
-            return EXIT_NOT_RUNNING if isinstance(error, NotRunningError) else EXIT_REFUSED
+            return error.exit_code if isinstance(error, DeployError) else EXIT_REFUSED
         except BrokenPipeError:  # the reader of a pipe has ended, as `head` does
             return 0
 

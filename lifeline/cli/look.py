@@ -15,6 +15,7 @@ from lifeline.command import (
     answer,
     argument,
     command,
+    note,
     option,
     robot_command,
 )
@@ -65,6 +66,13 @@ Names = Annotated[
     list[str], argument("TOPIC…", "Names of topics, such as cmd_vel.", autocompletion=topic_names)
 ]
 Listen = Annotated[float, option("--seconds", "S", "Listening time in s.", min=0.1, max=3600.0)]
+FileOrId = Annotated[
+    str | None,
+    argument(
+        "[FILE|ID]",
+        "A recording (.mcap), a black box (.jsonl.gz) or an incident's ID. Default: the running robot.",
+    ),
+]
 Until = Annotated[
     float | None,
     option("--seconds", "S", "End after S seconds. Default: until Ctrl-C.", min=0.1, max=86400.0),
@@ -72,6 +80,15 @@ Until = Annotated[
 
 
 # --- the commands
+
+
+def _file_of(robot: Robot, what: str | None) -> Path | None:
+    """Return the recording or the black box that an argument names; None: the running robot."""
+    from lifeline.incidents.incident import directory_of, find
+
+    if what is None or what.endswith(".mcap"):
+        return None if what is None else Path(what)
+    return find(directory_of(robot.launch, robot.state), what)
 
 
 @robot_command(app)
@@ -146,13 +163,7 @@ def metrics(
 def view(
     robot: Robot,
     *,
-    what: Annotated[
-        str | None,
-        argument(
-            "[FILE|ID]",
-            "A recording (.mcap), a black box (.jsonl.gz) or an incident's ID. Default: the running robot.",
-        ),
-    ] = None,
+    what: FileOrId = None,
     out: Annotated[
         Path | None, option("--out", "FILE.rrd", "Write a file for Rerun instead of opening a window.")
     ] = None,
@@ -168,14 +179,9 @@ def view(
 ) -> None:
     """Show the robot in Rerun: hull, lidars, seen space, velocities, mode and reasons."""
     require("view")
-    from lifeline.incidents.incident import directory_of, find
     from lifeline.view.show import Wanted, view
 
-    if what is None or what.endswith(".mcap"):
-        file = None if what is None else Path(what)
-    else:
-        file = find(directory_of(robot.launch, robot.state), what)
-    view(Wanted(file, out, web, port), robot.launch)
+    view(Wanted(_file_of(robot, what), out, web, port), robot.launch)
 
 
 @robot_command(app)
@@ -191,27 +197,34 @@ def record(
     record(file, robot.launch, as_json=as_json)
 
 
-@command(app)
+@robot_command(app)
 def render(
+    robot: Robot,
     *,
+    what: FileOrId = None,
     out: Annotated[
         Path,
         option("--out", "FILE", "The file to write: a picture (.png) or an animation (.mp4, .webp, .gif)."),
     ],
     scene: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--scene",
             "--layout",
             metavar="NAME|FILE",
-            help="Name of a layout, or a layout or MJCF file.",
+            help="Name of a layout, or a layout or MJCF file. Default: as configured.",
             autocompletion=layout_names,
         ),
-    ] = "warehouse",
+    ] = None,
     hull: Annotated[
-        str,
-        option("--hull", "SHAPE", "Hull of the robot: round or rectangular.", autocompletion=lambda: HULLS),
-    ] = "round",
+        str | None,
+        option(
+            "--hull",
+            "SHAPE",
+            "Hull: round or rectangular. Default: as configured.",
+            autocompletion=lambda: HULLS,
+        ),
+    ] = None,
     camera: Annotated[
         str,
         option(
@@ -223,22 +236,51 @@ def render(
     ] = "follow",
     size: Annotated[str, option("--size", "WxH", "Size in pixels.")] = "1280x720",
     seconds: Annotated[
-        float, option("--seconds", "S", "Simulated duration; a picture shows the last moment.")
-    ] = 8.0,
+        float | None,
+        option(
+            "--seconds", "S", "Duration; a picture shows the last moment. Default: 8 s, or the whole file."
+        ),
+    ] = None,
     fps: Annotated[float, option("--fps", "N", "Frames per second of an animation.")] = 15.0,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Render a new robot at its start.")] = False,
     drive: Annotated[
-        bool, typer.Option("--drive", help="Drive toward a pillar under the real safety law, and back out.")
+        bool,
+        typer.Option(
+            "--drive", help="Drive a new robot toward a pillar under the real safety law, and back out."
+        ),
     ] = False,
     caption: Annotated[
         bool, typer.Option(help="Print the mode, speed and nearest distance on each frame.")
     ] = True,
     as_json: Json = False,
 ) -> None:
-    """Render the simulated robot to an image or animation; no display is needed."""
+    """Render the running robot, a recording or an incident to an image or animation; no display is needed.
+
+    `lifeline render --out now.png` draws the robot where it is now. `lifeline render drive.mcap --out drive.mp4` films what `lifeline record drive.mcap` recorded.
+
+    The pose is the simulator's true one. A real robot and an incident are drawn by odometry, which drifts, on an open floor or from the start of `--scene`.
+    """
     require("sim")
+    from deploy.stack.errors import DeployError
+    from deploy.stack.reach import NotRunningError
+    from lifeline.render.footage import Footage, of_file, of_robot
     from lifeline.render.render import Wanted, render
 
-    rendered = render(Wanted(out, scene, hull, camera, size, seconds, fps, drive, caption))
+    wanted = Wanted(out, scene, hull, camera, size, seconds, fps, drive, caption)
+    file, is_new = _file_of(robot, what), fresh or drive
+    if file is not None and is_new:
+        raise DeployError(f"{file} does not show a new robot: leave out the file, or --fresh and --drive")
+
+    def find() -> Footage | None:
+        if file is not None:
+            return of_file(robot.launch, file)
+        try:
+            return None if is_new else of_robot(robot.launch, wanted.listening_s)
+        except NotRunningError as error:
+            note(f"{error}; rendering a new robot at its start")
+            return None
+
+    rendered = render(wanted, find)
     answer(rendered._asdict(), rendered.sentence, as_json=as_json)
 
 

@@ -5,7 +5,7 @@ Messages arrive without delay.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 from sim.overlay import Mode, Shown
@@ -94,17 +94,14 @@ class Rehearsal:
         """Simulated time since the end of the warm-up."""
         return self._steps * self._plant.timestep_s - WARM_UP_S
 
-    def play(self, seconds: float, fps: float) -> Iterator[Shown]:
-        """Advance the time and yield the state to show at each frame, the first at time 0."""
-        for frame in range(max(1, round(seconds * fps))):
-            self.run_until(frame / fps)
-            yield self.shown()
+    def play(self, times_s: Iterable[float]) -> Iterator[Shown]:
+        """Advance to each time and yield the state to show."""
+        for time_s in times_s:
+            while self.time_s < time_s - 1e-9:
+                self._step()
+            yield self._shown()
 
-    def run_until(self, time_s: float) -> None:
-        while self.time_s < time_s - 1e-9:
-            self._step()
-
-    def shown(self) -> Shown:
+    def _shown(self) -> Shown:
         decision, speed_m_s = self._decision, self._plant.true_velocity.linear_m_s
         assert decision is not None  # set during the warm-up
         reasons = tuple(reason.value for reason in decision.reasons)

@@ -11,9 +11,9 @@ import pytest
 
 from sim.config import SimSection
 from sim.lidar_config import SimLidarSection
-from sim.messages import base_reason
+from sim.messages import base_reason, movers_of
 from sim.overlay import Mode, Shown
-from sim.plant import Plant
+from sim.plant import Plant, Pose
 from sim.sensor_faults import NO_FAULTS, SensorFaults, parse_faults
 from sim.service import SimService
 from tests.component.rig import Rig
@@ -409,6 +409,23 @@ async def test_why_the_base_brakes_is_reported_in_the_diagnostics_at_once() -> N
         diagnostics.take()
         await bench.pass_time(COMMAND_TIMEOUT_S + 0.01)
         assert base_reason(newest(diagnostics)) == BaseReason.COMMAND_TIMEOUT
+
+
+async def test_a_pillar_is_in_the_diagnostics_within_a_tenth_of_a_second() -> None:
+    bench = Bench()
+    diagnostics = bench.hear(topics.DIAGNOSTICS)
+    async with bench.simulating():
+        await bench.pass_time(0.5)
+        pose = bench.plant.true_pose
+        for z, wanted in ((0.0, Pose(round(pose.x_m, 2), round(pose.y_m, 2) + 0.9, 0.0)), (-1.0, None)):
+            diagnostics.take()
+            for _ in range(50):
+                bench.outsider.publisher(topics.OBSTACLE).put(Point(pose.x_m, pose.y_m + 0.9, z))
+                await bench.pass_time(0.01)
+            assert len(diagnostics.take()) in range(4, 7), "ten reports a second at most"
+            bench.outsider.publisher(topics.OBSTACLE).put(Point(pose.x_m, pose.y_m + 0.9, z))
+            await bench.pass_time(0.11)
+            assert (movers_of(newest(diagnostics)) or {}).get("pillar") == wanted
 
 
 async def test_a_contact_of_the_hull_is_reported_at_once_and_until_the_reset(

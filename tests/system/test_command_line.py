@@ -61,7 +61,7 @@ def arguments_of(name: str, files: Files) -> list[str]:
         "faults": ["--virtual", "--seeds", "1", "--jobs", "1"],
         "faults --virtual": ["--seed", "1"],
         "record": [str(files.directory / "none.mcap"), *nobody],
-        "render": ["--out", str(files.directory / "a.png"), "--size", "64x48", "--seconds", "0.2"],
+        "render": ["--out", str(files.directory / "a.png"), "--fresh", "--size", "64x48", "--seconds", "0.2"],
         "replay-decision": [str(files.black_box)],
         "status": nobody,
         "topic list": nobody,

@@ -39,12 +39,13 @@ ON_A_ROBOT = (
     ("watch",),
     ("metrics", "--listen", "127.0.0.1:0"),
     ("record", "a.mcap"),
+    ("render", "--out", "b.mp4", "--seconds", "60"),
     ("path", "circle"),
 )
 # `status` waits for a second, the others for longer.
 WITHOUT_A_ROBOT = (("topic", "list"), ("status",), ("watch",), ("record", "b.mcap"), ("path", "square"))
 ALONE = (
-    ("render", "--out", "a.mp4", "--size", "160x90", "--seconds", "60"),
+    ("render", "--fresh", "--out", "a.mp4", "--size", "160x90", "--seconds", "60"),
     ("faults", "--virtual", "--seeds", "1000"),
 )
 WITH_A_ROBOT_OF_ITS_OWN = (("demo",), ("faults", "--classes", "teleop_sigkill"))

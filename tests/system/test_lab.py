@@ -99,9 +99,9 @@ EXPECTED: tuple[tuple[str, int, tuple[str, ...]], ...] = (
     (f"{LIFELINE} down", 0, ("everything is stopped",)),
     ("tar -czf lab04_teleop.tar.gz lab04_teleop/", 0, ()),
     (
-        f"{LIFELINE} render --drive --seconds 8 --fps 5 --size 640x360 --out lab-report/robot.mp4",
+        f"{LIFELINE} render lab-report/drive.mcap --seconds 20 --fps 4 --size 480x270 --out lab-report/drive.mp4",
         0,
-        ("wrote lab-report/robot.mp4: 40 frames of 640x360",),
+        ("wrote lab-report/drive.mp4: ", "frames of 480x270", ": lab-report/drive.mcap, by its true pose, at x"),
     ),
     (
         f"{LIFELINE} render --drive --seconds 3 --out lab-report/lab-robot.png",
@@ -114,7 +114,7 @@ EXPECTED: tuple[tuple[str, int, tuple[str, ...]], ...] = (
 FILES = {
     "lab-report/drive.mcap",
     "lab-report/graph.png",
-    "lab-report/robot.mp4",
+    "lab-report/drive.mp4",
     "lab-report/lab-robot.png",
     "lab-report/lab-teleop.png",
     "lab-report/lab-echo.png",

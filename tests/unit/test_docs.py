@@ -8,7 +8,17 @@ from types import ModuleType
 
 import pytest
 
-from docs.generate import access, commands, draw_crash_animation, draw_lab, fleet, lab, link, readme, safety_law
+from docs.generate import (
+    access,
+    commands,
+    draw_crash_animation,
+    draw_lab,
+    fleet,
+    lab,
+    link,
+    readme,
+    safety_law,
+)
 from sim.config import Build
 from sim.plant import Plant
 from supervisor.config import SupervisorSection

@@ -32,6 +32,10 @@ def has_gl() -> bool:
 needs_gl = pytest.mark.skipif(not has_gl(), reason="neither EGL nor OSMesa: apt install libegl1 libegl-mesa0")
 
 
+def at_10_hz(seconds: float) -> list[float]:
+    return [number / 10.0 for number in range(round(10.0 * seconds))]
+
+
 def rehearsed(
     hull: Hull, *, drives: bool = True, seconds: float = 8.0
 ) -> tuple[Plant, list[Shown], list[float]]:
@@ -40,7 +44,7 @@ def rehearsed(
     x_m, y_m, _ = plant.start_pose
     plant.place_pillar(x_m + 2.4, y_m)
     moments, gaps_m = list[Shown](), list[float]()
-    for shown in Rehearsal(plant, Operator(drives=drives), supervisor_for(plant)).play(seconds, 10.0):
+    for shown in Rehearsal(plant, Operator(drives=drives), supervisor_for(plant)).play(at_10_hz(seconds)):
         moments.append(shown)
         gaps_m.append(plant.clearance_m())
     return plant, moments, gaps_m
@@ -155,7 +159,16 @@ def test_the_command_ends_with_code_2_and_one_sentence(
         else:
             pytest.skip("this machine has OSMesa")
     done = subprocess.run(
-        [sys.executable, "-m", "lifeline.cli.app", "render", "--out", str(tmp_path / "a.png"), *arguments],
+        [
+            sys.executable,
+            "-m",
+            "lifeline.cli.app",
+            "render",
+            "--fresh",
+            "--out",
+            str(tmp_path / "a.png"),
+            *arguments,
+        ],
         cwd=ROOT,
         env=environment,
         capture_output=True,

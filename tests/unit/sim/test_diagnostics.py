@@ -8,7 +8,17 @@ import pytest
 
 from sim.drive import Twist
 from sim.lidar_config import LidarConfig
-from sim.messages import Health, base_reason, to_clock, to_diagnostics, to_imu, to_odometry, to_scan, to_truth
+from sim.messages import (
+    Health,
+    base_reason,
+    movers_of,
+    to_clock,
+    to_diagnostics,
+    to_imu,
+    to_odometry,
+    to_scan,
+    to_truth,
+)
 from sim.motion_sensors import ImuConfig, Motion, Reckoning
 from sim.pace import Measured
 from sim.plant import Pose
@@ -117,6 +127,16 @@ def test_whoever_goes_about_is_reported_with_the_place_whatever_the_name() -> No
     busy = replace(WELL, movers={"level": (1.0, -2.5, 0.0), "forklift": (0.25, 3.0, 1.57)})
     assert said(busy, "movers") == (OK, "2 movers")
     assert values(busy, "movers") == {"level": "1.00 -2.50 0.00", "forklift": "0.25 3.00 1.57"}
+
+
+def test_the_movers_come_back_from_the_diagnostics() -> None:
+    busy = replace(WELL, movers={"forklift": (0.25, 3.0, 1.57), "pillar": (1.0, -2.5, 0.0)})
+    message = decode(encode(to_diagnostics(busy)), DiagnosticArray)
+    assert movers_of(message) == busy.movers
+    (told,) = (status for status in message.status if status.name == "sim: movers")
+    told.values[0].value = "here"
+    assert movers_of(message) is None
+    assert movers_of(replace(message, status=[])) is None
 
 
 def test_a_scan_has_its_lidar_s_frame_and_geometry_and_the_present_reach() -> None:
