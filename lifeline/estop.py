@@ -18,6 +18,7 @@ from wire.host.process import run_process
 from wire.messages import Bool
 from wire.reasons import StopReason
 from wire.zenoh.bus import ZenohBus, open_bus
+from wire.zenoh.hub_proof import HubProof
 
 CONFIRM_LIMIT_S = 1.0
 PERIOD_S = 0.05
@@ -58,7 +59,7 @@ async def _run(stop: asyncio.Event, launch: Launch, name: str) -> int:
 
             station = Station(name, launch.bus.endpoint, keys=terminal, show=show, wake=wake)
             opening = asyncio.ensure_future(
-                open_bus(launch.bus, "client", say=terminal.note, on_read_only=terminal.note)
+                open_bus(launch.bus, "client", say=terminal.note, proof=HubProof(launch.bus, terminal.note))
             )
             running = asyncio.ensure_future(station.run(stop))
             try:
@@ -84,7 +85,8 @@ def press(launch: Launch) -> int:
 
 async def _press(launch: Launch) -> int:
     try:
-        bus = await reach(launch.bus, asyncio.Event())
+        # It is sent to any hub: only the confirmation of a refused one does not count.
+        bus = await reach(launch.bus, asyncio.Event(), HubProof(launch.bus, note), must_prove=False)
     except NotRunningError:
         note(
             f"NOT stopped: no supervisor answers at {launch.bus.endpoint}; a base whose supervisor is silent "

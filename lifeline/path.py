@@ -17,7 +17,7 @@ import numpy as np
 from deploy.stack.errors import DeployError
 from deploy.stack.launch import Launch
 from deploy.stack.reach import reach, run_command
-from lifeline.command import StatusLine
+from lifeline.command import StatusLine, note
 from lifeline.recording import RecordingReader
 from teleop.holder import HeldError, about_this_process
 from teleop.path.course import Path, PathError, Pose, Poses, TrackError, placed, seen_from, to_path, to_poses
@@ -25,6 +25,7 @@ from teleop.path.service import SOURCE, Drive, Ending, PathService, Plan
 from teleop.pilots.config import TeleopSection
 from wire import topics
 from wire.messages import Odometry, UndecodableError, decode
+from wire.zenoh.hub_proof import HubProof
 
 EXIT_CODES = {Ending.DONE: 0, Ending.STOPPED: 1, Ending.INTERRUPTED: 130}
 START_LIMIT_M = 0.5
@@ -121,7 +122,7 @@ def drive(plan: Plan, launch: Launch, speed_m_s: float, *, as_json: bool = False
     teleop = launch.section("teleop", TeleopSection)
 
     async def run(stop: asyncio.Event) -> int:
-        bus = await reach(launch.bus, stop)
+        bus = await reach(launch.bus, stop, HubProof(launch.bus, note))
         if bus is None:
             return EXIT_CODES[Ending.INTERRUPTED]
         stream = sys.stderr if as_json else sys.stdout

@@ -31,6 +31,7 @@ from wire.host.notify import Notifier, take_notifier
 from wire.inbox import BusError, Token
 from wire.text import printable
 from wire.zenoh.connect import open_session
+from wire.zenoh.hub_proof import HubProof
 from wire.zenoh.local_socket import pid_in
 from wire.zenoh.network import network_of
 from wire.zenoh.session import ZenohSession
@@ -220,7 +221,9 @@ async def _session(bus: BusConfig) -> ZenohSession:
     def on_wait() -> None:
         print(f"lifeline: waiting for the supervisor at {bus.endpoint}", file=sys.stderr, flush=True)
 
-    return ZenohSession(await open_session(bus, "client", on_wait=on_wait), bus.namespace)
+    proof = HubProof(bus, lambda sentence: print(f"lifeline: {sentence}", file=sys.stderr, flush=True))
+    session = await open_session(bus, "client", on_wait=on_wait, proof=proof)
+    return ZenohSession(session, bus.namespace, proof=proof)
 
 
 def _report(notifier: Notifier, ended: asyncio.Event) -> None:

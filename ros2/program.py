@@ -22,6 +22,7 @@ from wire.host.process import run_process
 from wire.inbox import BusError
 from wire.roles import Role
 from wire.zenoh.connect import open_session
+from wire.zenoh.hub_proof import HubProof
 from wire.zenoh.session import ZenohSession
 
 _log = logging.getLogger("ros2")
@@ -68,13 +69,14 @@ def main() -> None:
             loop.call_soon_threadsafe(lambda: failed.done() or failed.set_exception(error))
 
         bus = bus_section.to_bus_config(Role.BASE)
+        proof = HubProof(bus, _log.warning)
         session = await open_session(
             bus,
             "client",
             on_wait=lambda: _log.info("waiting for the supervisor on %s", bus.endpoint),
-            on_read_only=_log.warning,
+            proof=proof,
         )
-        wire = ZenohSession(session, bus.namespace)
+        wire = ZenohSession(session, bus.namespace, proof=proof)
         node = await make_node(on_failure)
         try:
             service = Ros2Service(

@@ -20,6 +20,7 @@ from wire.host.pauses import SuspendMeter
 from wire.host.process import run_process
 from wire.roles import Role
 from wire.zenoh.bus import open_bus
+from wire.zenoh.hub_proof import HubProof
 
 _log = logging.getLogger("sim")
 
@@ -92,7 +93,7 @@ def main() -> None:
 
         bus_config = bus_section.to_bus_config(Role.BASE)
         opening = asyncio.ensure_future(
-            open_bus(bus_config, "client", on_wait=on_wait, on_read_only=_log.warning)
+            open_bus(bus_config, "client", on_wait=on_wait, proof=HubProof(bus_config, _log.warning))
         )
         stopping = asyncio.ensure_future(stop.wait())
         await asyncio.wait({opening, stopping}, return_when=asyncio.FIRST_COMPLETED)

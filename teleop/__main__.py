@@ -38,6 +38,7 @@ from wire.host.process import run_process
 from wire.host.runnable import runnable
 from wire.roles import Role
 from wire.zenoh.bus import open_bus
+from wire.zenoh.hub_proof import HubProof
 
 REDRAW_PERIOD_S = 0.5
 GAMEPAD_SOURCE = "joy"
@@ -142,7 +143,7 @@ class _Waiting:
 
         config = section.to_bus_config(Role.OPERATOR)
         opening = asyncio.ensure_future(
-            open_bus(config, "client", on_wait=on_wait, say=self._warn, on_read_only=self._warn)
+            open_bus(config, "client", on_wait=on_wait, say=self._warn, proof=HubProof(config, self._warn))
         )
         stopping = asyncio.ensure_future(self._stop.wait())
         for task in (opening, stopping):

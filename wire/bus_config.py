@@ -28,6 +28,8 @@ class BusConfig:
     """The roles of programs that have no certificate and do not use the hub's socket."""
     routers: tuple[str, ...] = ()
     """Endpoints of the Zenoh routers to which the hub connects; clients ignore them."""
+    hub_user: str | None = None
+    """The user, by name or number, who may run the hub on this machine beside this process's user and root."""
 
     @property
     def is_hub_secure(self) -> bool:

@@ -5,7 +5,6 @@ On another machine, the processes and records of this machine say nothing about 
 
 import asyncio
 import re
-import socket
 import sys
 import time
 from collections.abc import AsyncGenerator, Awaitable, Callable, Iterable
@@ -17,11 +16,13 @@ from deploy.stack.formatting import CHECK_NETWORK
 from deploy.stack.ros2_reports import Report, reports_of
 from wire import tls, topics
 from wire.bus import Bus, BusError, Inbox, wait_until
+from wire.host.connections import is_here
 from wire.host.process import Main, run_process
 from wire.host.runnable import runnable
 from wire.messages import Odometry, SafetyStatus
 from wire.text import printable_lines
 from wire.zenoh.bus import BusConfig, ZenohBus, open_bus
+from wire.zenoh.hub_proof import HubProof
 
 CONNECT_LIMIT_S = 2.0
 CLOSE_LIMIT_S = 0.1
@@ -33,14 +34,22 @@ class NotRunningError(DeployError):
     exit_code = EXIT_NOT_RUNNING
 
 
-async def reach(config: BusConfig, stop: asyncio.Event) -> ZenohBus | None:
+async def reach(
+    config: BusConfig, stop: asyncio.Event, proof: HubProof | None = None, *, must_prove: bool = True
+) -> ZenohBus | None:
     """Open the bus; return None if `stop` is set first.
+
+    Args:
+        config: the endpoint and the namespace.
+        stop: ends the wait.
+        proof: as of `open_bus`.
+        must_prove: as of `open_bus`.
 
     Raises:
         NotRunningError: no supervisor answers within 2 s.
         BusError: the endpoint is invalid.
     """
-    opening = asyncio.ensure_future(open_bus(config, "client"))
+    opening = asyncio.ensure_future(open_bus(config, "client", proof=proof, must_prove=must_prove))
     stopping = asyncio.ensure_future(stop.wait())
     try:
         await asyncio.wait({opening, stopping}, timeout=CONNECT_LIMIT_S, return_when=asyncio.FIRST_COMPLETED)
@@ -108,15 +117,9 @@ def silence_of(endpoint: str) -> str | None:
     """Return why nothing can be heard at an endpoint on another machine; None if it is on this machine."""
     host = tls.host_of(endpoint).strip("[]")
     try:
-        family, *_, address = socket.getaddrinfo(host, 0, type=socket.SOCK_DGRAM)[0]
+        return None if is_here(host) else f"nothing answers at {endpoint}, which is on another machine"
     except (OSError, UnicodeError):
         return f"the name {host} of the endpoint cannot be resolved"
-    try:
-        with socket.socket(family, socket.SOCK_DGRAM) as probe:
-            probe.bind(address)  # only to an address of this machine
-    except OSError:
-        return f"nothing answers at {endpoint}, which is on another machine"
-    return None
 
 
 DEPTH = 8

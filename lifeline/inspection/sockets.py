@@ -5,7 +5,6 @@ cannot hide its pid or claim another one. Sockets of other users' processes are 
 hub knows no address: there, the ids of our sessions contain their pids.
 """
 
-import ipaddress
 import os
 import re
 from collections.abc import Iterator, Mapping
@@ -13,7 +12,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-LISTEN = "0A"
+from wire.host.connections import LISTEN, tcp_sockets
+
 SOCKET = re.compile(r"socket:\[(\d+)\]")
 
 
@@ -45,27 +45,8 @@ def processes_with(pids: Mapping[str, int]) -> dict[str, Process]:
 
 def _sockets() -> Iterator[tuple[str, str]]:
     """Yield the local address and the inode of each TCP socket; a listening socket's comes last."""
-    listening: list[tuple[str, str]] = []
-    for table in ("tcp", "tcp6"):
-        with suppress(OSError):
-            for line in Path(f"/proc/self/net/{table}").read_text().splitlines()[1:]:
-                fields = line.split()
-                entry = _address(fields[1]), fields[9]
-                if fields[3] == LISTEN:
-                    listening.append(entry)
-                else:
-                    yield entry
-    yield from listening
-
-
-def _address(field: str) -> str:
-    """Return an address of /proc/net/tcp, such as `0100007F:1D17`, as `127.0.0.1:7447`."""
-    host, port = field.split(":")
-    words = [int(host[n : n + 8], 16).to_bytes(4, "little") for n in range(0, len(host), 8)]
-    address = ipaddress.ip_address(b"".join(words))
-    mapped = address.ipv4_mapped if isinstance(address, ipaddress.IPv6Address) else None
-    shown = mapped or address
-    return f"[{shown}]:{int(port, 16)}" if shown.version == 6 else f"{shown}:{int(port, 16)}"
+    for row in sorted(tcp_sockets(), key=lambda row: row.state == LISTEN):
+        yield row.local, row.inode
 
 
 def _open_sockets() -> Iterator[tuple[int, str]]:

@@ -20,6 +20,7 @@ from wire.bus_config import BusConfig
 from wire.roles import Role
 from wire.zenoh import local_socket
 from wire.zenoh.connect import open_session
+from wire.zenoh.hub_proof import HubProof
 
 ROLES = [Role.BASE, Role.SENSOR, Role.OPERATOR, Role.ESTOP, Role.VIEWER]
 CONTRACT = Contract(
@@ -315,7 +316,7 @@ async def test_a_program_of_the_hubs_user_takes_part_without_an_option_and_a_pla
     endpoint, said = free_endpoint(), list[str]()
     config = BusConfig(endpoint, contract=CONTRACT)
     hub = await open_session(config, "hub")
-    ours = await open_session(config, "client", on_read_only=said.append)
+    ours = await open_session(config, "client", proof=HubProof(config, said.append))
     plain = await asyncio.to_thread(open_rogue, endpoint)
     try:
         heard, _subscriber = heard_by(hub, "robot/**")
@@ -341,7 +342,8 @@ async def test_a_client_that_does_not_reach_the_socket_is_shown_that_it_only_rea
     endpoint, said = free_endpoint(), list[str]()
     hub = await open_session(BusConfig(endpoint), "hub")
     monkeypatch.setenv(local_socket.ENVIRONMENT, str(tmp_path))
-    client = await open_session(BusConfig(endpoint), "client", on_read_only=said.append)
+    proof = HubProof(BusConfig(endpoint), said.append)
+    client = await open_session(BusConfig(endpoint), "client", proof=proof)
     try:
         assert [endpoint in one and "without_certificate" in one for one in said] == [True]
     finally:

@@ -197,6 +197,8 @@ class BusSection(Section):
     memory_keeper: bool = True
     without_certificate: Literal["participant", "viewer"] = "viewer"
     """What a program is that has no certificate and does not use the hub's socket (local_socket.py)."""
+    hub_user: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$", max_length=32)] | None = None
+    """The user who may run the hub on this machine beside the user of each process and root (hub_proof.py)."""
     more_keys: Annotated[list[MoreKey], Field(max_length=32)] = []
     """Keys of other topics that bases, sensors and programs of this machine may write."""
     routers: Annotated[list[Endpoint], Field(max_length=4)] = []
@@ -222,7 +224,14 @@ class BusSection(Section):
         routers = tuple(self.routers)
         lease_s = self.lease_s or tls.lease_s((self.endpoint, *routers))
         return BusConfig(
-            self.endpoint, self.namespace, lease_s, keys, part, unproven=unproven, routers=routers
+            self.endpoint,
+            self.namespace,
+            lease_s,
+            keys,
+            part,
+            unproven=unproven,
+            routers=routers,
+            hub_user=self.hub_user,
         )
 
 

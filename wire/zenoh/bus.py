@@ -23,6 +23,7 @@ from wire.messages import (
 from wire.stamp import Stamp
 from wire.topics import Service, Topic
 from wire.zenoh.connect import Role, open_session
+from wire.zenoh.hub_proof import HubProof
 from wire.zenoh.session import RawPublisher, ZenohSession
 
 __all__ = ["DEFAULT_ENDPOINT", "BusConfig", "Fleet", "ZenohBus", "open_bus", "open_fleet"]
@@ -36,7 +37,8 @@ async def open_bus(
     *,
     on_wait: Callable[[], None] | None = None,
     say: Callable[[str], None] = _log.warning,
-    on_read_only: Callable[[str], None] | None = None,
+    proof: HubProof | None = None,
+    must_prove: bool = True,
 ) -> "ZenohBus":
     """Open a session and return its Bus; a client waits for its hub without a time limit.
 
@@ -45,13 +47,14 @@ async def open_bus(
         role: `hub` listens, `client` connects.
         on_wait: called once if the hub does not run yet.
         say: called in this event loop with a sentence about a certificate that ends, now or later.
-        on_read_only: called with a sentence if the hub does not know this client as a participant.
+        proof: of a client that takes part: it hears nothing of a hub that the proof refuses.
+        must_prove: whether it does not connect to such a hub either.
 
     Raises:
         BusError: the hub cannot listen, the endpoint is invalid, or a certificate is refused.
     """
-    session = await open_session(config, role, on_wait=on_wait, say=say, on_read_only=on_read_only)
-    return ZenohBus(session, config.namespace, is_hub=role == "hub")
+    session = await open_session(config, role, on_wait=on_wait, say=say, proof=proof if must_prove else None)
+    return ZenohBus(session, config.namespace, is_hub=role == "hub", proof=proof)
 
 
 class ZenohPublisher(RawPublisher):

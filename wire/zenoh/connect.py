@@ -31,6 +31,7 @@ from wire.inbox import BusError
 from wire.roles import SERVERS
 from wire.roles import Role as ParticipantRole
 from wire.zenoh import limits, local_socket, router
+from wire.zenoh.hub_proof import HubProof
 from wire.zenoh.link_trouble import LOG_FILTER
 from wire.zenoh.log import why_refused
 from wire.zenoh.session import call_in, direct, first_line, in_thread
@@ -38,6 +39,7 @@ from wire.zenoh.session import call_in, direct, first_line, in_thread
 _log = logging.getLogger(__name__)
 
 CONNECT_RETRY_S = 0.1
+REFUSED_RETRY_S = 0.5
 RECONNECT_MS = 50
 """Period of a client's attempts to reconnect."""
 OPEN_LIMIT_MS = 3000
@@ -58,7 +60,7 @@ async def open_session(
     *,
     on_wait: Callable[[], None] | None = None,
     say: Callable[[str], None] = _log.warning,
-    on_read_only: Callable[[str], None] | None = None,
+    proof: HubProof | None = None,
 ) -> zenoh.Session:
     """Open the session; a client waits for its hub without a time limit.
 
@@ -67,7 +69,8 @@ async def open_session(
         role: `hub` listens, `client` connects.
         on_wait: called once if the hub does not run yet.
         say: called in this event loop with a sentence about a certificate that ends, now or later.
-        on_read_only: called with a sentence if the hub does not know this client as a participant.
+        proof: of a client that takes part: a hub that it refuses is left, and the client waits for another. It is also
+            told if the hub does not know this client as a participant.
 
     Raises:
         BusError: the hub cannot listen, the endpoint is invalid, or a certificate is refused.
@@ -79,18 +82,24 @@ async def open_session(
         say(soon)
     trouble = None if bundle is None else _Trouble(config)
     waiting = False
-    while (session := await in_thread(lambda: _opened(config, role, bundle))) is None:
+    while True:
+        session: zenoh.Session | None = await in_thread(lambda: _opened(config, role, bundle))
+        if session is not None:
+            opened = session
+            if proof is None or await in_thread(lambda: proof.check(opened)):  # noqa: B023 - awaited at once
+                break
+            await in_thread(opened.close)  # pyright: ignore[reportUnknownArgumentType]
         if not waiting and on_wait is not None:
             on_wait()
         waiting = True
         if trouble is not None:
             await trouble.check()
-        await asyncio.sleep(CONNECT_RETRY_S)
+        await asyncio.sleep(CONNECT_RETRY_S if session is None else REFUSED_RETRY_S)
     if bundle is not None:
         guard = _Guard(session, config.endpoint, bundle, say, is_client=role == "client")
         await in_thread(guard.check)
-    elif on_read_only is not None and not _is_local(session):
-        on_read_only(
+    elif proof is not None and not _is_local(session):
+        proof.say(
             f"connected to {config.endpoint} without a certificate and not as the supervisor's user: the supervisor accepts "
             'nothing from this program, unless its configuration has [bus] without_certificate = "participant" (docs/access.md)'
         )

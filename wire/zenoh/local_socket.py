@@ -18,6 +18,8 @@ PROTOCOL = "unixsock-stream"
 MAX_PATH_BYTES = 107
 """Of `sockaddr_un`, without the byte at its end."""
 ANSWER_S = 1.0
+ONLY_INITIAL = Path("/proc/sys/net/core/netdev_max_backlog")
+"""A setting of the kernel that only the machine's initial network namespace shows."""
 OWN_ONLY = 0o700
 _RANDOM_BITS = 96
 
@@ -62,20 +64,22 @@ def zenoh_endpoint(path: Path) -> str:
 
 
 def participants(endpoint: str) -> str | None:
-    """Return the Zenoh endpoint for foreign programs of the hub's user, which a configuration file can name; None with certificates.
+    """Return the Zenoh endpoint for foreign programs of the hub's user; None with certificates.
 
-    It is a link to the socket of the hub that started last at this port, in any network namespace.
+    In the machine's initial network namespace, it is a link that a configuration file can name, since its name is the same
+    after each boot. In another one it is the socket itself: a link would lead to the hub of another namespace.
     """
     path = socket_of(endpoint)
-    return None if path is None else zenoh_endpoint(_link_to(path))
+    return None if path is None else zenoh_endpoint(_link_to(path) or path)
 
 
-def _link_to(path: Path) -> Path:
-    return path.with_name(path.name.rpartition("-")[2])
+def _link_to(path: Path) -> Path | None:
+    name = path.name.rpartition("-")[2]
+    return path.with_name(name) if ONLY_INITIAL.exists() and name != path.name else None
 
 
 def prepare(path: Path) -> None:
-    """Make the directory of a socket, for its user only, and the link to it for foreign programs.
+    """Make the directory of a socket, for its user only, and in the initial network namespace the link to it.
 
     Raises:
         SocketError: it cannot be made, other users may enter it, or the path is too long.
@@ -95,7 +99,7 @@ def prepare(path: Path) -> None:
             f"owner, or {remedy}"
         )
     link = _link_to(path)
-    if link != path:
+    if link is not None:
         new = link.with_suffix(f".{os.getpid()}")
         new.unlink(missing_ok=True)
         new.symlink_to(path.name)

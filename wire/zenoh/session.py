@@ -31,6 +31,7 @@ from wire.inbox import (
 from wire.runs import SESSION_BYTES, Reconnection, Runs, sessions_in
 from wire.stamp import Stamp, Stamper
 from wire.topics import Topic
+from wire.zenoh.hub_proof import HubProof
 
 _log = logging.getLogger(__name__)
 
@@ -166,11 +167,15 @@ class ZenohSession:
         session: of `open_session`.
         namespace: of the robot.
         is_hub: whether the session is the hub; it may have links to routers, as a client has to its hub.
+        proof: of a client that takes part: samples, replies and queries count only while it holds.
     """
 
-    def __init__(self, session: zenoh.Session, namespace: str, *, is_hub: bool = False) -> None:
+    def __init__(
+        self, session: zenoh.Session, namespace: str, *, is_hub: bool = False, proof: HubProof | None = None
+    ) -> None:
         self._session = session
         self._is_hub = is_hub
+        self._proof = proof
         self._namespace = namespace
         self._loop = asyncio.get_running_loop()
         self._pending_queries = 0
@@ -189,6 +194,8 @@ class ZenohSession:
         # A hub refuses no sample of its clients and its routers, since one of them may be an e-stop.
         is_to_server = event.transport.whatami != zenoh.WhatAmI.CLIENT
         is_open = event.kind == zenoh.SampleKind.PUT
+        if is_to_server and self._proof is not None:
+            self._proof.changed(self._session, is_open=is_open)
         if is_to_server and is_open and not self._is_hub:
             self._reconnection.opened(str(event.transport.zid), time.monotonic())
         elif not is_to_server:
@@ -238,7 +245,7 @@ class ZenohSession:
 
         def on_sample(sample: zenoh.Sample) -> None:
             arrival_s = time.monotonic()
-            if not self._reconnection.is_settled(arrival_s):
+            if not (self._reconnection.is_settled(arrival_s) and self._is_proven):
                 return
             push = push_of(str(sample.key_expr))
             if push is None or sample.kind != zenoh.SampleKind.PUT:
@@ -251,6 +258,10 @@ class ZenohSession:
                 expression, direct(on_sample), allowed_origin=zenoh.Locality.REMOTE
             )
         )
+
+    @property
+    def _is_proven(self) -> bool:
+        return self._proof is None or self._proof.holds
 
     def hear_sources(self) -> Inbox[str]:
         """Return an inbox for the name of a command source, one for each of its commands."""
@@ -357,7 +368,7 @@ class ZenohSession:
                 self._pending_queries -= 1
 
         def accept(query: zenoh.Query) -> None:
-            if self._pending_queries >= MAX_PENDING_QUERIES:
+            if self._pending_queries >= MAX_PENDING_QUERIES or not self._is_proven:
                 query.drop()
                 return
             self._pending_queries += 1
@@ -399,7 +410,7 @@ class ZenohSession:
 
         def ask() -> R | None:
             supervisors = self._supervisors(timeout_s) if is_supervisors else set[bytes]()
-            if abandoned.is_set():
+            if abandoned.is_set() or not (self._proof is None or self._proof.holds_within(timeout_s)):
                 return None
             # Take each reply as it arrives: otherwise Zenoh would wait for the last of several replies.
             replies = self._session.get(
@@ -409,7 +420,7 @@ class ZenohSession:
                 if is_supervisors and _replier(reply) not in supervisors:
                     continue
                 answer = None if reply.ok is None else read(reply.ok.payload.to_bytes())
-                if answer is not None:
+                if answer is not None and self._is_proven:
                     return answer
             return None
 

@@ -72,12 +72,12 @@ def test_the_bridge_documents_every_key(path: Path) -> None:
     assert plugin["allow"].keys() == DOCUMENTED["allow"], "what is not named is not bridged either; say so"
 
 
-def test_the_bridge_that_takes_part_uses_the_socket_and_the_one_that_only_reads_the_endpoint() -> None:
-    (socket,) = cast("list[str]", setting(SOURCES, "connect/endpoints"))
+@pytest.mark.parametrize("path", [SOURCES, CMD_VEL])
+def test_a_bridge_uses_the_socket_since_any_user_can_play_the_hub_at_the_endpoint(path: Path) -> None:
+    (socket,) = cast("list[str]", setting(path, "connect/endpoints"))
     port = BusConfig().endpoint.rpartition(":")[2]
     assert socket.startswith(f"{local_socket.PROTOCOL}//home/")
     assert socket.endswith(f"{local_socket.UNDER_HOME}/{port}.sock")
-    assert setting(CMD_VEL, "connect/endpoints") == [BusConfig().endpoint]
 
 
 @pytest.mark.parametrize("path", [SOURCES, CMD_VEL])

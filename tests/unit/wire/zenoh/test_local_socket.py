@@ -59,16 +59,31 @@ def test_the_directory_is_made_for_its_user_only(tmp_path: Path) -> None:
     assert list(path.parent.iterdir()) == []
 
 
-def test_a_link_without_the_namespace_leads_foreign_programs_to_the_hub_that_started_last(
+def test_a_link_without_the_namespace_leads_foreign_programs_to_the_hub_of_the_initial_namespace(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     tmp_path.chmod(0o700)
     monkeypatch.setenv(local_socket.ENVIRONMENT, str(tmp_path))
-    for name in ("1-7447.sock", "2-7447.sock"):
+    monkeypatch.setattr(local_socket, "ONLY_INITIAL", tmp_path)
+    for name in ("1-7447.sock", "2-7447.sock"):  # the number of a namespace may change at a boot
         prepare(tmp_path / name)
         assert (tmp_path / "7447.sock").readlink() == Path(name)
     assert participants("tcp/127.0.0.1:7447") == f"unixsock-stream/{tmp_path}/7447.sock"
     assert participants("tls/127.0.0.1:7447") is None
+
+
+def test_a_hub_in_another_network_namespace_leaves_the_link_as_it_is_and_names_its_own_socket(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    tmp_path.chmod(0o700)
+    monkeypatch.setenv(local_socket.ENVIRONMENT, str(tmp_path))
+    prepare(tmp_path / "1-7447.sock")
+    monkeypatch.setattr(local_socket, "ONLY_INITIAL", tmp_path / "missing")
+    before = sorted(tmp_path.iterdir())
+    prepare(tmp_path / "2-7447.sock")
+    assert sorted(tmp_path.iterdir()) == before
+    own = socket_of("tcp/127.0.0.1:7447")
+    assert participants("tcp/127.0.0.1:7447") == f"unixsock-stream/{own}"
 
 
 def test_a_directory_that_others_may_enter_is_refused(tmp_path: Path) -> None:

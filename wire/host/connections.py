@@ -1,0 +1,103 @@
+"""Asks the kernel which user has the other end of a connection of this process, and reads its table of TCP sockets (Linux)."""
+
+import ipaddress
+import socket
+import struct
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+ESTABLISHED, LISTEN = "01", "0A"
+NO_INODE = "0"
+"""Of a socket that no process has: nobody has accepted it yet, or its process has closed it. Its user is shown as root."""
+EVERY_USER = ["0", "0", "4294967295"]
+"""The map of user ids of the machine's own user namespace."""
+UID_MAP, STAND_IN = Path("/proc/self/uid_map"), Path("/proc/sys/kernel/overflowuid")
+_CREDENTIALS = struct.Struct("iII")
+
+
+@dataclass(frozen=True, slots=True)
+class TcpSocket:
+    """A row of the kernel's tables of TCP sockets, of this process's network namespace."""
+
+    local: str
+    """Such as `127.0.0.1:7447` or `[::1]:7447`; an IPv4 address in IPv6 notation is shown as IPv4."""
+    remote: str
+    state: str
+    user: int
+    inode: str
+
+
+def tcp_sockets() -> Iterator[TcpSocket]:
+    """Yield all rows; none where there is no /proc."""
+    for table in ("tcp", "tcp6"):
+        with suppress(OSError):
+            for line in Path(f"/proc/self/net/{table}").read_text().splitlines()[1:]:
+                fields = line.split()
+                yield TcpSocket(
+                    _address(fields[1]), _address(fields[2]), fields[3], int(fields[7]), fields[9]
+                )
+
+
+def _address(field: str) -> str:
+    """Return an address of /proc/net/tcp, such as `0100007F:1D17`, as `127.0.0.1:7447`."""
+    host, port = field.split(":")
+    words = [int(host[n : n + 8], 16).to_bytes(4, "little") for n in range(0, len(host), 8)]
+    address = ipaddress.ip_address(b"".join(words))
+    mapped = address.ipv4_mapped if isinstance(address, ipaddress.IPv6Address) else None
+    shown = mapped or address
+    return f"[{shown}]:{int(port, 16)}" if shown.version == 6 else f"{shown}:{int(port, 16)}"
+
+
+def tcp_user(local: str, remote: str) -> int | None:
+    """Return the user who has the remote end of an established connection; None if the kernel does not show it.
+
+    Args:
+        local: the address of this process's end.
+        remote: the address of the other end.
+    """
+    for row in tcp_sockets():
+        if (row.local, row.remote, row.state) == (remote, local, ESTABLISHED) and row.inode != NO_INODE:
+            return _proven(row.user)
+    return None
+
+
+def unix_users(path: str) -> list[int | None]:
+    """Return, for each connection of this process to a Unix socket, the user who listened there; None if it is not shown."""
+    users: list[int | None] = []
+    for entry in Path("/proc/self/fd").iterdir():
+        with suppress(OSError):
+            # The end of a duplicate would release the locks of a file, but does not close a socket.
+            if str(entry.readlink()).startswith("socket:"):
+                with socket.fromfd(int(entry.name), socket.AF_UNIX, socket.SOCK_STREAM) as one:
+                    if one.getpeername() == path:
+                        shown = one.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+                        users.append(_proven(_CREDENTIALS.unpack(shown)[1]))
+    return users
+
+
+def _proven(user: int) -> int | None:
+    """Return the user; None if the kernel shows the number that stands for all users without an entry in this user namespace."""
+    try:
+        is_whole = UID_MAP.read_text().split() == EVERY_USER
+        stand_in = int(STAND_IN.read_text())
+    except OSError:
+        return None
+    return user if is_whole or user != stand_in else None
+
+
+def is_here(host: str) -> bool:
+    """Return whether a host is this machine.
+
+    Raises:
+        OSError: the name cannot be resolved.
+        UnicodeError: it is not a name.
+    """
+    family, *_, address = socket.getaddrinfo(host.strip("[]"), 0, type=socket.SOCK_DGRAM)[0]
+    try:
+        with socket.socket(family, socket.SOCK_DGRAM) as probe:
+            probe.bind(address)  # only to an address of this machine
+    except OSError:
+        return False
+    return True
