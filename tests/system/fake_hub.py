@@ -1,0 +1,52 @@
+"""Plays the supervisor at an endpoint, also as another user, and drives the base that believes it.
+
+    python -m tests.system.fake_hub ENDPOINT USER SPEED
+
+holds the supervisor's token, sends commands of SPEED [m/s] with stamps and a status that shows a latched e-stop, and prints
+"listens". When its stdin ends, it prints how many odometry messages it heard, and the fastest speed in them [m/s].
+"""
+
+import asyncio
+import os
+import sys
+
+from wire import topics
+from wire.access import LOCAL_ROLES
+from wire.bus_config import BusConfig
+from wire.messages import Bool, Odometry, SafetyStatus, encode, header, planar_twist
+from wire.reasons import StopReason
+from wire.zenoh.bus import open_bus
+
+PERIOD_S = 0.02
+
+
+async def main(endpoint: str, speed_m_s: float) -> None:
+    bus = await open_bus(BusConfig(endpoint, unproven=LOCAL_ROLES), "hub")
+    token = bus.declare_alive(topics.SUPERVISOR)
+    commands, statuses = bus.publisher(topics.CMD_VEL), bus.publisher(topics.STATUS)
+    odometry = bus.subscribe(topics.ODOM, depth=5000)
+    status = SafetyStatus(header(""), causes=[StopReason.ESTOP])
+    over = asyncio.Event()
+    asyncio.get_running_loop().add_reader(0, over.set)
+    print("listens", flush=True)
+    heard, fastest_m_s = 0, 0.0
+    while not over.is_set():
+        commands.put(planar_twist(speed_m_s, 0.0))
+        statuses.put(status)
+        for one in odometry.take():
+            if one.message is not None:
+                heard += 1
+                fastest_m_s = max(fastest_m_s, one.message.twist.twist.linear.x)
+        await asyncio.sleep(PERIOD_S)
+    print(heard, f"{fastest_m_s:.3f}", flush=True)
+    token.withdraw()
+    await bus.close()
+
+
+# What is imported later may be unreadable for the other user.
+encode(planar_twist(0.0, 0.0)), encode(SafetyStatus(header(""))), encode(Bool(data=True)), Odometry
+if (user := int(sys.argv[2])) != os.getuid():
+    os.setgroups([])
+    os.setgid(user)
+    os.setuid(user)
+asyncio.run(main(sys.argv[1], float(sys.argv[3])))
