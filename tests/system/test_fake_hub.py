@@ -4,21 +4,27 @@ import asyncio
 import os
 import sys
 import tempfile
-from collections.abc import AsyncGenerator, Iterator
+import threading
+import time
+from collections.abc import AsyncGenerator, Callable, Iterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+import zenoh
 
 from tests.system.harness import PATIENCE_S, Robot, robot
 from tests.system.operators import until
 from tests.system.ports import free_endpoint
 from wire import topics
+from wire.access import LOCAL_ROLES
 from wire.bus_config import BusConfig
-from wire.zenoh import local_socket
+from wire.zenoh import hub_proof, local_socket
 from wire.zenoh.bus import open_bus
+from wire.zenoh.connect import open_session
 from wire.zenoh.hub_proof import HubProof
+from wire.zenoh.session import ZenohSession
 
 LIFELINE = Path(sys.executable).with_name("lifeline")
 ROOT, STRANGER = 0, 65533
@@ -226,6 +232,49 @@ async def test_a_program_that_only_reads_may_read_the_hub_of_another_user(elsewh
             await until(lambda: statuses.latest() is not None, PATIENCE_S)
         finally:
             await bus.close()
+
+
+@pytest.mark.parametrize("kind", ["unix", "tcp"])
+async def test_no_sample_of_a_new_hub_counts_before_the_kernel_has_said_whose_it_is(
+    monkeypatch: pytest.MonkeyPatch, elsewhere: Path, kind: str
+) -> None:
+    endpoint, heard = free_endpoint(), list[bytes]()
+    config = BusConfig(endpoint, unproven=LOCAL_ROLES)
+    with monkeypatch.context() as patch:
+        if kind == "tcp":  # the client finds no socket
+            patch.setenv(local_socket.ENVIRONMENT, str(elsewhere))
+        hub = await open_session(config, "hub")
+    proof = HubProof(config, print)
+    client = ZenohSession(await open_session(config, "client", proof=proof), "robot", proof=proof)
+    try:
+        client.subscribe_raw("cmd_vel", lambda payload, _stamp, _arrival_s: heard.append(payload))
+        await until(lambda: proof.holds)
+        await put_until(hub, b"first", lambda: b"first" in heard)
+        answer = threading.Event()
+        for name, user in (("tcp_user", os.getuid()), ("unix_users", [os.getuid()])):
+            monkeypatch.setattr(hub_proof, name, lambda *_, user=user: answer.wait(PATIENCE_S) and user)
+        hub.close()  # pyright: ignore[reportUnknownMemberType]
+        await until(lambda: not proof.holds)
+        with monkeypatch.context() as patch:
+            if kind == "tcp":
+                patch.setenv(local_socket.ENVIRONMENT, str(elsewhere))
+            hub = await open_session(config, "hub")
+        began_s = time.monotonic()
+        await put_until(hub, b"second", lambda: time.monotonic() > began_s + 1.0)
+        assert b"second" not in heard
+        answer.set()
+        await put_until(hub, b"third", lambda: b"third" in heard)
+    finally:
+        await client.close()
+        hub.close()  # pyright: ignore[reportUnknownMemberType]
+
+
+async def put_until(hub: zenoh.Session, payload: bytes, condition: Callable[[], bool]) -> None:
+    """Put a payload on `cmd_vel` every millisecond until the condition holds."""
+    async with asyncio.timeout(PATIENCE_S):
+        while not condition():
+            hub.put("robot/cmd_vel", payload)
+            await asyncio.sleep(0.001)
 
 
 async def test_a_restarted_supervisor_is_proven_again(tmp_path: Path) -> None:

@@ -95,10 +95,7 @@ class HubProof:
             ).start()
 
     def _prove(self, session: zenoh.Session, number: int) -> None:
-        try:
-            is_proven = self.check(session)
-        except zenoh.ZError:  # the session is closed
-            return
+        is_proven = self.check(session)
         with self._lock:
             if is_proven and number == self._connection:
                 self._proven.set()
