@@ -86,7 +86,7 @@ def press(launch: Launch) -> int:
 async def _press(launch: Launch) -> int:
     try:
         # It is sent to any hub: only the confirmation of a refused one does not count.
-        bus = await reach(launch.bus, asyncio.Event(), HubProof(launch.bus, note), must_prove=False)
+        bus = await reach(launch.bus, asyncio.Event(), HubProof(launch.bus, note, must_connect=True))
     except NotRunningError:
         note(
             f"NOT stopped: no supervisor answers at {launch.bus.endpoint}; a base whose supervisor is silent "

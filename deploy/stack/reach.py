@@ -34,22 +34,14 @@ class NotRunningError(DeployError):
     exit_code = EXIT_NOT_RUNNING
 
 
-async def reach(
-    config: BusConfig, stop: asyncio.Event, proof: HubProof | None = None, *, must_prove: bool = True
-) -> ZenohBus | None:
-    """Open the bus; return None if `stop` is set first.
-
-    Args:
-        config: the endpoint and the namespace.
-        stop: ends the wait.
-        proof: as of `open_bus`.
-        must_prove: as of `open_bus`.
+async def reach(config: BusConfig, stop: asyncio.Event, proof: HubProof | None = None) -> ZenohBus | None:
+    """Open the bus, with a proof if the program takes part; return None if `stop` is set first.
 
     Raises:
         NotRunningError: no supervisor answers within 2 s.
         BusError: the endpoint is invalid.
     """
-    opening = asyncio.ensure_future(open_bus(config, "client", proof=proof, must_prove=must_prove))
+    opening = asyncio.ensure_future(open_bus(config, "client", proof=proof))
     stopping = asyncio.ensure_future(stop.wait())
     try:
         await asyncio.wait({opening, stopping}, timeout=CONNECT_LIMIT_S, return_when=asyncio.FIRST_COMPLETED)

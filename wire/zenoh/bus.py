@@ -38,7 +38,6 @@ async def open_bus(
     on_wait: Callable[[], None] | None = None,
     say: Callable[[str], None] = _log.warning,
     proof: HubProof | None = None,
-    must_prove: bool = True,
 ) -> "ZenohBus":
     """Open a session and return its Bus; a client waits for its hub without a time limit.
 
@@ -47,13 +46,12 @@ async def open_bus(
         role: `hub` listens, `client` connects.
         on_wait: called once if the hub does not run yet.
         say: called in this event loop with a sentence about a certificate that ends, now or later.
-        proof: of a client that takes part: it hears nothing of a hub that the proof refuses.
-        must_prove: whether it does not connect to such a hub either.
+        proof: of a client that takes part.
 
     Raises:
         BusError: the hub cannot listen, the endpoint is invalid, or a certificate is refused.
     """
-    session = await open_session(config, role, on_wait=on_wait, say=say, proof=proof if must_prove else None)
+    session = await open_session(config, role, on_wait=on_wait, say=say, proof=proof)
     return ZenohBus(session, config.namespace, is_hub=role == "hub", proof=proof)
 
 

@@ -82,19 +82,13 @@ async def open_session(
         say(soon)
     trouble = None if bundle is None else _Trouble(config)
     waiting = False
-    while True:
-        session: zenoh.Session | None = await in_thread(lambda: _opened(config, role, bundle))
-        if session is not None:
-            opened = session
-            if proof is None or await in_thread(lambda: proof.check(opened)):  # noqa: B023 - awaited at once
-                break
-            await in_thread(opened.close)  # pyright: ignore[reportUnknownArgumentType]
+    while (session := await in_thread(lambda: _opened(config, role, bundle, proof))) is None:
         if not waiting and on_wait is not None:
             on_wait()
         waiting = True
         if trouble is not None:
             await trouble.check()
-        await asyncio.sleep(CONNECT_RETRY_S if session is None else REFUSED_RETRY_S)
+        await asyncio.sleep(CONNECT_RETRY_S)
     if bundle is not None:
         guard = _Guard(session, config.endpoint, bundle, say, is_client=role == "client")
         await in_thread(guard.check)
@@ -106,8 +100,10 @@ async def open_session(
     return session
 
 
-def _opened(config: BusConfig, role: Role, bundle: Bundle | None) -> zenoh.Session | None:
-    """Return the session; None if the hub of a client does not run yet.
+def _opened(
+    config: BusConfig, role: Role, bundle: Bundle | None, proof: HubProof | None
+) -> zenoh.Session | None:
+    """Return the session; None if the hub of a client does not run yet, or is refused.
 
     Raises:
         BusError: the hub cannot listen, or the endpoint is invalid.
@@ -124,6 +120,10 @@ def _opened(config: BusConfig, role: Role, bundle: Bundle | None) -> zenoh.Sessi
     # The hub listens on its socket first. If it did so after the check, only the socket may be used.
     if role == "client" and endpoints != _endpoints(config, role):
         session.close()  # pyright: ignore[reportUnknownMemberType]
+        return None
+    if proof is not None and not proof.must_connect and not proof.check(session):
+        session.close()  # pyright: ignore[reportUnknownMemberType]
+        time.sleep(REFUSED_RETRY_S)
         return None
     return session
 

@@ -33,13 +33,14 @@ class HubProof:
     Args:
         config: the endpoint, and the user who may run the hub beside this process's user and root.
         say: called in this event loop with a sentence about a hub that is refused.
+        must_connect: whether the client also connects to a refused hub; it hears nothing of it.
 
     Raises:
         BusError: there is no such user.
     """
 
-    def __init__(self, config: BusConfig, say: Callable[[str], None]) -> None:
-        self.say = say
+    def __init__(self, config: BusConfig, say: Callable[[str], None], *, must_connect: bool = False) -> None:
+        self.say, self.must_connect = say, must_connect
         self._endpoint = config.endpoint
         self._is_needed = not tls.is_secure(config.endpoint)
         self._users = {ROOT, os.getuid(), *_users_named(config.hub_user)}
