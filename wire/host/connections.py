@@ -14,6 +14,7 @@ NO_INODE = "0"
 EVERY_USER = ["0", "0", "4294967295"]
 """The map of user ids of the machine's own user namespace."""
 UID_MAP, STAND_IN = Path("/proc/self/uid_map"), Path("/proc/sys/kernel/overflowuid")
+USUAL_STAND_IN = 65534
 _CREDENTIALS = struct.Struct("iII")
 
 
@@ -79,9 +80,11 @@ def unix_users(path: str) -> list[int | None]:
 
 def _proven(user: int) -> int | None:
     """Return the user; None if the kernel shows the number that stands for all users without an entry in this user namespace."""
+    stand_in = USUAL_STAND_IN
+    with suppress(OSError):  # hidden from a service with ProcSubset=pid
+        stand_in = int(STAND_IN.read_text())
     try:
         is_whole = UID_MAP.read_text().split() == EVERY_USER
-        stand_in = int(STAND_IN.read_text())
     except OSError:
         return None
     return user if is_whole or user != stand_in else None
