@@ -12,7 +12,7 @@ from typing import NoReturn
 
 from deploy.stack.errors import EXIT_NOT_RUNNING, DeployError
 from deploy.stack.reach import NotRunningError, run_command
-from lifeline.command import print_json, say
+from lifeline.command import note, print_json, say
 from lifeline.watch.rows import Row, Watched, row_at
 from lifeline.watch.watch import EXIT_PARTLY, show_lines, show_live, show_once, until, wants_lines
 from teleop.guards import Supervisors
@@ -25,6 +25,7 @@ from wire.reasons import StopReason
 from wire.roles import ANY, Role
 from wire.stamp import parse_stamp
 from wire.zenoh.bus import BusConfig, Fleet, open_fleet
+from wire.zenoh.hub_proof import HubProof
 
 CONNECT_LIMIT_S = 5.0
 FIND_S = 0.5
@@ -144,9 +145,13 @@ def fleet_config(endpoint: str, keys: Path | None, *, stops: bool) -> BusConfig:
 
 
 def _run(
-    config: BusConfig, expected: Sequence[str], work: Callable[[asyncio.Event, Robots, Fleet], Awaitable[int]]
+    config: BusConfig,
+    expected: Sequence[str],
+    work: Callable[[asyncio.Event, Robots, Fleet], Awaitable[int]],
+    *,
+    stops: bool = False,
 ) -> NoReturn:
-    """Connect, and run `work` in this process."""
+    """Connect, and run `work` in this process; if it stops robots, it hears nothing of another user's router or hub."""
     for name in expected:
         if not NAME.fullmatch(name) or name == ANY:
             raise DeployError(
@@ -155,7 +160,8 @@ def _run(
 
     async def main(stop: asyncio.Event) -> int:
         try:
-            fleet = await asyncio.wait_for(open_fleet(config), CONNECT_LIMIT_S)
+            proof = HubProof(config, note, must_connect=True) if stops else None
+            fleet = await asyncio.wait_for(open_fleet(config, proof), CONNECT_LIMIT_S)
         except TimeoutError as error:
             raise NotRunningError(f"no router or robot answers at {config.endpoint}") from error
         try:
@@ -227,7 +233,7 @@ def stop_robots(config: BusConfig, expected: Sequence[str], *, as_json: bool) ->
             _report(took_s, silent)
         return EXIT_NOT_RUNNING if not robots.by_name else EXIT_PARTLY if silent else 0
 
-    _run(config, expected, work)
+    _run(config, expected, work, stops=True)
 
 
 def _report(took_s: dict[str, float], silent: Sequence[str]) -> None:

@@ -153,13 +153,18 @@ class Fleet:
         await self._session.close()
 
 
-async def open_fleet(config: BusConfig) -> Fleet:
+async def open_fleet(config: BusConfig, proof: HubProof | None = None) -> Fleet:
     """Connect to a router, or to the hub of one robot, and watch all supervisors behind it.
+
+    Args:
+        config: the endpoint; the namespace is unused.
+        proof: of a client that must not believe a status of another user's program.
 
     Raises:
         BusError: the endpoint is invalid, or a certificate is refused.
     """
-    return Fleet(ZenohSession(await open_session(config, "client"), config.namespace))
+    session = await open_session(config, "client", proof=proof)
+    return Fleet(ZenohSession(session, config.namespace, proof=proof))
 
 
 async def _answer(request: bytes, handler: ServiceHandler) -> TriggerResponse:

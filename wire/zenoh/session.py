@@ -498,7 +498,7 @@ class ZenohSession:
         """Call `heard` on Zenoh's thread for the samples of all keys that an expression matches; it must not block.
 
         A put on a wildcard also matches, and a delete has an empty payload. After a reconnection, samples may come under
-        a wrong key (wire/runs.py): none is refused here, because one of them may be an e-stop.
+        a wrong key (wire/runs.py): none is refused for that, because one of them may be an e-stop.
 
         Raises:
             BusError: it is not a key expression.
@@ -506,6 +506,8 @@ class ZenohSession:
 
         def on_sample(sample: zenoh.Sample) -> None:
             arrival_s = time.monotonic()
+            if not self._is_proven:
+                return
             attachment = sample.attachment
             heard(
                 Overheard(
