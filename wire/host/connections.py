@@ -30,12 +30,18 @@ class TcpSocket:
     inode: str
 
 
-def tcp_sockets() -> Iterator[TcpSocket]:
-    """Yield all rows; none where there is no /proc."""
+def tcp_sockets(ports: tuple[str, str] | None = None) -> Iterator[TcpSocket]:
+    """Yield all rows; none where there is no /proc.
+
+    Args:
+        ports: only rows with this local and this remote port, in hexadecimal: the addresses of 10,000 rows take 0.1 s to read.
+    """
     for table in ("tcp", "tcp6"):
         with suppress(OSError):
             for line in Path(f"/proc/self/net/{table}").read_text().splitlines()[1:]:
                 fields = line.split()
+                if ports is not None and ports != (fields[1][-4:], fields[2][-4:]):
+                    continue
                 yield TcpSocket(
                     _address(fields[1]), _address(fields[2]), fields[3], int(fields[7]), fields[9]
                 )
@@ -58,7 +64,8 @@ def tcp_user(local: str, remote: str) -> int | None:
         local: the address of this process's end.
         remote: the address of the other end.
     """
-    for row in tcp_sockets():
+    here, there = (f"{int(address.rpartition(':')[2]):04X}" for address in (local, remote))
+    for row in tcp_sockets((there, here)):
         if (row.local, row.remote, row.state) == (remote, local, ESTABLISHED) and row.inode != NO_INODE:
             return _proven(row.user)
     return None
