@@ -41,8 +41,12 @@ class FakeHub:
 
     async def end(self) -> tuple[int, float]:
         """End it; return how many odometry messages it heard, and the fastest speed in them."""
-        answer, _ = await asyncio.wait_for(self.process.communicate(), PATIENCE_S)
-        heard, fastest_m_s = answer.split()
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        self.process.stdin.close()
+        heard, fastest_m_s = (await asyncio.wait_for(self.process.stdout.readline(), PATIENCE_S)).split()
+        self.process.kill()
+        await self.process.wait()
         return int(heard), float(fastest_m_s)
 
 
@@ -251,8 +255,13 @@ async def test_no_sample_of_a_new_hub_counts_before_the_kernel_has_said_whose_it
         await until(lambda: proof.holds)
         await put_until(hub, b"first", lambda: b"first" in heard)
         answer = threading.Event()
-        for name, user in (("tcp_user", os.getuid()), ("unix_users", [os.getuid()])):
-            monkeypatch.setattr(hub_proof, name, lambda *_, user=user: answer.wait(PATIENCE_S) and user)
+
+        def late(*_: str) -> int:
+            answer.wait(PATIENCE_S)
+            return os.getuid()
+
+        monkeypatch.setattr(hub_proof, "tcp_user", late)
+        monkeypatch.setattr(hub_proof, "unix_users", lambda path: [late(path)])  # pyright: ignore[reportUnknownLambdaType, reportUnknownArgumentType]
         hub.close()  # pyright: ignore[reportUnknownMemberType]
         await until(lambda: not proof.holds)
         with monkeypatch.context() as patch:

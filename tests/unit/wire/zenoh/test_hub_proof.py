@@ -50,10 +50,14 @@ class Kernel:
         """Called before each answer."""
         monkeypatch.setattr(hub_proof, "ASK_AGAIN_S", 0.0)
         monkeypatch.setattr(hub_proof, "tcp_user", self._tcp_user)
-        monkeypatch.setattr(
-            hub_proof, "unix_users", lambda _: [] if self.user is None else [self.user, self.user]
-        )
-        monkeypatch.setattr(hub_proof, "is_here", lambda _: self.here)
+        monkeypatch.setattr(hub_proof, "unix_users", self._unix_users)
+        monkeypatch.setattr(hub_proof, "is_here", self._is_here)
+
+    def _unix_users(self, _: str) -> list[int]:
+        return [] if self.user is None else [self.user, self.user]
+
+    def _is_here(self, _: str) -> bool:
+        return self.here
 
     def _tcp_user(self, local: str, remote: str) -> int | None:
         assert (local, remote) == ("127.0.0.1:50000", "127.0.0.1:7447")
