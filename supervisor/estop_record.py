@@ -3,7 +3,7 @@
 `EstopRecord` carries out the newest request for a record on disk, on two threads, so that a request never blocks.
 The first thread marks a press within microseconds, even while the second thread waits for the disk; a marked press
 survives SIGKILL. The second thread makes the record survive a power failure as well, and carries out resets; `problem`
-is empty only after that. A crash in between leaves the e-stop latched. Only a press that was never shown as
+is empty only after that, and the robot does not move until it is. A crash in between leaves the e-stop latched. Only a press that was never shown as
 recorded may be lost.
 
 `RecordFiles` stores the record as files in the state directory:
@@ -12,9 +12,10 @@ recorded may be lost.
     estop-robot.ready     the same file before a press; recording a press renames it, which needs no free space
     estop-robot.lock      held by the one supervisor that may clear the record
 
-Only the absence of the record proves that no e-stop was latched. The supervisor starts latched if anything else has
-the record's name, or if the record cannot be looked up. The content is only for people; damage to it has no effect. Its
-last line says who pressed and when; it is written after the record, and a failure to write it is no problem.
+Only the absence of the record in a directory that could hold one proves that no e-stop was latched. The supervisor starts
+latched if anything else has the record's name, or if a record cannot be looked up or written. The content is only for
+people; damage to it has no effect. Its last line says who pressed and when; it is written after the record, and a failure to
+write it is no problem.
 """
 
 import fcntl
@@ -100,15 +101,15 @@ class RecordFiles:
 
         Raises:
             RecordError: another supervisor may be about to write it.
-            OSError: it cannot be looked up.
+            OSError: it cannot be looked up, or an earlier press could not have been recorded either.
         """
-        with suppress(OSError):  # a directory in which no lock can be created can still be read
-            self._own()
+        self._own()
         try:
             self._latched.lstat()
         except FileNotFoundError:
             if not self._directory.is_dir():  # the disk may not be mounted
                 raise
+            self._write(self._ready)
             return False
         return True
 
@@ -329,12 +330,12 @@ class EstopRecord:
     def __init__(
         self, disk: RecordFiles, *, period_s: float = PERIOD_S, read_limit_s: float = READ_LIMIT_S
     ) -> None:
-        """Read the record for `read_limit_s` at most; after that, the record counts as unreadable.
+        """Read the record and prepare the next press.
 
         Args:
             disk: the storage of the record.
             period_s: the period of the disk check.
-            read_limit_s: the maximum time for which this call blocks.
+            read_limit_s: the maximum time for each of both; after it, the record counts as unreadable or not prepared.
         """
         self._disk = disk
         self._period_s = period_s
@@ -347,7 +348,7 @@ class EstopRecord:
         self._found = True
         self.by = ""
         """Who pressed and when, for people: at first what the record says; to be set before `keep`."""
-        self._was_read, self._ended = threading.Event(), threading.Event()
+        self._was_read, self._was_tried, self._ended = (threading.Event() for _ in range(3))
         self._done = _Done(0, "")
         threading.Thread(target=self._run, name="e-stop record", daemon=True).start()
         threading.Thread(target=self._mark, name="e-stop mark", daemon=True).start()
@@ -357,6 +358,7 @@ class EstopRecord:
         """Whether a record was found, or could not be read."""
         self._asked = _Request(0, _Goal.PREPARED)
         self._ask(_Goal.LATCHED if self._latched else _Goal.PREPARED)
+        self._was_tried.wait(read_limit_s)
 
     @property
     def is_pending(self) -> bool:
@@ -411,7 +413,7 @@ class EstopRecord:
         try:
             self._found = self._disk.read()
         except Exception as error:  # noqa: BLE001 - after any error, nothing is proven
-            _log.warning("the e-stop record cannot be read, so the e-stop is latched: %s", error)
+            _log.warning("the e-stop record cannot be read or written, so the e-stop is latched: %s", error)
         if self._found:
             with suppress(Exception):  # only for people
                 self.by = self._disk.description()
@@ -470,6 +472,7 @@ class EstopRecord:
         if problem and problem != self._done.problem:
             _log.warning("%s", problem)
         self._done = _Done(request.number, problem)
+        self._was_tried.set()
         self._announce()
         if request.goal is _Goal.LATCHED and not problem and self.by:
             with suppress(Exception):  # only for people, so after the record is reported as written
@@ -484,7 +487,7 @@ class EstopRecord:
 class MemoryRecord:
     """A record in memory, for a supervisor in a test or a simulation."""
 
-    def __init__(self, *, latched: bool = False, problem: str = NO_DISK) -> None:
+    def __init__(self, *, latched: bool = False, problem: str = "") -> None:
         self.latched = latched
         self.problem = problem
         self.by = ""

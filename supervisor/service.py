@@ -14,7 +14,7 @@ from dataclasses import replace
 
 from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
-from supervisor.estop_record import PRESSED, MemoryRecord, Record
+from supervisor.estop_record import NO_DISK, PRESSED, MemoryRecord, Record
 from supervisor.law.estop_stations import Presence, TokenEnd
 from supervisor.law.model import Decision, Inputs, LaserScan, Liveliness, Mode, Reply, State
 from supervisor.law.safety import initial_state, runs_out_s, step
@@ -58,7 +58,7 @@ class SupervisorService:
         bus: the bus for all messages.
         config: `[supervisor]`.
         black_box: records every step; None disables recording.
-        estop_record: keeps a pressed e-stop across restarts; with None, it is lost when this process ends.
+        estop_record: keeps a pressed e-stop across restarts; with None, the robot does not move.
         suspended_s: returns how long the machine was suspended since the last call [s].
         notifier: reports to systemd after each decision; None reports nothing.
     """
@@ -76,7 +76,7 @@ class SupervisorService:
         self._notifier = Notifier() if notifier is None else notifier
         self._black_box = black_box
         self._suspended_s = suspended_s
-        self._estop_record = MemoryRecord() if estop_record is None else estop_record
+        self._estop_record = MemoryRecord(problem=NO_DISK) if estop_record is None else estop_record
         self._tick_s = 1.0 / config.tick_hz
         self._status_s = 1.0 / config.status_hz
         self._loop = asyncio.get_running_loop()
@@ -233,6 +233,7 @@ class SupervisorService:
             odometry_writers=tuple(heard.writer for heard in odometry),
             strangers=tuple(self._strangers.take()),
             estop=estop,
+            estop_unrecorded=self._is_estop_unrecorded(),
             presences=tuple(self._heard_stations()),
             station_ends=tuple(station_ends),
             reset=bool(self._resets),
@@ -254,6 +255,11 @@ class SupervisorService:
             self._estop_record.by = f"{PRESSED} {self._pressing or station}, {when}"
         elif before.estop and not self._state.estop:
             self._estop_record.by = ""
+
+    def _is_estop_unrecorded(self) -> bool:
+        record = self._estop_record
+        is_pressing = record.is_pending and self._state.is_estop_latched  # the e-stop itself stops the robot
+        return not is_pressing and record.problem != ""
 
     def _heard_stations(self) -> Iterator[Presence]:
         for name, subscription in self._presences.items():

@@ -10,6 +10,7 @@ class StopReason(StrEnum):
 
     ESTOP = "ESTOP"
     ESTOP_STATION_LOST = "ESTOP_STATION_LOST"
+    ESTOP_UNRECORDED = "ESTOP_UNRECORDED"
     BASE_RUNAWAY = "BASE_RUNAWAY"
     OVERRUN = "OVERRUN"
     SENSOR_CONFLICT = "SENSOR_CONFLICT"
@@ -60,6 +61,12 @@ WORDS: Mapping[StopReason, Words] = {
         over="a required e-stop station was missing",
         caption="e-stop station lost",
         step="start it, NEUTRAL, then r if still stopped",
+    ),
+    StopReason.ESTOP_UNRECORDED: Words(
+        now="an emergency stop could not be recorded on disk",
+        over="an emergency stop could not have been recorded on disk",
+        caption="e-stop cannot be recorded",
+        step="free the disk or make it writable, NEUTRAL",
     ),
     StopReason.BASE_RUNAWAY: Words(
         now="the base moves although zero is commanded",

@@ -79,6 +79,11 @@ REASONS: Mapping[StopReason, Reason] = {
         "An e-stop button whose link is dead stops nothing, and nobody notices. Spot's E-stop service requires "
         "that each endpoint answers challenges.",
     ),
+    StopReason.ESTOP_UNRECORDED: Reason(
+        "the disk has not confirmed that a press would be recorded: it is full, read-only, changed by others, or still "
+        "at work on a reset",
+        "A supervisor that is killed after a press that it could not record starts without it, and drives.",
+    ),
     StopReason.BASE_RUNAWAY: Reason(
         "zero was commanded for longer than braking takes, and odometry still shows motion; raises the alarm",
         "A supervisor that trusts its own zero sees nothing when a wheel controller does not obey.",

@@ -166,6 +166,8 @@ class Inputs:
     strangers: tuple[str, ...] = ()
     """Sources that sent commands but are not configured."""
     estop: bool = False
+    estop_unrecorded: bool = False
+    """Whether an e-stop, or the reset of one, is not proven to outlive the supervisor."""
     presences: tuple[Presence, ...] = ()
     """Messages of the e-stop stations."""
     station_ends: tuple[TokenEnd, ...] = ()

@@ -122,7 +122,7 @@ def step(state: State, now_s: float, inputs: Inputs) -> tuple[State, Decision]:
     state = _observe(state, now_s, inputs)
     usable = _usable(state, now_s)
     state = _seek_hidden(state, usable, moved_on=bool(inputs.scans))
-    shared = _shared_causes(state, now_s, usable)
+    shared = _shared_causes(state, now_s, inputs, usable)
     state, live = _take_commands(state, now_s, inputs, shared)
     state, reply = _reset(state, inputs, live)
     return _decide(state, now_s, shared, usable, reply)
@@ -422,7 +422,7 @@ def _has_braked(state: State, now_s: float) -> bool:
     return state.stopped_s is not None and now_s - state.stopped_s > braking_s
 
 
-def _shared_causes(state: State, now_s: float, usable: Usable) -> Reasons:
+def _shared_causes(state: State, now_s: float, inputs: Inputs, usable: Usable) -> Reasons:
     """Return the causes that prevent every source from driving now.
 
     They are determined before a reset, so an e-stop that is reset is still a cause in the step of the reset.
@@ -442,6 +442,8 @@ def _shared_causes(state: State, now_s: float, usable: Usable) -> Reasons:
         causes.add(StopReason.BASE_UNRESPONSIVE)
     if state.runaway:
         causes.add(StopReason.BASE_RUNAWAY)
+    if inputs.estop_unrecorded:
+        causes.add(StopReason.ESTOP_UNRECORDED)
     if state.stations.latched or state.stations.missing:
         causes.add(StopReason.ESTOP_STATION_LOST)
     if state.estop:

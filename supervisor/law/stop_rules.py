@@ -50,6 +50,10 @@ STOP_RULES: Mapping[StopReason, StopRule] = {
     StopReason.ESTOP_STATION_LOST: StopRule(
         RaisedBy.EVERYTHING_SHARED, "the station is heard; after a loss, also a reset as for ESTOP"
     ),
+    StopReason.ESTOP_UNRECORDED: StopRule(
+        RaisedBy.EVERYTHING_SHARED,
+        "a disk that has recorded the last press or reset, and can record the next press",
+    ),
     StopReason.BASE_RUNAWAY: StopRule(RaisedBy.EVERYTHING_SHARED, "standstill"),
     StopReason.OVERRUN: StopRule(
         RaisedBy.EVERYTHING_SHARED, "the next step on time; after a suspend, one timeout more"

@@ -117,6 +117,8 @@ def cause_in_words(reason: str, status: SafetyStatus) -> str:
             return f"{now}: {problem}"
         case _ if detail:
             return detail
+        case "ESTOP_UNRECORDED" if status.estop_record_problem:
+            return plain(status.estop_record_problem)
         case "SCAN_STALE" if math.isfinite(status.scan_age_s):
             return f"the newest scan is {status.scan_age_s:.1f} s old"
         case "COMMAND_TIMEOUT" if (silent_s := _silent_s(status)) > LATE_S:

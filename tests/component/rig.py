@@ -12,7 +12,7 @@ from sim.plant import Plant
 from sim.service import SimService
 from supervisor.blackbox.recorder import BlackBox
 from supervisor.config import SupervisorSection
-from supervisor.estop_record import Record
+from supervisor.estop_record import MemoryRecord, Record
 from supervisor.service import SupervisorService
 from virtual.network import VirtualBus, VirtualNetwork
 from wire import messages, topics
@@ -69,7 +69,8 @@ class Rig:
     ) -> AsyncGenerator[VirtualBus]:
         bus = self.network.open_joined(topics.SUPERVISOR)
         stop = asyncio.Event()
-        service = SupervisorService(bus, config or SupervisorSection(), black_box, estop_record, suspended_s)
+        record = estop_record or MemoryRecord()
+        service = SupervisorService(bus, config or SupervisorSection(), black_box, record, suspended_s)
         running = asyncio.create_task(service.run(stop))
         try:
             yield bus

@@ -7,11 +7,13 @@ from contextlib import asynccontextmanager
 
 import pytest
 
+from supervisor.config import SupervisorSection
 from supervisor.estop_record import PRESS_PENDING, RESET_PENDING, MemoryRecord
+from supervisor.service import SupervisorService
 from tests.component.rig import Rig
 from virtual.network import VirtualBus
 from wire import topics
-from wire.messages import Bool, SafetyStatus, planar_twist
+from wire.messages import Bool, planar_twist
 
 ZERO = (0.0, 0.0)
 TICK_S = 0.02
@@ -175,14 +177,65 @@ async def test_a_fast_disk_lets_the_first_status_show_a_recorded_estop() -> None
         assert first.estop_record_problem == ""
 
 
-async def test_a_record_that_cannot_be_written_is_shown_while_everything_else_works() -> None:
+FULL = "a pressed e-stop could not be recorded: No space left on device"
+
+
+async def test_a_robot_whose_estop_could_not_be_recorded_does_not_move() -> None:
     rig, record = Rig(), SlowRecord()
-    record.problem = "a pressed e-stop could not be recorded: No space left on device"
+    record.problem = FULL
+    async with robot(rig, record):
+        await rig.pass_time(0.5)
+        rig.velocity = (0.5, 0.0)
+        await rig.pass_time(0.5)
+        assert rig.output() == ZERO
+        assert rig.newest_status.causes_and_latched()[0] == ["ESTOP_UNRECORDED"]
+        assert rig.newest_status.estop_record_problem == FULL
+        record.finish()
+        await rig.pass_time(0.5)
+        assert rig.output() == ZERO, "no neutral has come"
+        await rig.drive(0.5)
+
+
+async def test_a_driving_robot_stops_within_a_tick_when_an_estop_can_no_longer_be_recorded() -> None:
+    rig, record = Rig(), SlowRecord()
     async with robot(rig, record):
         await rig.drive(0.5)
+        await rig.pass_time(0.005)
+        rig.cmd_vel.take()
+        record.finish(FULL)
+        told_s = rig.loop.time()
         await rig.pass_time(0.1)
-        assert rig.newest_status.mode == SafetyStatus.DRIVING
-        assert "No space left" in rig.newest_status.estop_record_problem
+        zero = next(o for o in rig.cmd_vel.take() if o.message == planar_twist(0.0, 0.0))
+        assert zero.arrival_s - told_s <= TICK_S
+        assert rig.newest_status.reasons == ["ESTOP_UNRECORDED"]
+
+
+async def test_a_press_that_is_being_recorded_is_shown_as_an_estop_alone() -> None:
+    rig, record = Rig(), SlowRecord()
+    async with robot(rig, record):
+        await rig.drive(0.5)
+        record.is_held = True
+        press(rig)
+        await rig.pass_time(0.5)
+        assert rig.newest_status.reasons == ["ESTOP"]
+        record.finish("the e-stop cannot be recorded: No space left on device")
+        await rig.pass_time(0.1)
+        assert rig.newest_status.reasons == ["ESTOP", "ESTOP_UNRECORDED"]
+
+
+async def test_after_a_reset_the_robot_waits_for_the_disk() -> None:
+    rig, record = Rig(), SlowRecord(latched=True)
+    async with robot(rig, record):
+        await rig.pass_time(0.5)
+        record.is_held = True
+        assert (await rig.outsider.call(topics.SUPERVISOR_RESET)).success
+        await rig.pass_time(0.5)
+        rig.velocity = (0.5, 0.0)
+        await rig.pass_time(0.5)
+        assert rig.output() == ZERO
+        assert "ESTOP_UNRECORDED" in rig.newest_status.reasons
+        record.finish()
+        await rig.drive(0.5)
 
 
 async def test_the_answer_to_a_reset_waits_for_the_disk() -> None:
@@ -222,8 +275,12 @@ async def test_a_press_after_a_reset_ends_recorded() -> None:
         assert rig.newest_status.reasons[0] == "ESTOP"
 
 
-async def test_a_supervisor_without_a_record_says_so() -> None:
+async def test_a_supervisor_without_a_record_does_not_move_the_robot_and_says_so() -> None:
     rig = Rig()
-    async with rig.supervisor():
-        await rig.pass_time(0.2)
-        assert "no record" in rig.newest_status.estop_record_problem
+    bus, stop = rig.network.open_joined(topics.SUPERVISOR), asyncio.Event()
+    running = asyncio.create_task(SupervisorService(bus, SupervisorSection()).run(stop))
+    await rig.pass_time(0.2)
+    assert "ESTOP_UNRECORDED" in rig.newest_status.reasons
+    assert "no record" in rig.newest_status.estop_record_problem
+    stop.set()
+    await running

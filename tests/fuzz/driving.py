@@ -19,6 +19,7 @@ import numpy as np
 from supervisor.blackbox.file import Order
 from supervisor.blackbox.recorder import MEMORY_BYTES, BlackBox
 from supervisor.config import SupervisorSection
+from supervisor.estop_record import MemoryRecord
 from supervisor.service import SupervisorService
 from tests.fuzz import payloads
 from tests.fuzz.decoding import Finding
@@ -180,7 +181,7 @@ class _Scene:
         config = SupervisorSection()
         box = BlackBox(config.law(), _Nowhere(), window_s=config.black_box_s, utc=lambda: 0.0)
         stop = asyncio.Event()
-        service = SupervisorService(self._supervisor, config, box)
+        service = SupervisorService(self._supervisor, config, box, MemoryRecord())
         running = asyncio.ensure_future(service.run(stop))
         self._start_anew()
         good = asyncio.ensure_future(self._good_traffic())

@@ -37,6 +37,8 @@ class Robot:
 
     endpoint: str
     logs: Path
+    """Also the state directory, unless `state` names another."""
+    state: Path | None = None
     keys: dict[str, Path] = field(default_factory=dict[str, Path])
     """Bundles by node, if the endpoint needs certificates; `viewer` is the observer's."""
     processes: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict[str, subprocess.Popen[bytes]])
@@ -46,7 +48,10 @@ class Robot:
 
     @property
     def environment(self) -> dict[str, str]:
-        return os.environ | {statedir.ENVIRONMENT: str(self.logs), processes.MARK: str(self.logs)}
+        return os.environ | {
+            statedir.ENVIRONMENT: str(self.state or self.logs),
+            processes.MARK: str(self.logs),
+        }
 
     def start(self, node: str, *options: str) -> None:
         """Start `supervisor` or `sim` with additional options."""
@@ -263,11 +268,11 @@ def is_zero(twist: Twist) -> bool:
 
 @asynccontextmanager
 async def robot(
-    tmp_path: Path, *nodes: str, teleop: bool = True, config: Path | None = None
+    tmp_path: Path, *nodes: str, teleop: bool = True, config: Path | None = None, state: Path | None = None
 ) -> AsyncGenerator[Robot]:
     """A robot whose nodes start in the given order (default: supervisor, sim), and ended at the end."""
     options = [] if config is None else ["--config", str(config)]
-    subject = Robot(free_endpoint(), tmp_path)
+    subject = Robot(free_endpoint(), tmp_path, state)
     try:
         for node in nodes or (topics.SUPERVISOR, topics.SIM):
             subject.start(node, *options)

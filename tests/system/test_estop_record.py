@@ -1,16 +1,20 @@
 """A pressed e-stop survives every process: nothing moves until a reset, whichever process died."""
 
+import os
+import subprocess
+from collections.abc import Callable, Generator
 from pathlib import Path
 
 import pytest
 
+from faults.real.real_faults import fill
 from tests.system.harness import Robot, is_zero, robot
 from wire import topics
 from wire.messages import Bool, SafetyStatus, header
 
 pytestmark = pytest.mark.timeout(180)
 
-ESTOP = "ESTOP"
+ESTOP, UNRECORDED = "ESTOP", "ESTOP_UNRECORDED"
 TRY_S = 0.5
 """Time for which the operator requests motion."""
 
@@ -34,13 +38,13 @@ async def restart_supervisor(subject: Robot) -> None:
     await subject.until(lambda: any(s.accepted for s in subject.status.sources), "a new supervisor")
 
 
-async def nothing_moves(subject: Robot) -> None:
-    """Send neutral, then motion: the commands are received, and ESTOP remains."""
+async def nothing_moves(subject: Robot, reason: str = ESTOP) -> None:
+    """Send neutral, then motion: the commands are received, and the reason remains."""
     subject.type("s")
     await subject.until(lambda: _heard(subject.status, neutral=True), "a neutral teleop")
     subject.outputs.clear()
     await subject.press("www", lambda: _heard(subject.status, neutral=False), "a teleop that asks for motion")
-    await subject.never(lambda: ESTOP not in subject.status.reasons, "released without a reset", TRY_S)
+    await subject.never(lambda: reason not in subject.status.reasons, f"released from {reason}", TRY_S)
     assert subject.outputs
     assert all(is_zero(twist) for _, twist in subject.outputs)
     subject.type("s")
@@ -81,6 +85,68 @@ async def test_the_estop_stays_latched_when_another_process_is_killed(tmp_path: 
         await nothing_moves(subject)
 
 
+def without_space(disk: Path) -> None:
+    fill(disk / "filler")
+
+
+def without_inodes(disk: Path) -> None:
+    for number in range(INODES):
+        try:
+            (disk / str(number)).touch()
+        except OSError:
+            return
+
+
+def read_only(disk: Path) -> None:
+    subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)
+
+
+def repair(disk: Path) -> None:
+    subprocess.run(["mount", "-o", "remount,rw,size=1m,nr_inodes=1000", str(disk)], check=True)
+
+
+INODES = 32
+
+
+@pytest.fixture
+def disk(tmp_path: Path) -> Generator[Path]:
+    """A small disk of its own."""
+    path = tmp_path / "disk"
+    path.mkdir()
+    options = f"size=256k,mode=700,nr_inodes={INODES}"
+    mounted = os.geteuid() == 0 and subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", options, "lifeline", str(path)],
+        capture_output=True,
+        check=False,
+    )
+    if not mounted or mounted.returncode:
+        pytest.skip("needs the right to mount a disk")
+    yield path
+    subprocess.run(["umount", "-l", str(path)], check=True)
+
+
+@pytest.mark.parametrize("spoil", [without_space, without_inodes, read_only])
+async def test_a_robot_on_a_disk_that_holds_no_record_moves_neither_before_an_estop_nor_after_a_restart(
+    spoil: Callable[[Path], None], tmp_path: Path, disk: Path
+) -> None:
+    spoil(disk)
+    async with robot(tmp_path, state=disk) as subject:
+        await subject.until(
+            lambda: UNRECORDED in subject.status.reasons or ESTOP in subject.status.reasons, "a stop"
+        )
+        assert subject.bus is not None
+        subject.bus.publisher(topics.ESTOP).put(Bool(data=True))
+        await subject.until(lambda: ESTOP in subject.status.reasons, "the e-stop")
+        await restart_supervisor(subject)
+        assert ESTOP in subject.status.reasons
+        await nothing_moves(subject)
+        await subject.press("r", lambda: ESTOP not in subject.status.causes, "a reset")
+        await nothing_moves(subject, UNRECORDED)
+        repair(disk)
+        await subject.until(lambda: UNRECORDED not in subject.status.causes, "a disk that works")
+        await subject.drive()
+
+
 async def test_a_supervisor_that_cannot_read_the_record_starts_latched_and_says_what_is_wrong(
     tmp_path: Path,
 ) -> None:
@@ -93,3 +159,4 @@ async def test_a_supervisor_that_cannot_read_the_record_starts_latched_and_says_
         assert reply.success
         assert "the next supervisor starts latched" in reply.message
         await subject.until(lambda: subject.status.estop_record_problem != "", "the problem in the status")
+        await nothing_moves(subject, UNRECORDED)

@@ -219,7 +219,7 @@ def test_a_directory_in_the_records_place_stays_latched_and_says_that_it_cannot_
 
 def test_a_link_to_a_disk_that_is_not_mounted_proves_nothing(tmp_path: Path) -> None:
     (tmp_path / "state").symlink_to(tmp_path / "disk")
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(FileExistsError):
         read_anew(tmp_path / "state")
     assert is_recorded(tmp_path / "state", ROBOT)
     (tmp_path / "disk").mkdir()
@@ -229,7 +229,7 @@ def test_a_link_to_a_disk_that_is_not_mounted_proves_nothing(tmp_path: Path) -> 
 
 def test_a_state_directory_that_is_a_file_proves_nothing(tmp_path: Path) -> None:
     (tmp_path / "state").write_text("")
-    with pytest.raises(NotADirectoryError):
+    with pytest.raises(FileExistsError):
         read_anew(tmp_path / "state")
     assert is_recorded(tmp_path / "state", ROBOT)
     files = RecordFiles(tmp_path / "state", ROBOT)
@@ -249,7 +249,21 @@ def test_a_record_that_may_not_be_looked_up_proves_nothing(
         read_anew(tmp_path)
 
 
-def test_a_read_only_directory_is_read_and_named(
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EROFS])
+def test_a_start_where_no_earlier_press_could_have_been_recorded_proves_nothing(
+    number: int, files: RecordFiles, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files.prepare()
+
+    def fails(*_: object) -> int:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(os, "write", fails)
+    with pytest.raises(OSError, match=os.strerror(number)):
+        files.read()
+
+
+def test_a_read_only_directory_proves_nothing_and_is_named(
     files: RecordFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "state").mkdir()
@@ -261,7 +275,8 @@ def test_a_read_only_directory_is_read_and_named(
         return opened(path, flags, mode)
 
     monkeypatch.setattr(os, "open", read_only)
-    assert not files.read()
+    with pytest.raises(OSError, match="Read-only"):
+        files.read()
     with pytest.raises(
         RecordError, match=r"a pressed e-stop could not be recorded: Read-only file system \(.*lock\)"
     ):

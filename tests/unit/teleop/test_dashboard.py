@@ -109,7 +109,7 @@ def test_a_stop_that_is_over_asks_for_one_key_and_fits_80_columns(reason: str) -
 
 def test_more_reasons_than_fit_are_cut_off_after_the_first() -> None:
     second = shown(driving(stopped(*REASONS))).splitlines()[1]
-    assert " ESTOP ESTOP_STATION_LOST BASE_RUNAWAY OVERRUN" in second
+    assert " ESTOP ESTOP_STATION_LOST ESTOP_UNRECORDED" in second
     assert second.endswith(".. ")
     long = stopped(*(["A" * 60] * 3))
     assert shown(driving(long)).splitlines()[1].endswith("A.. ")

@@ -20,6 +20,7 @@ def said(newest: SafetyStatus, **fields: object) -> News:
 CAUSES = {
     "ESTOP": "the emergency stop is latched",
     "ESTOP_STATION_LOST": "a required e-stop station is missing, or was lost",
+    "ESTOP_UNRECORDED": "an emergency stop could not be recorded on disk",
     "BASE_RUNAWAY": "the base moves although zero is commanded",
     "OVERRUN": "the supervisor was late, or its machine was suspended",
     "SENSOR_CONFLICT": "two programs publish on one sensor's key",
@@ -38,6 +39,7 @@ CAUSES = {
 STEPS = {
     "ESTOP": "press s, then r to reset",
     "ESTOP_STATION_LOST": "start it, press s, then r if still stopped",
+    "ESTOP_UNRECORDED": "free the disk or make it writable, press s",
     "BASE_RUNAWAY": "cut the robot's power",
     "OVERRUN": "press s to re-arm",
     "SENSOR_CONFLICT": "stop one of the two programs, press s",
@@ -63,6 +65,13 @@ def test_every_stop_reason_has_a_sentence_and_a_next_step(reason: str) -> None:
 
 def test_no_two_stop_reasons_sound_the_same() -> None:
     assert len({said(stopped(reason)).what for reason in REASONS}) == len(REASONS)
+
+
+def test_a_stop_for_the_disk_shows_what_the_record_lacks() -> None:
+    what = said(
+        stopped("ESTOP_UNRECORDED", estop_record_problem="a pressed e-stop could not be recorded: full")
+    )
+    assert what.what == "a pressed e-stop could not be recorded: full"
 
 
 def test_an_estop_that_is_not_on_disk_says_so_in_ascii() -> None:
@@ -99,6 +108,7 @@ def test_the_first_reason_is_explained_and_all_are_named() -> None:
 OVER = {
     "ESTOP": "the emergency stop was pressed, and has been reset",
     "ESTOP_STATION_LOST": "a required e-stop station was missing",
+    "ESTOP_UNRECORDED": "an emergency stop could not have been recorded on disk",
     "BASE_RUNAWAY": "the base moved although zero was commanded",
     "OVERRUN": "the supervisor was late",
     "SENSOR_CONFLICT": "two programs published on one sensor's key",

@@ -13,6 +13,7 @@ from wire.messages import LaserScan, Odometry, SafetyStatus, SourceStatus, heade
 REASONS = (
     "ESTOP",
     "ESTOP_STATION_LOST",
+    "ESTOP_UNRECORDED",
     "BASE_RUNAWAY",
     "OVERRUN",
     "SENSOR_CONFLICT",

@@ -171,6 +171,17 @@ def test_a_pressed_e_stop_is_a_cause_until_the_step_after_its_reset() -> None:
     assert told(law.tick()) == (set(), {"ESTOP"})
 
 
+def test_an_e_stop_that_could_not_be_recorded_stops_a_driving_robot_until_neutral() -> None:
+    law = Law()
+    law.drive()
+    assert told(law.tick(("teleop", FORWARD), estop_unrecorded=True)) == ({"ESTOP_UNRECORDED"}, set())
+    assert law.decision.output == STANDSTILL
+    law.tick(("teleop", NEUTRAL), estop_unrecorded=True)
+    assert told(law.tick(("teleop", FORWARD))) == (set(), {"ESTOP_UNRECORDED"})
+    assert law.decision.output == STANDSTILL
+    assert law.drive().mode is Mode.DRIVING
+
+
 def test_a_base_that_runs_away_is_a_cause_until_it_stands() -> None:
     law = Law()
     law.drive()

@@ -113,6 +113,7 @@ class Event:
     liveliness: tuple[Liveliness, ...] = ()
     odometry: Velocity | None = None
     estop: bool = False
+    estop_unrecorded: bool = False
     reset: bool = False
     late: bool = False
     suspended: bool = False
@@ -139,6 +140,7 @@ class Event:
             scans=tuple(scans),
             odometry=None if self.odometry is None else Odometry(self.odometry, now_s),
             estop=self.estop,
+            estop_unrecorded=self.estop_unrecorded,
             reset=self.reset,
             suspended_s=SLEPT_S if self.suspended else 0.0,
         )
@@ -163,6 +165,8 @@ _STOPS = [
     Event("estop", estop=True),
     Event("reset", reset=True),
     Event("estop and reset", estop=True, reset=True),
+    Event("full disk", estop_unrecorded=True),
+    Event("forward, full disk", (("teleop", FORWARD),), estop_unrecorded=True),
 ]
 
 
@@ -459,7 +463,11 @@ def _names(way: tuple[Any, ...]) -> list[str]:
 @pytest.mark.parametrize(
     ("name", "events", "reached"),
     [
-        ("one operator", ONE_OPERATOR, {StopReason.SCAN_INVALID, StopReason.SCAN_STALE, StopReason.OVERRUN}),
+        (
+            "one operator",
+            ONE_OPERATOR,
+            {StopReason.SCAN_INVALID, StopReason.OVERRUN, StopReason.ESTOP_UNRECORDED},
+        ),
         ("two sources", TWO_SOURCES, {StopReason.SOURCE_LOST, StopReason.OBSTACLE}),
         ("a base", BASE, {StopReason.ODOM_STALE, StopReason.BASE_UNRESPONSIVE, StopReason.BASE_RUNAWAY}),
         ("two writers", WRITERS, {StopReason.SENSOR_CONFLICT}),

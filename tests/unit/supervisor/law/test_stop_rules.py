@@ -47,6 +47,7 @@ class Stage(Law):
         self.other, self.speaks = NEUTRAL, True
         sources = tuple(SourceConfig(name, 100 if name == first else 10) for name in ("teleop", "other"))
         self.answers, self.ticks = True, 0
+        self.unrecorded = False
         super().__init__(replace(CONFIG, sources=sources, estop_stations=stations))
         self.go(2 + len(stations))
         self.first.clear()
@@ -61,6 +62,7 @@ class Stage(Law):
             self.ticks += 1
             if self.config.estop_stations and self.answers:
                 inputs |= {"station_challenge": self.ticks, "presences": self.presences()}
+            inputs["estop_unrecorded"] = self.unrecorded
             commands = [on_time("other", self.other, self.now_s)]
             if self.speaks:
                 commands.append(on_time("teleop", self.teleop, self.now_s))
@@ -108,6 +110,16 @@ def find_station_and_reset(law: Stage) -> None:
     law.answers = True
     law.go(3)
     reset(law)
+
+
+def fill_the_disk(law: Stage) -> None:
+    law.unrecorded = True
+    law.go()
+
+
+def free_the_disk(law: Stage) -> None:
+    law.unrecorded = False
+    law.go()
 
 
 def run_away(law: Stage) -> None:
@@ -247,6 +259,7 @@ class Course:
 COURSES = {
     StopReason.ESTOP: Course(press, reset),
     StopReason.ESTOP_STATION_LOST: Course(lose_station, find_station_and_reset),
+    StopReason.ESTOP_UNRECORDED: Course(fill_the_disk, free_the_disk),
     StopReason.BASE_RUNAWAY: Course(run_away, halt),
     StopReason.OVERRUN: Course(hang, speak),
     StopReason.SENSOR_CONFLICT: Course(two_writers, one_writer),
@@ -303,6 +316,7 @@ def test_a_stop_of_the_owner_is_latched_on_every_source_and_cleared_as_the_table
     [
         StopReason.ESTOP,
         StopReason.ESTOP_STATION_LOST,
+        StopReason.ESTOP_UNRECORDED,
         StopReason.BASE_RUNAWAY,
         StopReason.SENSOR_CONFLICT,
         StopReason.ODOM_STALE,
