@@ -12,10 +12,10 @@ recorded may be lost.
     estop-robot.ready     the same file before a press; recording a press renames it, which needs no free space
     estop-robot.lock      held by the one supervisor that may clear the record
 
-Only the absence of the record in a directory that could hold one proves that no e-stop was latched. The supervisor starts
-latched if anything else has the record's name, or if a record cannot be looked up or written. The content is only for
-people; damage to it has no effect. Its last line says who pressed and when; it is written after the record, and a failure to
-write it is no problem.
+The directory must be one that no other user can change (wire/ownership.py). Only the absence of the record in a directory that
+could hold one proves that no e-stop was latched. The supervisor starts latched if anything else has the record's name, or if a
+record cannot be looked up or written. The content is only for people; damage to it has no effect. Its last line says who pressed
+and when; it is written after the record, and a failure to write it is no problem.
 """
 
 import fcntl
@@ -29,6 +29,7 @@ from enum import Enum, auto
 from pathlib import Path
 from typing import NamedTuple
 
+from wire.ownership import open_own, refusal
 from wire.text import printable
 
 _log = logging.getLogger(__name__)
@@ -201,7 +202,7 @@ class RecordFiles:
         Raises:
             OSError: the files cannot be looked up.
         """
-        if not self._is_own():
+        if not self._is_own() or refusal(self._directory) is not None:
             return False
         if latched:
             return os.path.lexists(self._latched)
@@ -214,7 +215,8 @@ class RecordFiles:
             self._lock_file = None
 
     def _write(self, path: Path, *, synchronised: bool = False) -> None:
-        file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
+        path.unlink(missing_ok=True)  # what has its name may be a link, or a pipe that blocks
+        file = open_own(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
         try:
             os.write(file, self._content)
             if synchronised:
@@ -229,12 +231,15 @@ class RecordFiles:
             _synchronise(made.parent)
 
     def _own(self) -> None:
-        """Acquire the lock, so that no other supervisor's reset clears the record."""
+        """Acquire the lock, so that no other supervisor's reset clears the record, in a directory of this user alone."""
+        self._make_directory()
+        refused = refusal(self._directory)
+        if refused is not None:
+            raise RecordError(refused)
         if self._is_own():
             return
         self.close()
-        self._make_directory()
-        file = os.open(self._lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        file = open_own(self._lock, os.O_RDWR | os.O_CREAT, 0o644)
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
@@ -252,7 +257,7 @@ class RecordFiles:
         if self._lock_file is None:
             return False
         try:
-            return os.path.samestat(os.fstat(self._lock_file), self._lock.stat())
+            return os.path.samestat(os.fstat(self._lock_file), os.lstat(self._lock))
         except FileNotFoundError:
             return False
 

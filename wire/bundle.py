@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
+from wire.ownership import CHANGE, ENTER, refusal
 from wire.roles import ANY, SERVERS, Role, role_of
 
 AUTHORITY = "authority.pem"
@@ -56,14 +57,15 @@ def read_bundle(directory: Path, now_s: float) -> Bundle:
         now_s: the time, in seconds since the epoch.
 
     Raises:
-        BundleError: a file is missing, damaged or readable for others, the files do not belong together, or the
-            certificate has expired or is not valid yet.
+        BundleError: a file is missing, damaged, or readable or writable for others, the files do not belong together, or
+            the certificate has expired or is not valid yet.
     """
     key = _key_in(directory)
     authority, certificate = directory / AUTHORITY, key.with_suffix(CERTIFICATE_SUFFIX)
     for path in (authority, certificate):
         if not path.is_file():
             raise BundleError(f"{path} is missing: copy the whole bundle again, or {HOW_TO_ISSUE}")
+        _refuse_shared(path)
     try:
         fields = _fields(authority, certificate, key)
     except OSError as error:  # among them the errors of ssl
@@ -136,12 +138,18 @@ def _key_in(directory: Path) -> Path:
         raise BundleError(
             f"{directory} has several private keys ({names}): keep each bundle in a directory of its own"
         )
-    mode = keys[0].stat().st_mode & 0o777
-    if mode & 0o077:
-        raise BundleError(
-            f"{keys[0]} has mode {mode:04o}, so that other users can read it: run `chmod 600 {keys[0]}`"
-        )
+    _refuse_shared(directory)
+    _refuse_shared(keys[0], ENTER)
     return keys[0]
+
+
+def _refuse_shared(path: Path, forbidden: int = CHANGE) -> None:
+    try:
+        refused = refusal(path, forbidden)
+    except OSError as error:
+        raise BundleError(f"cannot read {path}: {error.strerror}") from error
+    if refused is not None:
+        raise BundleError(refused)
 
 
 def _fields(authority: Path, certificate: Path, key: Path) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from deploy.keys.register import Register, from_json, to_json
 from deploy.stack.errors import DeployError
 from wire.bundle import AUTHORITY, CERTIFICATE_SUFFIX, KEY_SUFFIX
 from wire.host.config import ConfigError, absolute
+from wire.ownership import ENTER, refusal
 
 ENVIRONMENT = "XDG_CONFIG_HOME"
 PRIVATE, PUBLIC = 0o600, 0o644
@@ -139,11 +140,9 @@ def locked(given: Path | None, *, create: bool = False) -> Generator[Folder]:
         elif not path.is_dir():
             raise DeployError(f"there is no folder of keys at {path}: run `lifeline keys init` first")
         with _open_directory(path) as descriptor:
-            mode = os.fstat(descriptor).st_mode & 0o777
-            if mode & 0o077:
-                raise DeployError(
-                    f"{path} has mode {mode:04o}, so that other users can read it: run `chmod 700 {path}`"
-                )
+            refused = refusal(path, ENTER)
+            if refused is not None:
+                raise DeployError(refused)
             fcntl.flock(descriptor, fcntl.LOCK_EX)
             folder = Folder(path)
             folder.remove_leftovers()

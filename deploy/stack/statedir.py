@@ -13,6 +13,7 @@ from typing import Any, cast
 from deploy.stack.errors import DeployError
 from wire.host.config import ConfigError, absolute
 from wire.host.state_directory import ENVIRONMENT, state_directory
+from wire.ownership import open_own, refusal
 
 SOCKET_PATH_LIMIT = 99
 """Bytes. The kernel permits 107; supervisord first binds to the path with a dot and its pid appended."""
@@ -64,7 +65,7 @@ class StateDir:
         """Create the directory, accessible to this user only.
 
         Raises:
-            DeployError: it cannot be created, or its path is too long for a socket.
+            DeployError: it cannot be created, other users can change it, or its path is too long for a socket.
         """
         length = len(os.fsencode(self.socket))
         if length > SOCKET_PATH_LIMIT:
@@ -74,11 +75,14 @@ class StateDir:
             )
         try:
             self.path.mkdir(mode=0o700, parents=True, exist_ok=True)
+            refused = refusal(self.path)
         except OSError as error:
             raise DeployError(
                 f"cannot create the state directory {self.path} ({error.strerror}): "
                 f"choose another with --state-dir or {ENVIRONMENT}"
             ) from error
+        if refused is not None:
+            raise DeployError(refused)
 
     def forget(self) -> None:
         """Remove the socket, pid file and record of a running stack, and keep the logs.
@@ -138,7 +142,7 @@ def locked(state: StateDir, command: str) -> Generator[None]:
         UnwritableError: the lock file cannot be opened.
     """
     try:
-        lock = state.lock.open("a+b", buffering=0)
+        lock = os.fdopen(open_own(state.lock, os.O_RDWR | os.O_CREAT | os.O_APPEND), "a+b", buffering=0)
     except OSError as error:
         raise UnwritableError(state, error) from error
     with lock as file:

@@ -25,6 +25,7 @@ from typing import Any
 from supervisor.blackbox.codec import codec, record_codec
 from supervisor.law.model import Decision, Inputs, LawConfig, State
 from supervisor.law.stop_rules import ROUTINE
+from wire.ownership import open_own, refusal
 
 FORMAT = "lifeline black box"
 VERSION = 1
@@ -94,7 +95,7 @@ def write(
     `pause` is called after each line, so that the interpreter is held for one line at a time.
 
     Raises:
-        OSError: the file cannot be written; no partial file remains.
+        OSError: the file cannot be written, or other users can change the directory; no partial file remains.
     """
 
     def lines(segment: Segment) -> Iterable[str]:
@@ -124,7 +125,10 @@ def write(
         "left_out_for_file_size": steps - kept,
     }
     end = {"end": True, "steps": kept}
-    directory.mkdir(parents=True, exist_ok=True)
+    directory.mkdir(mode=0o755, parents=True, exist_ok=True)
+    refused = refusal(directory)
+    if refused is not None:
+        raise PermissionError(refused)
     _delete_abandoned(directory)
     path = _store(directory, order.name, [_member([dumps(header)]), *members[first:], _member([dumps(end)])])
     _delete_least_worth(directory, path, max_files)
@@ -143,12 +147,12 @@ def _member(lines: Iterable[str]) -> bytes:
 def _store(directory: Path, name: str, members: Iterable[bytes]) -> Path:
     path = directory / f"{name}{SUFFIX}"
     count = 1
-    while path.exists():
+    while os.path.lexists(path):
         count += 1
         path = directory / f"{name}-{count}{SUFFIX}"
     temporary = directory / f".{path.name}.{os.getpid()}.tmp"
     try:
-        with temporary.open("wb") as file:
+        with open(temporary, "xb", opener=open_own) as file:
             file.writelines(members)
             file.flush()
             os.fsync(file.fileno())

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from faults.real.real_faults import fill
+from supervisor.estop_record import record_path
 from tests.system.harness import Robot, is_zero, robot
 from wire import topics
 from wire.messages import Bool, SafetyStatus, header
@@ -144,6 +145,29 @@ async def test_a_robot_on_a_disk_that_holds_no_record_moves_neither_before_an_es
         await nothing_moves(subject, UNRECORDED)
         repair(disk)
         await subject.until(lambda: UNRECORDED not in subject.status.causes, "a disk that works")
+        await subject.drive()
+
+
+async def test_a_robot_whose_state_directory_others_can_change_does_not_move_until_it_is_repaired(
+    tmp_path: Path,
+) -> None:
+    state = tmp_path / "state"
+    state.mkdir()
+    state.chmod(0o777)
+    async with robot(tmp_path, state=state) as subject:
+        await subject.until(lambda: UNRECORDED in subject.status.reasons, "a stop")
+        assert f"`chmod 755 {state}`" in subject.status.estop_record_problem
+        assert subject.bus is not None
+        subject.bus.publisher(topics.ESTOP).put(Bool(data=True))
+        await subject.until(lambda: ESTOP in subject.status.reasons, "the e-stop")
+        record_path(state, "robot").unlink(missing_ok=True)  # as another user can
+        await restart_supervisor(subject)
+        await nothing_moves(subject)
+        await nothing_moves(subject, UNRECORDED)
+        state.chmod(0o755)
+        await subject.until(lambda: UNRECORDED not in subject.status.causes, "a repaired directory")
+        await nothing_moves(subject)
+        await subject.press("r", lambda: ESTOP not in subject.status.reasons, "a reset")
         await subject.drive()
 
 

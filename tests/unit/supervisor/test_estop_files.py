@@ -283,6 +283,58 @@ def test_a_read_only_directory_proves_nothing_and_is_named(
         files.prepare()
 
 
+def test_a_directory_that_others_can_change_proves_nothing_and_is_named(tmp_path: Path) -> None:
+    directory = tmp_path / "state"
+    files = RecordFiles(directory, ROBOT)
+    files.prepare()
+    assert files.holds(latched=False)
+    directory.chmod(0o777)
+    assert not files.holds(latched=False), "while it runs, too"
+    sentence = rf"a pressed e-stop could not be recorded: .*`chmod 755 {directory}`"
+    with pytest.raises(RecordError, match=sentence):
+        files.prepare()
+    with pytest.raises(RecordError, match="so that other users can change it"):
+        read_anew(directory)
+    with pytest.raises(RecordError, match="so that other users can change it"):
+        files.latch()
+    assert record_path(directory, ROBOT).exists(), "a press is recorded all the same"
+    directory.chmod(0o755)
+    files.latch()
+    files.close()
+
+
+def a_fifo(path: Path) -> None:
+    os.mkfifo(path)
+
+
+def a_link_to_a_file(path: Path) -> None:
+    path.symlink_to("../kept")
+
+
+def a_hard_link(path: Path) -> None:
+    path.hardlink_to(path.parents[1] / "kept")
+
+
+@pytest.mark.parametrize("put", [a_fifo, a_link_to_a_file, a_hard_link])
+@pytest.mark.parametrize("name", ["estop-robot.ready", "estop-robot.latched", "estop-robot.lock"])
+def test_nothing_with_a_name_of_the_record_makes_it_overwrite_another_file(
+    name: str, put: Callable[[Path], None], tmp_path: Path
+) -> None:
+    (tmp_path / "kept").write_text("kept")
+    (tmp_path / "state").mkdir(mode=0o700)
+    put(tmp_path / "state" / name)
+    files = RecordFiles(tmp_path / "state", ROBOT)
+    if (name, put) == ("estop-robot.lock", a_link_to_a_file):
+        with pytest.raises(RecordError, match=r"symbolic links .*estop-robot.lock"):
+            files.prepare()
+    else:
+        files.prepare()
+        files.latch()
+        assert files.read()
+    files.close()
+    assert (tmp_path / "kept").read_text() == "kept"
+
+
 def test_a_second_supervisor_of_the_namespace_proves_nothing_and_clears_nothing(
     files: RecordFiles, tmp_path: Path
 ) -> None:

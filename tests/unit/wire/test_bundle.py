@@ -77,6 +77,20 @@ def test_a_key_that_others_can_read_is_refused(alice: Path) -> None:
     assert f"`chmod 600 {alice / 'alice.key'}`" in sentence
 
 
+def test_a_bundle_that_others_can_change_is_refused(alice: Path) -> None:
+    for path, mode in ((alice, 0o755), (alice / "authority.pem", 0o644), (alice / "alice.pem", 0o644)):
+        path.chmod(mode | 0o022)
+        assert f"so that other users can change it: run `chmod {mode:o} {path}`" in refusal(alice)
+        path.chmod(mode)
+    read_bundle(alice, NOW_S)
+
+
+def test_a_key_that_leads_nowhere_is_one_sentence(alice: Path) -> None:
+    (alice / "alice.key").unlink()
+    (alice / "alice.key").symlink_to("nowhere")
+    assert "cannot read" in refusal(alice)
+
+
 @pytest.mark.parametrize("name", ["authority.pem", "alice.pem", "alice.key"])
 def test_a_missing_file_is_named(alice: Path, name: str) -> None:
     (alice / name).unlink()

@@ -1,10 +1,12 @@
 """The state directory: its place, and its lock."""
 
 import fcntl
+import resource
 from pathlib import Path
 
 import pytest
 
+from deploy.stack import statedir
 from deploy.stack.errors import DeployError
 from deploy.stack.statedir import SOCKET_PATH_LIMIT, LockedError, StateDir, locked
 from deploy.stack.takedown import down
@@ -48,9 +50,35 @@ def test_a_directory_that_cannot_be_written_is_refused_with_a_way_out(tmp_path: 
 
 def test_on_a_full_disk_a_lock_is_a_lock_all_the_same(tmp_path: Path) -> None:
     state = StateDir(tmp_path)
-    state.lock.symlink_to("/dev/full")
-    with locked(state, "down"), state.lock.open("ab") as other, pytest.raises(BlockingIOError):
-        fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    state.lock.touch()
+    full = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with state.lock.open("ab") as other:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (0, full[1]))
+        try:
+            with locked(state, "down"), pytest.raises(BlockingIOError):
+                fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, full)
+    assert state.lock.read_bytes() == b""
+
+
+def test_a_lock_that_is_a_link_is_not_opened(tmp_path: Path) -> None:
+    (tmp_path / "kept").write_text("kept")
+    state = StateDir(tmp_path)
+    state.lock.symlink_to("kept")
+    with pytest.raises(DeployError, match=r"cannot write .*symbolic links"), locked(state, "up"):
+        pass
+    assert (tmp_path / "kept").read_text() == "kept"
+
+
+def test_a_directory_that_others_can_change_is_refused_with_the_command_that_repairs_it(
+    tmp_path: Path,
+) -> None:
+    state = StateDir(tmp_path / "state")
+    state.create()
+    state.path.chmod(0o777)
+    with pytest.raises(DeployError, match=f"other users can change it: run `chmod 755 {state.path}`"):
+        state.create()
 
 
 def test_where_nothing_can_be_locked_down_looks_for_what_runs_all_the_same(tmp_path: Path) -> None:
@@ -85,6 +113,7 @@ def test_a_socket_path_just_short_enough_is_taken(monkeypatch: pytest.MonkeyPatc
         made.append(path)
 
     monkeypatch.setattr(Path, "mkdir", mkdir)
+    monkeypatch.setattr(statedir, "refusal", lambda _: None)
     state = _of_socket_length(SOCKET_PATH_LIMIT)
     state.create()
     assert made == [state.path]

@@ -354,6 +354,13 @@ def test_the_header_says_what_was_recorded_with_which_law(tmp_path: Path) -> Non
     assert header["numpy"]
 
 
+def test_a_directory_that_others_can_change_gets_no_file(tmp_path: Path) -> None:
+    tmp_path.chmod(0o777)
+    with pytest.raises(PermissionError, match=f"other users can change it: run `chmod 755 {tmp_path}`"):
+        put(an_order(), tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_only_the_newest_files_are_kept_and_what_is_not_ours_is_left_alone(tmp_path: Path) -> None:
     notes = tmp_path / "notes.jsonl.gz"
     notes.write_text("mine")

@@ -1,0 +1,81 @@
+"""Files and directories that other users can change are refused, with the command that repairs them.
+
+Another user who can write to a directory of the robot can remove the record of an e-stop, exchange a key, or put a link in the
+place of a file. `refusal` comes before the use of such a directory, and files in it are opened without following links.
+"""
+
+import os
+import pwd
+import shlex
+import stat
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+ROOT = 0
+CHANGE, ENTER = 0o022, 0o077
+"""Permissions that others must not have."""
+
+
+def refusal(path: Path, forbidden: int = CHANGE) -> str | None:
+    """Return why a file or directory is not used, and the command that repairs it; None if other users cannot change it.
+
+    It and the files in it must belong to this user or root, and no other user may be able to exchange it or a directory or link
+    above it. Root may use what belongs to any user.
+
+    Args:
+        path: it exists.
+        forbidden: the permissions that others must not have.
+
+    Raises:
+        OSError: it cannot be looked up.
+    """
+    real = path.resolve(strict=True)
+    found = real.stat()
+    owners = {ROOT, os.geteuid()}
+    for part in (*_open_to_all(path.absolute()), *_open_to_all(real)):
+        if not part.parent.stat().st_mode & stat.S_ISVTX:
+            return f"other users can exchange {part}: {_run('chmod +t', part.parent)}"
+        if part.lstat().st_uid not in owners:
+            return _foreign(part)
+    if os.geteuid() == ROOT:
+        owners.add(found.st_uid)
+    if found.st_uid not in owners:
+        return _foreign(real)
+    for within in real.iterdir() if stat.S_ISDIR(found.st_mode) else ():
+        with suppress(FileNotFoundError):  # it was removed meanwhile
+            if within.lstat().st_uid not in owners:
+                return _foreign(within)
+    if found.st_mode & forbidden:
+        mode = stat.S_IMODE(found.st_mode)
+        may = "read" if forbidden == ENTER else "change"
+        return f"{path} has mode {mode:04o}, so that other users can {may} it: {_run(f'chmod {mode & ~forbidden:o}', real)}"
+    return None
+
+
+def open_own(path: str | Path, flags: int, mode: int = 0o666) -> int:
+    """Open a file, but no link; also an `opener` of `open`."""
+    return os.open(path, flags | os.O_NOFOLLOW | os.O_CLOEXEC, mode)
+
+
+def _open_to_all(path: Path) -> Iterator[Path]:
+    """Yield the path and the directories above it that are in a directory where everyone can write."""
+    return (part for part in (path, *path.parents) if part.parent.stat().st_mode & stat.S_IWOTH)
+
+
+def _foreign(path: Path) -> str:
+    found = path.lstat()
+    repair = _run("rm", path) if stat.S_ISLNK(found.st_mode) else _run(f"chown {_name(os.geteuid())}", path)
+    return f"{path} belongs to the user {_name(found.st_uid)}: {repair}"
+
+
+def _name(user: int) -> str:
+    try:
+        return pwd.getpwuid(user).pw_name
+    except KeyError:
+        return str(user)
+
+
+def _run(command: str, path: Path) -> str:
+    sudo = "" if os.geteuid() in {ROOT, path.lstat().st_uid} else "sudo "
+    return f"run `{sudo}{command} {shlex.quote(str(path))}`"
