@@ -2,25 +2,31 @@
 
 Zenoh cannot identify who opens a TCP connection, so a program that connects to `tcp/` only reads. The hub therefore also
 listens on a Unix socket in a directory that only its user may enter. Our programs of that user find it by the port of
-the endpoint, and need no option. Zenoh keeps a lock beside the socket, so that a restarted hub replaces that of a killed one.
+the endpoint, and need no option. Zenoh keeps a lock beside the socket, so that a restarted hub replaces that of a killed one;
+the next hub to start removes the files of the others whose process is gone.
 """
 
+import fcntl
 import os
 import pwd
+import re
 import secrets
 import socket
-import stat
+from contextlib import suppress
 from pathlib import Path
+
+from wire.ownership import ENTER, open_own, refusal
 
 ENVIRONMENT = "LIFELINE_RUN_DIR"
 UNDER_HOME = Path(".local/state/lifeline/run")
 PROTOCOL = "unixsock-stream"
 MAX_PATH_BYTES = 107
 """Of `sockaddr_un`, without the byte at its end."""
+LOCK = ".lock"
+_LOCKS = re.compile(r"(\d+-)?\d+\.sock\.lock")
+_LINKS = re.compile(r"\d+\.(sock|\d+)")
+"""Links of earlier versions, which network namespaces shared."""
 ANSWER_S = 1.0
-ONLY_INITIAL = Path("/proc/sys/net/core/netdev_max_backlog")
-"""A setting of the kernel that only the machine's initial network namespace shows."""
-OWN_ONLY = 0o700
 _RANDOM_BITS = 96
 
 
@@ -64,22 +70,13 @@ def zenoh_endpoint(path: Path) -> str:
 
 
 def participants(endpoint: str) -> str | None:
-    """Return the Zenoh endpoint for foreign programs of the hub's user; None with certificates.
-
-    In the machine's initial network namespace, it is a link that a configuration file can name, since its name is the same
-    after each boot. In another one it is the socket itself: a link would lead to the hub of another namespace.
-    """
+    """Return the Zenoh endpoint for foreign programs of the hub's user, which a configuration file can name; None with certificates."""
     path = socket_of(endpoint)
-    return None if path is None else zenoh_endpoint(_link_to(path) or path)
-
-
-def _link_to(path: Path) -> Path | None:
-    name = path.name.rpartition("-")[2]
-    return path.with_name(name) if ONLY_INITIAL.exists() and name != path.name else None
+    return None if path is None else zenoh_endpoint(path)
 
 
 def prepare(path: Path) -> None:
-    """Make the directory of a socket, for its user only, and in the initial network namespace the link to it.
+    """Make the directory of a socket, for its user only, and remove what ended hubs left in it.
 
     Raises:
         SocketError: it cannot be made, other users may enter it, or the path is too long.
@@ -89,21 +86,33 @@ def prepare(path: Path) -> None:
     if len(os.fsencode(path)) > MAX_PATH_BYTES:
         raise SocketError(f"the path of the socket {path} is longer than {MAX_PATH_BYTES} bytes: {remedy}")
     try:
-        directory.mkdir(mode=OWN_ONLY, parents=True, exist_ok=True)
-        found = directory.stat()
+        directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+        refused = refusal(directory, ENTER)
     except OSError as error:
         raise SocketError(f"cannot make {directory} ({error.strerror}): {remedy}") from error
-    if found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) & ~OWN_ONLY:
-        raise SocketError(
-            f"other users may enter {directory}, where the socket of this user's programs is: run `chmod 700 {directory}` as its "
-            f"owner, or {remedy}"
-        )
-    link = _link_to(path)
-    if link is not None:
-        new = link.with_suffix(f".{os.getpid()}")
-        new.unlink(missing_ok=True)
-        new.symlink_to(path.name)
-        new.replace(link)
+    if refused is not None:
+        raise SocketError(f"{refused}, or {remedy}")
+    for left in directory.iterdir():
+        with suppress(OSError):  # BlockingIOError: its hub runs
+            if left.is_symlink() and _LINKS.fullmatch(left.name):
+                left.unlink()
+            elif left.name != path.name + LOCK and _LOCKS.fullmatch(left.name):
+                _remove(left)
+
+
+def _remove(lock: Path) -> None:
+    """Remove a lock and its socket if no hub holds the lock.
+
+    Raises:
+        BlockingIOError: a hub holds it.
+    """
+    file = open_own(lock, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        lock.with_name(lock.name.removesuffix(LOCK)).unlink(missing_ok=True)
+        lock.unlink(missing_ok=True)
+    finally:
+        os.close(file)
 
 
 def answers(path: Path) -> bool:

@@ -77,7 +77,7 @@ def test_a_bridge_uses_the_socket_since_any_user_can_play_the_hub_at_the_endpoin
     (socket,) = cast("list[str]", setting(path, "connect/endpoints"))
     port = BusConfig().endpoint.rpartition(":")[2]
     assert socket.startswith(f"{local_socket.PROTOCOL}//home/")
-    assert socket.endswith(f"{local_socket.UNDER_HOME}/{port}.sock")
+    assert socket.endswith(f"{local_socket.UNDER_HOME}/NETWORK-{port}.sock")
 
 
 @pytest.mark.parametrize("path", [SOURCES, CMD_VEL])

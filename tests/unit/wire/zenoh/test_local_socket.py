@@ -1,5 +1,6 @@
 """The hub's socket for the programs of its user: where it is, and when the hub refuses to offer it."""
 
+import fcntl
 import os
 import pwd
 import socket
@@ -59,36 +60,43 @@ def test_the_directory_is_made_for_its_user_only(tmp_path: Path) -> None:
     assert list(path.parent.iterdir()) == []
 
 
-def test_a_link_without_the_namespace_leads_foreign_programs_to_the_hub_of_the_initial_namespace(
+def test_foreign_programs_name_the_socket_of_their_network_namespace(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    tmp_path.chmod(0o700)
     monkeypatch.setenv(local_socket.ENVIRONMENT, str(tmp_path))
-    monkeypatch.setattr(local_socket, "ONLY_INITIAL", tmp_path)
-    for name in ("1-7447.sock", "2-7447.sock"):  # the number of a namespace may change at a boot
-        prepare(tmp_path / name)
-        assert (tmp_path / "7447.sock").readlink() == Path(name)
-    assert participants("tcp/127.0.0.1:7447") == f"unixsock-stream/{tmp_path}/7447.sock"
+    network = Path("/proc/self/ns/net").stat().st_ino
+    assert participants("tcp/127.0.0.1:7447") == f"unixsock-stream/{tmp_path}/{network}-7447.sock"
     assert participants("tls/127.0.0.1:7447") is None
 
 
-def test_a_hub_in_another_network_namespace_leaves_the_link_as_it_is_and_names_its_own_socket(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_start_removes_what_ended_hubs_left_and_nothing_else(tmp_path: Path) -> None:
     tmp_path.chmod(0o700)
-    monkeypatch.setenv(local_socket.ENVIRONMENT, str(tmp_path))
+    gone = ("1-7448.sock", "1-7448.sock.lock", "2-7447.sock.lock", "7449.sock.lock")
+    stays = ("1-7447.sock", "1-7447.sock.lock", "3-7447.sock", "3-7447.sock.lock", "mine.sock.lock", "notes")
+    for name in (*gone, *stays):
+        (tmp_path / name).touch()
+    for name in ("7447.sock", "7450.sock", "7447.4711", "mine"):
+        (tmp_path / name).symlink_to("3-7447.sock")
+    with (tmp_path / "3-7447.sock.lock").open() as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        prepare(tmp_path / "1-7447.sock")
+    assert {path.name for path in tmp_path.iterdir()} == {*stays, "mine"}
+
+
+def test_a_lock_that_is_a_pipe_keeps_no_hub_from_starting(tmp_path: Path) -> None:
+    tmp_path.chmod(0o700)
+    os.mkfifo(tmp_path / "1-7448.sock.lock")
+    (tmp_path / "1-7449.sock.lock").mkdir()
     prepare(tmp_path / "1-7447.sock")
-    monkeypatch.setattr(local_socket, "ONLY_INITIAL", tmp_path / "missing")
-    before = sorted(tmp_path.iterdir())
-    prepare(tmp_path / "2-7447.sock")
-    assert sorted(tmp_path.iterdir()) == before
-    own = socket_of("tcp/127.0.0.1:7447")
-    assert participants("tcp/127.0.0.1:7447") == f"unixsock-stream/{own}"
+    assert [path.name for path in tmp_path.iterdir()] == ["1-7449.sock.lock"]
 
 
 def test_a_directory_that_others_may_enter_is_refused(tmp_path: Path) -> None:
     tmp_path.chmod(0o711)
-    with pytest.raises(SocketError, match=r"other users may enter .*chmod 700"):
+    with pytest.raises(
+        SocketError,
+        match=rf"mode 0711, so that other users can read it: run `chmod 700 .*{local_socket.ENVIRONMENT}",
+    ):
         prepare(tmp_path / "7447.sock")
 
 
