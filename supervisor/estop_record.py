@@ -108,8 +108,6 @@ class RecordFiles:
         try:
             self._latched.lstat()
         except FileNotFoundError:
-            if not self._directory.is_dir():  # the disk may not be mounted
-                raise
             self._write(self._ready)
             return False
         return True

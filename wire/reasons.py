@@ -66,7 +66,7 @@ WORDS: Mapping[StopReason, Words] = {
         now="an emergency stop could not be recorded on disk",
         over="an emergency stop could not have been recorded on disk",
         caption="e-stop cannot be recorded",
-        step="free the disk or make it writable, NEUTRAL",
+        step="free or repair the state directory, NEUTRAL",
     ),
     StopReason.BASE_RUNAWAY: Words(
         now="the base moves although zero is commanded",

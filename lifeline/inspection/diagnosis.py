@@ -373,7 +373,7 @@ def _stop(seen: Observed) -> Iterator[Finding]:
             "add it to [supervisor] sources",
         )
     if status.estop_record_problem:
-        yield problem("e-stop record", printable(status.estop_record_problem), "free the disk")
+        yield problem("e-stop record", printable(status.estop_record_problem), "free or repair the disk")
     yield from _stations(status)
     if status.rmw_zenoh_nodes:
         yield note(

@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+import tempfile
 from collections.abc import Callable, Generator
 from pathlib import Path
 
@@ -148,24 +149,50 @@ async def test_a_robot_on_a_disk_that_holds_no_record_moves_neither_before_an_es
         await subject.drive()
 
 
+NOBODY = 65_534
+
+
+@pytest.fixture
+def shared() -> Generator[Path]:
+    """A state directory of mode 0777 that other users can reach."""
+    if os.geteuid() != 0:
+        pytest.skip("needs root, to act as another user")
+    with tempfile.TemporaryDirectory() as directory:
+        Path(directory).chmod(0o755)
+        state = Path(directory) / "state"
+        state.mkdir()
+        state.chmod(0o777)
+        yield state
+
+
+def as_another_user(*command: str | Path) -> int:
+    return subprocess.run(command, user=NOBODY, group=NOBODY, extra_groups=[], check=False).returncode
+
+
 async def test_a_robot_whose_state_directory_others_can_change_does_not_move_until_it_is_repaired(
-    tmp_path: Path,
+    tmp_path: Path, shared: Path
 ) -> None:
-    state = tmp_path / "state"
-    state.mkdir()
-    state.chmod(0o777)
+    state, kept = shared, tmp_path / "kept"
+    kept.write_text("kept")
+    assert as_another_user("ln", "-s", kept, state / "estop-robot.ready") == 0
     async with robot(tmp_path, state=state) as subject:
         await subject.until(lambda: UNRECORDED in subject.status.reasons, "a stop")
-        assert f"`chmod 755 {state}`" in subject.status.estop_record_problem
+        assert str(state) in subject.status.estop_record_problem
+        assert "run `" in subject.status.estop_record_problem
         assert subject.bus is not None
         subject.bus.publisher(topics.ESTOP).put(Bool(data=True))
         await subject.until(lambda: ESTOP in subject.status.reasons, "the e-stop")
-        record_path(state, "robot").unlink(missing_ok=True)  # as another user can
+        assert as_another_user("rm", "-f", record_path(state, "robot")) == 0
         await restart_supervisor(subject)
         await nothing_moves(subject)
         await nothing_moves(subject, UNRECORDED)
         state.chmod(0o755)
+        (state / "estop-robot.ready").unlink(
+            missing_ok=True
+        )  # as the status asks, if the link is still there
         await subject.until(lambda: UNRECORDED not in subject.status.causes, "a repaired directory")
+        assert as_another_user("rm", "-f", record_path(state, "robot")) != 0
+        assert kept.read_text() == "kept"
         await nothing_moves(subject)
         await subject.press("r", lambda: ESTOP not in subject.status.reasons, "a reset")
         await subject.drive()

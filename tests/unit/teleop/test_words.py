@@ -39,7 +39,7 @@ CAUSES = {
 STEPS = {
     "ESTOP": "press s, then r to reset",
     "ESTOP_STATION_LOST": "start it, press s, then r if still stopped",
-    "ESTOP_UNRECORDED": "free the disk or make it writable, press s",
+    "ESTOP_UNRECORDED": "free or repair the state directory, press s",
     "BASE_RUNAWAY": "cut the robot's power",
     "OVERRUN": "press s to re-arm",
     "SENSOR_CONFLICT": "stop one of the two programs, press s",
