@@ -157,7 +157,7 @@ def shared() -> Generator[Path]:
     """A state directory of mode 0777 that other users can reach."""
     if os.geteuid() != 0:
         pytest.skip("needs root, to act as another user")
-    with tempfile.TemporaryDirectory() as directory:
+    with tempfile.TemporaryDirectory(dir="/tmp") as directory:
         Path(directory).chmod(0o755)
         state = Path(directory) / "state"
         state.mkdir()
@@ -187,9 +187,7 @@ async def test_a_robot_whose_state_directory_others_can_change_does_not_move_unt
         await nothing_moves(subject)
         await nothing_moves(subject, UNRECORDED)
         state.chmod(0o755)
-        (state / "estop-robot.ready").unlink(
-            missing_ok=True
-        )  # as the status asks, if the link is still there
+        (state / "estop-robot.ready").unlink(missing_ok=True)  # the link, if no press has renamed it
         await subject.until(lambda: UNRECORDED not in subject.status.causes, "a repaired directory")
         assert as_another_user("rm", "-f", record_path(state, "robot")) != 0
         assert kept.read_text() == "kept"
