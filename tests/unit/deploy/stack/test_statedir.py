@@ -112,8 +112,11 @@ def test_a_socket_path_just_short_enough_is_taken(monkeypatch: pytest.MonkeyPatc
     def mkdir(path: Path, **_: object) -> None:
         made.append(path)
 
+    def usable(_: Path) -> None:
+        return None
+
     monkeypatch.setattr(Path, "mkdir", mkdir)
-    monkeypatch.setattr(statedir, "refusal", lambda _: None)
+    monkeypatch.setattr(statedir, "refusal", usable)
     state = _of_socket_length(SOCKET_PATH_LIMIT)
     state.create()
     assert made == [state.path]

@@ -466,7 +466,7 @@ def _names(way: tuple[Any, ...]) -> list[str]:
         (
             "one operator",
             ONE_OPERATOR,
-            {StopReason.SCAN_INVALID, StopReason.OVERRUN, StopReason.ESTOP_UNRECORDED},
+            {StopReason.SCAN_INVALID, StopReason.SCAN_STALE, StopReason.OVERRUN, StopReason.ESTOP_UNRECORDED},
         ),
         ("two sources", TWO_SOURCES, {StopReason.SOURCE_LOST, StopReason.OBSTACLE}),
         ("a base", BASE, {StopReason.ODOM_STALE, StopReason.BASE_UNRESPONSIVE, StopReason.BASE_RUNAWAY}),
