@@ -3,8 +3,8 @@
 `EstopRecord` carries out the newest request for a record on disk, on two threads, so that a request never blocks.
 The first thread marks a press within microseconds, even while the second thread waits for the disk; a marked press
 survives SIGKILL. The second thread makes the record survive a power failure as well, and carries out resets; `problem`
-is empty only after that, and the robot does not move until it is. A crash in between leaves the e-stop latched. Only a press that was never shown as
-recorded may be lost.
+is empty only after that, and the robot does not move until it is. A crash in between leaves the e-stop latched. Only a press
+that was never shown as recorded may be lost.
 
 `RecordFiles` stores the record as files in the state directory:
 
@@ -29,7 +29,7 @@ from enum import Enum, auto
 from pathlib import Path
 from typing import NamedTuple
 
-from wire.ownership import open_own, refusal
+from wire.ownership import make_directory, open_own, refusal
 from wire.text import printable
 
 _log = logging.getLogger(__name__)
@@ -223,9 +223,7 @@ class RecordFiles:
             os.close(file)
 
     def _make_directory(self) -> None:
-        missing = [p for p in (self._directory, *self._directory.parents) if not p.exists()]
-        self._directory.mkdir(mode=0o700, parents=True, exist_ok=True)
-        for made in missing:
+        for made in make_directory(self._directory):
             _synchronise(made.parent)
 
     def _own(self) -> None:

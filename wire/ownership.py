@@ -20,8 +20,9 @@ CHANGE, ENTER = 0o022, 0o077
 def refusal(path: Path, forbidden: int = CHANGE) -> str | None:
     """Return why a file or directory is not used, and the command that repairs it; None if other users cannot change it.
 
-    It and the files in it must belong to this user or root, and no other user may be able to exchange it or a directory or link
-    above it. Root may use what belongs to any user.
+    It and the files in it must belong to this user or root, and neither it nor a directory or link above it may be in a directory
+    where everyone can exchange it. Who owns a directory above it, or shares its group, is trusted. Root may use what belongs to
+    any user.
 
     Args:
         path: it exists.
@@ -51,6 +52,15 @@ def refusal(path: Path, forbidden: int = CHANGE) -> str | None:
         may = "read" if forbidden == ENTER else "change"
         return f"{path} has mode {mode:04o}, so that other users can {may} it: {_run(f'chmod {mode & ~forbidden:o}', real)}"
     return None
+
+
+def make_directory(path: Path, mode: int = 0o700) -> list[Path]:
+    """Make a directory, and those above it so that only this user can change them under any umask; return which were missing."""
+    missing = [one for one in (path, *path.parents) if not one.exists()]
+    for above in reversed(missing[1:]):
+        above.mkdir(mode=0o755, exist_ok=True)
+    path.mkdir(mode=mode, exist_ok=True)
+    return missing
 
 
 def open_own(path: str | Path, flags: int, mode: int = 0o666) -> int:

@@ -22,7 +22,7 @@ from deploy.keys.register import Register, from_json, to_json
 from deploy.stack.errors import DeployError
 from wire.bundle import AUTHORITY, CERTIFICATE_SUFFIX, KEY_SUFFIX
 from wire.host.config import ConfigError, absolute
-from wire.ownership import ENTER, refusal
+from wire.ownership import ENTER, make_directory, refusal
 
 ENVIRONMENT = "XDG_CONFIG_HOME"
 PRIVATE, PUBLIC = 0o600, 0o644
@@ -136,7 +136,7 @@ def locked(given: Path | None, *, create: bool = False) -> Generator[Folder]:
     try:
         path = default_folder() if given is None else absolute(given)
         if create:
-            path.mkdir(mode=PRIVATE_DIRECTORY, parents=True, exist_ok=True)
+            make_directory(path)
         elif not path.is_dir():
             raise DeployError(f"there is no folder of keys at {path}: run `lifeline keys init` first")
         with _open_directory(path) as descriptor:

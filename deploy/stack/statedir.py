@@ -13,7 +13,7 @@ from typing import Any, cast
 from deploy.stack.errors import DeployError
 from wire.host.config import ConfigError, absolute
 from wire.host.state_directory import ENVIRONMENT, state_directory
-from wire.ownership import open_own, refusal
+from wire.ownership import make_directory, open_own, refusal
 
 SOCKET_PATH_LIMIT = 99
 """Bytes. The kernel permits 107; supervisord first binds to the path with a dot and its pid appended."""
@@ -74,7 +74,7 @@ class StateDir:
                 f"{SOCKET_PATH_LIMIT}): choose a shorter one with --state-dir or {ENVIRONMENT}"
             )
         try:
-            self.path.mkdir(mode=0o700, parents=True, exist_ok=True)
+            make_directory(self.path)
             refused = refusal(self.path)
         except OSError as error:
             raise DeployError(

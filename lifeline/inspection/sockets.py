@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from wire.host.connections import LISTEN, tcp_sockets
+from wire.host.connections import tcp_sockets
 
 SOCKET = re.compile(r"socket:\[(\d+)\]")
 
@@ -29,7 +29,7 @@ class Process:
 
 def processes_at(addresses: set[str]) -> dict[str, Process]:
     """Return the process that owns each of these local addresses (`127.0.0.1:37276`), as far as they can be found."""
-    inodes = {inode: address for address, inode in _sockets() if address in addresses}
+    inodes = {row.inode: row.local for row in tcp_sockets() if row.local in addresses}
     found: dict[str, Process] = {}
     for pid, inode in _open_sockets():
         if inode in inodes and (process := _process(pid)) is not None:
@@ -41,12 +41,6 @@ def processes_with(pids: Mapping[str, int]) -> dict[str, Process]:
     """Return the processes with these pids, as far as they exist, by the same names."""
     found = {name: _process(pid) for name, pid in pids.items()}
     return {name: process for name, process in found.items() if process is not None}
-
-
-def _sockets() -> Iterator[tuple[str, str]]:
-    """Yield the local address and the inode of each TCP socket; a listening socket's comes last."""
-    for row in sorted(tcp_sockets(), key=lambda row: row.state == LISTEN):
-        yield row.local, row.inode
 
 
 def _open_sockets() -> Iterator[tuple[int, str]]:

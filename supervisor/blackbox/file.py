@@ -25,7 +25,7 @@ from typing import Any
 from supervisor.blackbox.codec import codec, record_codec
 from supervisor.law.model import Decision, Inputs, LawConfig, State
 from supervisor.law.stop_rules import ROUTINE
-from wire.ownership import open_own, refusal
+from wire.ownership import make_directory, open_own, refusal
 
 FORMAT = "lifeline black box"
 VERSION = 1
@@ -125,7 +125,7 @@ def write(
         "left_out_for_file_size": steps - kept,
     }
     end = {"end": True, "steps": kept}
-    directory.mkdir(mode=0o755, parents=True, exist_ok=True)
+    make_directory(directory, 0o755)
     refused = refusal(directory)
     if refused is not None:
         raise PermissionError(refused)

@@ -8,13 +8,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-ESTABLISHED, LISTEN = "01", "0A"
+ESTABLISHED = "01"
 NO_INODE = "0"
 """Of a socket that no process has: nobody has accepted it yet, or its process has closed it. Its user is shown as root."""
 EVERY_USER = ["0", "0", "4294967295"]
 """The map of user ids of the machine's own user namespace."""
-UID_MAP, STAND_IN = Path("/proc/self/uid_map"), Path("/proc/sys/kernel/overflowuid")
-USUAL_STAND_IN = 65534
+UID_MAP = Path("/proc/self/uid_map")
+STAND_IN = 65534
+"""The number that the kernel shows for all users without an entry in this user namespace."""
 _CREDENTIALS = struct.Struct("iII")
 
 
@@ -72,29 +73,30 @@ def tcp_user(local: str, remote: str) -> int | None:
 
 
 def unix_users(path: str) -> list[int | None]:
-    """Return, for each connection of this process to a Unix socket, the user who listened there; None if it is not shown."""
+    """Return, for each connection of this process to a Unix socket, the user who listened there; None if it is not shown.
+
+    Only the name in the directory is compared: the hub may have made the socket through a link or in another mount namespace.
+    """
+    name = Path(path).name
     users: list[int | None] = []
     for entry in Path("/proc/self/fd").iterdir():
         with suppress(OSError):
             # The end of a duplicate would release the locks of a file, but does not close a socket.
             if str(entry.readlink()).startswith("socket:"):
                 with socket.fromfd(int(entry.name), socket.AF_UNIX, socket.SOCK_STREAM) as one:
-                    if one.getpeername() == path:
+                    if Path(str(one.getpeername())).name == name:
                         shown = one.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
                         users.append(_proven(_CREDENTIALS.unpack(shown)[1]))
     return users
 
 
 def _proven(user: int) -> int | None:
-    """Return the user; None if the kernel shows the number that stands for all users without an entry in this user namespace."""
-    stand_in = USUAL_STAND_IN
-    with suppress(OSError):  # hidden from a service with ProcSubset=pid
-        stand_in = int(STAND_IN.read_text())
+    """Return the user; None if it is the number that stands for all users without an entry in this user namespace."""
     try:
         is_whole = UID_MAP.read_text().split() == EVERY_USER
     except OSError:
         return None
-    return user if is_whole or user != stand_in else None
+    return user if is_whole or user != STAND_IN else None
 
 
 def is_here(host: str) -> bool:

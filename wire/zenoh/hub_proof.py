@@ -18,7 +18,6 @@ import zenoh
 from wire import tls
 from wire.bus_config import BusConfig
 from wire.host.connections import is_here, tcp_user, unix_users
-from wire.inbox import BusError
 from wire.zenoh import local_socket
 
 ROOT = 0
@@ -31,19 +30,17 @@ class HubProof:
     """Decides whether the hub of one client session is believed.
 
     Args:
-        config: the endpoint, and the user who may run the hub beside this process's user and root.
+        config: the endpoint, and the user who may run the hub beside this process's user and root. A user whom this
+            machine does not have is nobody's: the same configuration is also used on other machines.
         say: called in this event loop with a sentence about a hub that is refused.
         must_connect: whether the client also connects to a refused hub; it hears nothing of it.
-
-    Raises:
-        BusError: there is no such user.
     """
 
     def __init__(self, config: BusConfig, say: Callable[[str], None], *, must_connect: bool = False) -> None:
         self.say, self.must_connect = say, must_connect
         self._endpoint = config.endpoint
         self._is_needed = not tls.is_secure(config.endpoint)
-        self._users = {ROOT, os.getuid(), *_users_named(config.hub_user)}
+        self._user = config.hub_user
         self._loop = asyncio.get_running_loop()
         self._lock = threading.Lock()
         self._connection = 0
@@ -69,10 +66,10 @@ class HubProof:
         for _ in range(ATTEMPTS):
             links = session.info.links()
             users = [user for link in links for user in _users_of(link)]
-            if None not in users:
+            if links and None not in users:
                 break
             time.sleep(ASK_AGAIN_S)
-        strangers = [user for user in users if user not in self._users]
+        strangers = [user for user in users if not self._is_believed(user)]
         if strangers:
             self._refuse(strangers[0])
         elif links:
@@ -101,11 +98,14 @@ class HubProof:
             if is_proven and number == self._connection:
                 self._proven.set()
 
+    def _is_believed(self, user: int | None) -> bool:
+        return user in {ROOT, os.getuid()} or (user is not None and self._user in {str(user), _name_of(user)})
+
     def _refuse(self, user: int | None) -> None:
         reason = (
             "the kernel does not show whose program it is, as of another network namespace: use certificates (docs/keys.md)"
             if user is None
-            else f"it is a program of the user {_name_of(user)}, not of this user: end it, or name the supervisor's user in [bus] "
+            else f"it is a program of the user {_name_of(user)} ({user}), not of this user: end it, or name the supervisor's user in [bus] "
             "hub_user (docs/access.md)"
         )
         sentence = f"refused the hub at {self._endpoint}: {reason}"
@@ -125,17 +125,8 @@ def _users_of(link: zenoh.Link) -> list[int | None]:
     return [user] if user is not None or is_here(tls.host_of(there)) else []
 
 
-def _users_named(name: str | None) -> list[int]:
-    if name is None:
-        return []
-    try:
-        return [int(name) if name.isdecimal() else pwd.getpwnam(name).pw_uid]
-    except KeyError as error:
-        raise BusError(f"this machine has no user {name}: correct [bus] hub_user") from error
-
-
 def _name_of(user: int) -> str:
     try:
-        return f"{pwd.getpwuid(user).pw_name} ({user})"
+        return pwd.getpwuid(user).pw_name
     except KeyError:
         return str(user)

@@ -15,7 +15,7 @@ import socket
 from contextlib import suppress
 from pathlib import Path
 
-from wire.ownership import ENTER, open_own, refusal
+from wire.ownership import ENTER, make_directory, open_own, refusal
 
 ENVIRONMENT = "LIFELINE_RUN_DIR"
 UNDER_HOME = Path(".local/state/lifeline/run")
@@ -24,8 +24,6 @@ MAX_PATH_BYTES = 107
 """Of `sockaddr_un`, without the byte at its end."""
 LOCK = ".lock"
 _LOCKS = re.compile(r"(\d+-)?\d+\.sock\.lock")
-_LINKS = re.compile(r"\d+\.(sock|\d+)")
-"""Links of earlier versions, which network namespaces shared."""
 ANSWER_S = 1.0
 _RANDOM_BITS = 96
 
@@ -70,7 +68,7 @@ def zenoh_endpoint(path: Path) -> str:
 
 
 def participants(endpoint: str) -> str | None:
-    """Return the Zenoh endpoint for foreign programs of the hub's user, which a configuration file can name; None with certificates."""
+    """Return the Zenoh endpoint for foreign programs of the hub's user; None with certificates."""
     path = socket_of(endpoint)
     return None if path is None else zenoh_endpoint(path)
 
@@ -86,7 +84,7 @@ def prepare(path: Path) -> None:
     if len(os.fsencode(path)) > MAX_PATH_BYTES:
         raise SocketError(f"the path of the socket {path} is longer than {MAX_PATH_BYTES} bytes: {remedy}")
     try:
-        directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+        make_directory(directory)
         refused = refusal(directory, ENTER)
     except OSError as error:
         raise SocketError(f"cannot make {directory} ({error.strerror}): {remedy}") from error
@@ -94,9 +92,7 @@ def prepare(path: Path) -> None:
         raise SocketError(f"{refused}, or {remedy}")
     for left in directory.iterdir():
         with suppress(OSError):  # BlockingIOError: its hub runs
-            if left.is_symlink() and _LINKS.fullmatch(left.name):
-                left.unlink()
-            elif left.name != path.name + LOCK and _LOCKS.fullmatch(left.name):
+            if left.name != path.name + LOCK and _LOCKS.fullmatch(left.name):
                 _remove(left)
 
 

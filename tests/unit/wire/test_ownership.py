@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from wire.ownership import ENTER, open_own, refusal
+from wire.ownership import ENTER, make_directory, open_own, refusal
 
 OTHER = 65_534
 needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files to another user")
@@ -123,6 +123,18 @@ def test_a_user_other_than_root_uses_no_directory_of_a_third(
     assert refusal(directory) is None, "root may"
     monkeypatch.setattr(os, "geteuid", lambda: 12_345)
     assert refusal(directory) == f"{directory} belongs to the user nobody: run `sudo chown 12345 {directory}`"
+
+
+@pytest.mark.parametrize("umask", [0o000, 0o002, 0o077])
+def test_a_directory_that_is_made_is_used_under_any_umask(umask: int, tmp_path: Path) -> None:
+    before = os.umask(umask)
+    try:
+        missing = make_directory(tmp_path / "a" / "b" / "state")
+    finally:
+        os.umask(before)
+    assert missing == [tmp_path / one for one in ("a/b/state", "a/b", "a")]
+    assert make_directory(tmp_path / "a" / "b" / "state") == []
+    assert refusal(tmp_path / "a" / "b" / "state", ENTER) is None
 
 
 def test_a_missing_directory_is_an_error_of_the_system(tmp_path: Path) -> None:

@@ -75,10 +75,9 @@ def test_without_proc_nothing_is_proven(monkeypatch: pytest.MonkeyPatch, tmp_pat
 def test_a_user_whom_this_user_namespace_does_not_know_proves_nothing(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, maps: str, *, known: bool
 ) -> None:
-    for name, content in (("UID_MAP", maps), ("STAND_IN", f"{os.getuid()}\n")):
-        file = tmp_path / name
-        file.write_text(content)
-        monkeypatch.setattr(connections, name, file)
+    (tmp_path / "uid_map").write_text(maps)
+    monkeypatch.setattr(connections, "UID_MAP", tmp_path / "uid_map")
+    monkeypatch.setattr(connections, "STAND_IN", os.getuid())
     with (
         socket.create_server(("127.0.0.1", 0)) as server,
         socket.create_connection(server.getsockname()) as client,
@@ -97,6 +96,18 @@ def test_a_unix_socket_belongs_to_the_user_who_listens_there(tmp_path: Path) -> 
         assert unix_users(path) == [os.getuid()]
         assert unix_users(other) == []
         client.sendall(b"it is still open")
+
+
+def test_a_unix_socket_is_also_found_through_another_path_than_the_one_of_its_listener(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to("real")
+    with socket.socket(socket.AF_UNIX) as server, socket.socket(socket.AF_UNIX) as client:
+        server.bind(str(tmp_path / "real" / "s"))
+        server.listen()
+        client.connect(str(tmp_path / "link" / "s"))
+        assert unix_users(str(tmp_path / "link" / "s")) == [os.getuid()]
 
 
 def test_only_an_address_of_this_machine_is_here() -> None:

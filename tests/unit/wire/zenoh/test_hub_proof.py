@@ -11,7 +11,6 @@ from typing import Any, cast
 import pytest
 
 from wire.bus_config import BusConfig
-from wire.inbox import BusError
 from wire.zenoh import hub_proof
 from wire.zenoh.hub_proof import ATTEMPTS, HubProof
 
@@ -161,9 +160,13 @@ async def test_with_certificates_the_kernel_is_not_asked(kernel: Kernel) -> None
     assert kernel.asked == 0
 
 
-async def test_a_user_that_does_not_exist_is_refused_by_its_key() -> None:
-    with pytest.raises(BusError, match=r"no user nobody-here.*\[bus\] hub_user"):
-        proof_of(BusConfig(hub_user="nobody-here"))
+async def test_a_user_whom_this_machine_does_not_have_proves_nobody_and_stops_no_program(
+    kernel: Kernel,
+) -> None:
+    proof, _ = proof_of(BusConfig(hub_user="nobody-here"))
+    assert check(proof)
+    kernel.user = STRANGER
+    assert not check(proof)
 
 
 async def test_after_a_reconnection_nothing_counts_until_the_new_hub_is_proven(kernel: Kernel) -> None:
