@@ -137,6 +137,16 @@ async def test_the_kernel_is_asked_again_about_a_connection_that_is_not_accepted
     assert kernel.asked == ATTEMPTS
 
 
+async def test_a_session_that_does_not_show_its_new_link_yet_is_asked_again(kernel: Kernel) -> None:
+    class Late(Session):
+        def links(self) -> list[Link]:
+            kernel.asked += 1
+            return self.open if kernel.asked == ATTEMPTS else []
+
+    proof, _ = proof_of()
+    assert check(proof, Late())
+
+
 async def test_a_connection_that_has_ended_is_not_proven_and_not_refused(kernel: Kernel) -> None:
     proof, said = proof_of()
     assert not check(proof, Session([]))
